@@ -77,22 +77,19 @@ def small(request):
     """
     films = painted()
     paints, weights = weight_table(films.names, RECIPES)
-    told = None
+    told = {}, None
     rng = np.random.default_rng(3)
     if request.param:
         assumed, opaque = np.zeros((6, 2), bool), np.zeros(6, bool)
         assumed[2:4, 1], opaque[5] = True, True
         films = dataclasses.replace(films, assumed=assumed, opaque=opaque)
-        told = gather_constraints(
-            films,
-            paints,
-            {"ZincWhite": known_white(rng)},
-            Gauge({"tint": 30e-6}),
-            25e-6,
-            Expectations(thickness=0.3),
-        )
+        told = {"ZincWhite": known_white(rng)}, Gauge({"tint": 30e-6})
+    expected = Expectations(thickness=0.3)
+    constraints = gather_constraints(films, paints, *told, 25e-6, expected)
     shares = MixingLaw().shares(weights, paints)
-    problem = pose(films, shares, Instrument(), Noise(), Expectations(), told)
+    problem = pose(
+        films, shares, Instrument(), Noise(), expected, constraints, np.full(len(films), np.nan)
+    )
     # The blue's own film is nearly black at some bands.
     assert np.any(problem.steepness)
     point = Unknowns(

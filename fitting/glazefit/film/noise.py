@@ -6,7 +6,6 @@ of absorption bands leave something too, so the size is fitted with heavy tails,
 too large, which widens errors, but hardly too small.
 """
 
-import functools
 import itertools
 from collections.abc import Sequence
 
@@ -21,19 +20,8 @@ MOST = 0.02
 noise.
 """
 
-MOST_OF_ONE = 0.1
-"""The same of a single spectrum, which others cannot tell from an instrument's."""
-
-COARSE = 12.0
-"""Step in nm from which spectra of paint are rough themselves: no noise is told from them."""
-
-_FREEDOM = 4.0
 # Readings at which an estimate is held to what it may be at least: a black and a white card's.
 _ENDS = (0.05, 0.9)
-_FLOORS = np.geomspace(1e-4, MOST, 48)
-_SHARES = np.concatenate([[0.0], np.geomspace(3e-4, MOST, 24)])
-# Differences that are tried at every place of the grid.
-_SOME = 20_000
 
 
 def estimate_noise(films: Films, least: Noise | None = None) -> Noise:
@@ -45,20 +33,16 @@ def estimate_noise(films: Films, least: Noise | None = None) -> Noise:
             roughness.
     """
     least = least or Noise()
-    if films.wavelengths.size < 2 or np.median(np.diff(films.wavelengths)) > COARSE:
-        return least
-    parts = [roughness(films.wavelengths, spectra) for spectra in films.readings()]
-    everything = _fit_ends(parts)
-    bare = _fit_ends(parts[:2])
+    readings = films.readings()
+    everything = _fit_ends(films.wavelengths, readings)
     if everything is None:
         return least
     # Cards are smooth whatever the paint is.
     # Films so much rougher than their cards have spectra that are no smooth ones; the cards then
     # say what noise is.
+    bare = _fit_ends(films.wavelengths, readings[:2])
     rough = bare is not None and np.mean(everything) > 3.0 * np.mean(bare)
-    found = bare if rough else everything
-    assert found is not None
-    return _at_least(found, least)
+    return _at_least(bare if bare is not None and rough else everything, least)
 
 
 def spectra_noise(
@@ -74,9 +58,7 @@ def spectra_noise(
         least: what it is at least, by default `Noise()`.
     """
     least = least or Noise()
-    if wavelengths.size < 2 or np.median(np.diff(wavelengths)) > COARSE:
-        return least
-    found = _fit_ends([roughness(wavelengths, spectra)])
+    found = _fit_ends(wavelengths, [spectra])
     return least if found is None else _at_least(found, least)
 
 
@@ -90,43 +72,28 @@ def _at_least(found: tuple[float, float], least: Noise) -> Noise:
     return Noise(float(min(dark - share * _ENDS[0], MOST)), float(min(share, MOST)))
 
 
-def _fit_ends(parts: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[float, float] | None:
-    """Noise at both ends that fits roughness best; None if there is none."""
+def _fit_ends(
+    wavelengths: Float[np.ndarray, "bands"], spectra: Sequence[Float[np.ndarray, "rows bands"]]
+) -> tuple[float, float] | None:
+    """Noise at both ends that fits roughness best; None if there is none, or bands lie 12 nm apart
+    or more: spectra of paint are then rough themselves.
+    """
+    if wavelengths.size < 2 or np.median(np.diff(wavelengths)) > 12.0:
+        return None
+    parts = [roughness(wavelengths, rows) for rows in spectra]
     differences = np.concatenate([part[0].ravel() for part in parts])
     if not differences.size:
         return None
     level = np.concatenate([part[1].ravel() for part in parts])
-    # Some from all over tell about where on the grid the best is; then all are heard, next to it.
-    few = np.linspace(0, len(level) - 1, min(len(level), _SOME)).astype(int)
-    costs = {
-        place: _cost(differences[few], _FLOORS[place[0]] + _SHARES[place[1]] * level[few])
-        for place in itertools.product(range(len(_FLOORS)), range(len(_SHARES)))
-    }
-    best = min(costs, key=lambda place: costs[place])
-    if len(few) < len(level):
-        best = _descend(best, differences, level)
-    floor, share = _FLOORS[best[0]], _SHARES[best[1]]
+    # So many from all over tell noise to a hundredth, and steps of the search are a tenth.
+    few = np.linspace(0, len(level) - 1, min(len(level), 20_000)).astype(int)
+    floors = np.geomspace(1e-4, MOST, 48)
+    shares = np.concatenate([[0.0], np.geomspace(3e-4, MOST, 24)])
+    floor, share = min(
+        itertools.product(floors, shares),
+        key=lambda noise: _cost(differences[few], noise[0] + noise[1] * level[few]),
+    )
     return floor + share * _ENDS[0], floor + share * _ENDS[1]
-
-
-def _descend(
-    place: tuple[int, int], differences: Float[np.ndarray, "n"], level: Float[np.ndarray, "n"]
-) -> tuple[int, int]:
-    """From a place on the grid of noise to the best one that neighbours lead to."""
-
-    @functools.cache
-    def cost(floor: int, share: int) -> float:
-        if not (0 <= floor < len(_FLOORS) and 0 <= share < len(_SHARES)):
-            return np.inf
-        return _cost(differences, _FLOORS[floor] + _SHARES[share] * level)
-
-    while True:
-        floor, share = place
-        around = itertools.product(range(floor - 1, floor + 2), range(share - 1, share + 2))
-        best = min(around, key=lambda near: cost(*near))
-        if not cost(*best) < cost(*place):
-            return place
-        place = best
 
 
 def roughness(
@@ -155,35 +122,20 @@ def noise_of_each(readings: Float[np.ndarray, "*n bands"]) -> Float[np.ndarray, 
     """Standard deviation of the noise of each spectrum, where no others tell it.
 
     The median size of third differences along the bands, which smooth curves hardly have, at most
-    `MOST_OF_ONE`; 0 for fewer than 8 bands.
+    .1; 0 for fewer than 8 bands.
     """
     if readings.shape[-1] < 8:
         return np.zeros(readings.shape[:-1])
     third = np.diff(readings, n=3, axis=-1)
     found = 1.4826 * np.median(np.abs(third), axis=-1) / np.sqrt(20.0)
-    return np.minimum(found, MOST_OF_ONE)
+    return np.minimum(found, 0.1)
 
 
 def _cost(differences: Float[np.ndarray, "n"], sd: Float[np.ndarray, "n"]) -> float:
-    """Minus the log likelihood of Student's t, whose scale is that of Gaussian noise of
-    this size.
+    """Minus the log likelihood of Student's t with 4 degrees of freedom, whose scale is that of
+    Gaussian noise of this size.
     """
-    scale = _GAUSSIAN * sd
-    square = (differences / scale) ** 2 / _FREEDOM
-    return float(np.sum(np.log(scale) + 0.5 * (_FREEDOM + 1.0) * np.log1p(square)))
-
-
-def _gaussian_scale() -> float:
-    """Scale of Student's t that fits standard normal numbers best."""
-    x = np.linspace(-8.0, 8.0, 4001)
-    density = np.exp(-0.5 * x**2)
-    density /= density.sum()
-    scales = np.linspace(0.6, 1.0, 401)
-    worth = [
-        np.log(s) + 0.5 * (_FREEDOM + 1) * np.sum(density * np.log1p((x / s) ** 2 / _FREEDOM))
-        for s in scales
-    ]
-    return float(scales[int(np.argmin(worth))])
-
-
-_GAUSSIAN = _gaussian_scale()
+    # Scale of such a t that fits standard normal numbers best.
+    scale = 0.831 * sd
+    square = (differences / scale) ** 2 / 4.0
+    return float(np.sum(np.log(scale) + 2.5 * np.log1p(square)))

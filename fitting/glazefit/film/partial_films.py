@@ -21,12 +21,12 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from glazejax.io import SpectraTable, read_spectra
+from glazejax.io import read_spectra
 from glazejax.io.source import refusal
 from glazejax.spectra import describe_grid
 
-from .films import SPECTRA, Films, usual_cards
-from .readers import ROWS, one_reading
+from .films import SPECTRA, Films
+from .readers import ROWS, build_films, one_reading
 from .shared_bands import FINEST, means_of_steps
 
 USUAL_RANGE = (380.0, 780.0)
@@ -78,7 +78,7 @@ def read_loose_films(path: str | Path, *, specular: bool = True) -> Films:
         shared.update(rows.pop(film))
     try:
         _check_rows(rows)
-        return _films(table, rows, shared)
+        return _add_notes(build_films(table, rows, shared))
     except ValueError as error:
         raise refusal(path, error) from None
 
@@ -107,38 +107,11 @@ def _check_rows(rows: Mapping[str, Mapping[str, int]]) -> None:
             )
 
 
-def _films(
-    table: SpectraTable, rows: Mapping[str, Mapping[str, int]], shared: Mapping[str, int]
-) -> Films:
-    grid = table.wavelengths
-    notes = list(table.notes)
-    usual = dict(zip("bw", usual_cards(grid), strict=True))
-    spectra: dict[str, list[np.ndarray]] = {what: [] for what in SPECTRA}
-    seen = []
-    assumed = []
-    for found in rows.values():
-        has_reading = ["ob" in found or "opaque" in found, "ow" in found]
-        seen.append(has_reading)
-        over = [found.get(end, found.get(other)) for end, other in (("ob", "ow"), ("ow", "ob"))]
-        for what, row in zip(SPECTRA[2:], over, strict=True):
-            row = found["opaque"] if row is None else row
-            spectra[what].append(table.reflectance[row])
-        bare = [found.get(end, shared.get(end)) for end in "bw"]
-        assumed.append([row is None for row in bare])
-        for what, end, row in zip(SPECTRA[:2], "bw", bare, strict=True):
-            spectra[what].append(usual[end] if row is None else table.reflectance[row])
-    opaque = np.array(["opaque" in found for found in rows.values()])
-    arrays: dict[str, Any] = {what: np.stack(spectra[what]) for what in SPECTRA}
-    films = Films(
-        tuple(rows), grid, **arrays, seen=np.array(seen), assumed=np.array(assumed), opaque=opaque
-    )
-    return _add_notes(films, notes)
-
-
-def _add_notes(films: Films, notes: list[str]) -> Films:
+def _add_notes(films: Films) -> Films:
     """Films with sentences on what was taken for granted; assumed cards end where usual cards are
     known.
     """
+    notes = list(films.notes)
     if films.opaque.any():
         names = [name for name, hides in zip(films.names, films.opaque, strict=True) if hides]
         notes.append(

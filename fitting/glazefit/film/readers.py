@@ -5,15 +5,17 @@ X, `X_ob` and
 `X_ow` its paint over them; tab, comma or semicolon separated, percent or fraction.
 """
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from glazejax.io import SpectraTable, read_spectra
 from glazejax.io.source import open_source, refusal
 
-from .films import Films
+from .films import SPECTRA, Films, usual_cards
 
 ROWS = {
     "b": "the bare black card",
@@ -22,7 +24,6 @@ ROWS = {
     "ow": "paint over white",
 }
 NAMES_FILE = "mixtures.tsv"
-_MAX_PAINTS = 200_000
 
 
 def read_films(path: str | Path) -> Films:
@@ -93,18 +94,47 @@ def films_of(table: SpectraTable) -> Films:
                 f"film {film!r} has no row '{film}_{missing[0]}' ({ROWS[missing[0]]}); a film "
                 f"needs all four of {', '.join('_' + end for end in ROWS)}"
             )
+    return build_films(table, rows, {})
 
-    def take(ending: str) -> np.ndarray:
-        return table.reflectance[[found[ending] for found in rows.values()]]
 
+def build_films(
+    table: SpectraTable, rows: Mapping[str, Mapping[str, int]], shared: Mapping[str, int]
+) -> Films:
+    """Films of a table's rows.
+
+    Args:
+        table: of spectra.
+        rows: film -> ending, or "opaque" -> number of the row; a reading that there is not takes
+            the other's values.
+        shared: ending -> number of the row of cards of all films. Usual cards are assumed where
+            there are none.
+    """
+    grid = table.wavelengths
+    usual = dict(zip("bw", usual_cards(grid), strict=True))
+    spectra: dict[str, list[np.ndarray]] = {what: [] for what in SPECTRA}
+    seen = []
+    assumed = []
+    for found in rows.values():
+        has_reading = ["ob" in found or "opaque" in found, "ow" in found]
+        seen.append(has_reading)
+        over = [found.get(end, found.get(other)) for end, other in (("ob", "ow"), ("ow", "ob"))]
+        for what, row in zip(SPECTRA[2:], over, strict=True):
+            row = found["opaque"] if row is None else row
+            spectra[what].append(table.reflectance[row])
+        bare = [found.get(end, shared.get(end)) for end in "bw"]
+        assumed.append([row is None for row in bare])
+        for what, end, row in zip(SPECTRA[:2], "bw", bare, strict=True):
+            spectra[what].append(usual[end] if row is None else table.reflectance[row])
+    opaque = np.array(["opaque" in found for found in rows.values()])
+    arrays: dict[str, Any] = {what: np.stack(spectra[what]) for what in SPECTRA}
     return Films(
         names=tuple(rows),
-        wavelengths=table.wavelengths,
-        bare_black=take("b"),
-        bare_white=take("w"),
-        over_black=take("ob"),
-        over_white=take("ow"),
+        wavelengths=grid,
         notes=tuple(table.notes),
+        seen=np.array(seen),
+        assumed=np.array(assumed),
+        opaque=opaque,
+        **arrays,
     )
 
 
@@ -148,9 +178,10 @@ def read_recipes(path: str | Path) -> dict[str, dict[str, float]]:
             if sample in recipes:
                 raise source.error(f"sample {sample!r} is listed twice", number)
             count += len(values)
-            if count > _MAX_PAINTS:
+            # A file that is no list of films ends here, not where memory does.
+            if count > 200_000:
                 raise source.error(
-                    f"more than {_MAX_PAINTS} paints in films so far; split the file", number
+                    "more than 200000 paints in films so far; split the file", number
                 )
             recipes[sample] = {
                 p: w for p, w in zip(paints.split("-"), values, strict=True) if w > 0

@@ -18,18 +18,12 @@ from glazejax import Pigment
 from glazejax.spectra import describe_grid
 
 from ..film.films import Films
-from ..film.model.errors import smooth_kernel
+from ..film.model.errors import smooth_modes
 from .joint_problem import Expectations
 
-# Of log k and log s, where a known paint says nothing of its errors; smooth over so many nm.
-UNSTATED = 0.1
-LENGTH = 100.0
-# What modes leave out, band by band.
-SLACK = 0.01
-_LARGEST = 0.5
-_KEPT = 12
-# Of log(rho / (1 - rho)) of a black and a white card that were not measured, the same at all bands.
-CARD_LEVELS = (0.5, 0.5)
+MOST_ERROR = 0.5
+"""Largest standard deviation of log k or log s that error modes state: errors are propagated by
+first derivatives, which do not hold for larger ones."""
 
 
 @dataclass(frozen=True)
@@ -131,7 +125,7 @@ def gather_constraints(
     count = len(paints)
     logs = np.zeros((bands, 2 * count))
     flags = np.zeros(count, dtype=bool)
-    groups: dict[str, dict[int, Pigment]] = {}
+    of_column: dict[int, Pigment] = {}
     for column, name in enumerate(paints):
         if name not in known:
             continue
@@ -139,31 +133,31 @@ def gather_constraints(
         flags[column] = True
         for place, values in ((column, paint.absorption), (count + column, paint.scattering)):
             logs[:, place] = np.log(np.maximum(np.asarray(values) * unit, 1e-7))
-        groups.setdefault(paint.provenance, {})[column] = paint
-    band_modes, modes_of = _paint_modes(groups, bands, count)
+        of_column[column] = paint
+    band_modes, modes_of = _paint_modes(of_column, bands, count)
     thickness, thickness_sd, factor = _thicknesses(
         films, gauge, unit, expected.thickness, expected.scale if flags.any() else 0.0
     )
-    levels = _card_levels(films)
-    gains = _gains(films, expected.gain)
-    ends = np.cumsum([len(band_modes), len(levels), len(factor), len(gains)])
-    others = int(ends[-1])
-    constraints = Constraints(
+    parts = (band_modes, _card_levels(films), factor, _gains(films, expected.gain))
+    ends = np.cumsum([0, *map(len, parts)])
+
+    def among_others(number: int) -> np.ndarray:
+        """A part's modes, where they stand among the others."""
+        modes = np.zeros((ends[-1], *parts[number].shape[1:]))
+        modes[ends[number] : ends[number + 1]] = parts[number]
+        return modes
+
+    return Constraints(
         logs=logs,
         known=flags,
         thickness=thickness,
         thickness_sd=thickness_sd,
-        band_modes=np.zeros((others, bands, 2 * count)),
-        ground_modes=np.zeros((others, len(films), 2)),
-        thickness_modes=np.zeros((others, len(films))),
-        gain_modes=np.zeros((others, len(films), 2)),
+        band_modes=among_others(0),
+        ground_modes=among_others(1),
+        thickness_modes=among_others(2),
+        gain_modes=among_others(3),
         modes_of=modes_of,
     )
-    constraints.band_modes[: ends[0]] = band_modes
-    constraints.ground_modes[ends[0] : ends[1]] = levels
-    constraints.thickness_modes[ends[1] : ends[2]] = factor
-    constraints.gain_modes[ends[2] :] = gains
-    return constraints
 
 
 def _on(paint: Pigment, grid: Float[np.ndarray, "bands"]) -> Pigment:
@@ -177,35 +171,30 @@ def _on(paint: Pigment, grid: Float[np.ndarray, "bands"]) -> Pigment:
 
 
 def _paint_modes(
-    groups: Mapping[str, Mapping[int, Pigment]], bands: int, paints: int
+    known: Mapping[int, Pigment], bands: int, paints: int
 ) -> tuple[Float[np.ndarray, "modes bands local"], dict[str, Modes]]:
-    """Modes of all known paints, and the places of each; those of one provenance share theirs.
+    """Modes of known paints, by column, and the places of each; those of one provenance share
+    theirs.
 
     Modes that are nought for all of them, such as those of other paints of their file, are left
     out.
     """
+    groups: dict[object, dict[int, Pigment]] = {}
+    for column, paint in known.items():
+        own = paint.error_modes
+        source = column if own is None else (paint.provenance, len(own))
+        groups.setdefault(source, {})[column] = paint
     parts = [np.zeros((0, bands, 2 * paints))]
     places = {}
     first = 0
     for group in groups.values():
-        own = {column: error_modes(paint) for column, paint in group.items()}
-        stated = all(paint.error_modes is not None for paint in group.values())
-        together = (
-            [group]
-            if stated and len({len(modes) for modes in own.values()}) == 1
-            else [{c: group[c]} for c in own]
-        )
-        for columns in together:
-            modes = np.stack([own[column] for column in columns], axis=1)
-            kept = np.flatnonzero(np.abs(modes).max(axis=(1, 2, 3)) > 0)
-            block = np.zeros((kept.size, bands, 2 * paints))
-            for place, (column, paint) in enumerate(columns.items()):
-                block[:, :, column], block[:, :, paints + column] = np.moveaxis(
-                    modes[kept, place], 1, 0
-                )
-                places[paint.name] = Modes(first, tuple(kept.tolist()))
-            parts.append(block)
-            first += kept.size
+        modes = np.stack([error_modes(paint) for paint in group.values()], axis=-1)
+        kept = np.flatnonzero(np.abs(modes).max(axis=(1, 2, 3)) > 0)
+        block = np.zeros((kept.size, bands, 2, paints))
+        block[..., list(group)] = np.swapaxes(modes[kept], 1, 2)
+        parts.append(block.reshape(kept.size, bands, 2 * paints))
+        places |= {paint.name: Modes(first, tuple(kept.tolist())) for paint in group.values()}
+        first += kept.size
     return np.concatenate(parts), places
 
 
@@ -216,18 +205,17 @@ def error_modes(paint: Pigment) -> Float[np.ndarray, "modes 2 bands"]:
     if paint.error_modes is not None:
         return np.asarray(paint.error_modes, dtype=np.float64)
     grid = paint.wavelengths
-    values, shapes = np.linalg.eigh(smooth_kernel(grid, LENGTH))
-    kept = slice(-min(_KEPT, grid.size), None)
-    smooth = (shapes[:, kept] * np.sqrt(values[kept])).T
+    smooth = smooth_modes(grid, 100.0, 12)
     blocks = []
     for row, (value, sd) in enumerate(
         ((paint.absorption, paint.absorption_sd), (paint.scattering, paint.scattering_sd))
     ):
         level = np.asarray(value, dtype=np.float64)
-        size = np.full(grid.size, UNSTATED)
+        # A paint that says nothing of its errors is known to a tenth.
+        size = np.full(grid.size, 0.1)
         if sd is not None:
             size = np.minimum(
-                np.asarray(sd) / np.maximum(level, 1e-12 * level.max(initial=1e-9)), _LARGEST
+                np.asarray(sd) / np.maximum(level, 1e-12 * level.max(initial=1e-9)), MOST_ERROR
             )
         block = np.zeros((len(smooth), 2, grid.size))
         block[:, row] = smooth * size
@@ -264,7 +252,8 @@ def _card_levels(films: Films) -> Float[np.ndarray, "modes films 2"]:
     needed = films.assumed & films.seen & ~films.opaque[:, None]
     modes = np.zeros((2, len(films), 2))
     for card in range(2):
-        modes[card, :, card] = CARD_LEVELS[card] * needed[:, card]
+        # Of log(rho / (1 - rho)), the same at all bands.
+        modes[card, :, card] = 0.5 * needed[:, card]
     return modes[needed.any(axis=0)]
 
 

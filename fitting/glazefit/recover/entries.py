@@ -24,11 +24,8 @@ from glazejax.paint.describe import format_length
 from glazejax.paint.pigment_table import pigment_rows, read_pigments
 from glazejax.whole_file import whole_file
 
-from .constraints import error_modes
-from .joint_result import MOST_ERROR, JointRecovery
-
-OWN_MODES = 16
-"""Error modes that are a new paint's own."""
+from .constraints import MOST_ERROR, error_modes
+from .joint_result import JointRecovery
 
 
 @dataclass(frozen=True)
@@ -243,7 +240,8 @@ def conditional_modes(
     total = np.sqrt(np.sum(slopes**2, axis=0) + np.maximum(variance, 0.0))
     held = np.minimum(1.0, MOST_ERROR / np.maximum(total, 1e-12))
     new = np.isin(np.arange(2 * count), local)
-    left = recovery.whole_covariance.largest(held * new, OWN_MODES, others, slopes)[..., local]
+    # Error modes that are the new paints' own.
+    left = recovery.whole_covariance.largest(held * new, 16, others, slopes)[..., local]
 
     def arrange(modes: np.ndarray) -> np.ndarray:
         return modes.reshape(len(modes), bands, 2, len(paints)).transpose(0, 2, 3, 1)

@@ -23,7 +23,7 @@ from ..film.gloss import GLOSS_SD, estimate_gloss
 from ..film.model.mixing import MixingLaw, weight_table
 from ..film.model.response import Response, film_response
 from ..film.noise import estimate_noise
-from .constraints import SLACK, Constraints, Gauge, gather_constraints
+from .constraints import Constraints, Gauge, gather_constraints
 from .joint_covariance import JointCovariance
 from .joint_problem import (
     Expectations,
@@ -41,12 +41,8 @@ from .joint_problem import (
 from .joint_result import JointRecovery
 from .joint_solver import Factors, covariance, shared_with_bands, solve_jointly
 
-MAX_STEPS = 100
 UNIT = 25e-6
 """Thickness of a film of unit relative thickness where none is known, m."""
-# Logarithms of coefficients start far off; undamped first steps would throw some to where nothing
-# has a slope.
-_FIRST_STEP = 1e-4
 
 
 def recover_jointly(
@@ -59,7 +55,7 @@ def recover_jointly(
     expectations: Expectations | None = None,
     use: Float[np.ndarray, "films"] | Float[np.ndarray, "films bands"] | None = None,
     start: Unknowns | None = None,
-    max_steps: int = MAX_STEPS,
+    max_steps: int = 100,
     response: Response | None = None,
     pigments: Mapping[str, Pigment] | None = None,
     gauge: Gauge | None = None,
@@ -123,7 +119,7 @@ def recover_jointly(
     response = response or film_response(instrument)
     if start is None:
         # Weights and gloss as stated first: set free at once, they explain what thicknesses and
-        #     spectra should.
+        # spectra should.
         stiff_films = np.asarray(problem.film_scale) * np.where(
             np.arange(problem.film_scale.shape[1]) > 0, 0.03, 1.0
         )
@@ -132,7 +128,9 @@ def recover_jointly(
             paint_scale=jnp.asarray(0.03 * np.asarray(problem.paint_scale)),
             tail=jnp.asarray(1e6),
         )
-        first = solve_jointly(stiff, response, first_guess(problem), _FIRST_STEP, max_steps).point
+        # Logarithms of coefficients start far off; undamped first steps would throw some to where
+        # nothing has a slope.
+        first = solve_jointly(stiff, response, first_guess(problem), 1e-4, max_steps).point
     else:
         first = jax.jit(deviations)(start, problem)
     solution, factors, steps, settled = solve_jointly(problem, response, first, 1.0, max_steps)
@@ -175,18 +173,10 @@ def pose(
     instrument: Instrument,
     noise: Noise,
     expected: Expectations,
-    constraints: Constraints | None = None,
-    gloss: Float[np.ndarray, "films"] | None = None,
+    constraints: Constraints,
+    gloss: Float[np.ndarray, "films"],
 ) -> JointProblem:
-    """Arrays of a joint problem."""
-    constraints = constraints or gather_constraints(
-        films,
-        ["" for _ in range(shares.shape[1])],
-        {},
-        None,
-        1.0,
-        expected,
-    )
+    """Arrays of a joint problem; `gloss` is NaN where it was not measured."""
     black, white, sd_black, sd_white = cards(films, instrument, noise)
     measured = np.stack([films.over_black, films.over_white], axis=-1)
     grounds = np.stack([black, white], axis=-1)
@@ -213,8 +203,8 @@ def pose(
         [0.0, 1.0], paints
     )
     fixed = np.tile(constraints.known, 2)
-    pull[fixed], stiffness[fixed], steepness[:, fixed] = (0.0, SLACK), 0.0, 0.0
-    gloss = np.full(count, np.nan) if gloss is None else gloss
+    # Of paints that are known only what their modes leave out is free, band by band.
+    pull[fixed], stiffness[fixed], steepness[:, fixed] = (0.0, 0.01), 0.0, 0.0
     scale[~np.isnan(gloss), 1] = GLOSS_SD
     arrays = {
         "reading": np.moveaxis(measured, 1, 0),

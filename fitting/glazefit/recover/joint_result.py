@@ -11,17 +11,11 @@ from glazejax import Pigment
 
 from ..film.films import Films, Instrument, Noise
 from ..film.model.mixing import MixingLaw
-from .constraints import Modes
+from .constraints import MOST_ERROR, Modes
 from .joint_covariance import JointCovariance
 from .joint_problem import Expectations, Unknowns
 from .result import RELATIVE_LIMIT, FittedFilms, delta_e_over_cards
 
-MODES = 64
-"""Error modes that a pigment of a joint fit carries; what they leave out is in its standard
-deviations.
-"""
-MOST_ERROR = 0.5
-"""Largest standard deviation of log k or log s in error modes."""
 RULE = (
     f"k and s count as told apart where the joint fit knows each to {RELATIVE_LIMIT:.0%} of its "
     "value, if the paint is in a mixture or thicknesses were measured: else its scale is as "
@@ -177,12 +171,12 @@ class JointRecovery(FittedFilms):
             self.paints[p]: float(share) for p, share in enumerate(self.shares[film]) if share > 0
         }
 
-    def error_modes(self, count: int = MODES) -> Float[np.ndarray, "modes 2 paints bands"]:
+    def error_modes(self, count: int = 64) -> Float[np.ndarray, "modes 2 paints bands"]:
         """What the films leave open in log k and log s of all paints together: the largest modes of
-        the covariance.
+        the covariance. What they leave out is in the standard deviations.
 
         A coefficient that is not known to a factor of exp(`MOST_ERROR`) counts as known to that
-        factor: errors are propagated by first derivatives, which do not hold for larger ones.
+        factor.
         """
         sd = np.sqrt(np.diagonal(self.log_covariance, axis1=1, axis2=2))
         modes = self.whole_covariance.largest(

@@ -24,7 +24,7 @@ from ..film.model.errors import (
     ModelError,
     error_modes,
     relative_errors,
-    smooth_kernel,
+    smooth_modes,
 )
 from ..film.model.mixing import MixingLaw
 from ..film.model.response import Response, film_response
@@ -37,8 +37,6 @@ from .joint_result import JointRecovery
 from .prediction import Prediction
 from .reading_errors import ReadingErrors, film_readings
 
-_DRAWS = 256
-_SHAPES = 8
 CLOSE = Expectations(model_floor=0.002, model_share=0.006)
 """A reading of the mixture itself counts as far as the optics is exact, not as a paint between
 films.
@@ -133,7 +131,7 @@ def predict_mixture(
         k, s, parts, _ = _mix(pigments, recipe, wavelengths, law, "")
         grid = _grid(pigments, recipe, wavelengths)
         rng = np.random.default_rng(0)
-        own, film = (rng.standard_normal((_DRAWS, len(parts[part]))) for part in ("paint", "film"))
+        own, film = (rng.standard_normal((256, len(parts[part]))) for part in ("paint", "film"))
         # Scale and shape are two sides of the same errors.
         normal = {"scale": own, "paint": own, "film": film}
         off = {part: np.einsum("dm,mcb->dcb", normal[part], modes) for part, modes in parts.items()}
@@ -330,11 +328,14 @@ def _mix(
     # What 1 % more of a paint's k adds to that of the mixture, in per cent.
     part = each / np.maximum(whole, 1e-300)
     usual = ModelError.between_films()
-    stated = relative_errors(paints, usual)[:, :, None] * _smooth(grid, usual.coefficient_length)
+    # Eight shapes hold nearly all of a smooth error.
+    stated = relative_errors(paints, usual)[:, :, None] * smooth_modes(
+        grid, usual.coefficient_length, 8
+    )
     shared = np.moveaxis(error_modes(paints, usual), -1, 0)
     own = np.concatenate([_each(len(paints), stated), shared])  # (modes, paints, 2, bands)
     level = np.broadcast_to(own.mean(axis=-1, keepdims=True), own.shape)
-    smooth = MIXED.coefficient * _smooth(grid, MIXED.coefficient_length)
+    smooth = MIXED.coefficient * smooth_modes(grid, MIXED.coefficient_length, 8)
     varied = np.concatenate([smooth, np.full((1, grid.size), MIXED.level)])
     film = _each(len(paints), np.broadcast_to(varied, (len(paints), 2, *varied.shape)))
     parts = {"scale": level, "paint": own - level, "film": film}
@@ -343,12 +344,6 @@ def _mix(
         f"{100 * share:.3g} {paint}" for share, paint in zip(shares, names, strict=True)
     )
     return whole[0], whole[1], modes, name or words
-
-
-def _smooth(grid: Float[np.ndarray, "bands"], length: float) -> Float[np.ndarray, "shapes bands"]:
-    """Modes of an error of size one that is smooth over some nm."""
-    values, shapes = np.linalg.eigh(smooth_kernel(grid, length))
-    return (shapes[:, -_SHAPES:] * np.sqrt(np.maximum(values[-_SHAPES:], 0.0))).T
 
 
 def _each(

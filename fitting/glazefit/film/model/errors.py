@@ -212,6 +212,17 @@ def smooth_kernel(
     return (1.0 + apart) * np.exp(-apart)
 
 
+def smooth_modes(
+    wavelengths: Float[np.ndarray, "bands"], length: float, count: int
+) -> Float[np.ndarray, "modes bands"]:
+    """The largest modes, so many at most, of an error of size one that is smooth over some nm
+    (`smooth_kernel`).
+    """
+    values, shapes = np.linalg.eigh(smooth_kernel(wavelengths, length))
+    largest = slice(-min(count, wavelengths.size), None)
+    return (shapes[:, largest] * np.sqrt(np.maximum(values[largest], 0.0))).T
+
+
 def model_covariance(
     wavelengths: Float[np.ndarray, "bands"],
     grounds: int,
