@@ -30,17 +30,9 @@ from ..film.model.response import HIGHEST, Response, film_response
 from ..film.noise import estimate_noise
 from .constraints import Gauge
 from .joint import UNIT, recover_jointly
-from .joint_problem import Expectations
+from .joint_problem import Expectations, JointProblem
 from .joint_result import JointRecovery
 from .prediction import interval_of, least_by_scanning
-
-SPREAD = 0.3
-"""Standard deviation of the log of a film's thickness about its number of coats."""
-_COMMON = 1e-3
-# The model's own error of a further coat: smooth over so many nm, for readings 0 and 1.
-_LENGTH, _ERROR_FLOOR, _ERROR_SHARE = 100.0, 0.003, 0.01
-_MOST_COATS = 20.0
-_POINTS = 25
 
 _NAME = re.compile(
     r"(?P<paint>\S.*?)\s+(?P<coats>\d+(?:\.\d+)?)\s+coats?(?:\s+(?P<square>\S.*))?", re.IGNORECASE
@@ -214,7 +206,7 @@ def recover_coats(
     instrument: InstrumentLike | None = None,
     noise: Noise | None = None,
     expected: CoatScattering = ANY_FILM,
-    spread: float = SPREAD,
+    spread: float = 0.3,
     response: Response | None = None,
 ) -> CoatRecovery:
     """Absorption and scattering of one coat of each paint, from films of one coat or several.
@@ -279,7 +271,8 @@ def _fit(
         films,
         {name: {said[name].paint: 1.0} for name in films.names},
         expectations=expectations,
-        gauge=Gauge(thickness, expectations.thickness, _COMMON),
+        # The unit is the coat itself: no factor is common to all films.
+        gauge=Gauge(thickness, expectations.thickness, 1e-3),
         unit=UNIT,
         **given,
     )
@@ -311,8 +304,8 @@ def predict_next_coat(
     """
     found = recovery._found(paint)
     instrument = found.instrument
-    if not 0.1 <= coats <= _MOST_COATS:
-        raise ValueError(f"{coats:g} coats of {paint}; give a number from 0.1 to {_MOST_COATS:g}")
+    if not 0.1 <= coats <= 20:
+        raise ValueError(f"{coats:g} coats of {paint}; give a number from 0.1 to 20")
     bare = np.asarray(ground, dtype=np.float64)
     grid = recovery.wavelengths
     if bare.shape != grid.shape:
@@ -327,19 +320,13 @@ def predict_next_coat(
     rng = np.random.default_rng((seed, 1))
     draws = found.draws
     count = len(draws.bands)
-    films = found.films
-    black, white, _, _ = cards(films, instrument, found.noise)
     gloss = np.exp(draws.paints + draws.films[:, :, 1])
-    readings = np.stack([films.over_black, films.over_white], axis=1)
-    # (draws, films, cards, bands): what comes from below the surface.
-    body = readings - (gloss * instrument.seen_surface)[:, :, None, None]
     log_k = _absorption_that_meets(
-        jnp.asarray(draws.bands[:, :, 0]),
-        jnp.asarray(draws.bands[:, :, 1]),
-        jnp.asarray(draws.films[:, :, 0]),
-        jnp.asarray(np.stack([black, white], axis=1)),
-        jnp.asarray(body),
-        jnp.asarray(films.seen[:, :, None] / found.residual_sd),
+        draws.bands[:, :, 0],
+        draws.bands[:, :, 1],
+        draws.films[:, :, 0],
+        gloss * instrument.seen_surface,
+        found.problem,
         response=recovery.response,
     )
     thickness = np.log(coats) + recovery.spread * rng.standard_normal((count, 1))
@@ -349,8 +336,9 @@ def predict_next_coat(
     expected = found.expectations
     surface = draws.paints[:, 0] + expected.gloss * rng.standard_normal(count)
     seen = seen + instrument.seen_surface * np.exp(surface)[:, None]
-    smooth = rng.multivariate_normal(np.zeros(grid.size), smooth_kernel(grid, _LENGTH), size=count)
-    off = (_ERROR_FLOOR + _ERROR_SHARE * seen) * smooth
+    # The model's own error of a further coat: smooth, and larger for bright readings.
+    smooth = rng.multivariate_normal(np.zeros(grid.size), smooth_kernel(grid, 100.0), size=count)
+    off = (0.003 + 0.01 * seen) * smooth
     off = off + found.noise.sd(seen) * rng.standard_normal(seen.shape)
     return CoatPrediction(paint, float(coats), grid, np.maximum(seen + off, 0.0))
 
@@ -367,8 +355,8 @@ def _said(
             f"film {name!r} does not say its paint and number of coats; call it "
             "'PAINT 1 coat', 'PAINT 2 coats', ..."
         )
-    if not 0.1 <= number <= _MOST_COATS:
-        raise ValueError(f"film {name!r} has {number:g} coats; they must be 0.1 to {_MOST_COATS:g}")
+    if not 0.1 <= number <= 20:
+        raise ValueError(f"film {name!r} has {number:g} coats; they must be 0.1 to 20")
     return NamedCoat(paint, float(number))
 
 
@@ -400,25 +388,25 @@ def _absorption_that_meets(
     log_absorption: Float[Array, "draws bands"],
     log_scattering: Float[Array, "draws bands"],
     log_thickness: Float[Array, "draws films"],
-    ground: Float[Array, "films cards bands"],
-    body: Float[Array, "draws films cards bands"],
-    weight: Float[Array, "films cards bands"],
+    surface: Float[Array, "draws films"],
+    problem: JointProblem,
     response: Response,
 ) -> Float[Array, "draws bands"]:
-    """Log of k of one coat with which each draw of scattering and thicknesses meets the readings
-    best, by scanning and scanning again.
+    """Log of k of one coat with which each draw of scattering, thicknesses and what the surface
+    reflects meets the readings best, by scanning and scanning again.
     """
 
     def one(draw: tuple[Array, Array, Array, Array]) -> Array:
-        start, log_s, log_d, wanted = draw
+        start, log_s, log_d, surface = draw
+        wanted = problem.reading - surface[:, None]
 
         def cost(log_k: Array) -> Array:
-            kd = jnp.exp(log_k + log_d[:, None])[:, None]
-            sd = jnp.exp(log_s + log_d[:, None])[:, None]
-            off = (response.body(kd, sd, ground) - wanted) * weight
+            kd = jnp.exp(log_k[:, None] + log_d)[..., None]
+            sd = jnp.exp(log_s[:, None] + log_d)[..., None]
+            off = (response.body(kd, sd, problem.ground) - wanted) * problem.weight
             # A weak pull settles what no reading tells.
-            return jnp.sum(off**2, axis=(0, 1)) + 0.01 * (log_k - start) ** 2
+            return jnp.sum(off**2, axis=(1, 2)) + 0.01 * (log_k - start) ** 2
 
-        return least_by_scanning(cost, start, _POINTS)
+        return least_by_scanning(cost, start, 25)
 
-    return jax.lax.map(one, (log_absorption, log_scattering, log_thickness, body))
+    return jax.lax.map(one, (log_absorption, log_scattering, log_thickness, surface))

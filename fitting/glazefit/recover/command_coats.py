@@ -12,9 +12,6 @@ if TYPE_CHECKING:
     from ..film.films import Films
     from .settings import Output
 
-_NEXT = (1.0, 2.0)
-"""Further coats that are foretold of each paint."""
-
 
 def are_coats(films: "Films", refused: dict[str, Any]) -> bool:
     """Whether the films of a table are coats, by their names.
@@ -66,7 +63,7 @@ def recover_from_coats(films: "Films", given: dict[str, Any], results: "Output")
             last = recovery.thickest(paint)
             foretold += [
                 predict_next_coat(recovery, paint, np.floor(last.coats) + more, last.ground)
-                for more in _NEXT
+                for more in (1.0, 2.0)
             ]
         seconds = time.perf_counter() - began
     print_coats(recovery, foretold, console, seconds)

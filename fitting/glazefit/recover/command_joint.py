@@ -22,9 +22,6 @@ if TYPE_CHECKING:
     from .joint_result import JointRecovery
     from .settings import Output, PriorKnowledge
 
-_SAME = 0.1
-"""Standard deviation of the log of thicknesses that one bar drew."""
-
 
 def recover_together(
     films: "Films",
@@ -62,7 +59,8 @@ def recover_together(
     unit = gauge.typical if gauge is not None and not known else metres
     given = given | {"unit": unit}
     if knowledge.wet_film == "same":
-        given["expectations"] = Expectations(thickness=_SAME)
+        # Films that one bar drew are as thick to a tenth.
+        given["expectations"] = Expectations(thickness=0.1)
     if known or gauge is not None:
         given |= {"pigments": known, "gauge": gauge}
     if knowledge.excluded is not None:
@@ -83,7 +81,7 @@ def recover_together(
     if file is not None:
         _write_entries(recovery, file, results)
     if not listed or knowledge.any:
-        _print_next_films(recovery, gauge, knowledge.catalogue, console)
+        _print_next_films(recovery, knowledge.catalogue, console)
 
 
 def _measured_gloss(
@@ -290,9 +288,7 @@ def _write_entries(recovery: "JointRecovery", file: "PaintFile", results: "Outpu
     )
 
 
-def _print_next_films(
-    recovery: "JointRecovery", gauge: "Gauge | None", catalogue: str, console: "Console"
-) -> None:
+def _print_next_films(recovery: "JointRecovery", catalogue: str, console: "Console") -> None:
     """Say of the first few new paints what would teach most."""
     from glazejax.catalogue import load
 
@@ -303,7 +299,7 @@ def _print_next_films(
     # What tints would be made with, where no white is named.
     stand_in = next(shelf[name] for name in ("ZincWhite", "TitaniumWhite") if name in shelf)
     for paint in new[:3]:
-        found = rank_next_films(recovery, paint, gauge=gauge, white=stand_in)
+        found = rank_next_films(recovery, paint, white=stand_in)
         best, *rest = found.films
         others = "; ".join(f"{further.film}: {further.expected:.1f}" for further in rest[:2])
         console.print(

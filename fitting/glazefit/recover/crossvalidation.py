@@ -27,9 +27,6 @@ from .joint_problem import Expectations
 from .joint_result import JointRecovery
 from .prediction import Prediction, predict_films
 
-# A fit that starts where that of all films ended is close.
-REFIT_STEPS = 15
-
 
 @dataclass(frozen=True)
 class LeftOut:
@@ -114,7 +111,8 @@ def without(
     use = np.ones(len(films))
     use[row] = 0.0
     start = whole.unknowns._replace(films=whole.unknowns.films * use[:, None])
-    return recover_jointly(films, recipes, use=use, start=start, max_steps=REFIT_STEPS, **given)
+    # A fit that starts where that of all films ended is close.
+    return recover_jointly(films, recipes, use=use, start=start, max_steps=15, **given)
 
 
 def cross_validate(

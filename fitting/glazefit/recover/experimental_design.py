@@ -18,22 +18,24 @@ from glazejax import Pigment
 
 from ..film.films import cards
 from ..film.model.response import Response, film_response, hiding_factor
-from .constraints import Gauge, error_modes
-from .joint_problem import model_deviation
+from .constraints import error_modes
+from .joint_problem import Unknowns, model_deviation
 from .joint_result import JointRecovery
 from .next_reading import Candidate, NextFilms, rank_candidates, reading_bands
 
+Values = Float[Array | np.ndarray, "..."]
+
 
 class _Open(NamedTuple):
-    """What is open of films that are planned: of the paint and of the white that it is mixed with,
-    if there is one, and of each film.
+    """What is open of films that are planned, with draws first where there are some: of the paint
+    and of the white that it is mixed with, if there is one, and of each film.
     """
 
-    coefficients: Float[Array, "*draws bands 2 paints"]  # log k and log s for unit thickness
-    paint_gloss: Float[Array, "*draws paints"]  # log
-    thickness: Float[Array, "*draws films"]  # log
-    gloss: Float[Array, "*draws films"]  # log, beside that of the paints
-    weight: Float[Array, "*draws films"]  # log of the error of the paint's weight
+    coefficients: Values  # log k and log s for unit thickness, (bands, 2, paints)
+    paint_gloss: Values  # log, (paints,)
+    thickness: Values  # log, (films,)
+    gloss: Values  # log, beside that of the paints, (films,)
+    weight: Values  # log of the error of the paint's weight, (films,)
 
 
 class _Plan(NamedTuple):
@@ -48,7 +50,6 @@ def rank_next_films(
     recovery: JointRecovery,
     paint: str,
     *,
-    gauge: Gauge | None = None,
     white: Pigment | None = None,
     response: Response | None = None,
 ) -> NextFilms:
@@ -57,7 +58,6 @@ def rank_next_films(
     Args:
         recovery: joint fit.
         paint: one of its paints.
-        gauge: thicknesses as the fit was given.
         white: what tints would be made with, if the fit holds no white.
         response: model of one film, by default that of the fit's instrument.
 
@@ -79,15 +79,17 @@ def rank_next_films(
     bands = _planning_bands(recovery)
     grid = recovery.wavelengths[bands]
     rows = [row] if pale is None or stand_in is not None else [row, recovery.row(pale)]
-    centre, draws = _open(recovery, rows, bands, plan, gauge)
+    centre, draws = _open(recovery, rows, bands, plan)
     if stand_in is not None:
         centre, draws = _with_white(recovery, stand_in.resample(grid), centre, draws)
-    black, white_card, *sd = (card[0, bands] for card in _cards(recovery))
+    black, pale_card, *sd = (
+        card[0, bands] for card in cards(recovery.films, recovery.instrument, recovery.noise)
+    )
     middle, moves = _readings(
         centre,
         jax.tree.map(np.subtract, draws, centre),
         plan.shares,
-        np.stack([black, white_card]),
+        np.stack([black, pale_card]),
         recovery.instrument.seen_surface,
         response,
     )
@@ -118,13 +120,8 @@ def rank_next_films(
             )
         )
 
-    flat = draws.coefficients.reshape(len(draws.coefficients), -1)
+    flat = np.reshape(draws.coefficients, (len(moves), -1))
     return rank_candidates(paint, candidates, flat, looks, grid)
-
-
-def _cards(recovery: JointRecovery) -> tuple[np.ndarray, ...]:
-    """Internal reflectance of the films' cards, black and white, and their standard deviations."""
-    return cards(recovery.films, recovery.instrument, recovery.noise)
 
 
 def _tint(parts: float) -> Float[np.ndarray, "2"]:
@@ -177,7 +174,6 @@ def _open(
     rows: list[int],
     bands: np.ndarray,
     plan: _Plan,
-    gauge: Gauge | None,
 ) -> tuple[_Open, _Open]:
     """What is open, of paints of the fit: where it is expected, and draws of it."""
     expected = recovery.expectations
@@ -190,25 +186,25 @@ def _open(
     # Stronger paints go with thinner films: their product is known better than either.
     depth = drawn.films[:, through, 0] - best.films[through, 0]
     depth = depth.mean(axis=1, keepdims=True) if through.any() else np.zeros((count, 1))
-    each = expected.thickness if gauge is None else gauge.error
+    each = np.mean(np.asarray(recovery.problem.film_scale)[:, 0])
     # Of a tint the paint is the smaller part, and what weighing leaves open is its own.
     part = plan.shares[:, 0]
     weight = np.hypot(expected.weight_share, expected.weight_floor / part) * (part < 1)
 
-    def coefficients(logs: np.ndarray) -> np.ndarray:
-        logs = logs[..., bands, :]
+    def coefficients(unknowns: Unknowns) -> np.ndarray:
+        logs = np.asarray(unknowns.bands)[..., bands, :]
         return logs.reshape(*logs.shape[:-1], 2, -1)[..., rows]
 
     nothing = np.zeros(films)
     centre = _Open(
-        coefficients=coefficients(best.bands),
+        coefficients=coefficients(best),
         paint_gloss=best.paints[rows],
         thickness=plan.thickness,
         gloss=nothing,
         weight=nothing,
     )
     return centre, _Open(
-        coefficients=coefficients(drawn.bands),
+        coefficients=coefficients(drawn),
         paint_gloss=drawn.paints[:, rows],
         thickness=plan.thickness + depth + each * own[0],
         gloss=expected.gloss * own[1],
@@ -222,17 +218,18 @@ def _with_white(
     """What is open, with a white that is in no film of the fit as a further paint."""
     rng = np.random.default_rng(1)
     count = len(draws.gloss)
-    unit = recovery.unit
-    values = np.stack([white.absorption, white.scattering], axis=-1) * unit
-    logs = np.log(np.maximum(values, 1e-7))
+    values = np.stack([white.absorption, white.scattering], axis=-1) * recovery.unit
+    logs = np.log(np.maximum(values, 1e-7))[..., None]
     modes = error_modes(white)
-    off = np.einsum("dm,mcb->dbc", rng.standard_normal((count, len(modes))), modes)
+    off = np.einsum("dm,mcb->dbc", rng.standard_normal((count, len(modes))), modes)[..., None]
+    # Its unit may be another than the films'.
+    off = off + recovery.expectations.scale * rng.standard_normal((count, 1, 1, 1))
     gloss = recovery.expectations.paint_gloss * rng.standard_normal((count, 1))
 
-    def join(open_: _Open, logs: Float[np.ndarray, "*draws bands 2"], gloss: np.ndarray) -> _Open:
-        return open_._replace(
-            coefficients=np.concatenate([open_.coefficients, logs[..., None]], axis=-1),
-            paint_gloss=np.concatenate([open_.paint_gloss, gloss], axis=-1),
+    def join(those: _Open, logs: np.ndarray, gloss: np.ndarray) -> _Open:
+        return those._replace(
+            coefficients=np.concatenate([those.coefficients, logs], axis=-1),
+            paint_gloss=np.concatenate([those.paint_gloss, gloss], axis=-1),
         )
 
     return join(centre, logs, np.zeros(1)), join(draws, logs + off, gloss)

@@ -38,21 +38,7 @@ from .result import Recovery, told_apart
 CHUNK = 8
 """Films a chunk."""
 
-_STEPS = 20
-# Pull to the start, in standard deviations per unit of log k d or log s d, without and with a given
-# s d.
-_PULL = 0.05
-_GIVEN_PULL = 0.2
-# Prior on log(s d) from the neighbours, a factor of e: holds where the data are silent, yields
-# where they speak.
-PRIOR_SD = 1.0
-# In units of a standard deviation for residuals, and of log k d and log s d.
 _BOUNDS = np.log(np.array([LOWEST, HIGHEST]))
-# Logs of k d and of s d that starts are looked for at.
-_GRID = (
-    np.linspace(np.log(1e-5), np.log(0.8 * HIGHEST[0]), 80),
-    np.linspace(np.log(1e-4), np.log(0.8 * HIGHEST[1]), 44),
-)
 
 
 class BandReadings(NamedTuple):
@@ -114,7 +100,11 @@ def starts(data: BandReadings, response: FilmResponse, prior: ScatteringPrior) -
     Between neighbouring values of k d residuals are interpolated, since the valley of equal k/s is
     narrow.
     """
-    log_absorption, log_scattering = (jnp.asarray(line, data.reading.dtype) for line in _GRID)
+    # So dense in k d and in s d that no minimum is missed.
+    log_absorption, log_scattering = (
+        jnp.asarray(np.linspace(np.log(low), np.log(0.8 * high), points), data.reading.dtype)
+        for low, high, points in zip((1e-5, 1e-4), HIGHEST, (80, 44), strict=True)
+    )
     black, gain, back = response.numbers(
         *jnp.meshgrid(jnp.exp(log_absorption), jnp.exp(log_scattering), indexing="ij")
     )
@@ -169,9 +159,8 @@ def _polish(
         free: Array, start: Array, data: BandReadings, weights: Array, prior: ScatteringPrior
     ) -> Float[Array, "rows"]:
         given = prior.weight > 0
-        pull = jnp.stack(
-            [jnp.where(given, _GIVEN_PULL, _PULL), jnp.where(given, prior.weight, _PULL)]
-        )
+        # In standard deviations per unit of log k d or log s d.
+        pull = jnp.stack([jnp.where(given, 0.2, 0.05), jnp.where(given, prior.weight, 0.05)])
         centre = jnp.stack([start[0], jnp.where(given, prior.mean, start[1])])
         logs = _bound(free)
         k, s = jnp.exp(logs)
@@ -180,7 +169,7 @@ def _polish(
 
     given = (start, data, weights, prior)
     free, settled = levenberg_marquardt(
-        residuals, _free(start), *given, rtol=1e-4, atol=1e-3, max_steps=_STEPS
+        residuals, _free(start), *given, rtol=1e-4, atol=1e-3, max_steps=20
     )
     return _bound(free), settled
 
@@ -395,4 +384,5 @@ def neighbours_scattering(
             mean[row] = np.maximum(line, least[row])
         else:
             mean[row] = least[row].max()
-    return mean, np.where(known, 0.0, 1.0 / PRIOR_SD)
+    # A factor of e: it holds where the data are silent, and yields where they speak.
+    return mean, np.where(known, 0.0, 1.0)

@@ -161,7 +161,7 @@ def recover_jointly(
         known_paints={paint: pigments[paint] for paint in paints if paint in pigments},
         known_modes=constraints.modes_of,
         whole_covariance=found.whole,
-        ground_modes=constraints.ground_modes,
+        problem=problem,
         gauged=gauge is not None,
         measured_gloss=measured_gloss,
     )

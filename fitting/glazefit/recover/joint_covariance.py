@@ -16,11 +16,6 @@ from jaxtyping import Float
 from .joint_problem import Unknowns
 from .joint_solver import Factors, covariance_times, draws
 
-# More vectors than are wanted, and how often the covariance is applied: the last modes are then
-# good to some per cent.
-_SPARE = 16
-_ROUNDS = 8
-
 Columns = Float[np.ndarray, "bands local columns"]
 
 
@@ -91,13 +86,15 @@ def largest_modes(
         count: of the modes; there are no more than numbers in a vector.
     """
     numbers = int(np.prod(shape))
-    columns = min(count + _SPARE, numbers)
+    # With so many vectors more than are wanted, and the covariance applied so often, the last modes
+    # are good to some per cent.
+    columns = min(count + 16, numbers)
 
     def flat(basis: np.ndarray) -> np.ndarray:
         return times(basis.reshape(*shape, -1)).reshape(numbers, -1)
 
     basis = np.random.default_rng(0).standard_normal((numbers, columns))
-    for _ in range(_ROUNDS):
+    for _ in range(8):
         basis, _ = np.linalg.qr(flat(basis))
     values, vectors = np.linalg.eigh(basis.T @ flat(basis))
     last = slice(-min(count, columns), None)

@@ -29,9 +29,6 @@ from ..film.films import Noise
 from ..film.model.response import Response, hiding_factor
 from ..film.numerics.least_squares import root_of_log1p
 
-# A film that reflects less than this beside its surface is nearly black.
-_BLACK = 0.03
-
 
 class Expectations(NamedTuple):
     """What is expected beforehand, as standard deviations.
@@ -169,7 +166,8 @@ def optical_thickness(
     kd = coefficients[:, :paints] @ amounts.T
     sd = coefficients[:, paints:] @ amounts.T
     # As thick as the response goes, so that only k/s counts.
-    thick = jnp.where(problem.opaque > 0, hiding_factor(kd, sd), 1.0)
+    hiding: Array = hiding_factor(kd, sd)
+    thick = jnp.where(problem.opaque > 0, hiding, 1.0)
     return kd * thick, sd * thick
 
 
@@ -186,6 +184,14 @@ def readings(
     )
     seen = problem.surface * gloss[:, None] + response.body(kd[..., None], sd[..., None], ground)
     return seen * jnp.exp(jnp.einsum("o,ofc->fc", unknowns.others, problem.gain_modes))
+
+
+@jax.jit
+def readings_of_draws(
+    draws: Unknowns, problem: JointProblem, response: Response
+) -> Float[Array, "draws bands films 2"]:
+    """What the instrument reads, from draws of `totals`."""
+    return jax.vmap(lambda whole: readings(deviations(whole, problem), problem, response))(draws)
 
 
 def residuals(unknowns: Unknowns, args: tuple[JointProblem, Response]) -> JointResiduals:
@@ -242,7 +248,7 @@ def nearly_black(
     """
     body = np.nanmax(readings, axis=1, initial=0.0) - surface
     purest = shares.argmax(axis=0)
-    return (body[purest].T < _BLACK) & (shares.max(axis=0) > 0.5)
+    return (body[purest].T < 0.03) & (shares.max(axis=0) > 0.5)
 
 
 def minor_parts(

@@ -13,7 +13,7 @@ from ..film.films import Films, Instrument, Noise
 from ..film.model.mixing import MixingLaw
 from .constraints import MOST_ERROR, Modes
 from .joint_covariance import JointCovariance
-from .joint_problem import Expectations, Unknowns
+from .joint_problem import Expectations, JointProblem, Unknowns
 from .result import RELATIVE_LIMIT, FittedFilms, delta_e_over_cards
 
 RULE = (
@@ -49,8 +49,7 @@ class JointRecovery(FittedFilms):
         known_paints: those that were known before, by name, in the order of `paints`.
         known_modes: known paint -> its error modes' places among the unknowns' `others`.
         whole_covariance: covariance of log k of all paints, then log s, at all bands together.
-        ground_modes: what the unknowns' `others` add to log(rho / (1 - rho)) of each film's cards,
-            (others, films, 2).
+        problem: data and expectations as arrays, with readings that there are not left out.
         gauged: whether thicknesses were measured.
         measured_gloss: gloss of each film as measured, NaN where it was not, (films,).
     """
@@ -77,7 +76,7 @@ class JointRecovery(FittedFilms):
     known_paints: Mapping[str, Pigment]
     known_modes: Mapping[str, Modes]
     whole_covariance: JointCovariance
-    ground_modes: Float[np.ndarray, "others films 2"]
+    problem: JointProblem
     gauged: bool
     measured_gloss: Float[np.ndarray, "films"]
 
@@ -95,6 +94,11 @@ class JointRecovery(FittedFilms):
     def known(self) -> tuple[str, ...]:
         """Names of the paints that were known before."""
         return tuple(self.known_paints)
+
+    @property
+    def ground_modes(self) -> Float[np.ndarray, "others films 2"]:
+        """What the unknowns' `others` add to log(rho / (1 - rho)) of each film's cards."""
+        return np.asarray(self.problem.ground_modes)
 
     @property
     def wavelengths(self) -> Float[np.ndarray, "bands"]:

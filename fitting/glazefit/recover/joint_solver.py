@@ -24,9 +24,6 @@ from ..film.model.response import Response
 from ..film.numerics.least_squares import Surroundings, descend
 from .joint_problem import JointProblem, JointResiduals, Unknowns, residuals
 
-# In units of a logarithm, and relative: a thousandth of a coefficient.
-_SETTLED = 1e-3
-
 
 class Normal(NamedTuple):
     """Normal matrix of a joint problem: block tridiagonal in pairs of bands, with a border."""
@@ -83,7 +80,8 @@ def solve_jointly(
         start,
         first_step=first_step,
         max_steps=max_steps,
-        tolerance=_SETTLED,
+        # A thousandth of a coefficient.
+        tolerance=1e-3,
     )
     return Fit(found.point, factorise(found.seen.normal), found.steps, found.settled)
 

@@ -24,12 +24,6 @@ from .joint_result import JointRecovery
 from .mixture import drawn_mixture
 from .reading_errors import film_readings
 
-_BANDS = 8
-# Draws whose colours are compared: the regression needs all, a mean of colours few.
-_COLOURS = 128
-_TIMES = (0.5, 2.0)
-_HIDES = 200.0
-
 
 @dataclass(frozen=True)
 class Candidate:
@@ -89,7 +83,8 @@ def rank_candidates(
     middle = looks(centre[None])[0]
 
     def expected(left: np.ndarray) -> float:
-        seen = looks(left[:_COLOURS])
+        # The regression needs all draws, a mean of colours few.
+        seen = looks(left[:128])
         return float(np.mean(delta_e_of_spectra(wavelengths, seen, middle, observer=10)))
 
     def after(candidate: Candidate) -> float:
@@ -132,7 +127,7 @@ def rank_next_readings(
     draws = off.reshape(len(off), -1)
     # Another film of it is as thick as was meant to within this.
     other = calibrated.expectations.thickness * np.random.default_rng(2).standard_normal(len(off))
-    bands = reading_bands(grid.size, _BANDS)
+    bands = reading_bands(grid.size, 8)
 
     def bodies(metres: float, off: np.ndarray) -> np.ndarray:
         return film_readings(response, k * metres, s * metres, off, grounds).reshape(
@@ -164,6 +159,6 @@ def _planned(calibrated: JointRecovery) -> Iterator[tuple[str, float, list[int],
         for number, card in enumerate(("black", "white")):
             if not films.seen[0, number]:
                 yield f"the same film over {card}", 1.0, [number], False
-        yield "a film that hides what is below it", _HIDES, [0], True
-    for times, words in zip(_TIMES, ("half", "twice"), strict=True):
+        yield "a film that hides what is below it", 200.0, [0], True
+    for times, words in ((0.5, "half"), (2.0, "twice")):
         yield f"a film {words} as thick over black and white", times, [0, 1], True

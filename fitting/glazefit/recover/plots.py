@@ -18,9 +18,6 @@ from .result import Recovery
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_SHOWN = 6
-_COLUMNS = 6
-
 
 def plot_paint(recovery: Recovery, row: int, thickness: float, path: Path) -> None:
     """Draw one paint of a recovery to a file.
@@ -73,7 +70,7 @@ def plot_joint_paint(recovery: JointRecovery, row: int, thickness: float, path: 
     films = recovery.films
     paint = recovery.paints[row]
     holding = np.flatnonzero(recovery.shares[:, row] > 0)
-    shown = holding[np.argsort(-recovery.shares[holding, row])][:_SHOWN]
+    shown = holding[np.argsort(-recovery.shares[holding, row])][:6]
     colours = matplotlib.colormaps["viridis"](np.linspace(0.0, 0.88, max(len(shown), 1)))
     with picture(path, 11, 4.4) as figure:
         spectra, coefficients = figure.subplots(1, 2)
@@ -136,7 +133,7 @@ def plot_left_out(recovery: JointRecovery, out: LeftOut, path: Path) -> None:
         out: films left out of it.
         path: of the picture; its ending chooses the format.
     """
-    columns = min(_COLUMNS, len(out.names))
+    columns = min(6, len(out.names))
     rows = -(-len(out.names) // columns)
     with picture(path, 2.5 * columns + 0.4, 2.0 * rows + 0.9) as figure:
         axes = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)

@@ -25,16 +25,6 @@ if TYPE_CHECKING:
     from .prediction import Prediction
 
 _GEOMETRY = "d:8"
-_USUAL = "25um"
-_FAR = 2.0
-"""Delta E00 of a reading from its fit beyond which the mixture may be another one."""
-_SEEN = 0.2
-"""Delta E00 that a further reading must bring to be named: repeats of one reading differ by .1 on
-average (Kimera's), and that is not seen."""
-_COARSE = 20.0
-"""Bands farther apart than this, nm, give no colour by themselves,"""
-_COLOUR = (420.0, 680.0)
-"""nor do bands that leave out part of this, nm."""
 _PART = re.compile(r"(?:(?P<weight>\d+\.?\d*|\.\d+)(?:\s*[%*]\s*|\s+))?(?P<name>\S.*)")
 
 
@@ -161,7 +151,7 @@ def predict(
         ground = (black[0], white[0])
         own = float(f"{found.thickness[0] * UNIT:.2g}")
         wanted = wanted or ([own] if film.opaque[0] else [0.5 * own, own, 2.0 * own])
-    wanted = wanted or [options.read_length(_USUAL)]
+    wanted = wanted or [options.read_length("25um")]
     with progress.doing("compiling, then predicting"):
         made = predict_mixture(
             shelf,
@@ -264,8 +254,10 @@ def complete_grid(
     import numpy as np
 
     own = film.wavelengths
-    near = own.size > 1 and np.diff(own).max() <= _COARSE
-    if near and own[0] <= _COLOUR[0] and own[-1] >= _COLOUR[1]:
+    # Bands farther apart give no colour by themselves, nor do those that leave out part of 420 to
+    # 680 nm.
+    near = own.size > 1 and np.diff(own).max() <= 20.0
+    if near and own[0] <= 420.0 and own[-1] >= 680.0:
         return None
     low = max(paint.wavelengths[0] for paint in paints)
     high = min(paint.wavelengths[-1] for paint in paints)
@@ -305,7 +297,8 @@ def _say_reading(
         console.print(
             "[yellow]The fit of the reading did not settle; take what follows as rough.[/yellow]"
         )
-    if fit.max() > _FAR:
+    # Farther off, the mixture may be another one.
+    if fit.max() > 2.0:
         console.print(
             f"[yellow]The reading is met no nearer than ΔE00 {fit.max():.1f}: is the mixture "
             "what was said?[/yellow]"
@@ -314,7 +307,8 @@ def _say_reading(
 
 def _say_next(further: "NextFilms", console: "Console") -> None:
     best = further.films[0]
-    if further.now - best.expected < _SEEN:
+    # Repeats of one reading differ by .1 on average (Kimera's), and that is not seen.
+    if further.now - best.expected < 0.2:
         console.print("No further reading of it would tell much more.")
         return
     console.print(

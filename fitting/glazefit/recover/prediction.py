@@ -25,9 +25,6 @@ from .joint_problem import Unknowns, model_deviation
 from .joint_result import JointRecovery
 from .result import delta_e_over_cards
 
-_SPAN = 4.0
-_POINTS = 161
-_REFINEMENTS = 4
 PARTS = ("scale", "paint", "film")
 
 
@@ -331,8 +328,8 @@ def least_by_scanning(
     """Where the cost of each logarithm by itself is least, within a factor of e^4 of a start, by
     scanning so many points, and again around the best.
     """
-    best, half = start, _SPAN
-    for _ in range(_REFINEMENTS):
+    best, half = start, 4.0
+    for _ in range(4):
         tried = best + half * jnp.linspace(-1.0, 1.0, points).reshape(-1, *[1] * start.ndim)
         least = jnp.argmin(jax.vmap(cost)(tried), axis=0)
         best = jnp.take_along_axis(tried, least[None], axis=0)[0]
@@ -365,7 +362,7 @@ def _fit_thickness(
                 + (log_thickness / expected) ** 2
             )
 
-        best = least_by_scanning(cost, jnp.asarray(0.0), _POINTS)
+        best = least_by_scanning(cost, jnp.asarray(0.0), 161)
         return best, spectra(best)
 
     return jax.lax.map(one, (absorption, scattering, body))

@@ -8,19 +8,13 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
-from ..film.films import cards
 from ..film.model.errors import ModelError, draw_model_errors
 from ..film.model.response import Response, hiding_factor
-from .joint_problem import Expectations, Unknowns
+from .joint_problem import Expectations, Unknowns, readings_of_draws
 from .joint_result import JointRecovery
 
 SMOOTH = ModelError(amplitude=1.0, length=60.0, scales=(1.0,), weights=(1.0,))
 """Errors of the model, of size one: alike at neighbouring bands."""
-# A film as thick as the one that was read is that film. Of thickness so far off, as a standard
-# deviation of its log, less and less of the reading's errors goes with it.
-_SAME = 0.1
-# So many times as thick hides everything.
-_HIDES = 1e6
 
 
 @dataclass(frozen=True)
@@ -100,7 +94,9 @@ class ReadingErrors:
             return np.zeros_like(expected), surface + new
         apart = np.abs(np.log(found.thickness[through] / thickness))
         film = through[apart.argmin()]
-        same = self.alike * np.exp(-0.5 * (apart.min() / _SAME) ** 2)
+        # A film as thick as the one that was read is that film. With thickness a tenth off, as a
+        # standard deviation, less and less of the reading's errors goes.
+        same = self.alike * np.exp(-0.5 * (apart.min() / 0.1) ** 2)
         # Simple kriging (Journel, Huijbregts, Mining Geostatistics, 1978), band by band, from what
         # was read over one card or two.
         reach = self.reach[film].T  # (bands, 2)
@@ -129,31 +125,12 @@ def _error_size(
 
 
 def _readings_of(
-    calibrated: JointRecovery, response: Response, unknowns: Unknowns
+    calibrated: JointRecovery, response: Response, draws: Unknowns
 ) -> Float[np.ndarray, "draws films 2 bands"]:
     """What the films that were read should have read, by draws of the unknowns, without a gain."""
-    films = calibrated.films
-    black, white, _, _ = cards(films, calibrated.instrument, calibrated.noise)
-    odds = np.exp(np.einsum("do,ofc->dfc", unknowns.others, calibrated.ground_modes))
-    off = unknowns.bands - calibrated.unknowns.bands  # (draws, bands, 2)
-    out = []
-    for film in range(len(films)):
-        depth = unknowns.films[:, film, 0] - calibrated.unknowns.films[film, 0]
-        grounds = []
-        for card, rho in enumerate((black[film], white[film])):
-            moved = rho * odds[:, film, card, None]
-            grounds.append(moved / (1.0 - rho + moved))
-        times = _HIDES if films.opaque[film] else 1.0
-        body = film_readings(
-            response,
-            calibrated.film_absorption[film] * times,
-            calibrated.film_scattering[film] * times,
-            np.swapaxes(off, 1, 2) + depth[:, None, None],
-            tuple(grounds),
-        )
-        gloss = np.exp(unknowns.paints[:, 0] + unknowns.films[:, film, 1])
-        out.append(body + calibrated.instrument.seen_surface * gloss[:, None, None])
-    return np.stack(out, axis=1)
+    problem = calibrated.problem
+    ungained = problem._replace(gain_modes=np.zeros_like(problem.gain_modes))
+    return np.moveaxis(np.asarray(readings_of_draws(draws, ungained, response)), 1, -1)
 
 
 def film_readings(

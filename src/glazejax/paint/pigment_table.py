@@ -226,7 +226,7 @@ def pigment_rows(
             modes[:, : len(pigment.error_modes)] = np.swapaxes(pigment.error_modes, 0, 1)
         numbers = np.stack([pigment.wavelengths, k, s, *sds], axis=1)
         for band, own in enumerate(modes.reshape(2 * most, k.size).T.tolist()):
-            known_there = "true" if known is None or known[band] else "false"
+            known_there = known is None or bool(known[band])
             cells = [cell(value) for value in numbers[band]]
             rows.append([pigment.name, *cells, known_there, *map(mode_cell, own)])
     return titles, rows
