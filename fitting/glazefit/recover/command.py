@@ -183,10 +183,20 @@ def recover(
 
     Try it without data: glazejax recover --simulate --out demo
     """
+    # Options that are for measured films.
+    measured = {
+        "--joint": joint,
+        "--masstones": masstones,
+        "--names": names,
+        "--into": into,
+        "--white": white,
+        "--wet-film": wet_film,
+        "--excluded": excluded,
+    }
     _check(file, simulate)
     shelf = _catalogue(catalogue, bool(white) or simulate)
     knowledge = PriorKnowledge(into, white, wet_film, excluded, shelf)
-    _check_joint(joint, check, simulate, masstones, knowledge)
+    _check_joint(check, simulate, measured)
     if plots:
         require("matplotlib")
     folder = None if out is None and into is not None else options.check_folder(out, overwrite)
@@ -222,16 +232,7 @@ def recover(
         given["noise"] = said or _noise(films, console)
         from .command_coats import are_coats, recover_from_coats
 
-        refused = {
-            "--joint": joint,
-            "--masstones": masstones,
-            "--names": names,
-            "--into": into,
-            "--white": white,
-            "--wet-film": wet_film,
-            "--excluded": excluded,
-        }
-        if are_coats(films, refused):
+        if are_coats(films, measured):
             recover_from_coats(films, given, results)
             return
         recipes, beside = _recipes(file, names)
@@ -298,22 +299,15 @@ def _catalogue(name: str | None, used: bool) -> str:
     return name
 
 
-def _check_joint(
-    joint: bool, check: bool, simulate: bool, masstones: bool, knowledge: PriorKnowledge
-) -> None:
-    for option, given in (("--simulate", simulate), ("--masstones", masstones)):
+def _check_joint(check: bool, simulate: bool, measured: dict[str, Any]) -> None:
+    joint = measured["--joint"]
+    for option, given in (("--simulate", simulate), ("--masstones", measured["--masstones"])):
         if joint and given:
             raise ValueError(
                 f"--joint fits measured mixtures; leave out {option}, or leave out --joint"
             )
-    asked = {
-        "--into": knowledge.into,
-        "--white": knowledge.white,
-        "--wet-film": knowledge.wet_film,
-        "--excluded": knowledge.excluded,
-    }
-    for option, given in asked.items():
-        if simulate and given:
+    for option in ("--into", "--white", "--wet-film", "--excluded"):
+        if simulate and measured[option]:
             raise ValueError(
                 f"{option} is for measured films; leave it out, or leave out --simulate"
             )

@@ -134,7 +134,7 @@ class JointResiduals(NamedTuple):
     steps: Float[Array, "steps local"]
     pull: Float[Array, "bands local"]
     films: Float[Array, "films 2+parts"]
-    paints: Float[Array, "paints 2"]
+    paints: Float[Array, "paints"]
     others: Float[Array, "others"]
 
 

@@ -95,83 +95,63 @@ def normal_matrix(
     films, each = zero.films.shape
     paints = zero.paints.size
 
-    def columns(name: str, steps: Float[Array, "columns ..."]) -> JointResiduals:
-        return jax.vmap(lambda step: along(zero._replace(**{name: step})))(steps)
-
     every_band = jnp.broadcast_to(jnp.eye(local)[:, None], (local, bands, local))
     every_film = jnp.broadcast_to(jnp.eye(each)[:, None], (each, films, each))
-    by_band = columns("bands", every_band)
-    by_film = columns("films", every_film)
-    by_paint = columns("paints", jnp.eye(paints))
-    by_paint_data = by_paint.data
-    alone = _squares(by_paint.paints)
-    if zero.others.size:
-        # Dense as the paints' are, so they go with them.
-        by_other = columns("others", jnp.eye(zero.others.size))
-        by_paint_data = jnp.concatenate([by_paint_data, by_other.data])
-        alone = jnp.concatenate([alone, _squares(by_other.others)])
-    paints = len(alone)
+    by_band = jax.vmap(lambda step: along(zero._replace(bands=step)))(every_band)
+    by_film = jax.vmap(lambda step: along(zero._replace(films=step)))(every_film)
+    # Paints' gloss and the others move all readings.
+    by_rest = jax.vmap(
+        lambda step: along(zero._replace(paints=step[:paints], others=step[paints:]))
+    )(jnp.eye(paints + zero.others.size))
     # Rows of readings: (local, bands, films, 2) and so on.
     inner = jnp.einsum("ibfc,jbfc->bij", by_band.data, by_band.data)
-    inner = inner + jax.vmap(jnp.diag)(jnp.einsum("ibi->bi", by_band.pull) ** 2)
-
-    to_films = jnp.einsum("ibfc,ebfc->bife", by_band.data, by_film.data).reshape(
-        bands, local, films * each
-    )
-    to_paints = jnp.einsum("ibfc,pbfc->bip", by_band.data, by_paint_data)
+    inner = inner + jnp.einsum("ibl,jbl->bij", by_band.pull, by_band.pull)
+    to_films = jnp.einsum("ibfc,ebfc->bife", by_band.data, by_film.data)
+    to_rest = jnp.einsum("ibfc,pbfc->bip", by_band.data, by_rest.data)
     own = jnp.einsum("dbfc,ebfc->fde", by_film.data, by_film.data)
-    own = own + jax.vmap(jnp.diag)(jnp.einsum("efe->fe", by_film.films) ** 2)
-    between = jnp.einsum("ebfc,pbfc->fep", by_film.data, by_paint_data).reshape(
-        films * each, paints
-    )
-    gloss = jnp.einsum("pbfc,qbfc->pq", by_paint_data, by_paint_data) + jnp.diag(alone)
-    corner = jnp.block([[jax.scipy.linalg.block_diag(*own), between], [between.T, gloss]])
-    curvature = problem.curvature.T @ problem.curvature
-    border = jnp.concatenate([to_films, to_paints], axis=-1)
-    return _pair_bands(inner, border, corner, curvature, problem.stiffness, problem.steepness)
+    own = own + jnp.einsum("dfl,efl->fde", by_film.films, by_film.films)
+    between = jnp.einsum("ebfc,pbfc->fep", by_film.data, by_rest.data).reshape(films * each, -1)
+    rest = jnp.einsum("pbfc,qbfc->pq", by_rest.data, by_rest.data)
+    rest = rest + by_rest.paints @ by_rest.paints.T
+    rest = rest + by_rest.others @ by_rest.others.T
+    corner = jnp.block([[jax.scipy.linalg.block_diag(*own), between], [between.T, rest]])
+    border = jnp.concatenate([to_films.reshape(bands, local, films * each), to_rest], axis=-1)
+    return _pair_bands(inner, border, corner, _ties(problem))
 
 
-def _squares(columns: Float[Array, "n *each"]) -> Float[Array, "n"]:
-    """Squares of the diagonal of as many columns as unknowns."""
-    return jnp.diagonal(columns.reshape(len(columns), -1)) ** 2
+def _ties(problem: JointProblem) -> Float[Array, "bands bands local"]:
+    """How the bands' unknowns are tied to their like at other bands, by curvature and by steps."""
+    square = problem.steepness**2
+    here = jnp.arange(len(square))
+    after = here + 1
+    ties = (problem.curvature.T @ problem.curvature)[:, :, None] * problem.stiffness**2
+    ties = ties.at[here, here].add(square).at[after, after].add(square)
+    return ties.at[here, after].add(-square).at[after, here].add(-square)
 
 
 def _pair_bands(
     inner: Float[Array, "bands m m"],
     border: Float[Array, "bands m shared"],
     corner: Float[Array, "shared shared"],
-    curvature: Float[Array, "bands bands"],
-    stiffness: Float[Array, "m"],
-    steepness: Float[Array, "steps m"],
+    ties: Float[Array, "bands bands m"],
 ) -> Normal:
-    """Blocks of two bands, with the coupling by curvature and by steps; an odd band gets an empty
-    partner.
-    """
+    """Blocks of two bands; an odd band gets an empty partner."""
     bands, m = inner.shape[:2]
     pairs = -(-bands // 2)
     spare = 2 * pairs - bands
     inner = jnp.concatenate([inner, jnp.broadcast_to(jnp.eye(m), (spare, m, m))])
     border = jnp.pad(border, ((0, spare), (0, 0), (0, 0)))
-    ties = jnp.pad(curvature, ((0, spare), (0, spare))).reshape(pairs, 2, pairs, 2)
-    stiff = jnp.diag(stiffness**2)
+    ties = jnp.pad(ties, ((0, spare), (0, spare), (0, 0))).reshape(pairs, 2, pairs, 2, m)
     here = jnp.arange(pairs)
-    before = jnp.maximum(here - 1, 0)
-    diagonal = jnp.einsum("pab,ij->paibj", ties[here, :, here, :], stiff)
-    diagonal = diagonal.at[:, 0, :, 0, :].add(inner[0::2]).at[:, 1, :, 1, :].add(inner[1::2])
-    lower = jnp.einsum("pab,ij->paibj", ties[here, :, before, :], stiff)
-    # Steps within a pair, and from each pair's second band to the next pair's first.
-    own = jax.vmap(jnp.diag)(jnp.pad(steepness**2, ((0, 2 * pairs - len(steepness)), (0, 0))))
-    within = own[0::2]
-    across = own[1::2]
-    diagonal = diagonal.at[:, 0, :, 0, :].add(within).at[:, 1, :, 1, :].add(within + across)
-    diagonal = diagonal.at[:, 0, :, 1, :].add(-within).at[:, 1, :, 0, :].add(-within)
-    diagonal = diagonal.at[1:, 0, :, 0, :].add(across[:-1])
-    lower = lower.at[1:, 0, :, 1, :].add(-across[:-1])
-    n = 2 * m
+
+    def coupling(to: Array) -> Float[Array, "pairs 2 m 2 m"]:
+        return jnp.einsum("pabi,ij->paibj", ties[here, :, to], jnp.eye(m))
+
+    alone = jnp.einsum("paij,ab->paibj", inner.reshape(pairs, 2, m, m), jnp.eye(2))
     return Normal(
-        diagonal.reshape(pairs, n, n),
-        lower.reshape(pairs, n, n),
-        border.reshape(pairs, n, -1),
+        (alone + coupling(here)).reshape(pairs, 2 * m, 2 * m),
+        coupling(jnp.maximum(here - 1, 0)).reshape(pairs, 2 * m, 2 * m),
+        border.reshape(pairs, 2 * m, -1),
         corner,
     )
 

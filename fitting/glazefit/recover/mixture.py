@@ -10,7 +10,7 @@ thicknesses and grounds is that same mixing, no more another one.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -42,7 +42,14 @@ CLOSE = Expectations(model_floor=0.002, model_share=0.006)
 films.
 """
 
-Modes = Float[np.ndarray, "modes 2 bands"]
+
+class _Mixture(NamedTuple):
+    """A mixture by the mixing law."""
+
+    name: str
+    wavelengths: Float[np.ndarray, "bands"]
+    coefficients: Float[np.ndarray, "2 bands"]  # k and s, 1/m
+    modes: dict[str, Float[np.ndarray, "modes 2 bands"]]  # of the errors of their logs
 
 
 def mix(
@@ -69,19 +76,19 @@ def mix(
         ValueError: no paint, a weight that is negative, an unknown paint, or wavelengths that a
             paint does not cover.
     """
-    k, s, parts, name = _mix(pigments, recipe, wavelengths, law, name)
-    grid = _grid(pigments, recipe, wavelengths)
+    mixture = _mix(pigments, recipe, wavelengths, law)
     size = (variation or Variation()).size_of(list(recipe))
+    parts = mixture.modes
     modes = np.concatenate([parts["scale"] + parts["paint"], size * parts["film"]])
     modes = modes[np.abs(modes).max(axis=(1, 2)) > 0]
-    sd = np.sqrt(np.sum(modes**2, axis=0))
+    sd = mixture.coefficients * np.sqrt(np.sum(modes**2, axis=0))
+    name = name or mixture.name
     return Pigment(
         name,
-        grid,
-        k,
-        s,
-        absorption_sd=k * sd[0],
-        scattering_sd=s * sd[1],
+        mixture.wavelengths,
+        *mixture.coefficients,
+        absorption_sd=sd[0],
+        scattering_sd=sd[1],
         error_modes=modes,
         provenance=name,
     )
@@ -128,19 +135,21 @@ def predict_mixture(
     paints = tuple(paint for paint, weight in recipe.items() if weight > 0)
     errors = None
     if calibrated is None:
-        k, s, parts, _ = _mix(pigments, recipe, wavelengths, law, "")
-        grid = _grid(pigments, recipe, wavelengths)
+        mixture = _mix(pigments, recipe, wavelengths, law)
+        grid = mixture.wavelengths
+        k, s = mixture.coefficients
         rng = np.random.default_rng(0)
+        parts = mixture.modes
         own, film = (rng.standard_normal((256, len(parts[part]))) for part in ("paint", "film"))
         # Scale and shape are two sides of the same errors.
         normal = {"scale": own, "paint": own, "film": film}
         off = {part: np.einsum("dm,mcb->dcb", normal[part], modes) for part, modes in parts.items()}
-        gloss = np.ones(1)
+        gloss = 1.0
     else:
         grid = calibrated.wavelengths
-        k, s = (found[0] / UNIT for found in (calibrated.absorption, calibrated.scattering))
+        k, s = calibrated.absorption[0] / UNIT, calibrated.scattering[0] / UNIT
         off = {"paint": drawn_mixture(calibrated)}
-        gloss = calibrated.gloss
+        gloss = float(calibrated.gloss[0])
         errors = ReadingErrors.of(calibrated, response, (spread or Spread()).alike)
     empty = np.zeros((len(next(iter(off.values()))), 2, grid.size))
     grounds = (
@@ -148,7 +157,7 @@ def predict_mixture(
         if ground is None
         else tuple(np.broadcast_to(g, grid.shape) for g in ground)
     )
-    surface = instrument.seen_surface * float(gloss[0])
+    surface = instrument.seen_surface * gloss
     out = []
     for metres in thickness:
         if not metres > 0:
@@ -174,7 +183,7 @@ def predict_mixture(
                 name=format_length(metres),
                 wavelengths=grid,
                 thickness=metres / UNIT,
-                gloss=float(gloss[0]),
+                gloss=gloss,
                 over_black=over_black,
                 over_white=over_white,
                 paints=paints,
@@ -283,26 +292,17 @@ def drawn_mixture(calibrated: JointRecovery) -> Float[np.ndarray, "draws 2 bands
     return np.swapaxes(bands, 1, 2) + depth[:, None, None]
 
 
-def _paints(pigments: Mapping[str, Pigment], recipe: Mapping[str, float]) -> dict[str, Pigment]:
+def _paints(pigments: Mapping[str, Pigment], recipe: Mapping[str, float]) -> list[Pigment]:
     unknown = [paint for paint in recipe if paint not in pigments]
     if unknown:
         raise ValueError(f"no paint is called {unknown[0]!r}; known: {', '.join(pigments)}")
     wrong = [paint for paint, weight in recipe.items() if not (weight >= 0 and np.isfinite(weight))]
     if wrong:
         raise ValueError(f"the weight of {wrong[0]} is {recipe[wrong[0]]:g}; it must be 0 or more")
-    used = {paint: pigments[paint] for paint, weight in recipe.items() if weight > 0}
+    used = [pigments[paint] for paint, weight in recipe.items() if weight > 0]
     if not used:
         raise ValueError("the recipe holds no paint with a weight above 0")
     return used
-
-
-def _grid(
-    pigments: Mapping[str, Pigment],
-    recipe: Mapping[str, float],
-    wavelengths: Float[np.ndarray, "bands"] | None,
-) -> Float[np.ndarray, "bands"]:
-    first = next(iter(_paints(pigments, recipe).values()))
-    return np.asarray(first.wavelengths if wavelengths is None else wavelengths)
 
 
 def _mix(
@@ -310,15 +310,15 @@ def _mix(
     recipe: Mapping[str, float],
     wavelengths: Float[np.ndarray, "bands"] | None,
     law: MixingLaw | None,
-    name: str,
-) -> tuple[Float[np.ndarray, "bands"], Float[np.ndarray, "bands"], dict[str, Modes], str]:
-    """k and s (1/m) of a mixture, error modes of their logs, and a name.
+) -> _Mixture:
+    """A mixture, called by its recipe.
 
     The modes of the paints are split into the scale of k and s and their shape, which go together;
     those of the film are others, of size one.
     """
-    grid = _grid(pigments, recipe, wavelengths)
-    paints = [paint.resample(grid) for paint in _paints(pigments, recipe).values()]
+    used = _paints(pigments, recipe)
+    grid = np.asarray(used[0].wavelengths if wavelengths is None else wavelengths)
+    paints = [paint.resample(grid) for paint in used]
     names = [paint.name for paint in paints]
     shares = (law or MixingLaw()).shares(np.array([[recipe[n] for n in names]]), names)[0]
     each = (
@@ -327,31 +327,38 @@ def _mix(
     whole = each.sum(axis=0)
     # What 1 % more of a paint's k adds to that of the mixture, in per cent.
     part = each / np.maximum(whole, 1e-300)
+
+    def alone(
+        modes: Float[np.ndarray, "paints 2 shapes bands"],
+    ) -> Float[np.ndarray, "modes 2 bands"]:
+        """Modes of the mixture in which one coefficient of one paint is off at a time."""
+        moved = np.einsum("pcsb,pcb,cd->pcsdb", modes, part, np.eye(2))
+        return moved.reshape(-1, 2, grid.size)
+
     usual = ModelError.between_films()
     # Eight shapes hold nearly all of a smooth error.
-    stated = relative_errors(paints, usual)[:, :, None] * smooth_modes(
-        grid, usual.coefficient_length, 8
-    )
-    shared = np.moveaxis(error_modes(paints, usual), -1, 0)
-    own = np.concatenate([_each(len(paints), stated), shared])  # (modes, paints, 2, bands)
-    level = np.broadcast_to(own.mean(axis=-1, keepdims=True), own.shape)
-    smooth = MIXED.coefficient * smooth_modes(grid, MIXED.coefficient_length, 8)
-    varied = np.concatenate([smooth, np.full((1, grid.size), MIXED.level)])
-    film = _each(len(paints), np.broadcast_to(varied, (len(paints), 2, *varied.shape)))
-    parts = {"scale": level, "paint": own - level, "film": film}
-    modes = {what: np.einsum("mpcb,pcb->mcb", several, part) for what, several in parts.items()}
-    words = " + ".join(
-        f"{100 * share:.3g} {paint}" for share, paint in zip(shares, names, strict=True)
-    )
-    return whole[0], whole[1], modes, name or words
+    smooth = smooth_modes(grid, usual.coefficient_length, 8)
+    stated = relative_errors(paints, usual)[:, :, None] * smooth
+    shared = error_modes(paints, usual)
+    level = np.broadcast_to(stated.mean(axis=-1, keepdims=True), stated.shape)
+    shared_level = np.broadcast_to(shared.mean(axis=2, keepdims=True), shared.shape)
 
+    def mix_errors(
+        own: Float[np.ndarray, "paints 2 shapes bands"],
+        together: Float[np.ndarray, "paints 2 bands modes"],
+    ) -> Float[np.ndarray, "all 2 bands"]:
+        return np.concatenate([alone(own), np.einsum("pcbm,pcb->mcb", together, part)])
 
-def _each(
-    paints: int, modes: Float[np.ndarray, "paints 2 shapes bands"]
-) -> Float[np.ndarray, "all paints 2 bands"]:
-    """Modes in which one coefficient of one paint is off at a time."""
-    out = np.zeros((paints, 2, modes.shape[2], paints, 2, modes.shape[3]))
-    for paint in range(paints):
-        for kind in (0, 1):
-            out[paint, kind, :, paint, kind] = modes[paint, kind]
-    return out.reshape(-1, paints, 2, modes.shape[3])
+    varied = MIXED.coefficient * smooth_modes(grid, MIXED.coefficient_length, 8)
+    varied = np.concatenate([varied, np.full((1, grid.size), MIXED.level)])
+    words = (f"{100 * share:.3g} {paint}" for share, paint in zip(shares, names, strict=True))
+    return _Mixture(
+        name=" + ".join(words),
+        wavelengths=grid,
+        coefficients=whole,
+        modes={
+            "scale": mix_errors(level, shared_level),
+            "paint": mix_errors(stated - level, shared - shared_level),
+            "film": alone(np.broadcast_to(varied, (len(paints), 2, *varied.shape))),
+        },
+    )
