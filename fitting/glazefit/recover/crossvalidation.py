@@ -8,22 +8,17 @@ sets the bands: of each by what the others showed, and of films to come by what 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TypedDict, Unpack
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
-from glazejax import Pigment
 from glazejax.io.spectra_table import list_names
 from glazejax.progress import Progress, no_progress
 
-from ..film.films import Films, InstrumentLike, Noise
-from ..film.model.mixing import MixingLaw
-from ..film.model.response import Response
+from ..film.films import Films
 from ..film.model.variation import Variation, learn
-from .constraints import Gauge
 from .joint import recover_jointly
-from .joint_problem import Expectations
 from .joint_result import JointRecovery
 from .prediction import Prediction, predict_films
 
@@ -78,26 +73,12 @@ class LeftOut:
         return np.mean((low <= self.measured) & (self.measured <= high), axis=(1, 2))
 
 
-class JointSettings(TypedDict, total=False):
-    """How a joint fit was made: further arguments of `glazefit.recover.joint.recover_jointly`."""
-
-    instrument: InstrumentLike | None
-    noise: Noise | None
-    law: MixingLaw | None
-    expectations: Expectations | None
-    response: Response | None
-    pigments: Mapping[str, Pigment] | None
-    gauge: Gauge | None
-    gloss: Mapping[str, float] | None
-    unit: float
-
-
 def without(
     whole: JointRecovery,
     films: Films,
     recipes: Mapping[str, Mapping[str, float]],
     row: int | list[int],
-    **given: Unpack[JointSettings],
+    **given: Any,
 ) -> JointRecovery:
     """The fit without one film or several; it starts where that of all ended, but knows nothing of
     them.
@@ -122,7 +103,7 @@ def cross_validate(
     *,
     only: Callable[[str], bool] | None = None,
     progress: Progress = no_progress,
-    **given: Unpack[JointSettings],
+    **given: Any,
 ) -> LeftOut:
     """Leave every mixture out of the fit in turn and predict it from its weights.
 

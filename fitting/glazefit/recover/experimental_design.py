@@ -19,23 +19,17 @@ from glazejax import Pigment
 from ..film.films import cards
 from ..film.model.response import Response, film_response, hiding_factor
 from .constraints import error_modes
-from .joint_problem import Unknowns, model_deviation
+from .joint_problem import model_deviation
 from .joint_result import JointRecovery
 from .next_reading import Candidate, NextFilms, rank_candidates, reading_bands
 
-Values = Float[Array | np.ndarray, "..."]
-
 
 class _Open(NamedTuple):
-    """What is open of films that are planned, with draws first where there are some: of the paint
-    and of the white that it is mixed with, if there is one, and of each film.
-    """
+    """What is open of films that are planned: where it is expected, and then draws of it."""
 
-    coefficients: Values  # log k and log s for unit thickness, (bands, 2, paints)
-    paint_gloss: Values  # log, (paints,)
-    thickness: Values  # log, (films,)
-    gloss: Values  # log, beside that of the paints, (films,)
-    weight: Values  # log of the error of the paint's weight, (films,)
+    coefficients: Float[np.ndarray, "draws bands 2 paints"]  # log k and log s for unit thickness
+    amounts: Float[np.ndarray, "draws films paints"]  # log of thickness, and errors of weights
+    gloss: Float[np.ndarray, "draws films"]  # log
 
 
 class _Plan(NamedTuple):
@@ -79,49 +73,44 @@ def rank_next_films(
     bands = _planning_bands(recovery)
     grid = recovery.wavelengths[bands]
     rows = [row] if pale is None or stand_in is not None else [row, recovery.row(pale)]
-    centre, draws = _open(recovery, rows, bands, plan)
-    if stand_in is not None:
-        centre, draws = _with_white(recovery, stand_in.resample(grid), centre, draws)
+    open_ = _open(recovery, rows, bands, plan, stand_in and stand_in.resample(grid))
     black, pale_card, *sd = (
         card[0, bands] for card in cards(recovery.films, recovery.instrument, recovery.noise)
     )
-    middle, moves = _readings(
-        centre,
-        jax.tree.map(np.subtract, draws, centre),
-        plan.shares,
-        np.stack([black, pale_card]),
-        recovery.instrument.seen_surface,
-        response,
+    expected, moves = map(
+        np.asarray,
+        _readings(
+            open_,
+            plan.shares,
+            np.stack([black, pale_card]),
+            recovery.instrument.seen_surface,
+            response,
+        ),
     )
     # The fewer bands stand for all; with 8 a tint is thought to teach half as much.
     read = reading_bands(grid.size, 16)
     many = np.sqrt(recovery.wavelengths.size / read.size)
-    expected = np.asarray(middle)
     deviation = model_deviation(expected, recovery.noise, recovery.expectations)
     # A card's own error reaches the reading through the film, at most as a bare card's does.
     deviation = np.hypot(deviation, np.stack(sd) * expected) / many
     candidates = [
         Candidate(
             words,
-            np.asarray(moves)[:, film][:, :, read].reshape(len(moves), -1),
+            moves[:, film][:, :, read].reshape(len(moves), -1),
             deviation[film][:, read].ravel(),
         )
         for film, words in enumerate(plan.words)
     ]
-    pure = np.eye(len(plan.shares[0]))[0]
     # Parts of white to one of paint that the paint is judged by.
     judged = [_tint(parts) for parts in (1.0, 3.0, 10.0, 30.0) if pale is not None]
-    shape = draws.coefficients.shape[1:]
+    mixtures = np.stack([plan.shares[0], *judged])
+    draws = open_.coefficients[1:]
 
-    def looks(open_: np.ndarray) -> np.ndarray:
-        return np.asarray(
-            _reflectances(
-                open_.reshape(-1, *shape), np.stack([pure, *judged]), np.exp(depth), response
-            )
-        )
+    def looks(draws_: np.ndarray) -> np.ndarray:
+        shaped = draws_.reshape(-1, *draws.shape[1:])
+        return np.asarray(_reflectances(shaped, mixtures, np.exp(depth), response))
 
-    flat = np.reshape(draws.coefficients, (len(moves), -1))
-    return rank_candidates(paint, candidates, flat, looks, grid)
+    return rank_candidates(paint, candidates, draws.reshape(len(draws), -1), looks, grid)
 
 
 def _tint(parts: float) -> Float[np.ndarray, "2"]:
@@ -174,86 +163,71 @@ def _open(
     rows: list[int],
     bands: np.ndarray,
     plan: _Plan,
-) -> tuple[_Open, _Open]:
-    """What is open, of paints of the fit: where it is expected, and draws of it."""
+    white: Pigment | None,
+) -> _Open:
+    """What is open, of paints of the fit, by row, and of a white that is in no film of it."""
     expected = recovery.expectations
     best = recovery.unknowns
-    drawn = recovery.whole_covariance.draw(best, 512)
-    count = len(drawn.bands)
+    whole = jax.tree.map(
+        lambda one, several: np.concatenate([one[None], several]),
+        best,
+        recovery.whole_covariance.draw(best, 512),
+    )
+    count = len(whole.bands)
     films = len(plan.words)
-    own = np.random.default_rng(0).standard_normal((3, count, films))
+    rng = np.random.default_rng(0)
+
+    def normal(*shape: int) -> np.ndarray:
+        draws = rng.standard_normal((count, *shape))
+        draws[0] = 0.0
+        return draws
+
+    coefficients = whole.bands[:, bands].reshape(count, bands.size, 2, -1)[..., rows]
+    gloss = whole.paints[:, rows]
+    if white is not None:
+        values = np.stack([white.absorption, white.scattering], axis=-1) * recovery.unit
+        modes = error_modes(white)
+        off = np.einsum("dm,mcb->dbc", normal(len(modes)), modes)
+        # Its unit may be another than the films'.
+        off = off + expected.scale * normal(1, 1)
+        logs = np.log(np.maximum(values, 1e-7)) + off
+        coefficients = np.concatenate([coefficients, logs[..., None]], axis=-1)
+        gloss = np.concatenate([gloss, expected.paint_gloss * normal(1)], axis=-1)
     through = ~recovery.films.opaque
     # Stronger paints go with thinner films: their product is known better than either.
-    depth = drawn.films[:, through, 0] - best.films[through, 0]
+    depth = whole.films[:, through, 0] - best.films[through, 0]
     depth = depth.mean(axis=1, keepdims=True) if through.any() else np.zeros((count, 1))
     each = np.mean(np.asarray(recovery.problem.film_scale)[:, 0])
+    thickness = plan.thickness + depth + each * normal(films)
     # Of a tint the paint is the smaller part, and what weighing leaves open is its own.
     part = plan.shares[:, 0]
     weight = np.hypot(expected.weight_share, expected.weight_floor / part) * (part < 1)
-
-    def coefficients(unknowns: Unknowns) -> np.ndarray:
-        logs = np.asarray(unknowns.bands)[..., bands, :]
-        return logs.reshape(*logs.shape[:-1], 2, -1)[..., rows]
-
-    nothing = np.zeros(films)
-    centre = _Open(
-        coefficients=coefficients(best),
-        paint_gloss=best.paints[rows],
-        thickness=plan.thickness,
-        gloss=nothing,
-        weight=nothing,
+    amounts = np.stack([thickness + weight * normal(films), thickness], axis=-1)
+    return _Open(
+        coefficients=coefficients,
+        amounts=amounts[..., : plan.shares.shape[1]],
+        gloss=gloss @ plan.shares.T + expected.gloss * normal(films),
     )
-    return centre, _Open(
-        coefficients=coefficients(drawn),
-        paint_gloss=drawn.paints[:, rows],
-        thickness=plan.thickness + depth + each * own[0],
-        gloss=expected.gloss * own[1],
-        weight=weight * own[2],
-    )
-
-
-def _with_white(
-    recovery: JointRecovery, white: Pigment, centre: _Open, draws: _Open
-) -> tuple[_Open, _Open]:
-    """What is open, with a white that is in no film of the fit as a further paint."""
-    rng = np.random.default_rng(1)
-    count = len(draws.gloss)
-    values = np.stack([white.absorption, white.scattering], axis=-1) * recovery.unit
-    logs = np.log(np.maximum(values, 1e-7))[..., None]
-    modes = error_modes(white)
-    off = np.einsum("dm,mcb->dbc", rng.standard_normal((count, len(modes))), modes)[..., None]
-    # Its unit may be another than the films'.
-    off = off + recovery.expectations.scale * rng.standard_normal((count, 1, 1, 1))
-    gloss = recovery.expectations.paint_gloss * rng.standard_normal((count, 1))
-
-    def join(those: _Open, logs: np.ndarray, gloss: np.ndarray) -> _Open:
-        return those._replace(
-            coefficients=np.concatenate([those.coefficients, logs], axis=-1),
-            paint_gloss=np.concatenate([those.paint_gloss, gloss], axis=-1),
-        )
-
-    return join(centre, logs, np.zeros(1)), join(draws, logs + off, gloss)
 
 
 @jax.jit
 def _readings(
-    centre: _Open,
-    off: _Open,
+    open_: _Open,
     shares: Float[Array, "films paints"],
     grounds: Float[Array, "2 bands"],
     surface: float | Array,
     response: Response,
 ) -> tuple[Float[Array, "films 2 bands"], Float[Array, "draws films 2 bands"]]:
-    """What planned films read at the centre, and how that moves with each draw, to first order."""
+    """What planned films read as is expected, and how that moves with each draw, to first order."""
 
-    def read(open_: _Open) -> Float[Array, "films 2 bands"]:
-        part = shares.at[:, 0].multiply(jnp.exp(open_.weight))
-        amounts = jnp.exp(open_.thickness)[:, None] * part
-        kd, sd = jnp.einsum("bcp,fp->cfb", jnp.exp(open_.coefficients), amounts)
-        gloss = jnp.exp(shares @ open_.paint_gloss + open_.gloss)
+    def read(one: _Open) -> Float[Array, "films 2 bands"]:
+        amounts = shares * jnp.exp(one.amounts)
+        kd, sd = jnp.einsum("bcp,fp->cfb", jnp.exp(one.coefficients), amounts)
         body = response.body(kd[:, None], sd[:, None], grounds)
-        return body + surface * gloss[:, None, None]
+        return body + surface * jnp.exp(one.gloss)[:, None, None]
 
+    centre = jax.tree.map(lambda values: values[0], open_)
+    off = jax.tree.map(lambda values: values[1:] - values[0], open_)
     return read(centre), jax.vmap(lambda move: jax.jvp(read, (centre,), (move,))[1])(off)
 
 

@@ -21,7 +21,7 @@ from ..film.films import Films, Noise, cards
 from ..film.model.errors import ModelError, draw_coefficient_errors, draw_model_errors
 from ..film.model.response import Response, film_response
 from ..film.model.variation import MIXED, SIZES, SizeEvidence, Variation, log_likelihood
-from .joint_problem import Unknowns, model_deviation
+from .joint_problem import model_deviation
 from .joint_result import JointRecovery
 from .result import delta_e_over_cards
 
@@ -201,16 +201,15 @@ def predict_films(
     paints = len(recovery.paints)
     response = response or film_response(instrument)
     black, white, _, _ = cards(films, instrument, noise)
-    best = jax.tree.map(lambda leaf: leaf[None], recovery.unknowns)
+    best = np.asarray(recovery.unknowns.paints)[None]
+    drawn = np.asarray(recovery.draws.paints)
+    off = np.asarray(recovery.draws.bands - recovery.unknowns.bands)
+    level = np.broadcast_to(off.mean(axis=1, keepdims=True), off.shape)
     # The same draws for every film, so that films compare.
     rng = np.random.default_rng(0)
-    count = len(recovery.draws.paints)
-    off = np.swapaxes(
-        draw_coefficient_errors(rng, (count, 2 * paints), films.wavelengths, discrepancy), 1, 2
-    )
+    count = len(off)
+    own = draw_coefficient_errors(rng, (count, 2 * paints), films.wavelengths, discrepancy)
     model = draw_model_errors(rng, count, 2, films.wavelengths, discrepancy)
-    scale, shape = _scale_and_shape(recovery)
-    often = jax.tree.map(lambda leaf: np.repeat(leaf[None], count, axis=0), recovery.unknowns)
     out = []
     for row, name in enumerate(films.names):
         measured = np.stack([films.over_black[row], films.over_white[row]], axis=-1)
@@ -221,18 +220,15 @@ def predict_films(
             measured,
             model_deviation(measured, noise, recovery.expectations),
         )
-        thickness, surface, spectra = _spectra(
-            recovery, response, film, best, np.zeros((1, *best.bands.shape[1:]))
-        )
-        mean = spectra[0]
-        drawn = {
-            "scale": _spectra(recovery, response, film, scale, np.zeros_like(off))[2],
-            "paint": _spectra(recovery, response, film, shape, np.zeros_like(off))[2],
-            "film": _spectra(recovery, response, film, often, off)[2] + model,
+        thickness, surface, (mean,) = _spectra(recovery, response, film, np.zeros((1, 1, 1)), best)
+        drawn_spectra = {
+            "scale": _spectra(recovery, response, film, level, best)[2],
+            "paint": _spectra(recovery, response, film, off - level, drawn)[2],
+            "film": _spectra(recovery, response, film, np.swapaxes(own, 1, 2), best)[2] + model,
         }
         gloss = float(surface[0] / instrument.seen_surface) if instrument.seen_surface else 0.0
-        own = tuple(paint for paint, part in zip(recovery.paints, share, strict=True) if part > 0)
-        deviations = {part: spectra - mean for part, spectra in drawn.items()}
+        held = tuple(paint for paint, part in zip(recovery.paints, share, strict=True) if part > 0)
+        deviations = {part: spectra - mean for part, spectra in drawn_spectra.items()}
         out.append(
             Prediction(
                 name=name,
@@ -241,26 +237,12 @@ def predict_films(
                 gloss=gloss,
                 over_black=mean[0],
                 over_white=mean[1],
-                paints=own,
+                paints=held,
                 deviations=deviations,
                 variation=variation,
             )
         )
     return out
-
-
-def _scale_and_shape(recovery: JointRecovery) -> tuple[Unknowns, Unknowns]:
-    """Draws in which only the scale of the paints' k and s is off, and draws in which all the rest
-    is.
-    """
-    best = recovery.unknowns
-    draws = recovery.draws
-    off = draws.bands - best.bands
-    level = np.broadcast_to(off.mean(axis=1, keepdims=True), off.shape)
-    same = np.broadcast_to(best.paints, draws.paints.shape)
-    return draws._replace(bands=best.bands + level, paints=same), draws._replace(
-        bands=best.bands + off - level
-    )
 
 
 class _MeasuredFilm(NamedTuple):
@@ -289,37 +271,28 @@ def _spectra(
     recovery: JointRecovery,
     response: Response,
     film: _MeasuredFilm,
-    unknowns: Unknowns,
-    off: Float[np.ndarray, "draws bands coefficients"],
+    off: Float[np.ndarray, "draws #bands #coefficients"],
+    gloss: Float[np.ndarray, "#draws paints"],
 ) -> tuple[
-    Float[np.ndarray, "draws"], Float[np.ndarray, "draws"], Float[np.ndarray, "draws 2 bands"]
+    Float[np.ndarray, "draws"], Float[np.ndarray, "#draws"], Float[np.ndarray, "draws 2 bands"]
 ]:
-    """Thickness, reflection of the surface, and reflectance over both cards for each draw of the
-    unknowns.
+    """Thickness, reflection of the surface, and reflectance over both cards, for each draw of what
+    is added to the logs of k and s, and of the log of the paints' gloss.
     """
-    surface = np.exp(unknowns.paints @ film.share) * recovery.instrument.seen_surface
-    k, s = _mix_draws(unknowns, film.share, off)
+    surface = np.exp(gloss @ film.share) * recovery.instrument.seen_surface
+    coefficients = np.exp(recovery.unknowns.bands + off)
+    paints = film.share.size
+    wanted = film.measured - surface[:, None, None]
     logs, body = _fit_thickness(
-        jnp.asarray(k),
-        jnp.asarray(s),
-        jnp.asarray(film.ground),
-        jnp.asarray(film.measured - surface[:, None, None]),
-        jnp.asarray(film.deviation),
+        coefficients[..., :paints] @ film.share,
+        coefficients[..., paints:] @ film.share,
+        film.ground,
+        np.broadcast_to(wanted, (len(off), *film.measured.shape)),
+        film.deviation,
         recovery.expectations.thickness,
         response=response,
     )
     return np.exp(logs), surface, np.moveaxis(np.asarray(body), -1, 1) + surface[:, None, None]
-
-
-def _mix_draws(
-    unknowns: Unknowns,
-    share: Float[np.ndarray, "paints"],
-    off: Float[np.ndarray, "draws bands coefficients"],
-) -> tuple[Float[np.ndarray, "draws bands"], Float[np.ndarray, "draws bands"]]:
-    """k d and s d of a film of unit thickness for each draw; `off` is added to the logs."""
-    coefficients = np.exp(np.asarray(unknowns.bands) + off)
-    paints = share.size
-    return coefficients[..., :paints] @ share, coefficients[..., paints:] @ share
 
 
 def least_by_scanning(
