@@ -186,7 +186,7 @@ def test_two_solutions_are_both_starts():
     assert np.abs(np.exp(points) - [2.3, 0.06]).min(axis=0).max() < 0.5
     k, s = jnp.exp(points).T[..., None]
     read = body_reflectance(k, s, first.ground, INSTRUMENT)
-    assert np.abs(np.asarray(read) - np.asarray(first.reading)).min(axis=0).max() < 2e-3
+    assert np.abs(np.asarray(read) - np.asarray(first.reflectance)).min(axis=0).max() < 2e-3
 
 
 @pytest.mark.slow

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import jax
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Array, Bool, Float
 
 from glazejax import Bidirectional
 from glazejax.geometry import Geometry
@@ -319,3 +319,28 @@ def cards(
         out.append(np.clip(inside, 0.0, 1.0))
         errors.append(sd)
     return out[0], out[1], errors[0], errors[1]
+
+
+class CardReadings(NamedTuple):
+    """Readings over a black and a white card (last axis), and their standard deviations."""
+
+    reflectance: Float[Array | np.ndarray, "*films bands 2"]
+    ground: Float[Array | np.ndarray, "*films bands 2"]  # internal reflectance of the cards
+    sd: Float[Array | np.ndarray, "*films bands 2"]
+    ground_sd: Float[Array | np.ndarray, "*films bands 2"]
+
+
+def card_readings(films: Films, instrument: Instrument, noise: Noise) -> CardReadings:
+    """Readings of films over their cards, (films, bands, 2) each.
+
+    Raises:
+        ValueError: as `cards`.
+    """
+    black, white, sd_black, sd_white = cards(films, instrument, noise)
+    over = np.stack([films.over_black, films.over_white], axis=-1)
+    return CardReadings(
+        reflectance=over,
+        ground=np.stack([black, white], axis=-1),
+        sd=noise.sd(over),
+        ground_sd=np.stack([sd_black, sd_white], axis=-1),
+    )

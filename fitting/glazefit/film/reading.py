@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from glazejax.spectra import describe_grid, validate_wavelengths
 
-from .films import Films, Instrument, Noise, cards
+from .films import Films, Instrument, Noise, card_readings
 
 Values = Float[np.ndarray, "bands grounds"]
 
@@ -77,21 +77,18 @@ def readings(films: Films, instrument: Instrument, noise: Noise) -> list[Reading
         ValueError: a card that its surface or a perfect diffuser contradicts (see
             `glazefit.film.films.cards`).
     """
-    black, white, sd_black, sd_white = cards(films, instrument, noise)
-    over = np.stack([films.over_black, films.over_white], axis=-1)
-    ground = np.stack([black, white], axis=-1)
-    ground_sd = np.stack([sd_black, sd_white], axis=-1)
+    seen = card_readings(films, instrument, noise)
     return [
         Reading(
             name=name,
             wavelengths=films.wavelengths,
-            reflectance=over[i],
-            ground=ground[i],
-            sd=noise.sd(over[i]),
-            ground_sd=ground_sd[i],
+            reflectance=np.asarray(reflectance),
+            ground=np.asarray(ground),
+            sd=np.asarray(sd),
+            ground_sd=np.asarray(ground_sd),
             grounds=("black", "white"),
         )
-        for i, name in enumerate(films.names)
+        for name, reflectance, ground, sd, ground_sd in zip(films.names, *seen, strict=True)
     ]
 
 

@@ -16,7 +16,7 @@ from jaxtyping import Array, Float
 
 from glazejax import Pigment
 
-from ..film.films import cards
+from ..film.films import card_readings
 from ..film.model.response import Response, film_response, hiding_factor
 from .constraints import error_modes
 from .joint_problem import model_deviation
@@ -74,15 +74,14 @@ def rank_next_films(
     grid = recovery.wavelengths[bands]
     rows = [row] if pale is None or stand_in is not None else [row, recovery.row(pale)]
     open_ = _open(recovery, rows, bands, plan, stand_in and stand_in.resample(grid))
-    black, pale_card, *sd = (
-        card[0, bands] for card in cards(recovery.films, recovery.instrument, recovery.noise)
-    )
+    seen = card_readings(recovery.films, recovery.instrument, recovery.noise)
+    ground, ground_sd = (np.asarray(values[0, bands]).T for values in (seen.ground, seen.ground_sd))
     expected, moves = map(
         np.asarray,
         _readings(
             open_,
             plan.shares,
-            np.stack([black, pale_card]),
+            ground,
             recovery.instrument.seen_surface,
             response,
         ),
@@ -92,7 +91,7 @@ def rank_next_films(
     many = np.sqrt(recovery.wavelengths.size / read.size)
     deviation = model_deviation(expected, recovery.noise, recovery.expectations)
     # A card's own error reaches the reading through the film, at most as a bare card's does.
-    deviation = np.hypot(deviation, np.stack(sd) * expected) / many
+    deviation = np.hypot(deviation, ground_sd * expected) / many
     candidates = [
         Candidate(
             words,

@@ -27,7 +27,15 @@ from glazejax.geometry import resolve_instrument
 from glazejax.programs import Program
 from glazejax.radiative.common.linalg import inverse_positive
 
-from ..film.films import Films, Instrument, InstrumentLike, Noise, cards
+from ..film.films import (
+    CardReadings,
+    Films,
+    Instrument,
+    InstrumentLike,
+    Noise,
+    card_readings,
+    cards,
+)
 from ..film.gloss import estimate_gloss
 from ..film.model.body import HIGHEST, LOWEST, body_reflectance
 from ..film.model.response import FilmResponse, film_response
@@ -39,17 +47,6 @@ CHUNK = 8
 """Films a chunk."""
 
 _BOUNDS = np.log(np.array([LOWEST, HIGHEST]))
-
-
-class BandReadings(NamedTuple):
-    """Readings over black and white (last axis) of every band, without the surface's part; leading
-    axes are bands.
-    """
-
-    reading: Float[Array, "*bands 2"]
-    ground: Float[Array, "*bands 2"]
-    variance: Float[Array, "*bands 2"]  # of the reading
-    ground_variance: Float[Array, "*bands 2"]
 
 
 class ScatteringPrior(NamedTuple):
@@ -93,7 +90,7 @@ def _free(logs: Float[Array, "*n 2"]) -> Float[Array, "*n 2"]:
     return (high - low) / 4.0 * (jnp.log(share) - jnp.log1p(-share))
 
 
-def starts(data: BandReadings, response: FilmResponse, prior: ScatteringPrior) -> BandStart:
+def starts(data: CardReadings, response: FilmResponse, prior: ScatteringPrior) -> BandStart:
     """Starting points of one band: the two lowest local minima of a grid (the lowest twice if there
     is one only).
 
@@ -102,7 +99,7 @@ def starts(data: BandReadings, response: FilmResponse, prior: ScatteringPrior) -
     """
     # So dense in k d and in s d that no minimum is missed.
     log_absorption, log_scattering = (
-        jnp.asarray(np.linspace(np.log(low), np.log(0.8 * high), points), data.reading.dtype)
+        jnp.asarray(np.linspace(np.log(low), np.log(0.8 * high), points), data.reflectance.dtype)
         for low, high, points in zip((1e-5, 1e-4), HIGHEST, (80, 44), strict=True)
     )
     black, gain, back = response.numbers(
@@ -112,8 +109,8 @@ def starts(data: BandReadings, response: FilmResponse, prior: ScatteringPrior) -
     transmitted = gain / (1.0 - back * ground)
     # A card's own error reaches the reading through the film.
     through = transmitted / (1.0 - back * ground)
-    variance = data.variance[:, None, None] + data.ground_variance[:, None, None] * through**2
-    residual = (black + ground * transmitted - data.reading[:, None, None]) / jnp.sqrt(variance)
+    variance = data.sd[:, None, None] ** 2 + data.ground_sd[:, None, None] ** 2 * through**2
+    residual = (black + ground * transmitted - data.reflectance[:, None, None]) / jnp.sqrt(variance)
     left = residual[:, :-1]
     step = jnp.diff(residual, axis=1)
     share = jnp.clip(
@@ -143,7 +140,7 @@ def starts(data: BandReadings, response: FilmResponse, prior: ScatteringPrior) -
 
 def _polish(
     start: Float[Array, "n 2"],
-    data: BandReadings,
+    data: CardReadings,
     weights: Float[Array, "n 2"],
     prior: ScatteringPrior,
     instrument: Instrument,
@@ -156,7 +153,7 @@ def _polish(
     """
 
     def residuals(
-        free: Array, start: Array, data: BandReadings, weights: Array, prior: ScatteringPrior
+        free: Array, start: Array, data: CardReadings, weights: Array, prior: ScatteringPrior
     ) -> Float[Array, "rows"]:
         given = prior.weight > 0
         # In standard deviations per unit of log k d or log s d.
@@ -164,7 +161,8 @@ def _polish(
         centre = jnp.stack([start[0], jnp.where(given, prior.mean, start[1])])
         logs = _bound(free)
         k, s = jnp.exp(logs)
-        misfit = (body_reflectance(k, s, data.ground, instrument) - data.reading) * weights
+        read = body_reflectance(k, s, jnp.asarray(data.ground), instrument)
+        misfit = (read - data.reflectance) * weights
         return jnp.concatenate([misfit, pull * (logs - centre)])
 
     given = (start, data, weights, prior)
@@ -175,7 +173,7 @@ def _polish(
 
 
 def _spread(
-    optical: Float[Array, "n 2"], data: BandReadings, instrument: Instrument
+    optical: Float[Array, "n 2"], data: CardReadings, instrument: Instrument
 ) -> tuple[Float[Array, "n 2"], Float[Array, "n 2 2"]]:
     """Fitted readings, and the covariance of k d and s d that the noise of all four readings
     causes.
@@ -193,7 +191,7 @@ def _spread(
     (_, value), (jacobian, through) = jax.value_and_grad(total, argnums=(0, 1), has_aux=True)(
         pairs, data.ground
     )
-    variance = data.variance + data.ground_variance * through**2
+    variance = data.sd**2 + (data.ground_sd * through) ** 2
     scaled = jacobian / jnp.sqrt(variance)[..., None]
     fisher = (
         jnp.einsum("nci,ncj->nij", scaled, scaled)
@@ -204,7 +202,7 @@ def _spread(
 
 @functools.partial(Program, fixed=("instrument",))
 def solve(
-    data: BandReadings, response: FilmResponse, prior: ScatteringPrior, instrument: Instrument
+    data: CardReadings, response: FilmResponse, prior: ScatteringPrior, instrument: Instrument
 ) -> Estimate:
     """Solve every band of a batch, (n,), side by side."""
     start = jax.vmap(starts, in_axes=(0, None, 0))(data, response, prior)
@@ -214,7 +212,7 @@ def solve(
     logs, converged = _polish(start.logs.reshape(-1, 2), both, weights, priors, instrument)
     optical = jnp.exp(logs)
     fitted, covariance = _spread(optical, both, instrument)
-    misfit = jnp.sum(((fitted - both.reading) * weights) ** 2, axis=-1)
+    misfit = jnp.sum(((fitted - both.reflectance) * weights) ** 2, axis=-1)
     cost = (misfit + (priors.weight * (logs[:, 1] - priors.mean)) ** 2).reshape(-1, 2)
     # The first unless the second is better by more than rounding.
     best = jnp.where(cost[:, 1] < cost[:, 0] - 0.01, 1, 0)
@@ -241,19 +239,12 @@ def solve(
 
 def pose(
     films: Films, gloss: Float[np.ndarray, "films"], instrument: Instrument, noise: Noise
-) -> BandReadings:
-    """Problems of all bands of some films, (films * bands,)."""
-    black, white, sd_black, sd_white = cards(films, instrument, noise)
-    readings = np.stack([films.over_black, films.over_white], axis=-1)
+) -> CardReadings:
+    """Problems of all bands of some films, (films * bands,), without the surface's part."""
+    seen = card_readings(films, instrument, noise)
     surface = (gloss * instrument.seen_surface)[:, None, None]
-    sds = np.stack([sd_black, sd_white], axis=-1)
-    grounds = np.stack([black, white], axis=-1)
-    return BandReadings(
-        *(
-            jnp.asarray(a.reshape(-1, 2))
-            for a in (readings - surface, grounds, noise.sd(readings) ** 2, sds**2)
-        )
-    )
+    body = seen._replace(reflectance=seen.reflectance - surface)
+    return CardReadings(*(jnp.asarray(values.reshape(-1, 2)) for values in body))
 
 
 def recover_films(
@@ -322,7 +313,7 @@ def _recover_chunk(films: Films, instrument: Instrument, noise: Noise, chunk: in
     response = film_response(optics)
     free = solve(data, response, nothing, optics)
     contrast = np.asarray(
-        (free.fitted[:, 1] - free.fitted[:, 0]) / jnp.sqrt(data.variance.sum(axis=1))
+        (free.fitted[:, 1] - free.fitted[:, 0]) / jnp.linalg.norm(data.sd, axis=1)
     )
     apart = told_apart(np.asarray(free.optical), np.asarray(free.covariance), contrast)
     known = (apart & ~np.asarray(free.ambiguous)).reshape(-1, bands)

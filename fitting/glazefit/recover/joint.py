@@ -18,7 +18,7 @@ from jaxtyping import Array, Float
 from glazejax import Pigment
 from glazejax.geometry import resolve_instrument
 
-from ..film.films import Films, Instrument, InstrumentLike, Noise, cards
+from ..film.films import Films, Instrument, InstrumentLike, Noise, card_readings
 from ..film.gloss import GLOSS_SD, estimate_gloss
 from ..film.model.mixing import MixingLaw, weight_table
 from ..film.model.response import Response, film_response
@@ -177,12 +177,10 @@ def pose(
     gloss: Float[np.ndarray, "films"],
 ) -> JointProblem:
     """Arrays of a joint problem; `gloss` is NaN where it was not measured."""
-    black, white, sd_black, sd_white = cards(films, instrument, noise)
-    measured = np.stack([films.over_black, films.over_white], axis=-1)
-    grounds = np.stack([black, white], axis=-1)
+    seen = card_readings(films, instrument, noise)
+    measured = np.asarray(seen.reflectance)
     # A card's own error reaches the reading through the film, at most as a bare card's does.
-    card = np.stack([sd_black, sd_white], axis=-1) * measured
-    deviation = np.hypot(model_deviation(measured, noise, expected), card)
+    deviation = np.hypot(model_deviation(measured, noise, expected), seen.ground_sd * measured)
     count, paints = shares.shape
     minor = minor_parts(shares)
     # A paint's own weight error: a share of it, and what the balance leaves open.
@@ -208,7 +206,7 @@ def pose(
     scale[~np.isnan(gloss), 1] = GLOSS_SD
     arrays = {
         "reading": np.moveaxis(measured, 1, 0),
-        "ground": np.moveaxis(grounds, 1, 0),
+        "ground": np.moveaxis(np.asarray(seen.ground), 1, 0),
         "weight": np.moveaxis(1.0 / deviation, 1, 0),
         "shares": shares,
         "minor": minor,

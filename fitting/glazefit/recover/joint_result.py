@@ -14,7 +14,7 @@ from ..film.model.mixing import MixingLaw
 from .constraints import MOST_ERROR, Modes
 from .joint_covariance import JointCovariance
 from .joint_problem import Expectations, JointProblem, Unknowns
-from .result import RELATIVE_LIMIT, FittedFilms, delta_e_over_cards
+from .result import RELATIVE_LIMIT, FittedFilms
 
 RULE = (
     f"k and s count as told apart where the joint fit knows each to {RELATIVE_LIMIT:.0%} of its "
@@ -163,11 +163,7 @@ class JointRecovery(FittedFilms):
         self, illuminant: str = "D65", observer: str | int = 10
     ) -> Float[np.ndarray, "films 2"]:
         """CIEDE2000 of fitted from measured spectra, over black and over white."""
-        fitted = (self.fitted_black, self.fitted_white)
-        measured = (self.films.over_black, self.films.over_white)
-        return self.films.where_seen(
-            delta_e_over_cards(self.wavelengths, fitted, measured, illuminant, observer)
-        )
+        return self._delta_e(illuminant, observer)
 
     def recipe(self, film: int) -> dict[str, float]:
         """Paints of a film, by number, and the share of each, in the order of `paints`."""

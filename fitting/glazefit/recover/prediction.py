@@ -17,7 +17,7 @@ from jaxtyping import Array, Float
 
 from glazejax.spectra import describe_grid
 
-from ..film.films import Films, Noise, cards
+from ..film.films import Films, Noise, card_readings
 from ..film.model.errors import ModelError, draw_coefficient_errors, draw_model_errors
 from ..film.model.response import Response, film_response
 from ..film.model.variation import MIXED, SIZES, SizeEvidence, Variation, log_likelihood
@@ -200,7 +200,7 @@ def predict_films(
     instrument = recovery.instrument
     paints = len(recovery.paints)
     response = response or film_response(instrument)
-    black, white, _, _ = cards(films, instrument, noise)
+    seen = card_readings(films, instrument, noise)
     best = np.asarray(recovery.unknowns.paints)[None]
     drawn = np.asarray(recovery.draws.paints)
     off = np.asarray(recovery.draws.bands - recovery.unknowns.bands)
@@ -212,11 +212,11 @@ def predict_films(
     model = draw_model_errors(rng, count, 2, films.wavelengths, discrepancy)
     out = []
     for row, name in enumerate(films.names):
-        measured = np.stack([films.over_black[row], films.over_white[row]], axis=-1)
+        measured = np.asarray(seen.reflectance[row])
         share = _shares(recovery, name, recipes)
         film = _MeasuredFilm(
             share,
-            np.stack([black[row], white[row]], axis=-1),
+            np.asarray(seen.ground[row]),
             measured,
             model_deviation(measured, noise, recovery.expectations),
         )

@@ -65,13 +65,22 @@ class FittedFilms:
         """Root mean square of measured minus fitted reflectance, both cards together."""
         return np.sqrt(np.mean(self.residual**2, axis=(1, 2)))
 
+    def _delta_e(self, illuminant: str, observer: str | int) -> Float[np.ndarray, "films 2"]:
+        """CIEDE2000 of fitted from measured spectra, over black and over white."""
+        films = self.films
+        fitted = (self.fitted_black, self.fitted_white)
+        measured = (films.over_black, films.over_white)
+        return films.where_seen(
+            delta_e_over_cards(films.wavelengths, fitted, measured, illuminant, observer)
+        )
+
 
 def delta_e_over_cards(
     wavelengths: Float[np.ndarray, "bands"],
     found: tuple[np.ndarray, np.ndarray],
     wanted: tuple[np.ndarray, np.ndarray],
     illuminant: str,
-    observer: str | int = 2,
+    observer: str | int,
 ) -> Float[np.ndarray, "*n 2"]:
     """CIEDE2000 between spectra over black and over white, (..., bands) each, and others of such
     films.
@@ -149,11 +158,7 @@ class Recovery(FittedFilms):
         """The larger CIEDE2000 difference of the two fitted spectra from the measured ones, 2
         degree observer.
         """
-        films = self.films
-        fitted = self.fitted_black, self.fitted_white
-        return delta_e_over_cards(
-            films.wavelengths, fitted, (films.over_black, films.over_white), illuminant
-        ).max(-1)
+        return self._delta_e(illuminant, 2).max(axis=-1)
 
     def interval(self, quantile: float = 1.96) -> tuple[np.ndarray, np.ndarray]:
         """Symmetric intervals of k d and s d, cut at zero: (lower, upper), each (films, bands, 2).
