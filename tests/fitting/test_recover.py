@@ -215,9 +215,7 @@ def test_compiled_program_calls_no_library_for_linear_algebra():
     prior = ScatteringPrior(jnp.zeros(size), jnp.zeros(size))
     # What the compiler is given; it adds no library calls of its own, and compiling again takes
     # long.
-    program = solve.jitted.lower(problem, film_response(INSTRUMENT), prior, INSTRUMENT).as_text(
-        "hlo"
-    )
+    program = solve.jitted.lower(problem, film_response(INSTRUMENT), prior).as_text("hlo")
     assert "lapack_" not in program
     assert "while" in program, "the solver's loop is missing: is this the program that runs?"
 

@@ -398,9 +398,8 @@ def _report(recovery: "Recovery", how: progress.Collected, results: Output) -> N
     from .plots import plot_paint
     from .report import draw_each, print_summary, write_fits
 
-    out, metres, plots, overwrite, console = results
-    assert out is not None
-    out.mkdir(parents=True, exist_ok=True)
+    _, metres, plots, overwrite, console = results
+    out = results.make_folder()
     paints = [recovery.pigment(row, metres) for row in range(len(recovery))]
     write_pigments(out / "pigments.csv", paints, digits=6, overwrite=overwrite)
     write_fits(recovery, out / "fits.csv", overwrite=overwrite)

@@ -52,7 +52,7 @@ def recover_from_coats(films: "Films", given: dict[str, Any], results: "Output")
     from .coats import predict_next_coat, recover_coats
     from .coats_report import plot_coats, print_coats, write_coats
 
-    out, metres, plots, overwrite, console = results
+    _, metres, plots, overwrite, console = results
     fitted = average(films)
     progress.print_notes(console, "films", fitted.notes[len(films.notes) :])
     with progress.doing("compiling, then fitting the coats of each paint"):
@@ -67,8 +67,7 @@ def recover_from_coats(films: "Films", given: dict[str, Any], results: "Output")
             ]
         seconds = time.perf_counter() - began
     print_coats(recovery, foretold, console, seconds)
-    assert out is not None
-    out.mkdir(parents=True, exist_ok=True)
+    out = results.make_folder()
     write_coats(recovery, foretold, metres, out, overwrite=overwrite)
     if plots:
         plot_coats(recovery, foretold, out, progress.drawing(len(recovery.paints)))

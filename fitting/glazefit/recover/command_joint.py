@@ -198,9 +198,8 @@ def _write_folder(
     from .plots import plot_joint_paint
     from .report import draw_each, write_joint_films
 
-    out, _, plots, overwrite, console = results
-    assert out is not None
-    out.mkdir(parents=True, exist_ok=True)
+    _, _, plots, overwrite, console = results
+    out = results.make_folder()
     paints = recovery.pigments(unit)
     write_pigments(out / "pigments.csv", paints.values(), digits=6, overwrite=overwrite)
     write_joint_films(recovery, out / "films.csv", overwrite=overwrite)
@@ -228,8 +227,8 @@ def _leave_out(
     from .plots import plot_left_out
     from .report import print_left_out, write_left_out
 
-    out, _, plots, overwrite, console = results
-    assert out is not None
+    _, _, plots, overwrite, console = results
+    out = results.make_folder()
     with progress.doing("leaving films out") as say:
         left = cross_validate(
             recovery, films, recipes, progress=lambda done, total, words: say(words), **given

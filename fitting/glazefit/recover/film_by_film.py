@@ -2,8 +2,8 @@
 
 Each band of each film is a problem of its own: two readings, two unknowns. All of them are solved
 side by side in one compiled program, Levenberg and Marquardt's steps
-(`film.numerics.least_squares`), in chunks
-of films so that progress shows and an interrupt keeps what is finished.
+(`film.numerics.least_squares`) on the table of films (`FilmResponse`, exact to 1e-5), in chunks of
+films so that progress shows and an interrupt keeps what is finished.
 
 The unknowns are log(k d) and log(s d), held between bounds by a sigmoid. Two films over the same
 cards can have two solutions, so the fit starts from the two best local minima on a grid
@@ -13,9 +13,7 @@ Where a film is opaque only k/s is known. There s d is drawn to its neighbours
 (`neighbours_scattering`) and k d follows from the ratio; the band is flagged.
 """
 
-import functools
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import NamedTuple
 
 import jax
@@ -37,7 +35,7 @@ from ..film.films import (
     cards,
 )
 from ..film.gloss import estimate_gloss
-from ..film.model.body import HIGHEST, LOWEST, body_reflectance
+from ..film.model.body import HIGHEST, LOWEST
 from ..film.model.response import FilmResponse, film_response
 from ..film.noise import estimate_noise
 from ..film.numerics.least_squares import levenberg_marquardt
@@ -143,7 +141,7 @@ def _polish(
     data: CardReadings,
     weights: Float[Array, "n 2"],
     prior: ScatteringPrior,
-    instrument: Instrument,
+    response: FilmResponse,
 ) -> tuple[Float[Array, "n 2"], Bool[Array, "n"]]:
     """Least squares of bands, each from one start: log optical thicknesses, and whether they
     converged.
@@ -161,8 +159,7 @@ def _polish(
         centre = jnp.stack([start[0], jnp.where(given, prior.mean, start[1])])
         logs = _bound(free)
         k, s = jnp.exp(logs)
-        read = body_reflectance(k, s, jnp.asarray(data.ground), instrument)
-        misfit = (read - data.reflectance) * weights
+        misfit = (response.body(k, s, data.ground) - data.reflectance) * weights
         return jnp.concatenate([misfit, pull * (logs - centre)])
 
     given = (start, data, weights, prior)
@@ -173,7 +170,7 @@ def _polish(
 
 
 def _spread(
-    optical: Float[Array, "n 2"], data: CardReadings, instrument: Instrument
+    optical: Float[Array, "n 2"], data: CardReadings, response: FilmResponse
 ) -> tuple[Float[Array, "n 2"], Float[Array, "n 2 2"]]:
     """Fitted readings, and the covariance of k d and s d that the noise of all four readings
     causes.
@@ -183,7 +180,7 @@ def _spread(
     """
 
     def total(optical: Array, ground: Array) -> tuple[Array, Array]:
-        value = body_reflectance(optical[..., 0], optical[..., 1], ground, instrument)
+        value = response.body(optical[..., 0], optical[..., 1], ground)
         return value.sum(), value
 
     # One reverse pass gives every slope: bands and cards are independent.
@@ -200,18 +197,16 @@ def _spread(
     return value, inverse_positive(fisher)
 
 
-@functools.partial(Program, fixed=("instrument",))
-def solve(
-    data: CardReadings, response: FilmResponse, prior: ScatteringPrior, instrument: Instrument
-) -> Estimate:
+@Program
+def solve(data: CardReadings, response: FilmResponse, prior: ScatteringPrior) -> Estimate:
     """Solve every band of a batch, (n,), side by side."""
     start = jax.vmap(starts, in_axes=(0, None, 0))(data, response, prior)
     # Both starts of a band are bands of their own until the better one is chosen.
     twice = jax.tree.map(lambda a: jnp.repeat(a, 2, axis=0), (data, start.weights, prior))
     both, weights, priors = twice
-    logs, converged = _polish(start.logs.reshape(-1, 2), both, weights, priors, instrument)
+    logs, converged = _polish(start.logs.reshape(-1, 2), both, weights, priors, response)
     optical = jnp.exp(logs)
-    fitted, covariance = _spread(optical, both, instrument)
+    fitted, covariance = _spread(optical, both, response)
     misfit = jnp.sum(((fitted - both.reflectance) * weights) ** 2, axis=-1)
     cost = (misfit + (priors.weight * (logs[:, 1] - priors.mean)) ** 2).reshape(-1, 2)
     # The first unless the second is better by more than rounding.
@@ -300,8 +295,6 @@ def _recover_chunk(films: Films, instrument: Instrument, noise: Noise, chunk: in
     count = len(films)
     bands = films.wavelengths.size
     gloss = estimate_gloss(films, instrument, noise)
-    # The light inside the paint does not know what the sphere includes: one program serves both.
-    optics = Instrument(replace(instrument.geometry, specular=True), instrument.refractive_index)
     # The last chunk is filled up, so that one compiled program serves all.
     spare = (chunk - count) * bands
     data = jax.tree.map(
@@ -310,8 +303,8 @@ def _recover_chunk(films: Films, instrument: Instrument, noise: Noise, chunk: in
     )
     size = chunk * bands
     nothing = ScatteringPrior(jnp.zeros(size), jnp.zeros(size))
-    response = film_response(optics)
-    free = solve(data, response, nothing, optics)
+    response = film_response(instrument)
+    free = solve(data, response, nothing)
     contrast = np.asarray(
         (free.fitted[:, 1] - free.fitted[:, 0]) / jnp.linalg.norm(data.sd, axis=1)
     )
@@ -324,7 +317,7 @@ def _recover_chunk(films: Films, instrument: Instrument, noise: Noise, chunk: in
         np.asarray(free.least_scattering).reshape(-1, bands),
     )
     prior = ScatteringPrior(jnp.asarray(mean.ravel()), jnp.asarray(weight.ravel()))
-    drawn = free if known[:count].all() else solve(data, response, prior, optics)
+    drawn = free if known[:count].all() else solve(data, response, prior)
     chosen = jax.tree.map(
         lambda a, b: np.where(known.ravel().reshape(-1, *[1] * (a.ndim - 1)), a, b), free, drawn
     )

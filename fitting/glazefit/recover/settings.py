@@ -20,6 +20,12 @@ class Output(NamedTuple):
     overwrite: bool
     console: "Console"
 
+    def make_folder(self) -> Path:
+        """The folder, which is there from now on."""
+        assert self.out is not None
+        self.out.mkdir(parents=True, exist_ok=True)
+        return self.out
+
 
 class PriorKnowledge(NamedTuple):
     """What the user says beside the films: own paints, the white, thicknesses, readings without the
