@@ -51,6 +51,16 @@ def test_pigments_that_were_written_read_back(tmp_path):
         write_pigments(path, [plain])
 
 
+def test_coefficients_are_rounded_where_digits_are_asked_for(tmp_path):
+    path = tmp_path / "mine.csv"
+    paint = Pigment("A", [400.0, 500.0], [1.23456, 2e5 / 3], [3.0, 0.1], scattering_sd=[1e-7, 1.0])
+    write_pigments(path, [paint], digits=3)
+    assert path.read_text().splitlines()[1:] == [
+        "A,400,1.23,3,,1e-07,True",
+        "A,500,6.67e+04,0.1,,1,True",
+    ]
+
+
 def test_columns_in_any_order_comments_and_extras(tmp_path):
     text = (
         "# fitted, if each film is 20 um "

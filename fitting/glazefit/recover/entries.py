@@ -160,20 +160,20 @@ def entries(recovery: JointRecovery, file: PaintFile) -> list[Pigment]:
     slopes, own, shift, sd = conditional_modes(recovery, new, list(columns))
     bands = recovery.wavelengths.size
     made = []
-    for row, paint in enumerate(new):
+    for paint in new:
+        row = recovery.row(paint)
         modes = np.zeros((first + len(own), 2, bands))
         modes[list(columns.values())] = slopes[:, :, row]
         modes[first:] = own[:, :, row]
-        recovered = recovery.row(paint)
-        k = recovery.absorption[recovered] / thickness * np.exp(shift[0, row])
-        s = recovery.scattering[recovered] / thickness * np.exp(shift[1, row])
+        k = recovery.absorption[row] / thickness * np.exp(shift[0, row])
+        s = recovery.scattering[row] / thickness * np.exp(shift[1, row])
         made.append(
             Pigment(
                 paint,
                 recovery.wavelengths,
                 k,
                 s,
-                identifiable=recovery.identifiable[recovered],
+                identifiable=recovery.identifiable[row],
                 absorption_sd=k * sd[0, row],
                 scattering_sd=s * sd[1, row],
                 error_modes=modes,
@@ -214,7 +214,7 @@ def conditional_modes(
 
     Args:
         recovery: joint fit.
-        paints: whose errors.
+        paints: whose own errors count; of the fit's other paints modes of what is left are 0.
         others: numbers of the unknowns' `others`.
 
     Returns:
@@ -223,8 +223,6 @@ def conditional_modes(
     """
     count = len(recovery.paints)
     bands = recovery.wavelengths.size
-    wanted = [recovery.row(paint) for paint in paints]
-    local = np.array([*wanted, *(count + row for row in wanted)])
     slopes = np.zeros((len(others), bands, 2 * count))
     shift = np.zeros((bands, 2 * count))
     variance = np.diagonal(recovery.log_covariance, axis1=1, axis2=2)
@@ -239,20 +237,14 @@ def conditional_modes(
     # As large as is used to first order; both parts of an error alike.
     total = np.sqrt(np.sum(slopes**2, axis=0) + np.maximum(variance, 0.0))
     held = np.minimum(1.0, MOST_ERROR / np.maximum(total, 1e-12))
-    new = np.isin(np.arange(2 * count), local)
+    new = np.tile(np.isin(recovery.paints, paints), 2)
     # Error modes that are the new paints' own.
-    left = recovery.whole_covariance.largest(held * new, 16, others, slopes)[..., local]
+    left = recovery.whole_covariance.largest(held * new, 16, others, slopes)
 
-    def arrange(modes: np.ndarray) -> np.ndarray:
-        return modes.reshape(len(modes), bands, 2, len(paints)).transpose(0, 2, 3, 1)
+    def arrange(values: np.ndarray) -> np.ndarray:
+        return np.moveaxis(values.reshape(*values.shape[:-1], 2, count), -3, -1)
 
-    inherited = arrange((slopes * held)[..., local])
-    return (
-        inherited,
-        arrange(left),
-        arrange(shift[None, :, local])[0],
-        arrange(total[None, :, local])[0],
-    )
+    return arrange(slopes * held), arrange(left), arrange(shift), arrange(total)
 
 
 def add_entries(

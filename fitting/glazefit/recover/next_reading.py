@@ -20,6 +20,7 @@ from glazejax.geometry import resolve_instrument
 from ..film.films import InstrumentLike, usual_cards
 from ..film.model.response import Response, film_response
 from .joint import UNIT
+from .joint_problem import model_deviation
 from .joint_result import JointRecovery
 from .mixture import drawn_mixture
 from .reading_errors import film_readings
@@ -143,8 +144,8 @@ def rank_next_readings(
         seen = bodies(times * float(calibrated.thickness[0]) * UNIT, varied)
         seen = seen[:, cards][:, :, bands].reshape(len(off), -1)
         mean = seen.mean(axis=0)
-        floor = calibrated.expectations.model_floor + calibrated.expectations.model_share * mean
-        return Candidate(words, seen, np.hypot(calibrated.noise.sd(mean), floor))
+        sd = model_deviation(mean, calibrated.noise, calibrated.expectations)
+        return Candidate(words, seen, sd)
 
     candidates = [candidate(*planned) for planned in _planned(calibrated)]
     return rank_candidates(calibrated.paints[0], candidates, draws, looks, grid)
