@@ -64,7 +64,7 @@ def simulate(
     """Readings of films of this many paints, and the truth."""
     from glazefit import Films, Instrument, Noise, Prior
     from glazefit.film.films import usual_cards
-    from glazefit.film.model.body import body_reflectance
+    from glazefit.film.model.optics import Optics
     from glazefit.film.reading import readings
     from glazejax import catalogue
 
@@ -98,8 +98,11 @@ def simulate(
     ground = np.broadcast_to(np.stack([black, white], axis=-1), (count, grid.size, 2))
 
     def read(k: np.ndarray, s: np.ndarray, shine: np.ndarray) -> np.ndarray:
-        body = body_reflectance(
-            jnp.asarray(k)[..., None], jnp.asarray(s)[..., None], jnp.asarray(ground), instrument
+        body = Optics.of(instrument).body(
+            jnp.asarray(k)[..., None, None],
+            jnp.asarray(s)[..., None, None],
+            jnp.asarray(ground),
+            1e-5,
         )
         exact = np.asarray(body) + shine[:, None, None] * instrument.seen_surface
         return np.maximum(exact + noise.sd(exact) * rng.standard_normal(exact.shape), 0.0)

@@ -7,7 +7,7 @@ import pytest
 
 from glazefit import Instrument, Noise, read_films, recover_films, simulate_films
 from glazefit.film.gloss import estimate_gloss
-from glazefit.film.model.body import body_reflectance
+from glazefit.film.model.optics import Optics
 from glazefit.film.model.response import film_response
 from glazefit.film.readers import is_masstone, read_recipes, readable_names
 from glazefit.recover.film_by_film import (
@@ -184,8 +184,8 @@ def test_two_solutions_are_both_starts():
     nowhere = ScatteringPrior(jnp.zeros(()), jnp.zeros(()))
     points = np.asarray(jax.jit(starts)(first, film_response(INSTRUMENT), nowhere).logs)
     assert np.abs(np.exp(points) - [2.3, 0.06]).min(axis=0).max() < 0.5
-    k, s = jnp.exp(points).T[..., None]
-    read = body_reflectance(k, s, first.ground, INSTRUMENT)
+    k, s = jnp.exp(points).T[..., None, None]
+    read = Optics.of(INSTRUMENT).body(k, s, first.ground, 1e-5)
     assert np.abs(np.asarray(read) - np.asarray(first.reflectance)).min(axis=0).max() < 2e-3
 
 

@@ -152,6 +152,7 @@ def read_recipes(path: str | Path) -> dict[str, dict[str, float]]:
     """
     recipes: dict[str, dict[str, float]] = {}
     count = 0
+    most = 200_000
     with open_source(path) as source:
         for number, line in source.lines():
             if not line.strip() or line.startswith("#"):
@@ -178,10 +179,9 @@ def read_recipes(path: str | Path) -> dict[str, dict[str, float]]:
             if sample in recipes:
                 raise source.error(f"sample {sample!r} is listed twice", number)
             count += len(values)
-            # A file that is no list of films ends here, not where memory does.
-            if count > 200_000:
+            if count > most:
                 raise source.error(
-                    "more than 200000 paints in films so far; split the file", number
+                    f"more than {most} paints in films so far; split the file", number
                 )
             recipes[sample] = {
                 p: w for p, w in zip(paints.split("-"), values, strict=True) if w > 0
