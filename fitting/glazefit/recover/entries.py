@@ -25,7 +25,7 @@ from glazejax.paint.pigment_table import pigment_rows, read_pigments
 from glazejax.whole_file import whole_file
 
 from .constraints import MOST_ERROR, error_modes
-from .joint_result import JointRecovery
+from .joint_result import JointRecovery, by_paint
 
 
 @dataclass(frozen=True)
@@ -240,11 +240,7 @@ def conditional_modes(
     new = np.tile(np.isin(recovery.paints, paints), 2)
     # Error modes that are the new paints' own.
     left = recovery.whole_covariance.largest(held * new, 16, others, slopes)
-
-    def arrange(values: np.ndarray) -> np.ndarray:
-        return np.moveaxis(values.reshape(*values.shape[:-1], 2, count), -3, -1)
-
-    return arrange(slopes * held), arrange(left), arrange(shift), arrange(total)
+    return by_paint(slopes * held), by_paint(left), by_paint(shift), by_paint(total)
 
 
 def add_entries(

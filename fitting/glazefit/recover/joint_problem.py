@@ -82,6 +82,10 @@ class Expectations(NamedTuple):
     """and for each unit of reflectance. Larger than residuals are: errors of neighbouring bands are
     alike, so that thirty of them tell no more than a few that are independent."""
 
+    def model_sd(self, reflectance: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
+        """What the model may be off at a reflectance."""
+        return self.model_floor + self.model_share * reflectance
+
 
 class Unknowns(NamedTuple):
     """Point of the search; also the shape of a step."""
@@ -220,7 +224,7 @@ def model_deviation(
     """Standard deviation of a reading from the model's: the instrument's noise and what the model
     may be off.
     """
-    return np.hypot(noise.sd(measured), expected.model_floor + expected.model_share * measured)
+    return np.hypot(noise.sd(measured), expected.model_sd(measured))
 
 
 def curvature_matrix(wavelengths: Float[np.ndarray, "bands"]) -> Float[np.ndarray, "inner bands"]:

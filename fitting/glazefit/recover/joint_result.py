@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Array, Bool, Float
 
 from glazejax import Pigment
 
@@ -21,6 +21,13 @@ RULE = (
     "value, if the paint is in a mixture or thicknesses were measured: else its scale is as "
     "expected, not found"
 )
+
+
+def by_paint(
+    values: Float[Array | np.ndarray, "*n bands local"],
+) -> Float[np.ndarray, "*n 2 paints bands"]:
+    """Values of each paint's k and then of each one's s at every band, by k and s and by paint."""
+    return np.moveaxis(np.reshape(values, (*np.shape(values)[:-1], 2, -1)), -3, -1)
 
 
 @dataclass(frozen=True)
@@ -108,26 +115,24 @@ class JointRecovery(FittedFilms):
     @property
     def absorption(self) -> Float[np.ndarray, "paints bands"]:
         """k of each paint for unit thickness, (paints, bands)."""
-        return np.exp(self.unknowns.bands[:, : len(self.paints)].T)
+        return np.exp(by_paint(self.unknowns.bands)[0])
 
     @property
     def scattering(self) -> Float[np.ndarray, "paints bands"]:
         """s of each paint for unit thickness, (paints, bands)."""
-        return np.exp(self.unknowns.bands[:, len(self.paints) :].T)
+        return np.exp(by_paint(self.unknowns.bands)[1])
 
     @property
     def log_sd(self) -> Float[np.ndarray, "2 paints bands"]:
         """Standard deviations of log k and of log s."""
-        sd = np.sqrt(np.diagonal(self.log_covariance, axis1=1, axis2=2))
-        return np.stack([sd[:, : len(self.paints)].T, sd[:, len(self.paints) :].T])
+        return by_paint(np.sqrt(np.diagonal(self.log_covariance, axis1=1, axis2=2)))
 
     @property
     def log_ratio_sd(self) -> Float[np.ndarray, "paints bands"]:
         """Standard deviation of log(k/s), often far smaller than that of either."""
         paints = len(self.paints)
-        variance = np.diagonal(self.log_covariance, axis1=1, axis2=2)
-        cross = np.diagonal(self.log_covariance[:, :paints, paints:], axis1=1, axis2=2)
-        return np.sqrt(np.maximum(variance[:, :paints] + variance[:, paints:] - 2 * cross, 0.0)).T
+        cross = np.diagonal(self.log_covariance[:, :paints, paints:], axis1=1, axis2=2).T
+        return np.sqrt(np.maximum(np.sum(self.log_sd**2, axis=0) - 2 * cross, 0.0))
 
     @property
     def identifiable(self) -> Bool[np.ndarray, "paints bands"]:
@@ -179,12 +184,8 @@ class JointRecovery(FittedFilms):
         factor.
         """
         sd = np.sqrt(np.diagonal(self.log_covariance, axis1=1, axis2=2))
-        modes = self.whole_covariance.largest(
-            np.minimum(1.0, MOST_ERROR / np.maximum(sd, 1e-12)), count
-        )
-        return modes.reshape(len(modes), len(self.wavelengths), 2, len(self.paints)).transpose(
-            0, 2, 3, 1
-        )
+        held = np.minimum(1.0, MOST_ERROR / np.maximum(sd, 1e-12))
+        return by_paint(self.whole_covariance.largest(held, count))
 
     def row(self, paint: str) -> int:
         """Number of a paint.

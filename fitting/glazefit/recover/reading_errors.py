@@ -87,7 +87,7 @@ class ReadingErrors:
         """
         found = self.calibrated
         size = found.expectations
-        new = size.gain * expected * self.gain + _model_size(size, expected) * self.model
+        new = size.gain * expected * self.gain + size.model_sd(expected) * self.model
         surface = found.instrument.seen_surface * self.gloss
         through = np.flatnonzero(~found.films.opaque)
         if through.size == 0:
@@ -111,17 +111,11 @@ class ReadingErrors:
         return shift, surface + (drawn - shift) + left * new
 
 
-def _model_size(
-    expected: Expectations, reflectance: Float[np.ndarray, "*n bands"]
-) -> Float[np.ndarray, "*n bands"]:
-    return expected.model_floor + expected.model_share * reflectance
-
-
 def _error_size(
     expected: Expectations, reflectance: Float[np.ndarray, "*n bands"]
 ) -> Float[np.ndarray, "*n bands"]:
     """Standard deviation of a reading by its gain and by the model."""
-    return np.hypot(expected.gain * reflectance, _model_size(expected, reflectance))
+    return np.hypot(expected.gain * reflectance, expected.model_sd(reflectance))
 
 
 def _readings_of(
