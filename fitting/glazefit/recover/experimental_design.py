@@ -32,7 +32,7 @@ class _Open(NamedTuple):
     gloss: Float[np.ndarray, "draws films"]  # log
 
 
-class _Plan(NamedTuple):
+class _PlannedFilms(NamedTuple):
     """Films that are easily made and were not."""
 
     words: list[str]
@@ -62,18 +62,19 @@ def rank_next_films(
     row = recovery.row(paint)
     whites = _whites(recovery)
     pale = next((name for name in (*recovery.known, *whites) if name in whites), None)
-    stand_in = white if pale is None and white and white.name not in recovery.paints else None
-    if stand_in is not None:
-        pale = stand_in.name
-    if pale == paint:
+    stand_in = None
+    if pale is None and white is not None and white.name not in recovery.paints:
+        stand_in = white
+        pale = white.name
+    elif pale == paint:
         pale = None
     through = ~recovery.films.opaque
     depth = float(np.mean(np.log(recovery.thickness[through]))) if through.any() else 0.0
     plan = _plan(recovery, row, pale, depth)
     bands = _planning_bands(recovery)
     grid = recovery.wavelengths[bands]
-    rows = [row] if pale is None or stand_in is not None else [row, recovery.row(pale)]
-    open_ = _open(recovery, rows, bands, plan, stand_in and stand_in.resample(grid))
+    rows = [row, recovery.row(pale)] if pale in recovery.paints else [row]
+    open_ = _open(recovery, rows, bands, plan, stand_in)
     seen = card_readings(recovery.films, recovery.instrument, recovery.noise)
     ground, ground_sd = (np.asarray(values[0, bands]).T for values in (seen.ground, seen.ground_sd))
     expected, moves = map(
@@ -135,7 +136,7 @@ def _planning_bands(recovery: JointRecovery) -> np.ndarray:
     return bands[reading_bands(bands.size, 31)]
 
 
-def _plan(recovery: JointRecovery, row: int, pale: str | None, depth: float) -> _Plan:
+def _plan(recovery: JointRecovery, row: int, pale: str | None, depth: float) -> _PlannedFilms:
     """Thinner and thicker films of the paint, and tints of it with the white."""
     paint = recovery.paints[row]
     pure = np.eye(1 if pale is None else 2)[0]
@@ -152,7 +153,7 @@ def _plan(recovery: JointRecovery, row: int, pale: str | None, depth: float) -> 
         if not np.any(similar & with_white):
             made.append((f"a 1:{parts} tint of {paint} with {pale}", share, depth))
     words, shares, thickness = zip(*made, strict=True)
-    return _Plan(
+    return _PlannedFilms(
         [f"{one}, over black and white" for one in words], np.stack(shares), np.array(thickness)
     )
 
@@ -161,10 +162,12 @@ def _open(
     recovery: JointRecovery,
     rows: list[int],
     bands: np.ndarray,
-    plan: _Plan,
+    plan: _PlannedFilms,
     white: Pigment | None,
 ) -> _Open:
-    """What is open, of paints of the fit, by row, and of a white that is in no film of it."""
+    """What is open, at some bands, of paints of the fit, by row, and of a white that is in no film
+    of it.
+    """
     expected = recovery.expectations
     best = recovery.unknowns
     whole = jax.tree.map(
@@ -174,7 +177,8 @@ def _open(
     )
     count = len(whole.bands)
     films = len(plan.words)
-    rng = np.random.default_rng(0)
+    # Another stream than that of the recovery's draws.
+    rng = np.random.default_rng(1)
 
     def normal(*shape: int) -> np.ndarray:
         draws = rng.standard_normal((count, *shape))
@@ -184,6 +188,7 @@ def _open(
     coefficients = whole.bands[:, bands].reshape(count, bands.size, 2, -1)[..., rows]
     gloss = whole.paints[:, rows]
     if white is not None:
+        white = white.resample(recovery.wavelengths[bands])
         values = np.stack([white.absorption, white.scattering], axis=-1) * recovery.unit
         modes = error_modes(white)
         off = np.einsum("dm,mcb->dbc", normal(len(modes)), modes)

@@ -43,7 +43,7 @@ films.
 """
 
 
-class _Mixture(NamedTuple):
+class _MixedPaint(NamedTuple):
     """A mixture by the mixing law."""
 
     name: str
@@ -310,7 +310,7 @@ def _mix(
     recipe: Mapping[str, float],
     wavelengths: Float[np.ndarray, "bands"] | None,
     law: MixingLaw | None,
-) -> _Mixture:
+) -> _MixedPaint:
     """A mixture, called by its recipe.
 
     The modes of the paints are split into the scale of k and s and their shape, which go together;
@@ -352,7 +352,7 @@ def _mix(
     varied = MIXED.coefficient * smooth_modes(grid, MIXED.coefficient_length, 8)
     varied = np.concatenate([varied, np.full((1, grid.size), MIXED.level)])
     words = (f"{100 * share:.3g} {paint}" for share, paint in zip(shares, names, strict=True))
-    return _Mixture(
+    return _MixedPaint(
         name=" + ".join(words),
         wavelengths=grid,
         coefficients=whole,
