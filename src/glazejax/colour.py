@@ -60,8 +60,6 @@ _END = 780
 # Beyond 20 nm ASTM E308 gives no tables; beyond this, cubic interpolation says nothing about a
 # paint.
 _MAX_STEP = 40.0
-# Share of a tristimulus value that may rest on repeating the end bands; 420-680 nm stays below .07.
-_MAX_GUESSED = 0.1
 # A lamp's relative power, at most.
 _MOST_POWER = 1e100
 # IEC 61966-2-1: chromaticities of the primaries and of white, and the light up to which the
@@ -208,7 +206,9 @@ def _on_bands(
     """Weights of bands, read-only."""
     beyond = (fine < bands[0]) | (fine > bands[-1])
     guessed = float((np.abs(products[beyond]).sum(axis=0) / np.abs(products).sum(axis=0)).max())
-    if guessed > _MAX_GUESSED:
+    # Share of a tristimulus value that may rest on repeating the end bands; 420-680 nm stays below
+    # .07.
+    if guessed > 0.1:
         raise ValueError(
             f"{describe_grid(bands)} leaves {guessed:.0%} of a tristimulus value to guesswork: "
             "colour needs spectra from about 420 to 680 nm at least, better from 400 to 700 nm"

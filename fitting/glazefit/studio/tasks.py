@@ -30,7 +30,6 @@ from ..film.readers import films_of
 
 Request = Mapping[str, Any]
 Report = Callable[[str], None]
-_RECIPES = 5
 _CANDIDATES = 5
 # Films recovered at once.
 _MOST_FILMS = 20
@@ -68,7 +67,7 @@ def recipes(request: Request, report: Report) -> dict[str, Any]:
         instrument=stack.seen_by,
         refractive_index=stack.refractive_index,
         max_coats=1 if options.get("max_coats") == 1 else 2,
-        count=_RECIPES,
+        count=5,
     )
     listed = [
         {

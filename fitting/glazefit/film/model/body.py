@@ -11,15 +11,13 @@ from .optics import Optics
 LOWEST = (1e-6, 1e-5)
 HIGHEST = (100.0, 400.0)
 
-FIT_TOLERANCE = 1e-5
-
 
 def body_reflectance(
     absorption: Float[Array, "*#batch"],
     scattering: Float[Array, "*#batch"],
     ground: Float[Array, "*#batch"],
     instrument: Instrument,
-    tolerance: float = FIT_TOLERANCE,
+    tolerance: float = 1e-5,
 ) -> Float[Array, "*batch"]:
     """Reflectance of a film on a Lambertian ground, without the part from the outer surface.
 

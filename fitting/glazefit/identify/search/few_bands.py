@@ -32,16 +32,11 @@ MISSED = 2e-4
 """Standard deviation by which a reading may be missed between the bands that are kept: below an
 instrument's noise.
 """
-# So many bands are all taken; and more, if no more than this share of them can be left out.
-_MANY = 100
-_WORTH = 0.75
 # Standard deviations of smooth errors that are to be met between the bands beside the films
 # themselves, by the distance over which they stay alike, nm.
 _SMOOTH = ((0.003, 100.0), (0.002, 60.0))
 # Films over these grounds show what there is to tell.
 _GROUNDS = (0.03, 0.5, 0.93)
-# A ground that is missed by more between the bands is taken at all of them.
-_MISSED_GROUND = 0.005
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +115,8 @@ def few_bands_of(task: IdentificationTask) -> tuple[FewBands, IdentificationTask
     """The bands at which a task's spectra are gathered, and the task on these; None where all are
     taken: if they are few, or if the search is to be thorough.
     """
-    if len(task.wavelengths) <= _MANY or not task.effort.single_precision:
+    # So many bands are all taken.
+    if len(task.wavelengths) <= 100 or not task.effort.single_precision:
         return None
     with _LOCK:
         if task.tables not in _FEW:
@@ -145,7 +141,8 @@ def _choose(task: IdentificationTask) -> tuple[FewBands, FilmTables] | None:
         *task.tables.single, task.prior.spread, np.asarray(_GROUNDS), task.wavelengths.size
     )
     few = choose_bands(films, task.wavelengths, task.discrepancy.length)
-    if len(few.place) > _WORTH * len(few.spread):
+    # All are taken where no more than a quarter of them can be left out.
+    if len(few.place) > 0.75 * len(few.spread):
         return None
     paints = Paints(*(jnp.asarray(np.asarray(part)[:, few.place]) for part in task.paints))
     return few, FilmTables(task.response, paints, task.max_paints, task.prior.spread)
@@ -154,7 +151,8 @@ def _choose(task: IdentificationTask) -> tuple[FewBands, FilmTables] | None:
 def can_gather(few: FewBands, measured: Measured) -> bool:
     """Whether the grounds are told by these bands too."""
     grounds = measured.grounds
-    return bool(np.abs(grounds - grounds[..., few.place] @ few.spread.T).max() <= _MISSED_GROUND)
+    # A ground that is missed by more between the bands is taken at all of them.
+    return bool(np.abs(grounds - grounds[..., few.place] @ few.spread.T).max() <= 0.005)
 
 
 def gather(few: FewBands, measured: Measured, discrepancy: ModelError) -> Measured:

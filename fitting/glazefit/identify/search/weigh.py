@@ -18,25 +18,16 @@ UNSEEN = 1.0
 REJECTED = 4.0
 """Delta E00 above which a person sees that the fit is none."""
 
-# Candidates whose colour is compared with the film's.
-_LOOKED_AT = 40
-# Log odds, and a Delta E00, by which a paint earns its place in a set.
-_EARNS = 2.0
+# Delta E00 by which a paint earns its place in a set.
 _EARNS_COLOUR = 0.5
-# Noise below which its part in a colour is not looked at, and random spectra for it.
-_SEEN_NOISE = 0.002
-_DRAWS = 8
 # Delta E00 for a residual's root mean square of 1, in the middle of the films that were left out.
 _COLOUR_OF_RMSE = 100.0
 
 
-# Mass fraction of colour in an extender below which a film is the less probable the less there is:
-# in what is nearly clear, traces that nobody would weigh imitate any colour.
-_TRACE = 0.02
-
-
 def weigh_traces(pool: Pool, extenders: Bool[np.ndarray, "paints"]) -> Pool:
-    """The pool, in which films of an extender with a mere trace of colour are less probable.
+    """The pool, in which films of an extender with a mere trace of colour are less probable: the
+    less of it, the less, below a mass fraction of .02. In what is nearly clear, traces that nobody
+    would weigh imitate any colour.
 
     Args:
         pool: candidates with their log amounts.
@@ -47,7 +38,7 @@ def weigh_traces(pool: Pool, extenders: Bool[np.ndarray, "paints"]) -> Pool:
     clear = np.append(extenders, False)[pool.members]
     coloured = np.sum(np.where(clear, 0.0, amounts), axis=-1) / amounts.sum(axis=-1)
     # What is an extender alone is no trace.
-    share = np.where(coloured > 0.0, np.minimum(coloured / _TRACE, 1.0), 1.0)
+    share = np.where(coloured > 0.0, np.minimum(coloured / 0.02, 1.0), 1.0)
     return replace(pool, log_weight=pool.log_weight + np.log(share))
 
 
@@ -88,7 +79,7 @@ class Smaller(NamedTuple):
     less: list[int]
 
 
-def odds_of(measured: Measured, pool: Pool, prior: Prior, *, looked_at: int = _LOOKED_AT) -> Odds:
+def odds_of(measured: Measured, pool: Pool, prior: Prior, *, looked_at: int = 40) -> Odds:
     """Odds of all candidates and of none beside them.
 
     Args:
@@ -218,14 +209,14 @@ def simplest(
     """Odds in which a set and the same set less one paint change places where that paint is not
     needed.
 
-    A paint is needed if it raises the evidence enough, or makes a difference that can be seen. Else
+    A paint is needed if it raises the log odds by 2, or makes a difference that can be seen. Else
     the simpler film comes first.
     """
     odds = odds.copy()
     for n, less in order:
         enough = (
             (odds[:, less] < odds[:, n, None])
-            & (weight[:, less] > weight[:, n, None] - _EARNS)
+            & (weight[:, less] > weight[:, n, None] - 2.0)
             & (delta_e[:, less] < np.maximum(delta_e[:, n], _EARNS_COLOUR)[:, None] + _EARNS_COLOUR)
         )
         rows = np.flatnonzero(enough.any(axis=1))
@@ -241,10 +232,11 @@ def _of_noise(measured: Measured) -> Float[np.ndarray, "spectra"]:
     """Delta E00 that the noise of the readings causes, root mean square of a few draws; 0 where it
     cannot be seen.
     """
-    noisy = measured.noise_sd.mean(axis=(1, 2)) > _SEEN_NOISE
+    # Smaller noise has no part in a colour that could be seen.
+    noisy = measured.noise_sd.mean(axis=(1, 2)) > 0.002
     if not noisy.any():
         return np.zeros(len(measured))
-    draws = np.random.default_rng(0).standard_normal((_DRAWS, *measured.readings.shape[1:]))
+    draws = np.random.default_rng(0).standard_normal((8, *measured.readings.shape[1:]))
     drawn = measured.readings[:, None] + draws * measured.noise_sd[:, None]
     off = _colour_difference(measured, np.maximum(drawn, 0.0))
     return np.where(noisy, np.sqrt(np.mean(off**2, axis=1)), 0.0)

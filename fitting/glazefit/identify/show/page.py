@@ -30,9 +30,6 @@ LISTED = 60
 # thickest film there is.
 _LEAST_UM = 0.001
 _MOST_UM = 1e4
-# Of a spot's tables, what is printed on its page; the screen has all.
-_PRINTED_FITS = 3
-_PRINTED_PAINTS = 8
 
 
 def beside(path: Path) -> tuple[Path, Path]:
@@ -96,6 +93,7 @@ def write_report(
 
 def page(record: Record, table: str, data: str) -> Iterator[str]:
     """The page, piece by piece; `table` and `data` are names of the files beside it."""
+    # Of a spot's tables, what is printed on its page; the screen has all.
     return fill_page(
         "page",
         record,
@@ -108,8 +106,8 @@ def page(record: Record, table: str, data: str) -> Iterator[str]:
         unseen=UNSEEN,
         rejected=REJECTED,
         drawn_fits=FITS,
-        printed_fits=_PRINTED_FITS,
-        printed_paints=_PRINTED_PAINTS,
+        printed_fits=3,
+        printed_paints=8,
     )
 
 
