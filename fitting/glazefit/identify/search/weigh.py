@@ -96,7 +96,12 @@ def odds_of(measured: Measured, pool: Pool, prior: Prior, *, looked_at: int = 40
     misfits = _misfits(measured, pool, share, looked_at)
     odds, rejected = _judge(share, misfits, prior)
     for row in range(len(odds)):
-        order = smaller_sets(pool, row, odds[row] > 0)
+        order = smaller_sets(
+            members=pool.members[row],
+            condition=pool.condition[row],
+            log_weight=pool.log_weight[row],
+            possible=(odds[row] > 0) & ~pool.coats[row].any(axis=-1),
+        )
         odds[row : row + 1] = simplest(
             order, weight[row : row + 1], misfits.delta_e[row : row + 1], odds[row : row + 1]
         )
@@ -182,19 +187,29 @@ def log_odds_of_none(misfit: float | Float[np.ndarray, "*n"]) -> Float[np.ndarra
     return np.asarray(intercept + slope * np.log(np.maximum(misfit, 0.1)))
 
 
-def smaller_sets(pool: Pool, row: int, possible: Bool[np.ndarray, "candidates"]) -> list[Smaller]:
-    """Candidates of one coat that have others of one paint less beside them, largest sets first."""
-    size = (pool.members[row] != NOBODY).sum(axis=1)
+def smaller_sets(
+    members: Int[np.ndarray, "candidates 3"],
+    condition: Int[np.ndarray, "candidates"],
+    log_weight: Float[np.ndarray, "candidates"],
+    possible: Bool[np.ndarray, "candidates"],
+) -> list[Smaller]:
+    """Candidates of a spectrum that have others of one paint less beside them, largest sets first.
+
+    Args:
+        members, condition, log_weight: as in `Pool`, of one spectrum.
+        possible: which candidates count: those of one coat.
+    """
+    size = (members != NOBODY).sum(axis=1)
     sets: dict[int, tuple[int, frozenset[int]]] = {}
     place: dict[tuple[int, frozenset[int]], int] = {}
-    here = np.flatnonzero(possible & ~pool.coats[row].any(axis=-1))
-    for n in here[np.argsort(-pool.log_weight[row, here], kind="stable")].tolist():
-        sets[n] = int(pool.condition[row, n]), frozenset(pool.members[row, n, : size[n]].tolist())
+    here = np.flatnonzero(possible)
+    for n in here[np.argsort(-log_weight[here], kind="stable")].tolist():
+        sets[n] = int(condition[n]), frozenset(members[n, : size[n]].tolist())
         place.setdefault(sets[n], n)
     out = []
     for n in sorted(sets, key=lambda n: -size[n]):
-        condition, paints = sets[n]
-        less = [place[key] for paint in paints if (key := (condition, paints - {paint})) in place]
+        under, paints = sets[n]
+        less = [place[key] for paint in paints if (key := (under, paints - {paint})) in place]
         if less:
             out.append(Smaller(n, less))
     return out
