@@ -60,8 +60,6 @@ _END = 780
 # Beyond 20 nm ASTM E308 gives no tables; beyond this, cubic interpolation says nothing about a
 # paint.
 _MAX_STEP = 40.0
-# A lamp's relative power, at most.
-_MOST_POWER = 1e100
 # IEC 61966-2-1: chromaticities of the primaries and of white, and the light up to which the
 # encoding is straight.
 SRGB_PRIMARIES = ((0.64, 0.33), (0.30, 0.60), (0.15, 0.06))
@@ -180,11 +178,11 @@ def lamp_weights(
         raise ValueError(
             "a lamp needs one power for each wavelength, each a finite number from 0 on"
         )
+    most = 1e100
     # Sums of more overflow, and colours would be NaN.
-    if values.max() > _MOST_POWER:
+    if values.max() > most:
         raise ValueError(
-            f"a lamp's power is {values.max():g}; it is relative: write numbers up to "
-            f"{_MOST_POWER:g}"
+            f"a lamp's power is {values.max():g}; it is relative: write numbers up to {most:g}"
         )
     if lamp[0] > 420 or lamp[-1] < 680:
         raise ValueError(

@@ -41,7 +41,6 @@ MOST_PARTS = 4
 """Paints in one coat, at most."""
 MOST_COATS = 100
 _MOST_BYTES = 1 << 20
-_MOST_BANDS = 1000
 _KEYS = {"glazejax", "version", "coats", "ground", "refractive_index", "geometry", "pigments"}
 
 
@@ -593,10 +592,7 @@ def _number(what: str, given: Any, low: float, high: float) -> float:
 
 
 def _curve(what: str, given: Any) -> Float[np.ndarray, "bands"]:
-    if (
-        not isinstance(given, list)
-        or not 1 <= len(given) <= _MOST_BANDS
-        or None in map(_real, given)
-    ):
-        raise ValueError(f"{what} must be a list of 1 to {_MOST_BANDS} numbers")
+    most = 1000
+    if not isinstance(given, list) or not 1 <= len(given) <= most or None in map(_real, given):
+        raise ValueError(f"{what} must be a list of 1 to {most} numbers")
     return np.array(given, float)

@@ -22,7 +22,6 @@ ROWS = {
     "ow": "paint over white",
 }
 NAMES_FILE = "mixtures.tsv"
-_MAX_PAINTS = 200_000
 
 
 def read_films(path: str | Path) -> Films:
@@ -122,6 +121,7 @@ def read_recipes(path: str | Path) -> dict[str, dict[str, float]]:
     """
     recipes: dict[str, dict[str, float]] = {}
     count = 0
+    most = 200_000
     with open_source(path) as source:
         for number, line in source.lines():
             if not line.strip() or line.startswith("#"):
@@ -148,9 +148,9 @@ def read_recipes(path: str | Path) -> dict[str, dict[str, float]]:
             if sample in recipes:
                 raise source.error(f"sample {sample!r} is listed twice", number)
             count += len(values)
-            if count > _MAX_PAINTS:
+            if count > most:
                 raise source.error(
-                    f"more than {_MAX_PAINTS} paints in films so far; split the file", number
+                    f"more than {most} paints in films so far; split the file", number
                 )
             recipes[sample] = {
                 p: w for p, w in zip(paints.split("-"), values, strict=True) if w > 0

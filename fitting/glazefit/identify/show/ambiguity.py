@@ -11,8 +11,6 @@ from ..result import Candidate, Identification, percent
 
 # Probability beside the first's below which another film is not looked at.
 _LEAST = 1e-3
-# Below this share a paint that may be there is a trace, and its share is not said.
-_TRACE = 0.01
 
 
 def describe_ambiguity(found: Identification, row: int) -> list[str]:
@@ -62,10 +60,12 @@ def describe_additions(found: Identification, row: int) -> str:
         return ""
     # Three are named; the others are counted.
     listed = shares[:3]
-    said = [f"up to {percent(most)} {paint}" for paint, most in listed if most >= _TRACE]
-    traces = [paint for paint, most in listed if most < _TRACE]
+    # Below this share a paint that may be there is a trace, and its share is not said.
+    least_share = 0.01
+    said = [f"up to {percent(most)} {paint}" for paint, most in listed if most >= least_share]
+    traces = [paint for paint, most in listed if most < least_share]
     if traces:
-        said.append(f"a trace (below {percent(_TRACE)}) of {' or '.join(traces)}")
+        said.append(f"a trace (below {percent(least_share)}) of {' or '.join(traces)}")
     others = len(shares) - len(listed)
     if others:
         said.append(f"less of {others} other{'s' if others > 1 else ''}")

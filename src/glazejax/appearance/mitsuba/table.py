@@ -27,7 +27,6 @@ from .surfaces import GlazeSurface
 
 _ANGLES = (33, 65, 129, 257)
 _LINE = (9, 17, 33, 65, 129)
-_CHECKS = 96
 
 
 @dataclass(frozen=True)
@@ -426,21 +425,22 @@ def _hemisphere() -> tuple[np.ndarray, np.ndarray]:
 def _error(body: Body, solver: NodeSolver, ground: np.ndarray | None) -> float:
     """Largest error at points not used before, times the safety of all tables."""
     rng = np.random.default_rng(1)
-    a, b = np.clip(rng.beta(0.6, 0.6, (2, _CHECKS)), LEAST_COSINE, 1.0)
+    count = 96
+    a, b = np.clip(rng.beta(0.6, 0.6, (2, count)), LEAST_COSINE, 1.0)
     a[:2] = b[:1] = LEAST_COSINE
     # Half of them evenly, half as the coordinate crowds.
     points = {}
     for name, axis in body.axes.items():
-        even = rng.uniform(axis.low, axis.high, _CHECKS)
+        even = rng.uniform(axis.low, axis.high, count)
         points[name] = np.where(
-            rng.random(_CHECKS) < 0.5, even, axis.point(rng.uniform(-1.0, 1.0, _CHECKS))
+            rng.random(count) < 0.5, even, axis.point(rng.uniform(-1.0, 1.0, count))
         )
-    drawn = rng.random(_CHECKS)
+    drawn = rng.random(count)
     # One stack for all checks, or one for each.
     wide = (slice(None), None, None) if points else (slice(None), None)
     level = drawn[wide] if ground is None else ground
-    truth = solver.factor(points, a[wide], b[wide], level).reshape(_CHECKS, -1)
-    waves = [np.full(_CHECKS, w) for w in body.wavelengths]
+    truth = solver.factor(points, a[wide], b[wide], level).reshape(count, -1)
+    waves = [np.full(count, w) for w in body.wavelengths]
     given = None if ground is not None else [drawn] * body.bands
     here = at_point(NUMPY, body, points, waves, given)
     found = np.stack(reflectance_factor(NUMPY, body, here, a, b), axis=-1)
