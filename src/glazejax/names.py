@@ -3,8 +3,6 @@
 import difflib
 from collections.abc import Callable, Iterable
 
-_MOST = 4
-
 
 def nearest_names(
     name: str,
@@ -34,6 +32,7 @@ def nearest_names(
         for other, full in folded.items()
         if (len(key) >= shortest and key in other) or (len(other) >= 3 and other in key)
     ]
+    count = 4
     if inside:
-        return inside[:_MOST]
-    return [folded[k] for k in difflib.get_close_matches(key, folded, n=_MOST, cutoff=cutoff)]
+        return inside[:count]
+    return [folded[k] for k in difflib.get_close_matches(key, folded, n=count, cutoff=cutoff)]
