@@ -32,6 +32,8 @@ _FREEDOM = 4.0
 _ENDS = (0.05, 0.9)
 _FLOORS = np.geomspace(1e-4, MOST, 48)
 _SHARES = np.concatenate([[0.0], np.geomspace(3e-4, MOST, 24)])
+# Differences that are tried at every place of the grid.
+_SOME = 20_000
 
 
 def estimate_noise(films: Films, least: Noise | None = None) -> Noise:
@@ -95,8 +97,7 @@ def _fit_ends(parts: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[float, fl
         return None
     level = np.concatenate([part[1].ravel() for part in parts])
     # Some from all over tell about where on the grid the best is; then all are heard, next to it.
-    # Differences that are tried at every place of the grid.
-    few = np.linspace(0, len(level) - 1, min(len(level), 20_000)).astype(int)
+    few = np.linspace(0, len(level) - 1, min(len(level), _SOME)).astype(int)
     costs = {
         place: _cost(differences[few], _FLOORS[place[0]] + _SHARES[place[1]] * level[few])
         for place in itertools.product(range(len(_FLOORS)), range(len(_SHARES)))

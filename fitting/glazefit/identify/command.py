@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from .show.record import Provenance
 
 _GEOMETRY = "d:8"
+# Spectra from which on a map is the better way.
+_MANY = 2000
 
 
 def register(app: typer.Typer) -> None:
@@ -375,8 +377,7 @@ def _read_spectra(
             notes=notes,
         )
     rows = options.choose_rows(file, table.names, wanted)
-    # On so many spectra a map is the better way.
-    if len(rows) > 2000 and not by_family:
+    if len(rows) > _MANY and not by_family:
         note = (
             f"{len(rows)} spectra are sought one by one; an image is done far sooner by glazejax "
             "map, and --samples chooses some (Ctrl-C keeps what is finished)"

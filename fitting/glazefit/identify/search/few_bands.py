@@ -32,6 +32,8 @@ MISSED = 2e-4
 """Standard deviation by which a reading may be missed between the bands that are kept: below an
 instrument's noise.
 """
+# So many bands are all taken.
+_MANY = 100
 # Standard deviations of smooth errors that are to be met between the bands beside the films
 # themselves, by the distance over which they stay alike, nm.
 _SMOOTH = ((0.003, 100.0), (0.002, 60.0))
@@ -115,8 +117,7 @@ def few_bands_of(task: IdentificationTask) -> tuple[FewBands, IdentificationTask
     """The bands at which a task's spectra are gathered, and the task on these; None where all are
     taken: if they are few, or if the search is to be thorough.
     """
-    # So many bands are all taken.
-    if len(task.wavelengths) <= 100 or not task.effort.single_precision:
+    if len(task.wavelengths) <= _MANY or not task.effort.single_precision:
         return None
     with _LOCK:
         if task.tables not in _FEW:
