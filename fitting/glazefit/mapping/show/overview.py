@@ -199,7 +199,9 @@ def _count(look: Overview, block: Mapping[str, np.ndarray]) -> None:
         count = int(np.sum(mapped & (block["way"] == way)))
         if count:
             look.ways[way] = look.ways.get(way, 0) + count
-    members = np.where((block["explained"] > 0)[..., None], block["members"], -1)[mapped]
+    members = np.where((block["explained"] > 0)[..., None], block["members"], -1)[mapped].astype(
+        np.int64
+    )
     first, which = distinct_sets(members)
     for at, count in zip(first, np.bincount(which).tolist(), strict=True):
         found = tuple(int(member) for member in members[at] if member >= 0)

@@ -95,8 +95,8 @@ def in_blocks(
 
 
 def by_blocks(
-    solve: Callable[..., Any], rows: Sequence[Float[np.ndarray, "rows *more"]], block: int
-) -> Float[np.ndarray, "rows *more"]:
+    solve: Callable[..., Any], rows: Sequence[Float[np.ndarray, "rows ..."]], block: int
+) -> Float[np.ndarray, "rows ..."]:
     """What is solved of rows, in blocks of one size; the first rows fill up the last block."""
     found = []
     for start in range(0, len(rows[0]), block):
