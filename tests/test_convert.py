@@ -54,15 +54,6 @@ def test_resampled_and_long(chart, tmp_path):
     np.testing.assert_allclose(table.reflectance, spectra(3, table.wavelengths), atol=1e-3)
 
 
-def test_existing_files_are_kept(chart, tmp_path):
-    before = chart.read_bytes()
-    done = run(chart, chart)
-    assert isinstance(done.exception, FileExistsError)
-    assert chart.read_bytes() == before
-    assert run(chart, chart, "--overwrite").exit_code == 0
-    assert read_spectra(chart).unit == "fraction"
-
-
 def test_format_by_name_of_the_option(chart, tmp_path):
     assert run(chart, tmp_path / "out.data", "--to", "cxf").exit_code == 0
     assert read_spectra(tmp_path / "out.data").format == "CxF3"

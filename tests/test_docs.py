@@ -28,10 +28,8 @@ DOCS = ROOT / "docs"
 sys.path[:0] = [str(DOCS / "_ext"), str(DOCS)]
 
 from offline import faults_of  # noqa: E402
-from pages_of_repository import TEXTS, links_for_site  # noqa: E402
-from reading import code_that_breaks, folded, modules_that_break, pictures_that_open  # noqa: E402
-from results import with_links  # noqa: E402
-from stale_notebooks import NOTEBOOKS, files_of  # noqa: E402
+from pages_of_repository import TEXTS  # noqa: E402
+from stale_notebooks import NOTEBOOKS  # noqa: E402
 from studio_page import write_studio  # noqa: E402
 
 PAGES = [*documents(), *(ROOT / text for text in TEXTS)]
@@ -63,18 +61,6 @@ def test_links_of_readme_lead_to_what_is_there():
     inside = [link for link in links if not re.match(r"[a-z]+:", link)]
     assert len(inside) > 10
     assert not [link for link in inside if not (ROOT / link).exists()]
-
-
-def test_a_notebook_depends_on_the_rooms_whose_names_it_uses():
-    files = {path.relative_to(ROOT).as_posix() for path in files_of(NOTEBOOKS["coats"])}
-    assert {
-        "docs/notebooks/coats.md",
-        "src/glazejax/reflectance.py",
-        "src/glazejax/colour.py",
-        "src/glazejax/paint/media.py",
-        "src/glazejax/catalogue/pigments.csv",
-    } <= files
-    assert not [path for path in files if path.startswith(("fitting", "src/glazejax/io"))]
 
 
 def test_notebooks_begin_in_double_precision():
@@ -180,21 +166,6 @@ def test_help_names_types_and_does_not_spell_them_out():
             )
 
 
-def test_the_site_asks_no_other_host():
-    page = (
-        '<link rel="canonical" href="https://a"><a href="https://b">b</a><img src="c.png" alt="A '
-        'glaze">'
-    )
-    assert faults_of(page) == []
-    assert faults_of('<script src="https://cdn/x.js"></script>') == [
-        "<script> asks for https://cdn/x.js"
-    ]
-    assert faults_of('<link rel="stylesheet" href="//fonts/x.css">') == [
-        "<link> asks for //fonts/x.css"
-    ]
-    assert faults_of('<img src="c.png">') == ["the picture c.png has no words (alt)"]
-
-
 def test_the_site_carries_the_studio_and_its_solver(tmp_path):
     write_studio(tmp_path)
     page = (tmp_path / "studio.html").read_text("utf-8")
@@ -253,66 +224,6 @@ def test_what_to_cite_stands_on_the_page():
     page = (DOCS / "cite.md").read_text("utf-8")
     assert wanted
     assert not [words for words in wanted if words not in page]
-
-
-def test_code_breaks_at_its_joints_and_options_never():
-    def code(words: str) -> str:
-        return code_that_breaks(f'<code><span class="pre">{words}</span></code>')
-
-    assert code("split_reflectance_factor").count("<wbr/>") == 2
-    assert "split_<wbr/>reflectance_<wbr/>factor" in code("split_reflectance_factor")
-    assert "option" in code("--refractive-index")
-    assert "<wbr/>" not in code("--refractive-index") + code("glazejax") + code(
-        "&quot;&lt;&gt;&amp;&quot;"
-    )
-
-
-def test_names_of_modules_break_at_their_dots():
-    assert modules_that_break("<h1>glazejax.radiative.rough<a>#</a></h1>").count("<wbr/>") == 2
-    assert (
-        modules_that_break("<p>see glazejax.io, or glazefit.</p>")
-        == "<p>see glazejax.io, or glazefit.</p>"
-    )
-
-
-def test_a_picture_opens_unless_it_is_a_link():
-    picture = '<img alt="a glaze" src="_images/glaze.png" />'
-    assert (
-        pictures_that_open(picture) == f'<a class="picture" href="_images/glaze.png">{picture}</a>'
-    )
-    assert (
-        pictures_that_open(f'<a href="coats.html">{picture}</a>')
-        == f'<a href="coats.html">{picture}</a>'
-    )
-
-
-def test_words_of_a_result_are_folded_and_tables_are_not():
-    words, row = "a long sentence " * 10, "film  " * 40
-    assert all(len(line) <= 120 for line in folded(words).splitlines())
-    assert folded(words).split() == words.split()
-    assert folded(row) == row
-
-
-def test_links_work_on_the_site_and_on_the_forge():
-    here = DOCS
-    assert (
-        links_for_site("[a](../benchmarks/results/frontier.txt)", here)
-        == "[a](/results/frontier.md)"
-    )
-    assert (
-        links_for_site("[a](../ARCHITECTURE.md#rules)", here)
-        == "[a](/project/architecture.md#rules)"
-    )
-    assert (
-        links_for_site("![a](../benchmarks/results/frontier.png)", here)
-        == "![a](/../benchmarks/results/frontier.png)"
-    )
-    assert links_for_site("[a](https://b) [c](#d)", here) == "[a](https://b) [c](#d)"
-    assert links_for_site("```\n[a](../README.md)\n```\n", here) == "```\n[a](../README.md)\n```\n"
-    assert (
-        with_links("| 0.6<!--scaling.million_seconds .0f--> s |")
-        == "| [0.6](/results/scaling.md){.result} s |"
-    )
 
 
 def test_spelling():

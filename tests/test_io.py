@@ -256,30 +256,6 @@ def test_blank_files_are_refused_at_once(tmp_path):
         assert time.process_time() - start < 2
 
 
-START = ["ENVI\n", "##TITLE=", "CGATS.17\n", "as7\0", "ASD\0", "<?xml", "[{", "BEGIN_DATA_FORMAT\n"]
-WORDS = """samples = 2\n|wavelength = {1|}|##XYDATA=(X++(Y..Y))\n|##END=\n|END_DATA\n|BEGIN_DATA\n|400 1 2\n|"a": 1
-|colorexchangeformat.com/CxF3-core|SPEC_400 SPEC_410\n|END_DATA_FORMAT\n|\0\0\0\0"""
-
-
-@given(
-    st.sampled_from(START),
-    st.lists(st.one_of(st.sampled_from(WORDS.split("|")), st.text(max_size=9)), max_size=9),
-)
-def test_broken_files_of_every_format_never_surprise(tmp_path_factory, start, words):
-    path = tmp_path_factory.mktemp("broken") / "t.bin"
-    path.write_text(start + "".join(words), encoding="utf-8")
-    table = read_or_complain(path)
-    assert table is None or np.isfinite(table.reflectance).all()
-
-
-@given(st.binary(max_size=200))
-def test_garbage_never_surprises(tmp_path_factory, content):
-    path = tmp_path_factory.mktemp("garbage") / "t.csv"
-    path.write_bytes(content)
-    table = read_or_complain(path)
-    assert table is None or np.isfinite(table.reflectance).all()
-
-
 @given(st.text(alphabet="0123456789.,;\t\n nmNaeE-+\"'#", max_size=120))
 def test_near_tables_never_surprise(tmp_path_factory, content):
     path = tmp_path_factory.mktemp("near") / "t.csv"
@@ -318,15 +294,6 @@ def test_array_cells_are_plain_numbers(tmp_path):
     )
     cells = path.read_text().splitlines()[1].split("\t")
     assert cells == ["1e-07", repr(1 / 3), "0.1", "3"]
-
-
-def test_existing_file_is_kept(tmp_path):
-    path = put(tmp_path, "mine")
-    with pytest.raises(FileExistsError, match="--overwrite"):
-        write_table(path, ["a"], [[1]])
-    assert path.read_text() == "mine"
-    write_table(path, ["a"], [[1]], overwrite=True)
-    assert path.read_text() == "a\n1\n"
 
 
 def test_nothing_is_written_on_error(tmp_path):

@@ -271,28 +271,6 @@ def test_an_interrupt_keeps_what_is_finished():
         progress.collect(chunks(0), 3, "a", "b")
 
 
-@pytest.mark.parametrize(
-    ("module", "extra"),
-    [
-        ("colour_cxf.cxf3", "formats"),
-    ],
-)
-def test_a_missing_package_is_one_sentence(monkeypatch, run, module, extra):
-    """Whatever imports it, wherever."""
-
-    def fail():
-        raise ModuleNotFoundError(f"No module named {module!r}", name=module)
-
-    monkeypatch.setattr(cli, "make_app", fail)
-    status, out, err = run("--version")
-    assert (status, out) == (2, "")
-    package = module.partition(".")[0].lower().replace("_", "-")
-    assert err.lower().startswith(
-        f"error: this needs the package {package}, which is not installed"
-    )
-    assert err.endswith(f'pip install "glazejax[{extra}]"\n')
-
-
 def test_no_typer_is_one_sentence(monkeypatch, run):
     monkeypatch.setitem(sys.modules, "typer", None)
     status, _, err = run("--version")

@@ -1,7 +1,6 @@
 """The bench of real paint: sources are read as they say, answers are judged as its README says."""
 
 import json
-import shutil
 from dataclasses import replace
 from importlib.util import find_spec
 
@@ -43,66 +42,11 @@ def write_source(folder, *, kinds=("pure", "pure", "mixture"), fractions="0.25 +
     return folder
 
 
-def test_a_source_is_read_as_its_tables_say(tmp_path):
-    source = sources.read_source(write_source(tmp_path / "new-one"))
-    assert source.group == "new"
-    assert [sample.kind for sample in source.samples] == ["pure", "pure", "mixture"]
-    assert source.samples[2].fractions == (0.25, 0.75)
-    assert all(sample.test for sample in source.samples)
-    assert source.families(source.samples[2]) == ("vermilion", "lead white")
-    (camera,) = source.cameras
-    assert camera.readings.shape == (3, 31)
-    assert camera.readings[1] == pytest.approx(0.9)
-
-
-def test_a_split_marks_tests_and_an_extra_source_is_all_tests(tmp_path):
-    folder = write_source(tmp_path / "one")
-    (folder / "split.tsv").write_text("sample\tsplit\nR\ttrain\nW\ttrain\nRW\ttest\n")
-    assert [s.test for s in sources.read_source(folder).samples] == [False, False, True]
-    assert all(s.test for s in sources.read_source(folder, extra=True).samples)
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        (dict(kinds=("pure", "pure", "blend")), "of kind 'blend'"),
-        (dict(fractions="0.25"), "2 paints and the fractions"),
-        (dict(fractions="a + b"), "has the fractions 'a"),
-    ],
-)
-def test_a_wrong_table_is_one_sentence(tmp_path, change, words):
-    with pytest.raises(SystemExit, match=words):
-        sources.read_source(write_source(tmp_path / "one", **change))
-
-
-def test_what_is_missing_or_in_percent_is_said(tmp_path):
-    folder = write_source(tmp_path / "one")
-    table = (folder / "reflectance.tsv").read_text()
-    (folder / "reflectance.tsv").write_text(table.replace("0.90000", "90.0000"))
-    with pytest.raises(SystemExit, match="write fractions, not percent"):
-        sources.read_source(folder)
-    (folder / "reflectance.tsv").unlink()
-    with pytest.raises(SystemExit, match=r"no reflectance\*\.tsv"):
-        sources.read_source(folder)
-    with pytest.raises(SystemExit, match="no such folder"):
-        sources.read_sources(tmp_path / "nowhere")
-
-
 def test_the_frozen_splits_are_those_of_the_rule(measured):
     splits.check_hashes()
     for name in ("bath", "grillini", "hyperdoc", "revigo"):
         for sample in measured[name].samples:
             assert sample.test == splits.is_test(name, sample), (name, sample.name)
-
-
-def test_a_changed_split_is_refused(tmp_path, monkeypatch):
-    copy = tmp_path / "splits"
-    shutil.copytree(splits.SPLITS, copy)
-    (copy / "bath.tsv").write_text("sample\tsplit\n")
-    monkeypatch.setattr(splits, "SPLITS", copy)
-    monkeypatch.setattr(splits, "HASHES", copy / "hashes.tsv")
-    with pytest.raises(SystemExit, match=r"bath\.tsv is not the frozen table"):
-        splits.check_hashes()
 
 
 def test_all_sources_come_to_one_form(measured):
@@ -240,16 +184,6 @@ def test_unmixing_is_exact_where_absorbances_add():
     found = method.amounts(mixed[None], np.ones((1, 2), bool))
     assert found == pytest.approx(np.array([[0.25, 0.75]]), abs=1e-9)
     assert method.foretell(np.eye(2)) is None
-
-
-def test_a_source_of_mixtures_alone_is_asked_for_its_mixtures(tmp_path):
-    pure = [sources.read_source(write_source(tmp_path / name)) for name in ("one", "two")]
-    mixed = write_source(tmp_path / "mixed", kinds=("control", "control", "mixture"))
-    record = tasks.Record()
-    angle = namers.Neighbours("spectral angle", [lambda readings: readings])
-    tasks.run_names([*pure, sources.read_source(mixed)], [angle], record)
-    assert record.results["mixture"]["mixed"]["spectral angle"]["n"] == 1
-    assert "mixed" not in record.results["pigment"] | record.results["none"]
 
 
 @pytest.mark.slow

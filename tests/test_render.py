@@ -112,18 +112,6 @@ def test_numbers_picture_and_table(run, tmp_path, pigments_csv):
     ("options", "geometry", "words"),
     [
         (["--instrument", "45:0"], Bidirectional(45.0, 0.0), "light at 45°, view at 0°, no mirror"),
-        pytest.param(
-            ["--instrument", "30:30:specular"],
-            Bidirectional(30.0, 30.0, True),
-            "mirror reflection in",
-            marks=pytest.mark.slow,
-        ),
-        pytest.param(
-            ["--instrument", "d:8"],
-            Hemispherical(8.0, True),
-            "sphere at 8°, specular included",
-            marks=pytest.mark.slow,
-        ),
         (["--instrument", "20:de"], Hemispherical(20.0, False), "sphere at 20°, specular excluded"),
     ],
 )

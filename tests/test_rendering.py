@@ -127,16 +127,6 @@ def test_mixing_is_opaque_paint_of_mixed_coefficients():
     assert finer <= np.linalg.norm(seen - first, axis=-1).min() + 0.05
 
 
-def test_all_ways_darken_and_stay_between_black_and_the_ground(result):
-    for way in ("glaze", "multiply", "mixing"):
-        spectra = getattr(result.ladder, way)
-        assert spectra.shape == (COATS + 1, W.size)
-        assert np.all(np.isfinite(spectra))
-        assert np.all(spectra > 0)
-        lightness = np.asarray(lab(W, spectra))[:, 0]
-        assert np.all(np.diff(lightness) < 0)
-
-
 @pytest.mark.parametrize("ground", [0.0, 1.0])
 @pytest.mark.parametrize("thickness", [0.0, 1e-9, 0.01])
 def test_edges_stay_finite(ground, thickness):

@@ -22,7 +22,6 @@ from numpy.polynomial import chebyshev
 
 # The worst of all points lies above the worst of the check points.
 SAFETY = 2.0
-_SCAN = 25
 # Largest curvatures of the coordinate that are tried: the axis, in units of the thickness where it
 # turns logarithmic.
 CURVATURES = (1.0, 10.0, 100.0, 1e3, 1e4)
@@ -126,7 +125,7 @@ def polynomials(x: Any, count: int, xp: ModuleType = jnp, axis: int = -1) -> Any
 
 def trial_line(low: float, high: float, *, both_ends: bool = False) -> Float[np.ndarray, "points"]:
     """Points of an axis for `best_axis`, crowded near the low end, or near both."""
-    u = np.linspace(0.0, 1.0, _SCAN)
+    u = np.linspace(0.0, 1.0, 25)
     return low + (high - low) * (
         np.where(u < 0.5, 4.0 * u**3, 1.0 - 4.0 * (1.0 - u) ** 3) if both_ends else u**3
     )

@@ -60,10 +60,6 @@ _END = 780
 # Beyond 20 nm ASTM E308 gives no tables; beyond this, cubic interpolation says nothing about a
 # paint.
 _MAX_STEP = 40.0
-# Share of a tristimulus value that may rest on repeating the end bands; 420-680 nm stays below .07.
-_MAX_GUESSED = 0.1
-# A lamp's relative power, at most.
-_MOST_POWER = 1e100
 # IEC 61966-2-1: chromaticities of the primaries and of white, and the light up to which the
 # encoding is straight.
 SRGB_PRIMARIES = ((0.64, 0.33), (0.30, 0.60), (0.15, 0.06))
@@ -182,11 +178,11 @@ def lamp_weights(
         raise ValueError(
             "a lamp needs one power for each wavelength, each a finite number from 0 on"
         )
+    most = 1e100
     # Sums of more overflow, and colours would be NaN.
-    if values.max() > _MOST_POWER:
+    if values.max() > most:
         raise ValueError(
-            f"a lamp's power is {values.max():g}; it is relative: write numbers up to "
-            f"{_MOST_POWER:g}"
+            f"a lamp's power is {values.max():g}; it is relative: write numbers up to {most:g}"
         )
     if lamp[0] > 420 or lamp[-1] < 680:
         raise ValueError(
@@ -208,7 +204,9 @@ def _on_bands(
     """Weights of bands, read-only."""
     beyond = (fine < bands[0]) | (fine > bands[-1])
     guessed = float((np.abs(products[beyond]).sum(axis=0) / np.abs(products).sum(axis=0)).max())
-    if guessed > _MAX_GUESSED:
+    # Share of a tristimulus value that may rest on repeating the end bands; 420-680 nm stays below
+    # .07.
+    if guessed > 0.1:
         raise ValueError(
             f"{describe_grid(bands)} leaves {guessed:.0%} of a tristimulus value to guesswork: "
             "colour needs spectra from about 420 to 680 nm at least, better from 400 to 700 nm"

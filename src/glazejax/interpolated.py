@@ -45,14 +45,8 @@ Distance = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 MOST_AXES = 3
 
-# Numbers of points along an axis, each nested in the next (Chebyshev's extrema).
-_FIRST = 5
-_LAST = 129
 # A few check points, and where these are good enough, more.
 _CHECKS = (32, 160)
-# Axes whose last coefficients are within this factor of the largest are refined together.
-_TOGETHER = 0.25
-_SCAN_DEGREE = 8
 # Numbers of one piece of points in the table's evaluation: what a core's second-level cache holds;
 # on other devices only the memory counts.
 _PIECE_NUMBERS = 2**17
@@ -408,7 +402,8 @@ class _Builder:
 
     def refine(self, tolerance: float, most_points: int) -> tuple[np.ndarray, float]:
         """Coefficients and their estimated error."""
-        values = self._grid([extrema(_FIRST)] * len(self.axes))
+        # Chebyshev's extrema: each number of points is nested in the next.
+        values = self._grid([extrema(5)] * len(self.axes))
         while True:
             coefficients = _coefficients(values)
             points = np.zeros((0, len(self.axes)))
@@ -427,7 +422,9 @@ class _Builder:
                 float(np.max(np.abs(np.moveaxis(coefficients, k, 0)[-2:])))
                 for k in range(len(self.axes))
             ]
-            grow = axes_to_refine(tails, [n < _LAST for n in coefficients.shape[:-1]], _TOGETHER)
+            # Up to so many points; axes whose last coefficients are within a quarter of the largest
+            # grow together.
+            grow = axes_to_refine(tails, [n < 129 for n in coefficients.shape[:-1]], 0.25)
             after = math.prod(
                 2 * n - 1 if g else n for n, g in zip(values.shape, grow, strict=False)
             )
@@ -520,7 +517,7 @@ class _Builder:
             axes += ([Axis(low, high, curvature)] if low >= 0 else []) + [
                 Mirrored(low, high, curvature)
             ]
-        return best_axis(axes, line, values, _SCAN_DEGREE, gain=0.8)
+        return best_axis(axes, line, values, 8, gain=0.8)
 
     def _refined(self, values: np.ndarray, k: int) -> np.ndarray:
         """Twice the intervals along one axis; only the new points are computed."""

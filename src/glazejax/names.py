@@ -3,10 +3,6 @@
 import difflib
 from collections.abc import Callable, Iterable
 
-_MOST = 4
-# Letters of a known name that counts as lying inside another: an illuminant is called A.
-_INSIDE = 3
-
 
 def nearest_names(
     name: str,
@@ -30,11 +26,13 @@ def nearest_names(
     for full in known:
         folded.setdefault(fold(full), full)
     key = fold(name)
+    # An illuminant is called A: a known name of three letters counts as lying inside another.
     inside = [
         full
         for other, full in folded.items()
-        if (len(key) >= shortest and key in other) or (len(other) >= _INSIDE and other in key)
+        if (len(key) >= shortest and key in other) or (len(other) >= 3 and other in key)
     ]
+    count = 4
     if inside:
-        return inside[:_MOST]
-    return [folded[k] for k in difflib.get_close_matches(key, folded, n=_MOST, cutoff=cutoff)]
+        return inside[:count]
+    return [folded[k] for k in difflib.get_close_matches(key, folded, n=count, cutoff=cutoff)]

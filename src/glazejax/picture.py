@@ -26,15 +26,8 @@ from .radiative.plan.plan import ALL, Savings, plan_stacks
 from .radiative.plan.reduction import distinct
 from .spectra import Numbers, as_array, concrete
 
-# Share of the colour difference left to the interpolation, and solver tolerance for one unit of it:
-# near black, where colour differences are most sensitive, an error of 1e-5 in one of X, Y, Z makes
-# about 0.06.
-_SHARE = 0.9
-_SOLVER = 1e-5
 # Stacks planned together where every pixel is computed.
 _STACKS = 2**17
-# So few distinct pixels are computed one by one.
-_FEW = 256
 
 
 @dataclass(frozen=True)
@@ -122,7 +115,9 @@ def picture(
         illuminant=illuminant,
         observer=observer,
     )
-    tolerance = min(1e-3, _SOLVER * delta_e)
+    # The solver's tolerance for one unit of the colour difference: near black, where colour
+    # differences are most sensitive, an error of 1e-5 in one of X, Y, Z makes about 0.06.
+    tolerance = min(1e-3, 1e-5 * delta_e)
     columns, varying = inputs.varying()
     first, inverse = (
         distinct(columns) if columns else (np.zeros(1, int), np.zeros(inputs.pixels, int))
@@ -134,12 +129,14 @@ def picture(
     values = None
     error = 0.0
     words = ""
-    if not full and len(first) > _FEW and 1 <= points.shape[1] <= MOST_AXES:
+    # So few distinct pixels are computed one by one.
+    if not full and len(first) > 256 and 1 <= points.shape[1] <= MOST_AXES:
         named = {f"map {k}": column for k, column in enumerate(points.T)}
         table = interpolated(
             lambda **columns: counter(np.stack(list(columns.values()), axis=1)),
             {name: (column.min(), column.max()) for name, column in named.items()},
-            tolerance=delta_e * _SHARE,
+            # The rest is the solver's.
+            tolerance=0.9 * delta_e,
             distance=inputs.difference,
             samples=named,
             block=None,

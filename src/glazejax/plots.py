@@ -40,7 +40,6 @@ STYLE: dict[Any, Any] = {
     "figure.constrained_layout.use": False,
     "figure.autolayout": False,
 }
-_DPI = 110
 
 
 def load_matplotlib_ahead() -> None:
@@ -80,7 +79,7 @@ def picture(
 
         figure = Figure(figsize=(width, height), layout=layout)
         yield figure
-        figure.savefig(path, dpi=_DPI)
+        figure.savefig(path, dpi=110)
 
 
 def label_spectra(axes: "Axes", ylabel: str = "reflectance", **settings: Any) -> None:

@@ -35,8 +35,6 @@ Result = TypeVar("Result")
 # What programs are made with, besides the two packages here.
 _MAKERS = ("jax", "jaxlib", "numpy", "equinox", "lineax", "optimistix")
 # Of one function, so many shapes are held: in a process that keeps programs on disk, and in others.
-_HELD_OF_A_COMMAND = 32
-_HELD = 4
 _LAPACK = b"lapack_"
 _folder: Path | None = None
 
@@ -175,7 +173,8 @@ class Program(Generic[Result]):
 
     def _let_old_ones_go(self) -> None:
         """Hold the newest programs only: each takes some megabytes."""
-        most = _HELD if _folder is None else _HELD_OF_A_COMMAND
+        # A process that keeps programs on disk asks for more shapes of one function.
+        most = 4 if _folder is None else 32
         for key in list(self._begun)[:-most]:
             self._begun.pop(key, None)
 

@@ -16,7 +16,7 @@ names and the acrylics as ``acrylics/NAME``; `pigments` brings own ones: ``{"Min
 
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -41,7 +41,6 @@ MOST_PARTS = 4
 """Paints in one coat, at most."""
 MOST_COATS = 100
 _MOST_BYTES = 1 << 20
-_MOST_BANDS = 1000
 _KEYS = {"glazejax", "version", "coats", "ground", "refractive_index", "geometry", "pigments"}
 
 
@@ -194,12 +193,25 @@ def common_grid(stack: Stack, shelf: Mapping[str, Pigment]) -> Float[np.ndarray,
     grids = grids or [next(iter(shelf.values())).wavelengths]
     if isinstance(stack.ground, Spectrum):
         grids.append(stack.ground.wavelengths)
+    return shared_grid(grids, "paints")
+
+
+def shared_grid(grids: Sequence[Float[np.ndarray, "_"]], paints: str) -> Float[np.ndarray, "bands"]:
+    """Wavelengths of the first of some grids, nm, as far as all reach.
+
+    Args:
+        grids: of the paints, then of the ground, nm.
+        paints: what an error calls the paints.
+
+    Raises:
+        ValueError: they share none.
+    """
     low = max(grid[0] for grid in grids)
     high = min(grid[-1] for grid in grids)
     grid = grids[0][(grids[0] >= low - 1e-6) & (grids[0] <= high + 1e-6)]
     if grid.size == 0:
         raise ValueError(
-            "the paints and the ground share no wavelengths: "
+            f"the {paints} and the ground share no wavelengths: "
             + "; ".join(map(describe_grid, grids))
         )
     return grid
@@ -580,10 +592,7 @@ def _number(what: str, given: Any, low: float, high: float) -> float:
 
 
 def _curve(what: str, given: Any) -> Float[np.ndarray, "bands"]:
-    if (
-        not isinstance(given, list)
-        or not 1 <= len(given) <= _MOST_BANDS
-        or None in map(_real, given)
-    ):
-        raise ValueError(f"{what} must be a list of 1 to {_MOST_BANDS} numbers")
+    most = 1000
+    if not isinstance(given, list) or not 1 <= len(given) <= most or None in map(_real, given):
+        raise ValueError(f"{what} must be a list of 1 to {most} numbers")
     return np.array(given, float)

@@ -125,14 +125,6 @@ def test_bad_names_are_refused(tmp_path, name, file, words):
         write_materialx(OpenPBR(), tmp_path / file, name=name)
 
 
-def test_files_are_kept(tmp_path):
-    path = write_materialx(OpenPBR(), tmp_path / "a.mtlx")
-    with pytest.raises(FileExistsError, match="overwrite=True"):
-        write_materialx(OpenPBR(), path)
-    write_materialx(OpenPBR(base_weight=0.5), path, overwrite=True)
-    assert inputs(path, "open_pbr_surface")["base_weight"]["value"] == "0.5"
-
-
 def test_png_has_sixteen_bits():
     grey = np.linspace(0, 1, 60).reshape(5, 12)
     pillow = pytest.importorskip("PIL.Image")

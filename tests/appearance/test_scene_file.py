@@ -478,19 +478,6 @@ def test_the_ray_caster_names_the_other_renderer(write, tmp_path):
     assert not (tmp_path / "a.png").exists()
 
 
-def test_a_missing_mitsuba_is_named_with_its_extra(write, tmp_path, monkeypatch):
-    from importlib.metadata import PackageNotFoundError
-
-    from glazejax import extras
-
-    def missing(name):
-        raise PackageNotFoundError(name)
-
-    monkeypatch.setattr(extras, "distribution", missing)
-    done = run(write(LIT), "-o", tmp_path / "a.png", "--renderer", "mitsuba")
-    assert 'pip install "glazejax[render]"' in str(done.exception)
-
-
 def test_a_path_traced_picture_that_was_interrupted_says_so(write, tmp_path, monkeypatch):
     pytest.importorskip("mitsuba", reason="Mitsuba is not installed (extra render)")
     from glazejax.appearance.scene.path import path_trace as tracing
@@ -541,12 +528,6 @@ def test_an_interrupted_command_writes_what_is_done(write, tmp_path, monkeypatch
     assert done.exit_code == 130
     assert out.is_file()
     assert "is finished, the rest is grey" in done.output
-
-
-def test_the_example_is_printed():
-    done = run("--example")
-    assert done.output == scene_file.example()
-    assert Path(scene_file.__file__).with_name("example.toml").read_text() == done.output
 
 
 def test_a_picture_is_shown_as_its_file_says(write, unchecked):

@@ -66,41 +66,6 @@ def test_a_recorded_number_is_written_where_its_mark_stands(tmp_path, monkeypatc
     assert filled(code, tmp_path) == code
 
 
-@pytest.mark.parametrize("number", [float("nan"), float("inf")])
-def test_what_is_no_number_is_not_recorded(number):
-    with pytest.raises(ValueError, match="is not a number"):
-        quantity(number)
-
-
-@pytest.mark.parametrize(
-    ("value", "style", "text"),
-    [
-        (3.55, ".1f", "3.6"),
-        (0.125, ".2f", "0.13"),
-        (12345.6, ",.0f", "12,346"),
-        (546.4, "2s", "550"),
-        (6.2e-9, ".1e", "6.2e-9"),
-    ],
-)
-def test_a_half_goes_up_and_styles_are_as_people_write(value, style, text):
-    assert results.rounded(value, style) == text
-
-
-@pytest.mark.parametrize(
-    ("text", "fault"),
-    [
-        ("0.6<!--scaling.milion-->", r"scaling\.json has no value 'milion'; it has .*million_"),
-        ("0.6<!--scalling.million-->", r"there is no result scalling\.json"),
-        ("0.6<!--scaling.million_seconds 1f-->", "no style is called '1f'"),
-        ("half<!--scaling.million_seconds--> a", "line 1: no number stands before the mark"),
-        ("1.2.3<!--scaling.million_seconds-->", "line 1: no number stands before the mark"),
-    ],
-)
-def test_a_wrong_mark_ends_in_a_sentence(text, fault):
-    with pytest.raises(ValueError, match=fault):
-        filled(text)
-
-
 def test_every_recorded_number_of_a_committed_result_is_quoted():
     quoted = set()
     for page in documents():
@@ -118,18 +83,3 @@ def test_quick_is_small_and_never_takes_the_place_of_a_committed_result(monkeypa
     monkeypatch.setattr("sys.argv", ["scaling.py", "--quick"])
     with pytest.raises(SystemExit, match="--quick does not write to"):
         Results("scaling", FOLDER)
-
-
-def test_lines_of_several_commits_machines_and_busy_hours_are_named():
-    usual = {"date": "2026-11-26", "commit": "1a2b3c4", "machine": "a", "load": 0.1}
-    assert performance.provenance({"scaling": usual, "savings": usual}) == [
-        "All lines are of one commit, 1a2b3c4, and one machine, a."
-    ]
-    other = {"date": "2026-11-22", "commit": "9a8b7c6", "machine": "b", "load": 3.0}
-    said = performance.provenance({"scaling": usual, "savings": usual, "truth": other})
-    assert said[0] == "The lines are of 2 commits and 2 machines."
-    assert [line.rpartition(": ")[2] for line in said[1:]] == [
-        "truth (2026-11-22).",
-        "truth.",
-        "truth (3.0).",
-    ]

@@ -2,7 +2,6 @@ import csv
 import hashlib
 import importlib
 import json
-import subprocess
 import sys
 from unittest import mock
 
@@ -138,26 +137,6 @@ def test_spectra_beyond_the_catalogue_are_cut_with_a_word(tmp_path):
     assert "the paints are known from 400 to 700 nm: 0 bands" in str(
         run(infrared, "--opaque").exception
     )
-
-
-def test_help_names_the_options_and_starts_quickly():
-    program = (
-        "import sys, glazefit.identify.command; sys.exit('jax' in sys.modules or 'matplotlib' in "
-        "sys.modules)"
-    )
-    assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 0
-    text = run("--help").output
-    assert "nothing in the catalogue" in text
-    for option in (
-        "--ground",
-        "--opaque",
-        "--max-paints",
-        "--max-coats",
-        "--csv",
-        "--residuals",
-        "--report",
-    ):
-        assert option in text
 
 
 @pytest.mark.slow

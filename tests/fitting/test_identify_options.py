@@ -20,7 +20,6 @@ from glazefit import (
     identify_films,
     map_cube,
 )
-from glazefit.film.model.optics import Optics
 from glazefit.film.model.response import film_response
 from glazefit.identify.search.options import IdentificationKeywords
 from glazejax import Hemispherical, Pigment, catalogue
@@ -64,22 +63,6 @@ def test_options_and_their_keywords_are_the_same():
     assert IdentificationKeywords.__optional_keys__ == {
         field.name for field in fields(IdentificationOptions)
     }
-
-
-@pytest.mark.usefixtures("unchecked")  # objects stand for what is given
-def test_identify_hands_on_all_that_it_is_given(monkeypatch):
-    def stop(wavelengths, spectra, pigments, options, **named):
-        raise Reached(named | vars(options))
-
-    monkeypatch.setattr(MODULE, "identify_chunks", stop)
-    given = {name: object() for name in asked(identify)} | {
-        "max_paints": 2,
-        "max_coats": 2,
-        "varnish": "thin",
-    }
-    with pytest.raises(Reached) as reached:
-        identify(None, None, None, **given)  # pyright: ignore[reportArgumentType]
-    assert reached.value.given == given
 
 
 @pytest.mark.usefixtures("unchecked")  # objects stand for what is given
@@ -149,64 +132,6 @@ def test_each_option_changes_what_it_should(find):
         np.testing.assert_allclose(vague.amounts[0, :, 0], thickness, rtol=0.1)
     often, rarely = (float(find(prior=Prior(unknown=unknown)).none[0]) for unknown in (0.9, 0.01))
     assert often / (1.0 - often) > 100.0 * rarely / (1.0 - rarely)
-
-
-@pytest.mark.parametrize("told", [True, False])
-def test_all_that_is_asked_for_stands_in_the_task(paints, monkeypatch, told: bool):
-    """What the search works with, for films over a ground and for films that hide it: no default is
-    left.
-    """
-
-    def stop(tasks, measured):
-        raise Reached({"task": tasks, "measured": measured})
-
-    monkeypatch.setattr(SEARCHER, "find_candidates", stop)
-    monkeypatch.setattr(SEARCHER, "film_response", lambda *instrument: instrument)
-    seen_by, noise = Instrument(Hemispherical(30.0), 1.3), Noise(0.07, 0.03)
-    errors = ModelError(unstated=0.11, most=0.2, amplitude=0.013)
-    expected = Prior(thickness=40e-6, spread=0.6, unknown=0.2)
-    plain = [Pigment(p.name, GRID, p.absorption, p.scattering) for p in paints]
-    # One that a film of 25 um hardly shows and one of 40 um does, with errors larger than what
-    # counts.
-    ones, modes = np.ones(GRID.size), np.ones((1, 2, GRID.size))
-    plain.append(Pigment("Thin", GRID, 1e4 * ones, 2e4 * ones, error_modes=modes))
-    with pytest.raises(Reached) as reached:
-        identify(
-            GRID,
-            np.full((1, 2, GRID.size), 0.4),
-            plain,
-            ground=0.3 if told else None,
-            opaque=not told,
-            instrument=seen_by,
-            noise=noise,
-            discrepancy=errors,
-            prior=expected,
-            max_paints=2,
-            names=["leaf"],
-        )
-    task, measured = reached.value.given["task"], reached.value.given["measured"]
-    assert task.response == (Hemispherical(30.0), 1.3)
-    assert task.optics == Optics.of(Hemispherical(30.0), 1.3)
-    assert task.surface == pytest.approx(
-        float(dielectric_reflectance(np.cos(np.deg2rad(30.0)), 1.3))
-    )
-    assert task.noise == noise
-    assert task.discrepancy == errors
-    np.testing.assert_array_equal(task.errors[:2], 0.11)
-    np.testing.assert_allclose(task.modes[2], 0.2)
-    assert task.max_paints == 2
-    assert task.prior.unknown == 0.2
-    # A film that hides its ground is thicker than any: there the thickness is set.
-    thickness = 40e-6 if told else task.prior.thickness
-    assert task.prior.thickness == thickness
-    assert told or thickness > 1e-4
-    np.testing.assert_allclose(
-        task.paints.absorption[1], thickness * np.asarray(paints[1].absorption)
-    )
-    assert task.extenders.tolist() == [False, False, False]
-    assert measured.names == ("leaf",)
-    np.testing.assert_allclose(measured.noise_sd, 0.07 + 0.03 * 0.4)
-    np.testing.assert_allclose(measured.grounds, 0.3 if told else 0.5)
 
 
 @pytest.mark.slow  # a table for the instrument

@@ -36,7 +36,7 @@ from glazefit.identify.search.fit import (
     trace_curvature,
 )
 from glazefit.identify.search.options import IdentificationOptions
-from glazefit.identify.search.screen import grow, score, unique_best
+from glazefit.identify.search.screen import grow, score
 from glazefit.identify.search.searcher import Searcher
 from glazefit.identify.search.table import FilmTables, Paints, amounts_grid, film_table, sets_of
 from glazefit.mapping.solve.local import as_measured
@@ -381,6 +381,7 @@ def test_what_grows_keeps_its_pair_and_tries_some_of_the_third():
             sets[row], tries[row], np.repeat(amounts[row], 2, axis=0), strict=True
         ):
             assert set(members.tolist()) < {0, 1, 2, 3}
+            assert len(set(members.tolist())) == 3
             np.testing.assert_array_equal(tried[:, :2], np.broadcast_to(pair, (len(tried), 2)))
     # The same shares of what there is of the pair, whatever it is.
     share = tries[..., 2] / tries[..., :2].sum(axis=-1)
@@ -393,15 +394,6 @@ def test_sets_and_grids_are_complete():
     assert len(sets_of(20, 3)) == 1140
     assert (np.diff(sets_of(6, 3), axis=1) > 0).all()
     assert amounts_grid(2, 0.7).shape[1] == 2
-
-
-def test_triples_grow_from_pairs_without_repeating_a_paint():
-    sets, tries = grow(np.array([[[0, 1], [1, 3]]]), np.ones((1, 2, 2)), 5)
-    assert sets.shape == (1, 6, 3)
-    assert tries.shape[:2] == (1, 6)
-    assert all(len(set(members)) == 3 for members in sets[0].tolist())
-    kept = unique_best(sets[0], np.arange(6.0), 6)
-    assert len(kept) == len({tuple(sorted(members)) for members in sets[0].tolist()})
 
 
 def _shades(paints=12, seed=0):

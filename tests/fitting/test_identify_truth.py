@@ -18,7 +18,7 @@ from glazefit.film.model.response import film_response
 from glazefit.film.model.varnish import under_varnish, yellow
 from glazefit.film.noise import noise_of_each
 from glazefit.identify.search.searcher import find_extenders
-from glazefit.identify.search.weigh import MISFIT, log_odds_of_none
+from glazefit.identify.search.weigh import MISFIT
 from glazejax import Bidirectional, Hemispherical, Pigment, catalogue
 from glazejax.paint.pigment_table import read_pigments
 
@@ -178,12 +178,6 @@ def test_noise_is_taken_from_the_spectrum_where_nobody_told_it():
     assert np.median(noise_of_each(noisy)) == pytest.approx(0.01, rel=0.1)
     assert noise_of_each(smooth) < 5e-4
     assert noise_of_each(np.ones(5)) == 0.0
-
-
-def test_none_grows_with_the_misfit():
-    odds = log_odds_of_none(np.array([0.5, 1.0, 2.0, 4.0]))
-    assert np.all(np.diff(odds) > 0)
-    assert odds[0] < -1 < 1 < odds[-1]
 
 
 def test_extenders_are_those_that_hardly_show():

@@ -11,7 +11,6 @@ import subprocess
 import sys
 import threading
 import time
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -26,8 +25,7 @@ from glazejax.commands import main as cli
 from glazejax.io import SpectraTable, read_cube, read_sample, read_spectra, source, write_spectra
 from glazejax.paint.pigment_table import read_pigments
 
-from . import hostile
-from .hostile import SCENE, Fault, damaged_files, limits, outcome, subjects
+from .hostile import SCENE, damaged_files, limits, outcome, subjects
 from .samples import CGATS, CXF, ENVI, GRID, complains, jcamp_block, spectra
 
 READERS = [
@@ -44,8 +42,6 @@ READERS = [
 WIDE = "Name,400,410,420\nred,0.1,0.2,0.3\nblue,0.4,0.5,0.6\n"
 SUBJECTS = subjects()
 CONTENTS = [subject.content for subject in SUBJECTS.values()]
-# Formats that declare no counts that a test could find simply.
-NOT_COUNTED = {"SpectraMagic", "Ocean Optics", "SVC", "workbook", "old workbook"}
 
 
 @pytest.fixture(scope="module")
@@ -74,54 +70,6 @@ def test_content_of_another_format_is_no_fault(folder, kind):
         folder,
         b"samples = 31\nlines = 3\nbands = 1\n" + SUBJECTS["columns without a header"].content,
     )
-
-
-def lossy(read):
-    """A reader that silently loses the last band, and the last of several spectra."""
-
-    def read_less(path):
-        found = read(path)
-        kept = slice(max(len(found) - 1, 1))
-        return replace(
-            found,
-            wavelengths=found.wavelengths[:-1],
-            names=found.names[kept],
-            reflectance=found.reflectance[kept, :-1],
-        )
-
-    return read_less
-
-
-@pytest.mark.parametrize(
-    "kind",
-    [
-        kind
-        for kind, subject in SUBJECTS.items()
-        if subject.read is read_spectra and kind not in NOT_COUNTED
-    ],
-)
-def test_what_a_reader_loses_in_silence_is_a_fault(tmp_path, kind):
-    subject = SUBJECTS[kind]
-    for name, content in subject.beside.items():
-        (tmp_path / name).write_bytes(content)
-    with pytest.raises(Fault, match="silently wrong"):
-        outcome(replace(subject, read=lossy(subject.read)), tmp_path, subject.content)
-
-
-def endless():
-    while True:
-        pass
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="the limits are Linux's")
-def test_a_reader_beyond_its_limits_is_a_fault(monkeypatch):
-    with pytest.raises(Fault, match="MB for a file of 3 bytes"), limits(3):
-        np.ones(30 << 20)
-    with pytest.raises(MemoryError), limits(3):
-        np.empty(1 << 30)
-    monkeypatch.setattr(hostile, "SECONDS", 0.05)
-    with pytest.raises(Fault, match=r"more than 0\.05 s"), limits(3):
-        endless()
 
 
 @given(damaged_files(SUBJECTS))

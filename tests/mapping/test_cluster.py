@@ -83,20 +83,6 @@ def test_a_cluster_finds_the_same_numbers(tmp_path, client, undisturbed):  # noq
     assert not left
 
 
-def test_workers_are_not_overfilled(tmp_path, client):
-    begun = tmp_path / "begun"
-    begun.mkdir()
-    ahead = []
-
-    def note(done, total, words):
-        time.sleep(0.05)
-        ahead.append(len(list(begun.iterdir())) - done)
-
-    run_chunks(store_at(tmp_path / "map.zarr"), Noted(0.0, str(begun)), client, note)
-    assert len(ahead) == WINDOWS + 1
-    assert max(ahead) <= 4
-
-
 @pytest.mark.slow
 def test_the_death_of_workers_is_survived(tmp_path, client, undisturbed):  # noqa: F811
     store = store_at(tmp_path / "map.zarr")

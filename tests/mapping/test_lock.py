@@ -16,18 +16,6 @@ from .toy import Toy, store_at
 pytest.importorskip("zarr")
 
 
-def test_a_map_that_another_run_writes_is_not_replaced(tmp_path, undisturbed):  # noqa: F811
-    store = store_at(tmp_path / "map.zarr")
-
-    def replace(done, total, words):
-        if done == 3:
-            with pytest.raises(ValueError, match=r"another run is writing .*map.zarr; wait for it"):
-                store_at(store.path, overwrite=True)
-
-    run_chunks(store, Toy(), progress=replace)
-    same(store, undisturbed)
-
-
 def test_a_map_that_was_replaced_before_it_was_written_is_left_alone(tmp_path):
     first = store_at(tmp_path / "map.zarr")
     second = store_at(tmp_path / "map.zarr", overwrite=True)

@@ -4,26 +4,20 @@ they say.
 
 import numpy as np
 import pytest
-from benchmarks.rivals import known_painting
 from benchmarks.rivals.painting_rivals import (
     Answer,
-    Choice,
-    Row,
     Truth,
     TwoFlux,
     Unmixed,
     answer_of_map,
-    answered,
     by_coats,
     choose,
-    compared,
     films,
     linear,
     only,
     sampled,
     score,
     spectral_angle,
-    table,
     truth_of,
 )
 
@@ -51,23 +45,6 @@ def truth(members, amounts, foreign=None):
     members = np.array(members)
     foreign = np.zeros(len(members), bool) if foreign is None else np.array(foreign, bool)
     return Truth(members, np.array(amounts, float), foreign, np.ones(len(members), int))
-
-
-def test_a_right_answer_in_any_order_is_right_in_all():
-    known = truth(
-        [[0, 2, -1], [1, -1, -1], [0, 5, -1]],
-        [[1e-5, 3e-5, 0], [2e-5, 0, 0], [1e-5, 1e-5, 0]],
-        [0, 0, 1],
-    )
-    answer = Answer(
-        np.array([[2, 0, -1], [1, -1, -1], [3, -1, -1]]),
-        np.array([[0.75, 0.25, 0], [1, 0, 0], [1, 0, 0]]),
-        np.array([4e-5, 2e-5, np.nan]),
-        np.array([False, False, True]),
-    )
-    found = score(known, answer, ("a", "b", "c", "d", "e", "foreign"))
-    assert found[:3] == (1.0, 1.0, 1.0)
-    np.testing.assert_allclose(found[3:], (0.0, 0.0, 0.0, 1.0), atol=1e-12)
 
 
 def test_what_is_wrong_counts_by_how_much():
@@ -98,15 +75,6 @@ def test_paints_of_one_pigment_count_as_one_where_pigments_are_asked_for():
     )
     found = score(known, answer, ("ZincWhite", "ZincWhiteLinseed", "LeadWhite"))
     assert (found.right_set, found.right_pigments) == (0.0, 0.5)
-
-
-def test_an_answer_names_the_largest_shares_from_the_cut_on():
-    shares = np.array([[0.1, 0.5, 0.04, 0.06, 0.3], [0.0, 0.0, 0.98, 0.02, 0.0], [0.0] * 5])
-    unmixed = Unmixed(shares, np.full(3, 1e-5), np.array([0.1, 0.3, 0.1]))
-    found = answered(unmixed, Choice(0.05, 0.2))
-    np.testing.assert_array_equal(found.members, [[1, 4, 0], [2, -1, -1], [-1, -1, -1]])
-    np.testing.assert_allclose(found.shares, [[5 / 9, 3 / 9, 1 / 9], [1, 0, 0], [0, 0, 0]])
-    np.testing.assert_array_equal(found.none, [False, True, True])
 
 
 def test_the_choice_tells_foreign_pixels_from_others_and_names_what_is_there():
@@ -205,18 +173,3 @@ def test_pixels_are_drawn_with_their_truth_and_a_perfect_map_is_right():
         arrays, members=np.where((every.coats == 2).reshape(100, 40, 1), -1, arrays["members"])
     )
     assert by_coats(every, answer_of_map(mixed), scene.names) == (1, 0, 1)
-
-
-@pytest.mark.slow
-def test_rivals_are_compared_on_one_painting_and_practise_on_another():
-    scene, other = painting((48, 64), seed=0), painting((48, 64), seed=1)
-    rows = compared(scene, other, 60)
-    assert len(rows) == 6
-    for row in rows:
-        assert np.all((np.array(row.score[:4]) >= 0) & (np.array(row.score[:4]) <= 1))
-        assert row.seconds > 0
-    lines = table([*rows, Row("glazejax", rows[0].score, 1e-3, (0.5, 0.5, 0.5))])
-    assert len(lines) == 9
-    assert len({len(line) for line in lines}) == 1
-    with pytest.raises(ValueError, match="same paints and wavelengths"):
-        compared(scene, known_painting.painting((48, 64), 20), 10)

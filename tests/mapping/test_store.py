@@ -278,19 +278,6 @@ def test_a_map_of_another_format_is_refused(tmp_path):
     assert not store_at(store.path, overwrite=True).done()
 
 
-def test_what_a_killed_run_left_half_written_is_taken_away(tmp_path):
-    store = store_at(tmp_path / "map.zarr")
-    left = [
-        store.path / "misfit" / "c" / "0" / "0.1234.partial",
-        store.path / ".glazejax" / "sums" / "one.npz.1234.part",
-    ]
-    for path in left:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(b"half")
-    run_chunks(store, Toy())
-    assert not any(path.exists() for path in left)
-
-
 def test_two_runs_do_not_write_one_map(tmp_path):
     one, other = store_at(tmp_path / "map.zarr"), store_at(tmp_path / "map.zarr")
     with one.writing():

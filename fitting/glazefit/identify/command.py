@@ -26,8 +26,6 @@ if TYPE_CHECKING:
 _GEOMETRY = "d:8"
 # Spectra from which on a map is the better way.
 _MANY = 2000
-# Candidates kept for a report, which judges by them how near each paint comes.
-_KEPT = 40
 
 
 def register(app: typer.Typer) -> None:
@@ -228,6 +226,7 @@ def identify(
         else replace(usual_error, amplitude=model_error),
         "prior": replace(EXPECTED if by_family else Prior(), thickness=usual),
     }
+    # A report judges by 40 candidates how near each paint comes.
     chunks = identify_chunks(
         task.wavelengths,
         task.spectra,
@@ -237,7 +236,7 @@ def identify(
             **settings,
             max_paints=max_paints,
             max_coats=max_coats,
-            keep=max(top, 5 if report is None else _KEPT),
+            keep=max(top, 5 if report is None else 40),
             thorough=thorough,
             own_films=own_films,
             elements=tuple(options.split_names(elements)),

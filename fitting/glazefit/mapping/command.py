@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from .store.store import MapStore
 
 _GEOMETRY = "d:8"
-_ROWS = 12
 
 
 def register(app: typer.Typer) -> None:
@@ -420,7 +419,7 @@ def _write(
     from .show.report import print_map, write_sets
 
     tallies, sets = store.sums()
-    print_map(found, sets, console, _ROWS)
+    print_map(found, sets, console, 12)
     if csv is not None:
         write_sets(
             csv, found, sets, found.attrs.get("working_wavelengths", ()), overwrite=overwrite

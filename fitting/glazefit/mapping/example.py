@@ -13,7 +13,6 @@ from .store.layout import PLACES
 
 FOREIGN = "ViridianGreen"
 """A paint of the oils that is in the painting, and is kept from those who map it."""
-_NOISE = 0.003
 
 # Coats of each region from the top: shares of paints, least and largest thickness in m.
 _REGIONS = (
@@ -89,7 +88,7 @@ def painting(shape: tuple[int, int] = (48, 64), bands: int = 31, seed: int = 0) 
         members[here, : len(names)] = names
     noise = np.random.default_rng(seed).standard_normal(spectra.shape)
     return Painting(
-        spectra=(spectra + _NOISE * noise).astype(np.float32),
+        spectra=(spectra + 0.003 * noise).astype(np.float32),
         wavelengths=grid,
         paints=list(paints.values()),
         foreign=[foreign],

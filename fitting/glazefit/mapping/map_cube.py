@@ -39,27 +39,17 @@ if TYPE_CHECKING:
 
     from glazejax.io import CubeSource
 
-# Pixels that are sampled, in so many lines.
-_SAMPLE = 60_000
+# Lines in which pixels are sampled.
 _LINES = 96
 # What the process takes beside representatives and windows: Python, JAX, its programs, a search;
 # bytes.
 _BASE = 900 * 2**20
-# Representatives at least and at most, pixels for each between, and the distance that they are to
-# keep to all.
+# Representatives at least and at most.
 _REPRESENTATIVES = (256, 4000)
-_PIXELS_EACH = 40
-_REACH = 1.5
-# Candidates of a representative, about.
-_CANDIDATES = 12
-# Spectra farther than so many times the sample's farthest are searched themselves.
-_SLACK = 1.15
 # Representatives that are searched as one piece of work.
 _PIECE = 128
 # Pixels that are searched themselves, to see what the closed form costs.
 _CHECKED = 256
-# Spectra from which the noise is told.
-_NOISE_SAMPLE = 4000
 
 
 def map_cube(
@@ -217,14 +207,17 @@ def _survey(store: MapStore, task: MapTask, most: int, progress: Progress) -> _S
                 or "the mask leaves none"
             )
             raise ValueError(f"the image has no pixel that can be mapped (of a sample: {words})")
-        found = survey(good, most, _REACH, progress)
+        # The distance that representatives are to keep to all.
+        reach = 1.5
+        found = survey(good, most, reach, progress)
         checked = good[np.linspace(0, len(good) - 1, min(_CHECKED, len(good))).astype(int)]
         kept = {
             "noise": np.array([noise.floor, noise.share]),
             "middle": found.features.middle,
             "directions": found.features.directions,
             "readings": found.readings,
-            "reach": np.array(_SLACK * max(found.reach, _REACH)),
+            # Spectra beyond are searched themselves.
+            "reach": np.array(1.15 * max(found.reach, reach)),
             "checked": checked,
         }
         work.put("survey", kept)
@@ -249,7 +242,8 @@ def _sample(task: MapTask, progress: Progress) -> tuple[Float[np.ndarray, "pixel
     cube = image.cube()
     stored = np.asarray(cube["wavelength"], float)
     lines = np.unique(np.linspace(0, height - 1, min(_LINES, height)).astype(int))
-    step = max(1, -(-len(lines) * width // _SAMPLE))
+    # Some 60 000 pixels in all.
+    step = max(1, -(-len(lines) * width // 60_000))
     readings = []
     rough = []
     for number, y in enumerate(lines.tolist()):
@@ -262,7 +256,8 @@ def _sample(task: MapTask, progress: Progress) -> tuple[Float[np.ndarray, "pixel
         # Whole lines: their numbers lie together in a file.
         block = cube[y].to_numpy()[use]
         readings.append(image.bands.means(block, image.saturated))
-        fine = block[:: max(1, len(use) * len(lines) // _NOISE_SAMPLE)]
+        # Some thousand spectra tell the noise.
+        fine = block[:: max(1, len(use) * len(lines) // 4000)]
         rough.append(fine[np.isfinite(fine).all(axis=1)])
     progress(len(lines), len(lines), "reading")
     if not readings:
@@ -333,8 +328,10 @@ def _most_representatives(task: MapTask, memory: int) -> tuple[int, int]:
     first window.
     """
     bands = task.image.bands.wavelengths.size
-    each = 4 * _CANDIDATES * (2 * bands**2 + 24 * bands)
-    wanted = int(np.clip(task.shape[0] * task.shape[1] // _PIXELS_EACH, *_REPRESENTATIVES))
+    # Bytes of a representative, with about a dozen candidates.
+    each = 4 * 12 * (2 * bands**2 + 24 * bands)
+    # One for 40 pixels.
+    wanted = int(np.clip(task.shape[0] * task.shape[1] // 40, *_REPRESENTATIVES))
     # A third of what is left; the windows take the rest.
     most = int(np.clip((memory - _BASE) // 3 // each, _REPRESENTATIVES[0], wanted))
     return most, _BASE + most * each

@@ -30,10 +30,7 @@ from ..film.readers import films_of
 
 Request = Mapping[str, Any]
 Report = Callable[[str], None]
-_RECIPES = 5
 _CANDIDATES = 5
-# Films recovered at once.
-_MOST_FILMS = 20
 
 
 def recipes(request: Request, report: Report) -> dict[str, Any]:
@@ -68,7 +65,7 @@ def recipes(request: Request, report: Report) -> dict[str, Any]:
         instrument=stack.seen_by,
         refractive_index=stack.refractive_index,
         max_coats=1 if options.get("max_coats") == 1 else 2,
-        count=_RECIPES,
+        count=5,
     )
     listed = [
         {
@@ -199,9 +196,11 @@ def recovery(request: Request, report: Report) -> dict[str, Any]:
     from ..recover.film_by_film import recover_films
 
     films = films_of(_table(request))
-    if len(films) > _MOST_FILMS:
+    # More would take long.
+    most = 20
+    if len(films) > most:
         raise ValueError(
-            f"{len(films)} films take long; the studio recovers {_MOST_FILMS} at once, `recover` "
+            f"{len(films)} films take long; the studio recovers {most} at once, `recover` "
             "any number"
         )
     report(f"recovering {len(films)} films")

@@ -24,9 +24,6 @@ from jaxtyping import Array, Float
 
 from ..spectra import Numbers, as_float_array, concrete
 
-STRIPS = 192
-"""Strips of each plane for all bounces; see `all_bounces`."""
-
 
 class Joined(NamedTuple):
     """Spectra of the light that leaves the two planes towards the eye, (..., bands), on the scale
@@ -99,7 +96,7 @@ def all_bounces(
     position: Float[Array, "positions"] | Numbers,
     angle: float,
     *,
-    strips: int = STRIPS,
+    strips: int = 192,
 ) -> Joined:
     """Light from both planes with all bounces between them, by radiosity.
 

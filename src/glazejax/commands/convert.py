@@ -12,7 +12,6 @@ if TYPE_CHECKING:
     from ..io import SpectraTable
 
 # Wavelengths of one spectrum; more are a slip of the hand, such as a step of 1e-9.
-_MAX_BANDS = 100_000
 _UNITS = {"fraction": "as fractions", "percent": "in percent", "scaled": "as scaled numbers"}
 
 
@@ -122,8 +121,10 @@ def parse_grid(text: str) -> list[float]:
         raise ValueError(
             f"--resample {text!r}: steps of {step:g} nm do not meet {end:g} nm; end at {last:g}"
         )
-    if count >= _MAX_BANDS:
+    # Wavelengths of one spectrum; more are a slip of the hand, such as a step of 1e-9.
+    limit = 100_000
+    if count >= limit:
         raise ValueError(
-            f"--resample {text!r}: {count + 1:.0f} wavelengths are too many (at most {_MAX_BANDS})"
+            f"--resample {text!r}: {count + 1:.0f} wavelengths are too many (at most {limit})"
         )
     return [start + step * i for i in range(round(count) + 1)]

@@ -13,8 +13,6 @@ if TYPE_CHECKING:
     from ..stacks import Stack
 
 _SPACES = {"lin_rec709": "linear sRGB", "acescg": "ACEScg"}
-# Below this share colours outside are rounding.
-_SOME = 5e-4
 
 
 def _line(console: Console, title: str, words: str) -> None:
@@ -76,7 +74,8 @@ def print_fit(console: Console, fit: "OpenPBRFit", path: Path) -> None:
             "note",
             f"in a program that layers as in {other}: Delta E {there.sky:.2f} and {there.lamp:.2f}",
         )
-    if fit.outside > _SOME:
+    # A smaller share is rounding.
+    if fit.outside > 5e-4:
         words = (
             f"{fit.outside:.0%} of the angles show a colour that {_SPACES[truth.space]} cannot "
             "hold: it is brought"
@@ -109,7 +108,8 @@ def print_textures(console: Console, found: "TextureSet", folder: Path) -> None:
         f"{found.interpolation:.2g} (estimated)",
     )
     _errors(console, "how near", found.errors, "at the worst of some pixels, ")
-    if found.outside > _SOME:
+    # A smaller share is rounding.
+    if found.outside > 5e-4:
         words = (
             f"{found.outside:.1%} of the pixels have a colour that the space cannot hold: "
             "brought inside, changed by"

@@ -381,21 +381,15 @@ def _lay(ground: options.Ground, coats: "Sequence[Coat]", shelf: "Mapping[str, P
     """Bring the ground and all paints on it to the wavelengths that all of it covers."""
     from ..paint.describe import make_media
     from ..spectra import describe_grid, same_grid
+    from ..stacks import shared_grid
 
     notes = list(ground.notes)
     used = {name: shelf[name] for coat in coats for _, name in coat.parts}
     grids = [paint.wavelengths for paint in used.values()]
     if ground.wavelengths is not None:
         grids.append(ground.wavelengths)
-    low = max(g[0] for g in grids)
-    high = min(g[-1] for g in grids)
-    grid = grids[0][(grids[0] >= low - 1e-6) & (grids[0] <= high + 1e-6)]
-    if grid.size == 0:
-        with ground.blame():
-            raise ValueError(
-                "the pigments and the ground share no wavelengths: "
-                + "; ".join(map(describe_grid, grids))
-            )
+    with ground.blame():
+        grid = shared_grid(grids, "pigments")
     if not all(same_grid(grid, other) for other in grids):
         notes.append(
             "pigments and ground differ in wavelengths; everything is computed at "

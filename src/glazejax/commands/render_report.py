@@ -17,7 +17,6 @@ from ..report import swatch
 from .rendering import Rendering
 
 # Rounding in a spectrum moves an encoded value by less than this.
-_GAMUT_SLACK = 5e-4
 _WIDE = 72
 _LADDER_ROWS = (1, 2, 5, 10, 20, 40)
 
@@ -123,10 +122,12 @@ def print_colour(console: Console, rendering: Rendering, request: RenderRequest)
 
 def out_of_gamut(raw: Float[Array | np.ndarray, "3"]) -> str:
     """A sentence on unclipped sRGB that a screen cannot show, or nothing."""
+    # Rounding in a spectrum moves an encoded value by less than this.
+    slack = 5e-4
     wrong = [
         f"{name} {255 * float(value):.0f}"
         for name, value in zip("RGB", np.asarray(raw), strict=True)
-        if not -_GAMUT_SLACK <= value <= 1 + _GAMUT_SLACK
+        if not -slack <= value <= 1 + slack
     ]
     return (
         f"outside the sRGB gamut, clipped (would need {', '.join(wrong)} of 0-255)" if wrong else ""

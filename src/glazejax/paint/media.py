@@ -38,9 +38,6 @@ from ..spectra import (
 from .phase import Known, legal_phase, mix_moments, stack_moments
 
 MAX_THICKNESS = 0.01
-# Below this extinction (1/m) a centimetre of paint is clear to 1e-14, and squares still fit in
-# float32.
-_CLEAR = 1e-12
 
 
 def _check_range(name: str, values: Numbers, low: float, high: float, hint: str = "") -> None:
@@ -546,7 +543,9 @@ def _albedo(xp: Any, *coefficients: Any) -> Any:
 
     def ratio(k: Any, s: Any) -> Any:
         extinction = k + s
-        clear = extinction <= _CLEAR
+        # Below this extinction (1/m) a centimetre of paint is clear to 1e-14, and squares still fit
+        # in float32.
+        clear = extinction <= 1e-12
         return xp.where(clear, 0.0, s) / xp.where(clear, 1.0, extinction)
 
     return _side_by_side(xp, map(ratio, coefficients[:count], coefficients[count:]))

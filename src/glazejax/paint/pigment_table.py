@@ -23,9 +23,6 @@ _TRUTH = {"true": True, "1": True, "yes": True, "false": False, "0": False, "no"
 # Columns of one pigment by title, in the order of the file; `identifiable` holds booleans.
 _Columns = dict[str, list[float]]
 _Refusal = Callable[[str], ValueError]
-# A line takes up to 200 bytes while it is read, a pigment some thousand.
-_MAX_LINES = 500_000
-_MAX_PIGMENTS = 20_000
 
 
 def read_pigments(path: str | Path, provenance: str = "") -> dict[str, Pigment]:
@@ -49,6 +46,9 @@ def read_pigments(path: str | Path, provenance: str = "") -> dict[str, Pigment]:
     header: list[str] = []
     doubtful: list[str] = []
     pigments: dict[str, _Columns] = {}
+    # A line takes up to 200 bytes while it is read, a pigment some thousand.
+    most_lines = 500_000
+    most_pigments = 20_000
     with open_source(
         path, missing=f"{show_path(path)}: there is no such file of pigments"
     ) as source:
@@ -78,9 +78,9 @@ def read_pigments(path: str | Path, provenance: str = "") -> dict[str, Pigment]:
             if len(cells) != len(header):
                 raise error(f"{len(cells)} cells where the header has {len(header)}")
             _add(pigments, error, dict(zip(header, cells, strict=True)), doubtful)
-            if count > _MAX_LINES or len(pigments) > _MAX_PIGMENTS:
+            if count > most_lines or len(pigments) > most_pigments:
                 raise error(
-                    f"more than {_MAX_LINES} lines or {_MAX_PIGMENTS} pigments so far; split the "
+                    f"more than {most_lines} lines or {most_pigments} pigments so far; split the "
                     "file"
                 )
         if not header:

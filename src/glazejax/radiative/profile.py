@@ -39,15 +39,7 @@ from .stack import Method, stack_hemispherical_reflectance, stack_reflectance_fa
 Profile: TypeAlias = Callable[[Array], Array] | Numbers
 """A callable of depth (m), or values at equally spaced depths from the surface to the ground."""
 
-_LEAST_SLICES = 8
-_MOST_SLICES = 2048
-# Where values are traced there is nothing to compare: so many doublings are done.
-_TRACED_DOUBLINGS = 2
-_MOST_HALVINGS = 4
 # Points of the rule for the mean of a slice, or the optical depth of a part of a panel.
-_MEAN_POINTS = 4
-_DEPTH_POINTS = 10
-_NEWTON_STEPS = 8
 _CHUNK_BYTES = 2**24
 
 
@@ -267,7 +259,7 @@ def _solve_sliced(
 ) -> Array:
     ground = rest["substrate_reflectance"]
     others = {name: value for name, value in rest.items() if name != "substrate_reflectance"}
-    x, w = gauss(_MEAN_POINTS)
+    x, w = gauss(4)
 
     def reflectance(count: int) -> Array:
         share = jnp.asarray(((np.arange(count)[:, None] + x) / count).ravel(), film.thickness.dtype)
@@ -284,9 +276,9 @@ def _solve_sliced(
             solve(_albedo(k, s), depth, ground, tolerance=0.3 * tolerance, **others), film.batch
         )
 
-    # As many slices as samples, or a multiple, so that no slice holds a kink.
+    # At least 8 slices: as many as samples, or a multiple, so that no slice holds a kink.
     parts = film.intervals or 1
-    slices = parts * -(-_LEAST_SLICES // parts)
+    slices = parts * -(-8 // parts)
     rows = [[reflectance(slices)]]
     while True:
         slices *= 2
@@ -297,11 +289,12 @@ def _solve_sliced(
         rows.append(row)
         change = concrete(row[-1] - rows[-2][-1])
         if change is None:
-            if len(rows) > _TRACED_DOUBLINGS:
+            # Where values are traced there is nothing to compare: two doublings are done.
+            if len(rows) > 2:
                 return row[-1]
         elif np.max(np.abs(change), initial=0.0) < _attainable(tolerance, row[-1]):
             return row[-1]
-        elif 2 * slices > _MOST_SLICES:
+        elif 2 * slices > 2048:
             raise ValueError(_error_message(np.max(np.abs(change)), tolerance))
 
 
@@ -374,7 +367,7 @@ def _solve_on_mesh(film: _Film, rest: dict[str, Any], tolerance: float) -> Array
         change = None if before is None else concrete(value - before)
         if change is None or np.max(np.abs(change), initial=0.0) < _attainable(tolerance, value):
             return value
-        if halvings == _MOST_HALVINGS:
+        if halvings == 4:
             raise ValueError(_error_message(np.max(np.abs(change)), tolerance))
         before = value
 
@@ -394,7 +387,7 @@ def _film_panels(film: _Film, mesh: PanelMesh, halvings: int) -> Panels:
     table = rules(mesh.nodes, mesh.points)
     start = edges[:-1]
     span = np.diff(edges)
-    x, w = gauss(_DEPTH_POINTS)
+    x, w = gauss(10)
 
     def extinction(
         share: Array,
@@ -418,7 +411,7 @@ def _film_panels(film: _Film, mesh: PanelMesh, halvings: int) -> Panels:
     whole = jnp.ones((*film.batch, len(start), 1), dtype)
     width = depth_within(whole)[..., 0]
     part = jnp.broadcast_to(jnp.asarray(table.nodes, dtype), (*film.batch, len(start), mesh.nodes))
-    for _ in range(_NEWTON_STEPS):  # where the optical depth reaches the nodes
+    for _ in range(8):  # where the optical depth reaches the nodes
         slope = span[:, None] * extinction(start[:, None] + span[:, None] * part)
         miss = depth_within(part) - width[..., None] * table.nodes
         step = miss / jnp.maximum(slope, jnp.finfo(dtype).tiny)

@@ -42,7 +42,6 @@ LEAST_SLOPING_INDEX = 1.0 + 1e-4
 """Nearer to one a slope by the index drowns in the quadrature's error, but for the
 default method.
 """
-_DEFAULT_TOLERANCE = 1e-6
 
 # So many known stacks go to all cores at once.
 _MANY = 2**13
@@ -351,7 +350,8 @@ def _within_reach(tolerance: float, method: str, *, single: bool) -> float:
     In single precision the default tolerance counts as not asked for.
     """
     finest = FINEST_SINGLE if single else _SOLVERS[method].finest
-    if tolerance < min(finest, _DEFAULT_TOLERANCE) * (1 - 1e-9):
+    # The default.
+    if tolerance < min(finest, 1e-6) * (1 - 1e-9):
         words = (
             "in single precision; enable x64 in JAX for less"
             if single

@@ -18,7 +18,6 @@ MOST_BYTES = 24 << 20
 """Of one message: a dropped file and some more."""
 MOST_FILE = 16 << 20
 """Of a dropped file."""
-_MOST_ARRAYS = 32
 
 Arrays = Mapping[str, Float[np.ndarray, "..."]]
 
@@ -56,8 +55,9 @@ def unpack(
     at = 4 + length
     arrays = {}
     listed = header.pop("arrays", [])
-    if not isinstance(listed, list) or len(listed) > _MOST_ARRAYS:
-        raise ValueError(f"a message lists its arrays, {_MOST_ARRAYS} at most")
+    limit = 32
+    if not isinstance(listed, list) or len(listed) > limit:
+        raise ValueError(f"a message lists its arrays, {limit} at most")
     for entry in listed:
         name, shape = _entry(entry)
         size = 4 * math.prod(shape)

@@ -7,7 +7,6 @@ from typing import NamedTuple
 from ..io import SpectraTable, read_spectra
 
 _FILM_ROWS = ("b", "w", "ob", "ow")
-_MOST_SPECTRA = 200
 
 
 class Upload(NamedTuple):
@@ -37,9 +36,10 @@ def read_upload(name: str, content: bytes) -> Upload:
             table = read_spectra(path)
         except (ValueError, OSError) as error:
             raise ValueError(str(error).replace(str(path), name)) from None
-    if len(table.names) > _MOST_SPECTRA:
+    most = 200
+    if len(table.names) > most:
         raise ValueError(
-            f"{name} holds {len(table.names)} spectra; the studio takes {_MOST_SPECTRA} at once"
+            f"{name} holds {len(table.names)} spectra; the studio takes {most} at once"
         )
     rows: dict[str, set[str]] = {}
     for title in table.names:

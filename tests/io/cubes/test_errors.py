@@ -222,18 +222,3 @@ def test_image_without_any_data(tmp_path):
 
 def test_wavelengths_of_another_number_of_pages_are_not_used(tmp_path):
     refused(tiff(tmp_path, image()[..., :3], name="three.tif"), "no wavelengths for 3 bands")
-
-
-def test_a_missing_package_is_one_sentence(tmp_path, monkeypatch):
-    from importlib import metadata
-
-    from glazejax import extras
-
-    path = envi(tmp_path, image())
-    monkeypatch.setattr(
-        extras,
-        "distribution",
-        lambda name: (_ for _ in ()).throw(metadata.PackageNotFoundError(name)),
-    )
-    with pytest.raises(ModuleNotFoundError, match=r'pip install "glazejax\[cube\]"'):
-        open_cube(path)

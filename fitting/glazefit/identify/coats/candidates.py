@@ -19,14 +19,6 @@ from .arrangement import Arrangement
 from .evidence import Evidence
 from .readings import CoatedFilms
 
-# Log chance, below that of a spectrum's best, of coats that are no candidate.
-_NEGLIGIBLE = 8.0
-# Steps towards amounts that come near the readings, the longest of a log amount, and what a step
-# is held by.
-_STEPS = 3
-_LONGEST = 0.3
-_HOLD = 0.1
-
 
 class WeighedSet(NamedTuple):
     """A set of paints for some spectra over one ground, in all ways in which it may lie.
@@ -87,7 +79,8 @@ def with_coats(
     for one in weighed:
         for number, way in enumerate(one.ways):
             logs = one.logs[number]
-            films = np.flatnonzero(logs > best[one.rows] - _NEGLIGIBLE)
+            # Coats whose log chance is 8 below the spectrum's best are no candidate.
+            films = np.flatnonzero(logs > best[one.rows] - 8.0)
             if len(way.coats) == 2 and films.size:
                 chunk = Chunk(task, measured.take(one.rows[films]))
                 near = _candidates(chunk, one.members, way, one.stated[number], films)
@@ -124,17 +117,19 @@ def _candidates(
         response=task.response,
     )
 
-    # Gauss and Newton's steps from the most probable place of the grid.
+    # Three of Gauss and Newton's steps from the most probable place of the grid, each of at most .3
+    # in a log amount.
     white = whitening(chunk.tolerance_covariance)[0]
     logs = evidence.nearest[films]
-    for _ in range(_STEPS):
+    for _ in range(3):
         readings, slopes = coated.read_and_slopes(way, np.exp(logs))
         # An amount moves k and s together.
         by_amount = (slopes[:, :size] + slopes[:, size:]) @ white.swapaxes(1, 2)
         off = white @ (chunk.target - readings)[..., None]
-        normal = by_amount @ by_amount.swapaxes(1, 2) + _HOLD * np.eye(size)
+        # The added .1 holds amounts that hardly change the readings.
+        normal = by_amount @ by_amount.swapaxes(1, 2) + 0.1 * np.eye(size)
         step = np.linalg.solve(normal, by_amount @ off)[..., 0]
-        logs = logs + np.clip(step, -_LONGEST, _LONGEST)
+        logs = logs + np.clip(step, -0.3, 0.3)
     readings, slopes = coated.read_and_slopes(way, np.exp(logs))
 
     coats = np.zeros((len(films), 1, size), dtype=np.int32)

@@ -15,13 +15,6 @@ from ..search.pool import NOBODY
 from .evidence import CoatErrors, fixed_covariance
 from .readings import LOG_AMOUNTS, CoatedFilms
 
-# Sets that are weighed for a spectrum, and the least share of all sets of their size.
-_MOST_SETS = 2
-_LEAST_SHARE = 0.05
-# Single coats in a table, and most amounts of each paint.
-_COATS = 1500
-_MOST_AMOUNTS = 15
-
 
 def best_sets(
     members: Int[np.ndarray, "candidates 3"],
@@ -52,8 +45,9 @@ def best_sets(
             of_size = {tuple(sorted(int(paint) for paint in likely[:size])): 1.0}
         total = sum(of_size.values())
         best = sorted(of_size, key=lambda own: -of_size[own])
-        most = _MOST_SETS if size == 2 else 1
-        out += [own for own in best[:most] if of_size[own] >= _LEAST_SHARE * total]
+        # Two pairs, or one set of three, of those with a twentieth of all of their size.
+        most = 2 if size == 2 else 1
+        out += [own for own in best[:most] if of_size[own] >= 0.05 * total]
     return out
 
 
@@ -77,7 +71,8 @@ def nearest_pairs(
     errors = CoatErrors()
     paints = films.coefficients.shape[1]
     grounds = films.grounds
-    logs = np.linspace(*LOG_AMOUNTS, int(np.clip(_COATS // paints, 2, _MOST_AMOUNTS)))
+    # Some 1500 single coats in a table, of at most 15 amounts of each paint.
+    logs = np.linspace(*LOG_AMOUNTS, int(np.clip(1500 // paints, 2, 15)))
     amounts = np.exp(logs)[:, None]
     depths = (films.coefficients[:, :, None] * amounts).reshape(2, -1, wavelengths.size)
     black, gain, back = (np.asarray(a)[:, None] for a in films.response.numbers(*depths))

@@ -23,8 +23,6 @@ from .readings import LOG_AMOUNTS, NODES, GridReadings
 # Amounts between two nodes of the solver's grid, by the number of paints; readings between them are
 # interpolated by cubic splines.
 _FINER = {1: 6, 2: 4, 3: 2}
-# Bands beyond this, nm, are another detector's.
-_SECOND_CAMERA = 1005.0
 # k and s are related to the reading of a film that hides its ground as K/S = 2 k / (.75 s).
 _RATIO = 2.0 / 0.75
 
@@ -250,7 +248,8 @@ def fixed_covariance(
     cards = errors.shared + (1.0 - errors.shared) * np.eye(grounds)
     fixed = errors.amplitude**2 * np.kron(cards, smooth_kernel(wavelengths, errors.length))
     fixed += errors.noise**2 * np.eye(bands) + errors.offset**2
-    beyond = np.tile(wavelengths > _SECOND_CAMERA, grounds)
+    # Bands beyond this, nm, are another detector's.
+    beyond = np.tile(wavelengths > 1005.0, grounds)
     if beyond.any() and not beyond.all():
         fixed += errors.second_camera**2 * np.outer(beyond, beyond)
     return fixed

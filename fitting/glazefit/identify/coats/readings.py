@@ -23,13 +23,8 @@ LOG_AMOUNTS = (-3.6, 3.2)
 """Least and largest log of a paint's amount, in usual ones."""
 NODES = {1: 29, 2: 15, 3: 9}
 """Nodes of the grid along each amount, by the number of paints."""
-_TOLERANCE = 1e-3
 # Change of log k for a slope.
 _STEP = 0.15
-# Scattering optical thickness of a coat that hides what is below.
-_HIDING = 200.0
-# Optical thickness that does as if there were nothing.
-_NEXT_TO_NOTHING = 1e-9
 # Films that are solved at a time, so that one program does.
 _CHUNK = 8192
 
@@ -68,10 +63,12 @@ class CoatedFilms(NamedTuple):
             for coat in coats
         ]
         if not coats:
-            depths = [np.full((2, amounts.shape[1], self.grounds.shape[1]), _NEXT_TO_NOTHING)]
+            # An optical thickness that does as if there were nothing.
+            depths = [np.full((2, amounts.shape[1], self.grounds.shape[1]), 1e-9)]
         if self.hides and coats:
             scattering = np.median(depths[-1][1], axis=1, keepdims=True)
-            depths[-1] = depths[-1] * (_HIDING / scattering)
+            # Scattering optical thickness of a coat that hides what is below: 200.
+            depths[-1] = depths[-1] * (200.0 / scattering)
         over = [
             coat_body(self.response, depths[0][0], depths[0][1], 1.0, ground)
             if len(depths) == 1
@@ -194,5 +191,5 @@ def _body(
         jnp.asarray(absorption, float),
         jnp.asarray(scattering, float),
         jnp.asarray(ground, float),
-        _TOLERANCE,
+        1e-3,
     )

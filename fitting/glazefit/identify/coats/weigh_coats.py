@@ -32,14 +32,10 @@ from .readings import CoatedFilms, grid_readings
 
 STEP = 10.0
 """Finer spectra are averaged to this, nm: errors are alike over more."""
-# Pairs that come nearest as coats, and that are weighed beside the best mixture.
-_NEAREST = 2
 # A library rarely tells k and s of a paint apart: each paint's scattering may also be so much
 # less, with this probability.
 _FAINT = 0.1
 _FAINT_CHANCE = 0.2
-# Root mean square of a difference between two readings that the model's own errors do not cover.
-_SEEN = 0.03
 
 
 Sets = list[tuple[int, ...]]
@@ -130,12 +126,11 @@ def weigh_coats(
     if searched is None or found.opaque or options.max_paints == 1 or len(pigments) == 1:
         return replace(found, coats_odds=_odds(spectra, _weigh(spectra, sets, options)))
 
-    # A film of two coats may look like no mixture of its paints.
     task, pool = searched
     for rows, films in spectra.by_grounds():
-        near = nearest_pairs(
-            spectra.bodies[rows], films, spectra.wavelengths, log_rarity(task), _NEAREST
-        )
+        # A film of two coats may look like no mixture of its paints: the two pairs that come
+        # nearest as coats are weighed beside the best mixture.
+        near = nearest_pairs(spectra.bodies[rows], films, spectra.wavelengths, log_rarity(task), 2)
         for row, pairs in zip(rows, near.tolist(), strict=True):
             larger = [one for one in sets[row] if len(one) > 2]
             sets[row] = list(dict.fromkeys([*sets[row][:1], *map(tuple, pairs), *larger]))
@@ -306,9 +301,10 @@ def _reason(
     )
     stack, flat = weighed.ways[most], weighed.ways[least]
     one, other = (weighed.evidence[way].readings[number] for way in (most, least))
-    # A gain is free in either.
     off = one - other * (one @ other) / (other @ other)
-    if np.sqrt(np.mean(off**2)) > _SEEN:
+    # A gain is free in either: this root mean square of a difference the model's own errors do not
+    # cover.
+    if np.sqrt(np.mean(off**2)) > 0.03:
         return "neither a mixture nor coats of these paints meet it well"
     if flat.coats[0] == stack.coats[0]:
         return "the upper coat hides what is below"

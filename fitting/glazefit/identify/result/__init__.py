@@ -17,13 +17,9 @@ from ..search.weigh import UNSEEN, Odds
 from .groups import FamilySet
 from .odds import CoatsOdds
 
-# Candidates that stand in a table as a rule.
-_LISTED = 5
 # Spectra that are named where a result is printed.
 _SHOWN = 3
 
-# Standard deviation of a logarithm beyond which nothing is known.
-_OPEN = 50.0
 NINETY = np.array([-1.6448536269514722, 1.6448536269514722])
 """Standard deviations from the middle of a Gaussian to the ends of its central 90 %."""
 STRENGTH = float(
@@ -105,10 +101,6 @@ class Candidate:
             for coat in (upper, lower)
         ]
         return " over ".join(f"({side})" if " + " in side else side for side in sides)
-
-
-# Chance of 'none of these' from which the one sentence on a spectrum says it.
-_DOUBTFUL = 0.1
 
 
 def percent(fraction: float) -> str:
@@ -387,9 +379,8 @@ class Identification:
                 f"most probable single set, {best.words} ({best.probability:.0%}), is without it"
             )
         more = f"; these pigments {chance:.0%}" if chance > best.probability + 0.05 else ""
-        more += (
-            f"; none of these paints {self.none[row]:.0%}" if self.none[row] >= _DOUBTFUL else ""
-        )
+        # The sentence names 'none of these' from a chance of a tenth on.
+        more += f"; none of these paints {self.none[row]:.0%}" if self.none[row] >= 0.1 else ""
         return f"{best.words} (probability {best.probability:.0%}{more})"
 
     def unexplained(self, row: int) -> str:
@@ -401,8 +392,8 @@ class Identification:
             if self.none[row] < 0.5:
                 start = "this looks unlike nearly all paints of the families that are known"
             return f"{start} (probability {self.none[row]:.0%}); the nearest pigment is {nearest}"
-        # The nearest in colour of those that are shown.
-        measured = [one for one in self.ranked(row, _LISTED) if np.isfinite(one.delta_e)]
+        # The nearest in colour of the five that a table shows as a rule.
+        measured = [one for one in self.ranked(row, 5) if np.isfinite(one.delta_e)]
         nearest = min(measured, key=lambda one: one.delta_e, default=best)
         off = (
             f"has the colour (Delta E00 {nearest.delta_e:.1f}) but not the shape of the spectrum"
@@ -521,7 +512,8 @@ def log_sds(
     spread = np.einsum("...ij,...jk,...ik->...i", slope, covariance, slope, optimize=True)
     thickness = np.einsum("...i,...ij,...j->...", fractions, covariance, fractions, optimize=True)
     parts = np.diagonal(covariance, axis1=-2, axis2=-1), spread, thickness
-    amounts, each, whole = (np.minimum(np.sqrt(np.maximum(part, 0.0)), _OPEN) for part in parts)
+    # Standard deviations of a logarithm beyond 50 say that nothing is known.
+    amounts, each, whole = (np.minimum(np.sqrt(np.maximum(part, 0.0)), 50.0) for part in parts)
     return amounts, each, whole
 
 

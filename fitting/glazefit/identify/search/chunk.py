@@ -9,12 +9,6 @@ from jaxtyping import Float, Int
 from ...film.model.errors import model_covariance
 from .task import TYPICAL_READING, IdentificationTask, Measured
 
-# What counts as near when amounts are shown: near black, and for each unit of reflectance.
-_NEAR_BLACK = 0.005
-_NEAR_SHARE = 0.02
-# Error while candidates are looked for, at a reading of 0 over that at a middling one.
-_DARK = 0.1
-
 
 @dataclass(frozen=True)
 class Chunk:
@@ -107,7 +101,9 @@ class Chunk:
     def ranking_covariance(self) -> Float[np.ndarray, "spectra readings readings"]:
         """Covariance of one smooth error that stands for all while candidates are looked for."""
         # Smaller on dark films, whose readings differ by little.
-        dark = _DARK + self.spectra.flat / TYPICAL_READING
+        # Smaller on dark films, whose readings differ by little: at 0 a tenth of the error at a
+        # middling reading.
+        dark = 0.1 + self.spectra.flat / TYPICAL_READING
         return self._smooth(self.task.discrepancy.screening * dark)
 
     def _smooth(
@@ -127,4 +123,5 @@ def _diagonal(
 
 def tolerance(measured: Measured) -> Float[np.ndarray, "spectra grounds bands"]:
     """What counts as near to each reading when amounts and gloss are shown."""
-    return np.hypot(measured.noise_sd, _NEAR_BLACK + _NEAR_SHARE * measured.readings)
+    # Near black .005, and .02 for each unit of reflectance.
+    return np.hypot(measured.noise_sd, 0.005 + 0.02 * measured.readings)

@@ -32,16 +32,13 @@ MISSED = 2e-4
 """Standard deviation by which a reading may be missed between the bands that are kept: below an
 instrument's noise.
 """
-# So many bands are all taken; and more, if no more than this share of them can be left out.
+# So many bands are all taken.
 _MANY = 100
-_WORTH = 0.75
 # Standard deviations of smooth errors that are to be met between the bands beside the films
 # themselves, by the distance over which they stay alike, nm.
 _SMOOTH = ((0.003, 100.0), (0.002, 60.0))
 # Films over these grounds show what there is to tell.
 _GROUNDS = (0.03, 0.5, 0.93)
-# A ground that is missed by more between the bands is taken at all of them.
-_MISSED_GROUND = 0.005
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,7 +142,8 @@ def _choose(task: IdentificationTask) -> tuple[FewBands, FilmTables] | None:
         *task.tables.single, task.prior.spread, np.asarray(_GROUNDS), task.wavelengths.size
     )
     few = choose_bands(films, task.wavelengths, task.discrepancy.length)
-    if len(few.place) > _WORTH * len(few.spread):
+    # All are taken where no more than a quarter of them can be left out.
+    if len(few.place) > 0.75 * len(few.spread):
         return None
     paints = Paints(*(jnp.asarray(np.asarray(part)[:, few.place]) for part in task.paints))
     return few, FilmTables(task.response, paints, task.max_paints, task.prior.spread)
@@ -154,7 +152,8 @@ def _choose(task: IdentificationTask) -> tuple[FewBands, FilmTables] | None:
 def can_gather(few: FewBands, measured: Measured) -> bool:
     """Whether the grounds are told by these bands too."""
     grounds = measured.grounds
-    return bool(np.abs(grounds - grounds[..., few.place] @ few.spread.T).max() <= _MISSED_GROUND)
+    # A ground that is missed by more between the bands is taken at all of them.
+    return bool(np.abs(grounds - grounds[..., few.place] @ few.spread.T).max() <= 0.005)
 
 
 def gather(few: FewBands, measured: Measured, discrepancy: ModelError) -> Measured:

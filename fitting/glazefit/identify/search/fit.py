@@ -32,11 +32,7 @@ from .task import IdentificationTask
 # not there.
 LEAST = 1e-5
 MOST = 60.0
-_STEPS = 14
-_LONGEST = 2.0
 # Gradients below which nothing pulls, and logarithms of a ratio that are taken as 0.
-_NO_PULL = 1e-12
-_ALIKE = 0.01
 FEW_SPECTRA = 16
 """So many at most are fitted by fewer programs."""
 Number = Float[Array | np.ndarray, ""]
@@ -196,7 +192,7 @@ def fit_sets(
     ground: Array,
     weights: Weights,
     middle: int,
-    steps: int = _STEPS,
+    steps: int = 14,
 ) -> Fitted:
     """Fit candidates of one coat, as many for each spectrum.
 
@@ -275,7 +271,7 @@ def fit_film(
 
     limits = float(np.log(LEAST)), float(np.log(MOST))
     logs, (_, _, _, (readings, of_data)) = damped_newton(
-        look, start, limits, steps=steps, longest=_LONGEST
+        look, start, limits, steps=steps, longest=2.0
     )
     _, of_prior = prior_terms(logs, present, weights.spread, weights.concentration)
     log_evidence, spread = _evidence(logs, present, (of_data, of_prior), readings, weights)
@@ -295,10 +291,12 @@ def trace_curvature(
     Args:
         by_data, by_prior: gradients by the log amounts.
     """
-    p = jnp.maximum(by_data, _NO_PULL)
-    q = jnp.maximum(-by_prior, _NO_PULL)
+    # Gradients below this pull nowhere.
+    p = jnp.maximum(by_data, 1e-12)
+    q = jnp.maximum(-by_prior, 1e-12)
     ratio = jnp.log(p / q)
-    alike = jnp.abs(ratio) < _ALIKE
+    # A ratio whose logarithm is this small is taken as 1.
+    alike = jnp.abs(ratio) < 0.01
     mean = jnp.where(alike, p, (p - q) / jnp.where(alike, 1.0, ratio))
     return jnp.where(by_data > 0.0, mean, 0.0)
 

@@ -25,7 +25,6 @@ from .task import TYPICAL_READING, IdentificationTask, Measured
 
 # Amounts of a third paint, as a share of the pair's.
 _THIRDS = np.array([0.003, 0.02, 0.1, 0.4, 1.5])
-_GROWN_PAIRS = 12
 KEPT_TRIPLES = 40
 """Sets of three that are fitted, of as many."""
 
@@ -122,7 +121,8 @@ def grow_triples(
     """
     task = chunk.task
     rows = np.arange(len(pairs))[:, None]
-    best = np.argsort(-np.asarray(log_evidence), axis=1)[:, :_GROWN_PAIRS]
+    # A third paint joins the twelve most probable pairs.
+    best = np.argsort(-np.asarray(log_evidence), axis=1)[:, :12]
     amounts = np.exp(logs)[rows, best]
     sets, tries = grow(pairs[rows, best], amounts, task.paint_count)
     # Each at a few amounts of the third paint.

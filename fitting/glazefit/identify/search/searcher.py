@@ -40,8 +40,6 @@ _TOGETHER = 4 * CHUNK
 # Above this a reflectance is a mistake, such as percent; below, it may be a highlight or a
 # calibration.
 _TOO_BRIGHT = 1.5
-# Scattering optical thickness of a film that hides its ground.
-_OPAQUE = 200.0
 UNSEEN_GROUND = 0.5
 """Ground under films that hide it."""
 
@@ -253,8 +251,9 @@ def check_pigments(pigments: Pigments, wavelengths: Float[np.ndarray, "bands"]) 
 def opaque_prior(prior: Prior, pigments: Sequence[Pigment]) -> Prior:
     """Of films so thick that their ground does not matter: the thickness is set, not sought."""
     typical = np.median([np.median(np.asarray(p.scattering)) for p in pigments])
+    # Scattering optical thickness of a film that hides its ground.
     return replace(
-        prior, thickness=min(_OPAQUE / max(float(typical), 1.0), MAX_THICKNESS), spread=0.05
+        prior, thickness=min(200.0 / max(float(typical), 1.0), MAX_THICKNESS), spread=0.05
     )
 
 

@@ -31,12 +31,7 @@ ALIKE = 0.04
 with its own.
 """
 _FILMS_AT_A_TIME = 4096
-_SPECTRA_AT_A_TIME = 16
-_TABLES = 8
-# Grounds that are the same but for how a mean was rounded have the same table.
-_GROUND_DIGITS = 3
-# Amounts of each pair, and numbers in all, by which it is chosen at which bands films are read.
-_TRIES = 3
+# Numbers in all, by which it is chosen at which bands films are read.
 _NUMBERS = 2**21
 # Fractions of the first paint of a pair: strong paints show at a thousandth, weak ones drown at
 # nine tenths.
@@ -151,8 +146,9 @@ class FilmTable(NamedTuple):
         for kind in self.sizes:
             parts = []
             kept = len(kind.sets) if kind.sets.shape[1] == 1 else min(keep, len(kind.sets))
-            for first in range(0, len(spectra), _SPECTRA_AT_A_TIME):
-                batch = slice(first, first + _SPECTRA_AT_A_TIME)
+            # Sixteen spectra at a time bound the memory.
+            for first in range(0, len(spectra), 16):
+                batch = slice(first, first + 16)
                 near = (given[batch] @ kind.films).reshape(-1, len(kind.grid), len(kind.sets))
                 least = alone[batch, None] - 2.0 * near.max(axis=1)
                 best = np.argsort(least, axis=1, kind="stable")[:, :kept]
@@ -239,10 +235,12 @@ def films_at_random(
     """
     count = len(paints.absorption)
     sets = sets_of(count, min(count, 2))
-    most = max(_NUMBERS // (_TRIES * len(grounds) * bands), 1)
+    # Amounts of each pair.
+    tries = 3
+    most = max(_NUMBERS // (tries * len(grounds) * bands), 1)
     sets = sets[np.linspace(0, len(sets) - 1, min(len(sets), most)).astype(int)]
     grid = amounts_grid(sets.shape[1], spread)
-    tried = grid[np.random.default_rng(0).integers(0, len(grid), (len(sets), _TRIES))]
+    tried = grid[np.random.default_rng(0).integers(0, len(grid), (len(sets), tries))]
     below = jnp.asarray(np.broadcast_to(grounds[:, None], (len(grounds), bands)), np.float32)
     read = _read(response, paints, jnp.asarray(sets), jnp.asarray(tried, np.float32), below)
     return np.asarray(read, np.float64).reshape(-1, bands)
@@ -287,7 +285,6 @@ def _films(
 
 _MADE: OrderedDict[Hashable, "FilmTables"] = OrderedDict()
 _MADE_LOCK = threading.Lock()
-_CATALOGUES = 4
 
 
 def kept_tables(key: Hashable, make: Callable[[], "FilmTables"]) -> "FilmTables":
@@ -300,7 +297,7 @@ def kept_tables(key: Hashable, make: Callable[[], "FilmTables"]) -> "FilmTables"
     with _MADE_LOCK:
         tables = _MADE.pop(key, None) or make()
         _MADE[key] = tables
-        while len(_MADE) > _CATALOGUES:
+        while len(_MADE) > 4:
             _MADE.popitem(last=False)
         return tables
 
@@ -345,11 +342,12 @@ class FilmTables:
         A table over another ground, however near, would make the answer depend on what was asked
         before.
         """
-        rounded = np.round(ground, _GROUND_DIGITS)
+        # Grounds that are the same but for how a mean was rounded have the same table.
+        rounded = np.round(ground, 3)
         with self._lock:
             for known, table in self._kept:
                 if np.array_equal(known, rounded):
                     return table
             table = film_table(*self.single, *self._task, rounded, whitening(len(rounded)))
-            self._kept = [(rounded, table), *self._kept[: _TABLES - 1]]
+            self._kept = [(rounded, table), *self._kept[:7]]
             return table

@@ -54,19 +54,11 @@ CONDITIONS_OF_VARNISH: dict[str, tuple[int, ...]] = {
 """What was stated of a varnish -> numbers of the conditions that are tried for it."""
 _STATED = ("thin", "yellowed")
 # Probability that a varnish which was stated is not there.
-_WITHOUT = 0.05
 NOT_OPAQUE = (3, 4)
 OTHER_GROUNDS = (5, 6, 7)
 """Numbers of those for films said to be opaque, and of those for one reading over a ground."""
 _LEVELS = dict(AMOUNTS.values())
 """Optical thickness at 400 nm -> its standard deviation."""
-# By which a varnish's thickness and a reading are changed for a slope.
-_STEP = 0.01
-_HIGHER = 1e-4
-# Readings beyond what paint reads under a varnish, in standard deviations, that are no noise.
-_SURE = 4.0
-# Probability of none above which a film is sought again.
-_DOUBTFUL = 0.2
 
 
 def search_unstated_conditions(
@@ -110,7 +102,8 @@ def search_unstated_conditions(
         pool = more(pool, CONDITIONS_OF_VARNISH[varnish], everything)
         pool = replace(pool, log_weight=pool.log_weight + _weight_of_stated(varnish, pool))
     odds = odds_of(measured, pool, prior)
-    doubtful = everything[odds.none / odds.total > _DOUBTFUL]
+    # Films that are more probably none of these are sought again.
+    doubtful = everything[odds.none / odds.total > 0.2]
     if not len(doubtful):
         return pool, odds
     if measured.readings.shape[1] == 1 and not opaque:
@@ -126,7 +119,8 @@ def _weight_of_stated(varnish: str, pool: Pool) -> Float[np.ndarray, "spectra ca
     """
     (number,) = CONDITIONS_OF_VARNISH[varnish]
     own = -np.log(CONDITIONS[number].chance)
-    return np.where(pool.condition == number, own, np.log(_WITHOUT))
+    # Without it: the probability that a varnish which was stated is not there.
+    return np.where(pool.condition == number, own, np.log(0.05))
 
 
 class FilmsUnderCondition(NamedTuple):
@@ -184,14 +178,15 @@ def remove_varnish(
     absorption = yellow(measured.wavelengths)
     read = measured.readings - surface
     body = np.clip(read, *limits_under(response, level * absorption))
-    possible = (np.abs(read - body) <= _SURE * measured.noise_sd).all(axis=(1, 2), keepdims=True)
+    # Readings that are farther beyond what paint reads under a varnish are no noise.
+    possible = (np.abs(read - body) <= 4.0 * measured.noise_sd).all(axis=(1, 2), keepdims=True)
     spread = _LEVELS[level]
     # At this level, at slightly more varnish, and for slightly higher readings.
     bare = without_varnish(response, body, level * absorption)
-    more_varnish = without_varnish(response, body, (level + _STEP) * absorption)
-    brighter = without_varnish(response, body + _HIGHER, level * absorption)
-    more = spread / _STEP * (more_varnish - bare)
-    slope = (brighter - bare) / _HIGHER
+    more_varnish = without_varnish(response, body, (level + 0.01) * absorption)
+    brighter = without_varnish(response, body + 1e-4, level * absorption)
+    more = spread / 0.01 * (more_varnish - bare)
+    slope = (brighter - bare) / 1e-4
     doubt = more[:, None]
     changed = replace(
         measured, readings=bare + surface, noise_sd=measured.noise_sd * slope, doubt=doubt

@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from ...film.model.errors import Prior
 from .pool import NOBODY, Pool
@@ -18,25 +18,16 @@ UNSEEN = 1.0
 REJECTED = 4.0
 """Delta E00 above which a person sees that the fit is none."""
 
-# Candidates whose colour is compared with the film's.
-_LOOKED_AT = 40
-# Log odds, and a Delta E00, by which a paint earns its place in a set.
-_EARNS = 2.0
+# Delta E00 by which a paint earns its place in a set.
 _EARNS_COLOUR = 0.5
-# Noise below which its part in a colour is not looked at, and random spectra for it.
-_SEEN_NOISE = 0.002
-_DRAWS = 8
 # Delta E00 for a residual's root mean square of 1, in the middle of the films that were left out.
 _COLOUR_OF_RMSE = 100.0
 
 
-# Mass fraction of colour in an extender below which a film is the less probable the less there is:
-# in what is nearly clear, traces that nobody would weigh imitate any colour.
-_TRACE = 0.02
-
-
 def weigh_traces(pool: Pool, extenders: Bool[np.ndarray, "paints"]) -> Pool:
-    """The pool, in which films of an extender with a mere trace of colour are less probable.
+    """The pool, in which films of an extender with a mere trace of colour are less probable: the
+    less of it, the less, below a mass fraction of .02. In what is nearly clear, traces that nobody
+    would weigh imitate any colour.
 
     Args:
         pool: candidates with their log amounts.
@@ -47,7 +38,7 @@ def weigh_traces(pool: Pool, extenders: Bool[np.ndarray, "paints"]) -> Pool:
     clear = np.append(extenders, False)[pool.members]
     coloured = np.sum(np.where(clear, 0.0, amounts), axis=-1) / amounts.sum(axis=-1)
     # What is an extender alone is no trace.
-    share = np.where(coloured > 0.0, np.minimum(coloured / _TRACE, 1.0), 1.0)
+    share = np.where(coloured > 0.0, np.minimum(coloured / 0.02, 1.0), 1.0)
     return replace(pool, log_weight=pool.log_weight + np.log(share))
 
 
@@ -88,7 +79,7 @@ class Smaller(NamedTuple):
     less: list[int]
 
 
-def odds_of(measured: Measured, pool: Pool, prior: Prior, *, looked_at: int = _LOOKED_AT) -> Odds:
+def odds_of(measured: Measured, pool: Pool, prior: Prior, *, looked_at: int = 40) -> Odds:
     """Odds of all candidates and of none beside them.
 
     Args:
@@ -105,7 +96,12 @@ def odds_of(measured: Measured, pool: Pool, prior: Prior, *, looked_at: int = _L
     misfits = _misfits(measured, pool, share, looked_at)
     odds, rejected = _judge(share, misfits, prior)
     for row in range(len(odds)):
-        order = smaller_sets(pool, row, odds[row] > 0)
+        order = smaller_sets(
+            members=pool.members[row],
+            condition=pool.condition[row],
+            log_weight=pool.log_weight[row],
+            possible=(odds[row] > 0) & ~pool.coats[row].any(axis=-1),
+        )
         odds[row : row + 1] = simplest(
             order, weight[row : row + 1], misfits.delta_e[row : row + 1], odds[row : row + 1]
         )
@@ -191,19 +187,29 @@ def log_odds_of_none(misfit: float | Float[np.ndarray, "*n"]) -> Float[np.ndarra
     return np.asarray(intercept + slope * np.log(np.maximum(misfit, 0.1)))
 
 
-def smaller_sets(pool: Pool, row: int, possible: Bool[np.ndarray, "candidates"]) -> list[Smaller]:
-    """Candidates of one coat that have others of one paint less beside them, largest sets first."""
-    size = (pool.members[row] != NOBODY).sum(axis=1)
+def smaller_sets(
+    members: Int[np.ndarray, "candidates 3"],
+    condition: Int[np.ndarray, "candidates"],
+    log_weight: Float[np.ndarray, "candidates"],
+    possible: Bool[np.ndarray, "candidates"],
+) -> list[Smaller]:
+    """Candidates of a spectrum that have others of one paint less beside them, largest sets first.
+
+    Args:
+        members, condition, log_weight: as in `Pool`, of one spectrum.
+        possible: which candidates count: those of one coat.
+    """
+    size = (members != NOBODY).sum(axis=1)
     sets: dict[int, tuple[int, frozenset[int]]] = {}
     place: dict[tuple[int, frozenset[int]], int] = {}
-    here = np.flatnonzero(possible & ~pool.coats[row].any(axis=-1))
-    for n in here[np.argsort(-pool.log_weight[row, here], kind="stable")].tolist():
-        sets[n] = int(pool.condition[row, n]), frozenset(pool.members[row, n, : size[n]].tolist())
+    here = np.flatnonzero(possible)
+    for n in here[np.argsort(-log_weight[here], kind="stable")].tolist():
+        sets[n] = int(condition[n]), frozenset(members[n, : size[n]].tolist())
         place.setdefault(sets[n], n)
     out = []
     for n in sorted(sets, key=lambda n: -size[n]):
-        condition, paints = sets[n]
-        less = [place[key] for paint in paints if (key := (condition, paints - {paint})) in place]
+        under, paints = sets[n]
+        less = [place[key] for paint in paints if (key := (under, paints - {paint})) in place]
         if less:
             out.append(Smaller(n, less))
     return out
@@ -218,14 +224,14 @@ def simplest(
     """Odds in which a set and the same set less one paint change places where that paint is not
     needed.
 
-    A paint is needed if it raises the evidence enough, or makes a difference that can be seen. Else
+    A paint is needed if it raises the log odds by 2, or makes a difference that can be seen. Else
     the simpler film comes first.
     """
     odds = odds.copy()
     for n, less in order:
         enough = (
             (odds[:, less] < odds[:, n, None])
-            & (weight[:, less] > weight[:, n, None] - _EARNS)
+            & (weight[:, less] > weight[:, n, None] - 2.0)
             & (delta_e[:, less] < np.maximum(delta_e[:, n], _EARNS_COLOUR)[:, None] + _EARNS_COLOUR)
         )
         rows = np.flatnonzero(enough.any(axis=1))
@@ -241,10 +247,11 @@ def _of_noise(measured: Measured) -> Float[np.ndarray, "spectra"]:
     """Delta E00 that the noise of the readings causes, root mean square of a few draws; 0 where it
     cannot be seen.
     """
-    noisy = measured.noise_sd.mean(axis=(1, 2)) > _SEEN_NOISE
+    # Smaller noise has no part in a colour that could be seen.
+    noisy = measured.noise_sd.mean(axis=(1, 2)) > 0.002
     if not noisy.any():
         return np.zeros(len(measured))
-    draws = np.random.default_rng(0).standard_normal((_DRAWS, *measured.readings.shape[1:]))
+    draws = np.random.default_rng(0).standard_normal((8, *measured.readings.shape[1:]))
     drawn = measured.readings[:, None] + draws * measured.noise_sd[:, None]
     off = _colour_difference(measured, np.maximum(drawn, 0.0))
     return np.where(noisy, np.sqrt(np.mean(off**2, axis=1)), 0.0)

@@ -9,19 +9,8 @@ from glazejax.catalogue import family
 from ...film.model.errors import ModelError
 from ..result import Candidate, Identification, percent
 
-_TENTH = 10
-# Probability beside the first's below which another film is not looked at, and by how much it must
-# miss to be worse.
+# Probability beside the first's below which another film is not looked at.
 _LEAST = 1e-3
-_WORSE = 1.1
-# A paint that the film may hold is named from this share on.
-_NAMED = 0.001
-# Below this share a paint that may be there is a trace, and its share is not said.
-_TRACE = 0.01
-# So many paints that the film may hold are named; the others are counted.
-_LISTED = 3
-# Share of the first's probability at which a film under another condition counts.
-_RIVAL = 0.1
 
 
 def describe_ambiguity(found: Identification, row: int) -> list[str]:
@@ -69,11 +58,14 @@ def describe_additions(found: Identification, row: int) -> str:
     shares = sorted(possible_additions(found, row).items(), key=lambda pair: -pair[1])
     if not shares:
         return ""
-    listed = shares[:_LISTED]
-    said = [f"up to {percent(most)} {paint}" for paint, most in listed if most >= _TRACE]
-    traces = [paint for paint, most in listed if most < _TRACE]
+    # Three are named; the others are counted.
+    listed = shares[:3]
+    # Below this share a paint that may be there is a trace, and its share is not said.
+    least_share = 0.01
+    said = [f"up to {percent(most)} {paint}" for paint, most in listed if most >= least_share]
+    traces = [paint for paint, most in listed if most < least_share]
     if traces:
-        said.append(f"a trace (below {percent(_TRACE)}) of {' or '.join(traces)}")
+        said.append(f"a trace (below {percent(least_share)}) of {' or '.join(traces)}")
     others = len(shares) - len(listed)
     if others:
         said.append(f"less of {others} other{'s' if others > 1 else ''}")
@@ -102,7 +94,8 @@ def possible_additions(found: Identification, row: int) -> dict[str, float]:
         if same and len(more) == 1 and other.probability >= _LEAST * first.probability:
             (paint,) = more
             most = float(other.fractions_90[other.paints.index(paint), 1])
-            if most >= _NAMED:
+            # From this share on the film may hold the paint.
+            if most >= 0.001:
                 out.setdefault(paint, most)
     return out
 
@@ -135,7 +128,8 @@ def _pigments(candidate: Candidate) -> frozenset[str]:
 def _relies_on_condition(first: Candidate, rivals: list[Candidate]) -> str:
     """Whether the answer rests on how the film lies: on its ground, or on a varnish."""
     other = next((c for c in rivals if c.condition != first.condition), None)
-    if other is None or other.probability < _RIVAL * first.probability:
+    # A film under another condition counts from a tenth of the first's probability on.
+    if other is None or other.probability < 0.1 * first.probability:
         return ""
     what = "varnish" if any("varnish" in c.condition for c in (first, other)) else "ground"
     ways = [f"{c.condition or 'as stated'} it is {c.mixture}" for c in (first, other)]
@@ -150,8 +144,8 @@ def _relies_on_spectrum_ends(
     """
     measured = found.measured
     grid = measured.wavelengths
-    size = max(1, grid.size // _TENTH)
-    if grid.size < _TENTH:
+    size = max(1, grid.size // 10)
+    if grid.size < 10:
         return []
     usual = ModelError.between_films()
     sd = np.hypot(measured.noise_sd[row], usual.amplitude + usual.share * measured.readings[row])
@@ -172,7 +166,8 @@ def _relies_on_spectrum_ends(
                 continue
             theirs = misses(other)
             rest = theirs.sum() - theirs[end].sum() <= own.sum() - own[end].sum()
-            if rest and theirs.sum() > _WORSE * own.sum():
+            # A misfit that is a tenth larger is worse.
+            if rest and theirs.sum() > 1.1 * own.sum():
                 bands = f"{what} tenth of the spectrum ({grid[end][0]:g}-{grid[end][-1]:g} nm)"
                 out.append(
                     f"The answer rests on the {bands}: elsewhere {other.mixture} fits as well."

@@ -33,9 +33,6 @@ from ..search.refine import slopes_of
 from ..search.searcher import check_pigments, opaque_prior
 from ..search.table import paints_of
 
-# Weight of what is expected of a log amount.
-_LOOSE = 0.1
-
 
 def expected_bands(
     found: Identification,
@@ -86,7 +83,8 @@ def expected_bands(
     share = np.concatenate([found.fractions[:, :count], np.zeros((*members.shape[:2], 1))], axis=-1)
     spread = (opaque_prior(prior, known) if found.opaque else prior).spread
     prior_precision = share[..., :, None] * share[..., None, :] / spread**2
-    prior_precision = prior_precision + np.diag([_LOOSE] * size + [1.0])
+    # A weight of a tenth holds each log amount to what is expected.
+    prior_precision = prior_precision + np.diag([0.1] * size + [1.0])
     solved = np.linalg.solve(covariance, np.swapaxes(design, -1, -2))
     fitted = np.swapaxes(design, -1, -2) @ np.linalg.solve(
         design @ solved + prior_precision, design

@@ -26,14 +26,6 @@ DRAWN = 60
 LISTED = 60
 """Paints of a catalogue that the page lists; those of a larger one are in the JSON."""
 
-# Lengths in um beyond which an interval says no more: far below a grain of pigment, and the
-# thickest film there is.
-_LEAST_UM = 0.001
-_MOST_UM = 1e4
-# Of a spot's tables, what is printed on its page; the screen has all.
-_PRINTED_FITS = 3
-_PRINTED_PAINTS = 8
-
 
 def beside(path: Path) -> tuple[Path, Path]:
     """The table and the JSON that are written with a page.
@@ -96,6 +88,7 @@ def write_report(
 
 def page(record: Record, table: str, data: str) -> Iterator[str]:
     """The page, piece by piece; `table` and `data` are names of the files beside it."""
+    # Of a spot's tables, what is printed on its page; the screen has all.
     return fill_page(
         "page",
         record,
@@ -108,8 +101,8 @@ def page(record: Record, table: str, data: str) -> Iterator[str]:
         unseen=UNSEEN,
         rejected=REJECTED,
         drawn_fits=FITS,
-        printed_fits=_PRINTED_FITS,
-        printed_paints=_PRINTED_PAINTS,
+        printed_fits=3,
+        printed_paints=8,
     )
 
 
@@ -172,8 +165,12 @@ def _draw(record: Record, spot: Record) -> Mapping[str, Any]:
 
 
 def _micrometres(value: float) -> str:
-    if value < _LEAST_UM or value > _MOST_UM:
-        return f"< {_LEAST_UM:g}" if value < _LEAST_UM else f"> {_MOST_UM:g}"
+    # Lengths in um beyond which an interval says no more: far below a grain of pigment, and the
+    # thickest film there is.
+    least = 0.001
+    most = 1e4
+    if value < least or value > most:
+        return f"< {least:g}" if value < least else f"> {most:g}"
     if value >= 0.095:
         return micrometres(value * 1e-6)
     return np.format_float_positional(value, precision=1, fractional=False, trim="-")

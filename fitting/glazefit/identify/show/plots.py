@@ -9,11 +9,6 @@ from glazejax.plots import ABSORPTION, SCATTERING, label_spectra, picture
 from ..result import Candidate, Identification
 
 _COLOURS = (ABSORPTION, SCATTERING, "#41732b")
-_PICTURED = 6
-
-
-# Share of the first fit's probability from which another is drawn.
-_DRAWN = 0.001
 
 
 def plot_identification(found: Identification, path: Path, top: int = 3) -> int:
@@ -22,7 +17,7 @@ def plot_identification(found: Identification, path: Path, top: int = 3) -> int:
     Returns:
         Spectra drawn.
     """
-    count = min(len(found), _PICTURED)
+    count = min(len(found), 6)
     with picture(path, 12, 3.3 * count) as figure:
         axes = figure.subplots(count, 3, squeeze=False, width_ratios=(1.2, 1, 1))
         for row in range(count):
@@ -44,8 +39,8 @@ def _draw(found: Identification, row: int, candidates: list[Candidate], axes: np
             mfc="none",
             label="measured" if ground == 0 else None,
         )
-    # A fit that nothing speaks for would only stretch the axes of the others.
-    likely = [one for one in candidates if one.probability >= _DRAWN * candidates[0].probability]
+    # A fit that is a thousand times less probable would only stretch the axes of the others.
+    likely = [one for one in candidates if one.probability >= 0.001 * candidates[0].probability]
     for n, (candidate, colour) in enumerate(zip(likely, _COLOURS, strict=False)):
         for ground in range(len(readings)):
             first = ground == 0

@@ -22,8 +22,6 @@ from .ruled_out import IMPROBABLE, LEAST_SHARE, ruled_out
 
 SCHEMA = {"name": "glazejax identify report", "version": 1}
 _PACKAGES = ("glazejax", "jax", "jaxlib", "numpy", "scipy", "colour-science")
-# Digits of spectra in the JSON.
-_DIGITS = 6
 
 
 @dataclass(frozen=True)
@@ -221,7 +219,8 @@ def _numbers(values: np.ndarray) -> list[float] | None:
 
 def round_spectra(spectra: np.ndarray) -> list:
     """Spectra with as many digits as are filed."""
-    return np.round(spectra, _DIGITS).tolist()
+    # Six digits tell spectra in the JSON apart.
+    return np.round(spectra, 6).tolist()
 
 
 COLUMNS = (

@@ -16,11 +16,6 @@ IMPROBABLE = 0.01
 LEAST_SHARE = 0.01
 """Of a paint by mass, in the films that it is judged by: less of it can hide in any film."""
 
-# Where there is no colour, a root mean square that is as bad as a Delta E00 of `REJECTED`; and how
-# much worse is worse.
-_OFF = 0.03
-_WORSE = 1.5
-
 
 class RuledOut(NamedTuple):
     """A paint that is not in a film, as far as the spectrum tells.
@@ -103,7 +98,8 @@ def _judge(found: Identification, candidates: list[Candidate], row: int, paint: 
     rmse = nearest.rmse
     seen = not np.isnan(off)
     by = f"Delta E00 {off:.1f}" if seen else f"{rmse:.3f} in reflectance (RMSE)"
-    if (off > REJECTED) if seen else (rmse > _OFF):
+    # Where there is no colour, this root mean square is as bad as a Delta E00 of `REJECTED`.
+    if (off > REJECTED) if seen else (rmse > 0.03):
         kind = "misfit"
         reason = f"the nearest film with it is off by {by}"
     elif seen and off > max(UNSEEN, best.delta_e):
@@ -111,7 +107,8 @@ def _judge(found: Identification, candidates: list[Candidate], row: int, paint: 
         reason = (
             f"the nearest film with it is off by {by}, the most probable film by {best.delta_e:.1f}"
         )
-    elif rmse > _WORSE * max(best.rmse, float(np.median(found.measured.noise_sd[row]))):
+    # Half as much again is worse.
+    elif rmse > 1.5 * max(best.rmse, float(np.median(found.measured.noise_sd[row]))):
         kind = "worse"
         reason = (
             f"its colour comes near ({by}), its spectrum less so: RMSE {rmse:.4f} against "

@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..store.chunk import distinct_sets
+
 if TYPE_CHECKING:
     import xarray
 
@@ -55,8 +57,7 @@ def set_labels(found: "xarray.Dataset") -> "xarray.DataArray":
         numbers = np.sort(
             np.nan_to_num(members, nan=-1).astype(np.int64).reshape(-1, members.shape[-1])
         )
-        keys = (numbers + 1) @ (len(paints) + 1) ** np.arange(numbers.shape[1])
-        _, first, which = np.unique(keys, return_index=True, return_inverse=True)
+        first, which = distinct_sets(numbers)
         words = np.array([set_words(one.tolist(), paints) for one in numbers[first]], dtype=object)
         return words[which].reshape(members.shape[:-1])
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 
-from ..store.chunk import Members
+from ..store.chunk import Members, distinct_sets
 from ..store.layout import STATUS_WORDS, Status, Way
 from .names import set_words
 
@@ -202,14 +202,11 @@ def _count(look: Overview, block: Mapping[str, np.ndarray]) -> None:
     members = np.where((block["explained"] > 0)[..., None], block["members"], -1)[mapped].astype(
         np.int64
     )
-    count = len(look.paints)
-    key = ((members + 1) * (count + 1) ** np.arange(members.shape[-1])).sum(axis=-1)
-    _, first, which = np.unique(key, return_index=True, return_inverse=True)
-    for n, at in enumerate(first):
+    first, which = distinct_sets(members)
+    for at, count in zip(first, np.bincount(which).tolist(), strict=True):
         found = tuple(int(member) for member in members[at] if member >= 0)
-        here = which == n
-        look.sets[found] = look.sets.get(found, 0) + int(here.sum())
-        look.in_set[list(found)] += int(here.sum())
+        look.sets[found] = look.sets.get(found, 0) + count
+        look.in_set[list(found)] += count
     look.likely += np.sum(np.nan_to_num(block["paint_probability"])[mapped] > 0.5, axis=0)
 
 

@@ -15,13 +15,6 @@ from .pictures import own_colours, set_colours
 SHOWN = 40
 """Sets that have a row of their own."""
 
-_WIDTH = 208.0
-_HEIGHT = 84.0
-_LEFT = 22.0
-_RIGHT = 4.0
-_TOP = 5.0
-_BOTTOM = 14.0
-
 
 def share_words(count: float, of: float) -> str:
     """A share of the area."""
@@ -83,18 +76,25 @@ def small_spectrum(sums: SetSum | None, grid: Float[np.ndarray, "bands"]) -> dic
     mean = np.asarray(sums.spectrum) / sums.pixels
     fitted = np.asarray(sums.fitted) / sums.pixels
     spread = np.sqrt(np.maximum(np.asarray(sums.square) / sums.pixels - mean**2, 0.0))
-    top = next(
+    most = next(
         level
         for level in (0.1, 0.2, 0.5, 1.0, 2.0)
         if (mean + spread).max() <= level or level == 2.0
     )
     span = float(grid[-1] - grid[0]) or 1.0
+    # The picture, and the frame in it, which leaves room for numbers on the left and below.
+    width = 208.0
+    height = 84.0
+    left = 22.0
+    right = width - 4.0
+    top = 5.0
+    bottom = height - 14.0
 
     def across(nm: np.ndarray) -> np.ndarray:
-        return _LEFT + (nm - grid[0]) / span * (_WIDTH - _LEFT - _RIGHT)
+        return left + (nm - grid[0]) / span * (right - left)
 
     def points(values: np.ndarray, nm: np.ndarray = grid) -> str:
-        y = _HEIGHT - _BOTTOM - np.clip(values / top, 0, 1) * (_HEIGHT - _TOP - _BOTTOM)
+        y = bottom - np.clip(values / most, 0, 1) * (bottom - top)
         return " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(across(nm), y, strict=True))
 
     first = np.ceil(grid[0] / 100) * 100
@@ -103,10 +103,10 @@ def small_spectrum(sums: SetSum | None, grid: Float[np.ndarray, "bands"]) -> dic
     anchors = {float(last): "end", float(first): "start"}
     ticks = np.arange(first, last + 1, 100.0 if span <= 500 else 500.0)
     return {
-        "width": f"{_WIDTH:.0f}",
-        "height": int(_HEIGHT),
-        "frame": (_LEFT, _WIDTH - _RIGHT, _TOP, _HEIGHT - _BOTTOM),
-        "most": top,
+        "width": f"{width:.0f}",
+        "height": int(height),
+        "frame": (left, right, top, bottom),
+        "most": most,
         "off": float(np.sqrt(np.mean((mean - fitted) ** 2))),
         "band": f"{points(mean + spread)} {points((mean - spread)[::-1], grid[::-1])}",
         "mean": points(mean),

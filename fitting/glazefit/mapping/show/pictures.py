@@ -170,23 +170,14 @@ def paint_pictures(look: Overview, paint: int) -> list[MapPicture]:
     share = look.paint_share[..., paint]
     with np.errstate(invalid="ignore"):
         unknown = np.sum(np.isnan(amount) & (share > 0)) > 0.5 * np.sum(share > 0)
-    if unknown:
-        second = MapPicture(
-            key=f"{_file(name)}_share",
-            title=f"{name}: share by mass",
-            words="",
-            values=share,
-            scale=Scale("magma_r", 0.0, 1.0),
-        )
-    else:
-        top = _top(np.where(amount > 0, amount, np.nan), 98.0, 0.1)
-        second = MapPicture(
-            key=f"{_file(name)}_amount",
-            title=f"{name}: amount",
-            words="",
-            values=amount,
-            scale=Scale("magma_r", 0.0, top, "µm"),
-        )
+    top = _top(np.where(amount > 0, amount, np.nan), 98.0, 0.1)
+    second = MapPicture(
+        key=f"{_file(name)}_{'share' if unknown else 'amount'}",
+        title=f"{name}: {'share by mass' if unknown else 'amount'}",
+        words="",
+        values=share if unknown else amount,
+        scale=Scale("magma_r", 0.0, 1.0) if unknown else Scale("magma_r", 0.0, top, "µm"),
+    )
     return [first, second]
 
 

@@ -8,10 +8,10 @@ import numpy as np
 from jaxtyping import Float
 
 from ...film.model.errors import Prior
-from ...identify.search.weigh import Smaller
+from ...identify.search.weigh import Smaller, smaller_sets
 from .local import Searched
 from .survey import Features, nearest
-from .update import Answers, Updater, order_of
+from .update import Answers, Updater
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,16 @@ class Atlas:
     @cached_property
     def _orders(self) -> list[list[Smaller]]:
         """What each representative's candidates are without a paint; every window asks for it."""
-        return [order_of(self.known.local.take(own)) for own in self._candidates]
+        local = self.known.local
+        return [
+            smaller_sets(
+                members=local.members[own],
+                condition=local.condition[own],
+                log_weight=local.log_weight[own],
+                possible=np.ones(own.stop - own.start, bool),
+            )
+            for own in self._candidates
+        ]
 
     def answers(
         self, readings: Float[np.ndarray, "spectra bands"]

@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float
 from ...film.films import Noise
 from ...identify.search.pool import NOBODY
 from ...identify.search.searcher import Searcher
-from ..store.chunk import ChunkMaps, SetSum
+from ..store.chunk import ChunkMaps, SetSum, distinct_sets
 from ..store.layout import BY_NAME, STATUS_WORDS, Status, Way
 from ..store.windows import Window
 from .atlas import Atlas
@@ -201,10 +201,7 @@ def _sums(
     if not len(seen):
         return {}
     members = np.sort(np.where(found.explained[:, None], found.members, NOBODY), axis=1)
-    # Three numbers of paints as one: to sort rows takes many times as long.
-    paints = int(members.max(initial=0)) + 2
-    key = (members.astype(np.int64) + 1) @ paints ** np.arange(members.shape[1])
-    _, one_of_each, which = np.unique(key, return_index=True, return_inverse=True)
+    one_of_each, which = distinct_sets(members)
     sets = members[one_of_each]
     order = np.argsort(which, kind="stable")
     out = {}

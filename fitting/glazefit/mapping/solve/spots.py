@@ -13,9 +13,6 @@ from glazejax.geometry import Instrument
 
 from ...film.model.response import film_response
 
-# Relative standard deviations: of s, which a hiding film does not tell, and of k beside it.
-_OPEN = 0.5
-
 
 def spot_pigment(
     name: str,
@@ -69,12 +66,13 @@ def spot_pigment(
         else 1e5
     )
     s = np.full(wavelengths.shape, scattering)
+    # Relative standard deviations: of s, which a hiding film does not tell, .5; of k beside it .05.
     return Pigment(
         name,
         wavelengths,
         ratio * s,
         s,
-        absorption_sd=ratio * s * np.hypot(_OPEN, 0.05),
-        scattering_sd=_OPEN * s,
+        absorption_sd=ratio * s * np.hypot(0.5, 0.05),
+        scattering_sd=0.5 * s,
         provenance="spectrum of a spot in the image, taken as thick paint",
     )

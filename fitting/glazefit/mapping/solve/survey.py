@@ -10,8 +10,6 @@ from jaxtyping import Float, Int
 from glazejax.progress import Progress, no_progress
 from glazejax.radiative.common.threads import in_threads
 
-_AT_A_TIME = 8192
-
 
 @dataclass(frozen=True)
 class Features:
@@ -57,8 +55,9 @@ def nearest(
 
     # Spectra of paint differ in few directions: a tree looks at some twenty centres of thousands.
     tree = KDTree(centres)
-    starts = range(0, len(features), _AT_A_TIME)
-    found = in_threads(lambda start: tree.query(features[start : start + _AT_A_TIME]), starts)
+    size = 8192
+    starts = range(0, len(features), size)
+    found = in_threads(lambda start: tree.query(features[start : start + size]), starts)
     if not found:
         return np.empty(0, np.int64), np.empty(0, np.float32)
     apart, which = (np.concatenate(parts) for parts in zip(*found, strict=True))

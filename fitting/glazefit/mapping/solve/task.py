@@ -28,9 +28,6 @@ if TYPE_CHECKING:
 
     from glazejax.io import CubeSource
 
-# Lines of an image in memory that tell it from others.
-_LINES = 64
-
 
 @dataclass(frozen=True)
 class MapTask:
@@ -202,7 +199,8 @@ def _identity(source: "CubeSource | xarray.DataArray", array: "xarray.DataArray"
         "wavelengths": _digest(np.asarray(array["wavelength"], float)),
     }
     if not isinstance(source, CubeSource):
-        rows = np.linspace(0, array.shape[0] - 1, min(_LINES, array.shape[0])).astype(int)
+        # So many lines of an image in memory tell it from others.
+        rows = np.linspace(0, array.shape[0] - 1, min(64, array.shape[0])).astype(int)
         return identity | {"some lines": _digest(*(array[int(y)].to_numpy() for y in rows))}
     from glazejax.io.cubes.hashes import quick_source_hash, time_of_change
 

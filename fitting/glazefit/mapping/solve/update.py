@@ -8,8 +8,8 @@ from jaxtyping import Bool, Float, Int
 
 from ...film.model.errors import Prior
 from ...identify.result import log_sds
-from ...identify.search.pool import NOBODY, Pool
-from ...identify.search.weigh import Misfits, Smaller, odds_of_shared_candidates, smaller_sets
+from ...identify.search.pool import NOBODY
+from ...identify.search.weigh import Misfits, Smaller, odds_of_shared_candidates
 from .local import Local, Searched
 
 # Log amounts are not moved farther: a paint that does next to nothing would go anywhere.
@@ -79,7 +79,7 @@ class Updater:
         known: representatives.
         number: of the one that is meant.
         candidates: its candidates among all.
-        order: of `order_of` these.
+        order: of `smaller_sets` of these.
         prior: what was expected.
     """
 
@@ -161,25 +161,6 @@ class Updater:
             misfit=odds.misfit,
             fitted=fitted,
         )
-
-
-def order_of(local: Local) -> list[Smaller]:
-    """Which candidates have others of one paint less beside them."""
-    nothing = np.zeros((1, len(local.row), 0))
-    logs = local.amounts[None]
-    pool = Pool(
-        members=local.members[None],
-        coats=np.zeros_like(local.members[None]),
-        logs=logs,
-        weighed=logs,
-        covariance=local.covariance[None],
-        log_weight=local.log_weight[None],
-        readings=nothing,
-        adjusted=nothing,
-        gloss=local.log_weight[None],
-        condition=local.condition[None],
-    )
-    return smaller_sets(pool, 0, np.ones(len(local.row), bool))
 
 
 def log_weight_gain(

@@ -98,6 +98,21 @@ class ChunkMaps:
     unexplained: Unexplained = field(default_factory=Unexplained.nothing)
 
 
+def distinct_sets(
+    members: Int[np.ndarray, "pixels places"],
+) -> tuple[Int[np.ndarray, "sets"], Int[np.ndarray, "pixels"]]:
+    """A pixel of each set that occurs, and the number of each pixel's set among these.
+
+    Args:
+        members: paints of each pixel's set by number, in one order everywhere; -1 for none.
+    """
+    # Numbers of paints as one: to sort rows takes many times as long.
+    paints = int(members.max(initial=0)) + 2
+    keys = (members.astype(np.int64) + 1) @ paints ** np.arange(members.shape[1])
+    _, first, which = np.unique(keys, return_index=True, return_inverse=True)
+    return first, which
+
+
 def add_sets(into: dict[Members, SetSum], more: Mapping[Members, SetSum]) -> None:
     """Add sums of sets to others."""
     for members, one in more.items():

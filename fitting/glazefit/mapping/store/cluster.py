@@ -21,9 +21,6 @@ from distributed import (
 Key = TypeVar("Key")
 Result = TypeVar("Result")
 
-# A worker computes one piece while the next waits for it; more would only fill memories.
-_IN_FLIGHT = 2
-_RETRIES = 3
 _PATIENCE = 60
 
 
@@ -97,12 +94,11 @@ def on_cluster(
 
     def fill() -> None:
         workers: Any = client.nthreads()
-        room = _IN_FLIGHT * max(len(workers), 1) - len(names)
+        # A worker computes one piece while the next waits for it; more would only fill memories.
+        room = 2 * max(len(workers), 1) - len(names)
         # The count comes first: `zip` would take one key more than it gives.
         for _, key in zip(range(room), waiting, strict=False):
-            future = client.submit(
-                _do, name, key, key=f"{name}-{key}", retries=_RETRIES, pure=False
-            )
+            future = client.submit(_do, name, key, key=f"{name}-{key}", retries=3, pure=False)
             names[future] = key
             flying.add(future)
 

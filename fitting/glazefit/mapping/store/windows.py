@@ -6,9 +6,6 @@ from typing import NamedTuple, Self
 
 # What Python, JAX and its programs take before the first pixel is read.
 BASE = 600 * 2**20
-# Smaller pieces are mostly overhead; larger ones lose more to an interrupt and are no faster.
-_SMALLEST = 16
-_LARGEST = 512
 
 
 class Window(NamedTuple):
@@ -82,13 +79,15 @@ def chunk_shape(
             f"an image of {shape[0]} x {shape[1]} pixels and {bands} bands has nothing to map"
         )
     pixel = bands * bytes_per_value
-    needed = base + pixel * _SMALLEST**2
+    # Smaller pieces are mostly overhead.
+    needed = base + pixel * 16**2
     if memory < needed:
         raise ValueError(
             f"the memory bound is {_mebibytes(memory)}; with {bands} bands it must be at least "
             f"{_mebibytes(needed)}, such as 2GiB"
         )
-    side = min(_LARGEST, int(((memory - base) / pixel) ** 0.5))
+    # Larger pieces lose more to an interrupt and are no faster.
+    side = min(512, int(((memory - base) / pixel) ** 0.5))
     # Windows of one size, as far as the image allows: no thin strip remains at its edges.
     rows, columns = (ceil(length / ceil(length / side)) for length in shape)
     return rows, columns

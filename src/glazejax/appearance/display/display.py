@@ -34,10 +34,6 @@ PRESETS = {
 }
 """Displays known by name, and what colour-science calls them."""
 
-# Light beyond what the display has, in parts of its highest level, that is rounding rather than
-# another colour.
-_SLACK = 1e-6
-
 
 class Digital(NamedTuple):
     """Digital colours and whether the display could not show what was asked."""
@@ -330,7 +326,9 @@ def _outside(
     light: Float[Array | np.ndarray, "*batch 3"],
 ) -> Bool[Array | np.ndarray | np.bool_, "*batch"]:
     """Where a primary would have to shine less than not at all, or more than it can."""
-    return array_module(light).any((light < -_SLACK) | (light > 1.0 + _SLACK), axis=-1)
+    # Light beyond what the display has, in parts of its highest level, that is rounding rather than
+    # another colour.
+    return array_module(light).any((light < -1e-6) | (light > 1.0 + 1e-6), axis=-1)
 
 
 def _times(

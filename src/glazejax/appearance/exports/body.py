@@ -10,8 +10,6 @@ from ...radiative.rough.lobes import cos_between
 
 _FUJII = 0.5 - 2.0 / (3.0 * np.pi)
 _FUJII_MEAN = 2.0 / 3.0 - 28.0 / (15.0 * np.pi)
-# Below this roughness the body is Lambert's to rounding, and what is given back would be 0/0.
-_LAMBERT = 1e-6
 
 
 def diffuse_factor(
@@ -31,7 +29,8 @@ def diffuse_factor(
 
     Source: Portsmouth, Kutz, Hill, EON (2024); OpenPBR 1.1, "Glossy-diffuse".
     """
-    if roughness < _LAMBERT:
+    # Below this roughness the body is Lambert's to rounding, and what is given back would be 0/0.
+    if roughness < 1e-6:
         return np.broadcast_to(colour, (*mu_in.shape, 3))
     s = cos_between(np, mu_in, mu_out, azimuth) - mu_in * mu_out
     s_over_t = np.where(s > 0, s / np.maximum(mu_in, mu_out), s)

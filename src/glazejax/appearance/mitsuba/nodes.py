@@ -19,10 +19,8 @@ from .ground_split import Parts, factor_of, lagrange
 from .lookup import NUMPY
 from .surfaces import GlazeSurface, inside
 
-_CHECKS = 12
-# Shares of the tolerance: for the solver; for the angles, and as much for thickness and fraction.
+# Share of the tolerance that the solver has.
 SOLVER = 0.1
-_NODES = 0.3
 
 
 class Nodes(NamedTuple):
@@ -104,7 +102,9 @@ def solve_nodes(
     """
     solver = NodeSolver(surface, glaze, layer, SOLVER * tolerance)
     ranges = axes.ranges
-    cosines = surface.angles(_error_of_nodes(solver, ranges), _NODES * tolerance)
+    # The angles have this share of the tolerance, and thickness and fraction as much.
+    share = 0.3 * tolerance
+    cosines = surface.angles(_error_of_nodes(solver, ranges), share)
     bands = np.asarray(glaze.wavelengths, float)
     if not ranges:
         return Nodes(
@@ -118,7 +118,7 @@ def solve_nodes(
     made = interpolated(
         lambda **points: solver.parts(points, cosines),
         ranges,
-        tolerance=_NODES * tolerance,
+        tolerance=share,
         distance=lambda one, two: _distance(solver, cosines, one, two),
         most_points=most_points,
     )
@@ -176,10 +176,11 @@ def _error_of_nodes(
     for name, (low, high) in ranges.items():
         drawn = low + (high - low) * rng.uniform(0.0, 1.0, 4) ** 2
         points[name] = rng.permutation(np.concatenate([[low, high], drawn]))
-    checks = np.clip(rng.beta(0.6, 0.6, (2, _CHECKS)), LEAST_COSINE, 1.0)
+    count = 12
+    checks = np.clip(rng.beta(0.6, 0.6, (2, count)), LEAST_COSINE, 1.0)
     checks[:, 0] = LEAST_COSINE
     a, b = (np.concatenate([x, x]) for x in checks)
-    ground = np.repeat([0.0, 1.0], _CHECKS)
+    ground = np.repeat([0.0, 1.0], count)
     truth: list[np.ndarray] = []
 
     def error(cosines: np.ndarray) -> float:

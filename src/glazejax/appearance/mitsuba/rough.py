@@ -25,9 +25,8 @@ from ...spectra import Numbers
 from . import lookup
 from .ground_split import Parts, evenly, lagrange, split
 from .lookup import NUMPY, Arithmetic
-from .surfaces import in_blocks
+from .surfaces import by_blocks, in_blocks
 
-_STACKS = 256
 _STEPS = 257
 _ANGLE_NODES = (12, 16, 20, 24, 32, 40, 48)
 
@@ -124,13 +123,9 @@ class Rough:
             *(np.asarray(stack[k]) for k in ("albedo", "optical_thickness"))
         )
         shape = albedo.shape[:-1]
-        layers = albedo.shape[-1]
-        rows = [x.reshape(-1, layers) for x in (albedo, depth)]
-        found = []
-        for start in range(0, len(rows[0]), _STACKS):
-            batch = (np.resize(x[start : start + _STACKS], (_STACKS, layers)) for x in rows)
-            found.append(np.asarray(_parts(*batch, surface), float))
-        return np.concatenate(found)[: len(rows[0])].reshape(*shape, -1)
+        rows = [x.reshape(-1, albedo.shape[-1]) for x in (albedo, depth)]
+        found = by_blocks(lambda *batch: _parts(*batch, surface), rows, 256)
+        return np.asarray(found, float).reshape(*shape, -1)
 
     def expand(self, values: np.ndarray, cosines: np.ndarray, tolerance: float) -> Parts:
         """From the functions of the angle to the angles."""

@@ -2,10 +2,11 @@
 are.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
+from jaxtyping import Float
 
 from ...spectra import Numbers
 from .ground_split import Parts
@@ -86,15 +87,22 @@ def in_blocks(
     ]
     rows = [*layers, *(np.broadcast_to(x, shape).reshape(-1) for x in others)]
     given = {"refractive_index": refractive_index, "tolerance": tolerance}
+
+    def solve_rows(albedo: np.ndarray, depth: np.ndarray, *rest: np.ndarray) -> Any:
+        return solve(albedo, depth, **dict(zip(names, rest, strict=True)), **given)
+
+    return by_blocks(solve_rows, rows, block).reshape(shape)
+
+
+def by_blocks(
+    solve: Callable[..., Any], rows: Sequence[Float[np.ndarray, "rows ..."]], block: int
+) -> Float[np.ndarray, "rows ..."]:
+    """What is solved of rows, in blocks of one size; the first rows fill up the last block."""
     found = []
     for start in range(0, len(rows[0]), block):
-        albedo, depth, *rest = (
-            np.resize(x[start : start + block], (block, *x.shape[1:])) for x in rows
-        )
-        found.append(
-            np.asarray(solve(albedo, depth, **dict(zip(names, rest, strict=True)), **given))
-        )
-    return np.concatenate(found)[: len(rows[0])].reshape(shape)
+        batch = (np.resize(x[start : start + block], (block, *x.shape[1:])) for x in rows)
+        found.append(np.asarray(solve(*batch)))
+    return np.concatenate(found)[: len(rows[0])]
 
 
 def inside(ops: Arithmetic, cosine: Any, refractive_index: float) -> Any:

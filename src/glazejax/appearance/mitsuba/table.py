@@ -27,10 +27,6 @@ from .surfaces import GlazeSurface
 
 _ANGLES = (33, 65, 129, 257)
 _LINE = (9, 17, 33, 65, 129)
-_CHECKS = 96
-# Shares of the tolerance: shapes left out, distances between angles and between nodes.
-_SHAPES = 0.1
-_BETWEEN = 0.05
 
 
 @dataclass(frozen=True)
@@ -248,25 +244,27 @@ def _compress(nodes: Nodes, ground: np.ndarray | None, mean_ground: float) -> Bo
     exact = fold(nodes, ground)
     dim = fold(nodes, mean_ground if ground is None else ground)
     dim = dim.mean(axis=-2, keepdims=True)
-    shapes, onto = _basis([exact, dim], known.ravel(), _SHAPES * nodes.tolerance)
+    # Shares of the tolerance: shapes left out, distances between angles and between nodes.
+    left_out = 0.1 * nodes.tolerance
+    limit = 0.05 * nodes.tolerance
+    shapes, onto = _basis([exact, dim], known.ravel(), left_out)
     weights, means = (_series(values @ onto, len(nodes.axes)) for values in (exact, dim))
     squares = shapes.reshape(-1, n, n)
     # Symmetric to the last digit.
     squares = 0.5 * (squares + np.swapaxes(squares, 1, 2))
-    count = _angle_count(squares, known, weights, _BETWEEN * nodes.tolerance)
+    count = _angle_count(squares, known, weights, limit)
     to_grid = lagrange(np.linspace(-1.0, 1.0, count), n)
     lines = through = None
     if ground is None:
         tall = surface.let_in(NUMPY, nodes.cosines) * np.ones(n)
         tau = nodes.parts(_extrema(nodes)).through / tall
-        across, onto_lines = _basis([tau], tall, _SHAPES * nodes.tolerance)
+        across, onto_lines = _basis([tau], tall, left_out)
         lines = _pack(to_grid @ across.T)
         back = nodes.parts(_extrema(nodes)).back[..., None]
         through = _series(np.concatenate([_pad(tau @ onto_lines), back], axis=-1), len(nodes.axes))
     # All kept series must do between the nodes; what the ground sees counts more, as light goes
     # back and forth.
     worst = np.max(known) * np.max(np.abs(shapes), axis=-1)
-    limit = _BETWEEN * nodes.tolerance
     counts = tuple(_line_count(weights * worst, k, limit) for k in range(len(nodes.axes)))
     if through is not None:
         counts = tuple(max(c, _line_count(through, k, limit)) for k, c in enumerate(counts))
@@ -427,21 +425,22 @@ def _hemisphere() -> tuple[np.ndarray, np.ndarray]:
 def _error(body: Body, solver: NodeSolver, ground: np.ndarray | None) -> float:
     """Largest error at points not used before, times the safety of all tables."""
     rng = np.random.default_rng(1)
-    a, b = np.clip(rng.beta(0.6, 0.6, (2, _CHECKS)), LEAST_COSINE, 1.0)
+    count = 96
+    a, b = np.clip(rng.beta(0.6, 0.6, (2, count)), LEAST_COSINE, 1.0)
     a[:2] = b[:1] = LEAST_COSINE
     # Half of them evenly, half as the coordinate crowds.
     points = {}
     for name, axis in body.axes.items():
-        even = rng.uniform(axis.low, axis.high, _CHECKS)
+        even = rng.uniform(axis.low, axis.high, count)
         points[name] = np.where(
-            rng.random(_CHECKS) < 0.5, even, axis.point(rng.uniform(-1.0, 1.0, _CHECKS))
+            rng.random(count) < 0.5, even, axis.point(rng.uniform(-1.0, 1.0, count))
         )
-    drawn = rng.random(_CHECKS)
+    drawn = rng.random(count)
     # One stack for all checks, or one for each.
     wide = (slice(None), None, None) if points else (slice(None), None)
     level = drawn[wide] if ground is None else ground
-    truth = solver.factor(points, a[wide], b[wide], level).reshape(_CHECKS, -1)
-    waves = [np.full(_CHECKS, w) for w in body.wavelengths]
+    truth = solver.factor(points, a[wide], b[wide], level).reshape(count, -1)
+    waves = [np.full(count, w) for w in body.wavelengths]
     given = None if ground is not None else [drawn] * body.bands
     here = at_point(NUMPY, body, points, waves, given)
     found = np.stack(reflectance_factor(NUMPY, body, here, a, b), axis=-1)

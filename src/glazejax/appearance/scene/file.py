@@ -44,8 +44,6 @@ from .scene import Camera, Scene
 from .shapes import Box, Plane, Shape, Sphere
 
 _MAX_FILE = 1 << 20
-# The time that Python's parser takes for a key grows with the square of its parts.
-_MAX_LINE = 10_000
 
 
 @dataclass(frozen=True)
@@ -103,15 +101,17 @@ def read_scene(path: str | Path) -> SceneFile:
         f"there is no scene file {show_path(path)}; glazejax scene --example prints one to start "
         "from"
     )
+    # The time that Python's parser takes for a key grows with the square of its parts.
+    longest = 10_000
     with open_source(path, missing=missing) as source:
         # A character may become 20 times itself in Python's parser.
         text = source.text(most=_MAX_FILE, fallback=None)
         long = next(
-            (i for i, line in enumerate(text.splitlines(), start=1) if len(line) > _MAX_LINE), None
+            (i for i, line in enumerate(text.splitlines(), start=1) if len(line) > longest), None
         )
         if long is not None:
             raise source.error(
-                f"more than {_MAX_LINE} characters, too long for a line of a scene file", long
+                f"more than {longest} characters, too long for a line of a scene file", long
             )
         try:
             content = tomllib.loads(text)

@@ -107,8 +107,6 @@ def lamp(name: str, wavelengths: Grid, strength: float = 1.0) -> Float[np.ndarra
 
 # A lamp at every nanometre takes some kilobytes, and NumPy's reader a hundred times a file's size.
 _MAX_FILE = 1 << 20
-# NumPy's reader compares each title with all others.
-_MOST_COLUMNS = 2000
 
 
 def measured_lamp(
@@ -130,13 +128,15 @@ def measured_lamp(
     from ...io.source import open_source, refusal, show_path
 
     path, name = split_sample(str(text))
+    # NumPy's reader compares each title with all others.
+    limit = 2000
     with open_source(
         path, missing=f"there is no file {show_path(path)} with the spectrum of a lamp"
     ) as source:
         lines = source.text(most=_MAX_FILE).splitlines()
-        if max((line.count(",") for line in lines), default=0) >= _MOST_COLUMNS:
+        if max((line.count(",") for line in lines), default=0) >= limit:
             raise source.error(
-                f"more than {_MOST_COLUMNS} columns; keep the wavelengths and the lamps you need"
+                f"more than {limit} columns; keep the wavelengths and the lamps you need"
             )
         try:
             # The form that colour-science reads and writes; its own reader takes no open file.

@@ -26,9 +26,6 @@ from .. import shading
 from ..glaze.solve import on_grid
 from ..glaze.table import GlazeTable, glaze_table
 
-# Degrees that a table reaches beyond the angles seen.
-_MARGIN = 0.05
-
 FresnelModel = Literal["exact", "hall", "cook-torrance"]
 """How the reflectance of a metal depends on the angle."""
 
@@ -403,4 +400,5 @@ def _degrees(cosines: tuple[float, float]) -> tuple[float, float]:
     shows.
     """
     low, high = np.rad2deg(np.arccos(np.clip(cosines, 0.0, 1.0))[::-1])
-    return max(float(low) - _MARGIN, 0.0), min(float(high) + _MARGIN, 90.0)
+    # A table reaches so many degrees beyond the angles seen.
+    return max(float(low) - 0.05, 0.0), min(float(high) + 0.05, 90.0)

@@ -15,7 +15,6 @@ from .opening import HEADS
 
 _END = 1 << 20
 # Blocks between the ends.
-_BLOCKS = 128
 _BLOCK = 1 << 16
 # Data up to this size are hashed whole, and so is each header or file of metadata.
 _SMALL = 1 << 21
@@ -85,8 +84,9 @@ def _samples(files: Sequence[Path]) -> Iterator[bytes]:
     else:
         # Places that repeat at one distance would meet the same lines in every band.
         chance = random.Random(size)
-        part = (size - 2 * _END) / _BLOCKS
-        between = [int(_END + (n + chance.random()) * part) for n in range(_BLOCKS)]
+        count = 128
+        part = (size - 2 * _END) / count
+        between = [int(_END + (n + chance.random()) * part) for n in range(count)]
         places = [(0, _END), *((start, _BLOCK) for start in between), (size - _END, _END)]
     for start, length in places:
         end = min(start + length, size)

@@ -32,10 +32,6 @@ _BAND = re.compile(
 _BEGIN = re.compile(r">{3,}\s*Begin\b.*Spectral Data\s*<{3,}", re.IGNORECASE)
 END = re.compile(r">{3,}\s*End\b.*Spectral Data\s*<{3,}", re.IGNORECASE)
 _END_OF_ELEMENT = re.compile(r"</[A-Za-z][\w.:-]*>")
-# More lines than this above its table no software writes.
-_MOST = 200
-# Rows of numbers below each other that make a table without a header.
-_ROWS = 3
 # A first line of more cells is a header, not a line on the instrument.
 _FEW = 4
 
@@ -78,10 +74,14 @@ def lines_above(source: Source) -> tuple[int, bool]:
 
 def _start(lines: list[str]) -> tuple[int, bool]:
     """The same of a file's first lines."""
-    for number, line in enumerate(lines[:_MOST], start=1):
+    # More lines than this above its table no software writes.
+    most = 200
+    for number, line in enumerate(lines[:most], start=1):
         if _BEGIN.fullmatch(line.strip()):
             return number, True
-    data = [(i, line) for i, line in enumerate(lines) if is_data(line)][: _MOST + _ROWS]
+    # Rows of numbers below each other that make a table without a header.
+    rows = 3
+    data = [(i, line) for i, line in enumerate(lines) if is_data(line)][: most + rows]
     if not data:
         return 0, False
     # A header on the first line is looked at no further, however wrong the line below it is.
@@ -97,7 +97,7 @@ def _start(lines: list[str]) -> tuple[int, bool]:
         start = -max(headers)[1]
         return (0 if start == data[0][0] else start), False
     for k, (i, line) in enumerate(data):
-        if k + _ROWS <= len(data) and _are_numbers([row for _, row in data[k : k + _ROWS]]):
+        if k + rows <= len(data) and _are_numbers([row for _, row in data[k : k + rows]]):
             # A line of titles above is a header that lacks something: its reader says what.
             if k and _may_be_titles(data[k - 1][1], line):
                 return (data[k - 1][0] if k > 1 else 0), False

@@ -18,9 +18,6 @@ from ..spectra_table import SpectraTable
 from ..words import is_number
 
 _NAMESPACE = b"colorexchangeformat.com/CxF3-core"
-# Each tag takes about a kilobyte when it is read, each word a quarter of one.
-_MAX_TAGS = 100_000
-_MAX_WORDS = 600_000
 # Bounds of CxF3's schema for the first wavelength.
 _FIRST = (360, 400)
 
@@ -54,9 +51,12 @@ def read_cxf(source: Source) -> RawSpectra:
         raise source.error(
             "not legal CxF3: it has a DOCTYPE, whose entities could name other files; remove it"
         )
-    if content.count(b"<") > _MAX_TAGS or len(content.split()) > _MAX_WORDS:
+    # Each tag takes about a kilobyte when it is read, each word a quarter of one.
+    most_tags = 100_000
+    most_words = 600_000
+    if content.count(b"<") > most_tags or len(content.split()) > most_words:
         raise source.error(
-            f"more than {_MAX_TAGS} tags or {_MAX_WORDS} words; split it, or export the spectra "
+            f"more than {most_tags} tags or {most_words} words; split it, or export the spectra "
             "as CSV"
         )
     cxf = _library()

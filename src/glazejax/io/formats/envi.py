@@ -41,8 +41,6 @@ _AXES = {
     "bsq": (("bands", "lines", "samples"), (1, 2, 0)),
 }
 _ENDINGS = ("img", "dat", "sli", "hyspex", "raw", "bil", "bip", "bsq", "lib", "slb", "cube")
-# So many pixels tell the unit of an image.
-_PROBE = 20_000
 # A library is read as a whole; its numbers take 8 bytes each.
 _MAX_VALUES = 1 << 27
 
@@ -384,7 +382,8 @@ class EnviFile:
 def _sample(cube: SpectraCube, values: Any) -> np.ndarray:
     """Pixels from all over an image, of its own numbers or of reflectance."""
     lines, samples, _ = cube.shape
-    step = max(1, round(np.sqrt(lines * samples / _PROBE)))
+    # So many pixels tell the unit of an image.
+    step = max(1, round(np.sqrt(lines * samples / 20_000)))
     pixels = np.asarray(values[::step, ::step])
     return pixels.reshape(-1, pixels.shape[-1])
 

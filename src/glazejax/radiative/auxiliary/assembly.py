@@ -18,15 +18,6 @@ from jaxtyping import Array, Float, Int
 from ..common.exponential_integrals import cone_nodes, expn
 from ..common.quadrature import gauss
 
-# Nodes of the direct quadrature, the fewest that leave every entry within 1e-6 (at steps to 0.04;
-# beyond, the error grows with the step). That is where the paper's MATLAB stops by default.
-_SEGMENT_NODES = 4
-_GRAZING_NODES = 14
-_CONE_NODES = 6
-_OWN_SEGMENT_NODES = 8
-_OWN_GRAZING_NODES = 32
-# Points of an even grid whose exponentials are products.
-_RUN = 16
 # exp(-x/mu) counts for nothing where mu is smaller than x by this factor.
 _NEGLIGIBLE_DEPTH = 16.0
 
@@ -86,9 +77,12 @@ def direct(
     Four Gauss nodes in the segment; in mu, where exp(-x/mu)/mu varies over decades, Gauss nodes in
     ln mu down to a sixteenth of the nearest distance, and for U the cone of refraction apart. The
     segment's own E_1 has a logarithm inside, so its two halves get nodes that crowd at the
-    midpoint. M and M' are vectors already.
+    midpoint. M and M' are vectors already. The nodes are the fewest that leave every entry within
+    1e-6 (at steps to 0.04; beyond, the error grows with the step). That is where the paper's MATLAB
+    stops by default.
     """
-    y, w = gauss(_SEGMENT_NODES)
+    y, w = gauss(4)
+    nodes = 14
     index = jnp.arange(most, dtype=step.dtype)
 
     def entries(dh: Array) -> Array:
@@ -109,18 +103,14 @@ def direct(
 
         # H: what goes straight from segment to node, each segment's own part apart.
         smallest = 0.5 * dh / _NEGLIGIBLE_DEPTH
-        matrix = integrate(
-            lambda node, s: jnp.abs(node - s), *_grazing(1.0, smallest, _GRAZING_NODES)
-        )
+        matrix = integrate(lambda node, s: jnp.abs(node - s), *_grazing(1.0, smallest, nodes))
         matrix = jnp.where(np.eye(most, dtype=bool), _own(node, dh), matrix)
         # U: by way of the surface, which reflects all beyond the critical angle, and some of the
         # cone.
         if refractive_index > 1.0:
             critical = math.sqrt(1.0 - 1.0 / refractive_index**2)
-            mu, weight = _grazing(critical, smallest, _GRAZING_NODES)
-            cone, w_cone, r = (
-                jnp.asarray(a, dh.dtype) for a in cone_nodes(refractive_index, _CONE_NODES)
-            )
+            mu, weight = _grazing(critical, smallest, nodes)
+            cone, w_cone, r = (jnp.asarray(a, dh.dtype) for a in cone_nodes(refractive_index, 6))
             mu = jnp.concatenate([mu, cone])
             weight = jnp.concatenate([weight, w_cone * r / cone])
             matrix = matrix + integrate(lambda node, s: node + s, mu, weight)
@@ -132,10 +122,10 @@ def direct(
 
 def _own(node: Array, dh: Array) -> Float[Array, "n"]:
     """Each segment's E_1 integrated over itself: nodes crowd at the midpoint from both sides."""
-    y, w = gauss(_OWN_SEGMENT_NODES)
+    y, w = gauss(8)
     offset = 0.5 * dh * np.concatenate([-(y**3), y**3])
     weight = 0.5 * dh * np.tile(3.0 * y**2 * w, 2)
-    mu, w_mu = _grazing(1.0, 0.5 * dh * y.min() ** 3 / _NEGLIGIBLE_DEPTH, _OWN_GRAZING_NODES)
+    mu, w_mu = _grazing(1.0, 0.5 * dh * y.min() ** 3 / _NEGLIGIBLE_DEPTH, 32)
     distance = jnp.abs(node[:, None] - (node[:, None] + offset))
     return jnp.sum(weight * jnp.sum(w_mu * jnp.exp(-distance[..., None] / mu), axis=-1), axis=-1)
 
@@ -187,8 +177,9 @@ def _reflection_integrals(
     mu, weight, r = (jnp.asarray(a, step.dtype) for a in cone_nodes(refractive_index))
     # On an even grid the exponentials are products of those of every sixteenth point and of the
     # first sixteen.
-    coarse = jnp.exp(-(step[:, None] * np.arange(0.0, terms, _RUN))[..., None] / mu)
-    fine = jnp.exp(-(start[:, None] + step[:, None] * np.arange(float(_RUN)))[..., None] / mu)
+    run = 16
+    coarse = jnp.exp(-(step[:, None] * np.arange(0.0, terms, run))[..., None] / mu)
+    fine = jnp.exp(-(start[:, None] + step[:, None] * np.arange(float(run)))[..., None] / mu)
     cone = jnp.einsum(
         "wak,wbk->wab", coarse * (weight * r * mu ** (power - 1)), fine, precision="highest"
     )

@@ -12,8 +12,6 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 _TOLERANCE = {"float64": 1e-11, "float32": 3e-6}
-# A thousand mean free paths that absorb nothing take some 1500.
-_MOST_STEPS = 5000
 
 
 def solve_contraction(
@@ -58,7 +56,8 @@ def _conjugate_gradients(apply: Callable[[Array], Array], weight: Array, b: Arra
 
     def goes_on(state) -> Array:
         step, _, _, _, rest = state
-        return (step < _MOST_STEPS) & jnp.any(rest > goal)
+        # A thousand mean free paths that absorb nothing take some 1500.
+        return (step < 5000) & jnp.any(rest > goal)
 
     def advance(state: tuple[Array, Array, Array, Array, Array]):
         step, x, residual, direction, rest = state

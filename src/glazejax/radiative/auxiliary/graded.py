@@ -229,10 +229,6 @@ _RATIOS = (0.25, 0.37, 0.5)
 # Below these indices beams may graze inside, too: their decay needs more and narrower panels at
 # each face.
 _GRAZING = ((1.01, 4), (1.1, 2))
-# With so many, their growth matters more than the first one's width.
-_GRAZING_RATIO = 0.4
-# So do the faces of layers so thick that their interior has panels of its own.
-_FACES_OF_THICK = 3
 
 
 def resolve(tolerance: float, thickest: float, lowest_index: float) -> PanelMesh:
@@ -247,8 +243,10 @@ def resolve(tolerance: float, thickest: float, lowest_index: float) -> PanelMesh
     kind = min(int(np.searchsorted(_DEPTHS, thickest)), 2)
     interior = thickest > _DEPTHS[-1]
     grazing = next((more for index, more in _GRAZING if lowest_index < index), 0)
-    graded = row.graded[kind] + grazing + _FACES_OF_THICK * interior
-    ratio = max(_RATIOS[kind], _GRAZING_RATIO) if lowest_index < _GRAZING[0][0] else _RATIOS[kind]
+    # Faces of layers so thick that their interior has panels of its own need three more.
+    graded = row.graded[kind] + grazing + 3 * interior
+    # With so many panels, their growth matters more than the first one's width.
+    ratio = max(_RATIOS[kind], 0.4) if lowest_index < _GRAZING[0][0] else _RATIOS[kind]
     return PanelMesh(
         nodes=row.nodes, points=row.points, graded=graded, ratio=ratio, interior=interior
     )

@@ -200,10 +200,7 @@ class Panels(NamedTuple):
     rules: Any  # Rules; None while the arrays travel through a loop
 
 
-# Depth beyond which only the slowest mode of a layer is left, in mean free paths.
-_BOUNDARY_LAYER = 22.0
 # Where that has died away too, in its decay lengths, and the edges of the panels up to there.
-_GONE = 30.0
 _INTERIOR = np.array([0.4, 1.2, 3.0, 6.5, 13.0, 25.0]) / 25.0
 
 
@@ -212,7 +209,8 @@ def _half_layer(depth: Array, albedo: Array, slant: Array, mesh: PanelMesh) -> A
     1).
     """
     half = 0.5 * depth
-    reach = jnp.minimum(half, _BOUNDARY_LAYER) if mesh.interior else half
+    # Depth beyond which only the slowest mode of a layer is left, in mean free paths.
+    reach = jnp.minimum(half, 22.0) if mesh.interior else half
     # The first panel is narrow beside the depth at which a grazing beam is gone.
     ratio = jnp.maximum(
         mesh.ratio ** (1 - mesh.graded), reach / jnp.maximum(2.0 * slant**2, 0.05 * slant)
@@ -221,7 +219,8 @@ def _half_layer(depth: Array, albedo: Array, slant: Array, mesh: PanelMesh) -> A
     edges = [jnp.zeros_like(half)[:, None], reach[:, None] * ratio[:, None] ** steps]
     if mesh.interior:
         decay = jnp.sqrt(jnp.minimum(3.0 * (1.0 - albedo), 1.0))
-        gone = jnp.minimum(half, reach + _GONE / jnp.maximum(decay, 1e-12))
+        # There it has died away too, in its decay lengths.
+        gone = jnp.minimum(half, reach + 30.0 / jnp.maximum(decay, 1e-12))
         edges.append(reach[:, None] + (gone - reach)[:, None] * _INTERIOR)
     edges = jnp.concatenate(edges, axis=-1)
     # An empty layer has panels too, of no width.

@@ -16,9 +16,6 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-# Relative to the step: a segment with less scattering in it holds none.
-_NEGLIGIBLE = 1e-12
-
 
 class Segments(NamedTuple):
     """Segments of every stack; their left edges, the layers' lower faces and the albedos
@@ -84,7 +81,8 @@ class Segments(NamedTuple):
         first = with_albedo(albedo)
         second = with_albedo(albedo**2)
         scattering = first.integrate(edges, faces)
-        enough = scattering > _NEGLIGIBLE * step
+        # A segment with less scattering in it, relative to the step, holds none.
+        enough = scattering > 1e-12 * step
         safe = jnp.where(enough, scattering, 1.0)
         doubled = jnp.where(enough, second.integrate(edges, faces) / safe, 0.0)
         # Weighted by the albedo; by the depth alone where nothing scatters, the limit of a faint

@@ -61,7 +61,6 @@ _TRANSFORMED = {"fixed_step": 1024, "decomposed": 16, "direct": np.inf}
 # From so many segments on, stacks with steps of their own are called one by one: one program serves
 # any number of them.
 _ALONE = 64
-_KEPT_TABLES = 8
 _kept: OrderedDict[tuple[float, float], KernelTable] = OrderedDict()
 
 
@@ -393,7 +392,7 @@ def _table(table: KernelTable | None, settings: GridSettings, most: int) -> Kern
     if table is None:
         table = _kept.setdefault(key, KernelTable(*key))
         _kept.move_to_end(key)
-        while len(_kept) > _KEPT_TABLES:
+        while len(_kept) > 8:
             _kept.popitem(last=False)
     elif (table.refractive_index, table.step) != key:
         raise ValueError(

@@ -20,7 +20,6 @@ from .bounds import End
 # Enough for 1e-11; the index is a number here, and each node costs one exponential a stack.
 _INSIDE = Resolution(cone=24, total=40, crowded=False)
 _INSIDE_NEAR_ONE = Resolution(cone=48, total=40, crowded=True)
-_OUTSIDE = 32
 _NEAR_ONE = 1.07
 
 
@@ -56,7 +55,8 @@ def _inside(index: float) -> Directions:
 @functools.lru_cache(maxsize=32)
 def _outside(index: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Cosines inside, transmittance, and weights 2 mu dmu, of directions of view in air."""
-    mu, weights = graded_gauss(_OUTSIDE) if index < _NEAR_ONE else gauss(_OUTSIDE)
+    rule = graded_gauss if index < _NEAR_ONE else gauss
+    mu, weights = rule(32)
     transmittance = 1.0 - np.asarray(dielectric_reflectance(mu, index))
     return np.asarray(cos_refracted(mu, index)), transmittance, 2.0 * mu * weights
 

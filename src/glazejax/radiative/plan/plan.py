@@ -22,10 +22,6 @@ from ..stack import stack_hemispherical_reflectance, stack_reflectance_factor
 from . import reduction
 from .reduction import Rows
 
-# Shares of the tolerance; exact savings need none.
-_SHARE_HIDDEN = 0.25
-_SHARE_SCATTERING = 0.25
-_SHARE_BANDS = 0.5
 # Stacks go to the solver in blocks of these sizes and, if grouped, these numbers of layers: few
 # programs to compile.
 _BLOCKS = (4096, 512, 64)
@@ -33,13 +29,9 @@ _DEPTHS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
 # A block at least this full is padded rather than cut into smaller ones; a call costs what some
 # hundred stacks do.
 _FILLED = (0.85, 0.5, 0.0)
-# A group smaller than this joins the next deeper one.
-_SMALLEST_GROUP = 256
 # Optical thicknesses of the white medium that bounds every reflectance; between them it changes by
 # less than a margin.
 _WHITE = np.concatenate([[0.0], np.geomspace(1e-3, 1e4, 63)])
-_WHITE_MARGIN = 1.05
-_MOST_GEOMETRIES = 32
 
 
 class Savings(NamedTuple):
@@ -263,7 +255,8 @@ def plan_stacks(
         # Where a band is wanted of one stack and not of another, its neighbours may not be there to
         # fill it in.
         if savings.bands and size and np.array_equal(by_stack.all(axis=-1), by_stack.any(axis=-1)):
-            kept = _needed_bands(weights, tolerance * _SHARE_BANDS, given.arrays)
+            # Bands have half of the tolerance; what hides and multiple scattering a quarter each.
+            kept = _needed_bands(weights, tolerance * 0.5, given.arrays)
             compute = compute & np.broadcast_to(kept, shape).reshape(-1)
     computed = np.flatnonzero(compute)
     rows = _flat(given, computed)
@@ -280,7 +273,7 @@ def plan_stacks(
     before = reduction.count_filled(rows)
     hidden = np.zeros(rows.count, bool)
     if savings.hidden:
-        rows, hidden = reduction.cut_below_opaque(rows, tolerance * _SHARE_HIDDEN)
+        rows, hidden = reduction.cut_below_opaque(rows, tolerance * 0.25)
     hidden_layers = int((before - reduction.count_filled(rows)).sum())
     hidden_grounds = int(hidden.sum())
     # Stacks that differed in what has gone are equal now.
@@ -290,7 +283,7 @@ def plan_stacks(
     # What needs no solver; the rest goes to it in groups of as many layers.
     closed = np.zeros(rows.count, bool)
     if savings.scattering:
-        closed = reduction.closes(rows, tolerance * _SHARE_SCATTERING)
+        closed = reduction.closes(rows, tolerance * 0.25)
     groups = _group(reduction.count_filled(rows), np.flatnonzero(~closed), savings.groups)
     report = Report(
         stacks=size,
@@ -373,7 +366,8 @@ def _ceiling(index: float, cos_incidence: float, cos_viewing: float | None) -> f
         cos_viewing=cos_viewing,
         tolerance=1e-3,
     )
-    return _WHITE_MARGIN * float(np.max(values))
+    # Between the optical thicknesses that are tried it changes by less than this margin.
+    return 1.05 * float(np.max(values))
 
 
 def _needed_bands(
@@ -386,7 +380,8 @@ def _needed_bands(
     rows = np.stack([np.ravel(a) for a in np.broadcast_arrays(*directions)], axis=1)
     geometries = np.unique(rows, axis=0)
     keep = np.ones(weights.shape[0], bool)
-    if len(geometries) > _MOST_GEOMETRIES:
+    # Each geometry is solved: with many that costs more than it saves.
+    if len(geometries) > 32:
         return keep
     ceiling = max(
         _ceiling(n, i, v if "cos_viewing" in given else None) for n, i, v in geometries.tolist()
@@ -428,7 +423,8 @@ def _group(depth: np.ndarray, members: np.ndarray, grouped: bool) -> list[tuple[
     waiting = np.zeros(0, int)
     for k, step in enumerate(steps):
         waiting = np.concatenate([waiting, members[padded == k]])
-        if waiting.size >= _SMALLEST_GROUP or (k == len(steps) - 1 and waiting.size):
+        # A group smaller than this joins the next deeper one.
+        if waiting.size >= 256 or (k == len(steps) - 1 and waiting.size):
             groups.append((step, waiting))
             waiting = waiting[:0]
     return groups

@@ -10,11 +10,6 @@ from jaxtyping import Bool, Float, Int
 from . import closed_form
 from .bounds import End, hidden_below, scattered_beyond_first
 
-# Stacks looked at together by the closed form and its bounds.
-_PIECE = 16384
-# Distinct indices the closed form is worth its quadratures for.
-_MOST_INDICES = 32
-
 
 @dataclass(frozen=True)
 class Rows:
@@ -130,7 +125,8 @@ def cut_below_opaque(rows: Rows, tolerance: float) -> tuple[Rows, Bool[np.ndarra
 
 def pieces(members: Int[np.ndarray, "members"]) -> list[Int[np.ndarray, "_"]]:
     """As many at a time as the closed form's quadrature should hold."""
-    return [members[i : i + _PIECE] for i in range(0, members.size, _PIECE)]
+    size = 16384
+    return [members[i : i + size] for i in range(0, members.size, size)]
 
 
 def by_closed_form(rows: Rows) -> closed_form.FirstOrder:
@@ -158,7 +154,8 @@ def closes(rows: Rows, tolerance: float) -> Bool[np.ndarray, "stacks"]:
     # Without the ground's part the bound is cheap, and only smaller: few stacks are looked at
     # closely.
     fits = bound(rows, (np.zeros(rows.count), np.zeros(rows.count))) <= tolerance
-    if np.unique(rows.refractive_index[fits]).size > _MOST_INDICES:  # one quadrature an index
+    # One quadrature an index: with more distinct ones it is not worth them.
+    if np.unique(rows.refractive_index[fits]).size > 32:
         return np.zeros(rows.count, bool)
     for piece in pieces(np.flatnonzero(fits)):
         part = rows.take(piece)

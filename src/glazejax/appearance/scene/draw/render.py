@@ -23,8 +23,6 @@ from .rays import TILE, Lamps, Level, lamps, trace
 from .shade import lit_pairs, pixels_from_samples, radiance
 from .visibility import MaterialsInView, needed_bands
 
-# Parts in which progress is counted.
-_PARTS = 1000
 # Levels of rays are kept between the passes up to so many bytes, and traced again beyond.
 _KEPT_BYTES = 2**29
 
@@ -167,7 +165,8 @@ class _Work:
 
     def _report(self, share: float, words: str) -> None:
         """Say how far the picture is, 0 to 1, and what is being done."""
-        self.progress(round(share * _PARTS), _PARTS, words)
+        # Progress is counted in a thousand parts.
+        self.progress(round(share * 1000), 1000, words)
 
     def _tiles(self, pixels: np.ndarray, each: int) -> list[_Tile]:
         """Pixels in groups that go through the processor together, `each` times `each` rays for

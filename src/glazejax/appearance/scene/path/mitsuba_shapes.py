@@ -12,9 +12,6 @@ from ....extras import require
 from ....spectra import Numbers
 from ..shapes import Box, Mesh, Plane, Shape, Sphere, plane_frame, rotation
 
-# Half the side of the rectangle that stands for an endless plane.
-_ENDLESS = 100.0
-
 
 def mitsuba_shape(shape: Shape, path: Path, *, mapped: bool = False) -> dict[str, Any]:
     """A shape for `mitsuba.load_dict`, without its material.
@@ -30,15 +27,15 @@ def mitsuba_shape(shape: Shape, path: Path, *, mapped: bool = False) -> dict[str
         return {"type": "sphere", "center": numbers(shape.centre), "radius": float(shape.radius)}
     if isinstance(shape, Plane) and shape.relief is not None:
         return write_ply(path, relief_mesh(shape))
+    # Half the side of the rectangle that stands for an endless plane.
+    endless = 100.0
     if isinstance(shape, Plane):
-        half = (
-            (_ENDLESS, _ENDLESS) if shape.size is None else (shape.size[0] / 2, shape.size[1] / 2)
-        )
+        half = (endless, endless) if shape.size is None else (shape.size[0] / 2, shape.size[1] / 2)
         right, up, normal = plane_frame(shape)
         axes = np.stack([right * half[0], up * half[1], normal], axis=1)
         if mapped and shape.size is None:
             return write_ply(
-                path, _quads(shape.material, [(shape.point, axes)], 2 * _ENDLESS, -_ENDLESS)
+                path, _quads(shape.material, [(shape.point, axes)], 2 * endless, -endless)
             )
         return {"type": "rectangle", "to_world": _transform(axes, shape.point)}
     if isinstance(shape, Box):
