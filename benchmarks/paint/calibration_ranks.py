@@ -67,14 +67,14 @@ def films(count: int, rng: np.random.Generator, group: int) -> Posed:
 
     made, truth = simulate(count, 1 + group % 3, rng, model_error=True, gloss=True)
     problem = pose_films(made, truth.paints, Instrument(), Prior())
-    problem, modes = pose_errors(problem, made, Instrument(), Prior())
+    problem, modes = pose_errors(problem, made, Prior())
     return Posed(problem, tuple(made), modes, truth.quantities)
 
 
 def bands(count: int, rng: np.random.Generator, group: int) -> Posed:
     from glazefit import Instrument, Noise, simulate_films
     from glazefit.film.reading import readings
-    from glazefit.posterior.bands import join_bands, pose_bands, prior_draws
+    from glazefit.posterior.bands import pose_bands, prior_draws
     from glazefit.posterior.laplace import find_modes
 
     logs = prior_draws(rng, count * BANDS.size).reshape(count, BANDS.size, 2)
@@ -82,7 +82,7 @@ def bands(count: int, rng: np.random.Generator, group: int) -> Posed:
     names = [f"film {n}" for n in range(count)]
     made = simulate_films(BANDS, k, s, names=names, seed=int(rng.integers(2**31)))
     read = readings(made, Instrument(), Noise())
-    problem = join_bands([pose_bands(film, 1.0, Instrument()) for film in read])
+    problem = pose_bands(read, 1.0, Instrument())
     truth = {"absorption": k.ravel(), "scattering": s.ravel(), "ratio": (k / s).ravel()}
     return Posed(problem, tuple(read), find_modes(problem), truth)
 
@@ -101,12 +101,12 @@ def one_ground(count: int, rng: np.random.Generator, group: int) -> Posed:
 
 def posed_stack(simulated: Any, rows: slice = slice(None)) -> Posed:
     from glazefit import Instrument, Prior, SpectraPrior
-    from glazefit.posterior.stack import pose_stack
-    from glazefit.posterior.stack_errors import pose_stack_errors
+    from glazefit.posterior.film import pose_stack
+    from glazefit.posterior.film_errors import pose_errors
 
     made = simulated.films[rows]
     problem = pose_stack(made, simulated.coats[rows], Instrument(), Prior(), SpectraPrior())
-    problem, modes = pose_stack_errors(problem, made, Prior())
+    problem, modes = pose_errors(problem, made, Prior())
     truth = {name: values[rows] for name, values in simulated.truth.items()}
     return Posed(problem, tuple(made), modes, truth)
 

@@ -165,7 +165,7 @@ def of_paints(films: Sequence[Any], truth: Truth, seed: int) -> tuple[dict[str, 
     from glazefit.posterior.sampling import Sampling
 
     problem = pose_films(films, truth.paints, Instrument(), Prior())
-    problem, modes = pose_errors(problem, films, Instrument(), Prior())
+    problem, modes = pose_errors(problem, films, Prior())
     posterior = sample(
         problem,
         tuple(films),
@@ -180,13 +180,13 @@ def of_paints(films: Sequence[Any], truth: Truth, seed: int) -> tuple[dict[str, 
 
 def of_bands(films: Sequence[Any], truth: Truth, seed: int) -> tuple[dict[str, Ranks], np.ndarray]:
     from glazefit import Instrument
-    from glazefit.posterior.bands import join_bands, pose_bands
+    from glazefit.posterior.bands import pose_bands
     from glazefit.posterior.laplace import find_modes
     from glazefit.posterior.posterior import sample
     from glazefit.posterior.sampling import Sampling
 
     thinned = [every_third(film) for film in films]
-    problem = join_bands([pose_bands(film, 1.0, Instrument()) for film in thinned])
+    problem = pose_bands(thinned, 1.0, Instrument())
     posterior = sample(
         problem,
         tuple(thinned),

@@ -45,12 +45,10 @@ def problems() -> dict[str, Any]:
 
     films, truth = simulate(30, 2, np.random.default_rng(0), model_error=True, gloss=True)
     instrument, prior = Instrument(), Prior()
-    many, _ = pose_errors(
-        pose_films(films, truth.paints, instrument, prior), films, instrument, prior
-    )
+    many, _ = pose_errors(pose_films(films, truth.paints, instrument, prior), films, prior)
     return {
         "a film of two paints": pick(many, 0),
-        "31 bands of a film": pose_bands(films[0], 1.0, instrument),
+        "31 bands of a film": pose_bands(films[:1], 1.0, instrument),
         "30 films of two paints": many,
     }
 

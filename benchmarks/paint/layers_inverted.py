@@ -178,14 +178,14 @@ def unknown_paint(count: int, rng: np.random.Generator) -> Simulated:
 def find(simulated: Simulated, steps: int, seed: int) -> tuple[dict[str, Found], Any]:
     """Where the truth lies in each posterior, and the chain's autocorrelation times."""
     from glazefit import Instrument, Prior, SpectraPrior
+    from glazefit.posterior.film import pose_stack
+    from glazefit.posterior.film_errors import pose_errors
     from glazefit.posterior.posterior import sample
     from glazefit.posterior.sampling import Sampling
-    from glazefit.posterior.stack import pose_stack
-    from glazefit.posterior.stack_errors import pose_stack_errors
 
     films, prior = simulated.films, Prior()
     problem = pose_stack(films, simulated.coats, Instrument(), prior, SpectraPrior())
-    problem, modes = pose_stack_errors(problem, films, prior)
+    problem, modes = pose_errors(problem, films, prior)
     posterior = sample(
         problem,
         tuple(films),

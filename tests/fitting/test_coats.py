@@ -22,15 +22,15 @@ from glazefit import (
 )
 from glazefit.film.model.errors import smooth_kernel
 from glazefit.posterior.coats import parse_coats
-from glazefit.posterior.stack import (
+from glazefit.posterior.film import (
+    FilmResiduals,
     ScaledReadings,
-    StackResiduals,
-    body,
     optical,
     pose_stack,
     surface,
 )
-from glazefit.posterior.stack_errors import Solved, pose_stack_errors
+from glazefit.posterior.film_errors import pose_errors
+from glazefit.posterior.forward import body, slopes
 from glazefit.posterior.stack_table import look_up
 from glazejax import Glaze, Hemispherical, Layer, Mixture, Pigment, reflectance
 
@@ -268,7 +268,7 @@ def test_prior_is_what_the_log_probability_says(coats):
 def test_likelihood_holds_the_paints_errors():
     """W and b against diag(v) + e^2 J K J^T, with J by finite differences of the public solver."""
     film = read(glazed())
-    problem, found = pose_stack_errors(problem_of(COATS, film), [film], PRIOR)
+    problem, found = pose_errors(problem_of(COATS, film), [film], PRIOR)
     data, point = jax.tree.map(lambda a: np.asarray(a[0]), problem.data), found.points[0, 0]
     named = {q.name: float(q.values(point)) for q in problem.quantities}
     blue = named["fraction blue of coat 2"]
@@ -324,9 +324,9 @@ def test_an_unknown_paint_has_no_error_of_its_coefficients():
     grounds = np.full((1, GRID.size, 2), 0.5)
     by_log = {}
     for name, coats in (("known", COATS), ("unknown", UNKNOWN)):
-        layout = cast(StackResiduals, problem_of(coats).residuals).layout
-        slopes = Solved(layout).slopes(logs, grounds)
-        by_log[name] = slopes.by_log.reshape(2, 2, GRID.size, 2)
+        layout = cast(FilmResiduals, problem_of(coats).residuals).layout
+        there = slopes(layout, None, logs, grounds)
+        by_log[name] = np.asarray(there.by_log).reshape(2, 2, GRID.size, 2)
     assert np.all(by_log["known"] != 0)
     np.testing.assert_array_equal(by_log["unknown"][0], 0)
     np.testing.assert_allclose(by_log["unknown"][1], by_log["known"][1], rtol=1e-6)
@@ -486,14 +486,14 @@ def unknown_over_white():
     film = read([Layer(RED, 8e-6), Layer(WHITE, 15e-6)])
     coats = [CoatPrior(), CoatPrior([WHITE], 15e-6)]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("glazefit.posterior.stack_errors.find_modes", lambda *_, **__: None)
-        return pose_stack_errors(problem_of(coats, film), [film], PRIOR)[0], film
+        patch.setattr("glazefit.posterior.film_errors.find_modes", lambda *_, **__: None)
+        return pose_errors(problem_of(coats, film), [film], PRIOR)[0], film
 
 
 def test_a_table_of_an_unknown_coat_reads_as_the_solver(unknown_over_white):
     """Readings, and slopes by errors of the coat below, at draws of the prior; by the solver."""
     problem, _ = unknown_over_white
-    assert isinstance(problem.residuals, StackResiduals)
+    assert isinstance(problem.residuals, FilmResiduals)
     layout = problem.residuals.layout
     data = jax.tree.map(lambda a: a[0], problem.data)
 
@@ -502,7 +502,7 @@ def test_a_table_of_an_unknown_coat_reads_as_the_solver(unknown_over_white):
         thickness = optical(layout, free, data, problem.shared)
         return thickness, look_up(data.table, thickness[..., 0])
 
-    solved = jax.jit(lambda thickness: body(layout, thickness, data.ground))
+    solved = jax.jit(lambda thickness: body(layout, None, thickness[:, :, None], data.ground))
     for free in problem.prior_draws(np.random.default_rng(1), 4):
         thickness, seen = looked_up(free)
         assert seen.by_log is not None
@@ -534,7 +534,7 @@ def test_slopes_of_an_unknown_coats_readings_are_their_derivatives(unknown_over_
 def test_the_likelihood_of_an_unknown_coat_is_the_gaussian_of_noise_and_errors(unknown_over_white):
     """Against SciPy's density with the covariance diag(v) + e^2 J K J^T, differences of two places."""
     problem, film = unknown_over_white
-    assert isinstance(problem.residuals, StackResiduals)
+    assert isinstance(problem.residuals, FilmResiduals)
     layout = problem.residuals.layout
     data = jax.tree.map(lambda a: a[0], problem.data)
     place = problem.prior_draws(np.random.default_rng(4), 1)

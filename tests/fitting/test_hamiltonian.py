@@ -11,7 +11,7 @@ import pytest
 
 from glazefit import Instrument, Noise, posterior_of_bands, simulate_films
 from glazefit.film.reading import readings
-from glazefit.posterior.bands import join_bands, pose_bands, prior_draws
+from glazefit.posterior.bands import pose_bands, prior_draws
 from glazefit.posterior.chain import count_samples
 from glazefit.posterior.hamiltonian import run_hamiltonian
 from glazefit.posterior.laplace import find_modes, laplace
@@ -242,8 +242,7 @@ def test_nine_of_ten_intervals_hold_the_truth():
     k, s = np.exp(logs[..., 0] + logs[..., 1]), np.exp(logs[..., 1])
     names = [f"film {n}" for n in range(films)]
     simulated = simulate_films(GRID, k, s, names=names, seed=6)
-    posed = [pose_bands(r, 1.0, Instrument()) for r in readings(simulated, Instrument(), Noise())]
-    problem = join_bands(posed)
+    problem = pose_bands(readings(simulated, Instrument(), Noise()), 1.0, Instrument())
     posterior = sample(problem, (), find_modes(problem), Sampling(sampler="hmc", steps=40))
     for name, truth in (("absorption", k), ("scattering", s), ("ratio", k / s)):
         ranks = (posterior.draws[name] < truth.reshape(-1)).mean(axis=(0, 1))

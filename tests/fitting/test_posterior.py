@@ -18,7 +18,7 @@ from glazefit import (
 )
 from glazefit.film.numerics.least_squares import root_of_log1p
 from glazefit.film.reading import readings
-from glazefit.posterior.bands import join_bands, pose_bands, prior_covariance, prior_draws
+from glazefit.posterior.bands import pose_bands, prior_covariance, prior_draws
 from glazefit.posterior.film import pose_films
 from glazefit.posterior.film_errors import pose_errors
 from glazefit.posterior.laplace import Laplace, _distinct, climb, find_modes, laplace
@@ -247,8 +247,7 @@ def test_prior_is_what_the_log_probability_says():
     """Density of the prior's draws against the prior's residuals: means of a few functions, by a
     sum over a grid.
     """
-    reading = readings(uniform_film(1.0, 1.0), INSTRUMENT, NOISE)[0]
-    problem = pose_bands(reading, 1.0, INSTRUMENT)
+    problem = pose_bands(readings(uniform_film(1.0, 1.0), INSTRUMENT, NOISE), 1.0, INSTRUMENT)
     logs = np.linspace(-25, 30, 700)
     grid = np.stack(np.meshgrid(logs, logs, indexing="ij"), axis=-1).reshape(-1, 2)
     one = jax.tree.map(lambda a: a[:1], problem.data)
@@ -282,7 +281,7 @@ def test_a_band_reads_what_its_film_does():
     """
     k, s = 0.7, 2.5
     films = uniform_film(k, s)
-    problem = pose_bands(readings(films, INSTRUMENT, NOISE)[0], 1.0, INSTRUMENT)
+    problem = pose_bands(readings(films, INSTRUMENT, NOISE), 1.0, INSTRUMENT)
     free = jnp.log(jnp.asarray([k / s, s]))
     band = jax.tree.map(lambda a: a[3], problem.data)
     medium = paint("x", k / 2e-5, s / 2e-5)
@@ -326,7 +325,7 @@ def test_likelihood_is_the_gaussian_it_is_said_to_be():
     prior = Prior()
     films = readings(film_of(0.3), INSTRUMENT, NOISE)
     problem, found = pose_errors(
-        pose_films(films, [[BLUE, WHITE]], INSTRUMENT, prior), films, INSTRUMENT, prior
+        pose_films(films, [[BLUE, WHITE]], INSTRUMENT, prior), films, prior
     )
     data = problem.data
     root = np.linalg.inv(np.asarray(data.whiten[0]))
@@ -412,8 +411,8 @@ def test_blocks_are_independent_of_each_other():
     films = readings(film_of(0.3), INSTRUMENT, NOISE) + readings(
         film_of(0.8, seed=5), INSTRUMENT, NOISE
     )
-    problems = [pose_bands(film, 1.0, INSTRUMENT) for film in films]
-    both = join_bands(problems)
+    problems = [pose_bands([film], 1.0, INSTRUMENT) for film in films]
+    both = pose_bands(films, 1.0, INSTRUMENT)
     free = prior_draws(np.random.default_rng(0), len(both.blocks))[None]
     apart = [
         p.log_probability(free[:, part])
@@ -445,7 +444,7 @@ def test_two_solutions_are_two_modes():
         names=["x"],
         noise=Noise(1e-5, 0),
     )
-    problem = pose_bands(readings(films, INSTRUMENT, Noise(1e-5, 0))[0], 1.0, INSTRUMENT)
+    problem = pose_bands(readings(films, INSTRUMENT, Noise(1e-5, 0)), 1.0, INSTRUMENT)
     result = laplace(problem, find_modes(problem))
     assert np.isfinite(result.modes).all()
     np.testing.assert_allclose(result.weights.sum(axis=1), 1.0)
@@ -534,7 +533,7 @@ def test_residuals_of_densities():
 
 
 def test_compiled_program_calls_no_library_for_linear_algebra():
-    problem = pose_bands(readings(film_of(0.3), INSTRUMENT, NOISE)[0], 1.0, INSTRUMENT)
+    problem = pose_bands(readings(film_of(0.3), INSTRUMENT, NOISE), 1.0, INSTRUMENT)
     free = np.zeros((4, len(problem.blocks), 2))
     text = log_probability.jitted.lower(
         problem.residuals, problem.data, problem.shared, free, 100

@@ -7,13 +7,8 @@ import numpy as np
 import pytest
 
 from glazefit import posterior_of_bands, simulate_films
-from glazefit.posterior.chain import (
-    Chain,
-    Convergence,
-    convergence,
-    count_samples,
-    run_chain,
-)
+from glazefit.posterior.chain import Convergence, convergence, count_samples, run_chain
+from glazefit.posterior.chain_file import Chain
 from glazefit.posterior.problem import Problem
 from glazefit.posterior.sampling import Sampling
 from tests.fitting.test_cli_recover import write

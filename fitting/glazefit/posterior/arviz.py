@@ -17,9 +17,6 @@ from glazejax.extras import require
 from ..film.reading import Reading
 from .problem import Problem
 
-# Draws whose spectra are kept.
-_SPECTRA = 400
-
 
 def load_arviz() -> Any:
     """ArviZ, without the announcement of its next version."""
@@ -99,7 +96,8 @@ def inference_data(
     flat = free.reshape(-1, *free.shape[2:])
     likelihood = problem.log_likelihood(flat).reshape(free.shape[:3])
     total = problem.log_probability(flat).reshape(free.shape[:3])
-    spaced = flat[:: max(1, len(flat) // _SPECTRA)]
+    # Spectra of so many draws are enough for a picture.
+    spaced = flat[:: max(1, len(flat) // 400)]
     spectra = problem.readings(spaced)[None]
     reading_dims = ["wavelength", "ground"] if bands else ["film", "wavelength", "ground"]
 

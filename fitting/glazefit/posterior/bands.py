@@ -13,7 +13,6 @@ estimated beforehand (`glazefit.film.gloss`).
 
 import functools
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
 import jax
@@ -32,10 +31,6 @@ CLEAR = 0.01
 """Optical thickness below which a film is clear, and the prior falls off; it does so too above
 `HIGHEST`.
 """
-
-_DRAWS = 200_000
-# Residuals of the prior: its soft ends.
-_ENDS = 2
 
 
 class Band(NamedTuple):
@@ -86,30 +81,38 @@ def prior_draws(rng: np.random.Generator, n: int) -> Float[np.ndarray, "n 2"]:
 @functools.cache
 def prior_covariance() -> Float[np.ndarray, "2 2"]:
     """Of the free unknowns, from many draws."""
-    return np.cov(prior_draws(np.random.default_rng(0), _DRAWS), rowvar=False)
+    return np.cov(prior_draws(np.random.default_rng(0), 200_000), rowvar=False)
 
 
-def pose_bands(reading: Reading, gloss: float, instrument: Instrument) -> Problem:
-    """Problem of k d and s d in every band.
+def pose_bands(films: Sequence[Reading], gloss: float, instrument: Instrument) -> Problem:
+    """Problem of k d and s d in every band of some films, film after film.
 
     Args:
-        reading: the film.
+        films: as measured.
         gloss: share of the surface's reflection in the readings.
         instrument: its geometry.
     """
-    data = Band(
-        jnp.asarray(reading.reflectance),
-        jnp.full(reading.wavelengths.size, gloss * instrument.seen_surface),
-        *(jnp.asarray(a) for a in (reading.ground, reading.sd, reading.ground_sd)),
-    )
+
+    def joined(what: str) -> Array:
+        return jnp.asarray(np.concatenate([getattr(film, what) for film in films]))
+
+    reading = joined("reflectance")
+    measured = [part for film in films for part in reading_parts(film)]
     return Problem(
         kind="bands",
-        blocks=tuple(f"{w:g} nm" for w in reading.wavelengths),
+        blocks=tuple(f"{w:g} nm" for film in films for w in film.wavelengths),
         unknowns=("log k/s", "log s d"),
         residuals=residuals,
         fitted=readings_of,
-        prior_rows=_ENDS,
-        data=data,
+        # The soft ends.
+        prior_rows=2,
+        data=Band(
+            reading=reading,
+            surface=jnp.full(len(reading), gloss * instrument.seen_surface),
+            ground=joined("ground"),
+            sd=joined("sd"),
+            ground_sd=joined("ground_sd"),
+        ),
         shared=film_response(instrument),
         quantities=(
             Quantity("absorption", True, lambda free: np.exp(free[..., 0] + free[..., 1])),
@@ -119,22 +122,8 @@ def pose_bands(reading: Reading, gloss: float, instrument: Instrument) -> Proble
         prior_draws=prior_draws,
         prior_covariance=prior_covariance(),
         bands=1,
-        fingerprint=fingerprint("bands", *reading_parts(reading), gloss, instrument),
-        scaled=MeasuredResiduals(residuals, prior_rows=_ENDS),
-    )
-
-
-def join_bands(problems: Sequence[Problem]) -> Problem:
-    """Bands of several films side by side."""
-    data = jax.tree.map(
-        lambda *parts: jnp.concatenate(parts), *[problem.data for problem in problems]
-    )
-    blocks = tuple(block for problem in problems for block in problem.blocks)
-    return replace(
-        problems[0],
-        blocks=blocks,
-        data=data,
-        fingerprint=fingerprint(*(p.fingerprint for p in problems)),
+        fingerprint=fingerprint("bands", *measured, gloss, instrument),
+        scaled=MeasuredResiduals(residuals, prior_rows=2),
     )
 
 

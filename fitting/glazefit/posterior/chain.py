@@ -1,5 +1,4 @@
-"""Sampling by emcee: all walkers of all blocks in one compiled call a half step, chains kept in a
-file, convergence.
+"""Sampling by emcee: all walkers of all blocks in one compiled call a half step; convergence.
 
 The moves are emcee's own: stretch and differential evolution between two halves of the ensemble.
 A walker is accepted as a whole, so that thirty bands are one problem of sixty unknowns:
@@ -9,24 +8,16 @@ A chain counts as converged in a block if it holds 400 effective samples or more
 below 1.05, both as ArviZ counts them.
 """
 
-import os
-import signal
-import threading
 import warnings
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, NoReturn
 
 import emcee
 import numpy as np
 from emcee.moves import DEMove, StretchMove
 from jaxtyping import Bool, Float
 
-from glazejax.extras import require
-
 from .arviz import load_arviz
+from .chain_file import Chain, DrawsFile, gentle_interrupt
 from .problem import Problem
 from .sampling import Sampling
 
@@ -35,36 +26,6 @@ ENOUGH_SAMPLES = 400.0
 
 MOST_APART = 1.05
 """R-hat that it must stay below: how much wider all walkers together are than each by itself."""
-
-GROUP = "mcmc"
-MARK = "problem"
-"""Where a file keeps the fingerprint of its problem."""
-
-# Steps from which on ArviZ counts.
-_COUNTED = 8
-
-Ensemble = Float[np.ndarray, "walkers blocks dims"]
-
-
-@dataclass(frozen=True)
-class Chain:
-    """What was sampled.
-
-    Attributes:
-        free: free unknowns, (steps, walkers, blocks, dims), of every `thin`-th step.
-        log_probability: up to a constant, (steps, walkers, blocks).
-        accepted: mean share of proposals accepted.
-        thin: steps between two that are kept.
-        interrupted: whether it was stopped before it was done.
-        sampler: that made it, "emcee" or "hmc".
-    """
-
-    free: Float[np.ndarray, "steps walkers blocks dims"]
-    log_probability: Float[np.ndarray, "steps walkers blocks"]
-    accepted: float
-    thin: int
-    interrupted: bool = False
-    sampler: str = "emcee"
 
 
 @dataclass(frozen=True)
@@ -165,9 +126,9 @@ def count_samples(
         ModuleNotFoundError: ArviZ is not installed.
     """
     arviz = load_arviz()
-    # ArviZ takes what never moves for independent draws.
+    # ArviZ takes what never moves for independent draws, and counts eight steps or more.
     moves = np.ptp(values, axis=(0, 1)) > 0
-    if len(values) < _COUNTED or not moves.any():
+    if len(values) < 8 or not moves.any():
         return np.zeros(values.shape[-1]), np.full(values.shape[-1], np.inf)
     with warnings.catch_warnings():
         # More walkers than steps are what an ensemble has.
@@ -180,9 +141,7 @@ def count_samples(
 
 
 def run_chain(
-    problem: Problem,
-    start: Ensemble,
-    options: Sampling,
+    problem: Problem, start: Float[np.ndarray, "walkers blocks dims"], options: Sampling
 ) -> Chain:
     """Sample a problem.
 
@@ -193,187 +152,45 @@ def run_chain(
         options: all but its number of walkers.
 
     Raises:
-        ValueError: a file whose chain is of another problem.
-        FileExistsError: there is such a file, and neither `resume` nor `overwrite` was asked for.
-        FileNotFoundError: `resume` was, and there is none.
+        ValueError, FileExistsError, FileNotFoundError: see `glazefit.posterior.chain_file`.
     """
-    steps = options.length
-    thin = options.every
-    path = None if options.path is None else Path(options.path)
     walkers, blocks, dims = start.shape
-    backend = (
-        emcee.backends.Backend()
-        if path is None
-        else _backend(
-            problem, path, (walkers, blocks * dims), thin, options.resume, options.overwrite
-        )
-    )
+    kept = DrawsFile(problem.fingerprint, start.shape, options)
 
     def log_prob(points: np.ndarray) -> np.ndarray:
         parts = problem.log_probability(points.reshape(len(points), blocks, dims))
-        return (
-            parts[:, 0]
-            if blocks == 1
-            else np.concatenate([parts.sum(axis=1, keepdims=True), parts], axis=1)
-        )
+        return np.concatenate([parts.sum(axis=1, keepdims=True), parts], axis=1)
 
-    moves = [(StretchMove(), 0.4), (DEMove(), 0.6)]
     sampler = emcee.EnsembleSampler(
         walkers,
         blocks * dims,
         log_prob,
-        moves=moves,
-        backend=backend,
+        moves=[(StretchMove(), 0.4), (DEMove(), 0.6)],
         vectorize=True,
         blobs_dtype=np.float64,
     )
-    done = backend.iteration
-    if done == 0:
-        sampler.random_state = np.random.RandomState(options.seed).get_state()
-        if path is not None:
-            _mark(path, problem, thin)
-    left = steps // thin - done
-    stopped = False
-    if left > 0:
-        # Draws of Laplace's approximation are far from each other where a block is open.
-        run = sampler.sample(
-            emcee.State(start.reshape(walkers, -1)) if done == 0 else backend.get_last_sample(),
-            iterations=left,
-            thin_by=thin,
-            skip_initial_state_check=True,
+    place = emcee.State(start.reshape(walkers, -1))
+    if kept.steps:
+        height = kept.state["height"]
+        place = emcee.State(
+            kept.state["free"], log_prob=height.sum(axis=1), blobs=np.squeeze(height)
         )
-        with gentle_interrupt() as asked:
-            for kept, _ in enumerate(run, start=done + 1):
-                options.progress(kept * thin, steps, "sampling")
-                if asked.is_set():
-                    stopped = True
-                    break
-    return read_chain(backend, blocks, thin, stopped)
-
-
-def read_chain(backend: Any, blocks: int, thin: int, interrupted: bool = False) -> Chain:
-    """The steps that a backend holds."""
-    steps = backend.iteration
-    if steps == 0:
-        raise ValueError(
-            "the chain was stopped before its first step was kept; there is nothing to report"
-        )
-    free = backend.get_chain()
-    log_prob = backend.get_log_prob()
-    parts = backend.get_blobs()
-    shape = (steps, free.shape[1], blocks)
-    parts = log_prob if parts is None else parts
-    accepted = float(np.mean(backend.accepted)) / steps
-    return Chain(
-        free=free[:steps].reshape(*shape, -1),
-        log_probability=np.asarray(parts[:steps]).reshape(shape),
-        accepted=accepted,
-        thin=thin,
-        interrupted=interrupted,
-    )
-
-
-def _backend(
-    problem: Problem, path: Path, shape: tuple[int, int], thin: int, resume: bool, overwrite: bool
-) -> Any:
-    """The file as emcee's backend, new or found again."""
-    require("h5py")
-    import h5py
-
-    if not resume:
-        begin_file(path, overwrite=overwrite)
-        return emcee.backends.HDFBackend(str(path), name=GROUP)
-    check_resumed(path)
-    backend: Any = emcee.backends.HDFBackend(str(path), name=GROUP)
-    if not backend.initialized:
-        raise ValueError(f"{path}: this file holds no chain of emcee")
-    with h5py.File(path, "r") as file:
-        mark = file[GROUP].attrs.get(MARK)
-        kept = int(file[GROUP].attrs.get("thin", 0))
-    check_same_problem(path, mark, problem.fingerprint)
-    if backend.shape != shape or kept != thin:
-        refuse_settings(path, (backend.shape[0], kept), (shape[0], thin))
-    return backend
-
-
-def begin_file(path: Path, *, overwrite: bool) -> None:
-    """Make room for the file of a new chain.
-
-    Raises:
-        FileExistsError: there is such a file, and it may not be replaced.
-    """
-    if path.exists() and not overwrite:
-        raise FileExistsError(
-            f"{path}: there is a chain already; resume it, choose another name, or ask to "
-            "overwrite it"
-        )
-    if path.exists():
-        os.remove(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-
-
-def check_resumed(path: Path) -> None:
-    """That there is a file to go on from.
-
-    Raises:
-        FileNotFoundError: there is none.
-    """
-    if not path.is_file():
-        raise FileNotFoundError(
-            f"{path}: there is no chain to resume; leave out the request to resume, to start one"
-        )
-
-
-def check_same_problem(path: Path, mark: object, fingerprint: str) -> None:
-    """That a file's chain is of this problem.
-
-    Raises:
-        ValueError: it is of another.
-    """
-    if mark != fingerprint:
-        raise ValueError(
-            f"{path}: the chain is of another problem (film, paints, noise or prior differ); "
-            "resume it with the settings that it was started with, or start another chain "
-            "elsewhere"
-        )
-
-
-def refuse_settings(path: Path, kept: tuple[int, int], asked: tuple[int, int]) -> NoReturn:
-    """Say that a file's walkers and thinning are others than those asked for.
-
-    Raises:
-        ValueError: always.
-    """
-    raise ValueError(
-        f"{path}: the chain has {kept[0]} walkers and keeps every {kept[1]}. step, not {asked[0]} "
-        f"and {asked[1]}; ask for the same"
-    )
-
-
-def _mark(path: Path, problem: Problem, thin: int) -> None:
-    import h5py
-
-    with h5py.File(path, "a") as file:
-        file[GROUP].attrs[MARK] = problem.fingerprint
-        file[GROUP].attrs["thin"] = thin
-
-
-@contextmanager
-def gentle_interrupt() -> Iterator[threading.Event]:
-    """Ctrl-C sets the event, so that a step is never cut in two; a second one stops at once."""
-    asked = threading.Event()
-    if threading.current_thread() is not threading.main_thread():
-        yield asked
-        return
-    before = signal.getsignal(signal.SIGINT)
-
-    def note(number: int, frame: Any) -> None:
-        if asked.is_set() and callable(before):
-            before(number, frame)
-        asked.set()
-
-    signal.signal(signal.SIGINT, note)
-    try:
-        yield asked
-    finally:
-        signal.signal(signal.SIGINT, before)
+    with gentle_interrupt() as asked:
+        while kept.steps + options.every <= options.length and not asked.is_set():
+            free = []
+            height = []
+            moved = 0.0
+            for number in range(kept.steps, kept.steps + options.every):
+                before = place.coords
+                # From the seed and the number of the step: a resumed chain is the one that was
+                # never stopped.
+                place.random_state = np.random.RandomState([options.seed, number]).get_state()
+                # Draws of Laplace's approximation are far from each other where a block is open.
+                place = next(sampler.sample(place, store=False, skip_initial_state_check=True))
+                free.append(place.coords.reshape(start.shape))
+                height.append(np.reshape(np.asarray(place.blobs), (walkers, blocks)))
+                moved += float(np.mean(np.any(place.coords != before, axis=1)))
+            state = {"free": place.coords, "height": height[-1]}
+            kept.add(np.stack(free), np.stack(height), moved, state)
+            options.progress(kept.steps, options.length, "sampling")
+    return kept.chain(interrupted=kept.steps + options.every <= options.length)

@@ -1,8 +1,12 @@
-"""Draws of `glazefit.posterior.hamiltonian`, in memory or in an HDF5 file, with what a resumed
-chain goes on from.
+"""Draws of a chain, in memory or in an HDF5 file, with what a resumed chain goes on from, and how
+Ctrl-C stops one.
 """
 
-from collections.abc import Mapping
+import signal
+import threading
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,11 +15,28 @@ from jaxtyping import Float
 
 from glazejax.extras import require
 
-from .chain import GROUP as EMCEE
-from .chain import MARK, Chain, begin_file, check_resumed, check_same_problem, refuse_settings
-from .sampling import Sampling
+from .sampling import SAMPLERS, Sampling
 
-GROUP = "hmc"
+
+@dataclass(frozen=True)
+class Chain:
+    """What was sampled.
+
+    Attributes:
+        free: free unknowns, (steps, walkers, blocks, dims), of every `thin`-th step.
+        log_probability: up to a constant, (steps, walkers, blocks).
+        accepted: mean share of proposals accepted.
+        thin: steps between two that are kept.
+        interrupted: whether it was stopped before it was done.
+        sampler: that made it, "emcee" or "hmc".
+    """
+
+    free: Float[np.ndarray, "steps walkers blocks dims"]
+    log_probability: Float[np.ndarray, "steps walkers blocks"]
+    accepted: float
+    thin: int
+    interrupted: bool = False
+    sampler: str = "emcee"
 
 
 class DrawsFile:
@@ -26,66 +47,86 @@ class DrawsFile:
         state: arrays that the next step goes on from, by name; empty before the first.
     """
 
-    def __init__(self, path: Path | None, thin: int) -> None:
-        self._path = path
-        self._thin = thin
+    def __init__(self, fingerprint: str, shape: tuple[int, int, int], options: Sampling) -> None:
+        """New, or found again.
+
+        Args:
+            fingerprint: of the problem.
+            shape: walkers, blocks and unknowns.
+            options: with the path and what to do with a file that is there.
+
+        Raises:
+            ValueError: a file whose chain is of another problem, sampler or settings, or that is
+                none.
+            FileExistsError: there is such a file, and neither `resume` nor `overwrite` was asked
+                for.
+            FileNotFoundError: `resume` was, and there is none.
+        """
+        self._path = None if options.path is None else Path(options.path)
+        self._thin = options.every
+        self._group = options.sampler
         self._free: list[np.ndarray] = []
         self._height: list[np.ndarray] = []
         self._accepted = 0.0
         self.steps = 0
         self.state: dict[str, np.ndarray] = {}
+        if self._path is not None:
+            require("h5py")
+            if options.resume:
+                self._read(self._path, fingerprint, shape[0])
+            else:
+                self._begin(self._path, fingerprint, shape, options.overwrite)
 
-    @classmethod
-    def open(cls, fingerprint: str, shape: tuple[int, int, int], options: Sampling) -> "DrawsFile":
-        """New, or found again.
-
-        Args:
-            fingerprint: of the problem.
-            shape: chains, blocks and unknowns.
-            options: with the path and what to do with a file that is there.
-
-        Raises:
-            ValueError: a file whose chain is of another problem or other settings, or that is none.
-            FileExistsError, FileNotFoundError: see `glazefit.posterior.chain.run_chain`.
-        """
-        path = None if options.path is None else Path(options.path)
-        kept = cls(path, options.every)
-        if path is None:
-            return kept
-        require("h5py")
+    def _begin(
+        self, path: Path, fingerprint: str, shape: tuple[int, int, int], overwrite: bool
+    ) -> None:
         import h5py
 
-        if options.resume:
-            kept._read(path, fingerprint, shape)
-            return kept
-        begin_file(path, overwrite=options.overwrite)
+        if path.exists() and not overwrite:
+            raise FileExistsError(
+                f"{path}: there is a chain already; resume it, choose another name, or ask to "
+                "overwrite it"
+            )
+        path.parent.mkdir(parents=True, exist_ok=True)
+        # An older file may still be open elsewhere.
+        path.unlink(missing_ok=True)
         with h5py.File(path, "w") as file:
-            group = file.create_group(GROUP)
+            group = file.create_group(self._group)
             group.create_group("state")
-            group.attrs.update({MARK: fingerprint, "thin": options.every, "steps": 0})
+            group.attrs.update({"problem": fingerprint, "thin": self._thin, "steps": 0})
             group.attrs["accepted"] = 0.0
             for name, each in (("chain", shape), ("log_prob", shape[:2])):
                 group.create_dataset(name, (0, *each), maxshape=(None, *each), dtype="f8")
-        return kept
 
-    def _read(self, path: Path, fingerprint: str, shape: tuple[int, int, int]) -> None:
+    def _read(self, path: Path, fingerprint: str, walkers: int) -> None:
         import h5py
 
-        check_resumed(path)
+        if not path.is_file():
+            raise FileNotFoundError(
+                f"{path}: there is no chain to resume; leave out the request to resume, to start "
+                "one"
+            )
         if not h5py.is_hdf5(path):
-            raise ValueError(f"{path}: this file holds no chain of emcee or hmc")
+            raise ValueError(f"{path}: this file holds no chain of {self._group}")
         with h5py.File(path, "r") as file:
-            if GROUP not in file:
-                found = "a chain of emcee" if EMCEE in file else "no chain of emcee or hmc"
+            if self._group not in file:
+                others = [f'; resume it with the sampler "{s}"' for s in SAMPLERS if s in file]
                 raise ValueError(
-                    f"{path}: this file holds {found}"
-                    + ('; resume it with the sampler "emcee"' if EMCEE in file else "")
+                    f"{path}: this file holds no chain of {self._group}{''.join(others)}"
                 )
-            group: Any = file[GROUP]
-            check_same_problem(path, group.attrs[MARK], fingerprint)
-            chains, thin = group["chain"].shape[1], int(group.attrs["thin"])
-            if chains != shape[0] or thin != self._thin:
-                refuse_settings(path, (chains, thin), (shape[0], self._thin))
+            group: Any = file[self._group]
+            if group.attrs["problem"] != fingerprint:
+                raise ValueError(
+                    f"{path}: the chain is of another problem (film, paints, noise or prior "
+                    "differ); resume it with the settings that it was started with, or start "
+                    "another chain elsewhere"
+                )
+            kept = group["chain"].shape[1], int(group.attrs["thin"])
+            if kept != (walkers, self._thin):
+                raise ValueError(
+                    f"{path}: the chain has {kept[0]} walkers and keeps every {kept[1]}. step, "
+                    f"not {walkers} and {self._thin}; ask for the same"
+                )
             self.steps = int(group.attrs["steps"])
             self._accepted = float(group.attrs["accepted"])
             self._free = [group["chain"][:]]
@@ -94,8 +135,8 @@ class DrawsFile:
 
     def add(
         self,
-        free: Float[Any, "steps chains blocks dims"],
-        height: Float[Any, "steps chains blocks"],
+        free: Float[Any, "steps walkers blocks dims"],
+        height: Float[Any, "steps walkers blocks"],
         accepted: float,
         state: Mapping[str, Any],
     ) -> None:
@@ -111,7 +152,7 @@ class DrawsFile:
         import h5py
 
         with h5py.File(self._path, "a") as file:
-            group: Any = file[GROUP]
+            group: Any = file[self._group]
             for name, new in (("chain", self._free[-1]), ("log_prob", self._height[-1])):
                 group[name].resize(len(group[name]) + len(new), axis=0)
                 group[name][len(group[name]) - len(new) :] = new
@@ -136,5 +177,26 @@ class DrawsFile:
             accepted=self._accepted / self.steps,
             thin=self._thin,
             interrupted=interrupted,
-            sampler=GROUP,
+            sampler=self._group,
         )
+
+
+@contextmanager
+def gentle_interrupt() -> Iterator[threading.Event]:
+    """Ctrl-C sets the event, so that a step is never cut in two; a second one stops at once."""
+    asked = threading.Event()
+    if threading.current_thread() is not threading.main_thread():
+        yield asked
+        return
+    before = signal.getsignal(signal.SIGINT)
+
+    def note(number: int, frame: Any) -> None:
+        if asked.is_set() and callable(before):
+            before(number, frame)
+        asked.set()
+
+    signal.signal(signal.SIGINT, note)
+    try:
+        yield asked
+    finally:
+        signal.signal(signal.SIGINT, before)

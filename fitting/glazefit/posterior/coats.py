@@ -19,12 +19,8 @@ from glazejax import Pigment
 from glazejax.paint import describe
 from glazejax.paint.describe import find_name
 
-from .film import MOST_PAINTS
-
-MOST_COATS = 6
 UNKNOWN = "?"
 ABOUT = "~"
-_THICKEST = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,15 +49,15 @@ class CoatPrior:
     def __post_init__(self) -> None:
         names = [paint.name for paint in self.paints]
         where = f"the coat of {' + '.join(names) or 'unknown paint'}"
-        if len(names) > MOST_PAINTS:
-            raise ValueError(f"{where} has {len(names)} paints; name {MOST_PAINTS} at most")
+        if len(names) > 5:
+            raise ValueError(f"{where} has {len(names)} paints; name 5 at most")
         if len(set(names)) < len(names):
             twice = next(name for name in names if names.count(name) > 1)
             raise ValueError(f"{where}: the paint {twice!r} is listed twice")
-        if self.thickness is not None and not 0 <= self.thickness <= _THICKEST:
+        # No coat of paint is thicker: who says so means another unit.
+        if self.thickness is not None and not 0 <= self.thickness <= 0.01:
             raise ValueError(
-                f"{where} is {self.thickness:g} m thick; it must be in [0, {_THICKEST:g}], in "
-                "metres"
+                f"{where} is {self.thickness:g} m thick; it must be in [0, 0.01], in metres"
             )
         if not (np.isfinite(self.spread) and self.spread >= 0):
             raise ValueError(
@@ -133,8 +129,8 @@ def check_coats(coats: Sequence[CoatPrior]) -> tuple[CoatPrior, ...]:
     Raises:
         ValueError: no coat, too many, or more unknown paints than one.
     """
-    if not 1 <= len(coats) <= MOST_COATS:
-        raise ValueError(f"{len(coats)} coats were given; describe 1 to {MOST_COATS}, top first")
+    if not 1 <= len(coats) <= 6:
+        raise ValueError(f"{len(coats)} coats were given; describe 1 to 6, top first")
     unknown = [n + 1 for n, coat in enumerate(coats) if coat.unknown]
     if len(unknown) > 1:
         where = " and ".join(map(str, unknown))

@@ -1,7 +1,8 @@
 """The command `glazejax posterior`: one measured film in, what is known of it out."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
@@ -23,8 +24,9 @@ if TYPE_CHECKING:
     from .coats import CoatPrior
     from .posterior import Posterior
 
+    _Task = Callable[..., Posterior]
+
 _GEOMETRY = "d:8"
-_PAINT_ERROR = 0.05
 
 CHAIN = "chain.h5"
 DATA = "posterior.nc"
@@ -151,7 +153,7 @@ def posterior(
                 "estimated too."
             )
         ),
-    ] = _PAINT_ERROR,
+    ] = 0.05,
     noise: options.Noise = 0.0005,
     noise_share: options.NoiseShare = 0.002,
     instrument: Annotated[str | None, options.instrument_option(_GEOMETRY)] = None,
@@ -215,7 +217,7 @@ def posterior(
         "resume": resume,
         "overwrite": overwrite,
     }
-    result = _run(task, prior, folder, {"instrument": seen_with, "noise": errors, **chain})
+    result = _run(task, folder, {"instrument": seen_with, "noise": errors, **chain})
     _write(result, folder, console)
     if result.chain is not None and result.chain.interrupted:
         kept = result.chain.free.shape[0] * result.chain.thin
@@ -239,14 +241,6 @@ class _StatedPaints(NamedTuple):
     bands: bool
     shelf: "Mapping[str, Pigment]"
     prior: "Prior"
-
-
-class _Task(NamedTuple):
-    """One film, and what it is made of: paints, coats, or nothing for --bands."""
-
-    film: "Films | Reading"
-    paints: "list[Pigment]"
-    coats: "tuple[CoatPrior, ...]" = ()
 
 
 def _check(
@@ -298,12 +292,13 @@ def _check_folder(out: Path | None, resume: bool, overwrite: bool) -> Path:
 
 def _simulate(
     made_of: _StatedPaints, instrument: "Instrument", noise: "Noise", seed: int, console: "Console"
-) -> _Task:
-    """Equal parts of the paints, or coats as described: unknown fractions equal, unknown
-    thicknesses the usual one.
+) -> "_Task":
+    """The posterior of a simulated film: equal parts of the paints, or coats as described, with
+    unknown fractions equal, unknown thicknesses the usual one.
     """
     import numpy as np
 
+    from glazejax import Mixture
     from glazejax.paint.describe import format_length
 
     from ..film.simulate import simulate_films
@@ -318,19 +313,9 @@ def _simulate(
         )
     grid = coats[0].paints[0].wavelengths
     thick = [usual if coat.thickness is None else coat.thickness for coat in coats]
+    media = [Mixture(coat.on(grid).paints, coat.shares) for coat in coats]
     k, s = (
-        np.stack(
-            [
-                d
-                * np.einsum(
-                    "p,pb->b",
-                    coat.shares,
-                    [np.asarray(getattr(p.resample(grid), what)) for p in coat.paints],
-                )
-                for coat, d in zip(coats, thick, strict=True)
-            ],
-            axis=-1,
-        )
+        np.stack([getattr(m, what) * d for m, d in zip(media, thick, strict=True)], axis=-1)
         for what in ("absorption", "scattering")
     )
     film = simulate_films(
@@ -349,7 +334,7 @@ def _simulate(
         f"[bold]Simulated data:[/bold] {parts} with made-up noise (seed {seed}). Nothing here "
         "was measured."
     )
-    return _Task(film, paints, coats if made_of.coats else ())
+    return _posterior_of(film, paints, made_of)
 
 
 def _read_measured(
@@ -359,18 +344,30 @@ def _read_measured(
     ground: str | None,
     noise: "Noise",
     console: "Console",
-) -> _Task:
+) -> "_Task":
     assert file is not None
     film = (
         _film(file, sample, console)
         if ground is None
         else _spectrum(file, sample, ground, noise, console)
     )
-    if made_of.bands:
-        return _Task(film, [])
+    named = [] if made_of.bands or made_of.coats else made_of.names or _recipe(file, sample)
+    return _posterior_of(film, _paints(named, made_of.shelf), made_of)
+
+
+def _posterior_of(
+    film: "Films | Reading", paints: "list[Pigment]", made_of: _StatedPaints
+) -> "_Task":
+    """The posterior of the film's coats, of its paints, or of its bands where no paint is
+    assumed.
+    """
+    from .posterior import posterior_of_bands, posterior_of_coats, posterior_of_film
+
     if made_of.coats:
-        return _Task(film, [], _coats(made_of))
-    return _Task(film, _paints(made_of.names or _recipe(file, sample), made_of.shelf))
+        return partial(posterior_of_coats, film, _coats(made_of), prior=made_of.prior)
+    if not paints:
+        return partial(posterior_of_bands, film)
+    return partial(posterior_of_film, film, paints, prior=made_of.prior)
 
 
 def _coats(made_of: _StatedPaints) -> "tuple[CoatPrior, ...]":
@@ -437,26 +434,16 @@ def _paints(names: list[str], shelf: "Mapping[str, Pigment]") -> "list[Pigment]"
     return list(options.find_paints(names, shelf).values())
 
 
-def _run(task: _Task, prior: "Prior", out: Path, given: dict[str, Any]) -> "Posterior":
-    """The posterior of the film's paints, of its coats, or of its bands where no paint is
-    assumed.
-    """
+def _run(task: "_Task", out: Path, given: dict[str, Any]) -> "Posterior":
+    """Compute the posterior, with a bar that shows how far it is."""
     from rich.console import Console
-
-    from .posterior import posterior_of_bands, posterior_of_film
-    from .stack_posterior import posterior_of_coats
 
     out.mkdir(parents=True, exist_ok=True)
     Console(stderr=True).print(
         "[dim]Finding the mode; the first run compiles for up to a minute.[/dim]"
     )
     with _bar() as shown:
-        given = given | {"path": out / CHAIN, "progress": shown}
-        if task.coats:
-            return posterior_of_coats(task.film, task.coats, prior=prior, **given)
-        if not task.paints:
-            return posterior_of_bands(task.film, **given)
-        return posterior_of_film(task.film, task.paints, prior=prior, **given)
+        return task(path=out / CHAIN, progress=shown, **given)
 
 
 @contextmanager

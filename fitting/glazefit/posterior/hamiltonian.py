@@ -40,7 +40,6 @@ posteriors as manifolds; E. Zappa, M. Holmes-Cerf and J. Goodman, Comm. Pure App
 """
 
 import functools
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax
@@ -49,39 +48,15 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from glazejax.programs import Program
-from glazejax.progress import Progress
 from glazejax.radiative.common.linalg import solve_positive
 
-from .chain import Chain, gentle_interrupt
-from .chain_file import DrawsFile
+from .chain_file import Chain, DrawsFile, gentle_interrupt
 from .laplace import Laplace
 from .problem import Problem
 from .sampling import Sampling
 
-# Moves before the first that is kept, in two windows.
-_WARM_UP = (20, 40)
 # Steps between two looks at the keyboard and the file.
 _PIECE = 50
-# Length of a trajectory at most, half a turn, and steps at most; those of a metric that is the same
-# everywhere cost a tenth.
-_HALF_TURN = np.pi
-_MOST = 12
-_MOST_STRAIGHT = 32
-# Steps of one trajectory are this part of the longest, or more.
-_SHORTEST = 0.5
-_JUMP = 10
-_ACCEPT = 0.7
-_FIRST_STEP = 0.3
-# Newton's method: steps at most, and how near it comes, in standard deviations of the posterior; on
-# the way back it is enough to see where it goes.
-_NEWTON = 10
-_NEAR = 1e-5
-_BACK = 1e-3
-_SAME = 1e-2
-# Draws of Laplace's Gaussians that the first metric is taken from.
-_DRAWS = 500
-# Number of the first step that is kept, beyond any of the warm-up.
-_SAMPLING = 100_000
 
 
 class Gaussians(NamedTuple):
@@ -236,8 +211,8 @@ class Graph(NamedTuple):
 
         def search(state: tuple) -> Array:
             _, _, size, before, count = state
-            # Where it does not come nearer it will not arrive.
-            return (size > near) & (size < before) & (count < _NEWTON)
+            # Where it does not come nearer, or not in ten steps, it will not arrive.
+            return (size > near) & (size < before) & (count < 10)
 
         def newton(state: tuple) -> tuple:
             free, off, size, _, count = state
@@ -281,9 +256,11 @@ def _trajectory(
     """
     length, shorter, kick = jax.random.split(key, 3)
     dtype = free.dtype
-    step = jnp.exp(log_step) * jax.random.uniform(shorter, (), dtype, _SHORTEST, 1.0)
-    turn = _HALF_TURN * jax.random.uniform(length, (), dtype)
-    most = _MOST_STRAIGHT if graph.scaled is None else _MOST
+    # Steps of one trajectory are half of the longest or more; it is half a turn at most.
+    step = jnp.exp(log_step) * jax.random.uniform(shorter, (), dtype, 0.5, 1.0)
+    turn = np.pi * jax.random.uniform(length, (), dtype)
+    # Steps of a metric that is the same everywhere cost a tenth.
+    most = 32 if graph.scaled is None else 12
     number = jnp.clip(jnp.ceil(turn / step), 1, most)
     start = graph.empty(free)
     noise = jax.random.normal(kick, start.scaled.shape, dtype)
@@ -303,11 +280,13 @@ def _trajectory(
         # The way back from here, and the next step, if there is one.
         back = jnp.where(begins, 0.0, -arriving)
         ahead = jnp.where(ends, 0.0, step * (momentum + 0.5 * step * here.pull))
+        # How near Newton's method comes, in standard deviations of the posterior; on the way back
+        # it is enough to see that it goes to the same place, within a hundredth.
         places, found = jax.vmap(graph.move, (None, 0, 0))(
-            here, jnp.stack([back, ahead]), jnp.array([_BACK, _NEAR])
+            here, jnp.stack([back, ahead]), jnp.array([1e-3, 1e-5])
         )
         missed = before.slopes @ (places[0] - before.free)
-        same = begins | (jnp.sum(missed**2) < _SAME**2)
+        same = begins | (jnp.sum(missed**2) < 0.01**2)
         return Flight(
             before=here,
             free=jnp.where(found[1], places[1], here.free),
@@ -370,14 +349,14 @@ def _steps(
         place, tuning, piece = state
         number = span.first + i
         move, coin = jax.random.split(jax.random.fold_in(model.key, number))
-        jumps = number % _JUMP == _JUMP - 1
+        jumps = number % 10 == 9
         moved: tuple[Positions, Array] = jax.lax.cond(jumps, jump, trajectory, place, tuning, move)
         end, gain = moved
         chance = jnp.minimum(1.0, jnp.exp(gain))
         takes = jax.random.uniform(coin, chance.shape, chance.dtype) < chance
         free = jnp.asarray(jnp.where(takes[..., None], end.free, place.free))
         place = Positions(free, jnp.asarray(jnp.where(takes, end.height, place.height)))
-        better = tuning.log_step + (chance.mean(axis=0) - _ACCEPT) / (1.0 + 0.1 * i)
+        better = tuning.log_step + (chance.mean(axis=0) - 0.7) / (1.0 + 0.1 * i)
         learns = span.learning & ~jumps
         tuning = tuning._replace(log_step=jnp.where(learns, better, tuning.log_step))
         piece = Piece(
@@ -428,10 +407,10 @@ class _Sampler:
         prior = np.linalg.cholesky(np.linalg.inv(problem.prior_covariance)).T
         tuning = Tuning(
             root=jnp.asarray(np.broadcast_to(prior, (blocks, dims, dims))),
-            log_step=jnp.full(blocks, np.log(_FIRST_STEP)),
+            log_step=jnp.full(blocks, np.log(0.3)),
         )
         if problem.scaled is None:
-            tuning = self.with_metric_of(tuning, approximation.draws(_DRAWS, rng))
+            tuning = self.with_metric_of(tuning, approximation.draws(500, rng))
             return jnp.asarray(approximation.draws(chains, rng)), tuning
         # Evenly spaced places in the summed shares: each mode has its part of the chains.
         places = (np.arange(chains) + rng.random()) / chains
@@ -467,47 +446,35 @@ def run_hamiltonian(problem: Problem, approximation: Laplace, options: Sampling)
         options: steps of each chain after the warm-up, how many chains, and the rest.
 
     Raises:
-        ValueError: a file whose chain is of another problem, or nothing was kept.
-        FileExistsError: there is such a file, and neither `resume` nor `overwrite` was asked for.
-        FileNotFoundError: `resume` was, and there is none.
+        ValueError: nothing was kept.
+        ValueError, FileExistsError, FileNotFoundError: see `glazefit.posterior.chain_file`.
     """
     chains = options.walkers_for(problem.dims)
-    kept = DrawsFile.open(problem.fingerprint, (chains, len(problem.blocks), problem.dims), options)
+    kept = DrawsFile(problem.fingerprint, (chains, len(problem.blocks), problem.dims), options)
     sampler = _Sampler(problem, approximation, options)
     with gentle_interrupt() as asked:
+        # Moves before the first that is kept, in two windows.
+        warm_up = [Span(0, 20, learning=True), Span(20, 40, learning=True)]
         if kept.steps == 0:
-            begun = _begin(sampler, chains, asked.is_set, options.progress)
-            if begun is None:
-                return kept.chain(interrupted=True)
-            free, tuning = begun
+            free, tuning = sampler.first(chains)
         else:
+            warm_up = []
             state = {name: jnp.asarray(array) for name, array in kept.state.items()}
             free = state.pop("free")
             tuning = Tuning(**state)
         while kept.steps < options.length and not asked.is_set():
+            if warm_up:
+                span = warm_up.pop(0)
+                free, tuning, piece = sampler.steps(free, tuning, span)
+                tuning = sampler.with_metric_of(tuning, np.asarray(piece.free[: span.number]))
+                options.progress(int(span.first + span.number), 60, "warming up")
+                continue
             count = min(_PIECE, options.length - kept.steps)
-            span = Span(_SAMPLING + kept.steps, count, learning=False)
+            # Numbers beyond any step of the warm-up.
+            span = Span(100_000 + kept.steps, count, learning=False)
             free, tuning, piece = sampler.steps(free, tuning, span)
             accepted = float(piece.accepted)
             state = {"free": free, **tuning._asdict()}
             kept.add(piece.free[:count], piece.height[:count], accepted, state)
             options.progress(kept.steps, options.length, "sampling")
     return kept.chain(interrupted=kept.steps < options.length)
-
-
-def _begin(
-    sampler: _Sampler, chains: int, stop: Callable[[], bool], progress: Progress
-) -> tuple[Array, Tuning] | None:
-    """Chains that have left the modes, with steps of a good length; None if they were stopped on
-    the way.
-    """
-    free, tuning = sampler.first(chains)
-    done = 0
-    for window in _WARM_UP:
-        free, tuning, piece = sampler.steps(free, tuning, Span(done, window, learning=True))
-        tuning = sampler.with_metric_of(tuning, np.asarray(piece.free[:window]))
-        done += window
-        progress(done, sum(_WARM_UP), "warming up")
-        if stop():
-            return None
-    return free, tuning

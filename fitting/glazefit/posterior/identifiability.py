@@ -6,7 +6,7 @@ an eigenvalue of 1 is a direction of which the data say nothing, and .01 one tha
 times.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,20 +20,6 @@ from .summary import LEVELS
 
 OPEN = 0.25
 """A direction with this share of the prior's variance, half of its width, or more, is open."""
-
-TIED = 0.95
-"""Unknowns correlated as much as this are known together better than each by itself."""
-
-ALIKE = 0.15
-"""A posterior is its prior if its median and both ends of 90 % are, within this share of the
-prior's width.
-"""
-
-_PRIOR_DRAWS = 4000
-# A film so many times as thick that is as likely, to this log likelihood, by so many of the draws.
-_THICKER = 3.0
-_AS_LIKELY = 0.5
-_TRIED = 64
 
 
 @dataclass(frozen=True)
@@ -71,44 +57,17 @@ def directions(
     return shares, vectors, covariance / sd[:, :, None] / sd[:, None, :]
 
 
-def of_paints(
-    free: Float[np.ndarray, "draws blocks dims"],
-    prior: Float[np.ndarray, "dims dims"],
-    names: Sequence[str],
-    films: Sequence[str],
-) -> Identifiability:
-    """What is open in films of known paints.
-
-    Args:
-        free: draws of the free unknowns.
-        prior: their covariance before the measurement.
-        names: of the unknowns, in the reader's words.
-        films: names of the blocks.
-    """
-    shares, vectors, correlation = directions(free, prior)
-    sentences = []
-    for b, film in enumerate(films):
-        where = f"{film}: " if len(films) > 1 else ""
-        open_ = [(s, v, _parts(v)) for s, v in zip(shares[b], vectors[b], strict=True) if s >= OPEN]
-        said = [
-            *(_describe_open(*one, names) for one in open_),
-            *_describe_correlated(correlation[b], names),
-        ]
-        sentences += [where + words for words in said]
-    return Identifiability(shares, vectors, correlation, tuple(sentences))
-
-
 def _describe_correlated(
     correlation: Float[np.ndarray, "dims dims"], names: Sequence[str]
 ) -> list[str]:
-    """Pairs of unknowns that move together."""
+    """Pairs of unknowns that move together: known together better than each by itself."""
     return [
         f"{names[j]} and {names[i]} can hardly be told apart: they move "
         f"{'against each other' if correlation[i, j] < 0 else 'together'} (correlation "
         f"{correlation[i, j]:.2f})"
         for i in range(len(names))
         for j in range(i)
-        if abs(correlation[i, j]) >= TIED
+        if abs(correlation[i, j]) >= 0.95
     ]
 
 
@@ -144,23 +103,23 @@ def open_above(problem: Problem, free: Float[np.ndarray, "draws blocks dims"]) -
         problem: of films of known paints.
         free: draws of the free unknowns.
     """
-    draws = free[:: max(1, len(free) // _TRIED)]
+    draws = free[:: max(1, len(free) // 64)]
     thicker = draws.copy()
-    thicker[..., problem.unknowns.index("thickness")] += np.log(_THICKER)
+    thicker[..., problem.unknowns.index("thickness")] += np.log(3.0)
     lost = np.mean(problem.log_likelihood(draws) - problem.log_likelihood(thicker), axis=0)
     return [
         f"{film + ': ' if len(problem.blocks) > 1 else ''}thickness is open above: a film "
-        f"{_THICKER:g} times as thick "
-        "would read the same, so that its upper end is what was expected, not what was measured"
+        "3 times as thick would read the same, so that its upper end is what was expected, not "
+        "what was measured"
         for film, less in zip(problem.blocks, lost, strict=True)
-        if less < _AS_LIKELY
+        if less < 0.5
     ]
 
 
 def of_bands(
     free: Float[np.ndarray, "draws blocks 2"],
     prior: Float[np.ndarray, "2 2"],
-    optical: Float[np.ndarray, "draws blocks 2"],
+    spectra: Mapping[str, Float[np.ndarray, "draws blocks"]],
     wavelengths: Float[np.ndarray, "blocks"],
 ) -> Identifiability:
     """What is open in k d and s d of a film, band by band.
@@ -171,26 +130,20 @@ def of_bands(
     Args:
         free: draws of the free unknowns.
         prior: their covariance before the measurement.
-        optical: the same draws as k d and s d.
+        spectra: the same draws as k d, s d and k/s (see `Problem.spectra`).
         wavelengths: nm.
     """
     shares, vectors, correlation = directions(free, prior)
-    return Identifiability(shares, vectors, correlation, tuple(_of_spectra(optical, wavelengths)))
+    return Identifiability(shares, vectors, correlation, tuple(_of_spectra(spectra, wavelengths)))
 
 
 def _of_spectra(
-    optical: Float[np.ndarray, "draws bands 2"], wavelengths: Float[np.ndarray, "bands"]
+    spectra: Mapping[str, Float[np.ndarray, "draws bands"]], wavelengths: Float[np.ndarray, "bands"]
 ) -> list[str]:
     """What is open in k d and s d, band by band."""
-    k, s, ratio = (
-        _known_values(values)
-        for values in (optical[..., 0], optical[..., 1], optical[..., 0] / optical[..., 1])
-    )
+    k, s, ratio = (_known_values(spectra[what]) for what in ("absorption", "scattering", "ratio"))
     cases = (
-        (
-            only_ratio(optical[..., 0], optical[..., 1]),
-            "only k/s is known, not k and s by themselves",
-        ),
+        (only_ratio(spectra), "only k/s is known, not k and s by themselves"),
         (~ratio & s & ~k, "s is known, but of k only an upper limit"),
         (~ratio & k & ~s, "k is known, but s is not"),
         (~ratio & ~k & ~s, "neither k nor s nor k/s is known to half its value"),
@@ -198,13 +151,14 @@ def _of_spectra(
     return [f"{ranges(wavelengths, where)}: {what}" for where, what in cases if where.any()]
 
 
-def of_coats(
+def of_films(
     problem: Problem,
     free: Float[np.ndarray, "draws blocks dims"],
     wavelengths: Float[np.ndarray, "bands"],
 ) -> Identifiability:
-    """What is open in films of several coats: first each unknown by itself, then ties of
-    thicknesses and fractions.
+    """What is open in films of coats: of one coat of known paints directions of all unknowns, and a
+    thickness that is open above; else first each unknown by itself, then ties of thicknesses and
+    fractions.
 
     Args:
         problem: of the films.
@@ -212,31 +166,24 @@ def of_coats(
         wavelengths: nm.
     """
     shares, vectors, correlation = directions(free, problem.prior_covariance)
-    beforehand = problem.prior_draws(np.random.default_rng(0), _PRIOR_DRAWS)
-    sentences: list[str] = []
+    by_coats = problem.kind == "stack"
+    beforehand = problem.prior_draws(np.random.default_rng(0), 4000)
+    sentences = [] if by_coats else open_above(problem, free)
     for b, film in enumerate(problem.blocks):
-        where = f"{film}: " if len(problem.blocks) > 1 else ""
-        ties = []
-        for quantity in problem.quantities:
+        ties = [] if by_coats else [*range(problem.dims)]
+        said: list[str] = []
+        for quantity in problem.quantities if by_coats else ():
             if quantity.name not in problem.unknowns:
                 continue
             unchanged, words = _compare_with_prior(quantity, free[:, b], beforehand)
-            sentences += [where + words] if words else []
+            said += [words] if words else []
             if not unchanged and " of coat " in quantity.name:
                 ties.append(problem.unknowns.index(quantity.name))
-        sentences += [where + words for words in _open_directions(free[:, b], problem, ties)]
-        spectra = [
-            np.stack(
-                [q.values(free[:, b]) for q in problem.quantities if q.spectrum == what], axis=-1
-            )
-            for what in ("absorption", "scattering")
-            if any(q.spectrum for q in problem.quantities)
-        ]
-        if spectra:
-            sentences += [
-                f"{where}unknown paint, {words}"
-                for words in _of_spectra(np.stack(spectra, -1), wavelengths)
-            ]
+        said += _open_directions(free[:, b], problem, ties, alone=not by_coats)
+        if spectra := problem.spectra(free[:, b]):
+            said += [f"unknown paint, {words}" for words in _of_spectra(spectra, wavelengths)]
+        where = f"{film}: " if len(problem.blocks) > 1 else ""
+        sentences += [where + words for words in said]
     return Identifiability(shares, vectors, correlation, tuple(sentences))
 
 
@@ -248,12 +195,10 @@ def _compare_with_prior(
     """Whether a quantity's posterior is its prior; a sentence if the readings tell little or
     nothing of it, or none.
     """
-    scale = np.log if quantity.logarithmic else np.asarray
-    after, before = (
-        np.quantile(scale(quantity.values(draws)), LEVELS) for draws in (free, beforehand)
-    )
+    after, before = (np.quantile(quantity.scaled(draws), LEVELS) for draws in (free, beforehand))
     width = before[-1] - before[0]
-    if np.abs(after - before).max() <= ALIKE * width:
+    # A posterior is its prior if its median and both ends of 90 % are, nearly.
+    if np.abs(after - before).max() <= 0.15 * width:
         return True, f"{quantity.name}: not told by these readings: its posterior is its prior"
     share = (after[-1] - after[0]) / width
     if share >= np.sqrt(OPEN):
@@ -266,29 +211,29 @@ def _compare_with_prior(
 
 
 def _open_directions(
-    free: Float[np.ndarray, "draws dims"], problem: Problem, columns: Sequence[int]
+    free: Float[np.ndarray, "draws dims"], problem: Problem, columns: Sequence[int], *, alone: bool
 ) -> list[str]:
-    """Open directions of several of these unknowns, and unknowns that move together."""
+    """Open directions of these unknowns, those of a single one `alone` too, and unknowns that move
+    together.
+    """
     if not columns:
         return []
     names = [problem.unknowns[i] for i in columns]
     prior = problem.prior_covariance[np.ix_(columns, columns)]
     shares, vectors, correlation = directions(free[:, None, columns], prior)
     open_ = [(s, v, _parts(v)) for s, v in zip(shares[0], vectors[0], strict=True) if s >= OPEN]
-    # Those of one unknown are said of each by itself.
     return [
-        *(_describe_open(*one, names) for one in open_ if len(one[2]) > 1),
+        *(_describe_open(*one, names) for one in open_ if alone or len(one[2]) > 1),
         *_describe_correlated(correlation[0], names),
     ]
 
 
 def only_ratio(
-    absorption: Float[np.ndarray, "draws blocks"], scattering: Float[np.ndarray, "draws blocks"]
-) -> Bool[np.ndarray, "blocks"]:
+    spectra: Mapping[str, Float[np.ndarray, "draws bands"]],
+) -> Bool[np.ndarray, "bands"]:
     """Bands of which k/s is known, but not both k and s."""
-    return _known_values(absorption / scattering) & ~(
-        _known_values(absorption) & _known_values(scattering)
-    )
+    k, s, ratio = (_known_values(spectra[what]) for what in ("absorption", "scattering", "ratio"))
+    return ratio & ~(k & s)
 
 
 def _known_values(values: Float[np.ndarray, "draws blocks"]) -> np.ndarray:

@@ -28,14 +28,6 @@ from .arviz import load_arviz
 from .problem import Problem
 
 TRUSTED_TAIL = 0.7
-_MODES = 6
-_DRAWS_A_START = 48
-_STEPS = 60
-_SETTLED = 1e-6
-# Unknowns up to which `damped_solution` is taken: it is unrolled.
-_FEW = 7
-# Modes nearer than this many of their standard deviations are one.
-_APART = 2.0
 
 
 class Modes(NamedTuple):
@@ -119,10 +111,11 @@ def _climb(
         return levenberg_marquardt(
             lambda free: residuals(free, one, shared),
             points,
-            rtol=_SETTLED,
-            atol=_SETTLED,
-            max_steps=_STEPS,
-            damped=damped_solution if points.shape[-1] <= _FEW else normal_solution,
+            rtol=1e-6,
+            atol=1e-6,
+            max_steps=60,
+            # The first is unrolled: for few unknowns.
+            damped=damped_solution if points.shape[-1] <= 7 else normal_solution,
         )
 
     return jax.lax.map(block, (data, starts), batch_size=batch)
@@ -167,10 +160,10 @@ def climb(problem: Problem, first: Float[np.ndarray, "blocks starts dims"]) -> M
 def _starts(problem: Problem, starts: int, seed: int) -> Float[np.ndarray, "blocks starts dims"]:
     """The likeliest of each group of draws, so that the starts do not all lie in one valley."""
     blocks = len(problem.blocks)
-    tried = problem.prior_draws(np.random.default_rng(seed), starts * _DRAWS_A_START)
+    tried = problem.prior_draws(np.random.default_rng(seed), starts * 48)
     values = problem.log_probability(np.repeat(tried[:, None], blocks, axis=1))
-    best = values.reshape(starts, _DRAWS_A_START, blocks).argmax(axis=1)
-    return tried[(best + _DRAWS_A_START * np.arange(starts)[:, None]).T]
+    best = values.reshape(starts, -1, blocks).argmax(axis=1)
+    return np.stack([group[of] for group, of in zip(np.split(tried, starts), best, strict=True)], 1)
 
 
 def laplace(problem: Problem, found: Modes, *, seed: int = 0, draws: int = 4000) -> Laplace:
@@ -220,16 +213,18 @@ def _distinct(
     """
     blocks, starts, _ = found.shape
     precision = np.linalg.inv(covariances)
-    index = np.zeros((blocks, _MODES), dtype=int)
-    real = np.zeros((blocks, _MODES), dtype=bool)
+    # Six modes a block are kept at most.
+    index = np.zeros((blocks, 6), dtype=int)
+    real = np.zeros(index.shape, dtype=bool)
     for b in range(blocks):
         kept: list[int] = []
         for s in range(starts):
             if not np.isfinite(height[b, s]) or height[b, s] < height[b, 0] - 20.0:
                 continue
             off = found[b, s] - found[b, kept]
-            near = [d @ precision[b, k] @ d < _APART**2 for d, k in zip(off, kept, strict=True)]
-            if not any(near) and len(kept) < _MODES:
+            # Modes nearer than two of their standard deviations are one.
+            near = [d @ precision[b, k] @ d < 2.0**2 for d, k in zip(off, kept, strict=True)]
+            if not any(near) and len(kept) < index.shape[1]:
                 kept.append(s)
         index[b, : len(kept)], real[b, : len(kept)] = kept, True
     return index, real

@@ -1,22 +1,33 @@
 """Which unknowns a film of coats has, where each stands, what it is called, and what is likely of
-it beforehand.
+it before the measurement.
 """
 
 import functools
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
+import jax
+import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
-from scipy.special import expit
+from jaxtyping import Array, Float, Int
+from scipy.special import expit, polygamma, softmax
 
 from ..film.model.errors import Prior
 from ..film.model.optics import Optics
-from .coats import CoatPrior
-from .film import draw_ratios, fraction, ratios_covariance
 from .problem import Quantity
+
+
+class Places(NamedTuple):
+    """Where each unknown stands among the free ones; empty for what is known. The model error is
+    the last.
+    """
+
+    ratios: tuple[slice, ...]
+    thickness: tuple[slice, ...]
+    spectra: tuple[slice, ...]
+    gloss: slice
 
 
 @dataclass(frozen=True)
@@ -59,133 +70,135 @@ class Layout:
         return tuple(slice(int(a), int(b)) for a, b in itertools.pairwise(ends))
 
     @property
-    def places(self) -> "Places":
+    def places(self) -> Places:
         """Where each unknown stands."""
-        ratios = []
-        thickness = []
-        at = 0
+        counts: list[int] = []
         for size, sought, thick in zip(self.sizes, self.fractions, self.thickness, strict=True):
-            count = size - 1 if sought else 0
-            ratios.append(slice(at, at + count))
-            at += count
-            thickness.append(at if thick else None)
-            at += thick
-        spectra = (slice(at, at + self.modes[0]), slice(at + self.modes[0], at + sum(self.modes)))
-        at += sum(self.modes)
+            counts += [size - 1 if sought else 0, thick]
+        ends = np.cumsum([0, *counts, *self.modes, self.gloss]).tolist()
+        each = tuple(slice(first, last) for first, last in itertools.pairwise(ends))
         return Places(
-            ratios=tuple(ratios),
-            thickness=tuple(thickness),
-            spectra=spectra,
-            gloss=at if self.gloss else None,
-            error=at + self.gloss,
+            ratios=each[:-3:2], thickness=each[1:-3:2], spectra=each[-3:-1], gloss=each[-1]
         )
 
     @property
+    def dims(self) -> int:
+        """Number of the free unknowns."""
+        return self.places.gloss.stop + 1
+
+    @property
+    def normal(self) -> Int[np.ndarray, "normal"]:
+        """Where the unknowns stand that are Gaussian beforehand: all but log-ratios and gloss."""
+        places = self.places
+        return np.delete(np.arange(self.dims), np.r_[(*places.ratios, places.gloss)])
+
+    @property
     def prior_rows(self) -> int:
-        """Residuals of the prior."""
-        shares = sum(
-            size for size, sought in zip(self.sizes, self.fractions, strict=True) if sought
-        )
-        return shares + sum(self.thickness) + sum(self.modes) + self.gloss + 1
+        """Residuals of the prior: one an unknown, and one more for each coat's fractions."""
+        return self.dims + sum(self.fractions)
 
 
-class Places(NamedTuple):
-    """Where each unknown stands among the free ones."""
-
-    ratios: tuple[slice, ...]
-    thickness: tuple[int | None, ...]
-    spectra: tuple[slice, slice]
-    gloss: int | None
-    error: int
+def log_fractions(ratios: Float[Array, "*n ratios"]) -> Float[Array, "*n paints"]:
+    """Logarithms of the fractions from their log-ratios to the last one."""
+    return jax.nn.log_softmax(jnp.concatenate([ratios, jnp.zeros_like(ratios[..., :1])], axis=-1))
 
 
-def unknowns(layout: Layout, coats: Sequence[CoatPrior] | None) -> tuple[str, ...]:
-    """Names of the free unknowns; a log-ratio is called by the paint whose share it moves.
+def _fraction(free: Float[np.ndarray, "*n dims"], at: slice, which: int) -> np.ndarray:
+    """One paint's fraction, from the log-ratios that stand at these places, (...)."""
+    ratios = np.concatenate([free[..., at], np.zeros_like(free[..., :1])], axis=-1)
+    return softmax(ratios, axis=-1)[..., which]
+
+
+def _exponential(
+    free: Float[np.ndarray, "*n dims"],
+    level: float | np.floating,
+    weights: Float[np.ndarray, "dims"],
+) -> np.ndarray:
+    """A quantity whose logarithm is linear in the unknowns, (...)."""
+    return np.exp(level + free @ weights)
+
+
+def name_unknowns(
+    layout: Layout,
+    *,
+    paints: Sequence[Sequence[object]],
+    suffixes: Sequence[str],
+    median: Float[np.ndarray, "coats"],
+    grid: Float[np.ndarray, "bands"],
+    levels: Float[np.ndarray, "2"],
+    modes: tuple[Float[np.ndarray, "bands modes"], Float[np.ndarray, "bands others"]],
+) -> tuple[tuple[str, ...], tuple[Quantity, ...]]:
+    """Names of the free unknowns, of which a log-ratio is called by the paint whose share it moves,
+    and what is reported of a film.
 
     Args:
         layout: of the unknowns.
-        coats: of the film; None for several films side by side, whose paints differ.
-    """
-    names: list[str] = []
-    for n, size in enumerate(layout.sizes):
-        names += [_share(n, i, coats) for i in range(size - 1 if layout.fractions[n] else 0)]
-        names += [f"thickness of coat {n + 1}"] * layout.thickness[n]
-    for what, count in zip(("k d", "s d"), layout.modes, strict=True):
-        names += [f"mode {i + 1} of {what}" for i in range(count)]
-    return (*names, *["gloss"] * layout.gloss, "model error")
-
-
-def _share(coat: int, which: int, coats: Sequence[CoatPrior] | None) -> str:
-    name = which + 1 if coats is None else coats[coat].paints[which].name
-    return f"fraction {name} of coat {coat + 1}"
-
-
-def quantities(
-    layout: Layout,
-    coats: Sequence[CoatPrior] | None,
-    median: Float[np.ndarray, "coats"],
-    grid: Float[np.ndarray, "bands"],
-    means: Float[np.ndarray, "2"],
-    modes: tuple[Float[np.ndarray, "bands modes"], Float[np.ndarray, "bands others"]],
-) -> tuple[Quantity, ...]:
-    """What is reported of a film.
-
-    Args:
-        layout, coats: as for `unknowns`.
+        paints: names of each coat's paints.
+        suffixes: of the names of what a coat has.
         median: of the thicknesses beforehand, m.
         grid: wavelengths, nm.
-        means, modes: of log k d and log s d of an unknown paint.
+        levels, modes: of log k d and log s d of an unknown paint.
     """
     places = layout.places
-    found: list[Quantity] = []
-    for n, size in enumerate(layout.sizes):
+    reported: list[Quantity] = []
+    names: list[str] = []
+
+    def report(name: str, level: float, weights: np.ndarray, spectrum: str = "") -> None:
+        values = functools.partial(_exponential, level=level, weights=weights)
+        reported.append(Quantity(name, True, values, spectrum))
+
+    unit = np.eye(layout.dims)
+    for n, suffix in enumerate(suffixes):
         if layout.fractions[n]:
-            shares = (
-                functools.partial(fraction, at=places.ratios[n], which=i) for i in range(size)
-            )
-            found += [
-                Quantity(_share(n, i, coats), False, values) for i, values in enumerate(shares)
+            each = [f"fraction {paint}{suffix}" for paint in paints[n]]
+            names += each[:-1]
+            reported += [
+                Quantity(name, False, functools.partial(_fraction, at=places.ratios[n], which=i))
+                for i, name in enumerate(each)
             ]
-        if (place := places.thickness[n]) is not None:
-            found.append(
-                Quantity(f"thickness of coat {n + 1}", True, _scale(place, float(median[n])))
-            )
+        if layout.thickness[n]:
+            names.append(f"thickness{suffix}")
+            report(names[-1], np.log(median[n]), unit[places.thickness[n].start])
+    for what, count in zip(("k d", "s d"), layout.modes, strict=True):
+        names += [f"mode {i + 1} of {what}" for i in range(count)]
     for b, wavelength in enumerate(grid if layout.unknown_coat is not None else []):
-        k, s = (
-            _affine(m, mode[b], at)
-            for m, mode, at in zip(means, modes, places.spectra, strict=True)
-        )
-        for what, values in (("absorption", k), ("scattering", s), ("ratio", _difference(k, s))):
-            name = f"{what} at {wavelength:g} nm"
-            found.append(
-                Quantity(
-                    name, True, _exponential(values), spectrum=what, wavelength=float(wavelength)
-                )
-            )
-    if places.gloss is not None:
-        gloss = places.gloss
-        found.append(Quantity("gloss", False, lambda free: expit(free[..., gloss])))
-    found.append(Quantity("model error", True, lambda free: np.exp(free[..., -1])))
-    return tuple(found)
+        k, s = (mode[b] @ unit[at] for mode, at in zip(modes, places.spectra, strict=True))
+        for what, level, weights in (
+            ("absorption", levels[0], k),
+            ("scattering", levels[1], s),
+            ("ratio", levels[0] - levels[1], k - s),
+        ):
+            report(f"{what} at {wavelength:g} nm", level, weights, spectrum=what)
+    if layout.gloss:
+        names.append("gloss")
+        reported.append(Quantity("gloss", False, lambda free: expit(free[..., -2])))
+    names.append("model error")
+    report("model error", 0.0, unit[-1])
+    return tuple(names), tuple(reported)
 
 
-Values = Callable[[np.ndarray], np.ndarray]
+def prior_moments(
+    layout: Layout, spread: Float[np.ndarray, "coats"], prior: Prior
+) -> tuple[Float[np.ndarray, "dims"], Float[np.ndarray, "dims"]]:
+    """Means and standard deviations of the free unknowns before the measurement.
 
-
-def _scale(place: int, scale: float) -> Values:
-    return lambda free: scale * np.exp(free[..., place])
-
-
-def _affine(mean: float | np.floating, weights: np.ndarray, at: slice) -> Values:
-    return lambda free: mean + free[..., at] @ weights
-
-
-def _difference(first: Values, second: Values) -> Values:
-    return lambda free: first(free) - second(free)
-
-
-def _exponential(values: Values) -> Values:
-    return lambda free: np.exp(values(free))
+    Args:
+        layout: of the unknowns.
+        spread: standard deviation of each coat's log thickness.
+        prior: of the film.
+    """
+    places = layout.places
+    mean = np.zeros(layout.dims)
+    sd = np.ones(layout.dims)
+    for ratios, thickness, off in zip(places.ratios, places.thickness, spread, strict=True):
+        # Trigamma functions of the concentrations (Aitchison 1986).
+        sd[ratios] = np.sqrt(2.0 * polygamma(1, layout.concentration))
+        sd[thickness] = off
+    # Of the logistic distribution, whose sigmoid is uniform.
+    sd[places.gloss] = np.pi / np.sqrt(3.0)
+    mean[-1] = np.log(prior.error)
+    sd[-1] = prior.error_spread
+    return mean, sd
 
 
 def prior_draws(
@@ -193,39 +206,24 @@ def prior_draws(
     n: int,
     *,
     layout: Layout,
-    spread: Float[np.ndarray, "coats"],
-    prior: Prior,
+    mean: Float[np.ndarray, "dims"],
+    sd: Float[np.ndarray, "dims"],
 ) -> Float[np.ndarray, "n dims"]:
-    """Draws of the free unknowns; `spread` is the standard deviation of each coat's log
-    thickness.
-    """
-    columns = []
-    for coat, size in enumerate(layout.sizes):
-        if layout.fractions[coat]:
-            columns.append(draw_ratios(rng, n, size, prior.concentration_known))
-        if layout.thickness[coat]:
-            columns.append(spread[coat] * rng.standard_normal((n, 1)))
-    columns.append(rng.standard_normal((n, sum(layout.modes))))
-    if layout.gloss:
-        columns.append(rng.logistic(size=(n, 1)))
-    columns.append(np.log(prior.error) + prior.error_spread * rng.standard_normal((n, 1)))
-    return np.concatenate(columns, axis=1)
-
-
-def prior_covariance(
-    layout: Layout, spread: Float[np.ndarray, "coats"], prior: Prior
-) -> Float[np.ndarray, "dims dims"]:
-    """Of `prior_draws`."""
+    """Draws of the free unknowns of these `prior_moments`."""
     places = layout.places
-    covariance = np.eye(places.error + 1)
-    for at, place, size, sd in zip(
-        places.ratios, places.thickness, layout.sizes, spread, strict=True
-    ):
-        if at.stop > at.start:
-            covariance[at, at] = ratios_covariance(size, prior.concentration_known)
-        if place is not None:
-            covariance[place, place] = sd**2
-    if places.gloss is not None:
-        covariance[places.gloss, places.gloss] = np.pi**2 / 3.0
-    covariance[-1, -1] = prior.error_spread**2
+    draws = mean + sd * rng.standard_normal((n, mean.size))
+    for at, size, sought in zip(places.ratios, layout.sizes, layout.fractions, strict=True):
+        if sought:
+            # A fraction of exactly 0 has no logarithm.
+            shares = np.maximum(rng.dirichlet(np.full(size, layout.concentration), n), 1e-12)
+            draws[:, at] = np.log(shares[:, :-1] / shares[:, -1:])
+    draws[:, places.gloss] = rng.logistic(size=(n, int(layout.gloss)))
+    return draws
+
+
+def prior_covariance(layout: Layout, sd: Float[np.ndarray, "dims"]) -> np.ndarray:
+    """Of `prior_draws`, (dims, dims): log-ratios to the same fraction are correlated by a half."""
+    covariance = np.diag(sd**2)
+    for at in layout.places.ratios:
+        covariance[at, at] = 0.5 * (covariance[at, at] + np.outer(sd[at], sd[at]))
     return covariance

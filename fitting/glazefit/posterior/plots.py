@@ -10,7 +10,7 @@ from jaxtyping import Float
 from glazejax.plots import ABSORPTION, OVER_BLACK, OVER_WHITE, SCATTERING, label_spectra, picture
 
 from .identifiability import only_ratio
-from .posterior import Posterior, unknowns_in_words
+from .posterior import Posterior
 from .summary import LEVELS, Numbers, in_units
 
 SAMPLED, LAPLACE = "#1f4e9c", "#c8641e"
@@ -18,8 +18,6 @@ _COLOURS = {"black": OVER_BLACK, "white": OVER_WHITE}
 _RATIO = "#2a6f4b"
 # Standard deviations on either side that enclose 90 %.
 _NINETY = 1.645
-_MOST_DRAWS = 40_000
-_BANDS_DRAWN = 6
 
 
 def plot_corner(posterior: Posterior, path: str | Path) -> None:
@@ -38,7 +36,7 @@ def plot_bands(posterior: Posterior, path: str | Path) -> None:
 
 def _thin(values: Float[np.ndarray, "*draws"]) -> Float[np.ndarray, "n"]:
     flat = values.reshape(-1)
-    return flat[:: max(1, flat.size // _MOST_DRAWS)]
+    return flat[:: max(1, flat.size // 40_000)]
 
 
 def _subtitle(posterior: Posterior) -> str:
@@ -62,9 +60,7 @@ def _corner_of_film(posterior: Posterior, path: str | Path) -> None:
     )
     if two or posterior.problem.kind == "stack":
         names = [
-            n
-            for n in names
-            if not n.startswith("fraction ") or n in unknowns_in_words(posterior.problem)
+            n for n in names if not n.startswith("fraction ") or n in posterior.problem.unknowns
         ]
     pairs = [in_units(n, _thin(posterior.draws[n][..., 0])) for n in names]
     titles = [p[0] for p in pairs]
@@ -77,14 +73,19 @@ def _corner_of_film(posterior: Posterior, path: str | Path) -> None:
     limits = [(low, high) if high > low else (low - 1e-9, high + 1e-9) for low, high in limits]
     side = max(2.0 * len(names) + 1.5, 6.5)
     with picture(path, side, side, layout=None) as figure:
-        common = {"fig": figure, "range": limits, "levels": (0.5, 0.9), "plot_datapoints": False}
+        common: dict[str, Any] = {
+            "fig": figure,
+            "range": limits,
+            "levels": (0.5, 0.9),
+            "plot_datapoints": False,
+            "bins": 30,
+            "smooth": 1.0,
+        }
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             corner.corner(
                 approximate,
                 color=LAPLACE,
-                bins=30,
-                smooth=1.0,
                 plot_density=False,
                 no_fill_contours=True,
                 weights=np.full(len(approximate), len(draws) / len(approximate)),
@@ -95,15 +96,8 @@ def _corner_of_film(posterior: Posterior, path: str | Path) -> None:
                 corner.corner(
                     draws,
                     color=SAMPLED,
-                    bins=30,
-                    smooth=1.0,
                     labels=titles,
-                    show_titles=True,
                     quantiles=list(LEVELS),
-                    title_quantiles=list(LEVELS),
-                    title_fmt=".3g",
-                    title_kwargs={"fontsize": 9},
-                    label_kwargs={"fontsize": 10},
                     hist_kwargs={"lw": 1.4},
                     **common,
                 )
@@ -146,9 +140,9 @@ def _corner_of_bands(posterior: Posterior, path: str | Path) -> None:
 
     names = ("absorption", "scattering")
     count = len(posterior.problem.blocks)
-    spread = np.linspace(0, count - 1, _BANDS_DRAWN // 2 + 2).round().astype(int)[1:-1]
+    spread = np.linspace(0, count - 1, 5).round().astype(int)[1:-1]
     worst = [b for b in np.argsort(-posterior.laplace.tail) if b not in spread]
-    chosen = sorted({*spread.tolist(), *(int(b) for b in worst[: _BANDS_DRAWN - len(set(spread))])})
+    chosen = sorted({*spread.tolist(), *(int(b) for b in worst[: 6 - len(set(spread))])})
     with picture(path, 10.5, 7) as figure:
         panels = figure.subplots(2, 3).ravel()
         for panel, b in zip(panels, chosen, strict=False):
@@ -319,7 +313,7 @@ def _optical_bands(posterior: Posterior, path: str | Path) -> None:
         low = draws["ratio"].median.min()
         high = draws["ratio"].median.max()
         label_spectra(right, "k/s", yscale="log", ylim=(low / 3, high * 3))
-        shade = only_ratio(drawn["absorption"], drawn["scattering"])
+        shade = only_ratio(drawn)
         _shade(left, grid, shade, "only k/s is known")
         left.legend()
         right.legend()

@@ -5,13 +5,13 @@ band.
 paints' own k and s are off; `posterior_of_bands` asks for k d and s d at every wavelength of a
 measured film, with no paint assumed. Both give Laplace's standard errors at once and, with `steps`,
 a chain beside them, of Hamiltonian Monte Carlo or of emcee.
-`glazefit.posterior.stack_posterior` asks the same of a film of several coats.
+`posterior_of_coats` asks the first of a film of several coats.
 
 ArviZ, emcee and h5py are loaded when a posterior is computed, not before.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any, Unpack
@@ -27,16 +27,19 @@ from ..film.gloss import estimate_gloss
 from ..film.model.errors import Prior
 from ..film.reading import Reading, readings
 from .bands import pose_bands
-from .film import pose_films
+from .coats import CoatPrior, check_coats
+from .film import pose_films, pose_stack
 from .film_errors import pose_errors
-from .identifiability import Identifiability, of_bands, of_coats, of_paints, open_above
+from .identifiability import Identifiability, of_bands, of_films
 from .laplace import TRUSTED_TAIL, Laplace, Modes, find_modes, laplace
 from .problem import Problem
 from .sampling import Sampling, SamplingOptions
-from .summary import Row, Summary, compare, numbers
+from .spectra import SpectraPrior
+from .summary import Numbers, Row, Summary, compare
 
 if TYPE_CHECKING:
-    from .chain import Chain, Convergence
+    from .chain import Convergence
+    from .chain_file import Chain
 
 
 @dataclass(frozen=True)
@@ -67,11 +70,7 @@ class Posterior:
             return None
         from .chain import convergence
 
-        draws = self.problem.draws(self.chain.free)
-        values = [
-            np.log(draws[q.name]) if q.logarithmic else draws[q.name]
-            for q in self.problem.quantities
-        ]
+        values = [quantity.scaled(self.chain.free) for quantity in self.problem.quantities]
         return convergence(self.chain, np.stack(values, axis=-1))
 
     @property
@@ -100,14 +99,11 @@ class Posterior:
         """Draws of k d, s d and k/s, of a film band by band or of a stack's unknown paint; empty
         for known paints.
         """
-        draws = self.laplace_draws if laplace else self.draws
+        draws = self.laplace.sample if laplace else self.free
+        flat = draws.reshape(-1, *draws.shape[-2:])
         if self.problem.kind == "bands":
-            return {name: values.reshape(-1, values.shape[-1]) for name, values in draws.items()}
-        found: dict[str, list[np.ndarray]] = {}
-        for quantity in self.problem.quantities:
-            if quantity.spectrum:
-                found.setdefault(quantity.spectrum, []).append(draws[quantity.name][..., 0].ravel())
-        return {name: np.stack(values, axis=-1) for name, values in found.items()}
+            return self.problem.draws(flat)
+        return self.problem.spectra(flat[:, 0])
 
     def summary(self) -> Summary:
         """A row for each quantity of each block: the chain's numbers, Laplace's, and where the two
@@ -115,49 +111,43 @@ class Posterior:
 
         A list of `glazefit.posterior.summary.Row`, in SI units, that prints as a table.
         """
-        sampled = numbers(self.draws)
-        approximate = numbers(self.laplace_draws)
-        blocks = self.problem.blocks
+        state = self.convergence
+        nothing = np.full(len(self.problem.blocks), np.nan)
+        samples, times, converged = (
+            (nothing, nothing, np.isfinite(nothing))
+            if state is None
+            else (state.samples, state.times, state.converged)
+        )
         rows = []
         for quantity in self.problem.quantities:
-            here = sampled[quantity.name]
-            laplace_row = approximate[quantity.name]
+            chain = Numbers.of(self.draws[quantity.name])
+            gaussian = Numbers.of(self.laplace_draws[quantity.name])
             if self.chain is None:
                 words = ["trusted" if good else "not trusted" for good in self.laplace.trusted]
             else:
-                share = not quantity.logarithmic
                 words = compare(
-                    here,
-                    laplace_row,
+                    chain,
+                    gaussian,
                     logarithmic=quantity.logarithmic,
-                    share=share,
+                    share=not quantity.logarithmic,
                     many=self.laplace.many,
                 )
-            state = self.convergence
-            for b, block in enumerate(blocks):
-                rows.append(
-                    Row(
-                        quantity.name,
-                        block,
-                        mean=float(here.mean[b]),
-                        sd=float(here.sd[b]),
-                        lower=float(here.lower[b]),
-                        median=float(here.median[b]),
-                        upper=float(here.upper[b]),
-                        laplace_mean=float(laplace_row.mean[b]),
-                        laplace_sd=float(laplace_row.sd[b]),
-                        laplace_lower=float(laplace_row.lower[b]),
-                        laplace_upper=float(laplace_row.upper[b]),
-                        effective_samples=float("nan")
-                        if state is None
-                        else float(state.samples[b]),
-                        autocorrelation_time=float("nan")
-                        if state is None
-                        else float(state.times[b]),
-                        converged=state is not None and bool(state.converged[b]),
-                        laplace=words[b],
-                    )
+            rows += [
+                Row(
+                    quantity.name,
+                    block,
+                    **{name: float(values[b]) for name, values in vars(chain).items()},
+                    laplace_mean=float(gaussian.mean[b]),
+                    laplace_sd=float(gaussian.sd[b]),
+                    laplace_lower=float(gaussian.lower[b]),
+                    laplace_upper=float(gaussian.upper[b]),
+                    effective_samples=float(samples[b]),
+                    autocorrelation_time=float(times[b]),
+                    converged=bool(converged[b]),
+                    laplace=words[b],
                 )
+                for b, block in enumerate(self.problem.blocks)
+            ]
         by = "" if self.chain is None else self.chain.sampler
         return Summary(rows, sampled=self.chain is not None, by=by)
 
@@ -165,17 +155,10 @@ class Posterior:
     def identifiability(self) -> Identifiability:
         """Which directions the measurement leaves open, named."""
         free = self.free.reshape(-1, *self.free.shape[2:])
-        prior = self.problem.prior_covariance
+        grid = self.films[0].wavelengths
         if self.problem.kind == "bands":
-            optical = np.stack(
-                [self.draws[name].reshape(free.shape[:2]) for name in ("absorption", "scattering")],
-                -1,
-            )
-            return of_bands(free, prior, optical, self.films[0].wavelengths)
-        if self.problem.kind == "stack":
-            return of_coats(self.problem, free, self.films[0].wavelengths)
-        found = of_paints(free, prior, unknowns_in_words(self.problem), self.problem.blocks)
-        return replace(found, sentences=(*open_above(self.problem, free), *found.sentences))
+            return of_bands(free, self.problem.prior_covariance, self.spectra(), grid)
+        return of_films(self.problem, free, grid)
 
     def words(self) -> str:
         """Convergence, in a sentence."""
@@ -231,16 +214,6 @@ def _attributes(posterior: Posterior) -> dict[str, Any]:
     return found
 
 
-def unknowns_in_words(problem: Problem) -> tuple[str, ...]:
-    """The free unknowns with the paints' names: a log-ratio is called by the paint whose share it
-    moves.
-    """
-    if problem.kind == "stack":
-        return problem.unknowns
-    paints = [q.name for q in problem.quantities if q.name.startswith("fraction ")]
-    return (*paints[:-1], *problem.unknowns[max(len(paints) - 1, 0) :])
-
-
 def posterior_of_film(
     film: Films | Reading,
     pigments: Sequence[Pigment],
@@ -264,14 +237,51 @@ def posterior_of_film(
     Raises:
         ValueError: more films than one, paints that do not fit (see `pose_films`), too few walkers
             or steps, or a chain of another problem.
-        FileExistsError, FileNotFoundError: see `glazefit.posterior.chain.run_chain`.
+        FileExistsError, FileNotFoundError: see `glazefit.posterior.chain_file`.
     """
     options = Sampling(**sampling)
     instrument = resolve_instrument(instrument)
     prior = prior or Prior()
     reading = one_reading(film, instrument, noise or Noise())
     problem = pose_films([reading], [pigments], instrument, prior)
-    problem, found = pose_errors(problem, [reading], instrument, prior, seed=options.seed)
+    problem, found = pose_errors(problem, [reading], prior, seed=options.seed)
+    return sample(problem, (reading,), found, options)
+
+
+def posterior_of_coats(
+    film: Films | Reading,
+    coats: Sequence[CoatPrior],
+    *,
+    instrument: InstrumentLike | None = None,
+    noise: Noise | None = None,
+    prior: Prior | None = None,
+    spectra: SpectraPrior | None = None,
+    **sampling: Unpack[SamplingOptions],
+) -> Posterior:
+    """Thickness and fractions of every coat of a film, gloss and the paints' error; k and s of one
+    unknown paint.
+
+    Readings of several coats, and their slopes, come from the solver itself, at an error of 1e-4.
+    `Posterior.identifiability` names what the readings do not tell.
+
+    Args:
+        film: one film over black and white, or a `Reading`, over one ground or more.
+        coats: top first, at most six, with an unknown paint in one of them at most; what is not
+            known of each is found.
+        spectra: what is likely of an unknown paint's k and s.
+        instrument, noise, prior, sampling: see `posterior_of_film`.
+
+    Raises:
+        ValueError, FileExistsError, FileNotFoundError: as `posterior_of_film`, and for a stack that
+            cannot be found (`glazefit.posterior.coats.check_coats`).
+    """
+    options = Sampling(**sampling)
+    instrument = resolve_instrument(instrument)
+    prior = prior or Prior()
+    coats = check_coats(coats)
+    reading = one_reading(film, instrument, noise or Noise())
+    problem = pose_stack([reading], [coats], instrument, prior, spectra or SpectraPrior())
+    problem, found = pose_errors(problem, [reading], prior, seed=options.seed)
     return sample(problem, (reading,), found, options)
 
 
@@ -303,7 +313,7 @@ def posterior_of_bands(
         gloss = (
             float(estimate_gloss(film, instrument, noise)[0]) if isinstance(film, Films) else 1.0
         )
-    problem = pose_bands(reading, gloss, instrument)
+    problem = pose_bands([reading], gloss, instrument)
     found = find_modes(problem, seed=options.seed)
     return sample(problem, (reading,), found, options)
 

@@ -24,12 +24,6 @@ from jaxtyping import Array, Float
 from glazejax.programs import Program
 from glazejax.radiative.common.chunks import in_chunks
 
-# What one block computes for one walker takes some 12 kB a band; more columns at once fall out of
-# cache.
-_COLUMNS = 12_000
-# Draws whose readings are computed at a time.
-_TOGETHER = 64
-
 
 @runtime_checkable
 class Residuals(Protocol):
@@ -62,14 +56,17 @@ class Quantity(NamedTuple):
         logarithmic: positive, and best looked at by its logarithm.
         values: of the free unknowns, (..., dims) -> (...); NumPy.
         spectrum: "absorption", "scattering" or "ratio" if it is one band of that; else empty.
-        wavelength: of the band, nm.
     """
 
     name: str
     logarithmic: bool
     values: Callable[[np.ndarray], np.ndarray]
     spectrum: str = ""
-    wavelength: float = float("nan")
+
+    def scaled(self, free: Float[np.ndarray, "*shape dims"]) -> Float[np.ndarray, "*shape"]:
+        """Values, or their logarithms where these are looked at."""
+        values = self.values(free)
+        return np.log(values) if self.logarithmic else values
 
 
 @dataclass(frozen=True)
@@ -131,7 +128,9 @@ class Problem:
     @property
     def chunk(self) -> int:
         """Walkers computed at a time."""
-        return max(1, _COLUMNS // (self.bands * len(self.blocks)))
+        # One block takes some 12 kB a band for one walker; more than so many bands fall out of
+        # cache.
+        return max(1, 12_000 // (self.bands * len(self.blocks)))
 
     def log_likelihood(
         self, free: Float[np.ndarray, "draws blocks dims"]
@@ -153,6 +152,16 @@ class Problem:
     ) -> Mapping[str, Float[np.ndarray, "*shape"]]:
         """The reported quantities of some values of the free unknowns."""
         return {quantity.name: quantity.values(free) for quantity in self.quantities}
+
+    def spectra(
+        self, free: Float[np.ndarray, "draws dims"]
+    ) -> Mapping[str, Float[np.ndarray, "draws bands"]]:
+        """K d, s d and k/s of a block's unknown paint from its free unknowns; empty without one."""
+        spectra: dict[str, list[np.ndarray]] = {}
+        for quantity in self.quantities:
+            if quantity.spectrum:
+                spectra.setdefault(quantity.spectrum, []).append(quantity.values(free))
+        return {name: np.stack(values, axis=-1) for name, values in spectra.items()}
 
 
 @functools.partial(Program, fixed=("residuals", "chunk", "rows"))
@@ -184,7 +193,7 @@ def _readings(
     return in_chunks(
         jax.vmap(lambda one: jax.vmap(lambda f, d: fitted(f, d, shared))(one, data)),
         free,
-        _TOGETHER,
+        64,
     )
 
 

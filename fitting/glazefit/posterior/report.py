@@ -37,7 +37,8 @@ def print_posterior(posterior: Posterior, console: Console) -> None:
 
 def _table(posterior: Posterior, rows: Summary) -> Table:
     titles, lines = rows.cells()
-    table = plain_table(*titles, title=_title(posterior), words=(0, len(titles) - 1))
+    title = f"{posterior.films[0].name}: {MEDIANS}"
+    table = plain_table(*titles, title=title, words=(0, len(titles) - 1))
     for line in lines:
         table.add_row(*line)
     return table
@@ -52,10 +53,6 @@ def _spectra(posterior: Posterior) -> Table:
         cells = [interval(n.median[b], n.lower[b], n.upper[b]) for n in found.values()]
         table.add_row(f"{wavelength:g}", *cells)
     return table
-
-
-def _title(posterior: Posterior) -> str:
-    return f"{posterior.films[0].name}: {MEDIANS}"
 
 
 def describe_unsettled(posterior: Posterior) -> str:

@@ -12,8 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-_LEFT_OUT = 0.02
-
 
 @dataclass(frozen=True)
 class SpectraPrior:
@@ -61,7 +59,7 @@ class SpectraPrior:
             scaled = (axes * np.sqrt(np.maximum(values, 0.0)))[:, ::-1]
             # Variance of each band that the modes from the n-th on carry.
             rest = np.cumsum((scaled**2)[:, ::-1], axis=1)[:, ::-1].max(axis=0)
-            return scaled[:, : max(1, int(np.sum(rest > _LEFT_OUT**2)))]
+            return scaled[:, : max(1, int(np.sum(rest > 0.02**2)))]
 
         return (
             principal(self.absorption_level, self.absorption_shape),

@@ -8,7 +8,6 @@ the known coats' k and s. Those slopes vary: a clear coat shows every error of t
 opaque one none. One set of slopes for all of a wide posterior would make one end of it too sure.
 """
 
-import functools
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -18,12 +17,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from glazejax.programs import Program
-
-from ..film.model.optics import Optics
+from ..film.model.response import FilmResponse
 from ..film.model.spline import HIGHEST, locate, nodes_of, patches
 from ..film.numerics.least_squares import root_of_log1p
 from ..film.reading import Reading
+from .forward import Slopes, slopes
 from .layout import Layout
 from .problem import Problem
 
@@ -50,24 +48,25 @@ def can_be_tabulated(layout: Layout) -> bool:
 
 def tabulated(
     problem: Problem,
-    coats: Float[np.ndarray, "films 2 bands coats"],
+    layout: Layout,
+    logs: Float[np.ndarray, "films errors bands"],
     films: Sequence[Reading],
     smooth: Float[np.ndarray, "bands bands"],
-    tolerance: float,
 ) -> Problem:
     """The problem of a stack with its table.
 
     Args:
-        problem: of `glazefit.posterior.stack`, for which `can_be_tabulated`.
-        coats: k d and s d of all coats, without errors; those of the unknown coat do not matter.
+        problem: of `glazefit.posterior.film`.
+        layout: of it, for which `can_be_tabulated`.
+        logs: log k d and log s d of all coats, without errors; those of the unknown coat do not
+            matter.
         films: as measured.
         smooth: covariance of errors of size 1.
-        tolerance: of the solver.
     """
-    layout = problem.residuals.layout  # pyright: ignore[reportAttributeAccessIssue]
     ground = np.asarray(problem.data.ground)
     bands = ground.shape[1]
-    values = [_of_film(layout, *film, tolerance) for film in zip(coats, ground, strict=True)]
+    response = problem.shared.response
+    values = [_of_film(layout, response, *film) for film in zip(logs, ground, strict=True)]
     table = StackTable(
         values=jnp.asarray(np.stack(values)),
         smooth=jnp.asarray(np.broadcast_to(smooth, (len(films), bands, bands))),
@@ -79,55 +78,28 @@ def tabulated(
 
 def _of_film(
     layout: Layout,
-    coats: Float[np.ndarray, "2 bands coats"],
+    response: FilmResponse | None,
+    logs: Float[np.ndarray, "errors bands"],
     ground: Float[np.ndarray, "bands grounds"],
-    tolerance: float,
 ) -> Float[np.ndarray, "bands cells 4 4 numbers"]:
-    unknown = layout.unknown_coat
-    assert unknown is not None
-    nodes = np.stack(np.meshgrid(*nodes_of(_NODES), indexing="ij"), axis=-1).reshape(-1, 2)
+    assert layout.unknown_coat is not None
+    unknown = slice(2 * layout.unknown_coat, 2 * layout.unknown_coat + 2)
+    nodes = np.stack(np.meshgrid(*nodes_of(_NODES), indexing="ij")).reshape(2, -1)
     bands = []
     for band, below in enumerate(ground):
-        stack = np.repeat(coats[:, band, None], len(nodes), axis=1)
-        stack[:, :, unknown] = nodes.T
-        solved = np.asarray(_solved(layout.optics, unknown, stack, below, tolerance))
-        bands.append(patches(solved.reshape(-1, _NODES, _NODES)))
+        stack = np.repeat(logs[:, band, None], nodes.shape[1], axis=1)
+        # A coat that does not absorb or scatter at all is one of the nodes.
+        stack[unknown] = np.log(np.maximum(nodes, 1e-300))
+        wide = np.broadcast_to(below, (1, nodes.shape[1], below.size))
+        there = slopes(layout, response, stack[None], wide)
+        # Those of the unknown coat are no errors.
+        by_log = np.delete(np.asarray(there.by_log)[0], unknown, axis=0)
+        solved = np.concatenate([there.body, there.by_ground, by_log])
+        bands.append(patches(np.swapaxes(solved, 1, 2).reshape(-1, _NODES, _NODES)))
     return np.stack(bands)
 
 
-@functools.partial(Program, fixed=("optics", "unknown", "tolerance"))
-def _solved(
-    optics: Optics,
-    unknown: int,
-    stack: Float[Array, "2 nodes coats"],
-    ground: Float[Array, "grounds"],
-    tolerance: float,
-) -> Float[Array, "numbers nodes"]:
-    """Numbers of a `StackTable`."""
-    shape = (stack.shape[1], ground.shape[0])
-    wide = jnp.broadcast_to(stack[:, :, None], (2, *shape, stack.shape[2]))
-
-    def total(stack: Array, ground: Array) -> tuple[Array, Array]:
-        seen = optics.body(stack[0], stack[1], ground, tolerance)
-        return jnp.sum(seen), seen
-
-    slope = jax.grad(total, argnums=(0, 1), has_aux=True)
-    (by_coats, by_ground), seen = slope(wide, jnp.broadcast_to(ground, shape))
-    # By logarithms; those of the unknown coat are no errors.
-    by_log = jnp.delete(by_coats * wide, unknown, axis=-1)
-    by_log = jnp.moveaxis(by_log, (3, 0, 2), (0, 1, 2)).reshape(-1, shape[0])
-    return jnp.concatenate([seen.T, by_ground.T, by_log])
-
-
-class Seen(NamedTuple):
-    """What the coats read, without errors and the surface's part, and its slopes."""
-
-    body: Float[Array, "bands grounds"]
-    by_ground: Float[Array, "bands grounds"]
-    by_log: Float[Array, "errors bands grounds"] | None  # none if no coat is known
-
-
-def look_up(table: StackTable, thickness: Float[Array, "2 bands"]) -> Seen:
+def look_up(table: StackTable, thickness: Float[Array, "2 bands"]) -> Slopes:
     """From k d and s d of the unknown coat."""
     # A coat beyond the table is opaque, and what it reads hangs on k/s alone.
     beyond = jnp.max(thickness / jnp.array(HIGHEST)[:, None], axis=0)
@@ -139,25 +111,23 @@ def look_up(table: StackTable, thickness: Float[Array, "2 bands"]) -> Seen:
     weights = over[:, :, None] * across[:, None, :]
     numbers = jnp.sum(patch * weights[..., None], axis=(1, 2))
     bands, grounds = table.sd.shape
-    body, by_ground, *by_log = jnp.moveaxis(numbers.reshape(bands, -1, grounds), 1, 0)
-    return Seen(body=body, by_ground=by_ground, by_log=jnp.stack(by_log) if by_log else None)
+    each = jnp.moveaxis(numbers.reshape(bands, -1, grounds), 1, 0)
+    return Slopes(body=each[0], by_ground=each[1], by_log=each[2:])
 
 
 def standard_deviation(
-    table: StackTable, seen: Seen, size: Float[Array, ""]
+    table: StackTable, seen: Slopes, size: Float[Array, ""]
 ) -> Float[Array, "bands grounds"]:
     """Of each reading by itself: noise, the ground's error, and errors of the known coats of this
     size.
     """
     variance = table.sd**2 + (seen.by_ground * table.ground_sd) ** 2
-    if seen.by_log is not None:
-        alike = jnp.diagonal(table.smooth)[:, None]
-        variance = variance + size**2 * alike * jnp.sum(seen.by_log**2, axis=0)
-    return jnp.sqrt(variance)
+    alike = jnp.diagonal(table.smooth)[:, None]
+    return jnp.sqrt(variance + size**2 * alike * jnp.sum(seen.by_log**2, axis=0))
 
 
 def misfit(
-    table: StackTable, off: Float[Array, "bands grounds"], seen: Seen, size: Float[Array, ""]
+    table: StackTable, off: Float[Array, "bands grounds"], seen: Slopes, size: Float[Array, ""]
 ) -> Float[Array, "rows"]:
     """Residuals of readings that are off by this, where the known coats have errors of this size,
     and of the determinant of the readings' covariance.
@@ -167,7 +137,7 @@ def misfit(
     precision = 1.0 / (table.sd * jnp.sqrt(1.0 + through**2))
     white = (off * precision).reshape(-1)
     noise = root_of_log1p(through).reshape(-1)
-    if seen.by_log is None:
+    if not len(seen.by_log):
         return jnp.concatenate([white, noise])
     scaled = seen.by_log * precision
     caused = jnp.einsum("ebg,bc,ech->bgch", scaled, table.smooth, scaled).reshape(rows, rows)

@@ -2,7 +2,7 @@
 two differ.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 from html import escape
 
@@ -11,13 +11,6 @@ from jaxtyping import Bool, Float
 
 LEVELS = (0.05, 0.5, 0.95)
 """Quantiles that are reported; the outer two enclose 90 %."""
-
-# The ends of both 90 % intervals must agree within this share of its width: half a standard
-# deviation of a Gaussian.
-_AGREE = 0.15
-_SKEWED = 1.5
-# Where a share that lies in [0, 1] touches its ends.
-_TOUCH = 0.01
 
 AGREES = "agrees"
 MEDIANS = "median [5 %, 95 %]"
@@ -35,9 +28,10 @@ class Numbers:
     upper: Float[np.ndarray, "blocks"]
 
     @classmethod
-    def of(cls, draws: Float[np.ndarray, "draws blocks"]) -> "Numbers":
-        """From draws."""
-        return cls(draws.mean(axis=0), draws.std(axis=0), *np.quantile(draws, LEVELS, axis=0))
+    def of(cls, draws: Float[np.ndarray, "*draws blocks"]) -> "Numbers":
+        """From draws, along all leading axes."""
+        flat = draws.reshape(-1, draws.shape[-1])
+        return cls(flat.mean(axis=0), flat.std(axis=0), *np.quantile(flat, LEVELS, axis=0))
 
 
 @dataclass(frozen=True)
@@ -181,13 +175,6 @@ def in_units(name: str, values: np.ndarray) -> tuple[str, np.ndarray]:
     ) + at + where, values
 
 
-def numbers(draws: Mapping[str, Float[np.ndarray, "*draws blocks"]]) -> dict[str, Numbers]:
-    """Numbers of every quantity, over all leading axes."""
-    return {
-        name: Numbers.of(values.reshape(-1, values.shape[-1])) for name, values in draws.items()
-    }
-
-
 def compare(
     sampled: Numbers,
     laplace: Numbers,
@@ -213,20 +200,16 @@ def compare(
     width = np.maximum(high - low, 1e-300)
     off = np.maximum(np.abs(low - other_low), np.abs(high - other_high)) / width
     skew = (high - middle) / np.maximum(middle - low, 1e-300)
-    words = []
-    for b in range(width.size):
-        if off[b] <= _AGREE:
-            words.append(AGREES)
-        elif many[b]:
-            words.append("two modes")
-        elif share and (sampled.lower[b] < _TOUCH or sampled.upper[b] > 1.0 - _TOUCH):
-            words.append("against a bound")
-        elif not 1.0 / _SKEWED <= skew[b] <= _SKEWED:
-            words.append("skewed")
-        elif other_high[b] - other_low[b] > width[b] * (1.0 + _AGREE):
-            words.append("Laplace too wide")
-        elif other_high[b] - other_low[b] < width[b] * (1.0 - _AGREE):
-            words.append("Laplace too narrow")
-        else:
-            words.append("shifted")
-    return words
+    # Ends must agree within this share of the width: half a standard deviation of a Gaussian.
+    agree = 0.15
+    ends = (sampled.lower < 0.01) | (sampled.upper > 0.99)
+    # The first that holds is said.
+    cases = {
+        AGREES: off <= agree,
+        "two modes": many,
+        "against a bound": share & ends,
+        "skewed": ~((skew >= 1.0 / 1.5) & (skew <= 1.5)),
+        "Laplace too wide": other_high - other_low > width * (1.0 + agree),
+        "Laplace too narrow": other_high - other_low < width * (1.0 - agree),
+    }
+    return np.select(list(cases.values()), list(cases), "shifted").tolist()
