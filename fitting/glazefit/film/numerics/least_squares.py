@@ -308,7 +308,7 @@ class Looks(NamedTuple):
     slope: Float[np.ndarray, "n m"]
     curvature: Float[np.ndarray, "n m m"]
 
-    def take(self, rows: Int[np.ndarray, "rows"]) -> "Looks":
+    def take(self, rows: Int[np.ndarray, "rows"] | Bool[np.ndarray, "n"]) -> "Looks":
         """Those of some rows."""
         return Looks(*(values[rows] for values in self))
 
@@ -355,20 +355,22 @@ def descend_within(
     """
     point = start.copy()
     here = Looks(*map(np.copy, seen))
-    # Damping, in parts of the largest curvature: of the first step, and below of a step that counts
-    # as full.
     damping = 1e-3 * _largest(here.curvature)
     steps = np.zeros(len(point), int)
     settled = np.zeros(len(point), bool)
     going = np.flatnonzero(np.isfinite(here.cost))
     for _ in range(max_steps):
         own = here.take(going)
-        promised = bounded_step(point[going], own, bounds, 1e-9 * _largest(own.curvature))[1]
+        # So little damping leaves a step as good as full, and its matrix regular.
+        least = 1e-9 * _largest(own.curvature)
+        promised = bounded_step(point[going], own, bounds, least)[1]
         settled[going] = promised < promise
-        going = going[promised >= promise]
+        rest = promised >= promise
+        going = going[rest]
         if going.size == 0:
             break
-        moved, _ = bounded_step(point[going], here.take(going), bounds, damping[going])
+        damping[going] = np.maximum(damping[going], least[rest])
+        moved, _ = bounded_step(point[going], own.take(rest), bounds, damping[going])
         there = look(going, moved)
         # A cost that is no number is no better.
         better = there.cost < here.cost[going]
