@@ -15,7 +15,7 @@ import jax
 import numpy as np
 
 from benchmarks.papers.many_flux_example import ALBEDO as COAT_ALBEDO
-from benchmarks.papers.many_flux_example import ANGLE, INDEX, PRINTED, halves
+from benchmarks.papers.many_flux_example import ANGLE, INDEX, PRINTED, halves, join_in_series
 from benchmarks.papers.many_flux_example import THICKNESS as COAT_THICKNESS
 from benchmarks.papers.many_flux_flat import (
     Slab,
@@ -257,7 +257,7 @@ def modes_series(say: Results) -> None:
     """The same in glazejax, where azimuth modes are apart and surfaces are diagonal from
     the start.
     """
-    from glazejax.radiative.manyflux.star_product import join, join_in_series
+    from glazejax.radiative.manyflux.star_product import join
 
     upper, lower, roots = halves()
     exact = jax.jit(lambda a, b: join(a, b))

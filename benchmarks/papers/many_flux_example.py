@@ -2,11 +2,15 @@
 as a series.
 """
 
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from jaxtyping import Array, Float
 
 from benchmarks.papers.many_flux_paths import COSINES, DIRECTIONS, SECTORS
+
+if TYPE_CHECKING:
+    from glazejax.radiative.manyflux.star_product import Slab
 
 INDEX, ABSORPTION, SCATTERING, GROUND, ANGLE = 1.3, 0.1, 0.4, 0.8, 45.0
 ALBEDO = SCATTERING / (ABSORPTION + SCATTERING)
@@ -58,7 +62,7 @@ def series(orders: tuple[int, ...]) -> list[Order]:
     is spread over all of them, what goes straight or is mirrored stays in one.
     """
     from glazejax.radiative.common.fresnel import dielectric_reflectance
-    from glazejax.radiative.manyflux.star_product import join, join_in_series
+    from glazejax.radiative.manyflux.star_product import join
 
     lit = float(np.cos(np.deg2rad(ANGLE)))
     solid = 2.0 * np.pi / DIRECTIONS
@@ -98,6 +102,47 @@ def series(orders: tuple[int, ...]) -> list[Order]:
     return found
 
 
+def join_in_series(
+    upper: "Slab", lower: "Slab", order: int, roots: Float[Array, "n"]
+) -> "tuple[Slab, Float[Array, 'n']]":
+    """Two slabs as one by a series: light that has come back between them more than ``order`` times
+    is lost.
+
+    Args:
+        upper, lower: slabs with the azimuth modes as their leading axis.
+        order: of the series, >= 0.
+        roots: sqrt(mu w) of the nodes, (n,).
+
+    Returns:
+        The slab, and for light from above in each node a bound (n,) on the share of its flux that
+        is left out: what comes back once more often than counted, over 1 - eta, eta being the
+        largest share of any light that comes back.
+
+    Raises:
+        ValueError: a negative order.
+
+    Source: paper C, equation (21).
+    """
+    import jax.numpy as jnp
+
+    from glazejax.radiative.manyflux.star_product import join
+
+    if order < 0:
+        raise ValueError(f"order is {order}; it must be at least 0")
+    once = upper.below @ lower.above
+    between = once.scaled(0.0).plus_identity()
+    for _ in range(order):
+        between = (once @ between).plus_identity()
+    flux = jnp.where(roots > 0, roots, 1.0)
+    back = jnp.abs(once.core[0])
+    largest = jnp.max(jnp.where(roots > 0, roots @ back, 0.0) / flux)
+    left = jnp.abs(upper.down.core[0])
+    for _ in range(order + 1):
+        left = back @ left
+    bound = (roots @ left) / flux / jnp.maximum(1.0 - largest, 1e-300)
+    return join(upper, lower, between), jnp.where(largest < 1, bound, jnp.inf)
+
+
 def _pieces():
     from glazejax.radiative.manyflux.media import fewest_shared_directions
 
@@ -113,7 +158,7 @@ def halves(*, downward: bool = False) -> tuple[Any, Any, Any]:
 
     from glazejax.radiative.manyflux.effort import FluxEffort
     from glazejax.radiative.manyflux.joined import joined_stack
-    from glazejax.radiative.manyflux.media import Media
+    from glazejax.radiative.manyflux.media import Media, shared_directions
     from glazejax.radiative.manyflux.solve import Layers
 
     layers = Layers(jnp.array([ALBEDO]), jnp.array([THICKNESS]), jnp.ones((1, 1)), jnp.asarray(0.0))
@@ -122,7 +167,7 @@ def halves(*, downward: bool = False) -> tuple[Any, Any, Any]:
     media = Media((INDEX,), INDEX)
     made = joined_stack(layers, media, jnp.asarray(COSINES), lit, effort, 1, downward=downward)
     upper, lower = (jax.tree.map(lambda leaf: leaf[0], x) for x in (made.faces, made.coats))
-    return upper, lower, jnp.sqrt(made.flux)
+    return upper, lower, jnp.sqrt(jnp.asarray(shared_directions(_pieces()).flux))
 
 
 def _kept() -> np.ndarray:

@@ -98,7 +98,7 @@ def test_patches_of_a_chart(run, tmp_path):
 @pytest.mark.slow
 def test_an_interrupt_keeps_what_is_finished(run, monkeypatch):
     def cut_short(task):
-        yield from _first_of(real(task))
+        yield from _first_of(real(task, 1))
         raise KeyboardInterrupt
 
     def _first_of(groups):
@@ -106,7 +106,6 @@ def test_an_interrupt_keeps_what_is_finished(run, monkeypatch):
 
     real = recipe.recipe_chunks
     monkeypatch.setattr(recipe, "recipe_chunks", cut_short)
-    monkeypatch.setattr(recipe, "GROUP", 1)
     status, out, _ = run("--patch", "red,blue", "--max-coats", 1, "--max-paints", 2, "--count", 1)
     assert status == 130
     assert "Interrupted: 1 of 2 targets were finished and written" in out

@@ -197,6 +197,27 @@ def quadratics(count=12):
     return matrix, right, look
 
 
+def test_descent_within_bounds_follows_a_narrow_valley():
+    """The first full step leads far beyond the longest, and both unknowns stop there: in other
+    proportions than the valley's the step would lead up its side.
+    """
+    matrix = np.array([[700.0, 800.0], [1.0, 0.0]])
+    right = np.array([0.0, -8.0])
+
+    def look(rows, points):
+        miss = points @ matrix.T - right
+        curvature = np.broadcast_to(matrix.T @ matrix, (len(points), 2, 2))
+        return Looks(np.sum(miss**2, axis=1), miss @ matrix, curvature)
+
+    start = np.zeros((1, 2))
+    bounds = Bounds(np.full(2, -10.0), np.full(2, 10.0), longest=1.0)
+    found = descend_within(
+        look, start, look(np.zeros(1, int), start), bounds, promise=1e-6, max_steps=60
+    )
+    assert found.settled.all()
+    np.testing.assert_allclose(found.point, [[-8.0, 7.0]], atol=1e-3)
+
+
 def test_descent_within_bounds_ends_at_the_best_point_inside():
     optimize = pytest.importorskip("scipy.optimize")
     matrix, right, look = quadratics()
@@ -208,7 +229,6 @@ def test_descent_within_bounds_ends_at_the_best_point_inside():
         start,
         seen,
         bounds,
-        normalise=lambda rows, points: points,
         promise=1e-9,
         max_steps=60,
     )

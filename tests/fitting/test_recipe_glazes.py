@@ -10,9 +10,9 @@ from rich.console import Console
 
 import glazejax as gj
 from glazefit import find_recipes, lab_target, spectral_target
-from glazefit.recipe.refine import _children
 from glazefit.recipe.report import print_best, print_recipes
-from glazefit.recipe.selection import merge_coats, roundings
+from glazefit.recipe.selection import roundings
+from glazefit.recipe.stacks import enlargements, merge_coats
 from glazefit.recipe.task import RecipeTask, make_task
 from glazejax import colour
 
@@ -98,7 +98,7 @@ def task(**others: Any) -> RecipeTask:
 
 
 def test_limits_of_unmixed_coats():
-    assert (task().max_coats, task().max_paints, task().slots) == (6, 5, 6)
+    assert (task().max_coats, task().max_paints) == (6, 5)
     assert (task().mixed.max_coats, task().mixed.max_paints, task().mixed.glazes) == (2, 3, False)
     assert (task(glazes=False).max_coats, task(glazes=False).max_paints) == (2, 3)
     assert task(max_coats=1, max_paints=2).mixed.max_coats == 1
@@ -111,7 +111,7 @@ def test_limits_of_unmixed_coats():
 def test_a_coat_is_added_anywhere_and_never_mixed_in():
     stack = np.zeros((4, 5))
     stack[0, 0], stack[1, 1] = 5.0, 3.0
-    children = _children(task().model(), stack, 5, 4, False)
+    children = list(enlargements(task(max_coats=4), stack))
     assert all(
         ((child > 0).sum(axis=1) <= 1).all() and (child > 0).sum() == 3 for child in children
     )

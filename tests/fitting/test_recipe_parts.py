@@ -2,34 +2,31 @@ import json
 from dataclasses import replace
 from types import SimpleNamespace
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from rich.console import Console
 
 from glazefit import find_recipes
 from glazefit.film.colour_metric import lab_metric
-from glazefit.film.films import Instrument
-from glazefit.recipe import refine as refine_module
-from glazefit.recipe.model import Optics, StackSolver, empty_slots, fill_slots, make_model, readings
-from glazefit.recipe.parts import CLOSE, whole_parts
-from glazefit.recipe.refine import refine
+from glazefit.recipe.model import read
+from glazefit.recipe.parts import whole_parts
+from glazefit.recipe.refine import start
 from glazefit.recipe.report import describe_coat, print_best, print_recipes, write_json
-from glazefit.recipe.screen import Stacks, TargetArrays, _sensible
-from glazefit.recipe.selection import Scored, pack_coats, roundings, select
-from glazefit.recipe.sobol import scrambled_sobol
+from glazefit.recipe.screen import coats_of, screen
+from glazefit.recipe.selection import Scored, roundings, select
+from glazefit.recipe.stacks import Stacks, pack_coats
 from glazefit.recipe.targets import colourchecker_targets, lab_target, spectral_target, srgb_target
-from glazejax import Bidirectional, catalogue, colour
+from glazefit.recipe.task import RecipeTask, make_task
+from glazejax import catalogue, colour
 
 from .palette import GRID, palette
 
-SEEN = Bidirectional(45, 0)
 D65 = colour.find_illuminant("D65")
 
 
 @pytest.fixture(scope="module")
-def model():
-    return make_model(palette(), 0.9, Instrument(SEEN), [D65], colour.CIE_1931, (1e-6, 50e-6))
+def task() -> RecipeTask:
+    return make_task([lab_target((40, 40, 40)), lab_target((60, 0, -20))], palette())
 
 
 def stacks(count: int, coats: int) -> np.ndarray:
@@ -40,53 +37,42 @@ def stacks(count: int, coats: int) -> np.ndarray:
     return sizes
 
 
-def test_the_table_is_exact_for_one_coat_and_near_for_two(model):
-    solver = StackSolver(Optics.of(SEEN, 1.5), 10)
-    one, two = stacks(20, 1), stacks(20, 2)
-    np.testing.assert_allclose(readings(model, one, None), readings(model, one, solver), atol=3e-5)
-    apart = np.abs(readings(model, two, None) - readings(model, two, solver))
+def test_the_table_is_exact_for_one_coat_and_near_for_two(task):
+    one, two = (
+        [read(task.model, stacks(20, n), optics).spectrum for optics in (None, task.optics)]
+        for n in (1, 2)
+    )
+    np.testing.assert_allclose(one[0], one[1], atol=3e-5)
+    apart = np.abs(two[0] - two[1])
     assert apart.mean() < 0.005
     assert apart.max() < 0.05
 
 
-def test_an_empty_coat_is_no_coat(model):
+def test_an_empty_coat_is_no_coat(task):
     one = stacks(5, 1)
-    for solver in (None, StackSolver(Optics.of(SEEN, 1.5), 10)):
-        np.testing.assert_allclose(
-            readings(model, one[:, ::-1], solver), readings(model, one, solver), atol=1e-6
-        )
+    for optics in (None, task.optics):
+        below, above = (read(task.model, sizes, optics).spectrum for sizes in (one[:, ::-1], one))
+        np.testing.assert_allclose(below, above, atol=1e-6)
     np.testing.assert_array_equal(pack_coats(one[:, ::-1]), one)
 
 
-def test_slots_hold_a_stack(model):
-    from jax import vmap
-
-    from glazefit.recipe.model import amounts
-
+def test_unknowns_hold_a_stack(task):
     sizes = stacks(20, 2)
-    sizes = sizes[(sizes > 0).sum(axis=(1, 2)) <= 6]
-    slots, logs = fill_slots(model, sizes, 6)
-    back = np.asarray(vmap(lambda s, x: amounts(model, s, x, 2))(slots, logs))
-    back = empty_slots(slots, back, 5)
-    # Within 2 % of its range a thickness is moved away from the bound.
-    whole = sizes.sum(axis=2, keepdims=True)
-    inside = (whole == 0) | ((whole > 1.2) & (whole < 45))
-    np.testing.assert_allclose(np.where(inside, back, 0), np.where(inside, sizes, 0), rtol=1e-6)
-    assert inside.mean() > 0.8
+    some = Stacks.before_refinement(sizes, np.zeros(20, int), np.zeros(20))
+    places, point, _ = start(task, some)
+    # Coats outside the bounds of thickness begin at them.
+    inside = (sizes.sum(axis=2) >= 1).all(axis=1)
+    np.testing.assert_allclose(places.sizes(point, 5)[inside], sizes[inside], rtol=1e-12)
+    assert inside.sum() > 10
 
 
-def test_least_squares_that_did_not_settle_is_said(model, monkeypatch):
-    targets = TargetArrays(
-        jnp.full((1, 1, 3), 40.0), jnp.eye(3)[None, None], jnp.zeros((1, GRID.size)), jnp.zeros(1)
-    )
-    start = Stacks.before_refinement(stacks(4, 1), np.zeros(4, int), np.zeros(4))
-    assert not start.settled.any()
-    # A number of slots of its own, so that the program with a single step is not taken for that of
-    # other tests.
-    monkeypatch.setattr(refine_module, "_STEPS", 1)
-    assert not refine(model, targets, start, 7).settled.any()
-    monkeypatch.undo()
-    assert refine(model, targets, start, 6).settled.any()
+def test_of_like_stacks_the_best_is_kept():
+    sizes = np.zeros((5, 2, 3))
+    sizes[:3, 0, 0], sizes[3, 0, 1], sizes[4, 1, 0] = (1.0, 2.0, 3.0), 1.0, 1.0
+    cost = np.array([3.0, 1.0, 2.0, 5.0, 4.0])
+    some = Stacks.before_refinement(sizes, np.array([0, 0, 1, 0, 0]), cost)
+    assert some.best(3).cost.tolist() == [1.0, 2.0, 5.0, 4.0]
+    assert some.best(2).cost.tolist() == [1.0, 2.0, 4.0]
 
 
 @pytest.mark.slow
@@ -124,7 +110,7 @@ def test_parts_stand_to_each_other_as_shares_do():
         shares = shares / shares.sum()
         parts = np.array(whole_parts(shares))
         assert parts.min() >= 1
-        np.testing.assert_allclose(parts / parts.sum(), shares, rtol=CLOSE)
+        np.testing.assert_allclose(parts / parts.sum(), shares, rtol=0.08)
 
 
 @pytest.mark.slow
@@ -223,24 +209,60 @@ def test_bad_targets_are_refused(make, match):
         make()
 
 
-def test_no_paint_lies_over_itself_and_no_more_paints_than_allowed():
-    single, pair = np.array([[0], [1], [2]]), np.array([[0, 1], [0, 2]])
-    assert _sensible(single, single, 2).tolist() == [
-        [False, True, True],
-        [True, False, True],
-        [True, True, False],
-    ]
-    assert not _sensible(single, single, 1).any()
-    assert _sensible(pair, single, 2).tolist() == [[True, True, False], [True, False, True]]
-    assert _sensible(single, pair, 2).tolist() == [[True, True], [True, False], [False, True]]
-    assert _sensible(pair, pair, 3).tolist() == [[False, True], [True, False]]
+def test_the_grid_has_every_set_within_the_bounds(task):
+    for n, count in ((1, 5 * 2), (2, 10 * 7), (3, 10 * 20)):
+        coats = coats_of(task.model, n, 0)
+        assert len(coats.paints) == count
+        assert (coats.members(5).sum(axis=1) == n).all()
+        thickness = coats.amounts.sum(axis=2)
+        assert thickness.min() == pytest.approx(1.0)
+        assert thickness.max() == pytest.approx(50.0)
+        shares = coats.amounts / thickness[..., None]
+        np.testing.assert_allclose(shares, np.broadcast_to(shares[:, :1], shares.shape))
+    assert (coats_of(task.model, 3, 1).amounts != coats_of(task.model, 3, 0).amounts).any()
+
+
+@pytest.mark.parametrize("limits", [(3, 2), (2, 2), (1, 1)])
+def test_no_paint_lies_over_itself_and_no_more_paints_than_allowed(limits):
+    paints, coats = limits
+    asked = make_task([lab_target((40, 40, 40))] * 2, palette(), max_paints=paints, max_coats=coats)
+    found = screen(asked, (1000,) * 3)
+    inside = found.sizes > 0
+    assert found.paints.max() == paints
+    assert found.coats.max() == coats
+    both = found.coats == 2
+    assert (inside[both, 0] != inside[both, -1]).any(axis=1).all()
+    # Sets of one to three of five paints in a coat, and in two coats those that differ.
+    pairs = {3: 20 + 2 * 50, 2: 20 + 2 * 20}
+    single = sum(count for n, count in ((1, 5), (2, 10), (3, 10)) if n <= paints)
+    expected = single + (pairs[paints] if coats == 2 else 0)
+    assert found.size == 2 * expected
+    # The cost is that of the table, by the difference of small steps.
+    seen = read(asked.model, found.sizes, None)
+    miss = seen.lab - asked.target_arrays.lab[found.target]
+    moved = np.einsum("nlij,nlj->nli", asked.target_arrays.metric[found.target], miss)
+    np.testing.assert_allclose(np.sum(moved**2, axis=(1, 2)), found.cost, rtol=1e-3, atol=1e-3)
 
 
 def scored(paints: dict[int, float], delta_e: float, coat: int = 0) -> Scored:
     sizes = np.zeros((2, 4))
     for paint, size in paints.items():
         sizes[coat, paint] = size
-    return Scored(sizes, np.zeros(3), np.array([delta_e]), delta_e, True)
+    return make_scored(sizes, delta_e)
+
+
+def make_scored(sizes: np.ndarray, delta_e: float) -> Scored:
+    return Scored(
+        sizes=sizes,
+        target=0,
+        reading=np.zeros(3),
+        lab=np.zeros((1, 3)),
+        delta_e=np.array([delta_e]),
+        score=delta_e,
+        settled=True,
+        steps=0,
+        before=delta_e,
+    )
 
 
 def names(found: list[Scored]) -> list[tuple[set[int], float]]:
@@ -277,22 +299,12 @@ def test_recipes_that_are_chosen_differ_and_add_nothing_in_vain():
 
 
 def test_stacks_differ_by_the_order_of_their_coats():
-    one, other = (
-        Scored(s, np.zeros(3), np.ones(1), 1.0, True) for s in (np.eye(2), np.eye(2)[::-1])
-    )
+    one, other = (make_scored(sizes, 1.0) for sizes in (np.eye(2), np.eye(2)[::-1]))
     assert one.signature != other.signature
     assert one.coats == other.coats == 2
     assert len(select([one, other], 5, 0.3)) == 2
     assert one.distance == 1.0
     assert one.effort(0.5) == (True, 1.0 + 0.5 * 4)
-
-
-@pytest.mark.parametrize("seed", [0, 1, 77])
-def test_sobol_points_are_those_of_scipy(seed):
-    from scipy.stats import qmc
-
-    theirs = qmc.Sobol(2, rng=np.random.default_rng(seed)).random_base2(6)
-    np.testing.assert_array_equal(scrambled_sobol(6, seed), theirs)
 
 
 def test_recipes_for_one_target_are_drawn_on_one_scale():

@@ -1,32 +1,24 @@
 """The last steps of a recipe, along the solver itself."""
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import glazejax as gj
+from glazefit import lab_target
 from glazefit.film.colour_metric import lab_metric
-from glazefit.film.films import Instrument
-from glazefit.film.model.optics import Optics
-from glazefit.recipe import polish as polish_module
-from glazefit.recipe.model import StackSolver, fill_slots, make_model, solve
-from glazefit.recipe.polish import colour_misfit, polish
-from glazefit.recipe.screen import Stacks, TargetArrays
+from glazefit.recipe.distance import TargetArrays, colour_misfit
+from glazefit.recipe.model import read
+from glazefit.recipe.refine import look, refine, start
 from glazefit.recipe.selection import score
+from glazefit.recipe.stacks import Stacks
+from glazefit.recipe.task import RecipeTask, make_task
 from glazejax import colour
 
 from .palette import GRID, palette
 
 SEEN = gj.Bidirectional(45, 0)
 LIGHTS = [colour.find_illuminant(name) for name in ("D65", "A")]
-SOLVER = StackSolver(Optics.of(SEEN, 1.5), 4)
 WHITE, BLACK, RED, YELLOW, BLUE = range(5)
-
-
-@pytest.fixture(scope="module")
-def model():
-    """Under two lights, so that each counts in part."""
-    return make_model(palette(), 0.9, Instrument(SEEN), LIGHTS, colour.CIE_1931, (1e-6, 50e-6))
 
 
 def stacks(*some: list[dict[int, float]]) -> Stacks:
@@ -40,7 +32,7 @@ def stacks(*some: list[dict[int, float]]) -> Stacks:
     return Stacks.before_refinement(sizes, np.arange(len(some)), np.zeros(len(some)))
 
 
-def spectrum(model, sizes: np.ndarray) -> np.ndarray:
+def spectrum(sizes: np.ndarray) -> np.ndarray:
     """What the public solver says of a stack, paint by paint through mixtures and layers."""
     layers = [
         gj.Layer(gj.Mixture(palette(), coat / coat.sum()), coat.sum() * 1e-6)
@@ -50,52 +42,55 @@ def spectrum(model, sizes: np.ndarray) -> np.ndarray:
     return np.asarray(gj.reflectance(gj.Glaze(layers, 0.9), SEEN, tolerance=1e-8))
 
 
-def aims_of(spectra: np.ndarray, spectral: float = 0.0) -> TargetArrays:
+def task_for(spectra: np.ndarray, spectral: float = 0.0) -> RecipeTask:
+    """Under two lights, so that each counts in part; `spectral` weighs the spectra."""
     labs = np.stack([colour.lab(GRID, spectra, illuminant=light) for light in LIGHTS], axis=1)
-    weights = np.full(len(spectra), spectral)
-    return TargetArrays(
-        *(jnp.asarray(values) for values in (labs, lab_metric(labs), spectra, weights))
-    )
+    target = lab_target(dict.fromkeys(LIGHTS, (50, 0, 0)))
+    task = make_task([target] * len(spectra), palette())
+    arrays = TargetArrays(labs, lab_metric(labs), spectra, np.full(len(spectra), spectral))
+    task.__dict__["target_arrays"] = arrays
+    return task
 
 
-def test_slopes_are_those_of_the_solver(model):
+def test_slopes_are_those_of_the_solver():
     """Against differences of readings that the public solver gives for mixtures and layers."""
-    some = stacks([{RED: 3.0, WHITE: 2.0}, {BLUE: 6.0}])
-    slots, _ = fill_slots(model, some.sizes, 4)
-    amount = np.where(
-        slots.used, some.sizes[0][np.asarray(slots.coat), np.asarray(slots.paint)], 1.0
-    )
-    reading, slope, lab, _ = solve(model, SOLVER, slots, amount, 2)
-    np.testing.assert_allclose(reading[0], spectrum(model, some.sizes[0]), atol=2e-6)
-    np.testing.assert_allclose(lab[0, 0], colour.lab(GRID, reading[0]), atol=1e-9)
-    for slot in range(3):
-        place = int(slots.coat[0, slot]), int(slots.paint[0, slot])
+    sizes = stacks([{RED: 3.0, WHITE: 2.0}, {BLUE: 6.0}]).sizes
+    task = task_for(np.zeros((1, GRID.size)))
+    seen = read(task.model, sizes, task.optics)
+    np.testing.assert_allclose(seen.spectrum[0], spectrum(sizes[0]), atol=2e-6)
+    np.testing.assert_allclose(seen.lab[0, 0], colour.lab(GRID, seen.spectrum[0]), atol=1e-9)
+    for coat, paint in np.argwhere(sizes[0] > 0):
         ends = []
         for factor in (1.001, 0.999):
-            sizes = some.sizes[0].copy()
-            sizes[place] *= factor
-            ends.append(spectrum(model, sizes))
-        expected = (ends[0] - ends[1]) / (0.002 * some.sizes[0][place])
-        np.testing.assert_allclose(
-            slope[0, slot], expected, atol=2e-3 * np.abs(expected).max() + 1e-6
+            moved = sizes[0].copy()
+            moved[coat, paint] *= factor
+            ends.append(spectrum(moved))
+        expected = (ends[0] - ends[1]) / (0.002 * sizes[0, coat, paint])
+        slope = (
+            seen.by_absorption[0, coat] * task.model.absorption[paint]
+            + seen.by_scattering[0, coat] * task.model.scattering[paint]
         )
-    assert not np.any(slope[0, 3])
+        np.testing.assert_allclose(slope, expected, atol=2e-3 * np.abs(expected).max() + 1e-6)
 
 
-def test_slopes_under_two_lights_are_those_of_the_cost(model):
+@pytest.mark.parametrize("table", [False, True])
+def test_slopes_under_two_lights_are_those_of_the_cost(table):
     """Half the cost's differences by the logs of thicknesses and free shares."""
-    some = stacks([{RED: 3.0, WHITE: 4.0}, {BLUE: 9.0}])
-    aim = spectrum(model, stacks([{RED: 2.0, WHITE: 6.0}, {BLUE: 5.0}]).sizes[0])
-    place, point = polish_module._start(model, aims_of(aim[None], 100.0), some, SOLVER.slots)
+    # The second has one amount less than the first.
+    some = stacks([{RED: 3.0, WHITE: 4.0}, {BLUE: 9.0}], [{RED: 3.0}, {BLUE: 9.0}])
+    goal = spectrum(stacks([{RED: 2.0, WHITE: 6.0}, {BLUE: 5.0}]).sizes[0])
+    task = task_for(np.stack([goal, goal]), 100.0)
+    optics = None if table else task.optics
+    places, point, _ = start(task, some)
     step = 3e-4
-    used = 5  # two thicknesses, three shares; the fourth slot is empty
-    moves = step * np.concatenate([np.zeros((1, 6)), np.eye(6)[:used], -np.eye(6)[:used]])
-    looks, _ = polish_module._look(model, SOLVER, place.take(np.zeros(11, int)), point + moves)
-    differences = (looks.cost[1 : 1 + used] - looks.cost[1 + used :]) / (2 * step)
-    # Of slopes of some tens a millionth is left, by this difference and by the one that slopes of
-    # CIEDE2000 are.
-    np.testing.assert_allclose(looks.slope[0, :used], 0.5 * differences, rtol=1e-5, atol=1e-5)
-    assert looks.slope[0, used] == 0.0
+    moves = step * np.concatenate([np.zeros((1, 5)), np.eye(5), -np.eye(5)])
+    for row, unknowns in enumerate((5, 4)):
+        looks, _ = look(task, places.take(np.full(11, row)), point[row] + moves, optics)
+        differences = (looks.cost[1:6] - looks.cost[6:]) / (2 * step)
+        # Of slopes of some tens a millionth is left, by this difference and by the one that slopes
+        # of CIEDE2000 are.
+        np.testing.assert_allclose(looks.slope[0], 0.5 * differences, rtol=1e-5, atol=1e-5)
+        assert not looks.slope[0, unknowns:].any()
 
 
 def test_the_misfit_is_as_long_as_the_colour_difference():
@@ -115,42 +110,45 @@ def test_the_misfit_is_as_long_as_the_colour_difference():
     np.testing.assert_allclose(expected, moved, rtol=2e-3, atol=1e-4)
 
 
-def test_amounts_that_made_a_colour_are_found_again(model):
+def test_amounts_that_made_a_colour_are_found_again():
     """Two coats, where the table is off: the solver's own steps end where it meets the target, and
     settle.
     """
     made = stacks([{RED: 3.0, WHITE: 4.0}, {BLUE: 9.0}], [{YELLOW: 2.0}, {BLUE: 5.0, WHITE: 10.0}])
-    spectra = np.stack([spectrum(model, sizes) for sizes in made.sizes])
-    start = made._replace(sizes=made.sizes * np.array([1.3, 0.8])[:, None, None])
-    aims = aims_of(spectra, 1e4)
-    found = polish(model, SOLVER, aims, start)
+    spectra = np.stack([spectrum(sizes) for sizes in made.sizes])
+    begin = made._replace(sizes=made.sizes * np.array([1.3, 0.8])[:, None, None])
+    task = task_for(spectra, 1e4)
+    found = refine(task, begin, task.optics)
     assert found.settled.all()
     assert np.all(found.steps > 0)
     assert np.all(found.before > 0.5)
     np.testing.assert_allclose(found.sizes, made.sizes, rtol=0.02, atol=1e-3)
-    own = score(model, SOLVER, aims, found)
+    own = [one for (one,) in score(task, found)]
     assert max(one.distance for one in own) < 0.01
     # The cost is what recipes are chosen by.
     np.testing.assert_allclose(np.sqrt(found.cost), [one.score for one in own], atol=2e-3)
 
 
-def test_a_coat_at_its_bound_and_a_paint_that_fades_settle(model):
+def test_a_coat_at_its_bound_and_a_paint_that_fades_settle():
     """For a white out of reach: white as thick as allowed, and red or black only spoil it."""
-    start = stacks([{WHITE: 30.0}], [{WHITE: 30.0, RED: 1.0}], [{WHITE: 47.0, BLACK: 0.5}])
-    aims = aims_of(np.ones((3, GRID.size)))
-    found = polish(model, SOLVER._replace(slots=3), aims, start)
+    begin = stacks([{WHITE: 30.0}], [{WHITE: 30.0, RED: 1.0}], [{WHITE: 47.0, BLACK: 0.5}])
+    task = task_for(np.ones((3, GRID.size)))
+    found = refine(task, begin, task.optics)
     assert found.settled.all()
     np.testing.assert_allclose(found.sizes[0, 0], [50.0, 0, 0, 0, 0])
     shares = found.sizes[:, 0] / found.sizes[:, 0].sum(axis=1, keepdims=True)
     assert np.all(shares[:, [RED, BLACK]] < 1e-3)
 
 
-def test_steps_that_run_out_are_said(model, monkeypatch):
-    start = stacks([{RED: 20.0, WHITE: 4.0}, {BLUE: 40.0}])
-    aims = aims_of(spectrum(model, stacks([{RED: 2.0, WHITE: 4.0}, {BLUE: 3.0}]).sizes[0])[None])
-    monkeypatch.setattr(polish_module, "_STEPS", 1)
-    assert not polish(model, SOLVER, aims, start).settled.any()
-    monkeypatch.undo()
-    found = polish(model, SOLVER, aims, start)
+@pytest.mark.parametrize("table", [False, True])
+def test_steps_that_run_out_are_said(table):
+    begin = stacks([{RED: 20.0, WHITE: 4.0}, {BLUE: 40.0}])
+    assert not begin.settled.any()
+    made = stacks([{RED: 2.0, WHITE: 4.0}, {BLUE: 3.0}]).sizes
+    anywhere = task_for(np.zeros((1, GRID.size)))
+    optics = None if table else anywhere.optics
+    task = task_for(read(anywhere.model, made, optics).spectrum)
+    assert not refine(task, begin, optics, 1).settled.any()
+    found = refine(task, begin, optics)
     assert found.settled.all()
-    assert score(model, SOLVER, aims, found)[0].distance < 0.05
+    assert np.sqrt(found.cost[0]) < 0.05

@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from benchmarks.papers.many_flux_example import join_in_series
 from jax.test_util import check_grads
 
 from glazejax.radiative.common.fresnel import dielectric_reflectance
@@ -28,7 +29,7 @@ from glazejax.radiative.manyflux.reflectance import (
     manyflux_hemispherical_reflectance,
     manyflux_reflectance_factor,
 )
-from glazejax.radiative.manyflux.star_product import Slab, join, join_in_series
+from glazejax.radiative.manyflux.star_product import Slab, join
 from tests.tolerances import CONSERVED, LAST_DIGITS, ROUNDING
 
 PHASE = henyey_greenstein(jnp.array([0.6, -0.3]), 12)

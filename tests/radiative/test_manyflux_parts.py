@@ -15,7 +15,7 @@ from glazejax.radiative.manyflux.scattering import associated_legendre, rates, s
 from glazejax.radiative.manyflux.star_product import (
     join_all,
     lambert,
-    lay_over,
+    reflection_over,
     slab_of_layer,
     stack_reflection,
 )
@@ -136,7 +136,7 @@ def test_reciprocity_of_joined_slabs(layers):
 def test_laying_over_black_is_the_layer(layers):
     r, loss, ground = layers
     first, lost = (jax.tree.map(lambda leaf: leaf[0], operator) for operator in (r, loss))
-    found = lay_over(first, lost, ground.scaled(0.0))
+    found = reflection_over(slab_of_layer(first, lost), ground.scaled(0.0))
     np.testing.assert_allclose(found.body, first.body, atol=1e-15)
 
 

@@ -5,10 +5,9 @@ What was read is a paint of its own (`glazefit.recover.mixture.calibrate_mixture
 came out. Paints are added to it, one or two, and nothing can be taken away.
 """
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import combinations
-from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -27,20 +26,6 @@ from ..recover.mixture import mix, predict_mixture
 from ..recover.prediction import Prediction
 from ..recover.reading_errors import film_readings
 from .targets import Target
-
-# Grams to a gram of the mixture: from a trace on a knife to as much again.
-_LEAST = 1e-3
-_MOST = 1.0
-# Delta E00 that as much again must bring: paint is not added by the pound for what is hardly seen.
-_DEAR = 1.0
-_STEPS = 40
-_TRIED_TOGETHER = 6
-# A second paint must bring the colour this much nearer, and so must the first.
-_WORTH = 0.3
-# Thickness that hides the ground, m.
-_THICK = 5e-3
-# It is this mixing that goes on; what is added may be as strong as another mixing of it.
-_THE_SAME = Variation(np.eye(len(SIZES))[0])
 
 
 @dataclass(frozen=True)
@@ -106,141 +91,130 @@ def next_addition(
                 f"{paint.name} is known at {describe_grid(paint.wavelengths)} and the mixture at "
                 f"{describe_grid(grid)}: leave {paint.name} out of what may be added"
             )
-    light = colour.find_illuminant(illuminant)
-    eye = colour.find_observer(observer)
     name = calibrated.paints[0]
     hides = bool(calibrated.films.opaque[0])
+    eye = (colour.find_illuminant(illuminant), colour.find_observer(observer))
+    made = calibrated.pigment(name, UNIT, provenance=name)
+    every = [made, *(paint.resample(grid) for paint in pigments)]
     pot = _Pot(
-        made=calibrated.pigment(name, UNIT, provenance=name),
-        shelf={paint.name: paint.resample(grid) for paint in pigments},
-        thickness=_THICK if hides else float(calibrated.thickness[0]) * UNIT,
+        absorption=np.stack([np.asarray(paint.absorption) for paint in every]),
+        scattering=np.stack([np.asarray(paint.scattering) for paint in every]),
+        wavelengths=grid,
+        # A film of 5 mm hides the ground.
+        thickness=5e-3 if hides else float(calibrated.thickness[0]) * UNIT,
         ground=np.broadcast_to(np.asarray(ground, dtype=float), grid.shape),
         surface=seen_by.seen_surface * float(calibrated.gloss[0]),
         response=film_response(seen_by),
-        aim=target.lab(light, eye),
-        eye=(light, eye),
+        goal=target.lab(*eye),
+        eye=eye,
     )
-    nothing = _Tried(float(pot.distances((), np.zeros((1, 0)))[0]), (), np.zeros(0))
-    best = _search(pot, nothing)
-    grams = {paint: float(batch * a) for paint, a in zip(best.paints, best.amounts, strict=True)}
-    film = _foretell(pot, grams, batch, seen_by)
+    amounts = _search(pot)
+    grams = {paint.name: float(batch * a) for paint, a in zip(pigments, amounts, strict=True) if a}
+    added = {p.name: mix({p.name: p}, {p.name: 1.0}, name=p.name) for p in every if p.name in grams}
+    # The film after the addition, over black and over its ground.
+    (film,) = predict_mixture(
+        {name: made} | added,
+        {name: batch} | grams,
+        [pot.thickness],
+        wavelengths=grid,
+        ground=(0.0, pot.ground),
+        instrument=seen_by,
+        # It is this mixing that goes on; what is added may be as strong as another mixing of it.
+        variation=Variation(np.eye(len(SIZES))[0]),
+    )
+    before, after = np.stack([np.zeros_like(amounts), amounts])[:, None]
     return Addition(
         target=target,
         grams=grams,
         batch=batch,
         thickness=None if hides else pot.thickness,
-        before=nothing.cost,
-        after=float(pot.distances(best.paints, best.amounts[None])[0]),
-        lab_before=pot.labs((), np.zeros((1, 0)))[0],
-        lab_after=pot.labs(best.paints, best.amounts[None])[0],
-        expected=float(film.expected_errors(light, eye)[1]),
+        before=float(pot.distances(before)[0]),
+        after=float(pot.distances(after)[0]),
+        lab_before=pot.labs(before)[0],
+        lab_after=pot.labs(after)[0],
+        expected=float(film.expected_errors(*eye)[1]),
         film=film,
     )
 
 
-class _Tried(NamedTuple):
-    """Amounts of some paints to one of the mixture, and how far that is from the target: with what
-    they cost.
-    """
-
-    cost: float
-    paints: tuple[str, ...]
-    amounts: Float[np.ndarray, "paints"]
-
-
 @dataclass(frozen=True)
 class _Pot:
-    """The mixture, what may be added, and the film and eye that judge it."""
+    """The mixture, then what may be added to it, and the film and eye that judge it."""
 
-    made: Pigment
-    shelf: Mapping[str, Pigment]
+    absorption: Float[np.ndarray, "1+paints bands"]
+    scattering: Float[np.ndarray, "1+paints bands"]
+    wavelengths: Float[np.ndarray, "bands"]
     thickness: float
     ground: Float[np.ndarray, "bands"]
     surface: float
     response: Response
-    aim: Float[np.ndarray, "3"]
+    goal: Float[np.ndarray, "3"]
     eye: tuple[str, str]
 
-    def labs(
-        self, paints: Sequence[str], amounts: Float[np.ndarray, "tried paints"]
-    ) -> Float[np.ndarray, "tried 3"]:
+    def labs(self, amounts: Float[np.ndarray, "tried paints"]) -> Float[np.ndarray, "tried 3"]:
         """Colours after some amounts are added to one of the mixture."""
-        grid = self.made.wavelengths
-        total = 1.0 + amounts.sum(axis=1, keepdims=True)
-        kd, sd = (
-            self.thickness
-            * (np.asarray(getattr(self.made, what)) + amounts @ self._table(paints, what))
-            / total
-            for what in ("absorption", "scattering")
-        )
-        nothing = np.zeros((len(amounts), 2, grid.size))
-        body = film_readings(self.response, kd, sd, nothing, (self.ground,))[:, 0]
+        shares = np.pad(amounts, ((0, 0), (1, 0)), constant_values=1.0)
+        films = self.thickness * shares / shares.sum(axis=1, keepdims=True)
+        nothing = np.zeros((len(amounts), 2, self.wavelengths.size))
+        body = film_readings(
+            self.response,
+            films @ self.absorption,
+            films @ self.scattering,
+            nothing,
+            (self.ground,),
+        )[:, 0]
         light, eye = self.eye
         seen = body + self.surface
-        return np.asarray(colour.lab(grid, seen, illuminant=light, observer=eye))
+        return np.asarray(colour.lab(self.wavelengths, seen, illuminant=light, observer=eye))
 
-    def distances(
-        self, paints: Sequence[str], amounts: Float[np.ndarray, "tried paints"]
-    ) -> Float[np.ndarray, "tried"]:
+    def distances(self, amounts: Float[np.ndarray, "tried paints"]) -> Float[np.ndarray, "tried"]:
         """CIEDE2000 of these from the target."""
-        return np.asarray(colour.delta_e_2000(self.labs(paints, amounts), self.aim))
+        return np.asarray(colour.delta_e_2000(self.labs(amounts), self.goal))
 
-    def costs(
-        self, paints: Sequence[str], amounts: Float[np.ndarray, "tried paints"]
-    ) -> Float[np.ndarray, "tried"]:
-        """Distances, and what the amounts cost."""
-        return self.distances(paints, amounts) + _DEAR * amounts.sum(axis=1)
-
-    def _table(self, paints: Sequence[str], what: str) -> Float[np.ndarray, "paints bands"]:
-        rows = [np.asarray(getattr(self.shelf[paint], what)) for paint in paints]
-        return np.stack(rows) if rows else np.zeros((0, self.made.wavelengths.size))
+    def costs(self, amounts: Float[np.ndarray, "tried paints"]) -> Float[np.ndarray, "tried"]:
+        """Distances, and what the amounts cost: as much again must bring a Delta E00 of 1, for
+        paint is not added by the pound for what is hardly seen.
+        """
+        return self.distances(amounts) + amounts.sum(axis=1)
 
 
-def _search(pot: _Pot, nothing: _Tried) -> _Tried:
-    """The paint, or the two, that bring the colour nearest; nothing, if that is not seen."""
-    steps = np.geomspace(_LEAST, _MOST, _STEPS)
-    alone = {paint: float(pot.costs((paint,), steps[:, None]).min()) for paint in pot.shelf}
-    near = sorted(alone, key=lambda paint: alone[paint])[:_TRIED_TOGETHER]
-    best = nothing
-    for paints in (near[:1], near):
-        count = min(len(paints), 2)
-        each = steps if count == 1 else steps[::2]
-        tried = np.stack(np.meshgrid(*[each] * count), axis=-1).reshape(-1, count)
-        found = min(
-            (_refine(pot, names, tried) for names in combinations(paints, count)),
-            key=lambda tried: tried.cost,
+def _search(pot: _Pot) -> Float[np.ndarray, "paints"]:
+    """Amounts of the paint, or the two, that bring the colour nearest; nothing, if that is not
+    seen.
+    """
+    # Grams to a gram of the mixture: from a trace on a knife to as much again.
+    steps = np.geomspace(1e-3, 1.0, 40)
+    alone = np.eye(len(pot.absorption) - 1)
+    costs = [pot.costs(steps[:, None] * paint).min() for paint in alone]
+    # The first paint is tried alone, and these in pairs.
+    near = np.argsort(costs)[:6]
+    best = np.zeros(len(alone))
+    least = float(pot.costs(best[None])[0])
+    for count in range(1, min(len(near), 2) + 1):
+        tried = np.stack(np.meshgrid(*[steps[::count]] * count), axis=-1).reshape(-1, count)
+        sets = itertools.combinations(near if count > 1 else near[:1], count)
+        cost, amounts = min(
+            (_refine(pot, alone[list(paints)], tried) for paints in sets), key=lambda each: each[0]
         )
-        if found.cost < best.cost - _WORTH:
-            best = found
+        # A second paint must bring the colour this much nearer, and so must the first.
+        if cost < least - 0.3:
+            least, best = cost, amounts
     return best
 
 
-def _refine(pot: _Pot, paints: tuple[str, ...], tried: Float[np.ndarray, "tried paints"]) -> _Tried:
-    """The nearest of the amounts that were tried, and from there downhill."""
-    start = np.log(tried[int(pot.costs(paints, tried).argmin())])
+def _refine(
+    pot: _Pot, paints: Float[np.ndarray, "n paints"], tried: Float[np.ndarray, "tried n"]
+) -> tuple[float, Float[np.ndarray, "paints"]]:
+    """The nearest of the amounts that were tried, and from there downhill: cost and amounts."""
+    start = np.log(tried[int(pot.costs(tried @ paints).argmin())])
 
     def amounts(logs: np.ndarray) -> np.ndarray:
-        return np.exp(np.minimum(logs, np.log(_MOST)))
+        return np.exp(np.minimum(logs, 0.0)) @ paints
 
-    def off(logs: np.ndarray) -> float:
-        return float(pot.costs(paints, amounts(logs)[None])[0])
-
-    found = minimize(off, start, method="Nelder-Mead", options={"xatol": 1e-3, "fatol": 1e-3})
-    return _Tried(float(found.fun), paints, amounts(found.x))
-
-
-def _foretell(
-    pot: _Pot, grams: Mapping[str, float], batch: float, instrument: InstrumentLike
-) -> Prediction:
-    """The film after the addition, over black and over its ground."""
-    added = {paint: mix(pot.shelf, {paint: 1.0}, name=paint) for paint in grams}
-    (film,) = predict_mixture(
-        {pot.made.name: pot.made} | added,
-        {pot.made.name: batch} | dict(grams),
-        [pot.thickness],
-        wavelengths=pot.made.wavelengths,
-        ground=(0.0, pot.ground),
-        instrument=instrument,
-        variation=_THE_SAME,
+    found = minimize(
+        lambda logs: float(pot.costs(amounts(logs)[None])[0]),
+        start,
+        method="Nelder-Mead",
+        options={"xatol": 1e-3, "fatol": 1e-3},
     )
-    return film
+    return float(found.fun), amounts(found.x)

@@ -4,15 +4,13 @@ from collections.abc import Sequence
 
 from glazejax.paint.describe import Coat
 
-CLOSE = 0.08
-"""How far each share may be from that of the parts, as a share of itself."""
 
-
-def whole_parts(shares: Sequence[float]) -> tuple[int, ...]:
+def whole_parts(shares: Sequence[float], close: float = 0.08) -> tuple[int, ...]:
     """The smallest whole numbers that stand to each other as shares do, to 8 % of each.
 
     Args:
         shares: above 0, in any unit.
+        close: how far each share may be from that of the parts, as a share of itself.
 
     Returns:
         As many whole numbers from 1 on: 84, 15, 1 for 0.84, 0.15, 0.01.
@@ -24,7 +22,7 @@ def whole_parts(shares: Sequence[float]) -> tuple[int, ...]:
         parts = [round(share / least * smallest) for share in shares]
         whole = sum(parts)
         if all(
-            abs(part / whole - share / total) <= CLOSE * share / total
+            abs(part / whole - share / total) <= close * share / total
             for part, share in zip(parts, shares, strict=True)
         ):
             break

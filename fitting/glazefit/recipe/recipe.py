@@ -3,11 +3,12 @@
 All sets of up to three paints in one coat or two are looked at on a coarse grid
 (`glazefit.recipe.screen`), the best are refined by Levenberg-Marquardt on a table
 (`glazefit.recipe.refine`), more paints or coats are added where allowed, what remains is
-simplified, and its last steps follow the solver's own readings and slopes
-(`glazefit.recipe.polish`). Then it is rounded to what a painter can weigh and measure, and put in
-order (`glazefit.recipe.selection`).
+simplified (`glazefit.recipe.stacks`), and its last steps follow the solver's own readings and
+slopes. Then it is rounded to what a painter can weigh and measure, and put in order
+(`glazefit.recipe.selection`).
 """
 
+import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Unpack, overload
@@ -20,21 +21,13 @@ from glazejax.paint.describe import Coat
 
 from ..film.model.mixing import Pigments
 from ..film.model.variation import MIXED, Variation
-from .model import StackModel, readings, readings_ahead
-from .polish import polish
-from .refine import grown, refine, refine_ahead
-from .screen import MOST_SCREENED, Stacks, TargetArrays, screen
-from .selection import IN_GAMUT, Scored, round_recipes, score, select, simplify
-from .targets import Target
-from .task import RecipeOptions, RecipeTask, Wanted, as_targets, make_task
-
-GROUP = 8
-"""Targets that are refined at a time."""
-
-# How many sets of paints a target keeps after the first look, by (layers, paints counted in each
-# coat); and how many after a first refinement, and for the solver.
-_KEEP = {(1, 1): 3, (1, 2): 12, (1, 3): 40, (2, 1): 8, (2, 2): 24, (2, 3): 40}
-_KEPT = 8
+from .model import read, read_ahead
+from .refine import refine
+from .screen import MOST_SCREENED, screen
+from .selection import IN_GAMUT, Scored, round_recipes, score, select
+from .stacks import Stacks, grown, simplify
+from .targets import Target, TargetLike
+from .task import RecipeOptions, RecipeTask, as_targets, make_task
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,14 +123,16 @@ def _type_coat(coat: Coat) -> str:
 
 @overload
 def find_recipes(
-    target: Wanted, pigments: Pigments | None = None, **options: Unpack[RecipeOptions]
+    target: TargetLike, pigments: Pigments | None = None, **options: Unpack[RecipeOptions]
 ) -> list[Recipe]: ...
 @overload
 def find_recipes(
-    target: Sequence[Wanted], pigments: Pigments | None = None, **options: Unpack[RecipeOptions]
+    target: Sequence[TargetLike],
+    pigments: Pigments | None = None,
+    **options: Unpack[RecipeOptions],
 ) -> list[list[Recipe]]: ...
 def find_recipes(
-    target: Wanted | Sequence[Wanted],
+    target: TargetLike | Sequence[TargetLike],
     pigments: Pigments | None = None,
     **options: Unpack[RecipeOptions],
 ) -> list[Recipe] | list[list[Recipe]]:
@@ -183,14 +178,14 @@ def find_recipes(
     return found if batch else found[0]
 
 
-def recipe_chunks(task: RecipeTask) -> Iterator[list[list[Recipe]]]:
+def recipe_chunks(task: RecipeTask, group: int = 8) -> Iterator[list[list[Recipe]]]:
     """Recipes for a few targets at a time, so that progress can be shown and an interrupt loses
     little.
     """
     if not task.glazes:
-        yield from _search(task)
+        yield from _search(task, group)
         return
-    for pure, mixed in zip(_search(task), _search(task.mixed), strict=True):
+    for pure, mixed in zip(_search(task, group), _search(task.mixed, group), strict=True):
         nearest = [min(recipes, key=lambda one: one.distance) for recipes in mixed]
         yield [
             [replace(one, mixed=best) for one in own]
@@ -198,233 +193,136 @@ def recipe_chunks(task: RecipeTask) -> Iterator[list[list[Recipe]]]:
         ]
 
 
-def _search(task: RecipeTask) -> Iterator[list[list[Recipe]]]:
+def _search(task: RecipeTask, group: int) -> Iterator[list[list[Recipe]]]:
     """Recipes for a few targets at a time, of mixed coats or of unmixed ones."""
-    model = task.model()
-    aims = task.target_arrays()
-
     # While the first look is compiled and taken, another thread compiles what comes after it.
-    refine_ahead(model, aims, task.slots, task.max_coats)
-    readings_ahead(model, task.solver, task.max_coats)
-
-    def keep(coats: int, paints: int) -> int:
-        return _KEEP[coats, paints]
-
-    rough = screen(
-        model,
-        aims,
-        max_paints=task.max_paints,
-        max_coats=task.max_coats,
-        keep=keep,
-        seed=task.seed,
-        mixed=not task.glazes,
-    )
-    for first in range(0, len(task.targets), GROUP):
-        here = range(first, min(first + GROUP, len(task.targets)))
-        stacks = _refine(task, model, aims, rough.take(np.flatnonzero(np.isin(rough.target, here))))
-        yield _finish(task, model, aims, stacks, here)
+    read_ahead(task.model, task.max_coats, task.optics)
+    rough = screen(task)
+    for first in range(0, len(task.targets), group):
+        here = (rough.target >= first) & (rough.target < first + group)
+        stacks = _refine(task, rough.take(np.flatnonzero(here)))
+        # More than asked for are rounded, because a few lose their colour by it.
+        exact = [select(own, 3 * task.count, task.simplicity) for own in score(task, stacks)]
+        chosen = [select(own, task.count, task.simplicity) for own in round_recipes(task, exact)]
+        yield _describe(task, chosen)
 
 
-def _refine(task: RecipeTask, model: StackModel, aims: TargetArrays, rough: Stacks) -> Stacks:
+def _refine(task: RecipeTask, rough: Stacks) -> Stacks:
     """The best stacks that come of a first look."""
-
-    def better(stacks: Stacks) -> Stacks:
-        return refine(model, aims, stacks, task.slots)
-
-    stacks = better(better(rough).best(lambda coats, paints: _KEPT))
+    # A few steps show which are worth more.
+    kept = 8
+    stacks = refine(task, refine(task, rough, None, 12).best(kept), None)
     more = 0 if task.glazes else max(0, task.max_paints - MOST_SCREENED)
     for number in range(more + max(0, task.max_coats - 2)):
         # Of unmixed stacks those of one coat less are all that a coat can be added to anew.
         last = stacks.take(np.flatnonzero(stacks.coats == number + 2)) if task.glazes else stacks
         # A few grow, into very many: most of these are dropped before a refinement.
-        parents = last.best(lambda coats, paints: 4)
-        children = grown(
-            model,
-            aims,
-            parents,
-            max_paints=task.max_paints,
-            max_coats=task.max_coats,
-            mixed=not task.glazes,
-        )
-        children = better(children.best(lambda coats, paints: 24))
-        stacks = Stacks.join([stacks, better(children.best(lambda coats, paints: _KEPT))])
-    pool = Stacks.join([stacks, better(simplify(model, stacks))])
-    # What the table puts first, at the best amounts by the solver itself.
-    # Unmixed stacks are of more kinds.
-    kept = 4 if task.glazes else _KEPT
-    return polish(model, task.solver, aims, pool.best(lambda coats, paints: kept))
+        children = refine(task, grown(task, last.best(4)).best(24), None, 12)
+        stacks = Stacks.join([stacks, refine(task, children.best(kept), None)])
+    pool = Stacks.join([stacks, refine(task, simplify(task, stacks), None)])
+    # What the table puts first, at the best amounts by the solver itself. Unmixed stacks are of
+    # more kinds.
+    return refine(task, pool.best(4 if task.glazes else kept), task.optics)
 
 
-def _finish(
-    task: RecipeTask, model: StackModel, aims: TargetArrays, stacks: Stacks, targets: range
-) -> list[list[Recipe]]:
-    """Choose, round and describe the recipes of some targets."""
-    scored = score(model, task.solver, aims, stacks)
-    exact = []
-    for target in targets:
-        own = [one for one, owner in zip(scored, stacks.target, strict=True) if owner == target]
-        # More than asked for are rounded, because a few lose their colour by it.
-        exact += [(target, one) for one in select(own, 3 * task.count, task.simplicity)]
-    round_ones = round_recipes(model, task.solver, aims, exact, task.simplicity)
-    recipes = []
-    for target in targets:
-        pairs = {
-            id(new): old
-            for (owner, old), new in zip(exact, round_ones, strict=True)
-            if owner == target
-        }
-        own = [new for (owner, _), new in zip(exact, round_ones, strict=True) if owner == target]
-        best = select(own, task.count, task.simplicity)
-        recipes.append(_describe(task, model, target, [(one, pairs[id(one)]) for one in best]))
-    return recipes
+def _describe(task: RecipeTask, chosen: list[list[Scored]]) -> list[list[Recipe]]:
+    """Recipes of some targets, and what their neighbours say of them: stacks with one coat thicker
+    or thinner by a tenth, or with one paint stronger by a standard deviation of mixings.
+    """
+    spread = MIXED.level * Variation().size_of([])
+    every = list(itertools.chain.from_iterable(chosen))
+    near = [
+        [_scaled(one.sizes, coat, factor) for coat in range(one.coats) for factor in (1.1, 1 / 1.1)]
+        + [_scaled(one.sizes, tuple(at), np.exp(spread)) for at in np.argwhere(one.sizes > 0)]
+        for one in every
+    ]
+    labs = read(task.model, np.stack([*itertools.chain.from_iterable(near)]), task.optics).lab[:, 0]
+    ends = np.cumsum([len(stacks) for stacks in near])[:-1]
+    recipes = iter(map(_recipe, itertools.repeat(task), every, np.split(labs, ends)))
+    return [_with_gamut([next(recipes) for _ in own]) for own in chosen]
 
 
-def _describe(
-    task: RecipeTask, model: StackModel, target: int, chosen: list[tuple[Scored, Scored]]
-) -> list[Recipe]:
-    """Recipes from what was chosen, each with the same before it was rounded."""
-    aim = task.targets[target]
-    recipes = []
-    effects = _thickness_effects(task, model, aim, [one for one, _ in chosen])
-    between = _between_mixings(task, model, [one for one, _ in chosen])
-    for (one, exact), (sensitivity, _), mixing in zip(chosen, effects, between, strict=True):
-        recipes.append(_recipe(task, aim, one, exact, sensitivity, mixing))
-    nearest = min(one.distance for one, _ in chosen)
-    if nearest < IN_GAMUT:
-        return recipes
-    limit = effects[int(np.argmin([one.distance for one, _ in chosen]))][1]
-    return [replace(recipe, gamut_distance=nearest, limit=limit) for recipe in recipes]
+def _scaled(sizes: Float[np.ndarray, "coats paints"], place: int | tuple, factor: float):
+    """A stack with a coat, or a paint in a coat, so many times as thick."""
+    other = sizes.copy()
+    other[place] *= factor
+    return other
 
 
-def _recipe(
-    task: RecipeTask,
-    aim: Target,
-    one: Scored,
-    exact: Scored,
-    sensitivity: tuple[float, ...],
-    between_mixings: float,
-) -> Recipe:
+def _with_gamut(recipes: list[Recipe]) -> list[Recipe]:
+    """Recipes of one target, which say by how much and why it is out of reach, if it is."""
+    nearest = min(recipes, key=lambda one: one.distance)
+    if nearest.distance < IN_GAMUT:
+        return [replace(recipe, limit="") for recipe in recipes]
+    return [
+        replace(recipe, gamut_distance=nearest.distance, limit=nearest.limit) for recipe in recipes
+    ]
+
+
+def _recipe(task: RecipeTask, one: Scored, near: Float[np.ndarray, "stacks 3"]) -> Recipe:
+    """A recipe, from the colours of its neighbours under the first light."""
+    target = task.targets[one.target]
     coats = []
     layers = []
-    for sizes in one.sizes:
+    for sizes in one.sizes[: one.coats]:
         total = float(sizes.sum())
-        if total == 0:
-            continue
         present = sorted(np.flatnonzero(sizes > 0).tolist(), key=lambda paint: -sizes[paint])
         shares = [round(float(sizes[paint] / total), 9) for paint in present]
         metres = round(total * 1e-6, 15)
         paints = [task.pigments[paint] for paint in present]
         layers.append(Layer(Mixture(paints, shares) if len(paints) > 1 else paints[0], metres))
         coats.append(Coat(tuple(zip(shares, (p.name for p in paints), strict=True)), metres, 1))
-
-    def lab(illuminant: str) -> Float[np.ndarray, "3"]:
-        return np.asarray(
-            colour.lab(task.wavelengths, one.reading, illuminant=illuminant, observer=task.observer)
-        )
-
-    test = None
-    rmse = None
-    if aim.knows(task.test_illuminant):
-        there = aim.lab(task.test_illuminant, task.observer)
-        test = float(colour.delta_e_2000(lab(task.test_illuminant), there))
-    if aim.wavelengths is not None and aim.reflectance is not None:
-        wanted = np.interp(task.wavelengths, aim.wavelengths, aim.reflectance)
-        rmse = float(np.sqrt(np.mean((one.reading - wanted) ** 2)))
+    tested = None
+    if target.knows(task.test_illuminant):
+        light = {"illuminant": task.test_illuminant, "observer": task.observer}
+        lab = colour.lab(task.wavelengths, one.reading, **light)
+        tested = float(colour.delta_e_2000(lab, target.lab(**light)))
+    miss = one.reading - task.target_arrays.spectrum[one.target]
+    moved = near[: 2 * one.coats].reshape(one.coats, 2, 3)
     return Recipe(
-        target=aim,
+        target=target,
         coats=tuple(coats),
         glaze=Glaze(layers, task.ground, task.instrument.refractive_index),
         wavelengths=task.wavelengths,
         reflectance=one.reading,
-        lab={name: lab(name) for name in task.illuminants},
+        lab=dict(zip(task.illuminants, one.lab, strict=True)),
         delta_e=dict(zip(task.illuminants, one.delta_e.tolist(), strict=True)),
-        unrounded=exact.distance,
-        metamerism=test,
+        unrounded=one.unrounded,
+        metamerism=tested,
         test_illuminant=task.test_illuminant,
-        rmse=rmse,
-        sensitivity=sensitivity,
-        between_mixings=between_mixings,
-        converged=exact.settled,
-        steps=exact.steps,
-        before=exact.before,
+        rmse=float(np.sqrt(np.mean(miss**2))) if target.spectral else None,
+        sensitivity=tuple(colour.delta_e_2000(moved, one.lab[0]).mean(axis=1).tolist()),
+        between_mixings=_between_mixings(one.lab[0], near[2 * one.coats :]),
+        limit=_limit(task, one, moved),
+        converged=one.settled,
+        steps=one.steps,
+        before=one.before,
     )
 
 
-def _thickness_effects(
-    task: RecipeTask, model: StackModel, aim: Target, chosen: list[Scored]
-) -> list[tuple[tuple[float, ...], str]]:
-    """For each recipe, what 10 % of each coat's thickness does to the colour, and what keeps it
-    from the target.
+def _limit(task: RecipeTask, one: Scored, moved: Float[np.ndarray, "coats 2 3"]) -> str:
+    """What keeps a stack from its target: coats at a bound that would come nearer beyond it, or the
+    paints.
     """
-    light = task.illuminants[0]
-    sizes = []
-    places = []
-    for row, one in enumerate(chosen):
-        for coat in range(one.coats):
-            for factor in (1.1, 1 / 1.1):
-                other = one.sizes.copy()
-                other[coat] *= factor
-                sizes.append(other)
-                places.append((row, coat))
-    reading = readings(model, np.stack(sizes), task.solver)
-    labs = np.asarray(
-        colour.lab(task.wavelengths, reading, illuminant=light, observer=task.observer)
-    )
-    wanted = aim.lab(light, task.observer)
-    effects = []
-    for row, one in enumerate(chosen):
-        own = np.asarray(
-            colour.lab(task.wavelengths, one.reading, illuminant=light, observer=task.observer)
-        )
-        moved = labs[[place[0] == row for place in places]].reshape(one.coats, 2, 3)
-        sensitivity = colour.delta_e_2000(moved, own).mean(axis=1)
-        distance = colour.delta_e_2000(own, wanted)
-        limits = [
-            f"coat {coat + 1} is as {'thick' if side == 0 else 'thin'} as allowed"
-            for coat in range(one.coats)
-            for side in (0, 1)
-            if _at_bound(one.sizes[coat].sum(), task.thickness[1 - side])
-            and colour.delta_e_2000(moved[coat, side], wanted)
-            < distance - max(0.05, 0.01 * distance)
-        ]
-        effects.append((tuple(sensitivity.tolist()), ", ".join(limits) or "paints"))
-    return effects
+    apart = colour.delta_e_2000(moved, task.target_arrays.lab[one.target, 0])
+    limits = []
+    for coat, side in itertools.product(range(one.coats), (0, 1)):
+        bound = task.thickness[1 - side] * 1e6
+        # Within 5 % or a rounding step of the bound.
+        at_bound = abs(one.sizes[coat].sum() - bound) < max(0.05 * bound, 0.11)
+        gain = one.delta_e[0] - apart[coat, side]
+        if at_bound and gain > max(0.05, 0.01 * one.delta_e[0]):
+            limits.append(f"coat {coat + 1} is as {'thin' if side else 'thick'} as allowed")
+    return ", ".join(limits) or "paints"
 
 
-def _between_mixings(task: RecipeTask, model: StackModel, chosen: list[Scored]) -> list[float]:
-    """Mean Delta E 2000 between two mixings of each recipe, whose paints come out stronger or
-    weaker each time.
-
-    To first order: what one paint of a coat does to the colour when it is stronger by a standard
-    deviation.
+def _between_mixings(
+    lab: Float[np.ndarray, "3"], stronger: Float[np.ndarray, "amounts 3"]
+) -> float:
+    """Mean Delta E 2000 between two mixings, whose paints come out stronger or weaker each time: to
+    first order, from the colours with one paint stronger by a standard deviation.
     """
-    light = task.illuminants[0]
-    spread = MIXED.level * Variation().size_of([])
-    places = [
-        (row, coat, paint)
-        for row, one in enumerate(chosen)
-        for coat, paint in np.argwhere(one.sizes > 0).tolist()
-    ]
-    stronger = np.stack([chosen[row].sizes for row, _, _ in places])
-    for number, (_, coat, paint) in enumerate(places):
-        stronger[number, coat, paint] *= np.exp(spread)
-    labs, own = (
-        np.asarray(colour.lab(task.wavelengths, reading, illuminant=light, observer=task.observer))
-        for reading in (
-            readings(model, stronger, task.solver),
-            np.stack([one.reading for one in chosen]),
-        )
-    )
-    rng = np.random.default_rng(0)
-    found = []
-    for row in range(len(chosen)):
-        moves = labs[[place[0] == row for place in places]] - own[row]
-        # Pairs of mixings that are compared.
-        two = own[row] + rng.standard_normal((2, 200, len(moves))) @ moves
-        found.append(float(np.mean(colour.delta_e_2000(two[0], two[1]))))
-    return found
-
-
-def _at_bound(size: float, bound: float) -> bool:
-    """Whether a thickness in um is within 5 % or a rounding step of a bound in m."""
-    return bool(abs(size - bound * 1e6) < max(0.05 * bound * 1e6, 0.11))
+    # Pairs of mixings that are compared.
+    drawn = np.random.default_rng(0).standard_normal((2, 200, len(stronger)))
+    first, second = lab + drawn @ (stronger - lab)
+    return float(np.mean(colour.delta_e_2000(first, second)))

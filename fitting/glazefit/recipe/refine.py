@@ -1,201 +1,155 @@
-"""From a rough stack to the nearest that the same paints can come: Levenberg-Marquardt, many stacks
-side by side.
+"""From rough amounts of some paints to the nearest that they can come: Levenberg-Marquardt, many
+stacks side by side.
 
-A stack whose solve stops before it has settled keeps its amounts, and is marked so
-(`Stacks.settled`).
-
-The table's model of a stack (`recipe.model.quick_reading`) is exact for one coat and differs a
-little from the solver for several: enough to choose by. The last steps are the solver's own
-(`recipe.polish`).
+The steps follow the readings' own slopes: those of the table, to choose among very many stacks, and
+at last those of the solver, where nothing is interpolated. The cost is the one that recipes are
+chosen by: mean squared Delta E 2000 under the lights, and the penalty for another spectrum. A
+coat's thickness keeps to its bounds by projection, so that a coat as thick as allowed is at rest
+there. A stack is settled when a full step promises less than a thousandth of a Delta E: a paint
+that fades away changes nothing any more and keeps no solve from its end.
 """
 
-import functools
-from typing import Any
+from typing import NamedTuple
 
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Bool, Float, Int
 
-from glazejax.programs import Program
-
-from ..film.numerics.blocks import by_blocks
-from ..film.numerics.least_squares import levenberg_marquardt
-from .model import (
-    Slots,
-    StackModel,
-    amounts,
-    empty_slots,
-    fill_slots,
-    lab_of,
-    quick_reading,
-    readings,
-)
-from .screen import Stacks, TargetArrays, squared_distance, strength
-from .selection import pack_coats
-
-_STEPS = 12
-# Stacks refined at a time, always as many, so that one program serves all.
-_CHUNK = 128
-# Costs computed at a time.
-_COSTS = 1024
-# Places between thinnest and thickest for an added coat.
-_PLACES = (0.15, 0.5)
+from ..film.model.optics import Optics
+from ..film.numerics.least_squares import Bounds, Looks, descend_within
+from .model import read
+from .stacks import Stacks
+from .task import RecipeTask
 
 
-def refine(model: StackModel, aims: TargetArrays, stacks: Stacks, slots: int) -> Stacks:
-    """Stacks at their best amounts by the table, with their cost there.
+class Amounts(NamedTuple):
+    """Amounts above 0 of many stacks, and as many places as most of them have."""
+
+    target: Int[np.ndarray, "n"]
+    coat: Int[np.ndarray, "n places"]
+    paint: Int[np.ndarray, "n places"]
+    member: Bool[np.ndarray, "n coats places"]  # which are there, and in which coat
+
+    def take(self, rows: Int[np.ndarray, "m"]) -> "Amounts":
+        """Those of some stacks."""
+        return Amounts(*(values[rows] for values in self))
+
+    def shares(
+        self, point: Float[np.ndarray, "n unknowns"]
+    ) -> tuple[Float[np.ndarray, "n places"], Float[np.ndarray, "n places"]]:
+        """What each place takes of its coat, and in um."""
+        coats = self.member.shape[1]
+        weight = self.member.any(axis=1) * np.exp(point[:, coats:])
+        whole = np.take_along_axis((self.member @ weight[..., None])[..., 0], self.coat, axis=1)
+        share = weight / np.where(whole > 0, whole, 1.0)
+        return share, share * np.exp(np.take_along_axis(point[:, :coats], self.coat, axis=1))
+
+    def sizes(
+        self, point: Float[np.ndarray, "n unknowns"], paints: int
+    ) -> Float[np.ndarray, "n coats paints"]:
+        """The stacks at a point, um."""
+        sizes = np.zeros((*self.member.shape[:2], paints))
+        sizes[np.arange(len(sizes))[:, None], self.coat, self.paint] = self.shares(point)[1]
+        return sizes
+
+
+def refine(
+    task: RecipeTask,
+    stacks: Stacks,
+    optics: Optics | None,
+    max_steps: int = 40,
+    *,
+    hold: bool = False,
+) -> Stacks:
+    """Stacks at the best amounts of their paints, by the solver or without `optics` by the table.
 
     Args:
-        model, aims: paints and targets.
+        task: with its paints and targets.
         stacks: where to start.
-        slots: at least as many as a stack has paints, counted in each coat.
+        optics: of the solver.
+        max_steps: after these a stack keeps the best amounts so far.
+        hold: whether coats keep their thicknesses.
+
+    Returns:
+        The stacks, none farther from its target than before, with `cost`, `steps`, `settled` and
+        `before`. What did not come out as a number stays as it was.
     """
     if stacks.size == 0:
         return stacks
-    places, starts = fill_slots(model, stacks.sizes, slots)
-    known = TargetArrays(*map(np.asarray, aims))
-
-    def run(rows: Int[np.ndarray, "block"]) -> Any:
-        batch = Slots(*(values[rows] for values in places))
-        # Each candidate carries its target, so that the program does not depend on how many there
-        # are.
-        at = stacks.target[rows]
-        aim = TargetArrays(*(values[at] for values in known))
-        return _solve(model, batch, starts[rows], aim, coats=stacks.sizes.shape[1])
-
-    amount, cost, settled = by_blocks(stacks.size, _CHUNK, run)
-    sizes = empty_slots(places, amount, stacks.sizes.shape[2])
-    # What did not come out as a number stays as it was before.
-    good = np.isfinite(cost) & np.isfinite(sizes).all(axis=(1, 2))
-    sizes = np.where(good[:, None, None], sizes, stacks.sizes)
-    cost = np.where(good, cost, stacks.cost)
-    return stacks._replace(sizes=sizes, cost=cost, settled=settled & good)
-
-
-def refine_ahead(model: StackModel, aims: TargetArrays, slots: int, coats: int) -> None:
-    """Begin to compile what `refine` of stacks of so many coats runs."""
-    none = np.zeros((_CHUNK, slots), int)
-    aim = TargetArrays(*(np.zeros((_CHUNK, *values.shape[1:])) for values in aims))
-    _solve.ahead(model, Slots(none, none, none > 0), np.zeros(none.shape), aim, coats=coats)
-
-
-@functools.partial(Program, fixed=("coats",))
-def _solve(
-    model: StackModel,
-    slots: Slots,
-    starts: Float[Array | np.ndarray, "n slots"],
-    aims: TargetArrays,
-    *,
-    coats: int,
-) -> tuple[Float[Array, "n coats slots"], Float[Array, "n"], Bool[Array, "n"]]:
-    """Amounts in um, cost, and whether the solver settled, of candidates with an aim each."""
-    lights = aims.lab.shape[1]
-
-    def misfit(logs: Array, slots: Slots, aim: TargetArrays) -> Array:
-        share = amounts(model, slots, logs, coats)
-        absorption = model.absorption[slots.paint]
-        scattering = model.scattering[slots.paint]
-        reading = quick_reading(model, share @ absorption, share @ scattering)
-        miss = jnp.einsum("lij,lj->li", aim.metric, lab_of(model, reading) - aim.lab)
-        return jnp.concatenate(
-            [miss.ravel() / np.sqrt(lights), jnp.sqrt(aim.spectral) * (reading - aim.spectrum)]
-        )
-
-    def residuals(logs: Array, slots: Slots, aim: TargetArrays, start: Array) -> Array:
-        # A weak pull to the start settles what the target leaves open.
-        return jnp.concatenate([misfit(logs, slots, aim), 0.01 * (logs - start)])
-
-    given = (slots, aims, starts)
-    logs, settled = levenberg_marquardt(
-        residuals, jnp.asarray(starts), *given, rtol=1e-3, atol=1e-3, max_steps=_STEPS
+    places, point, bounds = start(task, stacks)
+    seen, before = look(task, places, point, optics, hold=hold)
+    found = descend_within(
+        lambda rows, points: look(task, places.take(rows), points, optics, hold=hold)[0],
+        point,
+        seen,
+        bounds,
+        promise=1e-3,
+        max_steps=max_steps,
     )
-    cost = jnp.sum(jax.vmap(misfit)(logs, slots, aims) ** 2, axis=1)
-    return (
-        jax.vmap(lambda slots, logs: amounts(model, slots, logs, coats))(slots, logs),
-        cost,
-        settled,
+    good = np.isfinite(found.cost)
+    sizes = places.sizes(found.point, stacks.sizes.shape[2])
+    return Stacks(
+        sizes=np.where(good[:, None, None], sizes, stacks.sizes),
+        target=stacks.target,
+        cost=np.where(good, found.cost, stacks.cost),
+        settled=found.settled & good,
+        steps=found.steps,
+        before=before,
     )
 
 
-def grown(
-    model: StackModel,
-    aims: TargetArrays,
-    parents: Stacks,
-    *,
-    max_paints: int,
-    max_coats: int,
-    mixed: bool = True,
-) -> Stacks:
-    """Every stack with one more paint in a coat, or one more coat on top or at the bottom, and its
-    cost by the table.
-
-    Args:
-        model, aims: paints and targets.
-        parents: stacks to add to.
-        max_paints, max_coats: limits.
-        mixed: whether a coat may hold more than one paint; if not, a coat is added between two
-            others too.
+def start(task: RecipeTask, stacks: Stacks) -> tuple[Amounts, Float[np.ndarray, "n m"], Bounds]:
+    """Where the amounts of stacks lie, and the unknowns with their bounds: logarithms of the coats'
+    thicknesses, um, then those of the shares.
     """
-    sizes = []
-    owners = []
-    for row, stack in enumerate(parents.sizes):
-        for child in _children(model, stack, max_paints, max_coats, mixed):
-            sizes.append(child)
-            owners.append(parents.target[row])
-    if not sizes:
-        return parents.take(np.zeros(0, int))
-    children = pack_coats(np.stack(sizes))
-    target = np.array(owners)
-    reading = readings(model, children, None)
-
-    def to_own_target(rows: Int[np.ndarray, "block"]) -> np.ndarray:
-        to_all = np.asarray(_distances(model, aims, reading[rows]))
-        return to_all[np.arange(_COSTS), target[rows]]
-
-    return Stacks.before_refinement(children, target, by_blocks(len(target), _COSTS, to_own_target))
-
-
-_distances = jax.jit(squared_distance)
+    rows, coats, paints = stacks.sizes.shape
+    flat = stacks.sizes.reshape(rows, -1)
+    # Amounts above 0 first, in the order of coats and paints.
+    order = np.argsort(flat <= 0, axis=1, kind="stable")[:, : (flat > 0).sum(axis=1).max()]
+    coat, paint = np.divmod(order, paints)
+    amount = np.take_along_axis(flat, order, axis=1)
+    member = (amount > 0)[:, None] & (coat[:, None] == np.arange(coats)[:, None])
+    total = stacks.sizes.sum(axis=2)
+    share = amount / np.maximum(np.take_along_axis(total, coat, axis=1), 1e-12)
+    # Less of a paint than this, as a logarithm, is none.
+    faded = -9.0
+    low = np.repeat([task.model.span[0], faded], [coats, order.shape[1]])
+    high = np.repeat([task.model.span[1], 0.0], [coats, order.shape[1]])
+    values = np.concatenate([total, share], axis=1)
+    point = np.clip(np.log(np.maximum(values, 1e-12)), low, high)
+    return Amounts(stacks.target, coat, paint, member), point, Bounds(low, high, longest=1.0)
 
 
-def _children(
-    model: StackModel,
-    stack: Float[np.ndarray, "coats paints"],
-    max_paints: int,
-    max_coats: int,
-    mixed: bool,
-) -> list:
-    power = strength(model)
-    low, high = np.asarray(model.span)
-    inside = stack.sum(axis=0) > 0
-    filled = int((stack.sum(axis=1) > 0).sum())
-    children = []
-    for paint in range(stack.shape[1]):
-        if not inside[paint] and inside.sum() >= max_paints:
-            continue
-        for coat in range(filled) if mixed else ():
-            if stack[coat, paint] > 0:
-                continue
-            child = stack.copy()
-            total = stack[coat].sum()
-            # An added paint gets this share of a coat's strength.
-            child[coat, paint] = 0.15 * (stack[coat] @ power) / power[paint]
-            child[coat] *= total / child[coat].sum()
-            children.append(child)
-        if filled < max_coats:
-            for place in _PLACES:
-                coat = np.zeros(stack.shape[1])
-                coat[paint] = np.exp(low + place * (high - low))
-                # The same paint twice in a row would be one thicker coat.
-                children += [
-                    np.concatenate([stack[:at], coat[None], stack[at:-1]])
-                    for at in ((0, filled) if mixed else range(filled + 1))
-                    if not any(_only(other, paint) for other in stack[max(at - 1, 0) : at + 1])
-                ]
-    return children
-
-
-def _only(coat: Float[np.ndarray, "paints"], paint: int) -> bool:
-    """Whether a coat is of this paint and of no other."""
-    return bool(coat[paint] > 0 and (coat > 0).sum() == 1)
+def look(
+    task: RecipeTask,
+    places: Amounts,
+    point: Float[np.ndarray, "n m"],
+    optics: Optics | None,
+    *,
+    hold: bool = False,
+) -> tuple[Looks, Float[np.ndarray, "n"]]:
+    """Cost and its slopes at a point, and the largest Delta E under the lights."""
+    model = task.model
+    share, amount = places.shares(point)
+    seen = read(model, places.sizes(point, len(model.absorption)), optics)
+    # Slopes of the spectrum by the logarithms of the amounts, (n, places, bands).
+    by_log = amount[..., None] * sum(
+        np.take_along_axis(by_coat, places.coat[..., None], axis=1) * np.asarray(each)[places.paint]
+        for by_coat, each in (
+            (seen.by_absorption, model.absorption),
+            (seen.by_scattering, model.scattering),
+        )
+    )
+    by_coat = places.member @ by_log
+    # A larger share of one paint is less of the others in its coat.
+    own = np.take_along_axis(by_coat, places.coat[..., None], axis=1)
+    by_point = np.concatenate([by_coat * (not hold), by_log - share[..., None] * own], axis=1)
+    residual, slopes, delta_e = task.target_arrays.residuals(places.target, seen, by_point)
+    flipped = np.swapaxes(slopes, 1, 2)
+    cost = np.sum(residual**2, axis=1)
+    good = np.isfinite(cost) & np.isfinite(slopes).all(axis=(1, 2))
+    looks = Looks(
+        cost=np.where(good, cost, np.inf),
+        slope=(flipped @ residual[..., None])[..., 0],
+        curvature=flipped @ slopes,
+    )
+    return looks, delta_e.max(axis=1)

@@ -4,11 +4,11 @@ refine them.
 One coat of up to three paints, and two coats with up to three paints between them, are gone through
 in full, on a coarse grid of proportions and thicknesses. A coat is three numbers a band
 (`FilmResponse.numbers`), so that a stack of two is a few multiplications; the lower coat counts as
-the Lambertian ground that would read the same when bare.
+the Lambertian ground that would read the same when bare. One coat lies over one of no thickness.
 """
 
+import functools
 import itertools
-from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import jax
@@ -19,381 +19,175 @@ from jaxtyping import Array, Bool, Float, Int
 from glazejax.programs import Program
 from glazejax.radiative.common.threads import in_threads
 
-from ..film.numerics.blocks import by_blocks
-from .model import StackModel, internal, lab_of
-from .sobol import scrambled_sobol
+from .distance import TargetArrays, small_distances
+from .model import StackModel, internal
+from .stacks import Stacks, strength
+from .task import RecipeTask
 
 MOST_SCREENED = 3
 """Most paints in a recipe that is found here; more are added to these
-(`glazefit.recipe.refine.grown`).
+(`glazefit.recipe.stacks.grown`).
 """
 
-# Range of the logarithm of a paint's share over another's, when both are weighted by their
-# strength.
-_RANGE = 4.5
-_POINTS = {1: (1, 8), 2: (7, 4), 3: (20, 4)}  # proportions and thicknesses, by the number of paints
-# Points that are looked at together where two coats are, a divisor of those of a set; and pieces of
-# so many points, above and below, always as many.
-_TOGETHER = 4
-_PIECES = 40
 
+class Coats(NamedTuple):
+    """Coats, each of one set of paints in one proportion: those of a set follow each other."""
 
-class TargetArrays(NamedTuple):
-    """Targets as arrays."""
+    paints: Any  # Int (coats, 3), filled up by paint 0, of which there is nothing then
+    amounts: Any  # Float (coats, thicknesses, 3), um
 
-    lab: Float[Array | np.ndarray, "targets lights 3"]
-    metric: Float[
-        Array | np.ndarray, "targets lights 3 3"
-    ]  # metric @ (Lab - lab) is as long as the colour difference
-    spectrum: Float[Array | np.ndarray, "targets bands"]
-    spectral: Float[
-        Array | np.ndarray, "targets"
-    ]  # weight of a difference in reflectance, summed squares over the bands
-
-
-Keep = Callable[[int, int], int]
-"""How many to keep, from the number of coats and of paints."""
-
-
-class Stacks(NamedTuple):
-    """What may become a recipe, (n,)."""
-
-    sizes: Float[np.ndarray, "n coats paints"]  # what each paint takes of each coat's thickness, um
-    target: Int[np.ndarray, "n"]
-    cost: Float[np.ndarray, "n"]  # squared distance
-    settled: Bool[
-        np.ndarray, "n"
-    ]  # whether the last least squares came to an end; False before the first
-    steps: Int[np.ndarray, "n"]  # of the solver's own least squares
-    before: Float[
-        np.ndarray, "n"
-    ]  # largest Delta E 2000 by the solver before these steps; NaN without them
-
-    @classmethod
-    def before_refinement(cls, sizes: np.ndarray, target: np.ndarray, cost: np.ndarray) -> "Stacks":
-        """Stacks that no least squares has seen."""
-        none = len(target)
-        return cls(
-            sizes=sizes,
-            target=target,
-            cost=cost,
-            settled=np.zeros(none, bool),
-            steps=np.zeros(none, int),
-            before=np.full(none, np.nan),
-        )
-
-    @property
-    def size(self) -> int:
-        """How many there are."""
-        return len(self.target)
-
-    @property
-    def coats(self) -> Int[np.ndarray, "n"]:
-        """Number of coats that are there."""
-        return (self.sizes.sum(axis=2) > 0).sum(axis=1)
-
-    @property
-    def paints(self) -> Int[np.ndarray, "n"]:
-        """Number of different paints."""
-        return (self.sizes.sum(axis=1) > 0).sum(axis=1)
-
-    def take(self, rows: Int[np.ndarray, "m"]) -> "Stacks":
+    def take(self, rows: Int[np.ndarray, "m"]) -> "Coats":
         """Some of them."""
-        return Stacks(*(values[rows] for values in self))
+        return Coats(self.paints[rows], self.amounts[rows])
 
-    def best(self, keep: Keep) -> "Stacks":
-        """The `keep(coats, paints)` of least cost for each target, by number of coats and
-        paints.
-        """
-        kinds = np.stack([self.target, self.coats, self.paints], axis=1)
-        order = np.lexsort((self.cost, *kinds.T[::-1]))
-        chosen = []
-        seen = 0
-        last = None
-        for row in order:
-            kind = tuple(kinds[row].tolist())
-            seen = seen + 1 if kind == last else 1
-            last = kind
-            if seen <= keep(*kind[1:]):
-                chosen.append(row)
-        return self.take(np.array(chosen, int))
+    @property
+    def sets(self) -> Int[np.ndarray, "coats"]:
+        """Numbers of their sets, ascending."""
+        begins = (self.paints[1:] != self.paints[:-1]).any(axis=1)
+        return np.concatenate([[0], np.cumsum(begins)])
 
-    @staticmethod
-    def join(parts: "Sequence[Stacks]") -> "Stacks":
-        """All of several."""
-        return Stacks(*(np.concatenate(values) for values in zip(*parts, strict=True)))
+    def members(self, paints: int) -> Bool[np.ndarray, "coats paints"]:
+        """Which paints are in them."""
+        there = np.zeros((len(self.paints), paints), bool)
+        coats, places = np.nonzero(self.amounts[:, 0])
+        there[coats, self.paints[coats, places]] = True
+        return there
 
-
-class _Coats(NamedTuple):
-    """Coats of the same number of paints: sets of paints times points of a grid."""
-
-    paints: Any  # Int (sets, paints), NumPy's or JAX's
-    amounts: Any  # Float (sets, points, paints), um
-
-    def take(self, rows: Int[np.ndarray, "m"]) -> "_Coats":
-        return _Coats(self.paints[rows], self.amounts[rows])
+    def sizes(
+        self, rows: Int[np.ndarray, "n"], points: Int[np.ndarray, "n"], paints: int
+    ) -> Float[np.ndarray, "n paints"]:
+        """What each paint takes, um, of coats at points of their grid of thicknesses."""
+        sizes = np.zeros((len(rows), paints))
+        for place in range(self.paints.shape[1]):
+            sizes[np.arange(len(rows)), self.paints[rows, place]] += self.amounts[
+                rows, points, place
+            ]
+        return sizes
 
 
-def squared_distance(
-    model: StackModel, aims: TargetArrays, reading: Float[Array, "*batch bands"]
-) -> Float[Array, "*batch targets"]:
-    """Squared distance of readings to every target: colour under all lights (mean), and
-    spectrum.
+def screen(task: RecipeTask, keep: tuple[int, ...] = (3, 24, 40)) -> Stacks:
+    """The best sets of paints of a kind for each target, each at its best point of the grid; of a
+    kind, which has so many coats and so many paints, `keep[paints - 1]` are kept.
     """
-    miss = lab_of(model, reading)[..., None, :, :] - aims.lab
-    moved = jnp.einsum("tlij,...tlj->...tli", aims.metric, miss)
-    colour = jnp.sum(moved**2, axis=(-1, -2)) / aims.lab.shape[1]
-    cross = jnp.tensordot(reading, aims.spectrum.T, axes=1)
-    spectral = (
-        jnp.sum(reading**2, axis=-1)[..., None] - 2.0 * cross + jnp.sum(aims.spectrum**2, axis=-1)
-    )
-    return colour + aims.spectral * jnp.maximum(spectral, 0.0)
-
-
-def screen(
-    model: StackModel,
-    aims: TargetArrays,
-    *,
-    max_paints: int,
-    max_coats: int,
-    keep: Keep,
-    seed: int,
-    mixed: bool = True,
-) -> Stacks:
-    """The best sets of paints for each target, each at its best point of the grid.
-
-    Args:
-        model, aims: paints and targets.
-        max_paints, max_coats: limits; what goes beyond three paints or two layers is not looked at
-            here.
-        keep: how many sets a target keeps, from numbers of layers and of paints.
-        seed: of the grid of three paints' proportions.
-        mixed: whether a coat may hold more than one paint.
-    """
-    count = min(max_paints, MOST_SCREENED, model.absorption.shape[0]) if mixed else 1
-    coats = {n: _coats(model, n, seed) for n in range(1, count + 1)}
-    found = []
-    for batch, (cost, best) in zip(
-        coats.values(), _of_one_coat(model, aims, list(coats.values())), strict=True
-    ):
-        found.append(_one_coat_stacks(model, batch, cost, best, keep, max_coats))
-    for n, m in itertools.product(coats, repeat=2) if max_coats >= 2 else ():
+    count = 1 if task.glazes else min(task.max_paints, MOST_SCREENED)
+    coats = {n: coats_of(task.model, n, task.seed) for n in range(1, count + 1)}
+    nothing = Coats(np.zeros((1, 3), int), np.zeros((1, 1, 3)))
+    stacks = [_nearest(task, coats[n], nothing, keep[n - 1]) for n in coats]
+    for n, m in itertools.product(coats, repeat=2) if task.max_coats > 1 else ():
         # The wide grid of three paints in a coat is for single coats.
-        if n + m > MOST_SCREENED:
-            continue
-        top, bottom = coats[n], coats[m]
-        cost, best = _of_two_coats(model, aims, top, bottom)
-        cost[~_sensible(top.paints, bottom.paints, max_paints)] = np.inf
-        found.append(_two_coat_stacks(model, (top, bottom), cost, best, keep, max_coats))
-    return Stacks.join(found).best(keep)
+        if n + m <= MOST_SCREENED:
+            stacks.append(_nearest(task, coats[n], coats[m], keep[n + m - 1]))
+    return Stacks.join(stacks).best(keep[-1])
 
 
-def _join(kinds: Sequence[_Coats]) -> _Coats:
-    """Coats of different numbers of paints, one below the other: filled up by none of a paint and
-    by first points.
-    """
-    points, width = (max(coats.amounts.shape[axis] for coats in kinds) for axis in (1, 2))
-    amounts = []
-    for coats in kinds:
-        wide = np.pad(coats.amounts, ((0, 0), (0, 0), (0, width - coats.amounts.shape[2])))
-        again = np.zeros(points - wide.shape[1], int)
-        amounts.append(np.concatenate([wide, wide[:, again]], axis=1))
-    paints = [np.pad(coats.paints, ((0, 0), (0, width - coats.paints.shape[1]))) for coats in kinds]
-    return _Coats(np.concatenate(paints), np.concatenate(amounts))
-
-
-def _of_one_coat(
-    model: StackModel, aims: TargetArrays, kinds: Sequence[_Coats]
-) -> list[tuple[Float[np.ndarray, "sets targets"], Int[np.ndarray, "sets targets"]]]:
-    """Least cost of each set of each kind, and the point where it is, by one program."""
-    everything = _join(kinds)
-    # So many sets are looked at in one call, always as many.
-    cost, best = by_blocks(
-        len(everything.paints), 192, lambda rows: _one_coat(model, aims, everything.take(rows))
+def coats_of(model: StackModel, n: int, seed: int) -> Coats:
+    """Coats of every set of n paints, on the grid of proportions and thicknesses."""
+    count = len(model.absorption)
+    sets = np.array(list(itertools.combinations(range(count), n)))
+    # Range of the logarithm of a paint's share over another's, when both are weighted by their
+    # strength.
+    wide = 4.5
+    thickness = np.exp(np.linspace(model.span[0], model.span[1], 4 if n > 1 else 8)).reshape(-1, 4)
+    if n == 1:
+        # A paint alone has more thicknesses: the thinner and the thicker half.
+        logs = np.zeros((2, 1))
+    elif n == 2:
+        logs = np.linspace(-wide, wide, 7)[:, None] * [0.5, -0.5]
+    else:
+        # Points that fill the plane of the two ratios evenly: multiples of the powers of the root
+        # of x^3 = x + 1, from a point of the seed's (M. Roberts 2018).
+        ratios = np.random.default_rng(seed).random(2)
+        ratios = (ratios + np.arange(20)[:, None] * 1.32471795724474602596 ** -np.arange(1, 3)) % 1
+        logs = np.pad(2.0 * wide * (ratios - 0.5), ((0, 0), (0, 1)))
+    shares = np.exp(logs) / strength(model)[sets][:, None, :]
+    shares /= shares.sum(axis=-1, keepdims=True)
+    amounts = shares[:, :, None, :] * thickness[..., None]
+    spare = MOST_SCREENED - n
+    return Coats(
+        np.pad(np.repeat(sets, len(logs), axis=0), ((0, 0), (0, spare))),
+        np.pad(amounts.reshape(-1, 4, n), ((0, 0), (0, 0), (0, spare))),
     )
-    ends = np.cumsum([len(coats.paints) for coats in kinds])[:-1]
-    return list(zip(np.split(cost, ends), np.split(best, ends), strict=True))
 
 
-def _of_two_coats(
-    model: StackModel, aims: TargetArrays, top: _Coats, bottom: _Coats
-) -> tuple[
-    Float[np.ndarray, "sets others targets"],
-    Int[np.ndarray, "sets others targets"],
-]:
-    """Least cost of each set over each other set, and the point of both grids where it is.
+def _nearest(task: RecipeTask, top: Coats, bottom: Coats, keep: int) -> Stacks:
+    """The best sets of some coats over others, for each target."""
+    paints = len(task.model.absorption)
+    cost, point = _all_distances(task, top, bottom)
+    upper, lower = top.members(paints), bottom.members(paints)
+    either = upper[:, None] | lower
+    # Not the same paint over itself, and no more paints than allowed.
+    sensible = (either.sum(axis=2) <= task.max_paints) & (upper[:, None] != lower).any(axis=2)
+    cost[~sensible] = np.inf
+    sets = top.sets[:, None] * len(lower) + bottom.sets
+    flat = cost.reshape(-1, cost.shape[-1])
+    stacks = []
+    for target in range(flat.shape[1]):
+        order = np.argsort(flat[:, target])
+        order = order[np.isfinite(flat[order, target])]
+        # Of every two sets the best of their proportions.
+        once = np.sort(np.unique(sets.ravel()[order], return_index=True)[1])[:keep]
+        rows, columns = np.divmod(order[once], len(lower))
+        points = np.divmod(point[rows, columns, target], bottom.amounts.shape[1])
+        sizes = np.zeros((len(rows), task.max_coats, paints))
+        sizes[:, 0] = top.sizes(rows, points[0], paints)
+        if len(lower) > 1:
+            sizes[:, 1] = bottom.sizes(columns, points[1], paints)
+        stacks.append(
+            Stacks.before_refinement(sizes, np.full(len(rows), target), flat[order[once], target])
+        )
+    return Stacks.join(stacks)
 
-    Sets are cut into pieces of a few points and looked at a square of pieces at a time, so that one
-    program serves sets of one paint and of two, over either.
-    """
-    above = _cut(top)
-    below = _cut(bottom)
-    cost = np.empty((len(above.paints), len(below.paints), len(aims.spectral)))
-    point = np.empty(cost.shape, int)
+
+def _all_distances(
+    task: RecipeTask, top: Coats, bottom: Coats
+) -> tuple[Float[np.ndarray, "upper lower targets"], Int[np.ndarray, "upper lower targets"]]:
+    """Least cost of each coat over each other coat, and the thicknesses of both where it is."""
+    targets = task.target_arrays
+    cost = np.empty((len(top.paints), len(bottom.paints), len(targets.spectral)), np.float32)
+    point = np.empty(cost.shape, np.int8)
+    single = len(bottom.paints) == 1
+    # A block of as many coats each time, so that one program serves all; coats over nothing are
+    # looked at some at a time.
+    height, width, together = (640, 1, 32) if single else (40, 40, 1)
 
     def look(corner: tuple[int, int]) -> None:
         rows, columns = (
-            np.arange(first, first + _PIECES).clip(max=len(pieces.paints) - 1)
-            for first, pieces in zip(corner, (above, below), strict=True)
+            np.arange(begin, begin + size).clip(max=len(coats.paints) - 1)
+            for begin, size, coats in zip(corner, (height, width), (top, bottom), strict=True)
         )
-        found = _two_coats(model, aims, above.take(rows), below.take(columns))
-        # Where a square reaches beyond the last piece, that one is written again.
-        cost[np.ix_(rows, columns)], point[np.ix_(rows, columns)] = found
+        block = top.take(rows), bottom.take(columns)
+        # Where a block reaches beyond the last coat, that one is written again.
+        at = np.ix_(rows, columns)
+        cost[at], point[at] = _distances(task.model, targets, *block, together=together)
 
-    rows = range(0, len(above.paints), _PIECES)
-    in_threads(look, list(itertools.product(rows, range(0, len(below.paints), _PIECES))))
-    # From a point of two pieces to one of both grids.
-    pieces = len(above.paints) // len(top.paints), len(below.paints) // len(bottom.paints)
-    of_top, of_bottom = np.divmod(point, _TOGETHER)
-    of_top += _TOGETHER * (np.arange(len(above.paints)) % pieces[0])[:, None, None]
-    of_bottom += _TOGETHER * (np.arange(len(below.paints)) % pieces[1])[:, None]
-    point = of_top * bottom.amounts.shape[1] + of_bottom
-    # Of each two sets the best of their pieces.
-    both = len(top.paints), pieces[0], len(bottom.paints), pieces[1], len(aims.spectral)
-    cost, point = (
-        values.reshape(both).swapaxes(1, 2).reshape(both[0], both[2], -1, both[4])
-        for values in (cost, point)
-    )
-    best = np.argmin(cost, axis=2)[:, :, None]
-    cost, point = (np.take_along_axis(v, best, axis=2)[:, :, 0] for v in (cost, point))
+    rows = range(0, len(cost), height)
+    in_threads(look, list(itertools.product(rows, range(0, cost.shape[1], width))))
     return cost, point
 
 
-def _cut(coats: _Coats) -> _Coats:
-    """Sets with a few points each, of the same set below each other, filled up to two paints by
-    none of the first.
-    """
-    count, points, width = coats.amounts.shape
-    amounts = coats.amounts.reshape(count * points // _TOGETHER, _TOGETHER, width)
-    paints = np.repeat(coats.paints, points // _TOGETHER, axis=0)
-    room = ((0, 0), (0, 2 - width))
-    return _Coats(np.pad(paints, room), np.pad(amounts, ((0, 0), *room)))
-
-
-def strength(model: StackModel) -> Float[np.ndarray, "paints"]:
-    """How much a little of each paint shows, 1/um: by its absorption, or by its scattering where it
-    is pale.
-    """
-    return np.mean(np.asarray(model.absorption) + 0.1 * np.asarray(model.scattering), axis=1) + 1e-9
-
-
-def _coats(model: StackModel, n: int, seed: int) -> _Coats:
-    paints = np.array(list(itertools.combinations(range(model.absorption.shape[0]), n)))
-    proportions, depths = _POINTS[n]
-    if n == 1:
-        logs = np.zeros((1, 1))
-    elif n == 2:
-        logs = np.linspace(-_RANGE, _RANGE, proportions)[:, None] * [0.5, -0.5]
-    else:
-        # Sobol points in the plane of the two ratios; a power of two is what they are made for.
-        points = scrambled_sobol(5, seed)[:proportions]
-        logs = np.concatenate([2.0 * _RANGE * (points - 0.5), np.zeros((proportions, 1))], axis=1)
-    shares = np.exp(logs) / strength(model)[paints][:, None, :]
-    shares /= shares.sum(axis=-1, keepdims=True)
-    low, high = np.asarray(model.span)
-    thickness = np.exp(np.linspace(low, high, depths))
-    amounts = shares[:, :, None, :] * thickness[:, None]
-    return _Coats(paints, amounts.reshape(len(paints), -1, n))
-
-
 def _optical(
-    model: StackModel, coats: _Coats
+    model: StackModel, coats: Coats
 ) -> tuple[Float[Array, "... bands"], Float[Array, "... bands"]]:
     """k d and s d of coats."""
     amounts = jnp.asarray(coats.amounts)
     return amounts @ model.absorption[coats.paints], amounts @ model.scattering[coats.paints]
 
 
-@Program
-def _one_coat(
-    model: StackModel, aims: TargetArrays, coats: _Coats
-) -> tuple[Float[Array, "sets targets"], Int[Array, "sets targets"]]:
-    """Least cost of each set, and the point where it is."""
-
-    def of_one(coat: _Coats) -> tuple[Array, Array]:
-        cost = squared_distance(
-            model, aims, model.film.body(*_optical(model, coat), model.ground) + model.surface
-        )
-        return cost.min(axis=0), cost.argmin(axis=0)
-
-    # A remainder would be compiled as a second program.
-    return jax.lax.map(of_one, coats, batch_size=8)
-
-
-@Program
-def _two_coats(
-    model: StackModel, aims: TargetArrays, top: _Coats, bottom: _Coats
-) -> tuple[Float[Array, "sets others targets"], Int[Array, "sets others targets"]]:
-    """Least cost of each piece over each other piece, and the point of both where it is."""
+@functools.partial(Program, fixed=("together",))
+def _distances(
+    model: StackModel, targets: TargetArrays, top: Coats, bottom: Coats, *, together: int
+) -> tuple[Float[Array, "upper lower targets"], Int[Array, "upper lower targets"]]:
     below = internal(model, model.film.body(*_optical(model, bottom), model.ground))
-    ground = jnp.swapaxes(below, 0, 1)  # (points, others, bands)
+    ground = jnp.swapaxes(below, 0, 1)  # (thicknesses, lower, bands)
 
-    def of_one(coat: _Coats) -> tuple[Array, Array]:
+    def of_one(coat: Coats) -> tuple[Array, Array]:
         black, gain, back = (
             values[:, None, None, :] for values in model.film.numbers(*_optical(model, coat))
         )
         reading = black + gain * ground / (1.0 - back * ground) + model.surface
-        cost = squared_distance(
-            model, aims, reading
-        )  # (points, points of the lower, others, targets)
+        # (thicknesses, those of the lower, lower, targets)
+        cost = small_distances(model, targets, reading)
         cost = cost.reshape(-1, *cost.shape[2:])
         return cost.min(axis=0), cost.argmin(axis=0)
 
-    return jax.lax.map(of_one, top)
-
-
-def _sensible(top: np.ndarray, bottom: np.ndarray, max_paints: int) -> np.ndarray:
-    """Which sets may lie over which: not the same paint over itself, and no more paints than
-    allowed.
-    """
-    upper, lower = ([set(paints) for paints in sets.tolist()] for sets in (top, bottom))
-    return np.array([[a != b and len(a | b) <= max_paints for b in lower] for a in upper])
-
-
-def _one_coat_stacks(
-    model: StackModel,
-    coats: _Coats,
-    cost: np.ndarray,
-    best: np.ndarray,
-    keep: Keep,
-    max_coats: int,
-) -> Stacks:
-    rows, targets = _lowest(cost, keep(1, coats.paints.shape[1]))
-    sizes = np.zeros((rows.size, max_coats, model.absorption.shape[0]))
-    _lay(sizes, 0, coats, rows, best[rows, targets])
-    return Stacks.before_refinement(sizes, targets, cost[rows, targets])
-
-
-def _two_coat_stacks(
-    model: StackModel,
-    coats: tuple[_Coats, _Coats],
-    cost: Float[np.ndarray, "sets others targets"],
-    best: Int[np.ndarray, "sets others targets"],
-    keep: Keep,
-    max_coats: int,
-) -> Stacks:
-    top, bottom = coats
-    points = bottom.amounts.shape[1]
-    many = len(bottom.paints)
-    flat = cost.reshape(-1, cost.shape[-1])
-    rows, targets = _lowest(flat, keep(2, top.paints.shape[1] + bottom.paints.shape[1]))
-    upper, lower = np.divmod(rows, many)
-    first, second = np.divmod(best[upper, lower, targets], points)
-    sizes = np.zeros((rows.size, max_coats, model.absorption.shape[0]))
-    _lay(sizes, 0, top, upper, first)
-    _lay(sizes, 1, bottom, lower, second)
-    return Stacks.before_refinement(sizes, targets, flat[rows, targets])
-
-
-def _lowest(cost: Float[np.ndarray, "sets targets"], count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Rows and columns of the lowest `count` costs of each target, where they are finite."""
-    rows = np.argsort(cost, axis=0)[:count]
-    columns = np.broadcast_to(np.arange(cost.shape[1]), rows.shape)
-    good = np.isfinite(cost[rows, columns])
-    return rows[good], columns[good]
-
-
-def _lay(sizes: np.ndarray, coat: int, coats: _Coats, rows: np.ndarray, points: np.ndarray) -> None:
-    """Write coats, by set and point of the grid, into an array of stacks."""
-    at = np.arange(len(sizes))[:, None]
-    sizes[at, coat, coats.paints[rows]] = coats.amounts[rows, points]
+    return jax.lax.map(of_one, top, batch_size=together)

@@ -76,6 +76,10 @@ class Target:
         return f"Target({self.name!r}, Lab under {', '.join(self.labs)})"
 
 
+TargetLike = Target | Mapping[str, Colour] | Colour
+"""A target, a colour under D65, or colours by illuminant."""
+
+
 def lab_target(lab: Mapping[str, Colour] | Colour, name: str | None = None) -> Target:
     """A colour to match.
 

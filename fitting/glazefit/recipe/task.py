@@ -1,38 +1,32 @@
 """What is asked of a search for recipes, checked before anything is computed."""
 
+import functools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypedDict
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
 from glazejax import Bidirectional, Pigment, catalogue, colour
 from glazejax.geometry import resolve_instrument
 from glazejax.paint.media import MAX_THICKNESS
-from glazejax.spectra import describe_grid, resample, same_grid
+from glazejax.spectra import describe_grid, same_grid
 
-from ..film.colour_metric import lab_metric
 from ..film.films import Instrument, InstrumentLike
 from ..film.model.mixing import Pigments, listed_pigments
 from ..film.model.optics import Optics
-from .model import StackModel, StackSolver, make_model
-from .screen import TargetArrays
-from .targets import Colour, Target, lab_target
+from .distance import TargetArrays
+from .model import StackModel, make_model
+from .targets import Target, lab_target
 
 DEFAULT_THICKNESS = (1e-6, 50e-6)
 """Thinnest and thickest coat in m, if nothing else is said; on the catalogue's scale of
 thickness.
 """
 
-# If nothing is said.
-_PAINTS = 3
-_COATS = 2
-
-
-Wanted = Target | Mapping[str, Colour] | Colour
-"""What may be asked for: a target, a colour, or colours by illuminant."""
+_USUAL = {"max_paints": 3, "max_coats": 2}
+"""Limits of a search for mixed coats, if nothing is said."""
 
 
 class RecipeOptions(TypedDict, total=False):
@@ -75,31 +69,24 @@ class RecipeTask:
     seed: int
 
     @property
-    def slots(self) -> int:
-        """Paints counted in each coat, at most: one more a coat, since a paint may lie in
-        several.
-        """
-        return self.max_coats if self.glazes else self.max_paints + self.max_coats - 1
-
-    @property
     def mixed(self) -> "RecipeTask":
         """The same search with paints mixed within coats, as far as it is wide without being asked
         for more.
         """
-        paints = min(self.max_paints, _PAINTS)
-        coats = min(self.max_coats, _COATS)
-        return replace(self, glazes=False, max_paints=paints, max_coats=coats)
+        limits = {name: min(getattr(self, name), most) for name, most in _USUAL.items()}
+        return replace(self, glazes=False, **limits)
 
     @property
     def wavelengths(self) -> Float[np.ndarray, "bands"]:
         """Wavelengths of the pigments, nm."""
         return self.pigments[0].wavelengths
 
-    @property
-    def solver(self) -> StackSolver:
-        """What reads the stacks of this search."""
-        return StackSolver(Optics.of(self.instrument), self.slots)
+    @functools.cached_property
+    def optics(self) -> Optics:
+        """The instrument, as the solver takes it."""
+        return Optics.of(self.instrument)
 
+    @functools.cached_property
     def model(self) -> StackModel:
         """What stacks of these paints read, as arrays."""
         return make_model(
@@ -111,21 +98,12 @@ class RecipeTask:
             self.thickness,
         )
 
+    @functools.cached_property
     def target_arrays(self) -> TargetArrays:
-        """The targets as arrays; without a spectrum it weighs nothing."""
-        grid = self.wavelengths
-        labs = np.stack(
-            [[t.lab(name, self.observer) for name in self.illuminants] for t in self.targets]
+        """The targets as arrays."""
+        return TargetArrays.of(
+            self.targets, self.wavelengths, self.illuminants, self.observer, self.metamerism
         )
-        spectra = np.zeros((len(self.targets), grid.size))
-        weights = np.zeros(len(self.targets))
-        for row, target in enumerate(self.targets):
-            if target.wavelengths is not None and target.reflectance is not None:
-                spectra[row] = resample(target.wavelengths, target.reflectance, grid)
-                # A root mean squared difference of 0.01 weighs as much as a Delta E of
-                # `metamerism`.
-                weights[row] = (100.0 * self.metamerism) ** 2 / grid.size
-        return TargetArrays(*(jnp.asarray(a) for a in (labs, lab_metric(labs), spectra, weights)))
 
 
 def make_task(
@@ -151,14 +129,13 @@ def make_task(
     if not targets:
         raise ValueError("there is no target: give a colour, such as (50, 20, 30), or a spectrum")
     # Coats of a single paint each are quickly gone through: all that are possible are.
-    most_coats, most_paints = 6 if glazes else 4, 6
-    if max_coats is None:
-        max_coats = most_coats if glazes else _COATS
-    if max_paints is None:
-        max_paints = most_paints if glazes else _PAINTS
+    most_of = {"max_paints": 6, "max_coats": 6 if glazes else 4}
+    usual = most_of if glazes else _USUAL
+    max_paints = usual["max_paints"] if max_paints is None else max_paints
+    max_coats = usual["max_coats"] if max_coats is None else max_coats
     whole = {
-        "max_paints": (max_paints, most_paints),
-        "max_coats": (max_coats, most_coats),
+        "max_paints": (max_paints, most_of["max_paints"]),
+        "max_coats": (max_coats, most_of["max_coats"]),
         "count": (count, 1000),
     }
     for name, (value, most) in whole.items():

@@ -3,7 +3,7 @@
 Small problems, hundreds side by side, go through `optimistix.least_squares` with a solver of our
 own, `side_by_side.SideBySide`. Its steps are those of optimistix's `LevenbergMarquardt`, and so are
 its answers; but its arrays have a batch axis, in place of a loop that `jax.vmap` turns into one.
-JAX traces and compiles that several times faster, which is most of what a first recipe waits for.
+JAX traces and compiles that several times faster.
 Its linear algebra is plain XLA: two batched LAPACK calls in one compiled program can hang for ever
 on the CPU (jaxlib 0.10, 0.11.0).
 
@@ -308,7 +308,7 @@ class Looks(NamedTuple):
     slope: Float[np.ndarray, "n m"]
     curvature: Float[np.ndarray, "n m m"]
 
-    def take(self, rows: Int[np.ndarray, "rows"]) -> "Looks":
+    def take(self, rows: Int[np.ndarray, "rows"] | Bool[np.ndarray, "n"]) -> "Looks":
         """Those of some rows."""
         return Looks(*(values[rows] for values in self))
 
@@ -338,7 +338,6 @@ def descend_within(
     seen: Looks,
     bounds: Bounds,
     *,
-    normalise: Callable[[Int[np.ndarray, "rows"], Float[np.ndarray, "rows m"]], np.ndarray],
     promise: float,
     max_steps: int,
 ) -> BoundedDescent:
@@ -351,27 +350,27 @@ def descend_within(
         look: costs of some problems, by number, at points.
         start, seen: first points, and what `look` gives there.
         bounds: of every problem's unknowns.
-        normalise: points of some problems, by number, in their normal form.
         promise: in the unit of a residual.
         max_steps: that are tried.
     """
     point = start.copy()
     here = Looks(*map(np.copy, seen))
-    # Damping, in parts of the largest curvature: of the first step, and below of a step that counts
-    # as full.
     damping = 1e-3 * _largest(here.curvature)
     steps = np.zeros(len(point), int)
     settled = np.zeros(len(point), bool)
     going = np.flatnonzero(np.isfinite(here.cost))
     for _ in range(max_steps):
         own = here.take(going)
-        promised = bounded_step(point[going], own, bounds, 1e-9 * _largest(own.curvature))[1]
+        # So little damping leaves a step as good as full, and its matrix regular.
+        least = 1e-9 * _largest(own.curvature)
+        promised = bounded_step(point[going], own, bounds, least)[1]
         settled[going] = promised < promise
-        going = going[promised >= promise]
+        rest = promised >= promise
+        going = going[rest]
         if going.size == 0:
             break
-        moved, _ = bounded_step(point[going], here.take(going), bounds, damping[going])
-        moved = normalise(going, moved)
+        damping[going] = np.maximum(damping[going], least[rest])
+        moved, _ = bounded_step(point[going], own.take(rest), bounds, damping[going])
         there = look(going, moved)
         # A cost that is no number is no better.
         better = there.cost < here.cost[going]
@@ -411,11 +410,16 @@ def bounded_step(
         matrix = np.where(fixed[:, :, None] | fixed[:, None, :], 0.0, seen.curvature)
         matrix = matrix + damping[:, None, None] * np.eye(point.shape[1])
         step = np.where(fixed, step, -np.linalg.solve(matrix, slope[..., None])[..., 0])
-        beyond = ~fixed & ((step < least) | (step > most))
-        step = np.clip(step, least, most)
-        fixed |= beyond
-        if not beyond.any():
+        inside = np.clip(step, least, most)
+        # One stops at a time: where a valley is narrow, the others must follow it along.
+        beyond = np.abs(step - inside)
+        rows = np.flatnonzero(beyond.any(axis=1))
+        if rows.size == 0:
             break
+        farthest = beyond[rows].argmax(axis=1)
+        step[rows, farthest] = inside[rows, farthest]
+        fixed[rows, farthest] = True
+    step = np.clip(step, least, most)
     gain = -2.0 * np.sum(seen.slope * step, axis=1)
     gain -= np.einsum("ni,nij,nj->n", step, seen.curvature, step)
     left = np.maximum(seen.cost - np.maximum(gain, 0.0), 0.0)

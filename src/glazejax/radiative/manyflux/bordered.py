@@ -101,6 +101,10 @@ class Bordered(NamedTuple):
             self.body + factor * identity, self.viewing + factor, self.incidence + factor
         )
 
+    def one_minus(self) -> "Bordered":
+        """The operator that changes nothing, without this one."""
+        return self.scaled(-1.0).plus_identity()
+
     def symmetric(self) -> "Bordered":
         """With the core's two halves averaged: rounding leaves them different."""
         change = 0.5 * (transpose(self.core) - self.core)

@@ -184,19 +184,41 @@ def _media(stack: GivenStack, count: int) -> float | Media:
     return Media(each, None if stack.index_below is None else float(stack.index_below))
 
 
+def solve_stacks(
+    stack: GivenStack, cosines: dict[str, Any], azimuth: Any = None, *, downward: bool = False
+) -> Array:
+    """Factor of each stack between its two cosines, or flux that leaves over that of its beam, or,
+    without cosines, over that of even light; arguments as for `prepare`.
+    """
+    call = prepare(stack, cosines, azimuth, downward=downward)
+    return _results(call.layers, call.angles, call.table, call.settings).reshape(call.batch)
+
+
 @functools.partial(jax.jit, static_argnums=3)
-def factors(
+def _results(
     layers: Layers, angles: dict[str, Array], table: GroundTable | None, settings: ProgramSettings
 ) -> Array:
-    """Reflectance or transmittance factor of each stack in its own directions, (batch,)."""
+    media, effort, downward = settings
 
     def one(layers: Layers, angles: dict[str, Array]) -> Array:
-        seen, lit, turned = (
-            angles[name][None] for name in ("cos_viewing", "cos_incidence", "azimuth")
+        lit = layers.albedo[:0]
+        if angles:
+            lit = angles["cos_incidence"][None]
+        if "azimuth" in angles:
+            axes = angles["cos_viewing"][None], lit, angles["azimuth"][None]
+            return _factor(layers, axes, table, settings)[0, 0, 0]
+        if not isinstance(media, Media):
+            if angles:
+                return manyflux_solve.hemispherical_reflectance(layers, media, lit, effort)[0]
+            return manyflux_solve.diffuse_reflectance(layers, media, effort)
+        joined = manyflux_joined.joined_stack(
+            layers, media, layers.albedo[:0], lit, effort, 1, table=table, downward=downward
         )
-        return _factor(layers, (seen, lit, turned), table, settings)[0, 0, 0]
+        if angles:
+            return manyflux_joined.flux_of_beam(joined)[0]
+        return manyflux_joined.flux_of_even_light(joined)
 
-    return _map_stacks(one, layers, angles, settings, 1)
+    return _map_stacks(one, layers, angles, settings, min(len(angles), 1))
 
 
 @functools.partial(jax.jit, static_argnums=3)
@@ -206,48 +228,12 @@ def tables(
     table: GroundTable | None,
     settings: ProgramSettings,
 ) -> Array:
-    """The same for all pairs of directions, (batch, viewing, incidence, azimuths)."""
+    """Factors for all pairs of directions, (batch, viewing, incidence, azimuths)."""
 
     def one(layers: Layers, _) -> Array:
         return _factor(layers, axes, table, settings)
 
     return _map_stacks(one, layers, {}, settings, max(axes[0].size, axes[1].size))
-
-
-@functools.partial(jax.jit, static_argnums=3)
-def fluxes(
-    layers: Layers, angles: dict[str, Array], table: GroundTable | None, settings: ProgramSettings
-) -> Array:
-    """Flux that leaves over flux of a beam, (batch,)."""
-    media, effort, downward = settings
-
-    def one(layers: Layers, angles: dict[str, Array]) -> Array:
-        lit = angles["cos_incidence"][None]
-        if not isinstance(media, Media):
-            return manyflux_solve.hemispherical_reflectance(layers, media, lit, effort)[0]
-        joined = manyflux_joined.joined_stack(
-            layers, media, lit[:0], lit, effort, 1, table=table, downward=downward
-        )
-        return manyflux_joined.flux_of_beam(joined, downward=downward)[0]
-
-    return _map_stacks(one, layers, angles, settings, 1)
-
-
-@functools.partial(jax.jit, static_argnums=2)
-def diffuse(layers: Layers, table: GroundTable | None, settings: ProgramSettings) -> Array:
-    """Flux that leaves over flux of even light, (batch,)."""
-    media, effort, downward = settings
-
-    def one(layers: Layers, _) -> Array:
-        if not isinstance(media, Media):
-            return manyflux_solve.diffuse_reflectance(layers, media, effort)
-        nothing = layers.albedo[:0]
-        joined = manyflux_joined.joined_stack(
-            layers, media, nothing, nothing, effort, 1, table=table, downward=downward
-        )
-        return manyflux_joined.flux_of_even_light(joined, downward=downward)
-
-    return _map_stacks(one, layers, {}, settings, 0)
 
 
 def _factor(
@@ -263,7 +249,7 @@ def _factor(
     joined = manyflux_joined.joined_stack(
         layers, media, seen, lit, effort, effort.modes, table=table, downward=downward
     )
-    return manyflux_joined.factor(joined, turned, effort.modes, downward=downward)
+    return manyflux_joined.factor(joined, turned)
 
 
 def _map_stacks(

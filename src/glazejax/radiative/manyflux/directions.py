@@ -7,27 +7,17 @@ two the best is searched for, once for each case.
 """
 
 import functools
-from typing import NamedTuple
+from collections.abc import Callable, Iterable
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from jaxtyping import Float
 
 from ..common.quadrature import Directions, Nodes, conserve, gauss, graded_gauss, split_range
 
-# The largest error of the sums over directions may be this share of the tolerance.
-_SHARE = 0.2
-_FINE = 100
-_FEWEST = 4
-_MOST = 96
-_DEPTHS = np.array([0.0, 0.01, 0.1, 1.0])
+Rule = TypeVar("Rule")
+
 _CROWDING = (0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0)
-_CONE_SHARES = (0.3, 0.35, 0.4, 0.5)
-# Plain Gauss nodes, which keep off grazing directions: with a few more of them layers need far
-# fewer doublings.
-_PLAIN = -1.0
-_MORE = 1.25
-# A matrix product of n nodes takes about n to this power.
-_WORK = 2.3
 
 
 class Spread(NamedTuple):
@@ -68,14 +58,17 @@ def fewest_directions(tolerance: float, index: float, sizes: tuple[float, ...]) 
     Raises:
         ValueError: 96 directions are not enough.
     """
-    for count in range(_FEWEST, _MOST + 1, 2):
-        error, spread = _best(index, count, sizes)
-        if error <= _SHARE * tolerance:
-            return _less_work(index, spread, _SHARE * tolerance, sizes)
-    raise ValueError(
-        f"no directions found for a tolerance of {tolerance:g} with {len(sizes)} Legendre moments; "
-        "ask for a coarser one or give streams, such as streams=64"
+    spread = first_good(
+        (_best(index, count, sizes) for count in range(4, 97, 2)), tolerance, len(sizes)
     )
+    # Plain Gauss nodes, which keep off grazing directions, instead: with a few more of them, if
+    # they are as good, layers need far fewer doublings.
+    count = spread.cone + spread.total
+    for more in range(count, int(1.25 * count) + 1, 2):
+        missed, plain = _best(index, more, sizes, (-1.0,))
+        if missed <= allowed_error(tolerance):
+            return min(spread, plain, key=functools.partial(_work, index))
+    return spread
 
 
 def best_directions(index: float, count: int, sizes: tuple[float, ...]) -> Spread:
@@ -83,18 +76,39 @@ def best_directions(index: float, count: int, sizes: tuple[float, ...]) -> Sprea
     return _best(index, count, sizes)[1]
 
 
-def _less_work(index: float, found: Spread, error: float, sizes: tuple[float, ...]) -> Spread:
-    """Plain nodes instead, if a few more of them are as good and take less work."""
+def _work(index: float, spread: Spread) -> float:
+    # A matrix product of n nodes takes about n to the power of 2.3, once for each doubling.
+    grazing = np.min(spread_directions(index, spread).cosines)
+    return (spread.cone + spread.total) ** 2.3 * -np.log2(grazing)
 
-    def work(spread: Spread) -> float:
-        return sum(spread[:2]) ** _WORK * -np.log2(np.min(spread_directions(index, spread).cosines))
 
-    count = sum(found[:2])
-    for more in range(count, int(_MORE * count) + 1, 2):
-        missed, plain = _best(index, more, sizes, (_PLAIN,))
-        if missed <= error:
-            return min(found, plain, key=work)
-    return found
+def allowed_error(tolerance: float) -> float:
+    """Largest error of the sums over directions, a share of an accuracy."""
+    return 0.2 * tolerance
+
+
+def first_good(
+    rules: Iterable[tuple[float, Rule]], tolerance: float, terms: int, where: str = ""
+) -> Rule:
+    """The first rule, each after its error, that is good enough for an accuracy.
+
+    Raises:
+        ValueError: none is, of so many Legendre moments.
+    """
+    for error, rule in rules:
+        if error <= allowed_error(tolerance):
+            return rule
+    raise ValueError(
+        f"no directions found for a tolerance of {tolerance:g} with {terms} Legendre moments"
+        f"{where}; ask for a coarser one or give streams, such as streams=64"
+    )
+
+
+def best_rule(
+    rules: Iterable[Rule], sums: Callable[[Rule], np.ndarray], exact: np.ndarray
+) -> tuple[float, Rule]:
+    """The rule whose sums over scattered light are nearest to exact ones, after its error."""
+    return min((float(np.max(np.abs(sums(rule) - exact))), rule) for rule in rules)
 
 
 def _nodes(count: int, crowding: float) -> Nodes:
@@ -105,27 +119,24 @@ def _nodes(count: int, crowding: float) -> Nodes:
 def _best(
     index: float, count: int, sizes: tuple[float, ...], crowdings: tuple[float, ...] = _CROWDING
 ) -> tuple[float, Spread]:
-    moments = np.array(sizes)
-    exact = _exact_sums(index, sizes)
     cones = (
         {count}
         if index == 1.0
-        else {min(max(1, round(share * count)), count - 1) for share in _CONE_SHARES}
+        else {min(max(1, round(share * count)), count - 1) for share in (0.3, 0.35, 0.4, 0.5)}
     )
-    tried = []
-    for cone in cones:
-        for crowding in crowdings:
-            spread = Spread(cone, count - cone, crowding)
-            sums = scattered_sums(spread_directions(index, spread), moments)
-            tried.append((float(np.max(np.abs(sums - exact))), spread))
-    return min(tried)
+    spreads = [Spread(cone, count - cone, crowding) for cone in cones for crowding in crowdings]
+    return best_rule(
+        spreads, functools.partial(_sums, index, sizes=sizes), _exact_sums(index, sizes)
+    )
 
 
 @functools.lru_cache(maxsize=64)
 def _exact_sums(index: float, sizes: tuple[float, ...]) -> np.ndarray:
-    return scattered_sums(
-        spread_directions(index, Spread(_FINE, _FINE, _CROWDING[-1])), np.array(sizes)
-    )
+    return _sums(index, Spread(100, 100, _CROWDING[-1]), sizes)
+
+
+def _sums(index: float, spread: Spread, sizes: tuple[float, ...]) -> np.ndarray:
+    return scattered_sums(spread_directions(index, spread), np.array(sizes))
 
 
 def scattered_sums(
@@ -142,7 +153,8 @@ def scattered_sums(
     polynomials = (
         np.polynomial.legendre.legvander(mu, moments.size - 1) * np.sqrt(2 * orders + 1) * moments
     )
-    fades = np.exp(-_DEPTHS[:, None] / mu) * weights
+    depths = np.array([0.0, 0.01, 0.1, 1.0])
+    fades = np.exp(-depths[:, None] / mu) * weights
     return np.stack(
         [(w[:, None, :] * polynomials.T) @ polynomials for w in (fades, fades * reflectance)]
     )

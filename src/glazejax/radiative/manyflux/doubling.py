@@ -21,22 +21,21 @@ from jaxtyping import Array, Float
 
 from .bordered import Bordered
 
-# Series of tanh(x)/x in x^2, for x up to the half of this.
+# Series of tanh(x)/x in x^2, for x up to an eighth.
 _SERIES = (1.0, -1 / 3, 2 / 15, -17 / 315, 62 / 2835, -1382 / 155925, 21844 / 6081075)
-_THIN = 0.25
-_STEP = 4
 
 
-def doublings(thickest: float, least_cosine: float) -> int:
+def doublings(thickest: float | None, least_cosine: float) -> int:
     """How often a layer must be halved until the series holds in all directions.
 
     Args:
-        thickest: largest optical thickness.
+        thickest: largest optical thickness; up to 1e6 where it is not known.
         least_cosine: smallest cosine of any direction inside.
     """
-    exact = max(0, int(np.ceil(np.log2(max(thickest, 1e-300) / (_THIN * least_cosine)))))
+    largest = 1e6 if thickest is None else max(thickest, 1e-300)
+    exact = max(0, int(np.ceil(np.log2(largest / (0.25 * least_cosine)))))
     # Few different numbers, so that another thickness rarely needs another program.
-    return -(-exact // _STEP) * _STEP
+    return -(-exact // 4) * 4
 
 
 def layer_by_doubling(
@@ -92,8 +91,8 @@ def reflection_and_loss(even: Bordered, odd: Bordered) -> tuple[Bordered, Border
 
 def _double(r: Bordered, loss: Bordered) -> tuple[Bordered, Bordered]:
     """Two equal layers: R + T (1 - R R)^-1 R T and 1 - T (1 - R R)^-1 T."""
-    t = loss.scaled(-1.0).plus_identity()
-    between = (r @ r).scaled(-1.0).plus_identity().symmetric().inverse(often=True)
+    t = loss.one_minus()
+    between = (r @ r).one_minus().symmetric().inverse(often=True)
     again = (between @ r) @ t
     back = t @ again
     onward = t @ (r @ again)

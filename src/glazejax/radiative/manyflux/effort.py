@@ -14,14 +14,6 @@ from .directions import Spread, best_directions, fewest_directions, spread_direc
 from .doubling import doublings
 from .media import Media, SharedSpread, fewest_shared_directions, in_medium, shared_directions
 
-# Moments whose weighed square is below this share of the tolerance change nothing that is scattered
-# twice or more.
-_MOMENT_SHARE = 0.03
-# The same for azimuth modes: a mode that is left out is missed once, a moment in all modes.
-_MODE_SHARE = 0.3
-THICKEST = 1e6
-"""Layers whose thickness is traced may be this thick."""
-
 Solution = Literal["doubling", "modes"]
 """Ways to the operators of a layer: `doubling` or `eigenmodes`."""
 
@@ -84,20 +76,18 @@ def choose_effort(
     )
     # What a moment does to light scattered twice or more.
     twice = (2 * np.arange(terms) + 1) * sizes**2
-    kept = int(np.flatnonzero(twice > _MOMENT_SHARE * tolerance).max(initial=0)) + 1
+    # Moments whose weighed square is below this share of the tolerance change nothing there.
+    kept = int(np.flatnonzero(twice > 0.03 * tolerance).max(initial=0)) + 1
     if streams is not None and streams < 2:
         raise ValueError(f"streams is {streams}; it must be at least 2")
     kept = kept if streams is None else min(kept, 2 * streams)
     directions, least = _directions(
         media, _round_sizes(sizes[:kept]), tolerance, streams, least_cosine
     )
-    count = doublings(THICKEST if thickest is None else thickest, least)
-    modes = (
-        int(np.flatnonzero(twice[:kept] > _MODE_SHARE * tolerance).max(initial=0)) + 1
-        if azimuthal
-        else 1
-    )
-    return FluxEffort(directions, kept, modes, count if solution == "doubling" else None)
+    count = doublings(thickest, least)
+    # An azimuth mode that is left out is missed once, a moment in all modes: a larger share.
+    modes = np.flatnonzero(twice[:kept] > 0.3 * tolerance).max(initial=0) + 1 if azimuthal else 1
+    return FluxEffort(directions, kept, int(modes), count if solution == "doubling" else None)
 
 
 def _directions(
@@ -131,7 +121,7 @@ def _directions(
 
 
 def effort_for_indices(
-    resolution: Resolution, low: float, high: float, thickest: float, least_cosine: float
+    resolution: Resolution, low: float, high: float, thickest: float | None, least_cosine: float
 ) -> FluxEffort:
     """Effort of isotropic scattering in directions for a range of indices."""
     at = [np.float64(low), np.float64(high)]

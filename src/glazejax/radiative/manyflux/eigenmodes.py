@@ -34,10 +34,6 @@ from .bordered import Bordered
 from .doubling import reflection_and_loss
 from .jacobi import symmetric_eigen
 
-# Points nearer than this share of the larger are close: a difference of function values would lose
-# digits.
-_CLOSE = 0.1
-
 
 class Eigenvectors(NamedTuple):
     """Eigenvectors of a layer."""
@@ -116,7 +112,7 @@ def _tangent(
 def first_difference(z: Array, x: Array, depth: Array) -> Array:
     """(t(z) - t(x))/(z - x), regular where they meet; x > 0, z >= 0."""
     z, x, depth = jnp.broadcast_arrays(z, x, depth)
-    close = jnp.abs(z - x) < _CLOSE * jnp.maximum(z, x)
+    close = _close(z, x)
     apart = jnp.where(close, 0.0, z)
     slope = tanh_sech(apart, depth)[0] - tanh_sech(x, depth)[0]
     return jnp.where(
@@ -124,6 +120,11 @@ def first_difference(z: Array, x: Array, depth: Array) -> Array:
         _close_difference(jnp.where(close, z, x), x, depth),
         slope / jnp.where(close, 1.0, z - x),
     )
+
+
+def _close(x: Array, y: Array) -> Array:
+    """Whether points are so near that a difference of function values would lose digits."""
+    return jnp.abs(x - y) < 0.1 * jnp.maximum(x, y)
 
 
 def _close_difference(z: Array, x: Array, depth: Array) -> Array:
@@ -146,7 +147,7 @@ def second_difference(x: Array, z: Array, y: Array, depth: Array) -> Array:
     0.
     """
     x, z, y, depth = jnp.broadcast_arrays(x, z, y, depth)
-    close = jnp.abs(x - y) < _CLOSE * jnp.maximum(x, y)
+    close = _close(x, y)
     apart = (first_difference(z, x, depth) - first_difference(z, y, depth)) / jnp.where(
         close, 1.0, x - y
     )

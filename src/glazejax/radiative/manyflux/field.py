@@ -19,12 +19,12 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..common.inputs import Numbers, check_values, concrete
-from .bordered import Diagonal, diagonal
+from .bordered import Bordered, Diagonal, diagonal
 from .call import GivenStack, Indices, prepare
 from .effort import FluxEffort, Solution
 from .joined import opened_stack
 from .media import Media
-from .scattering import azimuth_waves, rates
+from .scattering import azimuth_waves
 from .solve import Layers, discrete_stack, layer_operators
 from .star_product import Slab, join, join_all, lambert, slab_of_layer, stack_reflection
 
@@ -160,7 +160,7 @@ def _field(
     seen, azimuth = axes
     modes = effort.modes
     stack = discrete_stack(layers, index, seen, lit, effort, modes, inside=True)
-    a, b = rates(stack.albedo[:, None], stack.even, stack.odd, stack.cosines)
+    a, b = stack.scaled.rates(stack.cosines)
     top = jnp.cumsum(layers.optical_thickness) - layers.optical_thickness
     # The surface as a slab, without what it reflects of the light that falls in.
     surface = jax.tree.map(lambda x: jnp.broadcast_to(x, (modes, *x.shape)), stack.surface)
@@ -175,29 +175,11 @@ def _field(
         share = above / jnp.where(layers.optical_thickness > 0, layers.optical_thickness, 1.0)
         # What lies above the depth is one slab, what lies below it reflects; the light between them
         # goes to and fro.
-        upper = layer_operators(a, b, (share * stack.thickness)[:, None], effort)
-        lower = layer_operators(a, b, ((1.0 - share) * stack.thickness)[:, None], effort)
+        upper = layer_operators(a, b, (share * stack.scaled.thickness)[:, None], effort)
+        lower = layer_operators(a, b, ((1.0 - share) * stack.scaled.thickness)[:, None], effort)
         slab = join(face, join_all(slab_of_layer(*upper)))
         below = stack_reflection(*lower, lambert(layers.ground, stack.roots, modes, depth.dtype))
-        down = (slab.below @ below).scaled(-1.0).plus_identity().inverse() @ slab.down
-        up = below @ down
-
-        def radiance(operator) -> Array:
-            return jnp.einsum("mvi,mk->vik", operator.corner / unit, waves, precision="highest")[
-                :, 0
-            ]
-
-        def flux(operator) -> Array:
-            return stack.roots.nodes @ operator.columns[0, :, 0] / stack.roots.incidence[0]
-
-        beam = down.incidence[0, 0]
-        return Field(
-            down=radiance(down),
-            up=radiance(up),
-            beam=beam,
-            flux_down=flux(down) + beam,
-            flux_up=flux(up) + up.incidence[0, 0],
-        )
+        return _between(slab, below, unit, stack.roots.nodes / stack.roots.incidence[0], waves)
 
     return jax.lax.map(at, depths)
 
@@ -229,28 +211,34 @@ def _opened_field(
             cut=cut,
             share=share,
         )
-        down = (stack.above.below @ stack.below).scaled(
-            -1.0
-        ).plus_identity().inverse() @ stack.above.down
-        up = stack.below @ down
-
-        def radiance(operator) -> Array:
-            return (
-                0.5
-                * index**2
-                * jnp.einsum("mvi,mk->vik", operator.corner, waves, precision="highest")[:, 0]
-            )
-
-        def flux(operator) -> Array:
-            return jnp.sqrt(stack.flux) @ operator.columns[0, :, 0]
-
-        beam = down.incidence[0, 0]
-        return Field(
-            down=radiance(down),
-            up=radiance(up),
-            beam=beam,
-            flux_down=flux(down) + beam,
-            flux_up=flux(up) + up.incidence[0, 0],
-        )
+        return _between(stack.above, stack.below, 2.0 / index**2, stack.roots, waves)
 
     return jax.lax.map(at, shares)
+
+
+def _between(
+    above: Slab, below: Bordered, unit: float | Array, roots: Array, waves: Array
+) -> Field:
+    """Field between what lies above a depth and what reflects below it.
+
+    Args:
+        above, below: as operators.
+        unit: of a radiance, (), or (directions, 1).
+        roots: what a node's light counts in the flux, (nodes,).
+        waves: of the azimuths.
+    """
+    down = (above.below @ below).one_minus().inverse() @ above.down
+    up = below @ down
+    radiance = [
+        jnp.einsum("mvi,mk->vik", operator.corner / unit, waves, precision="highest")[:, 0]
+        for operator in (down, up)
+    ]
+    beams = [operator.incidence[0, 0] for operator in (down, up)]
+    fluxes = [roots @ operator.columns[0, :, 0] for operator in (down, up)]
+    return Field(
+        down=radiance[0],
+        up=radiance[1],
+        beam=beams[0],
+        flux_down=fluxes[0] + beams[0],
+        flux_up=fluxes[1] + beams[1],
+    )

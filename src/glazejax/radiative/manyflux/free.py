@@ -12,7 +12,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..common.inputs import Numbers
-from .call import GivenStack, Indices, diffuse, factors, fluxes, prepare
+from .call import GivenStack, Indices, solve_stacks
 from .effort import Solution
 
 
@@ -60,13 +60,8 @@ def free_factor(
         solution=solution,
         index_below=index_below,
     )
-    call = prepare(
-        given,
-        {"cos_incidence": cos_incidence, "cos_viewing": cos_viewing},
-        azimuth,
-        downward=transmitted,
-    )
-    return factors(*call[:4]).reshape(call.batch)
+    cosines = {"cos_incidence": cos_incidence, "cos_viewing": cos_viewing}
+    return solve_stacks(given, cosines, azimuth, downward=transmitted)
 
 
 def free_hemispherical(
@@ -98,8 +93,7 @@ def free_hemispherical(
         solution=solution,
         index_below=index_below,
     )
-    call = prepare(given, {"cos_incidence": cos_incidence}, downward=transmitted)
-    return fluxes(*call[:4]).reshape(call.batch)
+    return solve_stacks(given, {"cos_incidence": cos_incidence}, downward=transmitted)
 
 
 def free_diffuse(
@@ -130,8 +124,7 @@ def free_diffuse(
         solution=solution,
         index_below=index_below,
     )
-    call = prepare(given, {}, downward=transmitted)
-    return diffuse(call.layers, call.table, call.settings).reshape(call.batch)
+    return solve_stacks(given, {}, downward=transmitted)
 
 
 def free_regular(

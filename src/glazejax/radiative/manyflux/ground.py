@@ -10,8 +10,6 @@ from ..common.inputs import Numbers, concrete
 from .bordered import Bordered, Diagonal
 from .star_product import lambert
 
-_RECIPROCAL = 1e-3
-
 
 class GroundTable(NamedTuple):
     """Reflectance factor pi L_out/E_in of a ground, as seen inside the paint; make it with
@@ -54,7 +52,8 @@ def ground_table(cosines: Numbers, factor: Numbers) -> GroundTable:
             f"factor holds {values[~(values >= 0)].flat[0]}; a reflectance factor is >= 0"
         )
     change = np.max(np.abs(values - np.swapaxes(values, 0, 1)))
-    if change > _RECIPROCAL * np.max(values):
+    # A measured table is not reciprocal to the last digit.
+    if change > 1e-3 * np.max(values):
         raise ValueError(
             f"factor is not reciprocal: light and eye exchanged change it by up to {change:.3g}; "
             "average the table with its transpose"

@@ -11,8 +11,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-_MOST_SWEEPS = 40
-
 
 def symmetric_eigen(
     a: Float[Array, "*batch n n"],
@@ -68,7 +66,8 @@ def symmetric_eigen(
         return work, vectors, jnp.max(off - enough * scale), done + 1
 
     def goes_on(state):
-        return (state[2] > 0) & (state[3] < _MOST_SWEEPS)
+        # Five times as many sweeps as are ever needed.
+        return (state[2] > 0) & (state[3] < 40)
 
     start = (a, vectors, jnp.asarray(jnp.inf, a.dtype), 0)
     work, vectors, _, _ = jax.lax.while_loop(goes_on, sweep, start)

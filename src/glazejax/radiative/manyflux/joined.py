@@ -20,25 +20,20 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..common.phase import delta_m
 from .bordered import Bordered, Diagonal, diagonal
 from .effort import FluxEffort
 from .ground import GroundTable, ground_operator
 from .media import (
     Media,
-    SharedDirections,
     SharedSpread,
     in_medium,
     interface_reflectance,
     shared_directions,
 )
-from .scattering import associated_legendre, azimuth_waves, rates, scattering
+from .scattering import Layers, ScaledScattering, azimuth_waves, scatter_between
 from .single import ScatteredOnce, missing_once
-from .solve import Layers, layer_operators
-from .star_product import Slab, join, join_all, slab_of_layer
-
-# An empty layer between faces that reflect totally would keep its light for ever.
-_THINNEST = 1e-12
+from .solve import layer_operators
+from .star_product import Slab, join, join_all, reflection_over, slab_of_layer
 
 
 class FollowedDirections(NamedTuple):
@@ -51,30 +46,18 @@ class FollowedDirections(NamedTuple):
 class JoinedStack(NamedTuple):
     """A stack as operators on all modes, and what is needed to read them."""
 
-    slab: Slab
-    """From air to the medium below, or to the ground, which is not yet in it."""
-    ground: Bordered | None
+    operator: Bordered
+    """Reflection as seen from the air, or transmission to the medium below."""
+    entering: Float[Array, "n"]
+    """sqrt(n^2 mu w) of the nodes in the air."""
+    leaving: Float[Array, "n"]
+    """The same where the light leaves; both are 0 for nodes that do not exist there."""
     faces: Slab
     """The surfaces, air first, as the leading axis."""
     coats: Slab
     """The layers between them."""
-    flux: Float[Array, "n"]
-    """n^2 mu w of the nodes."""
-    outside: np.ndarray
-    """(n,), nodes that exist in the air."""
-    beneath: np.ndarray
-    """(n,), nodes that exist below."""
     once: ScatteredOnce
-    even: Array
-    odd: Array
-
-    @property
-    def reflection(self) -> Bordered:
-        """Reflection as seen from the air."""
-        if self.ground is None:
-            return self.slab.above
-        between = (self.slab.below @ self.ground).scaled(-1.0).plus_identity().inverse()
-        return self.slab.above + self.slab.up @ (self.ground @ (between @ self.slab.down))
+    downward: bool
 
 
 class OpenedStack(NamedTuple):
@@ -84,31 +67,33 @@ class OpenedStack(NamedTuple):
     """From the air to the cut."""
     below: Bordered
     """What lies under the cut, ground and all, as it reflects."""
-    flux: Float[Array, "n"]
-    """n^2 mu w of the nodes that exist at the cut, 0 of the others."""
+    roots: Float[Array, "n"]
+    """sqrt(n^2 mu w) of the nodes that exist at the cut, 0 of the others."""
 
 
 class _Discrete(NamedTuple):
-    """A stack in the directions that its media share, delta-M scaled."""
+    """A stack in the directions that its media share."""
 
-    common: SharedDirections
-    nodes: FollowedDirections
-    seen: FollowedDirections
-    lit: FollowedDirections
-    albedo: Array  # (layers,)
-    thickness: Array  # (layers,)
-    even: Array
-    odd: Array
-    a: Bordered
-    b: Bordered
-    rows: Array  # weights of added directions, see `Bordered.reweight`
-    columns: Array
+    flux: np.ndarray  # n^2 mu w of the nodes
+    ways: tuple[FollowedDirections, ...]  # of nodes, seen and lit light
+    inside: Diagonal  # their cosines in the layers, (layers, ...)
+    scaled: ScaledScattering
+    indices: np.ndarray  # from the air down
 
-    def operators(self, thickness: Array, effort: FluxEffort) -> tuple[Bordered, Bordered]:
-        """R and U of the layers at any thickness."""
-        found = layer_operators(self.a, self.b, thickness[:, None], effort)
-        reflection, loss = (x.reweight(self.rows, self.columns) for x in found)
+    def operators(self, share: float | Array, effort: FluxEffort) -> tuple[Bordered, Bordered]:
+        """R and U of shares of the layers."""
+        each = Diagonal(*(c[:, None] for c in self.inside))
+        depth = (share * self.scaled.thickness)[:, None]
+        found = layer_operators(*self.scaled.rates(each), depth, effort)
+        # Added directions count as of flux n^2 mu w = 1.
+        n = self.indices[1 : 1 + len(depth), None, None]
+        rows, columns = (jnp.asarray(1.0 / (n * jnp.sqrt(c))) for c in each[1:])
+        reflection, loss = (x.reweight(rows, columns) for x in found)
         return reflection, loss
+
+    def roots(self, medium: int, dtype: jnp.dtype) -> Array:
+        """sqrt(n^2 mu w) of the nodes, 0 of those that do not exist in a medium."""
+        return jnp.sqrt(jnp.asarray(self.flux * self.ways[0].exists[medium], dtype))
 
 
 def _discrete(
@@ -131,54 +116,23 @@ def _discrete(
     # All directions followed through all media; added ones are known in the eye's and in air.
     seen = _ways(seen_in[0], indices, seen_in[1])
     lit = _ways(cos_incidence, indices, 1.0)
-    nodes = FollowedDirections(jnp.asarray(mu, dtype), exists)
+    ways = FollowedDirections(jnp.asarray(mu, dtype), exists), seen, lit
     inner = slice(1, 1 + layers.albedo.size)
-    in_layers = Diagonal(*(way.cosines[inner] for way in (nodes, seen, lit)))
-
-    albedo, thickness, moments = delta_m(
-        layers.albedo, layers.optical_thickness, layers.moments, effort.kept
-    )
-    thickness = thickness + _THINNEST
-    # Scattering in each layer between its own cosines.
-    tables = [associated_legendre(c, modes, moments.shape[-1]) for c in in_layers]
+    inside = Diagonal(*(way.cosines[inner] for way in ways))
     roots = jnp.sqrt(jnp.asarray(weights[inner], dtype))
-    even, odd = scattering(moments, tables[0], tables[1], tables[2], roots)
-    each = Diagonal(*(c[:, None] for c in in_layers))
-    a, b = rates(albedo[:, None], even, odd, each)
-    # Added directions count as of flux n^2 mu w = 1.
-    n = indices[inner][:, None, None]
-    rows, columns = (jnp.asarray(1.0 / (n * jnp.sqrt(c))) for c in each[1:])
-    return _Discrete(
-        common=common,
-        nodes=nodes,
-        seen=seen,
-        lit=lit,
-        albedo=albedo,
-        thickness=thickness,
-        even=even,
-        odd=odd,
-        a=a,
-        b=b,
-        rows=rows,
-        columns=columns,
-    )
+    scaled = scatter_between(layers, inside, roots, effort.kept, modes)
+    # An empty layer between faces that reflect totally would keep its light for ever.
+    scaled = scaled._replace(thickness=scaled.thickness + 1e-12)
+    return _Discrete(common.flux, ways, inside, scaled, indices)
 
 
-def _ground(
-    found: _Discrete,
-    layers: Layers,
-    indices: Float[np.ndarray, "media"],
-    table: GroundTable | None,
-    modes: int,
-) -> Bordered:
+def _ground(found: _Discrete, layers: Layers, table: GroundTable | None, modes: int) -> Bordered:
     """What the ground sends back into the last medium."""
     dtype = layers.albedo.dtype
-    last = indices[-1]
-    weights = [jnp.sqrt(jnp.asarray(found.common.flux * found.nodes.exists[-1], dtype)) / last]
-    weights += [
-        jnp.full(way.cosines.shape[1], 1.0 / last, dtype) for way in (found.seen, found.lit)
-    ]
-    cosines = Diagonal(*(way.cosines[-1] for way in (found.nodes, found.seen, found.lit)))
+    last = found.indices[-1]
+    weights = [found.roots(-1, dtype) / last]
+    weights += [jnp.full(way.cosines.shape[1], 1.0 / last, dtype) for way in found.ways[1:]]
+    cosines = Diagonal(*(way.cosines[-1] for way in found.ways))
     return ground_operator(layers.ground, table, cosines, Diagonal(*weights), modes)
 
 
@@ -202,10 +156,8 @@ def opened_stack(
     found = _discrete(layers, indices, (cos_inside, indices[1 + cut]), cos_incidence, effort, modes)
     number = np.arange(len(media.layers))
     part = jnp.where(number < cut, 1.0, jnp.where(number > cut, 0.0, share))
-    surfaces, _ = _surfaces(indices, found.nodes, found.seen, found.lit, modes)
-    upper, lower = (
-        slab_of_layer(*found.operators(p * found.thickness, effort)) for p in (part, 1.0 - part)
-    )
+    surfaces, _ = _surfaces(found, modes)
+    upper, lower = (slab_of_layer(*found.operators(p, effort)) for p in (part, 1.0 - part))
 
     def pick(slabs: Slab, k: int) -> Slab:
         return jax.tree.map(lambda leaf: leaf[k], slabs)
@@ -213,13 +165,11 @@ def opened_stack(
     above = join(pick(surfaces, 0), pick(upper, 0))
     for k in range(1, cut + 1):
         above = join(join(above, pick(surfaces, k)), pick(upper, k))
-    below = _ground(found, layers, indices, None, modes)
+    below = _ground(found, layers, None, modes)
     for k in range(len(media.layers) - 1, cut - 1, -1):
         slab = pick(lower, k) if k == cut else join(pick(surfaces, k), pick(lower, k))
-        between = (slab.below @ below).scaled(-1.0).plus_identity().inverse()
-        below = slab.above + slab.up @ (below @ (between @ slab.down))
-    flux = jnp.asarray(found.common.flux * found.nodes.exists[1 + cut], layers.albedo.dtype)
-    return OpenedStack(above, below, flux)
+        below = reflection_over(slab, below)
+    return OpenedStack(above, below, found.roots(1 + cut, layers.albedo.dtype))
 
 
 def joined_stack(
@@ -256,90 +206,62 @@ def joined_stack(
         effort,
         modes,
     )
-    common = found.common
-    nodes = found.nodes
-    seen = found.seen
-    lit = found.lit
-    dtype = layers.albedo.dtype
-    exists = np.asarray(nodes.exists)
-    inner = slice(1, 1 + len(media.layers))
-    in_layers = Diagonal(*(way.cosines[inner] for way in (nodes, seen, lit)))
-    reflection, loss = found.operators(found.thickness, effort)
-
     # Each layer under the surface above it is one slab.
-    surfaces, through = _surfaces(indices, nodes, seen, lit, modes)
+    surfaces, through = _surfaces(found, modes)
     count = len(media.layers)
     upper: Slab = jax.tree.map(lambda leaf: leaf[:count], surfaces)
-    coats = slab_of_layer(reflection, loss)
+    coats = slab_of_layer(*found.operators(1.0, effort))
     slab = join_all(join(upper, coats))
     # Below is a ground, or the surface to another medium.
-    ground = None
     if media.below is None:
-        ground = _ground(found, layers, indices, table, modes)
+        operator = reflection_over(slab, _ground(found, layers, table, modes))
     else:
         slab = join(slab, jax.tree.map(lambda leaf: leaf[-1], surfaces))
+        operator = slab.down if downward else slab.above
 
     # What the kept moments leave out of light scattered once is added by `factor`.
-    size = len(common.flux)
     once = ScatteredOnce(
-        albedo=layers.albedo,
-        thickness=layers.optical_thickness,
-        moments=layers.moments,
-        scaled_albedo=found.albedo,
-        scaled_thickness=found.thickness,
-        cos_seen=in_layers.viewing,
-        cos_lit=in_layers.incidence,
-        passing=_passing(through, indices[inner], count, downward),
+        layers=layers,
+        scaled=found.scaled,
+        cos_seen=found.inside.viewing,
+        cos_lit=found.inside.incidence,
+        passing=_passing(through, np.array(media.layers), count, downward),
     )
+    dtype = layers.albedo.dtype
     return JoinedStack(
-        slab=slab,
-        ground=ground,
+        operator=operator,
+        entering=found.roots(0, dtype),
+        leaving=found.roots(-1 if downward else 0, dtype),
         faces=surfaces,
         coats=coats,
-        flux=jnp.asarray(common.flux, dtype),
-        outside=exists[0],
-        beneath=exists[-1],
         once=once,
-        even=found.even[..., size:, size:],
-        odd=found.odd[..., size:, size:],
+        downward=downward,
     )
 
 
-def factor(
-    joined: JoinedStack, azimuth: Array, modes: int, *, downward: bool = False
-) -> Float[Array, "v i k"]:
+def factor(joined: JoinedStack, azimuth: Array) -> Float[Array, "v i k"]:
     """pi L_out/E_in for all pairs of directions and relative azimuths (radians), radiance in the
     medium of the eye.
 
     What goes straight through, or is mirrored by a surface inside, is not in it.
     """
-    operator = joined.slab.down if downward else joined.reflection
-    waves = azimuth_waves(azimuth, modes)
-    all_light = 0.5 * jnp.einsum("mvi,mk->vik", operator.corner, waves, precision="highest")
-    return all_light + missing_once(
-        joined.once, joined.even, joined.odd, azimuth, waves, downward=downward
-    )
+    corner = joined.operator.corner
+    waves = azimuth_waves(azimuth, corner.shape[0])
+    all_light = 0.5 * jnp.einsum("mvi,mk->vik", corner, waves, precision="highest")
+    return all_light + missing_once(joined.once, azimuth, waves, downward=joined.downward)
 
 
-def flux_of_beam(joined: JoinedStack, *, downward: bool = False) -> Float[Array, "i"]:
+def flux_of_beam(joined: JoinedStack) -> Float[Array, "i"]:
     """Flux that leaves over flux of each beam; straight and mirrored light is in it."""
-    operator, leaving = _side(joined, downward)
-    return jnp.einsum("n,ni->i", jnp.sqrt(leaving), operator.columns[0]) + operator.incidence[0]
+    operator = joined.operator
+    return jnp.einsum("n,ni->i", joined.leaving, operator.columns[0]) + operator.incidence[0]
 
 
-def flux_of_even_light(joined: JoinedStack, *, downward: bool = False) -> Float[Array, ""]:
+def flux_of_even_light(joined: JoinedStack) -> Float[Array, ""]:
     """Flux that leaves over flux of equal radiance from all directions of the air."""
-    operator, leaving = _side(joined, downward)
-    entering = jnp.sqrt(jnp.where(joined.outside, joined.flux, 0.0))
     return 2.0 * jnp.einsum(
-        "i,ij,j->", jnp.sqrt(leaving), operator.core[0], entering, precision="highest"
+        "i,ij,j->", joined.leaving, joined.operator.core[0], joined.entering, precision="highest"
     )
-
-
-def _side(joined: JoinedStack, downward: bool) -> tuple[Bordered, Array]:
-    if downward:
-        return joined.slab.down, jnp.where(joined.beneath, joined.flux, 0.0)
-    return joined.reflection, jnp.where(joined.outside, joined.flux, 0.0)
 
 
 def _ways(cosines: Array, indices: np.ndarray, known_in: float) -> FollowedDirections:
@@ -350,22 +272,16 @@ def _ways(cosines: Array, indices: np.ndarray, known_in: float) -> FollowedDirec
     return FollowedDirections(jnp.sqrt(jnp.where(exists, squared, n**2)) / n, exists)
 
 
-def _surfaces(
-    indices: np.ndarray,
-    nodes: FollowedDirections,
-    seen: FollowedDirections,
-    lit: FollowedDirections,
-    modes: int,
-) -> tuple[Slab, list[Array]]:
+def _surfaces(found: _Discrete, modes: int) -> tuple[Slab, list[Array]]:
     """Surfaces between neighbouring media, (surfaces, modes, ...), and what they let through of
     seen and lit light.
     """
     above = []
     below = []
     through = []
-    upper = indices[:-1, None]
-    lower = indices[1:, None]
-    for way in (nodes, seen, lit):
+    upper = found.indices[:-1, None]
+    lower = found.indices[1:, None]
+    for way in found.ways:
         both = way.exists[:-1] & way.exists[1:]
         r = jnp.where(
             both, interface_reflectance(upper, lower, way.cosines[:-1], way.cosines[1:]), 1.0

@@ -15,15 +15,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from ..common.quadrature import Directions, gauss, graded_gauss
-from .directions import scattered_sums
-
-_SHARE = 0.2
-_FINE = 80
-_FINE_CROWDING = 4.0
-_FEWEST = 6
-_MOST = 120
-_CROWDING = (0.5, 1.5, 2.5, 3.5)
-_AIR_SHARES = (0.3, 0.4, 0.5)
+from .directions import best_rule, first_good, scattered_sums
 
 
 class Media(NamedTuple):
@@ -131,42 +123,30 @@ def fewest_shared_directions(
         ValueError: 120 directions are not enough, or the streams given are too few for the pieces.
     """
     ends = tuple(sorted({*media, *outside}))
-    moments = np.array(sizes)
-    # Rules are judged by their sums over scattered light in each medium.
-    fine = SharedSpread(ends, (_FINE,) * len(ends), _FINE_CROWDING, media)
-    exact = [scattered_sums(_as_directions(fine, index), moments) for index in sorted(set(media))]
+    inside = sorted(set(media))
     if streams is not None and streams < 2 * len(ends):
         raise ValueError(
             f"streams is {streams}; media of {len(ends)} indices need at least {2 * len(ends)}"
         )
-    for count in (
-        (streams,) if streams is not None else range(max(_FEWEST, 3 * len(ends)), _MOST + 1, 4)
-    ):
+
+    def sums(pieces: SharedSpread) -> np.ndarray:
+        # Rules are judged by their sums over scattered light in each medium.
+        seen = (_as_directions(pieces, index) for index in inside)
+        return np.stack([scattered_sums(rule, np.array(sizes)) for rule in seen])
+
+    exact = sums(SharedSpread(ends, (80,) * len(ends), 4.0, media))
+
+    def best(count: int) -> tuple[float, SharedSpread]:
         # Of a number of directions, every way to share them out and to crowd them.
-        tried = []
-        for counts in {_shared_out(ends, media, count, share) for share in _AIR_SHARES}:
-            for crowding in _CROWDING:
-                pieces = SharedSpread(ends, counts, crowding, media)
-                found = [
-                    scattered_sums(_as_directions(pieces, index), moments)
-                    for index in sorted(set(media))
-                ]
-                tried.append(
-                    (
-                        max(
-                            float(np.max(np.abs(a - b))) for a, b in zip(found, exact, strict=True)
-                        ),
-                        pieces,
-                    )
-                )
-        error, pieces = min(tried)
-        if streams is not None or error <= _SHARE * tolerance:
-            return pieces
-    raise ValueError(
-        f"no directions found for a tolerance of {tolerance:g} with {len(sizes)} Legendre "
-        "moments in media of indices "
-        f"{sorted(set(media))}; ask for a coarser one or give streams, such as streams=64"
-    )
+        shares = {_shared_out(ends, media, count, share) for share in (0.3, 0.4, 0.5)}
+        ways = itertools.product(shares, (0.5, 1.5, 2.5, 3.5))
+        return best_rule((SharedSpread(ends, *way, media) for way in ways), sums, exact)
+
+    if streams is not None:
+        return best(streams)[1]
+    counts = range(max(6, 3 * len(ends)), 121, 4)
+    where = f" in media of indices {inside}"
+    return first_good(map(best, counts), tolerance, len(sizes), where)
 
 
 def _shared_out(

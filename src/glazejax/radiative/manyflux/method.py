@@ -49,10 +49,10 @@ class ManyFlux:
 
         An optical thickness that is traced may be up to 1e6, and a cosine down to 1e-4.
         """
-        from .effort import THICKEST, choose_effort, effort_for_indices
+        from .effort import choose_effort, effort_for_indices
 
         known = concrete(request.optical_thickness)
-        thickest = THICKEST if known is None else float(known.max(initial=0.0))
+        thickest = None if known is None else float(known.max(initial=0.0))
         least = smallest_cosine(request.cos_incidence, request.cos_viewing)
         if request.fixed_index is None:
             directions = resolve(request.tolerance, *request.indices)

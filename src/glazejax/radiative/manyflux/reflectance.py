@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..common.inputs import Numbers, check_values, smallest_cosine
-from .call import GivenStack, Indices, diffuse, factors, fluxes, prepare, tables
+from .call import GivenStack, Indices, prepare, solve_stacks, tables
 from .effort import Solution
 from .ground import GroundTable
 
@@ -78,8 +78,8 @@ def manyflux_reflectance_factor(
         solution=solution,
         ground=ground,
     )
-    call = prepare(given, {"cos_incidence": cos_incidence, "cos_viewing": cos_viewing}, azimuth)
-    return factors(*call[:4]).reshape(call.batch)
+    cosines = {"cos_incidence": cos_incidence, "cos_viewing": cos_viewing}
+    return solve_stacks(given, cosines, azimuth)
 
 
 def manyflux_hemispherical_reflectance(
@@ -112,8 +112,7 @@ def manyflux_hemispherical_reflectance(
         solution=solution,
         ground=ground,
     )
-    call = prepare(given, {"cos_incidence": cos_incidence})
-    return fluxes(*call[:4]).reshape(call.batch)
+    return solve_stacks(given, {"cos_incidence": cos_incidence})
 
 
 def manyflux_diffuse_reflectance(
@@ -144,8 +143,7 @@ def manyflux_diffuse_reflectance(
         solution=solution,
         ground=ground,
     )
-    call = prepare(given, {})
-    return diffuse(call.layers, call.table, call.settings).reshape(call.batch)
+    return solve_stacks(given, {})
 
 
 def brdf_table(

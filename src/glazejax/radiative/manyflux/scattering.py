@@ -6,13 +6,38 @@ sign of the terms with l - m odd, so that the terms with l - m even act on the s
 downward light, and the odd ones on the difference.
 """
 
+from typing import NamedTuple
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from ..common.linalg import matmul, transpose
+from ..common.phase import delta_m
 from .bordered import Bordered, Diagonal
+
+
+class Layers(NamedTuple):
+    """One stack, top first."""
+
+    albedo: Float[Array, "layers"]
+    optical_thickness: Float[Array, "layers"]
+    moments: Float[Array, "layers terms"]
+    ground: Float[Array, ""]
+
+
+class ScaledScattering(NamedTuple):
+    """Scattering of layers between discrete directions, delta-M scaled."""
+
+    albedo: Array  # (layers,)
+    thickness: Array  # (layers,)
+    even: Array  # (layers, modes, n + v, n + i)
+    odd: Array
+
+    def rates(self, cosines: Diagonal) -> tuple[Bordered, Bordered]:
+        """A and B of each layer and mode."""
+        return rates(self.albedo[:, None], self.even, self.odd, cosines)
 
 
 def sine(cosine: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
@@ -170,3 +195,23 @@ def _append_directions(nodes: Array, added: Array) -> Array:
 
 def _not_corner(rows: int, columns: int, count: int) -> np.ndarray:
     return 1.0 - np.outer(np.arange(rows) >= count, np.arange(columns) >= count)
+
+
+def scatter_between(
+    layers: Layers, cosines: Diagonal, roots: Array, kept: int, modes: int
+) -> ScaledScattering:
+    """Scattering of layers between directions, with as many moments as are kept.
+
+    Args:
+        layers: of one stack.
+        cosines: the same for all layers, (n,), or those of each, (layers, n).
+        roots: square roots of the nodes' weights, of the same shape.
+        kept: Legendre moments.
+        modes: of the azimuth.
+    """
+    albedo, thickness, moments = delta_m(
+        layers.albedo, layers.optical_thickness, layers.moments, kept
+    )
+    tables = [associated_legendre(c, modes, moments.shape[-1]) for c in cosines]
+    even, odd = scattering(moments, tables[0], tables[1], tables[2], roots)
+    return ScaledScattering(albedo, thickness, even, odd)

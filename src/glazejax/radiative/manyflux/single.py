@@ -11,18 +11,14 @@ from jaxtyping import Array, Float
 
 from ..common.kernels import decay_integral, two_decays
 from ..common.phase import evaluate
-from .scattering import sine
+from .scattering import Layers, ScaledScattering, sine
 
 
 class ScatteredOnce(NamedTuple):
     """A stack and the ways of light in it, top layer first."""
 
-    albedo: Float[Array, "layers"]
-    thickness: Float[Array, "layers"]
-    moments: Float[Array, "layers terms"]
-    scaled_albedo: Float[Array, "layers"]
-    """After delta-M."""
-    scaled_thickness: Float[Array, "layers"]
+    layers: Layers
+    scaled: ScaledScattering
     cos_seen: Float[Array, "layers v"]
     cos_lit: Float[Array, "layers i"]
     passing: Float[Array, "layers v i"]
@@ -33,8 +29,6 @@ class ScatteredOnce(NamedTuple):
 
 def missing_once(
     once: ScatteredOnce,
-    even: Float[Array, "layers modes v i"],
-    odd: Float[Array, "layers modes v i"],
     azimuth: Float[Array, "k"],
     waves: Float[Array, "modes k"],
     *,
@@ -45,22 +39,26 @@ def missing_once(
 
     Args:
         once: stack and ways.
-        even, odd: scattering between the directions as kept, from `scattering.scattering`.
         azimuth: radians.
         waves: from `scattering.azimuth_waves`.
         downward: whether the light leaves below.
     """
-    kept = (even + odd if downward else even - odd) * once.scaled_albedo[:, None, None, None]
+    scaled = once.scaled
+    # Between the added directions.
+    nodes = scaled.even.shape[-1] - once.cos_lit.shape[-1]
+    even, odd = (c[..., nodes:, nodes:] for c in (scaled.even, scaled.odd))
+    kept = (even + odd if downward else even - odd) * scaled.albedo[:, None, None, None]
     taken = jnp.einsum("lmvi,mk->lvik", kept, waves, precision="highest")
     seen = once.cos_seen[:, :, None]
     lit = once.cos_lit[:, None, :]
     along = seen * lit if downward else -seen * lit
     turn = (sine(seen) * sine(lit))[..., None] * jnp.cos(azimuth) + along[..., None]
-    whole = evaluate(once.moments[:, None, None, None, :], turn)
+    whole = evaluate(once.layers.moments[:, None, None, None, :], turn)
     # Albedo per scaled depth with the peak still in it.
-    there = once.thickness > 0
-    share = jnp.where(there, once.thickness, 1.0) / jnp.where(there, once.scaled_thickness, 1.0)
-    difference = (once.albedo * share)[:, None, None, None] * whole - taken
+    thickness = once.layers.optical_thickness
+    there = thickness > 0
+    share = jnp.where(there, thickness, 1.0) / jnp.where(there, scaled.thickness, 1.0)
+    difference = (once.layers.albedo * share)[:, None, None, None] * whole - taken
     lights = once.passing * _lengths(once, seen, lit, downward) / (4.0 * seen * lit)
     return jnp.sum(lights[..., None] * difference, axis=0)
 
@@ -69,7 +67,7 @@ def _lengths(once: ScatteredOnce, seen: Array, lit: Array, downward: bool) -> Ar
     """Integral over the depth of each layer of what reaches it and from there the outside, (layers,
     v, i).
     """
-    depth = once.scaled_thickness[:, None, None]
+    depth = once.scaled.thickness[:, None, None]
     into = depth / lit
     out = depth / seen
     before = jnp.cumsum(into, axis=0) - into

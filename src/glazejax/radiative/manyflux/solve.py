@@ -11,37 +11,24 @@ from jaxtyping import Array, Float
 
 from ..common.directions import half_range
 from ..common.fresnel import cos_refracted, dielectric_reflectance
-from ..common.phase import delta_m
 from .bordered import Bordered, Diagonal
 from .directions import Spread, spread_directions
 from .doubling import layer_by_doubling
 from .effort import FluxEffort
 from .eigenmodes import layer_by_modes
 from .media import SharedSpread
-from .scattering import associated_legendre, azimuth_waves, rates, scattering
+from .scattering import Layers, ScaledScattering, azimuth_waves, scatter_between
 from .single import ScatteredOnce, missing_once
 from .star_product import lambert, stack_reflection, under_surface
 
 
-class Layers(NamedTuple):
-    """One stack, top first."""
-
-    albedo: Float[Array, "layers"]
-    optical_thickness: Float[Array, "layers"]
-    moments: Float[Array, "layers terms"]
-    ground: Float[Array, ""]
-
-
 class DiscreteStack(NamedTuple):
-    """Directions and scattering of a stack, delta-M scaled."""
+    """Directions and scattering of a stack."""
 
     cosines: Diagonal
     roots: Diagonal  # sqrt(mu w); added directions as if of weight one
     surface: Diagonal  # Fresnel reflectance
-    albedo: Array  # (layers,)
-    thickness: Array  # (layers,)
-    even: Array  # (layers, modes, n + v, n + i)
-    odd: Array
+    scaled: ScaledScattering
 
 
 def discrete_stack(
@@ -65,30 +52,23 @@ def discrete_stack(
     viewing = cos_viewing if inside else cos_refracted(cos_viewing, index)
     incidence = cos_refracted(cos_incidence, index)
     back = _reflected_back(viewing, index) if inside else dielectric_reflectance(cos_viewing, index)
-    albedo, thickness, moments = delta_m(
-        layers.albedo, layers.optical_thickness, layers.moments, effort.kept
-    )
-    terms = moments.shape[-1]
-    tables = [associated_legendre(c, modes, terms) for c in (mu, viewing, incidence)]
-    even, odd = scattering(moments, tables[0], tables[1], tables[2], jnp.sqrt(weights))
+    cosines = Diagonal(mu, viewing, incidence)
+    scaled = scatter_between(layers, cosines, jnp.sqrt(weights), effort.kept, modes)
     entering = dielectric_reflectance(cos_incidence, index)
     return DiscreteStack(
-        cosines=Diagonal(mu, viewing, incidence),
+        cosines=cosines,
         roots=Diagonal(jnp.sqrt(mu * weights), jnp.sqrt(viewing), jnp.sqrt(incidence)),
         surface=Diagonal(reflectance, back, entering),
-        albedo=albedo,
-        thickness=thickness,
-        even=even,
-        odd=odd,
+        scaled=scaled,
     )
 
 
 def _outside(stack: DiscreteStack, ground: Array, effort: FluxEffort, modes: int) -> Bordered:
     """Reflection as seen from outside, (modes, ...)."""
-    a, b = rates(stack.albedo[:, None], stack.even, stack.odd, stack.cosines)
-    reflection, loss = layer_operators(a, b, stack.thickness[:, None], effort)
-    below = lambert(ground, stack.roots, modes, stack.albedo.dtype)
-    return under_surface(stack_reflection(reflection, loss, below), stack.surface)
+    scaled = stack.scaled
+    layer = layer_operators(*scaled.rates(stack.cosines), scaled.thickness[:, None], effort)
+    below = lambert(ground, stack.roots, modes, ground.dtype)
+    return under_surface(stack_reflection(*layer, below), stack.surface)
 
 
 def _reflected_back(cosines: Array, index) -> Array:
@@ -139,21 +119,16 @@ def reflectance_factor(
 def _missing(stack: DiscreteStack, layers: Layers, index, azimuth: Array, waves: Array) -> Array:
     viewing = stack.cosines.viewing
     incidence = stack.cosines.incidence
-    count = stack.cosines.nodes.size
     shape = (layers.albedo.size, viewing.size, incidence.size)
     through = (1.0 - stack.surface.viewing[:, None]) * (1.0 - stack.surface.incidence) / index**2
     once = ScatteredOnce(
-        albedo=layers.albedo,
-        thickness=layers.optical_thickness,
-        moments=layers.moments,
-        scaled_albedo=stack.albedo,
-        scaled_thickness=stack.thickness,
+        layers=layers,
+        scaled=stack.scaled,
         cos_seen=jnp.broadcast_to(viewing, shape[:2]),
         cos_lit=jnp.broadcast_to(incidence, (shape[0], shape[2])),
         passing=jnp.broadcast_to(through, shape),
     )
-    even, odd = (c[..., count:, count:] for c in (stack.even, stack.odd))
-    return missing_once(once, even, odd, azimuth, waves)
+    return missing_once(once, azimuth, waves)
 
 
 def hemispherical_reflectance(

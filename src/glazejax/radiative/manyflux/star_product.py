@@ -31,53 +31,17 @@ class Slab(NamedTuple):
     """Transmission upwards."""
 
 
-def join(upper: Slab, lower: Slab) -> Slab:
+def join(upper: Slab, lower: Slab, between: Bordered | None = None) -> Slab:
     """Two slabs as one: the star product.
+
+    Args:
+        upper, lower: slabs.
+        between: how light between them multiplies, (1 - R R')^-1 by default.
 
     Source: paper C, equation (14) with its misprints put right.
     """
-    return _join(upper, lower, (upper.below @ lower.above).scaled(-1.0).plus_identity().inverse())
-
-
-def join_in_series(
-    upper: Slab, lower: Slab, order: int, roots: Float[Array, "*batch n"]
-) -> tuple[Slab, Float[Array, "*batch n"]]:
-    """Two slabs as one by a series: light that has come back between them more than ``order`` times
-    is lost.
-
-    Args:
-        upper, lower: slabs with the azimuth modes as their leading axis.
-        order: of the series, >= 0.
-        roots: sqrt(mu w) of the nodes, (n,).
-
-    Returns:
-        The slab, and for light from above in each node a bound (n,) on the share of its flux that
-        is left out: what comes back once more often than counted, over 1 - eta, eta being the
-        largest share of any light that comes back.
-
-    Raises:
-        ValueError: a negative order.
-
-    Source: paper C, equation (21).
-    """
-    if order < 0:
-        raise ValueError(f"order is {order}; it must be at least 0")
-    once = upper.below @ lower.above
-    between = once.scaled(0.0).plus_identity()
-    for _ in range(order):
-        between = (once @ between).plus_identity()
-    flux = jnp.where(roots > 0, roots, 1.0)
-    back = jnp.abs(once.core[0])
-    largest = jnp.max(jnp.where(roots > 0, roots @ back, 0.0) / flux)
-    left = jnp.abs(upper.down.core[0])
-    for _ in range(order + 1):
-        left = back @ left
-    bound = (roots @ left) / flux / jnp.maximum(1.0 - largest, 1e-300)
-    return _join(upper, lower, between), jnp.where(largest < 1, bound, jnp.inf)
-
-
-def _join(upper: Slab, lower: Slab, between: Bordered) -> Slab:
-    """Two slabs with (1 - R R')^-1 given: how light between them multiplies."""
+    if between is None:
+        between = (upper.below @ lower.above).one_minus().inverse()
     downward = between @ upper.down
     upward = lower.above @ downward
     back = between @ upper.below @ lower.up
@@ -92,30 +56,26 @@ def _join(upper: Slab, lower: Slab, between: Bordered) -> Slab:
 def join_all(slabs: Slab) -> Slab:
     """Slabs along the leading axis, top first, joined pairwise in parallel."""
 
-    def join_pair(upper: Slab, lower: Slab) -> Slab:
-        return join(upper, lower)
-
-    return jax.tree.map(lambda leaf: leaf[-1], jax.lax.associative_scan(join_pair, slabs))
+    return jax.tree.map(lambda leaf: leaf[-1], jax.lax.associative_scan(join, slabs))
 
 
 def slab_of_layer(reflection: Bordered, loss: Bordered) -> Slab:
     """A homogeneous layer, R and U = 1 - T, as a slab."""
-    t = loss.scaled(-1.0).plus_identity()
+    t = loss.one_minus()
     return Slab(reflection, reflection, t, t)
 
 
-def lay_over(reflection: Bordered, loss: Bordered, below: Bordered) -> Bordered:
-    """Reflection of a layer, R and U = 1 - T, on what reflects below it: R + T B (1 - R B)^-1 T."""
-    t = loss.scaled(-1.0).plus_identity()
-    between = (reflection @ below).scaled(-1.0).plus_identity().inverse()
-    return (reflection + t @ (below @ (between @ t))).symmetric()
+def reflection_over(slab: Slab, below: Bordered) -> Bordered:
+    """Reflection of a slab on what reflects below it."""
+    between = (slab.below @ below).one_minus().inverse()
+    return slab.above + slab.up @ (below @ (between @ slab.down))
 
 
 def stack_reflection(reflections: Bordered, losses: Bordered, ground: Bordered) -> Bordered:
     """Reflection of layers along the leading axis, top first, on a ground."""
 
     def add(below: Bordered, layer: tuple[Bordered, Bordered]):
-        return lay_over(*layer, below), None
+        return reflection_over(slab_of_layer(*layer), below).symmetric(), None
 
     return jax.lax.scan(add, ground, (reflections, losses), reverse=True)[0]
 
@@ -150,5 +110,5 @@ def under_surface(reflection: Bordered, surface: Diagonal) -> Bordered:
         surface: Fresnel reflectance r of the surface in each direction inside.
     """
     passing = jax.tree.map(lambda r: 1.0 - r, surface)
-    between = reflection.multiply(surface).scaled(-1.0).plus_identity().inverse()
+    between = reflection.multiply(surface).one_minus().inverse()
     return (between @ reflection).symmetric().multiply(passing).multiplied_by(passing)
