@@ -72,15 +72,16 @@ class FamilyCatalogue:
                 unknown[row, search.families.index(family)] = True
         odds = search.odds(sought.readings[:, bands], hidden=unknown)
         answers = []
-        for chances, none, unlike, best in zip(
-            odds.sets, odds.none, odds.unlike, odds.best, strict=True
+        surfaces = search.surface * search.gloss(sought.readings[:, bands])
+        for chances, none, unlike, best, surface in zip(
+            odds.sets, odds.none, odds.unlike, odds.best, surfaces, strict=True
         ):
             answer = self._answer(
                 name_sets(search, chances), float(none), bool(unlike) or none >= 0.5
             )
             one, row = search.locate(int(best[chances.argmax()]))
             film = np.full(GRID.size, np.nan)
-            film[bands[one.bands]] = one.templates.readings[row] + search.surface
+            film[bands[one.bands]] = one.templates.readings[row] + surface
             answers.append(replace(answer, film=film))
         return answers
 

@@ -163,6 +163,7 @@ def _identification(
     count = min(options.keep, odds.sets.shape[1])
     best = np.argsort(-odds.sets, axis=1, kind="stable")[:, :count]
     rows = np.arange(len(measured))[:, None]
+    gloss = search.gloss(readings)
     thickness = usual_coat(search.exemplars)
     shape = (len(measured), count)
     members = np.full((*shape, 3), NOBODY)
@@ -177,6 +178,7 @@ def _identification(
                 row,
                 int(number),
                 usual=thickness,
+                surface=search.surface * float(gloss[row]),
                 members=members[row, place],
                 amounts=amounts[row, place],
                 covariance=covariance[row, place],
@@ -201,7 +203,7 @@ def _identification(
         # Other people's paint differs by eye from every exemplar; the evidence decides.
         rejected=np.broadcast_to(odds.unlike[:, None], shape).copy(),
         paint_probability=np.minimum(paint_probability, 1.0),
-        gloss=np.ones(shape),
+        gloss=np.broadcast_to(gloss[:, None], shape).copy(),
         fitted=fitted,
         condition=np.zeros(shape, dtype=int),
         opaque=opaque,
@@ -216,6 +218,7 @@ def _fill_candidate(
     number: int,
     *,
     usual: float,
+    surface: float,
     members: np.ndarray,
     amounts: np.ndarray,
     covariance: np.ndarray,
@@ -236,7 +239,7 @@ def _fill_candidate(
         covariance[:2, :2] = 0.5 * spread**2 * np.eye(2)
     known = search.wavelengths[found.bands]
     near = (search.wavelengths >= known[0] - _EDGE) & (search.wavelengths <= known[-1] + _EDGE)
-    computed = np.interp(search.wavelengths, known, templates.readings[at] + search.surface)
+    computed = np.interp(search.wavelengths, known, templates.readings[at] + surface)
     fitted[near] = computed[near]
 
 

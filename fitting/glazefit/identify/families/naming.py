@@ -2,7 +2,7 @@
 
 Whites and extenders, blacks, and iron oxides differ from one another by less than one maker's from
 another's. Where none of a group's families has most of the group's probability, the answer is the
-group, with its likeliest families. What white or black stands beside a colour changes a spectrum
+group, with its likeliest families; of the blacks, which a spectrum does not tell, it always is. What white or black stands beside a colour changes a spectrum
 less than the colour does: films of the same colours are one answer, which names the companion that
 is most probable.
 """
@@ -91,7 +91,7 @@ def _answer(
     for group, families in parts.items():
         ranked = sorted(families, key=lambda family: -families[family])
         whole = sum(families.values())
-        if families[ranked[0]] >= TOLD * whole:
+        if families[ranked[0]] >= TOLD * whole and group != "a black":
             names.append(ranked[0])
             continue
         names.append(group)

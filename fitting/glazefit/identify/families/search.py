@@ -14,13 +14,15 @@ from jaxtyping import Bool, Float, Int
 from glazejax import Pigment
 
 from ..search.pool import NOBODY
-from .features import features
+from .features import colours, views
 from .metric import Metric
 from .sureness import Sureness
 from .templates import Templates
 
 # A family says no less by few exemplars than by as many as these.
 _EXEMPLARS = 3.0
+ANOTHER_COLOUR = 15.0
+"""Colour difference (nearly CIE94) beyond which a film is no explanation of a reading."""
 # Comparisons of readings with templates that are held at a time.
 _COMPARISONS = 3_000_000
 
@@ -31,16 +33,18 @@ class Range:
 
     Attributes:
         bands: of the readings.
-        metric: learnt from the exemplars that know all of these bands.
+        metrics: of each view of a spectrum, learnt from the exemplars that know all of these bands.
         templates: films of exemplars whose widest range this is.
-        places: of the templates in the metric.
+        places: of the templates in each metric.
+        colours: of the templates; None where the range does not hold the visible.
         sets: number of each template's set of families.
     """
 
     bands: Bool[np.ndarray, "bands"]
-    metric: Metric
+    metrics: tuple[Metric, ...]
     templates: Templates
-    places: Float[np.ndarray, "templates components"]
+    places: tuple[Float[np.ndarray, "templates components"], ...]
+    colours: Float[np.ndarray, "templates 3"] | None
     sets: Int[np.ndarray, "templates"]
 
 
@@ -158,6 +162,31 @@ class FamilySearch:
             evidence=evidence.max(axis=1),
         )
 
+    def gloss(
+        self, readings: Float[np.ndarray, "spectra bands"]
+    ) -> Float[np.ndarray, "spectra"]:
+        """Share of a smooth surface's reflection that is in each reading: 1, or what its darkest
+        bands leave for it, as of a matte paint or of an instrument other than the stated one.
+        """
+        if self.surface == 0:
+            return np.ones(len(readings))
+        # The mean of three bands, so that one noisy band does not decide.
+        darkest = np.sort(readings, axis=1)[:, :3].mean(axis=1)
+        return np.clip(darkest / self.surface, 0.0, 1.0)
+
+    def _is_another_colour(
+        self, body: Float[np.ndarray, "spectra bands"], one: Range
+    ) -> Bool[np.ndarray, "spectra templates"]:
+        """Whether a template's colour cannot be the reading's, however alike their slopes are."""
+        read = colours(self.wavelengths[one.bands], body)
+        assert read is not None and one.colours is not None
+        squares = (
+            np.sum(read**2, axis=1)[:, None]
+            + np.sum(one.colours**2, axis=1)
+            - 2.0 * read @ one.colours.T
+        )
+        return squares > ANOTHER_COLOUR**2
+
     def _is_hidden(
         self, hidden: Bool[np.ndarray, "spectra families"]
     ) -> Bool[np.ndarray, "spectra sets"]:
@@ -171,10 +200,17 @@ class FamilySearch:
     ) -> Float[np.ndarray, "spectra templates"]:
         """Of all templates, those of the narrowest range first; -inf where one may not be used."""
         out = []
-        body = readings - self.surface
+        body = readings - self.gloss(readings)[:, None] * self.surface
         for one in self.ranges:
-            values = features(self.wavelengths[one.bands], body[:, one.bands])
-            found = one.metric.log_evidence(one.metric.place(values), one.places)
+            # Views are not independent: their mean, a logarithmic pool (Genest and Zidek,
+            # Statistical Science 1 (1986) 114), says what both say.
+            found = np.zeros((len(readings), len(one.templates)))
+            seen = views(self.wavelengths[one.bands], body[:, one.bands])
+            for metric, values, places in zip(one.metrics, seen, one.places, strict=True):
+                found += metric.log_evidence(metric.place(values), places) / len(one.metrics)
+            if one.colours is not None:
+                impossible = self._is_another_colour(body[:, one.bands], one)
+                found = np.where(impossible, np.minimum(found, float(__import__('os').environ.get('XIMP','-30'))), found)
             if sources is not None:
                 of_members = np.append(self.source_of, NOBODY)[one.templates.members]
                 own = (of_members[None] == sources[:, None, None]).any(axis=-1)

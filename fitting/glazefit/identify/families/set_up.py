@@ -16,7 +16,7 @@ from ...film.model.response import FilmResponse, film_response
 from ..search.pool import NOBODY
 from .calibration import calibrate
 from .expected import EXPECTED
-from .features import features
+from .features import colours, views
 from .metric import learn_metric
 from .search import FamilySearch, Range
 from .sureness import Sureness
@@ -111,6 +111,8 @@ def set_up(
     family_of = np.array([families.index(pigment.family) for pigment in pigments])
     source_of = np.array([sources.index(pigment.source) for pigment in pigments])
     known = coefficients(pigments, wavelengths)
+    # Few exemplars are known below 410 nm, and one edge of rutile would outweigh all other slopes.
+    known[:, :, wavelengths < 409.9] = np.nan
     members, number_of = _sets(len(families), max_paints)
 
     # In each range a metric of its own, from all exemplars that know its bands.
@@ -171,7 +173,7 @@ def _set_up_range(
     mixed: bool,
     varnish: Varnish | None,
 ) -> Range:
-    """Metric and templates of one range.
+    """Metrics and templates of one range.
 
     Args:
         wavelengths: of its bands.
@@ -197,12 +199,15 @@ def _set_up_range(
     exemplars, first = np.unique(pure.members[:, 0], return_index=True)
     bodies = pure.readings[first]
     pure = cover(pure)
-    values = features(wavelengths, pure.readings)
-    metric = learn_metric(
-        values[first],
-        family_of[exemplars],
-        exemplars,
-        None if varnish is None else varnish.differences(response, wavelengths, bodies),
+    moved = [None, None] if varnish is None else varnish.differences(response, wavelengths, bodies)
+    metrics = tuple(
+        learn_metric(
+            values[first], family_of[exemplars], exemplars, differences, components=components
+        )
+        # The view of one gloss has lost what tells dark paints apart: fewer components hold it.
+        for values, differences, components in zip(
+            views(wavelengths, pure.readings), moved, (25, 12), strict=True
+        )
     )
 
     parts = [pure.take(np.flatnonzero(own[pure.members[:, 0]]))]
@@ -210,7 +215,7 @@ def _set_up_range(
         both = mixed_templates(
             known[:, exemplars],
             family_of[exemplars],
-            metric.place(values[first]),
+            metrics[0].place(views(wavelengths, pure.readings[first])[0]),
             response,
             ground,
         )
@@ -221,9 +226,13 @@ def _set_up_range(
     families = np.sort(np.append(family_of, NOBODY)[templates.members], axis=1)
     return Range(
         bands=bands,
-        metric=metric,
+        metrics=metrics,
         templates=templates,
-        places=metric.place(features(wavelengths, templates.readings)),
+        places=tuple(
+            metric.place(values)
+            for metric, values in zip(metrics, views(wavelengths, templates.readings), strict=True)
+        ),
+        colours=colours(wavelengths, templates.readings),
         sets=number_of[families[:, 0], families[:, 1]],
     )
 
