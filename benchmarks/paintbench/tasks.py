@@ -260,7 +260,7 @@ def run_names(
                 there = finite_columns([readings])
                 if (there & bands).sum() < LEAST_BANDS:
                     continue
-                if task in REACHED and not there[GRID == REACHED[task]].all():
+                if task in REACHED and not there[REACHED[task] == GRID].all():
                     continue
                 learner = _whole_grid(namer, library, bands)
                 _pigment(task, source, learner, library, _blank(sought, bands), record)
@@ -426,9 +426,7 @@ def run_mixing(
         if source.bare is not None:
             _predict_over_cards(source, record)
             continue
-        taught = [
-            s for s in sources if s.group == source.group and s.learnable and s.bare is None
-        ]
+        taught = [s for s in sources if s.group == source.group and s.learnable and s.bare is None]
         films, tests = mixing_films(source, taught)
         if films is None or tests is None:
             continue

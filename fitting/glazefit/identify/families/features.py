@@ -15,8 +15,8 @@ from glazejax import colour
 
 BRIGHTEST, DARKEST = 0.995, 0.008
 """Readings are taken to lie within these: what is darker is the surface's reflection or noise."""
-# What an outer surface adds to a reading at most (specular included, index 1.5: 4 %), and what is
-# left of it in the view of one gloss: with less, the noise of a dark paint would pass for its shape.
+# What an outer surface adds to a reading at most (index 1.5: 4 %), and what is left of it in the view
+# of one gloss: with less, the noise of a dark paint would pass for its shape.
 _MOST_GLOSS, _ONE_GLOSS = 0.05, 0.02
 # Slopes of this length together are hardly a shape: a white's or a black's.
 _FLAT = 0.1
@@ -29,7 +29,9 @@ def bounded(readings: Float[np.ndarray, "*n bands"]) -> Float[np.ndarray, "*n ba
     it.
     """
     top = readings.max(axis=-1, keepdims=True)
-    return np.clip(readings * np.minimum(1.0, BRIGHTEST / top), DARKEST, BRIGHTEST)
+    return np.clip(
+        readings * np.minimum(1.0, BRIGHTEST / np.maximum(top, DARKEST)), DARKEST, BRIGHTEST
+    )
 
 
 def views(

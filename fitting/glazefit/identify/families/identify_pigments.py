@@ -19,7 +19,7 @@ from ..search.options import IdentificationOptions
 from ..search.pool import NOBODY
 from ..search.searcher import check_spectra
 from ..search.task import Measured
-from .evidence import log_odds_of_elements
+from .evidence import log_odds_of_elements, log_odds_of_year
 from .expected import EXPECTED
 from .naming import name_sets
 from .search import FamilyOdds, FamilySearch
@@ -141,13 +141,14 @@ def _search(
             sureness=alike[0].sureness if alike and ground is not None else None,
         )
     search = _SEARCHES[key]
-    if options.elements or options.without_elements:
+    if options.elements or options.without_elements or options.painted is not None:
         known = catalogue.families()
         sets = [
             [known[search.families[member]] for member in row if member >= 0]
             for row in search.members
         ]
         fits = log_odds_of_elements(sets, options.elements, options.without_elements)
+        fits = fits + log_odds_of_year(sets, options.painted)
         search = replace(search, log_prior=search.log_prior + fits)
     return search
 

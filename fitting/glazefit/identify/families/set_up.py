@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from glazejax import Pigment
+from glazejax import Pigment, catalogue
 from glazejax.geometry import Geometry, Instrument, resolve_instrument
 
 from ...film.model.errors import Prior
@@ -23,6 +23,8 @@ from .sureness import Sureness
 from .templates import Templates, coefficients, mixed_templates, pure_templates
 from .varnish import CONDITIONS, Varnish
 
+COMMON = {"often": 3.0, "": 1.0, "rarely": 0.3}
+"""How common families are, compared with one another, by how they are met (`families.tsv`)."""
 # Shares of the exemplars that must know a band, for the narrowest and for a wider range, and the
 # fewest that make a range of their own.
 _NARROW, _WIDE, _FEWEST = 0.985, 0.45, 25
@@ -143,7 +145,7 @@ def set_up(
         family_of=family_of,
         source_of=source_of,
         members=members[used],
-        log_prior=_log_prior(members[used], sizes[:max_paints]),
+        log_prior=_log_prior(members[used], sizes[:max_paints], families),
         unknown=unknown,
         ranges=tuple(replace(one, sets=renumbered[one.sets]) for one in ranges),
         surface=surface,
@@ -238,14 +240,21 @@ def _set_up_range(
 
 
 def _log_prior(
-    members: Int[np.ndarray, "sets 2"], sizes: Sequence[float]
+    members: Int[np.ndarray, "sets 2"], sizes: Sequence[float], families: Sequence[str]
 ) -> Float[np.ndarray, "sets"]:
-    """Log probability of each set beforehand: all of one size alike."""
+    """Log prior probability of each set: sets of one size share theirs by how common their families
+    are in paint.
+    """
+    known = catalogue.families()
+    # An own reference may be of a family that the catalogue does not have.
+    met = [known[name].met if name in known else "" for name in families]
+    common = [COMMON[word] for word in met]
+    weights = np.append(common, 1.0)[members].prod(axis=1)
     of_size = (members >= 0).sum(axis=1)
     shares = np.asarray(sizes, dtype=float)
     shares /= shares.sum()
-    counts = np.bincount(of_size, minlength=len(shares) + 1)[1:]
-    return np.log(shares / np.maximum(counts, 1))[of_size - 1]
+    totals = np.bincount(of_size, weights=weights, minlength=len(shares) + 1)
+    return np.log(weights * shares[of_size - 1] / totals[of_size])
 
 
 def _joined(parts: Sequence[Templates]) -> Templates:
