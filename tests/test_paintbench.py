@@ -117,6 +117,64 @@ def test_what_is_stated_sums_over_whites_that_do_not_count():
     assert tasks.stated_chance(white) == pytest.approx(0.6)
 
 
+def test_sure_answers_are_counted_and_how_many_are_right():
+    azurite = Answer(ranked=((("azurite",),),), chances=(0.9,), doubt=0.1, refused=False)
+    answers = [azurite, azurite, replace(azurite, chances=(0.7,)), replace(azurite, refused=True)]
+    truths = [("azurite",), ("smalt",), ("azurite",), ("azurite",)]
+    grey = np.full((4, GRID.size), 0.3)
+    scores = tasks.score_headlines(answers, truths, grey)
+    assert scores == {"sure": 0.5, "sure_right": 0.5, "nonsense": 0.0}
+    silent = [replace(azurite, chances=())]
+    assert tasks.score_headlines(silent, truths[:1], grey[:1])["sure"] is None
+
+
+@pytest.mark.parametrize(
+    ("named", "level", "slope", "film", "nonsense"),
+    [
+        ("lead white", 0.9, 0.0, None, False),
+        ("lead white", 0.05, 0.0, None, True),  # L* 27
+        ("carbon black", 0.5, 0.9, None, True),  # an orange
+        ("vermilion", 0.5, 0.9, None, False),
+        ("vermilion", 0.5, 0.9, 0.05, True),
+        ("vermilion", 0.5, 0.0, 0.45, False),
+    ],
+)
+def test_an_answer_that_contradicts_the_colour_is_nonsense(named, level, slope, film, nonsense):
+    reading = level * (1.0 + slope * np.tanh((GRID - 560.0) / 60.0))
+    answer = Answer(
+        ranked=(((named,),),),
+        doubt=0.1,
+        refused=False,
+        film=None if film is None else np.full(GRID.size, film),
+    )
+    assert tasks.contradicts(answer, reading) == nonsense
+    assert not tasks.contradicts(replace(answer, refused=True), reading)
+
+
+def test_a_source_of_unclear_licence_is_asked_and_teaches_nothing(measured):
+    assert not measured["makers"].learnable
+    assert measured["usgs"].learnable
+
+    class Recording:
+        name = "recording"
+        groups: frozenset[str] = frozenset()
+
+        def learn(self, library):
+            self.groups |= set(library.groups.tolist())
+
+        def answer(self, sought, hidden, pairs):
+            return [Answer(ranked=(), doubt=1.0, refused=True)] * len(sought)
+
+    method = Recording()
+    record = tasks.Record()
+    some = [measured[name] for name in ("makers", "usgs", "kimera")]
+    tasks.run_names(some, [method], record)
+    assert "makers" in record.results["pigment_380"]
+    # A source that starts at 400 nm has nothing below it to be asked.
+    assert "kimera" not in record.results["pigment_380"]
+    assert method.groups == {"usgs", "kimera"}
+
+
 def test_slopes_do_not_see_a_level_and_bands_that_lack_are_left_out():
     rng = np.random.default_rng(0)
     reading = rng.uniform(0.2, 0.5, (1, GRID.size))

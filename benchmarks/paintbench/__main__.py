@@ -29,7 +29,7 @@ NEEDS = ("data/hyperdoc", "data/bath", "data/grillini", "sklearn")
 
 # Samples of a chart of hundreds; of a quick run one in so many.
 EVERY = 1
-_SHARES = ("first", "three", "refused", "found", "false", "right", "decided")
+_SHARES = ("first", "three", "refused", "sure", "nonsense", "found", "false", "right", "decided")
 _OURS = FamilyCatalogue.name
 # Shares that are recorded: name -> task, source, method, score.
 _RECORDED = {
@@ -148,6 +148,10 @@ def run(sources: list[Source], own_films: bool = False, pairs: int | None = None
     progress("names of pigments")
     ours = [FamilyCatalogue(), *([FilmCatalogues()] if own_films else [])]
     run_names(sources, [*ours, *namers()], record)
+    # What a wrong word on the instrument costs: readings are mostly of 45:0.
+    others = [FamilyCatalogue(instrument) for instrument in ("de:8", "d:8")]
+    run_names(sources, others, record, tasks=("pigment", "pigment_400"))
+    record.score_calibration()
     run_own(sources, FamilyCatalogue(), record)
     progress("mixtures")
     run_mixing(
@@ -195,7 +199,10 @@ def cell(name: str, values: Scores) -> str:
     if value is None:
         return "-"
     if name.split("_")[0] in _SHARES:
-        low, high = interval(float(value), int(values["n"] or 0))
+        count = float(values["n"] or 0)
+        if name == "sure_right":
+            count *= float(values["sure"] or 0.0)
+        low, high = interval(float(value), round(count))
         return f"{value:.1%} ({low:.0%}-{high:.0%})"
     if name == "inside":
         return f"{value:.1%}"

@@ -102,12 +102,14 @@ class Answer:
         chances: probability of each set, where the method states one.
         doubt: what 'none' is judged by: larger is more foreign.
         refused: whether it says that nothing it knows explains the reading.
+        film: what its first set reflects on the grid, where it says so; NaN where it does not.
     """
 
     ranked: tuple[tuple[tuple[str, ...], ...], ...]
     chances: tuple[float, ...] = ()
     doubt: float
     refused: bool
+    film: Float[np.ndarray, "bands"] | None = None
 
 
 class Namer(Protocol):

@@ -44,6 +44,11 @@ class FamilyCatalogue:
 
     name = "glazejax"
 
+    def __init__(self, instrument: str = _INSTRUMENT):
+        self._instrument = instrument
+        if instrument != _INSTRUMENT:
+            self.name = f"glazejax, {instrument}"
+
     def learn(self, library: Table) -> None:
         """Choose the exemplars whose source may be learnt from, and the bands that are there."""
         groups = set(library.groups.tolist())
@@ -66,10 +71,19 @@ class FamilyCatalogue:
             if family in search.families:
                 unknown[row, search.families.index(family)] = True
         odds = search.odds(sought.readings[:, bands], hidden=unknown)
-        return [
-            self._answer(name_sets(search, chances), float(none), bool(unlike) or none >= 0.5)
-            for chances, none, unlike in zip(odds.sets, odds.none, odds.unlike, strict=True)
-        ]
+        answers = []
+        surfaces = search.surface * search.gloss(sought.readings[:, bands])
+        for chances, none, unlike, best, surface in zip(
+            odds.sets, odds.none, odds.unlike, odds.best, surfaces, strict=True
+        ):
+            answer = self._answer(
+                name_sets(search, chances), float(none), bool(unlike) or none >= 0.5
+            )
+            one, row = search.locate(int(best[chances.argmax()]))
+            film = np.full(GRID.size, np.nan)
+            film[bands[one.bands]] = one.templates.readings[row] + surface
+            answers.append(replace(answer, film=film))
+        return answers
 
     def _search(self, bands: Int[np.ndarray, "bands"], pairs: bool) -> FamilySearch:
         key = (bands.tobytes(), pairs)
@@ -78,7 +92,7 @@ class FamilyCatalogue:
                 GRID[bands],
                 self._pigments,
                 opaque=True,
-                instrument=_INSTRUMENT,
+                instrument=self._instrument,
                 prior=_OF_TWO if pairs else None,
             )
         return self._searches[key]

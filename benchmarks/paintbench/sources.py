@@ -86,6 +86,7 @@ class Source:
         cameras: one or more.
         bare: readings of the bare cards below the samples, where films were read over two cards.
         extra: whether it was added from outside: all of its samples are tests.
+        measured_only: whether its licence lets it be asked, and nothing be learnt from it.
     """
 
     name: str
@@ -94,6 +95,12 @@ class Source:
     cameras: tuple[Camera, ...]
     bare: Float[np.ndarray, "samples bands"] | None = None
     extra: bool = False
+    measured_only: bool = False
+
+    @property
+    def learnable(self) -> bool:
+        """Whether methods may learn from its samples."""
+        return not (self.extra or self.measured_only)
 
     @property
     def group(self) -> str:
@@ -457,6 +464,8 @@ _OTHERS: Mapping[str, Callable[[Path], Source]] = {
 }
 _SLIPS = {"hyperdoc": ("74A",)}
 """Samples that their source's own notes say are mistakes."""
+_MEASURED_ONLY = ("makers",)
+"""Sources whose licence is not clear: asked, and never learnt from."""
 
 
 def read_sources(data: Path, extra: Path | None = None) -> list[Source]:
@@ -477,7 +486,8 @@ def read_sources(data: Path, extra: Path | None = None) -> list[Source]:
         if folder.name in _OTHERS:
             out.append(_OTHERS[folder.name](folder))
         elif (folder / "samples.tsv").is_file():
-            out.append(read_source(folder, SPLITS / f"{folder.name}.tsv"))
+            source = read_source(folder, SPLITS / f"{folder.name}.tsv")
+            out.append(replace(source, measured_only=folder.name in _MEASURED_ONLY))
     if not out:
         raise SystemExit(f"{data}: no source of measured paint in it")
     if extra is not None:

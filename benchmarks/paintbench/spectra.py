@@ -7,11 +7,21 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Bool, Float
 
-GRID = np.arange(400.0, 1001.0, 5.0)
+GRID = np.arange(380.0, 1701.0, 5.0)
 """Wavelengths on which spectra are compared, nm."""
 WHOLE = (415.0, 985.0)
 VISIBLE = (415.0, 700.0)
 """Ranges of the tasks, nm: where most sources have bands, and what an eye sees."""
+RANGES = {
+    "pigment": WHOLE,
+    "pigment_visible": VISIBLE,
+    "pigment_400": (400.0, 700.0),
+    "pigment_380": (380.0, 700.0),
+    "pigment_swir": (415.0, 1700.0),
+}
+"""Task -> bands that are read."""
+REACHED = {"pigment_400": 400.0, "pigment_380": 380.0, "pigment_swir": 1690.0}
+"""Task -> band that a source must have read to take part: without it the task is another one's."""
 
 # Golden's surface correction: the surface's part in a reading, and its reflectance from inside.
 _OUTER, _INNER = 0.03, 0.65

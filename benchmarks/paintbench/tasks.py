@@ -11,13 +11,14 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.stats import spearmanr
 
+from glazefit.identify.result.groups import GROUPS
 from glazejax import colour
 
 from .library import Answer, Namer, Table, grid_readings, known_families, pure_table
 from .mixers import Foretold, Mixer, Mixtures
 from .program import films_over_cards, over_cards
 from .sources import COLOURLESS, FOREIGN, Sample, Source
-from .spectra import VISIBLE, WHOLE, bounded, finite_columns, within
+from .spectra import GRID, RANGES, REACHED, WHOLE, bounded, finite_columns, within
 
 Scores = dict[str, float | int | None]
 Results = dict[str, dict[str, dict[str, Scores]]]
@@ -165,12 +166,83 @@ def score_names(answers: Sequence[Answer], truths: Sequence[tuple[str, ...]]) ->
     }
 
 
-def run_names(sources: Sequence[Source], namers: Sequence[Namer], record: Record) -> None:
-    """Tasks `pigment`, `pigment_visible`, `mixture`, `none`, and what `calibration` needs.
+SURE = 0.8
+"""Stated probability from which an answer counts as sure."""
+
+
+def score_headlines(
+    answers: Sequence[Answer],
+    truths: Sequence[tuple[str, ...]],
+    readings: Float[np.ndarray, "samples bands"],
+) -> Scores:
+    """`sure`: share of answers that state .8 and more; `sure_right`: share of these that are right;
+    `nonsense`: share of first answers that contradict the reading's own colour.
+
+    A method that states no probability has no first two.
+    """
+    contradicted = [
+        contradicts(answer, reading) for answer, reading in zip(answers, readings, strict=True)
+    ]
+    scores: Scores = {"sure": None, "sure_right": None, "nonsense": float(np.mean(contradicted))}
+    if not any(answer.chances for answer in answers):
+        return scores
+    sure = [not a.refused and bool(a.chances) and stated_chance(a) >= SURE for a in answers]
+    right = [
+        is_right(answer.ranked[0], truth)
+        for answer, truth, is_sure in zip(answers, truths, sure, strict=True)
+        if is_sure
+    ]
+    return {
+        **scores,
+        "sure": float(np.mean(sure)),
+        "sure_right": float(np.mean(right)) if right else None,
+    }
+
+
+def contradicts(answer: Answer, reading: Float[np.ndarray, "bands"]) -> bool:
+    """Whether an answer's first set cannot have the colour that was read (under D65): it names no
+    colour where chroma is above 20, or a white first where lightness is below 35, or its
+    film differs by more than 15 CIEDE2000.
+    """
+    if answer.refused or not answer.ranked:
+        return False
+    wavelengths = np.arange(400.0, 701.0, 10.0)
+    lab = np.asarray(colour.lab(wavelengths, _visible(reading, wavelengths)))
+    first = answer.ranked[0]
+    colourless = all(set(names) <= COLOURLESS for names in first)
+    if colourless and np.hypot(lab[1], lab[2]) > 20.0:
+        return True
+    if lab[0] < 35.0 and set(first[0]) <= set(GROUPS["a white"]):
+        return True
+    if answer.film is None:
+        return False
+    pair = [_visible(spectrum, wavelengths)[None] for spectrum in (reading, answer.film)]
+    return bool(colour.delta_e_of_spectra(wavelengths, *pair)[0] > 15.0)
+
+
+def _visible(
+    spectrum: Float[np.ndarray, "bands"], wavelengths: Float[np.ndarray, "visible"]
+) -> Float[np.ndarray, "visible"]:
+    """A spectrum on the grid at visible wavelengths; beyond its ends as at them."""
+    there = np.isfinite(spectrum)
+    return np.clip(np.interp(wavelengths, GRID[there], spectrum[there]), 0.0, 1.0)
+
+
+NAMING = (*RANGES, "none", "mixture")
+"""Tasks that name pigments."""
+
+
+def run_names(
+    sources: Sequence[Source],
+    namers: Sequence[Namer],
+    record: Record,
+    tasks: Sequence[str] = NAMING,
+) -> None:
+    """Tasks that name pigments, and what `calibration` needs.
 
     Of each source that is sought, all sources of its group are hidden.
     """
-    learnable = [source for source in sources if not source.extra]
+    learnable = [source for source in sources if source.learnable]
     table = pure_table(learnable)
     for source in sources:
         if source.group == _GOLDEN:
@@ -180,24 +252,29 @@ def run_names(sources: Sequence[Source], namers: Sequence[Namer], record: Record
         # A source of mixtures alone has no pure samples whose bands could be counted.
         readings = pure.readings if len(pure) else grid_readings(source, range(len(source.samples)))
         for namer in namers:
-            for task, limits in (("pigment", WHOLE), ("pigment_visible", VISIBLE)):
+            # None and mixtures are asked in the bands of the first range.
+            for task in (task for task in RANGES if task in tasks):
+                limits = RANGES[task]
                 bands = within(limits)
                 sought = pure.within(bands)
-                if finite_columns([readings[:, bands]]).sum() < LEAST_BANDS:
+                there = finite_columns([readings])
+                if (there & bands).sum() < LEAST_BANDS:
+                    continue
+                if task in REACHED and not there[REACHED[task] == GRID].all():
                     continue
                 learner = _whole_grid(namer, library, bands)
                 _pigment(task, source, learner, library, _blank(sought, bands), record)
-                if task == "pigment":
+                if task == "pigment" and "none" in tasks:
                     _none(source, learner, library, _blank(sought, bands), record)
+                if task == "pigment" and "mixture" in tasks:
                     _mixture("mixture", source, learner, library, bands, record)
-    record.score_calibration()
 
 
 def run_own(sources: Sequence[Source], namer: Namer, record: Record) -> None:
     """Tasks `pigment_own` and `mixture_own`: the source that the oils are from, with nothing
     hidden: whether what was made for anybody's paint also serves for the catalogue's own films.
     """
-    table = pure_table([source for source in sources if not source.extra])
+    table = pure_table([source for source in sources if source.learnable])
     bands = within(WHOLE)
     for source in sources:
         if source.name != _OILS:
@@ -231,7 +308,9 @@ def _pigment(
         return
     answers = namer.answer(sought, [None] * len(sought), pairs=False)
     truths = [(str(family),) for family in sought.families]
-    record.add(task, source.name, namer.name, score_names(answers, truths))
+    scores = score_names(answers, truths)
+    scores |= score_headlines(answers, truths, sought.readings)
+    record.add(task, source.name, namer.name, scores)
     for answer, truth, sample in zip(answers, truths, sought.samples, strict=True):
         right = bool(answer.ranked) and is_right(answer.ranked[0], truth)
         if answer.chances and task == "pigment":
@@ -347,7 +426,7 @@ def run_mixing(
         if source.bare is not None:
             _predict_over_cards(source, record)
             continue
-        taught = [s for s in sources if s.group == source.group and not s.extra and s.bare is None]
+        taught = [s for s in sources if s.group == source.group and s.learnable and s.bare is None]
         films, tests = mixing_films(source, taught)
         if films is None or tests is None:
             continue

@@ -26,7 +26,7 @@ from glazefit.identify.families.expected import has_families
 from glazefit.identify.families.sureness import WORTHLESS, Sureness
 from glazefit.identify.families.varnish import CONDITIONS
 from glazefit.identify.result.groups import COLOURLESS, GROUPS, group_of
-from glazejax import Pigment, catalogue, stack_reflectance_factor
+from glazejax import Pigment, catalogue, colour, stack_reflectance_factor
 
 GRID = np.arange(420.0, 691.0, 10.0)
 
@@ -97,6 +97,29 @@ def test_a_thinner_coat_keeps_its_shape(thickness, seed):
     shape = slice(2 * steps, 3 * steps)
     assert other[shape] == pytest.approx(one[shape], abs=0.02)
     assert np.sum(other[shape] ** 2) == pytest.approx(1.0, abs=0.1)
+
+
+@given(st.floats(0.0, 0.04), st.floats(0.001, 0.01), st.integers(0, 2**32 - 1))
+def test_gloss_of_a_dark_paint_is_not_seen_in_the_second_view(gloss, darkest, seed):
+    body = darkest + 0.3 * np.random.default_rng(seed).uniform(0.0, 1.0, GRID.size)
+    body[0] = darkest
+    read, plain = features.views(GRID, body + gloss)[1], features.views(GRID, body)[1]
+    assert read == pytest.approx(plain, abs=1e-9)
+    one, other = features.colours(GRID, body[None] + gloss), features.colours(GRID, body[None])
+    assert one == pytest.approx(other, abs=1e-4)
+
+
+def test_colours_are_those_of_cie94_from_grey():
+    """From a grey, CIE94's difference of chroma is a chroma: its integral is compressed here."""
+    bodies = np.stack([np.full(GRID.size, 0.3), np.where(GRID > 580.0, 0.33, 0.29)])
+    grey, pink = features.colours(GRID, bodies)
+    grid = np.arange(400.0, 701.0, 10.0)
+    plain = features.with_one_gloss(np.where(grid > 580.0, 0.33, 0.29))
+    lab = np.asarray(colour.lab(grid, plain))
+    chroma = np.hypot(*lab[1:])
+    assert np.hypot(*pink[1:]) == pytest.approx(chroma / (1 + 0.0225 * chroma), rel=0.05)
+    assert np.hypot(*grey[1:]) < 0.2
+    assert features.colours(np.arange(900.0, 1701.0, 10.0), np.full((1, 81), 0.5)) is None
 
 
 def test_no_slope_reaches_over_a_gap():
@@ -187,6 +210,28 @@ def test_exemplars_that_do_not_know_a_band_are_missing_there(shelf):
 @pytest.fixture(scope="module")
 def found_search(others):
     return set_up.search_families(GRID, others, opaque=True, instrument="45:0")
+
+
+@pytest.mark.parametrize("instrument", ["d:8", "de:8", "45:0"])
+def test_a_black_is_a_black_whatever_the_instrument(others, instrument):
+    """A flat .0092 cannot be read by d:8 from a smooth surface, which reflects .04 by itself."""
+    grid = np.arange(380.0, 731.0, 10.0)
+    blacks = np.array([0.0092, 0.02, 0.045])[:, None] * np.ones(grid.size)
+    found = identify(grid, blacks, others, opaque=True, instrument=instrument)
+    for sets in found.family_sets:
+        assert "a black" in sets[0].families
+    expected = 0.0092 / 0.04 if instrument == "d:8" else 1.0
+    assert found.gloss[0, 0] == pytest.approx(expected, rel=0.02)
+
+
+def test_a_teal_is_no_white(others):
+    """An edge of rutile between 380 and 410 nm once outweighed all other bands."""
+    grid = np.arange(380.0, 731.0, 10.0)
+    body = 0.75 - 0.4 / (1.0 + np.exp(-(grid - 590.0) / 15.0))
+    reading = body * np.clip((grid - 370.0) / 45.0, 0.1, 1.0)
+    found = identify(grid, reading, others, opaque=True, instrument="45:0")
+    whites = {"a white", *GROUPS["a white"]}
+    assert not found.explained[0] or set(found.family_sets[0][0].families) - whites
 
 
 def test_probabilities_are_probabilities(found_search):
@@ -438,7 +483,7 @@ def test_a_group_is_named_where_no_family_has_most_of_it(found_search):
     sets[place("carbon black", "lead white")] = 0.5
     sets[place("chalk", "zinc white")] = 0.1
     found = {answer.families: answer.probability for answer in naming.name_sets(found_search, sets)}
-    assert found[("carbon black", "lead white")] == pytest.approx(0.5)
+    assert found[("a black", "lead white")] == pytest.approx(0.5)
     assert sum(found.values()) == pytest.approx(1.0)
     assert len(found) == 2
 
@@ -477,6 +522,24 @@ def test_elements_change_odds(mockups, find):
         return sum(p for names, p in found.families(0) if "smalt" in names)
 
     assert chance(copper) < chance(plain) < chance(cobalt)
+
+
+def test_the_year_and_the_elements_move_the_headline(mockups, find):
+    rows = rows_of(mockups[0], "vermilion")
+
+    def chance(found, family):
+        return sum(p for names, p in found.families(0) if family in names)
+
+    plain = find(rows)
+    told = find(rows, elements=("Hg",), painted=1620)
+    assert chance(told, "vermilion") > chance(plain, "vermilion")
+    for late in ("cadmium red", "azo red"):
+        assert chance(told, late) <= chance(plain, late)
+    known = catalogue.families()
+    sets = [[known["vermilion"]], [known["cadmium red"]], [known["cadmium red"], known["azo red"]]]
+    # Cadmium red is of 1910, azo reds of 1912: each costs a factor of fifty.
+    odds = np.exp(evidence.log_odds_of_year(sets, 1620))
+    assert odds == pytest.approx([1.0, 1 / 50, 1 / 2500])
 
 
 def test_anachronisms_are_said():

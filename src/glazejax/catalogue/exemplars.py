@@ -31,6 +31,9 @@ class Family(NamedTuple):
             acetate are named for what they hold.
         sold: "rarely" where it is sold as a powder or by few makers only, "no longer" where it is
             not sold as artists' paint; empty where it is.
+        met: "often" or "rarely" by how many paintings and makers' paints hold it, empty between: a
+            judgement, after R. J. Gettens and G. L. Stout, Painting Materials (1942), and Artists'
+            Pigments, vols. 1-4 (National Gallery of Art, 1986-2007).
     """
 
     name: str
@@ -42,6 +45,7 @@ class Family(NamedTuple):
     last_year: int | None
     poison: str = ""
     sold: str = ""
+    met: str = ""
 
     @property
     def caution(self) -> str:
@@ -140,6 +144,7 @@ def families() -> dict[str, Family]:
             last_year=int(row["last_year"]) if row["last_year"] else None,
             poison=row["poison"],
             sold=row["sold"],
+            met=row["met"],
         )
     return out
 

@@ -64,20 +64,23 @@ def calibrate(
     step = search.chunk
     pieces: dict[float, list[np.ndarray]] = {power: [] for power in POWERS}
     for start in range(0, len(readings), step):
-        evidence = search._evidence(readings[start : start + step], sources[start : start + step])
+        chunk = readings[start : start + step]
+        evidence = search._evidence(chunk, sources[start : start + step])
         for power in POWERS:
-            pieces[power].append(search._sum_by_set(evidence, power)[0] + search.log_prior)
-    log_sets = {power: np.concatenate(parts) for power, parts in pieces.items()}
+            log_sets = search._sum_by_set(evidence, power)[0]
+            log_sets = search._without_impossible(chunk, log_sets)
+            pieces[power].append(log_sets + search.log_prior)
+    by_power = {power: np.concatenate(parts) for power, parts in pieces.items()}
 
     # First how sure one set is beside others, among paints whose family is there.
     sureness = learn_power(
-        {power: whole[others] for power, whole in log_sets.items()},
+        {power: whole[others] for power, whole in by_power.items()},
         search.log_prior,
         named[others],
         each[others],
     )
     # Then how probable none is, with the family and without.
-    whole = log_sets[sureness.power]
+    whole = by_power[sureness.power]
     slope, intercept, least = learn_none(
         log_sum(whole[others]),
         log_sum(np.where(without, -np.inf, whole)),

@@ -1,7 +1,8 @@
 """What else is known of a painting: elements that X-ray fluorescence found, and the year.
 
-Odds of a set of families are multiplied by how well its composition fits. Fluorescence misses light
-elements and small amounts, and sees layers below, so nothing is ruled out.
+Odds of a set of families are multiplied by how well its composition and the years of its use fit.
+Fluorescence misses light elements and small amounts, and sees layers below, and a painting may have
+been retouched, so nothing is ruled out.
 """
 
 import re
@@ -15,9 +16,13 @@ from glazejax.names import nearest_names
 
 MISSED = 0.1
 """Probability that an element of a pigment in the film is not found."""
-STRAY = 0.25
+STRAY = 0.2
 """Probability that an element is found that no pigment of the film holds: of the ground, of a layer
 below, of a drier.
+"""
+ANACHRONISM = 0.02
+"""Probability of a pigment in a painting of a year in which it was not in use: of a retouching, or
+of a year that is wrong.
 """
 LIGHT = frozenset({"H", "C", "N", "O", "F", "Na", "Mg", "Al", "Si", "P", "S", "Cl"})
 """Elements that fluorescence in air hardly sees: whether they were found says nothing."""
@@ -78,6 +83,25 @@ def log_odds_of_elements(
     return out
 
 
+def log_odds_of_year(
+    sets: Sequence[Sequence[Family]], year: int | None
+) -> Float[np.ndarray, "sets"]:
+    """Log of how well each set of families fits a painting of a year.
+
+    Args:
+        sets: families of each set.
+        year: negative before Christ; None if it is not known.
+    """
+    if year is None:
+        return np.zeros(len(sets))
+    late = [sum(not _in_use(family, year) for family in families) for families in sets]
+    return np.log(ANACHRONISM) * np.array(late, dtype=float)
+
+
+def _in_use(family: Family, year: int) -> bool:
+    return family.first_year <= year and (family.last_year is None or year <= family.last_year)
+
+
 def describe_anachronism(families: Sequence[str], known: Mapping[str, Family], year: int) -> str:
     """Which of some families were not in use in a year, in a sentence; empty if all were.
 
@@ -91,7 +115,6 @@ def describe_anachronism(families: Sequence[str], known: Mapping[str, Family], y
         family = known.get(name)
         if family is None:
             continue
-        late = family.last_year is not None and year > family.last_year
-        if year < family.first_year or late:
+        if not _in_use(family, year):
             words.append(f"{name} was in use {family.in_use}")
     return f"not of {year}: {'; '.join(words)}" if words else ""

@@ -2,7 +2,8 @@
 and the level of the brightest band.
 
 Level, gloss and slope of a reading vary between instruments by more than a pigment's own bands do;
-how much of a difference they make is learnt (`metric.py`), not assumed. Slopes keep what differs
+how much of a difference they make is learnt (`metric.py`), not assumed. A spectrum is compared in
+two views, as it was read and with its gloss brought to one level. Slopes keep what differs
 between pigments: where a band lies and how steep it is. -log R is the natural scale of a thin coat
 over a bright ground, log K/S (Kubelka-Munk's remission function) of one that hides its ground.
 """
@@ -10,8 +11,13 @@ over a bright ground, log K/S (Kubelka-Munk's remission function) of one that hi
 import numpy as np
 from jaxtyping import Bool, Float
 
+from glazejax import colour
+
 BRIGHTEST, DARKEST = 0.995, 0.008
 """Readings are taken to lie within these: what is darker is the surface's reflection or noise."""
+# What an outer surface adds to a reading at most (index 1.5: 4 %), and what is left of it in the view
+# of one gloss: with less, the noise of a dark paint would pass for its shape.
+_MOST_GLOSS, _ONE_GLOSS = 0.05, 0.02
 # Slopes of this length together are hardly a shape: a white's or a black's.
 _FLAT = 0.1
 # Neighbouring bands further apart than this many usual steps have a gap between them.
@@ -23,7 +29,50 @@ def bounded(readings: Float[np.ndarray, "*n bands"]) -> Float[np.ndarray, "*n ba
     it.
     """
     top = readings.max(axis=-1, keepdims=True)
-    return np.clip(readings * np.minimum(1.0, BRIGHTEST / top), DARKEST, BRIGHTEST)
+    return np.clip(
+        readings * np.minimum(1.0, BRIGHTEST / np.maximum(top, DARKEST)), DARKEST, BRIGHTEST
+    )
+
+
+def views(
+    wavelengths: Float[np.ndarray, "bands"], readings: Float[np.ndarray, "*n bands"]
+) -> tuple[Float[np.ndarray, "*n features"], Float[np.ndarray, "*n features"]]:
+    """Features of readings as they are, and with the gloss of all brought to one level.
+
+    Args and shapes as for `features`.
+    """
+    return (
+        features(wavelengths, readings),
+        features(wavelengths, with_one_gloss(readings)),
+    )
+
+
+def with_one_gloss(readings: Float[np.ndarray, "*n bands"]) -> Float[np.ndarray, "*n bands"]:
+    """Readings less as much as an outer surface may have added to all bands alike, so that a dark
+    paint is the same to an instrument that sees the surface and to one that does not.
+    """
+    gloss = np.minimum(readings.min(axis=-1, keepdims=True), _MOST_GLOSS)
+    return readings - gloss + _ONE_GLOSS
+
+
+def colours(
+    wavelengths: Float[np.ndarray, "bands"], readings: Float[np.ndarray, "n bands"]
+) -> Float[np.ndarray, "n 3"] | None:
+    """Colours with one gloss under D65 in a space of nearly equal steps: CIELAB with its chroma
+    compressed as CIE94 weighs it; None where less than most of the visible range was read.
+
+    Args and shapes as for `features`.
+    """
+    if wavelengths[0] > 430.0 or wavelengths[-1] < 680.0:
+        return None
+    grid = np.arange(400.0, 701.0, 10.0)
+    body = with_one_gloss(readings)
+    visible = np.stack([np.interp(grid, wavelengths, row) for row in body])
+    lab = np.asarray(colour.lab(grid, np.clip(visible, 0.0, 1.0)))
+    chroma = np.hypot(lab[:, 1:2], lab[:, 2:])
+    # The integral of CIE94's 1 / (1 + .045 C): steps of chroma as they are seen.
+    smaller = np.log1p(0.045 * chroma) / (0.045 * np.maximum(chroma, 1e-9))
+    return np.concatenate([lab[:, :1], smaller * lab[:, 1:]], axis=1)
 
 
 def features(

@@ -19,7 +19,7 @@ from ..search.options import IdentificationOptions
 from ..search.pool import NOBODY
 from ..search.searcher import check_spectra
 from ..search.task import Measured
-from .evidence import log_odds_of_elements
+from .evidence import log_odds_of_elements, log_odds_of_year
 from .expected import EXPECTED
 from .naming import name_sets
 from .search import FamilyOdds, FamilySearch
@@ -141,13 +141,14 @@ def _search(
             sureness=alike[0].sureness if alike and ground is not None else None,
         )
     search = _SEARCHES[key]
-    if options.elements or options.without_elements:
+    if options.elements or options.without_elements or options.painted is not None:
         known = catalogue.families()
         sets = [
             [known[search.families[member]] for member in row if member >= 0]
             for row in search.members
         ]
         fits = log_odds_of_elements(sets, options.elements, options.without_elements)
+        fits = fits + log_odds_of_year(sets, options.painted)
         search = replace(search, log_prior=search.log_prior + fits)
     return search
 
@@ -163,6 +164,7 @@ def _identification(
     count = min(options.keep, odds.sets.shape[1])
     best = np.argsort(-odds.sets, axis=1, kind="stable")[:, :count]
     rows = np.arange(len(measured))[:, None]
+    gloss = search.gloss(readings)
     thickness = usual_coat(search.exemplars)
     shape = (len(measured), count)
     members = np.full((*shape, 3), NOBODY)
@@ -177,6 +179,7 @@ def _identification(
                 row,
                 int(number),
                 usual=thickness,
+                surface=search.surface * float(gloss[row]),
                 members=members[row, place],
                 amounts=amounts[row, place],
                 covariance=covariance[row, place],
@@ -201,7 +204,7 @@ def _identification(
         # Other people's paint differs by eye from every exemplar; the evidence decides.
         rejected=np.broadcast_to(odds.unlike[:, None], shape).copy(),
         paint_probability=np.minimum(paint_probability, 1.0),
-        gloss=np.ones(shape),
+        gloss=np.broadcast_to(gloss[:, None], shape).copy(),
         fitted=fitted,
         condition=np.zeros(shape, dtype=int),
         opaque=opaque,
@@ -216,6 +219,7 @@ def _fill_candidate(
     number: int,
     *,
     usual: float,
+    surface: float,
     members: np.ndarray,
     amounts: np.ndarray,
     covariance: np.ndarray,
@@ -236,7 +240,7 @@ def _fill_candidate(
         covariance[:2, :2] = 0.5 * spread**2 * np.eye(2)
     known = search.wavelengths[found.bands]
     near = (search.wavelengths >= known[0] - _EDGE) & (search.wavelengths <= known[-1] + _EDGE)
-    computed = np.interp(search.wavelengths, known, templates.readings[at] + search.surface)
+    computed = np.interp(search.wavelengths, known, templates.readings[at] + surface)
     fitted[near] = computed[near]
 
 

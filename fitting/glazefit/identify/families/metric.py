@@ -16,8 +16,6 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.special import logsumexp
 
-# Principal components that are compared, beside the level.
-_COMPONENTS = 25
 # How much of a covariance is taken from its diagonal alone (Ledoit and Wolf's shrinkage, fixed).
 _SHRINKAGE = 0.2
 # Degrees of freedom of Student's t: some paints are much further from their kind than others.
@@ -81,6 +79,7 @@ def learn_metric(
     families: Int[np.ndarray, "exemplars"],
     paints: Int[np.ndarray, "exemplars"],
     disturbances: Float[np.ndarray, "draws features"] | None = None,
+    components: int = 25,
 ) -> Metric:
     """The metric of some exemplars.
 
@@ -89,6 +88,7 @@ def learn_metric(
         families: number of the family of each.
         paints: number of the paint of each: spectra of one paint are not compared.
         disturbances: differences that what lies on a paint may make besides, such as a varnish.
+        components: principal components of the slopes that are compared, besides the level.
 
     Raises:
         ValueError: no two paints share a family.
@@ -98,7 +98,7 @@ def learn_metric(
     # The level, last, is a component of its own; slopes share the others.
     slopes = centred[:, :-1]
     _, _, directions = np.linalg.svd(slopes, full_matrices=False)
-    kept = directions[: min(_COMPONENTS, len(features) - 1)].T
+    kept = directions[: min(components, len(features) - 1)].T
     project = np.zeros((features.shape[1], kept.shape[1] + 1))
     project[:-1, :-1] = kept
     project[-1, -1] = 1.0

@@ -2,9 +2,9 @@
 
 Whites and extenders, blacks, and iron oxides differ from one another by less than one maker's from
 another's. Where none of a group's families has most of the group's probability, the answer is the
-group, with its likeliest families. What white or black stands beside a colour changes a spectrum
-less than the colour does: films of the same colours are one answer, which names the companion that
-is most probable.
+group, with its likeliest families; of the blacks, which a spectrum does not tell, it always is.
+What white or black stands beside a colour changes a spectrum less than the colour does: films of
+the same colours are one answer, which names the companion that is most probable.
 """
 
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ from functools import lru_cache
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ..result.groups import COLOURLESS, FamilySet, group_of
+from ..result.groups import COLOURLESS, GROUPS, FamilySet, group_of
 from .search import FamilySearch
 
 TOLD = 0.8
@@ -91,11 +91,15 @@ def _answer(
     for group, families in parts.items():
         ranked = sorted(families, key=lambda family: -families[family])
         whole = sum(families.values())
-        if families[ranked[0]] >= TOLD * whole:
+        if families[ranked[0]] >= TOLD * whole and group != "a black":
             names.append(ranked[0])
             continue
         names.append(group)
-        within[group] = tuple((family, families[family] / whole) for family in ranked[:LARGEST])
+        # A black that has no chance of its own is named with the others for what it is called.
+        ranked += [name for name in GROUPS[group] if group == "a black" and name not in ranked]
+        within[group] = tuple(
+            (family, families.get(family, 0.0) / whole) for family in ranked[:LARGEST]
+        )
     return FamilySet(families=coloured_first(names), probability=total, within=within)
 
 

@@ -13,16 +13,29 @@ from jaxtyping import Bool, Float, Int
 
 from glazejax import Pigment
 
+from ..result.groups import COLOURLESS
 from ..search.pool import NOBODY
-from .features import features
+from .features import colours, views
 from .metric import Metric
 from .sureness import Sureness
 from .templates import Templates
 
-# A family says no less by few exemplars than by as many as these.
-_EXEMPLARS = 3.0
+ANOTHER_COLOUR = 15.0
+"""Colour difference (nearly CIE94) beyond which a film is no explanation of a reading."""
+ANOTHER_CHROMA = 7.0
+"""The same of chroma alone (10 in CIELAB), for films without a coloured pigment."""
+# Log evidence of a set whose films all have another colour.
+_IMPOSSIBLE = -30.0
 # Comparisons of readings with templates that are held at a time.
 _COMPARISONS = 3_000_000
+
+
+def _apart(
+    one: Float[np.ndarray, "n axes"], other: Float[np.ndarray, "m axes"]
+) -> Float[np.ndarray, "n m"]:
+    """Distances between points."""
+    squares = np.sum(one**2, axis=1)[:, None] + np.sum(other**2, axis=1) - 2.0 * one @ other.T
+    return np.sqrt(np.maximum(squares, 0.0))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,16 +44,18 @@ class Range:
 
     Attributes:
         bands: of the readings.
-        metric: learnt from the exemplars that know all of these bands.
+        metrics: of each view of a spectrum, learnt from the exemplars that know all of these bands.
         templates: films of exemplars whose widest range this is.
-        places: of the templates in the metric.
+        places: of the templates in each metric.
+        colours: of the templates; None where the range does not hold the visible.
         sets: number of each template's set of families.
     """
 
     bands: Bool[np.ndarray, "bands"]
-    metric: Metric
+    metrics: tuple[Metric, ...]
     templates: Templates
-    places: Float[np.ndarray, "templates components"]
+    places: tuple[Float[np.ndarray, "templates components"], ...]
+    colours: Float[np.ndarray, "templates 3"] | None
     sets: Int[np.ndarray, "templates"]
 
 
@@ -144,7 +159,7 @@ class FamilySearch:
     ) -> FamilyOdds:
         evidence = self._evidence(readings, sources)
         log_sets, best, mean, sd = self._sum_by_set(evidence, self.sureness.power)
-        log_sets = log_sets + self.log_prior
+        log_sets = self._without_impossible(readings, log_sets) + self.log_prior
         if hidden is not None:
             log_sets = np.where(self._is_hidden(hidden), -np.inf, log_sets)
         none = self.sureness.none(log_sets, self.unknown)
@@ -157,6 +172,49 @@ class FamilySearch:
             fraction_sd=sd,
             evidence=evidence.max(axis=1),
         )
+
+    def gloss(self, readings: Float[np.ndarray, "spectra bands"]) -> Float[np.ndarray, "spectra"]:
+        """Share of a smooth surface's reflection that is in each reading: 1, or what its darkest
+        bands leave for it, as of a matte paint or of an instrument other than the stated one.
+        """
+        if self.surface == 0:
+            return np.ones(len(readings))
+        # The mean of three bands, so that one noisy band does not decide.
+        darkest = np.sort(readings, axis=1)[:, :3].mean(axis=1)
+        return np.clip(darkest / self.surface, 0.0, 1.0)
+
+    def _without_impossible(
+        self,
+        readings: Float[np.ndarray, "spectra bands"],
+        log_sets: Float[np.ndarray, "spectra sets"],
+    ) -> Float[np.ndarray, "spectra sets"]:
+        """Log evidence of sets, next to nothing for those none of whose films has the reading's
+        colour, however alike the slopes are.
+        """
+        possible = ~np.concatenate(
+            [self._is_another_colour(readings, one) for one in self.ranges], axis=1
+        )
+        order, starts, _ = self._by_set()
+        there = np.logical_or.reduceat(possible[:, order], starts, axis=1)
+        return np.where(there, log_sets, np.minimum(log_sets, _IMPOSSIBLE))
+
+    def _is_another_colour(
+        self, readings: Float[np.ndarray, "spectra bands"], one: Range
+    ) -> Bool[np.ndarray, "spectra templates"]:
+        """Whether a template's colour cannot be a reading's; no colour is where no visible range
+        was read.
+        """
+        body = readings - self.gloss(readings)[:, None] * self.surface
+        read = colours(self.wavelengths[one.bands], body[:, one.bands])
+        if read is None or one.colours is None:
+            return np.zeros((len(readings), len(one.templates)), dtype=bool)
+        another = _apart(read, one.colours) > ANOTHER_COLOUR
+        # Whites, extenders and blacks have hardly a chroma of their own, and one that shows is not
+        # theirs.
+        families = np.append([name in COLOURLESS for name in self.families], True)
+        colourless = families[self.members[one.sets]].all(axis=1)
+        tinted = _apart(read[:, 1:], one.colours[:, 1:]) > ANOTHER_CHROMA
+        return np.asarray(another | (tinted & colourless))
 
     def _is_hidden(
         self, hidden: Bool[np.ndarray, "spectra families"]
@@ -171,10 +229,14 @@ class FamilySearch:
     ) -> Float[np.ndarray, "spectra templates"]:
         """Of all templates, those of the narrowest range first; -inf where one may not be used."""
         out = []
-        body = readings - self.surface
+        body = readings - self.gloss(readings)[:, None] * self.surface
         for one in self.ranges:
-            values = features(self.wavelengths[one.bands], body[:, one.bands])
-            found = one.metric.log_evidence(one.metric.place(values), one.places)
+            # Views are not independent: their mean, a logarithmic pool (Genest and Zidek,
+            # Statistical Science 1 (1986) 114), says what both say.
+            found = np.zeros((len(readings), len(one.templates)))
+            seen = views(self.wavelengths[one.bands], body[:, one.bands])
+            for metric, values, places in zip(one.metrics, seen, one.places, strict=True):
+                found += metric.log_evidence(metric.place(values), places) / len(one.metrics)
             if sources is not None:
                 of_members = np.append(self.source_of, NOBODY)[one.templates.members]
                 own = (of_members[None] == sources[:, None, None]).any(axis=-1)
@@ -188,6 +250,8 @@ class FamilySearch:
         """Log evidence of each set, its best template, and mean and standard deviation of the
         fraction of its first family.
         """
+        # Nearly the sum over a set's films: a family of many exemplars is commoner than one of a
+        # single exemplar, if less so than the sources' choice of paints makes it.
         order, starts, counts = self._by_set()
         sorted_evidence = power * evidence[:, order]
         top = np.maximum.reduceat(sorted_evidence, starts, axis=1)
@@ -196,7 +260,7 @@ class FamilySearch:
         sums = np.add.reduceat(weights, starts, axis=1)
         usable = np.add.reduceat(np.isfinite(sorted_evidence).astype(float), starts, axis=1)
         with np.errstate(divide="ignore"):
-            log_sets = np.log(sums) + safe - np.log(np.maximum(usable, _EXEMPLARS))
+            log_sets = np.log(sums) + safe - 0.25 * np.log(np.maximum(usable, 1.0))
         fraction = np.concatenate([one.templates.fractions[:, 0] for one in self.ranges])[order]
         mean = np.add.reduceat(weights * fraction, starts, axis=1) / np.maximum(sums, 1e-300)
         square = np.add.reduceat(weights * fraction**2, starts, axis=1) / np.maximum(sums, 1e-300)

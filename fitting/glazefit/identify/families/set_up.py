@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from glazejax import Pigment
+from glazejax import Pigment, catalogue
 from glazejax.geometry import Geometry, Instrument, resolve_instrument
 
 from ...film.model.errors import Prior
@@ -16,13 +16,15 @@ from ...film.model.response import FilmResponse, film_response
 from ..search.pool import NOBODY
 from .calibration import calibrate
 from .expected import EXPECTED
-from .features import features
+from .features import colours, views
 from .metric import learn_metric
 from .search import FamilySearch, Range
 from .sureness import Sureness
 from .templates import Templates, coefficients, mixed_templates, pure_templates
 from .varnish import CONDITIONS, Varnish
 
+COMMON = {"often": 3.0, "": 1.0, "rarely": 0.3}
+"""How common families are, compared with one another, by how they are met (`families.tsv`)."""
 # Shares of the exemplars that must know a band, for the narrowest and for a wider range, and the
 # fewest that make a range of their own.
 _NARROW, _WIDE, _FEWEST = 0.985, 0.45, 25
@@ -111,6 +113,8 @@ def set_up(
     family_of = np.array([families.index(pigment.family) for pigment in pigments])
     source_of = np.array([sources.index(pigment.source) for pigment in pigments])
     known = coefficients(pigments, wavelengths)
+    # Few exemplars are known below 410 nm, and one edge of rutile would outweigh all other slopes.
+    known[:, :, wavelengths < 409.9] = np.nan
     members, number_of = _sets(len(families), max_paints)
 
     # In each range a metric of its own, from all exemplars that know its bands.
@@ -141,7 +145,7 @@ def set_up(
         family_of=family_of,
         source_of=source_of,
         members=members[used],
-        log_prior=_log_prior(members[used], sizes[:max_paints]),
+        log_prior=_log_prior(members[used], sizes[:max_paints], families),
         unknown=unknown,
         ranges=tuple(replace(one, sets=renumbered[one.sets]) for one in ranges),
         surface=surface,
@@ -171,7 +175,7 @@ def _set_up_range(
     mixed: bool,
     varnish: Varnish | None,
 ) -> Range:
-    """Metric and templates of one range.
+    """Metrics and templates of one range.
 
     Args:
         wavelengths: of its bands.
@@ -197,12 +201,15 @@ def _set_up_range(
     exemplars, first = np.unique(pure.members[:, 0], return_index=True)
     bodies = pure.readings[first]
     pure = cover(pure)
-    values = features(wavelengths, pure.readings)
-    metric = learn_metric(
-        values[first],
-        family_of[exemplars],
-        exemplars,
-        None if varnish is None else varnish.differences(response, wavelengths, bodies),
+    moved = [None, None] if varnish is None else varnish.differences(response, wavelengths, bodies)
+    metrics = tuple(
+        learn_metric(
+            values[first], family_of[exemplars], exemplars, differences, components=components
+        )
+        # The view of one gloss has lost what tells dark paints apart: fewer components hold it.
+        for values, differences, components in zip(
+            views(wavelengths, pure.readings), moved, (25, 12), strict=True
+        )
     )
 
     parts = [pure.take(np.flatnonzero(own[pure.members[:, 0]]))]
@@ -210,7 +217,7 @@ def _set_up_range(
         both = mixed_templates(
             known[:, exemplars],
             family_of[exemplars],
-            metric.place(values[first]),
+            metrics[0].place(views(wavelengths, pure.readings[first])[0]),
             response,
             ground,
         )
@@ -221,22 +228,33 @@ def _set_up_range(
     families = np.sort(np.append(family_of, NOBODY)[templates.members], axis=1)
     return Range(
         bands=bands,
-        metric=metric,
+        metrics=metrics,
         templates=templates,
-        places=metric.place(features(wavelengths, templates.readings)),
+        places=tuple(
+            metric.place(values)
+            for metric, values in zip(metrics, views(wavelengths, templates.readings), strict=True)
+        ),
+        colours=colours(wavelengths, templates.readings),
         sets=number_of[families[:, 0], families[:, 1]],
     )
 
 
 def _log_prior(
-    members: Int[np.ndarray, "sets 2"], sizes: Sequence[float]
+    members: Int[np.ndarray, "sets 2"], sizes: Sequence[float], families: Sequence[str]
 ) -> Float[np.ndarray, "sets"]:
-    """Log probability of each set beforehand: all of one size alike."""
+    """Log prior probability of each set: sets of one size share theirs by how common their families
+    are in paint.
+    """
+    known = catalogue.families()
+    # An own reference may be of a family that the catalogue does not have.
+    met = [known[name].met if name in known else "" for name in families]
+    common = [COMMON[word] for word in met]
+    weights = np.append(common, 1.0)[members].prod(axis=1)
     of_size = (members >= 0).sum(axis=1)
     shares = np.asarray(sizes, dtype=float)
     shares /= shares.sum()
-    counts = np.bincount(of_size, minlength=len(shares) + 1)[1:]
-    return np.log(shares / np.maximum(counts, 1))[of_size - 1]
+    totals = np.bincount(of_size, weights=weights, minlength=len(shares) + 1)
+    return np.log(weights * shares[of_size - 1] / totals[of_size])
 
 
 def _joined(parts: Sequence[Templates]) -> Templates:

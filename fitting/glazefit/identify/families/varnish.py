@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from ...film.model.response import FilmResponse
 from ...film.model.varnish import AMOUNTS, DECAY, under_varnish, without_varnish, yellow
-from .features import features
+from .features import views
 
 # Natural log of the factor by which a varnish's decay varies.
 _DECAY_SPREAD = 0.4
@@ -86,12 +86,19 @@ class Varnish:
         response: FilmResponse,
         wavelengths: Float[np.ndarray, "bands"],
         bodies: Float[np.ndarray, "films bands"],
-    ) -> Float[np.ndarray, "draws features"]:
-        """What varnishes change of spectra's features beside the expected one; see `cover`."""
+    ) -> tuple[Float[np.ndarray, "draws features"], ...]:
+        """What varnishes change of each view of spectra, compared with the expected one; see
+        `cover`.
+        """
         repeated = np.repeat(bodies, _DRAWS, axis=0)
         expected = self.cover(response, wavelengths, repeated)
         other = self.cover_at_random(response, wavelengths, repeated)
-        return features(wavelengths, other) - features(wavelengths, expected)
+        return tuple(
+            one - usual
+            for one, usual in zip(
+                views(wavelengths, other), views(wavelengths, expected), strict=True
+            )
+        )
 
 
 def _of_amounts(**chances: float) -> Varnish:

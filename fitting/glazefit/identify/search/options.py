@@ -59,7 +59,8 @@ class IdentificationOptions:
             have a family are sought by family.
         elements, without_elements: chemical symbols that X-ray fluorescence found, and did not
             find, such as ("Cu",): change how probable families are beforehand.
-        painted: year in which the film was painted: families that were not in use are marked.
+        painted: year in which the film was painted: families that were not in use
+            are fifty times less probable.
         varnish: what is known of a varnish on the films: "none", "thin", "yellowed" or "unknown".
             By default "none" where families are sought, and "unknown" where paints are.
     """

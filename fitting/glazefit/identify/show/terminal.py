@@ -93,6 +93,14 @@ def print_families(
             console.print(f"  or {'; '.join(others)}; none of them {found.none[row]:.0%}", **_AS_IS)
         if words := found.coats_words(row):
             console.print(f"  {words}", **_AS_IS)
+        # A few hundredths are noise of the darkest bands.
+        if (gloss := float(found.gloss[row, 0])) < 0.97:
+            console.print(
+                "  its darkest bands are below what a smooth surface alone reflects to the stated "
+                f"instrument (taken as {gloss:.0%} of that): is the paint matte? If not, state the "
+                "instrument that read it, such as --instrument de:8 or 45:0",
+                **_AS_IS,
+            )
         near = dict.fromkeys(paint for c in found.ranked(row, top) for paint in c.paints)
         console.print(f"  nearest exemplars: {', '.join(list(near)[:top])}", style="dim", **_AS_IS)
 
