@@ -15,7 +15,7 @@ from glazejax import colour
 
 BRIGHTEST, DARKEST = 0.995, 0.008
 """Readings are taken to lie within these: what is darker is the surface's reflection or noise."""
-# What an outer surface adds to a reading at most (index 1.5: 4 %), and what is left of it in the view
+# What an outer surface adds to a reading at most (index 1.5: 4 %), and what is left in the view
 # of one gloss: with less, the noise of a dark paint would pass for its shape.
 _MOST_GLOSS, _ONE_GLOSS = 0.05, 0.02
 # Slopes of this length together are hardly a shape: a white's or a black's.
