@@ -112,7 +112,9 @@ def test_gloss_of_a_dark_paint_is_not_seen_in_the_second_view(gloss, darkest, se
 def test_colours_are_those_of_cie94_from_grey():
     """From a grey, CIE94's difference of chroma is a chroma: its integral is compressed here."""
     bodies = np.stack([np.full(GRID.size, 0.3), np.where(GRID > 580.0, 0.33, 0.29)])
-    grey, pink = features.colours(GRID, bodies)
+    read = features.colours(GRID, bodies)
+    assert read is not None
+    grey, pink = read
     grid = np.arange(400.0, 701.0, 10.0)
     plain = features.with_one_gloss(np.where(grid > 580.0, 0.33, 0.29))
     lab = np.asarray(colour.lab(grid, plain))
@@ -156,7 +158,10 @@ def test_doubled_exemplars_give_the_same_metric():
     points = points + np.array([3.0, 1.0, 0.5, 0.2]) * rng.standard_normal(points.shape)
     paints = np.arange(len(points))
     once = metric.learn_metric(points, families, paints)
-    twice = metric.learn_metric(*(np.concatenate([a, a]) for a in (points, families, paints)))
+    points_twice, families_twice, paints_twice = (
+        np.concatenate([a, a]) for a in (points, families, paints)
+    )
+    twice = metric.learn_metric(points_twice, families_twice, paints_twice)
     # Lengths of differences: the axes themselves may be mirrored.
     steps = points[1:] - points[:-1]
     lengths = [np.linalg.norm(found.place(found.mean + steps), axis=1) for found in (once, twice)]
