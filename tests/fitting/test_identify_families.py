@@ -229,6 +229,12 @@ def test_a_black_is_a_black_whatever_the_instrument(others, instrument):
     assert found.gloss[0, 0] == pytest.approx(expected, rel=0.02)
 
 
+def test_readings_beyond_the_visible_are_refused(shelf):
+    grid = np.arange(900.0, 1701.0, 10.0)
+    with pytest.raises(ValueError, match=r"too little is known there: .* give readings"):
+        identify(grid, np.full(grid.size, 0.5), shelf, opaque=True, instrument="45:0")
+
+
 def test_a_teal_is_no_white(others):
     """An edge of rutile between 380 and 410 nm once outweighed all other bands."""
     grid = np.arange(380.0, 731.0, 10.0)

@@ -107,7 +107,8 @@ def learn_power(
 
     def score(choice: Sureness) -> float:
         shares = choice.share(log_sets[choice.power], log_prior[None])
-        return float(weights @ np.log(np.sum(shares * right, axis=1)))
+        # A truth without a chance costs much, and not all.
+        return float(weights @ np.log(np.maximum(np.sum(shares * right, axis=1), 1e-9)))
 
     best = max((Sureness(power=power) for power in log_sets), key=score)
     return max((replace(best, sharpness=sharpness) for sharpness in SHARPNESSES), key=score)

@@ -116,6 +116,8 @@ def set_up(
     # Few exemplars are known below 410 nm, and one edge of rutile would outweigh all other slopes.
     known[:, :, wavelengths < 409.9] = np.nan
     members, number_of = _sets(len(families), max_paints)
+    shared = _ranges(np.isfinite(known[0]))
+    _check_span(wavelengths, shared[0][0], np.isfinite(known[0]))
 
     # In each range a metric of its own, from all exemplars that know its bands.
     ranges = [
@@ -131,7 +133,7 @@ def set_up(
             mixed=max_paints > 1,
             varnish=varnish,
         )
-        for bands, own in _ranges(np.isfinite(known[0]))
+        for bands, own in shared
     ]
 
     # Sets without a template, two families that no exemplars share bands of, take no part.
@@ -279,6 +281,26 @@ def _sets(
     for n, (a, b) in enumerate(members):
         number[min(a, b), max(a, b)] = n
     return members, number
+
+
+def _check_span(
+    wavelengths: Float[np.ndarray, "bands"],
+    shared: Bool[np.ndarray, "bands"],
+    known: Bool[np.ndarray, "exemplars bands"],
+) -> None:
+    """Refuse readings of which nearly all exemplars know a narrow stretch alone.
+
+    Raises:
+        ValueError: says how many exemplars know the rest.
+    """
+    first, last = wavelengths[shared][[0, -1]]
+    if last - first < 150.0:
+        rest = int(known[:, ~shared].all(axis=1).sum()) if not shared.all() else len(known)
+        raise ValueError(
+            f"too little is known there: nearly all exemplars know {first:g} to {last:g} nm of the "
+            f"spectra's bands alone, {rest} of {len(known)} the others; give readings that hold "
+            "the visible, 410-700 nm"
+        )
 
 
 def _ranges(

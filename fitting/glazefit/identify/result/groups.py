@@ -52,10 +52,12 @@ class FamilySet:
     def words(self) -> str:
         """Such as ``azurite + a white (lead white 60 %, chalk 30 %)``."""
         return " + ".join(
-            f"{name} ({', '.join(self._shares(name))})" if name in self.within else name
+            f"{name} ({', '.join(shares)})" if len(shares := self._shares(name)) > 1 else name
             for name in self.families
         )
 
-    def _shares(self, group: str) -> list[str]:
-        """Families of a group that have a share of it, each with its share."""
-        return [f"{family} {share:.0%}" for family, share in self.within[group] if share >= 0.005]
+    def _shares(self, name: str) -> list[str]:
+        """Families of a group that have a share of it, each with its share; none of a family."""
+        return [
+            f"{family} {share:.0%}" for family, share in self.within.get(name, ()) if share >= 0.005
+        ]

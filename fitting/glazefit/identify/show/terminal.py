@@ -88,7 +88,12 @@ def print_families(
             words = describe_anachronism(sets[0].families, known, painted)
             if words:
                 console.print(f"  {words}", **_AS_IS)
-        others = [f"{other.words} {other.probability:.0%}" for other in sets[1:]]
+        # Below half a per cent an answer is none that anybody would look into.
+        others = [
+            f"{other.words} {other.probability:.0%}"
+            for other in sets[1:]
+            if other.probability >= 0.005
+        ]
         if others:
             console.print(f"  or {'; '.join(others)}; none of them {found.none[row]:.0%}", **_AS_IS)
         if words := found.coats_words(row):
