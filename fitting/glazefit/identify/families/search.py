@@ -30,6 +30,15 @@ _IMPOSSIBLE = -30.0
 _COMPARISONS = 3_000_000
 
 
+def without_impossible(
+    log_sets: Float[np.ndarray, "spectra sets"], possible: Bool[np.ndarray, "spectra sets"]
+) -> Float[np.ndarray, "spectra sets"]:
+    """Log evidence of sets, next to nothing for those that are impossible, however alike the slopes
+    are.
+    """
+    return np.where(possible, log_sets, np.minimum(log_sets, _IMPOSSIBLE))
+
+
 def _apart(
     one: Float[np.ndarray, "n axes"], other: Float[np.ndarray, "m axes"]
 ) -> Float[np.ndarray, "n m"]:
@@ -159,7 +168,7 @@ class FamilySearch:
     ) -> FamilyOdds:
         evidence = self._evidence(readings, sources)
         log_sets, best, mean, sd = self._sum_by_set(evidence, self.sureness.power)
-        log_sets = self._without_impossible(readings, log_sets) + self.log_prior
+        log_sets = without_impossible(log_sets, self._possible(readings)) + self.log_prior
         if hidden is not None:
             log_sets = np.where(self._is_hidden(hidden), -np.inf, log_sets)
         none = self.sureness.none(log_sets, self.unknown)
@@ -183,20 +192,15 @@ class FamilySearch:
         darkest = np.sort(readings, axis=1)[:, :3].mean(axis=1)
         return np.clip(darkest / self.surface, 0.0, 1.0)
 
-    def _without_impossible(
-        self,
-        readings: Float[np.ndarray, "spectra bands"],
-        log_sets: Float[np.ndarray, "spectra sets"],
-    ) -> Float[np.ndarray, "spectra sets"]:
-        """Log evidence of sets, next to nothing for those none of whose films has the reading's
-        colour, however alike the slopes are.
-        """
+    def _possible(
+        self, readings: Float[np.ndarray, "spectra bands"]
+    ) -> Bool[np.ndarray, "spectra sets"]:
+        """Whether some film of a set has the reading's colour."""
         possible = ~np.concatenate(
             [self._is_another_colour(readings, one) for one in self.ranges], axis=1
         )
         order, starts, _ = self._by_set()
-        there = np.logical_or.reduceat(possible[:, order], starts, axis=1)
-        return np.where(there, log_sets, np.minimum(log_sets, _IMPOSSIBLE))
+        return np.logical_or.reduceat(possible[:, order], starts, axis=1)
 
     def _is_another_colour(
         self, readings: Float[np.ndarray, "spectra bands"], one: Range

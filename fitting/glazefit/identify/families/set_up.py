@@ -204,14 +204,11 @@ def _set_up_range(
     bodies = pure.readings[first]
     pure = cover(pure)
     moved = [None, None] if varnish is None else varnish.differences(response, wavelengths, bodies)
+    seen = views(wavelengths, pure.readings[first])
     metrics = tuple(
-        learn_metric(
-            values[first], family_of[exemplars], exemplars, differences, components=components
-        )
+        learn_metric(values, family_of[exemplars], exemplars, differences, components=components)
         # The view of one gloss has lost what tells dark paints apart: fewer components hold it.
-        for values, differences, components in zip(
-            views(wavelengths, pure.readings), moved, (25, 12), strict=True
-        )
+        for values, differences, components in zip(seen, moved, (25, 12), strict=True)
     )
 
     parts = [pure.take(np.flatnonzero(own[pure.members[:, 0]]))]
@@ -219,7 +216,7 @@ def _set_up_range(
         both = mixed_templates(
             known[:, exemplars],
             family_of[exemplars],
-            metrics[0].place(views(wavelengths, pure.readings[first])[0]),
+            metrics[0].place(seen[0]),
             response,
             ground,
         )
