@@ -219,11 +219,14 @@ def test_a_report_is_filed(table, tmp_path):
         "--report",
         page,
     ]
+    options += ["--object", "A <panel>", "--inventory", "A-1", "--spot", "sky"]
+    options += ["--operator", "N. N."]
     result = run(table, "--samples", "red_ow,tint_ow", *options)
     assert result.exit_code == 0, result.output
     assert f"Wrote the report to {page}" in " ".join(result.output.split()).replace("- ", "-")
     filed = json.loads(page.with_suffix(".json").read_text())
     assert [spot["name"] for spot in filed["spots"]] == ["red_ow", "tint_ow"]
+    assert list(filed["subject"].values()) == ["A <panel>", "A-1", "sky", "N. N."]
     assert filed["options"]["--max-paints"] == 2
     assert filed["command"].startswith("glazejax identify ")
     assert "--max-paints 2" in filed["command"]
