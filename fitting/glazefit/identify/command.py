@@ -236,7 +236,7 @@ def identify(
         else replace(usual_error, amplitude=model_error),
         "prior": replace(EXPECTED if by_family else Prior(), thickness=usual),
     }
-    asked = IdentificationOptions(
+    search_options = IdentificationOptions(
         instrument=seen_with,
         **settings,
         max_paints=max_paints,
@@ -254,7 +254,7 @@ def identify(
         task.wavelengths,
         task.spectra,
         paints,
-        asked,
+        search_options,
         ground=task.ground,
         opaque=opaque,
         names=task.names,
@@ -301,7 +301,7 @@ def identify(
                 top,
                 painted=painted,
                 families={paint.name: paint.family for paint in paints},
-                usual=usual_misfit(found, paints, asked),
+                usual=usual_misfit(found, paints, search_options),
             )
         beside = write_page(record, report, overwrite=overwrite)
         console.print(f"Wrote the report to {report}, and the same as {beside[0]} and {beside[1]}")
