@@ -24,19 +24,10 @@ ANOTHER_COLOUR = 15.0
 """Colour difference (nearly CIE94) beyond which a film is no explanation of a reading."""
 ANOTHER_CHROMA = 7.0
 """The same of chroma alone (10 in CIELAB), for films without a coloured pigment."""
-# Log evidence of a set whose films all have another colour.
+# Log evidence of a set whose films all have another colour, however alike the slopes are.
 _IMPOSSIBLE = -30.0
 # Comparisons of readings with templates that are held at a time.
 _COMPARISONS = 3_000_000
-
-
-def without_impossible(
-    log_sets: Float[np.ndarray, "spectra sets"], possible: Bool[np.ndarray, "spectra sets"]
-) -> Float[np.ndarray, "spectra sets"]:
-    """Log evidence of sets, next to nothing for those that are impossible, however alike the slopes
-    are.
-    """
-    return np.where(possible, log_sets, np.minimum(log_sets, _IMPOSSIBLE))
 
 
 def _apart(
@@ -167,8 +158,9 @@ class FamilySearch:
         sources: Int[np.ndarray, "spectra"] | None,
     ) -> FamilyOdds:
         evidence = self._evidence(readings, sources)
-        log_sets, best, mean, sd = self._sum_by_set(evidence, self.sureness.power)
-        log_sets = without_impossible(log_sets, self._possible(readings)) + self.log_prior
+        possible = self._possible(readings)
+        log_sets, best, mean, sd = self._sum_by_set(evidence, possible, self.sureness.power)
+        log_sets = log_sets + self.log_prior
         if hidden is not None:
             log_sets = np.where(self._is_hidden(hidden), -np.inf, log_sets)
         none = self.sureness.none(log_sets, self.unknown)
@@ -194,21 +186,17 @@ class FamilySearch:
 
     def _possible(
         self, readings: Float[np.ndarray, "spectra bands"]
-    ) -> Bool[np.ndarray, "spectra sets"]:
-        """Whether some film of a set has the reading's colour."""
-        possible = ~np.concatenate(
-            [self._is_another_colour(readings, one) for one in self.ranges], axis=1
-        )
-        order, starts, _ = self._by_set()
-        return np.logical_or.reduceat(possible[:, order], starts, axis=1)
-
-    def _is_another_colour(
-        self, readings: Float[np.ndarray, "spectra bands"], one: Range
     ) -> Bool[np.ndarray, "spectra templates"]:
-        """Whether a template's colour cannot be a reading's; no colour is where no visible range
-        was read.
+        """Whether each template may have the reading's colour; all may where no visible range was
+        read.
         """
         body = readings - self.gloss(readings)[:, None] * self.surface
+        return ~np.concatenate([self._is_another_colour(body, one) for one in self.ranges], axis=1)
+
+    def _is_another_colour(
+        self, body: Float[np.ndarray, "spectra bands"], one: Range
+    ) -> Bool[np.ndarray, "spectra templates"]:
+        """Whether a template's colour cannot be that of readings without the surface's part."""
         read = colours(self.wavelengths[one.bands], body[:, one.bands])
         if read is None or one.colours is None:
             return np.zeros((len(readings), len(one.templates)), dtype=bool)
@@ -249,13 +237,14 @@ class FamilySearch:
         return np.concatenate(out, axis=1)
 
     def _sum_by_set(
-        self, evidence: Float[np.ndarray, "spectra templates"], power: float
+        self,
+        evidence: Float[np.ndarray, "spectra templates"],
+        possible: Bool[np.ndarray, "spectra templates"],
+        power: float,
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Log evidence of each set, its best template, and mean and standard deviation of the
-        fraction of its first family.
+        """Log mean evidence of each set, its best template (of the reading's colour, where one is),
+        and mean and standard deviation of the fraction of its first family.
         """
-        # Nearly the sum over a set's films: a family of many exemplars is commoner than one of a
-        # single exemplar, if less so than the sources' choice of paints makes it.
         order, starts, counts = self._by_set()
         sorted_evidence = power * evidence[:, order]
         top = np.maximum.reduceat(sorted_evidence, starts, axis=1)
@@ -264,13 +253,18 @@ class FamilySearch:
         sums = np.add.reduceat(weights, starts, axis=1)
         usable = np.add.reduceat(np.isfinite(sorted_evidence).astype(float), starts, axis=1)
         with np.errstate(divide="ignore"):
-            log_sets = np.log(sums) + safe - 0.25 * np.log(np.maximum(usable, 1.0))
+            log_sets = np.log(sums) + safe - np.log(np.maximum(usable, 1.0))
+        has_colour = possible[:, order]
+        explains = np.logical_or.reduceat(has_colour, starts, axis=1)
+        log_sets = np.where(explains, log_sets, np.minimum(log_sets, _IMPOSSIBLE))
+
         fraction = np.concatenate([one.templates.fractions[:, 0] for one in self.ranges])[order]
         mean = np.add.reduceat(weights * fraction, starts, axis=1) / np.maximum(sums, 1e-300)
         square = np.add.reduceat(weights * fraction**2, starts, axis=1) / np.maximum(sums, 1e-300)
+        shown = np.where(has_colour, sorted_evidence, sorted_evidence + 10.0 * _IMPOSSIBLE)
         best = np.stack(
             [
-                order[start + sorted_evidence[:, start : start + count].argmax(axis=1)]
+                order[start + shown[:, start : start + count].argmax(axis=1)]
                 for start, count in zip(starts, counts, strict=True)
             ],
             axis=1,
