@@ -25,8 +25,9 @@ from .templates import Templates, coefficients, mixed_templates, pure_templates
 from .varnish import CONDITIONS, Varnish
 
 # Shares of the exemplars that must know a band, for the narrowest and for a wider range, and the
-# fewest that make a range of their own.
-_NARROW, _WIDE, _FEWEST = 0.985, 0.45, 25
+# fewest that teach a range: what fewer know, such as the bands beyond 1000 nm, says less of how far
+# paints of one family are apart than it costs.
+_NARROW, _WIDE, _FEWEST = 0.985, 0.45, 13
 
 
 def search_families(
@@ -314,12 +315,12 @@ def _ranges(
     share = known.mean(axis=0)
     if not share.max() > 0:
         raise ValueError("no exemplar is known at the wavelengths of the spectra")
-    limits = [_NARROW * share.max(), _WIDE, _FEWEST / len(known)]
+    limits = [_NARROW * share.max(), _WIDE]
     out: list[Bool[np.ndarray, "bands"]] = []
     for limit in limits:
         bands = share >= min(limit, share.max())
         wider = not out or bands.sum() > out[-1].sum()
-        if bands.sum() >= 3 and wider and known[:, bands].all(axis=1).sum() >= _FEWEST / 2:
+        if bands.sum() >= 3 and wider and known[:, bands].all(axis=1).sum() >= _FEWEST:
             out.append(bands)
     if not out:
         raise ValueError(
