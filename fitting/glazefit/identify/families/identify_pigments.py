@@ -19,7 +19,7 @@ from ..search.options import IdentificationOptions
 from ..search.pool import NOBODY
 from ..search.searcher import check_spectra
 from ..search.task import Measured
-from .evidence import with_facts
+from .evidence import log_odds_of_elements, with_facts
 from .expected import EXPECTED
 from .naming import name_sets
 from .search import FamilyOdds, FamilySearch

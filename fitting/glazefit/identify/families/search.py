@@ -16,7 +16,7 @@ from glazejax import Pigment
 from ..result.groups import COLOURLESS
 from ..search.pool import NOBODY
 from .features import colours, views
-from .metric import Metric
+from .metric import Metric, squares_between
 from .sureness import Sureness
 from .templates import Templates
 
@@ -28,14 +28,6 @@ ANOTHER_CHROMA = 7.0
 _IMPOSSIBLE = -30.0
 # Comparisons of readings with templates that are held at a time.
 _COMPARISONS = 3_000_000
-
-
-def _apart(
-    one: Float[np.ndarray, "n axes"], other: Float[np.ndarray, "m axes"]
-) -> Float[np.ndarray, "n m"]:
-    """Distances between points."""
-    squares = np.sum(one**2, axis=1)[:, None] + np.sum(other**2, axis=1) - 2.0 * one @ other.T
-    return np.sqrt(np.maximum(squares, 0.0))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -199,14 +191,15 @@ class FamilySearch:
         """Whether a template's colour cannot be that of readings without the surface's part."""
         read = colours(self.wavelengths[one.bands], body[:, one.bands])
         if read is None or one.colours is None:
-            return np.zeros((len(readings), len(one.templates)), dtype=bool)
-        another = _apart(read, one.colours) > ANOTHER_COLOUR
+            return np.zeros((len(body), len(one.templates)), dtype=bool)
+        another = squares_between(read, one.colours) > ANOTHER_COLOUR**2
         # Whites, extenders and blacks have hardly a chroma of their own, and one that shows is not
         # theirs.
         families = np.append([name in COLOURLESS for name in self.families], True)
         colourless = families[self.members[one.sets]].all(axis=1)
-        tinted = _apart(read[:, 1:], one.colours[:, 1:]) > ANOTHER_CHROMA
-        return np.asarray(another | (tinted & colourless))
+        apart = squares_between(read[:, 1:], one.colours[colourless, 1:])
+        another[:, colourless] |= apart > ANOTHER_CHROMA**2
+        return np.asarray(another)
 
     def _is_hidden(
         self, hidden: Bool[np.ndarray, "spectra families"]
@@ -225,10 +218,11 @@ class FamilySearch:
         for one in self.ranges:
             # Views are not independent: their mean, a logarithmic pool (Genest and Zidek,
             # Statistical Science 1 (1986) 114), says what both say.
-            found = np.zeros((len(readings), len(one.templates)))
+            found = np.zeros((len(readings), len(one.templates)), dtype=np.float32)
             seen = views(self.wavelengths[one.bands], body[:, one.bands])
             for metric, values, places in zip(one.metrics, seen, one.places, strict=True):
-                found += metric.log_evidence(metric.place(values), places) / len(one.metrics)
+                found += metric.log_evidence(metric.place(values), places)
+            found /= len(one.metrics)
             if sources is not None:
                 of_members = np.append(self.source_of, NOBODY)[one.templates.members]
                 own = (of_members[None] == sources[:, None, None]).any(axis=-1)
@@ -245,13 +239,13 @@ class FamilySearch:
         """Log mean evidence of each set, its best template (of the reading's colour, where one is),
         and mean and standard deviation of the fraction of its first family.
         """
-        order, starts, counts = self._by_set()
+        order, starts, counts = self._by_set
         sorted_evidence = power * evidence[:, order]
         top = np.maximum.reduceat(sorted_evidence, starts, axis=1)
         safe = np.where(np.isfinite(top), top, 0.0)
         weights = np.exp(sorted_evidence - np.repeat(safe, counts, axis=1))
         sums = np.add.reduceat(weights, starts, axis=1)
-        usable = np.add.reduceat(np.isfinite(sorted_evidence).astype(float), starts, axis=1)
+        usable = np.add.reduceat(np.isfinite(sorted_evidence), starts, axis=1, dtype=float)
         with np.errstate(divide="ignore"):
             log_sets = np.log(sums) + safe - np.log(np.maximum(usable, 1.0))
         has_colour = possible[:, order]
@@ -259,18 +253,20 @@ class FamilySearch:
         log_sets = np.where(explains, log_sets, np.minimum(log_sets, _IMPOSSIBLE))
 
         fraction = np.concatenate([one.templates.fractions[:, 0] for one in self.ranges])[order]
-        mean = np.add.reduceat(weights * fraction, starts, axis=1) / np.maximum(sums, 1e-300)
-        square = np.add.reduceat(weights * fraction**2, starts, axis=1) / np.maximum(sums, 1e-300)
-        shown = np.where(has_colour, sorted_evidence, sorted_evidence + 10.0 * _IMPOSSIBLE)
+        mean = np.add.reduceat(weights * fraction, starts, axis=1) / np.maximum(sums, 1e-30)
+        mean = np.clip(mean, 0.0, 1.0)  # Sums of single precision are off by their last digit.
+        square = np.add.reduceat(weights * fraction**2, starts, axis=1) / np.maximum(sums, 1e-30)
+        sorted_evidence[~has_colour] += 10.0 * _IMPOSSIBLE
         best = np.stack(
             [
-                order[start + shown[:, start : start + count].argmax(axis=1)]
+                order[start + sorted_evidence[:, start : start + count].argmax(axis=1)]
                 for start, count in zip(starts, counts, strict=True)
             ],
             axis=1,
         )
         return log_sets, best, mean, np.sqrt(np.maximum(square - mean**2, 0.0))
 
+    @cached_property
     def _by_set(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Templates in the order of their sets, where each set starts, and how many it has."""
         sets = np.concatenate([one.sets for one in self.ranges])
