@@ -31,7 +31,9 @@ from glazefit.recover.joint_problem import Expectations
 from glazefit.recover.joint_result import JointRecovery
 from glazejax.commands.main import start_jax
 
-NEEDS = ("data/hyperdoc", "data/hyppigments", "data/bath", "data/grillini", "data/kimera")
+NEEDS = tuple(
+    f"data/{name}" for name in ("hyperdoc", "hyppigments", "bath", "grillini", "kimera", "usgs")
+)
 
 FOLDER = Path(glazejax.__file__).parent / "catalogue"
 INSTRUMENT = "45:0"
@@ -102,7 +104,10 @@ def fit_source(source: Source, every: int = 1) -> list[Exemplar]:
     if source.name in ("bath", "grillini"):
         return _opaque_mixtures(source)
     if source.name == "kimera":
-        return list(_masstones(source))
+        # The author's instrument is weak at its ends.
+        return list(_masstones(source, np.arange(410.0, 691.0, 10.0), "acrylic", "Kimera "))
+    if source.name == "usgs":
+        return list(_masstones(source, grid_of(source), "none: powder or mineral", ""))
     if source.name == "rrt":
         return list(_thin_and_thick(source))
     return []
@@ -291,17 +296,19 @@ def _opaque_mixtures(source: Source) -> list[Exemplar]:
     ]
 
 
-def _masstones(source: Source) -> Iterator[Exemplar]:
-    """Opaque pure paints, repeats averaged: k/s alone."""
-    # The author's instrument is weak at its ends.
-    grid = np.arange(410.0, 691.0, 10.0)
-    for code in source.paints:
+def _masstones(
+    source: Source, grid: Float[np.ndarray, "bands"], binder: str, maker: str
+) -> Iterator[Exemplar]:
+    """Opaque pure paints of known families, repeats averaged: k/s alone."""
+    for code, paint in source.paints.items():
+        if paint.family in (*UNCLEAR, FOREIGN):
+            continue
         rows = [row for row, sample in enumerate(source.samples) if sample.paints == (code,)]
         progress(f"{source.name}: {code}")
         mean = grid_readings(source, rows, grid).mean(axis=0, keepdims=True)
         recovery = fit([code], grid, mean, {code: {code: 1.0}})
-        found = exemplar(recovery, 0, source, code, mark=code.replace(" ", "-"), binder="acrylic")
-        yield replace(found, paint=f"Kimera {found.paint}")
+        found = exemplar(recovery, 0, source, code, mark=code.replace(" ", "-"), binder=binder)
+        yield replace(found, paint=f"{maker}{found.paint}")
 
 
 def _thin_and_thick(source: Source) -> Iterator[Exemplar]:

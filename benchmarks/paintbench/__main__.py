@@ -151,6 +151,7 @@ def run(sources: list[Source], own_films: bool = False, pairs: int | None = None
     # What a wrong word on the instrument costs: readings are mostly of 45:0.
     others = [FamilyCatalogue(instrument) for instrument in ("de:8", "d:8")]
     run_names(sources, others, record, tasks=("pigment", "pigment_400"))
+    run_names(sources, [FamilyCatalogue(elements=True)], record, tasks=("pigment",))
     record.score_calibration()
     run_own(sources, FamilyCatalogue(), record)
     progress("mixtures")

@@ -12,6 +12,7 @@ from benchmarks.kubelka_munk import KubelkaMunk
 from glazefit import Films, Identification, identify, predict_mixture, recover_jointly
 from glazefit.film.films import Instrument
 from glazefit.film.model.response import Response, film_response
+from glazefit.identify.families.evidence import with_facts
 from glazefit.identify.families.expected import EXPECTED
 from glazefit.identify.families.naming import name_sets
 from glazefit.identify.families.search import FamilySearch
@@ -44,10 +45,14 @@ class FamilyCatalogue:
 
     name = "glazejax"
 
-    def __init__(self, instrument: str = _INSTRUMENT):
+    def __init__(self, instrument: str = _INSTRUMENT, elements: bool = False):
+        """For an instrument; told or not which elements each sample's pigment holds."""
         self._instrument = instrument
+        self._elements = elements
         if instrument != _INSTRUMENT:
             self.name = f"glazejax, {instrument}"
+        if elements:
+            self.name = "glazejax, elements"
 
     def learn(self, library: Table) -> None:
         """Choose the exemplars whose source may be learnt from, and the bands that are there."""
@@ -70,9 +75,41 @@ class FamilyCatalogue:
         for row, family in enumerate(hidden):
             if family in search.families:
                 unknown[row, search.families.index(family)] = True
-        odds = search.odds(sought.readings[:, bands], hidden=unknown)
+        if self._elements:
+            return self._answers_with_elements(search, sought, bands, unknown)
+        return self._answers(search, sought.readings[:, bands], bands, unknown)
+
+    def _answers_with_elements(
+        self,
+        search: FamilySearch,
+        sought: Table,
+        bands: Int[np.ndarray, "bands"],
+        unknown: Bool[np.ndarray, "samples families"],
+    ) -> list[Answer]:
+        """Answers to samples of which X-ray fluorescence found all heavy elements and no other."""
+        about = catalogue.families()
+        answers: list[Answer | None] = [None] * len(sought)
+        for family in np.unique(sought.families):
+            rows = np.flatnonzero(sought.families == family)
+            found = about[family].elements if family in about else ()
+            known = with_facts(search, elements=found)
+            readings = sought.readings[np.ix_(rows, bands)]
+            for row, answer in zip(
+                rows, self._answers(known, readings, bands, unknown[rows]), strict=True
+            ):
+                answers[row] = answer
+        return [answer for answer in answers if answer is not None]
+
+    def _answers(
+        self,
+        search: FamilySearch,
+        readings: Float[np.ndarray, "samples bands"],
+        bands: Int[np.ndarray, "bands"],
+        unknown: Bool[np.ndarray, "samples families"],
+    ) -> list[Answer]:
+        odds = search.odds(readings, hidden=unknown)
         answers = []
-        surfaces = search.surface * search.gloss(sought.readings[:, bands])
+        surfaces = search.surface * search.gloss(readings)
         for chances, none, unlike, best, surface in zip(
             odds.sets, odds.none, odds.unlike, odds.best, surfaces, strict=True
         ):

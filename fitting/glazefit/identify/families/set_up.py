@@ -13,6 +13,7 @@ from glazejax.geometry import Geometry, Instrument, resolve_instrument
 
 from ...film.model.errors import Prior
 from ...film.model.response import FilmResponse, film_response
+from ..result.groups import COLOURLESS
 from ..search.pool import NOBODY
 from .calibration import calibrate
 from .expected import EXPECTED
@@ -23,11 +24,10 @@ from .sureness import Sureness
 from .templates import Templates, coefficients, mixed_templates, pure_templates
 from .varnish import CONDITIONS, Varnish
 
-COMMON = {"often": 3.0, "": 1.0, "rarely": 0.3}
-"""How common families are, compared with one another, by how they are met (`families.tsv`)."""
 # Shares of the exemplars that must know a band, for the narrowest and for a wider range, and the
-# fewest that make a range of their own.
-_NARROW, _WIDE, _FEWEST = 0.985, 0.45, 25
+# fewest that teach a range: what fewer know, such as the bands beyond 1000 nm, says less of how far
+# paints of one family are apart than it costs.
+_NARROW, _WIDE, _FEWEST = 0.985, 0.45, 13
 
 
 def search_families(
@@ -241,19 +241,23 @@ def _set_up_range(
 def _log_prior(
     members: Int[np.ndarray, "sets 2"], sizes: Sequence[float], families: Sequence[str]
 ) -> Float[np.ndarray, "sets"]:
-    """Log prior probability of each set: sets of one size share theirs by how common their families
+    """Log prior probability of each set: sets of one kind share theirs by how common their families
     are in paint.
     """
     known = catalogue.families()
     # An own reference may be of a family that the catalogue does not have.
-    met = [known[name].met if name in known else "" for name in families]
-    common = [COMMON[word] for word in met]
+    common = [known[name].common if name in known else 1.0 for name in families]
     weights = np.append(common, 1.0)[members].prod(axis=1)
-    of_size = (members >= 0).sum(axis=1)
-    shares = np.asarray(sizes, dtype=float)
-    shares /= shares.sum()
-    totals = np.bincount(of_size, weights=weights, minlength=len(shares) + 1)
-    return np.log(weights * shares[of_size - 1] / totals[of_size])
+    colourless = np.array([name in COLOURLESS for name in families])
+    mixed = members[:, 1] >= 0
+    # Half of all mixtures are of a colour with a white, an extender or a black.
+    tinted = mixed & colourless[members].any(axis=1)
+    kinds = [~mixed, tinted, mixed & ~tinted]
+    shares = [sizes[0], *[part / 2.0 for part in sizes[1:]] * 2]
+    for kind, share in zip(kinds, shares, strict=False):
+        if kind.any():
+            weights[kind] *= share / weights[kind].sum()
+    return np.log(weights / weights.sum())
 
 
 def _joined(parts: Sequence[Templates]) -> Templates:
@@ -311,12 +315,12 @@ def _ranges(
     share = known.mean(axis=0)
     if not share.max() > 0:
         raise ValueError("no exemplar is known at the wavelengths of the spectra")
-    limits = [_NARROW * share.max(), _WIDE, _FEWEST / len(known)]
+    limits = [_NARROW * share.max(), _WIDE]
     out: list[Bool[np.ndarray, "bands"]] = []
     for limit in limits:
         bands = share >= min(limit, share.max())
         wider = not out or bands.sum() > out[-1].sum()
-        if bands.sum() >= 3 and wider and known[:, bands].all(axis=1).sum() >= _FEWEST / 2:
+        if bands.sum() >= 3 and wider and known[:, bands].all(axis=1).sum() >= _FEWEST:
             out.append(bands)
     if not out:
         raise ValueError(
