@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from glazefit import identify
 from glazefit.film.partial_films import loose_films
@@ -12,8 +13,10 @@ from glazefit.identify.families.references import (
     read_references,
     references_of,
 )
+from glazefit.identify.families.set_up import search_families
 from glazejax import catalogue, stack_reflectance_factor
 from glazejax.catalogue.colour_index import colour_indices, family_named
+from glazejax.commands.main import make_app
 from glazejax.io import SpectraTable
 
 GRID = np.arange(400.0, 1001.0, 10.0)
@@ -230,6 +233,33 @@ def test_order_and_duplicates_change_nothing(shelf, odd):
         two, repeated = answer(shelf, 0.95 * odd, references(again).pigments)
         assert repeated == pytest.approx(chances, abs=1e-9)
         np.testing.assert_allclose(two.none, one.none, atol=1e-9)
+
+
+def test_references_do_not_teach_how_far_paints_are_apart(shelf, odd):
+    """Ten readings of one tube are nearer to one another than paints of two makers."""
+    noise = np.random.default_rng(7).normal(0.0, 1e-4, (10, GRID.size))
+    read = references({f"PV14, reading {n}": odd + row for n, row in enumerate(noise)})
+    alone, beside = (
+        search_families(GRID[VISIBLE], paints, opaque=True, instrument="45:0", max_paints=1)
+        for paints in (shelf, [*shelf, *read.pigments])
+    )
+    for one, two in zip(alone.ranges, beside.ranges, strict=True):
+        for metric, other in zip(one.metrics, two.metrics, strict=True):
+            np.testing.assert_array_equal(metric.whiten, other.whiten)
+
+
+def test_the_answer_names_the_reference(tmp_path, odd):
+    """On the screen, where it is of the answer's family, and not the other one."""
+    spots = write(tmp_path / "spots.csv", [(("spot",), 0.95 * odd)])
+    rows = [(("our [best] lake PV14",), odd), (("PW6",), np.full(GRID.size, 0.9))]
+    own = write(tmp_path / "own.csv", rows)
+    line = f"identify {spots} --opaque --instrument 45:0 --catalogue pigments --references {own}"
+    done = CliRunner().invoke(make_app(), line.split())
+    assert done.exit_code == 0, done.exception
+    assert "spot: cobalt violet, probability 9" in done.output
+    assert "\n  nearest reference: our [best] lake PV14 (own.csv)\n" in done.output
+    wrong = CliRunner().invoke(make_app(), [*line.split(), "--own-films"])
+    assert "--references are sought by family" in str(wrong.exception)
 
 
 def test_a_reference_that_knows_less_does_not_win(shelf, odd):
