@@ -6,6 +6,7 @@ from typer.testing import CliRunner
 
 from glazefit import identify
 from glazefit.film.partial_films import loose_films
+from glazefit.identify.families import set_up
 from glazefit.identify.families.references import (
     CARDS,
     OPAQUE,
@@ -13,8 +14,7 @@ from glazefit.identify.families.references import (
     read_references,
     references_of,
 )
-from glazefit.identify.families.set_up import search_families
-from glazejax import catalogue, stack_reflectance_factor
+from glazejax import catalogue, stack_hemispherical_reflectance, stack_reflectance_factor
 from glazejax.catalogue.colour_index import colour_indices, family_named
 from glazejax.commands.main import make_app
 from glazejax.io import SpectraTable
@@ -162,10 +162,16 @@ def test_what_cannot_be_read_is_one_line(tmp_path, odd, change, words):
 
 
 def test_an_opaque_reference_has_the_ratio_that_the_solver_was_given(odd):
-    (paint,) = references({"PB29": odd}).paints
-    ratio = np.asarray(paint.pigment.absorption / paint.pigment.scattering)
-    assert paint.told == OPAQUE
-    np.testing.assert_allclose(ratio, K / S, rtol=0.02)
+    # A sphere at 8 degrees sees the surface's mirror reflection, 4 % at an index of 1.5.
+    sphere = stack_hemispherical_reflectance(
+        (S / (K + S))[:, None], (1e-3 * (K + S))[:, None], 0.0, cos_incidence=np.cos(np.radians(8))
+    )
+    readings = {"45:0": odd, "d:8": 0.04 + np.asarray(sphere)}
+    for instrument, reading in readings.items():
+        (paint,) = references_of(films_of({"PB29": reading}), instrument=instrument).paints
+        ratio = np.asarray(paint.pigment.absorption / paint.pigment.scattering)
+        assert paint.told == OPAQUE
+        np.testing.assert_allclose(ratio, K / S, rtol=0.02)
 
 
 def test_cards_and_tints_tell_scattering(odd):
@@ -240,12 +246,24 @@ def test_references_do_not_teach_how_far_paints_are_apart(shelf, odd):
     noise = np.random.default_rng(7).normal(0.0, 1e-4, (10, GRID.size))
     read = references({f"PV14, reading {n}": odd + row for n, row in enumerate(noise)})
     alone, beside = (
-        search_families(GRID[VISIBLE], paints, opaque=True, instrument="45:0", max_paints=1)
+        set_up.search_families(GRID[VISIBLE], paints, opaque=True, instrument="45:0", max_paints=1)
         for paints in (shelf, [*shelf, *read.pigments])
     )
     for one, two in zip(alone.ranges, beside.ranges, strict=True):
         for metric, other in zip(one.metrics, two.metrics, strict=True):
             np.testing.assert_array_equal(metric.whiten, other.whiten)
+
+
+def test_references_of_the_visible_do_not_cost_the_infrared():
+    """However many there are, the bands of a range are those that the catalogue knows."""
+    known = np.where(np.arange(60)[:, None] < 40, True, VISIBLE)
+    own = np.tile(VISIBLE, (400, 1))
+    teaches = np.arange(460) < 60
+    alone = set_up._ranges(known, np.ones(60, bool))
+    beside = set_up._ranges(np.concatenate([known, own]), teaches)
+    assert [bands.tolist() for bands, _ in beside] == [bands.tolist() for bands, _ in alone]
+    assert [bands.sum() for bands, _ in alone] == [VISIBLE.sum(), GRID.size]
+    assert beside[0][1].sum() == 20 + 400
 
 
 def test_the_answer_names_the_reference(tmp_path, odd):

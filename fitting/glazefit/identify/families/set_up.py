@@ -119,7 +119,7 @@ def set_up(
     # Few exemplars are known below 410 nm, and one edge of rutile would outweigh all other slopes.
     known[:, :, wavelengths < 409.9] = np.nan
     members, number_of = _sets(len(families), max_paints)
-    shared = _ranges(np.isfinite(known[0]))
+    shared = _ranges(np.isfinite(known[0]), teaches)
     _check_span(wavelengths, shared[0][0], np.isfinite(known[0]))
 
     # In each range a metric of its own, from all exemplars that know its bands.
@@ -314,22 +314,24 @@ def _check_span(
 
 
 def _ranges(
-    known: Bool[np.ndarray, "exemplars bands"],
+    known: Bool[np.ndarray, "exemplars bands"], teaches: Bool[np.ndarray, "exemplars"]
 ) -> list[tuple[Bool[np.ndarray, "bands"], Bool[np.ndarray, "exemplars"]]]:
-    """Ranges of bands, nested, and the exemplars of which each is the widest that they know.
+    """Ranges of bands, nested, by what those know that the metric is learnt from, and the exemplars
+    of which each is the widest that they know.
 
     Raises:
         ValueError: too few exemplars know any band.
     """
-    share = known.mean(axis=0)
+    taught = known[teaches]
+    share = taught.mean(axis=0)
     if not share.max() > 0:
         raise ValueError("no exemplar is known at the wavelengths of the spectra")
-    limits = [_NARROW * share.max(), _WIDE, _FEWEST / len(known)]
+    limits = [_NARROW * share.max(), _WIDE, _FEWEST / len(taught)]
     out: list[Bool[np.ndarray, "bands"]] = []
     for limit in limits:
         bands = share >= min(limit, share.max())
         wider = not out or bands.sum() > out[-1].sum()
-        if bands.sum() >= 3 and wider and known[:, bands].all(axis=1).sum() >= _FEWEST / 2:
+        if bands.sum() >= 3 and wider and taught[:, bands].all(axis=1).sum() >= _FEWEST / 2:
             out.append(bands)
     if not out:
         raise ValueError(
