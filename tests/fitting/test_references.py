@@ -14,6 +14,8 @@ from glazefit.identify.families.references import (
     read_references,
     references_of,
 )
+from glazefit.identify.result.groups import FamilySet
+from glazefit.identify.show.terminal import _own_references
 from glazejax import catalogue, stack_hemispherical_reflectance, stack_reflectance_factor
 from glazejax.catalogue.colour_index import colour_indices, family_named
 from glazejax.commands.main import make_app
@@ -256,10 +258,10 @@ def test_references_do_not_teach_how_far_paints_are_apart(shelf, odd):
 
 def test_references_of_the_visible_do_not_cost_the_infrared():
     """However many there are, the bands of a range are those that the catalogue knows."""
-    known = np.where(np.arange(60)[:, None] < 40, True, VISIBLE)
+    known = np.where(np.arange(40)[:, None] < 20, True, VISIBLE)
     own = np.tile(VISIBLE, (400, 1))
-    teaches = np.arange(460) < 60
-    alone = set_up._ranges(known, np.ones(60, bool))
+    teaches = np.arange(440) < 40
+    alone = set_up._ranges(known, np.ones(40, bool))
     beside = set_up._ranges(np.concatenate([known, own]), teaches)
     assert [bands.tolist() for bands, _ in beside] == [bands.tolist() for bands, _ in alone]
     assert [bands.sum() for bands, _ in alone] == [VISIBLE.sum(), GRID.size]
@@ -267,10 +269,8 @@ def test_references_of_the_visible_do_not_cost_the_infrared():
 
 
 def test_the_answer_names_the_reference(tmp_path, odd):
-    """On the screen, where it is of the answer's family, and not the other one."""
     spots = write(tmp_path / "spots.csv", [(("spot",), 0.95 * odd)])
-    rows = [(("our [best] lake PV14",), odd), (("PW6",), np.full(GRID.size, 0.9))]
-    own = write(tmp_path / "own.csv", rows)
+    own = write(tmp_path / "own.csv", [(("our [best] lake PV14",), odd)])
     line = f"identify {spots} --opaque --instrument 45:0 --catalogue pigments --references {own}"
     done = CliRunner().invoke(make_app(), line.split())
     assert done.exit_code == 0, done.exception
@@ -278,6 +278,14 @@ def test_the_answer_names_the_reference(tmp_path, odd):
     assert "\n  nearest reference: our [best] lake PV14 (own.csv)\n" in done.output
     wrong = CliRunner().invoke(make_app(), [*line.split(), "--own-films"])
     assert "--references are sought by family" in str(wrong.exception)
+
+
+def test_only_references_of_the_answers_families_are_named():
+    near = ["chalk/ours 1 (own)", "azurite/ours 2 (own)", "indigo/ours 3 (own)"]
+    near.append(next(name for name in catalogue.provenance() if name.startswith("azurite/")))
+    within = {"a white": (("lead white", 0.6), ("chalk", 0.4))}
+    answer = FamilySet(families=("azurite", "a white"), probability=0.9, within=within)
+    assert _own_references(near, answer) == ["ours 1 (own)", "ours 2 (own)"]
 
 
 def test_a_reference_that_knows_less_does_not_win(shelf, odd):
