@@ -269,9 +269,9 @@ def test_a_maker_is_asked_with_the_paints_of_all_others(measured):
     assert len(method.heard) == 2 * len(every)
     for taught, (asked,) in method.heard:
         assert every - taught == {asked}
-        assert taught - every, "the library is there as well"
+        assert taught - every, "the library is not there"
     scores = record.results["references_380"]["makers"]["listener"]
-    assert scores["n"] > 300
+    assert (scores["n"] or 0) > 300
     assert scores["refused"] == 1.0
 
 

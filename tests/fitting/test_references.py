@@ -32,6 +32,7 @@ def band(middle, width):
 # A paint as none of the catalogue's: two narrow bands, as of a lake with a rare earth in it.
 K = 1e5 * (0.15 + 3.0 * band(585.0, 14.0) + 1.5 * band(505.0, 12.0) + 2.0 * band(800.0, 15.0))
 S = np.full(GRID.size, 4e5)
+CARD = {"b": 0.03, "w": 0.9}
 
 
 def film(k, s, thickness=1e-3, ground=0.0):
@@ -138,7 +139,7 @@ def test_a_table_is_read_by_names_and_by_a_column(tmp_path, odd):
         "PB29": ("ultramarine", "PB29"),
         "three": ("phthalocyanine green", "PG7"),
     }
-    (line,) = read.puzzles
+    (line,) = read.unclear
     assert line.startswith("four: it names neither")
     assert line.endswith("or add a column family")
     assert {paint.pigment.source for paint in read.paints} == {"own.csv"}
@@ -172,7 +173,7 @@ def test_an_opaque_reference_has_the_ratio_that_the_solver_was_given(odd):
     for instrument, reading in readings.items():
         (paint,) = references_of(films_of({"PB29": reading}), instrument=instrument).paints
         ratio = np.asarray(paint.pigment.absorption / paint.pigment.scattering)
-        assert paint.told == OPAQUE
+        assert paint.coefficients == OPAQUE
         np.testing.assert_allclose(ratio, K / S, rtol=0.02)
 
 
@@ -192,7 +193,7 @@ def test_cards_and_tints_tell_scattering(odd):
             "PG7 1:10 PW6": mixed,
         }
     )
-    assert [(paint.name, paint.told) for paint in read.paints] == [
+    assert [(paint.name, paint.coefficients) for paint in read.paints] == [
         ("PB29", CARDS),
         ("PG7", TINT),
         ("PW6", TINT),
@@ -209,8 +210,23 @@ def test_cards_and_tints_tell_scattering(odd):
     assert strength[0] / strength[1] == pytest.approx(np.median(bent / white_s), rel=0.15)
 
 
+def test_paint_that_hides_both_cards_has_a_ratio_alone():
+    spectra = {f"PB29_o{card}": film(K, S, 1e-3, ground) for card, ground in CARD.items()}
+    cards = {f"PB29_{card}": bare(ground) for card, ground in CARD.items()}
+    (paint,) = references(spectra | cards).paints
+    assert paint.coefficients == OPAQUE
+    ratio = np.asarray(paint.pigment.absorption / paint.pigment.scattering)
+    np.testing.assert_allclose(np.interp(GRID, paint.pigment.wavelengths, ratio), K / S, rtol=0.1)
+
+
+def test_a_coat_over_one_card_is_refused(odd):
+    """It tells neither k nor s, nor what they are to one another."""
+    read = references({"PB29_ow": film(K, S, 6e-6, 0.9), "PB29_w": bare(0.9), "PV14": odd})
+    assert read.unclear == ("PB29: over one card; give PB29_ob and PB29_ow, over both",)
+
+
 def test_a_tint_of_what_was_not_read_alone_is_told(odd):
-    (line,) = references({"PB29": odd, "PB29 1:10 PW6": odd}).puzzles
+    (line,) = references({"PB29": odd, "PB29 1:10 PW6": odd}).unclear
     assert line == "PB29 1:10 PW6: there is no spectrum of PW6 alone; give it too"
 
 

@@ -225,9 +225,9 @@ def identify(
             )
         from .families.references import read_references
 
-        beside = read_references(references, seen_with)
-        progress.print_notes(console, references, (*beside.notes, *beside.puzzles))
-        paints += beside.pigments
+        library = read_references(references, seen_with)
+        progress.print_notes(console, references, (*library.notes, *library.unclear))
+        paints += library.pigments
     inputs = input_files(read) if report is not None else []
     task = _read_spectra(
         file,

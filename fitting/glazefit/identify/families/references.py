@@ -30,10 +30,10 @@ from .identify_pigments import STEP
 from .templates import hiding_ratio
 
 TINT, CARDS, OPAQUE = "k and s by tints", "k and s by cards", "k/s alone"
-"""What a reference's readings tell."""
+"""Which coefficients a reference's readings determine, and by what."""
 # A reading above or below this is a level that a calibration got wrong, as for the exemplars.
 _BRIGHTEST, _DARKEST = 0.985, 0.001
-# Standard deviation of log k and log s beyond which they are not told apart.
+# Standard deviation of log k and log s from which on only k/s counts as determined.
 _OPEN = 0.5
 
 
@@ -44,13 +44,13 @@ class Reference(NamedTuple):
         name: as it was read.
         colour_index: numbers in its name or its column; empty where there are none.
         pigment: its exemplar, with family and source.
-        told: what its readings tell: `TINT`, `CARDS` or `OPAQUE`.
+        coefficients: that its readings determine: `TINT`, `CARDS` or `OPAQUE`.
     """
 
     name: str
     colour_index: str
     pigment: Pigment
-    told: str
+    coefficients: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,17 +59,17 @@ class References:
 
     Attributes:
         paints: those that are understood, by name.
-        puzzles: for each other one, its name and what mends it, a line.
+        unclear: for each other spectrum, its name and what to change, a line.
         notes: sentences of the reader.
     """
 
     paints: tuple[Reference, ...]
-    puzzles: tuple[str, ...]
+    unclear: tuple[str, ...]
     notes: tuple[str, ...]
 
     @property
     def pigments(self) -> tuple[Pigment, ...]:
-        """Exemplars, to be searched beside ``catalogue.load("pigments")``."""
+        """Exemplars, to be searched with those of ``catalogue.load("pigments")``."""
         return tuple(paint.pigment for paint in self.paints)
 
 
@@ -120,29 +120,32 @@ def references_of(
     Raises:
         ValueError: no film is understood, or their bands are too few.
     """
-    known = list(catalogue.load("pigments").values())
-    _check_bands(films, known)
+    exemplars = list(catalogue.load("pigments").values())
+    _check_bands(films, exemplars)
     stated = families or {}
     family_of: dict[str, str] = {}
-    puzzles = []
+    unclear = []
     recipes = recipes_from_names(films.names)
-    for name in films.names:
+    for row, name in enumerate(films.names):
         if len(recipes[name]) > 1:
             if missing := [paint for paint in recipes[name] if paint not in films.names]:
-                puzzles.append(f"{name}: there is no spectrum of {missing[0]} alone; give it too")
+                unclear.append(f"{name}: there is no spectrum of {missing[0]} alone; give it too")
+            continue
+        if not (films.opaque[row] or films.seen[row].all()):
+            unclear.append(f"{name}: over one card; give {name}_ob and {name}_ow, over both")
             continue
         try:
             family_of[name] = family_named(stated.get(name) or name)
         except ValueError as error:
-            puzzles.append(
+            unclear.append(
                 f"{name}: {error}; name it as 'ultramarine' or 'PB29', or add a column family"
             )
     if not family_of:
-        first = f": {puzzles[0]}" if puzzles else ""
+        first = f": {unclear[0]}" if unclear else ""
         raise ValueError(f"none of the {len(films)} spectra is understood{first}")
     seen_by = resolve_instrument(instrument)
-    told = [paint for paint in known if np.mean(np.asarray(paint.identifiable)) > 0.5]
-    fitted = _fitted(average(films, STEP), recipes, family_of, told, seen_by)
+    determined = [p for p in exemplars if np.mean(np.asarray(p.identifiable)) > 0.5]
+    fitted = _fitted(average(films, STEP), recipes, family_of, determined, seen_by)
     paints: dict[tuple[str, bytes], Reference] = {}
     # In the order of their names, so that the order of a file changes nothing.
     for name in sorted(family_of):
@@ -152,7 +155,7 @@ def references_of(
         if key in paints:
             continue
         pigment, by = fitted.get(name) or (
-            _hiding(films.wavelengths, films.over_white[row], family_of[name], told, seen_by),
+            _hiding(films.wavelengths, films.over_white[row], family_of[name], determined, seen_by),
             OPAQUE,
         )
         paints[key] = Reference(
@@ -164,14 +167,14 @@ def references_of(
                 source=source,
                 provenance=f"{name} of {source}; {by}",
             ),
-            told=by,
+            coefficients=by,
         )
-    return References(paints=tuple(paints.values()), puzzles=tuple(puzzles), notes=films.notes)
+    return References(paints=tuple(paints.values()), unclear=tuple(unclear), notes=films.notes)
 
 
-def _check_bands(films: Films, known: Sequence[Pigment]) -> None:
-    first = max(float(paint.wavelengths[0]) for paint in known)
-    last = min(float(paint.wavelengths[-1]) for paint in known)
+def _check_bands(films: Films, exemplars: Sequence[Pigment]) -> None:
+    first = max(float(paint.wavelengths[0]) for paint in exemplars)
+    last = min(float(paint.wavelengths[-1]) for paint in exemplars)
     grid = films.wavelengths
     if grid[0] > first or grid[-1] < last:
         raise ValueError(
@@ -184,16 +187,16 @@ def _hiding(
     wavelengths: Float[np.ndarray, "bands"],
     reading: Float[np.ndarray, "bands"],
     family: str,
-    told: Sequence[Pigment],
+    determined: Sequence[Pigment],
     instrument: Instrument,
 ) -> Pigment:
     """Paint that hides its ground: k/s as read, s as is usual for its family."""
-    seen = np.clip(running_mean(wavelengths, reading, STEP), _DARKEST, _BRIGHTEST)
+    reading = np.clip(running_mean(wavelengths, reading, STEP), _DARKEST, _BRIGHTEST)
     # A reading darker than the surface alone is of paint with less gloss.
-    surface = min(instrument.seen_surface, float(np.sort(seen)[:3].mean()))
+    surface = min(instrument.seen_surface, float(np.sort(reading)[:3].mean()))
     response = film_response(instrument.geometry, instrument.refractive_index)
-    scattering = _usual_scattering(told, family, wavelengths)
-    absorption = scattering * hiding_ratio(response, (seen - surface)[None])[0]
+    scattering = _usual_scattering(determined, family, wavelengths)
+    absorption = scattering * hiding_ratio(response, (reading - surface)[None])[0]
     return Pigment("", wavelengths, absorption, scattering)
 
 
@@ -201,19 +204,19 @@ def _fitted(
     films: Films,
     recipes: Mapping[str, Mapping[str, float]],
     family_of: Mapping[str, str],
-    told: Sequence[Pigment],
+    determined: Sequence[Pigment],
     instrument: Instrument,
 ) -> dict[str, tuple[Pigment, str]]:
-    """Paints that are there as tints or over cards, and which of the two told k from s.
+    """Paints that are there as tints or over cards, and which of the two determines k and s.
 
     Args:
         films: all of them.
         recipes: of each.
         family_of: family of each paint that is understood.
-        told: exemplars whose s is known.
+        determined: exemplars with an s of their own.
         instrument: that read the films.
     """
-    # Without its paints alone a tint tells nothing.
+    # Without its paints alone a tint determines nothing.
     mixed = {
         name
         for name in films.names
@@ -221,33 +224,35 @@ def _fitted(
     }
     in_tints = mixed.union(*(recipes[name] for name in mixed))
     tinted = [row for row, name in enumerate(films.names) if name in in_tints]
-    on_cards = [row for row in np.flatnonzero(~films.opaque).tolist() if row not in tinted]
+    on_cards = [
+        row
+        for row, name in enumerate(films.names)
+        if name in family_of and not films.opaque[row] and row not in tinted
+    ]
     out: dict[str, tuple[Pigment, str]] = {}
     for rows, by in ((tinted, TINT), (on_cards, CARDS)):
-        if not rows:
+        if not family_of.keys() & {films.names[row] for row in rows}:
             continue
         chosen = films.take(rows)
         recovery = recover_jointly(
             chosen, {name: recipes[name] for name in chosen.names}, instrument=instrument
         )
-        sd = recovery.relative_log_sd if by == TINT else recovery.log_sd
-        there = [
-            row
-            for row, paint in enumerate(recovery.paints)
-            if paint in family_of and np.median(sd[:, row]) < _OPEN
-        ]
-        if not there:
-            continue
-        # Their unit of length becomes the catalogue's: of tints one for all, whose strengths beside
-        # one another are known; over cards one for each, as thicknesses are not.
+        rows = [row for row, paint in enumerate(recovery.paints) if paint in family_of]
         grid = recovery.wavelengths
-        families = [family_of[recovery.paints[row]] for row in there]
-        usual = np.array([_usual_scattering(told, family, grid) for family in families])
-        steps = np.median(np.log(usual / recovery.scattering[there]), axis=1)
-        factors = np.exp(np.full_like(steps, np.median(steps)) if by == TINT else steps)
-        for row, factor in zip(there, factors, strict=True):
+        families = [family_of[recovery.paints[row]] for row in rows]
+        usual = np.array([_usual_scattering(determined, family, grid) for family in families])
+        steps = np.log(usual / recovery.scattering[rows])
+        sd = recovery.relative_log_sd if by == TINT else recovery.log_sd
+        is_open = np.median(sd[:, rows], axis=(0, 2)) > _OPEN
+        # Their unit of length becomes the catalogue's: of tints one for all, whose relative
+        # strengths are determined; over cards one for each, as thicknesses are not.
+        levels = np.median(steps, axis=1, keepdims=True)
+        levels = np.full_like(levels, np.median(levels)) if by == TINT else levels
+        # Where only k/s is determined, s is the usual one.
+        factors = np.exp(np.where(is_open[:, None], steps, levels))
+        for row, factor, alone in zip(rows, factors, is_open, strict=True):
             k, s = factor * recovery.absorption[row], factor * recovery.scattering[row]
-            out[recovery.paints[row]] = (Pigment("", grid, k, s), by)
+            out[recovery.paints[row]] = (Pigment("", grid, k, s), OPAQUE if alone else by)
     return out
 
 
@@ -278,8 +283,8 @@ def log_scattering(
 
 
 def _usual_scattering(
-    told: Sequence[Pigment], family: str, wavelengths: Float[np.ndarray, "bands"]
+    determined: Sequence[Pigment], family: str, wavelengths: Float[np.ndarray, "bands"]
 ) -> Float[np.ndarray, "bands"]:
-    """Median at each band of the s of a family's paints, or of all: of those whose s is known."""
-    own = [paint for paint in told if paint.family == family]
-    return np.exp(np.median(log_scattering(own or told, wavelengths), axis=0))
+    """Median at each band of the s of a family's paints, or of all where it has none."""
+    relatives = [paint for paint in determined if paint.family == family]
+    return np.exp(np.median(log_scattering(relatives or determined, wavelengths), axis=0))

@@ -9,7 +9,7 @@ from glazejax.io import write_table
 
 from ..families.references import Reference, read_references
 
-_COLUMNS = ("reference", "family", "colour_index", "first_nm", "last_nm", "told")
+_COLUMNS = ("reference", "family", "colour_index", "first_nm", "last_nm", "coefficients")
 
 
 def list_references(
@@ -26,16 +26,16 @@ def list_references(
     """
     read = read_references(file, instrument)
     rows = [_cells(paint) for paint in read.paints]
-    console.print(f"{'family':<23}{'nm':<10}{'Colour Index':<14}{'known':<19}reference")
-    for name, family, index, first, last, told in rows:
+    console.print(f"{'family':<23}{'nm':<10}{'Colour Index':<14}{'coefficients':<19}reference")
+    for name, family, index, first, last, coefficients in rows:
         console.print(
-            f"{family:<23}{f'{first}-{last}':<10}{index:<14}{told:<19}{name}",
+            f"{family:<23}{f'{first}-{last}':<10}{index:<14}{coefficients:<19}{name}",
             soft_wrap=True,
             markup=False,
         )
     families = len({paint.pigment.family for paint in read.paints})
     console.print(f"{len(rows)} references of {families} families, from {file}.", soft_wrap=True)
-    for line in read.puzzles:
+    for line in read.unclear:
         console.print(f"not understood: {line}", soft_wrap=True, markup=False)
     if csv is not None:
         write_table(csv, _COLUMNS, rows, overwrite=overwrite)
@@ -50,5 +50,5 @@ def _cells(paint: Reference) -> tuple[str, ...]:
         paint.colour_index,
         f"{grid[0]:.0f}",
         f"{grid[-1]:.0f}",
-        paint.told,
+        paint.coefficients,
     )
