@@ -26,6 +26,7 @@ from benchmarks.paintbench.library import grid_readings
 from benchmarks.paintbench.sources import FOREIGN, UNCLEAR, Source, read_sources
 from benchmarks.results import Results, command_line, progress
 from glazefit import Films, recover_jointly
+from glazefit.identify.families.references import log_scattering
 from glazefit.recover.joint import UNIT
 from glazefit.recover.joint_problem import Expectations
 from glazefit.recover.joint_result import JointRecovery
@@ -181,20 +182,9 @@ def exemplar(
         wavelengths=np.asarray(recovery.wavelengths),
         absorption=np.asarray(recovery.absorption[row]) / UNIT,
         scattering=np.asarray(recovery.scattering[row]) / UNIT,
-        log_sd=_own_log_sd(recovery)[:, row] + (0.0 if told_by else np.inf),
+        log_sd=recovery.relative_log_sd[:, row] + (0.0 if told_by else np.inf),
         rms=float(np.sqrt(np.mean(off[own] ** 2))),
     )
-
-
-def _own_log_sd(recovery: JointRecovery) -> Float[np.ndarray, "2 paints bands"]:
-    """Standard deviations of log k and log s but for a factor common to all paints of the source:
-    nothing can tell it where all films hide what is below, and it is chosen later.
-    """
-    covariance = np.asarray(recovery.log_covariance)  # (bands, 2 paints, 2 paints)
-    count = covariance.shape[-1]
-    rest = np.eye(count) - np.full((count, count), 1.0 / count)
-    variance = np.diagonal(rest @ covariance @ rest, axis1=1, axis2=2)
-    return np.sqrt(np.maximum(variance, 0.0)).T.reshape(2, count // 2, -1)
 
 
 def _chart(source: Source, every: int) -> Iterator[Exemplar]:
@@ -368,7 +358,7 @@ def with_usual_scattering(exemplars: Sequence[Exemplar]) -> list[Exemplar]:
             out.append(found)
             continue
         own = [other for other in told if other.family == found.family]
-        logs = np.stack([_log_scattering(other, found.wavelengths) for other in own or told])
+        logs = log_scattering(own or told, found.wavelengths)
         log_s = np.median(logs, axis=0)
         spread = np.maximum(logs.std(axis=0), 0.5) if len(own) > 1 else np.full(log_s.size, 1.0)
         scattering = np.exp(log_s)
@@ -383,13 +373,6 @@ def with_usual_scattering(exemplars: Sequence[Exemplar]) -> list[Exemplar]:
             )
         )
     return out
-
-
-def _log_scattering(
-    found: Exemplar, wavelengths: Float[np.ndarray, "bands"]
-) -> Float[np.ndarray, "bands"]:
-    """On another grid; beyond its ends as at them."""
-    return np.interp(wavelengths, found.wavelengths, np.log(found.scattering))
 
 
 def lines_of(exemplars: Sequence[Exemplar]) -> list[str]:

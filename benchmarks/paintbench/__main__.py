@@ -23,7 +23,7 @@ from .mixers import AbsorbanceUnmixing, KubelkaMunk
 from .program import FamilyCatalogue, FilmCatalogues, JointFit
 from .sources import Source, read_sources
 from .splits import check_hashes
-from .tasks import Failure, Record, Scores, interval, run_mixing, run_names, run_own
+from .tasks import Failure, Record, Scores, interval, run_mixing, run_names, run_own, run_references
 
 NEEDS = ("data/hyperdoc", "data/bath", "data/grillini", "sklearn")
 
@@ -46,6 +46,17 @@ _RECORDED = {
             ("three", _OURS, "three"),
             ("neighbour", "slopes of both", "first"),
             ("classifier", "linear classifier", "first"),
+        )
+    },
+    **{
+        f"makers_{what}": (task, "makers", method, score)
+        for what, task, method, score in (
+            ("first", "pigment_400", _OURS, "first"),
+            ("three", "pigment_400", _OURS, "three"),
+            ("neighbour", "pigment_400", "slopes of both", "first"),
+            ("references_first", "references_400", "glazejax, references", "first"),
+            ("references_three", "references_400", "glazejax, references", "three"),
+            ("references_neighbour", "references_400", "slopes of both", "first"),
         )
     },
     "none_found": ("none", "hyperdoc", _OURS, "found"),
@@ -109,7 +120,7 @@ def main() -> None:
         results.record(**quantities(coats, _RECORDED_OF_COATS))
         results.save()
         return
-    record = run(sources, own_films=options.own_films, pairs=options.pairs)
+    record = run(sources, options.own_films, options.pairs, options.every)
     # Scores of sources from outside are no result of the repository's.
     if find_spec("sklearn") is None:
         print("left out, scikit-learn is not installed: the linear classifier")
@@ -136,13 +147,16 @@ def thinned(source: Source, every: int) -> Source:
     return source.take(range(0, len(source.samples), every))
 
 
-def run(sources: list[Source], own_films: bool = False, pairs: int | None = None) -> Record:
+def run(
+    sources: list[Source], own_films: bool = False, pairs: int | None = None, every: int = EVERY
+) -> Record:
     """All tasks; with identification among the oils and acrylics alone, if asked.
 
     Args:
         sources: of samples.
         own_films: whether paints are sought among the oils and acrylics, too.
         pairs: mixtures, and superpositions, that the task coats takes of each source; None for all.
+        every: one maker in so many is sought among the others' paints.
     """
     record = Record()
     progress("names of pigments")
@@ -153,6 +167,8 @@ def run(sources: list[Source], own_films: bool = False, pairs: int | None = None
     run_names(sources, others, record, tasks=("pigment", "pigment_400"))
     run_names(sources, [FamilyCatalogue(elements=True)], record, tasks=("pigment",))
     record.score_calibration()
+    nearest = [namer for namer in namers() if namer.name == "slopes of both"]
+    run_references(sources, [FamilyCatalogue(references="makers"), *nearest], record, every=every)
     run_own(sources, FamilyCatalogue(), record)
     progress("mixtures")
     run_mixing(

@@ -12,9 +12,11 @@ from benchmarks.kubelka_munk import KubelkaMunk
 from glazefit import Films, Identification, identify, predict_mixture, recover_jointly
 from glazefit.film.films import Instrument
 from glazefit.film.model.response import Response, film_response
+from glazefit.film.partial_films import loose_films
 from glazefit.identify.families.evidence import with_facts
 from glazefit.identify.families.expected import EXPECTED
 from glazefit.identify.families.naming import name_sets
+from glazefit.identify.families.references import References, references_of
 from glazefit.identify.families.search import FamilySearch
 from glazefit.identify.families.set_up import search_families
 from glazefit.identify.result.groups import FamilySet
@@ -22,6 +24,7 @@ from glazefit.recover.crossvalidation import cross_validate
 from glazefit.recover.joint import UNIT
 from glazefit.recover.prediction import Prediction, predict_films
 from glazejax import Pigment, catalogue
+from glazejax.io import SpectraTable
 
 from .library import Answer, Table
 from .mixers import Foretold, Mixtures
@@ -45,19 +48,26 @@ class FamilyCatalogue:
 
     name = "glazejax"
 
-    def __init__(self, instrument: str = _INSTRUMENT, elements: bool = False):
-        """For an instrument; told or not which elements each sample's pigment holds."""
+    def __init__(self, instrument: str = _INSTRUMENT, elements: bool = False, references: str = ""):
+        """For an instrument; told or not which elements each sample's pigment holds, and with or
+        without the samples of a group as reference paints.
+        """
         self._instrument = instrument
         self._elements = elements
+        self._references = references
         if instrument != _INSTRUMENT:
             self.name = f"glazejax, {instrument}"
         if elements:
             self.name = "glazejax, elements"
+        if references:
+            self.name = "glazejax, references"
 
     def learn(self, library: Table) -> None:
         """Choose the exemplars whose source may be learnt from, and the bands that are there."""
         groups = set(library.groups.tolist())
         self._pigments = [p for p in catalogue.load("pigments").values() if p.source in groups]
+        if self._references in groups:
+            self._pigments += references_in(library, self._references, self._instrument).pigments
         self._searches: dict[tuple[bytes, bool], FamilySearch] = {}
 
     def answer(self, sought: Table, hidden: Sequence[str | None], pairs: bool) -> list[Answer]:
@@ -150,6 +160,16 @@ class FamilyCatalogue:
             doubt=none,
             refused=refused,
         )
+
+
+def references_in(library: Table, group: str, instrument: str) -> References:
+    """The samples of a group as a user's reference paints."""
+    own = library.take((library.groups == group) & (library.families != FOREIGN))
+    bands = np.isfinite(own.readings).all(axis=0)
+    names = tuple(sample.name for sample in own.samples)
+    films = loose_films(SpectraTable(GRID[bands], names, own.readings[:, bands]))
+    families = dict(zip(names, own.families.tolist(), strict=True))
+    return references_of(films, families, instrument=instrument, source=group)
 
 
 class FilmCatalogues:

@@ -12,6 +12,7 @@ import typer
 from glazejax.commands import options, progress
 from glazejax.commands.command_line import command_line, ground_file, option
 from glazejax.commands.help_groups import help_groups
+from glazejax.commands.paints import list_references_by
 
 from ..page import subject as head
 
@@ -31,15 +32,22 @@ _MANY = 2000
 
 
 def register(app: typer.Typer) -> None:
-    """Add the command."""
+    """Add the command, and to `glazejax paints` how it lists reference paints."""
     app.command("identify")(identify)
+    list_references_by(_list_references)
+
+
+def _list_references(*args: Any) -> None:
+    from .show.references import list_references
+
+    list_references(*args)
 
 
 @help_groups(
     usual="--ground --catalogue --only --out --report",
     given=(
-        "--samples --bare --opaque --pigments --without --elements --without-elements "
-        "--painted --varnish --own-films --instrument"
+        "--samples --bare --opaque --pigments --references --without --elements "
+        "--without-elements --painted --varnish --own-films --instrument"
     ),
     tried="--max-paints --max-coats --thorough",
     written="--top --csv --residuals --object --inventory --spot --operator --overwrite",
@@ -67,6 +75,7 @@ def identify(
     opaque: Annotated[bool, typer.Option("--opaque", help="The films hide their ground.")] = False,
     pigments: options.Pigments = None,
     catalogue: options.CatalogueName = None,
+    references: Annotated[Path | None, options.REFERENCES] = None,
     only: options.Only = "",
     without: options.Without = "",
     samples: options.Samples = "",
@@ -185,7 +194,12 @@ def identify(
         )
     usual = options.read_length(thickness)
     outputs = {"--csv": csv, "--residuals": residuals, "--out": out, **_report_files(report)}
-    read = {"FILE": file, "--ground": ground_file(ground), "--pigments": pigments}
+    read = {
+        "FILE": file,
+        "--ground": ground_file(ground),
+        "--pigments": pigments,
+        "--references": references,
+    }
     options.check_outputs(outputs, overwrite, inputs=list(read.values()))
     from glazejax.commands.main import start_jax
 
@@ -212,6 +226,17 @@ def identify(
             "--elements, --without-elements and --painted weigh families of pigments: give "
             "--catalogue pigments"
         )
+    if references is not None:
+        if not by_family:
+            raise ValueError(
+                "--references are sought by family: give --catalogue pigments, and neither "
+                "--pigments nor --own-films"
+            )
+        from .families.references import read_references
+
+        library = read_references(references, seen_with)
+        progress.print_notes(console, references, (*library.notes, *library.unclear))
+        paints += library.pigments
     inputs = input_files(read) if report is not None else []
     task = _read_spectra(
         file,

@@ -31,8 +31,8 @@ class Family(NamedTuple):
             acetate are named for what they hold.
         sold: "rarely" where it is sold as a powder or by few makers only, "no longer" where it is
             not sold as artists' paint; empty where it is.
-        common: how common films of it are, compared with those of a family of one pigment: the
-            number of Colour Index pigments that artists' paints of the family hold, or .3 where few
+        common: how common films of it are, compared with those of a family of one pigment: how many
+            pigments of the Colour Index most artists' paints of the family hold, or .3 where few
             paintings and makers' paints hold it; a judgement, after R. J. Gettens and G. L. Stout,
             Painting Materials (1942), and Artists' Pigments, vols. 1-4 (National Gallery of Art,
             1986-2007).

@@ -112,11 +112,14 @@ def set_up(
     sources = tuple(sorted({pigment.source for pigment in pigments}))
     family_of = np.array([families.index(pigment.family) for pigment in pigments])
     source_of = np.array([sources.index(pigment.source) for pigment in pigments])
+    # A user may have read one reference many times: how far paints are apart the catalogue says.
+    shipped = np.array([pigment.name in catalogue.provenance() for pigment in pigments])
+    teaches = shipped if shipped.any() else ~shipped
     known = coefficients(pigments, wavelengths)
     # Few exemplars are known below 410 nm, and one edge of rutile would outweigh all other slopes.
     known[:, :, wavelengths < 409.9] = np.nan
     members, number_of = _sets(len(families), max_paints)
-    shared = _ranges(np.isfinite(known[0]))
+    shared = _ranges(np.isfinite(known[0]), teaches)
     _check_span(wavelengths, shared[0][0], np.isfinite(known[0]))
 
     # In each range a metric of its own, from all exemplars that know its bands.
@@ -126,6 +129,7 @@ def set_up(
             known[:, :, bands],
             bands=bands,
             own=own,
+            teaches=teaches,
             family_of=family_of,
             number_of=number_of,
             response=response,
@@ -170,6 +174,7 @@ def _set_up_range(
     *,
     bands: Bool[np.ndarray, "all_bands"],
     own: Bool[np.ndarray, "exemplars"],
+    teaches: Bool[np.ndarray, "exemplars"],
     family_of: Int[np.ndarray, "exemplars"],
     number_of: Int[np.ndarray, "families families"],
     response: FilmResponse,
@@ -184,6 +189,7 @@ def _set_up_range(
         known: k and s of all exemplars there, NaN where they are not known.
         bands: of the readings.
         own: exemplars that know no wider range, whose films are this one's.
+        teaches: exemplars that the metric is learnt from.
         family_of: number of each exemplar's family.
         number_of: of a set, by its families.
         response: of the instrument.
@@ -201,12 +207,19 @@ def _set_up_range(
     pure = pure.take(np.flatnonzero(np.isfinite(pure.readings).all(axis=1)))
     # One spectrum of each paint teaches how far paints are apart.
     exemplars, first = np.unique(pure.members[:, 0], return_index=True)
-    bodies = pure.readings[first]
+    taught = teaches[exemplars]
+    bodies = pure.readings[first[taught]]
     pure = cover(pure)
     moved = [None, None] if varnish is None else varnish.differences(response, wavelengths, bodies)
     seen = views(wavelengths, pure.readings[first])
     metrics = tuple(
-        learn_metric(values, family_of[exemplars], exemplars, differences, components=components)
+        learn_metric(
+            values[taught],
+            family_of[exemplars[taught]],
+            exemplars[taught],
+            differences,
+            components=components,
+        )
         # The view of one gloss has lost what tells dark paints apart: fewer components hold it.
         for values, differences, components in zip(seen, moved, (25, 12), strict=True)
     )
@@ -305,14 +318,16 @@ def _check_span(
 
 
 def _ranges(
-    known: Bool[np.ndarray, "exemplars bands"],
+    known: Bool[np.ndarray, "exemplars bands"], teaches: Bool[np.ndarray, "exemplars"]
 ) -> list[tuple[Bool[np.ndarray, "bands"], Bool[np.ndarray, "exemplars"]]]:
-    """Ranges of bands, nested, and the exemplars of which each is the widest that they know.
+    """Ranges of bands, nested, by what those know that the metric is learnt from, and the exemplars
+    of which each is the widest that they know.
 
     Raises:
         ValueError: too few exemplars know any band.
     """
-    share = known.mean(axis=0)
+    taught = known[teaches]
+    share = taught.mean(axis=0)
     if not share.max() > 0:
         raise ValueError("no exemplar is known at the wavelengths of the spectra")
     limits = [_NARROW * share.max(), _WIDE]
@@ -320,7 +335,7 @@ def _ranges(
     for limit in limits:
         bands = share >= min(limit, share.max())
         wider = not out or bands.sum() > out[-1].sum()
-        if bands.sum() >= 3 and wider and known[:, bands].all(axis=1).sum() >= _FEWEST:
+        if bands.sum() >= 3 and wider and taught[:, bands].all(axis=1).sum() >= _FEWEST:
             out.append(bands)
     if not out:
         raise ValueError(
