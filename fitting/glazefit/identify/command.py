@@ -64,7 +64,7 @@ def identify(
     ] = False,
     opaque: Annotated[bool, typer.Option("--opaque", help="The films hide their ground.")] = False,
     pigments: options.Pigments = None,
-    catalogue: options.CatalogueName = None,
+    catalogue: Annotated[str | None, options.catalogue_option(options.PIGMENTS)] = None,
     only: options.Only = "",
     without: options.Without = "",
     samples: options.Samples = "",
@@ -157,23 +157,26 @@ def identify(
     ] = None,
     overwrite: options.Overwrite = False,
 ) -> None:
-    """Which paints are in a film: a ranked list with probabilities, fractions and thickness.
+    """Which pigments are in a paint, whoever made it: a ranked list with probabilities.
 
-    All sets of up to three paints compete, and with them the answer that
-    nothing in the catalogue explains the film. Thicknesses are on the scale
-    of the catalogue; the films of its oils are taken as 25 micrometres thick.
+    --catalogue oils or acrylics, or your own --pigments, asks for films by
+    that one maker instead: paints, fractions and thickness, on the scale of
+    the catalogue; films of its oils are taken as 25 micrometres thick. Films
+    that were read over two cards are asked for both.
 
-    Example: glazejax identify films.tsv --out found.png
+    Example: glazejax identify spectra.csv --opaque --instrument 45:0
     """
     typed = dict(locals())
     if file is None:
         raise ValueError("no FILE was given; name a table of spectra, such as films.tsv")
     _check_numbers(max_paints, max_coats, top)
-    if pigments is not None and catalogue == "pigments" and not own_films:
+    if pigments is not None and catalogue == options.PIGMENTS and not own_films:
         raise ValueError(
             f"--catalogue pigments is sought by family, and the paints of {pigments} have none: "
             "choose --catalogue oils or acrylics beside them, or leave out --pigments"
         )
+    from glazejax.io import read_spectra
+
     usual = options.read_length(thickness)
     outputs = {"--csv": csv, "--residuals": residuals, "--out": out, **_report_files(report)}
     read = {"FILE": file, "--ground": ground_file(ground), "--pigments": pigments}
@@ -186,6 +189,25 @@ def identify(
         raise ValueError("--opaque films show no ground: leave out --ground, or leave out --opaque")
     if bare and ground is None:
         raise ValueError("--bare says how --ground was measured: give --ground too")
+    if catalogue is pigments is None:
+        catalogue = options.PIGMENTS
+        chosen = own_films or only or without
+        if not (chosen or opaque or ground) and _over_cards(read_spectra(file).names):
+            # Two cards tell a film's thickness too, and families have none.
+            second = {**typed, "catalogue": options.OILS}
+            for option in ("csv", "residuals", "out", "report"):
+                if (path := typed[option]) is not None:
+                    second[option] = path.with_stem(f"{path.stem}-{options.OILS}")
+            outputs = {
+                "--csv": second["csv"],
+                "--residuals": second["residuals"],
+                "--out": second["out"],
+                **_report_files(second["report"]),
+            }
+            options.check_outputs(outputs, overwrite, inputs=list(read.values()))
+            identify(**{**typed, "catalogue": catalogue})
+            identify(**second)
+            return
 
     from rich.console import Console
 
@@ -203,6 +225,7 @@ def identify(
             "--elements, --without-elements and --painted weigh families of pigments: give "
             "--catalogue pigments"
         )
+    asked = options.say_asked(paints, catalogue, pigments, by_family=by_family)
     inputs = input_files(read) if report is not None else []
     task = _read_spectra(
         file,
@@ -275,7 +298,16 @@ def identify(
         painted=painted,
     )
     if report is not None:
-        about = _about(typed, task, seen_with, settings, paints, inputs)
+        about = _about(
+            typed,
+            name=catalogue,
+            asked=asked,
+            task=task,
+            instrument=seen_with,
+            settings=settings,
+            paints=paints,
+            inputs=inputs,
+        )
         if report_builder is not None:
             beside = report_builder.write(found, about, report, top, overwrite=overwrite)
         else:
@@ -288,6 +320,7 @@ def identify(
         f"[dim]{words} against {len(paints)} paints in {how.seconds:.1f} s, compilation "
         "included.[/dim]"
     )
+    console.print(asked, soft_wrap=True)
     if how.interrupted:
         progress.stop_interrupted(console, len(found), len(task.spectra), "spectra")
 
@@ -316,6 +349,13 @@ def _report_files(report: Path | None) -> dict[str, Path | None]:
     return {"--report": report, "the table of --report": table, "the JSON of --report": data}
 
 
+def _over_cards(names: Sequence[str]) -> bool:
+    """Whether rows of a table are films over cards, in fours."""
+    from ..film.readers import ROWS
+
+    return all(name.rpartition("_")[2] in ROWS for name in names)
+
+
 def _check_numbers(max_paints: int, max_coats: int, top: int) -> None:
     if max_paints not in (1, 2, 3):
         raise ValueError(f"--max-paints is {max_paints}; it must be 1, 2 or 3")
@@ -341,7 +381,7 @@ def _read_spectra(
 
     from glazejax.io import read_spectra
 
-    from ..film.readers import ROWS, read_films
+    from ..film.readers import read_films
     from ..film.shared_bands import shared_bands
     from .identify import ground_from_air
 
@@ -358,14 +398,25 @@ def _read_spectra(
         else shared_bands(table.wavelengths, paints)
     )
     notes = (*table.notes, *changes)
-    if (
-        ground is None
-        and not opaque
-        and all(name.rpartition("_")[2] in ROWS for name in table.names)
-    ):
+    if ground is None and not opaque and _over_cards(table.names):
         films = read_films(file)
         films = films.select(wanted) if wanted else films
+        if by_family:
+            changes = (
+                "families are sought from the readings over the white cards, of which the mean is "
+                "taken; those over black are not used",
+            )
         progress.print_notes(console, file, changes)
+        if by_family:
+            return _Spectra(
+                names=films.names,
+                wavelengths=films.wavelengths,
+                spectra=films.over_white,
+                # One ground for all: each other one is a search that is set up anew.
+                ground=inside(films.bare_white.mean(axis=0)),
+                words=("white card, measured bare, the mean of all",),
+                notes=(*notes, *changes),
+            )
         cards = np.stack([films.bare_black, films.bare_white], axis=1) @ mean
         spectra = np.stack([films.over_black, films.over_white], axis=1) @ mean
         words = ("black card, measured bare", "white card, measured bare")
@@ -421,6 +472,8 @@ def _read_spectra(
 
 def _about(
     typed: Mapping[str, Any],
+    name: str | None,
+    asked: str,
     task: _Spectra,
     instrument: "Instrument",
     settings: Mapping[str, Any],
@@ -435,10 +488,9 @@ def _about(
     from .show.record import Provenance
 
     own = typed["pigments"]
-    name = typed["catalogue"] or (options.OILS if own is None else None)
     words = " and ".join(str(each) for each in (own, name) if each is not None)
     scales = dict.fromkeys(filter(None, map(catalogue.assumed_scale, paints)))
-    shelf: dict[str, Any] = {"name": words, "scale": "; ".join(scales) or None}
+    shelf: dict[str, Any] = {"name": words, "asked": asked, "scale": "; ".join(scales) or None}
     if name is not None:
         shelf["file"], shelf["sha256"] = catalogue.checksum(name)
     return Provenance(
