@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 
 from glazefit import simulate_films
 from glazefit.identify.command import register
+from glazefit.identify.result.in_tests import came_true
 from glazejax import catalogue
 from glazejax.io import write_table
 
@@ -220,6 +221,8 @@ def test_films_over_cards_are_asked_for_pigments_and_for_films(table, tmp_path):
     asked = [line for line in result.output.splitlines() if line.startswith("Asked: ")]
     assert [line.split(",")[0] for line in asked] == ["Asked: pigments", "Asked: oils"]
     assert result.output.splitlines()[-1] == asked[1]
+    assert "red: vermilion, probability" in result.output
+    assert "read without the near infrared" in result.output
     assert "--catalogue oils asks for films" in asked[0]
     assert "--catalogue pigments asks" in asked[1]
     assert "vermilion/" in file.read_text()
@@ -232,7 +235,7 @@ def test_a_report_by_family_is_filed(shared_data, tmp_path):
     page = tmp_path / "report.html"
     file = str(shared_data / "hyperdoc" / "reflectance.tsv")
     words = ["identify", file, "--opaque", "--instrument", "45:0", "--catalogue", "pigments"]
-    words += ["--samples", "01A,41A", "--painted", "1620", "--report", str(page)]
+    words += ["--samples", "01A,12A", "--painted", "1620", "--top", "40", "--report", str(page)]
     result = run(*words[1:])
     assert result.exit_code == 0, result.output
     text = page.read_text()
@@ -241,15 +244,19 @@ def test_a_report_by_family_is_filed(shared_data, tmp_path):
     assert "gum arabic" in text
     assert "not of 1620: emerald green was in use 1814-" in text
     record = json.loads((tmp_path / "report.json").read_text())
-    assert [spot["name"] for spot in record["spots"]] == ["01A", "41A"]
+    assert [spot["name"] for spot in record["spots"]] == ["01A", "12A"]
     first = record["spots"][0]
     assert first["families"][0]["families"][0] == "azurite"
+    right, answers = came_true(first["families"][0]["probability"], infrared=True)
+    assert first["in_tests"] == {"right": right, "answers": answers}
+    assert f"in tests {right / answers:.0%} right" in first["words"]
     # Exemplars that are known in the visible alone are drawn there alone.
     known = [value is not None for value in first["explanations"][0]["fitted"][0]]
     assert any(known)
     assert len(known) == len(record["measurement"]["wavelengths_nm"])
     with (tmp_path / "report.csv").open() as lines:
         rows = list(csv.DictReader(lines))
+    assert rows[0]["right_in_tests"] == f"{right} of {answers}"
     assert float(rows[0]["probability"]) == pytest.approx(first["families"][0]["probability"])
 
 

@@ -22,6 +22,7 @@ _COLUMNS = (
     "rank",
     "families",
     "probability",
+    "right_in_tests",
     "not_of_the_year",
     "nearest_exemplars",
 )
@@ -83,6 +84,7 @@ def _spot(found: Identification, row: int, top: int, painted: int | None) -> dic
         "explained": bool(found.explained[row]),
         "words": found.verdict(row),
         "none_of_these": float(found.none[row]),
+        "in_tests": _in_tests(found, row),
         "coats_probability": float(found.coats_probability[row]),
         "coats": found.coats_words(row),
         "colours": describe_colours(found, row),
@@ -116,6 +118,11 @@ def _spot(found: Identification, row: int, top: int, painted: int | None) -> dic
     }
 
 
+def _in_tests(found: Identification, row: int) -> dict[str, int] | None:
+    counts = found.came_true(row)
+    return None if counts is None else {"right": counts[0], "answers": counts[1]}
+
+
 def _exemplar(candidate: Candidate) -> dict[str, Any]:
     known = catalogue.provenance()
     return {
@@ -140,6 +147,7 @@ def _exemplar(candidate: Candidate) -> dict[str, Any]:
 def _rows(record: Record) -> Iterator[list[object]]:
     for spot in record["spots"]:
         near = " + ".join(paint["name"] for paint in spot["explanations"][0]["paints"])
+        tests = spot["in_tests"]
         for answer in spot["families"]:
             yield [
                 spot["name"],
@@ -148,6 +156,7 @@ def _rows(record: Record) -> Iterator[list[object]]:
                 answer["rank"],
                 answer["words"],
                 answer["probability"],
+                f"{tests['right']} of {tests['answers']}" if tests and answer["rank"] == 1 else "",
                 answer["anachronism"],
                 near,
             ]

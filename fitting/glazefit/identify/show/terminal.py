@@ -15,6 +15,7 @@ from glazejax.report import plain_table
 from ...page.words import chance
 from ..families.evidence import describe_anachronism
 from ..result import Identification
+from ..result.in_tests import has_infrared
 from .ambiguity import describe_ambiguity
 
 COLUMNS = (
@@ -72,18 +73,14 @@ def print_families(
     for row, name in enumerate(found.measured.names):
         sets = found.family_sets[row][:top]
         if found.explained[row]:
-            console.print(
-                f"{name}: {sets[0].words}, probability {sets[0].probability:.0%}", **_AS_IS
-            )
+            console.print(f"{name}: {sets[0].words}, {found.stated_words(row)}", **_AS_IS)
         else:
             console.print(f"{name}: {found.unexplained(row)}", **_AS_IS)
         for family in sets[0].families if sets else ():
             if family in known:
                 about = known[family]
-                console.print(
-                    f"  {family}: {about.formula}, {about.colour_index}, in use {about.in_use}",
-                    **_AS_IS,
-                )
+                facts = (about.formula, about.colour_index, f"in use {about.in_use}")
+                console.print(f"  {family}: {', '.join(f for f in facts if f != '-')}", **_AS_IS)
         if sets and painted is not None:
             words = describe_anachronism(sets[0].families, known, painted)
             if words:
@@ -108,6 +105,14 @@ def print_families(
             )
         near = dict.fromkeys(paint for c in found.ranked(row, top) for paint in c.paints)
         console.print(f"  nearest exemplars: {', '.join(list(near)[:top])}", style="dim", **_AS_IS)
+    if found.explained.any():
+        read = "with" if has_infrared(found.measured.wavelengths) else "without"
+        console.print(
+            "In tests: so many of the answers that were as sure were right, on pure paints by "
+            f"others, read {read} the near infrared; of mixtures fewer are.",
+            style="dim",
+            **_AS_IS,
+        )
 
 
 _AS_IS: dict[str, Any] = {"markup": False, "soft_wrap": True}

@@ -126,7 +126,7 @@ def map_task(
     # All that decides what a pixel's answer is: a map goes on only where these are the same.
     options = {
         # Of what a map's store holds.
-        "version": 3,
+        "version": 4,
         "image": _identity(source, array),
         "catalogue": {p.name: _digest(p.absorption, p.scattering) for p in known},
         "ground": below,
