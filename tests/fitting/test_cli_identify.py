@@ -225,7 +225,10 @@ def test_films_over_cards_are_asked_for_pigments_and_for_films(table, tmp_path):
     assert "read without the near infrared" in result.output
     assert "--catalogue oils asks for films" in asked[0]
     assert "--catalogue pigments asks" in asked[1]
-    assert "vermilion/" in file.read_text()
+    first = next(csv.DictReader(file.open()))
+    assert first["families"] == "vermilion"
+    assert first["nearest_exemplars"].startswith("vermilion/")
+    assert " of " in first["right_in_tests"]
     assert "Vermillion" in (tmp_path / "found-oils.csv").read_text()
 
 

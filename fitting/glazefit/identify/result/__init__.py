@@ -217,7 +217,7 @@ class Identification:
         own = self.coats_odds[row] if self.coats_odds else ()
         if not own:
             return ""
-        return f"{' and '.join(own[0].paints)}: {own[0].words()}"
+        return f"if it is of {' and '.join(own[0].paints)}: {own[0].words()}"
 
     @cached_property
     def fractions(self) -> Float[np.ndarray, "spectra candidates 3"]:
@@ -430,6 +430,9 @@ class Identification:
             if nearest.delta_e < UNSEEN
             else f"is off by Delta E00 {nearest.delta_e:.1f}"
         )
+        if self.none[row] < 0.5:
+            # Improbable as it is that nothing does, its films are off by more than an eye forgives.
+            return f"no film of the catalogue comes near this; the nearest, {nearest.words}, {off}"
         return (
             f"{start} (probability {self.none[row]:.0%}); the nearest of its films, "
             f"{nearest.words}, {off}"

@@ -33,6 +33,19 @@ COLUMNS = (
     "explained",
     "coats_probability",
 )
+FAMILY_COLUMNS = (
+    "spectrum",
+    "rank",
+    "families",
+    "probability",
+    "right_in_tests",
+    "nearest_exemplars",
+    "none_of_these",
+    "explained",
+    "coats_probability",
+)
+"""Of a table of families: how often an answer that sure was right in tests stands with the first.
+"""
 
 
 def print_identification(found: Identification, console: Console, top: int, detailed: int) -> None:
@@ -91,8 +104,10 @@ def print_families(
             for other in sets[1:]
             if other.probability >= 0.005
         ]
+        if found.explained[row]:
+            others.append(f"none of them {found.none[row]:.0%}")
         if others:
-            console.print(f"  or {'; '.join(others)}; none of them {found.none[row]:.0%}", **_AS_IS)
+            console.print(f"  or {'; '.join(others)}", **_AS_IS)
         if words := found.coats_words(row):
             console.print(f"  {words}", **_AS_IS)
         # A few hundredths are noise of the darkest bands.
@@ -190,11 +205,32 @@ def rows(found: Identification, top: int) -> Iterator[list[object]]:
             ]
 
 
+def family_rows(found: Identification, top: int) -> Iterator[list[object]]:
+    """Cells of `FAMILY_COLUMNS`, a row an answer."""
+    for row, name in enumerate(found.measured.names):
+        counts = found.came_true(row)
+        for rank, answer in enumerate(found.family_sets[row][:top], start=1):
+            yield [
+                name,
+                rank,
+                answer.words,
+                answer.probability,
+                f"{counts[0]} of {counts[1]}" if counts and rank == 1 else "",
+                " + ".join(found.ranked(row, 1)[0].paints) if rank == 1 else "",
+                found.none[row],
+                bool(found.explained[row]),
+                found.coats_probability[row],
+            ]
+
+
 def write_candidates(
     found: Identification, path: Path, top: int, *, overwrite: bool = False
 ) -> None:
-    """Write the ranked explanations, a line each."""
-    write_table(path, COLUMNS, rows(found, top), overwrite=overwrite)
+    """Write the ranked explanations, a line each: of families the answers themselves."""
+    if found.family_sets:
+        write_table(path, FAMILY_COLUMNS, family_rows(found, top), overwrite=overwrite)
+    else:
+        write_table(path, COLUMNS, rows(found, top), overwrite=overwrite)
 
 
 def write_residuals(found: Identification, path: Path, *, overwrite: bool = False) -> None:
