@@ -21,12 +21,14 @@ from typer.testing import CliRunner
 
 import glazefit.mapping.example
 import glazefit.mapping.map_cube
+from glazefit.identify.families.expected import EXPECTED
 from glazefit.mapping.command import register
 from glazefit.mapping.options import read_bands, read_binning, read_memory, read_spots, read_window
 from glazefit.mapping.store.chunk import ChunkMaps, SetSum
 from glazefit.mapping.store.layout import VARIABLES, Status
 from glazefit.mapping.store.run import run_chunks
 from glazefit.mapping.store.store import MapStore, open_map
+from glazejax import catalogue
 
 xarray = pytest.importorskip("xarray")
 pytest.importorskip("zarr")
@@ -339,6 +341,18 @@ def test_an_interrupt_before_there_is_a_map_is_only_that(tmp_path, monkeypatch, 
     done = run(cube, "--opaque")
     assert done.exit_code == 143
     assert "Stopped: no map was begun." in done.output
+
+
+def test_pigments_are_mapped_unless_another_catalogue_is_named(tmp_path, monkeypatch, cube, mapped):
+    monkeypatch.chdir(tmp_path)
+    for words, name in (([], "pigments"), (OILS, "oils")):
+        done = run(cube, "--opaque", "--out", f"{name}.zarr", *words)
+        assert done.exception is None, done.output
+        assert [p.name for p in mapped[-1]["pigments"]] == list(catalogue.load(name))
+        assert done.output.splitlines()[-1].startswith(f"Asked: {name}, ")
+    # Far fewer films are of no family than of no paint of one maker.
+    assert mapped[0]["prior"] == EXPECTED
+    assert mapped[1]["prior"].unknown > EXPECTED.unknown
 
 
 def test_ground_and_spots_are_measured_in_the_cube(tmp_path, monkeypatch, cube, mapped):
