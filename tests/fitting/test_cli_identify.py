@@ -216,7 +216,19 @@ def test_films_over_cards_are_asked_for_pigments_and_for_films(table, tmp_path):
     (tmp_path / "found-oils.csv").touch()
     assert "found-oils.csv" in str(run(table, "--csv", file).exception)
     assert not file.exists()
-    result = run(table, "--samples", "red", "--csv", file, "--overwrite")
+    # What is told of families is not asked of the oils.
+    result = run(
+        table,
+        "--samples",
+        "red",
+        "--csv",
+        file,
+        "--overwrite",
+        "--painted",
+        "1620",
+        "--elements",
+        "Hg",
+    )
     assert result.exit_code == 0, result.output
     asked = [line for line in result.output.splitlines() if line.startswith("Asked: ")]
     assert [line.split(",")[0] for line in asked] == ["Asked: pigments", "Asked: oils"]

@@ -194,7 +194,8 @@ def identify(
         chosen = own_films or only or without
         if not (chosen or opaque or ground) and _over_cards(read_spectra(file).names):
             # Two cards tell a film's thickness too, and families have none.
-            second = {**typed, "catalogue": options.OILS}
+            of_families = {"elements": "", "without_elements": "", "painted": None}
+            second = {**typed, **of_families, "catalogue": options.OILS}
             for option in ("csv", "residuals", "out", "report"):
                 if (path := typed[option]) is not None:
                     second[option] = path.with_stem(f"{path.stem}-{options.OILS}")

@@ -322,7 +322,9 @@ def map_(
             overwrite=overwrite,
             progress=report_progress,
         )
+    asked = options.say_asked(paints, catalogue, pigments, by_family=by_family)
     facts = {
+        "Catalogue": asked,
         "Ground": words,
         "Instrument": f"{seen_by.describe()}, refractive index {refractive_index:g}",
     }
@@ -361,9 +363,7 @@ def map_(
         provenance=provenance,
         write_spots=write_spots,
     )
-    console.print(
-        options.say_asked(paints, catalogue, pigments, by_family=by_family), soft_wrap=True
-    )
+    console.print(asked, soft_wrap=True)
 
 
 def _check_outputs(
