@@ -47,7 +47,11 @@ def test_a_map_by_families_says_what_identify_says(cube, paints, tmp_path):
     assert np.abs(found["none"].to_numpy().ravel() - single.none).max() < 0.1
     assert found["paint_probability"].sel(paint="azurite").to_numpy()[0].min() > 0.5
     assert found["paint_probability"].sel(paint="azurite").to_numpy()[1:].max() < 0.1
+    # A family that is told apart is of its group.
+    assert found["paint_probability"].sel(paint="a white").to_numpy()[3].min() > 0.5
     assert np.isnan(found["thickness"].to_numpy()).all()
+    shares = found["fraction"].to_numpy()
+    assert np.allclose(np.nansum(shares, axis=-1), 1.0, atol=1e-5)
     assert found.attrs["agreement"]["first"] == 1.0
 
 

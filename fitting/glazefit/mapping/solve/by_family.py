@@ -167,7 +167,7 @@ class FamilySearcher:
             names = [name if name in first.families else group_of(name) for name in families]
             if sorted(names) == sorted(first.families):
                 order = [names.index(name) for name in first.families]
-                answers.amounts[row, : len(order)] = np.log(candidate.amounts[order])
+                answers.amounts[row, : len(order)] = np.log(candidate.fractions[order])
                 answers.covariance[row] = found.log_covariance[row, place]
                 answers.fitted[row] = candidate.fitted[0]
                 answers.misfit[row] = candidate.delta_e
