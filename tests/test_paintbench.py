@@ -274,6 +274,37 @@ def test_unmixing_is_exact_where_absorbances_add():
     assert method.foretell(np.eye(2)) is None
 
 
+class Listener:
+    """A method that keeps which makers it was taught and asked, and answers nothing."""
+
+    name = "listener"
+
+    def __init__(self):
+        self.heard = []
+
+    def learn(self, library):
+        self.heard.append({sample.name.split("-")[0] for sample in library.samples})
+
+    def answer(self, sought, hidden, pairs):
+        asked = {sample.name.split("-")[0] for sample in sought.samples}
+        self.heard[-1] = (self.heard[-1], asked)
+        return [Answer(ranked=(), doubt=0.0, refused=True)] * len(sought)
+
+
+def test_a_maker_is_asked_with_the_paints_of_all_others(measured):
+    method = Listener()
+    record = tasks.Record()
+    tasks.run_references([measured["makers"], measured["kimera"]], [method], record)
+    every = {sample.name.split("-")[0] for sample in measured["makers"].samples}
+    assert len(method.heard) == 2 * len(every)
+    for taught, (asked,) in method.heard:
+        assert every - taught == {asked}
+        assert taught - every, "the library is not there"
+    scores = record.results["references_380"]["makers"]["listener"]
+    assert (scores["n"] or 0) > 300
+    assert scores["refused"] == 1.0
+
+
 @pytest.mark.slow
 def test_the_bench_runs_on_some_sources_and_takes_one_from_outside(
     tmp_path, shared_data, monkeypatch, capsys

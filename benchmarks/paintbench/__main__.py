@@ -35,6 +35,7 @@ from .tasks import (
     run_mixing,
     run_names,
     run_own,
+    run_references,
     stated_and_right,
 )
 
@@ -61,6 +62,17 @@ _RECORDED = {
             ("three", _OURS, "three"),
             ("neighbour", "slopes of both", "first"),
             ("classifier", "linear classifier", "first"),
+        )
+    },
+    **{
+        f"makers_{what}": (task, "makers", method, score)
+        for what, task, method, score in (
+            ("first", "pigment_400", _OURS, "first"),
+            ("three", "pigment_400", _OURS, "three"),
+            ("neighbour", "pigment_400", "slopes of both", "first"),
+            ("references_first", "references_400", "glazejax, references", "first"),
+            ("references_three", "references_400", "glazejax, references", "three"),
+            ("references_neighbour", "references_400", "slopes of both", "first"),
         )
     },
     "none_found": ("none", "hyperdoc", _OURS, "found"),
@@ -132,7 +144,7 @@ def main() -> None:
         results.record(**quantities(coats, _RECORDED_OF_COATS))
         results.save()
         return
-    record = run(sources, own_films=options.own_films, pairs=options.pairs)
+    record = run(sources, options.own_films, options.pairs, options.every)
     # Scores of sources from outside are no result of the repository's.
     if find_spec("sklearn") is None:
         print("left out, scikit-learn is not installed: the linear classifier")
@@ -178,13 +190,16 @@ def thinned(source: Source, every: int) -> Source:
     return source.take(range(0, len(source.samples), every))
 
 
-def run(sources: list[Source], own_films: bool = False, pairs: int | None = None) -> Record:
+def run(
+    sources: list[Source], own_films: bool = False, pairs: int | None = None, every: int = EVERY
+) -> Record:
     """All tasks; with identification among the oils and acrylics alone, if asked.
 
     Args:
         sources: of samples.
         own_films: whether paints are sought among the oils and acrylics, too.
         pairs: mixtures, and superpositions, that the task coats takes of each source; None for all.
+        every: one maker in so many is sought among the others' paints.
     """
     record = Record()
     progress("names of pigments")
@@ -193,7 +208,10 @@ def run(sources: list[Source], own_films: bool = False, pairs: int | None = None
     # What a wrong word on the instrument costs: readings are mostly of 45:0.
     others = [FamilyCatalogue(instrument) for instrument in ("de:8", "d:8")]
     run_names(sources, others, record, tasks=("pigment", "pigment_400"))
+    run_names(sources, [FamilyCatalogue(elements=True)], record, tasks=("pigment",))
     record.score_calibration()
+    nearest = [namer for namer in namers() if namer.name == "slopes of both"]
+    run_references(sources, [FamilyCatalogue(references="makers"), *nearest], record, every=every)
     run_own(sources, FamilyCatalogue(), record)
     progress("mixtures")
     run_mixing(

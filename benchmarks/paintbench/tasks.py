@@ -302,6 +302,46 @@ def stated_and_right(
     return out
 
 
+def run_references(
+    sources: Sequence[Source],
+    namers: Sequence[Namer],
+    record: Record,
+    group: str = "makers",
+    every: int = 1,
+) -> None:
+    """Tasks `references_400` and `references_380`: each maker of a group's paints is sought with
+    those of its other makers beside the library, as a user's own references are.
+
+    Args:
+        sources: of samples.
+        namers: methods.
+        record: that the scores go to.
+        group: whose samples' names begin with a maker, up to a hyphen.
+        every: one maker in so many is sought.
+    """
+    table = pure_table([s for s in sources if s.learnable or s.group == group])
+    own = table.groups == group
+    maker = np.array([sample.name.split("-")[0] for sample in table.samples])
+    makers = sorted(set(maker[own].tolist()))[::every]
+    for task in ("pigment_400", "pigment_380") if makers else ():
+        bands = within(RANGES[task])
+        for namer in namers:
+            answers: list[Answer] = []
+            asked: list[Table] = []
+            for one in makers:
+                is_sought = own & (maker == one)
+                library = table.take(~is_sought)
+                has_family = np.isin(table.families, known_families(library))
+                sought = _blank(table.take(is_sought & has_family).within(bands), bands)
+                learner = _whole_grid(namer, library, bands)
+                answers += learner.answer(sought, [None] * len(sought), pairs=False)
+                asked.append(sought)
+            truths = [(str(family),) for sought in asked for family in sought.families]
+            readings = np.concatenate([sought.readings for sought in asked])
+            scores = score_names(answers, truths) | score_headlines(answers, truths, readings)
+            record.add(task.replace("pigment", "references"), group, namer.name, scores)
+
+
 def run_own(sources: Sequence[Source], namer: Namer, record: Record) -> None:
     """Tasks `pigment_own` and `mixture_own`: the source that the oils are from, with nothing
     hidden: whether what was made for anybody's paint also serves for the catalogue's own films.

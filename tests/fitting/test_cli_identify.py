@@ -250,14 +250,14 @@ def test_a_report_by_family_is_filed(shared_data, tmp_path):
     page = tmp_path / "report.html"
     file = str(shared_data / "hyperdoc" / "reflectance.tsv")
     words = ["identify", file, "--opaque", "--instrument", "45:0", "--catalogue", "pigments"]
-    words += ["--samples", "01A,12A", "--painted", "1620", "--top", "40", "--report", str(page)]
+    words += ["--samples", "01A,12A", "--painted", "1950", "--report", str(page)]
     result = run(*words[1:])
     assert result.exit_code == 0, result.output
     text = page.read_text()
     assert "2CuCO3·Cu(OH)2" in text
     assert "PB30" in text
     assert "gum arabic" in text
-    assert "not of 1620: emerald green was in use 1814-" in text
+    assert "not of 1950: azurite was in use antiquity-18th c." in text
     record = json.loads((tmp_path / "report.json").read_text())
     assert [spot["name"] for spot in record["spots"]] == ["01A", "12A"]
     first = record["spots"][0]

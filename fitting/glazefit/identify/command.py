@@ -12,6 +12,7 @@ import typer
 from glazejax.commands import options, progress
 from glazejax.commands.command_line import command_line, ground_file, option
 from glazejax.commands.help_groups import help_groups
+from glazejax.commands.paints import list_references_by
 
 if TYPE_CHECKING:
     import numpy as np
@@ -29,15 +30,22 @@ _MANY = 2000
 
 
 def register(app: typer.Typer) -> None:
-    """Add the command."""
+    """Add the command, and to `glazejax paints` how it lists reference paints."""
     app.command("identify")(identify)
+    list_references_by(_list_references)
+
+
+def _list_references(*args: Any) -> None:
+    from .show.references import list_references
+
+    list_references(*args)
 
 
 @help_groups(
     usual="--ground --catalogue --only --out --report",
     given=(
-        "--samples --bare --opaque --pigments --without --elements --without-elements "
-        "--painted --varnish --own-films --instrument"
+        "--samples --bare --opaque --pigments --references --without --elements "
+        "--without-elements --painted --varnish --own-films --instrument"
     ),
     tried="--max-paints --max-coats --thorough",
     written="--top --csv --residuals --overwrite",
@@ -65,6 +73,7 @@ def identify(
     opaque: Annotated[bool, typer.Option("--opaque", help="The films hide their ground.")] = False,
     pigments: options.Pigments = None,
     catalogue: Annotated[str | None, options.catalogue_option(options.PIGMENTS)] = None,
+    references: Annotated[Path | None, options.REFERENCES] = None,
     only: options.Only = "",
     without: options.Without = "",
     samples: options.Samples = "",
@@ -179,7 +188,12 @@ def identify(
 
     usual = options.read_length(thickness)
     outputs = {"--csv": csv, "--residuals": residuals, "--out": out, **_report_files(report)}
-    read = {"FILE": file, "--ground": ground_file(ground), "--pigments": pigments}
+    read = {
+        "FILE": file,
+        "--ground": ground_file(ground),
+        "--pigments": pigments,
+        "--references": references,
+    }
     options.check_outputs(outputs, overwrite, inputs=list(read.values()))
     from glazejax.commands.main import start_jax
 
@@ -194,11 +208,16 @@ def identify(
         chosen = own_films or only or without
         if not (chosen or opaque or ground) and _over_cards(read_spectra(file).names):
             # Two cards tell a film's thickness too, and families have none.
-            of_families = {"elements": "", "without_elements": "", "painted": None}
+            of_families = {
+                "references": None,
+                "elements": "",
+                "without_elements": "",
+                "painted": None,
+            }
             second = {**typed, **of_families, "catalogue": options.OILS}
-            for option in ("csv", "residuals", "out", "report"):
-                if (path := typed[option]) is not None:
-                    second[option] = path.with_stem(f"{path.stem}-{options.OILS}")
+            for each in ("csv", "residuals", "out", "report"):
+                if (path := typed[each]) is not None:
+                    second[each] = path.with_stem(f"{path.stem}-{options.OILS}")
             outputs = {
                 "--csv": second["csv"],
                 "--residuals": second["residuals"],
@@ -226,7 +245,18 @@ def identify(
             "--elements, --without-elements and --painted weigh families of pigments: give "
             "--catalogue pigments"
         )
-    asked = options.say_asked(paints, catalogue, pigments, by_family=by_family)
+    if references is not None:
+        if not by_family:
+            raise ValueError(
+                "--references are sought by family: give --catalogue pigments, and neither "
+                "--pigments nor --own-films"
+            )
+        from .families.references import read_references
+
+        library = read_references(references, seen_with)
+        progress.print_notes(console, references, (*library.notes, *library.unclear))
+        paints += library.pigments
+    asked = options.say_asked(paints, catalogue, pigments or references, by_family=by_family)
     inputs = input_files(read) if report is not None else []
     task = _read_spectra(
         file,

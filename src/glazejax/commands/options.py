@@ -92,6 +92,14 @@ def catalogue_option(default: str) -> Any:
 
 
 CatalogueName = Annotated[str | None, catalogue_option(OILS)]
+REFERENCES = typer.Option(
+    "--references",
+    metavar="FILE",
+    help="Your own reference paints, added to the catalogue's pigments: a table of reflectance, "
+    "names with a Colour Index number or a family (PB29, ultramarine) or a column `family`; "
+    "NAME_ob and NAME_ow are over cards, 'PB29 1:10 PW6' is a tint, others hide their ground.",
+    show_default=False,
+)
 Only = Annotated[
     str,
     typer.Option(

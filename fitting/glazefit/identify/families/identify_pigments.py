@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import ArrayLike, Float
 
-from glazejax import Pigment, catalogue
+from glazejax import Pigment
 from glazejax.geometry import resolve_instrument
 from glazejax.spectra import describe_grid, validate_wavelengths
 
@@ -19,7 +19,7 @@ from ..search.options import IdentificationOptions
 from ..search.pool import NOBODY
 from ..search.searcher import check_spectra
 from ..search.task import Measured
-from .evidence import log_odds_of_elements, log_odds_of_year
+from .evidence import log_odds_of_elements, with_facts
 from .expected import EXPECTED
 from .naming import name_sets
 from .search import FamilyOdds, FamilySearch
@@ -140,17 +140,12 @@ def _search(
             varnish=varnish,
             sureness=alike[0].sureness if alike and ground is not None else None,
         )
-    search = _SEARCHES[key]
-    if options.elements or options.without_elements or options.painted is not None:
-        known = catalogue.families()
-        sets = [
-            [known[search.families[member]] for member in row if member >= 0]
-            for row in search.members
-        ]
-        fits = log_odds_of_elements(sets, options.elements, options.without_elements)
-        fits = fits + log_odds_of_year(sets, options.painted)
-        search = replace(search, log_prior=search.log_prior + fits)
-    return search
+    return with_facts(
+        _SEARCHES[key],
+        elements=options.elements,
+        absent=options.without_elements,
+        painted=options.painted,
+    )
 
 
 def _identification(

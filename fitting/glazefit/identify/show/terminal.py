@@ -1,6 +1,6 @@
 """What `glazejax identify` leaves: lines on the screen and tables."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ from glazejax.report import plain_table
 from ...page.words import chance
 from ..families.evidence import describe_anachronism
 from ..result import Identification
+from ..result.groups import FamilySet
 from ..result.in_tests import has_infrared
 from .ambiguity import describe_ambiguity
 
@@ -119,6 +120,8 @@ def print_families(
                 **_AS_IS,
             )
         near = dict.fromkeys(paint for c in found.ranked(row, top) for paint in c.paints)
+        if own := _own_references(near, sets[0] if sets else None):
+            console.print(f"  nearest reference: {', '.join(own)}", **_AS_IS)
         console.print(f"  nearest exemplars: {', '.join(list(near)[:top])}", style="dim", **_AS_IS)
     if found.explained.any():
         read = "with" if has_infrared(found.measured.wavelengths) else "without"
@@ -128,6 +131,18 @@ def print_families(
             style="dim",
             **_AS_IS,
         )
+
+
+def _own_references(near: Iterable[str], answer: FamilySet | None) -> list[str]:
+    """Of the nearest paints, those of the user's own that are of an answer's families: names that
+    the catalogue does not have.
+    """
+    if answer is None:
+        return []
+    families = {family for shares in answer.within.values() for family, _ in shares}
+    families.update(answer.families)
+    own = (paint.partition("/") for paint in near if paint not in catalogue.provenance())
+    return [name for family, _, name in own if family in families]
 
 
 _AS_IS: dict[str, Any] = {"markup": False, "soft_wrap": True}
