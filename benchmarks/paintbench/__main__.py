@@ -46,7 +46,7 @@ EVERY = 1
 _SHARES = ("first", "three", "refused", "sure", "nonsense", "found", "false", "right", "decided")
 _OURS = FamilyCatalogue.name
 # Between these, stated probabilities are counted together.
-STATED = (0.0, 0.2, 0.4, 0.6, 0.8, 0.9, 1.01)
+STATED = (0.0, 0.4, 0.6, 0.8, 0.9, 1.01)
 # Shares that are recorded: name -> task, source, method, score.
 _RECORDED = {
     **{

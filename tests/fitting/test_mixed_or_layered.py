@@ -25,6 +25,7 @@ from glazefit.identify.coats.readings import (
     GridReadings,
     grid_readings,
 )
+from glazefit.identify.result.odds import DECIDED
 from glazejax import Bidirectional, Glaze, Layer, Mixture, catalogue, reflectance
 
 GRID = np.arange(420.0, 701.0, 20.0)
@@ -216,8 +217,8 @@ def test_a_mixture_and_a_superposition_are_told(oils, count):
         ][:count]
     )
     found = odds(films, oils[:count])
-    assert found.coats_probability[0] < 0.1
-    assert found.coats_probability[1:].min() > 0.9
+    assert found.coats_probability[0] < 1.0 - DECIDED
+    assert found.coats_probability[1:].min() > DECIDED
     assert found.coats_odds[1][0].most_probable == "LeadWhite over CobaltBlue"
     if count == 3:
         assert found.coats_odds[2][0].most_probable == "CobaltBlue over ChromeYellow"
