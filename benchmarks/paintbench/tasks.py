@@ -12,13 +12,14 @@ from jaxtyping import Bool, Float
 from scipy.stats import spearmanr
 
 from glazefit.identify.result.groups import GROUPS
+from glazefit.identify.result.in_tests import has_infrared
 from glazejax import colour
 
 from .library import Answer, Namer, Table, grid_readings, known_families, pure_table
 from .mixers import Foretold, Mixer, Mixtures
 from .program import films_over_cards, over_cards
 from .sources import COLOURLESS, FOREIGN, Sample, Source
-from .spectra import GRID, RANGES, REACHED, WHOLE, bounded, finite_columns, within
+from .spectra import GRID, RANGES, REACHED, VISIBLE, WHOLE, bounded, finite_columns, within
 
 Scores = dict[str, float | int | None]
 Results = dict[str, dict[str, dict[str, Scores]]]
@@ -268,6 +269,37 @@ def run_names(
                     _none(source, learner, library, _blank(sought, bands), record)
                 if task == "pigment" and "mixture" in tasks:
                     _mixture("mixture", source, learner, library, bands, record)
+
+
+def stated_and_right(
+    sources: Sequence[Source], namer: Namer
+) -> list[tuple[str, bool, float, bool]]:
+    """What is said of pure samples of known families, with all sources of their group hidden, with
+    the near infrared and without: the source, whether the near infrared was read, the stated
+    probability, and whether the answer is right. What is refused is left out.
+    """
+    table = pure_table([source for source in sources if source.learnable])
+    out = []
+    for source in sources:
+        library = table.take(table.groups != source.group)
+        pure = pure_table([source])
+        known = set(known_families(library))
+        pure = pure.take([row for row in range(len(pure)) if pure.families[row] in known])
+        if source.group == _GOLDEN or not len(pure):
+            continue
+        for limits in (WHOLE, VISIBLE):
+            bands = within(limits)
+            infrared = has_infrared(GRID[bands & finite_columns([pure.readings])])
+            if (limits is WHOLE) != infrared:
+                continue
+            learner = _whole_grid(namer, library, bands)
+            sought = _blank(pure.within(bands), bands)
+            answers = learner.answer(sought, [None] * len(sought), pairs=False)
+            for answer, family in zip(answers, sought.families, strict=True):
+                if not answer.refused:
+                    right = is_right(answer.ranked[0], (str(family),))
+                    out.append((source.name, infrared, answer.chances[0], right))
+    return out
 
 
 def run_references(

@@ -74,7 +74,7 @@ def identify(
     ] = False,
     opaque: Annotated[bool, typer.Option("--opaque", help="The films hide their ground.")] = False,
     pigments: options.Pigments = None,
-    catalogue: options.CatalogueName = None,
+    catalogue: Annotated[str | None, options.catalogue_option(options.PIGMENTS)] = None,
     references: Annotated[Path | None, options.REFERENCES] = None,
     only: options.Only = "",
     without: options.Without = "",
@@ -172,13 +172,14 @@ def identify(
     operator: head.Operator = "",
     overwrite: options.Overwrite = False,
 ) -> None:
-    """Which paints are in a film: a ranked list with probabilities, fractions and thickness.
+    """Which pigments are in a paint, whoever made it: a ranked list with probabilities.
 
-    All sets of up to three paints compete, and with them the answer that
-    nothing in the catalogue explains the film. Thicknesses are on the scale
-    of the catalogue; the films of its oils are taken as 25 micrometres thick.
+    --catalogue oils or acrylics, or your own --pigments, asks for films by
+    that one maker instead: paints, fractions and thickness, on the scale of
+    the catalogue; films of its oils are taken as 25 micrometres thick. Films
+    that were read over two cards are asked for both.
 
-    Example: glazejax identify films.tsv --out found.png
+    Example: glazejax identify spectra.csv --opaque --instrument 45:0
     """
     typed = dict(locals())
     if file is None:
@@ -187,11 +188,13 @@ def identify(
     subject = head.check_subject(
         report, object=object, inventory=inventory, spot=spot, operator=operator
     )
-    if pigments is not None and catalogue == "pigments" and not own_films:
+    if pigments is not None and catalogue == options.PIGMENTS and not own_films:
         raise ValueError(
             f"--catalogue pigments is sought by family, and the paints of {pigments} have none: "
             "choose --catalogue oils or acrylics beside them, or leave out --pigments"
         )
+    from glazejax.io import read_spectra
+
     usual = options.read_length(thickness)
     outputs = {"--csv": csv, "--residuals": residuals, "--out": out, **_report_files(report)}
     read = {
@@ -209,6 +212,31 @@ def identify(
         raise ValueError("--opaque films show no ground: leave out --ground, or leave out --opaque")
     if bare and ground is None:
         raise ValueError("--bare says how --ground was measured: give --ground too")
+    if catalogue is pigments is None:
+        catalogue = options.PIGMENTS
+        chosen = own_films or only or without
+        if not (chosen or opaque or ground) and _over_cards(read_spectra(file).names):
+            # Two cards tell a film's thickness too, and families have none.
+            of_families = {
+                "references": None,
+                "elements": "",
+                "without_elements": "",
+                "painted": None,
+            }
+            second = {**typed, **of_families, "catalogue": options.OILS}
+            for each in ("csv", "residuals", "out", "report"):
+                if (path := typed[each]) is not None:
+                    second[each] = path.with_stem(f"{path.stem}-{options.OILS}")
+            outputs = {
+                "--csv": second["csv"],
+                "--residuals": second["residuals"],
+                "--out": second["out"],
+                **_report_files(second["report"]),
+            }
+            options.check_outputs(outputs, overwrite, inputs=list(read.values()))
+            identify(**{**typed, "catalogue": catalogue})
+            identify(**second)
+            return
 
     from rich.console import Console
 
@@ -237,6 +265,7 @@ def identify(
         library = read_references(references, seen_with)
         progress.print_notes(console, references, (*library.notes, *library.unclear))
         paints += library.pigments
+    asked = options.say_asked(paints, catalogue, pigments or references, by_family=by_family)
     inputs = input_files(read) if report is not None else []
     task = _read_spectra(
         file,
@@ -313,7 +342,17 @@ def identify(
     if report is not None:
         from .show.page import write_page
 
-        about = _about(typed, task, seen_with, settings, paints, inputs=inputs, subject=subject)
+        about = _about(
+            typed,
+            name=catalogue,
+            asked=asked,
+            task=task,
+            instrument=seen_with,
+            settings=settings,
+            paints=paints,
+            inputs=inputs,
+            subject=subject,
+        )
         if report_builder is not None:
             record = report_builder.record(found, about, top)
         else:
@@ -335,6 +374,7 @@ def identify(
         f"[dim]{words} against {len(paints)} paints in {how.seconds:.1f} s, compilation "
         "included.[/dim]"
     )
+    console.print(asked, soft_wrap=True)
     if how.interrupted:
         progress.stop_interrupted(console, len(found), len(task.spectra), "spectra")
 
@@ -363,6 +403,13 @@ def _report_files(report: Path | None) -> dict[str, Path | None]:
     return {"--report": report, "the table of --report": table, "the JSON of --report": data}
 
 
+def _over_cards(names: Sequence[str]) -> bool:
+    """Whether rows of a table are films over cards, in fours."""
+    from ..film.readers import ROWS
+
+    return all(name.rpartition("_")[2] in ROWS for name in names)
+
+
 def _check_numbers(max_paints: int, max_coats: int, top: int) -> None:
     if max_paints not in (1, 2, 3):
         raise ValueError(f"--max-paints is {max_paints}; it must be 1, 2 or 3")
@@ -388,7 +435,7 @@ def _read_spectra(
 
     from glazejax.io import read_spectra
 
-    from ..film.readers import ROWS, read_films
+    from ..film.readers import read_films
     from ..film.shared_bands import shared_bands
     from .identify import ground_from_air
 
@@ -405,14 +452,25 @@ def _read_spectra(
         else shared_bands(table.wavelengths, paints)
     )
     notes = (*table.notes, *changes)
-    if (
-        ground is None
-        and not opaque
-        and all(name.rpartition("_")[2] in ROWS for name in table.names)
-    ):
+    if ground is None and not opaque and _over_cards(table.names):
         films = read_films(file)
         films = films.select(wanted) if wanted else films
+        if by_family:
+            changes = (
+                "families are sought from the readings over the white cards, of which the mean is "
+                "taken; those over black are not used",
+            )
         progress.print_notes(console, file, changes)
+        if by_family:
+            return _Spectra(
+                names=films.names,
+                wavelengths=films.wavelengths,
+                spectra=films.over_white,
+                # One ground for all: each other one is a search that is set up anew.
+                ground=inside(films.bare_white.mean(axis=0)),
+                words=("white card, measured bare, the mean of all",),
+                notes=(*notes, *changes),
+            )
         cards = np.stack([films.bare_black, films.bare_white], axis=1) @ mean
         spectra = np.stack([films.over_black, films.over_white], axis=1) @ mean
         words = ("black card, measured bare", "white card, measured bare")
@@ -468,6 +526,8 @@ def _read_spectra(
 
 def _about(
     typed: Mapping[str, Any],
+    name: str | None,
+    asked: str,
     task: _Spectra,
     instrument: "Instrument",
     settings: Mapping[str, Any],
@@ -484,10 +544,9 @@ def _about(
     from .show.record import Provenance
 
     own = typed["pigments"]
-    name = typed["catalogue"] or (options.OILS if own is None else None)
     words = " and ".join(str(each) for each in (own, name) if each is not None)
     scales = dict.fromkeys(filter(None, map(catalogue.assumed_scale, paints)))
-    shelf: dict[str, Any] = {"name": words, "scale": "; ".join(scales) or None}
+    shelf: dict[str, Any] = {"name": words, "asked": asked, "scale": "; ".join(scales) or None}
     if name is not None:
         shelf["file"], shelf["sha256"] = catalogue.checksum(name)
     return Provenance(

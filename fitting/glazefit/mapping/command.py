@@ -112,7 +112,7 @@ def map_(
         str, _option("First and last wavelength that are used, nm: 420-700.", "NM-NM")
     ] = "",
     pigments: options.Pigments = None,
-    catalogue: options.CatalogueName = None,
+    catalogue: Annotated[str | None, options.catalogue_option(options.PIGMENTS)] = None,
     only: options.Only = "",
     without: options.Without = "",
     spot: Annotated[
@@ -187,7 +187,10 @@ def map_(
         ),
     ] = False,
 ) -> None:
-    """Which paints are in every pixel of an image: probabilities, amounts, thickness.
+    """Which pigments are in every pixel of an image, with probabilities.
+
+    --catalogue oils or acrylics, or your own --pigments, maps paints by that
+    one maker instead, with amounts and thickness.
 
     The map is a zarr folder that fills window by window. A run that was
     interrupted or killed goes on where it stopped if the same command is given
@@ -262,6 +265,7 @@ def map_(
 
     from ..film.films import Instrument, Noise
     from ..film.model.errors import ModelError, Prior
+    from ..identify.families.expected import EXPECTED, has_families
     from . import spot_files
     from .map_cube import map_cube
     from .solve.spots import spot_pigment
@@ -275,10 +279,16 @@ def map_(
         cube = made["cube"]
         if not (opaque or ground):
             ground = str(made["ground"])
-        if not (pigments or only or without or catalogue not in (None, options.OILS)):
+        if pigments is None:
+            # It is painted with these.
+            catalogue = catalogue or options.OILS
+        if catalogue == options.OILS and not (pigments or only or without):
             without = made["without"]
     assert cube is not None
+    if catalogue is pigments is None:
+        catalogue = options.PIGMENTS
     paints = options.choose_paints(options.read_shelf(pigments, catalogue), only, without)
+    by_family = has_families(paints)
     places = read_spots(spots, [paint.name for paint in paints])
     seen_with = Instrument(seen_by, refractive_index)
     # Workers of a cluster have another folder of their own.
@@ -311,15 +321,17 @@ def map_(
             discrepancy=usual_error
             if model_error is None
             else replace(usual_error, amplitude=model_error),
-            prior=Prior(thickness=usual),
+            prior=replace(EXPECTED if by_family else Prior(), thickness=usual),
             max_paints=max_paints,
             memory=bound,
             client=client,
             overwrite=overwrite,
             progress=report_progress,
         )
+    asked = options.say_asked(paints, catalogue, pigments, by_family=by_family)
     facts = {
         **{head.TITLES[name]: text for name, text in subject.items()},
+        "Catalogue": asked,
         "Ground": words,
         "Instrument": f"{seen_by.describe()}, refractive index {refractive_index:g}",
     }
@@ -358,6 +370,7 @@ def map_(
         provenance=provenance,
         write_spots=write_spots,
     )
+    console.print(asked, soft_wrap=True)
 
 
 def _check_outputs(

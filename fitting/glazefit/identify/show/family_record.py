@@ -23,6 +23,7 @@ COLUMNS = (
     "rank",
     "families",
     "probability",
+    "right_in_tests",
     "not_of_the_year",
     "nearest_exemplars",
 )
@@ -85,6 +86,7 @@ def _spot(
         "explained": bool(found.explained[row]),
         "words": found.verdict(row),
         "none_of_these": float(found.none[row]),
+        "in_tests": _in_tests(found, row),
         "coats_probability": float(found.coats_probability[row]),
         "coats": found.coats_words(row),
         "colours": describe_colours(found, row),
@@ -118,6 +120,11 @@ def _spot(
     }
 
 
+def _in_tests(found: Identification, row: int) -> dict[str, int] | None:
+    counts = found.came_true(row)
+    return None if counts is None else {"right": counts[0], "answers": counts[1]}
+
+
 def _film(film: Explanation, reading: np.ndarray) -> dict[str, Any]:
     known = catalogue.provenance()
     off = relative_misfit(reading, film.fitted[0])
@@ -146,6 +153,7 @@ def table_rows(record: Mapping[str, Any]) -> Iterator[list[object]]:
             film["words"]: " + ".join(paint["name"] for paint in film["paints"])
             for film in spot["explanations"]
         }
+        tests = spot["in_tests"]
         for answer in spot["families"]:
             yield [
                 spot["name"],
@@ -154,6 +162,7 @@ def table_rows(record: Mapping[str, Any]) -> Iterator[list[object]]:
                 answer["rank"],
                 answer["words"],
                 answer["probability"],
+                f"{tests['right']} of {tests['answers']}" if tests and answer["rank"] == 1 else "",
                 answer["anachronism"],
                 near.get(" + ".join(answer["families"]), ""),
             ]
