@@ -125,7 +125,7 @@ predict --film-thickness | 1*ZincWhite --reading one.csv
 predict --thickness | 1*ZincWhite | --thickness 5um,40um
 predict --catalogue | 1*TitaniumWhite
 recipe --lab --srgb --spectrum --colourchecker |
-recipe --samples | --spectrum spectra.csv
+recipe --samples --spectra | --spectrum spectra.csv
 recipe --patch | --colourchecker
 recipe --modern | --lab 50,20,30 --pigments paints.csv --catalogue oils
 recipe --after | --lab 50,20,30 | --after one.csv --mixed 1*ZincWhite
@@ -149,6 +149,14 @@ map --overwrite | CUBE
 # What happens after the computation: tests of the whole command, FILE:NAME.
 AFTERWARDS = {
     "export --out": "appearance/test_exports_files.py:test_the_command_reads_a_stack_and_maps",
+    **dict.fromkeys(
+        ("identify --object", "identify --inventory", "identify --spot", "identify --operator"),
+        "fitting/test_cli_identify.py:test_a_report_is_filed",
+    ),
+    **dict.fromkeys(
+        ("map --object", "map --inventory", "map --operator"),
+        "mapping/test_command.py:test_a_map_its_report_its_table_and_its_exports_are_written",
+    ),
     "map --example": "mapping/test_command.py:test_the_example_is_made_and_mapped",
     "map --scheduler": "mapping/test_command.py:test_a_dask_scheduler_is_asked",
     "posterior --resume": "fitting/test_posterior_chain.py:test_command_writes_what_it_says",

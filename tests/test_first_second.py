@@ -131,7 +131,7 @@ def test_a_recipe_is_sixteen_programs(tmp_path):
             ("starting", "compiling, then solving", "drawing"),
         ),
         pytest.param(
-            ("recipe", "--srgb", "#8a4b2d"),
+            ("recipe", "--srgb", "#8a4b2d", "--out", "brown.png"),
             ("starting", "compiling, then looking"),
             marks=pytest.mark.slow,
         ),

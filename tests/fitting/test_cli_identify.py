@@ -250,16 +250,16 @@ def test_a_report_by_family_is_filed(shared_data, tmp_path):
     page = tmp_path / "report.html"
     file = str(shared_data / "hyperdoc" / "reflectance.tsv")
     words = ["identify", file, "--opaque", "--instrument", "45:0", "--catalogue", "pigments"]
-    words += ["--samples", "01A,12A", "--painted", "1950", "--report", str(page)]
+    words += ["--samples", "01A,10A", "--painted", "1200", "--report", str(page)]
     result = run(*words[1:])
     assert result.exit_code == 0, result.output
     text = page.read_text()
     assert "2CuCO3·Cu(OH)2" in text
     assert "PB30" in text
     assert "gum arabic" in text
-    assert "not of 1950: azurite was in use antiquity-18th c." in text
+    assert "not of 1200: lead-tin yellow was in use 14th-18th c." in text
     record = json.loads((tmp_path / "report.json").read_text())
-    assert [spot["name"] for spot in record["spots"]] == ["01A", "12A"]
+    assert [spot["name"] for spot in record["spots"]] == ["01A", "10A"]
     first = record["spots"][0]
     assert first["families"][0]["families"][0] == "azurite"
     right, answers = came_true(first["families"][0]["probability"], infrared=True)
@@ -291,11 +291,14 @@ def test_a_report_is_filed(table, tmp_path):
         "--report",
         page,
     ]
+    options += ["--object", "A <panel>", "--inventory", "A-1", "--spot", "sky"]
+    options += ["--operator", "N. N."]
     result = run(table, "--samples", "red_ow,tint_ow", *options)
     assert result.exit_code == 0, result.output
     assert f"Wrote the report to {page}" in " ".join(result.output.split()).replace("- ", "-")
     filed = json.loads(page.with_suffix(".json").read_text())
     assert [spot["name"] for spot in filed["spots"]] == ["red_ow", "tint_ow"]
+    assert list(filed["subject"].values()) == ["A <panel>", "A-1", "sky", "N. N."]
     assert filed["options"]["--max-paints"] == 2
     assert filed["command"].startswith("glazejax identify ")
     assert "--max-paints 2" in filed["command"]

@@ -224,7 +224,8 @@ def test_a_map_its_report_its_table_and_its_exports_are_written(
 ):
     monkeypatch.chdir(tmp_path)
     files = ["--report", "page", "--csv", "sets.csv", "--export", "map.nc", "--out", "panel.zarr"]
-    done = run(cube, "--ground", "0.9", *OILS, "--only", "ZincWhite,Eosin", *files)
+    subject = ["--object", "Panel", "--inventory", "A-1", "--operator", "N.N."]
+    done = run(cube, "--ground", "0.9", *OILS, "--only", "ZincWhite,Eosin", *files, *subject)
     assert done.exception is None, done.output
     assert "10 x 12 pixels: 110 mapped; 10 left out by the mask." in done.output
     assert sorted(path.name for path in tmp_path.iterdir()) == [
@@ -248,7 +249,8 @@ def test_a_map_its_report_its_table_and_its_exports_are_written(
     page = (tmp_path / "page" / "report.html").read_text()
     command = (
         f"glazejax map {cube} --ground 0.9 --catalogue oils --only ZincWhite,Eosin --report page "
-        "--csv sets.csv --export map.nc --out panel.zarr"
+        "--csv sets.csv --export map.nc --out panel.zarr --object Panel --inventory A-1 "
+        "--operator N.N."
     )
     for words in (
         command,
@@ -256,6 +258,9 @@ def test_a_map_its_report_its_table_and_its_exports_are_written(
         "Same first set",
         "a note",
         "reflectance 0.9",
+        "<dt>Object</dt><dd>Panel</dd>",
+        "<dt>Inventory number</dt><dd>A-1</dd>",
+        "<dt>Operator</dt><dd>N.N.</dd>",
     ):
         assert words in page
     # What is there already is not replaced unasked, and a finished map is not made again.

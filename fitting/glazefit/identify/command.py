@@ -14,6 +14,8 @@ from glazejax.commands.command_line import command_line, ground_file, option
 from glazejax.commands.help_groups import help_groups
 from glazejax.commands.paints import list_references_by
 
+from ..page import subject as head
+
 if TYPE_CHECKING:
     import numpy as np
     from rich.console import Console
@@ -48,7 +50,7 @@ def _list_references(*args: Any) -> None:
         "--without-elements --painted --varnish --own-films --instrument"
     ),
     tried="--max-paints --max-coats --thorough",
-    written="--top --csv --residuals --overwrite",
+    written="--top --csv --residuals --object --inventory --spot --operator --overwrite",
     fine="--thickness --refractive-index --noise --noise-share --model-error",
 )
 def identify(
@@ -164,6 +166,10 @@ def identify(
             show_default=False,
         ),
     ] = None,
+    object: head.Object = "",
+    inventory: head.Inventory = "",
+    spot: head.Spot = "",
+    operator: head.Operator = "",
     overwrite: options.Overwrite = False,
 ) -> None:
     """Which pigments are in a paint, whoever made it: a ranked list with probabilities.
@@ -179,6 +185,9 @@ def identify(
     if file is None:
         raise ValueError("no FILE was given; name a table of spectra, such as films.tsv")
     _check_numbers(max_paints, max_coats, top)
+    subject = head.check_subject(
+        report, object=object, inventory=inventory, spot=spot, operator=operator
+    )
     if pigments is not None and catalogue == options.PIGMENTS and not own_films:
         raise ValueError(
             f"--catalogue pigments is sought by family, and the paints of {pigments} have none: "
@@ -281,24 +290,25 @@ def identify(
         else replace(usual_error, amplitude=model_error),
         "prior": replace(EXPECTED if by_family else Prior(), thickness=usual),
     }
-    # A report judges by 40 candidates how near each paint comes.
+    search_options = IdentificationOptions(
+        instrument=seen_with,
+        **settings,
+        max_paints=max_paints,
+        max_coats=max_coats,
+        # A report judges by 40 candidates how near each paint comes.
+        keep=max(top, 5 if report is None else 40),
+        thorough=thorough,
+        own_films=own_films,
+        elements=tuple(options.split_names(elements)),
+        without_elements=tuple(options.split_names(without_elements)),
+        painted=painted,
+        varnish=varnish,
+    )
     chunks = identify_chunks(
         task.wavelengths,
         task.spectra,
         paints,
-        IdentificationOptions(
-            instrument=seen_with,
-            **settings,
-            max_paints=max_paints,
-            max_coats=max_coats,
-            keep=max(top, 5 if report is None else 40),
-            thorough=thorough,
-            own_films=own_films,
-            elements=tuple(options.split_names(elements)),
-            without_elements=tuple(options.split_names(without_elements)),
-            painted=painted,
-            varnish=varnish,
-        ),
+        search_options,
         ground=task.ground,
         opaque=opaque,
         names=task.names,
@@ -327,8 +337,11 @@ def identify(
         out=out,
         overwrite=overwrite,
         painted=painted,
+        families={paint.name: paint.family for paint in paints},
     )
     if report is not None:
+        from .show.page import write_page
+
         about = _about(
             typed,
             name=catalogue,
@@ -338,13 +351,23 @@ def identify(
             settings=settings,
             paints=paints,
             inputs=inputs,
+            subject=subject,
         )
         if report_builder is not None:
-            beside = report_builder.write(found, about, report, top, overwrite=overwrite)
+            record = report_builder.record(found, about, top)
         else:
-            from .show.family_page import write_family_report
+            from .families.identify_pigments import usual_misfit
+            from .show.family_record import make_family_record
 
-            beside = write_family_report(found, about, report, top, painted, overwrite=overwrite)
+            record = make_family_record(
+                found,
+                about,
+                top,
+                painted=painted,
+                families={paint.name: paint.family for paint in paints},
+                usual=usual_misfit(found, paints, search_options),
+            )
+        beside = write_page(record, report, overwrite=overwrite)
         console.print(f"Wrote the report to {report}, and the same as {beside[0]} and {beside[1]}")
     words = f"{len(found)} spectra" if len(found) > 1 else "1 spectrum"
     console.print(
@@ -376,7 +399,7 @@ def _report_files(report: Path | None) -> dict[str, Path | None]:
     from .show.page import beside
 
     table, data = beside(report)
-    require("matplotlib", "jinja2")
+    require("jinja2")
     return {"--report": report, "the table of --report": table, "the JSON of --report": data}
 
 
@@ -509,7 +532,9 @@ def _about(
     instrument: "Instrument",
     settings: Mapping[str, Any],
     paints: "Sequence[Pigment]",
+    *,
     inputs: list[dict[str, Any]],
+    subject: Mapping[str, str],
 ) -> "Provenance":
     """How an identification was made, for its report."""
     from dataclasses import asdict
@@ -544,6 +569,7 @@ def _about(
         max_coats=typed["max_coats"],
         settings={name: asdict(each) for name, each in settings.items()},
         names=task.names,
+        subject=subject,
     )
 
 
@@ -560,6 +586,7 @@ def _report(
     out: Path | None,
     overwrite: bool,
     painted: int | None,
+    families: Mapping[str, str],
 ) -> None:
     from .show.plots import plot_identification
     from .show.terminal import (
@@ -580,5 +607,5 @@ def _report(
         write_residuals(found, residuals, overwrite=overwrite)
         console.print(f"Wrote measured, fitted and residual spectra to {residuals}")
     if out is not None:
-        count = plot_identification(found, out)
+        count = plot_identification(found, out, families)
         console.print(f"Drew {'the first ' if count < len(found) else ''}{count} to {out}")

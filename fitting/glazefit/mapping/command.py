@@ -12,6 +12,8 @@ import typer
 from glazejax.commands import options, progress
 from glazejax.commands.help_groups import help_groups
 
+from ..page import subject as head
+
 if TYPE_CHECKING:
     import xarray
     from rich.console import Console
@@ -37,7 +39,7 @@ def _option(text: str, metavar: str = "") -> Any:
         "--bin --bands --pigments --without --spot --bare --opaque --instrument"
     ),
     tried="--max-paints --example",
-    written="--csv --export --overwrite",
+    written="--csv --export --object --inventory --operator --overwrite",
     fine=(
         "--thickness --refractive-index --noise --noise-share --model-error --memory --scheduler"
     ),
@@ -174,6 +176,9 @@ def map_(
     export: Annotated[
         Path | None, _option("Also write the map as NetCDF (.nc) or ENVI (.hdr or .img).", "FILE")
     ] = None,
+    object: head.Object = "",
+    inventory: head.Inventory = "",
+    operator: head.Operator = "",
     overwrite: options.Overwrite = False,
     example: Annotated[
         bool,
@@ -214,6 +219,7 @@ def map_(
             "what is under the paint? Give --ground, its reflectance such as 0.9, a table, or "
             "cube:x0:x1,y0:y1 where it lies bare in the cube; or --opaque"
         )
+    subject = head.check_subject(report, object=object, inventory=inventory, operator=operator)
     from glazejax.extras import require
 
     from .options import (
@@ -324,6 +330,7 @@ def map_(
         )
     asked = options.say_asked(paints, catalogue, pigments, by_family=by_family)
     facts = {
+        **{head.TITLES[name]: text for name, text in subject.items()},
         "Catalogue": asked,
         "Ground": words,
         "Instrument": f"{seen_by.describe()}, refractive index {refractive_index:g}",

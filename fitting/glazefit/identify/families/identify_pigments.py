@@ -21,6 +21,7 @@ from ..search.searcher import check_spectra
 from ..search.task import Measured
 from .evidence import log_odds_of_elements, with_facts
 from .expected import EXPECTED
+from .misfit import UsualMisfit, misfit_of_right_answers
 from .naming import name_sets
 from .search import FamilyOdds, FamilySearch
 from .set_up import search_families
@@ -88,6 +89,22 @@ def identify_families(
             order += own.tolist()
             parts.append(_identification(search, measured.take(own), options, opaque))
         yield _in_order(Identification.join(parts), np.argsort(order))
+
+
+def usual_misfit(
+    found: Identification, pigments: Sequence[Pigment], options: IdentificationOptions
+) -> UsualMisfit | None:
+    """How far films of right answers usually are from readings like those of an identification.
+
+    Args:
+        found: by `identify_families`; of several grounds the first one counts.
+        pigments, options: of that.
+    """
+    ground = None if found.opaque else tuple(found.measured.grounds[0, 0].tolist())
+    # What is known of one painting is not of the exemplars.
+    alone = replace(options, elements=(), without_elements=(), painted=None)
+    search = _search(found.measured.wavelengths, pigments, alone, ground)
+    return misfit_of_right_answers(search)
 
 
 def _check_range(grid: Float[np.ndarray, "bands"], pigments: Sequence[Pigment]) -> None:
