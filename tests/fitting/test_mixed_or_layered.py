@@ -256,7 +256,7 @@ def test_three_coats_are_told(oils):
     found = odds(film, oils, max_paints=3, max_coats=3)
     three = next(one for one in found.coats_odds[0] if len(one.paints) == 3)
     assert len(three.chances) == 3 + 13
-    assert three.layered > 0.9
+    assert three.layered > DECIDED
 
 
 @pytest.mark.slow
@@ -288,7 +288,7 @@ def test_stated_probabilities_come_true_in_simulation(oils):
     # Stated chances come true within their counting error, and tell.
     spread = np.sqrt(np.sum(chance * (1.0 - chance)))
     assert abs(chance.sum() - truth.sum()) < 3.0 * spread
-    decided = np.maximum(chance, 1.0 - chance) > 0.9
+    decided = np.maximum(chance, 1.0 - chance) > DECIDED
     assert decided.mean() > 0.3
     assert ((chance > 0.5) == truth)[decided].mean() > 0.85
 

@@ -248,8 +248,9 @@ def test_a_map_its_report_its_table_and_its_exports_are_written(
         assert int((exported.status == Status.MAPPED).sum()) == 110
     page = (tmp_path / "page" / "report.html").read_text()
     command = (
-        f"glazejax map {cube} --ground 0.9 --catalogue oils --only ZincWhite,Eosin --report page --csv sets.csv "
-        "--export map.nc --out panel.zarr --object Panel --inventory A-1 --operator N.N."
+        f"glazejax map {cube} --ground 0.9 --catalogue oils --only ZincWhite,Eosin --report page "
+        "--csv sets.csv --export map.nc --out panel.zarr --object Panel --inventory A-1 "
+        "--operator N.N."
     )
     for words in (
         command,

@@ -149,11 +149,11 @@ def _film(film: Explanation, reading: np.ndarray) -> dict[str, Any]:
 def table_rows(record: Mapping[str, Any]) -> Iterator[list[object]]:
     """Cells of `COLUMNS`."""
     for spot in record["spots"]:
+        tests = spot["in_tests"]
         near = {
             film["words"]: " + ".join(paint["name"] for paint in film["paints"])
             for film in spot["explanations"]
         }
-        tests = spot["in_tests"]
         for answer in spot["families"]:
             yield [
                 spot["name"],
