@@ -294,7 +294,7 @@ def test_stated_probabilities_come_true_in_simulation(oils):
 
 
 @pytest.mark.slow
-def test_measured_glazes_and_mixtures_are_told_by_family():
+def test_of_families_it_is_open():
     try:
         sources = {source.name: source for source in read_sources(data_folder(), None)}
     except FileNotFoundError:
@@ -313,4 +313,5 @@ def test_measured_glazes_and_mixtures_are_told_by_family():
         max_coats=2,
     )
     assert len(found.coats_odds) == len(rows)
-    assert np.mean(found.coats_probability < 0.9) >= 0.8
+    words = [found.coats_words(row) for row in range(len(rows))]
+    assert all("is open" in one and "paints by other hands" in one for one in words)

@@ -32,8 +32,8 @@ from .readings import CoatedFilms, grid_readings
 
 STEP = 10.0
 """Finer spectra are averaged to this, nm: errors are alike over more."""
-# Share of readings whose evidence says nothing of how their paints lie: twice that of the decided
-# answers of `benchmarks.paintbench --coats` that were wrong, 3 of 24.
+# Share of readings whose evidence says nothing of how their paints lie: nearly twice that of the
+# decided answers of `benchmarks.paintbench --coats` that were wrong while it was taken to be none.
 _WORTHLESS = 0.2
 # A library rarely tells k and s of a paint apart: each paint's scattering may also be so much
 # less, with this probability.
