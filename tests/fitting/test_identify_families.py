@@ -266,9 +266,9 @@ def test_a_hidden_family_is_in_no_answer(found_search):
 
 
 def test_exemplars_of_a_source_that_is_left_out_are_not_compared(found_search):
-    readings, rows = calibration._exemplars_as_readings(found_search)
+    readings, rows = calibration.exemplars_as_readings(found_search)
     own = found_search.source_of[rows[:5]]
-    seen = found_search._evidence(readings[:5], own)
+    seen = found_search._evidence(found_search.body(readings[:5]), own)
     members = np.concatenate([one.templates.members for one in found_search.ranges])
     of_members = np.append(found_search.source_of, -1)[members]
     for row, source in enumerate(own):
@@ -318,7 +318,7 @@ def test_evidence_is_sometimes_worthless():
 
 def test_few_known_exemplars_are_refused(found_search):
     """Of sources that leave most of the exemplars, each sought without its own."""
-    readings, rows = calibration._exemplars_as_readings(found_search)
+    readings, rows = calibration.exemplars_as_readings(found_search)
     shared = np.array(
         [
             bool(
@@ -340,7 +340,7 @@ def test_exemplars_of_one_source_teach_no_sureness(shelf):
     own = [paint for paint in shelf if paint.source == "hyppigments"]
     found = set_up.search_families(GRID, own, opaque=True, max_paints=1)
     assert found.sureness == calibration._UNTAUGHT
-    odds = found.odds(calibration._exemplars_as_readings(found)[0][:3])
+    odds = found.odds(calibration.exemplars_as_readings(found)[0][:3])
     assert np.isfinite(odds.sets).all()
 
 

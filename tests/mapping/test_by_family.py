@@ -4,9 +4,12 @@ import numpy as np
 import pytest
 
 from glazefit import identify, set_labels
+from glazefit.identify.search.options import IdentificationOptions
 from glazefit.mapping.map_cube import map_cube
+from glazefit.mapping.solve.by_family import FamilySearcher
 from glazefit.mapping.solve.working_bands import WorkingBands
 from glazejax import Glaze, Layer, catalogue, reflectance
+from glazejax.geometry import resolve_instrument
 from tests.mapping import small
 
 GRID = np.arange(400.0, 901.0, 10.0)
@@ -53,6 +56,24 @@ def test_a_map_by_families_says_what_identify_says(cube, paints, tmp_path):
     shares = found["fraction"].to_numpy()
     assert np.allclose(np.nansum(shares, axis=-1), 1.0, atol=1e-5)
     assert found.attrs["agreement"]["first"] == 1.0
+
+
+def test_a_search_is_of_the_coefficients_that_are_given(cube, paints):
+    """Also where another catalogue of the same names was searched before."""
+    azurites, vermilions = (
+        [paint for paint in paints.values() if paint.family == family] for family in PAINTED[:2]
+    )
+    other = dict(paints)
+    for one, two in zip(azurites, vermilions, strict=False):
+        other[one.name] = two.renamed(one.name, family=one.family, source=one.source)
+        other[two.name] = one.renamed(two.name, family=two.family, source=two.source)
+    asked = IdentificationOptions(instrument=resolve_instrument("45:0"))
+    named = []
+    for shelf in (paints, other):
+        search = FamilySearcher(GRID, tuple(shelf.values()), asked, True)
+        answers = search.search(cube.to_numpy()[1, :1], None).answers
+        named.append(search.paints[answers.members[0, 0]])
+    assert named == ["vermilion", "azurite"]
 
 
 def test_an_image_is_used_where_any_exemplar_is_known(paints):

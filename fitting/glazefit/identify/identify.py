@@ -52,15 +52,14 @@ def identify_chunks(
     known = listed_pigments(pigments)
     # Weighing coats and families imports parts of scipy, and most searches need neither.
     if has_families(known) and not options.own_films:
-        from .coats.weigh_coats import weigh_coats
+        from .coats.weigh_coats import coats_of_families
         from .families.identify_pigments import identify_families
-        from .families.templates import usual_coat
 
         for found in identify_families(
             wavelengths, spectra, known, options, ground=ground, opaque=opaque, names=names
         ):
             if options.max_coats > 1:
-                found = weigh_coats(found, known, options, usual_coat(known))
+                found = coats_of_families(found, options)
             yield found
         return
     if options.elements or options.without_elements or options.painted is not None:

@@ -8,9 +8,10 @@ being unknown, the two predict the same spectra and differ in the thickness only
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from hashlib import sha256
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import ArrayLike, Float
 
 from glazejax import Pigment
 
@@ -95,3 +96,11 @@ def weight_table(
     return paints, np.array(
         [[recipes[sample].get(paint, 0.0) for paint in paints] for sample in samples]
     )
+
+
+def digest(*arrays: ArrayLike) -> str:
+    """Sixteen hexadecimal digits of what arrays hold."""
+    whole = sha256()
+    for array in arrays:
+        whole.update(np.ascontiguousarray(array).tobytes())
+    return whole.hexdigest()[:16]

@@ -107,28 +107,23 @@ def weigh_coats(
     pigments: Sequence[Pigment],
     options: IdentificationOptions,
     usual: float,
-    searched: tuple[IdentificationTask, Pool] | None = None,
+    searched: tuple[IdentificationTask, Pool],
 ) -> Identification:
     """The identification with the odds of mixture against superposition for the best sets of each
     spectrum.
 
     Candidates of two coats then take part in the answer with the probability that their paints lie
-    so; there are none of films that hide their ground. Of families the odds are those beforehand:
-    exemplars are paints by other hands, and how much these scatter decides.
+    so; there are none of films that hide their ground.
 
     Args:
         found: in one coat, from readings over one ground or several.
         pigments: of the catalogue, in the order of its paints.
         options: of the search.
         usual: thickness of a usual coat, m.
-        searched: what paints were sought with, and the candidates; None for families.
+        searched: what paints were sought with, and the candidates.
     """
     measured = found.measured
-    chances = zip(found.members, found.probability, found.paint_probability, strict=True)
-    sets: list[Sets] = [best_sets(*of_row, options.max_coats) for of_row in chances]
-    if searched is None:
-        names = [pigment.name for pigment in pigments]
-        return replace(found, coats_odds=tuple(_untold(own, names, options) for own in sets))
+    sets = _best_sets(found, options)
     spectra = _CoatSpectra.of(measured, pigments, options, usual, found.opaque)
     if found.opaque or options.max_paints == 1 or len(pigments) == 1:
         return replace(found, coats_odds=_odds(spectra, _weigh(spectra, sets, options)))
@@ -231,10 +226,25 @@ def _ways(
     return [*alone, *together], np.concatenate(chances)
 
 
-def _untold(
+def coats_of_families(found: Identification, options: IdentificationOptions) -> Identification:
+    """The identification by families with the odds beforehand of the best set of each spectrum:
+    exemplars are paints by other hands, and how much these scatter decides.
+    """
+    sets = _best_sets(found, options)
+    odds = tuple(_odds_beforehand(own, found.paints, options) for own in sets)
+    return replace(found, coats_odds=odds)
+
+
+def _best_sets(found: Identification, options: IdentificationOptions) -> list[Sets]:
+    """Of each spectrum."""
+    chances = zip(found.members, found.probability, found.paint_probability, strict=True)
+    return [best_sets(*of_row, options.max_coats) for of_row in chances]
+
+
+def _odds_beforehand(
     sets: Sets, names: Sequence[str], options: IdentificationOptions
 ) -> tuple[CoatsOdds, ...]:
-    """Odds beforehand of the best set of a spectrum."""
+    """Odds of the best set of a spectrum, whatever was read."""
     if not sets:
         return ()
     own = [names[member] for member in sets[0]]

@@ -39,7 +39,7 @@ def calibrate(
         change: of readings without the surface's part, by what varies from film to film, such as a
             varnish.
     """
-    readings, rows = _exemplars_as_readings(search)
+    readings, rows = exemplars_as_readings(search)
     readings = change(readings - search.surface) + search.surface
     kept = _few_of_each(search.source_of[rows], search.family_of[rows])
     readings = readings[kept]
@@ -57,18 +57,18 @@ def calibrate(
     hidden = np.zeros((len(rows), len(search.families)), bool)
     hidden[np.arange(len(rows)), truth] = True
     without = search._is_hidden(hidden)
-    named = _right_sets(search)[truth]
+    named = right_sets(search)[truth]
     each = _weights(search, sources, truth)
 
     # A few readings at a time: log odds of all sets at each power.
     step = search.chunk
     pieces: dict[float, list[np.ndarray]] = {power: [] for power in POWERS}
     for start in range(0, len(readings), step):
-        chunk = readings[start : start + step]
-        evidence = search._evidence(chunk, sources[start : start + step])
-        possible = search._possible(chunk)
+        body = search.body(readings[start : start + step])
+        evidence = search._evidence(body, sources[start : start + step])
+        possible = search._possible(body)
         for power in POWERS:
-            log_sets = search._sum_by_set(evidence, possible, power)[0]
+            log_sets = search._sum_by_set(evidence, possible, power).logs
             pieces[power].append(log_sets + search.log_prior)
     by_power = {power: np.concatenate(parts) for power, parts in pieces.items()}
 
@@ -145,7 +145,7 @@ def learn_none(
     return max(float(found[0]), 0.0), float(found[1]), least
 
 
-def _right_sets(search: FamilySearch) -> Bool[np.ndarray, "families sets"]:
+def right_sets(search: FamilySearch) -> Bool[np.ndarray, "families sets"]:
     """Which sets name a pure paint of each family rightly: by its group, whatever colourless family
     stands beside a coloured one.
     """
@@ -194,7 +194,7 @@ def _weights(
     return left * share / of_source
 
 
-def _exemplars_as_readings(
+def exemplars_as_readings(
     search: FamilySearch,
 ) -> tuple[Float[np.ndarray, "exemplars bands"], Int[np.ndarray, "exemplars"]]:
     """One film of each exemplar, on all bands; where it is not known, as its last known band."""

@@ -47,6 +47,14 @@ def views(
     )
 
 
+def surface_in(readings: Float[np.ndarray, "n bands"], surface: float) -> Float[np.ndarray, "n"]:
+    """What a smooth surface, which reflects so much, adds to each reading: that, or what its
+    darkest bands leave for it, as of a matte paint or of an instrument other than the stated one.
+    """
+    # The mean of three bands, so that one noisy band does not decide.
+    return np.clip(np.sort(readings, axis=1)[:, :3].mean(axis=1), 0.0, surface)
+
+
 def with_one_gloss(readings: Float[np.ndarray, "*n bands"]) -> Float[np.ndarray, "*n bands"]:
     """Readings less as much as an outer surface may have added to all bands alike, so that a dark
     paint is the same to an instrument that sees the surface and to one that does not.

@@ -13,6 +13,7 @@ from glazejax.geometry import resolve_instrument
 from glazejax.spectra import describe_grid, validate_wavelengths
 
 from ...film.films import Noise
+from ...film.model.mixing import digest
 from ...film.shared_bands import means_of_steps
 from ..result import Identification
 from ..search.options import IdentificationOptions
@@ -131,10 +132,15 @@ def _search(
     instrument = resolve_instrument(options.instrument)
     prior = options.prior or EXPECTED
     varnish = options.varnish or "none"
+    arrays = [
+        values
+        for paint in pigments
+        for values in (paint.wavelengths, paint.absorption, paint.scattering)
+    ]
     key = (
         tuple(grid.tolist()),
-        tuple(paint.name for paint in pigments),
-        tuple(id(paint.absorption) for paint in pigments),
+        tuple((paint.name, paint.family, paint.source) for paint in pigments),
+        digest(*arrays),
         instrument,
         prior,
         min(options.max_paints, 2),

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from .calibration import _exemplars_as_readings, _right_sets
+from .calibration import exemplars_as_readings, right_sets
 from .features import with_one_gloss
 from .search import FamilySearch
 
@@ -36,10 +36,10 @@ def misfit_of_right_answers(search: FamilySearch) -> UsualMisfit | None:
     """Misfits of the answers of a search that are right about its own exemplars, sources left out
     in turn; None where none is.
     """
-    readings, rows = _exemplars_as_readings(search)
+    readings, rows = exemplars_as_readings(search)
     odds = search.odds(readings, sources=search.source_of[rows])
     first = odds.sets.argmax(axis=1)
-    right = _right_sets(search)[search.family_of[rows], first]
+    right = right_sets(search)[search.family_of[rows], first]
     if not right.any():
         return None
     off = np.full(readings.shape, np.nan)

@@ -13,7 +13,7 @@ from functools import lru_cache
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ..result.groups import COLOURLESS, GROUPS, FamilySet, group_of
+from ..result.groups import COLOURLESS, GROUPS, FamilySet, answer_of, group_of
 from .search import FamilySearch
 
 TOLD = 0.8
@@ -53,8 +53,7 @@ def _groups_of_sets(
     number: dict[frozenset[str], int] = {}
     of_set = []
     for row in members:
-        groups = frozenset(group_of(families[member]) for member in row if member >= 0)
-        answer = groups - COLOURLESS or groups
+        answer = answer_of(families[member] for member in row if member >= 0)
         of_set.append(number.setdefault(answer, len(number)))
     return len(number), np.array(of_set)
 

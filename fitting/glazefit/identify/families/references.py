@@ -26,6 +26,7 @@ from ...film.partial_films import average, loose_films, recipes_from_names
 from ...film.readers import one_reading
 from ...film.shared_bands import running_mean
 from ...recover.joint import recover_jointly
+from .features import surface_in
 from .identify_pigments import STEP
 from .templates import hiding_ratio
 
@@ -193,7 +194,7 @@ def _hiding(
     """Paint that hides its ground: k/s as read, s as is usual for its family."""
     reading = np.clip(running_mean(wavelengths, reading, STEP), _DARKEST, _BRIGHTEST)
     # A reading darker than the surface alone is of paint with less gloss.
-    surface = min(instrument.seen_surface, float(np.sort(reading)[:3].mean()))
+    surface = surface_in(reading[None], instrument.seen_surface)
     response = film_response(instrument.geometry, instrument.refractive_index)
     scattering = _usual_scattering(determined, family, wavelengths)
     absorption = scattering * hiding_ratio(response, (reading - surface)[None])[0]

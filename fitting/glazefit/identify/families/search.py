@@ -7,6 +7,7 @@ worth is learnt from the exemplars (`sureness.py`, `calibration.py`).
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -15,7 +16,7 @@ from glazejax import Pigment
 
 from ..result.groups import COLOURLESS
 from ..search.pool import NOBODY
-from .features import colours, views
+from .features import colours, surface_in, views
 from .metric import Metric, squares_between
 from .sureness import Sureness
 from .templates import Templates
@@ -49,6 +50,22 @@ class Range:
     places: tuple[Float[np.ndarray, "templates components"], ...]
     colours: Float[np.ndarray, "templates 3"] | None
     sets: Int[np.ndarray, "templates"]
+
+
+class _SetSums(NamedTuple):
+    """Evidence of templates, summed over each set's.
+
+    Attributes:
+        logs: log mean of each set, next to nothing where all its films have another colour.
+        tempered: evidence of the templates in the order of their sets, times a power.
+        weights: exponentials of these, the largest of each set 1.
+        sums: of the weights of each set.
+    """
+
+    logs: Float[np.ndarray, "spectra sets"]
+    tempered: Float[np.ndarray, "spectra templates"]
+    weights: Float[np.ndarray, "spectra templates"]
+    sums: Float[np.ndarray, "spectra sets"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -149,10 +166,12 @@ class FamilySearch:
         hidden: Bool[np.ndarray, "spectra families"] | None,
         sources: Int[np.ndarray, "spectra"] | None,
     ) -> FamilyOdds:
-        evidence = self._evidence(readings, sources)
-        possible = self._possible(readings)
-        log_sets, best, mean, sd = self._sum_by_set(evidence, possible, self.sureness.power)
-        log_sets = log_sets + self.log_prior
+        body = self.body(readings)
+        evidence = self._evidence(body, sources)
+        possible = self._possible(body)
+        sums = self._sum_by_set(evidence, possible, self.sureness.power)
+        best, mean, sd = self._films_of_sets(sums, possible)
+        log_sets = sums.logs + self.log_prior
         if hidden is not None:
             log_sets = np.where(self._is_hidden(hidden), -np.inf, log_sets)
         none = self.sureness.none(log_sets, self.unknown)
@@ -167,22 +186,25 @@ class FamilySearch:
         )
 
     def gloss(self, readings: Float[np.ndarray, "spectra bands"]) -> Float[np.ndarray, "spectra"]:
-        """Share of a smooth surface's reflection that is in each reading: 1, or what its darkest
-        bands leave for it, as of a matte paint or of an instrument other than the stated one.
+        """Share of a smooth surface's reflection that is in each reading, 1 or less
+        (`features.surface_in`).
         """
         if self.surface == 0:
             return np.ones(len(readings))
-        # The mean of three bands, so that one noisy band does not decide.
-        darkest = np.sort(readings, axis=1)[:, :3].mean(axis=1)
-        return np.clip(darkest / self.surface, 0.0, 1.0)
+        return surface_in(readings, self.surface) / self.surface
+
+    def body(
+        self, readings: Float[np.ndarray, "spectra bands"]
+    ) -> Float[np.ndarray, "spectra bands"]:
+        """Readings without the surface's part."""
+        return readings - surface_in(readings, self.surface)[:, None]
 
     def _possible(
-        self, readings: Float[np.ndarray, "spectra bands"]
+        self, body: Float[np.ndarray, "spectra bands"]
     ) -> Bool[np.ndarray, "spectra templates"]:
-        """Whether each template may have the reading's colour; all may where no visible range was
-        read.
+        """Whether each template may have the colour of a reading without the surface's part; all
+        may where no visible range was read.
         """
-        body = readings - self.gloss(readings)[:, None] * self.surface
         return ~np.concatenate([self._is_another_colour(body, one) for one in self.ranges], axis=1)
 
     def _is_another_colour(
@@ -209,16 +231,20 @@ class FamilySearch:
 
     def _evidence(
         self,
-        readings: Float[np.ndarray, "spectra bands"],
+        body: Float[np.ndarray, "spectra bands"],
         sources: Int[np.ndarray, "spectra"] | None,
     ) -> Float[np.ndarray, "spectra templates"]:
-        """Of all templates, those of the narrowest range first; -inf where one may not be used."""
+        """Of all templates, those of the narrowest range first; -inf where one may not be used.
+
+        Args:
+            body: readings without the surface's part.
+            sources: as for `odds`.
+        """
         out = []
-        body = readings - self.gloss(readings)[:, None] * self.surface
         for one in self.ranges:
             # Views are not independent: their mean, a logarithmic pool (Genest and Zidek,
             # Statistical Science 1 (1986) 114), says what both say.
-            found = np.zeros((len(readings), len(one.templates)), dtype=np.float32)
+            found = np.zeros((len(body), len(one.templates)), dtype=np.float32)
             seen = views(self.wavelengths[one.bands], body[:, one.bands])
             for metric, values, places in zip(one.metrics, seen, one.places, strict=True):
                 found += metric.log_evidence(metric.place(values), places)
@@ -235,36 +261,50 @@ class FamilySearch:
         evidence: Float[np.ndarray, "spectra templates"],
         possible: Bool[np.ndarray, "spectra templates"],
         power: float,
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Log mean evidence of each set, its best template (of the reading's colour, where one is),
-        and mean and standard deviation of the fraction of its first family.
+    ) -> "_SetSums":
+        """Evidence of templates, tempered by a power, averaged over each set's."""
+        order, starts, counts = self._by_set
+        tempered = power * evidence[:, order]
+        top = np.maximum.reduceat(tempered, starts, axis=1)
+        safe = np.where(np.isfinite(top), top, 0.0)
+        weights = np.exp(tempered - np.repeat(safe, counts, axis=1))
+        sums = np.add.reduceat(weights, starts, axis=1)
+        usable = np.add.reduceat(np.isfinite(tempered), starts, axis=1, dtype=float)
+        with np.errstate(divide="ignore"):
+            logs = np.log(sums) + safe - np.log(np.maximum(usable, 1.0))
+        explains = np.logical_or.reduceat(possible[:, order], starts, axis=1)
+        return _SetSums(
+            logs=np.where(explains, logs, np.minimum(logs, _IMPOSSIBLE)),
+            tempered=tempered,
+            weights=weights,
+            sums=sums,
+        )
+
+    def _films_of_sets(
+        self, sums: "_SetSums", possible: Bool[np.ndarray, "spectra templates"]
+    ) -> tuple[
+        Int[np.ndarray, "spectra sets"],
+        Float[np.ndarray, "spectra sets"],
+        Float[np.ndarray, "spectra sets"],
+    ]:
+        """Best template of each set, of the reading's colour where one is; mean and standard
+        deviation of the fraction of its first family.
         """
         order, starts, counts = self._by_set
-        sorted_evidence = power * evidence[:, order]
-        top = np.maximum.reduceat(sorted_evidence, starts, axis=1)
-        safe = np.where(np.isfinite(top), top, 0.0)
-        weights = np.exp(sorted_evidence - np.repeat(safe, counts, axis=1))
-        sums = np.add.reduceat(weights, starts, axis=1)
-        usable = np.add.reduceat(np.isfinite(sorted_evidence), starts, axis=1, dtype=float)
-        with np.errstate(divide="ignore"):
-            log_sets = np.log(sums) + safe - np.log(np.maximum(usable, 1.0))
-        has_colour = possible[:, order]
-        explains = np.logical_or.reduceat(has_colour, starts, axis=1)
-        log_sets = np.where(explains, log_sets, np.minimum(log_sets, _IMPOSSIBLE))
-
         fraction = np.concatenate([one.templates.fractions[:, 0] for one in self.ranges])[order]
-        mean = np.add.reduceat(weights * fraction, starts, axis=1) / np.maximum(sums, 1e-30)
+        whole = np.maximum(sums.sums, 1e-30)
+        mean = np.add.reduceat(sums.weights * fraction, starts, axis=1) / whole
         mean = np.clip(mean, 0.0, 1.0)  # Sums of single precision are off by their last digit.
-        square = np.add.reduceat(weights * fraction**2, starts, axis=1) / np.maximum(sums, 1e-30)
-        sorted_evidence[~has_colour] += 10.0 * _IMPOSSIBLE
+        square = np.add.reduceat(sums.weights * fraction**2, starts, axis=1) / whole
+        shown = np.where(possible[:, order], sums.tempered, sums.tempered + 10.0 * _IMPOSSIBLE)
         best = np.stack(
             [
-                order[start + sorted_evidence[:, start : start + count].argmax(axis=1)]
+                order[start + shown[:, start : start + count].argmax(axis=1)]
                 for start, count in zip(starts, counts, strict=True)
             ],
             axis=1,
         )
-        return log_sets, best, mean, np.sqrt(np.maximum(square - mean**2, 0.0))
+        return best, mean, np.sqrt(np.maximum(square - mean**2, 0.0))
 
     @cached_property
     def _by_set(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

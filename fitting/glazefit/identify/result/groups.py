@@ -2,7 +2,7 @@
 families as an answer.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 GROUPS: Mapping[str, tuple[str, ...]] = {
@@ -30,6 +30,14 @@ _GROUP_OF: dict[str, str] = {
 def group_of(family: str) -> str:
     """The group of a family, or the family itself where it has none."""
     return _GROUP_OF.get(family, family)
+
+
+def answer_of(families: Iterable[str]) -> frozenset[str]:
+    """What sets of families that are one answer share: their coloured groups, or all their groups
+    where none has a colour.
+    """
+    groups = frozenset(map(group_of, families))
+    return groups - COLOURLESS or groups
 
 
 @dataclass(frozen=True, kw_only=True)

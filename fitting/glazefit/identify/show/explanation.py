@@ -1,6 +1,6 @@
 """Explanations of a reading as they are drawn beside it."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from ..families.misfit import at_brightness_of
 from ..result import Candidate, Identification
-from ..result.groups import COLOURLESS, group_of
+from ..result.groups import answer_of
 
 LEAST = 0.001
 """Of the first one's probability: a less probable explanation would only stretch the axes."""
@@ -59,10 +59,10 @@ def explanations(
         ]
     films: dict[frozenset[str], Candidate] = {}
     for candidate in found.ranked(row):
-        films.setdefault(_colours(families[paint] for paint in candidate.paints), candidate)
+        films.setdefault(answer_of(families[paint] for paint in candidate.paints), candidate)
     out = []
     for answer in found.family_sets[row][:count]:
-        film = films.get(_colours(answer.families))
+        film = films.get(answer_of(answer.families))
         # Of an improbable answer no film may have been kept.
         if film is not None:
             fitted, scale = at_brightness_of(found.measured.readings[row, 0], film.fitted[0])
@@ -76,11 +76,3 @@ def explanations(
                 )
             )
     return out
-
-
-def _colours(families: Iterable[str]) -> frozenset[str]:
-    """What two sets of families that are one answer share: coloured groups, or all if there are
-    none.
-    """
-    groups = frozenset(map(group_of, families))
-    return groups - COLOURLESS or groups

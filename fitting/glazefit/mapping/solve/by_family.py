@@ -21,10 +21,6 @@ from .update import Answers
 
 # Candidates among which the one that shows a spectrum's first answer is looked for.
 _CANDIDATES = 16
-_PIGMENTS: dict[tuple[str, ...], tuple[Pigment, ...]] = {}
-"""Catalogues of this process: a search is set up once for each, and what a cluster sends comes
-anew with every piece of work.
-"""
 
 
 @dataclass(frozen=True)
@@ -121,11 +117,10 @@ class FamilySearcher:
             readings: of the spectra.
             ground: internal reflectance, (bands,); None where films hide it.
         """
-        names = tuple(pigment.name for pigment in self.pigments)
         parts = identify_families(
             self.wavelengths,
             np.maximum(readings, 0.0),
-            _PIGMENTS.setdefault(names, self.pigments),
+            self.pigments,
             replace(self.options, keep=_CANDIDATES),
             ground=ground,
             opaque=self.opaque,

@@ -15,7 +15,7 @@ from glazejax.spectra import describe_grid
 
 from ...film.films import Noise
 from ...film.model.errors import ModelError, Prior
-from ...film.model.mixing import Pigments, listed_pigments
+from ...film.model.mixing import Pigments, digest, listed_pigments
 from ...identify.families.expected import EXPECTED, has_families
 from ...identify.search.options import IdentificationOptions, SearchKeywords, check_keywords
 from ...identify.search.searcher import Searcher
@@ -128,9 +128,9 @@ def map_task(
         # Of what a map's store holds.
         "version": 4,
         "image": _identity(source, array),
-        "catalogue": {p.name: _digest(p.absorption, p.scattering) for p in known},
+        "catalogue": {p.name: digest(p.absorption, p.scattering) for p in known},
         "ground": below,
-        "mask": None if use is None else _digest(use),
+        "mask": None if use is None else digest(use),
         "geometry": seen_by.geometry.describe(),
         "refractive_index": seen_by.refractive_index,
         "noise": None if noise is None else [noise.floor, noise.share],
@@ -207,12 +207,12 @@ def _identity(source: "CubeSource | xarray.DataArray", array: "xarray.DataArray"
 
     identity = {
         "shape": list(array.shape),
-        "wavelengths": _digest(np.asarray(array["wavelength"], float)),
+        "wavelengths": digest(np.asarray(array["wavelength"], float)),
     }
     if not isinstance(source, CubeSource):
         # So many lines of an image in memory tell it from others.
         rows = np.linspace(0, array.shape[0] - 1, min(64, array.shape[0])).astype(int)
-        return identity | {"some lines": _digest(*(array[int(y)].to_numpy() for y in rows))}
+        return identity | {"some lines": digest(*(array[int(y)].to_numpy() for y in rows))}
     from glazejax.io.cubes.hashes import quick_source_hash, time_of_change
 
     given = asdict(source)
@@ -224,12 +224,3 @@ def _identity(source: "CubeSource | xarray.DataArray", array: "xarray.DataArray"
         "hash": {name: quick_source_hash(path) for name, path in files.items()},
         "time of change": {name: time_of_change(path) for name, path in files.items()},
     }
-
-
-def _digest(*arrays: Any) -> str:
-    from hashlib import sha256
-
-    whole = sha256()
-    for array in arrays:
-        whole.update(np.ascontiguousarray(array).tobytes())
-    return whole.hexdigest()[:16]
