@@ -114,7 +114,7 @@ def commands(folder: Path) -> dict[str, list[str]]:
             *("recover", str(folder / "blue.csv"), "--white", "ZincWhite"),
             *("--into", str(folder / "mine.csv"), "--overwrite"),
         ],
-        "identify": ["identify", films],
+        "identify": ["identify", films, "--catalogue", "oils"],
         "recipe --srgb": ["recipe", "--srgb", "#8a4b2d", *picture],
         "recipe --colourchecker": ["recipe", "--colourchecker", *picture],
         "posterior": [

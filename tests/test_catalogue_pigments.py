@@ -30,7 +30,7 @@ def test_every_exemplar_has_a_family_a_source_and_a_provenance(shelf):
         assert paint.family in known
         assert name.startswith(f"{paint.family}/{paint.source}-")
         assert (origin.family, origin.source) == (paint.family, paint.source)
-        assert origin.licence in ("CC BY 4.0", "CC0 1.0", "MIT")
+        assert origin.licence in ("CC BY 4.0", "CC0 1.0", "MIT", "public domain")
         assert origin.citation
         assert origin.told_by
         assert float(paint.wavelengths[0]) == origin.first_nm

@@ -72,7 +72,8 @@ fraction-map=thick.npy ground=0.3 ground-map=thick.npy illuminant=A illuminants=
 into=paints.csv lab=60,10,5 ladder=CobaltBlue layering=reciprocal mask=corner.csv
 max-coats=2 max-paints=2 memory=3GiB mixed=1*ZincWhite model-error=0.021 names=other.tsv noise=0.013
 noise-share=0.07 observer=2 only=Eosin,ZincWhite painted=1620 paints=Eosin patch=white
-pigments=paints.csv pixel=50um reading=one.csv renderer=mitsuba resample=400:600:50 sample=two
+pigments=paints.csv pixel=50um reading=one.csv references=own.csv renderer=mitsuba
+resample=400:600:50 sample=two
 sampler=emcee out=other.zarr samples=two scale=1.25 scheduler=tcp://127.0.0.1:9 size=8x6 space=acescg
 spectrum=spectra.csv spot=Grey=1,1 srgb=#8a4b2d stack=stack.json steps=70 test-illuminant=FL11
 thickness=40um thickness-map=three.npy thickness-range=0-20um thin=3 varnish=none walkers=48
@@ -94,6 +95,7 @@ convert source | | films.csv new.csv
 convert target | | spectra.csv other.csv
 convert --overwrite | spectra.csv there.csv
 paints --out | --family azurite
+paints --instrument | --references cards.csv | --references cards.csv --instrument 45:0
 export stack | | Eosin:7um
 export --to | ZincWhite:5um | --to textures --thickness-map thick.npy
 export --thickness-map --fraction-map --ground-map --layer --pixel --format --delta-e | TEXTURES
@@ -108,6 +110,7 @@ studio --catalogue | | --catalogue paints.csv
 studio --overwrite | --page there.html
 identify file | | films.csv --ground 0.5
 identify --opaque | spectra.csv
+identify --references | spectra.csv --opaque --instrument 45:0 --catalogue pigments
 identify --elements --without-elements --painted | spectra.csv --opaque --catalogue pigments
 recover file | | one.csv --out found
 recover --thickness --seed | --out found --simulate
@@ -122,7 +125,7 @@ predict --film-thickness | 1*ZincWhite --reading one.csv
 predict --thickness | 1*ZincWhite | --thickness 5um,40um
 predict --catalogue | 1*TitaniumWhite
 recipe --lab --srgb --spectrum --colourchecker |
-recipe --samples | --spectrum spectra.csv
+recipe --samples --spectra | --spectrum spectra.csv
 recipe --patch | --colourchecker
 recipe --modern | --lab 50,20,30 --pigments paints.csv --catalogue oils
 recipe --after | --lab 50,20,30 | --after one.csv --mixed 1*ZincWhite
@@ -146,6 +149,14 @@ map --overwrite | CUBE
 # What happens after the computation: tests of the whole command, FILE:NAME.
 AFTERWARDS = {
     "export --out": "appearance/test_exports_files.py:test_the_command_reads_a_stack_and_maps",
+    **dict.fromkeys(
+        ("identify --object", "identify --inventory", "identify --spot", "identify --operator"),
+        "fitting/test_cli_identify.py:test_a_report_is_filed",
+    ),
+    **dict.fromkeys(
+        ("map --object", "map --inventory", "map --operator"),
+        "mapping/test_command.py:test_a_map_its_report_its_table_and_its_exports_are_written",
+    ),
     "map --example": "mapping/test_command.py:test_the_example_is_made_and_mapped",
     "map --scheduler": "mapping/test_command.py:test_a_dask_scheduler_is_asked",
     "posterior --resume": "fitting/test_posterior_chain.py:test_command_writes_what_it_says",
@@ -280,6 +291,8 @@ def write_files() -> None:
     films("films.csv", "one", "two")
     films("one.csv", "one")
     films("dull.csv", "one", less=0.032)
+    films("cards.csv", "PB29", less=0.032)
+    table("own.csv", {"PB29": 0.4})
     films("tube.csv", "Blue", "Blue 1:3 ZincWhite", "Blue 1:3 Own")
     films("acrylic.csv", "Blue", "Blue 1:3 TitaniumWhite")
     Path("mixtures.tsv").write_text("one\tRed-White|100-0\ntwo\tRed-White|40-60\n")

@@ -107,7 +107,7 @@ def test_render_is_one_program_and_little_else(tmp_path):
 
 @pytest.mark.slow
 def test_a_search_that_was_made_before_traces_little(tmp_path):
-    words = "identify", str(samples.path())
+    words = "identify", str(samples.path()), "--catalogue", "oils"
     programs, traced, modules = run(tmp_path, *words)
     assert programs <= 11
     assert not any(name.startswith("scipy.") for name in modules)
@@ -131,7 +131,7 @@ def test_a_recipe_is_sixteen_programs(tmp_path):
             ("starting", "compiling, then solving", "drawing"),
         ),
         pytest.param(
-            ("recipe", "--srgb", "#8a4b2d"),
+            ("recipe", "--srgb", "#8a4b2d", "--out", "brown.png"),
             ("starting", "compiling, then looking"),
             marks=pytest.mark.slow,
         ),

@@ -299,7 +299,7 @@ def test_a_picture_is_refused_before_it_is_computed(monkeypatch, run, tmp_path):
     monkeypatch.setattr(extras, "distribution", without)
     for words in (
         ("render", "--coats", "Eosin:1um"),
-        ("recipe", "--lab", "50,0,0"),
+        ("recipe", "--lab", "50,0,0", "--out", "a.png"),
         ("recover", "--simulate", "--out", "r"),
         ("posterior", "--simulate", "--paints", "Eosin", "--out", "r"),
         ("identify", "none.csv", "--out", "a.png"),

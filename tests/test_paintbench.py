@@ -175,6 +175,36 @@ def test_a_source_of_unclear_licence_is_asked_and_teaches_nothing(measured):
     assert method.groups == {"usgs", "kimera"}
 
 
+def test_what_is_stated_is_counted_with_and_without_near_infrared(measured):
+    """A namer that says vermilion of everything, at .9, and refuses half of what it is asked."""
+
+    class Vermilion:
+        name = "glazejax"
+
+        def learn(self, library):
+            self.taught = set(library.groups.tolist())
+
+        def answer(self, sought, hidden, pairs):
+            assert not pairs
+            assert not self.taught & set(sought.groups.tolist())
+            return [
+                Answer(ranked=((("vermilion",),),), chances=(0.9,), doubt=0.1, refused=row % 2 == 1)
+                for row in range(len(sought))
+            ]
+
+    used = [measured[name] for name in ("hyperdoc", "kimera", "rrt")]
+    stated = tasks.stated_and_right(used, Vermilion())
+    told = {(source, infrared) for source, infrared, *_ in stated}
+    seen_twice = {(name, infrared) for name in ("hyperdoc", "rrt") for infrared in (True, False)}
+    assert told == {*seen_twice, ("kimera", False)}
+    assert {chance for *_, chance, _ in stated} == {0.9}
+    # Each reading that holds the near infrared is asked twice, and half is refused.
+    counts = [sum(each[:2] == ("hyperdoc", seen) for each in stated) for seen in (True, False)]
+    assert counts[0] == counts[1] > 10
+    reds = [right for source, infrared, _, right in stated if source == "hyperdoc" and infrared]
+    assert 0 < sum(reds) < len(reds)
+
+
 def test_slopes_do_not_see_a_level_and_bands_that_lack_are_left_out():
     rng = np.random.default_rng(0)
     reading = rng.uniform(0.2, 0.5, (1, GRID.size))
@@ -242,6 +272,37 @@ def test_unmixing_is_exact_where_absorbances_add():
     found = method.amounts(mixed[None], np.ones((1, 2), bool))
     assert found == pytest.approx(np.array([[0.25, 0.75]]), abs=1e-9)
     assert method.foretell(np.eye(2)) is None
+
+
+class Listener:
+    """A method that keeps which makers it was taught and asked, and answers nothing."""
+
+    name = "listener"
+
+    def __init__(self):
+        self.heard = []
+
+    def learn(self, library):
+        self.heard.append({sample.name.split("-")[0] for sample in library.samples})
+
+    def answer(self, sought, hidden, pairs):
+        asked = {sample.name.split("-")[0] for sample in sought.samples}
+        self.heard[-1] = (self.heard[-1], asked)
+        return [Answer(ranked=(), doubt=0.0, refused=True)] * len(sought)
+
+
+def test_a_maker_is_asked_with_the_paints_of_all_others(measured):
+    method = Listener()
+    record = tasks.Record()
+    tasks.run_references([measured["makers"], measured["kimera"]], [method], record)
+    every = {sample.name.split("-")[0] for sample in measured["makers"].samples}
+    assert len(method.heard) == 2 * len(every)
+    for taught, (asked,) in method.heard:
+        assert every - taught == {asked}
+        assert taught - every, "the library is not there"
+    scores = record.results["references_380"]["makers"]["listener"]
+    assert (scores["n"] or 0) > 300
+    assert scores["refused"] == 1.0
 
 
 @pytest.mark.slow

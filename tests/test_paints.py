@@ -20,7 +20,7 @@ def test_all_families_are_listed():
     text = said()
     for family in ("azurite", "lead-tin yellow", "vermilion"):
         assert f"\n{family} " in text
-    assert f"{len(catalogue.provenance())} exemplars of 50 families" in text
+    assert f"{len(catalogue.provenance())} exemplars of 51 families" in text
     assert "without an exemplar" in text
 
 
@@ -39,7 +39,7 @@ def test_the_exemplars_as_a_table(tmp_path):
     with path.open() as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == len(catalogue.provenance())
-    assert {row["licence"] for row in rows} == {"CC BY 4.0", "CC0 1.0", "MIT"}
+    assert {row["licence"] for row in rows} == {"CC BY 4.0", "CC0 1.0", "MIT", "public domain"}
 
 
 def test_a_family_that_there_is_not_is_one_sentence(tmp_path):
@@ -47,3 +47,22 @@ def test_a_family_that_there_is_not_is_one_sentence(tmp_path):
         said("--family", "azurit")
     with pytest.raises(ValueError, match="name it by --family"):
         said("--out", str(tmp_path / "x.png"))
+
+
+def test_references_are_listed_as_they_are_understood(tmp_path):
+    library, table = tmp_path / "own.csv", tmp_path / "listed.csv"
+    bands = range(400, 701, 10)
+    rows = {"Lapis [no 3], PB29": 0.3, "yellow PY999": 0.5, "smalt, 2": 0.4}
+    lines = [f'"{name}",' + ",".join([str(value)] * len(bands)) for name, value in rows.items()]
+    library.write_text("\n".join([",".join(["Name", *map(str, bands)]), *lines]))
+    text = said("--references", str(library), "--instrument", "45:0", "--csv", str(table))
+    assert (
+        "ultramarine            400-700   PB29          k/s alone          Lapis [no 3], PB29"
+        in text
+    )
+    assert "2 references of 2 families" in text
+    assert "not understood: yellow PY999: no family has the Colour Index number PY999; name" in text
+    with table.open() as file:
+        assert [row["family"] for row in csv.DictReader(file)] == ["ultramarine", "smalt"]
+    with pytest.raises(ValueError, match="leave out --family and --out"):
+        said("--references", str(library), "--family", "smalt")

@@ -26,12 +26,15 @@ from benchmarks.paintbench.library import grid_readings
 from benchmarks.paintbench.sources import FOREIGN, UNCLEAR, Source, read_sources
 from benchmarks.results import Results, command_line, progress
 from glazefit import Films, recover_jointly
+from glazefit.identify.families.references import log_scattering
 from glazefit.recover.joint import UNIT
 from glazefit.recover.joint_problem import Expectations
 from glazefit.recover.joint_result import JointRecovery
 from glazejax.commands.main import start_jax
 
-NEEDS = ("data/hyperdoc", "data/hyppigments", "data/bath", "data/grillini", "data/kimera")
+NEEDS = tuple(
+    f"data/{name}" for name in ("hyperdoc", "hyppigments", "bath", "grillini", "kimera", "usgs")
+)
 
 FOLDER = Path(glazejax.__file__).parent / "catalogue"
 INSTRUMENT = "45:0"
@@ -102,7 +105,10 @@ def fit_source(source: Source, every: int = 1) -> list[Exemplar]:
     if source.name in ("bath", "grillini"):
         return _opaque_mixtures(source)
     if source.name == "kimera":
-        return list(_masstones(source))
+        # The author's instrument is weak at its ends.
+        return list(_masstones(source, np.arange(410.0, 691.0, 10.0), "acrylic", "Kimera "))
+    if source.name == "usgs":
+        return list(_masstones(source, grid_of(source), "none: powder or mineral", ""))
     if source.name == "rrt":
         return list(_thin_and_thick(source))
     return []
@@ -176,20 +182,9 @@ def exemplar(
         wavelengths=np.asarray(recovery.wavelengths),
         absorption=np.asarray(recovery.absorption[row]) / UNIT,
         scattering=np.asarray(recovery.scattering[row]) / UNIT,
-        log_sd=_own_log_sd(recovery)[:, row] + (0.0 if told_by else np.inf),
+        log_sd=recovery.relative_log_sd[:, row] + (0.0 if told_by else np.inf),
         rms=float(np.sqrt(np.mean(off[own] ** 2))),
     )
-
-
-def _own_log_sd(recovery: JointRecovery) -> Float[np.ndarray, "2 paints bands"]:
-    """Standard deviations of log k and log s but for a factor common to all paints of the source:
-    nothing can tell it where all films hide what is below, and it is chosen later.
-    """
-    covariance = np.asarray(recovery.log_covariance)  # (bands, 2 paints, 2 paints)
-    count = covariance.shape[-1]
-    rest = np.eye(count) - np.full((count, count), 1.0 / count)
-    variance = np.diagonal(rest @ covariance @ rest, axis1=1, axis2=2)
-    return np.sqrt(np.maximum(variance, 0.0)).T.reshape(2, count // 2, -1)
 
 
 def _chart(source: Source, every: int) -> Iterator[Exemplar]:
@@ -291,17 +286,19 @@ def _opaque_mixtures(source: Source) -> list[Exemplar]:
     ]
 
 
-def _masstones(source: Source) -> Iterator[Exemplar]:
-    """Opaque pure paints, repeats averaged: k/s alone."""
-    # The author's instrument is weak at its ends.
-    grid = np.arange(410.0, 691.0, 10.0)
-    for code in source.paints:
+def _masstones(
+    source: Source, grid: Float[np.ndarray, "bands"], binder: str, maker: str
+) -> Iterator[Exemplar]:
+    """Opaque pure paints of known families, repeats averaged: k/s alone."""
+    for code, paint in source.paints.items():
+        if paint.family in (*UNCLEAR, FOREIGN):
+            continue
         rows = [row for row, sample in enumerate(source.samples) if sample.paints == (code,)]
         progress(f"{source.name}: {code}")
         mean = grid_readings(source, rows, grid).mean(axis=0, keepdims=True)
         recovery = fit([code], grid, mean, {code: {code: 1.0}})
-        found = exemplar(recovery, 0, source, code, mark=code.replace(" ", "-"), binder="acrylic")
-        yield replace(found, paint=f"Kimera {found.paint}")
+        found = exemplar(recovery, 0, source, code, mark=code.replace(" ", "-"), binder=binder)
+        yield replace(found, paint=f"{maker}{found.paint}")
 
 
 def _thin_and_thick(source: Source) -> Iterator[Exemplar]:
@@ -361,7 +358,7 @@ def with_usual_scattering(exemplars: Sequence[Exemplar]) -> list[Exemplar]:
             out.append(found)
             continue
         own = [other for other in told if other.family == found.family]
-        logs = np.stack([_log_scattering(other, found.wavelengths) for other in own or told])
+        logs = log_scattering(own or told, found.wavelengths)
         log_s = np.median(logs, axis=0)
         spread = np.maximum(logs.std(axis=0), 0.5) if len(own) > 1 else np.full(log_s.size, 1.0)
         scattering = np.exp(log_s)
@@ -376,13 +373,6 @@ def with_usual_scattering(exemplars: Sequence[Exemplar]) -> list[Exemplar]:
             )
         )
     return out
-
-
-def _log_scattering(
-    found: Exemplar, wavelengths: Float[np.ndarray, "bands"]
-) -> Float[np.ndarray, "bands"]:
-    """On another grid; beyond its ends as at them."""
-    return np.interp(wavelengths, found.wavelengths, np.log(found.scattering))
 
 
 def lines_of(exemplars: Sequence[Exemplar]) -> list[str]:

@@ -8,6 +8,7 @@ The README beside this file says what the tasks are and how to enter a source or
 """
 
 import argparse
+import itertools
 import json
 from collections.abc import Mapping
 from importlib.util import find_spec
@@ -16,14 +17,27 @@ from pathlib import Path
 from benchmarks.measured import data_folder
 from benchmarks.results import Quantity, Results, command_line, percent, progress
 from benchmarks.rivals.namers import namers
+from glazefit.identify.result.in_tests import FILE
 from glazejax.commands.main import start_jax
+from glazejax.io import write_table
 
 from .coats import NEIGHBOUR, OTHER_BINDER, OWN_BINDER, VISIBLE, run_coats
 from .mixers import AbsorbanceUnmixing, KubelkaMunk
 from .program import FamilyCatalogue, FilmCatalogues, JointFit
 from .sources import Source, read_sources
 from .splits import check_hashes
-from .tasks import Failure, Record, Scores, interval, run_mixing, run_names, run_own
+from .tasks import (
+    SURE,
+    Failure,
+    Record,
+    Scores,
+    interval,
+    run_mixing,
+    run_names,
+    run_own,
+    run_references,
+    stated_and_right,
+)
 
 NEEDS = ("data/hyperdoc", "data/bath", "data/grillini", "sklearn")
 
@@ -31,6 +45,8 @@ NEEDS = ("data/hyperdoc", "data/bath", "data/grillini", "sklearn")
 EVERY = 1
 _SHARES = ("first", "three", "refused", "sure", "nonsense", "found", "false", "right", "decided")
 _OURS = FamilyCatalogue.name
+# Between these, stated probabilities are counted together.
+STATED = (0.0, 0.4, 0.6, 0.8, 0.9, 1.01)
 # Shares that are recorded: name -> task, source, method, score.
 _RECORDED = {
     **{
@@ -46,6 +62,17 @@ _RECORDED = {
             ("three", _OURS, "three"),
             ("neighbour", "slopes of both", "first"),
             ("classifier", "linear classifier", "first"),
+        )
+    },
+    **{
+        f"makers_{what}": (task, "makers", method, score)
+        for what, task, method, score in (
+            ("first", "pigment_400", _OURS, "first"),
+            ("three", "pigment_400", _OURS, "three"),
+            ("neighbour", "pigment_400", "slopes of both", "first"),
+            ("references_first", "references_400", "glazejax, references", "first"),
+            ("references_three", "references_400", "glazejax, references", "three"),
+            ("references_neighbour", "references_400", "slopes of both", "first"),
         )
     },
     "none_found": ("none", "hyperdoc", _OURS, "found"),
@@ -90,6 +117,11 @@ def main() -> None:
     parser.add_argument(
         "--coats", action="store_true", help="only the task coats, with a result of its own"
     )
+    parser.add_argument(
+        "--stated",
+        action="store_true",
+        help="only how often what is stated is right; written to the table that identify quotes",
+    )
     parser.add_argument("--every", type=int, default=EVERY, help=argparse.SUPPRESS)
     # Mixtures, and superpositions, that the task coats asks for in each source.
     parser.add_argument("--pairs", type=int, default=None, help=argparse.SUPPRESS)
@@ -100,6 +132,9 @@ def main() -> None:
         thinned(source, options.every)
         for source in read_sources(options.data or data_folder(), options.extra)
     ]
+    if options.stated:
+        write_in_tests(sources)
+        return
     if options.coats:
         coats = Record()
         run_coats(sources, coats, options.pairs)
@@ -109,7 +144,7 @@ def main() -> None:
         results.record(**quantities(coats, _RECORDED_OF_COATS))
         results.save()
         return
-    record = run(sources, own_films=options.own_films, pairs=options.pairs)
+    record = run(sources, options.own_films, options.pairs, options.every)
     # Scores of sources from outside are no result of the repository's.
     if find_spec("sklearn") is None:
         print("left out, scikit-learn is not installed: the linear classifier")
@@ -129,6 +164,25 @@ def main() -> None:
         print(f"scores written to {options.json}")
 
 
+def write_in_tests(sources: list[Source]) -> None:
+    """Count answers and right ones by what was stated, and write the table that ships."""
+    stated = stated_and_right(sources, FamilyCatalogue())
+    for name in dict.fromkeys(source for source, *_ in stated):
+        for infrared in (True, False):
+            own = [each[2:] for each in stated if each[:2] == (name, infrared)]
+            if own:
+                sure = [right for chance, right in own if chance >= SURE]
+                print(f"{name}, infrared {infrared}: {len(own)}, sure {len(sure)}: {sum(sure)}")
+    rows = []
+    for infrared in (True, False):
+        own = [(chance, right) for _, seen, chance, right in stated if seen == infrared]
+        for low, high in itertools.pairwise(STATED):
+            inside = [right for chance, right in own if low <= chance < high]
+            rows.append([int(infrared), low, min(high, 1.0), len(inside), sum(inside)])
+    write_table(FILE, ["infrared", "from", "to", "answers", "right"], rows, overwrite=True)
+    print(FILE.read_text())
+
+
 def thinned(source: Source, every: int) -> Source:
     """A large chart with one sample in so many; other sources as they are."""
     if every == 1 or len(source.samples) < 500:
@@ -136,13 +190,16 @@ def thinned(source: Source, every: int) -> Source:
     return source.take(range(0, len(source.samples), every))
 
 
-def run(sources: list[Source], own_films: bool = False, pairs: int | None = None) -> Record:
+def run(
+    sources: list[Source], own_films: bool = False, pairs: int | None = None, every: int = EVERY
+) -> Record:
     """All tasks; with identification among the oils and acrylics alone, if asked.
 
     Args:
         sources: of samples.
         own_films: whether paints are sought among the oils and acrylics, too.
         pairs: mixtures, and superpositions, that the task coats takes of each source; None for all.
+        every: one maker in so many is sought among the others' paints.
     """
     record = Record()
     progress("names of pigments")
@@ -151,7 +208,10 @@ def run(sources: list[Source], own_films: bool = False, pairs: int | None = None
     # What a wrong word on the instrument costs: readings are mostly of 45:0.
     others = [FamilyCatalogue(instrument) for instrument in ("de:8", "d:8")]
     run_names(sources, others, record, tasks=("pigment", "pigment_400"))
+    run_names(sources, [FamilyCatalogue(elements=True)], record, tasks=("pigment",))
     record.score_calibration()
+    nearest = [namer for namer in namers() if namer.name == "slopes of both"]
+    run_references(sources, [FamilyCatalogue(references="makers"), *nearest], record, every=every)
     run_own(sources, FamilyCatalogue(), record)
     progress("mixtures")
     run_mixing(

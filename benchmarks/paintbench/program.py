@@ -12,8 +12,11 @@ from benchmarks.kubelka_munk import KubelkaMunk
 from glazefit import Films, Identification, identify, predict_mixture, recover_jointly
 from glazefit.film.films import Instrument
 from glazefit.film.model.response import Response, film_response
+from glazefit.film.partial_films import loose_films
+from glazefit.identify.families.evidence import with_facts
 from glazefit.identify.families.expected import EXPECTED
 from glazefit.identify.families.naming import name_sets
+from glazefit.identify.families.references import References, references_of
 from glazefit.identify.families.search import FamilySearch
 from glazefit.identify.families.set_up import search_families
 from glazefit.identify.result.groups import FamilySet
@@ -21,6 +24,7 @@ from glazefit.recover.crossvalidation import cross_validate
 from glazefit.recover.joint import UNIT
 from glazefit.recover.prediction import Prediction, predict_films
 from glazejax import Pigment, catalogue
+from glazejax.io import SpectraTable
 
 from .library import Answer, Table
 from .mixers import Foretold, Mixtures
@@ -44,15 +48,26 @@ class FamilyCatalogue:
 
     name = "glazejax"
 
-    def __init__(self, instrument: str = _INSTRUMENT):
+    def __init__(self, instrument: str = _INSTRUMENT, elements: bool = False, references: str = ""):
+        """For an instrument; told or not which elements each sample's pigment holds, and with or
+        without the samples of a group as reference paints.
+        """
         self._instrument = instrument
+        self._elements = elements
+        self._references = references
         if instrument != _INSTRUMENT:
             self.name = f"glazejax, {instrument}"
+        if elements:
+            self.name = "glazejax, elements"
+        if references:
+            self.name = "glazejax, references"
 
     def learn(self, library: Table) -> None:
         """Choose the exemplars whose source may be learnt from, and the bands that are there."""
         groups = set(library.groups.tolist())
         self._pigments = [p for p in catalogue.load("pigments").values() if p.source in groups]
+        if self._references in groups:
+            self._pigments += references_in(library, self._references, self._instrument).pigments
         self._searches: dict[tuple[bytes, bool], FamilySearch] = {}
 
     def answer(self, sought: Table, hidden: Sequence[str | None], pairs: bool) -> list[Answer]:
@@ -70,9 +85,41 @@ class FamilyCatalogue:
         for row, family in enumerate(hidden):
             if family in search.families:
                 unknown[row, search.families.index(family)] = True
-        odds = search.odds(sought.readings[:, bands], hidden=unknown)
+        if self._elements:
+            return self._answers_with_elements(search, sought, bands, unknown)
+        return self._answers(search, sought.readings[:, bands], bands, unknown)
+
+    def _answers_with_elements(
+        self,
+        search: FamilySearch,
+        sought: Table,
+        bands: Int[np.ndarray, "bands"],
+        unknown: Bool[np.ndarray, "samples families"],
+    ) -> list[Answer]:
+        """Answers to samples of which X-ray fluorescence found all heavy elements and no other."""
+        about = catalogue.families()
+        answers: list[Answer | None] = [None] * len(sought)
+        for family in np.unique(sought.families):
+            rows = np.flatnonzero(sought.families == family)
+            found = about[family].elements if family in about else ()
+            known = with_facts(search, elements=found)
+            readings = sought.readings[np.ix_(rows, bands)]
+            for row, answer in zip(
+                rows, self._answers(known, readings, bands, unknown[rows]), strict=True
+            ):
+                answers[row] = answer
+        return [answer for answer in answers if answer is not None]
+
+    def _answers(
+        self,
+        search: FamilySearch,
+        readings: Float[np.ndarray, "samples bands"],
+        bands: Int[np.ndarray, "bands"],
+        unknown: Bool[np.ndarray, "samples families"],
+    ) -> list[Answer]:
+        odds = search.odds(readings, hidden=unknown)
         answers = []
-        surfaces = search.surface * search.gloss(sought.readings[:, bands])
+        surfaces = search.surface * search.gloss(readings)
         for chances, none, unlike, best, surface in zip(
             odds.sets, odds.none, odds.unlike, odds.best, surfaces, strict=True
         ):
@@ -113,6 +160,16 @@ class FamilyCatalogue:
             doubt=none,
             refused=refused,
         )
+
+
+def references_in(library: Table, group: str, instrument: str) -> References:
+    """The samples of a group as a user's reference paints."""
+    own = library.take((library.groups == group) & (library.families != FOREIGN))
+    bands = np.isfinite(own.readings).all(axis=0)
+    names = tuple(sample.name for sample in own.samples)
+    films = loose_films(SpectraTable(GRID[bands], names, own.readings[:, bands]))
+    families = dict(zip(names, own.families.tolist(), strict=True))
+    return references_of(films, families, instrument=instrument, source=group)
 
 
 class FilmCatalogues:

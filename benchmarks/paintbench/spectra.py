@@ -7,6 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Bool, Float
 
+from glazefit.film.shared_bands import running_mean
+
 GRID = np.arange(380.0, 1701.0, 5.0)
 """Wavelengths on which spectra are compared, nm."""
 WHOLE = (415.0, 985.0)
@@ -46,21 +48,11 @@ def on_grid(
         if seen.sum() < 3:
             continue
         if fine:
-            values = _running_mean(wavelengths[seen], values[seen], step)
+            values = running_mean(wavelengths[seen], values[seen], step)
             out[row, inside] = np.interp(grid[inside], wavelengths[seen], values)
         else:
             out[row, inside] = np.interp(grid[inside], wavelengths[seen], values[seen])
     return out
-
-
-def _running_mean(
-    wavelengths: Float[np.ndarray, "bands"], values: Float[np.ndarray, "bands"], width: float
-) -> Float[np.ndarray, "bands"]:
-    """Mean over a window of this width (nm) around each band."""
-    sums = np.concatenate([[0.0], np.cumsum(values)])
-    first = np.searchsorted(wavelengths, wavelengths - 0.5 * width)
-    last = np.searchsorted(wavelengths, wavelengths + 0.5 * width, side="right")
-    return (sums[last] - sums[first]) / (last - first)
 
 
 def within(

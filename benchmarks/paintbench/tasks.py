@@ -12,13 +12,14 @@ from jaxtyping import Bool, Float
 from scipy.stats import spearmanr
 
 from glazefit.identify.result.groups import GROUPS
+from glazefit.identify.result.in_tests import has_infrared
 from glazejax import colour
 
 from .library import Answer, Namer, Table, grid_readings, known_families, pure_table
 from .mixers import Foretold, Mixer, Mixtures
 from .program import films_over_cards, over_cards
 from .sources import COLOURLESS, FOREIGN, Sample, Source
-from .spectra import GRID, RANGES, REACHED, WHOLE, bounded, finite_columns, within
+from .spectra import GRID, RANGES, REACHED, VISIBLE, WHOLE, bounded, finite_columns, within
 
 Scores = dict[str, float | int | None]
 Results = dict[str, dict[str, dict[str, Scores]]]
@@ -268,6 +269,77 @@ def run_names(
                     _none(source, learner, library, _blank(sought, bands), record)
                 if task == "pigment" and "mixture" in tasks:
                     _mixture("mixture", source, learner, library, bands, record)
+
+
+def stated_and_right(
+    sources: Sequence[Source], namer: Namer
+) -> list[tuple[str, bool, float, bool]]:
+    """What is said of pure samples of known families, with all sources of their group hidden, with
+    the near infrared and without: the source, whether the near infrared was read, the stated
+    probability, and whether the answer is right. What is refused is left out.
+    """
+    table = pure_table([source for source in sources if source.learnable])
+    out = []
+    for source in sources:
+        library = table.take(table.groups != source.group)
+        pure = pure_table([source])
+        known = set(known_families(library))
+        pure = pure.take([row for row in range(len(pure)) if pure.families[row] in known])
+        if source.group == _GOLDEN or not len(pure):
+            continue
+        for limits in (WHOLE, VISIBLE):
+            bands = within(limits)
+            infrared = has_infrared(GRID[bands & finite_columns([pure.readings])])
+            if (limits is WHOLE) != infrared:
+                continue
+            learner = _whole_grid(namer, library, bands)
+            sought = _blank(pure.within(bands), bands)
+            answers = learner.answer(sought, [None] * len(sought), pairs=False)
+            for answer, family in zip(answers, sought.families, strict=True):
+                if not answer.refused:
+                    right = is_right(answer.ranked[0], (str(family),))
+                    out.append((source.name, infrared, answer.chances[0], right))
+    return out
+
+
+def run_references(
+    sources: Sequence[Source],
+    namers: Sequence[Namer],
+    record: Record,
+    group: str = "makers",
+    every: int = 1,
+) -> None:
+    """Tasks `references_400` and `references_380`: each maker of a group's paints is sought with
+    those of its other makers beside the library, as a user's own references are.
+
+    Args:
+        sources: of samples.
+        namers: methods.
+        record: that the scores go to.
+        group: whose samples' names begin with a maker, up to a hyphen.
+        every: one maker in so many is sought.
+    """
+    table = pure_table([s for s in sources if s.learnable or s.group == group])
+    own = table.groups == group
+    maker = np.array([sample.name.split("-")[0] for sample in table.samples])
+    makers = sorted(set(maker[own].tolist()))[::every]
+    for task in ("pigment_400", "pigment_380") if makers else ():
+        bands = within(RANGES[task])
+        for namer in namers:
+            answers: list[Answer] = []
+            asked: list[Table] = []
+            for one in makers:
+                is_sought = own & (maker == one)
+                library = table.take(~is_sought)
+                has_family = np.isin(table.families, known_families(library))
+                sought = _blank(table.take(is_sought & has_family).within(bands), bands)
+                learner = _whole_grid(namer, library, bands)
+                answers += learner.answer(sought, [None] * len(sought), pairs=False)
+                asked.append(sought)
+            truths = [(str(family),) for sought in asked for family in sought.families]
+            readings = np.concatenate([sought.readings for sought in asked])
+            scores = score_names(answers, truths) | score_headlines(answers, truths, readings)
+            record.add(task.replace("pigment", "references"), group, namer.name, scores)
 
 
 def run_own(sources: Sequence[Source], namer: Namer, record: Record) -> None:

@@ -13,6 +13,9 @@ from .film.readers import read_recipes as read_recipes
 from .film.reading import Reading as Reading
 from .film.reading import reading_over as reading_over
 from .film.simulate import simulate_films as simulate_films
+from .identify.families.references import References as References
+from .identify.families.references import read_references as read_references
+from .identify.families.references import references_of as references_of
 from .identify.identify import ground_from_air as ground_from_air
 from .identify.identify import identify as identify
 from .identify.identify import identify_films as identify_films

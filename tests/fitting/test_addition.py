@@ -123,11 +123,11 @@ def test_command_says_what_to_add(run, tmp_path, weak):
     assert "to 20 g of it, weighed as they come from the tube" in out
     assert "as it came out" in out
     assert "after the addition" in out
-    assert not (tmp_path / "recipes.png").exists()
     for words, said in (
         ((*asked,), "--mixed MIXTURE"),
         (("--lab", "60,45,30", *mixed), "--after FILE"),
         ((*asked, *mixed, "--csv", "x.csv"), "--csv is for recipes"),
+        ((*asked, *mixed, "--out", "x.png"), "--out is for recipes"),
         ((*asked, *mixed, "--batch", "-3"), "the batch is -3 g"),
     ):
         status, _, err = run(*words)

@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 
 from glazefit import simulate_films
 from glazefit.identify.command import register
+from glazefit.identify.result.in_tests import came_true
 from glazejax import catalogue
 from glazejax.io import write_table
 
@@ -122,6 +123,8 @@ def test_spectra_beyond_the_catalogue_are_cut_with_a_word(tmp_path):
         red,
         "--ground",
         tmp_path / "ground.csv",
+        "--catalogue",
+        "oils",
         "--only",
         "Vermillion",
         "--csv",
@@ -135,14 +138,15 @@ def test_spectra_beyond_the_catalogue_are_cut_with_a_word(tmp_path):
     infrared = tmp_path / "infrared.csv"
     write_table(infrared, ["nm", "red"], [[nm, 0.5] for nm in wide[wide > 720]])
     assert "the paints are known from 400 to 700 nm: 0 bands" in str(
-        run(infrared, "--opaque").exception
+        run(infrared, "--opaque", "--catalogue", "oils").exception
     )
 
 
 @pytest.mark.slow
 def test_films_are_identified_written_and_drawn(table, tmp_path):
     paths = [tmp_path / name for name in ("found.csv", "residuals.csv", "found.png")]
-    options = ["--only", "Vermillion,ZincWhite,CobaltBlue", "--max-paints", "2"]
+    options = ["--catalogue", "oils", "--only", "Vermillion,ZincWhite,CobaltBlue"]
+    options += ["--max-paints", "2"]
     result = run(table, *options, "--csv", paths[0], "--residuals", paths[1], "--out", paths[2])
     assert result.exit_code == 0, result.output
     assert "Most probable" in result.output
@@ -171,11 +175,73 @@ def test_a_whole_image_is_told_of_maps_before_it_is_searched(tmp_path, monkeypat
     monkeypatch.setattr(
         importlib.import_module("glazefit.identify.identify"), "identify_chunks", stop
     )
-    result = run(file, "--opaque")
+    result = run(file, "--opaque", "--catalogue", "oils")
     assert "reached" in str(result.exception)
     words = " ".join(result.output.split())
     assert "4 spectra are sought one by one" in words
     assert "glazejax map" in words
+
+
+@pytest.fixture
+def no_search(monkeypatch):
+    """Catalogue, grounds, and paths of what was to be searched; nothing is."""
+    sought = []
+
+    def answer(wavelengths, spectra, paints, *given, ground, **named):
+        sought.append((len(paints), np.shape(spectra), np.shape(ground)))
+        raise KeyError("reached")
+
+    module = importlib.import_module("glazefit.identify.identify")
+    monkeypatch.setattr(module, "identify_chunks", answer)
+    return sought
+
+
+def test_pigments_are_asked_unless_another_catalogue_is_named(tmp_path, no_search):
+    file = tmp_path / "grey.csv"
+    write_table(file, NAMES, [["grey", *np.full(GRID.size, 0.4)]])
+    for words in ([], ["--catalogue", "oils"], ["--only", "azurite"], ["--without", "Azurite"]):
+        run(file, "--opaque", *words)
+    everything, azurites = (
+        sum(paint.family in family for paint in catalogue.load("pigments").values())
+        for family in (catalogue.families(), ["azurite"])
+    )
+    counts = [count for count, _, _ in no_search]
+    assert counts == [everything, len(catalogue.load("oils")), azurites, everything - azurites]
+
+
+@pytest.mark.slow
+def test_films_over_cards_are_asked_for_pigments_and_for_films(table, tmp_path):
+    """Families from the white card's readings, films from both cards, each in files of its own."""
+    file = tmp_path / "found.csv"
+    (tmp_path / "found-oils.csv").touch()
+    assert "found-oils.csv" in str(run(table, "--csv", file).exception)
+    assert not file.exists()
+    # What is told of families is not asked of the oils.
+    result = run(
+        table,
+        "--samples",
+        "red",
+        "--csv",
+        file,
+        "--overwrite",
+        "--painted",
+        "1620",
+        "--elements",
+        "Hg",
+    )
+    assert result.exit_code == 0, result.output
+    asked = [line for line in result.output.splitlines() if line.startswith("Asked: ")]
+    assert [line.split(",")[0] for line in asked] == ["Asked: pigments", "Asked: oils"]
+    assert result.output.splitlines()[-1] == asked[1]
+    assert "red: vermilion, probability" in result.output
+    assert "read without the near infrared" in result.output
+    assert "--catalogue oils asks for films" in asked[0]
+    assert "--catalogue pigments asks" in asked[1]
+    first = next(csv.DictReader(file.open()))
+    assert first["families"] == "vermilion"
+    assert first["nearest_exemplars"].startswith("vermilion/")
+    assert " of " in first["right_in_tests"]
+    assert "Vermillion" in (tmp_path / "found-oils.csv").read_text()
 
 
 @pytest.mark.slow
@@ -184,24 +250,28 @@ def test_a_report_by_family_is_filed(shared_data, tmp_path):
     page = tmp_path / "report.html"
     file = str(shared_data / "hyperdoc" / "reflectance.tsv")
     words = ["identify", file, "--opaque", "--instrument", "45:0", "--catalogue", "pigments"]
-    words += ["--samples", "01A,41A", "--painted", "1620", "--report", str(page)]
+    words += ["--samples", "01A,10A", "--painted", "1200", "--report", str(page)]
     result = run(*words[1:])
     assert result.exit_code == 0, result.output
     text = page.read_text()
     assert "2CuCO3·Cu(OH)2" in text
     assert "PB30" in text
     assert "gum arabic" in text
-    assert "not of 1620: emerald green was in use 1814-" in text
+    assert "not of 1200: lead-tin yellow was in use 14th-18th c." in text
     record = json.loads((tmp_path / "report.json").read_text())
-    assert [spot["name"] for spot in record["spots"]] == ["01A", "41A"]
+    assert [spot["name"] for spot in record["spots"]] == ["01A", "10A"]
     first = record["spots"][0]
     assert first["families"][0]["families"][0] == "azurite"
+    right, answers = came_true(first["families"][0]["probability"], infrared=True)
+    assert first["in_tests"] == {"right": right, "answers": answers}
+    assert f"in tests {right / answers:.0%} right" in first["words"]
     # Exemplars that are known in the visible alone are drawn there alone.
     known = [value is not None for value in first["explanations"][0]["fitted"][0]]
     assert any(known)
     assert len(known) == len(record["measurement"]["wavelengths_nm"])
     with (tmp_path / "report.csv").open() as lines:
         rows = list(csv.DictReader(lines))
+    assert rows[0]["right_in_tests"] == f"{right} of {answers}"
     assert float(rows[0]["probability"]) == pytest.approx(first["families"][0]["probability"])
 
 
@@ -212,6 +282,8 @@ def test_a_report_is_filed(table, tmp_path):
     options = [
         "--ground",
         ground,
+        "--catalogue",
+        "oils",
         "--only",
         "Vermillion,ZincWhite,CobaltBlue",
         "--max-paints",
@@ -219,11 +291,14 @@ def test_a_report_is_filed(table, tmp_path):
         "--report",
         page,
     ]
+    options += ["--object", "A <panel>", "--inventory", "A-1", "--spot", "sky"]
+    options += ["--operator", "N. N."]
     result = run(table, "--samples", "red_ow,tint_ow", *options)
     assert result.exit_code == 0, result.output
     assert f"Wrote the report to {page}" in " ".join(result.output.split()).replace("- ", "-")
     filed = json.loads(page.with_suffix(".json").read_text())
     assert [spot["name"] for spot in filed["spots"]] == ["red_ow", "tint_ow"]
+    assert list(filed["subject"].values()) == ["A <panel>", "A-1", "sky", "N. N."]
     assert filed["options"]["--max-paints"] == 2
     assert filed["command"].startswith("glazejax identify ")
     assert "--max-paints 2" in filed["command"]

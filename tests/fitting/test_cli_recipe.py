@@ -1,5 +1,6 @@
 import csv
 import json
+from pathlib import Path
 
 import matplotlib.image
 import numpy as np
@@ -106,9 +107,37 @@ def test_an_interrupt_keeps_what_is_finished(run, monkeypatch):
 
     real = recipe.recipe_chunks
     monkeypatch.setattr(recipe, "recipe_chunks", cut_short)
-    status, out, _ = run("--patch", "red,blue", "--max-coats", 1, "--max-paints", 2, "--count", 1)
+    words = ["--patch", "red,blue", "--max-coats", 1, "--max-paints", 2, "--count", 1]
+    status, out, _ = run(*words, "--csv", "r.csv")
     assert status == 130
-    assert "Interrupted: 1 of 2 targets were finished and written" in out
+    assert "wrote r.csv" in out
+    assert "Interrupted: 1 of 2 targets were finished" in out
+    assert [row["target"] for row in csv.DictReader(Path("r.csv").read_text().splitlines())] == [
+        "red"
+    ]
+
+
+@pytest.mark.slow
+def test_nothing_is_written_unasked(run, tmp_path):
+    before = set(tmp_path.iterdir())
+    status, out, _ = run("--lab", "50,20,30", "--max-coats", 1, "--max-paints", 1)
+    assert status == 0
+    assert "ΔE00" in out
+    assert "wrote" not in out
+    assert set(tmp_path.iterdir()) == before
+
+
+def test_a_wrong_line_is_said_before_a_file_that_exists(run, tmp_path):
+    (tmp_path / "recipes.png").write_bytes(b"mine")
+    for words, message in (
+        (["--lab", "50"], "three numbers"),
+        (["--lab", "50,20,30", "--only", "Mauve"], "Mauve"),
+        (["--lab", "50,20,30"], "recipes.png exists"),
+    ):
+        status, _, err = run(*words, "--out", "recipes.png")
+        assert status == 2
+        assert message in err
+    assert (tmp_path / "recipes.png").read_bytes() == b"mine"
 
 
 @pytest.mark.parametrize(

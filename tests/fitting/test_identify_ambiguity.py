@@ -15,7 +15,9 @@ from glazefit.identify.search.pool import NOBODY
 from glazefit.identify.search.searcher import check_spectra
 from glazefit.identify.search.unstated_conditions import CONDITIONS
 from glazefit.identify.show.ambiguity import (
+    describe_additions,
     describe_ambiguity,
+    describe_undecided,
     evidence_relied_on,
     possible_additions,
 )
@@ -110,7 +112,7 @@ def test_other_films_do_not_say_what_this_one_may_hold(other):
 
 @pytest.mark.parametrize(
     ("condition", "words"),
-    [(1, "rests on the varnish"), (3, "rests on the ground"), (7, "rests on the ground")],
+    [(1, "rests on the varnish"), (3, "rests on the ground"), (6, "rests on the ground")],
 )
 def test_an_answer_that_rests_on_how_the_film_lies_says_so(condition, words):
     far = off_at(slice(None), 0.02)
@@ -160,6 +162,43 @@ def test_what_nothing_explains_has_no_such_doubts():
     found = answer([FIRST, (("CobaltBlue", "BariumSulphate"), [0.9, 0.1], 0.1, 0, CURVE)])
     nothing = dataclasses.replace(found, none=np.array([0.9]))
     assert not any("may also hold" in words for words in describe_ambiguity(nothing, 0))
+
+
+def test_what_the_headline_settled_is_not_called_open():
+    """Two paints of one pigment share it, and what is missing to one is that nothing explains the
+    film.
+    """
+    eosin = "Eosin", "Eosin1Wax"
+    found = answer(
+        [
+            (("Vermillion",), [1.0], 0.5, 0, CURVE),
+            (("Vermillion", "Eosin"), [0.9, 0.1], 0.2, 0, CURVE),
+            (("Vermillion", "LeadWhite"), [0.9, 0.1], 0.2, 0, CURVE),
+        ]
+    )
+    assert describe_undecided(found, 0) == (
+        "Not settled by this spectrum: LeadWhite (22%), Eosin (22%)."
+    )
+    two = dataclasses.replace(found, paints=(*PAINTS[:4], *eosin))
+    # Vermillion's place is now Eosin1Wax's: a film of that, or of both, is of eosin.
+    assert describe_undecided(two, 0) == "Not settled by this spectrum: LeadWhite (22%)."
+    # What nothing explains has no headline, and all of it is open.
+    nothing = dataclasses.replace(found, none=np.array([0.9]))
+    assert "Vermillion (90%)" in describe_undecided(nothing, 0)
+
+
+def test_shares_that_no_reading_tells_are_not_said():
+    trace = ("LeadWhite", "CobaltBlue"), [0.9998, 0.0002], 0.8, 0, CURVE
+    weak = ("LeadWhite", "CobaltBlue"), [0.992, 0.008], 0.1, 0, CURVE
+    most = ("LeadWhite", "CobaltBlue", "Eosin"), [0.002, 0.0001, 0.9979], 0.1, 0, CURVE
+    found = answer([trace, weak, most], covariance=4.0)
+    words = [candidate.words for candidate in found.ranked(0)]
+    assert words == [
+        "LeadWhite + a trace of CobaltBlue",
+        "99.2 % LeadWhite + 0.8 % CobaltBlue",
+        "99.8 % Eosin + 0.2 % LeadWhite + a trace of CobaltBlue",
+    ]
+    assert "any amount of Eosin" in describe_additions(found, 0)
 
 
 # ---- headlines -----------------------------------------------------------------------------------
@@ -216,7 +255,7 @@ def test_a_film_that_hides_its_ground_has_no_thickness_in_the_table():
 
 @pytest.mark.parametrize(
     ("fraction", "words"),
-    [(1.0, "100 %"), (0.0, "0 %"), (0.99997, "> 99.99 %"), (0.00003, "< 0.01 %"), (0.5, "50 %")],
+    [(1.0, "100 %"), (0.0, "0 %"), (0.9997, "> 99.9 %"), (0.0003, "< 0.1 %"), (0.5, "50 %")],
 )
 def test_parts_of_a_whole_are_said_as_parts(fraction, words):
     assert percent(fraction) == words

@@ -1,6 +1,5 @@
 """What a report adds to an identification: the bands about a fit."""
 
-import json
 from dataclasses import fields, replace
 
 import jax
@@ -146,7 +145,7 @@ def test_bands_hold_the_errors_that_are_stated():
     assert mean(freedom=5.0) == pytest.approx(usual * 2.0150484 / 1.6448536)
 
 
-def test_what_an_interrupt_left_over_is_not_filed(tmp_path):
+def test_what_an_interrupt_left_over_is_not_filed():
     spectra = np.stack(
         [film({"Red": 0.1, "White": 0.9}, 30e-6), film({"Blue": 0.3, "Yellow": 0.7}, 15e-6)]
     )
@@ -158,8 +157,7 @@ def test_what_an_interrupt_left_over_is_not_filed(tmp_path):
         parts.append(part)
         if len(parts) == 2:
             break
-    report_builder.write(halves[0], replace(ABOUT, names=("1", "2")), tmp_path / "x.html", 2)
-    filed = json.loads((tmp_path / "x.json").read_text())
+    filed = report_builder.record(halves[0], replace(ABOUT, names=("1", "2")), 2)
     assert [spot["name"] for spot in filed["spots"]] == ["1"]
     assert filed["not_done"] == ["2"]
 

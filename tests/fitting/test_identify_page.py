@@ -10,6 +10,7 @@ import re
 from dataclasses import replace
 from datetime import UTC, datetime
 from html.parser import HTMLParser
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,11 +19,13 @@ from glazefit.identify.result import STRENGTH, Identification
 from glazefit.identify.result.odds import CoatsOdds
 from glazefit.identify.search.pool import NOBODY
 from glazefit.identify.search.task import Measured
-from glazefit.identify.show.figures import draw_spectra
+from glazefit.identify.show.figures import plot_axes
 from glazefit.identify.show.page import DRAWN, LISTED, page, write_page
 from glazefit.identify.show.record import Provenance, make_record, table_rows
 from glazefit.identify.show.ruled_out import ruled_out
 from glazefit.page.inputs import input_files
+from glazefit.page.plot import PlotAxes
+from glazefit.page.subject import check_subject
 
 from ..studio.browser import start_browser
 
@@ -141,6 +144,11 @@ def parsed(filed: dict) -> Parsed:
     return Parsed("".join(page(filed, "report.csv", "report.json")))
 
 
+def plots(seen: Parsed) -> list[dict[str, str | None]]:
+    """Attributes of the plots of a page."""
+    return [given for _, given in seen.tags if given.get("class") == "plot"]
+
+
 def numbers(text: str) -> list[float]:
     return [float(n) for n in re.findall(r"\d+(?:\.\d+)?", text)]
 
@@ -220,9 +228,9 @@ def test_names_are_text_and_nothing_comes_from_elsewhere():
         given for _, given in seen.tags if given.get("http-equiv") == "Content-Security-Policy"
     )
     assert "default-src 'none'" in (policy["content"] or "")
-    figures = [given for tag, given in seen.tags if tag == "figure"]
-    assert len(figures) == 4
-    assert all(given.get("aria-label") for given in figures)
+    assert len(plots(seen)) == 2 * (1 + 2)
+    assert all(given["aria-label"] for given in plots(seen))
+    assert "reflectance over black card and over white card" in seen.words["spot-1"]
     assert EVIL in seen.words["spot-2"]
 
 
@@ -232,18 +240,15 @@ def test_a_paint_of_any_name_is_text():
     seen = parsed(filed)
     assert "b" not in {tag for tag, _ in seen.tags}
     assert name in [cells[0] for cells in seen.spots["spot-1"]]
-    labels = [given["aria-label"] or "" for tag, given in seen.tags if tag == "figure"]
-    assert name in labels[0]
+    assert name in (plots(seen)[0]["aria-label"] or "")
 
 
-def test_of_very_many_spots_the_first_are_drawn(monkeypatch):
-    drawn = []
-    monkeypatch.setattr(MODULE, "draw_residuals", lambda *_: "")
-    monkeypatch.setattr(MODULE, "draw_spectra", lambda spot, *_: drawn.append(spot["id"]) or "")
+def test_of_very_many_spots_the_first_are_drawn():
     names = [f"spot {n}" for n in range(DRAWN + 2)]
     seen = parsed(record(identification(names), replace(ABOUT, names=names)))
     assert len(seen.spots) == DRAWN + 2
-    assert drawn == [f"spot-{n + 1}" for n in range(DRAWN)]
+    # Spectra of each, and what the fits leave.
+    assert [tag for tag, _ in seen.tags].count("figure") == 2 * DRAWN
     assert f"Spectra are drawn for the first {DRAWN} spots" in seen.words[""]
 
 
@@ -292,6 +297,28 @@ def test_what_nothing_explains_is_said_first():
     )
 
 
+def test_who_measured_what_is_said_at_the_head():
+    """As text, and only what was said."""
+    subject = check_subject(
+        tmp := Path("report.html"), object=f" {EVIL} ", inventory="", spot="sky", operator=""
+    )
+    filed = record(identification(), replace(ABOUT, subject=subject))
+    assert filed["subject"] == {"object": EVIL, "spot": "sky"}
+    text = "".join(page(filed, "report.csv", "report.json"))
+    head = text.partition("</header>")[0]
+    assert "<dt>Object</dt><dd>&lt;script&gt;" in head
+    assert "<dt>Spot</dt><dd>sky</dd>" in head
+    assert "Inventory" not in head
+    assert "Operator" not in head
+    with pytest.raises(ValueError, match=r"^--operator holds the character U\+000A, which is not"):
+        check_subject(tmp, operator="N.\nN.")
+    with pytest.raises(ValueError, match=r"^--object has 201 characters; .* room for 200$"):
+        check_subject(tmp, object="a" * 201)
+    with pytest.raises(ValueError, match=r"^--object stands at the head .* give --report too$"):
+        check_subject(None, object="a")
+    assert check_subject(None, object="") == {}
+
+
 def test_existing_files_are_kept_and_other_endings_refused(tmp_path):
     path = tmp_path / "report.html"
     (tmp_path / "report.json").write_text("mine")
@@ -318,28 +345,10 @@ def test_a_failure_while_a_page_is_made_leaves_the_old_one(tmp_path, monkeypatch
     def fails(*_):
         raise RuntimeError("no ink")
 
-    monkeypatch.setattr(MODULE, "draw_spectra", fails)
+    monkeypatch.setattr(MODULE, "plot_axes", fails)
     with pytest.raises(RuntimeError, match="no ink"):
         write_page(record(identification(["other"])), path, overwrite=True)
     assert {file: file.read_bytes() for file in tmp_path.iterdir()} == before
-
-
-def test_an_interrupt_while_spectra_are_drawn_ends_the_drawing(monkeypatch):
-    def stops(spot, *_):
-        if spot["id"] == "spot-2":
-            raise KeyboardInterrupt
-        return "<svg></svg>"
-
-    monkeypatch.setattr(MODULE, "draw_spectra", stops)
-    monkeypatch.setattr(MODULE, "draw_residuals", lambda *_: "")
-    seen = parsed(
-        record(
-            identification(["one", "two", "three"]), replace(ABOUT, names=("one", "two", "three"))
-        )
-    )
-    assert list(seen.spots) == ["spot-1", "spot-2", "spot-3"]
-    assert [tag for tag, _ in seen.tags].count("figure") == 2
-    assert "from here on spectra are not drawn" in "".join(seen.words.values())
 
 
 def test_why_a_paint_is_ruled_out():
@@ -434,12 +443,41 @@ def test_intervals_are_those_of_the_log_normal_amounts():
     np.testing.assert_array_equal(ranked.amounts_90, found.amounts_90[0, 0, [1, 0]])
 
 
-def test_a_dark_spectrum_fills_its_figure():
+def test_every_line_and_number_lies_within_its_plot():
+    """Of a fit that is brighter than the reading, too, and of a dark spectrum."""
     filed = record(identification(["one"]))
     spot = filed["spots"][0]
-    dark = {**spot, "measured": (np.asarray(spot["measured"]) * 0.1).tolist()}
-    assert ">0.6<" in draw_spectra(spot, GRID, ["black card", "white card"])
-    assert ">0.6<" not in draw_spectra(dark, GRID, ["black card", "white card"])
+    spot["explanations"][1]["fitted"] = (2.0 * np.array(spot["measured"])).tolist()
+    dark = {**spot, "explanations": [{**spot["explanations"][0], "fitted": spot["measured"]}]}
+    dark["measured"] = (0.1 * np.array(spot["measured"])).tolist()
+    dark["explanations"][0]["fitted"] = dark["measured"]
+    for each in (spot, dark):
+        axes = plot_axes(filed, each)["spectra"]
+        lines = [
+            *each["measured"],
+            *(line for fit in each["explanations"] for line in fit["fitted"]),
+        ]
+        assert axes.high > np.max(lines) > 0.9 * axes.high
+        # A value's place is as far up as it is of the height: nothing is moved to fit in.
+        for line in lines:
+            y = [float(pair.split(",")[1]) for pair in axes.line(line).split()]
+            np.testing.assert_allclose(y, 100 - 100 * np.array(line) / axes.high, atol=0.01)
+        for places in (axes.across, axes.up):
+            assert all(0 <= place <= 100 for place, _ in places)
+            assert 3 <= len(places) <= 7
+        assert [words for _, words in axes.across] == [f"{nm}" for nm in range(400, 701, 50)]
+    assert [word for _, word in plot_axes(filed, dark)["spectra"].up][:2] == ["0", "0.02"]
+
+
+def test_bands_without_a_number_are_left_out():
+    axes = PlotAxes(grid=np.array([400.0, 500.0, 600.0]), low=-1.0, high=1.0)
+    assert len(axes.line([None, 0.0, np.nan]).split()) == 1
+    assert axes.dots([None, 0.0, 0.0]).count("M") == 2
+    low, high = (
+        pair.split(",") for pair in axes.around([0.0, None, None], [0.5, 0.5, None]).split()
+    )
+    assert (float(low[1]), float(high[1])) == (75.0, 25.0)
+    assert "\u22120.5" in [word for _, word in axes.up]
 
 
 def test_files_that_were_read_are_hashed_with_the_other_half_of_a_pair(tmp_path):
@@ -513,6 +551,30 @@ def test_a_spot_is_printed_on_a_page(tmp_path, paper):
         browser.quit()
     summary, method = 1, 1
     assert pages(found["data"]) == summary + 3 + method
+
+
+@pytest.mark.browser
+def test_numbers_of_a_plot_are_whole_and_of_the_page_s_size(tmp_path):
+    """On a desk and on a telephone."""
+    write_page(record(identification(["one"])), tmp_path / "report.html")
+    browser = start_browser(tmp_path)
+    ask = """return [...document.querySelectorAll('.plot span')].filter(e => e.offsetParent).map(e => {
+        const r = e.getBoundingClientRect();
+        return [r.left, document.documentElement.clientWidth - r.right,
+                parseFloat(getComputedStyle(e).fontSize)];
+    })"""
+    try:
+        for width in (1200, 390):
+            size = {"width": width, "height": 800, "deviceScaleFactor": 1, "mobile": width < 500}
+            browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+            browser.get((tmp_path / "report.html").as_uri())
+            left, right, letters = np.array(browser.execute_script(ask)).T
+            assert min(left.min(), right.min()) >= 0
+            assert left.size > 20
+            # A table's are .84 to .9 of the page's 16 px.
+            assert letters == pytest.approx(np.full(letters.size, 12.8))
+    finally:
+        browser.quit()
 
 
 def pages(data: str) -> int:

@@ -218,7 +218,7 @@ def test_a_clear_film_over_a_ground_that_nobody_told_is_no_answer(shelf):
     """An extender over a dark ground is as dark as any black paint: what is seen is the ground."""
     extender, seen_at = catalogue.load()["CalciumCarbonate"], Bidirectional(45.0, 0.0)
     black = read_film({"CalciumCarbonate": 1.0}, 1.0, np.full((1, GRID.size), 0.04), seen_at)
-    seen = identify(GRID, black, [*shelf, extender], opaque=True, instrument=seen_at, max_paints=2)
+    seen = identify(GRID, black, [*shelf, extender], ground=0.5, instrument=seen_at, max_paints=2)
     for candidate in seen.ranked(0):
         hidden = candidate.probability == 0 or "ground" not in candidate.condition
         assert hidden or not set(candidate.paints) <= {"CalciumCarbonate", "BariumSulphate"}

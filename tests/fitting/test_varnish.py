@@ -111,6 +111,7 @@ def test_what_nobody_mentioned_is_possible_and_less_likely_than_what_was_told():
     assert tuple(CONDITIONS_OF_VARNISH) == VARNISHES
     tried = CONDITIONS_OF_VARNISH["unknown"]
     assert all(CONDITIONS[number].varnish > 0 for number in tried)
+    assert [CONDITIONS[number].words for number in NOT_OPAQUE] == ["over a light ground"]
     assert all(CONDITIONS[number].opaque is False for number in NOT_OPAQUE)
     assert sorted({*tried, *NOT_OPAQUE, *OTHER_GROUNDS}) == list(range(1, len(CONDITIONS)))
 

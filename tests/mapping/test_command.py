@@ -21,12 +21,14 @@ from typer.testing import CliRunner
 
 import glazefit.mapping.example
 import glazefit.mapping.map_cube
+from glazefit.identify.families.expected import EXPECTED
 from glazefit.mapping.command import register
 from glazefit.mapping.options import read_bands, read_binning, read_memory, read_spots, read_window
 from glazefit.mapping.store.chunk import ChunkMaps, SetSum
 from glazefit.mapping.store.layout import VARIABLES, Status
 from glazefit.mapping.store.run import run_chunks
 from glazefit.mapping.store.store import MapStore, open_map
+from glazejax import catalogue
 
 xarray = pytest.importorskip("xarray")
 pytest.importorskip("zarr")
@@ -34,6 +36,9 @@ pytest.importorskip("zarr")
 RUNNER = CliRunner()
 GRID = np.arange(400.0, 701.0, 30.0)
 SHAPE, CHUNK = (12, 10), (4, 10)
+
+
+OILS = ("--catalogue", "oils")
 
 
 def run(*arguments):
@@ -219,7 +224,8 @@ def test_a_map_its_report_its_table_and_its_exports_are_written(
 ):
     monkeypatch.chdir(tmp_path)
     files = ["--report", "page", "--csv", "sets.csv", "--export", "map.nc", "--out", "panel.zarr"]
-    done = run(cube, "--ground", "0.9", "--only", "ZincWhite,Eosin", *files)
+    subject = ["--object", "Panel", "--inventory", "A-1", "--operator", "N.N."]
+    done = run(cube, "--ground", "0.9", *OILS, "--only", "ZincWhite,Eosin", *files, *subject)
     assert done.exception is None, done.output
     assert "10 x 12 pixels: 110 mapped; 10 left out by the mask." in done.output
     assert sorted(path.name for path in tmp_path.iterdir()) == [
@@ -242,8 +248,9 @@ def test_a_map_its_report_its_table_and_its_exports_are_written(
         assert int((exported.status == Status.MAPPED).sum()) == 110
     page = (tmp_path / "page" / "report.html").read_text()
     command = (
-        f"glazejax map {cube} --ground 0.9 --only ZincWhite,Eosin --report page --csv sets.csv "
-        "--export map.nc --out panel.zarr"
+        f"glazejax map {cube} --ground 0.9 --catalogue oils --only ZincWhite,Eosin --report page "
+        "--csv sets.csv --export map.nc --out panel.zarr --object Panel --inventory A-1 "
+        "--operator N.N."
     )
     for words in (
         command,
@@ -251,6 +258,9 @@ def test_a_map_its_report_its_table_and_its_exports_are_written(
         "Same first set",
         "a note",
         "reflectance 0.9",
+        "<dt>Object</dt><dd>Panel</dd>",
+        "<dt>Inventory number</dt><dd>A-1</dd>",
+        "<dt>Operator</dt><dd>N.N.</dd>",
     ):
         assert words in page
     # What is there already is not replaced unasked, and a finished map is not made again.
@@ -258,11 +268,13 @@ def test_a_map_its_report_its_table_and_its_exports_are_written(
         assert isinstance(
             run(cube, "--ground", "0.9", *files[: files.index(kept) + 2]).exception, FileExistsError
         )
-    again = run(cube, "--ground", "0.9", "--only", "ZincWhite,Eosin", "--out", "panel.zarr")
+    again = run(cube, "--ground", "0.9", *OILS, "--only", "ZincWhite,Eosin", "--out", "panel.zarr")
     assert again.exception is None, again.output
-    other = run(cube, "--ground", "0.9", "--only", "ZincWhite", "--out", "panel.zarr")
+    other = run(cube, "--ground", "0.9", *OILS, "--only", "ZincWhite", "--out", "panel.zarr")
     assert "was begun with other options (paints: " in str(other.exception)
-    anew = run(cube, "--ground", "0.9", "--only", "ZincWhite,BoneBlack", *files, "--overwrite")
+    anew = run(
+        cube, "--ground", "0.9", *OILS, "--only", "ZincWhite,BoneBlack", *files, "--overwrite"
+    )
     assert anew.exception is None, anew.output
     assert json.loads((tmp_path / "panel.zarr" / "zarr.json").read_text())["attributes"][
         "paints"
@@ -282,7 +294,7 @@ def test_a_stop_keeps_what_is_finished_and_says_how_to_go_on(
     before = signal.getsignal(signal.SIGTERM)
     mapped.append({"stop": 2, "stops": stops})
     for more, how in (([], ""), (["--overwrite"], " without --overwrite")):
-        done = run(cube, "--opaque", "--only", "ZincWhite,Eosin", *more)
+        done = run(cube, "--opaque", *OILS, "--only", "ZincWhite,Eosin", *more)
         assert done.exit_code == status
         assert (
             f"{words}: 2 of 3 windows are finished and kept in map.zarr; the same command{how} "
@@ -290,19 +302,19 @@ def test_a_stop_keeps_what_is_finished_and_says_how_to_go_on(
         )
     assert signal.getsignal(signal.SIGTERM) == before
     mapped.clear()
-    again = run(cube, "--opaque", "--only", "ZincWhite,Eosin")
+    again = run(cube, "--opaque", *OILS, "--only", "ZincWhite,Eosin")
     assert again.exception is None, again.output
     assert "110 mapped" in again.output
 
 
 def test_a_damaged_window_is_named(tmp_path, monkeypatch, cube, mapped):
     monkeypatch.chdir(tmp_path)
-    assert run(cube, "--opaque", "--only", "ZincWhite,Eosin").exception is None
+    assert run(cube, "--opaque", *OILS, "--only", "ZincWhite,Eosin").exception is None
     Path("map.zarr/misfit/c/1/0").unlink()
     for named in (1, 0):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            done = run(cube, "--opaque", "--only", "ZincWhite,Eosin")
+            done = run(cube, "--opaque", *OILS, "--only", "ZincWhite,Eosin")
         assert done.exception is None, done.output
         words = (
             "window y4-8_x0-10 of map.zarr is damaged (misfit/c/1/0 is missing), and is mapped anew"
@@ -312,9 +324,9 @@ def test_a_damaged_window_is_named(tmp_path, monkeypatch, cube, mapped):
 
 def test_a_map_that_another_run_writes_is_not_replaced(tmp_path, monkeypatch, cube, mapped):
     monkeypatch.chdir(tmp_path)
-    assert run(cube, "--opaque", "--only", "ZincWhite,Eosin").exception is None
+    assert run(cube, "--opaque", *OILS, "--only", "ZincWhite,Eosin").exception is None
     with MapStore.open("map.zarr").writing():
-        done = run(cube, "--opaque", "--only", "ZincWhite,Eosin", "--overwrite")
+        done = run(cube, "--opaque", *OILS, "--only", "ZincWhite,Eosin", "--overwrite")
     assert str(done.exception) == (
         "another run is writing map.zarr; wait for it or stop it, or name another map"
     )
@@ -336,12 +348,25 @@ def test_an_interrupt_before_there_is_a_map_is_only_that(tmp_path, monkeypatch, 
     assert "Stopped: no map was begun." in done.output
 
 
+def test_pigments_are_mapped_unless_another_catalogue_is_named(tmp_path, monkeypatch, cube, mapped):
+    monkeypatch.chdir(tmp_path)
+    for words, name in (([], "pigments"), (OILS, "oils")):
+        done = run(cube, "--opaque", "--out", f"{name}.zarr", *words)
+        assert done.exception is None, done.output
+        assert [p.name for p in mapped[-1]["pigments"]] == list(catalogue.load(name))
+        assert done.output.splitlines()[-1].startswith(f"Asked: {name}, ")
+    # Far fewer films are of no family than of no paint of one maker.
+    assert mapped[0]["prior"] == EXPECTED
+    assert mapped[1]["prior"].unknown > EXPECTED.unknown
+
+
 def test_ground_and_spots_are_measured_in_the_cube(tmp_path, monkeypatch, cube, mapped):
     monkeypatch.chdir(tmp_path)
     done = run(
         cube,
         "--ground",
         "cube:0:1,2:10",
+        *OILS,
         "--only",
         "ZincWhite",
         "--spot",
@@ -365,7 +390,7 @@ def test_ground_and_spots_are_measured_in_the_cube(tmp_path, monkeypatch, cube, 
         (["--opaque", "--spot", "ZincWhite=2,2"], "a paint 'ZincWhite' already"),
         (["--opaque", "--spot", "A=none.png"], "neither a place such as"),
     ):
-        failed = run(cube, "--out", "other.zarr", "--only", "ZincWhite", *words)
+        failed = run(cube, "--out", "other.zarr", *OILS, "--only", "ZincWhite", *words)
         assert complaint in str(failed.exception)
 
 
@@ -394,7 +419,13 @@ def test_a_dask_scheduler_is_asked(tmp_path, monkeypatch, cube, mapped):
         n_workers=1, processes=False, dashboard_address=None, silence_logs=60
     ) as cluster:
         done = run(
-            cube, "--opaque", "--only", "ZincWhite,Eosin", "--scheduler", cluster.scheduler_address
+            cube,
+            "--opaque",
+            *OILS,
+            "--only",
+            "ZincWhite,Eosin",
+            "--scheduler",
+            cluster.scheduler_address,
         )
         assert done.exception is None, done.output
         assert mapped[0]["client"].status == "closed"
@@ -422,6 +453,7 @@ def test_the_example_is_made_and_mapped(tmp_path, monkeypatch, mapped):
             "--out",
             "small.zarr",
             "--opaque",
+            *OILS,
             "--only",
             "ZincWhite,BoneBlack",
             "--overwrite",

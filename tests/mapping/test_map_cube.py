@@ -10,6 +10,7 @@ import xarray
 import glazefit
 from glazefit import Noise
 from glazefit.identify.result import Identification
+from glazefit.identify.search.searcher import Searcher
 from glazefit.mapping.map_cube import map_cube
 from glazefit.mapping.solve.local import as_measured
 from glazefit.mapping.solve.spots import spot_pigment
@@ -143,6 +144,7 @@ def test_pixels_are_answered_as_a_search_answers_them(whole_map, cube, options: 
     readings = np.concatenate(
         [task.image.read(Window(b, b + 1, a, a + 1))[0] for b, a in zip(y, x, strict=True)]
     )
+    assert isinstance(task.searcher, Searcher)
     measured = as_measured(task.searcher, readings, task.image.noise_sd(readings), task.ground)
     whole = next(
         Identification.of(*one, paints=task.searcher.paints, opaque=False, keep=3)
@@ -189,7 +191,7 @@ def test_a_second_run_does_nothing_again(made, cube, options: dict[str, Any], mo
         raise AssertionError("a finished window was solved again")
 
     monkeypatch.setattr("glazefit.mapping.solve.solver.PixelSolver.solve", never)
-    monkeypatch.setattr("glazefit.mapping.map_cube.search_locally", never)
+    monkeypatch.setattr("glazefit.mapping.map_cube.search_for_atlas", never)
     monkeypatch.setattr("glazefit.mapping.map_cube.compare", never)
     again = map_cube(cube, FEW, out=out, **options)
     for name, values in before.items():

@@ -209,10 +209,10 @@ def test_a_small_spectrum_has_the_mean_at_its_height():
     mean = np.array([0.0, 0.5, 1.0, 0.25])
     drawn = small_spectrum(SetSum(4, 4 * mean, 4 * mean, 4 * mean**2, (0.0, 0)), grid)
     assert drawn is not None
-    y = [float(pair.split(",")[1]) for pair in drawn["mean"].split()]
-    # The lower edge is 0 and the upper 1.
-    assert np.interp(y, (y[2], y[0]), (1, 0)) == pytest.approx(mean, abs=0.01)
-    assert drawn["mean"] == drawn["fit"]
+    y = [float(pair.split(",")[1]) for pair in drawn["axes"].line(drawn["mean"]).split()]
+    # In hundredths from above; the upper edge is 1.
+    assert 1 - np.array(y) / 100 == pytest.approx(mean)
+    assert drawn["mean"] == pytest.approx(drawn["fitted"])
     assert small_spectrum(None, grid) is None
 
 

@@ -21,8 +21,9 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from glazejax.io import read_spectra
+from glazejax.io import SpectraTable, read_spectra
 from glazejax.io.source import refusal
+from glazejax.io.spectra_table import list_names
 from glazejax.spectra import describe_grid
 
 from .films import SPECTRA, Films
@@ -62,6 +63,18 @@ def read_loose_films(path: str | Path, *, specular: bool = True) -> Films:
             a name whose ending is nearly right. The message is one line and says which.
     """
     table = one_reading(read_spectra(path), specular=specular)
+    try:
+        return loose_films(table)
+    except ValueError as error:
+        raise refusal(path, error) from None
+
+
+def loose_films(table: SpectraTable) -> Films:
+    """Films of a table whose rows are named as `read_loose_films` wants them.
+
+    Raises:
+        ValueError: cards without paint, or a name whose ending is nearly right.
+    """
     rows: dict[str, dict[str, int]] = {}
     for number, name in enumerate(table.names):
         film, _, ending = name.rpartition("_")
@@ -76,11 +89,8 @@ def read_loose_films(path: str | Path, *, specular: bool = True) -> Films:
         if film.lower() in _CARDS and not {"ob", "ow"} & set(found)
     ]:
         shared.update(rows.pop(film))
-    try:
-        _check_rows(rows)
-        return _add_notes(build_films(table, rows, shared))
-    except ValueError as error:
-        raise refusal(path, error) from None
+    _check_rows(rows)
+    return _add_notes(build_films(table, rows, shared))
 
 
 def _check_rows(rows: Mapping[str, Mapping[str, int]]) -> None:
@@ -115,7 +125,7 @@ def _add_notes(films: Films) -> Films:
     if films.opaque.any():
         names = [name for name, hides in zip(films.names, films.opaque, strict=True) if hides]
         notes.append(
-            f"{', '.join(names)}: no ending _ob or _ow, so taken to hide whatever is below"
+            f"{list_names(names)}: no ending _ob or _ow, so taken to hide whatever is below"
         )
     needed = films.assumed & films.seen & ~films.opaque[:, None]
     words = [

@@ -74,3 +74,13 @@ def means_of_steps(
     _, place = np.unique(np.floor(grid / step + 0.5), return_inverse=True)
     matrix = (place[:, None] == np.arange(place.max() + 1)).astype(float)
     return matrix / matrix.sum(axis=0)
+
+
+def running_mean(
+    wavelengths: Float[np.ndarray, "bands"], values: Float[np.ndarray, "bands"], width: float
+) -> Float[np.ndarray, "bands"]:
+    """Mean over a window of this width (nm) around each band."""
+    sums = np.concatenate([[0.0], np.cumsum(values)])
+    first = np.searchsorted(wavelengths, wavelengths - 0.5 * width)
+    last = np.searchsorted(wavelengths, wavelengths + 0.5 * width, side="right")
+    return (sums[last] - sums[first]) / (last - first)

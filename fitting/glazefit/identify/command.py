@@ -12,6 +12,9 @@ import typer
 from glazejax.commands import options, progress
 from glazejax.commands.command_line import command_line, ground_file, option
 from glazejax.commands.help_groups import help_groups
+from glazejax.commands.paints import list_references_by
+
+from ..page import subject as head
 
 if TYPE_CHECKING:
     import numpy as np
@@ -29,18 +32,25 @@ _MANY = 2000
 
 
 def register(app: typer.Typer) -> None:
-    """Add the command."""
+    """Add the command, and to `glazejax paints` how it lists reference paints."""
     app.command("identify")(identify)
+    list_references_by(_list_references)
+
+
+def _list_references(*args: Any) -> None:
+    from .show.references import list_references
+
+    list_references(*args)
 
 
 @help_groups(
     usual="--ground --catalogue --only --out --report",
     given=(
-        "--samples --bare --opaque --pigments --without --elements --without-elements "
-        "--painted --varnish --own-films --instrument"
+        "--samples --bare --opaque --pigments --references --without --elements "
+        "--without-elements --painted --varnish --own-films --instrument"
     ),
     tried="--max-paints --max-coats --thorough",
-    written="--top --csv --residuals --overwrite",
+    written="--top --csv --residuals --object --inventory --spot --operator --overwrite",
     fine="--thickness --refractive-index --noise --noise-share --model-error",
 )
 def identify(
@@ -64,7 +74,8 @@ def identify(
     ] = False,
     opaque: Annotated[bool, typer.Option("--opaque", help="The films hide their ground.")] = False,
     pigments: options.Pigments = None,
-    catalogue: options.CatalogueName = None,
+    catalogue: Annotated[str | None, options.catalogue_option(options.PIGMENTS)] = None,
+    references: Annotated[Path | None, options.REFERENCES] = None,
     only: options.Only = "",
     without: options.Without = "",
     samples: options.Samples = "",
@@ -155,28 +166,43 @@ def identify(
             show_default=False,
         ),
     ] = None,
+    object: head.Object = "",
+    inventory: head.Inventory = "",
+    spot: head.Spot = "",
+    operator: head.Operator = "",
     overwrite: options.Overwrite = False,
 ) -> None:
-    """Which paints are in a film: a ranked list with probabilities, fractions and thickness.
+    """Which pigments are in a paint, whoever made it: a ranked list with probabilities.
 
-    All sets of up to three paints compete, and with them the answer that
-    nothing in the catalogue explains the film. Thicknesses are on the scale
-    of the catalogue; the films of its oils are taken as 25 micrometres thick.
+    --catalogue oils or acrylics, or your own --pigments, asks for films by
+    that one maker instead: paints, fractions and thickness, on the scale of
+    the catalogue; films of its oils are taken as 25 micrometres thick. Films
+    that were read over two cards are asked for both.
 
-    Example: glazejax identify films.tsv --out found.png
+    Example: glazejax identify spectra.csv --opaque --instrument 45:0
     """
     typed = dict(locals())
     if file is None:
         raise ValueError("no FILE was given; name a table of spectra, such as films.tsv")
     _check_numbers(max_paints, max_coats, top)
-    if pigments is not None and catalogue == "pigments" and not own_films:
+    subject = head.check_subject(
+        report, object=object, inventory=inventory, spot=spot, operator=operator
+    )
+    if pigments is not None and catalogue == options.PIGMENTS and not own_films:
         raise ValueError(
             f"--catalogue pigments is sought by family, and the paints of {pigments} have none: "
             "choose --catalogue oils or acrylics beside them, or leave out --pigments"
         )
+    from glazejax.io import read_spectra
+
     usual = options.read_length(thickness)
     outputs = {"--csv": csv, "--residuals": residuals, "--out": out, **_report_files(report)}
-    read = {"FILE": file, "--ground": ground_file(ground), "--pigments": pigments}
+    read = {
+        "FILE": file,
+        "--ground": ground_file(ground),
+        "--pigments": pigments,
+        "--references": references,
+    }
     options.check_outputs(outputs, overwrite, inputs=list(read.values()))
     from glazejax.commands.main import start_jax
 
@@ -186,6 +212,31 @@ def identify(
         raise ValueError("--opaque films show no ground: leave out --ground, or leave out --opaque")
     if bare and ground is None:
         raise ValueError("--bare says how --ground was measured: give --ground too")
+    if catalogue is pigments is None:
+        catalogue = options.PIGMENTS
+        chosen = own_films or only or without
+        if not (chosen or opaque or ground) and _over_cards(read_spectra(file).names):
+            # Two cards tell a film's thickness too, and families have none.
+            of_families = {
+                "references": None,
+                "elements": "",
+                "without_elements": "",
+                "painted": None,
+            }
+            second = {**typed, **of_families, "catalogue": options.OILS}
+            for each in ("csv", "residuals", "out", "report"):
+                if (path := typed[each]) is not None:
+                    second[each] = path.with_stem(f"{path.stem}-{options.OILS}")
+            outputs = {
+                "--csv": second["csv"],
+                "--residuals": second["residuals"],
+                "--out": second["out"],
+                **_report_files(second["report"]),
+            }
+            options.check_outputs(outputs, overwrite, inputs=list(read.values()))
+            identify(**{**typed, "catalogue": catalogue})
+            identify(**second)
+            return
 
     from rich.console import Console
 
@@ -203,6 +254,18 @@ def identify(
             "--elements, --without-elements and --painted weigh families of pigments: give "
             "--catalogue pigments"
         )
+    if references is not None:
+        if not by_family:
+            raise ValueError(
+                "--references are sought by family: give --catalogue pigments, and neither "
+                "--pigments nor --own-films"
+            )
+        from .families.references import read_references
+
+        library = read_references(references, seen_with)
+        progress.print_notes(console, references, (*library.notes, *library.unclear))
+        paints += library.pigments
+    asked = options.say_asked(paints, catalogue, pigments or references, by_family=by_family)
     inputs = input_files(read) if report is not None else []
     task = _read_spectra(
         file,
@@ -227,24 +290,25 @@ def identify(
         else replace(usual_error, amplitude=model_error),
         "prior": replace(EXPECTED if by_family else Prior(), thickness=usual),
     }
-    # A report judges by 40 candidates how near each paint comes.
+    search_options = IdentificationOptions(
+        instrument=seen_with,
+        **settings,
+        max_paints=max_paints,
+        max_coats=max_coats,
+        # A report judges by 40 candidates how near each paint comes.
+        keep=max(top, 5 if report is None else 40),
+        thorough=thorough,
+        own_films=own_films,
+        elements=tuple(options.split_names(elements)),
+        without_elements=tuple(options.split_names(without_elements)),
+        painted=painted,
+        varnish=varnish,
+    )
     chunks = identify_chunks(
         task.wavelengths,
         task.spectra,
         paints,
-        IdentificationOptions(
-            instrument=seen_with,
-            **settings,
-            max_paints=max_paints,
-            max_coats=max_coats,
-            keep=max(top, 5 if report is None else 40),
-            thorough=thorough,
-            own_films=own_films,
-            elements=tuple(options.split_names(elements)),
-            without_elements=tuple(options.split_names(without_elements)),
-            painted=painted,
-            varnish=varnish,
-        ),
+        search_options,
         ground=task.ground,
         opaque=opaque,
         names=task.names,
@@ -273,21 +337,44 @@ def identify(
         out=out,
         overwrite=overwrite,
         painted=painted,
+        families={paint.name: paint.family for paint in paints},
     )
     if report is not None:
-        about = _about(typed, task, seen_with, settings, paints, inputs)
-        if report_builder is not None:
-            beside = report_builder.write(found, about, report, top, overwrite=overwrite)
-        else:
-            from .show.family_page import write_family_report
+        from .show.page import write_page
 
-            beside = write_family_report(found, about, report, top, painted, overwrite=overwrite)
+        about = _about(
+            typed,
+            name=catalogue,
+            asked=asked,
+            task=task,
+            instrument=seen_with,
+            settings=settings,
+            paints=paints,
+            inputs=inputs,
+            subject=subject,
+        )
+        if report_builder is not None:
+            record = report_builder.record(found, about, top)
+        else:
+            from .families.identify_pigments import usual_misfit
+            from .show.family_record import make_family_record
+
+            record = make_family_record(
+                found,
+                about,
+                top,
+                painted=painted,
+                families={paint.name: paint.family for paint in paints},
+                usual=usual_misfit(found, paints, search_options),
+            )
+        beside = write_page(record, report, overwrite=overwrite)
         console.print(f"Wrote the report to {report}, and the same as {beside[0]} and {beside[1]}")
     words = f"{len(found)} spectra" if len(found) > 1 else "1 spectrum"
     console.print(
         f"[dim]{words} against {len(paints)} paints in {how.seconds:.1f} s, compilation "
         "included.[/dim]"
     )
+    console.print(asked, soft_wrap=True)
     if how.interrupted:
         progress.stop_interrupted(console, len(found), len(task.spectra), "spectra")
 
@@ -312,8 +399,15 @@ def _report_files(report: Path | None) -> dict[str, Path | None]:
     from .show.page import beside
 
     table, data = beside(report)
-    require("matplotlib", "jinja2")
+    require("jinja2")
     return {"--report": report, "the table of --report": table, "the JSON of --report": data}
+
+
+def _over_cards(names: Sequence[str]) -> bool:
+    """Whether rows of a table are films over cards, in fours."""
+    from ..film.readers import ROWS
+
+    return all(name.rpartition("_")[2] in ROWS for name in names)
 
 
 def _check_numbers(max_paints: int, max_coats: int, top: int) -> None:
@@ -341,7 +435,7 @@ def _read_spectra(
 
     from glazejax.io import read_spectra
 
-    from ..film.readers import ROWS, read_films
+    from ..film.readers import read_films
     from ..film.shared_bands import shared_bands
     from .identify import ground_from_air
 
@@ -358,14 +452,25 @@ def _read_spectra(
         else shared_bands(table.wavelengths, paints)
     )
     notes = (*table.notes, *changes)
-    if (
-        ground is None
-        and not opaque
-        and all(name.rpartition("_")[2] in ROWS for name in table.names)
-    ):
+    if ground is None and not opaque and _over_cards(table.names):
         films = read_films(file)
         films = films.select(wanted) if wanted else films
+        if by_family:
+            changes = (
+                "families are sought from the readings over the white cards, of which the mean is "
+                "taken; those over black are not used",
+            )
         progress.print_notes(console, file, changes)
+        if by_family:
+            return _Spectra(
+                names=films.names,
+                wavelengths=films.wavelengths,
+                spectra=films.over_white,
+                # One ground for all: each other one is a search that is set up anew.
+                ground=inside(films.bare_white.mean(axis=0)),
+                words=("white card, measured bare, the mean of all",),
+                notes=(*notes, *changes),
+            )
         cards = np.stack([films.bare_black, films.bare_white], axis=1) @ mean
         spectra = np.stack([films.over_black, films.over_white], axis=1) @ mean
         words = ("black card, measured bare", "white card, measured bare")
@@ -421,11 +526,15 @@ def _read_spectra(
 
 def _about(
     typed: Mapping[str, Any],
+    name: str | None,
+    asked: str,
     task: _Spectra,
     instrument: "Instrument",
     settings: Mapping[str, Any],
     paints: "Sequence[Pigment]",
+    *,
     inputs: list[dict[str, Any]],
+    subject: Mapping[str, str],
 ) -> "Provenance":
     """How an identification was made, for its report."""
     from dataclasses import asdict
@@ -435,10 +544,9 @@ def _about(
     from .show.record import Provenance
 
     own = typed["pigments"]
-    name = typed["catalogue"] or (options.OILS if own is None else None)
     words = " and ".join(str(each) for each in (own, name) if each is not None)
     scales = dict.fromkeys(filter(None, map(catalogue.assumed_scale, paints)))
-    shelf: dict[str, Any] = {"name": words, "scale": "; ".join(scales) or None}
+    shelf: dict[str, Any] = {"name": words, "asked": asked, "scale": "; ".join(scales) or None}
     if name is not None:
         shelf["file"], shelf["sha256"] = catalogue.checksum(name)
     return Provenance(
@@ -461,6 +569,7 @@ def _about(
         max_coats=typed["max_coats"],
         settings={name: asdict(each) for name, each in settings.items()},
         names=task.names,
+        subject=subject,
     )
 
 
@@ -477,6 +586,7 @@ def _report(
     out: Path | None,
     overwrite: bool,
     painted: int | None,
+    families: Mapping[str, str],
 ) -> None:
     from .show.plots import plot_identification
     from .show.terminal import (
@@ -497,5 +607,5 @@ def _report(
         write_residuals(found, residuals, overwrite=overwrite)
         console.print(f"Wrote measured, fitted and residual spectra to {residuals}")
     if out is not None:
-        count = plot_identification(found, out)
+        count = plot_identification(found, out, families)
         console.print(f"Drew {'the first ' if count < len(found) else ''}{count} to {out}")

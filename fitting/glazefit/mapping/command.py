@@ -12,6 +12,8 @@ import typer
 from glazejax.commands import options, progress
 from glazejax.commands.help_groups import help_groups
 
+from ..page import subject as head
+
 if TYPE_CHECKING:
     import xarray
     from rich.console import Console
@@ -37,7 +39,7 @@ def _option(text: str, metavar: str = "") -> Any:
         "--bin --bands --pigments --without --spot --bare --opaque --instrument"
     ),
     tried="--max-paints --example",
-    written="--csv --export --overwrite",
+    written="--csv --export --object --inventory --operator --overwrite",
     fine=(
         "--thickness --refractive-index --noise --noise-share --model-error --memory --scheduler"
     ),
@@ -110,7 +112,7 @@ def map_(
         str, _option("First and last wavelength that are used, nm: 420-700.", "NM-NM")
     ] = "",
     pigments: options.Pigments = None,
-    catalogue: options.CatalogueName = None,
+    catalogue: Annotated[str | None, options.catalogue_option(options.PIGMENTS)] = None,
     only: options.Only = "",
     without: options.Without = "",
     spot: Annotated[
@@ -174,6 +176,9 @@ def map_(
     export: Annotated[
         Path | None, _option("Also write the map as NetCDF (.nc) or ENVI (.hdr or .img).", "FILE")
     ] = None,
+    object: head.Object = "",
+    inventory: head.Inventory = "",
+    operator: head.Operator = "",
     overwrite: options.Overwrite = False,
     example: Annotated[
         bool,
@@ -182,7 +187,10 @@ def map_(
         ),
     ] = False,
 ) -> None:
-    """Which paints are in every pixel of an image: probabilities, amounts, thickness.
+    """Which pigments are in every pixel of an image, with probabilities.
+
+    --catalogue oils or acrylics, or your own --pigments, maps paints by that
+    one maker instead, with amounts and thickness.
 
     The map is a zarr folder that fills window by window. A run that was
     interrupted or killed goes on where it stopped if the same command is given
@@ -211,6 +219,7 @@ def map_(
             "what is under the paint? Give --ground, its reflectance such as 0.9, a table, or "
             "cube:x0:x1,y0:y1 where it lies bare in the cube; or --opaque"
         )
+    subject = head.check_subject(report, object=object, inventory=inventory, operator=operator)
     from glazejax.extras import require
 
     from .options import (
@@ -256,6 +265,7 @@ def map_(
 
     from ..film.films import Instrument, Noise
     from ..film.model.errors import ModelError, Prior
+    from ..identify.families.expected import EXPECTED, has_families
     from . import spot_files
     from .map_cube import map_cube
     from .solve.spots import spot_pigment
@@ -269,10 +279,16 @@ def map_(
         cube = made["cube"]
         if not (opaque or ground):
             ground = str(made["ground"])
-        if not (pigments or only or without or catalogue not in (None, options.OILS)):
+        if pigments is None:
+            # It is painted with these.
+            catalogue = catalogue or options.OILS
+        if catalogue == options.OILS and not (pigments or only or without):
             without = made["without"]
     assert cube is not None
+    if catalogue is pigments is None:
+        catalogue = options.PIGMENTS
     paints = options.choose_paints(options.read_shelf(pigments, catalogue), only, without)
+    by_family = has_families(paints)
     places = read_spots(spots, [paint.name for paint in paints])
     seen_with = Instrument(seen_by, refractive_index)
     # Workers of a cluster have another folder of their own.
@@ -305,14 +321,17 @@ def map_(
             discrepancy=usual_error
             if model_error is None
             else replace(usual_error, amplitude=model_error),
-            prior=Prior(thickness=usual),
+            prior=replace(EXPECTED if by_family else Prior(), thickness=usual),
             max_paints=max_paints,
             memory=bound,
             client=client,
             overwrite=overwrite,
             progress=report_progress,
         )
+    asked = options.say_asked(paints, catalogue, pigments, by_family=by_family)
     facts = {
+        **{head.TITLES[name]: text for name, text in subject.items()},
+        "Catalogue": asked,
         "Ground": words,
         "Instrument": f"{seen_by.describe()}, refractive index {refractive_index:g}",
     }
@@ -351,6 +370,7 @@ def map_(
         provenance=provenance,
         write_spots=write_spots,
     )
+    console.print(asked, soft_wrap=True)
 
 
 def _check_outputs(

@@ -20,8 +20,9 @@ from ..film.model.mixing import Pigments
 from ..film.noise import spectra_noise
 from ..identify.search.options import SearchKeywords, check_keywords
 from .solve.agreement import compare
-from .solve.atlas import Atlas
-from .solve.local import Searched, search_locally
+from .solve.atlas import Atlas, make_atlas, search_for_atlas
+from .solve.by_family import Answered, FamilyAtlas, FamilySearcher
+from .solve.local import Searched
 from .solve.process import give_back, one_thread_each
 from .solve.solver import PixelSolver
 from .solve.survey import Features, survey
@@ -75,7 +76,9 @@ def map_cube(
     Args:
         cube: the image, or where it is; see `glazejax.io.open_cube`.
         pigments: the catalogue, a mapping or a list, on any grids; bands that they do not cover are
-            left out.
+            left out. Those with a family and a source, as ``catalogue.load("pigments")`` gives
+            them, are sought by family: the map's paints are families, and groups such as "a white",
+            and it has no thickness.
         ground: internal reflectance of the ground under the paint: a number, or one for each band
             of the image.
         opaque: the paint hides its ground everywhere; its thickness is then unknown.
@@ -150,6 +153,7 @@ def map_cube(
             searcher=task.searcher,
             ground=task.ground,
             atlas=atlas,
+            prior=task.prior,
             reach=surveyed.reach,
         )
         run_chunks(store, solver, client, progress)
@@ -168,6 +172,9 @@ def map_cube(
 
 def _spots(store: MapStore, task: MapTask, tallies: Mapping[str, float]) -> list[dict[str, Any]]:
     """Spectra that no paints explain and that may be paints, as the map's attribute holds them."""
+    if isinstance(task.searcher, FamilySearcher):
+        # What is made of them has no family.
+        return []
     bare = np.ones(task.image.bands.wavelengths.size)
     if task.ground is not None:
         nothing = np.zeros(len(bare))
@@ -276,7 +283,7 @@ def _atlas(
     surveyed: _Surveyed,
     client: "Client | None",
     progress: Progress,
-) -> Atlas:
+) -> Atlas | FamilyAtlas:
     """Representatives, searched piece by piece, here or on a cluster."""
     work = store.work
     keys = [f"search-{n:04d}" for n in range(-(-len(surveyed.readings) // _PIECE))]
@@ -291,8 +298,9 @@ def _atlas(
         size=_PIECE,
     )
     finish(keys, pieces, work, client, note, "searching")
-    found = Searched.from_parts(len(keys), lambda n, name: work.get(keys[n], [name])[name])
-    return Atlas.of(surveyed.features, found, task.searcher.task.prior)
+    kind = Answered if isinstance(task.searcher, FamilySearcher) else Searched
+    found = kind.from_parts(len(keys), lambda n, name: work.get(keys[n], [name])[name])
+    return make_atlas(surveyed.features, found, task.prior)
 
 
 @dataclass(frozen=True)
@@ -315,7 +323,7 @@ class _Pieces:
         batch = self.readings[first : first + self.size]
         task = self.task
         with one_thread_each():
-            return search_locally(
+            return search_for_atlas(
                 task.searcher,
                 batch,
                 task.image.noise_sd(batch),

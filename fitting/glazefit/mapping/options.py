@@ -219,12 +219,12 @@ def read_ground_of_cube(
     from glazejax.spectra import describe_grid
 
     from ..identify.identify import ground_from_air
+    from .solve.working_bands import used_range
 
     if text is None:
         return None, "a ground that is not seen", ()
     grid = np.asarray(cube["wavelength"].values, np.float64)
-    first = max(float(p.wavelengths[0]) for p in paints)
-    last = min(float(p.wavelengths[-1]) for p in paints)
+    first, last = used_range(paints)
     inside = (grid >= first) & (grid <= last)
     if not inside.any():
         raise ValueError(

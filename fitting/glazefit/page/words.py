@@ -9,5 +9,6 @@ def chance(probability: float) -> str:
 
 
 def typeset(words: str) -> str:
-    """Words as a page shows them: percentages have a narrow blank that no line breaks at."""
-    return re.sub(r"(\d) ?%", "\\1\u202f%", words.replace("Delta E00", "ΔE00"))
+    """Words as a page shows them: no line breaks in a percentage, or after a sign before one."""
+    whole = re.sub(r"(\d) ?%", "\\1\u202f%", words.replace("Delta E00", "ΔE00"))
+    return re.sub(r"([<>]) (?=\d)", "\\1\u202f", whole)

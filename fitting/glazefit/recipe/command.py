@@ -176,7 +176,7 @@ def recipe(
     ] = 0.2,
     count: Annotated[int, typer.Option(help="Largest number of recipes for a target.")] = 5,
     seed: options.Seed = 0,
-    out: options.Picture = Path("recipes.png"),
+    out: options.PictureIfNamed = None,
     csv: options.Csv = None,
     json: Annotated[
         Path | None,
@@ -212,15 +212,14 @@ def recipe(
     Vermillion + 90 ZincWhite' says what to add, in grams.
     """
     started = time.perf_counter()
-    others = {"--csv": csv, "--json": json, "--spectra": spectra}
+    outputs = {"--out": out, "--csv": csv, "--json": json, "--spectra": spectra}
     if (after is None) != (not mixed) or (batch is not None and after is None):
         raise ValueError(
             "--after FILE, --mixed MIXTURE and --batch GRAMS go together: what was mixed, and how "
             "it came out"
         )
-    if after is None:
-        options.check_outputs({"--out": out} | others, overwrite)
-    elif named := [option for option, path in others.items() if path is not None]:
+    named = [option for option, path in outputs.items() if path is not None]
+    if after is not None and named:
         raise ValueError(f"{named[0]} is for recipes; --after writes nothing: leave it out")
     lights = options.split_names(illuminants)
     bounds = options.read_lengths(
@@ -231,7 +230,7 @@ def recipe(
     from glazejax.plots import load_matplotlib_ahead
 
     start_jax()
-    if after is None:
+    if out is not None:
         load_matplotlib_ahead()
     seen_by = options.read_geometry(instrument, _GEOMETRY)
     base = options.read_ground(_GROUND if ground is None else ground)
@@ -274,6 +273,8 @@ def recipe(
             console=Console(highlight=False),
         )
         return
+    # A wrong target or paint is said before a file that exists.
+    options.check_outputs(outputs, overwrite)
     task = make_task(
         targets,
         paints,
@@ -305,8 +306,9 @@ def recipe(
     )
     found = [recipes for group in groups for recipes in group]
     seconds = time.perf_counter() - started
-    with progress.doing("drawing"):
-        _write(found, task, out, others, overwrite)
+    if named:
+        with progress.doing("writing"):
+            _write(found, task, outputs, overwrite)
     asked = {
         "--instrument": instrument or _GEOMETRY,
         "--ground": ground,
@@ -320,8 +322,8 @@ def recipe(
         word for name, value in asked.items() if value is not None for word in (name, str(value))
     )
     _print(found, task, seconds, console, seen)
-    files = ", ".join(str(path) for path in (out, *others.values()) if path is not None)
-    console.print(f"wrote {files}", markup=False)
+    if named:
+        console.print(f"wrote {', '.join(str(outputs[name]) for name in named)}", markup=False)
     if how.interrupted:
         progress.stop_interrupted(console, len(found), len(targets), "targets")
 
@@ -391,19 +393,24 @@ def _targets(
 def _write(
     found: "list[list[Recipe]]",
     task: "RecipeTask",
-    out: Path,
-    others: Mapping[str, Path | None],
+    outputs: Mapping[str, Path | None],
     overwrite: bool,
 ) -> None:
-    from .plots import recipe_figure
     from .report import write_csv, write_json, write_targets
 
-    if csv := others["--csv"]:
+    if csv := outputs["--csv"]:
         write_csv(found, csv, overwrite=overwrite)
-    if json := others["--json"]:
+    if json := outputs["--json"]:
         write_json(found, json)
-    if spectra := others["--spectra"]:
+    if spectra := outputs["--spectra"]:
         write_targets(task.targets, task.wavelengths, spectra, overwrite=overwrite)
+    if out := outputs["--out"]:
+        _draw(found, task, out)
+
+
+def _draw(found: "list[list[Recipe]]", task: "RecipeTask", out: Path) -> None:
+    from .plots import recipe_figure
+
     one = len(found) == 1
     shown = found[0] if one else [recipes[0] for recipes in found]
     titles = (

@@ -135,6 +135,16 @@ class JointRecovery(FittedFilms):
         return np.sqrt(np.maximum(np.sum(self.log_sd**2, axis=0) - 2 * cross, 0.0))
 
     @property
+    def relative_log_sd(self) -> Float[np.ndarray, "2 paints bands"]:
+        """`log_sd` but for a factor common to all paints: nothing can tell it where all films hide
+        what is below.
+        """
+        count = 2 * len(self.paints)
+        rest = np.eye(count) - np.full((count, count), 1.0 / count)
+        variance = np.diagonal(rest @ self.log_covariance @ rest, axis1=1, axis2=2)
+        return by_paint(np.sqrt(np.maximum(variance, 0.0)))
+
+    @property
     def identifiable(self) -> Bool[np.ndarray, "paints bands"]:
         """Where k and s of a paint are both known (`RULE`)."""
         mixed = self.shares[(self.shares > 0).sum(axis=1) > 1]

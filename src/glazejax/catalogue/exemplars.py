@@ -31,9 +31,11 @@ class Family(NamedTuple):
             acetate are named for what they hold.
         sold: "rarely" where it is sold as a powder or by few makers only, "no longer" where it is
             not sold as artists' paint; empty where it is.
-        met: "often" or "rarely" by how many paintings and makers' paints hold it, empty between: a
-            judgement, after R. J. Gettens and G. L. Stout, Painting Materials (1942), and Artists'
-            Pigments, vols. 1-4 (National Gallery of Art, 1986-2007).
+        common: how common films of it are, compared with those of a family of one pigment: how many
+            pigments of the Colour Index most artists' paints of the family hold, or .3 where few
+            paintings and makers' paints hold it; a judgement, after R. J. Gettens and G. L. Stout,
+            Painting Materials (1942), and Artists' Pigments, vols. 1-4 (National Gallery of Art,
+            1986-2007).
     """
 
     name: str
@@ -45,7 +47,7 @@ class Family(NamedTuple):
     last_year: int | None
     poison: str = ""
     sold: str = ""
-    met: str = ""
+    common: float = 1.0
 
     @property
     def caution(self) -> str:
@@ -115,6 +117,11 @@ _SOURCES = {
         "R. Pillay, M. Picollo, J. Y. Hardeberg, S. George, Sensors 20 (2020) 3812; "
         "github.com/ruven/RRT, commit 599fdcd",
     ),
+    "usgs": _SourceRow(
+        "public domain",
+        "R. N. Clark et al., USGS Digital Spectral Library splib06a, U.S. Geological Survey Data "
+        "Series 231 (2007)",
+    ),
     "revigo": _SourceRow(
         "CC0 1.0",
         "M. Geldof et al., Heritage Science 6:17 (2018), doi 10.1186/s40494-018-0181-6",
@@ -144,7 +151,7 @@ def families() -> dict[str, Family]:
             last_year=int(row["last_year"]) if row["last_year"] else None,
             poison=row["poison"],
             sold=row["sold"],
-            met=row["met"],
+            common=float(row["common"]),
         )
     return out
 

@@ -72,24 +72,41 @@ Pigments = Annotated[
         show_default=False,
     ),
 ]
-CatalogueName = Annotated[
-    str | None,
-    typer.Option(
+OILS = "oils"
+PIGMENTS = "pigments"
+
+
+def catalogue_option(default: str) -> Any:
+    """``--catalogue``, with the catalogue that is taken where neither it nor own paints are named.
+
+    Args:
+        default: name of that catalogue.
+    """
+    return typer.Option(
         "--catalogue",
         metavar="NAME",
-        help="Catalogue of paints: oils, acrylics (Golden heavy body), or pigments (by family, of "
-        "many hands). Default: oils.",
+        help="Catalogue of paints: pigments (of many hands, by family), or films by one hand: oils "
+        f"or acrylics (Golden heavy body). Default: {default}.",
         show_default=False,
-    ),
-]
-OILS = "oils"
+    )
+
+
+CatalogueName = Annotated[str | None, catalogue_option(OILS)]
+REFERENCES = typer.Option(
+    "--references",
+    metavar="FILE",
+    help="Your own reference paints, added to the catalogue's pigments: a table of reflectance, "
+    "names with a Colour Index number or a family (PB29, ultramarine) or a column `family`; "
+    "NAME_ob and NAME_ow are over cards, 'PB29 1:10 PW6' is a tint, others hide their ground.",
+    show_default=False,
+)
 Only = Annotated[
     str,
     typer.Option(
         "--only",
         metavar="NAMES",
         help="Only these paints, such as ZincWhite,Eosin or, of another catalogue, "
-        "acrylics:TitaniumWhite.",
+        "acrylics:TitaniumWhite; of pigments whole families, such as 'zinc white'.",
         show_default=False,
     ),
 ]
@@ -391,6 +408,33 @@ def read_shelf(path: Path | None, name: str | None = None) -> "dict[str, Pigment
     return shelf | own
 
 
+def say_asked(
+    paints: "Sequence[Pigment]", name: str | None, own: Path | None, *, by_family: bool
+) -> str:
+    """Which catalogue an answer is from, and what the other kind is for: the last line of an
+    answer.
+
+    Args:
+        paints: that were sought.
+        name: of the catalogue; None with own paints alone.
+        own: file of these.
+        by_family: whether families of pigments were sought.
+    """
+    words = " and ".join(str(each) for each in (own, name) if each is not None)
+    if by_family:
+        families = len({paint.family for paint in paints})
+        sources = len({paint.source for paint in paints})
+        return (
+            f"Asked: {words}, {families} families in paints of {sources} sources, for paint by "
+            f"anybody. --catalogue {OILS} asks for films (amounts, thickness) of one painter's 20 "
+            "oils."
+        )
+    return (
+        f"Asked: {words}, {len(paints)} paints, for films by their maker alone. --catalogue "
+        f"{PIGMENTS} asks which pigments are in paint by anybody."
+    )
+
+
 def choose_paints(
     shelf: "Mapping[str, Pigment]", only: str = "", without: str = ""
 ) -> "list[Pigment]":
@@ -409,16 +453,19 @@ def choose_paints(
 
 def find_paints(names: Iterable[str], shelf: "Mapping[str, Pigment]") -> "dict[str, Pigment]":
     """Paints that are meant, by their full names: of a shelf, or of any catalogue with one of its
-    own grid, such as ``acrylics:TitaniumWhite``.
+    own grid, such as ``acrylics:TitaniumWhite``; or by a family, all of the shelf's paints of it.
 
     Raises:
         ValueError: a name that none of them has; the message names the nearest.
     """
     from .. import catalogue
-    from ..paint.describe import find_name
+    from ..paint.describe import find_name, same_name
 
     known = all_named(shelf)
-    found = [known[find_name(name, known)] for name in names]
+    found = []
+    for name in names:
+        of_family = [paint for paint in shelf.values() if same_name(paint.family, name)]
+        found += of_family or [known[find_name(name, known)]]
     if len(set(filter(None, map(catalogue.assumed_scale, found)))) > 1:
         typer.echo(
             "note: each catalogue takes a length of its own for granted: amounts of its paints "

@@ -2,7 +2,9 @@
 from.
 """
 
+from collections.abc import Callable
 from pathlib import Path
+from textwrap import shorten
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -13,9 +15,21 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from ..catalogue import Family, Provenance
+    from ..geometry import Geometry
     from ..paint.media import Pigment
 
 _COS_45 = 0.5**0.5
+_GEOMETRY = "d:8"
+ListReferences = Callable[[Path, "Geometry", "Console", Path | None, bool], None]
+"""Prints the references of a file, read by an instrument, and writes them as a table."""
+_lister: list[ListReferences] = []
+
+
+def list_references_by(lister: ListReferences) -> None:
+    """Say what lists reference paints: reading them is an inverse task, which this package does not
+    import.
+    """
+    _lister[:] = [lister]
 
 
 def register(app: typer.Typer) -> None:
@@ -33,12 +47,14 @@ def paints(
             show_default=False,
         ),
     ] = "",
+    references: Annotated[Path | None, options.REFERENCES] = None,
+    instrument: Annotated[str | None, options.instrument_option(_GEOMETRY)] = None,
     out: options.PictureIfNamed = None,
     csv: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Also write the exemplars and their provenance as a table.",
+            help="Also write the exemplars and their provenance, or the references, as a table.",
             show_default=False,
         ),
     ] = None,
@@ -47,7 +63,8 @@ def paints(
     """List the families of pigments that are known, and the paints that stand for them.
 
     Of each family: formula, Colour Index, when it was in use, how many
-    exemplars there are, of which sources, and their wavelengths.
+    exemplars there are, of which sources, and their wavelengths. With
+    --references, how your own reference paints are understood.
 
     Example: glazejax paints --family azurite --out azurite.png
     """
@@ -56,7 +73,16 @@ def paints(
     from .. import catalogue
     from ..names import nearest_names
 
-    options.check_outputs({"--out": out, "--csv": csv}, overwrite, inputs=[])
+    options.check_outputs({"--out": out, "--csv": csv}, overwrite, inputs=[references])
+    if references is not None:
+        if family or out is not None:
+            raise ValueError("--references lists a file's paints: leave out --family and --out")
+        from .main import start_jax
+
+        start_jax()
+        seen_by = options.read_geometry(instrument, _GEOMETRY)
+        _lister[0](references, seen_by, Console(highlight=False), csv, overwrite)
+        return
     known = catalogue.families()
     if family and family not in known:
         near = nearest_names(family, known, cutoff=0.4)
@@ -89,10 +115,11 @@ def _print_families(
     for name, about in known.items():
         own = [origin for origin in origins if origin.family == name]
         if own:
+            numbers = shorten(about.colour_index, 22, placeholder="...")
             first = min(origin.first_nm for origin in own)
             last = max(origin.last_nm for origin in own)
             console.print(
-                f"{name:<23}{len(own):>9}  {f'{first:.0f}-{last:.0f}':<10}{about.colour_index:<23}"
+                f"{name:<23}{len(own):>9}  {f'{first:.0f}-{last:.0f}':<10}{numbers:<23}"
                 f"{about.in_use}",
                 soft_wrap=True,
             )

@@ -199,7 +199,7 @@ def reading(path: Path) -> Iterator[Progress]:
 def print_notes(console: "Console", file: Path | str, notes: Sequence[str]) -> None:
     """Print what a reader noticed in a file."""
     for note in notes:
-        console.print(f"[dim]{file}: {note}[/dim]")
+        console.print(f"{file}: {note}", style="dim", markup=False)
 
 
 def stop_interrupted(console: "Console", done: int, total: int, things: str) -> NoReturn:

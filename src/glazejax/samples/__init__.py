@@ -6,7 +6,7 @@ black and white card of film 06A, ``06A_ob`` and ``06A_ow`` its paint over them.
 `films.csv`, the recipes in
 `mixtures.tsv`, source and licence (CC0 1.0) in `SOURCE.md`, beside this file::
 
-    glazejax identify "$(python -m glazejax.samples)"
+    glazejax identify "$(python -m glazejax.samples)" --catalogue oils
     films = glazefit.read_films(glazejax.samples.path())
 
 The oils of `glazejax.catalogue` were fitted to these films among others: a paint left out of the

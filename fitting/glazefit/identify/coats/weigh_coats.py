@@ -32,6 +32,9 @@ from .readings import CoatedFilms, grid_readings
 
 STEP = 10.0
 """Finer spectra are averaged to this, nm: errors are alike over more."""
+# Share of readings whose evidence says nothing of how their paints lie: nearly twice that of the
+# decided answers of `benchmarks.paintbench --coats` that were wrong while it was taken to be none.
+_WORTHLESS = 0.2
 # A library rarely tells k and s of a paint apart: each paint's scattering may also be so much
 # less, with this probability.
 _FAINT = 0.1
@@ -110,7 +113,8 @@ def weigh_coats(
     spectrum.
 
     Candidates of two coats then take part in the answer with the probability that their paints lie
-    so; there are none of families, and none of films that hide their ground.
+    so; there are none of films that hide their ground. Of families the odds are those beforehand:
+    exemplars are paints by other hands, and how much these scatter decides.
 
     Args:
         found: in one coat, from readings over one ground or several.
@@ -120,10 +124,13 @@ def weigh_coats(
         searched: what paints were sought with, and the candidates; None for families.
     """
     measured = found.measured
-    spectra = _CoatSpectra.of(measured, pigments, options, usual, found.opaque)
     chances = zip(found.members, found.probability, found.paint_probability, strict=True)
     sets: list[Sets] = [best_sets(*of_row, options.max_coats) for of_row in chances]
-    if searched is None or found.opaque or options.max_paints == 1 or len(pigments) == 1:
+    if searched is None:
+        names = [pigment.name for pigment in pigments]
+        return replace(found, coats_odds=tuple(_untold(own, names, options) for own in sets))
+    spectra = _CoatSpectra.of(measured, pigments, options, usual, found.opaque)
+    if found.opaque or options.max_paints == 1 or len(pigments) == 1:
         return replace(found, coats_odds=_odds(spectra, _weigh(spectra, sets, options)))
 
     task, pool = searched
@@ -170,7 +177,6 @@ def _weigh_set(
     options: IdentificationOptions,
 ) -> WeighedSet:
     """A set of paints for some spectra over one ground."""
-    prior = options.prior or Prior()
     errors = CoatErrors()
     # Bands at which each of the paints is known.
     own = films.coefficients[:, list(members)]
@@ -178,19 +184,11 @@ def _weigh_set(
     films = films._replace(coefficients=own[..., bands], grounds=films.grounds[:, bands])
     bodies = spectra.bodies[rows][..., bands].reshape(len(rows), -1)
     size = len(members)
-    ways = arrangements(size, min(options.max_coats, size))
-    stacks = sum(len(way.coats) > 1 for way in ways)
-    alone = [Arrangement(((place,),)) for place in range(size)]
+    ways, chances = _ways(size, options)
 
     stated = []
     summed = []
-    for way in [*alone, *ways]:
-        if len(way.paints) == 1:
-            chance = prior.sizes[0] / size
-        elif len(way.coats) > 1:
-            chance = prior.sizes[size - 1] * prior.stacked / stacks
-        else:
-            chance = prior.sizes[size - 1] * (1.0 - prior.stacked)
+    for way, chance in zip(ways, chances, strict=True):
         parts = []
         for factors, share in _scattering_factors(way, size, films.hides):
             k, s = films.coefficients
@@ -206,9 +204,52 @@ def _weigh_set(
             parts.append(evidence._replace(log=evidence.log + np.log(chance * share)))
         stated.append(parts[0])
         summed.append(_summed(parts))
+    # What a reading says of the ways is worth less than it says.
+    logs = np.array([one.log for one in summed])
+    total = np.asarray(logsumexp(logs, axis=0))
+    told = (1.0 - _WORTHLESS) * np.exp(logs - total)
+    worth = np.log(told + _WORTHLESS * (chances / chances.sum())[:, None]) + total
     return WeighedSet(
-        members=members, rows=rows, ways=[*alone, *ways], stated=stated, evidence=summed
+        members=members,
+        rows=rows,
+        ways=ways,
+        stated=stated,
+        evidence=[one._replace(log=log) for one, log in zip(summed, worth, strict=True)],
     )
+
+
+def _ways(
+    size: int, options: IdentificationOptions
+) -> tuple[list[Arrangement], Float[np.ndarray, "ways"]]:
+    """Ways in which some of a set's paints may lie, and how probable each is beforehand."""
+    prior = options.prior or Prior()
+    alone = [Arrangement(((place,),)) for place in range(size)]
+    together = arrangements(size, min(options.max_coats, size))
+    layered = np.array([len(way.coats) > 1 for way in together])
+    shares = np.where(layered, prior.stacked / layered.sum(), 1.0 - prior.stacked)
+    chances = [np.full(size, prior.sizes[0] / size), prior.sizes[size - 1] * shares]
+    return [*alone, *together], np.concatenate(chances)
+
+
+def _untold(
+    sets: Sets, names: Sequence[str], options: IdentificationOptions
+) -> tuple[CoatsOdds, ...]:
+    """Odds beforehand of the best set of a spectrum."""
+    if not sets:
+        return ()
+    own = [names[member] for member in sets[0]]
+    ways, chances = _ways(len(own), options)
+    chances = chances / chances.sum()
+    several = [len(way.coats) > 1 for way in ways]
+    odds = CoatsOdds(
+        paints=tuple(own),
+        chances={way.words(own): float(chance) for way, chance in zip(ways, chances, strict=True)},
+        layered=float(chances[several].sum()),
+        share=1.0,
+        reason="paints by other hands do not tell; name the catalogue of the film's own paints",
+        amounts_90=np.full((len(own), 2), np.nan),
+    )
+    return (odds,)
 
 
 def _scattering_factors(

@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.optimize import minimize
 
 from ..result.groups import COLOURLESS, group_of
-from .search import FamilySearch, without_impossible
+from .search import FamilySearch
 from .sureness import Sureness, log_sum
 
 POWERS = (0.15, 0.2, 0.25, 0.33, 0.5, 0.75)
@@ -68,8 +68,7 @@ def calibrate(
         evidence = search._evidence(chunk, sources[start : start + step])
         possible = search._possible(chunk)
         for power in POWERS:
-            log_sets = search._sum_by_set(evidence, power)[0]
-            log_sets = without_impossible(log_sets, possible)
+            log_sets = search._sum_by_set(evidence, possible, power)[0]
             pieces[power].append(log_sets + search.log_prior)
     by_power = {power: np.concatenate(parts) for power, parts in pieces.items()}
 

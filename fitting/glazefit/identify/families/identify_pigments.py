@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import ArrayLike, Float
 
-from glazejax import Pigment, catalogue
+from glazejax import Pigment
 from glazejax.geometry import resolve_instrument
 from glazejax.spectra import describe_grid, validate_wavelengths
 
@@ -19,8 +19,9 @@ from ..search.options import IdentificationOptions
 from ..search.pool import NOBODY
 from ..search.searcher import check_spectra
 from ..search.task import Measured
-from .evidence import log_odds_of_elements, log_odds_of_year
+from .evidence import log_odds_of_elements, with_facts
 from .expected import EXPECTED
+from .misfit import UsualMisfit, misfit_of_right_answers
 from .naming import name_sets
 from .search import FamilyOdds, FamilySearch
 from .set_up import search_families
@@ -90,6 +91,22 @@ def identify_families(
         yield _in_order(Identification.join(parts), np.argsort(order))
 
 
+def usual_misfit(
+    found: Identification, pigments: Sequence[Pigment], options: IdentificationOptions
+) -> UsualMisfit | None:
+    """How far films of right answers usually are from readings like those of an identification.
+
+    Args:
+        found: by `identify_families`; of several grounds the first one counts.
+        pigments, options: of that.
+    """
+    ground = None if found.opaque else tuple(found.measured.grounds[0, 0].tolist())
+    # What is known of one painting is not of the exemplars.
+    alone = replace(options, elements=(), without_elements=(), painted=None)
+    search = _search(found.measured.wavelengths, pigments, alone, ground)
+    return misfit_of_right_answers(search)
+
+
 def _check_range(grid: Float[np.ndarray, "bands"], pigments: Sequence[Pigment]) -> None:
     first = min(float(paint.wavelengths[0]) for paint in pigments)
     last = max(float(paint.wavelengths[-1]) for paint in pigments)
@@ -140,17 +157,12 @@ def _search(
             varnish=varnish,
             sureness=alike[0].sureness if alike and ground is not None else None,
         )
-    search = _SEARCHES[key]
-    if options.elements or options.without_elements or options.painted is not None:
-        known = catalogue.families()
-        sets = [
-            [known[search.families[member]] for member in row if member >= 0]
-            for row in search.members
-        ]
-        fits = log_odds_of_elements(sets, options.elements, options.without_elements)
-        fits = fits + log_odds_of_year(sets, options.painted)
-        search = replace(search, log_prior=search.log_prior + fits)
-    return search
+    return with_facts(
+        _SEARCHES[key],
+        elements=options.elements,
+        absent=options.without_elements,
+        painted=options.painted,
+    )
 
 
 def _identification(

@@ -16,7 +16,7 @@ from glazejax import Pigment
 from ..result.groups import COLOURLESS
 from ..search.pool import NOBODY
 from .features import colours, views
-from .metric import Metric
+from .metric import Metric, squares_between
 from .sureness import Sureness
 from .templates import Templates
 
@@ -24,27 +24,10 @@ ANOTHER_COLOUR = 15.0
 """Colour difference (nearly CIE94) beyond which a film is no explanation of a reading."""
 ANOTHER_CHROMA = 7.0
 """The same of chroma alone (10 in CIELAB), for films without a coloured pigment."""
-# Log evidence of a set whose films all have another colour.
+# Log evidence of a set whose films all have another colour, however alike the slopes are.
 _IMPOSSIBLE = -30.0
 # Comparisons of readings with templates that are held at a time.
 _COMPARISONS = 3_000_000
-
-
-def without_impossible(
-    log_sets: Float[np.ndarray, "spectra sets"], possible: Bool[np.ndarray, "spectra sets"]
-) -> Float[np.ndarray, "spectra sets"]:
-    """Log evidence of sets, next to nothing for those that are impossible, however alike the slopes
-    are.
-    """
-    return np.where(possible, log_sets, np.minimum(log_sets, _IMPOSSIBLE))
-
-
-def _apart(
-    one: Float[np.ndarray, "n axes"], other: Float[np.ndarray, "m axes"]
-) -> Float[np.ndarray, "n m"]:
-    """Distances between points."""
-    squares = np.sum(one**2, axis=1)[:, None] + np.sum(other**2, axis=1) - 2.0 * one @ other.T
-    return np.sqrt(np.maximum(squares, 0.0))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -167,8 +150,9 @@ class FamilySearch:
         sources: Int[np.ndarray, "spectra"] | None,
     ) -> FamilyOdds:
         evidence = self._evidence(readings, sources)
-        log_sets, best, mean, sd = self._sum_by_set(evidence, self.sureness.power)
-        log_sets = without_impossible(log_sets, self._possible(readings)) + self.log_prior
+        possible = self._possible(readings)
+        log_sets, best, mean, sd = self._sum_by_set(evidence, possible, self.sureness.power)
+        log_sets = log_sets + self.log_prior
         if hidden is not None:
             log_sets = np.where(self._is_hidden(hidden), -np.inf, log_sets)
         none = self.sureness.none(log_sets, self.unknown)
@@ -194,31 +178,28 @@ class FamilySearch:
 
     def _possible(
         self, readings: Float[np.ndarray, "spectra bands"]
-    ) -> Bool[np.ndarray, "spectra sets"]:
-        """Whether some film of a set has the reading's colour."""
-        possible = ~np.concatenate(
-            [self._is_another_colour(readings, one) for one in self.ranges], axis=1
-        )
-        order, starts, _ = self._by_set()
-        return np.logical_or.reduceat(possible[:, order], starts, axis=1)
-
-    def _is_another_colour(
-        self, readings: Float[np.ndarray, "spectra bands"], one: Range
     ) -> Bool[np.ndarray, "spectra templates"]:
-        """Whether a template's colour cannot be a reading's; no colour is where no visible range
-        was read.
+        """Whether each template may have the reading's colour; all may where no visible range was
+        read.
         """
         body = readings - self.gloss(readings)[:, None] * self.surface
+        return ~np.concatenate([self._is_another_colour(body, one) for one in self.ranges], axis=1)
+
+    def _is_another_colour(
+        self, body: Float[np.ndarray, "spectra bands"], one: Range
+    ) -> Bool[np.ndarray, "spectra templates"]:
+        """Whether a template's colour cannot be that of readings without the surface's part."""
         read = colours(self.wavelengths[one.bands], body[:, one.bands])
         if read is None or one.colours is None:
-            return np.zeros((len(readings), len(one.templates)), dtype=bool)
-        another = _apart(read, one.colours) > ANOTHER_COLOUR
+            return np.zeros((len(body), len(one.templates)), dtype=bool)
+        another = squares_between(read, one.colours) > ANOTHER_COLOUR**2
         # Whites, extenders and blacks have hardly a chroma of their own, and one that shows is not
         # theirs.
         families = np.append([name in COLOURLESS for name in self.families], True)
         colourless = families[self.members[one.sets]].all(axis=1)
-        tinted = _apart(read[:, 1:], one.colours[:, 1:]) > ANOTHER_CHROMA
-        return np.asarray(another | (tinted & colourless))
+        apart = squares_between(read[:, 1:], one.colours[colourless, 1:])
+        another[:, colourless] |= apart > ANOTHER_CHROMA**2
+        return np.asarray(another)
 
     def _is_hidden(
         self, hidden: Bool[np.ndarray, "spectra families"]
@@ -237,10 +218,11 @@ class FamilySearch:
         for one in self.ranges:
             # Views are not independent: their mean, a logarithmic pool (Genest and Zidek,
             # Statistical Science 1 (1986) 114), says what both say.
-            found = np.zeros((len(readings), len(one.templates)))
+            found = np.zeros((len(readings), len(one.templates)), dtype=np.float32)
             seen = views(self.wavelengths[one.bands], body[:, one.bands])
             for metric, values, places in zip(one.metrics, seen, one.places, strict=True):
-                found += metric.log_evidence(metric.place(values), places) / len(one.metrics)
+                found += metric.log_evidence(metric.place(values), places)
+            found /= len(one.metrics)
             if sources is not None:
                 of_members = np.append(self.source_of, NOBODY)[one.templates.members]
                 own = (of_members[None] == sources[:, None, None]).any(axis=-1)
@@ -249,25 +231,32 @@ class FamilySearch:
         return np.concatenate(out, axis=1)
 
     def _sum_by_set(
-        self, evidence: Float[np.ndarray, "spectra templates"], power: float
+        self,
+        evidence: Float[np.ndarray, "spectra templates"],
+        possible: Bool[np.ndarray, "spectra templates"],
+        power: float,
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Log evidence of each set, its best template, and mean and standard deviation of the
-        fraction of its first family.
+        """Log mean evidence of each set, its best template (of the reading's colour, where one is),
+        and mean and standard deviation of the fraction of its first family.
         """
-        # Nearly the sum over a set's films: a family of many exemplars is commoner than one of a
-        # single exemplar, if less so than the sources' choice of paints makes it.
-        order, starts, counts = self._by_set()
+        order, starts, counts = self._by_set
         sorted_evidence = power * evidence[:, order]
         top = np.maximum.reduceat(sorted_evidence, starts, axis=1)
         safe = np.where(np.isfinite(top), top, 0.0)
         weights = np.exp(sorted_evidence - np.repeat(safe, counts, axis=1))
         sums = np.add.reduceat(weights, starts, axis=1)
-        usable = np.add.reduceat(np.isfinite(sorted_evidence).astype(float), starts, axis=1)
+        usable = np.add.reduceat(np.isfinite(sorted_evidence), starts, axis=1, dtype=float)
         with np.errstate(divide="ignore"):
-            log_sets = np.log(sums) + safe - 0.25 * np.log(np.maximum(usable, 1.0))
+            log_sets = np.log(sums) + safe - np.log(np.maximum(usable, 1.0))
+        has_colour = possible[:, order]
+        explains = np.logical_or.reduceat(has_colour, starts, axis=1)
+        log_sets = np.where(explains, log_sets, np.minimum(log_sets, _IMPOSSIBLE))
+
         fraction = np.concatenate([one.templates.fractions[:, 0] for one in self.ranges])[order]
-        mean = np.add.reduceat(weights * fraction, starts, axis=1) / np.maximum(sums, 1e-300)
-        square = np.add.reduceat(weights * fraction**2, starts, axis=1) / np.maximum(sums, 1e-300)
+        mean = np.add.reduceat(weights * fraction, starts, axis=1) / np.maximum(sums, 1e-30)
+        mean = np.clip(mean, 0.0, 1.0)  # Sums of single precision are off by their last digit.
+        square = np.add.reduceat(weights * fraction**2, starts, axis=1) / np.maximum(sums, 1e-30)
+        sorted_evidence[~has_colour] += 10.0 * _IMPOSSIBLE
         best = np.stack(
             [
                 order[start + sorted_evidence[:, start : start + count].argmax(axis=1)]
@@ -277,6 +266,7 @@ class FamilySearch:
         )
         return log_sets, best, mean, np.sqrt(np.maximum(square - mean**2, 0.0))
 
+    @cached_property
     def _by_set(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Templates in the order of their sets, where each set starts, and how many it has."""
         sets = np.concatenate([one.sets for one in self.ranges])

@@ -13,6 +13,7 @@ from glazejax.geometry import Geometry, Instrument, resolve_instrument
 
 from ...film.model.errors import Prior
 from ...film.model.response import FilmResponse, film_response
+from ..result.groups import COLOURLESS
 from ..search.pool import NOBODY
 from .calibration import calibrate
 from .expected import EXPECTED
@@ -23,11 +24,10 @@ from .sureness import Sureness
 from .templates import Templates, coefficients, mixed_templates, pure_templates
 from .varnish import CONDITIONS, Varnish
 
-COMMON = {"often": 3.0, "": 1.0, "rarely": 0.3}
-"""How common families are, compared with one another, by how they are met (`families.tsv`)."""
 # Shares of the exemplars that must know a band, for the narrowest and for a wider range, and the
-# fewest that make a range of their own.
-_NARROW, _WIDE, _FEWEST = 0.985, 0.45, 25
+# fewest that teach a range: what fewer know, such as the bands beyond 1000 nm, says less of how far
+# paints of one family are apart than it costs.
+_NARROW, _WIDE, _FEWEST = 0.985, 0.45, 13
 
 
 def search_families(
@@ -112,11 +112,14 @@ def set_up(
     sources = tuple(sorted({pigment.source for pigment in pigments}))
     family_of = np.array([families.index(pigment.family) for pigment in pigments])
     source_of = np.array([sources.index(pigment.source) for pigment in pigments])
+    # A user may have read one reference many times: how far paints are apart the catalogue says.
+    shipped = np.array([pigment.name in catalogue.provenance() for pigment in pigments])
+    teaches = shipped if shipped.any() else ~shipped
     known = coefficients(pigments, wavelengths)
     # Few exemplars are known below 410 nm, and one edge of rutile would outweigh all other slopes.
     known[:, :, wavelengths < 409.9] = np.nan
     members, number_of = _sets(len(families), max_paints)
-    shared = _ranges(np.isfinite(known[0]))
+    shared = _ranges(np.isfinite(known[0]), teaches)
     _check_span(wavelengths, shared[0][0], np.isfinite(known[0]))
 
     # In each range a metric of its own, from all exemplars that know its bands.
@@ -126,6 +129,7 @@ def set_up(
             known[:, :, bands],
             bands=bands,
             own=own,
+            teaches=teaches,
             family_of=family_of,
             number_of=number_of,
             response=response,
@@ -170,6 +174,7 @@ def _set_up_range(
     *,
     bands: Bool[np.ndarray, "all_bands"],
     own: Bool[np.ndarray, "exemplars"],
+    teaches: Bool[np.ndarray, "exemplars"],
     family_of: Int[np.ndarray, "exemplars"],
     number_of: Int[np.ndarray, "families families"],
     response: FilmResponse,
@@ -184,6 +189,7 @@ def _set_up_range(
         known: k and s of all exemplars there, NaN where they are not known.
         bands: of the readings.
         own: exemplars that know no wider range, whose films are this one's.
+        teaches: exemplars that the metric is learnt from.
         family_of: number of each exemplar's family.
         number_of: of a set, by its families.
         response: of the instrument.
@@ -201,12 +207,19 @@ def _set_up_range(
     pure = pure.take(np.flatnonzero(np.isfinite(pure.readings).all(axis=1)))
     # One spectrum of each paint teaches how far paints are apart.
     exemplars, first = np.unique(pure.members[:, 0], return_index=True)
-    bodies = pure.readings[first]
+    taught = teaches[exemplars]
+    bodies = pure.readings[first[taught]]
     pure = cover(pure)
     moved = [None, None] if varnish is None else varnish.differences(response, wavelengths, bodies)
     seen = views(wavelengths, pure.readings[first])
     metrics = tuple(
-        learn_metric(values, family_of[exemplars], exemplars, differences, components=components)
+        learn_metric(
+            values[taught],
+            family_of[exemplars[taught]],
+            exemplars[taught],
+            differences,
+            components=components,
+        )
         # The view of one gloss has lost what tells dark paints apart: fewer components hold it.
         for values, differences, components in zip(seen, moved, (25, 12), strict=True)
     )
@@ -241,19 +254,23 @@ def _set_up_range(
 def _log_prior(
     members: Int[np.ndarray, "sets 2"], sizes: Sequence[float], families: Sequence[str]
 ) -> Float[np.ndarray, "sets"]:
-    """Log prior probability of each set: sets of one size share theirs by how common their families
+    """Log prior probability of each set: sets of one kind share theirs by how common their families
     are in paint.
     """
     known = catalogue.families()
     # An own reference may be of a family that the catalogue does not have.
-    met = [known[name].met if name in known else "" for name in families]
-    common = [COMMON[word] for word in met]
+    common = [known[name].common if name in known else 1.0 for name in families]
     weights = np.append(common, 1.0)[members].prod(axis=1)
-    of_size = (members >= 0).sum(axis=1)
-    shares = np.asarray(sizes, dtype=float)
-    shares /= shares.sum()
-    totals = np.bincount(of_size, weights=weights, minlength=len(shares) + 1)
-    return np.log(weights * shares[of_size - 1] / totals[of_size])
+    colourless = np.array([name in COLOURLESS for name in families])
+    mixed = members[:, 1] >= 0
+    # Half of all mixtures are of a colour with a white, an extender or a black.
+    tinted = mixed & colourless[members].any(axis=1)
+    kinds = [~mixed, tinted, mixed & ~tinted]
+    shares = [sizes[0], *[part / 2.0 for part in sizes[1:]] * 2]
+    for kind, share in zip(kinds, shares, strict=False):
+        if kind.any():
+            weights[kind] *= share / weights[kind].sum()
+    return np.log(weights / weights.sum())
 
 
 def _joined(parts: Sequence[Templates]) -> Templates:
@@ -301,22 +318,24 @@ def _check_span(
 
 
 def _ranges(
-    known: Bool[np.ndarray, "exemplars bands"],
+    known: Bool[np.ndarray, "exemplars bands"], teaches: Bool[np.ndarray, "exemplars"]
 ) -> list[tuple[Bool[np.ndarray, "bands"], Bool[np.ndarray, "exemplars"]]]:
-    """Ranges of bands, nested, and the exemplars of which each is the widest that they know.
+    """Ranges of bands, nested, by what those know that the metric is learnt from, and the exemplars
+    of which each is the widest that they know.
 
     Raises:
         ValueError: too few exemplars know any band.
     """
-    share = known.mean(axis=0)
+    taught = known[teaches]
+    share = taught.mean(axis=0)
     if not share.max() > 0:
         raise ValueError("no exemplar is known at the wavelengths of the spectra")
-    limits = [_NARROW * share.max(), _WIDE, _FEWEST / len(known)]
+    limits = [_NARROW * share.max(), _WIDE]
     out: list[Bool[np.ndarray, "bands"]] = []
     for limit in limits:
         bands = share >= min(limit, share.max())
         wider = not out or bands.sum() > out[-1].sum()
-        if bands.sum() >= 3 and wider and known[:, bands].all(axis=1).sum() >= _FEWEST / 2:
+        if bands.sum() >= 3 and wider and taught[:, bands].all(axis=1).sum() >= _FEWEST:
             out.append(bands)
     if not out:
         raise ValueError(

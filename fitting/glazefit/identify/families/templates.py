@@ -196,11 +196,26 @@ def hiding_body(
     """Readings of films that hide their ground, from k/s: one curve of one variable, computed at
     some points.
     """
+    return np.interp(np.log(ratio), *_hiding_curve(response))
+
+
+def hiding_ratio(
+    response: FilmResponse, bodies: Float[np.ndarray, "films bands"]
+) -> Float[np.ndarray, "films bands"]:
+    """k/s of films that hide their ground, from readings without the surface's part."""
+    logs, curve = _hiding_curve(response)
+    return np.exp(np.interp(bodies, curve[::-1], logs[::-1]))
+
+
+def _hiding_curve(
+    response: FilmResponse,
+) -> tuple[Float[np.ndarray, "nodes"], Float[np.ndarray, "nodes"]]:
+    """Log k/s, and what films that hide their ground then read: it falls."""
     nodes = np.geomspace(*_RATIOS, _NODES)
     # As thick as the table of films goes: what is beyond reflects the same.
     s = np.minimum(_OPAQUE, 0.999 * np.minimum(HIGHEST[0] / nodes, HIGHEST[1]))
     curve = np.asarray(response.body(nodes * s, s, np.full_like(nodes, LIGHT_GROUND)))
-    return np.interp(np.log(ratio), np.log(nodes), curve)
+    return np.log(nodes), curve
 
 
 def coat_body(

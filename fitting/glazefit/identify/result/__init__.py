@@ -15,6 +15,7 @@ from ..search.task import Measured
 from ..search.unstated_conditions import CONDITIONS
 from ..search.weigh import UNSEEN, Odds
 from .groups import FamilySet
+from .in_tests import came_true, has_infrared
 from .odds import CoatsOdds
 
 # Spectra that are named where a result is printed.
@@ -90,29 +91,38 @@ class Candidate:
         """The words without the condition."""
         upper = [i for i, coat in enumerate(self.coats) if coat == 0]
         lower = [i for i, coat in enumerate(self.coats) if coat == 1]
-        if len(self.paints) == 1:
-            return self.paints[0]
         if not lower:
-            return " + ".join(
-                f"{percent(f)} {p}" for p, f in zip(self.paints, self.fractions, strict=True)
-            )
-        sides = [
-            " + ".join(f"{percent(self.fractions[i])} {self.paints[i]}" for i in coat)
-            for coat in (upper, lower)
-        ]
+            return self._shares(upper)
+        sides = [self._shares(coat, always=True) for coat in (upper, lower)]
         return " over ".join(f"({side})" if " + " in side else side for side in sides)
+
+    def _shares(self, coat: Sequence[int], *, always: bool = False) -> str:
+        """Shares of the paints of a coat, in words; of a single paint only where it is asked
+        for.
+        """
+        told = [i for i in coat if self.fractions[i] >= TRACE]
+        traces = [self.paints[i] for i in coat if i not in told]
+        words = (
+            [self.paints[i] for i in told]
+            if len(told) == 1 and not always
+            else [f"{percent(self.fractions[i])} {self.paints[i]}" for i in told]
+        )
+        return " + ".join([*words, *(f"a trace of {paint}" for paint in traces)])
+
+
+TRACE = 0.001
+"""Share below which a reading does not tell how much of a paint there is."""
 
 
 def percent(fraction: float) -> str:
-    """A fraction with as many digits as a small part needs."""
+    """A fraction with one digit where a part of it is small: a reading tells no more."""
     value = 100 * float(fraction)
     rest = min(value, 100 - value)  # what the digits must show
     if rest <= 0.0:
         return "100 %" if value > 50 else "0 %"
-    if rest < 0.005:
-        return "> 99.99 %" if value > 50 else "< 0.01 %"
-    digits = 0 if rest >= 9.5 else 1 if rest >= 0.95 else 2
-    return f"{value:.{digits}f} %"
+    if rest < 100 * TRACE:
+        return "> 99.9 %" if value > 50 else "< 0.1 %"
+    return f"{value:.{0 if rest >= 9.5 else 1}f} %"
 
 
 @dataclass(frozen=True)
@@ -207,7 +217,7 @@ class Identification:
         own = self.coats_odds[row] if self.coats_odds else ()
         if not own:
             return ""
-        return f"{' and '.join(own[0].paints)}: {own[0].words()}"
+        return f"if it is of {' and '.join(own[0].paints)}: {own[0].words()}"
 
     @cached_property
     def fractions(self) -> Float[np.ndarray, "spectra candidates 3"]:
@@ -367,8 +377,8 @@ class Identification:
             first = self.family_sets[row][0]
             near = " + ".join(self.ranked(row, 1)[0].paints)
             return (
-                f"{first.words} (probability {first.probability:.0%}; none of these "
-                f"families {self.none[row]:.0%}); nearest exemplar {near}"
+                f"{first.words} ({self.stated_words(row)}; none of these families "
+                f"{self.none[row]:.0%}); nearest exemplar {near}"
             )
         best, (_, chance) = self.ranked(row, 1)[0], self.families(row)[0]
         likely = self.likely_paint(row)
@@ -383,6 +393,23 @@ class Identification:
         more += f"; none of these paints {self.none[row]:.0%}" if self.none[row] >= 0.1 else ""
         return f"{best.words} (probability {best.probability:.0%}{more})"
 
+    def came_true(self, row: int) -> tuple[int, int] | None:
+        """Of answers by family that stated as much of paint by others: how many were right, and
+        how many there were. None where paints were sought, or nothing explains the spectrum.
+        """
+        if not (self.family_sets and self.explained[row]):
+            return None
+        infrared = has_infrared(self.measured.wavelengths)
+        return came_true(self.family_sets[row][0].probability, infrared)
+
+    def stated_words(self, row: int) -> str:
+        """How probable the first answer by family is said to be, and how often such answers came
+        true.
+        """
+        counts = self.came_true(row)
+        tested = "" if counts is None else f", in tests {counts[0] / counts[1]:.0%} right"
+        return f"probability {self.family_sets[row][0].probability:.0%}{tested}"
+
     def unexplained(self, row: int) -> str:
         """Why nothing explains a spectrum."""
         best = self.ranked(row, 1)[0]
@@ -391,7 +418,10 @@ class Identification:
             nearest = self.family_sets[row][0].words if self.family_sets[row] else best.mixture
             if self.none[row] < 0.5:
                 start = "this looks unlike nearly all paints of the families that are known"
-            return f"{start} (probability {self.none[row]:.0%}); the nearest pigment is {nearest}"
+            return (
+                f"{start} (probability that it is none of them {self.none[row]:.0%}); the nearest "
+                f"pigment is {nearest}"
+            )
         # The nearest in colour of the five that a table shows as a rule.
         measured = [one for one in self.ranked(row, 5) if np.isfinite(one.delta_e)]
         nearest = min(measured, key=lambda one: one.delta_e, default=best)
@@ -400,6 +430,9 @@ class Identification:
             if nearest.delta_e < UNSEEN
             else f"is off by Delta E00 {nearest.delta_e:.1f}"
         )
+        if self.none[row] < 0.5:
+            # Improbable as it is that nothing does, its films are off by more than an eye forgives.
+            return f"no film of the catalogue comes near this; the nearest, {nearest.words}, {off}"
         return (
             f"{start} (probability {self.none[row]:.0%}); the nearest of its films, "
             f"{nearest.words}, {off}"

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-DECIDED = 0.9
+DECIDED = 0.8
 """Probability from which a verdict counts as told."""
 
 

@@ -39,7 +39,6 @@ CONDITIONS = (
     Condition(_VARNISHED, 0.08, varnish=AMOUNTS["thin"][0]),
     Condition(_VARNISHED, 0.08, varnish=AMOUNTS["yellowed"][0]),
     Condition("over a light ground", 0.4, ground=_LIGHT, opaque=False),
-    Condition("over a dark ground", 0.1, ground=_DARK, opaque=False),
     Condition("hiding its ground", 0.05, opaque=True),
     Condition("over a lighter ground than told", 0.03, ground=_LIGHT),
     Condition("over a darker ground than told", 0.03, ground=_DARK),
@@ -54,8 +53,8 @@ CONDITIONS_OF_VARNISH: dict[str, tuple[int, ...]] = {
 """What was stated of a varnish -> numbers of the conditions that are tried for it."""
 _STATED = ("thin", "yellowed")
 # Probability that a varnish which was stated is not there.
-NOT_OPAQUE = (3, 4)
-OTHER_GROUNDS = (5, 6, 7)
+NOT_OPAQUE = (3,)
+OTHER_GROUNDS = (4, 5, 6)
 """Numbers of those for films said to be opaque, and of those for one reading over a ground."""
 _LEVELS = dict(AMOUNTS.values())
 """Optical thickness at 400 nm -> its standard deviation."""
@@ -71,8 +70,8 @@ def search_unstated_conditions(
     """The pool, with candidates under other conditions where what was stated leaves a film in
     doubt; and its odds.
 
-    A film that was said to hide its ground is always tried as one that does not, too: one reading
-    over one ground cannot show which is so.
+    A film that was said to hide its ground is always tried over a light one, too: one reading
+    cannot show which is so. A dark one would make any colour darker, and is not tried.
 
     Args:
         tasks: for films that let the ground through, and for films that hide it.

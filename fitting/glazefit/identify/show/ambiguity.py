@@ -11,6 +11,8 @@ from ..result import Candidate, Identification, percent
 
 # Probability beside the first's below which another film is not looked at.
 _LEAST = 1e-3
+# Share of a film from which on it may as well be all of it.
+_ALL = 0.99
 
 
 def describe_ambiguity(found: Identification, row: int) -> list[str]:
@@ -39,14 +41,24 @@ def describe_indistinguishable(found: Identification, row: int) -> str:
 def describe_undecided(
     found: Identification, row: int, least: float = 0.05, most: float = 0.95
 ) -> str:
-    """Paints that may or may not be in the film, in words; empty if there are none."""
-    chances = found.paint_probability[row]
-    open_ = [i for i in np.argsort(-chances) if least < chances[i] < most]
+    """Pigments that may or may not be in the film, in words; empty if there are none.
+
+    Paints of one pigment count together. Where something explains the spectrum, that nothing might
+    is left out: the headline says it.
+    """
+    whole = 1.0 - float(found.none[row]) if found.explained[row] else 1.0
+    chances: dict[str, float] = {}
+    for paint, chance in zip(found.paints, found.paint_probability[row] / whole, strict=True):
+        chances[family(paint)] = chances.get(family(paint), 0.0) + float(chance)
+    open_ = sorted(
+        (name for name, chance in chances.items() if least < chance < most),
+        key=lambda name: -chances[name],
+    )
     if not open_:
         return ""
     return (
         "Not settled by this spectrum: "
-        + ", ".join(f"{found.paints[i]} ({chances[i]:.0%})" for i in open_)
+        + ", ".join(f"{name} ({chances[name]:.0%})" for name in open_)
         + "."
     )
 
@@ -62,7 +74,11 @@ def describe_additions(found: Identification, row: int) -> str:
     listed = shares[:3]
     # Below this share a paint that may be there is a trace, and its share is not said.
     least_share = 0.01
-    said = [f"up to {percent(most)} {paint}" for paint, most in listed if most >= least_share]
+    said = [
+        f"up to {percent(most)} {paint}" if most < _ALL else f"any amount of {paint}"
+        for paint, most in listed
+        if most >= least_share
+    ]
     traces = [paint for paint, most in listed if most < least_share]
     if traces:
         said.append(f"a trace (below {percent(least_share)}) of {' or '.join(traces)}")

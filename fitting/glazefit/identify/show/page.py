@@ -4,7 +4,7 @@ identification.
 
 import json
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +12,12 @@ import numpy as np
 
 from glazejax.io.write import table_bytes, write_files
 
+from ...page.subject import TITLES
 from ...page.templates import fill_template
 from ..result import percent
 from ..search.weigh import REJECTED, UNSEEN
-from .figures import FITS, draw_residuals, draw_spectra
-from .record import COLUMNS, table_rows
+from . import family_record, record
+from .figures import fits_to_draw, plot_axes
 from .terminal import micrometres
 
 Record = Mapping[str, Any]
@@ -40,8 +41,8 @@ def beside(path: Path) -> tuple[Path, Path]:
     return path.with_suffix(".csv"), path.with_suffix(".json")
 
 
-def write_page(record: Record, path: Path, *, overwrite: bool = False) -> tuple[Path, Path]:
-    """Write the page, and the same as CSV and JSON beside it; each is there whole or not at all.
+def write_page(filed: Record, path: Path, *, overwrite: bool = False) -> tuple[Path, Path]:
+    """Write the page, and the same as CSV and JSON beside it: all three, or none.
 
     Returns:
         Paths of the table and of the JSON.
@@ -51,117 +52,45 @@ def write_page(record: Record, path: Path, *, overwrite: bool = False) -> tuple[
         ValueError: see `beside`.
     """
     table, data = beside(path)
-    pieces = page(record, table.name, data.name)
-    write_report(record, pieces, (COLUMNS, table_rows(record)), path, overwrite=overwrite)
+    text = json.dumps(filed, indent=1, allow_nan=False) + "\n"
+    # A spectrum a line; the strings of JSON have no line breaks.
+    text = re.sub(
+        r"\[\n(?:[-+\d.eE,\s]|null)*\]", lambda numbers: re.sub(r"\s+", " ", numbers[0]), text
+    )
+    # All is made before anything is written, so that no table stands beside an older page.
+    shown = "".join(page(filed, table.name, data.name)).encode("utf-8", "xmlcharrefreplace")
+    of = family_record if _by_family(filed) else record
+    cells = table_bytes(of.COLUMNS, of.table_rows(filed))
+    write_files({table: [cells], data: [text.encode()], path: [shown]}, overwrite=overwrite)
     return table, data
 
 
-def write_report(
-    record: Record,
-    pieces: Iterable[str],
-    rows: tuple[Sequence[str], Iterable[Sequence[object]]],
-    path: Path,
-    *,
-    overwrite: bool,
-) -> None:
-    """Write a page, its table and its JSON: all three, or none.
-
-    Args:
-        record: the JSON.
-        pieces: of the page.
-        rows: names of the table's columns, and its rows.
-        path: of the page.
-        overwrite: whether files that exist may be replaced.
-
-    Raises:
-        FileExistsError, ValueError: see `write_page`.
-    """
-    table, data = beside(path)
-    text = json.dumps(record, indent=1, allow_nan=False) + "\n"
-    # A spectrum a line; the strings of JSON have no line breaks.
-    text = re.sub(r"\[\n[-+\d.eE,\s]*\]", lambda numbers: re.sub(r"\s+", " ", numbers[0]), text)
-    # All is made before anything is written, so that no table stands beside an older page.
-    shown = "".join(pieces).encode("utf-8", "xmlcharrefreplace")
-    cells = table_bytes(*rows)
-    write_files({table: [cells], data: [text.encode()], path: [shown]}, overwrite=overwrite)
-
-
-def page(record: Record, table: str, data: str) -> Iterator[str]:
+def page(filed: Record, table: str, data: str) -> Iterator[str]:
     """The page, piece by piece; `table` and `data` are names of the files beside it."""
+    by_family = _by_family(filed)
     # Of a spot's tables, what is printed on its page; the screen has all.
-    return fill_page(
-        "page",
-        record,
-        table,
-        data,
-        _draw,
-        title=f"Paint identification: {record['title']}",
+    return fill_template(
+        f"identify/show/{'family_page' if by_family else 'page'}.html",
+        title=f"{'Pigments' if by_family else 'Paint identification'}: {filed['title']}",
+        subject={TITLES[name]: text for name, text in filed["subject"].items()},
+        record=filed,
+        table_name=table,
+        data=data,
+        most=DRAWN,
+        listed=LISTED,
+        fits_to_draw=fits_to_draw,
+        plot_axes=plot_axes,
         micrometres=_micrometres,
         percent=percent,
         unseen=UNSEEN,
         rejected=REJECTED,
-        drawn_fits=FITS,
         printed_fits=3,
         printed_paints=8,
     )
 
 
-def fill_page(
-    template: str,
-    record: Record,
-    table: str,
-    data: str,
-    draw: Callable[[Record, Record], Mapping[str, Any]],
-    **values: Any,
-) -> Iterator[str]:
-    """A page of spots, piece by piece, the first of them with their spectra.
-
-    Args:
-        template: its name in this room.
-        record: of the page.
-        table, data: names of the files beside it.
-        draw: figures of a spot, from the record and the spot.
-        values: what else the template uses.
-    """
-    return fill_template(
-        f"identify/show/{template}.html",
-        record=record,
-        table_name=table,
-        data=data,
-        spots=_draw_spots(record, draw),
-        most=DRAWN,
-        listed=LISTED,
-        **values,
-    )
-
-
-def _draw_spots(
-    record: Record, draw: Callable[[Record, Record], Mapping[str, Any]]
-) -> Iterator[tuple[Record, Mapping[str, Any] | None, bool]]:
-    """Each spot, its figures if it has any, and whether their drawing was interrupted at it."""
-    last = DRAWN
-    for number, spot in enumerate(record["spots"]):
-        figures = None
-        interrupted = False
-        try:
-            if number < last:
-                figures = draw(record, spot)
-        except KeyboardInterrupt:
-            # What takes long is drawing: an interrupt ends that, and the page is still filed.
-            last = number
-            interrupted = True
-        yield spot, figures, interrupted
-
-
-def _draw(record: Record, spot: Record) -> Mapping[str, Any]:
-    grid = np.asarray(record["measurement"]["wavelengths_nm"])
-    grounds = record["measurement"]["grounds"]
-    best = np.asarray(spot["explanations"][0]["fitted"])
-    return {
-        "spectra": draw_spectra(spot, grid, grounds),
-        "residuals": draw_residuals(spot, grid, grounds),
-        "off": np.abs(np.asarray(spot["measured"]) - best).max(),
-    }
+def _by_family(filed: Record) -> bool:
+    return filed["schema"]["name"] == family_record.SCHEMA["name"]
 
 
 def _micrometres(value: float) -> str:

@@ -1,18 +1,28 @@
 """Picture of an identification: measured and fitted spectra, residuals and probabilities."""
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
 from glazejax.plots import ABSORPTION, SCATTERING, label_spectra, picture
 
-from ..result import Candidate, Identification
+from ..result import Identification
+from .explanation import LEAST, explanations
 
 _COLOURS = (ABSORPTION, SCATTERING, "#41732b")
 
 
-def plot_identification(found: Identification, path: Path, top: int = 3) -> int:
+def plot_identification(
+    found: Identification, path: Path, families: Mapping[str, str], top: int = 3
+) -> int:
     """Draw measured and fitted spectra, residuals and probabilities of the first spectra.
+
+    Args:
+        found: identification.
+        path: of the picture.
+        families: of each paint, by its name.
+        top: explanations that are drawn.
 
     Returns:
         Spectra drawn.
@@ -21,45 +31,35 @@ def plot_identification(found: Identification, path: Path, top: int = 3) -> int:
     with picture(path, 12, 3.3 * count) as figure:
         axes = figure.subplots(count, 3, squeeze=False, width_ratios=(1.2, 1, 1))
         for row in range(count):
-            _draw(found, row, found.ranked(row, top), axes[row])
+            _draw(found, row, families, top, axes[row])
     return count
 
 
-def _draw(found: Identification, row: int, candidates: list[Candidate], axes: np.ndarray) -> None:
+def _draw(
+    found: Identification, row: int, families: Mapping[str, str], top: int, axes: np.ndarray
+) -> None:
     spectra, residuals, chances = axes
     grid = found.measured.wavelengths
     readings = found.measured.readings[row]
-    for ground, reading in enumerate(readings):
-        spectra.plot(
-            grid,
-            reading,
-            "o",
-            color="0.25",
-            ms=3.5,
-            mfc="none",
-            label="measured" if ground == 0 else None,
-        )
-    # A fit that is a thousand times less probable would only stretch the axes of the others.
-    likely = [one for one in candidates if one.probability >= 0.001 * candidates[0].probability]
-    for n, (candidate, colour) in enumerate(zip(likely, _COLOURS, strict=False)):
-        for ground in range(len(readings)):
-            first = ground == 0
-            label = candidate.words if first else None
-            spectra.plot(
-                grid, candidate.fitted[ground], "-", color=colour, lw=1.4 - 0.3 * n, label=label
-            )
-            residuals.plot(
-                grid, candidate.residual[ground], "-" if first else "--", color=colour, lw=1.2
-            )
-    label_spectra(spectra, ylim=(0, max(1.0, float(readings.max()) * 1.05)))
+    for reading in readings:
+        spectra.plot(grid, reading, "o", color="0.25", ms=3.5, mfc="none")
+    films = explanations(found, row, top, families)
+    likely = [film for film in films if film.probability >= LEAST * films[0].probability]
+    for n, (film, colour) in enumerate(zip(likely, _COLOURS, strict=False)):
+        for ground, fitted in enumerate(film.fitted):
+            spectra.plot(grid, fitted, "-", color=colour, lw=1.4 - 0.3 * n)
+            style = "--" if ground else "-"
+            residuals.plot(grid, readings[ground] - fitted, style, color=colour, lw=1.2)
+    highest = max(float(np.nanmax(each)) for each in (readings, *(film.fitted for film in likely)))
+    label_spectra(spectra, ylim=(0, 1.05 * highest))
     spectra.set_title(f"{found.measured.names[row]}: circles measured, lines fitted")
     residuals.axhline(0, color="0.7", lw=0.8)
     label_spectra(residuals, "measured - fitted")
     residuals.set_title("residual" + (", dashed over the next ground" if len(readings) > 1 else ""))
-    names = [candidate.words for candidate in candidates] + ["all others", "none of the catalogue"]
-    shown = [candidate.probability for candidate in candidates]
+    names = [film.words for film in films] + ["all others", "none of the catalogue"]
+    shown = [film.probability for film in films]
     values = [*shown, max(0.0, 1.0 - sum(shown) - found.none[row]), found.none[row]]
-    colours = [*_COLOURS[: len(candidates)], "0.7", "0.3"]
+    colours = [*_COLOURS[: len(films)], "0.7", "0.3"]
     chances.barh(np.arange(len(names)), values, color=colours)
     chances.set(xlim=(0, 1), xlabel="probability", ylim=(len(names) - 0.4, -0.85))
     chances.set_yticks([])

@@ -42,6 +42,7 @@ class Provenance:
         max_paints, max_coats: what was tried.
         settings: of noise, model errors and prior, by name.
         names: of all spectra, also of those that an interrupt left out.
+        subject: object, inventory number, spot and operator, as far as they were said.
         created: when.
     """
 
@@ -58,6 +59,7 @@ class Provenance:
     max_coats: int
     settings: Mapping[str, Any]
     names: Sequence[str]
+    subject: Mapping[str, str] = field(default_factory=dict)
     created: datetime = field(default_factory=lambda: datetime.now().astimezone())
 
 
@@ -89,6 +91,7 @@ def describe_run(found: Identification, about: Provenance) -> dict[str, Any]:
     left = [name for name in about.names if name not in done]
     return {
         "title": about.title,
+        "subject": dict(about.subject),
         "created": about.created.isoformat(timespec="seconds"),
         "complete": not left,
         "not_done": left,
@@ -217,10 +220,12 @@ def _numbers(values: np.ndarray) -> list[float] | None:
     return [float(value) for value in values] if np.isfinite(values).all() else None
 
 
-def round_spectra(spectra: np.ndarray) -> list:
-    """Spectra with as many digits as are filed."""
+def round_spectra(
+    spectra: Float[np.ndarray, "grounds bands"],
+) -> list[list[float | None]]:
+    """Spectra with as many digits as are filed; what is not known at a band is None there."""
     # Six digits tell spectra in the JSON apart.
-    return np.round(spectra, 6).tolist()
+    return [[_number(x) for x in line] for line in np.round(spectra, 6).tolist()]
 
 
 COLUMNS = (

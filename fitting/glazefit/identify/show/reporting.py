@@ -1,9 +1,7 @@
-"""A report in the making: looks closer at what an identification finishes, and files it
-in the end.
-"""
+"""A report in the making: looks closer at what an identification finishes."""
 
 from collections.abc import Iterable, Iterator, Sequence
-from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -14,7 +12,6 @@ from ...film.model.errors import ModelError, Prior
 from ..result import Identification
 from .bands import expected_bands
 from .figures import FITS
-from .page import write_page
 from .record import Provenance, make_record
 
 
@@ -46,18 +43,7 @@ class ReportBuilder:
             self._parts.append(expected_bands(part, *given, **errors, count=FITS))
             yield part
 
-    def write(
-        self,
-        found: Identification,
-        about: Provenance,
-        path: Path,
-        top: int,
-        *,
-        overwrite: bool = False,
-    ) -> tuple[Path, Path]:
-        """Write the page of the parts that were passed on; see
-        `glazefit.identify.show.page.write_page`.
-        """
+    def record(self, found: Identification, about: Provenance, top: int) -> dict[str, Any]:
+        """Record of the parts that were passed on; see `glazefit.identify.show.record`."""
         # An interrupt may have come after a part was looked at and before it was taken.
-        bands = np.concatenate(self._parts)[: len(found)]
-        return write_page(make_record(found, bands, about, top), path, overwrite=overwrite)
+        return make_record(found, np.concatenate(self._parts)[: len(found)], about, top)

@@ -1,6 +1,6 @@
 """What `glazejax identify` leaves: lines on the screen and tables."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,8 @@ from glazejax.report import plain_table
 from ...page.words import chance
 from ..families.evidence import describe_anachronism
 from ..result import Identification
+from ..result.groups import FamilySet
+from ..result.in_tests import has_infrared
 from .ambiguity import describe_ambiguity
 
 COLUMNS = (
@@ -32,6 +34,19 @@ COLUMNS = (
     "explained",
     "coats_probability",
 )
+FAMILY_COLUMNS = (
+    "spectrum",
+    "rank",
+    "families",
+    "probability",
+    "right_in_tests",
+    "nearest_exemplars",
+    "none_of_these",
+    "explained",
+    "coats_probability",
+)
+"""Of a table of families: how often an answer that sure was right in tests stands with the first.
+"""
 
 
 def print_identification(found: Identification, console: Console, top: int, detailed: int) -> None:
@@ -72,18 +87,14 @@ def print_families(
     for row, name in enumerate(found.measured.names):
         sets = found.family_sets[row][:top]
         if found.explained[row]:
-            console.print(
-                f"{name}: {sets[0].words}, probability {sets[0].probability:.0%}", **_AS_IS
-            )
+            console.print(f"{name}: {sets[0].words}, {found.stated_words(row)}", **_AS_IS)
         else:
             console.print(f"{name}: {found.unexplained(row)}", **_AS_IS)
         for family in sets[0].families if sets else ():
             if family in known:
                 about = known[family]
-                console.print(
-                    f"  {family}: {about.formula}, {about.colour_index}, in use {about.in_use}",
-                    **_AS_IS,
-                )
+                facts = (about.formula, about.colour_index, f"in use {about.in_use}")
+                console.print(f"  {family}: {', '.join(f for f in facts if f != '-')}", **_AS_IS)
         if sets and painted is not None:
             words = describe_anachronism(sets[0].families, known, painted)
             if words:
@@ -94,8 +105,10 @@ def print_families(
             for other in sets[1:]
             if other.probability >= 0.005
         ]
+        if found.explained[row]:
+            others.append(f"none of them {found.none[row]:.0%}")
         if others:
-            console.print(f"  or {'; '.join(others)}; none of them {found.none[row]:.0%}", **_AS_IS)
+            console.print(f"  or {'; '.join(others)}", **_AS_IS)
         if words := found.coats_words(row):
             console.print(f"  {words}", **_AS_IS)
         # A few hundredths are noise of the darkest bands.
@@ -107,7 +120,29 @@ def print_families(
                 **_AS_IS,
             )
         near = dict.fromkeys(paint for c in found.ranked(row, top) for paint in c.paints)
+        if own := _own_references(near, sets[0] if sets else None):
+            console.print(f"  nearest reference: {', '.join(own)}", **_AS_IS)
         console.print(f"  nearest exemplars: {', '.join(list(near)[:top])}", style="dim", **_AS_IS)
+    if found.explained.any():
+        read = "with" if has_infrared(found.measured.wavelengths) else "without"
+        console.print(
+            "In tests: so many of the answers that were as sure were right, on pure paints by "
+            f"others, read {read} the near infrared; of mixtures fewer are.",
+            style="dim",
+            **_AS_IS,
+        )
+
+
+def _own_references(near: Iterable[str], answer: FamilySet | None) -> list[str]:
+    """Of the nearest paints, those of the user's own that are of an answer's families: names that
+    the catalogue does not have.
+    """
+    if answer is None:
+        return []
+    families = {family for shares in answer.within.values() for family, _ in shares}
+    families.update(answer.families)
+    own = (paint.partition("/") for paint in near if paint not in catalogue.provenance())
+    return [name for family, _, name in own if family in families]
 
 
 _AS_IS: dict[str, Any] = {"markup": False, "soft_wrap": True}
@@ -185,11 +220,32 @@ def rows(found: Identification, top: int) -> Iterator[list[object]]:
             ]
 
 
+def family_rows(found: Identification, top: int) -> Iterator[list[object]]:
+    """Cells of `FAMILY_COLUMNS`, a row an answer."""
+    for row, name in enumerate(found.measured.names):
+        counts = found.came_true(row)
+        for rank, answer in enumerate(found.family_sets[row][:top], start=1):
+            yield [
+                name,
+                rank,
+                answer.words,
+                answer.probability,
+                f"{counts[0]} of {counts[1]}" if counts and rank == 1 else "",
+                " + ".join(found.ranked(row, 1)[0].paints) if rank == 1 else "",
+                found.none[row],
+                bool(found.explained[row]),
+                found.coats_probability[row],
+            ]
+
+
 def write_candidates(
     found: Identification, path: Path, top: int, *, overwrite: bool = False
 ) -> None:
-    """Write the ranked explanations, a line each."""
-    write_table(path, COLUMNS, rows(found, top), overwrite=overwrite)
+    """Write the ranked explanations, a line each: of families the answers themselves."""
+    if found.family_sets:
+        write_table(path, FAMILY_COLUMNS, family_rows(found, top), overwrite=overwrite)
+    else:
+        write_table(path, COLUMNS, rows(found, top), overwrite=overwrite)
 
 
 def write_residuals(found: Identification, path: Path, *, overwrite: bool = False) -> None:

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from ...page.plot import PlotAxes
 from ...page.words import typeset
 from ..store.chunk import Members, SetSum
 from .legend import OTHERS
@@ -68,51 +69,20 @@ def _spreads(look: Overview, members: Members) -> list[tuple[str, list[str] | No
 
 
 def small_spectrum(sums: SetSum | None, grid: Float[np.ndarray, "bands"]) -> dict[str, Any] | None:
-    """Points of the mean of a set's readings, of their spread, and of the mean of its fits, empty
-    where they are not known; None for a set without pixels.
+    """Mean of a set's readings, their spread and the mean of its fits, NaN where it is not known,
+    with axes that hold them; None for a set without pixels.
     """
     if sums is None or not sums.pixels:
         return None
     mean = np.asarray(sums.spectrum) / sums.pixels
     fitted = np.asarray(sums.fitted) / sums.pixels
     spread = np.sqrt(np.maximum(np.asarray(sums.square) / sums.pixels - mean**2, 0.0))
-    most = next(
-        level
-        for level in (0.1, 0.2, 0.5, 1.0, 2.0)
-        if (mean + spread).max() <= level or level == 2.0
-    )
-    span = float(grid[-1] - grid[0]) or 1.0
-    # The picture, and the frame in it, which leaves room for numbers on the left and below.
-    width = 208.0
-    height = 84.0
-    left = 22.0
-    right = width - 4.0
-    top = 5.0
-    bottom = height - 14.0
-
-    def across(nm: np.ndarray) -> np.ndarray:
-        return left + (nm - grid[0]) / span * (right - left)
-
-    def points(values: np.ndarray, nm: np.ndarray = grid) -> str:
-        y = bottom - np.clip(values / most, 0, 1) * (bottom - top)
-        return " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(across(nm), y, strict=True))
-
-    first = np.ceil(grid[0] / 100) * 100
-    last = np.floor(grid[-1] / 100) * 100
-    # The outermost numbers stay inside of the picture.
-    anchors = {float(last): "end", float(first): "start"}
-    ticks = np.arange(first, last + 1, 100.0 if span <= 500 else 500.0)
+    highest = (mean + spread).max()
+    most = next(level for level in (0.1, 0.2, 0.5, 1.0, 2.0) if highest <= level or level == 2.0)
     return {
-        "width": f"{width:.0f}",
-        "height": int(height),
-        "frame": (left, right, top, bottom),
-        "most": most,
+        "axes": PlotAxes(grid=grid, low=0.0, high=most, most=4),
         "off": float(np.sqrt(np.mean((mean - fitted) ** 2))),
-        "band": f"{points(mean + spread)} {points((mean - spread)[::-1], grid[::-1])}",
-        "mean": points(mean),
-        "fit": points(fitted) if np.isfinite(fitted).all() else "",
-        "ticks": [
-            (x, anchors.get(float(nm), "middle"), nm)
-            for x, nm in zip(across(ticks), ticks, strict=True)
-        ],
+        "mean": mean,
+        "spread": spread,
+        "fitted": fitted,
     }

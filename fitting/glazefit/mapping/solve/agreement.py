@@ -4,11 +4,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int
 
 from ...identify.result import Identification, log_sds
 from ...identify.search.pool import NOBODY
 from .atlas import Atlas
+from .by_family import FamilyAtlas, FamilySearcher
 from .local import as_measured
 from .task import MapTask
 
@@ -41,7 +42,9 @@ class Agreement:
         return {f.name: np.asarray(getattr(self, f.name)) for f in fields(self)}
 
 
-def compare(task: MapTask, atlas: Atlas, readings: Float[np.ndarray, "spectra bands"]) -> Agreement:
+def compare(
+    task: MapTask, atlas: Atlas | FamilyAtlas, readings: Float[np.ndarray, "spectra bands"]
+) -> Agreement:
     """Answers for spectra in closed form, beside a search of each.
 
     Args:
@@ -67,6 +70,9 @@ def agreement(
         mapped: the map's `members`, `explained`, `paint_probability` and `thickness` for these.
     """
     searcher = task.searcher
+    if isinstance(searcher, FamilySearcher):
+        own = searcher.search(readings, task.ground).answers
+        return _agreement(mapped, own.members, own.explained, own.paint_probability, np.empty(0))
     measured = as_measured(searcher, readings, task.image.noise_sd(readings), task.ground)
     parts = [
         Identification.of(*one, paints=searcher.paints, opaque=searcher.opaque, keep=3)
@@ -74,18 +80,37 @@ def agreement(
     ]
     whole = Identification.join(parts)
     members = whole.members[:, 0]
-    same = (np.sort(mapped["members"], axis=1) == np.sort(members, axis=1)).all(axis=1)
-    apart = np.abs(mapped["paint_probability"] - whole.paint_probability).max(axis=1)
+    same = _same(mapped["members"], members)
     fractions = np.where(members != NOBODY, whole.fractions[:, 0], 0.0)
     spread = log_sds(members, fractions, whole.log_covariance[:, 0])[2]
     known = same & np.isfinite(mapped["thickness"])
     moved = np.log(mapped["thickness"][known] / whole.amounts[known, 0].sum(axis=1)) / spread[known]
+    return _agreement(mapped, members, whole.explained, whole.paint_probability, moved)
+
+
+def _same(
+    one: Int[np.ndarray, "spectra 3"], other: Int[np.ndarray, "spectra 3"]
+) -> Bool[np.ndarray, "spectra"]:
+    return np.asarray((np.sort(one, axis=1) == np.sort(other, axis=1)).all(axis=1))
+
+
+def _agreement(
+    mapped: Mapping[str, np.ndarray],
+    members: Int[np.ndarray, "spectra 3"],
+    explained: Bool[np.ndarray, "spectra"],
+    paint_probability: Float[np.ndarray, "spectra paints"],
+    moved: Float[np.ndarray, "known"],
+) -> Agreement:
+    """A map's answers beside those of full searches; `moved` is how far the thickness is off, in
+    its standard deviations, where it is known.
+    """
+    apart = np.abs(mapped["paint_probability"] - paint_probability).max(axis=1)
     probability, probability_90 = np.quantile(apart, [0.5, 0.9])
     amount, amount_90 = np.quantile(np.abs(moved), [0.5, 0.9]) if moved.size else np.full(2, np.nan)
     return Agreement(
-        pixels=np.asarray(len(readings)),
-        first=same.mean(),
-        explained=(mapped["explained"].astype(bool) == whole.explained).mean(),
+        pixels=np.asarray(len(members)),
+        first=_same(mapped["members"], members).mean(),
+        explained=(mapped["explained"].astype(bool) == explained).mean(),
         probability=probability,
         probability_90=probability_90,
         amount=amount,

@@ -8,8 +8,10 @@ import numpy as np
 from jaxtyping import Float
 
 from ...film.model.errors import Prior
+from ...identify.search.searcher import Searcher
 from ...identify.search.weigh import Smaller, smaller_sets
-from .local import Searched
+from .by_family import Answered, FamilyAtlas, FamilySearcher
+from .local import Searched, search_locally
 from .survey import Features, nearest
 from .update import Answers, Updater
 
@@ -75,3 +77,22 @@ class Atlas:
             own = Updater(self.known, number, candidates[number], orders[number], self.prior)
             found.put(rows, own.answers(readings[rows]))
         return found, apart
+
+
+def search_for_atlas(
+    searcher: Searcher | FamilySearcher,
+    readings: Float[np.ndarray, "spectra bands"],
+    noise_sd: np.ndarray,
+    ground: np.ndarray | None,
+) -> Searched | Answered:
+    """Search spectra in full; see `search_locally` and `FamilySearcher`."""
+    if isinstance(searcher, FamilySearcher):
+        return searcher.search(readings, ground)
+    return search_locally(searcher, readings, noise_sd, ground)
+
+
+def make_atlas(features: Features, known: Searched | Answered, prior: Prior) -> Atlas | FamilyAtlas:
+    """What spectra that were searched say of any others."""
+    if isinstance(known, Answered):
+        return FamilyAtlas(features, known)
+    return Atlas.of(features, known, prior)

@@ -8,13 +8,14 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from ...film.films import Noise
+from ...film.model.errors import Prior
 from ...identify.search.pool import NOBODY
 from ...identify.search.searcher import Searcher
 from ..store.chunk import ChunkMaps, SetSum, distinct_sets
 from ..store.layout import BY_NAME, STATUS_WORDS, Status, Way
 from ..store.windows import Window
-from .atlas import Atlas
-from .local import search_locally
+from .atlas import Atlas, make_atlas, search_for_atlas
+from .by_family import FamilyAtlas, FamilySearcher
 from .process import give_back, one_thread_each
 from .survey import spread_out
 from .unexplained import gather
@@ -88,13 +89,15 @@ class PixelSolver:
         searcher: of the paints.
         ground: internal reflectance at the working bands; None where films hide it.
         atlas: of the representatives.
+        prior: what was expected.
         reach: how far from a representative its answer is taken.
     """
 
     image: Image
-    searcher: Searcher
+    searcher: Searcher | FamilySearcher
     ground: Float[np.ndarray, "bands"] | None
-    atlas: Atlas
+    atlas: Atlas | FamilyAtlas
+    prior: Prior
     reach: float
 
     def solve(self, window: Window) -> ChunkMaps:
@@ -139,11 +142,10 @@ class PixelSolver:
             # Spectra of a window that are searched because no representative is near, at most.
             chosen, _ = spread_out(features, 64, self.reach)
             middles = seen[far[chosen]]
-            own = Atlas.of(
-                self.atlas.features,
-                search_locally(self.searcher, middles, self.image.noise_sd(middles), self.ground),
-                self.atlas.prior,
+            searched = search_for_atlas(
+                self.searcher, middles, self.image.noise_sd(middles), self.ground
             )
+            own = make_atlas(self.atlas.features, searched, self.prior)
             more, distance = own.answers(seen[far])
             better = distance < apart[far]
             found.put(far[better], more.take(better))
@@ -178,7 +180,7 @@ class PixelSolver:
             "thickness": thickness,
             "thickness_sd": thickness * log_thickness_sd,
             "misfit": found.misfit,
-            "rmse": np.sqrt(np.mean((seen - found.fitted) ** 2, axis=1)),
+            "rmse": _rmse(seen, found.fitted),
             "way": way,
         }
         seen_as = true_colour(self.image.bands.wavelengths, readings)
@@ -192,6 +194,16 @@ class PixelSolver:
             whole[good] = values
             arrays[name] = whole.reshape(*window.shape, *values.shape[1:])
         return arrays
+
+
+def _rmse(
+    seen: Float[np.ndarray, "spectra bands"], fitted: Float[np.ndarray, "spectra bands"]
+) -> Float[np.ndarray, "spectra"]:
+    """Root mean square over the bands at which a fit is known."""
+    known = np.isfinite(fitted)
+    square = np.where(known, seen - fitted, 0.0) ** 2
+    with np.errstate(invalid="ignore"):
+        return np.sqrt(square.sum(axis=1) / known.sum(axis=1))
 
 
 def _sums(

@@ -16,8 +16,10 @@ from glazejax.spectra import describe_grid
 from ...film.films import Noise
 from ...film.model.errors import ModelError, Prior
 from ...film.model.mixing import Pigments, listed_pigments
+from ...identify.families.expected import EXPECTED, has_families
 from ...identify.search.options import IdentificationOptions, SearchKeywords, check_keywords
 from ...identify.search.searcher import Searcher
+from .by_family import FamilySearcher
 from .local import check_errors
 from .solver import Image
 from .spots import spot_pigment
@@ -36,7 +38,8 @@ class MapTask:
     Attributes:
         image: and its working bands. Its noise is that of a bench instrument until it is told.
         shape: rows and columns.
-        searcher: of the paints.
+        searcher: of the paints, or of their families.
+        prior: what was expected.
         ground: internal reflectance at the working bands; None where films hide it.
         noise_is_given: whether the noise need not be told from the image.
         options: all that the map depends on.
@@ -46,7 +49,8 @@ class MapTask:
 
     image: Image
     shape: tuple[int, int]
-    searcher: Searcher
+    searcher: Searcher | FamilySearcher
+    prior: Prior
     ground: Float[np.ndarray, "bands"] | None
     noise_is_given: bool
     options: dict[str, Any]
@@ -95,28 +99,34 @@ def map_task(
     use = None if use is None else np.asarray(use, bool)
     # What is expected, with paints taken from spots beside those of the catalogue.
     seen_by = resolve_instrument(chosen.instrument)
-    expected = chosen.prior or Prior()
+    given = listed_pigments(pigments)
+    by_family = has_families(given)
+    if by_family and spots:
+        raise ValueError(
+            f"the spot {next(iter(spots))!r} has no family, and families are sought: leave it out, "
+            "or use the oils or the acrylics (--catalogue oils)"
+        )
+    expected = chosen.prior or (EXPECTED if by_family else Prior())
     errors = chosen.discrepancy or ModelError.between_films()
     noise = chosen.noise
     check_errors(errors)
-    given = listed_pigments(pigments)
     known = given + [
         spot_pigment(name, stored, spectrum, given, seen_by)
         for name, spectrum in (spots or {}).items()
     ]
     # The search, in the bands that the image is averaged to.
     bands = WorkingBands.of(stored, known)
-    searcher = Searcher.of(
-        bands.wavelengths,
-        known,
-        replace(chosen, instrument=seen_by, discrepancy=errors, prior=expected, noise=None),
-        opaque=opaque,
+    asked = replace(chosen, instrument=seen_by, discrepancy=errors, prior=expected, noise=None)
+    searcher = (
+        FamilySearcher(bands.wavelengths, tuple(known), asked, opaque)
+        if by_family
+        else Searcher.of(bands.wavelengths, known, asked, opaque=opaque)
     )
     below = None if ground is None else _ground(ground, bands, stored)
     # All that decides what a pixel's answer is: a map goes on only where these are the same.
     options = {
         # Of what a map's store holds.
-        "version": 3,
+        "version": 4,
         "image": _identity(source, array),
         "catalogue": {p.name: _digest(p.absorption, p.scattering) for p in known},
         "ground": below,
@@ -145,6 +155,7 @@ def map_task(
         image=image,
         shape=shape,
         searcher=searcher,
+        prior=expected,
         ground=below,
         noise_is_given=noise is not None,
         options=options,

@@ -15,6 +15,8 @@ from glazejax.spectra import describe_grid
 
 from ...film.films import Noise
 from ...film.shared_bands import FEWEST
+from ...identify.families.expected import has_families
+from ...identify.families.identify_pigments import STEP
 from ..store.layout import Status
 
 # Readings below 0 or near it by so many standard deviations of their noise are no noise.
@@ -49,14 +51,11 @@ class WorkingBands:
         Raises:
             ValueError: the paints cover less than six bands of the image.
         """
-        grids = [np.asarray(p.wavelengths, float) for p in pigments]
-        first = max(grid[0] for grid in grids)
-        last = min(grid[-1] for grid in grids)
+        first, last = used_range(pigments)
         # Tables are often interpolated to finer steps than paint has structure for.
         # Steps in nm below which spectra of paint hold no more, and working bands at most.
-        width = max(
-            min(float(np.median(np.diff(grid))) for grid in grids), 8.0, (last - first) / 60
-        )
+        finest = min(float(np.median(np.diff(p.wavelengths))) for p in pigments)
+        width = STEP if has_families(pigments) else max(finest, 8.0, (last - first) / 60)
         use = np.flatnonzero((stored >= first - 1e-6) & (stored <= last + 1e-6))
         if use.size < FEWEST:
             raise ValueError(
@@ -113,6 +112,16 @@ class WorkingBands:
                 it does not.
         """
         return np.hypot(noise.sd(readings) / np.sqrt(self.count), Noise().sd(readings))
+
+
+def used_range(pigments: Sequence[Pigment]) -> tuple[float, float]:
+    """First and last wavelength that an image is used at, nm: all paints are known there or, where
+    they are sought by family, one of them is.
+    """
+    ends = np.array([[float(p.wavelengths[0]), float(p.wavelengths[-1])] for p in pigments])
+    if has_families(pigments):
+        return float(ends[:, 0].min()), float(ends[:, 1].max())
+    return float(ends[:, 0].max()), float(ends[:, 1].min())
 
 
 def classify(

@@ -1,7 +1,8 @@
-"""A page to file of pigments that were sought by family, and the same as CSV and JSON."""
+"""All that is filed of pigments that were sought by family, for the page, the table and the JSON
+alike.
+"""
 
-from collections.abc import Iterator
-from pathlib import Path
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -9,66 +10,66 @@ import numpy as np
 from glazejax import catalogue
 
 from ..families.evidence import describe_anachronism
-from ..result import Candidate, Identification
-from .figures import FITS, draw_spectra
-from .page import Record, beside, fill_page, write_report
+from ..families.misfit import UsualMisfit, brightest, relative_misfit
+from ..result import Identification
+from .explanation import Explanation, explanations
 from .record import Provenance, describe_colours, describe_run, round_spectra
 
-_SCHEMA = {"name": "glazejax identify families report", "version": 1}
-_COLUMNS = (
+SCHEMA = {"name": "glazejax identify families report", "version": 2}
+COLUMNS = (
     "spot",
     "explained",
     "none_of_these",
     "rank",
     "families",
     "probability",
+    "right_in_tests",
     "not_of_the_year",
     "nearest_exemplars",
 )
 
 
-def write_family_report(
+def make_family_record(
     found: Identification,
     about: Provenance,
-    path: Path,
     top: int,
-    painted: int | None,
     *,
-    overwrite: bool = False,
-) -> tuple[Path, Path]:
-    """Write the page of an identification by family, a table and a JSON beside it.
+    painted: int | None,
+    families: Mapping[str, str],
+    usual: UsualMisfit | None,
+) -> dict[str, Any]:
+    """All that is filed, as JSON has it.
 
     Args:
         found: identification with `family_sets`.
         about: how it was made.
-        path: of the page.
         top: answers of each spectrum.
         painted: year in which it was painted, if that is known.
-        overwrite: whether files that exist may be replaced.
-
-    Returns:
-        Paths of the table and of the JSON.
-
-    Raises:
-        FileExistsError: one of the three exists and `overwrite` is false; then none is written.
-        ValueError: the page's name does not end in .html.
+        families: of each paint, by its name.
+        usual: how far films of right answers are off, if any is known.
     """
-    table, data = beside(path)
-    record = {
-        "schema": _SCHEMA,
+    return {
+        "schema": SCHEMA,
         **describe_run(found, about),
         "painted": painted,
-        "spots": [_spot(found, row, top, painted) for row in range(len(found))],
+        "usual_misfit": usual
+        and {"answers": usual.answers, "half": usual.half, "nine_tenths": usual.nine_tenths},
+        "spots": [
+            _spot(found, row, top, painted=painted, families=families, usual=usual)
+            for row in range(len(found))
+        ],
     }
-    pieces = _page(record, table.name, data.name)
-    write_report(record, pieces, (_COLUMNS, _rows(record)), path, overwrite=overwrite)
-    return table, data
 
 
-# ---- the record ----------------------------------------------------------------------------------
-
-
-def _spot(found: Identification, row: int, top: int, painted: int | None) -> dict[str, Any]:
+def _spot(
+    found: Identification,
+    row: int,
+    top: int,
+    *,
+    painted: int | None,
+    families: Mapping[str, str],
+    usual: UsualMisfit | None,
+) -> dict[str, Any]:
     known = catalogue.families()
     answers = found.family_sets[row][:top]
     named = dict.fromkeys(
@@ -77,16 +78,20 @@ def _spot(found: Identification, row: int, top: int, painted: int | None) -> dic
         for name in answer.families
         for family in ([one for one, _ in answer.within[name]] if name in answer.within else [name])
     )
+    reading = found.measured.readings[row]
+    films = explanations(found, row, top, families)
     return {
         "id": f"spot-{row + 1}",
         "name": found.measured.names[row],
         "explained": bool(found.explained[row]),
         "words": found.verdict(row),
         "none_of_these": float(found.none[row]),
+        "in_tests": _in_tests(found, row),
         "coats_probability": float(found.coats_probability[row]),
         "coats": found.coats_words(row),
         "colours": describe_colours(found, row),
-        "measured": round_spectra(found.measured.readings[row]),
+        "measured": round_spectra(reading),
+        "usual_band": usual and round_spectra(usual.band[None] * brightest(reading[0])),
         "families": [
             {
                 "rank": rank,
@@ -111,16 +116,23 @@ def _spot(found: Identification, row: int, top: int, painted: int | None) -> dic
             for family in named
             if family in known
         ],
-        # The figure draws the first few as it does fits.
-        "explanations": [_exemplar(candidate) for candidate in found.ranked(row, FITS)],
+        "explanations": [_film(film, reading[0]) for film in films],
     }
 
 
-def _exemplar(candidate: Candidate) -> dict[str, Any]:
+def _in_tests(found: Identification, row: int) -> dict[str, int] | None:
+    counts = found.came_true(row)
+    return None if counts is None else {"right": counts[0], "answers": counts[1]}
+
+
+def _film(film: Explanation, reading: np.ndarray) -> dict[str, Any]:
     known = catalogue.provenance()
+    off = relative_misfit(reading, film.fitted[0])
     return {
-        "words": candidate.mixture,
-        "probability": candidate.probability,
+        "words": film.words,
+        "probability": film.probability,
+        "scale": film.scale,
+        "misfit": float(np.sqrt(np.nanmean(off**2))),
         "paints": [
             {
                 "name": name,
@@ -128,18 +140,20 @@ def _exemplar(candidate: Candidate) -> dict[str, Any]:
                 "binder": known[name].binder if name in known else "",
                 "citation": known[name].citation if name in known else "",
             }
-            for name in candidate.paints
+            for name in film.paints
         ],
-        "fitted": [
-            [None if np.isnan(x) else x for x in line] for line in round_spectra(candidate.fitted)
-        ],
-        "band_90": None,
+        "fitted": round_spectra(film.fitted),
     }
 
 
-def _rows(record: Record) -> Iterator[list[object]]:
+def table_rows(record: Mapping[str, Any]) -> Iterator[list[object]]:
+    """Cells of `COLUMNS`."""
     for spot in record["spots"]:
-        near = " + ".join(paint["name"] for paint in spot["explanations"][0]["paints"])
+        tests = spot["in_tests"]
+        near = {
+            film["words"]: " + ".join(paint["name"] for paint in film["paints"])
+            for film in spot["explanations"]
+        }
         for answer in spot["families"]:
             yield [
                 spot["name"],
@@ -148,20 +162,7 @@ def _rows(record: Record) -> Iterator[list[object]]:
                 answer["rank"],
                 answer["words"],
                 answer["probability"],
+                f"{tests['right']} of {tests['answers']}" if tests and answer["rank"] == 1 else "",
                 answer["anachronism"],
-                near,
+                near.get(" + ".join(answer["families"]), ""),
             ]
-
-
-# ---- the page ------------------------------------------------------------------------------------
-
-
-def _page(record: Record, table: str, data: str) -> Iterator[str]:
-    title = f"Pigments: {record['title']}"
-    return fill_page("family_page", record, table, data, _draw, title=title)
-
-
-def _draw(record: Record, spot: Record) -> dict[str, str]:
-    measured = record["measurement"]
-    grid = np.asarray(measured["wavelengths_nm"])
-    return {"spectra": draw_spectra(spot, grid, measured["grounds"])}

@@ -1,0 +1,101 @@
+"""How far the film of a right answer usually is from a reading, learnt from the exemplars: each is
+sought among those of other sources.
+
+A film is compared at the reading's gloss and brightness, which say little of a pigment
+(`features.py`).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from .calibration import _exemplars_as_readings, _right_sets
+from .features import with_one_gloss
+from .search import FamilySearch
+
+
+@dataclass(frozen=True, kw_only=True)
+class UsualMisfit:
+    """Misfits of right answers, in shares of a reading's brightest band.
+
+    Attributes:
+        answers: how many were right.
+        half, nine_tenths: root mean square over the bands that half, and nine tenths, of them
+            stay below.
+        band: what half of them stay within at each band, NaN where it is not known, (bands,).
+    """
+
+    answers: int
+    half: float
+    nine_tenths: float
+    band: Float[np.ndarray, "bands"]
+
+
+def misfit_of_right_answers(search: FamilySearch) -> UsualMisfit | None:
+    """Misfits of the answers of a search that are right about its own exemplars, sources left out
+    in turn; None where none is.
+    """
+    readings, rows = _exemplars_as_readings(search)
+    odds = search.odds(readings, sources=search.source_of[rows])
+    first = odds.sets.argmax(axis=1)
+    right = _right_sets(search)[search.family_of[rows], first]
+    if not right.any():
+        return None
+    off = np.full(readings.shape, np.nan)
+    for row in np.flatnonzero(right):
+        found, at = search.locate(int(odds.best[row, first[row]]))
+        grid = np.asarray(search.exemplars[rows[row]].wavelengths)
+        # Beyond the bands that an exemplar is known at, its reading is made up.
+        inside = (search.wavelengths >= grid[0]) & (search.wavelengths <= grid[-1]) & found.bands
+        film = np.full(inside.size, np.nan)
+        film[found.bands] = found.templates.readings[at] + search.surface
+        film[~inside] = np.nan
+        off[row] = relative_misfit(readings[row], film)
+    off = off[right & np.isfinite(off).any(axis=1)]
+    whole = np.sqrt(np.nanmean(off**2, axis=1))
+    known = np.isfinite(off).any(axis=0)
+    band = np.full(off.shape[1], np.nan)
+    band[known] = np.nanmedian(np.abs(off[:, known]), axis=0)
+    return UsualMisfit(
+        answers=len(off),
+        half=float(np.median(whole)),
+        nine_tenths=float(np.quantile(whole, 0.9)),
+        band=band,
+    )
+
+
+def at_brightness_of(
+    reading: Float[np.ndarray, "bands"], film: Float[np.ndarray, "bands"]
+) -> tuple[Float[np.ndarray, "bands"], float]:
+    """A computed film at the gloss and brightness of a reading, at the bands that are compared, and
+    what its brightness was multiplied by.
+
+    Args:
+        reading: reflectance factors.
+        film: the same; where it is not known, NaN or held as at the last band that is.
+    """
+    known = np.flatnonzero(np.isfinite(film))
+    changes = np.flatnonzero(np.diff(film[known]))
+    compared = known[changes[0] : changes[-1] + 2] if changes.size else known
+    # Both as the search compares them, their gloss at one level.
+    body = with_one_gloss(reading[compared])
+    other = with_one_gloss(film[compared])
+    scale = float(body @ other / (other @ other))
+    out = np.full(film.shape, np.nan)
+    out[compared] = reading[compared] - body + scale * other
+    return out, scale
+
+
+def relative_misfit(
+    reading: Float[np.ndarray, "bands"], film: Float[np.ndarray, "bands"]
+) -> Float[np.ndarray, "bands"]:
+    """A reading less a film at its gloss and brightness, in shares of the reading's brightest band
+    above its gloss; args as for `at_brightness_of`.
+    """
+    return (reading - at_brightness_of(reading, film)[0]) / brightest(reading)
+
+
+def brightest(reading: Float[np.ndarray, "bands"]) -> float:
+    """What a reading's misfits are shares of: its brightest band, its gloss at one level."""
+    return float(with_one_gloss(reading).max())

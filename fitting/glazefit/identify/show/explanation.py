@@ -1,0 +1,86 @@
+"""Explanations of a reading as they are drawn beside it."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from ..families.misfit import at_brightness_of
+from ..result import Candidate, Identification
+from ..result.groups import COLOURLESS, group_of
+
+LEAST = 0.001
+"""Of the first one's probability: a less probable explanation would only stretch the axes."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Explanation:
+    """A film that is drawn.
+
+    Attributes:
+        words: of its paints, or of the families that it stands for.
+        probability: of these.
+        paints: names.
+        fitted: reflectance factors, (grounds, bands), NaN where they are not known; where families
+            were sought at the gloss and brightness of the reading, as they are compared.
+        scale: what its brightness was multiplied by.
+    """
+
+    words: str
+    probability: float
+    paints: tuple[str, ...]
+    fitted: Float[np.ndarray, "grounds bands"]
+    scale: float
+
+
+def explanations(
+    found: Identification, row: int, count: int, families: Mapping[str, str]
+) -> list[Explanation]:
+    """The most probable explanations of one spectrum: sets of paints, or where families were
+    sought sets of these, each with the film that stands for it.
+
+    Args:
+        found: identification.
+        row: number of the spectrum.
+        count: most explanations.
+        families: of each paint, by its name.
+    """
+    if not found.family_sets:
+        return [
+            Explanation(
+                words=candidate.words,
+                probability=candidate.probability,
+                paints=candidate.paints,
+                fitted=candidate.fitted,
+                scale=1.0,
+            )
+            for candidate in found.ranked(row, count)
+        ]
+    films: dict[frozenset[str], Candidate] = {}
+    for candidate in found.ranked(row):
+        films.setdefault(_colours(families[paint] for paint in candidate.paints), candidate)
+    out = []
+    for answer in found.family_sets[row][:count]:
+        film = films.get(_colours(answer.families))
+        # Of an improbable answer no film may have been kept.
+        if film is not None:
+            fitted, scale = at_brightness_of(found.measured.readings[row, 0], film.fitted[0])
+            out.append(
+                Explanation(
+                    words=" + ".join(answer.families),
+                    probability=answer.probability,
+                    paints=film.paints,
+                    fitted=fitted[None],
+                    scale=scale,
+                )
+            )
+    return out
+
+
+def _colours(families: Iterable[str]) -> frozenset[str]:
+    """What two sets of families that are one answer share: coloured groups, or all if there are
+    none.
+    """
+    groups = frozenset(map(group_of, families))
+    return groups - COLOURLESS or groups

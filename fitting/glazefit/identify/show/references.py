@@ -1,0 +1,54 @@
+"""What `glazejax paints --references` prints: reference paints as they were understood."""
+
+from pathlib import Path
+
+from rich.console import Console
+
+from glazejax.geometry import Geometry
+from glazejax.io import write_table
+
+from ..families.references import Reference, read_references
+
+_COLUMNS = ("reference", "family", "colour_index", "first_nm", "last_nm", "coefficients")
+
+
+def list_references(
+    file: Path, instrument: Geometry, console: Console, csv: Path | None, overwrite: bool
+) -> None:
+    """Print, and write as a table, the references of a file; after them what was not understood.
+
+    Args:
+        file: of their spectra.
+        instrument: that read them.
+        console: to print to.
+        csv: table to write, or None.
+        overwrite: whether it may replace a file.
+    """
+    read = read_references(file, instrument)
+    rows = [_cells(paint) for paint in read.paints]
+    console.print(f"{'family':<23}{'nm':<10}{'Colour Index':<14}{'coefficients':<19}reference")
+    for name, family, index, first, last, coefficients in rows:
+        console.print(
+            f"{family:<23}{f'{first}-{last}':<10}{index:<14}{coefficients:<19}{name}",
+            soft_wrap=True,
+            markup=False,
+        )
+    families = len({paint.pigment.family for paint in read.paints})
+    console.print(f"{len(rows)} references of {families} families, from {file}.", soft_wrap=True)
+    for line in read.unclear:
+        console.print(f"not understood: {line}", soft_wrap=True, markup=False)
+    if csv is not None:
+        write_table(csv, _COLUMNS, rows, overwrite=overwrite)
+        console.print(f"Wrote {len(rows)} references to {csv}")
+
+
+def _cells(paint: Reference) -> tuple[str, ...]:
+    grid = paint.pigment.wavelengths
+    return (
+        paint.name,
+        paint.pigment.family,
+        paint.colour_index,
+        f"{grid[0]:.0f}",
+        f"{grid[-1]:.0f}",
+        paint.coefficients,
+    )

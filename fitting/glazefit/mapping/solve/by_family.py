@@ -1,0 +1,174 @@
+"""Families of pigments for the spectra of an image: those that were searched, and the pixels that
+each of them stands for.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float
+
+from glazejax import Pigment
+
+from ...identify.families.identify_pigments import identify_families
+from ...identify.families.naming import coloured_first
+from ...identify.result import Identification
+from ...identify.result.groups import GROUPS, group_of
+from ...identify.search.options import IdentificationOptions
+from .survey import Features, nearest
+from .update import Answers
+
+# Candidates among which the one that shows a spectrum's first answer is looked for.
+_CANDIDATES = 16
+_PIGMENTS: dict[tuple[str, ...], tuple[Pigment, ...]] = {}
+"""Catalogues of this process: a search is set up once for each, and what a cluster sends comes
+anew with every piece of work.
+"""
+
+
+@dataclass(frozen=True)
+class Answered:
+    """Spectra that were searched, and what is said of each.
+
+    Attributes:
+        readings: (spectra, bands).
+        answers: of each.
+    """
+
+    readings: Float[np.ndarray, "spectra bands"]
+    answers: Answers
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """All arrays by name, to be kept in a file."""
+        return {"readings": self.readings, **vars(self.answers)}
+
+    @classmethod
+    def from_parts(cls, count: int, part: Callable[[int, str], np.ndarray]) -> "Answered":
+        """Of several that were kept by `arrays`, by number and name."""
+        whole = {
+            name: np.concatenate([part(n, name) for n in range(count)])
+            for name in ("readings", *(field.name for field in fields(Answers)))
+        }
+        return cls(whole.pop("readings"), Answers(**whole))
+
+
+@dataclass(frozen=True)
+class FamilyAtlas:
+    """Answers for spectra near those that were searched: the same.
+
+    Paints of one family are far more apart than a spectrum is from its representative; a map's
+    agreement says what that costs.
+
+    Attributes:
+        features: by which spectra are compared.
+        known: that were searched.
+    """
+
+    features: Features
+    known: Answered
+
+    @cached_property
+    def centres(self) -> Float[np.ndarray, "representatives directions"]:
+        """Features of what was searched."""
+        return self.features(self.known.readings)
+
+    def answers(
+        self, readings: Float[np.ndarray, "spectra bands"]
+    ) -> tuple[Answers, Float[np.ndarray, "spectra"]]:
+        """What is said of spectra, and how far each is from its representative."""
+        which, apart = nearest(self.features(readings), self.centres)
+        return self.known.answers.take(which), apart
+
+
+@dataclass(frozen=True)
+class FamilySearcher:
+    """Families of pigments, sought in the spectra of an image.
+
+    Attributes:
+        wavelengths: of the spectra, (bands,), nm.
+        pigments: exemplars, each with a family and a source.
+        options: of the search.
+        opaque: the paint hides its ground.
+    """
+
+    wavelengths: Float[np.ndarray, "bands"]
+    pigments: tuple[Pigment, ...]
+    options: IdentificationOptions
+    opaque: bool
+
+    @cached_property
+    def paints(self) -> tuple[str, ...]:
+        """Names of families and of groups of them, coloured ones first."""
+        families = {pigment.family for pigment in self.pigments}
+        groups = [group for group, members in GROUPS.items() if families & set(members)]
+        return coloured_first([*families, *groups])
+
+    @cached_property
+    def _numbers(self) -> dict[str, int]:
+        return {name: number for number, name in enumerate(self.paints)}
+
+    @cached_property
+    def _family_of(self) -> dict[str, str]:
+        return {pigment.name: pigment.family for pigment in self.pigments}
+
+    def search(
+        self, readings: Float[np.ndarray, "spectra bands"], ground: np.ndarray | None
+    ) -> Answered:
+        """Search spectra.
+
+        Args:
+            readings: of the spectra.
+            ground: internal reflectance, (bands,); None where films hide it.
+        """
+        names = tuple(pigment.name for pigment in self.pigments)
+        parts = identify_families(
+            self.wavelengths,
+            np.maximum(readings, 0.0),
+            _PIGMENTS.setdefault(names, self.pigments),
+            replace(self.options, keep=_CANDIDATES),
+            ground=ground,
+            opaque=self.opaque,
+            names=None,
+        )
+        found = Identification.join(list(parts))
+        answers = Answers.empty(len(found), len(self.paints), readings.shape[1])
+        # Families tell no thickness.
+        answers.opaque[:] = True
+        answers.none[:] = found.none
+        answers.explained[:] = found.explained
+        answers.paint_probability[:] = 0.0
+        for row in range(len(found)):
+            self._fill(answers, found, row)
+        return Answered(np.asarray(readings, np.float32), answers)
+
+    def _fill(self, answers: Answers, found: Identification, row: int) -> None:
+        """Write the first answer of one spectrum, and how probable each family is."""
+        sets = found.family_sets[row]
+        if not sets:
+            return
+        for answer in sets:
+            for name in answer.families:
+                shares = dict(answer.within.get(name, ((name, 1.0),)))
+                # The group of a family that was told apart is as probable as that.
+                shares.setdefault(group_of(name), 1.0)
+                for family, share in shares.items():
+                    if family in self._numbers:
+                        answers.paint_probability[row, self._numbers[family]] += (
+                            answer.probability * share
+                        )
+        first = sets[0]
+        answers.probability[row] = first.probability
+        members = [self._numbers[name] for name in first.families]
+        answers.members[row, : len(members)] = members
+        # The film that is shown has the families of the answer, or some of the groups it names.
+        for place, candidate in enumerate(found.ranked(row)):
+            families = [self._family_of[name] for name in candidate.paints]
+            names = [name if name in first.families else group_of(name) for name in families]
+            if sorted(names) == sorted(first.families):
+                order = [names.index(name) for name in first.families]
+                answers.amounts[row, : len(order)] = np.log(candidate.fractions[order])
+                answers.covariance[row] = found.log_covariance[row, place]
+                answers.fitted[row] = candidate.fitted[0]
+                answers.misfit[row] = candidate.delta_e
+                break

@@ -1,0 +1,143 @@
+"""How far films of right answers are from readings, and what a report by family draws."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from glazefit import identify
+from glazefit.identify.families.identify_pigments import usual_misfit
+from glazefit.identify.families.misfit import at_brightness_of, relative_misfit
+from glazefit.identify.search.options import IdentificationOptions
+from glazefit.identify.show.explanation import explanations
+from glazefit.identify.show.family_record import make_family_record, table_rows
+from glazefit.identify.show.figures import fits_to_draw, plot_axes
+from glazefit.identify.show.page import page
+from glazejax import Pigment, catalogue
+from tests.fitting.test_identify_page import ABOUT, Parsed, plots
+
+GRID = np.arange(420.0, 691.0, 10.0)
+FAMILIES = ("azurite", "vermilion", "malachite", "red ochre", "lead white", "carbon black")
+OPTIONS = IdentificationOptions(instrument="45:0", keep=40)
+# A steep flank: a red.
+RED = 0.06 + 0.7 / (1.0 + np.exp(-(GRID - 600.0) / 12.0))
+
+
+@pytest.fixture(scope="module")
+def shelf():
+    """Exemplars of some families."""
+    return [paint for paint in catalogue.load("pigments").values() if paint.family in FAMILIES]
+
+
+@pytest.fixture(scope="module")
+def found(shelf):
+    """A red and a grey, by these families."""
+    return identify(
+        GRID,
+        np.stack([RED, np.full(GRID.size, 0.3)]),
+        shelf,
+        opaque=True,
+        names=["red", "grey"],
+        instrument="45:0",
+        keep=40,
+    )
+
+
+def families(shelf) -> dict[str, str]:
+    return {paint.name: paint.family for paint in shelf}
+
+
+def test_gloss_and_brightness_of_a_film_are_those_of_the_reading():
+    """Gloss is as `with_one_gloss` has it: .05 of a reading at most."""
+    film = RED - RED.min() + 0.03
+    drawn, scale = at_brightness_of(RED - RED.min() + 0.01, film)
+    assert drawn == pytest.approx(film - 0.02)
+    assert scale == pytest.approx(1.0)
+    # Of two films that differ in brightness alone, half of the brighter is nearly the other.
+    drawn, scale = at_brightness_of(RED, 2.0 * RED)
+    assert scale == pytest.approx(0.5, abs=0.02)
+    assert drawn == pytest.approx(RED, abs=0.02)
+    assert relative_misfit(RED, RED) == pytest.approx(np.zeros(GRID.size))
+
+
+def test_a_film_is_drawn_where_it_is_compared_alone():
+    film = np.concatenate([np.full(4, RED[3]), RED[4:-3], np.full(2, RED[-4]), [np.nan]])
+    drawn, _ = at_brightness_of(RED, film)
+    assert np.isfinite(drawn).tolist() == [False] * 3 + [True] * (GRID.size - 6) + [False] * 3
+
+
+def test_right_answers_among_equal_paints_are_off_by_nothing(shelf, found):
+    """Every paint stands there twice, by two sources, but for a hundredth of its k."""
+    usual = usual_misfit(found, shelf, OPTIONS)
+    assert usual is not None
+    assert 10 < usual.answers <= len(shelf)
+    assert 0.01 < usual.half < usual.nine_tenths < 0.5
+    assert np.isfinite(usual.band).all()
+    rng = np.random.default_rng(0)
+    twins = [
+        Pigment(
+            f"twin of {paint.name}",
+            paint.wavelengths,
+            np.asarray(paint.absorption)
+            * np.exp(0.01 * rng.standard_normal(paint.wavelengths.size)),
+            paint.scattering,
+        ).renamed(f"twin of {paint.name}", family=paint.family, source="twins")
+        for paint in shelf
+    ]
+    nothing = usual_misfit(found, [*shelf, *twins], OPTIONS)
+    assert nothing is not None
+    assert nothing.half < 0.01
+    assert nothing.answers > usual.answers
+
+
+def test_each_answer_is_drawn_by_its_nearest_film(shelf, found):
+    """At the reading's brightness, and under the answer's probability."""
+    of = families(shelf)
+    for row in range(2):
+        films = explanations(found, row, 3, of)
+        answers = found.family_sets[row][:3]
+        assert [film.probability for film in films] == [one.probability for one in answers]
+        for film, answer in zip(films, answers, strict=True):
+            named = {
+                name for one in answer.families for name in (one, *dict(answer.within.get(one, ())))
+            }
+            assert named & {of[paint] for paint in film.paints}
+        reading = found.measured.readings[row, 0]
+        assert np.nanmax(films[0].fitted) == pytest.approx(reading.max(), rel=0.15)
+        assert films[0].scale != pytest.approx(1.0, abs=1e-3)
+    # A film of paints is drawn as it was fitted.
+    own = replace(found, family_sets=())
+    for film, candidate in zip(explanations(own, 0, 3, of), own.ranked(0, 3), strict=True):
+        np.testing.assert_array_equal(film.fitted, candidate.fitted)
+        assert film.words == candidate.words
+
+
+def test_a_page_by_family_says_how_large_a_misfit_is_usual(shelf, found):
+    usual = usual_misfit(found, shelf, OPTIONS)
+    assert usual is not None
+    about = replace(ABOUT, names=("red", "grey"), subject={"inventory": "SK-A-1"})
+    filed = make_family_record(found, about, 5, painted=None, families=families(shelf), usual=usual)
+    assert filed["subject"] == {"inventory": "SK-A-1"}
+    text = "".join(page(filed, "report.csv", "report.json"))
+    seen = Parsed(text)
+    assert "<dt>Inventory number</dt><dd>SK-A-1</dd>" in text
+    assert len(plots(seen)) == 2
+    spot = filed["spots"][0]
+    assert "vermilion" in spot["families"][0]["families"]
+    fits = fits_to_draw(spot["explanations"])
+    misfit = f"{100 * fits[0]['misfit']:.1f}"
+    words = re.sub(r"\s+", " ", seen.words["spot-1"])
+    assert f"Line 1 is off by {misfit}" in words
+    assert f"Of {usual.answers} right answers" in words
+    assert ("further than is usual" in words) == (fits[0]["misfit"] > usual.nine_tenths)
+    # The band about the reading, and every line, lie within the axes.
+    high = plot_axes(filed, spot)["spectra"].high
+    assert high >= np.max(spot["measured"]) + np.max(spot["usual_band"][0][-3:])
+    assert high >= max(value for fit in fits for value in fit["fitted"][0] if value is not None)
+    assert text.count('class="usual"') == 2
+    rows = list(table_rows(filed))
+    assert rows[0][-1] == " + ".join(paint["name"] for paint in spot["explanations"][0]["paints"])
+    far = {**fits[0], "misfit": 2 * usual.nine_tenths}
+    further = {**filed, "spots": [{**spot, "explanations": [far, *fits[1:]]}]}
+    assert "further than is usual" in "".join(page(further, "report.csv", "report.json"))

@@ -1,0 +1,69 @@
+"""A map by families of pigments, beside searches of its pixels."""
+
+import numpy as np
+import pytest
+
+from glazefit import identify, set_labels
+from glazefit.mapping.map_cube import map_cube
+from glazefit.mapping.solve.working_bands import WorkingBands
+from glazejax import Glaze, Layer, catalogue, reflectance
+from tests.mapping import small
+
+GRID = np.arange(400.0, 901.0, 10.0)
+PAINTED = ("azurite", "vermilion", "yellow ochre", "lead white")
+
+
+@pytest.fixture(scope="module")
+def paints():
+    return catalogue.load("pigments")
+
+
+@pytest.fixture(scope="module")
+def cube(paints):
+    """Four strokes of thick paint, each by one hand, uneven by a hundredth."""
+    level = np.random.default_rng(0).normal(1.0, 0.01, (4, 12, 1))
+    strokes = []
+    for family in PAINTED:
+        known = [p for p in paints.values() if p.family == family and p.source == "hyperdoc"]
+        paint = known[0].resample(GRID)
+        strokes.append(reflectance(Glaze([Layer(paint, 1e-3)], ground=0.5), "45:0"))
+    return small.image(np.array(strokes)[:, None] * level, GRID)
+
+
+def test_a_map_by_families_says_what_identify_says(cube, paints, tmp_path):
+    found = map_cube(cube, paints, opaque=True, out=tmp_path / "map.zarr", instrument="45:0")
+    single = identify(
+        GRID, cube.to_numpy().reshape(-1, GRID.size), paints, opaque=True, instrument="45:0"
+    )
+    labels = set_labels(found).to_numpy().ravel()
+    expected = [" + ".join(single.families(row)[0][0]) for row in range(len(single))]
+    assert labels.tolist() == expected
+    assert [label.partition(" + ")[0] for label in labels[::12]] == list(PAINTED)
+    names = found["paint"].to_numpy().tolist()
+    assert "a white" in names
+    # Close to a search of each pixel, though most are answered by a neighbour.
+    first = [single.families(row)[0][1] for row in range(len(single))]
+    assert np.abs(found["probability"].to_numpy().ravel() - first).max() < 0.1
+    assert np.abs(found["none"].to_numpy().ravel() - single.none).max() < 0.1
+    assert found["paint_probability"].sel(paint="azurite").to_numpy()[0].min() > 0.5
+    assert found["paint_probability"].sel(paint="azurite").to_numpy()[1:].max() < 0.1
+    # A family that is told apart is of its group.
+    assert found["paint_probability"].sel(paint="a white").to_numpy()[3].min() > 0.5
+    assert np.isnan(found["thickness"].to_numpy()).all()
+    shares = found["fraction"].to_numpy()
+    assert np.allclose(np.nansum(shares, axis=-1), 1.0, atol=1e-5)
+    assert found.attrs["agreement"]["first"] == 1.0
+
+
+def test_an_image_is_used_where_any_exemplar_is_known(paints):
+    bands = WorkingBands.of(np.arange(360.0, 1101.0, 5.0), list(paints.values()))
+    assert bands.wavelengths[0] < 390
+    assert bands.wavelengths[-1] > 1090
+    assert np.allclose(np.diff(bands.wavelengths)[1:-1], 10.0)
+
+
+def test_a_spot_has_no_family(cube, paints, tmp_path):
+    with pytest.raises(ValueError, match="the spot 'Mine' has no family"):
+        map_cube(
+            cube, paints, opaque=True, out=tmp_path / "map.zarr", spots={"Mine": np.full(51, 0.3)}
+        )
