@@ -152,7 +152,9 @@ def test_numpy_and_jax_read_the_same_film(table):
 def test_slopes_from_one_look_are_those_of_tangents(table):
     """Also with no film, beyond the table, and over several grounds."""
     kd, sd, _ = (jnp.asarray(a) for a in random_films(60))
-    kd, sd = jnp.append(kd, jnp.array([0.0, 400.0])), jnp.append(sd, jnp.array([0.0, 2000.0]))
+    # The last two are beyond one end each.
+    kd = jnp.append(kd, jnp.array([0.0, 400.0, 3000.0]))
+    sd = jnp.append(sd, jnp.array([0.0, 2000.0, 60.0]))
     ground = jnp.array([[0.02], [0.95]])
     look = jax.jit(lambda kd, sd: table.body_and_slopes(kd, sd, ground))
     values, by_k, by_s = look(kd, sd)
@@ -163,4 +165,8 @@ def test_slopes_from_one_look_are_those_of_tangents(table):
         exact, expected = jax.jit(lambda film, along: jax.jvp(seen, film, along))(film, tangent)
         np.testing.assert_allclose(values, exact, rtol=1e-9)
         np.testing.assert_allclose(slopes, expected, rtol=1e-8, atol=1e-9)
-    assert not np.any(np.asarray([by_k, by_s])[..., -1])
+    # Only k/s counts there: readings are those where the table ends, and do not change with depth.
+    inside = table.body(jnp.array([200.0, 300.0]), jnp.array([1000.0, 6.0]), ground)
+    np.testing.assert_allclose(values[:, -2:], inside, rtol=1e-12)
+    np.testing.assert_allclose((kd * by_k + sd * by_s)[:, -2:], 0.0, atol=1e-15)
+    assert np.all(by_k[:, -2:] < 0.0)

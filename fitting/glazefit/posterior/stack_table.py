@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..film.model.response import FilmResponse
-from ..film.model.spline import HIGHEST, locate, nodes_of, patches
+from ..film.model.spline import HIGHEST, locate, nodes_of, patches, within
 from ..film.numerics.least_squares import root_of_log1p
 from ..film.reading import Reading
 from .forward import Slopes, slopes
@@ -101,11 +101,9 @@ def _of_film(
 
 def look_up(table: StackTable, thickness: Float[Array, "2 bands"]) -> Slopes:
     """From k d and s d of the unknown coat."""
-    # A coat beyond the table is opaque, and what it reads hangs on k/s alone.
-    beyond = jnp.max(thickness / jnp.array(HIGHEST)[:, None], axis=0)
-    thickness = thickness / jnp.maximum(beyond, 1.0)
-    row, over = locate(jnp, thickness[0], HIGHEST[0], _NODES)
-    column, across = locate(jnp, thickness[1], HIGHEST[1], _NODES)
+    absorption, scattering, _ = within(jnp, *thickness)
+    row, over = locate(jnp, absorption, HIGHEST[0], _NODES)
+    column, across = locate(jnp, scattering, HIGHEST[1], _NODES)
     cell = row * (_NODES - 1) + column
     patch = table.values.at[jnp.arange(len(cell)), cell].get(mode="promise_in_bounds")
     weights = over[:, :, None] * across[:, None, :]

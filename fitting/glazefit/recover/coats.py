@@ -26,7 +26,7 @@ from glazejax.spectra import describe_grid
 
 from ..film.films import Films, InstrumentLike, Noise, card_reflectance, cards
 from ..film.model.errors import smooth_kernel
-from ..film.model.response import HIGHEST, Response, film_response
+from ..film.model.response import Response, film_response
 from ..film.noise import estimate_noise
 from .constraints import Gauge
 from .joint import UNIT, recover_jointly
@@ -330,8 +330,8 @@ def predict_next_coat(
         response=recovery.response,
     )
     thickness = np.log(coats) + recovery.spread * rng.standard_normal((count, 1))
-    kd = np.minimum(np.exp(np.asarray(log_k) + thickness), HIGHEST[0])
-    sd = np.minimum(np.exp(draws.bands[:, :, 1] + thickness), HIGHEST[1])
+    kd = np.exp(np.asarray(log_k) + thickness)
+    sd = np.exp(draws.bands[:, :, 1] + thickness)
     seen = np.asarray(recovery.response.body(jnp.asarray(kd), jnp.asarray(sd), jnp.asarray(inside)))
     expected = found.expectations
     surface = draws.paints[:, 0] + expected.gloss * rng.standard_normal(count)

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..film.model.errors import ModelError, draw_model_errors
-from ..film.model.response import Response, hiding_factor
+from ..film.model.response import Response
 from .joint_problem import Expectations, Unknowns, readings_of_draws
 from .joint_result import JointRecovery
 
@@ -137,10 +137,6 @@ def film_readings(
     """What the body reflects over two grounds, with errors of log k and log s."""
     k = kd * np.exp(off[:, 0])
     s = sd * np.exp(off[:, 1])
-    # The table of films ends where nothing shines through: what is thicker reflects the same.
-    thinner = np.minimum(1.0, hiding_factor(k, s))
-    k = k * thinner
-    s = s * thinner
     return np.stack(
         [np.asarray(response.body(k, s, np.broadcast_to(g, k.shape))) for g in grounds], axis=1
     )

@@ -35,7 +35,17 @@ from glazejax.radiative.common.inputs import concrete
 from glazejax.spectra import as_array, on_numpy_or_jax, small
 
 from .optics import Optics
-from .spline import BEND, HIGHEST, cells_per_unit, locate, nodes_of, patches, place, weights
+from .spline import (
+    BEND,
+    HIGHEST,
+    cells_per_unit,
+    locate,
+    nodes_of,
+    patches,
+    place,
+    weights,
+    within,
+)
 
 _NODES = 80
 
@@ -126,8 +136,9 @@ class FilmResponse(Response):
             absorption, scattering: optical thicknesses, (...), >= 0.
             ground: internal reflectance, broadcast against them.
         """
-        row, over, over_slope = _spline_weights(absorption, HIGHEST[0])
-        column, across, across_slope = _spline_weights(scattering, HIGHEST[1])
+        k, s, beyond = within(jnp, absorption, scattering)
+        row, over, over_slope = _spline_weights(k, HIGHEST[0])
+        column, across, across_slope = _spline_weights(s, HIGHEST[1])
         patch = self.patches.at[row * (_NODES - 1) + column].get(mode="promise_in_bounds")
         along, along_slope = (
             jnp.sum(patch * a[..., None, :, None], axis=-2) for a in (across, across_slope)
@@ -140,7 +151,13 @@ class FilmResponse(Response):
         def slope(off: Array) -> Array:
             return off[..., 0] + off[..., 1] * seen + gain * seen**2 * off[..., 2]
 
-        return black + gain * seen, slope(by_k), slope(by_s)
+        slope_k, slope_s = slope(by_k), slope(by_s)
+        # Beyond the table nothing changes with the thickness: that part of both slopes goes.
+        thicker = (beyond > 1.0) * (k * slope_k + s * slope_s)
+        ends_by_k = absorption * HIGHEST[1] > scattering * HIGHEST[0]
+        slope_k = (slope_k - ends_by_k * thicker / HIGHEST[0]) / beyond
+        slope_s = (slope_s - ~ends_by_k * thicker / HIGHEST[1]) / beyond
+        return black + gain * seen, slope_k, slope_s
 
     def body(
         self, absorption: ArrayLike, scattering: ArrayLike, ground: ArrayLike
@@ -178,6 +195,7 @@ def _over(_: Any, black: Any, gain: Any, back: Any, ground: Any) -> Any:
 
 def _numbers(xp: Any, patches: Any, absorption: Any, scattering: Any) -> tuple[Any, Any, Any]:
     """`FilmResponse.numbers` by NumPy or JAX."""
+    absorption, scattering, _ = within(xp, absorption, scattering)
     row, row_weights = locate(xp, absorption, HIGHEST[0], _NODES)
     column, column_weights = locate(xp, scattering, HIGHEST[1], _NODES)
     cell = row * (_NODES - 1) + column
@@ -189,14 +207,12 @@ def _numbers(xp: Any, patches: Any, absorption: Any, scattering: Any) -> tuple[A
 
 
 def _spline_weights(thickness: Array, highest: float) -> tuple[Array, Array, Array]:
-    """Cell, weights and the derivatives of the weights by the optical thickness, which are 0 beyond
-    the table.
+    """Cell, weights and the derivatives of the weights by the optical thickness, which is in the
+    table.
     """
     cell, near, far = place(jnp, thickness, highest, _NODES)
     slopes = (-(near**2), far * (3.0 * far - 4.0), near * (4.0 - 3.0 * near), far**2)
-    scale = jnp.where(
-        thickness < highest, 0.5 * cells_per_unit(highest, _NODES) / (BEND + thickness), 0.0
-    )
+    scale = 0.5 * cells_per_unit(highest, _NODES) / (BEND + thickness)
     return (
         cell,
         jnp.stack(weights(near, far), axis=-1),

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 HIGHEST = (300.0, 1000.0)
-"""Largest k d and s d of a table; a coat beyond is opaque and taken at the end."""
+"""Largest k d and s d of a table; a coat beyond is opaque and taken at the end, at its k/s."""
 
 BEND = 0.01
 """Below this a coat's reflectance is linear in k d and s d; above it varies with their
@@ -53,6 +53,14 @@ def not_a_knot(nodes: int) -> Float[np.ndarray, "n n"]:
 def cells_per_unit(highest: float, nodes: int) -> float:
     """Cells for each unit of the logarithm."""
     return float((nodes - 1) / np.log1p(highest / BEND))
+
+
+def within(xp: Any, absorption: Any, scattering: Any) -> tuple[Any, Any, Any]:
+    """K d and s d, (...), of coats no thicker than the table, and how many times as thick the coats
+    are, 1 or more. Each keeps its k/s: nothing else of an opaque coat is seen.
+    """
+    beyond = xp.maximum(xp.maximum(absorption / HIGHEST[0], scattering / HIGHEST[1]), 1.0)
+    return absorption / beyond, scattering / beyond, beyond
 
 
 def place(xp: Any, thickness: Any, highest: float, nodes: int) -> tuple[Any, Any, Any]:
