@@ -6,7 +6,6 @@ from glazejax.paint.describe import (
     describe_bands,
     find_name,
     format_length,
-    make_media,
     name_paints,
     parse_coats,
 )

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from glazejax import catalogue, extras
+from glazejax import catalogue, extras, samples
 from glazejax.commands import main as cli
 from glazejax.commands import options, progress
 
@@ -302,7 +302,7 @@ def test_a_picture_is_refused_before_it_is_computed(monkeypatch, run, tmp_path):
         ("recipe", "--lab", "50,0,0", "--out", "a.png"),
         ("recover", "--simulate", "--out", "r"),
         ("posterior", "--simulate", "--paints", "Eosin", "--out", "r"),
-        ("identify", "none.csv", "--out", "a.png"),
+        ("identify", str(samples.path()), "--out", "a.png"),
     ):
         status, out, err = run(*words)
         assert (status, out) == (2, "")

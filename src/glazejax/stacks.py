@@ -30,8 +30,8 @@ from . import catalogue
 from .geometry import Geometry, Instrument, geometry_of, parse_geometry
 from .io.outputs import check_output
 from .io.source import open_source
-from .paint.describe import Coat, find_name, make_media, name_paints
-from .paint.media import MAX_THICKNESS, Glaze, Layer, Mixture, Pigment
+from .paint.describe import MAX_THICKNESS, Coat, find_name, name_paints
+from .paint.media import Glaze, Layer, Mixture, Pigment, make_media
 from .spectra import describe_grid, resample, same_grid, validate_wavelengths
 
 WHITE = 0.93

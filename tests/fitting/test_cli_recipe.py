@@ -161,7 +161,7 @@ def test_a_wrong_line_is_said_before_a_file_that_exists(run, tmp_path):
         (["--lab", "50,0,0", "--illuminants", "Z"], "unknown illuminant"),
         (
             ["--lab", "50,0,0", "--glazes", "--max-coats", "7"],
-            "max_coats is 7; it must be a whole number from 1 to 6",
+            "--max-coats is 7; it must be a whole number from 1 to 6",
         ),
         (
             ["--lab", "50,0,0", "--ground", "90"],

@@ -52,6 +52,7 @@ def posterior(
         Path | None,
         typer.Argument(
             metavar="FILE",
+            callback=options.there,
             help="Table of spectra: films in rows of four, NAME_b and NAME_w (bare black and "
             "white card), NAME_ob and NAME_ow (paint over them); or any spectra, with --ground.",
             show_default=False,
@@ -179,13 +180,16 @@ def posterior(
     from .sampling import Sampling, check_sampler
 
     check_sampler(sampler, "--sampler")
+    # Says what is wrong with the numbers.
+    Sampling(sampler=sampler, steps=steps, walkers=walkers, thin=thin)  # pyright: ignore[reportArgumentType]
+    options.check_names(options.split_names(paints), pigments, catalogue)
+    usual = options.read_length(thickness)
     _check(file, sample, paints=paints, coats=coats, bands=bands, simulate=simulate, ground=ground)
     require("matplotlib", "corner", "arviz", "h5py")
     folder = _check_folder(out, resume, overwrite)
     from glazejax.commands.main import start_jax
 
     start_jax()
-    usual = options.read_length(thickness)
     seen_by = options.read_geometry(instrument, _GEOMETRY)
     from rich.console import Console
 

@@ -53,6 +53,7 @@ def predict(
         typer.Option(
             "--reading",
             metavar="FILE",
+            callback=options.there,
             help="Spectra of one film of this mixture: rows NAME_ob and NAME_ow (over a black, a "
             "white card), or one of them, or NAME alone (it hides what is below), and card_b, "
             "card_w. It says how strong it came out.",
@@ -101,18 +102,18 @@ def predict(
     Example: glazejax predict "10 Vermillion + 90 ZincWhite"
     """
     # What is wrong with the words is told before anything heavy is loaded.
-    read_recipe(mixture)
-    options.check_outputs({"--csv": out}, overwrite)
-    from glazejax.commands.main import start_jax
-
-    start_jax()
-    seen_by = options.read_geometry(instrument, _GEOMETRY)
     wanted = [options.read_length(text) for text in options.split_names(thickness)]
     for option, value in (("--samples", samples), ("--film-thickness", film_thickness)):
         if value and reading is None:
             raise ValueError(
                 f"{option} is for the film of --reading; leave it out, or give --reading FILE"
             )
+    options.check_names(read_recipe(mixture), pigments, catalogue)
+    options.check_outputs({"--csv": out}, overwrite)
+    from glazejax.commands.main import start_jax
+
+    start_jax()
+    seen_by = options.read_geometry(instrument, _GEOMETRY)
     from glazejax.colour import find_illuminant, find_observer
 
     illuminant = find_illuminant(illuminant)
