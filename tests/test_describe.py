@@ -9,6 +9,7 @@ from glazejax.paint.describe import (
     name_paints,
     parse_coats,
 )
+from glazejax.paint.media import make_media
 
 
 @pytest.mark.parametrize(

@@ -344,10 +344,40 @@ def recipe(
         word for name, value in asked.items() if value is not None for word in (name, str(value))
     )
     _print(found, task, seconds, console, seen)
+    if words := _say_unknown_strength(found[0][0], task, observer):
+        console.print(words, style="yellow", markup=False)
     if named:
         console.print(f"wrote {', '.join(str(outputs[name]) for name in named)}", markup=False)
     if how.interrupted:
         progress.stop_interrupted(console, len(found), len(targets), "targets")
+
+
+def _say_unknown_strength(best: "Recipe", task: "RecipeTask", observer: str) -> str:
+    """What it adds that paints of a recipe were read without tints; empty where none was."""
+    shares = {name: share for coat in best.coats for share, name in coat.parts if share > 0}
+    shelf = {paint.name: paint for paint in task.pigments}
+    unknown = [
+        name
+        for name in shares
+        if (told := shelf[name].identifiable) is not None and told.mean() < 0.5
+    ]
+    if not unknown:
+        return ""
+    from ..recover.mixture import predict_mixture
+    from ..recover.predict_command import say_paint_errors
+
+    thickest = max(best.coats, key=lambda coat: coat.thickness)
+    made = predict_mixture(
+        shelf,
+        {name: share for share, name in thickest.parts if share > 0},
+        [thickest.thickness],
+        instrument=task.instrument,
+    )
+    return (
+        f"How strong {', '.join(unknown)} are is not known: that adds ΔE00 "
+        f"{say_paint_errors(made, (task.illuminants[0], observer))}. One tint of each with a white "
+        "tells it: glazejax recover --white ZincWhite."
+    )
 
 
 def _modern(paints: "list[Pigment]") -> "list[Pigment]":

@@ -350,16 +350,22 @@ def _print(
     console.print(table)
     if anew:
         next_one = np.mean([found.between_mixings(*eye) for found in made])
-        parts = {
-            part: np.mean([p.expected_error(*eye, parts=(part,)) for p in made])
-            for part in made[0].deviations
-        }
         console.print(
             f"Two mixings of {mixture} differ by about ΔE00 {next_one:.1f}. The paints are not "
-            f"known exactly either: that adds {parts['scale']:.1f} by the level of their k and s, "
-            f"and {parts['paint']:.1f} by their shape."
+            f"known exactly either: that adds {say_paint_errors(made, eye)}."
         )
         console.print("[dim]A reading of one film of it narrows that: --reading FILE.[/dim]")
+
+
+def say_paint_errors(made: "Sequence[Prediction]", eye: tuple[str, str]) -> str:
+    """What errors of the paints' own k and s add to a colour, Delta E 2000."""
+    import numpy as np
+
+    scale, shape = (
+        np.mean([p.expected_error(*eye, parts=(part,)) for p in made])
+        for part in ("scale", "paint")
+    )
+    return f"{scale:.1f} by the level of their k and s, and {shape:.1f} by their shape"
 
 
 def _write(made: "Sequence[Prediction]", path: Path, overwrite: bool) -> None:
