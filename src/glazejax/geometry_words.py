@@ -27,16 +27,16 @@ def split_geometry(
     except ValueError:
         angles = ()
     if len(pair) != 2 or len(spheres) + len(angles) != 2 or not angles or (spheres and specular):
-        raise ValueError(f"{argument} is {text!r}; it must be {GEOMETRIES}")
+        raise ValueError(f"{argument} is {text!r:.60}; it must be {GEOMETRIES}")
     for angle in angles:
         if not 0 <= angle < 90:
             raise ValueError(
-                f"{argument} is {text!r}: angles must lie in [0, 90) degrees from the normal, not "
-                f"{angle:g}"
+                f"{argument} is {text!r:.60}: angles must lie in [0, 90) degrees from the normal, "
+                f"not {angle:g}"
             )
     if specular and angles[0] != angles[1]:
         raise ValueError(
-            f"{argument} is {text!r}: at {angles[0]:g}:{angles[1]:g} the mirror reflection is not "
-            "in view; use equal angles, or a sphere, d:8"
+            f"{argument} is {text!r:.60}: at {angles[0]:g}:{angles[1]:g} the mirror reflection is "
+            "not in view; use equal angles, or a sphere, d:8"
         )
     return (spheres[0] if spheres else None), angles, specular

@@ -156,7 +156,6 @@ def test_a_wrong_line_is_said_before_a_file_that_exists(run, tmp_path):
             "--modern leaves no paint (LeadWhite: poisonous (lead), rarely sold; Minium:",
         ),
         (["--lab", "50,0,0", "--out", "a.txt"], "pictures end in"),
-        (["--lab", "50,0,0", "--csv", "no/a.csv"], "does not exist"),
         (["--lab", "50,0,0", "--spectra", "s.csv"], "has no spectrum"),
         (["--lab", "50,0,0", "--illuminants", "Z"], "unknown illuminant"),
         (

@@ -147,7 +147,6 @@ def test_bad_input_is_one_line_and_status_2(run, tmp_path, films):
         ([good, "--out", "o", "--white", "ZincWhite"], ["no film holds ZincWhite", "01A, 02B"]),
         ([good, "--out", "o", "--wet-film", "thick"], ["--wet-film is 'thick'"]),
         ([good, "--out", "o", "--wet-film", "03A=20um"], ["--wet-film: no film is called '03A'"]),
-        ([good, "--into", "no/mine.csv"], ["--into no/mine.csv", "does not exist"]),
         (["--simulate", "--out", "o", "--into", "mine.csv"], ["--into is for measured films"]),
         ([good, "--out", full], ["full", "not empty", "--overwrite"]),
         ([good, "--out", good], ["is a file"]),

@@ -196,6 +196,11 @@ def read_recipe(text: str) -> dict[str, float]:
             raise ValueError(
                 f"cannot read {part.strip()!r} in {text!r}; write '10 Vermillion + 90 ZincWhite'"
             )
+        if "," in part:
+            plain = re.sub(r"\s*%\s*", " ", re.sub(r"\s*,\s*", " + ", text))
+            raise ValueError(
+                f"there is a comma in {text!r}; between paints stands a +: write {plain!r}"
+            )
         name = match["name"].strip()
         if name in recipe:
             raise ValueError(f"{name} is named twice in {text!r}; add its weights up")

@@ -9,7 +9,7 @@ import math
 import os
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
@@ -709,6 +709,9 @@ def check_outputs(
             raise ValueError(
                 f"{option} is {path}, a file that is read: give the result another name"
             )
+        # What cannot be made is said below.
+        with suppress(OSError):
+            path.parent.mkdir(parents=True, exist_ok=True)
         if option in pictures:
             require("matplotlib")
             check_picture(path, overwrite=overwrite, argument=option)

@@ -31,7 +31,6 @@ def scene(
         Path | None,
         typer.Argument(
             metavar="FILE",
-            callback=options.there,
             help="Scene file (TOML).",
             show_default=False,
         ),
@@ -96,6 +95,8 @@ def scene(
         raise ValueError("name a scene file; glazejax scene --example prints one to start from")
     _check_renderer(renderer, samples, spectral)
     _check_output(out, spectral, overwrite)
+    missing = f"there is no scene file {file}; glazejax scene --example prints one to start from"
+    options.existing(file, missing)
     from .main import start_jax
 
     start_jax()

@@ -201,8 +201,8 @@ def find_name(name: str, names: Iterable[str]) -> str:
         return known[key]
     if re.search(r"\S\s+\d+(\.\d+)?\s+\S", name):
         raise ValueError(
-            f"there is no pigment {name!r}: between two paints of a mixture stands a +, such as "
-            "10 Vermillion + 90 ZincWhite"
+            f"there is no pigment {name!r:.60}: between two paints of a mixture stands a +, such "
+            "as 10 Vermillion + 90 ZincWhite"
         )
     near = nearest_names(name, known.values(), fold=_plain)
     # The same paint of a catalogue, behind that of the shelf.
@@ -210,7 +210,7 @@ def find_name(name: str, names: Iterable[str]) -> str:
     choice = (
         f"the nearest {'is' if len(near) == 1 else 'are'} {', '.join(near)}" if near else ALL_NAMES
     )
-    raise ValueError(f"there is no pigment {name!r}: {choice}")
+    raise ValueError(f"there is no pigment {name!r:.60}: {choice}")
 
 
 def _plain(name: str) -> str:
