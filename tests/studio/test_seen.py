@@ -460,3 +460,34 @@ def test_words_are_read_on_every_ground_of_the_page():
     """
     for ink, ground in zip(run(code, colours), colours, strict=True):
         assert contrast(np.full(3, ink), np.array(ground)) >= 4.5
+
+
+_SEARCH = """
+    const { Eye } = await load("seen"), { Recipes, allowed, labOf } = await load("search");
+    const eye = new Eye(given.data), entries = allowed([...given.data.paints], given.choice);
+    const base = { glazejax: "stack", coats: [], ground: 0.9, geometry: "45:0", refractive_index: 1.5, pigments: given.data.own };
+    const { recipes } = await new Recipes(eye, entries).find(labOf("#8a4b2d", eye), base);
+    return recipes.map((one) => one.stack.coats);
+"""
+
+
+def test_the_pages_recipes_are_within_the_commands_bounds_and_of_its_paints():
+    """1 to 50 micrometres a coat, and no paint that the command marks, unless it is one's own."""
+    shelf = gj.catalogue.load()
+    own = {
+        name: shelf[of].renamed(name, provenance="measured here")
+        for name, of in (("Mine", "EmeraldGreen"), ("Other", "ZincWhite"))
+    }
+    data = page_data(own)
+    poison = {one["name"] for one in data["paints"] if one["caution"]}
+    assert "EmeraldGreen" in poison
+    assert "Mine" not in poison
+    for choice, wanted in (
+        ({"modern": True, "own": False}, lambda names: not names & poison),
+        ({"modern": True, "own": True}, lambda names: names <= set(own)),
+    ):
+        found = run(_SEARCH, {"data": data, "choice": choice})
+        assert found
+        for coats in found:
+            assert all(1.0 <= coat["um"] <= 50.0 for coat in coats)
+            assert wanted({name for coat in coats for name in coat["paint"]})

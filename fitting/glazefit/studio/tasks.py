@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from glazejax import Pigment, colour
+from glazejax import Pigment, catalogue, colour
 from glazejax.catalogue import ASSUMED_THICKNESS
 from glazejax.io import SpectraTable
 from glazejax.spectra import same_grid
@@ -38,7 +38,8 @@ def recipes(request: Request, report: Report) -> dict[str, Any]:
 
     Args:
         asked: `stack`, whose ground, index and geometry count; `options` with `max_coats`, 1 or 2,
-            and `srgb`, or `wavelengths` and `reflectance` of a spectrum.
+            `own` (only own paints), `modern` (no other poisonous or unsold ones), and `srgb`, or
+            `wavelengths` and `reflectance` of a spectrum.
         report: takes words.
 
     Raises:
@@ -57,6 +58,16 @@ def recipes(request: Request, report: Report) -> dict[str, Any]:
     else:
         target = srgb_target(str(options.get("srgb", "")))
     paints = _paints(stack)
+    if options.get("own"):
+        paints = [paint for paint in paints if paint.name in stack.pigments]
+    if options.get("modern"):
+        paints = [
+            paint
+            for paint in paints
+            if paint.name in stack.pigments or not catalogue.caution(paint)
+        ]
+    if not paints:
+        raise ValueError("no paint is left: there is no tube of your own on the shelf")
     report(f"looking through all sets of {len(paints)} paints")
     found = find_recipes(
         target,

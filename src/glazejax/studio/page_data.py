@@ -60,6 +60,7 @@ def entry(name: str, paint: Pigment) -> dict[str, Any]:
         "provenance": paint.provenance or "no provenance is stated",
         "bands": describe_grid(bands),
         "unknown": unknown,
+        "caution": catalogue.caution(paint),
     }
 
 

@@ -1,12 +1,15 @@
 // Backwards: recipes for a colour, what is in a spectrum, paints from films; searches run beside, and can be stopped.
 import { el, hex } from "./dom.js";
-import { Recipes, labOf } from "./search.js";
+import { Recipes, allowed, labOf } from "./search.js";
 
 export function backwardsPanel(store) {
   const colour = el("input", { type: "color", value: "#8a4b2d", "aria-label": "Colour wanted", "data-at": "wanted", oninput: () => { target = null; showTarget(); } });
   const photo = el("canvas.photo", { hidden: true, tabIndex: 0, role: "img", "aria-label": "Photograph: click to pick its colour", "data-at": "photo" });
   const aim = el("p.under", { "data-at": "aim" });
   const coats = el("select", { "aria-label": "Coats", "data-at": "max-coats" }, el("option", { value: 1 }, "one coat"), el("option", { value: 2, selected: true }, "up to two coats"));
+  const choice = (words, at, checked) => el("label", {}, el("input", { type: "checkbox", checked, "data-at": at }), ` ${words}`);
+  const modern = choice("without poisonous or unsold paints", "modern", true), own = choice("only my tubes", "own-tubes", false);
+  const chosen = () => ({ modern: modern.firstChild.checked, own: own.firstChild.checked });
   const where = el("select", { "aria-label": "Ground below the film", "data-at": "below" },
     ...[["opaque", "the film hides its ground"], ["white", "over a white card"], ["black", "over a black card"], ["ground", "over the stack's ground"]].map(([value, words]) => el("option", { value }, words)));
   const spectra = el("select", { "aria-label": "Which spectrum", "data-at": "which", hidden: true, onchange: () => pick(Number(spectra.value)) });
@@ -18,17 +21,18 @@ export function backwardsPanel(store) {
   let target = null, table = null;
   const panel = el("section.panel.backwards", { "aria-label": "Backwards: from colour to paint" },
     el("p.about", {}, store.alone ? "Pick a colour, or drop a photograph on the page and pick in it." : "Pick a colour, or drop a spectrum or a photograph on the page and pick in it."),
-    el("div.bar", {}, colour, coats, nearest, find), aim, photo,
+    el("div.bar", {}, colour, coats, nearest, find), el("div.bar", {}, modern, own), aim, photo,
     el("h3", { hidden: store.alone }, "A measured film"),
     el("p.under.none", { hidden: store.alone }, "Drop a spectrum (CSV, or what spectrometers write) to ask which paints are in it."),
     el("div.bar", { hidden: store.alone }, spectra, where, identify), jobs, found);
 
   // The page's own search: its table is made while the tab is looked at.
-  let search = null, known = 0;
+  let search = null, known = "";
   const base = () => ({ ...store.plain(), coats: [], pigments: store.own });
   function searcher() {
-    if (!search || known !== store.entries.size) search = new Recipes(store.eye, [...store.entries.values()]);
-    known = store.entries.size;
+    const asked = JSON.stringify([store.entries.size, chosen()]);
+    if (known !== asked) search = new Recipes(store.eye, allowed([...store.entries.values()], chosen()));
+    known = asked;
     return search;
   }
   store.on("tab", () => {
@@ -36,6 +40,7 @@ export function backwardsPanel(store) {
   });
   async function ownSearch() {
     const begun = performance.now(), wanted = target ?? colour.value;
+    if (!allowed([...store.entries.values()], chosen()).length) return store.say("There is no tube of your own on the shelf: add paints there, or look in all.", "error");
     nearest.disabled = true;
     try {
       const { recipes, tabled } = await searcher().find(labOf(wanted, store.eye), base(), { most: Number(coats.value) });
@@ -91,7 +96,7 @@ export function backwardsPanel(store) {
 
   function start(task) {
     if (!store.tasks.includes(task)) return store.say("Searches need the inverse package, glazefit; it is part of a full installation of glazejax.", "error");
-    const name = `${task} ${Date.now()}`, arrays = {}, options = { max_coats: Number(coats.value), below: where.value };
+    const name = `${task} ${Date.now()}`, arrays = {}, options = { max_coats: Number(coats.value), below: where.value, ...chosen() };
     if (task === "recipes" && !target) options.srgb = colour.value;
     if (task === "recipes" && target) Object.assign(arrays, { wavelengths: Float32Array.from(target.wavelengths), reflectance: Float32Array.from(target.reflectance) });
     if (task !== "recipes") {
@@ -104,7 +109,7 @@ export function backwardsPanel(store) {
     const words = el("span", {}, "starting");
     const stop = el("button.quiet", { type: "button", "data-at": "stop", onclick: () => store.link.send({ type: "stop", name }) }, "Stop");
     const node = el("div.job", { "data-job": name }, meter, words, stop);
-    if (!store.link.send({ type: "start", task, name, options, stack: store.plain() }, arrays)) return store.say("The studio is not there at the moment; try again when it is back.", "error");
+    if (!store.link.send({ type: "start", task, name, options, stack: { ...store.plain(), ...(task === "recipes" && Object.keys(store.own).length ? { pigments: store.own } : {}) } }, arrays)) return store.say("The studio is not there at the moment; try again when it is back.", "error");
     jobs.append(node);
   }
   store.on("job", (header) => {
@@ -141,9 +146,11 @@ export function backwardsPanel(store) {
     const unit = result.recipes[0]?.in_gamut === false ? `; ${result.words}` : "";
     showFound(result.target, result.recipes, `best first, found in ${seconds.toFixed(0)} s${unit}`);
   }
+  const cautions = (stack) => [...new Set(stack.coats.flatMap((coat) => Object.keys(coat.paint)))].map((name) => store.entries.get(name)).filter((entry) => entry?.caution)
+    .map((entry) => `${entry.label}: ${entry.caution}`).join("; ");
   function showFound(name, recipes, words) {
     found.replaceChildren(el("h3", {}, `Recipes for ${name}`), el("p.under", {}, words),
-      ...recipes.map((one) => card(one.rgb, `ΔE00 ${one.delta_e.toFixed(2)}`, [one.stack.coats.map((coat) => store.words(coat)).join(" over "), one.parts && `parts ${one.parts}`, one.between !== undefined && `two mixings differ by ${one.between.toFixed(1)}`, one.cautions].filter(Boolean), one.stack, "The recipe is the stack now; undo brings back what was there.")));
+      ...recipes.map((one) => card(one.rgb, `ΔE00 ${one.delta_e.toFixed(2)}`, [one.stack.coats.map((coat) => store.words(coat)).join(" over "), one.parts && `parts ${one.parts}`, one.between !== undefined && `two mixings differ by ${one.between.toFixed(1)}`, one.cautions ?? cautions(one.stack)].filter(Boolean), one.stack, "The recipe is the stack now; undo brings back what was there.")));
   }
   // Paints as the shelf calls them.
   const named = (one) => Object.keys(Object.assign({}, ...(one.stack?.coats ?? []).map((coat) => coat.paint))).sort((a, b) => b.length - a.length)

@@ -1,22 +1,28 @@
 // Recipes by the page itself: the nearest of some ten thousand tabled glazes, polished by the solver's own slopes.
 import { deltaE2000, lab, labOfSrgb, looks, over, parseGeometry, reflect, whiteOf, xyz } from "./solver.js";
 
-// Thicknesses in µm: of a coat alone, of one over another, and of paint that hides.
-const ALONE = [1, 2, 4, 8, 16, 32, 64];
-const ABOVE = [0.5, 1, 2, 4, 8];
-const HIDING = 200;
+// Thicknesses in µm: as glazejax recipe has them, of a coat alone and of one over another.
+const THINNEST = 1;
+const THICKEST = 50;
+const ALONE = [1, 2, 4, 8, 16, 32, THICKEST];
+const ABOVE = [1, 2, 4, 8];
 // Parts of two paints in one coat.
 const RATIOS = [[1, 4], [1, 1], [4, 1]];
 // Glazes that are polished, and recipes that are shown.
 const POLISHED = 8;
 const SHOWN = 5;
-const THINNEST = 0.1;
 const MOST_PARTS = 30;
 const STEP = 0.01;
 // Milliseconds that the page may stand still while the table is made.
 const SLICE = 25;
 
 const pause = () => new Promise((done) => setTimeout(done, 0));
+
+/* Paints of a shelf that a recipe may take.
+   modern: none that is poisonous or hard to buy, but for one's own; own: only one's own tubes. */
+export function allowed(entries, { modern, own }) {
+  return entries.filter((entry) => (entry.group === "own" ? true : !own && !(modern && entry.caution)));
+}
 
 export class Recipes {
   constructor(eye, entries) {
@@ -63,11 +69,11 @@ export class Recipes {
       return Math.min(1, Math.max(0, rest / (bare.coats.through[i] + bare.coats.back[i] * rest)));
     });
     for (const name of names) {
-      for (const um of [...new Set([...ALONE, ...ABOVE, HIDING])]) {
+      for (const um of ALONE) {
         const { seen, coats } = one({ [name]: 1 }, um);
         if (seen.length !== grid.length) continue;
-        if (ALONE.includes(um) || um === HIDING) glazes.push({ lab: colour(seen), coats: [{ paint: { [name]: 1 }, um }] });
-        if (um === HIDING) below.push({ name, coat: { paint: { [name]: 1 }, um }, ground: asGround(seen) });
+        glazes.push({ lab: colour(seen), coats: [{ paint: { [name]: 1 }, um }] });
+        if (um === THICKEST) below.push({ name, coat: { paint: { [name]: 1 }, um }, ground: asGround(seen) });
         if (ABOVE.includes(um)) above.push({ name, coat: { paint: { [name]: 1 }, um }, coats });
         await rest();
       }
@@ -75,10 +81,10 @@ export class Recipes {
     for (const [i, first] of names.entries()) {
       for (const second of names.slice(i + 1)) {
         for (const [a, b] of RATIOS) {
-          const paint = { [first]: a, [second]: b }, { seen } = one(paint, HIDING);
+          const paint = { [first]: a, [second]: b }, { seen } = one(paint, THICKEST);
           if (seen.length !== grid.length) continue;
-          glazes.push({ lab: colour(seen), coats: [{ paint, um: HIDING }] });
-          if (a === b) below.push({ name: "", coat: { paint, um: HIDING }, ground: asGround(seen) });
+          glazes.push({ lab: colour(seen), coats: [{ paint, um: THICKEST }] });
+          if (a === b) below.push({ name: "", coat: { paint, um: THICKEST }, ground: asGround(seen) });
           await rest();
         }
       }
@@ -123,7 +129,7 @@ export class Recipes {
       const found = { paint: { ...coat.paint }, um: coat.um };
       free.forEach(([at, what], f) => {
         if (at !== i) return;
-        if (what === "um") found.um = Math.min(HIDING, Math.max(THINNEST, coat.um * Math.exp(by[f])));
+        if (what === "um") found.um = Math.min(THICKEST, Math.max(THINNEST, coat.um * Math.exp(by[f])));
         else found.paint[what] = coat.paint[what] * Math.min(MOST_PARTS, Math.max(1 / MOST_PARTS, Math.exp(by[f])));
       });
       return found;
