@@ -37,8 +37,8 @@ def work() -> None:
     progress.collect([[1], [2]], 2, "compiling", "searching")
     with progress.doing("fitting") as say:
         say("leaving out")
-    step = progress.drawing(2)
-    step()
+    with progress.drawing(2) as step:
+        step()
     with progress.bar("{task.description}") as shown:
         shown.update(shown.add_task("mapping"), completed=1)
 
@@ -91,9 +91,12 @@ def test_lines_say_how_far_long_work_is_off_the_terminal(capfd):
         time.sleep(0.1)
         assert capfd.readouterr() == ("", "")
         note(3, 1036, "mapping")
-        wait_for("mapping 3 of 1,036, after 0 s\n")
+        wait_for("mapping 3 of 1,036 (0%), after 0 s\n")
         # Nothing new is said by a long piece: the time goes on.
-        wait_for("mapping 3 of 1,036, after 1 s\n")
+        wait_for("mapping 3 of 1,036 (0%), after 1 s\n")
+        # A second of three parts: 1,030 more take three hundred times as long.
+        note(6, 1036, "mapping")
+        wait_for("mapping 6 of 1,036 (1%), after 1 s, about ")
         note(0, 1, "checking")
         wait_for("\nchecking, after 1 s\n")
         note(70_000, None, "reading")

@@ -506,7 +506,9 @@ def test_without_a_terminal_lines_say_how_far_a_picture_is(write, tmp_path, monk
     done = run(write(SMALL), "-o", tmp_path / "a.png")
     assert done.exit_code == 0
     found = [
-        line for line in done.stderr.splitlines() if re.search(r" of [\d,]+, after \d+ s$", line)
+        line
+        for line in done.stderr.splitlines()
+        if re.search(r" of [\d,]+ \(\d+%\), after \d+ s", line)
     ]
     assert found
 
@@ -544,3 +546,17 @@ def test_a_picture_is_shown_as_its_file_says(write, unchecked):
     # Adobe RGB's curve is a power of 563/256; under A its white is the display's.
     np.testing.assert_array_equal(shown.rgb, np.full((2, 3, 3), round(255 * 0.5 ** (256 / 563))))
     assert (shown.bright, shown.colourful) == (0.0, 0.0)
+
+
+def test_without_llvm_the_time_and_the_way_out_are_said_first(tmp_path, monkeypatch):
+    file = tmp_path / "s.toml"
+    file.write_text(scene_file.example())
+    found = scene_file.read_scene(file)
+    for variant, told in (("scalar_spectral", True), ("llvm_ad_spectral", False)):
+        monkeypatch.setattr(
+            "glazejax.appearance.mitsuba.variants.usable_variant", lambda variant=variant: variant
+        )
+        words = cli_scene._without_llvm(found, 256)
+        # 640 x 480 pixels, 256 paths each, 3,400 a second.
+        assert ("about 6.4 hours" in words) == told
+        assert ("libllvm19" in words) == told

@@ -291,7 +291,7 @@ def map_(
     from .solve.spots import spot_pigment
     from .store.run import connect
     from .store.store import MapStore
-    from .terminal import name_damage, say_what_is_kept, show_stages
+    from .terminal import name_damage, say_what_is_kept
 
     console = Console(highlight=False)
     if example:
@@ -324,7 +324,7 @@ def map_(
         say_what_is_kept(out, console, overwrite=overwrite),
         name_damage(console),
         connect(scheduler) as client,
-        show_stages() as report_progress,
+        progress.follow("reading") as report_progress,
     ):
         found = map_cube(
             source,

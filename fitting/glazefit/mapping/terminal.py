@@ -1,5 +1,5 @@
-"""What `glazejax map` says while it maps: how far it is, which windows were damaged, and what is
-kept where it is stopped.
+"""What `glazejax map` says while it maps: which windows were damaged, and what is kept where it is
+stopped.
 """
 
 import signal
@@ -12,49 +12,12 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from glazejax.commands import interrupts, progress
+from glazejax.commands import interrupts
 
 from .store.store import DamagedWindow, MapStore
 
 if TYPE_CHECKING:
     from rich.console import Console
-
-    from glazejax.progress import Progress
-
-
-@contextmanager
-def show_stages() -> "Iterator[Progress]":
-    """A bar for each stage, or a line now and then where no bar may move; what is yielded goes to
-    `map_cube` as ``progress``.
-    """
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
-
-    if not progress.moving():
-        with progress.lines() as report_lines:
-            yield report_lines
-        return
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-    )
-    bars: dict[str, Any] = {}
-    with progress.bar(*columns) as shown:
-
-        def report(done: int, total: int | None, stage: str, /) -> None:
-            if stage not in bars:
-                bars[stage] = shown.add_task(stage, total=total)
-            shown.update(bars[stage], completed=done, total=total)
-
-        yield report
 
 
 @contextmanager

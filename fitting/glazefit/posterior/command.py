@@ -1,8 +1,7 @@
 """The command `glazejax posterior`: one measured film in, what is known of it out."""
 
 import math
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
@@ -17,7 +16,6 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from glazejax import Pigment
-    from glazejax.progress import Progress
 
     from ..film.films import Films, Instrument, Noise
     from ..film.model.errors import Prior
@@ -461,29 +459,10 @@ def _paints(names: list[str], shelf: "Mapping[str, Pigment]") -> "list[Pigment]"
 
 def _run(task: "_Task", out: Path, given: dict[str, Any]) -> "Posterior":
     """Compute the posterior, with a bar that shows how far it is."""
-    from rich.console import Console
-
     out.mkdir(parents=True, exist_ok=True)
-    Console(stderr=True).print(
-        "[dim]Finding the mode; the first run compiles for up to a minute.[/dim]"
-    )
-    with _bar() as shown:
+    words = "finding the mode (the first run compiles for up to a minute)"
+    with progress.follow(words) as shown:
         return task(path=out / CHAIN, progress=shown, **given)
-
-
-@contextmanager
-def _bar() -> "Iterator[Progress]":
-    """A bar for the steps of a chain; what is yielded moves it on."""
-    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
-
-    columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn()
-    with progress.bar(*columns, TimeRemainingColumn()) as bar:
-        task = bar.add_task("finding the mode", total=None)
-
-        def show(done: int, total: int | None, words: str, /) -> None:
-            bar.update(task, completed=done, total=total, description=words)
-
-        yield show
 
 
 def _write(result: "Posterior", out: Path, console: "Console") -> None:

@@ -416,12 +416,13 @@ def _report(recovery: "Recovery", how: progress.Collected, results: Output) -> N
         "s d are known: a film of twice that has half the k and s."
     )
     if plots:
-        draw_each(
-            recovery.films.names,
-            out,
-            lambda row, path: plot_paint(recovery, row, metres, path),
-            progress.drawing(len(recovery)),
-        )
+        with progress.drawing(len(recovery)) as step:
+            draw_each(
+                recovery.films.names,
+                out,
+                lambda row, path: plot_paint(recovery, row, metres, path),
+                step,
+            )
     pictures = f", fits.csv and {len(recovery)} pictures" if plots else " and fits.csv"
     console.print(f"Wrote pigments.csv{pictures} to {out}")
 

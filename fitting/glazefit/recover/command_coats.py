@@ -70,7 +70,8 @@ def recover_from_coats(films: "Films", given: dict[str, Any], results: "Output")
     out = results.make_folder()
     write_coats(recovery, foretold, metres, out, overwrite=overwrite)
     if plots:
-        plot_coats(recovery, foretold, out, progress.drawing(len(recovery.paints)))
+        with progress.drawing(len(recovery.paints)) as step:
+            plot_coats(recovery, foretold, out, step)
     console.print(
         f"In pigments.csv a coat is taken as {format_length(metres)}. Wrote pigments.csv, "
         "films.csv, next_coats.csv"

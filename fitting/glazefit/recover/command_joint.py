@@ -224,12 +224,13 @@ def _write_folder(
     if check:
         _leave_out(recovery, films, recipes, given, results)
     if plots:
-        draw_each(
-            recovery.paints,
-            out,
-            lambda row, path: plot_joint_paint(recovery, row, unit, path),
-            progress.drawing(len(paints)),
-        )
+        with progress.drawing(len(paints)) as step:
+            draw_each(
+                recovery.paints,
+                out,
+                lambda row, path: plot_joint_paint(recovery, row, unit, path),
+                step,
+            )
     pictures = f", films.csv and {len(recovery.paints)} pictures" if plots else " and films.csv"
     console.print(f"Wrote pigments.csv{pictures} to {out}")
 
@@ -247,10 +248,8 @@ def _leave_out(
 
     _, _, plots, overwrite, console = results
     out = results.make_folder()
-    with progress.doing("leaving films out") as say:
-        left = cross_validate(
-            recovery, films, recipes, progress=lambda done, total, words: say(words), **given
-        )
+    with progress.follow("leaving films out") as report:
+        left = cross_validate(recovery, films, recipes, progress=report, **given)
     print_left_out(left, console)
     write_left_out(recovery, left, out / "left_out.csv", overwrite=overwrite)
     if plots:

@@ -2,6 +2,7 @@
 notes.
 """
 
+import itertools
 import os
 import sys
 import threading
@@ -51,6 +52,55 @@ def bar(*columns: "str | ProgressColumn") -> "Bar":
     return Bar(*columns, console=Console(stderr=True), transient=True, disable=not moving())
 
 
+class _Stage(NamedTuple):
+    """What is being done, since when, and how much was done before."""
+
+    words: str
+    began: float
+    first: int
+
+
+def _share(done: int, total: int) -> str:
+    return f"{done:,} of {total:,} ({done / max(total, 1):.0%})"
+
+
+def _duration(seconds: float) -> str:
+    """A time in the unit that it would be told in."""
+    if seconds < 100:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.1f} h"
+
+
+@contextmanager
+def follow(words: str, total: int | None = 1) -> Iterator[Progress]:
+    """How far long work is: percent, how much, the time gone and the time left, as a bar of the
+    stage on a terminal, else as a line now and then.
+
+    Args:
+        words: what is done at first; further stages are told by other words.
+        total: parts of it; 1 where it is one piece.
+    """
+    if not moving():
+        with lines() as note_lines:
+            note_lines(0, total, words)
+            yield note_lines
+        return
+    from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+    columns = TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[count]}")
+    with bar(*columns, TimeElapsedColumn(), TimeRemainingColumn()) as shown:
+        task = shown.add_task(words, total=None if total == 1 else total, count="")
+
+        def note(done: int, total: int | None, words: str, /) -> None:
+            one = total is None or total == 1
+            count = "" if one else _share(done, total)
+            if words != shown.tasks[0].description:
+                shown.reset(task, description=words)
+            shown.update(task, completed=done, total=None if one else total, count=count)
+
+        yield note
+
+
 @contextmanager
 def lines(every: float = 10.0) -> Iterator[Progress]:
     """A line on stderr every so many seconds, for long work where no bar may move; what is yielded
@@ -58,20 +108,28 @@ def lines(every: float = 10.0) -> Iterator[Progress]:
     """
     began = time.monotonic()
     ended = threading.Event()
+    stage = _Stage("", began, 0)
     latest = ""
 
     def note(done: int, total: int | None, words: str, /) -> None:
-        nonlocal latest
+        nonlocal stage, latest
+        now = time.monotonic()
+        if words != stage.words:
+            stage = _Stage(words, now, done)
         # A stage that is one piece has nothing to count.
-        count = "" if total == 1 else f" {done:,}" if total is None else f" {done:,} of {total:,}"
-        latest = f"{words}{count}"
+        count = "" if total == 1 else f" {done:,}" if total is None else f" {_share(done, total)}"
+        left = ""
+        if total is not None and total > done > stage.first:
+            pace = (now - stage.began) / (done - stage.first)
+            left = f", about {_duration(pace * (total - done))} left"
+        latest = f"{words}{count}, after {{}}{left}"
 
     def say() -> None:
         # Long pieces pass without a call: the time shows that it is alive.
         while not ended.wait(every):
             if latest:
-                seconds = time.monotonic() - began
-                print(f"{latest}, after {seconds:.0f} s", file=sys.stderr, flush=True)
+                gone = _duration(time.monotonic() - began)
+                print(latest.format(gone), file=sys.stderr, flush=True)
 
     thread = threading.Thread(target=say, daemon=True)
     thread.start()
@@ -105,24 +163,22 @@ def collect(
     Raises:
         KeyboardInterrupt: Ctrl-C before any part was finished.
     """
-    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
-
     parts: list[Part] = []
     interrupted = False
     began = time.perf_counter()
     warm = 0.0
-    columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn()
+    done = 0
     # Parts that are finished are worth waiting for the one that runs.
     with (
-        bar(*columns, TimeElapsedColumn()) as progress,
+        follow(first, total) as note,
         keeping(lambda: None if parts else "Interrupted: nothing was finished."),
     ):
-        task = progress.add_task(first, total=total)
         try:
             for part in chunks:
                 parts.append(part)
                 warm = warm or time.perf_counter() - began
-                progress.update(task, advance=len(part), description=then)
+                done += len(part)
+                note(done, total, then)
         except KeyboardInterrupt:
             if not parts:
                 raise
@@ -132,38 +188,17 @@ def collect(
 
 @contextmanager
 def doing(words: str) -> Iterator[Callable[[str], None]]:
-    """Say on stderr what is being done, with a turning wheel, while it is; what is yielded says it
-    in other words.
-    """
-    from rich.console import Console
-
-    if not moving():
-        yield lambda _: None
-        return
-    with Console(stderr=True).status(words) as status:
-        yield status.update
+    """Say what is being done, in one piece, while it is; what is yielded says it in other words."""
+    with follow(words) as note:
+        yield lambda said: note(0, 1, said)
 
 
-def drawing(count: int) -> Callable[[], None]:
-    """A bar for so many pictures; what is returned moves it on by one."""
-    from rich.console import Console
-    from rich.progress import track
-
-    steps = iter(
-        track(
-            range(count),
-            "drawing",
-            console=Console(stderr=True),
-            transient=True,
-            disable=not moving(),
-        )
-    )
-    next(steps, None)
-
-    def step() -> None:
-        next(steps, None)
-
-    return step
+@contextmanager
+def drawing(count: int) -> Iterator[Callable[[], None]]:
+    """How many of so many pictures are drawn; what is yielded is called after each."""
+    numbers = itertools.count(1)
+    with follow("drawing", count) as note:
+        yield lambda: note(next(numbers), count, "drawing")
 
 
 @contextmanager

@@ -1,8 +1,6 @@
 """The command ``glazejax scene``: a scene file in, a picture and its spectra out."""
 
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,7 +11,6 @@ from . import options, progress
 if TYPE_CHECKING:
     from ..appearance.scene.file import SceneFile
     from ..appearance.scene.render_result import Rendered
-    from ..progress import Progress
 
 
 RENDERERS = ("raycast", "mitsuba")
@@ -115,6 +112,8 @@ def scene(
             f"{file}: the ray caster cannot draw {beyond}: add --renderer mitsuba (pip install "
             "'glazejax[render]')"
         )
+    if renderer == "mitsuba" and (words := _without_llvm(found, samples or _SAMPLES)):
+        typer.echo(f"note   {words}", err=True)
     rendered = _render(
         found, spectral is not None, _SAMPLES if samples is None else samples, renderer
     )
@@ -199,9 +198,27 @@ def _resize(found: "SceneFile", text: str) -> "SceneFile":
         raise ValueError(f"--size {text!r}: {error}") from None
 
 
+def _without_llvm(found: "SceneFile", samples: int) -> str:
+    """How long it takes where Mitsuba finds no LLVM that works, and what to do; else empty."""
+    from ..appearance.mitsuba.variants import usable_variant
+
+    if not usable_variant().startswith("scalar"):
+        return ""
+    # Paths a second on two cores; LLVM follows 1.6 million.
+    seconds = samples * found.scene.width * found.scene.height / 3400
+    hours = seconds >= 5400
+    size = seconds / (3600 if hours else 60)
+    return (
+        f"Mitsuba finds no libllvm that works here, and takes about {size:.2g} "
+        f"{'hours' if hours else 'minutes'} in place of {max(seconds / 470, 1):.2g} seconds: "
+        "install LLVM 19 (Debian: apt-get install libllvm19), or name the library in "
+        "DRJIT_LIBLLVM_PATH; --size 80x60 --samples 16 is a quick look"
+    )
+
+
 def _render(found: "SceneFile", spectral: bool, samples: int, renderer: str) -> "Rendered":
     """The picture, with a bar on the terminal, or a line now and then where none may move."""
-    with _shown() as report:
+    with progress.follow("reading") as report:
         if renderer == "mitsuba":
             from ..appearance.scene.path.path_trace import path_trace
 
@@ -211,28 +228,6 @@ def _render(found: "SceneFile", spectral: bool, samples: int, renderer: str) -> 
         from ..appearance.scene.draw.render import render
 
         return render(found.scene, spectral=spectral, tolerance=found.tolerance, progress=report)
-
-
-@contextmanager
-def _shown() -> "Iterator[Progress]":
-    """How far the picture is, on stderr."""
-    if not progress.moving():
-        with progress.lines() as report_lines:
-            report_lines(0, 1, "reading")
-            yield report_lines
-        return
-    from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
-
-    share = TextColumn("{task.percentage:>3.0f} %")
-    with progress.bar(
-        TextColumn("{task.description}"), BarColumn(), share, TimeRemainingColumn()
-    ) as shown:
-        task = shown.add_task("reading", total=1.0)
-
-        def report(done: int, total: int | None, words: str, /) -> None:
-            shown.update(task, completed=done, total=total, description=words)
-
-        yield report
 
 
 def _write(found: "SceneFile", rendered: "Rendered", out: Path, spectral: Path | None) -> None:
