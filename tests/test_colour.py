@@ -278,3 +278,36 @@ def test_a_lamp_whose_sums_would_overflow_is_refused():
         gc.lamp_weights(grid, grid, np.full(31, 1e308))
     strong = gc.lamp_weights(grid, grid, np.full(31, 1e99))
     np.testing.assert_allclose(strong, gc.lamp_weights(grid, grid, np.ones(31)), rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: gc.delta_e_2000(np.zeros((3, 2)), np.zeros((3, 2))), r"\(3, 2\).*L\*, a\*, b\*"),
+        (lambda: gc.delta_e_2000(3.0, 2.0), "last axis"),
+        (lambda: gc.delta_e_2000(np.zeros((4, 3)), np.zeros((5, 3))), r"\(4, 3\) and \(5, 3\)"),
+        (lambda: gc.srgb_to_lab([138, 75, 45]), "divide it by 255"),
+        (lambda: gc.lab(np.arange(400.0, 701.0, 10.0), np.full(31, 5.0)), "divide it by 100"),
+        (
+            lambda: gc.lab(
+                np.arange(400.0, 701.0, 10.0), np.ma.masked_less(np.linspace(0, 1, 31), 0.1)
+            ),
+            "3 of 31 values are masked",
+        ),
+    ],
+)
+def test_what_is_no_colour_is_one_sentence(call, words):
+    with pytest.raises(ValueError, match=words):
+        call()
+
+
+def test_empty_batches_and_masks_of_nothing_are_colours():
+    grid = np.arange(400.0, 701.0, 10.0)
+    assert gc.lab(grid, np.zeros((0, 31))).shape == (0, 3)
+    assert gc.srgb_to_lab(np.zeros((0, 3))).shape == (0, 3)
+    assert gc.delta_e_2000(np.zeros((0, 3)), np.zeros(3)).shape == (0,)
+    np.testing.assert_array_equal(
+        gc.lab(grid, np.ma.masked_array(np.full(31, 0.5))), gc.lab(grid, np.full(31, 0.5))
+    )
+    # A bright one is no slip.
+    assert gc.lab(grid, np.full(31, 1.2))[0] > 100

@@ -295,3 +295,16 @@ def test_objects_can_be_pickled_and_copied(thing):
     for again in (pickle.loads(pickle.dumps(thing)), copy.deepcopy(thing)):
         assert eqx.tree_equal(again, thing)
         assert repr(again) == repr(thing)
+
+
+def test_coats_of_different_batches_are_one_sentence():
+    grid = np.array([500.0, 600.0])
+    paint = Pigment("P", grid, [1e4, 1e4], [1e4, 1e4])
+    three, four = (Layer(paint, np.full(n, 1e-6)) for n in (3, 4))
+    with pytest.raises(ValueError, match=r"shapes \(3,\), \(4,\) over .*thickness\[:, None\]"):
+        Glaze([three, four], 0.9)
+    with pytest.raises(ValueError, match=r"grounds of shape \(3,\)"):
+        Glaze([four], np.full((3, 2), 0.9))
+    with pytest.raises(ValueError, match="1 of 2 values are masked"):
+        Layer(paint, np.ma.masked_array([1e-6, 2e-6], [False, True]))
+    assert Glaze([Layer(paint, np.zeros(0))], 0.9).optical_thickness.shape == (0, 2, 1)

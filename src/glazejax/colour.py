@@ -260,9 +260,11 @@ def lab(
 
     The white is that of the same weights, so the perfect diffuser is (100, 0, 0).
 
-    Args and errors as `xyz`. Source: CIE 15:2018, section 8.2.1.
+    Args and errors as `xyz`, and percent is refused. Source: CIE 15:2018, section 8.2.1.
     """
     values, weights = _band_weights(wavelengths, reflectance, illuminant, observer)
+    # Of readings above 1 some are real; half of all bands in percent are above 2 even of blacks.
+    _check_scale("reflectance", values, "in percent: divide it by 100")
     return _compute(
         _lab_of_spectra, values, weights, white_point(wavelengths, illuminant, observer)
     )
@@ -339,7 +341,7 @@ def srgb_to_lab(encoded: Numbers) -> Float[Array, "*batch 3"]:
     jit and grad.
 
     Raises:
-        ValueError: the last axis is not three long.
+        ValueError: the last axis is not three long, or known values are those of 8 bits.
 
     Example:
         >>> print(srgb_to_lab([1.0, 0.0, 0.0]).round(1))
@@ -353,6 +355,7 @@ def srgb_to_lab(encoded: Numbers) -> Float[Array, "*batch 3"]:
         raise ValueError(
             f"sRGB of shape {values.shape} does not end in the three numbers red, green and blue"
         )
+    _check_scale("sRGB", values, "from 0 to 255: divide it by 255")
     return _compute(_lab_of_srgb, values, screen.T, screen.sum(axis=1))
 
 
@@ -368,6 +371,15 @@ def _band_weights(
             "given"
         )
     return values, weights
+
+
+def _check_scale(what: str, values: Array | np.ndarray, slip: str) -> None:
+    """Refuse known values most of which lie far above 1; of many NumPy's first are looked at."""
+    if not (small(values) or isinstance(values, np.ndarray)):
+        return
+    typical = np.asarray(values).ravel()[: 1 << 16]
+    if typical.size and np.median(typical) > 2.0:
+        raise ValueError(f"{what} is about {np.median(typical):.3g}, which looks {slip}")
 
 
 def _compute(
@@ -487,11 +499,27 @@ def bradford(
 def delta_e_2000(lab1: Numbers, lab2: Numbers) -> Float[np.ndarray, "*batch"]:
     """CIEDE2000 colour difference between Lab colours, (..., 3) each; NumPy only.
 
+    Raises:
+        ValueError: colours that are not of three numbers, or batches that do not broadcast.
+
     Example:
         >>> round(float(delta_e_2000([50.0, 2.6772, -79.7751], [50.0, 0.0, -82.7485])), 4)
         2.0425
     """
-    return ciede2000(np.asarray(lab1, float), np.asarray(lab2, float))
+    one, other = (np.asarray(as_array(lab), float) for lab in (lab1, lab2))
+    if one.shape[-1:] != (3,) or other.shape[-1:] != (3,):
+        raise ValueError(
+            f"Lab colours of shapes {one.shape} and {other.shape}: the last axis of each must be "
+            "L*, a*, b*"
+        )
+    try:
+        np.broadcast_shapes(one.shape, other.shape)
+    except ValueError:
+        raise ValueError(
+            f"Lab colours of shapes {one.shape} and {other.shape} are no one batch: give as many "
+            "of each, or one; lab[:, None] pairs each with each"
+        ) from None
+    return ciede2000(one, other)
 
 
 def delta_e_of_spectra(

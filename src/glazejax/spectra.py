@@ -32,7 +32,17 @@ _SMALL = 1 << 16
 def as_array(values: Numbers) -> Array | np.ndarray:
     """Values as they are if an array, else as a NumPy array, or as a JAX one if JAX traces a part
     of them.
+
+    Raises:
+        ValueError: some are masked.
     """
+    if isinstance(values, np.ma.MaskedArray):
+        if missing := int(np.ma.getmaskarray(values).sum()):
+            raise ValueError(
+                f"{missing} of {values.size} values are masked, and what they are is not known: "
+                "leave them out, or fill them: values.filled(0.5)"
+            )
+        return np.asarray(values)
     if isinstance(values, jax.Array | np.ndarray):
         return values
     traced = any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(values))

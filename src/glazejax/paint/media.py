@@ -44,6 +44,8 @@ def _check_range(name: str, values: Numbers, low: float, high: float, hint: str 
     try:
         array = concrete(values)
     except ValueError:
+        if isinstance(values, np.ma.MaskedArray):
+            raise
         raise ValueError(
             f"{name} must be an array of numbers, but its rows differ in length"
         ) from None
@@ -450,6 +452,7 @@ class Glaze(eqx.Module):
                         f"{name} has shape {value.shape}: its last axis must be the {bands} "
                         "bands of the coats"
                     )
+        _check_batches(coats, ground.shape[:-1])
         self.coats = coats
         self.ground = as_float_array(ground)
         constant = index.ndim == 0 and isinstance(index, np.ndarray)
@@ -563,6 +566,19 @@ def _side_by_side(xp: Any, spectra: Iterable[Any]) -> Any:
     if len({each.shape for each in given}) > 1:
         given = xp.broadcast_arrays(*given)
     return xp.stack(given, axis=-1)
+
+
+def _check_batches(coats: Sequence[Layer], ground: tuple[int, ...]) -> None:
+    """Refuse coats, or a ground, that are batches of different sizes."""
+    shapes = [np.shape(coat.thickness) for coat in coats]
+    try:
+        np.broadcast_shapes(*shapes, ground)
+    except ValueError:
+        said = ", ".join(map(str, shapes))
+        raise ValueError(
+            f"thicknesses of shapes {said} over grounds of shape {ground} are no one batch: give "
+            "as many of each, or one; thickness[:, None] pairs each with each"
+        ) from None
 
 
 def check_glaze(glaze: Any) -> None:
