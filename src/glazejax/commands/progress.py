@@ -92,11 +92,11 @@ def follow(words: str, total: int | None = 1) -> Iterator[Progress]:
         task = shown.add_task(words, total=None if total == 1 else total, count="")
 
         def note(done: int, total: int | None, words: str, /) -> None:
-            one = total is None or total == 1
-            count = "" if one else _share(done, total)
+            parts = None if total == 1 else total
+            count = "" if parts is None else _share(done, parts)
             if words != shown.tasks[0].description:
                 shown.reset(task, description=words)
-            shown.update(task, completed=done, total=None if one else total, count=count)
+            shown.update(task, completed=done, total=parts, count=count)
 
         yield note
 
@@ -187,14 +187,14 @@ def collect(
 
 
 @contextmanager
-def doing(words: str) -> Iterator[Callable[[str], None]]:
+def doing(words: str) -> Iterator[Callable[[str], object]]:
     """Say what is being done, in one piece, while it is; what is yielded says it in other words."""
     with follow(words) as note:
         yield lambda said: note(0, 1, said)
 
 
 @contextmanager
-def drawing(count: int) -> Iterator[Callable[[], None]]:
+def drawing(count: int) -> Iterator[Callable[[], object]]:
     """How many of so many pictures are drawn; what is yielded is called after each."""
     numbers = itertools.count(1)
     with follow("drawing", count) as note:
