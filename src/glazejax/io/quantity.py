@@ -35,7 +35,7 @@ _QUANTITIES = {
     "emission": (r"\bemis|(^|\")(ambient|display|flash)\b|\bluminan|\bspectral power|cd/m", _LIGHT),
     "sensitivity": (r"\bsensitivit|\bresponsivit", _EXPORT),
     "transmittance": (r"\btrans(mi|fl)|\btrasmi|%\s*t\b|\bt\s*[\[(]?\s*%", _EXPORT),
-    REFLECTANCE: (r"\br[eé]fl(?!ex\b)|\brifl|\bremission|%\s*r\b|\br\s*[\[(]?\s*%|^r$|\bbrf\b", ""),
+    REFLECTANCE: (r"\br[eé]fl(?!ex\b)|\brifl|\bremission|%\s*r\b|\br\s*[\[(]?\s*%|\bbrf\b", ""),
 }
 _PATTERNS = {name: re.compile(words, re.IGNORECASE) for name, (words, _) in _QUANTITIES.items()}
 _MODE = re.compile(rf"(?<![a-z])({'|'.join(MODES)})(?![a-z])", re.IGNORECASE)
@@ -47,6 +47,14 @@ _SCALES = tuple(
     (scale, re.compile(words, re.IGNORECASE), re.compile(_UNIT.format(words), re.IGNORECASE))
     for scale, words in ((100.0, _PERCENT), (1.0, _FRACTION))
 )
+# Titles that say what is measured and of what nothing more.
+_NO_NAME = re.compile(
+    r"[\W_]*(?:(?:r|rfl|refl\w*|réfl\w*|rifl\w*|remission\w*|factor|percent|pct|fractions?|values?|"
+    r"intensity|processed|counts?|sc[ie]|spin|spex|transm\w*|t|abs\w*)\b[\W_]*)+|\W*%\W*",
+    re.IGNORECASE,
+)
+# What an instrument reads and computes reflectance from.
+READINGS = {"sample", "target", "scope", "dark", "reference", "ref", "white", "background"}
 _PARTS = re.compile(r"\d[\d.,]*\s*%")
 
 # Units of wavelength: what turns them into nm, and what is said of that.
@@ -85,6 +93,17 @@ def meaning(words: str) -> Meaning:
     )
     mode = _MODE.search(words)
     return Meaning(quantity, scale, mode[1].upper() if mode else "")
+
+
+def is_no_name(title: str) -> bool:
+    """Whether a title names a quantity or a unit and no sample, such as ``Reflectance (%)``."""
+    return len(title) <= 100 and bool(_NO_NAME.fullmatch(title))
+
+
+def names_sample(title: str) -> bool:
+    """Whether a title can only be a sample's name, and says nothing of its numbers."""
+    said = is_no_name(title) or any(meaning(title)[:2]) or title.lower() in READINGS
+    return not said
 
 
 def check_reflectance(words: str, quantity: str | None) -> None:
