@@ -318,7 +318,7 @@ def _columns(cells: _Cells) -> list[list[float]]:
     )
     rows = [
         _split(cells, cells.header_line, line)
-        for line in itertools.islice(filter(is_data, lines), 100)
+        for line in itertools.islice(filter(is_data, lines), 30)
     ]
     return [
         [
@@ -653,7 +653,7 @@ def _read_long(
     # Some spectra may be shorter: empty cells below them.
     grids = [np.asarray(wavelengths), *table[len(names) :]]
     for grid in grids:
-        _check_grid(cells, grid[np.isfinite(grid)])
+        _check_grid(cells, grid[np.isfinite(grid)].tolist())
     common = reduce(np.intersect1d, grids)
     common = common[np.isfinite(common)]
     if common.size < 2:
