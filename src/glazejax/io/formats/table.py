@@ -637,7 +637,7 @@ def _read_long(
     for number, text in itertools.chain([first], cells.lines):
         # Means and the like stand below an empty line.
         if number > before + 1 and _has_no_wavelength(cells, number, text):
-            cells.source.notes.append(f"the table ends above line {number}: {text.strip()[:40]}")
+            cells.source.notes.append(f"the table ends above line {number}: {shorten(text.strip()[:40])}")
             break
         before = number
         cell, numbers = _row(cells, number, text, titles, wide=False)
