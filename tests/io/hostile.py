@@ -575,9 +575,14 @@ def _lines(content: bytes, found: Any) -> str:
     text = content.decode("utf-8-sig", "replace")
     said = [re.match(r"(?:line )?(\d+) .*not read", note) for note in found.notes]
     above = next((int(match[1]) for match in said if match), 0)
+    ends = [re.match(r"the table ends above line (\d+)", note) for note in found.notes]
+    below = next((int(match[1]) - 1 for match in ends if match), None)
+    # Which bands are left out where detectors overlap, or data are missing, other tests say.
+    if any(note.startswith(("detectors overlap", "values below")) for note in found.notes):
+        return ""
     lines = [
         line
-        for line in text.splitlines()[above:]
+        for line in text.splitlines()[above:below]
         if line.strip(" \t,;") and not line.lstrip().startswith("#")
     ]
     rows, bands = len(found), found.wavelengths.size

@@ -203,7 +203,7 @@ def test_one_unit_for_a_file_told_by_its_brightest_spectrum(tmp_path):
     ("begin", "end"),
     [
         (">>>>>Debut Des Donnees Spectrales Traitees<<<<<", ">>>>>Fin Des Donnees<<<<<"),
-        (">>>>> Anfang <<<<< der Daten", ">>>>> Ende der Spektraldaten <<<<<"),
+        (">>>>> Anfang <<<<< der Daten", ">>>>> Schluss der Daten <<<<<"),
     ],
 )
 def test_marks_of_any_language(tmp_path, begin, end):

@@ -63,7 +63,7 @@ _LENGTHS = {
     "um": (r"um|microns?|micromet(er|re)s?", 1e3, "micrometres; multiplied by 1000"),
     "angstrom": (r"a|å|angstroms?", 0.1, "angstrom; divided by 10"),
     "m": (r"m|met(er|re)s?", 1e9, "metres; multiplied by 1e9"),
-    "1/cm": (r"1\s*/\s*cm|cm\^?[-⁻][1¹]|wave\s*numbers?", None, ""),
+    "1/cm": (r"1\s*/\s*cm|cm\^?[-⁻][1¹]|wave\s*numbers?|wellenzahl|nombres? d.onde", None, ""),
 }
 _NOT_SAID = {"", "unknown", "<unspecified>", "none"}
 

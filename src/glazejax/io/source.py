@@ -232,12 +232,12 @@ def _from_utf16(head: bytes) -> Callable[[bytes], bytes]:
     """What turns a file's bytes into UTF-8: those of UTF-16, as spreadsheets save Unicode text, by
     the mark they begin with; all others stay.
     """
-    if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        text = head.decode("utf-16", errors="replace")
-        if not _CONTROL.search(text.encode("ascii", errors="replace")):
+    if head[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE):
+        text = head.decode("utf-16", "replace").encode("ascii", "replace")
+        if not _CONTROL.search(text):
             decoder = codecs.getincrementaldecoder("utf-16")("replace")
             return lambda piece: decoder.decode(piece).encode(errors="replace")
-    return lambda piece: piece
+    return bytes
 
 
 @contextmanager

@@ -32,9 +32,6 @@ from .above import (
     not_read,
 )
 
-_WAVENUMBER_TITLE = re.compile(
-    r"^(wave\s*numbers?|wellenzahl|nombres? d.onde|\W*(1/cm|cm\^?[-⁻][1¹]))", re.IGNORECASE
-)
 _VALUE_TITLE = re.compile(r"^(reflectance|refl\b|r\b|%r\b|value|intensity)", re.IGNORECASE)
 _NAME_TITLE = re.compile(r"^(name|sample|id\b|paint|pigment|patch|label|spectrum)", re.IGNORECASE)
 # Lines above a table, or comments, that say what its values are.
@@ -71,7 +68,8 @@ class _Cells:
         titles: cells of each line of titles; none where numbers begin at once.
         header: titles of each column, joined.
         lines: numbers and texts of the lines below.
-        declared: whether a comment says what the values are, so that titles are names.
+        said: what a line above says of the values.
+        declared: whether a comment says so, and titles are names.
         take: columns that are read, in this order: wavelengths, spectra, further wavelengths;
             empty for all.
         blanks: whether cells may be empty.
@@ -84,6 +82,7 @@ class _Cells:
     titles: list[list[str]]
     header: list[str]
     lines: Iterator[tuple[int, str]]
+    said: str = ""
     declared: bool = False
     take: tuple[int, ...] = ()
     blanks: bool = False
@@ -160,7 +159,7 @@ def read_table(source: Source) -> RawSpectra:
             do not ascend, a ragged row, a cell that is not a finite number, or two samples of one
             name; or it holds more than 268 million values. The message is one line and says where.
     """
-    cells, said = _open_table(source)
+    cells = _open_table(source)
     first = next(cells.lines, None)
     if first is None:
         raise source.error("there is a header but no data below it")
@@ -170,16 +169,15 @@ def read_table(source: Source) -> RawSpectra:
         layout = "a value a row"
         unit = length_unit(cells.header[order[1]])
         title = cells.header[order[2]]
-    elif _is_long(cells, first):
+    elif _is_wide(cells, first):
+        names, wavelengths, values = _read_wide(cells, first, attributes)
+        layout = "a sample a row"
+        title = f"{cells.header[0]}; {cells.header[-1]}"
+        unit = length_unit(cells.header[0]) or "nm" * ("nm" in cells.header[-1].lower())
+    else:
         cells, names, unit, title = _choose_columns(cells)
         names, wavelengths, values = _read_long(cells, first, names)
         layout = "a sample a column"
-    else:
-        names, wavelengths, values = _read_wide(cells, first, attributes)
-        layout = "a sample a row"
-        last = cells.header[-1]
-        unit = length_unit(cells.header[0]) or ("nm" if "nm" in last.lower() else "")
-        title = f"{cells.header[0]}; {last}"
     if cells.percent and len(cells.percent) != values.size:
         raise source.error("some cells are in percent, with %, and some are not; write all alike")
     titled = bool(cells.titles)
@@ -192,8 +190,8 @@ def read_table(source: Source) -> RawSpectra:
         else "columns of numbers without a header",
         notes=source.notes,
         wavelength_unit=unit,
-        quantity=next((words for words in (title, said) if meaning(words).quantity), ""),
-        scale=100.0 if cells.percent else meaning(title).scale or meaning(said).scale,
+        quantity=next((words for words in (title, cells.said) if meaning(words).quantity), ""),
+        scale=100.0 if cells.percent else meaning(title).scale or meaning(cells.said).scale,
         attributes=attributes,
         by_hand=True,
         # Lines above are a spectrometer's; without them, a person may have made the file.
@@ -201,8 +199,8 @@ def read_table(source: Source) -> RawSpectra:
     )
 
 
-def _open_table(source: Source) -> tuple[_Cells, str]:
-    """Table with its header, and what the lines above say of its values."""
+def _open_table(source: Source) -> _Cells:
+    """Table with its header."""
     place = find_table(source)
     if place.above:
         source.notes.append(not_read(place.above))
@@ -216,13 +214,11 @@ def _open_table(source: Source) -> tuple[_Cells, str]:
     if first is None and not titles:
         cut = "no numbers below this line; was the file cut short? export it again"
         raise source.error(cut if place.above else "the file is empty", place.above or None)
-    said = ""
-    declared = False
-    for line in source.first_lines[:above]:
-        keyword = _KEYWORD.match(line[:200])
-        if keyword and any(meaning(keyword[1])[:2]):
-            said = keyword[1].strip()
-            declared = line.startswith("#")
+    keywords = [
+        (found[1].strip(), line.startswith("#"))
+        for line in source.first_lines[:above]
+        if (found := _KEYWORD.match(line[:200])) and any(meaning(found[1])[:2])
+    ]
     cells = _Cells(
         source=source,
         delimiter=delimiter_of(titles[-1][1])
@@ -232,17 +228,17 @@ def _open_table(source: Source) -> tuple[_Cells, str]:
         titles=[],
         header=[],
         lines=itertools.chain([first] if first else [], data),
-        declared=declared,
+        said=keywords[-1][0] if keywords else "",
+        declared=any(declared for _, declared in keywords),
     )
-    rows = [_split(cells, *title) for title in titles]
-    if first and not rows:
-        rows = [[""] * len(_split(cells, *first))]
+    numbers = _split(cells, *first) if first else []
+    while numbers and not numbers[-1]:
+        numbers.pop()
+    rows = [_split(cells, *title) for title in titles] or [[""] * len(numbers)]
     # Titles may be empty at the end where numbers stand below, as of merged cells.
-    least = len(" ".join(_split(cells, *first)).split()) if first else 0
-    while titles and len(rows[-1]) > least and not rows[-1][-1]:
+    while titles and len(rows[-1]) > len(numbers) and not rows[-1][-1]:
         rows[-1].pop()
-    numbers = [line.strip() for line in source.first_lines[above:][:3]]
-    if len(numbers) == 3 and all(map(is_number, numbers)):
+    if len(alone := source.first_lines[above:][:3]) == 3 and all(map(is_number, alone)):
         raise source.error(
             "one number a line: their wavelengths stand in a file of their own; write both into "
             "one table, wavelengths first"
@@ -250,15 +246,14 @@ def _open_table(source: Source) -> tuple[_Cells, str]:
     width = len(rows[-1])
     if width < 2:
         raise cells.error(above, f"the header has one column only; {_LAYOUTS}")
-    for row in rows[:-1]:
-        # A title above several columns stands at the first of them.
-        for i in range(width):
-            if i >= len(row):
-                row.append("")
-            row[i] = row[i] or (row[i - 1] if i else "")
+    # A title above several columns stands at the first of them.
+    rows[:-1] = [
+        list(itertools.accumulate(row + [""] * (width - len(row)), lambda left, own: own or left))
+        for row in rows[:-1]
+    ]
     cells.titles.extend(rows if titles else [])
     cells.header.extend(" ".join(filter(None, column)) for column in zip(*rows, strict=True))
-    return cells, said
+    return cells
 
 
 def _split(cells: _Cells, number: int, line: str) -> list[str]:
@@ -338,12 +333,12 @@ def _runs(values: list[float]) -> bool:
     return len(values) > 2 and min(values) >= 100 and bool((steps > 0).all() or (steps < 0).all())
 
 
-def _is_long(cells: _Cells, first: tuple[int, str]) -> bool:
-    """Whether samples are columns; refuses a header that names wavelengths in neither way."""
-    if not cells.titles:
-        return True
+def _is_wide(cells: _Cells, first: tuple[int, str]) -> bool:
+    """Whether samples are rows: titles are bands, and do not number samples."""
     titles = [_band_of(cells, title) for title in cells.header[1:]]
     numeric = [found.wavelength for found in titles if found is not None]
+    if not numeric:
+        return False
     if len(numeric) == len(titles) and _number(cells.header[0], cells.delimiter) is not None:
         raise cells.error(
             cells.header_line,
@@ -353,22 +348,11 @@ def _is_long(cells: _Cells, first: tuple[int, str]) -> bool:
         is_wavelength_title(title) and _wavelength(cell, cells.delimiter) is not None
         for title, cell in zip(cells.titles[-1], _split(cells, *first), strict=False)
     )
-    # Samples may be numbered 1, 2, 3; a wavelength in nm has three digits at least.
-    if 2 * len(numeric) > len(titles) and not (titled and max(numeric) < 100):
-        return False
-    if titled and titles:
-        return True
-    # Colours may stand beside few bands.
-    if len(numeric) > 1 and min(numeric) >= 100:
-        return False
-    if _WAVENUMBER_TITLE.match(cells.header[0]):
-        raise cells.error(
-            cells.header_line,
-            f"{cells.header[0]!r} are wavenumbers; write wavelengths in nm, which are 1e7 / (1/cm)",
-        )
-    if any(map(_runs, _columns(cells))):
-        return True
-    raise cells.error(cells.header_line, f"no wavelengths in the header; {_LAYOUTS}")
+    # Samples may be numbered 1, 2, 3; a wavelength in nm has three digits at least. Colours may
+    # stand beside few bands.
+    if 2 * len(numeric) > len(titles):
+        return not titled or max(numeric) >= 100
+    return not titled and len(numeric) > 1 and min(numeric) >= 100
 
 
 def _choose_columns(cells: _Cells) -> tuple[_Cells, list[str], str, str]:
@@ -383,15 +367,21 @@ def _choose_columns(cells: _Cells) -> tuple[_Cells, list[str], str, str]:
     numbers = _columns(cells)
     runs = [i for i in range(width) if numbers and _runs(numbers[i])]
     titled = [i for i in range(width) if any(is_wavelength_title(row[i]) for row in cells.titles)]
-    grid = next(iter([*titled, *runs]), 0)
-    further = [i for i in runs if i > grid and (i in titled or numbers[i] == numbers[grid])]
-    if not titled and not runs and numbers:
-        values = np.array(numbers[grid])
-        # Micrometres, perhaps.
-        if not (values.size and 0.1 <= values.min() < 100 and (np.diff(values) > 0).all()):
-            raise cells.source.error(
+    in_um = numbers and not cells.titles and [0.1] < numbers[0][:1] < numbers[0][1:2] < [100.0]
+    if numbers and not (titled or runs or in_um):
+        wrong = f"no wavelengths in the header; {_LAYOUTS}"
+        if not cells.titles:
+            wrong = (
                 f"numbers only, and the first column does not run through wavelengths; {_LAYOUTS}"
             )
+        elif length_unit(cells.header[0]) == "1/cm":
+            wrong = (
+                f"{cells.header[0]!r} are wavenumbers; write wavelengths in nm, which are 1e7 / "
+                "(1/cm)"
+            )
+        raise cells.source.error(wrong, cells.header_line or None)
+    grid = next(iter([*titled, *runs]), 0)
+    further = [i for i in runs if i > grid and (i in titled or numbers[i] == numbers[grid])]
     columns = [
         i for i in range(grid + 1, width) if i not in further and (not numbers or numbers[i])
     ]
@@ -510,32 +500,32 @@ def _value(cells: _Cells, line: int, name: str, column: str, cell: str) -> float
     return value
 
 
-def _row(
-    cells: _Cells, number: int, text: str, titles: Sequence[str], *, wide: bool
-) -> tuple[str, array]:
-    """First cell of a line that are read, and the numbers right of it.
+def _read_row(
+    cells: _Cells, line: tuple[int, str], titles: Sequence[str], values: array, *, wide: bool
+) -> str:
+    """First cell of a line; the numbers right of it are added to the values.
 
     Args:
         cells: the table.
-        number: of the line.
-        text: of the line.
+        line: its number and text.
         titles: what the errors call the columns.
+        values: of the lines above.
         wide: whether the first cell names the sample; else the column does.
     """
+    number, text = line
     quick = cells.quick(text)
-    if quick is not None:
-        return quick
-    name, *row = cells.split(number, text)
-    values = (
-        _value(cells, number, name if wide else title, title, cell)
-        for title, cell in zip(titles, row, strict=True)
-    )
-    return name, array("d", values)
-
-
-def _check_size(cells: _Cells, number: int, values: array) -> None:
+    if quick is None:
+        first, *row = cells.split(number, text)
+        values.extend(
+            _value(cells, number, first if wide else title, title, cell)
+            for title, cell in zip(titles, row, strict=True)
+        )
+    else:
+        first, row = quick
+        values.extend(row)
     if len(values) > _MAX_VALUES:
         raise cells.error(number, f"more than {_MAX_VALUES} values so far; split the table")
+    return first
 
 
 def _has_no_wavelength(cells: _Cells, number: int, text: str) -> bool:
@@ -605,17 +595,15 @@ def _read_wide(
     for number, text in itertools.chain([first], cells.lines):
         row = cells.split(number, text) if others else []
         for word, reader in readers:
-            name, numbers = _row(reader, number, text, titles, wide=True)
+            name = _read_row(reader, (number, text), titles, values, wide=True)
             if not name or len(names) == _MAX_SPECTRA:
                 wrong = f"more than {_MAX_SPECTRA} samples so far; split the table"
                 raise cells.error(number, wrong if name else "a sample has no name")
             kind = word if kind_at is None or more else row[kind_at]
             names.append(unshield_name(f"{name} {kind}" if kind else name))
             lines.append(number)
-            values.extend(numbers)
             for i, column in columns:
                 column.append(row[i])
-        _check_size(cells, number, values)
     if len(set(names)) < len(names):
         seen: dict[str, int] = {}
         for number, name in zip(lines, names, strict=True):
@@ -637,37 +625,36 @@ def _read_long(
     for number, text in itertools.chain([first], cells.lines):
         # Means and the like stand below an empty line.
         if number > before + 1 and _has_no_wavelength(cells, number, text):
-            cells.source.notes.append(f"the table ends above line {number}: {shorten(text.strip()[:40])}")
+            cells.source.notes.append(
+                f"the table ends above line {number}: {shorten(text.strip()[:40])}"
+            )
             break
         before = number
-        cell, numbers = _row(cells, number, text, titles, wide=False)
+        cell = _read_row(cells, (number, text), titles, values, wide=False)
         wavelength = math.nan if further and not cell else _wavelength(cell, cells.delimiter)
         if wavelength is None:
             raise cells.error(number, f"column {title!r}: {cell!r} is not a wavelength in nm")
         wavelengths.append(wavelength)
-        values.extend(numbers)
-        _check_size(cells, number, values)
     table = np.frombuffer(values).reshape(-1, len(titles)).T
     if not further:
         return names, _check_grid(cells, wavelengths), table
     # Some spectra may be shorter: empty cells below them.
-    grids = [np.asarray(wavelengths), *table[len(names) :]]
-    for grid in grids:
-        _check_grid(cells, grid[np.isfinite(grid)].tolist())
+    grids = [
+        _check_grid(cells, [wavelength for wavelength in column if not math.isnan(wavelength)])
+        for column in [wavelengths, *table[len(names) :]]
+    ]
     common = reduce(np.intersect1d, grids)
-    common = common[np.isfinite(common)]
     if common.size < 2:
         raise cells.source.error(
             "columns of wavelengths have none in common; export spectra at the same wavelengths, "
             "or in files of their own"
         )
-    if any(np.isfinite(grid).sum() > common.size for grid in grids):
+    if any(grid.size > common.size for grid in grids):
         cells.source.notes.append(f"spectra share {describe_grid(common)}, and are read there")
     spectra = []
     for at, column in zip(cells.take[1:], table[: len(names)], strict=False):
-        grid = grids[sum(start < at for start in further)]
-        order = np.argsort(grid)
-        spectra.append(column[order[np.searchsorted(grid[order], common)]])
+        value_at = dict(zip(grids[sum(start < at for start in further)], column, strict=False))
+        spectra.append([value_at[wavelength] for wavelength in common])
     return names, common, np.array(spectra)
 
 
