@@ -10,7 +10,7 @@ from glazejax.io import read_spectra
 from .samples import CGATS, GRID, complains, jcamp_block, same, spectra
 
 RED, BLUE = spectra(2).round(4)
-DARK = 0.3 + 0.2 * RED  # percent of a black
+DARK = 0.3 + 0.9 * RED  # percent of a black
 EXPORT = "only reflectance can be read: export it"
 
 
@@ -191,12 +191,14 @@ def test_units_in_titles_are_used(tmp_path):
 
 
 def test_one_unit_for_a_file_told_by_its_brightest_spectrum(tmp_path):
-    text = CGATS.replace("0.40\t0.50\t0.60", "40\t50\t60").replace("0.10\t0.20", "0.4\t0.5")
+    text = CGATS.replace("0.40\t0.50\t0.60", "40\t50\t60").replace(
+        "0.10\t0.20\t0.30", "0.4\t0.6\t0.7"
+    )
     table = read_spectra(put(tmp_path, text))
-    np.testing.assert_allclose(table["red, light"], [0.004, 0.005, 0.003])
+    np.testing.assert_allclose(table["red, light"], [0.004, 0.006, 0.007])
     assert "red, light: dark, in percent as blue is" in table.notes
     with pytest.raises(ValueError, match=r"mixed: blue in percent .*, red, light in"):
-        read_spectra(put(tmp_path, text.replace("0.4\t0.5", "0.04\t0.5")))
+        read_spectra(put(tmp_path, text.replace("0.4\t0.6", "0.04\t0.6")))
 
 
 @pytest.mark.parametrize(

@@ -331,15 +331,17 @@ def _detected_scale(
         return 1.0
     brightest_name = names[int(peaks.argmax())]
     dark = np.flatnonzero(peaks <= MAX_FRACTION)
-    # Of no paint is a tenth of the bands below 0.2 %: such a spectrum is in fractions.
-    fractions = dark[(values[dark] < 0.2).mean(axis=1) > 0.1]
+    # Few paints are below 0.5 % at half of the bands, or below 0.2 % at a tenth: such a spectrum
+    # is in fractions.
+    half = (values[dark] < 0.5).mean(axis=1) > 0.5
+    fractions = dark[half | ((values[dark] < 0.2).mean(axis=1) > 0.1)]
     if fractions.size:
         if brightest <= MAX_DECLARED:
             return 1.0
         raise ValueError(
             f"percent and fraction are mixed: {brightest_name} in percent (maximum above "
             f"{MIN_PERCENT:g}), {list_names([names[int(i)] for i in fractions])} in fractions; "
-            "bring all to one unit"
+            "bring all to one unit, or say it: --unit percent"
         )
     if brightest > 100 * MAX_FRACTION:
         raise ValueError(
