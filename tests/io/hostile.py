@@ -566,7 +566,10 @@ def _fixed(rows: int, bands: int) -> Callable[[bytes, Any], str]:
         right = "ENVI" not in found.format or (
             found.wavelengths.size == bands and len(found) == rows
         )
-        return "" if right else f"{found!r} where the header declares {rows} of {bands} bands"
+        told = any("left out" in note for note in getattr(found, "notes", ()))
+        return (
+            "" if right or told else f"{found!r} where the header declares {rows} of {bands} bands"
+        )
 
     return counts
 

@@ -142,7 +142,7 @@ def test_other_quantities_are_refused_by_name_unless_the_user_says_so(tmp_path, 
         read_spectra(path, quantity="colour")
 
 
-@pytest.mark.parametrize("line", ["YUNITS\tABSORBANCE", "Y Axis: %T", "Data units; Radiance"])
+@pytest.mark.parametrize("line", ["YUNITS\tABSORBANCE", "%T", "Data units; Radiance"])
 def test_lines_above_say_what_the_values_are(tmp_path, line):
     path = put(tmp_path, f"An instrument\n{line}\n" + rows(RED, by="\t"))
     with pytest.raises(ValueError, match="and only reflectance can be read"):
@@ -167,6 +167,14 @@ def test_of_what_an_instrument_gives_reflectance_is_taken(tmp_path, header, othe
     assert len(table) == 1
     np.testing.assert_allclose(table.reflectance[0], RED)
     assert any(note.startswith("taken as reflectance: ") for note in table.notes)
+
+
+@pytest.mark.parametrize("title", ["%T {}", "Abs {}nm", "K/S {}"])
+def test_bands_of_another_quantity_are_refused(tmp_path, title):
+    header = ",".join(title.format(f"{w:g}") for w in GRID)
+    path = put(tmp_path, f"Name,{header}\nred,{','.join(map(str, RED))}\n")
+    with pytest.raises(ValueError, match="and only reflectance can be read"):
+        read_spectra(path)
 
 
 def test_counts_alone_are_refused(tmp_path):

@@ -40,7 +40,7 @@ _QUANTITIES = {
 _PATTERNS = {name: re.compile(words, re.IGNORECASE) for name, (words, _) in _QUANTITIES.items()}
 _MODE = re.compile(rf"(?<![a-z])({'|'.join(MODES)})(?![a-z])", re.IGNORECASE)
 _PERCENT = r"%|\bpercent|\bper cent|\bpct\b|\bprozent|\bprocent|\bpor ciento"
-_FRACTION = r"\bfractions?\b|\b0\s*[-–.]+\s*1\b|[\[(]-[\])]"
+_FRACTION = r"\bfractions?\b|\b0\s*[-–.]+\s*1\b|[\[(](?:-|1\.0)[\])]"
 # Alone or in brackets it is the unit of whatever stands before it; 'red 10%' is a mixture.
 _UNIT = r"(?:^\W*|[\[(]\s*)(?:{})[^\])]*(?:[\])]|$)"
 _SCALES = tuple(
@@ -50,7 +50,7 @@ _SCALES = tuple(
 # Titles that say what is measured and of what nothing more.
 _NO_NAME = re.compile(
     r"[\W_]*(?:(?:r|rfl|refl\w*|réfl\w*|rifl\w*|remission\w*|factor|percent|pct|fractions?|values?|"
-    r"intensity|processed|counts?|sc[ie]|spin|spex|transm\w*|t|abs\w*)\b[\W_]*)+|\W*%\W*",
+    r"intensity|processed|1\.0|counts?|sc[ie]|spin|spex|transm\w*|t|abs\w*)\b[\W_]*)+|\W*%\W*",
     re.IGNORECASE,
 )
 # What an instrument reads and computes reflectance from.

@@ -24,7 +24,7 @@ WAVELENGTH_TITLE = re.compile(
 _UNIT = r"[\[(]?(?:nm)?[\])]?"
 _SPECULAR = "|".join(MODES)
 _BAND = re.compile(
-    rf"(?:(?P<before>{_SPECULAR})|spectral|spec|refl\w*|%?r)?[\s_.:-]*{_UNIT}[\s_.:-]*"
+    rf"(?:(?P<before>{_SPECULAR})|spectral|spec|refl\w*|%?r|%t|abs\w*|k/s)?[\s_.:-]*{_UNIT}[\s_.:-]*"
     rf"(?P<nm>\d{{3,4}}(?:[.,]\d+)?)\s*{_UNIT}[\s_-]*[\[(]?(?P<after>{_SPECULAR})?[\])]?"
     r"(?:\s*[\[(]?%[\])]?)?",
     re.IGNORECASE,

@@ -215,9 +215,9 @@ def _open_table(source: Source) -> _Cells:
         cut = "no numbers below this line; was the file cut short? export it again"
         raise source.error(cut if place.above else "the file is empty", place.above or None)
     keywords = [
-        (found[1].strip(), line.startswith("#"))
-        for line in source.first_lines[:above]
-        if (found := _KEYWORD.match(line[:200])) and any(meaning(found[1])[:2])
+        (words, line.startswith("#"))
+        for line in source.first_lines[: titles[0][0] - 1 if titles else above]
+        if (words := _stated(line)) and any(meaning(words)[:2])
     ]
     cells = _Cells(
         source=source,
@@ -254,6 +254,12 @@ def _open_table(source: Source) -> _Cells:
     cells.titles.extend(rows if titles else [])
     cells.header.extend(" ".join(filter(None, column)) for column in zip(*rows, strict=True))
     return cells
+
+
+def _stated(line: str) -> str:
+    """What a line above a table may say of its values: a unit alone, or behind a keyword."""
+    keyword = _KEYWORD.match(line[:200])
+    return keyword[1].strip() if keyword else line.strip() if is_no_name(line) else ""
 
 
 def _split(cells: _Cells, number: int, line: str) -> list[str]:
@@ -368,13 +374,14 @@ def _choose_columns(cells: _Cells) -> tuple[_Cells, list[str], str, str]:
     runs = [i for i in range(width) if numbers and _runs(numbers[i])]
     titled = [i for i in range(width) if any(is_wavelength_title(row[i]) for row in cells.titles)]
     in_um = numbers and not cells.titles and [0.1] < numbers[0][:1] < numbers[0][1:2] < [100.0]
-    if numbers and not (titled or runs or in_um):
+    wavenumbers = bool(cells.titles) and length_unit(cells.header[0]) == "1/cm"
+    if numbers and (wavenumbers or not (titled or runs or in_um)):
         wrong = f"no wavelengths in the header; {_LAYOUTS}"
         if not cells.titles:
             wrong = (
                 f"numbers only, and the first column does not run through wavelengths; {_LAYOUTS}"
             )
-        elif length_unit(cells.header[0]) == "1/cm":
+        elif wavenumbers:
             wrong = (
                 f"{cells.header[0]!r} are wavenumbers; write wavelengths in nm, which are 1e7 / "
                 "(1/cm)"
@@ -431,7 +438,7 @@ def _reflectances(cells: _Cells, columns: list[int]) -> tuple[list[int], str]:
             cells.header_line, "percent and fraction are mixed in the titles; bring all to one unit"
         )
     title = next((t for i in kept if any(meaning(t := cells.header[i])[:2])), "")
-    return kept, f"{cells.header[kept[0]]} (counts)" if best == "counts" else title
+    return kept, title or (f"{cells.header[kept[0]]} (counts)" if best == "counts" else "")
 
 
 def _column_names(cells: _Cells, columns: list[int]) -> list[str]:
