@@ -622,7 +622,9 @@ def _cxf(content: bytes, found: Any) -> str:
 
 def _jcamp(content: bytes, found: Any) -> str:
     promised = {word.strip() for word in re.findall(rb"^##NPOINTS=(.*)$", content, re.MULTILINE)}
-    wrong = "JCAMP" in found.format and promised and b"%d" % found.wavelengths.size not in promised
+    whole = not any("left out" in note for note in found.notes)
+    wrong = whole and promised and b"%d" % found.wavelengths.size not in promised
+    wrong = wrong and "JCAMP" in found.format
     try:
         same = {float(word) for word in promised} == {found.wavelengths.size}
     except ValueError:

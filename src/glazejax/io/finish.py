@@ -139,8 +139,9 @@ def _finish(
     if missing == "drop":
         wavelengths, values, rows = _without_missing(wavelengths, values, names, notes)
         names = [names[i] for i in rows]
-    kept = lit_bands(wavelengths, values, notes, raw, declared)
-    grid = validate_wavelengths(wavelengths[kept])
+    grid = validate_wavelengths(wavelengths)
+    kept = lit_bands(grid, values, notes, raw, declared)
+    grid = grid[kept]
     values = values[:, kept]
     if not values.flags.writeable:
         values = values.copy()

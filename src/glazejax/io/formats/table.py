@@ -172,7 +172,8 @@ def read_table(source: Source) -> RawSpectra:
     elif _is_wide(cells, first):
         names, wavelengths, values = _read_wide(cells, first, attributes)
         layout = "a sample a row"
-        title = f"{cells.header[0]}; {cells.header[-1]}"
+        ends = (cells.header[-1], cells.header[0])
+        title = next((title for title in ends if any(meaning(title)[:2])), "")
         unit = length_unit(cells.header[0]) or "nm" * ("nm" in cells.header[-1].lower())
     else:
         cells, names, unit, title = _choose_columns(cells)
