@@ -7,6 +7,7 @@ as fractions, with a note.
 """
 
 import re
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -82,6 +83,7 @@ class Meaning(NamedTuple):
     mode: str
 
 
+@lru_cache(maxsize=4096)
 def meaning(words: str) -> Meaning:
     """Quantity, unit and mode that a title, a unit or the value of a keyword states."""
     # No title is longer; a search in more could take long.

@@ -389,14 +389,14 @@ def _choose_columns(cells: _Cells) -> tuple[_Cells, list[str], str, str]:
             )
         raise cells.source.error(wrong, cells.header_line or None)
     grid = next(iter([*titled, *runs]), 0)
-    further = [i for i in runs if i > grid and (i in titled or numbers[i] == numbers[grid])]
-    columns = [
-        i for i in range(grid + 1, width) if i not in further and (not numbers or numbers[i])
-    ]
+    named = {*titled}
+    further = [i for i in runs if i > grid and (i in named or numbers[i] == numbers[grid])]
+    right = (i for i in range(grid + 1, width) if not numbers or numbers[i])
+    columns = sorted({*right}.difference(further))
     if not columns:
         raise cells.error(cells.header_line, "no column of numbers beside the wavelengths")
     if len(columns) + len(further) + 1 < width:
-        left = [i for i in range(width) if i not in (grid, *columns, *further)]
+        left = sorted({*range(width)}.difference((grid, *columns, *further)))
         last = cells.titles[-1] if cells.titles else cells.header
         titles = shorten(", ".join(last[i] or f"column {i + 1}" for i in left))
         notes.append(f"left out, as they hold no spectra: {titles}")
@@ -414,7 +414,7 @@ def _reflectances(cells: _Cells, columns: list[int]) -> tuple[list[int], str]:
     Beside reflectance nothing else is read. Where there is none, what says nothing is; else all
     that is of another quantity, which is refused unless the user says that it is reflectance.
     """
-    words = [re.sub(r"\s*[\[(].*", "", title).lower() for title in cells.header]
+    words = [re.split(r"[\[(]", title)[0].strip().lower() for title in cells.header]
     if set(words) >= set(_LETTERS):
         words = [_LETTERS.get(word, word) for word in words]
     said = {i: meaning(cells.header[i]).quantity for i in columns}
@@ -430,7 +430,7 @@ def _reflectances(cells: _Cells, columns: list[int]) -> tuple[list[int], str]:
     alike = {*said.values()} <= {REFLECTANCE, ""}
     kept = columns if alike else [i for i in columns if said[i] == best]
     if len(kept) < len(columns):
-        left = ", ".join(cells.header[i] for i in columns if i not in kept)
+        left = ", ".join(cells.header[i] for i in sorted({*columns}.difference(kept)))
         taken = ", ".join(cells.header[i] for i in kept)
         cells.source.notes.append(shorten(f"taken as reflectance: {taken}; left out: {left}"))
     scales = {meaning(cells.header[i]).scale for i in kept} - {None}
