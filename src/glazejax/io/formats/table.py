@@ -163,13 +163,14 @@ def read_table(source: Source) -> RawSpectra:
     first = next(cells.lines, None)
     if first is None:
         raise source.error("there is a header but no data below it")
+    row = cells.split(*first)
     attributes: dict[str, list[str]] = {}
     if (order := _triples(cells)) is not None:
         names, wavelengths, values = _read_triples(cells, first, *order)
         layout = "a value a row"
         unit = length_unit(cells.header[order[1]])
         title = cells.header[order[2]]
-    elif _is_wide(cells, first):
+    elif _is_wide(cells, row):
         names, wavelengths, values = _read_wide(cells, first, attributes)
         layout = "a sample a row"
         ends = (cells.header[-1], cells.header[0])
@@ -340,7 +341,7 @@ def _runs(values: list[float]) -> bool:
     return len(values) > 2 and min(values) >= 100 and bool((steps > 0).all() or (steps < 0).all())
 
 
-def _is_wide(cells: _Cells, first: tuple[int, str]) -> bool:
+def _is_wide(cells: _Cells, row: list[str]) -> bool:
     """Whether samples are rows: titles are bands, and do not number samples."""
     titles = [_band_of(cells, title) for title in cells.header[1:]]
     numeric = [found.wavelength for found in titles if found is not None]
@@ -353,7 +354,7 @@ def _is_wide(cells: _Cells, first: tuple[int, str]) -> bool:
         )
     titled = any(
         is_wavelength_title(title) and _wavelength(cell, cells.delimiter) is not None
-        for title, cell in zip(cells.titles[-1], _split(cells, *first), strict=False)
+        for title, cell in zip(cells.titles[-1], row, strict=False)
     )
     # Samples may be numbered 1, 2, 3; a wavelength in nm has three digits at least. Colours may
     # stand beside few bands.
