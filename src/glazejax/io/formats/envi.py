@@ -12,7 +12,8 @@ from jaxtyping import Float, Int
 
 from ...spectra import validate_wavelengths
 from ..cube import MARK_WORDS, USUAL_MARK, SpectraCube, can_hold_mark, with_gaps
-from ..finish import RawSpectra, in_order, nanometres, unit_of
+from ..finish import RawSpectra, in_order, unit_of
+from ..quantity import nanometres
 from ..source import Source, explain_errors, is_there, open_source, refusal, show_path
 from ..spectra_table import SpectraTable
 from ..words import read_number
