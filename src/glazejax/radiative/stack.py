@@ -11,12 +11,13 @@ from typing import Any, Literal, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Float
 
 from ..programs import Program
 from .auxiliary.method import Auxiliary
-from .common.chunks import in_chunks, on_all_cores
+from .common.chunks import in_chunks, on_all_cores, on_cpu
 from .common.inputs import (
     INDEX_RANGE,
     Numbers,
@@ -261,8 +262,16 @@ def _evaluate(inputs: _Inputs, tolerance: float, method: str) -> Array:
     stack, settings, batch = _prepare(inputs, tolerance, method)
     # Outside a compiled program the parts of a large batch are programs of their own, one a core.
     run = _run if stack.ground.shape[0] < _MANY else _reflectance
-    found = run(stack, settings)
-    return found if found.shape == batch else found.reshape(batch)
+    return _shaped(run(stack, settings), batch)
+
+
+def _shaped(found: Array, batch: tuple[int, ...]) -> Array:
+    """Results in the shape of the batch; where they are known and small, without a program."""
+    if found.shape == batch:
+        return found
+    if concrete(found) is None or not on_cpu(found):
+        return found.reshape(batch)
+    return jax.device_put(np.asarray(found).reshape(batch))
 
 
 def _evaluate_split(inputs: _Inputs, tolerance: float, method: str) -> Split:
@@ -290,8 +299,10 @@ def _prepare(
     )
     flat = given.flat()
     dtype = given.arrays["albedo"].dtype
-    index = concrete(inputs.refractive_index)
-    if index is None or index.size == 0:
+    index = None if fixed is not None else concrete(inputs.refractive_index)
+    if fixed is not None:
+        low = high = fixed
+    elif index is None or index.size == 0:
         low, high = INDEX_RANGE
     else:
         low = float(index.min())

@@ -2,6 +2,7 @@
 of them.
 """
 
+import functools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple, TypeAlias, get_args
@@ -57,10 +58,14 @@ def smallest_cosine(*cosines: Any) -> float:
     """Smallest known cosine; one that is traced may be as small as 1e-4, None is a direction not
     asked for.
     """
-    known = [concrete(c) for c in cosines if c is not None]
-    return min(
-        (LEAST_COSINE if c is None else float(c.min(initial=1.0)) for c in known), default=1.0
-    )
+    return min((_smallest(c) for c in cosines if c is not None), default=1.0)
+
+
+def _smallest(cosine: Any) -> float:
+    if isinstance(cosine, float):
+        return cosine
+    known = concrete(cosine)
+    return LEAST_COSINE if known is None else float(known.min(initial=1.0))
 
 
 def check_choice(name: str, value: str, choices: Any) -> None:
@@ -69,10 +74,12 @@ def check_choice(name: str, value: str, choices: Any) -> None:
     Raises:
         ValueError: names the argument, the value and the choices.
     """
-    if value not in get_args(choices):
-        raise ValueError(
-            f"{name} {value!r} is unknown; use one of {', '.join(map(repr, get_args(choices)))}"
-        )
+    legal = _legal(choices)
+    if value not in legal:
+        raise ValueError(f"{name} {value!r} is unknown; use one of {', '.join(map(repr, legal))}")
+
+
+_legal = functools.cache(get_args)
 
 
 def check_given(given: Mapping[str, Numbers | None]) -> None:
@@ -128,6 +135,8 @@ def check_tolerance(tolerance: float) -> None:
     Raises:
         ValueError: names the value.
     """
+    if isinstance(tolerance, float) and 0 < tolerance < 1:
+        return
     if isinstance(tolerance, Tracer):
         raise ValueError(
             "tolerance is traced by JAX, and chooses the program: make it static, as in "
@@ -173,6 +182,9 @@ def batch_shape(shapes: Mapping[str, tuple[int, ...]], last: str = "layers") -> 
     Raises:
         ValueError: they do not; lists them by name.
     """
+    longest = max(shapes.values(), key=len)
+    if all(shape in ((), longest) for shape in shapes.values()):
+        return longest
     try:
         return np.broadcast_shapes(*shapes.values())
     except ValueError:
@@ -228,7 +240,9 @@ def batch_of_stacks(
     if xp is None:
         xp = np if _known_and_small(given) else jnp
     arrays = {
-        name: _in_range(name, _as_array(value, dtype, xp))
+        name: np.asarray(value, dtype)
+        if xp is np
+        else _in_range(name, _as_array(value, dtype))
         for name, value in given.items()
         if value is not None
     }
@@ -248,11 +262,11 @@ def _known_and_small(given: Mapping[str, Any]) -> bool:
     return known and sum(map(np.size, leaves)) <= _SMALL
 
 
-def _as_array(value: Any, dtype: Any, xp: Any) -> Any:
+def _as_array(value: Any, dtype: Any) -> Any:
     # NumPy changes the type of its own numbers and of Python's: JAX would compile a program for
     # that.
     plain = isinstance(value, np.ndarray | np.generic | float | int)
-    return xp.asarray(np.asarray(value, dtype) if plain else value, dtype)
+    return jnp.asarray(np.asarray(value, dtype) if plain else value, dtype)
 
 
 def _in_range(name: str, array: Any) -> Any:
@@ -274,6 +288,8 @@ def flat_batch(array: Any, batch: tuple[int, ...], *last: int) -> Any:
     if math.prod(full) <= _SMALL and not isinstance(array, Tracer):
         array = np.asarray(array)
     if array.shape != full:
-        xp = jnp if isinstance(array, jax.Array) else np
-        array = xp.broadcast_to(array, full)
+        if isinstance(array, jax.Array):
+            array = jnp.broadcast_to(array, full)
+        else:
+            array = np.broadcast_to(array, full) if array.ndim else np.full(full, array)
     return array if full == flat else array.reshape(flat)
