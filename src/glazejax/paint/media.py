@@ -46,7 +46,7 @@ MAX_THICKNESS = 0.01
 
 def _check_range(name: str, values: Numbers, low: float, high: float, hint: str = "") -> None:
     """Refuse concrete values that are not numbers in [low, high]."""
-    if type(values) in (float, int) and low <= values <= high and values < np.inf:
+    if isinstance(values, float) and low <= values <= high and values < np.inf:
         return
     try:
         array = concrete(values)
@@ -508,7 +508,7 @@ class Glaze(eqx.Module):
         self.refractive_index = float(index) if constant else as_float_array(index)
 
     @functools.cached_property
-    def _known_optics(self) -> tuple[np.ndarray, np.ndarray] | None:
+    def _known_optics(self) -> tuple[Known, Known] | None:
         """What `optics_of` gives where NumPy computes it, once: no glaze ever changes."""
         known = self.coats and small(*map(as_array, jax.tree.leaves(self.coats)))
         return _optics(self) if known else None

@@ -240,9 +240,7 @@ def batch_of_stacks(
     if xp is None:
         xp = np if _known_and_small(given) else jnp
     arrays = {
-        name: np.asarray(value, dtype)
-        if xp is np
-        else _in_range(name, _as_array(value, dtype))
+        name: np.asarray(value, dtype) if xp is np else _in_range(name, _as_array(value, dtype))
         for name, value in given.items()
         if value is not None
     }
