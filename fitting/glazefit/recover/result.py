@@ -11,7 +11,12 @@ from glazejax.io.spectra_table import list_names
 from glazejax.spectra import describe_grid
 
 from ..film.films import SPECTRA, Films
+from ..film.tables import Grid, Tabulated
 
+_IN_TABLES = (
+    *(f"{what}{end}" for what in ("absorption", "scattering", "ratio") for end in ("", "_sd")),
+    *("identifiable", "fitted_black", "fitted_white"),
+)
 CONTRAST_LIMIT = 5.0
 RELATIVE_LIMIT = 0.5
 ABSOLUTE_LIMIT = 0.01
@@ -95,7 +100,7 @@ def delta_e_over_cards(
 
 
 @dataclass(frozen=True)
-class Recovery(FittedFilms):
+class Recovery(FittedFilms, Tabulated):
     """Recovered films.
 
     Attributes:
@@ -132,6 +137,12 @@ class Recovery(FittedFilms):
             f"Recovery({len(self)} films, {describe_grid(self.films.wavelengths)}, {identified}: "
             f"{list_names(self.films.names)})"
         )
+
+    def grid(self) -> Grid:
+        """Optical thicknesses k d and s d, their ratio, fitted readings, and what was measured."""
+        axes, measured = self.films.grid()
+        own = {name: (tuple(axes), getattr(self, name)) for name in _IN_TABLES}
+        return Grid(axes, {**measured, **own})
 
     @property
     def absorption_sd(self) -> Float[np.ndarray, "films bands"]:
