@@ -7,6 +7,7 @@ from __future__ import annotations
 import functools
 import math
 import warnings
+from collections.abc import Mapping
 from typing import Any, Literal, NamedTuple
 
 import jax
@@ -17,9 +18,10 @@ from jaxtyping import Array, Float
 
 from ..programs import Program
 from .auxiliary.method import Auxiliary
-from .common.chunks import in_chunks, on_all_cores, on_cpu
+from .common.chunks import in_chunks, on_all_cores, on_cpu, on_its_devices
 from .common.inputs import (
     INDEX_RANGE,
+    OF_LAYERS,
     Numbers,
     batch_of_stacks,
     check_choice,
@@ -143,7 +145,7 @@ def stack_reflectance_factor(
         cos_incidence=cos_incidence,
         cos_viewing=cos_viewing,
     )
-    return _evaluate(given, tolerance, method)
+    return _evaluate(given, tolerance, method, _reflect)
 
 
 def stack_hemispherical_reflectance(
@@ -179,7 +181,7 @@ def stack_hemispherical_reflectance(
         cos_incidence=cos_incidence,
         cos_viewing=None,
     )
-    return _evaluate(given, tolerance, method)
+    return _evaluate(given, tolerance, method, _reflect)
 
 
 def split_reflectance_factor(
@@ -258,11 +260,17 @@ class _Inputs(NamedTuple):
     cos_viewing: Numbers | None
 
 
-def _evaluate(inputs: _Inputs, tolerance: float, method: str) -> Array:
-    stack, settings, batch = _prepare(inputs, tolerance, method)
+def _evaluate(inputs: _Inputs, tolerance: float, method: str, run: Any) -> Any:
+    def evaluate(given: Mapping[str, Any]) -> Any:
+        stack, settings, batch = _prepare(_Inputs(**given), tolerance, method)
+        return jax.tree.map(lambda part: _shaped(part, batch), run(stack, settings))
+
+    return on_its_devices(evaluate, inputs._asdict(), OF_LAYERS)
+
+
+def _reflect(stack: Stack, settings: _StackSettings) -> Array:
     # Outside a compiled program the parts of a large batch are programs of their own, one a core.
-    run = _run if stack.ground.shape[0] < _MANY else _reflectance
-    return _shaped(run(stack, settings), batch)
+    return (_run if stack.ground.shape[0] < _MANY else _reflectance)(stack, settings)
 
 
 def _shaped(found: Array, batch: tuple[int, ...]) -> Array:
@@ -280,8 +288,7 @@ def _evaluate_split(inputs: _Inputs, tolerance: float, method: str) -> Split:
         raise ValueError(
             f"method {method!r} does not split the reflectance; use 'ordinates' or 'auxiliary'"
         )
-    stack, settings, batch = _prepare(inputs, tolerance, method)
-    return jax.tree.map(lambda part: part.reshape(batch), _run_split(stack, settings))
+    return _evaluate(inputs, tolerance, method, _run_split)
 
 
 def _prepare(
@@ -318,7 +325,7 @@ def _prepare(
             inputs.optical_thickness,
             tolerance,
             words="take method 'ordinates', or ",
-            stacklevel=5,
+            stacklevel=7,
         )
     resolution, chunk = solver.resolve(
         Request(
@@ -370,7 +377,7 @@ def _within_reach(tolerance: float, method: str, *, single: bool) -> float:
         )
         warnings.warn(
             f"tolerance is {tolerance:g}, but {finest:g} is the least there is {words}",
-            stacklevel=5,
+            stacklevel=7,
         )
     return max(tolerance, finest)
 

@@ -58,14 +58,10 @@ def smallest_cosine(*cosines: Any) -> float:
     """Smallest known cosine; one that is traced may be as small as 1e-4, None is a direction not
     asked for.
     """
-    return min((_smallest(c) for c in cosines if c is not None), default=1.0)
-
-
-def _smallest(cosine: Any) -> float:
-    if isinstance(cosine, float):
-        return cosine
-    known = concrete(cosine)
-    return LEAST_COSINE if known is None else float(known.min(initial=1.0))
+    known = [concrete(c) for c in cosines if c is not None]
+    return min(
+        (LEAST_COSINE if c is None else float(c.min(initial=1.0)) for c in known), default=1.0
+    )
 
 
 def check_choice(name: str, value: str, choices: Any) -> None:
@@ -182,9 +178,6 @@ def batch_shape(shapes: Mapping[str, tuple[int, ...]], last: str = "layers") -> 
     Raises:
         ValueError: they do not; lists them by name.
     """
-    longest = max(shapes.values(), key=len)
-    if all(shape in ((), longest) for shape in shapes.values()):
-        return longest
     try:
         return np.broadcast_shapes(*shapes.values())
     except ValueError:
@@ -205,12 +198,12 @@ class BatchOfStacks(NamedTuple):
     def flat(self) -> dict[str, Any]:
         """The arrays with one batch axis: (stacks, layers) and (stacks,)."""
         return {
-            name: flat_batch(a, self.batch, *[self.layers] * (name in _OF_LAYERS))
+            name: flat_batch(a, self.batch, *[self.layers] * (name in OF_LAYERS))
             for name, a in self.arrays.items()
         }
 
 
-_OF_LAYERS = ("albedo", "optical_thickness")
+OF_LAYERS = ("albedo", "optical_thickness")
 
 
 def batch_of_stacks(
@@ -234,7 +227,7 @@ def batch_of_stacks(
 
     A value that is traced can't be refused; out of its range it is NaN here, and so is the result.
     """
-    check_given({name: given[name] for name in (*_OF_LAYERS, "substrate_reflectance")})
+    check_given({name: given[name] for name in (*OF_LAYERS, "substrate_reflectance")})
     check_values(given)
     dtype = dtype or jnp.result_type(float)
     if xp is None:
@@ -244,10 +237,10 @@ def batch_of_stacks(
         for name, value in given.items()
         if value is not None
     }
-    albedo, thickness, layers = at_least_one_layer(*(arrays[name] for name in _OF_LAYERS), xp=xp)
+    albedo, thickness, layers = at_least_one_layer(*(arrays[name] for name in OF_LAYERS), xp=xp)
     arrays |= {"albedo": albedo, "optical_thickness": thickness}
     own = {
-        name: array.shape[:-1] if name in _OF_LAYERS else array.shape
+        name: array.shape[:-1] if name in OF_LAYERS else array.shape
         for name, array in arrays.items()
     }
     return BatchOfStacks(arrays, batch_shape({**own, **(shapes or {})}), layers)
