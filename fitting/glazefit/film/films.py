@@ -20,7 +20,7 @@ from glazejax.radiative.common.fresnel import dielectric_reflectance
 from glazejax.spectra import describe_grid, validate_wavelengths
 
 from .model.response import ground_below
-from .tables import WAVELENGTH, Grid, Tabulated
+from .tables import WAVELENGTH, Tabulated, Variables
 
 Spectra = Float[np.ndarray, "films bands"]
 InstrumentLike = Instrument | Geometry | str
@@ -175,14 +175,14 @@ class Films(Tabulated):
         bare = self.seen & ~self.assumed & ~self.opaque[:, None]
         return dict(zip(SPECTRA, (*bare.T, *self.seen.T), strict=True))
 
-    def grid(self) -> Grid:
-        """The readings; what was not measured is NaN."""
+    def arrays_and_axes(self) -> Variables:
+        """What was not measured is NaN."""
         axes = {"film": list(self.names), WAVELENGTH: self.wavelengths}
-        kept = {
-            what: np.where(rows[:, None], getattr(self, what), np.nan)
-            for what, rows in self._measured().items()
-        }
-        return Grid(axes, {what: (tuple(axes), values) for what, values in kept.items()})
+        kept = self._measured().items()
+        return {
+            what: (tuple(axes), np.where(rows[:, None], getattr(self, what), np.nan))
+            for what, rows in kept
+        }, axes
 
     def where_seen(
         self, values: Float[np.ndarray, "films 2 *rest"]

@@ -1,58 +1,31 @@
-"""Results as tables of pandas and data sets of xarray."""
+"""Results as data sets of xarray and tables of pandas."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import Any, NamedTuple
-
-import numpy as np
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, TypeAlias
 
 from glazejax.extras import require
 
 WAVELENGTH = "wavelength"
-_UNITS = {WAVELENGTH: "nm"}
+Variables: TypeAlias = tuple[Mapping[str, tuple[tuple[str, ...], Any]], Mapping[str, Any]]
+"""Arrays by name: names of axes, and values without a unit; then the coordinates of axes by name,
+wavelengths in nm.
+"""
 
 
-class Grid(NamedTuple):
-    """Arrays on axes that all of them share or leave out."""
-
-    axes: Mapping[str, Any]
-    """Coordinates by name, in the order of the arrays' dimensions; wavelengths in nm."""
-    arrays: Mapping[str, tuple[tuple[str, ...], Any]]
-    """By name: axes, and values without a unit."""
-
-    def columns(self) -> Iterator[tuple[str, np.ndarray]]:
-        """Titles and columns of a long table: a row for each place of the grid."""
-        shape = tuple(map(len, self.axes.values()))
-        each = {name: ((name,), values) for name, values in self.axes.items()}
-        for name, (axes, values) in {**each, **self.arrays}.items():
-            sizes = [n if axis in axes else 1 for axis, n in zip(self.axes, shape, strict=True)]
-            title = f"{name}_{_UNITS[name]}" if name in _UNITS else name
-            yield title, np.broadcast_to(np.reshape(values, sizes), shape).ravel()
-
-
-def as_frame(titles: Iterable[str], rows: Iterable[Sequence[object]]) -> Any:
+def as_frame(titles: Any, rows: Iterable[Sequence[object]]) -> Any:
     """A pandas.DataFrame of rows."""
     require("pandas")
     import pandas
 
-    return pandas.DataFrame(list(rows), columns=list(titles))
+    return pandas.DataFrame(list(rows), columns=titles)
 
 
 class Tabulated:
-    """A result that pandas and xarray take."""
+    """A result that xarray and pandas take."""
 
-    def grid(self) -> Grid:
-        """Its arrays by axes."""
+    def arrays_and_axes(self) -> Variables:
+        """Its arrays and their axes."""
         raise NotImplementedError
-
-    def to_dataframe(self) -> Any:
-        """A pandas.DataFrame with a row for each place of the grid; a title ends in its unit where
-        there is one: ``wavelength_nm``.
-
-        Raises:
-            ModuleNotFoundError: pandas is not installed.
-        """
-        titles, columns = zip(*self.grid().columns(), strict=True)
-        return as_frame(titles, zip(*columns, strict=True))
 
     def to_xarray(self) -> Any:
         """An xarray.Dataset; the attribute ``units`` of each variable says its unit, 1 for none.
@@ -63,7 +36,17 @@ class Tabulated:
         require("xarray")
         import xarray
 
-        data = xarray.Dataset(*reversed(self.grid()))
+        data = xarray.Dataset(*self.arrays_and_axes())
         for name, values in data.variables.items():
-            values.attrs["units"] = _UNITS.get(str(name), "1")
+            values.attrs["units"] = "nm" if name == WAVELENGTH else "1"
         return data
+
+    def to_dataframe(self) -> Any:
+        """A pandas.DataFrame with a row for each place of `to_xarray`'s axes, wavelengths in the
+        column ``wavelength_nm``; all else has no unit.
+
+        Raises:
+            ModuleNotFoundError: xarray, which brings pandas, is not installed.
+        """
+        frame = self.to_xarray().to_dataframe().reset_index()
+        return frame.rename(columns={WAVELENGTH: "wavelength_nm"})

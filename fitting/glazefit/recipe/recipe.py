@@ -21,7 +21,7 @@ from glazejax.paint.describe import Coat
 
 from ..film.model.mixing import Pigments
 from ..film.model.variation import MIXED, Variation
-from ..film.tables import WAVELENGTH, Grid, Tabulated, as_frame
+from ..film.tables import WAVELENGTH, Tabulated, Variables, as_frame
 from .model import read, read_ahead
 from .parts import whole_parts
 from .refine import refine
@@ -133,11 +133,10 @@ class Recipe(Tabulated):
         """
         return as_frame(PAINT_COLUMNS, self.rows())
 
-    def grid(self) -> Grid:
+    def arrays_and_axes(self) -> Variables:
         """What the instrument reads."""
-        return Grid(
-            {WAVELENGTH: self.wavelengths}, {"reflectance": ((WAVELENGTH,), self.reflectance)}
-        )
+        axes = {WAVELENGTH: self.wavelengths}
+        return {"reflectance": (tuple(axes), self.reflectance)}, axes
 
     def __repr__(self) -> str:
         return f"Recipe({self.text!r} for {self.target.name!r}, Delta E {self.distance:.2f})"

@@ -5,7 +5,7 @@ reading of it adds.
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -364,10 +364,18 @@ def _print(
 def _write(made: "Sequence[Prediction]", path: Path, overwrite: bool) -> None:
     from glazejax.io import write_table
 
-    rows = (
-        (film, over, f"{nm:g}", *(f"{value:.6f}" for value in values))
-        for found in made
-        for film, over, nm, *values in zip(*dict(found.grid().columns()).values(), strict=True)
-    )
-    header = [title for title, _ in made[0].grid().columns()]
-    write_table(path, header, rows, overwrite=overwrite)
+    def rows() -> Any:
+        for found in made:
+            low, high = found.interval()
+            for card, over in enumerate(("black", "white")):
+                for band, wavelength in enumerate(found.wavelengths):
+                    values = (found.reflectance[card, band], low[card, band], high[card, band])
+                    yield (
+                        found.name,
+                        over,
+                        f"{wavelength:g}",
+                        *(f"{value:.6f}" for value in values),
+                    )
+
+    header = ("film", "over", "wavelength_nm", "reflectance", "lower_90", "upper_90")
+    write_table(path, header, rows(), overwrite=overwrite)

@@ -21,7 +21,7 @@ from ..film.films import Films, Noise, card_readings
 from ..film.model.errors import ModelError, draw_coefficient_errors, draw_model_errors
 from ..film.model.response import Response, film_response
 from ..film.model.variation import MIXED, SIZES, SizeEvidence, Variation, log_likelihood
-from ..film.tables import WAVELENGTH, Grid, Tabulated
+from ..film.tables import WAVELENGTH, Tabulated, Variables
 from .joint_problem import model_deviation
 from .joint_result import JointRecovery
 from .result import delta_e_over_cards
@@ -67,14 +67,15 @@ class Prediction(Tabulated):
         """Over black and over white."""
         return np.stack([self.over_black, self.over_white])
 
-    def grid(self) -> Grid:
+    def arrays_and_axes(self) -> Variables:
         """Reflectance, and the ends of its 90 % intervals."""
-        axes = {"film": [self.name], "over": ["black", "white"], WAVELENGTH: self.wavelengths}
-        spectra = (self.reflectance, *self.interval())
-        titles = ("reflectance", "lower_90", "upper_90")
-        return Grid(
-            axes, {name: (tuple(axes), [r]) for name, r in zip(titles, spectra, strict=True)}
+        axes = {"over": ["black", "white"], WAVELENGTH: self.wavelengths}
+        each = zip(
+            ("reflectance", "lower_90", "upper_90"),
+            (self.reflectance, *self.interval()),
+            strict=True,
         )
+        return {name: (tuple(axes), values) for name, values in each}, axes
 
     @property
     def draws(self) -> Float[np.ndarray, "draws 2 bands"]:

@@ -124,11 +124,11 @@ def write_fits(recovery: Recovery, path: Path, *, overwrite: bool = False) -> No
         "fitted_over_black",
         "fitted_over_white",
     )
-    columns = dict(recovery.grid().columns())
-    names = ("film", "wavelength_nm", "ratio", "ratio_sd", "fitted_black", "fitted_white")
+    columns = [recovery.ratio, recovery.ratio_sd, recovery.fitted_black, recovery.fitted_white]
     rows = (
-        (film, f"{nm:g}", *(f"{value:.6g}" for value in values))
-        for film, nm, *values in zip(*(columns[name] for name in names), strict=True)
+        (name, f"{wavelength:g}", *(f"{column[film, band]:.6g}" for column in columns))
+        for film, name in enumerate(recovery.films.names)
+        for band, wavelength in enumerate(recovery.films.wavelengths)
     )
     write_table(path, header, rows, overwrite=overwrite)
 

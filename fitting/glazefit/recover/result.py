@@ -11,11 +11,18 @@ from glazejax.io.spectra_table import list_names
 from glazejax.spectra import describe_grid
 
 from ..film.films import SPECTRA, Films
-from ..film.tables import Grid, Tabulated
+from ..film.tables import Tabulated, Variables
 
 _IN_TABLES = (
-    *(f"{what}{end}" for what in ("absorption", "scattering", "ratio") for end in ("", "_sd")),
-    *("identifiable", "fitted_black", "fitted_white"),
+    "absorption",
+    "absorption_sd",
+    "scattering",
+    "scattering_sd",
+    "ratio",
+    "ratio_sd",
+    "identifiable",
+    "fitted_black",
+    "fitted_white",
 )
 CONTRAST_LIMIT = 5.0
 RELATIVE_LIMIT = 0.5
@@ -138,11 +145,13 @@ class Recovery(FittedFilms, Tabulated):
             f"{list_names(self.films.names)})"
         )
 
-    def grid(self) -> Grid:
-        """Optical thicknesses k d and s d, their ratio, fitted readings, and what was measured."""
-        axes, measured = self.films.grid()
-        own = {name: (tuple(axes), getattr(self, name)) for name in _IN_TABLES}
-        return Grid(axes, {**measured, **own})
+    def arrays_and_axes(self) -> Variables:
+        """What was recovered, and what was measured."""
+        measured, axes = self.films.arrays_and_axes()
+        return {
+            **measured,
+            **{name: (tuple(axes), getattr(self, name)) for name in _IN_TABLES},
+        }, axes
 
     @property
     def absorption_sd(self) -> Float[np.ndarray, "films bands"]:

@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float, Int
 from glazejax.catalogue import family
 
 from ...film.model.variation import MIXED, PRIOR, SIZES
-from ...film.tables import WAVELENGTH, Grid, Tabulated, as_frame
+from ...film.tables import WAVELENGTH, Tabulated, Variables, as_frame
 from ..search.pool import NOBODY, Pool
 from ..search.task import Measured
 from ..search.unstated_conditions import CONDITIONS
@@ -293,25 +293,20 @@ class Identification(Tabulated):
         """
         return as_frame(*table_of(self, top))
 
-    def grid(self) -> Grid:
-        """Readings, what was fitted, and how probable each explanation and each paint is."""
+    def arrays_and_axes(self) -> Variables:
+        """Readings, what was fitted, and how probable it is."""
         each = ("spectrum", "candidate")
         bands = ("ground", WAVELENGTH)
-        arrays = {
+        axes = {
+            "spectrum": list(self.measured.names),
+            "ground": np.arange(self.fitted.shape[2]) + 1,
+            WAVELENGTH: self.measured.wavelengths,
+        }
+        return {
             "measured": (("spectrum", *bands), self.measured.readings),
             "fitted": ((*each, *bands), self.fitted),
             "probability": (each, self.probability),
-            "none_of_these": (each[:1], self.none),
-            "paint_probability": (("spectrum", "paint"), self.paint_probability),
-        }
-        axes = {
-            "spectrum": list(self.measured.names),
-            "candidate": np.arange(self.fitted.shape[1]) + 1,
-            "ground": np.arange(self.fitted.shape[2]) + 1,
-            WAVELENGTH: self.measured.wavelengths,
-            "paint": list(self.paints),
-        }
-        return Grid(axes, arrays)
+        }, axes
 
     def ranked(self, row: int, count: int | None = None) -> list[Candidate]:
         """Explanations of one spectrum, most probable first."""

@@ -1,10 +1,12 @@
 """An identification as a table."""
 
 from collections.abc import Iterator
+from itertools import chain
 from typing import Any
 
 import numpy as np
 
+_OF_SPECTRUM = ("none_of_these", "explained", "coats_probability")
 COLUMNS = (
     "spectrum",
     "rank",
@@ -16,9 +18,7 @@ COLUMNS = (
     "spectral_angle_deg",
     "delta_e_2000",
     "gloss",
-    "none_of_these",
-    "explained",
-    "coats_probability",
+    *_OF_SPECTRUM,
 )
 FAMILY_COLUMNS = (
     "spectrum",
@@ -27,9 +27,7 @@ FAMILY_COLUMNS = (
     "probability",
     "right_in_tests",
     "nearest_exemplars",
-    "none_of_these",
-    "explained",
-    "coats_probability",
+    *_OF_SPECTRUM,
 )
 """Of a table of families: how often an answer that sure was right in tests stands with the first.
 """
@@ -47,27 +45,23 @@ def table_of(found: Any, top: int | None = None) -> tuple[tuple[str, ...], Itera
 def _rows(found: Any, top: int | None) -> Iterator[list[object]]:
     """Cells of `COLUMNS`, a row an explanation."""
     for row, name in enumerate(found.measured.names):
-        for rank, candidate in enumerate(found.ranked(row, top), start=1):
-            cells: list[object] = [name, rank, candidate.probability]
-            for n in range(3):
-                if n < len(candidate.paints):
-                    share = candidate.fractions[n]
-                    sd = candidate.fractions_sd[n]
-                    cells += [candidate.paints[n], share, sd, candidate.coats[n] + 1]
-                else:
-                    cells += [None] * 4
-            thick = (
-                [None, None]
-                if found.opaque
-                else [candidate.thickness * 1e6, candidate.thickness_sd * 1e6]
-            )
-            colour = None if np.isnan(candidate.delta_e) else candidate.delta_e
-            cells += [*thick, candidate.rmse, candidate.angle, colour, candidate.gloss]
+        for rank, one in enumerate(found.ranked(row, top), start=1):
+            coats = [coat + 1 for coat in one.coats]
+            each = zip(one.paints, one.fractions, one.fractions_sd, coats, strict=True)
+            paints: list[object] = [*chain.from_iterable(each)]
+            thick = [one.thickness * 1e6, one.thickness_sd * 1e6]
             yield [
-                *cells,
-                found.none[row],
-                bool(found.explained[row]),
-                found.coats_probability[row],
+                name,
+                rank,
+                one.probability,
+                *paints,
+                *[None] * (12 - len(paints)),
+                *([None, None] if found.opaque else thick),
+                one.rmse,
+                one.angle,
+                None if np.isnan(one.delta_e) else one.delta_e,
+                one.gloss,
+                *_of_spectrum(found, row),
             ]
 
 
@@ -83,7 +77,9 @@ def _family_rows(found: Any, top: int | None) -> Iterator[list[object]]:
                 answer.probability,
                 f"{counts[0]} of {counts[1]}" if counts and rank == 1 else None,
                 " + ".join(found.ranked(row, 1)[0].paints) if rank == 1 else None,
-                found.none[row],
-                bool(found.explained[row]),
-                found.coats_probability[row],
+                *_of_spectrum(found, row),
             ]
+
+
+def _of_spectrum(found: Any, row: int) -> tuple[object, ...]:
+    return found.none[row], bool(found.explained[row]), found.coats_probability[row]
