@@ -20,6 +20,7 @@ from .paint.media import Glaze as Glaze
 from .paint.media import Layer as Layer
 from .paint.media import Mixture as Mixture
 from .paint.media import Pigment as Pigment
+from .paint.media import amounts as amounts
 from .picture import picture as picture
 from .program_cache import enable_program_cache as enable_program_cache
 from .radiative.profile import (

@@ -78,7 +78,8 @@ def compile_quickly(level: int) -> None:
     Args:
         level: of optimisation, from 0 to 3.
     """
-    if not _alone() or not _KNOWN[0] <= _jaxlib() < _KNOWN[1]:
+    jaxlib = tuple(map(int, version("jaxlib").split(".")[:2]))
+    if not _alone() or not _KNOWN[0] <= jaxlib < _KNOWN[1]:
         return
     given = os.environ.get("XLA_FLAGS", "")
     new = [
@@ -92,11 +93,6 @@ def _alone() -> bool:
     """Whether JAX has the processor only: other devices' compilers have that level too."""
     asked = os.environ.get("JAX_PLATFORMS", "")
     return asked == "cpu" or (not asked and find_spec("jax_plugins") is None)
-
-
-def _jaxlib() -> tuple[int, int]:
-    major, minor = version("jaxlib").split(".")[:2]
-    return int(major), int(minor)
 
 
 def _close(folder: Path) -> None:

@@ -13,7 +13,8 @@ from __future__ import annotations
 import functools
 import operator
 from collections.abc import Sequence
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, replace
 from typing import Any
 
 import equinox as eqx
@@ -36,7 +37,6 @@ from ..spectra import (
     numpy_or_jax,
     on_numpy_or_jax,
     same_grid,
-    small,
     validate_wavelengths,
 )
 from .phase import Known, legal_phase, mix_moments, stack_moments
@@ -175,7 +175,9 @@ class Pigment(_Labelled):
     ):
         grid = validate_wavelengths(wavelengths)
 
-        def spectrum(what: str, values: Numbers) -> Float[Array, "*batch bands"]:
+        def spectrum(what: str, values: Numbers | None) -> Any:
+            if values is None:
+                return None
             what = f"{what} of {name!r}"
             values = as_array(values)
             if values.shape[-1:] != grid.shape:
@@ -188,12 +190,8 @@ class Pigment(_Labelled):
 
         self.absorption = spectrum("absorption", absorption)
         self.scattering = spectrum("scattering", scattering)
-        self.absorption_sd = (
-            None if absorption_sd is None else spectrum("absorption_sd", absorption_sd)
-        )
-        self.scattering_sd = (
-            None if scattering_sd is None else spectrum("scattering_sd", scattering_sd)
-        )
+        self.absorption_sd = spectrum("absorption_sd", absorption_sd)
+        self.scattering_sd = spectrum("scattering_sd", scattering_sd)
         self.error_modes = (
             None if error_modes is None else _legal_modes(name, error_modes, grid.size)
         )
@@ -254,34 +252,25 @@ class Pigment(_Labelled):
             return self
         matrix = interpolation_matrix(self.wavelengths, wavelengths)
 
-        def at(values: Float[Array, "... bands"] | None) -> Float[Array, "... new"] | None:
+        def at(values: Any) -> Any:
             if values is None:
                 return None
             return on_numpy_or_jax(matmul, values, matrix.astype(values.dtype))
 
-        k = at(self.absorption)
-        s = at(self.scattering)
         phase = self.phase
         if phase is not None and phase.ndim == 2 and phase.shape[0] > 1:
             phase = on_numpy_or_jax(matmul, matrix.T.astype(phase.dtype), phase)
-        assert k is not None
-        assert s is not None
+        known = self.identifiable
+        seen = None if known is None else ~np.any(matrix[~known] > 0, axis=0)
         return type(self)(
-            self.name,
-            wavelengths,
-            k,
-            s,
-            identifiable=None
-            if self.identifiable is None
-            else ~np.any(matrix[~self.identifiable] > 0, axis=0),
+            wavelengths=wavelengths,
+            absorption=at(self.absorption),
+            scattering=at(self.scattering),
             absorption_sd=at(self.absorption_sd),
             scattering_sd=at(self.scattering_sd),
             error_modes=at(self.error_modes),
             phase=phase,
-            provenance=self.provenance,
-            family=self.family,
-            source=self.source,
-            binder=self.binder,
+            **{**vars(self._labels), "identifiable": seen},
         )
 
     def renamed(
@@ -296,21 +285,11 @@ class Pigment(_Labelled):
         """The same paint under another name, and with another family, source, binder or provenance
         where these are given.
         """
-        return type(self)(
-            name,
-            self.wavelengths,
-            self.absorption,
-            self.scattering,
-            identifiable=self.identifiable,
-            absorption_sd=self.absorption_sd,
-            scattering_sd=self.scattering_sd,
-            error_modes=self.error_modes,
-            phase=self.phase,
-            provenance=self.provenance if provenance is None else provenance,
-            family=self.family if family is None else family,
-            source=self.source if source is None else source,
-            binder=self.binder if binder is None else binder,
-        )
+        given = {"family": family, "source": source, "binder": binder, "provenance": provenance}
+        new = {key: words for key, words in given.items() if words is not None}
+        other = copy(self)
+        object.__setattr__(other, "_labels", replace(self._labels, name=name, **new))
+        return other
 
     def __repr__(self) -> str:
         return f"Pigment({self.name!r}, {describe_grid(self.wavelengths)})"
@@ -507,12 +486,6 @@ class Glaze(eqx.Module):
         constant = index.ndim == 0 and isinstance(index, np.ndarray)
         self.refractive_index = float(index) if constant else as_float_array(index)
 
-    @functools.cached_property
-    def _known_optics(self) -> tuple[Known, Known] | None:
-        """What `optics_of` gives where NumPy computes it, once: no glaze ever changes."""
-        known = self.coats and small(*map(as_array, jax.tree.leaves(self.coats)))
-        return _optics(self) if known else None
-
     @property
     def wavelengths(self) -> Float[np.ndarray, "bands"]:
         """Wavelengths of the coats in nm, (bands,).
@@ -552,6 +525,20 @@ class Glaze(eqx.Module):
         return f"Glaze([{', '.join(map(repr, self.coats))}], ground {ground}, n = {index})"
 
 
+def amounts(tree: Any) -> Any:
+    """A filter of what is fitted by an optimiser: True for thicknesses of coats and fractions of
+    mixtures, False for all other leaves, such as k and s and their errors.
+
+    Args:
+        tree: a `Glaze`, or anything that holds some; `equinox.partition` takes both.
+    """
+
+    fitted = ("thickness", "weights")
+    return jax.tree_util.tree_map_with_path(
+        lambda path, _: any(getattr(key, "name", "") in fitted for key in path), tree
+    )
+
+
 # ---- what the solver takes -------------------------------------------------------------------
 #
 # NumPy arrays where all is known and small: the way to JAX and back costs more than the sums do.
@@ -561,20 +548,20 @@ class Glaze(eqx.Module):
 
 def optics_of(glaze: Glaze) -> tuple[Float[Known, "..."], Float[Known, "..."]]:
     """Albedo and optical thickness of all coats, each (..., bands, layers), top layer first."""
-    if (known := glaze._known_optics) is not None:
-        return known
+    if "_optics" in vars(glaze):
+        return vars(glaze)["_optics"]
     if not glaze.coats:
         shape = np.broadcast_shapes(np.shape(glaze.ground), np.shape(glaze.refractive_index), (1,))
         nothing = jnp.zeros((*shape, 0))
         return nothing, nothing
-    return _optics(glaze)
-
-
-def _optics(glaze: Glaze) -> tuple[Float[Known, "..."], Float[Known, "..."]]:
     absorption, scattering = zip(*(_coefficients(coat.medium) for coat in glaze.coats), strict=True)
     # Each for all coats at once; albedo apart, for it is known where only thickness is traced.
     albedo, extinction = numpy_or_jax(_albedo_and_extinction, *absorption, *scattering)
-    return albedo, numpy_or_jax(_depth, extinction, *(coat.thickness for coat in glaze.coats))
+    depth = numpy_or_jax(_depth, extinction, *(coat.thickness for coat in glaze.coats))
+    # What NumPy computed is computed once: no glaze ever changes.
+    if isinstance(depth, np.ndarray):
+        vars(glaze)["_optics"] = albedo, depth
+    return albedo, depth
 
 
 def _coefficients(medium: Pigment | Mixture) -> tuple[Float[Known, "..."], Float[Known, "..."]]:
