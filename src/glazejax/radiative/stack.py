@@ -13,6 +13,7 @@ from typing import Any, Literal, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Float
 
@@ -277,7 +278,7 @@ def _shaped(found: Array, batch: tuple[int, ...]) -> Array:
     """Results in the shape of the batch; where they are known and small, without a program."""
     if found.shape == batch:
         return found
-    if concrete(found) is None or not on_cpu(found):
+    if isinstance(found, Tracer) or not on_cpu(found):
         return found.reshape(batch)
     return jax.device_put(np.asarray(found).reshape(batch))
 
