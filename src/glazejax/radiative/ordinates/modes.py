@@ -24,8 +24,6 @@ import numpy as np
 from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Float
 
-from ..common.linalg import matmul
-
 # The two-pole iteration converges quadratically from either side; seven give 1e-15 for 40
 # directions.
 _ITERATIONS = 7
@@ -165,7 +163,7 @@ def _from_table(albedo: Array, table: _Table) -> Array:
     # arithmetic would be.
     each = table.coefficients.shape[0] // _PIECES
     coefficients = jnp.asarray(table.coefficients, albedo.dtype)
-    values = matmul(coefficients, polynomials.reshape(table.terms, -1))
+    values = jnp.tensordot(coefficients, polynomials, axes=1, precision="highest")
     values = values.reshape(_PIECES, each, *albedo.shape)
     here = jnp.stack([piece == number for number in range(_PIECES)]).astype(albedo.dtype)
     return jnp.sum(values * here[:, None], axis=0)
