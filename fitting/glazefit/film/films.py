@@ -145,6 +145,16 @@ class Films(Tabulated):
                 "the rows swapped?"
             )
 
+        # Measured films that hide their cards read up to .004 darker over white (revigo's).
+        darker = (self.over_black - self.over_white).mean(axis=1)
+        darker = np.where(self.seen.all(axis=1) & ~self.opaque, darker, 0.0)
+        if darker.max(initial=0.0) > 0.01:
+            name = self.names[int(darker.argmax())]
+            raise ValueError(
+                f"film {name!r} is darker over white than over black, by {darker.max():.2g} on "
+                f"average: are the rows {name}_ob and {name}_ow swapped?"
+            )
+
     def __len__(self) -> int:
         return len(self.names)
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import functools
 import operator
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from typing import Any
@@ -39,9 +39,8 @@ from ..spectra import (
     same_grid,
     validate_wavelengths,
 )
+from .describe import MAX_THICKNESS, Coat
 from .phase import Known, legal_phase, mix_moments, stack_moments
-
-MAX_THICKNESS = 0.01
 
 
 def _check_range(name: str, values: Numbers, low: float, high: float, hint: str = "") -> None:
@@ -642,3 +641,20 @@ def _check_grids(media: Sequence[Pigment | Mixture]) -> None:
                 f"{medium.name!r} has {describe_grid(medium.wavelengths)}; bring them to one grid "
                 "with .resample(wavelengths)"
             )
+
+
+def make_media(coats: Sequence[Coat], shelf: Mapping[str, Pigment]) -> list[Pigment | Mixture]:
+    """What each coat is made of, on the wavelengths of its pigments.
+
+    Raises:
+        KeyError: a pigment that the shelf does not have under that very name.
+        ValueError: pigments of one mixture on different wavelengths.
+    """
+    return [
+        shelf[coat.parts[0][1]]
+        if len(coat.parts) == 1
+        else Mixture(
+            [shelf[name] for _, name in coat.parts], [weight for weight, _ in coat.parts], coat.name
+        )
+        for coat in coats
+    ]
