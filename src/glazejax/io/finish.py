@@ -44,7 +44,7 @@ class RawSpectra:
         scale: number that stands for a reflectance of 1, if the file says so; None to detect
             percent.
         missing: ``refuse`` values that are not finite; or ``drop`` bands that have none in any
-            spectrum, and then spectra that lack one.
+            spectrum, and then spectra that lack one; where most do, bands that some lack.
         attributes: what else the file says of each row.
         by_hand: whether people make such files, who may mix units.
         lowest: value (fraction) below which it is no noise any more.
@@ -125,8 +125,8 @@ def _without_missing(
     names: Sequence[str],
     notes: list[str],
 ) -> tuple[Float[np.ndarray, "kept"], Float[np.ndarray, "full kept"], list[int]]:
-    """Without bands that have no data at all and spectra that still lack some; rows that
-    are kept.
+    """Without bands that have no data at all and spectra that still lack some, or, where most do,
+    without the bands that they lack; rows that are kept.
     """
     there = np.isfinite(values)
     bands = there.any(axis=0)
@@ -135,6 +135,16 @@ def _without_missing(
     if not bands.all():
         notes.append(f"{(~bands).sum()} bands without data are left out")
     rows: np.ndarray = np.all(there[:, bands], axis=1)
+    some: np.ndarray = np.any(there, axis=1)
+    full = np.all(there[some], axis=0)
+    partial = some & ~rows
+    # A library with deleted channels keeps its spectra: where most lack a few bands, these go.
+    if partial.sum() > rows.sum() and (bands & ~full).sum() * some.sum() < (
+        partial.sum() * bands.sum()
+    ):
+        notes.append(f"{(bands & ~full).sum()} bands that some spectra lack are left out")
+        bands = full
+        rows = some
     if not rows.any():
         raise ValueError("every spectrum lacks data at some wavelength")
     if not rows.all():
@@ -314,11 +324,14 @@ def _whole(wavenumbers: Float[np.ndarray, "bands"]) -> Float[np.ndarray, "bands"
 
 
 def in_order(
-    wavelengths: Float[np.ndarray, "stored"], bands: Int[np.ndarray, "used"], notes: list[str]
+    wavelengths: Float[np.ndarray, "stored"],
+    bands: Int[np.ndarray, "used"] | None,
+    notes: list[str],
 ) -> tuple[Float[np.ndarray, "used"], Int[np.ndarray, "used"]]:
-    """Wavelengths of the bands that are used, sorted, and the bands in that order; a note says if
-    that changed them.
+    """Wavelengths of the bands that are used (None: all), sorted, and the bands in that order; a
+    note says if that changed them.
     """
+    bands = np.arange(wavelengths.size) if bands is None else bands
     order = np.argsort(wavelengths[bands], kind="stable")
     if (order != np.arange(order.size)).any():
         notes.append("bands were sorted by wavelength")

@@ -10,10 +10,10 @@ from jaxtyping import Float, Int
 
 from ...spectra import resample, same_grid
 from ..files.sample import read_sample
+from ..raw_cube import RawCube
 from ..source import refusal
 from .numbers import column
 from .opening import raw_cube
-from .raw import RawCube
 
 
 @dataclass(frozen=True)

@@ -13,10 +13,10 @@ import numpy as np
 from jaxtyping import Float
 
 from ..finish import nanometres
+from ..raw_cube import OnDisk, RawCube
 from ..source import refusal
 from ..spectra_table import list_names
 from .axes import axes_of
-from .raw import OnDisk, RawCube
 
 _SPECTRAL = (
     "wavelength",

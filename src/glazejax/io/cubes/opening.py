@@ -3,9 +3,9 @@
 from pathlib import Path
 
 from ..files.sniff import identify
+from ..raw_cube import RawCube, whole
 from ..source import explain_errors, open_source, refusal
 from .arrays import envi_cube, npy_cube
-from .raw import RawCube, whole
 from .stores import classic_cube, hdf5_cube, zarr_cube
 from .tiffs import TIFF, tiff_cube, tiff_folder
 

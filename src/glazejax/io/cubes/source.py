@@ -2,7 +2,7 @@
 `xarray.DataArray`.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,14 +11,13 @@ from jaxtyping import Float, Int
 
 from ...extras import require
 from ...spectra import describe_grid, validate_wavelengths
-from ..cube import MARK_WORDS, USUAL_MARK, can_hold_mark
-from ..finish import in_order, unit_of
+from ..finish import in_order
+from ..probe import scale_of, with_usual_mark
+from ..raw_cube import RawCube
 from ..source import refusal
 from .calibration import calibration
 from .numbers import read_numbers
 from .opening import raw_cube
-from .probe import bright, holds
-from .raw import RawCube
 
 if TYPE_CHECKING:
     import xarray
@@ -66,10 +65,7 @@ class CubeSource:
         given = None if self.wavelengths is None else read_numbers(self.wavelengths)
         raw = raw_cube(Path(self.path), self.dataset, None if given is None else given.size)
         notes = list(raw.notes)
-        if not raw.ignore and can_hold_mark(raw.dtype):
-            raw = replace(raw, ignore=(USUAL_MARK,))
-            if holds(raw, USUAL_MARK):
-                notes.append(MARK_WORDS)
+        raw = with_usual_mark(raw, notes)
         stored = _stored_wavelengths(raw, given, notes)
         grid, groups = _grid(raw, stored, self.bands, self.binning[2], notes)
         window = _window(raw, self.window, self.binning, notes)
@@ -81,7 +77,8 @@ class CubeSource:
                 raw, stored, self.white, self.dark, self.white_reflectance, notes
             )
         else:
-            scale, unit = self._unit(raw, groups, notes)
+            cure = "give the scale (scale=10000, --scale 10000), or a white reference"
+            scale, unit = scale_of(raw, groups.ravel(), self.scale, notes, cure)
         from .lazy import CubeReading, as_data_array
 
         reading = CubeReading(
@@ -110,34 +107,6 @@ class CubeSource:
                 f"binning is {self.binning}; it must be three whole numbers from 1 on: y, x, "
                 "wavelength"
             )
-
-    def _unit(
-        self, raw: RawCube, groups: Int[np.ndarray, "bands n"], notes: list[str]
-    ) -> tuple[float, str]:
-        """Value that stands for a reflectance of 1, and the unit's name, from what is said or from
-        a look at pixels.
-        """
-        declared = raw.scale if self.scale is None else self.scale
-        if self.scale is not None and raw.scale not in (None, self.scale):
-            notes.append(
-                f"the file says that {raw.scale:g} is a reflectance of 1; {self.scale:g} was "
-                "given and is used"
-            )
-        level = bright(raw, groups.ravel())
-        if level is None and declared is None:
-            raise refusal(
-                raw.path, "no pixel that was looked at has data: give the scale, 1 for fractions"
-            )
-        try:
-            scale, unit, remarks = unit_of(
-                0.0 if level is None else level / (declared or 1.0),
-                declared,
-                "give the scale (scale=10000, --scale 10000), or a white reference",
-            )
-        except ValueError as error:
-            raise refusal(raw.path, error) from None
-        notes.extend(remarks)
-        return scale, unit
 
 
 def open_cube(
@@ -226,7 +195,7 @@ def _grid(
     notes: list[str],
 ) -> tuple[Float[np.ndarray, "bands"], Int[np.ndarray, "bands n"]]:
     """Wavelengths that are given, ascending, and the stored bands that each is the mean of."""
-    grid, bands = in_order(stored, np.arange(stored.size) if raw.good is None else raw.good, notes)
+    grid, bands = in_order(stored, raw.good, notes)
     new = np.concatenate([[True], np.diff(grid) > 0])
     if not new.all():
         again = ", ".join(f"{value:g}" for value in np.unique(grid[~new])[:3])

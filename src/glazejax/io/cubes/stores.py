@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from ...extras import require
+from ..raw_cube import OnDisk, RawCube
 from ..source import refusal
 from .entries import FolderEntry, describe
-from .raw import OnDisk, RawCube
 
 
 def zarr_cube(path: Path, dataset: str | None, count: int | None) -> RawCube:

@@ -11,10 +11,10 @@ import numpy as np
 from jaxtyping import Float
 
 from ...extras import require
+from ..raw_cube import OnDisk, RawCube, whole
 from ..source import explain_errors, refusal
 from ..spectra_table import list_names
 from .axes import axes_of
-from .raw import OnDisk, RawCube, whole
 
 TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 """What a TIFF begins with; + is BigTIFF."""

@@ -9,15 +9,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
-from ..cube import is_mark
-from ..source import refusal, show_path
+from .source import refusal, show_path
 
 # Bytes of a mapped file that are let go together.
 _MAPPED = 1 << 26
 # What the system maps around a byte that is read.
 _AROUND = 1 << 16
+# No reading is so far below 0: USGS marks deleted channels by -1.23e34, others by -3.4e38.
+DELETED = -1e30
 
 
 @contextmanager
@@ -126,7 +127,7 @@ class RawCube:
         apart: whether each band is stored as an image of its own.
         wavelengths: (stored bands,), nm, in the file's order; None where the file has none.
         good: the stored bands that are not marked as bad.
-        gain: a stored number times this plus `offset` is the value.
+        gain: a stored number times this plus `offset` is the value; a number, or (stored bands,).
         offset: see `gain`.
         scale: value that stands for a reflectance of 1, if the file says so.
         ignore: stored numbers that mark missing data.
@@ -147,8 +148,8 @@ class RawCube:
     apart: bool = False
     wavelengths: Float[np.ndarray, "stored"] | None = None
     good: Int[np.ndarray, "good"] | None = None
-    gain: float = 1.0
-    offset: float = 0.0
+    gain: float | Float[np.ndarray, "stored"] = 1.0
+    offset: float | Float[np.ndarray, "stored"] = 0.0
     scale: float | None = None
     ignore: tuple[float, ...] = ()
     notes: tuple[str, ...] = ()
@@ -166,6 +167,11 @@ class RawCube:
             return None
         top = float(np.iinfo(self.dtype).max)
         return None if top in self.ignore else top
+
+    @property
+    def converts(self) -> bool:
+        """Whether the file says how its numbers become values."""
+        return np.ndim(self.gain) > 0 or self.gain != 1.0 or self.offset != 0.0
 
     def block(self, y: slice, x: slice, bands: Int[np.ndarray, "bands"]) -> np.ndarray:
         """Stored numbers, (y, x, bands), in the file's type; a view of the file where it is mapped
@@ -197,18 +203,51 @@ class RawCube:
             bands: stored bands.
             mark: whether saturated readings become +inf.
         """
-        stored = self.block(y, x, bands)
-        # float32 holds all numbers of 16 bits; the larger types take float64.
-        values = stored.astype(np.result_type(self.dtype.newbyteorder("="), np.float32))
-        for number in self.ignore:
-            values[is_mark(stored, number)] = np.nan
-        if mark and self.top is not None:
-            values[stored == self.top] = np.inf
-        if self.gain != 1.0 or self.offset != 0.0:
-            values *= self.gain
-            values += self.offset
+        values = self.numbers(self.block(y, x, bands), bands, mark=mark)
         # At most whole lines of all bands, and what is mapped around each.
         self.data.used(
             len(values) * self.shape[1] * self.shape[2] * self.dtype.itemsize + bands.size * _AROUND
         )
         return values
+
+    def numbers(
+        self,
+        stored: np.ndarray,
+        bands: Int[np.ndarray, "bands"],
+        *,
+        mark: bool = False,
+        dtype: Any = np.float32,
+    ) -> Float[np.ndarray, "... bands"]:
+        """Values of stored numbers, (..., bands); NaN where data are missing.
+
+        Args:
+            stored: in the file's type.
+            bands: which of the stored bands they are.
+            mark: whether saturated readings become +inf.
+            dtype: of the values, at least; they are of one that holds all numbers of the file.
+        """
+        # float32 holds all numbers of 16 bits; the larger types take float64.
+        with np.errstate(invalid="ignore"):  # NaN of a kind that signals
+            values = stored.astype(np.result_type(self.dtype.newbyteorder("="), dtype))
+        if self.dtype.kind == "f":
+            values[values < DELETED] = np.nan
+        for number in self.ignore:
+            values[is_mark(stored, number)] = np.nan
+        if mark and self.top is not None:
+            values[stored == self.top] = np.inf
+        if self.converts:
+            values *= _of(self.gain, bands)
+            values += _of(self.offset, bands)
+        return values
+
+
+def _of(number: Any, bands: Int[np.ndarray, "bands"]) -> Any:
+    """A gain or offset of some bands, where each has its own."""
+    return number[bands] if np.ndim(number) else number
+
+
+def is_mark(raw: np.ndarray, mark: float) -> Bool[np.ndarray, "..."]:
+    """Where numbers of a file are its mark of missing data; one such as -1.23e34 is rounded as the
+    data are.
+    """
+    return raw == (raw.dtype.type(mark) if raw.dtype.kind == "f" else mark)
