@@ -33,7 +33,7 @@ def test_ways_to_name_bands(tmp_path, text):
     table = read_spectra(put(tmp_path, text))
     same(table, GRID, VALUES, ["red, light", "blue"], atol=1e-12)
     assert table.format == "CGATS text"
-    assert table.notes == []
+    assert table.notes == ["no unit is stated: taken as fractions"]
     # What is neither the name nor a band.
     assert set(table.attributes) == {"SAMPLE_ID", "LAB_L"}
     assert table.attributes["SAMPLE_ID"] == ("1", "2")
@@ -95,7 +95,7 @@ def test_dark_percent_is_known_by_its_norm(tmp_path):
 def test_names_that_repeat_are_numbered(tmp_path):
     table = read_spectra(put(tmp_path, PLAIN.replace('"red, light"', "blue")))
     assert table.names == ("blue", "blue (2)")
-    assert table.notes == ["names that repeat were numbered: blue"]
+    assert table.notes[0] == "names that repeat were numbered: blue"
 
 
 def test_old_text_is_latin(tmp_path):
@@ -132,7 +132,7 @@ def test_second_table_has_the_spectra(tmp_path):
             "without spectra: no field such as SPECTRAL_NM_400",
         ),
         (PLAIN.replace("NM410", "NM400"), "400 nm is given twice"),
-        (PLAIN.replace("0.10", "10").replace("0.20", "20"), "mixed"),
+        (PLAIN.replace("0.10", "10").replace("0.40", "0.04"), "mixed"),
         (PLAIN.replace("0.10", "-0.3"), "'red, light' is negative"),
         (PLAIN.replace("NUMBER_OF_SETS", "SPECTRAL_NORM 0\nNUMBER_OF_SETS"), "must be positive"),
         (PLAIN + "NUMBER_OF_SETS 12\n", "NUMBER_OF_SETS promises 12 sets, and there are 2"),

@@ -1,6 +1,6 @@
 """An image of spectra that stays on disk."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -82,7 +82,7 @@ class SpectraCube:
             lowest=-np.inf,
             highest=np.inf,
         )
-        return finish(raw, self.file.path, unit=self.unit)
+        return replace(finish(raw, self.file.path), unit=self.unit)
 
     def __repr__(self) -> str:
         lines, samples, _ = self.shape

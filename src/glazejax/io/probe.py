@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Int
 
-from .finish import unit_of
-from .raw_cube import DELETED, RawCube
+from .finish import DELETED, unit_of
+from .raw_cube import RawCube
 from .source import refusal
 
 # Tiles of so many lines and samples, and so many of them across the image.

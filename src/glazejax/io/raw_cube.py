@@ -11,14 +11,13 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from .finish import DELETED
 from .source import refusal, show_path
 
 # Bytes of a mapped file that are let go together.
 _MAPPED = 1 << 26
 # What the system maps around a byte that is read.
 _AROUND = 1 << 16
-# No reading is so far below 0: USGS marks deleted channels by -1.23e34, others by -3.4e38.
-DELETED = -1e30
 
 
 @contextmanager

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from ..finish import nanometres
+from ..quantity import nanometres
 from ..raw_cube import OnDisk, RawCube
 from ..source import refusal
 from ..spectra_table import list_names

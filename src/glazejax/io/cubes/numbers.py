@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from ..finish import nanometres
+from ..quantity import nanometres
 from ..source import explain_errors, open_source, refusal
 from ..words import read_number
 

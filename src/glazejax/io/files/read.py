@@ -29,7 +29,14 @@ _READERS = {
 }
 
 
-def read_spectra(path: str | Path, *, progress: Progress | None = None) -> SpectraTable:
+def read_spectra(
+    path: str | Path,
+    *,
+    progress: Progress | None = None,
+    quantity: str | None = None,
+    unit: str | None = None,
+    scale: float | None = None,
+) -> SpectraTable:
     """Read reflectance spectra, in any format that is known.
 
     CSV or TSV, wide, long or longest, also below lines of an instrument's own; columns of numbers
@@ -38,9 +45,9 @@ def read_spectra(path: str | Path, *, progress: Progress | None = None) -> Spect
     ASD; SVC; and JSON lists of wavelengths and spectra, as Kimera's. The content tells which, not
     the name. Of readings with the specular component (SCI) and without (SCE) each is a spectrum,
     ``NAME SCI`` and ``NAME SCE``. Wavelengths that descend are sorted. Values are fractions or
-    percent, as the file says or as `glazejax.spectra.as_fraction` detects; the table says in
-    `notes` what was changed. A pipe such as ``/dev/stdin`` reads as a file does. Tables are read in
-    pieces and may be large.
+    percent, as the file says, else percent if any exceeds 2; a file that says another quantity than
+    reflectance is refused. The table says in `notes` what was changed or taken for granted. A pipe
+    such as ``/dev/stdin`` reads as a file does. Tables are read in pieces and may be large.
 
     Two samples of one name are an error in a text table, which can be mended by hand; in the other
     formats the second becomes ``name (2)``, with a note.
@@ -49,6 +56,10 @@ def read_spectra(path: str | Path, *, progress: Progress | None = None) -> Spect
         path: of the file, or FILE.xlsx:SHEET.
         progress: called as it is read with the bytes read, those of the file (None for a pipe), and
             'reading'.
+        quantity: ``reflectance``, where that is what the values are, whatever the file calls them.
+        unit: what the file does not say, or says wrongly: ``nm``, ``um``, ``1/cm`` of wavelengths,
+            ``percent`` or ``fraction`` of values, or one of each, ``1/cm percent``.
+        scale: number that stands for a reflectance of 1.
 
     Raises:
         FileNotFoundError: no such file, or an ENVI header without its data.
@@ -63,9 +74,12 @@ def read_spectra(path: str | Path, *, progress: Progress | None = None) -> Spect
         if kind not in ("envi header", "envi data"):
             module, name = _READERS[kind]
             reader = getattr(import_module(f"..formats.{module}", __package__), name)
-            return finish(reader(source, sheet) if sheet else reader(source), path)
+            raw = reader(source, sheet) if sheet else reader(source)
+            return finish(raw, path, quantity=quantity, unit=unit, scale=scale)
         envi = _envi(source, kind)
-        return finish(envi.library(), path) if envi.is_library else envi.cube().table()
+        if envi.is_library:
+            return finish(envi.library(), path, quantity=quantity, unit=unit, scale=scale)
+        return envi.cube().table()
 
 
 def read_cube(path: str | Path) -> SpectraCube:

@@ -11,9 +11,10 @@ from jaxtyping import Float, Int
 
 from ...spectra import validate_wavelengths
 from ..cube import SpectraCube
-from ..finish import RawSpectra, in_order, nanometres
+from ..finish import DELETED, RawSpectra, in_order
 from ..probe import scale_of, with_usual_mark
-from ..raw_cube import DELETED, OnDisk, RawCube
+from ..quantity import nanometres
+from ..raw_cube import OnDisk, RawCube
 from ..source import Source, explain_errors, is_there, open_source, refusal, show_path
 from ..spectra_table import SpectraTable
 from ..words import read_number

@@ -15,7 +15,8 @@ import numpy as np
 from jaxtyping import Float
 
 from ...spectra import validate_wavelengths
-from ..finish import MAX_NOISE, RawSpectra, nanometres
+from ..finish import MAX_NOISE, SPECTROMETER, RawSpectra
+from ..quantity import nanometres
 from ..source import Source, shorten
 from ..words import read_number, unshield_name
 from .above import (
@@ -29,7 +30,6 @@ from .above import (
     not_read,
     numbers_of,
 )
-from .noisy_ends import without_noisy_ends
 
 _WAVENUMBER_TITLE = re.compile(
     r"^(wave\s*numbers?|wellenzahl|nombres? d.onde|\W*(1/cm|cm\^?[-⁻][1¹]))", re.IGNORECASE
@@ -620,4 +620,4 @@ def read_columns(source: Source) -> RawSpectra:
         notes=notes,
     )
     # Lines above are a spectrometer's; without them, a person may have made the file.
-    return without_noisy_ends(raw) if above else raw
+    return replace(raw, lit=SPECTROMETER) if above else raw
