@@ -1,11 +1,13 @@
 """What an image does not say, told from few pixels: its mark of missing data, and its unit."""
 
 from dataclasses import replace
+from typing import Unpack
 
 import numpy as np
 from jaxtyping import Int
 
 from .finish import DELETED, unit_of
+from .quantity import Stated, check_reflectance, read_units
 from .raw_cube import RawCube
 from .source import refusal
 
@@ -67,7 +69,11 @@ def with_usual_mark(raw: RawCube, notes: list[str]) -> RawCube:
 
 
 def scale_of(
-    raw: RawCube, bands: Int[np.ndarray, "bands"], given: float | None, notes: list[str], cure: str
+    raw: RawCube,
+    bands: Int[np.ndarray, "bands"],
+    notes: list[str],
+    cure: str,
+    **stated: Unpack[Stated],
 ) -> tuple[float, str]:
     """Value that stands for a reflectance of 1, and the unit's name, from what is said or from a
     look at pixels.
@@ -75,15 +81,22 @@ def scale_of(
     Args:
         raw: the image.
         bands: stored bands that are used.
-        given: scale that the user says, before the file's own.
         notes: what was noticed is added.
         cure: what to do where nothing says the scale.
+        stated: what the user says, before the file.
 
     Raises:
-        ValueError: the scale is not said and the numbers are whole, or neither fractions nor
-            percent; or they are much above 1 by it.
+        ValueError: another quantity than reflectance; the scale is not said and the numbers are
+            whole, or neither fractions nor percent; or they are much above 1 by it.
     """
-    declared = raw.scale if given is None else given
+    quantity = stated.get("quantity")
+    if raw.quantity or quantity is not None:
+        try:
+            check_reflectance(raw.quantity, quantity)
+        except ValueError as error:
+            raise refusal(raw.path, error) from None
+    given = stated.get("scale") or read_units(stated.get("unit"))[1]
+    declared = given or raw.scale
     if given is not None and raw.scale not in (None, given):
         notes.append(
             f"the file says that {raw.scale:g} is a reflectance of 1; {given:g} was given and is "

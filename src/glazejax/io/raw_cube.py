@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from .finish import DELETED
+from .quantity import nanometres
 from .source import refusal, show_path
 
 # Bytes of a mapped file that are let go together.
@@ -124,7 +125,10 @@ class RawCube:
         dtype: of the numbers.
         piece: (y, x, bands) that the file stores together; 1 where any window can be read as it is.
         apart: whether each band is stored as an image of its own.
-        wavelengths: (stored bands,), nm, in the file's order; None where the file has none.
+        wavelengths: (stored bands,), as the file has them; None where it has none.
+        wavelength_unit: as the file states it; empty where it does not.
+        quantity: what the file says of the values, such as ``radiance``; empty where it says
+            nothing.
         good: the stored bands that are not marked as bad.
         gain: a stored number times this plus `offset` is the value; a number, or (stored bands,).
         offset: see `gain`.
@@ -146,6 +150,8 @@ class RawCube:
     piece: tuple[int, int, int] = (1, 1, 1)
     apart: bool = False
     wavelengths: Float[np.ndarray, "stored"] | None = None
+    wavelength_unit: str = ""
+    quantity: str = ""
     good: Int[np.ndarray, "good"] | None = None
     gain: float | Float[np.ndarray, "stored"] = 1.0
     offset: float | Float[np.ndarray, "stored"] = 0.0
@@ -171,6 +177,26 @@ class RawCube:
     def converts(self) -> bool:
         """Whether the file says how its numbers become values."""
         return np.ndim(self.gain) > 0 or self.gain != 1.0 or self.offset != 0.0
+
+    def nanometres(self, unit: str = "") -> tuple[Float[np.ndarray, "stored"], list[str]]:
+        """Wavelengths in nm, in the file's order, and notes.
+
+        Args:
+            unit: what the user says that they are in, before the file.
+
+        Raises:
+            ValueError: there are none, or they are not legal.
+        """
+        if self.wavelengths is None:
+            raise refusal(
+                self.path,
+                f"no wavelengths for {self.shape[2]} bands; give them (wavelengths=, "
+                "--wavelengths: a list, or a file of nm)",
+            )
+        try:
+            return nanometres(self.wavelengths, unit or self.wavelength_unit)
+        except ValueError as error:
+            raise refusal(self.path, error) from None
 
     def block(self, y: slice, x: slice, bands: Int[np.ndarray, "bands"]) -> np.ndarray:
         """Stored numbers, (y, x, bands), in the file's type; a view of the file where it is mapped

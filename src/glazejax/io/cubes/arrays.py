@@ -32,7 +32,7 @@ def envi_cube(path: Path, count: int | None = None) -> RawCube:
     wavelengths = None
     if "wavelength" in envi.header:
         try:
-            wavelengths, notes = envi.wavelengths()
+            wavelengths = envi.wavelengths()
         except ValueError:
             if count is None:
                 raise

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..finish import RawSpectra
-from ..quantity import meaning
+from ..quantity import first_quantity
 from ..source import Source
 from ..words import read_number, unshield_name
 
@@ -95,7 +95,7 @@ def _quantity(sheet: _CgatsTable) -> str:
     """Keyword that says what was measured; empty if none does."""
     titles = ("MEAS_TYPE", "MEASUREMENT_TYPE", "DEVICE_CLASS", "DISPLAY")
     said = [f'{title} "{sheet.keywords[title]}"' for title in titles if title in sheet.keywords]
-    return next((words for words in said if meaning(words).quantity), "")
+    return first_quantity(said)
 
 
 def _sheets(source: Source) -> list[_CgatsTable]:

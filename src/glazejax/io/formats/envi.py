@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterator
 from math import prod
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -13,7 +13,7 @@ from ...spectra import validate_wavelengths
 from ..cube import SpectraCube
 from ..finish import DELETED, RawSpectra, in_order
 from ..probe import scale_of, with_usual_mark
-from ..quantity import nanometres
+from ..quantity import Stated, first_quantity, meaning, read_units
 from ..raw_cube import OnDisk, RawCube
 from ..source import Source, explain_errors, is_there, open_source, refusal, show_path
 from ..spectra_table import SpectraTable
@@ -171,9 +171,9 @@ class EnviFile:
                 f"{count} spectra of {width} bands are too many to be read at once; split the "
                 "library"
             )
-        wavelengths, notes = self.wavelengths()
-        raw = self.raw(wavelengths, notes)
-        wavelengths, bands = in_order(wavelengths, raw.good, notes)
+        notes: list[str] = []
+        raw = self.raw(self.wavelengths(), notes)
+        bands = self.good_bands([])
         names = self.entries("spectra names") or [f"spectrum {i + 1}" for i in range(count)]
         if len(names) != count:
             raise self.error(
@@ -195,38 +195,42 @@ class EnviFile:
                 raise refusal(self.data, "the file was cut short while it was read")
         values = raw.numbers(stored.reshape(count, width)[:, bands], bands, dtype=np.float64)
         return RawSpectra(
-            wavelengths=wavelengths,
+            wavelengths=self.wavelengths()[bands],
             names=names,
             values=values,
             format="ENVI spectral library",
             notes=notes,
-            scale=self.declared_scale,
+            wavelength_unit=raw.wavelength_unit,
+            quantity=raw.quantity,
+            scale=raw.scale,
             missing="drop" if raw.ignore or (stored < DELETED).any() else "refuse",
             attributes=attributes,
         )
 
-    def cube(self, scale: float | None = None) -> SpectraCube:
+    def cube(self, **stated: Unpack[Stated]) -> SpectraCube:
         """An image, not read. Its unit is its scale factor, or told from pixels all over it.
 
         That is percent if the brightest of 99 % of them exceed 2, else fractions; a few pixels of
         glare do not decide.
 
         Args:
-            scale: number that stands for a reflectance of 1, before the header's.
+            stated: what the user says, before the header.
 
         Raises:
             ValueError: header or data are not legal, there are no wavelengths, or the numbers are
                 neither fractions nor percent and the header has no reflectance scale factor.
         """
-        wavelengths, notes = self.wavelengths()
-        raw = with_usual_mark(self.raw(wavelengths, notes), notes)
+        notes: list[str] = []
+        raw = with_usual_mark(self.raw(self.wavelengths(), notes), notes)
+        wavelengths, told = raw.nanometres(read_units(stated.get("unit"))[0])
+        notes += told
         grid, bands = in_order(wavelengths, raw.good, notes)
         try:
             grid = validate_wavelengths(grid)
         except ValueError as error:
             raise self.error(error) from None
         cure = "add 'reflectance scale factor = 10000', say, to the header"
-        scale, unit = scale_of(raw, bands, scale, notes, cure)
+        scale, unit = scale_of(raw, bands, notes, cure, **stated)
         return SpectraCube(
             file=raw, wavelengths=grid, bands=bands, scale=scale, notes=notes, unit=unit
         )
@@ -235,7 +239,7 @@ class EnviFile:
         """The numbers as they are stored, not read, and what the header says of them.
 
         Args:
-            wavelengths: of the stored bands, nm.
+            wavelengths: of the stored bands, as the header has them.
             notes: what was noticed is added.
 
         Raises:
@@ -245,6 +249,8 @@ class EnviFile:
         shape = tuple(self.sizes[axis] for axis in axes)
         good = self.good_bands(notes)
         gain, offset = self._conversion(notes)
+        # The second title of ENVI's plot of a spectrum is that of its values.
+        said = [" ".join(self.entries("data units")), *self.entries("z plot titles")[1:2]]
         if "byte order" not in self.header:
             notes.append("the header does not say the byte order: taken as 0 (least byte first)")
         return RawCube(
@@ -256,10 +262,12 @@ class EnviFile:
             dtype=self._dtype,
             apart=self.interleave == "bsq",
             wavelengths=wavelengths,
+            wavelength_unit=" ".join(self.entries("wavelength units")),
+            quantity=first_quantity(said),
             good=good,
             gain=gain,
             offset=offset,
-            scale=self.declared_scale,
+            scale=self.declared_scale or meaning(said[0]).scale,
             ignore=() if self.ignore is None else (self.ignore,),
             notes=tuple(notes),
         )
@@ -306,8 +314,8 @@ class EnviFile:
             f"{stem.name}.sli, .img, ..."
         )
 
-    def wavelengths(self) -> tuple[Float[np.ndarray, "bands"], list[str]]:
-        """Wavelengths of the stored bands, in nm and the file's order, and notes.
+    def wavelengths(self) -> Float[np.ndarray, "bands"]:
+        """Wavelengths of the stored bands, as the header has them.
 
         Raises:
             ValueError: there are none, or they are not legal.
@@ -324,10 +332,7 @@ class EnviFile:
             raise self.error(
                 f"wavelength number {int(np.argmin(np.isfinite(values))) + 1} is not finite"
             )
-        try:
-            return nanometres(values, " ".join(self.entries("wavelength units")))
-        except ValueError as error:
-            raise self.error(error) from None
+        return values
 
     def good_bands(self, notes: list[str]) -> Int[np.ndarray, "good"]:
         """Stored bands that the header's ``bbl`` does not mark as bad; a note says how many it
