@@ -14,6 +14,7 @@ import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 from typing import Literal
 
@@ -138,8 +139,9 @@ def _finish(
     if missing == "drop":
         wavelengths, values, rows = _without_missing(wavelengths, values, names, notes)
         names = [names[i] for i in rows]
-    kept = lit_bands(wavelengths, values, notes, raw, declared)
-    grid = validate_wavelengths(wavelengths[kept])
+    grid = validate_wavelengths(wavelengths)
+    kept = lit_bands(grid, values, notes, raw, declared)
+    grid = grid[kept]
     values = values[:, kept]
     if not values.flags.writeable:
         values = values.copy()
@@ -165,24 +167,30 @@ def one_detector_each(
     if not detectors_overlap(wavelengths):
         notes.append("bands were sorted by wavelength")
         return np.argsort(wavelengths, kind="stable")
-    kept = np.arange(wavelengths.size)
-    for fall in np.flatnonzero(np.diff(wavelengths) <= 0):
-        middle = (wavelengths[fall] + wavelengths[fall + 1]) / 2
-        notes.append(f"detectors overlap: the change is at {middle:g} nm")
-        before = (kept <= fall) & (wavelengths[kept] <= middle)
-        kept = kept[before | ((kept > fall) & (wavelengths[kept] > middle))]
-    return kept
+    kept = []
+    start = 0.0
+    runs = _runs(wavelengths)
+    for run, after in zip(runs, [*runs[1:], None], strict=True):
+        end = np.inf if after is None else (run[-1] + after[0]) / 2
+        if after is not None:
+            notes.append(f"detectors overlap: the change is at {end:g} nm")
+        kept.append((run > start) & (run <= end))
+        start = end
+    return np.flatnonzero(np.concatenate(kept))
+
+
+def _runs(wavelengths: Float[np.ndarray, "bands"]) -> list[np.ndarray]:
+    """Wavelengths, parted where they do not ascend."""
+    return np.split(wavelengths, np.flatnonzero(np.diff(wavelengths) <= 0) + 1)
 
 
 def detectors_overlap(wavelengths: Float[np.ndarray, "bands"]) -> bool:
     """Whether wavelengths ascend in a few runs, each of which begins within the one before."""
-    falls = np.flatnonzero(np.diff(wavelengths) <= 0)
-    first = np.array([0, *(falls + 1)])
-    last = np.array([*falls, wavelengths.size - 1])
+    runs = _runs(wavelengths)
     # A reading in the wrong place makes a run of one or two.
-    long = 0 < falls.size < 5 and bool((last - first >= 2).all())
-    starts, ends = wavelengths[first], wavelengths[last]
-    return long and bool((np.diff(starts) > 0).all() and (np.diff(ends) > 0).all())
+    return 1 < len(runs) < 6 and all(
+        min(a.size, b.size) > 2 and a[0] < b[0] and a[-1] < b[-1] for a, b in pairwise(runs)
+    )
 
 
 def lit_bands(
@@ -204,19 +212,17 @@ def lit_bands(
         return slice(None)
     scale = scale or (100.0 if peak[lit].max() > MIN_PERCENT else 1.0)
     wrong: np.ndarray = ~((low >= raw.lowest * scale) & (peak <= raw.highest * scale))
-    places = np.flatnonzero(wrong & ~lit)
-    if not places.size:
-        return slice(None)
-    middle = int(np.flatnonzero(lit)[0])
-    first = max((int(i) + 1 for i in places if i < middle), default=0)
-    last = min((int(i) for i in places if i > middle), default=wavelengths.size)
-    left = np.ones(wavelengths.size, bool)
-    left[first:last] = False
-    notes.append(
-        f"{left.sum()} bands at the ends are left out, at {ranges(wavelengths, left)}: they hold "
-        "noise alone"
-    )
-    return slice(first, last)
+    below = np.flatnonzero(wrong & (wavelengths < raw.lit[0]))
+    above = np.flatnonzero(wrong & (wavelengths > raw.lit[1]))
+    kept = slice(*(below[-1:] + 1).tolist() or [0], *above[:1].tolist() or [wavelengths.size])
+    if below.size or above.size:
+        left = np.ones(wavelengths.size, bool)
+        left[kept] = False
+        notes.append(
+            f"{left.sum()} bands at the ends are left out, at {ranges(wavelengths, left)}: they "
+            "hold noise alone"
+        )
+    return kept
 
 
 def _without_missing(
@@ -330,27 +336,29 @@ def _detected_scale(
     brightest = float(peaks.max())
     if brightest <= MIN_PERCENT:
         return 1.0
+    brightest_name = names[int(peaks.argmax())]
     dark = np.flatnonzero(peaks <= MAX_FRACTION)
-    # Of no paint is a tenth of the bands below 0.2 %: such a spectrum is in fractions.
-    fractions = dark[(values[dark] < 0.2).mean(axis=1) > 0.1]
+    # Few paints are below 0.5 % at half of the bands, or below 0.2 % at a tenth: such a spectrum
+    # is in fractions.
+    half = (values[dark] < 0.5).mean(axis=1) > 0.5
+    fractions = dark[half | ((values[dark] < 0.2).mean(axis=1) > 0.1)]
     if fractions.size:
         if brightest <= MAX_DECLARED:
             return 1.0
         raise ValueError(
-            f"percent and fraction are mixed: {names[int(peaks.argmax())]} in percent (maximum "
-            f"above {MIN_PERCENT:g}), {list_names([names[int(i)] for i in fractions])} in fractions; "
-            "bring all to one unit"
+            f"percent and fraction are mixed: {brightest_name} in percent (maximum above "
+            f"{MIN_PERCENT:g}), {list_names([names[int(i)] for i in fractions])} in fractions; "
+            "bring all to one unit, or say it: --unit percent"
         )
     if brightest > 100 * MAX_FRACTION:
         raise ValueError(
-            f"reflectance of {names[int(peaks.argmax())]} reaches {brightest:g}, too much for a "
-            f"fraction (at most {MAX_FRACTION:g}) and for percent (at most "
-            f"{100 * MAX_FRACTION:g}); are these counts? divide by what stands for a reflectance "
-            "of 1, or say it: --scale"
+            f"reflectance of {brightest_name} reaches {brightest:g}, too much for a fraction (at "
+            f"most {MAX_FRACTION:g}) and for percent (at most {100 * MAX_FRACTION:g}); are these "
+            "counts? divide by what stands for a reflectance of 1, or say it: --scale"
         )
     if dark.size:
         notes.append(
-            f"{list_names([names[int(i)] for i in dark])}: dark, in percent as the brightest spectrum is"
+            f"{list_names([names[int(i)] for i in dark])}: dark, in percent as {brightest_name} is"
         )
     return 100.0
 

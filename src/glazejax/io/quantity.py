@@ -8,6 +8,7 @@ as fractions, with a note.
 
 import re
 from collections.abc import Iterable
+from functools import lru_cache
 from typing import NamedTuple, TypedDict
 
 import numpy as np
@@ -36,18 +37,26 @@ _QUANTITIES = {
     "emission": (r"\bemis|(^|\")(ambient|display|flash)\b|\bluminan|\bspectral power|cd/m", _LIGHT),
     "sensitivity": (r"\bsensitivit|\bresponsivit", _EXPORT),
     "transmittance": (r"\btrans(mi|fl)|\btrasmi|%\s*t\b|\bt\s*[\[(]?\s*%", _EXPORT),
-    REFLECTANCE: (r"\br[eé]fl(?!ex\b)|\brifl|\bremission|%\s*r\b|\br\s*[\[(]?\s*%|^r$|\bbrf\b", ""),
+    REFLECTANCE: (r"\br[eé]fl(?!ex\b)|\brifl|\bremission|%\s*r\b|\br\s*[\[(]?\s*%|\bbrf\b", ""),
 }
 _PATTERNS = {name: re.compile(words, re.IGNORECASE) for name, (words, _) in _QUANTITIES.items()}
 _MODE = re.compile(rf"(?<![a-z])({'|'.join(MODES)})(?![a-z])", re.IGNORECASE)
 _PERCENT = r"%|\bpercent|\bper cent|\bpct\b|\bprozent|\bprocent|\bpor ciento"
-_FRACTION = r"\bfractions?\b|\b0\s*[-–.]+\s*1\b|[\[(]-[\])]"
+_FRACTION = r"\bfractions?\b|\b0\s*[-–.]+\s*1\b|[\[(](?:-|1\.0)[\])]"
 # Alone or in brackets it is the unit of whatever stands before it; 'red 10%' is a mixture.
 _UNIT = r"(?:^\W*|[\[(]\s*)(?:{})[^\])]*(?:[\])]|$)"
 _SCALES = tuple(
     (scale, re.compile(words, re.IGNORECASE), re.compile(_UNIT.format(words), re.IGNORECASE))
     for scale, words in ((100.0, _PERCENT), (1.0, _FRACTION))
 )
+# Titles that say what is measured and of what nothing more.
+_NO_NAME = re.compile(
+    r"[\W_]*(?:(?:r|rfl|refl\w*|réfl\w*|rifl\w*|remission\w*|factor|percent|pct|fractions?|values?|"
+    r"intensity|processed|1\.0|counts?|sc[ie]|spin|spex|transm\w*|t|abs\w*)\b[\W_]*)+|\W*%\W*",
+    re.IGNORECASE,
+)
+# What an instrument reads and computes reflectance from.
+READINGS = {"sample", "target", "scope", "dark", "reference", "ref", "white", "background"}
 _PARTS = re.compile(r"\d[\d.,]*\s*%")
 
 # Units of wavelength: what turns them into nm, and what is said of that.
@@ -56,7 +65,7 @@ _LENGTHS = {
     "um": (r"um|microns?|micromet(er|re)s?", 1e3, "micrometres; multiplied by 1000"),
     "angstrom": (r"a|å|angstroms?", 0.1, "angstrom; divided by 10"),
     "m": (r"m|met(er|re)s?", 1e9, "metres; multiplied by 1e9"),
-    "1/cm": (r"1\s*/\s*cm|cm\^?[-⁻][1¹]|wave\s*numbers?", None, ""),
+    "1/cm": (r"1\s*/\s*cm|cm\^?[-⁻][1¹]|wave\s*numbers?|wellenzahl|nombres? d.onde", None, ""),
 }
 _NOT_SAID = {"", "unknown", "<unspecified>", "none"}
 
@@ -90,6 +99,7 @@ class Meaning(NamedTuple):
     mode: str
 
 
+@lru_cache(maxsize=4096)
 def meaning(words: str) -> Meaning:
     """Quantity, unit and mode that a title, a unit or the value of a keyword states."""
     # No title is longer; a search in more could take long.
@@ -106,6 +116,17 @@ def meaning(words: str) -> Meaning:
 def first_quantity(said: Iterable[str]) -> str:
     """The first words that state a quantity; empty if none do."""
     return next((words for words in said if meaning(words).quantity), "")
+
+
+def is_no_name(title: str) -> bool:
+    """Whether a title names a quantity or a unit and no sample, such as ``Reflectance (%)``."""
+    return len(title) <= 100 and bool(_NO_NAME.fullmatch(title))
+
+
+def names_sample(title: str) -> bool:
+    """Whether a title can only be a sample's name, and says nothing of its numbers."""
+    said = is_no_name(title) or any(meaning(title)[:2]) or title.lower() in READINGS
+    return not said
 
 
 def check_reflectance(words: str, quantity: str | None) -> None:

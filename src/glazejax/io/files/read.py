@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 # Module and function of each format's reader; they are imported when a file asks for them.
 _READERS = {
     "table": ("table", "read_table"),
-    "columns": ("table", "read_columns"),
     "cgats": ("cgats", "read_cgats"),
     "cxf": ("cxf", "read_cxf"),
     "jcamp": ("jcamp", "read_jcamp"),

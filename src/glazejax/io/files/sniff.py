@@ -4,12 +4,10 @@ import re
 from pathlib import Path
 from typing import Literal
 
-from ..formats.above import lines_above
 from ..source import Source, is_there, open_source
 
 Kind = Literal[
     "table",
-    "columns",
     "cgats",
     "cxf",
     "jcamp",
@@ -62,8 +60,7 @@ def identify(source: Source) -> Kind:
     """Format of a file; ``table`` if its content tells none.
 
     Raises:
-        ValueError: it is a file of a maker's own, a picture, an archive or a PDF, or above its
-            table stands what `lines_above` refuses.
+        ValueError: it is a file of a maker's own, a picture, an archive or a PDF.
     """
     head = source.head
     for start, words in _OTHERS.items():
@@ -79,7 +76,7 @@ def identify(source: Source) -> Kind:
             return "asd"
         if header_beside(source.path):
             return "envi data"
-        if head[1:2] in (b"K", b"L", b"M"):
+        if head[1:2] in (b"K", b"L", b"M") and b"\0" in head[:8]:
             raise source.error(_SPC)
         return "table"
     text = head.decode("utf-8-sig", errors="replace")
@@ -99,7 +96,7 @@ def identify(source: Source) -> Kind:
         return "cgats"
     if "\ufffd" in text and header_beside(source.path):
         return "envi data"
-    return "columns" if lines_above(source)[1] else "table"
+    return "table"
 
 
 def header_beside(path: Path) -> Path | None:
