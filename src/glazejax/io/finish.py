@@ -53,7 +53,7 @@ class RawSpectra:
         quantity: what the file says of the values, such as ``%R``; empty where it says nothing.
         scale: number that stands for a reflectance of 1, if the file says so.
         missing: ``refuse`` values that are not finite; or ``drop`` bands that have none in any
-            spectrum, and then spectra that lack one.
+            spectrum, and then spectra that lack one; where most do, bands that some lack.
         attributes: what else the file says of each row.
         by_hand: whether people make such files, whose names must differ.
         lit: wavelengths (nm) between which every reading must be legal.
@@ -231,18 +231,24 @@ def _without_missing(
     names: Sequence[str],
     notes: list[str],
 ) -> tuple[Float[np.ndarray, "kept"], Float[np.ndarray, "full kept"], list[int]]:
-    """Without bands that have no data at all and spectra that still lack some; rows that
-    are kept. Where every spectrum lacks some, the bands go that any of them lacks.
+    """Without bands that have no data at all and spectra that still lack some, or, where most do,
+    without the bands that they lack; rows that are kept.
     """
     there = np.isfinite(values)
     bands = there.any(axis=0)
     if not bands.any():
         raise ValueError("no spectrum has any data")
     rows: np.ndarray = np.all(there[:, bands], axis=1)
-    if not rows.any():
-        bands = there.all(axis=0)
-        rows[:] = True
-    if not bands.any():
+    some: np.ndarray = np.any(there, axis=1)
+    full = np.all(there[some], axis=0)
+    partial = some & ~rows
+    # A library with deleted channels keeps its spectra: where most lack a few bands, these go.
+    if partial.sum() > rows.sum() and (bands & ~full).sum() * some.sum() < (
+        partial.sum() * bands.sum()
+    ):
+        bands = full
+        rows = some
+    if not rows.any() or not bands.any():
         raise ValueError("every spectrum lacks data at some wavelength")
     if not bands.all():
         notes.append(f"{(~bands).sum()} bands without data are left out")
@@ -391,11 +397,14 @@ def different(names: list[str], notes: list[str]) -> list[str]:
 
 
 def in_order(
-    wavelengths: Float[np.ndarray, "stored"], bands: Int[np.ndarray, "used"], notes: list[str]
+    wavelengths: Float[np.ndarray, "stored"],
+    bands: Int[np.ndarray, "used"] | None,
+    notes: list[str],
 ) -> tuple[Float[np.ndarray, "used"], Int[np.ndarray, "used"]]:
-    """Wavelengths of the bands that are used, sorted, and the bands in that order; a note says if
-    that changed them.
+    """Wavelengths of the bands that are used (None: all), sorted, and the bands in that order; a
+    note says if that changed them.
     """
+    bands = np.arange(wavelengths.size) if bands is None else bands
     order = np.argsort(wavelengths[bands], kind="stable")
     if (order != np.arange(order.size)).any():
         notes.append("bands were sorted by wavelength")

@@ -7,8 +7,9 @@ as fractions, with a note.
 """
 
 import re
+from collections.abc import Iterable
 from functools import lru_cache
-from typing import NamedTuple
+from typing import NamedTuple, TypedDict
 
 import numpy as np
 from jaxtyping import Float
@@ -69,6 +70,21 @@ _LENGTHS = {
 _NOT_SAID = {"", "unknown", "<unspecified>", "none"}
 
 
+class Stated(TypedDict, total=False):
+    """What a user says of a file, before what the file says: arguments of all readers of spectra.
+
+    Attributes:
+        quantity: ``reflectance``, where that is what the values are, whatever the file calls them.
+        unit: ``nm``, ``um``, ``1/cm`` of wavelengths, ``percent`` or ``fraction`` of values, or one
+            of each, ``1/cm percent``.
+        scale: number that stands for a reflectance of 1.
+    """
+
+    quantity: str | None
+    unit: str | None
+    scale: float | None
+
+
 class Meaning(NamedTuple):
     """What words say of the numbers they stand at; each is empty where they say nothing of it.
 
@@ -95,6 +111,11 @@ def meaning(words: str) -> Meaning:
     )
     mode = _MODE.search(words)
     return Meaning(quantity, scale, mode[1].upper() if mode else "")
+
+
+def first_quantity(said: Iterable[str]) -> str:
+    """The first words that state a quantity; empty if none do."""
+    return next((words for words in said if meaning(words).quantity), "")
 
 
 def is_no_name(title: str) -> bool:

@@ -2,12 +2,13 @@
 
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Unpack
 
 from ...progress import Progress
 from ..cube import SpectraCube
 from ..finish import finish
 from ..formats.workbook import split_sheet
+from ..quantity import Stated
 from ..source import Source, open_source
 from ..spectra_table import SpectraTable
 from .sniff import Kind, header_beside, identify
@@ -24,6 +25,8 @@ _READERS = {
     "asd": ("asd", "read_asd"),
     "json": ("listing", "read_listing"),
     "svc": ("svc", "read_svc"),
+    "qtx": ("qtx", "read_qtx"),
+    "procspec": ("procspec", "read_procspec"),
     "workbook": ("workbook", "read_workbook"),
 }
 
@@ -78,11 +81,15 @@ def read_spectra(
         envi = _envi(source, kind)
         if envi.is_library:
             return finish(envi.library(), path, quantity=quantity, unit=unit, scale=scale)
-        return envi.cube().table()
+        return envi.cube(quantity=quantity, unit=unit, scale=scale).table()
 
 
-def read_cube(path: str | Path) -> SpectraCube:
+def read_cube(path: str | Path, **stated: Unpack[Stated]) -> SpectraCube:
     """Open an ENVI image of spectra without reading it: header or data file may be named.
+
+    Args:
+        path: of the header or the data.
+        stated: ``quantity``, ``unit`` and ``scale``, as `read_spectra` takes them.
 
     Raises:
         FileNotFoundError: no such file, or a header without its data.
@@ -92,7 +99,7 @@ def read_cube(path: str | Path) -> SpectraCube:
     envi = envi_file(path)
     if envi.is_library:
         raise envi.error("an ENVI spectral library, not an image; use read_spectra")
-    return envi.cube()
+    return envi.cube(**stated)
 
 
 def envi_file(path: str | Path) -> "EnviFile":
