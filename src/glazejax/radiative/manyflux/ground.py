@@ -101,7 +101,10 @@ def ground_operator(
         return lambert(reflectance, roots, modes, dtype)
     rows = jnp.concatenate([roots.nodes, roots.viewing])
     columns = jnp.concatenate([roots.nodes, roots.incidence])
-    ways = [_between(table.cosines, jnp.concatenate([cosines.nodes, c])) for c in cosines[1:]]
+    ways = [
+        jnp.asarray(_between(table.cosines, jnp.concatenate([cosines.nodes, c])))
+        for c in cosines[1:]
+    ]
     means = einsum("vs,mst,it->mvi", ways[0], table.modes.astype(dtype), ways[1])[:modes]
     body = 2.0 * reflectance * rows[:, None] * columns * means
     spare = modes - body.shape[0]
