@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from glazejax import Pigment
+    from glazejax.io.quantity import Stated
 
     from ..film.films import Instrument
     from .result import Identification
@@ -46,7 +47,8 @@ def _list_references(*args: Any) -> None:
 @help_groups(
     usual="--ground --catalogue --only --out --report",
     given=(
-        "--samples --bare --opaque --pigments --references --without --elements "
+        "--samples --quantity --unit --scale "
+        "--bare --opaque --pigments --references --without --elements "
         "--without-elements --painted --varnish --own-films --instrument"
     ),
     tried="--max-paints --max-coats --thorough",
@@ -79,6 +81,9 @@ def identify(
     only: options.Only = "",
     without: options.Without = "",
     samples: options.Samples = "",
+    quantity: options.Quantity = None,
+    unit: options.Unit = None,
+    scale: options.Scale = None,
     max_paints: Annotated[
         int, typer.Option(help="Largest number of paints in a film: 1, 2 or 3.")
     ] = 3,
@@ -195,6 +200,7 @@ def identify(
         )
     from glazejax.io import read_spectra
 
+    said = options.stated(quantity, unit, scale)
     usual = options.read_length(thickness)
     outputs = {"--csv": csv, "--residuals": residuals, "--out": out, **_report_files(report)}
     read = {
@@ -215,7 +221,7 @@ def identify(
     if catalogue is pigments is None:
         catalogue = options.PIGMENTS
         chosen = own_films or only or without
-        if not (chosen or opaque or ground) and _over_cards(read_spectra(file).names):
+        if not (chosen or opaque or ground) and _over_cards(read_spectra(file, **said).names):
             # Two cards tell a film's thickness too, and families have none.
             of_families = {
                 "references": None,
@@ -262,7 +268,7 @@ def identify(
             )
         from .families.references import read_references
 
-        library = read_references(references, seen_with)
+        library = read_references(references, seen_with, **said)
         progress.print_notes(console, references, (*library.notes, *library.unclear))
         paints += library.pigments
     asked = options.say_asked(paints, catalogue, pigments or references, by_family=by_family)
@@ -270,6 +276,7 @@ def identify(
     task = _read_spectra(
         file,
         samples,
+        said=said,
         ground=ground,
         bare=bare,
         opaque=opaque,
@@ -422,6 +429,7 @@ def _check_numbers(max_paints: int, max_coats: int, top: int) -> None:
 def _read_spectra(
     file: Path,
     samples: str,
+    said: "Stated",
     ground: str | None,
     bare: bool,
     opaque: bool,
@@ -442,7 +450,7 @@ def _read_spectra(
     def inside(bare: "np.ndarray") -> "np.ndarray":
         return ground_from_air(bare, instrument)
 
-    table = read_spectra(file)
+    table = read_spectra(file, **said)
     progress.print_notes(console, file, table.notes)
     wanted = options.split_names(samples)
     # Each family is known at bands of its own, and what a reading has is used.
@@ -453,7 +461,7 @@ def _read_spectra(
     )
     notes = (*table.notes, *changes)
     if ground is None and not opaque and _over_cards(table.names):
-        films = read_films(file)
+        films = read_films(file, **said)
         films = films.select(wanted) if wanted else films
         if by_family:
             changes = (

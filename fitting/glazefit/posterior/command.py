@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from glazejax import Pigment
+    from glazejax.io.quantity import Stated
     from glazejax.progress import Progress
 
     from ..film.films import Films, Instrument, Noise
@@ -42,7 +43,10 @@ def register(app: typer.Typer) -> None:
 
 @help_groups(
     usual="--paints --coats --ground --out --steps",
-    given="--sample --pigments --catalogue --instrument --thickness --paint-error",
+    given=(
+        "--sample --quantity --unit --scale --pigments --catalogue --instrument --thickness "
+        "--paint-error"
+    ),
     tried="--bands --sampler --simulate",
     written="--resume --overwrite",
     fine="--walkers --thin --noise --noise-share --refractive-index --seed",
@@ -64,6 +68,9 @@ def posterior(
             metavar="NAME", help="The film of FILE, if it holds several.", show_default=False
         ),
     ] = "",
+    quantity: options.Quantity = None,
+    unit: options.Unit = None,
+    scale: options.Scale = None,
     paints: Annotated[
         str,
         typer.Option(
@@ -206,7 +213,9 @@ def posterior(
     task = (
         _simulate(made_of, seen_with, errors, seed, console)
         if simulate
-        else _read_measured(file, sample, made_of, ground, errors, console)
+        else _read_measured(
+            file, sample, options.stated(quantity, unit, scale), made_of, ground, errors, console
+        )
     )
     chain = {
         "sampler": sampler,
@@ -340,6 +349,7 @@ def _simulate(
 def _read_measured(
     file: Path | None,
     sample: str,
+    said: "Stated",
     made_of: _StatedPaints,
     ground: str | None,
     noise: "Noise",
@@ -347,9 +357,9 @@ def _read_measured(
 ) -> "_Task":
     assert file is not None
     film = (
-        _film(file, sample, console)
+        _film(file, sample, said, console)
         if ground is None
-        else _spectrum(file, sample, ground, noise, console)
+        else _spectrum(file, sample, said, ground, noise, console)
     )
     named = [] if made_of.bands or made_of.coats else made_of.names or _recipe(file, sample)
     return _posterior_of(film, _paints(named, made_of.shelf), made_of)
@@ -379,10 +389,10 @@ def _coats(made_of: _StatedPaints) -> "tuple[CoatPrior, ...]":
     return parse_coats(made_of.coats, options.all_named(made_of.shelf), made_of.prior.spread)
 
 
-def _film(file: Path, sample: str, console: "Console") -> "Films":
+def _film(file: Path, sample: str, said: "Stated", console: "Console") -> "Films":
     from ..film.readers import read_films
 
-    films = read_films(file)
+    films = read_films(file, **said)
     progress.print_notes(console, file, films.notes)
     if not sample and len(films) != 1:
         known = ", ".join(films.names[:8]) + (
@@ -393,14 +403,14 @@ def _film(file: Path, sample: str, console: "Console") -> "Films":
 
 
 def _spectrum(
-    file: Path, sample: str, ground: str, noise: "Noise", console: "Console"
+    file: Path, sample: str, said: "Stated", ground: str, noise: "Noise", console: "Console"
 ) -> "Reading":
     from glazejax.io import read_spectra
 
     from ..film.reading import reading_over
 
     below = options.read_ground(ground)
-    table = read_spectra(file)
+    table = read_spectra(file, **said)
     progress.print_notes(console, file, table.notes)
     progress.print_notes(console, "--ground", below.notes)
     if not sample and len(table) > 1:

@@ -26,7 +26,7 @@ def convert(
         typer.Argument(
             metavar="IN",
             help="File of spectra: CSV, TSV, Excel (FILE.xlsx:SHEET), ENVI (.hdr or its data), "
-            "CGATS, CxF3, JCAMP-DX, ASD, SVC or JSON; the content tells which.",
+            "CGATS, CxF3, JCAMP-DX, QTX, ASD, SVC, ProcSpec or JSON; the content tells which.",
         ),
     ],
     target: Annotated[
@@ -51,6 +51,9 @@ def convert(
     long: Annotated[
         bool, typer.Option("--long", help="Write a column for each sample, not a row (CSV, TSV).")
     ] = False,
+    quantity: options.Quantity = None,
+    unit: options.Unit = None,
+    scale: options.Scale = None,
     overwrite: options.Overwrite = False,
 ) -> None:
     """Convert measured spectra: read IN, say what it is, and write OUT.
@@ -67,7 +70,8 @@ def convert(
 
     grid = None if resample is None else parse_grid(resample)
     with reading(source) as progress:
-        table = read_spectra(source, progress=progress)
+        said = options.stated(quantity, unit, scale)
+        table = read_spectra(source, progress=progress, **said)
     typer.echo(f"read   {source}: {table.format}, {_summary(table)}, stored {_UNITS[table.unit]}")
     if grid is not None:
         try:
