@@ -219,7 +219,13 @@ def posterior(
         _simulate(made_of, seen_with, errors, seed, console)
         if simulate
         else _read_measured(
-            file, sample, options.stated(quantity, unit, scale), made_of, ground, errors, console
+            file=file,
+            sample=sample,
+            said=options.stated(quantity, unit, scale),
+            made_of=made_of,
+            ground=ground,
+            noise=errors,
+            console=console,
         )
     )
     chain = {
@@ -372,7 +378,15 @@ def _read_measured(
     film = (
         _film(file, sample, said, reach, console)
         if ground is None
-        else _spectrum(file, sample, said, ground, reach, noise, console)
+        else _spectrum(
+            file=file,
+            sample=sample,
+            said=said,
+            ground=ground,
+            reach=reach,
+            noise=noise,
+            console=console,
+        )
     )
     return _posterior_of(film, paints, made_of)
 

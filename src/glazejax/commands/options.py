@@ -65,8 +65,10 @@ def existing(path: Path, missing: str = "") -> None:
     text = str(path)
     while ":" in text and not os.path.exists(text):
         text = text.rpartition(":")[0]
-    if not os.path.exists(text):
-        raise FileNotFoundError(missing or f"{show_path(path)}: there is no such file")
+    try:
+        os.stat(text)
+    except (FileNotFoundError, NotADirectoryError):
+        raise FileNotFoundError(missing or f"{show_path(path)}: there is no such file") from None
 
 
 def _geometry(text: str) -> None:
