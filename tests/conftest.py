@@ -190,6 +190,12 @@ def shared_data() -> Path:
 
 
 @pytest.fixture(scope="session")
+def shared_cases() -> Path:
+    """Folder of made-up files, a folder for each kind of fault that was met."""
+    return _shared("GLAZEJAX_CASES", "cases")
+
+
+@pytest.fixture(scope="session")
 def shared_reference() -> Path:
     """Folder of values that other programs computed."""
     return _shared("GLAZEJAX_REFERENCE", "reference")

@@ -73,10 +73,10 @@ into=paints.csv lab=60,10,5 ladder=CobaltBlue layering=reciprocal mask=corner.cs
 max-coats=2 max-paints=2 memory=3GiB mixed=1*ZincWhite model-error=0.021 names=other.tsv noise=0.013
 noise-share=0.07 observer=2 only=Eosin,ZincWhite painted=1620 paints=Eosin patch=white
 pigments=paints.csv pixel=50um reading=one.csv references=own.csv renderer=mitsuba
-resample=400:600:50 sample=two
+quantity=reflectance resample=400:600:50 sample=two
 sampler=emcee out=other.zarr samples=two scale=1.25 scheduler=tcp://127.0.0.1:9 size=8x6 space=acescg
 spectrum=spectra.csv spot=Grey=1,1 srgb=#8a4b2d stack=stack.json steps=70 test-illuminant=FL11
-thickness=40um thickness-map=three.npy thickness-range=0-20um thin=3 varnish=none walkers=48
+thickness=40um unit=percent thickness-map=three.npy thickness-range=0-20um thin=3 varnish=none walkers=48
 wavelengths=bands.txt wet-film=80um±20% white=white.txt white-reflectance=0.9 window=1:4,0:3
 without=Eosin without-elements=Co to=cxf after=one.csv batch=100
 """
@@ -93,6 +93,24 @@ render --coats --stack | --out x.png
 render --catalogue | --coats TitaniumWhite:9um
 convert source | | films.csv new.csv
 convert target | | spectra.csv other.csv
+identify --scale | spectra.csv --ground 0.5 | --scale 1.25
+recover --scale | films.csv --out found | --scale 1.25
+posterior --scale | ONE --paints ZincWhite | --scale 1.25
+convert --quantity | odd.csv new.csv
+identify --quantity | odd.csv --opaque
+recover --quantity | odd.csv --out found
+predict --quantity | 1*ZincWhite --reading odd.csv
+predict --unit | 1*ZincWhite --reading one.csv
+predict --scale | 1*ZincWhite --reading one.csv | --scale 1.25
+recipe --quantity | --spectrum odd.csv
+recipe --unit | --spectrum spectra.csv
+recipe --scale | --spectrum spectra.csv | --scale 1.25
+posterior --quantity | odd.csv --sample one --paints ZincWhite --out found
+paints --quantity | --references strange.csv
+paints --unit | --references cards.csv
+paints --scale | --references cards.csv | --scale 1.25
+map --quantity | radiance.nc --wavelengths bands.txt --ground 0.5
+map --unit | cube.npy --wavelengths bands.txt --ground 0.5
 convert --overwrite | spectra.csv there.csv
 paints --out | --family azurite
 paints --instrument | --references cards.csv | --references cards.csv --instrument 45:0
@@ -287,6 +305,9 @@ def write_files() -> None:
         cards = {"b": 0.06, "w": 0.85, "ob": 0.3, "ow": 0.5}
         table(path, {f"{n}_{end}": value - less for n in names for end, value in cards.items()})
 
+    for path, name in (("odd.csv", "one"), ("strange.csv", "PB29")):
+        films(path, name, less=0.032)
+        Path(path).write_text("Data units,Radiance\n" + Path(path).read_text())
     table("spectra.csv", {"one": 0.4, "two": 0.6})
     films("films.csv", "one", "two")
     films("one.csv", "one")
@@ -309,6 +330,8 @@ def write_files() -> None:
     with h5py.File("cubes.nc", "w") as file:
         for name in ("one", "two"):
             file[name] = np.full((4, 5, GRID.size), 0.4, np.float32)
+    with h5py.File("radiance.nc", "w") as file:
+        file["radiance"] = np.full((4, 5, GRID.size), 0.4, np.float32)
     np.save("cube.npy", np.full((4, 5, GRID.size), 0.4, np.float32))
     np.save("other.npy", np.full((4, 5, GRID.size), 0.6, np.float32))
     np.savetxt("bands.txt", GRID)

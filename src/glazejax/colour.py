@@ -264,7 +264,7 @@ def lab(
     """
     values, weights = _band_weights(wavelengths, reflectance, illuminant, observer)
     # Of readings above 1 some are real; half of all bands in percent are above 2 even of blacks.
-    _check_scale("reflectance", values, "in percent: divide it by 100")
+    _check_scale("reflectance", values, "like percent: divide it by 100")
     return _compute(
         _lab_of_spectra, values, weights, white_point(wavelengths, illuminant, observer)
     )
@@ -355,7 +355,7 @@ def srgb_to_lab(encoded: Numbers) -> Float[Array, "*batch 3"]:
         raise ValueError(
             f"sRGB of shape {values.shape} does not end in the three numbers red, green and blue"
         )
-    _check_scale("sRGB", values, "from 0 to 255: divide it by 255")
+    _check_scale("sRGB", values, "like 0 to 255: divide it by 255")
     return _compute(_lab_of_srgb, values, screen.T, screen.sum(axis=1))
 
 

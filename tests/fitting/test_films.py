@@ -44,7 +44,7 @@ def test_percent_and_fraction_in_any_table_read_the_same(write, separator, scale
     assert films.names == ("A1",)
     np.testing.assert_allclose(films.over_white, [[0.30, 0.35, 0.40]])
     np.testing.assert_allclose(films.bare_black, 0.05)
-    assert bool(films.notes) == (scale == 1.0)
+    assert ("values are in percent; divided by 100" in films.notes) == (scale == 1.0)
 
 
 BAD = {
@@ -52,7 +52,7 @@ BAD = {
     "odd name": (table() + "A1_x,1,2,3\n", "'A1_x' must end in _b"),
     "negative": (
         table(ROWS | {"ob": [10.0, -2.0, 14.0]}),
-        "line 4: sample 'A1_ob', column '410'.*negative",
+        r"'A1_ob' is negative at band 2 \(410 nm\)",
     ),
     "nan": (table().replace("14", "nan"), "'nan' is not a finite number"),
     "mixed units": (

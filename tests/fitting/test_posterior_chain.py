@@ -305,8 +305,10 @@ def test_a_wider_spectrum_is_cropped_to_where_the_paints_are_known(tmp_path, mon
         names=["CobaltBlue"], coats="", bands=False, shelf=known, prior=Prior()
     )
     for file, ground in (("one.csv", "0.9"), ("film.csv", None)):
-        said = io.StringIO()
-        console = Console(file=said, width=500)
-        task: Any = command._read_measured(tmp_path / file, "", made_of, ground, Noise(), console)
+        printed = io.StringIO()
+        console = Console(file=printed, width=500)
+        task: Any = command._read_measured(
+            tmp_path / file, "", {}, made_of, ground, Noise(), console
+        )
         assert task.args[0].wavelengths.tolist() == np.arange(400.0, 701.0, 10.0).tolist()
-        assert "cropped to 400-700 nm" in said.getvalue()
+        assert "cropped to 400-700 nm" in printed.getvalue()

@@ -566,7 +566,10 @@ def _fixed(rows: int, bands: int) -> Callable[[bytes, Any], str]:
         right = "ENVI" not in found.format or (
             found.wavelengths.size == bands and len(found) == rows
         )
-        return "" if right else f"{found!r} where the header declares {rows} of {bands} bands"
+        told = any("left out" in note for note in getattr(found, "notes", ()))
+        return (
+            "" if right or told else f"{found!r} where the header declares {rows} of {bands} bands"
+        )
 
     return counts
 
@@ -575,9 +578,14 @@ def _lines(content: bytes, found: Any) -> str:
     text = content.decode("utf-8-sig", "replace")
     said = [re.match(r"(?:line )?(\d+) .*not read", note) for note in found.notes]
     above = next((int(match[1]) for match in said if match), 0)
+    ends = [re.match(r"the table ends above line (\d+)", note) for note in found.notes]
+    below = next((int(match[1]) - 1 for match in ends if match), None)
+    # Which bands are left out where detectors overlap, or data are missing, other tests say.
+    if any(note.startswith(("detectors overlap", "values below")) for note in found.notes):
+        return ""
     lines = [
         line
-        for line in text.splitlines()[above:]
+        for line in text.splitlines()[above:below]
         if line.strip(" \t,;") and not line.lstrip().startswith("#")
     ]
     rows, bands = len(found), found.wavelengths.size
@@ -614,7 +622,9 @@ def _cxf(content: bytes, found: Any) -> str:
 
 def _jcamp(content: bytes, found: Any) -> str:
     promised = {word.strip() for word in re.findall(rb"^##NPOINTS=(.*)$", content, re.MULTILINE)}
-    wrong = "JCAMP" in found.format and promised and b"%d" % found.wavelengths.size not in promised
+    whole = not any("left out" in note for note in found.notes)
+    wrong = whole and promised and b"%d" % found.wavelengths.size not in promised
+    wrong = wrong and "JCAMP" in found.format
     try:
         same = {float(word) for word in promised} == {found.wavelengths.size}
     except ValueError:

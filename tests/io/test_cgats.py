@@ -33,10 +33,43 @@ def test_ways_to_name_bands(tmp_path, text):
     table = read_spectra(put(tmp_path, text))
     same(table, GRID, VALUES, ["red, light", "blue"], atol=1e-12)
     assert table.format == "CGATS text"
-    assert table.notes == []
+    assert table.notes == ["no unit is stated: taken as fractions"]
     # What is neither the name nor a band.
     assert set(table.attributes) == {"SAMPLE_ID", "LAB_L"}
     assert table.attributes["SAMPLE_ID"] == ("1", "2")
+
+
+def pairs(text, unit, factor):
+    """The standard's own form: wavelengths in the sets, a field before each value."""
+    head, _, sets = text.partition("BEGIN_DATA\n")
+    for wavelength in GRID:
+        head = head.replace(f"SPECTRAL_NM{wavelength}", f"SPECTRAL_NM\tSPECTRAL_{unit}")
+    for wavelength, values in zip(GRID, np.transpose(VALUES), strict=True):
+        for value in values:
+            new = f"{wavelength}\t{factor * value:g}"
+            sets = sets.replace(f"\t{value:.2f}", f"\t{new}", 1)
+    return f"{head}BEGIN_DATA\n{sets}".replace("FIELDS\t6", "FIELDS\t9")
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("PCT", 100), ("DEC", 1)])
+def test_units_said_by_fields_and_pairs_of_fields(tmp_path, unit, factor):
+    """Dark ones: no size of numbers tells percent."""
+    dark = np.array(VALUES) / 100
+    text = PLAIN.replace("SPECTRAL_NM", f"SPECTRAL_{unit}")
+    for value in np.ravel(VALUES):
+        text = text.replace(f"{value:.2f}", f"{value / 100 * factor:g}")
+    for chart in (text, pairs(PLAIN, unit, factor)):
+        right = dark if chart is text else VALUES
+        same(read_spectra(put(tmp_path, chart)), GRID, right, ["red, light", "blue"], atol=1e-12)
+
+
+def test_pairs_of_other_wavelengths_are_refused(tmp_path):
+    text = pairs(PLAIN, "PCT", 100)
+    other = text[::-1].replace("014", "114", 1)[::-1]
+    with pytest.raises(ValueError, match="the wavelength is 411 where the first set has 410"):
+        read_spectra(put(tmp_path, other))
+    with pytest.raises(ValueError, match="SPECTRAL_NM is followed by XYZ_X"):
+        read_spectra(put(tmp_path, text.replace("SPECTRAL_PCT", "XYZ_X")))
 
 
 def test_percent_by_name_by_norm_and_by_sight(tmp_path):
@@ -62,7 +95,7 @@ def test_dark_percent_is_known_by_its_norm(tmp_path):
 def test_names_that_repeat_are_numbered(tmp_path):
     table = read_spectra(put(tmp_path, PLAIN.replace('"red, light"', "blue")))
     assert table.names == ("blue", "blue (2)")
-    assert table.notes == ["names that repeat were numbered: blue"]
+    assert table.notes[0] == "names that repeat were numbered: blue"
 
 
 def test_old_text_is_latin(tmp_path):
@@ -99,7 +132,7 @@ def test_second_table_has_the_spectra(tmp_path):
             "without spectra: no field such as SPECTRAL_NM_400",
         ),
         (PLAIN.replace("NM410", "NM400"), "400 nm is given twice"),
-        (PLAIN.replace("0.10", "10").replace("0.20", "20"), "mixed"),
+        (PLAIN.replace("0.10", "10").replace("0.40", "0.04"), "mixed"),
         (PLAIN.replace("0.10", "-0.3"), "'red, light' is negative"),
         (PLAIN.replace("NUMBER_OF_SETS", "SPECTRAL_NORM 0\nNUMBER_OF_SETS"), "must be positive"),
         (PLAIN + "NUMBER_OF_SETS 12\n", "NUMBER_OF_SETS promises 12 sets, and there are 2"),

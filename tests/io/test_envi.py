@@ -1,12 +1,13 @@
 """ENVI libraries and images, most of them written by Spectral Python."""
 
+import re
 from typing import Any
 
 import numpy as np
 import pytest
 import spectral.io.envi as spy
 
-from glazejax.io import SpectraCube, read_cube, read_spectra
+from glazejax.io import SpectraCube, open_cube, read_cube, read_spectra
 
 from .samples import ENVI as HEADER
 from .samples import GRID, complains, same, spectra
@@ -105,7 +106,7 @@ def test_noise_below_zero_becomes_zero(tmp_path):
     values[0, 0] = -0.002
     table = read_spectra(put(tmp_path, values))
     assert table["red"][0] == 0
-    assert "noise" in table.notes[0]
+    assert "noise" in table.notes[-1]
 
 
 def bad(values, where, value):
@@ -149,7 +150,7 @@ def bad(values, where, value):
         (None, {"reflectance_scale_factor": 0.01}, "is the file's unit or scale factor right"),
         (bad(spectra(), (1, 4), np.nan), {}, "'green' is not finite at band 5"),
         (bad(spectra(), (1, 4), -0.5), {}, "'green' is negative at band 5"),
-        (bad(spectra(), (2,), 60), {}, "mixed: most spectra are in fractions, blue in percent"),
+        (bad(spectra(), (2,), 60), {}, "mixed: blue in percent .*, green in fractions"),
         (np.full((3, 31), 0), {"data_ignore_value": 0}, "no spectrum has any data"),
     ],
 )
@@ -273,6 +274,7 @@ def test_large_images_stay_on_disk(tmp_path):
         "data type": 1,
         "interleave": "bsq",
         "wavelength": [500, 600],
+        "reflectance scale factor": 100,
     }
     spy.create_image(str(tmp_path / "big.hdr"), fields, force=True)
     assert isinstance(read_cube(tmp_path / "big.hdr"), SpectraCube)
@@ -286,6 +288,68 @@ def test_images_without_a_scale(tmp_path):
         ValueError, match="neither fraction nor percent: add 'reflectance scale factor"
     ):
         read_cube(tmp_path / "image.hdr")
+
+
+@pytest.mark.parametrize("dtype", ["u1", "u2", "i2"])
+def test_whole_numbers_are_counts_until_a_scale_is_said(tmp_path, dtype):
+    image = cube(tmp_path, dtype=dtype, scale=100)
+    for read in (read_cube, read_spectra, open_cube):
+        with pytest.raises(ValueError, match=r"whole numbers up to \d+ are a camera's counts"):
+            read(tmp_path / "image.hdr")
+    np.testing.assert_allclose(open_cube(tmp_path / "image.hdr", scale=100), image, atol=0.01)
+
+
+@pytest.mark.parametrize("words", ["data", "data reflectance"])
+@pytest.mark.parametrize("interleave", ["bil", "bsq"])
+def test_gains_and_offsets_of_a_header_are_applied(tmp_path, words, interleave):
+    gains = np.linspace(0.5e-4, 1e-4, GRID.size)
+    offsets = np.linspace(0.1, 0, GRID.size)
+    fields = {f"{words} gain values": gains.tolist(), f"{words} offset values": offsets.tolist()}
+    image = cube(tmp_path, interleave, bbl=[1, 0] + [1] * 29, **fields)
+    right = (np.trunc(image * 10_000) * gains + offsets)[..., np.arange(31) != 1]
+    opened = open_cube(tmp_path / "image.hdr")
+    np.testing.assert_allclose(opened, right, atol=1e-6)
+    assert opened.attrs["saturated"] == np.inf
+    assert any("gain and offset" in note for note in opened.attrs["notes"])
+    older = read_cube(tmp_path / "image.hdr")
+    np.testing.assert_allclose(older[:, :], right, atol=1e-12)
+    assert older.notes == opened.attrs["notes"]
+
+
+def test_gains_of_another_length_are_refused(tmp_path):
+    cube(tmp_path, data_gain_values=[1, 2, 3])
+    with pytest.raises(ValueError, match="'data gain values' has 3 entries for 31 bands"):
+        open_cube(tmp_path / "image.hdr")
+
+
+def test_a_header_without_byte_order_is_read_and_said(tmp_path):
+    image = cube(tmp_path, dtype="f4", scale=1)
+    header = tmp_path / "image.hdr"
+    header.write_text(re.sub("byte order.*\n", "", header.read_text()))
+    opened = open_cube(header)
+    np.testing.assert_allclose(opened, image, atol=1e-6)
+    assert any("byte order" in note for note in opened.attrs["notes"])
+
+
+def test_deleted_channels_of_a_library_are_missing(tmp_path):
+    """Marked by -1.23e34, by each spectrum elsewhere, and by no word of the header."""
+    values = spectra().copy()
+    for row, channels in enumerate([slice(0, 4), slice(0, 2), slice(1, 2)]):
+        values[row, channels] = -1.23e34
+    table = read_spectra(put(tmp_path, values))
+    same(table, GRID[4:], spectra()[:, 4:], ["red", "green", "blue"], atol=1e-7)
+    assert any("4 bands without data" in note for note in table.notes)
+
+
+def test_deleted_pixels_of_an_image_are_missing(tmp_path):
+    cube(tmp_path, dtype="f4", scale=1)
+    raw = np.memmap(tmp_path / "image.img", "<f4", "r+", shape=(4, 31, 5))
+    raw[2, :, 3] = -3.4e38
+    raw.flush()
+    opened = open_cube(tmp_path / "image.hdr")
+    assert np.isnan(opened[2, 3]).all()
+    assert np.isfinite(opened[:2]).all()
+    assert any("-3.4e+38" in note for note in opened.attrs["notes"])
 
 
 def test_libraries_are_no_images(tmp_path):

@@ -20,7 +20,7 @@ def test_one_spectrum(tmp_path, form):
     table = read_spectra(put(tmp_path, block(form=form)))
     same(table, GRID, spectra(1), ["red"], atol=1e-6)
     assert table.format == "JCAMP-DX"
-    assert table.notes == []
+    assert table.notes == ["no unit is stated: taken as fractions"]
 
 
 def test_written_by_the_package(tmp_path):
@@ -90,13 +90,16 @@ def test_a_repeated_difference_is_added_each_time(tmp_path):
             block(form="XYDATA").replace("##NPOINTS=31", "##NPOINTS=40"),
             "promises 40 points and holds 31",
         ),
-        (block(yunits="ABSORBANCE"), "is in 'ABSORBANCE'; only reflectance"),
+        (block(yunits="ABSORBANCE"), "'ABSORBANCE' is absorbance, and only reflectance"),
         (block(xunits="SECONDS"), "wavelengths are in 'SECONDS'"),
         (block(values=np.where(GRID == 500, np.nan, 0.5)), "not finite|promises|damaged"),
         (block(values=np.where(GRID == 500, -0.5, 0.5)), "negative at band 11"),
-        (block(values=np.full(31, 4000.0)), "reaches 40 as a fraction"),
+        (block(values=np.full(31, 4000.0)), "reaches 4000, too much for a fraction"),
         (block("a") + block("b", grid=GRID + 1), "'b' is on other wavelengths than 'a'"),
-        (block("a") + block("b", yunits="%REFLECTANCE"), "some blocks are in percent"),
+        (
+            block("a") + block("b", yunits="%REFLECTANCE"),
+            "some blocks are in 'REFLECTANCE' and some in '%REFLECTANCE'",
+        ),
         (
             block("a").replace("##END=\n", "") + block("b"),
             "a block begins before the one above has its ##END=",

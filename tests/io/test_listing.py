@@ -60,13 +60,13 @@ def test_spectra_and_their_components(tmp_path):
         (changed(1, reflectance=[70, None, 90]), "'white' holds 'None', not a number"),
         (changed(1, reflectance=[70, float("nan"), 90]), "'white' is not finite at band 2"),
         (changed(1, reflectance=[]), "'white' has no list of numbers"),
-        (changed(1, reflectance=[0.7, 0.8, 0.9]), "mixed"),
+        (changed(1, reflectance=[0.07, 0.8, 0.9]), "mixed"),
     ],
 )
 def test_errors_are_one_line(tmp_path, content, complaint):
     path = put(tmp_path, content)
     if complaint is None:
-        assert read_spectra(path).notes[1] == "bands were sorted by wavelength"
+        assert "bands were sorted by wavelength" in read_spectra(path).notes
         return
     with pytest.raises(ValueError, match=complaint) as caught:
         read_spectra(path)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from glazejax.io import read_spectra
-from glazejax.io.finish import nanometres
+from glazejax.io.quantity import nanometres
 
 from . import test_envi, test_jcamp
 

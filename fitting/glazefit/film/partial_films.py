@@ -16,12 +16,13 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from jaxtyping import Float
 
 from glazejax.io import SpectraTable, read_spectra
+from glazejax.io.quantity import Stated
 from glazejax.io.source import refusal
 from glazejax.io.spectra_table import list_names
 from glazejax.spectra import describe_grid
@@ -39,7 +40,7 @@ _TINT = re.compile(
 )
 
 
-def read_loose_films(path: str | Path, *, specular: bool = True) -> Films:
+def read_loose_films(path: str | Path, *, specular: bool = True, **stated: Unpack[Stated]) -> Films:
     """Read films of which not every reading is there: over one card or two, or opaque, with or
     without their cards.
 
@@ -53,6 +54,7 @@ def read_loose_films(path: str | Path, *, specular: bool = True) -> Films:
         path: any table that `glazejax.io.read_spectra` reads; a fraction or percent, nm.
         specular: of a table of both, whether readings with the specular component are taken
             (NAME_ob SCI) or those without (NAME_ob SCE).
+        stated: ``quantity``, ``unit`` and ``scale``, as `glazejax.io.read_spectra` takes them.
 
     Returns:
         The films; their notes say what was assumed.
@@ -62,7 +64,7 @@ def read_loose_films(path: str | Path, *, specular: bool = True) -> Films:
         ValueError: the table is not legal (see `glazejax.io.read_spectra`), cards without paint, or
             a name whose ending is nearly right. The message is one line and says which.
     """
-    table = one_reading(read_spectra(path), specular=specular)
+    table = one_reading(read_spectra(path, **stated), specular=specular)
     try:
         return loose_films(table)
     except ValueError as error:

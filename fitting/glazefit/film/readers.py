@@ -8,11 +8,12 @@ X, `X_ob` and
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 
 from glazejax.io import SpectraTable, read_spectra
+from glazejax.io.quantity import Stated
 from glazejax.io.source import open_source, refusal
 
 from .films import SPECTRA, Films, usual_cards
@@ -26,7 +27,7 @@ ROWS = {
 NAMES_FILE = "mixtures.tsv"
 
 
-def read_films(path: str | Path) -> Films:
+def read_films(path: str | Path, **stated: Unpack[Stated]) -> Films:
     """Read films over a black and a white card.
 
     Any table that `glazejax.io.read_spectra` reads will do, if its spectra come in fours: NAME_b,
@@ -36,6 +37,7 @@ def read_films(path: str | Path) -> Films:
 
     Args:
         path: the table, in fractions or percent; its wavelengths in nm.
+        stated: ``quantity``, ``unit`` and ``scale``, as `glazejax.io.read_spectra` takes them.
 
     Returns:
         The films, reflectance as fractions; their notes say what the reader changed.
@@ -45,7 +47,7 @@ def read_films(path: str | Path) -> Films:
         ValueError: the table is not legal (see `read_spectra`), a name has no such ending, or a
             film lacks one of its four rows. The message is one line and says which.
     """
-    table = one_reading(read_spectra(path))
+    table = one_reading(read_spectra(path, **stated))
     try:
         return films_of(table)
     except ValueError as error:

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from glazejax import Pigment
+    from glazejax.io.quantity import Stated
 
     from ..film.films import Instrument
     from .result import Identification
@@ -52,7 +53,8 @@ def _check_elements(text: str) -> None:
 @help_groups(
     usual="--ground --catalogue --only --out --report",
     given=(
-        "--samples --bare --opaque --pigments --references --without --elements "
+        "--samples --quantity --unit --scale "
+        "--bare --opaque --pigments --references --without --elements "
         "--without-elements --painted --varnish --own-films --instrument"
     ),
     tried="--max-paints --max-coats --thorough",
@@ -86,6 +88,9 @@ def identify(
     only: options.Only = "",
     without: options.Without = "",
     samples: options.Samples = "",
+    quantity: options.Quantity = None,
+    unit: options.Unit = None,
+    scale: options.Scale = None,
     max_paints: Annotated[
         int,
         typer.Option(
@@ -213,6 +218,7 @@ def identify(
         raise ValueError("--opaque films show no ground: leave out --ground, or leave out --opaque")
     if bare and ground is None:
         raise ValueError("--bare says how --ground was measured: give --ground too")
+    said = options.stated(quantity, unit, scale)
     usual = options.read_length(thickness)
     options.check_names(
         options.split_names(f"{only},{without}"),
@@ -236,7 +242,7 @@ def identify(
     if catalogue is pigments is None:
         catalogue = options.PIGMENTS
         chosen = own_films or only or without
-        if not (chosen or opaque or ground) and _over_cards(read_spectra(file).names):
+        if not (chosen or opaque or ground) and _over_cards(read_spectra(file, **said).names):
             # Two cards tell a film's thickness too, and families have none.
             of_families = {
                 "references": None,
@@ -283,7 +289,7 @@ def identify(
             )
         from .families.references import read_references
 
-        library = read_references(references, seen_with)
+        library = read_references(references, seen_with, **said)
         progress.print_notes(console, references, (*library.notes, *library.unclear))
         paints += library.pigments
     asked = options.say_asked(paints, catalogue, pigments or references, by_family=by_family)
@@ -291,6 +297,7 @@ def identify(
     task = _read_spectra(
         file,
         samples,
+        said=said,
         ground=ground,
         bare=bare,
         opaque=opaque,
@@ -434,6 +441,7 @@ def _over_cards(names: Sequence[str]) -> bool:
 def _read_spectra(
     file: Path,
     samples: str,
+    said: "Stated",
     ground: str | None,
     bare: bool,
     opaque: bool,
@@ -454,7 +462,7 @@ def _read_spectra(
     def inside(bare: "np.ndarray") -> "np.ndarray":
         return ground_from_air(bare, instrument)
 
-    table = read_spectra(file)
+    table = read_spectra(file, **said)
     progress.print_notes(console, file, table.notes)
     wanted = options.split_names(samples)
     # Each family is known at bands of its own, and what a reading has is used.
@@ -465,7 +473,7 @@ def _read_spectra(
     )
     notes = (*table.notes, *changes)
     if ground is None and not opaque and _over_cards(table.names):
-        films = read_films(file)
+        films = read_films(file, **said)
         films = films.select(wanted) if wanted else films
         if by_family:
             changes = (

@@ -41,8 +41,8 @@ def _ground(text: str) -> None:
 @help_groups(
     usual="--ground --catalogue --only --out --report",
     given=(
-        "--wavelengths --dataset --white --dark --white-reflectance --scale --window --mask "
-        "--bin --bands --pigments --without --spot --bare --opaque --instrument"
+        "--wavelengths --dataset --white --dark --white-reflectance --quantity --unit --scale "
+        "--window --mask --bin --bands --pigments --without --spot --bare --opaque --instrument"
     ),
     tried="--max-paints --example",
     written="--csv --export --object --inventory --operator --overwrite",
@@ -57,7 +57,7 @@ def map_(
             metavar="CUBE",
             help=(
                 "Image of spectra: ENVI (header or data), zarr, NetCDF, HDF5, TIFF or a folder "
-                "of TIFFs, .npy."
+                "of TIFFs or PNGs, MATLAB, .npy."
             ),
             show_default=False,
         ),
@@ -92,10 +92,9 @@ def map_(
             "The white's own reflectance, a number or a file of its spectrum. Default: 1.", "R"
         ),
     ] = "1",
-    scale: Annotated[
-        float | None,
-        _option("Number that stands for reflectance 1, if the cube does not say.", "NUMBER"),
-    ] = None,
+    quantity: options.Quantity = None,
+    unit: options.Unit = None,
+    scale: options.Scale = None,
     window: Annotated[
         str,
         _option(
@@ -256,6 +255,8 @@ def map_(
         "white": white,
         "dark": dark,
         "white_reflectance": read_white(white_reflectance),
+        "quantity": quantity,
+        "unit": unit,
         "scale": scale,
         "window": read_window(window),
         "binning": read_binning(binned),

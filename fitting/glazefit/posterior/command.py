@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from glazejax import Pigment
+    from glazejax.io.quantity import Stated
 
     from ..film.films import Films, Instrument, Noise
     from ..film.model.errors import Prior
@@ -41,7 +42,10 @@ def register(app: typer.Typer) -> None:
 
 @help_groups(
     usual="--paints --coats --ground --out --steps",
-    given="--sample --pigments --catalogue --instrument --thickness --paint-error",
+    given=(
+        "--sample --quantity --unit --scale --pigments --catalogue --instrument --thickness "
+        "--paint-error"
+    ),
     tried="--bands --sampler --simulate",
     written="--resume --overwrite",
     fine="--walkers --thin --noise --noise-share --refractive-index --seed",
@@ -64,6 +68,9 @@ def posterior(
             metavar="NAME", help="The film of FILE, if it holds several.", show_default=False
         ),
     ] = "",
+    quantity: options.Quantity = None,
+    unit: options.Unit = None,
+    scale: options.Scale = None,
     paints: Annotated[
         str,
         typer.Option(
@@ -209,7 +216,15 @@ def posterior(
     task = (
         _simulate(made_of, seen_with, errors, seed, console)
         if simulate
-        else _read_measured(file, sample, made_of, ground, errors, console)
+        else _read_measured(
+            file=file,
+            sample=sample,
+            said=options.stated(quantity, unit, scale),
+            made_of=made_of,
+            ground=ground,
+            noise=errors,
+            console=console,
+        )
     )
     chain = {
         "sampler": sampler,
@@ -343,6 +358,7 @@ def _simulate(
 def _read_measured(
     file: Path | None,
     sample: str,
+    said: "Stated",
     made_of: _StatedPaints,
     ground: str | None,
     noise: "Noise",
@@ -358,9 +374,17 @@ def _read_measured(
     # Without a paint nothing bounds the bands.
     reach = (max(g[0] for g in grids), min(g[-1] for g in grids)) if grids else (0.0, math.inf)
     film = (
-        _film(file, sample, reach, console)
+        _film(file, sample, said, reach, console)
         if ground is None
-        else _spectrum(file, sample, ground, reach, noise, console)
+        else _spectrum(
+            file=file,
+            sample=sample,
+            said=said,
+            ground=ground,
+            reach=reach,
+            noise=noise,
+            console=console,
+        )
     )
     return _posterior_of(film, paints, made_of)
 
@@ -392,11 +416,13 @@ def _coats(made_of: _StatedPaints) -> "tuple[CoatPrior, ...]":
 _REACH = "the paints are known there only"
 
 
-def _film(file: Path, sample: str, reach: tuple[float, float], console: "Console") -> "Films":
+def _film(
+    file: Path, sample: str, said: "Stated", reach: tuple[float, float], console: "Console"
+) -> "Films":
     from ..film.partial_films import crop
     from ..film.readers import read_films
 
-    films = crop(read_films(file), *reach, _REACH)
+    films = crop(read_films(file, **said), *reach, _REACH)
     progress.print_notes(console, file, films.notes)
     if not sample and len(films) != 1:
         known = ", ".join(films.names[:8]) + (
@@ -409,6 +435,7 @@ def _film(file: Path, sample: str, reach: tuple[float, float], console: "Console
 def _spectrum(
     file: Path,
     sample: str,
+    said: "Stated",
     ground: str,
     reach: tuple[float, float],
     noise: "Noise",
@@ -420,7 +447,7 @@ def _spectrum(
     from ..film.reading import reading_over
 
     below = options.read_ground(ground)
-    table = read_spectra(file)
+    table = read_spectra(file, **said)
     progress.print_notes(console, file, table.notes)
     progress.print_notes(console, "--ground", below.notes)
     if not sample and len(table) > 1:

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from glazejax import Pigment
+    from glazejax.io.quantity import Stated
 
     from .recipe import Recipe
     from .targets import Target
@@ -34,7 +35,8 @@ def register(app: typer.Typer) -> None:
 @help_groups(
     usual="--lab --srgb --spectrum --only --out",
     given=(
-        "--samples --colourchecker --patch --after --mixed --batch --pigments --catalogue "
+        "--samples --quantity --unit --scale "
+        "--colourchecker --patch --after --mixed --batch --pigments --catalogue "
         "--without --modern --ground --instrument"
     ),
     tried="--glazes --max-paints --max-coats --coat-thickness --illuminants --test-illuminant",
@@ -66,6 +68,9 @@ def recipe(
         ),
     ] = None,
     samples: options.Samples = "",
+    quantity: options.Quantity = None,
+    unit: options.Unit = None,
+    scale: options.Scale = None,
     after: Annotated[
         Path | None,
         typer.Option(
@@ -265,10 +270,12 @@ def recipe(
 
     from glazejax.geometry import resolve_instrument
 
+    said = options.stated(quantity, unit, scale)
     targets, notes = _targets(
         lab,
         srgb,
         spectrum,
+        said=said,
         samples="" if after is not None and spectrum is None else samples,
         patch=patch,
         lights=lights,
@@ -289,6 +296,7 @@ def recipe(
             mixed,
             batch,
             samples="" if spectrum is not None else samples,
+            said=said,
             shelf=shelf,
             paints=paints,
             ground=base,
@@ -442,6 +450,7 @@ def _targets(
     lab: str | None,
     srgb: str | None,
     spectrum: Path | None,
+    said: "Stated",
     samples: str,
     patch: str,
     lights: Sequence[str],
@@ -457,7 +466,8 @@ def _targets(
         return colourchecker_targets(options.split_names(patch)), []
     from glazejax.io import read_spectra
 
-    table = read_spectra(spectrum)
+    assert spectrum is not None
+    table = read_spectra(spectrum, **said)
     rows = options.choose_rows(spectrum, table.names, options.split_names(samples))
     targets = [
         spectral_target(table.wavelengths, table.reflectance[row], name=table.names[row])

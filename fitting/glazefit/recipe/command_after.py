@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from glazejax import Pigment
     from glazejax.commands.options import Ground
     from glazejax.geometry import Instrument
+    from glazejax.io.quantity import Stated
 
     from .addition import Addition
     from .targets import Target
@@ -24,6 +25,7 @@ def say_addition(
     batch: float | None,
     *,
     samples: str,
+    said: "Stated",
     shelf: "dict[str, Pigment]",
     paints: "Sequence[Pigment]",
     ground: "Ground",
@@ -39,6 +41,7 @@ def say_addition(
         mixed: paints and weights of it.
         batch: grams of it; None if the weights are grams.
         samples: name of the film, if the file has several.
+        said: what the user says of the file's quantity and units.
         shelf: paints by name.
         paints: that may be added.
         ground: below the film.
@@ -52,7 +55,8 @@ def say_addition(
 
     recipe, known = read_mixture(mixed, shelf)
     mass = sum(recipe.values()) if batch is None else batch
-    film = read_film(reading, samples, known | {p.name: p for p in paints}, recipe, console)
+    among = known | {p.name: p for p in paints}
+    film = read_film(reading, samples, among, recipe, console, **said)
     with progress.doing("compiling, then fitting the reading"):
         found = calibrate_mixture(
             known,

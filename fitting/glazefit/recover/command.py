@@ -14,6 +14,8 @@ from .settings import Output, PriorKnowledge
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from glazejax.io.quantity import Stated
+
     from ..film.films import Films, Noise
     from .result import Recovery
 
@@ -27,7 +29,10 @@ def register(app: typer.Typer) -> None:
 
 @help_groups(
     usual="--out --into --white --thickness --joint",
-    given="--samples --masstones --names --wet-film --excluded --catalogue --instrument",
+    given=(
+        "--samples --quantity --unit --scale --masstones --names --wet-film --excluded "
+        "--catalogue --instrument"
+    ),
     tried="--check --simulate",
     written="--plots --overwrite",
     fine="--noise --noise-share --refractive-index --seed",
@@ -47,6 +52,9 @@ def recover(
     ] = None,
     out: options.Folder = None,
     samples: options.Samples = "",
+    quantity: options.Quantity = None,
+    unit: options.Unit = None,
+    scale: options.Scale = None,
     masstones: Annotated[
         bool, typer.Option("--masstones", help="Only films of one paint (see --names).")
     ] = False,
@@ -198,7 +206,8 @@ def recover(
     }
     _check(file, simulate)
     shelf = _catalogue(catalogue, bool(white) or simulate)
-    knowledge = PriorKnowledge(into, white, wet_film, excluded, shelf)
+    stated = options.stated(quantity, unit, scale)
+    knowledge = PriorKnowledge(into, white, wet_film, excluded, shelf, stated)
     _check_joint(check, simulate, measured)
     metres = options.read_length(thickness)
     # The white may be a paint of --into, a file that need not be there yet.
@@ -235,7 +244,7 @@ def recover(
         films = _simulate(samples, metres, given=given, seed=seed, shelf=shelf, console=console)
     else:
         assert file is not None
-        films = _films(file, samples, console)
+        films = _films(file, samples, stated, console)
         given["noise"] = said or _noise(films, console)
         from .command_coats import are_coats, recover_from_coats
 
@@ -336,11 +345,11 @@ def _noise(films: "Films", console: "Console") -> "Noise":
     return found
 
 
-def _films(file: Path, samples: str, console: "Console") -> "Films":
+def _films(file: Path, samples: str, said: "Stated", console: "Console") -> "Films":
     """The films of a file, or those of --samples."""
     from ..film.partial_films import read_loose_films
 
-    films = read_loose_films(file)
+    films = read_loose_films(file, **said)
     if wanted := options.split_names(samples):
         films = films.select(wanted)
     progress.print_notes(console, file, films.notes)

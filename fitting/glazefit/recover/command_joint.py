@@ -6,7 +6,6 @@ import itertools
 import re
 import time
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from glazejax.commands import options, progress
@@ -70,7 +69,7 @@ def recover_together(
     if known or gauge is not None:
         given |= {"pigments": known, "gauge": gauge}
     if knowledge.excluded is not None:
-        given["gloss"] = _measured_gloss(knowledge.excluded, fitted, given["instrument"], console)
+        given["gloss"] = _measured_gloss(knowledge, fitted, given["instrument"], console)
     with progress.doing("compiling, then fitting all films together"):
         began = time.perf_counter()
         recovery = recover_jointly(fitted, recipes, **given)
@@ -103,15 +102,17 @@ def _one_paint_twice(recipes: Mapping[str, Mapping[str, float]]) -> list[tuple[s
 
 
 def _measured_gloss(
-    path: Path, films: "Films", instrument: "Instrument", console: "Console"
+    knowledge: "PriorKnowledge", films: "Films", instrument: "Instrument", console: "Console"
 ) -> dict[str, float]:
     """Gloss of the films that were read without the specular part too, said in a line."""
     from ..film.gloss import measure_gloss
     from ..film.partial_films import average, crop, read_loose_films
 
+    path = knowledge.excluded
+    assert path is not None
     grid = films.wavelengths
     other = crop(
-        average(read_loose_films(path, specular=False)),
+        average(read_loose_films(path, specular=False, **(knowledge.stated or {}))),
         grid[0],
         grid[-1],
         "as the films with the specular part",

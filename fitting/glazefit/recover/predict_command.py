@@ -5,7 +5,7 @@ reading of it adds.
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Unpack
 
 import typer
 
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from glazejax import Pigment
+    from glazejax.io.quantity import Stated
 
     from ..film.films import Films
     from .joint_result import JointRecovery
@@ -35,7 +36,7 @@ def register(app: typer.Typer) -> None:
 
 @help_groups(
     usual="--reading --thickness --pigments --catalogue --csv",
-    given="--samples --film-thickness --instrument",
+    given="--samples --quantity --unit --scale --film-thickness --instrument",
     written="--overwrite",
     fine="--illuminant --observer --refractive-index",
 )
@@ -61,6 +62,9 @@ def predict(
         ),
     ] = None,
     samples: options.Samples = "",
+    quantity: options.Quantity = None,
+    unit: options.Unit = None,
+    scale: options.Scale = None,
     film_thickness: Annotated[
         str,
         typer.Option(
@@ -134,7 +138,9 @@ def predict(
     grid = None
     ground = None
     if reading is not None:
-        film = read_film(reading, samples, shelf, recipe, console)
+        film = read_film(
+            reading, samples, shelf, recipe, console, **options.stated(quantity, unit, scale)
+        )
         noise = estimate_noise(film)
         gauge = read_gauge(film_thickness, film.names, "--film-thickness")
         with progress.doing("compiling, then fitting the reading"):
@@ -231,11 +237,12 @@ def read_film(
     shelf: "Mapping[str, Pigment]",
     recipe: Mapping[str, float],
     console: "Console",
+    **said: Unpack["Stated"],
 ) -> "Films":
     """The one film that was read, on a grid that all paints of the recipe cover."""
     from ..film.partial_films import average, crop, read_loose_films
 
-    films = read_loose_films(path)
+    films = read_loose_films(path, **said)
     if wanted := options.split_names(samples):
         films = films.select(wanted)
     if len(films) != 1:

@@ -8,6 +8,8 @@ from glazejax.commands import options
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from glazejax.io.quantity import Stated
+
 
 class Output(NamedTuple):
     """Where results go: the folder, the films' thickness in m, whether pictures are drawn, and the
@@ -29,7 +31,7 @@ class Output(NamedTuple):
 
 class PriorKnowledge(NamedTuple):
     """What the user says beside the films: own paints, the white, thicknesses, readings without the
-    specular part, and the catalogue that the white is sought in.
+    specular part, the catalogue that the white is sought in, and what files hold.
     """
 
     into: Path | None
@@ -37,6 +39,7 @@ class PriorKnowledge(NamedTuple):
     wet_film: str
     excluded: Path | None = None
     catalogue: str = options.OILS
+    stated: "Stated | None" = None
 
     @property
     def any(self) -> bool:

@@ -27,7 +27,7 @@ def convert(
             metavar="IN",
             callback=options.there,
             help="File of spectra: CSV, TSV, Excel (FILE.xlsx:SHEET), ENVI (.hdr or its data), "
-            "CGATS, CxF3, JCAMP-DX, ASD, SVC or JSON; the content tells which.",
+            "CGATS, CxF3, JCAMP-DX, QTX, ASD, SVC, ProcSpec or JSON; the content tells which.",
         ),
     ],
     target: Annotated[
@@ -52,6 +52,9 @@ def convert(
     long: Annotated[
         bool, typer.Option("--long", help="Write a column for each sample, not a row (CSV, TSV).")
     ] = False,
+    quantity: options.Quantity = None,
+    unit: options.Unit = None,
+    scale: options.Scale = None,
     overwrite: options.Overwrite = False,
 ) -> None:
     """Convert measured spectra: read IN, say what it is, and write OUT.
@@ -69,7 +72,8 @@ def convert(
     from .progress import reading
 
     with reading(source) as progress:
-        table = read_spectra(source, progress=progress)
+        said = options.stated(quantity, unit, scale)
+        table = read_spectra(source, progress=progress, **said)
     typer.echo(f"read   {source}: {table.format}, {_summary(table)}, stored {_UNITS[table.unit]}")
     if grid is not None:
         try:

@@ -34,9 +34,8 @@ def start_jax(*, optimisation: int = 1) -> None:
         optimisation: of programs, XLA's levels: 0 where one runs once, 3 where they may run for
             minutes.
     """
-    from .cache import keep_programs
+    from ..program_cache import compile_quickly, enable_program_cache
     from .progress import doing
-    from .quick_compilation import compile_quickly
 
     # Python's search for circles of garbage, at its default of every 700 objects, is a fifth of a
     # command's work.
@@ -47,11 +46,9 @@ def start_jax(*, optimisation: int = 1) -> None:
     with doing("starting"), interrupts.loading():
         import jax
 
-        # XLA reports every program it takes from that cache as an error, harmlessly, and for pages.
-        jax.config.update("jax_logging_level", "CRITICAL")
         jax.config.update("jax_enable_x64", True)
         _check_platforms()
-        keep_programs()
+        enable_program_cache()
 
 
 def _check_platforms() -> None:

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from jaxtyping import Float
 
     from ..geometry import Geometry
+    from ..io.quantity import Stated
     from ..paint.media import Pigment
 
 
@@ -64,8 +65,10 @@ def existing(path: Path, missing: str = "") -> None:
     text = str(path)
     while ":" in text and not os.path.exists(text):
         text = text.rpartition(":")[0]
-    if not os.path.exists(text):
-        raise FileNotFoundError(missing or f"{show_path(path)}: there is no such file")
+    try:
+        os.stat(text)
+    except (FileNotFoundError, NotADirectoryError):
+        raise FileNotFoundError(missing or f"{show_path(path)}: there is no such file") from None
 
 
 def _geometry(text: str) -> None:
@@ -201,6 +204,34 @@ Without = Annotated[
         show_default=False,
     ),
 ]
+Quantity = Annotated[
+    str | None,
+    typer.Option(
+        "--quantity",
+        metavar="NAME",
+        help="What is measured, where the file says something else: reflectance.",
+        show_default=False,
+    ),
+]
+Unit = Annotated[
+    str | None,
+    typer.Option(
+        "--unit",
+        metavar="UNIT",
+        help="Unit, before what the file says: nm, um, 1/cm of wavelengths; percent or fraction "
+        "of values; or one of each, 'um percent'.",
+        show_default=False,
+    ),
+]
+Scale = Annotated[
+    float | None,
+    typer.Option(
+        "--scale",
+        metavar="NUMBER",
+        help="Number that stands for a reflectance of 1, if the file does not say.",
+        show_default=False,
+    ),
+]
 Samples = Annotated[
     str,
     typer.Option(
@@ -297,6 +328,17 @@ def ground_option(default: str = "") -> Any:
         help=words,
         show_default=False,
     )
+
+
+def stated(quantity: str | None, unit: str | None, scale: float | None) -> "Stated":
+    """What ``--quantity``, ``--unit`` and ``--scale`` say, for readers of spectra.
+
+    Raises:
+        ValueError: a scale that is not positive.
+    """
+    if scale is not None and not scale > 0:
+        raise ValueError(f"--scale is {scale:g}; it must be positive, such as 100 for percent")
+    return {"quantity": quantity, "unit": unit, "scale": scale}
 
 
 def split_names(text: str) -> list[str]:

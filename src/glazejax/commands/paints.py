@@ -16,11 +16,12 @@ if TYPE_CHECKING:
 
     from ..catalogue import Family, Provenance
     from ..geometry import Geometry
+    from ..io.quantity import Stated
     from ..paint.media import Pigment
 
 _COS_45 = 0.5**0.5
 _GEOMETRY = "d:8"
-ListReferences = Callable[[Path, "Geometry", "Console", Path | None, bool], None]
+ListReferences = Callable[[Path, "Geometry", "Console", Path | None, bool, "Stated"], None]
 """Prints the references of a file, read by an instrument, and writes them as a table."""
 _lister: list[ListReferences] = []
 
@@ -49,6 +50,9 @@ def paints(
     ] = "",
     references: Annotated[Path | None, options.REFERENCES] = None,
     instrument: Annotated[str | None, options.instrument_option(_GEOMETRY)] = None,
+    quantity: options.Quantity = None,
+    unit: options.Unit = None,
+    scale: options.Scale = None,
     out: options.PictureIfNamed = None,
     csv: Annotated[
         Path | None,
@@ -81,7 +85,8 @@ def paints(
 
         start_jax()
         seen_by = options.read_geometry(instrument, _GEOMETRY)
-        _lister[0](references, seen_by, Console(highlight=False), csv, overwrite)
+        said = options.stated(quantity, unit, scale)
+        _lister[0](references, seen_by, Console(highlight=False), csv, overwrite, said)
         return
     known = catalogue.families()
     if family and family not in known:

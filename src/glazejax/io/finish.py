@@ -1,26 +1,28 @@
 """From a reader's raw numbers to a table of reflectance: one place for the rules that all formats
 share.
 
-Unit: what the file declares. Else a table made by hand is held to `glazejax.spectra.as_fraction`,
-which looks for units that were mixed; a file that an instrument wrote has one unit, and the median
-of its spectra's peaks says which. So a few highlights of 2 in a large library of fractions do not
-pass for percent. Values above 1 stay, with a note: fluorescence, highlights and calibration against
-a grey white all give them. Negative values down to -0.01 are an instrument's noise about black and
-become 0, with a note; further below they are an error. Bands are sorted by wavelength. Names are
-made different by numbers.
+Quantity and units: what the user says, else what the file says (`quantity`), else what sizes tell:
+a file has one unit, percent if its brightest spectrum exceeds 2. A few highlights of 2 in a library
+of fractions do not pass for percent, and dark spectra of percent are named. Values above 1 stay,
+with a note: fluorescence, highlights and calibration against a grey white all give them. Negative
+values down to -0.01 are an instrument's noise about black and become 0, with a note; further below
+they are an error. Ends of the range where a detector reads noise are left out, with a note; so is
+what marks missing data. Bands are sorted by wavelength. Names are made different by numbers.
 """
 
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from ..spectra import MAX_FRACTION, MIN_PERCENT, as_fraction, validate_wavelengths
+from ..spectra import MAX_FRACTION, MIN_PERCENT, ranges, validate_wavelengths
+from .quantity import check_reflectance, meaning, nanometres, not_stated, read_units
 from .source import refusal
 from .spectra_table import SpectraTable, list_names
 
@@ -29,6 +31,12 @@ from .spectra_table import SpectraTable, list_names
 MAX_DECLARED = 3.0
 # Dark signal of a spectrometer is known to about this.
 MAX_NOISE = 0.01
+# No reading is below: some mark missing data by -1.23e34.
+DELETED = -1e30
+# Where the detectors of all instruments of paint have light, nm.
+DETECTED = (380.0, 850.0)
+# The same of those that software exports.
+SPECTROMETER = (450.0, 650.0)
 
 
 @dataclass(frozen=True)
@@ -36,17 +44,19 @@ class RawSpectra:
     """Numbers as a reader found them.
 
     Attributes:
-        wavelengths: (bands,), nm, in any order.
+        wavelengths: (bands,), in any order.
         names: one a row; they may repeat or be empty.
         values: (rows, bands), fraction or percent or scaled; NaN where missing.
         format: what the file is.
         notes: what the reader noticed.
-        scale: number that stands for a reflectance of 1, if the file says so; None to detect
-            percent.
+        wavelength_unit: as the file states it; empty where it does not.
+        quantity: what the file says of the values, such as ``%R``; empty where it says nothing.
+        scale: number that stands for a reflectance of 1, if the file says so.
         missing: ``refuse`` values that are not finite; or ``drop`` bands that have none in any
-            spectrum, and then spectra that lack one.
+            spectrum, and then spectra that lack one; where most do, bands that some lack.
         attributes: what else the file says of each row.
-        by_hand: whether people make such files, who may mix units.
+        by_hand: whether people make such files, whose names must differ.
+        lit: wavelengths (nm) between which every reading must be legal.
         lowest: value (fraction) below which it is no noise any more.
         highest: value (fraction) above which the unit must be wrong.
     """
@@ -56,35 +66,54 @@ class RawSpectra:
     values: Float[np.ndarray, "rows bands"]
     format: str
     notes: Sequence[str] = ()
+    wavelength_unit: str = "nm"
+    quantity: str = ""
     scale: float | None = None
     missing: Literal["refuse", "drop"] = "refuse"
     attributes: Mapping[str, Sequence[str]] = field(default_factory=dict)
     by_hand: bool = False
+    lit: tuple[float, float] = DETECTED
     lowest: float = -MAX_NOISE
     highest: float = MAX_DECLARED
 
 
-def finish(raw: RawSpectra, path: Path, *, unit: str | None = None) -> SpectraTable:
+def finish(
+    raw: RawSpectra,
+    path: Path,
+    *,
+    quantity: str | None = None,
+    unit: str | None = None,
+    scale: float | None = None,
+) -> SpectraTable:
     """Check raw spectra and express them as fractions on an ascending grid.
 
     Args:
         raw: what a reader found.
         path: file, for the errors.
-        unit: what to say of the file's unit; left out, it is told from the scale.
+        quantity: what the user says that values are: ``reflectance``, whatever the file calls them.
+        unit: what the user says of units, as `quantity.read_units` takes it.
+        scale: number that stands for a reflectance of 1, if the user says so.
 
     Raises:
-        ValueError: no spectra, a grid or values that are not legal; one line that names the file.
+        ValueError: no spectra, another quantity than reflectance, a grid or values that are not
+            legal; one line that names the file.
     """
     try:
-        return _finish(raw, unit)
+        return _finish(raw, quantity, unit, scale)
     except ValueError as error:
         raise refusal(path, error) from None
 
 
-def _finish(raw: RawSpectra, unit: str | None) -> SpectraTable:
+def _finish(
+    raw: RawSpectra, quantity: str | None, unit: str | None, scale: float | None
+) -> SpectraTable:
     """Table of raw spectra; errors do not name the file."""
     if not len(raw.names):
         raise ValueError("the file holds no spectra")
+    if raw.quantity or quantity is not None:
+        check_reflectance(raw.quantity, quantity)
+    length, unit_scale = read_units(unit)
+    declared = scale or unit_scale or raw.scale or meaning(raw.quantity).scale
     notes = list(raw.notes)
     names = raw.names
     # The reader of tables has seen that names differ, in less room.
@@ -93,20 +122,30 @@ def _finish(raw: RawSpectra, unit: str | None) -> SpectraTable:
             [plain_name(name) or f"spectrum {i + 1}" for i, name in enumerate(names)], notes
         )
     values = np.asarray(raw.values, np.float64)
-    wavelengths = np.asarray(raw.wavelengths, np.float64)
+    wavelengths, told = nanometres(
+        np.asarray(raw.wavelengths, np.float64), length or raw.wavelength_unit
+    )
+    notes += told
     if np.isfinite(wavelengths).all() and (np.diff(wavelengths) < 0).any():
-        order = np.argsort(wavelengths, kind="stable")
-        notes.append("bands were sorted by wavelength")
+        order = one_detector_each(wavelengths, notes)
         wavelengths = wavelengths[order]
         values = values[:, order]
+    missing = raw.missing
+    if values.size and np.fmin.reduce(values, axis=None) < DELETED:
+        notes.append(f"values below {DELETED:g} mark missing data")
+        values = np.where(values < DELETED, np.nan, values)
+        missing = "drop"
     rows: Sequence[int] = range(len(names))
-    if raw.missing == "drop":
+    if missing == "drop":
         wavelengths, values, rows = _without_missing(wavelengths, values, names, notes)
         names = [names[i] for i in rows]
     grid = validate_wavelengths(wavelengths)
+    kept = lit_bands(grid, values, notes, raw, declared)
+    grid = grid[kept]
+    values = values[:, kept]
     if not values.flags.writeable:
         values = values.copy()
-    found = _to_fractions(raw, values, names, notes)
+    found = _to_fractions(raw, declared, grid, values, names, notes)
     attributes = {title: tuple(column[i] for i in rows) for title, column in raw.attributes.items()}
     return SpectraTable(
         wavelengths=grid,
@@ -114,9 +153,76 @@ def _finish(raw: RawSpectra, unit: str | None) -> SpectraTable:
         reflectance=values,
         notes=notes,
         format=raw.format,
-        unit=unit or found,
+        unit=found,
         attributes=attributes,
     )
+
+
+def one_detector_each(
+    wavelengths: Float[np.ndarray, "bands"], notes: list[str]
+) -> Int[np.ndarray, "kept"]:
+    """Bands in ascending order. Where detectors overlap, each is read up to the middle of the
+    overlap, with a note; any other order is sorted.
+    """
+    if not detectors_overlap(wavelengths):
+        notes.append("bands were sorted by wavelength")
+        return np.argsort(wavelengths, kind="stable")
+    kept = []
+    start = 0.0
+    runs = _runs(wavelengths)
+    for run, after in zip(runs, [*runs[1:], None], strict=True):
+        end = np.inf if after is None else (run[-1] + after[0]) / 2
+        if after is not None:
+            notes.append(f"detectors overlap: the change is at {end:g} nm")
+        kept.append((run > start) & (run <= end))
+        start = end
+    return np.flatnonzero(np.concatenate(kept))
+
+
+def _runs(wavelengths: Float[np.ndarray, "bands"]) -> list[np.ndarray]:
+    """Wavelengths, parted where they do not ascend."""
+    return np.split(wavelengths, np.flatnonzero(np.diff(wavelengths) <= 0) + 1)
+
+
+def detectors_overlap(wavelengths: Float[np.ndarray, "bands"]) -> bool:
+    """Whether wavelengths ascend in a few runs, each of which begins within the one before."""
+    runs = _runs(wavelengths)
+    # A reading in the wrong place makes a run of one or two.
+    return 1 < len(runs) < 6 and all(
+        min(a.size, b.size) > 2 and a[0] < b[0] and a[-1] < b[-1] for a, b in pairwise(runs)
+    )
+
+
+def lit_bands(
+    wavelengths: Float[np.ndarray, "bands"],
+    values: Float[np.ndarray, "rows bands"],
+    notes: list[str],
+    raw: RawSpectra,
+    scale: float | None,
+) -> slice:
+    """Bands without those at either end that no reflectance gives: all up to the innermost that
+    reads less than -0.01, more than 3, or no number.
+
+    Such bands where every instrument has light stay, and are refused by name.
+    """
+    lit = (wavelengths >= raw.lit[0]) & (wavelengths <= raw.lit[1])
+    low = values.min(axis=0)
+    peak = values.max(axis=0)
+    if not lit.any():
+        return slice(None)
+    scale = scale or (100.0 if peak[lit].max() > MIN_PERCENT else 1.0)
+    wrong: np.ndarray = ~((low >= raw.lowest * scale) & (peak <= raw.highest * scale))
+    below = np.flatnonzero(wrong & (wavelengths < raw.lit[0]))
+    above = np.flatnonzero(wrong & (wavelengths > raw.lit[1]))
+    kept = slice(*(below[-1:] + 1).tolist() or [0], *above[:1].tolist() or [wavelengths.size])
+    if below.size or above.size:
+        left = np.ones(wavelengths.size, bool)
+        left[kept] = False
+        notes.append(
+            f"{left.sum()} bands at the ends are left out, at {ranges(wavelengths, left)}: they "
+            "hold noise alone"
+        )
+    return kept
 
 
 def _without_missing(
@@ -125,18 +231,27 @@ def _without_missing(
     names: Sequence[str],
     notes: list[str],
 ) -> tuple[Float[np.ndarray, "kept"], Float[np.ndarray, "full kept"], list[int]]:
-    """Without bands that have no data at all and spectra that still lack some; rows that
-    are kept.
+    """Without bands that have no data at all and spectra that still lack some, or, where most do,
+    without the bands that they lack; rows that are kept.
     """
     there = np.isfinite(values)
     bands = there.any(axis=0)
     if not bands.any():
         raise ValueError("no spectrum has any data")
+    rows: np.ndarray = np.all(there[:, bands], axis=1)
+    some: np.ndarray = np.any(there, axis=1)
+    full = np.all(there[some], axis=0)
+    partial = some & ~rows
+    # A library with deleted channels keeps its spectra: where most lack a few bands, these go.
+    if partial.sum() > rows.sum() and (bands & ~full).sum() * some.sum() < (
+        partial.sum() * bands.sum()
+    ):
+        bands = full
+        rows = some
+    if not rows.any() or not bands.any():
+        raise ValueError("every spectrum lacks data at some wavelength")
     if not bands.all():
         notes.append(f"{(~bands).sum()} bands without data are left out")
-    rows: np.ndarray = np.all(there[:, bands], axis=1)
-    if not rows.any():
-        raise ValueError("every spectrum lacks data at some wavelength")
     if not rows.all():
         lost = [name for name, keep in zip(names, rows, strict=True) if not keep]
         notes.append(f"{len(lost)} spectra that lack data are left out: {list_names(lost)}")
@@ -144,7 +259,12 @@ def _without_missing(
 
 
 def _to_fractions(
-    raw: RawSpectra, values: Float[np.ndarray, "rows bands"], names: Sequence[str], notes: list[str]
+    raw: RawSpectra,
+    declared: float | None,
+    grid: Float[np.ndarray, "bands"],
+    values: Float[np.ndarray, "rows bands"],
+    names: Sequence[str],
+    notes: list[str],
 ) -> str:
     """Turn the values themselves into fractions, as a large table has no room for copies; the unit
     they were in.
@@ -159,13 +279,16 @@ def _to_fractions(
         raise ValueError(
             f"reflectance of {names[i]!r} is not finite at band {j + 1}: {values[i, j]:g}"
         )
-    scale = raw.scale or _detected_scale(
-        peaks if peaks.min() >= 0 else np.maximum(peaks, 0.0), names, raw.by_hand
-    )
+    scale = declared or _detected_scale(values, peaks, names, notes)
     if scale == 100.0:
         notes.append("values are in percent; divided by 100")
     elif scale != 1.0:
         notes.append(f"the file says that {scale:g} is a reflectance of 1; divided by it")
+    elif declared is None:
+        # One note of what nobody stated.
+        both = not_stated("nm") in notes
+        notes[:] = [note for note in notes if note != not_stated("nm")]
+        notes.append(not_stated(*["nm"] * both, "fractions"))
     if scale != 1.0:
         values /= scale
         lows = lows / scale
@@ -174,9 +297,9 @@ def _to_fractions(
     if lows[darkest] < raw.lowest:
         j = int(values[darkest].argmin())
         raise ValueError(
-            f"reflectance of {names[darkest]!r} is negative at band {j + 1}: "
-            f"{lows[darkest] * scale:g}, more than "
-            f"noise (down to {raw.lowest * scale:g})"
+            f"reflectance of {names[darkest]!r} is negative at band {j + 1} ({grid[j]:g} nm): "
+            f"{lows[darkest] * scale:g}, more than noise (down to {raw.lowest * scale:g}); if that "
+            "is noise, write 0"
         )
     if lows[darkest] < 0:
         count = sum(int((values[i] < 0).sum()) for i in np.flatnonzero(lows < 0))
@@ -201,21 +324,43 @@ def _to_fractions(
     return {1.0: "fraction", 100.0: "percent"}.get(scale, "scaled")
 
 
-def _detected_scale(peaks: Float[np.ndarray, "rows"], names: Sequence[str], by_hand: bool) -> float:
-    """100 for values in percent, 1 for fractions, told from the largest value of each spectrum."""
-    if by_hand:
-        return 1.0 if as_fraction(peaks[:, None], names)[1] is None else 100.0
-    percent = bool(np.median(peaks) > MIN_PERCENT)
-    strange = peaks <= MAX_FRACTION if percent else peaks > MAX_DECLARED
-    if strange.any():
-        odd = list_names([name for name, is_odd in zip(names, strange, strict=True) if is_odd])
-        most, others = (
-            ("percent", "fractions") if percent else ("fractions", "percent or something else")
-        )
+def _detected_scale(
+    values: Float[np.ndarray, "rows bands"],
+    peaks: Float[np.ndarray, "rows"],
+    names: Sequence[str],
+    notes: list[str],
+) -> float:
+    """100 for values in percent, 1 for fractions, told from the brightest spectrum; a note names
+    what is dark in percent.
+    """
+    brightest = float(peaks.max())
+    if brightest <= MIN_PERCENT:
+        return 1.0
+    brightest_name = names[int(peaks.argmax())]
+    dark = np.flatnonzero(peaks <= MAX_FRACTION)
+    # Few paints are below 0.5 % at half of the bands, or below 0.2 % at a tenth: such a spectrum
+    # is in fractions.
+    half = (values[dark] < 0.5).mean(axis=1) > 0.5
+    fractions = dark[half | ((values[dark] < 0.2).mean(axis=1) > 0.1)]
+    if fractions.size:
+        if brightest <= MAX_DECLARED:
+            return 1.0
         raise ValueError(
-            f"percent and fraction are mixed: most spectra are in {most}, {odd} in {others}"
+            f"percent and fraction are mixed: {brightest_name} in percent (maximum above "
+            f"{MIN_PERCENT:g}), {list_names([names[int(i)] for i in fractions])} in fractions; "
+            "bring all to one unit, or say it: --unit percent"
         )
-    return 100.0 if percent else 1.0
+    if brightest > 100 * MAX_FRACTION:
+        raise ValueError(
+            f"reflectance of {brightest_name} reaches {brightest:g}, too much for a fraction (at "
+            f"most {MAX_FRACTION:g}) and for percent (at most {100 * MAX_FRACTION:g}); are these "
+            "counts? divide by what stands for a reflectance of 1, or say it: --scale"
+        )
+    if dark.size:
+        notes.append(
+            f"{list_names([names[int(i)] for i in dark])}: dark, in percent as {brightest_name} is"
+        )
+    return 100.0
 
 
 # What no format of names can hold: control characters, surrogates, and two that XML forbids.
@@ -251,74 +396,15 @@ def different(names: list[str], notes: list[str]) -> list[str]:
     return result
 
 
-def nanometres(
-    wavelengths: Float[np.ndarray, "bands"], unit: str | None
-) -> tuple[Float[np.ndarray, "bands"], list[str]]:
-    """Wavelengths in nm from what a file calls their unit, with notes.
-
-    A unit that is not named is micrometres if all are below 100, as no spectrum of paint reaches so
-    far down in nm; whole numbers that small are taken for band numbers and refused.
-
-    Raises:
-        ValueError: the unit is not one of nm, um, angstrom, m, 1/cm, or there is none and they
-            count bands.
-    """
-    word = (unit or "").strip().strip("{}()[]").strip().lower().replace("µ", "u").replace("μ", "u")
-    if word in {"", "unknown", "<unspecified>", "none"}:
-        if not wavelengths.size or np.nanmax(wavelengths) >= 100:
-            return wavelengths, []
-        if (wavelengths == np.round(wavelengths)).all():
-            raise ValueError(
-                f"{wavelengths[0]:g}, ... {wavelengths[-1]:g} look like band numbers, not "
-                "wavelengths in nm"
-            )
-        return wavelengths * 1e3, [
-            "wavelengths without a unit look like micrometres; multiplied by 1000"
-        ]
-    if word in {"nm", "nanometer", "nanometers", "nanometre", "nanometres"}:
-        return wavelengths, []
-    if word in {
-        "um",
-        "micron",
-        "microns",
-        "micrometer",
-        "micrometers",
-        "micrometre",
-        "micrometres",
-    }:
-        return wavelengths * 1e3, ["wavelengths are in micrometres; multiplied by 1000"]
-    if word in {"a", "å", "angstrom", "angstroms"}:
-        return wavelengths / 10, ["wavelengths are in angstrom; divided by 10"]
-    if word in {"m", "meter", "meters", "metre", "metres"}:
-        return wavelengths * 1e9, ["wavelengths are in metres; multiplied by 1e9"]
-    if word in {"1/cm", "cm-1", "cm^-1", "wavenumber", "wavenumbers"}:
-        if not (wavelengths > 0).all():
-            raise ValueError("wavenumbers must be positive")
-        return _whole(wavelengths), ["wavenumbers in 1/cm were turned into wavelengths"]
-    raise ValueError(f"wavelengths are in {unit!r}; known units are nm, um, angstrom, m and 1/cm")
-
-
-def _whole(wavenumbers: Float[np.ndarray, "bands"]) -> Float[np.ndarray, "bands"]:
-    """Wavelengths in nm of wavenumbers in 1/cm; whole ones if all are, to the digits of the file.
-
-    14285.7 is 700.0007 nm, and would lie beyond a paint that is known up to 700 nm.
-    """
-    found = 1e7 / wavenumbers
-    decimals = next((n for n in range(9) if (np.round(wavenumbers, n) == wavenumbers).all()), None)
-    if decimals is None:
-        return found
-    slack = 0.5 * 10.0**-decimals * found**2 / 1e7
-    near = np.round(found)
-    whole = (np.abs(found - near) <= slack).all() and np.unique(near).size == near.size
-    return near if whole else found
-
-
 def in_order(
-    wavelengths: Float[np.ndarray, "stored"], bands: Int[np.ndarray, "used"], notes: list[str]
+    wavelengths: Float[np.ndarray, "stored"],
+    bands: Int[np.ndarray, "used"] | None,
+    notes: list[str],
 ) -> tuple[Float[np.ndarray, "used"], Int[np.ndarray, "used"]]:
-    """Wavelengths of the bands that are used, sorted, and the bands in that order; a note says if
-    that changed them.
+    """Wavelengths of the bands that are used (None: all), sorted, and the bands in that order; a
+    note says if that changed them.
     """
+    bands = np.arange(wavelengths.size) if bands is None else bands
     order = np.argsort(wavelengths[bands], kind="stable")
     if (order != np.arange(order.size)).any():
         notes.append("bands were sorted by wavelength")

@@ -13,7 +13,7 @@ import re
 import select
 import stat
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -45,6 +45,7 @@ class Source:
         path: its name, for errors and for files beside it.
         size: bytes, or None for a pipe.
         head: its first 65536 bytes, or all if there are fewer; they are still part of the content.
+        is_cut: whether there are more.
         notes: what was noticed while its lines were read.
     """
 
@@ -60,7 +61,9 @@ class Source:
         head = bytearray()
         while len(head) < HEAD and (piece := self._read(HEAD - len(head))):
             head += piece
-        self.head: bytes = bytes(head)
+        self.is_cut: bool = len(head) == HEAD
+        self._recode: Callable[[bytes], bytes] = _from_utf16(bytes(head))
+        self.head: bytes = self._recode(bytes(head))
         self.notes: list[str] = []
 
     def pieces(self) -> Iterator[bytes]:
@@ -71,7 +74,7 @@ class Source:
         piece = self.head
         while piece:
             yield piece
-            piece = self._read(_PIECE)
+            piece = self._recode(self._read(_PIECE))
 
     def content(self, most: int = MAX_TEXT) -> bytes:
         """The whole content.
@@ -113,7 +116,7 @@ class Source:
                 raise self._not_text(error.start) from None
             return content.decode(fallback)
 
-    def lines(self, *, damaged: str = "strict") -> Iterator[tuple[int, str]]:
+    def lines(self, *, damaged: str = "strict", above: int = 0) -> Iterator[tuple[int, str]]:
         """Lines and their numbers, from 1 on, without line breaks; read while they are asked for.
 
         A text whose head is not UTF-8 and that has no control characters is Windows-1252, as
@@ -122,6 +125,7 @@ class Source:
         Args:
             damaged: what to do with what is not UTF-8 further down: ``strict`` refuses it,
                 ``replace`` puts U+FFFD.
+            above: on how many lines NULs may stand, with which instruments fill names.
 
         Raises:
             ValueError: not UTF-8 text, or a line of more than 4 MB.
@@ -144,8 +148,7 @@ class Source:
             except UnicodeDecodeError as error:
                 raise self._not_text(done - waiting + error.start) from None
             done += len(piece)
-            if "\0" in text:
-                raise self.error("not a text file; export the table as UTF-8 CSV")
+            padded = "\0" in text
             text = rest + text
             lines = text.splitlines()
             # A \r at the end may be half of a break.
@@ -159,6 +162,8 @@ class Source:
             )
             for line in lines:
                 number += 1
+                if padded and number > above and "\0" in line:
+                    raise self.error("not a text file; export the table as UTF-8 CSV")
                 yield number, line
             if len(rest) > MAX_LINE:
                 raise self.error(
@@ -170,6 +175,8 @@ class Source:
             raise self._not_text(done) from None
         for line in rest.splitlines():
             number += 1
+            if number > above and "\0" in line:
+                raise self.error("not a text file; export the table as UTF-8 CSV")
             yield number, line
 
     @property
@@ -177,7 +184,7 @@ class Source:
         """Lines of the head as `lines` gives them, up to the last that is whole."""
         encoding = "cp1252" if self._is_old_text() else "utf-8-sig"
         lines = self.head.decode(encoding, errors="replace").splitlines()
-        return lines[:-1] if len(self.head) == HEAD else lines
+        return lines[:-1] if self.is_cut else lines
 
     def error(self, complaint: object, line: int | None = None) -> ValueError:
         """What is wrong with the file, and on which line."""
@@ -189,7 +196,7 @@ class Source:
             # A letter of several bytes may be cut at the end.
             codecs.getincrementaldecoder("utf-8")().decode(self.head)
         except UnicodeDecodeError:
-            return not _CONTROL.search(self.head)
+            return not _CONTROL.search(self.head.replace(b"\0", b""))
         return False
 
     def _not_text(self, byte: int) -> ValueError:
@@ -219,6 +226,18 @@ class Source:
         if self._progress is not None:
             self._progress(self._got, self.size, "reading")
         return piece
+
+
+def _from_utf16(head: bytes) -> Callable[[bytes], bytes]:
+    """What turns a file's bytes into UTF-8: those of UTF-16, as spreadsheets save Unicode text, by
+    the mark they begin with; all others stay.
+    """
+    if head[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE):
+        text = head.decode("utf-16", "replace").encode("ascii", "replace")
+        if not _CONTROL.search(text):
+            decoder = codecs.getincrementaldecoder("utf-16")("replace")
+            return lambda piece: decoder.decode(piece).encode(errors="replace")
+    return bytes
 
 
 @contextmanager

@@ -10,8 +10,7 @@ import spectral.io.envi as spy
 import tifffile
 import zarr as zarr_package
 
-from glazejax.io import open_cube, read_cube
-from glazejax.io.cubes import probe
+from glazejax.io import open_cube, probe, read_cube
 
 from .images import (
     KINDS,

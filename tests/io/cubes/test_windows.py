@@ -299,7 +299,7 @@ def test_pieces_that_a_file_stores_are_read_once(tmp_path, monkeypatch):
 
 
 def test_nothing_is_read_before_it_is_asked_for(files, monkeypatch):
-    from glazejax.io.cubes.raw import RawCube
+    from glazejax.io.raw_cube import RawCube
 
     cube = open_cube(**files["envi"])
     monkeypatch.setattr(RawCube, "block", None)

@@ -9,7 +9,7 @@ is of, or a column `family` does; its ending or a recipe says what the reading i
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, Unpack
 
 import numpy as np
 from jaxtyping import ArrayLike, Float
@@ -18,6 +18,7 @@ from glazejax import Pigment, catalogue
 from glazejax.catalogue.colour_index import colour_indices, family_named
 from glazejax.geometry import Geometry, Instrument, resolve_instrument
 from glazejax.io import read_spectra
+from glazejax.io.quantity import Stated
 from glazejax.io.source import refusal
 
 from ...film.films import Films
@@ -75,7 +76,9 @@ class References:
 
 
 def read_references(
-    path: str | Path, instrument: Instrument | Geometry | str | None = None
+    path: str | Path,
+    instrument: Instrument | Geometry | str | None = None,
+    **stated: Unpack[Stated],
 ) -> References:
     """Read reference paints from any table that `glazejax.io.read_spectra` reads.
 
@@ -87,18 +90,19 @@ def read_references(
     Args:
         path: of the table.
         instrument: that read it, see `glazejax.geometry.resolve_instrument`; d:8 by default.
+        stated: ``quantity``, ``unit`` and ``scale``, as `glazejax.io.read_spectra` takes them.
 
     Raises:
         FileNotFoundError: no such file.
         ValueError: the table is not legal, does not cover the bands that every exemplar is known
             at, or none of its spectra is understood.
     """
-    table = read_spectra(path)
+    table = read_spectra(path, **stated)
     titles = [title for title in table.attributes if title.strip().lower() == "family"]
-    stated = dict(zip(table.names, table.attributes[titles[0]], strict=True)) if titles else {}
+    said = dict(zip(table.names, table.attributes[titles[0]], strict=True)) if titles else {}
     try:
         films = loose_films(one_reading(table))
-        return references_of(films, stated, instrument=instrument, source=Path(path).name)
+        return references_of(films, said, instrument=instrument, source=Path(path).name)
     except ValueError as error:
         raise refusal(Path(path), error) from None
 

@@ -6,6 +6,7 @@ from rich.console import Console
 
 from glazejax.geometry import Geometry
 from glazejax.io import write_table
+from glazejax.io.quantity import Stated
 
 from ..families.references import Reference, read_references
 
@@ -13,7 +14,12 @@ _COLUMNS = ("reference", "family", "colour_index", "first_nm", "last_nm", "coeff
 
 
 def list_references(
-    file: Path, instrument: Geometry, console: Console, csv: Path | None, overwrite: bool
+    file: Path,
+    instrument: Geometry,
+    console: Console,
+    csv: Path | None,
+    overwrite: bool,
+    said: Stated,
 ) -> None:
     """Print, and write as a table, the references of a file; after them what was not understood.
 
@@ -23,8 +29,9 @@ def list_references(
         console: to print to.
         csv: table to write, or None.
         overwrite: whether it may replace a file.
+        said: what the user says of quantity and units.
     """
-    read = read_references(file, instrument)
+    read = read_references(file, instrument, **said)
     rows = [_cells(paint) for paint in read.paints]
     console.print(f"{'family':<23}{'nm':<10}{'Colour Index':<14}{'coefficients':<19}reference")
     for name, family, index, first, last, coefficients in rows:

@@ -1,5 +1,6 @@
 """Images that are plain arrays: .npy, and ENVI with its header."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -7,9 +8,9 @@ import numpy as np
 
 from ..files.read import envi_file
 from ..formats.envi import EnviFile
+from ..raw_cube import OnDisk, RawCube
 from ..source import explain_errors, refusal
 from .axes import axes_of
-from .raw import OnDisk, RawCube
 
 
 def envi_cube(path: Path, count: int | None = None) -> RawCube:
@@ -31,34 +32,11 @@ def envi_cube(path: Path, count: int | None = None) -> RawCube:
     wavelengths = None
     if "wavelength" in envi.header:
         try:
-            wavelengths, notes = envi.wavelengths()
+            wavelengths = envi.wavelengths()
         except ValueError:
             if count is None:
                 raise
-    raw = envi.mapped()
-    return RawCube(
-        path=envi.path,
-        format="ENVI image",
-        data=OnDisk(_map_numbers, envi.path, envi.data),
-        order=(0, 1, 2),
-        shape=(int(raw.shape[0]), int(raw.shape[1]), int(raw.shape[2])),
-        dtype=raw.dtype,
-        apart=envi.interleave == "bsq",
-        wavelengths=wavelengths,
-        good=envi.good_bands(notes),
-        scale=envi.declared_scale,
-        ignore=() if envi.ignore is None else (envi.ignore,),
-        notes=tuple(notes),
-        **_place(envi),
-    )
-
-
-def _map_numbers(header: Path, data: Path) -> np.ndarray:
-    """Numbers of an ENVI image, (lines, samples, bands)."""
-    from ..source import open_source
-
-    with open_source(header) as source:
-        return EnviFile(source, data).mapped()
+    return replace(envi.raw(wavelengths, notes), **_place(envi))
 
 
 def _place(envi: EnviFile) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 averaged where they are frames of a line camera.
 """
 
+import contextlib
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,10 +11,10 @@ from jaxtyping import Float, Int
 
 from ...spectra import resample, same_grid
 from ..files.sample import read_sample
+from ..raw_cube import RawCube
 from ..source import refusal
 from .numbers import column
 from .opening import raw_cube
-from .raw import RawCube
 
 
 @dataclass(frozen=True)
@@ -135,7 +136,11 @@ def _reference(
     height, width, stored = frame.shape
     if stored != count:
         raise refusal(path, f"the {what} reference has {stored} bands; the cube has {count}")
-    if frame.wavelengths is not None and not same_grid(frame.wavelengths, wavelengths):
+    # Where the reference does not say, or not legally, it is the cube's camera.
+    other = False
+    with contextlib.suppress(ValueError):
+        other = not same_grid(frame.nanometres()[0], wavelengths)
+    if other:
         raise refusal(path, f"the {what} reference has other wavelengths than the cube")
     if (height, width) == (lines, samples) and lines > 1:
         return Reference(frame)

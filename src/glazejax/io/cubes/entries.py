@@ -6,17 +6,17 @@ import base64
 import binascii
 import struct
 from collections.abc import Callable, Sequence
+from math import prod
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float
 
-from ..finish import nanometres
+from ..quantity import first_quantity, meaning
+from ..raw_cube import OnDisk, RawCube
 from ..source import refusal
 from ..spectra_table import list_names
 from .axes import axes_of
-from .raw import OnDisk, RawCube
 
 _SPECTRAL = (
     "wavelength",
@@ -59,6 +59,8 @@ def describe(
     dataset: str | None,
     count: int | None,
     on_disk: Callable[[str], OnDisk],
+    *,
+    reverse: bool = False,
 ) -> RawCube:
     """The image among the arrays of a file.
 
@@ -69,6 +71,7 @@ def describe(
         dataset: name of the image's array, if the user said it.
         count: wavelengths, if the user gave them.
         on_disk: array of a name, opened when it is needed.
+        reverse: whether the file has the axes in reverse.
 
     Raises:
         ValueError: no array of that name, several that can be meant, or wavelengths that are not
@@ -76,13 +79,16 @@ def describe(
     """
     image = _image(path, entries, dataset, count)
     spectral = _wavelengths_of(image, entries)
-    wavelengths, notes = (None, []) if spectral is None else _read_wavelengths(path, *spectral)
+    values, wavelength_unit = (None, "") if spectral is None else spectral
+    wavelengths = None if values is None else np.ravel(values).astype(np.float64)
     if count is None and wavelengths is not None:
         count = wavelengths.size
-    order, shape = axes_of(image.shape, count, image.dims)
+    step = -1 if reverse else 1
+    order, shape = axes_of(image.shape[::step], count, image.dims[::step])
+    if reverse:
+        order = (2 - order[0], 2 - order[1], 2 - order[2])
     if wavelengths is not None and wavelengths.size != shape[2]:
         wavelengths = None
-        notes = []
     found: dict[str, Any] = {}
     about: dict[str, Any] = {}
     for title, axis in (("y", order[0]), ("x", order[1])):
@@ -111,10 +117,10 @@ def describe(
         piece=(image.piece[order[0]], image.piece[order[1]], image.piece[order[2]]),
         apart=order[2] == 0 and image.piece[0] == 1,
         wavelengths=wavelengths,
+        wavelength_unit=wavelength_unit,
         good=_good(image, entries, shape[2]),
-        notes=tuple(notes),
         about_place=about,
-        **_meaning(path, image.attributes),
+        **_meaning(path, image),
         **found,
     )
 
@@ -164,8 +170,10 @@ def _wavelengths_of(image: FolderEntry, entries: Sequence[FolderEntry]) -> tuple
     named = [
         entry
         for entry in entries
-        if len(entry.shape) == 1
-        and entry.shape[0] in image.shape
+        # MATLAB has rows or columns for lists.
+        if entry.shape
+        and max(entry.shape) in image.shape
+        and max(entry.shape) == prod(entry.shape)
         and entry.dtype.kind in "fiu"
         and entry.last.lower().startswith(_SPECTRAL)
     ]
@@ -179,20 +187,6 @@ def _wavelengths_of(image: FolderEntry, entries: Sequence[FolderEntry]) -> tuple
         if title.lower() in _SPECTRAL and np.ndim(value) == 1 and len(value) in image.shape:
             return value, _text(image.attributes.get("wavelength_units")) or ""
     return None
-
-
-def _read_wavelengths(
-    path: Path, values: Any, unit: str
-) -> tuple[Float[np.ndarray, "stored"], list[str]]:
-    try:
-        wavelengths = np.asarray(values, np.float64)
-        if not np.isfinite(wavelengths).all():
-            raise ValueError(
-                f"wavelength number {int(np.argmin(np.isfinite(wavelengths))) + 1} is not finite"
-            )
-        return nanometres(wavelengths, unit)
-    except ValueError as error:
-        raise refusal(path, error) from None
 
 
 def _coordinates(
@@ -224,10 +218,11 @@ def _good(image: FolderEntry, entries: Sequence[FolderEntry], count: int) -> np.
     )
 
 
-def _meaning(path: Path, attributes: dict[str, Any]) -> dict[str, Any]:
-    """Gain, offset, scale and marks of missing data by the conventions of CF, and by the names that
-    others use.
+def _meaning(path: Path, image: FolderEntry) -> dict[str, Any]:
+    """Quantity, gain, offset, scale and marks of missing data by the conventions of CF, and by the
+    names that others use.
     """
+    attributes = image.attributes
     number = {title: value for title, value in attributes.items() if title in _NUMBERS}
     values = {title: _number(path, title, value) for title, value in number.items()}
     ignore = {
@@ -236,9 +231,12 @@ def _meaning(path: Path, attributes: dict[str, Any]) -> dict[str, Any]:
         if title in values
     }
     scale = values.get("Scale_Factor")
+    unit = _unit(attributes)
     if scale is None:
-        scale = {"%": 100.0, "percent": 100.0, "1": 1.0}.get((_unit(attributes)).lower())
+        scale = 1.0 if unit == "1" else meaning(unit).scale
+    said = [unit, *(_text(attributes.get(title)) for title in ("long_name", "standard_name"))]
     return {
+        "quantity": first_quantity([*said, image.last]),
         "gain": values.get("scale_factor", 1.0),
         "offset": values.get("add_offset", 0.0),
         "scale": scale,

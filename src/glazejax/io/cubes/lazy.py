@@ -15,8 +15,8 @@ from xarray.core.indexing import (
     explicit_indexing_adapter,
 )
 
+from ..raw_cube import RawCube
 from .calibration import Calibration
-from .raw import RawCube
 
 # Numbers worked on at a time: few enough for a processor's cache, so that bands that lie apart are
 # brought together there, and many enough that each piece is worth its call.
@@ -50,6 +50,12 @@ class CubeReading:
         """
         y0, y1, x0, x1 = self.window
         return (y1 - y0) // self.binning[0], (x1 - x0) // self.binning[1], len(self.bands)
+
+    @property
+    def marks(self) -> bool:
+        """Whether a saturated reading becomes +inf, as it has no one value."""
+        binned = self.binning != (1, 1) or self.bands.shape[1] > 1
+        return binned or self.calibration is not None or np.ndim(self.raw.gain) > 0
 
     def take(self, key: tuple[slice, ...]) -> Float[np.ndarray, "y x bands"]:
         """Reflectance of a window: a slice with a positive step along each of the dims."""
@@ -98,7 +104,7 @@ class CubeReading:
         x, nx = _span(samples, x0, bx)
         stored = groups.ravel()
         binned = by > 1 or bx > 1 or groups.shape[1] > 1
-        values = self.raw.values(y, x, stored, mark=binned or self.calibration is not None)
+        values = self.raw.values(y, x, stored, mark=self.marks)
         if self.calibration is not None:
             values = self.calibration.apply(values, y, x, stored)
         elif self.scale != 1.0:
@@ -205,8 +211,7 @@ def as_data_array(
         **raw.attributes,
     }
     if raw.top is not None:
-        marked = reading.calibration is not None or attributes["binning"] != [1, 1, 1]
-        attributes["saturated"] = np.inf if marked else _reading_of(raw, raw.top, reading.scale)
+        attributes["saturated"] = np.inf if reading.marks else _reading_of(raw, reading.scale)
     array = xarray.DataArray(
         xarray.Variable(dims, LazilyIndexedArray(LazyReflectance(reading))),
         {**places, "wavelength": ("wavelength", wavelengths, {"units": "nm"})},
@@ -221,11 +226,9 @@ def as_data_array(
     return array
 
 
-def _reading_of(raw: RawCube, stored: float, scale: float) -> float:
-    """Reflectance of a stored number, rounded as `CubeReading` rounds it."""
-    value = np.full(1, stored, np.float32)
-    value *= raw.gain
-    value += raw.offset
+def _reading_of(raw: RawCube, scale: float) -> float:
+    """Reflectance of the largest stored number, rounded as `CubeReading` rounds it."""
+    value = raw.numbers(np.full(1, raw.top, raw.dtype), np.zeros(1, int))
     return float(value[0] / np.float32(scale))
 
 

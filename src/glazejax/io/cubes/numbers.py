@@ -5,13 +5,17 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from ..finish import nanometres
+from ..quantity import nanometres
 from ..source import explain_errors, open_source, refusal
 from ..words import read_number
 
 
-def read_numbers(given: tuple[float, ...] | Path) -> Float[np.ndarray, "stored"]:
+def read_numbers(given: tuple[float, ...] | Path, unit: str = "") -> Float[np.ndarray, "stored"]:
     """Wavelengths in nm, in their own order.
+
+    Args:
+        given: numbers, or a file of them.
+        unit: what they are in, if that is said.
 
     Raises:
         FileNotFoundError: no such file.
@@ -32,7 +36,7 @@ def read_numbers(given: tuple[float, ...] | Path) -> Float[np.ndarray, "stored"]
         )
         raise refusal(name, f"wavelengths must be finite numbers: {which}")
     try:
-        return nanometres(values, None)[0]
+        return nanometres(values, unit)[0]
     except ValueError as error:
         raise refusal(name, error) from None
 

@@ -3,11 +3,11 @@
 from pathlib import Path
 
 from ..files.sniff import identify
+from ..raw_cube import RawCube, whole
 from ..source import explain_errors, open_source, refusal
 from .arrays import envi_cube, npy_cube
-from .raw import RawCube, whole
-from .stores import classic_cube, hdf5_cube, zarr_cube
-from .tiffs import TIFF, tiff_cube, tiff_folder
+from .stores import classic_cube, hdf5_cube, matlab_cube, zarr_cube
+from .tiffs import TIFF, picture_folder, tiff_cube
 
 
 def raw_cube(path: Path, dataset: str | None = None, count: int | None = None) -> RawCube:
@@ -33,31 +33,36 @@ def raw_cube(path: Path, dataset: str | None = None, count: int | None = None) -
     with explain_errors(path), whole(path):
         if stored or (head.startswith(_ZIP) and path.suffix.lower() == ".zip"):
             return zarr_cube(path, dataset, count)
-        if head.startswith(_HDF5):
+        if head.startswith(_MATLAB):
+            return matlab_cube(path, dataset, count)
+        if head.startswith((_HDF5, _MATLAB_7)):
             return hdf5_cube(path, dataset, count)
         if head.startswith(_CLASSIC):
             return classic_cube(path, dataset, count)
         if dataset is not None:
             raise refusal(path, f"this kind of file has no datasets; leave {dataset!r} out")
         if path.is_dir():
-            return tiff_folder(path, count)
+            return picture_folder(path, count)
         if head.startswith(TIFF):
             return tiff_cube(path, count)
     if head.startswith(_NPY):
         return npy_cube(path, count)
     if not known:
         raise refusal(
-            path, "not an image of spectra that is known: ENVI, zarr, NetCDF, HDF5, TIFF, .npy"
+            path,
+            "not an image of spectra that is known: ENVI, zarr, NetCDF, HDF5, MATLAB, TIFF, .npy",
         )
     return envi_cube(path, count)
 
 
 # What files begin with.
 _HDF5 = b"\x89HDF\r\n"
+_MATLAB = b"MATLAB 5"
+_MATLAB_7 = b"MATLAB 7"
 _NPY = b"\x93NUMPY"
 _ZIP = b"PK\x03\x04"
 _CLASSIC = (b"CDF\x01", b"CDF\x02")
-HEADS = (_HDF5, _NPY, _ZIP, *_CLASSIC, *TIFF)
+HEADS = (_HDF5, _MATLAB, _MATLAB_7, _NPY, _ZIP, *_CLASSIC, *TIFF)
 """What images of known kinds begin with, whatever lies beside them."""
 # Files that a store of zarr has.
 _ZARR = ("zarr.json", ".zgroup", ".zarray", ".zmetadata")

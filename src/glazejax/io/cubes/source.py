@@ -2,7 +2,8 @@
 `xarray.DataArray`.
 """
 
-from dataclasses import dataclass, replace
+import contextlib
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,14 +12,14 @@ from jaxtyping import Float, Int
 
 from ...extras import require
 from ...spectra import describe_grid, validate_wavelengths
-from ..cube import MARK_WORDS, USUAL_MARK, can_hold_mark
-from ..finish import in_order, unit_of
+from ..finish import in_order
+from ..probe import scale_of, with_usual_mark
+from ..quantity import read_units
+from ..raw_cube import RawCube
 from ..source import refusal
 from .calibration import calibration
 from .numbers import read_numbers
 from .opening import raw_cube
-from .probe import bright, holds
-from .raw import RawCube
 
 if TYPE_CHECKING:
     import xarray
@@ -32,7 +33,8 @@ class CubeSource:
     file themselves.
 
     Attributes:
-        path: ENVI header or data, a zarr store, NetCDF or HDF5, TIFF or a folder of TIFFs, or .npy.
+        path: ENVI header or data, a zarr store, NetCDF, HDF5 or MATLAB, TIFF, a folder of TIFFs or
+            PNGs, or .npy.
         wavelengths: nm, one a stored band, where the file has none; numbers or a text file of
             numbers.
         dataset: of a zarr, NetCDF or HDF5 file; left out, the one array that can be meant.
@@ -41,6 +43,9 @@ class CubeSource:
             `white_reflectance`, NaN where the white is not above the dark.
         dark: reading of no light, of the same kinds.
         white_reflectance: the white's own reflectance, a number or a file of one spectrum.
+        quantity: ``reflectance``, where that is what the values are, whatever the file calls them.
+        unit: what the file does not say, or says wrongly: ``nm``, ``um``, ``1/cm`` of wavelengths,
+            ``percent`` or ``fraction`` of values, or one of each, ``1/cm percent``.
         scale: value that stands for a reflectance of 1, where the file does not say.
         window: first line, end line, first sample, end sample; counted from 0, ends not included.
         binning: lines, samples and bands of which the mean is taken; what does not fill a bin is
@@ -54,6 +59,8 @@ class CubeSource:
     white: Path | None = None
     dark: Path | None = None
     white_reflectance: float | Path = 1.0
+    quantity: str | None = None
+    unit: str | None = None
     scale: float | None = None
     window: tuple[int, int, int, int] | None = None
     binning: tuple[int, int, int] = (1, 1, 1)
@@ -63,14 +70,12 @@ class CubeSource:
         """The image as one lazy array of reflectance factors; see `open_cube`."""
         require("xarray")
         self._check()
-        given = None if self.wavelengths is None else read_numbers(self.wavelengths)
+        length, _ = read_units(self.unit)
+        given = None if self.wavelengths is None else read_numbers(self.wavelengths, length)
         raw = raw_cube(Path(self.path), self.dataset, None if given is None else given.size)
         notes = list(raw.notes)
-        if not raw.ignore and can_hold_mark(raw.dtype):
-            raw = replace(raw, ignore=(USUAL_MARK,))
-            if holds(raw, USUAL_MARK):
-                notes.append(MARK_WORDS)
-        stored = _stored_wavelengths(raw, given, notes)
+        raw = with_usual_mark(raw, notes)
+        stored = _stored_wavelengths(raw, given, length, notes)
         grid, groups = _grid(raw, stored, self.bands, self.binning[2], notes)
         window = _window(raw, self.window, self.binning, notes)
         scale = 1.0
@@ -81,7 +86,16 @@ class CubeSource:
                 raw, stored, self.white, self.dark, self.white_reflectance, notes
             )
         else:
-            scale, unit = self._unit(raw, groups, notes)
+            cure = "give the scale (scale=10000, --scale 10000), or a white reference"
+            scale, unit = scale_of(
+                raw,
+                groups.ravel(),
+                notes,
+                cure,
+                quantity=self.quantity,
+                unit=self.unit,
+                scale=self.scale,
+            )
         from .lazy import CubeReading, as_data_array
 
         reading = CubeReading(
@@ -111,34 +125,6 @@ class CubeSource:
                 "wavelength"
             )
 
-    def _unit(
-        self, raw: RawCube, groups: Int[np.ndarray, "bands n"], notes: list[str]
-    ) -> tuple[float, str]:
-        """Value that stands for a reflectance of 1, and the unit's name, from what is said or from
-        a look at pixels.
-        """
-        declared = raw.scale if self.scale is None else self.scale
-        if self.scale is not None and raw.scale not in (None, self.scale):
-            notes.append(
-                f"the file says that {raw.scale:g} is a reflectance of 1; {self.scale:g} was "
-                "given and is used"
-            )
-        level = bright(raw, groups.ravel())
-        if level is None and declared is None:
-            raise refusal(
-                raw.path, "no pixel that was looked at has data: give the scale, 1 for fractions"
-            )
-        try:
-            scale, unit, remarks = unit_of(
-                0.0 if level is None else level / (declared or 1.0),
-                declared,
-                "give the scale (scale=10000, --scale 10000), or a white reference",
-            )
-        except ValueError as error:
-            raise refusal(raw.path, error) from None
-        notes.extend(remarks)
-        return scale, unit
-
 
 def open_cube(
     path: str | Path,
@@ -148,6 +134,8 @@ def open_cube(
     white: str | Path | None = None,
     dark: str | Path | None = None,
     white_reflectance: float | str | Path = 1.0,
+    quantity: str | None = None,
+    unit: str | None = None,
     scale: float | None = None,
     window: tuple[int, int, int, int] | None = None,
     binning: tuple[int, int, int] = (1, 1, 1),
@@ -186,6 +174,8 @@ def open_cube(
         white=_path(white),
         dark=_path(dark),
         white_reflectance=_path(white_reflectance),
+        quantity=quantity,
+        unit=unit,
         scale=scale,
         window=window,
         binning=binning,
@@ -199,22 +189,19 @@ def _path(given: Any) -> Any:
 
 
 def _stored_wavelengths(
-    raw: RawCube, given: Float[np.ndarray, "stored"] | None, notes: list[str]
+    raw: RawCube, given: Float[np.ndarray, "stored"] | None, unit: str, notes: list[str]
 ) -> Float[np.ndarray, "stored"]:
     """Wavelengths of the stored bands, nm, in the file's order."""
-    count = raw.shape[2]
     if given is None:
-        if raw.wavelengths is None:
-            raise refusal(
-                raw.path,
-                f"no wavelengths for {count} bands; give them (wavelengths=, --wavelengths: a "
-                "list, or a file of nm)",
-            )
-        return raw.wavelengths
+        wavelengths, told = raw.nanometres(unit)
+        notes += told
+        return wavelengths
+    count = raw.shape[2]
     if given.size != count:
         raise refusal(raw.path, f"{given.size} wavelengths were given for {count} bands")
-    if raw.wavelengths is not None and not np.allclose(raw.wavelengths, given, rtol=0, atol=_SLACK):
-        notes.append("the wavelengths that were given are used, not the file's own")
+    with contextlib.suppress(ValueError):
+        if not np.allclose(raw.nanometres(unit)[0], given, rtol=0, atol=_SLACK):
+            notes.append("the wavelengths that were given are used, not the file's own")
     return given
 
 
@@ -226,7 +213,7 @@ def _grid(
     notes: list[str],
 ) -> tuple[Float[np.ndarray, "bands"], Int[np.ndarray, "bands n"]]:
     """Wavelengths that are given, ascending, and the stored bands that each is the mean of."""
-    grid, bands = in_order(stored, np.arange(stored.size) if raw.good is None else raw.good, notes)
+    grid, bands = in_order(stored, raw.good, notes)
     new = np.concatenate([[True], np.diff(grid) > 0])
     if not new.all():
         again = ", ".join(f"{value:g}" for value in np.unique(grid[~new])[:3])

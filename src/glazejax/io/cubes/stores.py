@@ -1,4 +1,4 @@
-"""Images in files that hold named arrays: zarr 2 and 3, NetCDF 4 and 3, HDF5."""
+"""Images in files that hold named arrays: zarr 2 and 3, NetCDF 4 and 3, HDF5, MATLAB."""
 
 import warnings
 from collections.abc import Callable
@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from ...extras import require
+from ..raw_cube import OnDisk, RawCube
 from ..source import refusal
 from .entries import FolderEntry, describe
-from .raw import OnDisk, RawCube
 
 
 def zarr_cube(path: Path, dataset: str | None, count: int | None) -> RawCube:
@@ -60,6 +60,36 @@ def _zarr_array(path: Path, name: str) -> Any:
     return opened[name] if name else opened
 
 
+def matlab_cube(path: Path, dataset: str | None, count: int | None) -> RawCube:
+    """Array of a MATLAB 5 file, which is read as a whole.
+
+    Raises:
+        ValueError: it holds no array that can be meant.
+    """
+    from scipy.io import loadmat
+
+    entries = [
+        FolderEntry(
+            name=name,
+            shape=array.shape,
+            dtype=array.dtype,
+            dims=(None,) * array.ndim,
+            attributes={},
+            piece=(1,) * array.ndim,
+            array=array,
+        )
+        for name, array in loadmat(path, mat_dtype=True).items()
+        if hasattr(array, "dtype")
+    ]
+    return describe(path, "MATLAB 5", entries, dataset, count, partial(OnDisk, _matlab_array, path))
+
+
+def _matlab_array(path: Path, name: str) -> Any:
+    from scipy.io import loadmat
+
+    return loadmat(path, mat_dtype=True, variable_names=[name])[name]
+
+
 def hdf5_cube(path: Path, dataset: str | None, count: int | None) -> RawCube:
     """Array of an HDF5 file, such as NetCDF 4.
 
@@ -77,7 +107,11 @@ def hdf5_cube(path: Path, dataset: str | None, count: int | None) -> RawCube:
 
     with h5py.File(path, "r") as file:
         file.visititems(visit)
-        return describe(path, "HDF5", entries, dataset, count, partial(_hdf5, path))
+        # MATLAB 7.3 writes the last axis first.
+        matlab = path.suffix.lower() == ".mat" or file.userblock_size > 0
+        kind = "MATLAB 7.3" if matlab else "HDF5"
+        opener = partial(_hdf5, path)
+        return describe(path, kind, entries, dataset, count, opener, reverse=matlab)
 
 
 def _hdf5_entry(name: str, node: Any) -> FolderEntry:

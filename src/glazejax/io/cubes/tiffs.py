@@ -11,10 +11,10 @@ import numpy as np
 from jaxtyping import Float
 
 from ...extras import require
+from ..raw_cube import OnDisk, RawCube, whole
 from ..source import explain_errors, refusal
 from ..spectra_table import list_names
 from .axes import axes_of
-from .raw import OnDisk, RawCube, whole
 
 TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 """What a TIFF begins with; + is BigTIFF."""
@@ -87,48 +87,80 @@ def tiff_cube(path: Path, count: int | None) -> RawCube:
     )
 
 
-def tiff_folder(path: Path, count: int | None) -> RawCube:
-    """A folder with a TIFF a band, wavelengths in their names (``band_450nm.tif``) or given in the
-    order of the names.
+class Picture:
+    """A PNG, read as a whole whenever a part is asked for."""
+
+    def __init__(self, path: Path):
+        require("PIL")
+        from PIL import Image
+
+        self.path = path
+        with Image.open(path) as image:
+            grey = _GREY.get(image.mode)
+            self.chunks: tuple[int, ...] = (image.height, image.width)
+            self.shape = self.chunks if grey else (*self.chunks, len(image.getbands()))
+            self.dtype = np.dtype(grey or "u1")
+
+    def __getitem__(self, key: tuple[slice, slice]) -> np.ndarray:
+        from PIL import Image
+
+        with Image.open(self.path) as image:
+            return np.asarray(image)[key].astype(self.dtype)
+
+
+# Modes of Pillow whose pixels are one number; 16 bits may come as 32.
+_GREY = {"L": "u1", "I": "u2", "I;16": "u2", "I;16B": "u2"}
+
+
+def picture_folder(path: Path, count: int | None) -> RawCube:
+    """A folder with a picture a band, all TIFF or all grey PNG, wavelengths in their names
+    (``band_450nm.tif``) or given in the order of the names.
 
     Raises:
-        ValueError: no TIFF there, or they differ in size or type.
+        ValueError: no such picture there, or they differ in size or type.
     """
     require("tifffile")
     import tifffile
 
-    files = sorted(file for file in path.iterdir() if file.suffix.lower() in (".tif", ".tiff"))
+    files: list[Path] = []
+    for ending in ((".tif", ".tiff"), (".png",)):
+        files = files or sorted(file for file in path.iterdir() if file.suffix.lower() in ending)
     if not files:
-        raise refusal(path, "a folder without an image: no zarr store, and no TIFF file in it")
+        raise refusal(path, "a folder without an image: no zarr store, and no TIFF or PNG in it")
     wavelengths = (
         None if count is not None else _wavelengths_of_names([file.stem for file in files])
     )
     if wavelengths is not None:
         files = [files[i] for i in np.argsort(wavelengths, kind="stable")]
         wavelengths = np.sort(wavelengths)
-    first = None
+    first: tuple[tuple[int, ...], Any] | None = None
     memory = False
     place: dict[str, Any] = {}
     for file in files:
-        with explain_errors(file), whole(file), tifffile.TiffFile(file) as tiff:
-            page = tiff.pages[0]
-            size = (tuple(tiff.series[0].shape), tiff.series[0].dtype)
-            if first is None:
-                first = size
-                place = _place(tiff)
-                memory = page.is_memmappable
+        with explain_errors(file), whole(file):
+            if file.suffix.lower() == ".png":
+                picture = Picture(file)
+                size = (picture.shape, picture.dtype)
+            else:
+                with tifffile.TiffFile(file) as tiff:
+                    size = (tuple(tiff.series[0].shape), tiff.series[0].dtype)
+                    if first is None:
+                        place = _place(tiff)
+                        memory = tiff.pages[0].is_memmappable
+            first = first or size
             if len(size[0]) != 2 or size != first:
                 raise refusal(
                     file, f"{size[0]} {size[1]} where {files[0].name} has {first[0]} {first[1]}"
                 )
     assert first is not None
-    (lines, samples), dtype = first[0], _check_type(path, first[1])
+    lines, samples = first[0][:2]
+    dtype = _check_type(path, first[1])
     piece = _piece(_array(files[0], None), (0, 1, 0))
     data = OnDisk(_files, *files, one_at_a_time=not memory)
     shape = (lines, samples, len(files))
     return RawCube(
         path=path,
-        format="folder of TIFFs",
+        format="folder of pictures",
         data=data,
         order=(1, 2, 0),
         shape=shape,
@@ -136,6 +168,7 @@ def tiff_folder(path: Path, count: int | None) -> RawCube:
         piece=(piece[0], piece[1], 1),
         apart=True,
         wavelengths=wavelengths,
+        wavelength_unit="nm",
         **place,
     )
 
@@ -153,6 +186,8 @@ def _array(path: Path, page: int | None) -> Any:
     """
     import tifffile
 
+    if path.suffix.lower() == ".png":
+        return Picture(path)
     try:
         return tifffile.memmap(path, page=page, mode="r")
     except ValueError:

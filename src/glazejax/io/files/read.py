@@ -2,12 +2,13 @@
 
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Unpack
 
 from ...progress import Progress
 from ..cube import SpectraCube
 from ..finish import finish
 from ..formats.workbook import split_sheet
+from ..quantity import Stated
 from ..source import Source, open_source
 from ..spectra_table import SpectraTable
 from .sniff import Kind, header_beside, identify
@@ -18,18 +19,26 @@ if TYPE_CHECKING:
 # Module and function of each format's reader; they are imported when a file asks for them.
 _READERS = {
     "table": ("table", "read_table"),
-    "columns": ("table", "read_columns"),
     "cgats": ("cgats", "read_cgats"),
     "cxf": ("cxf", "read_cxf"),
     "jcamp": ("jcamp", "read_jcamp"),
     "asd": ("asd", "read_asd"),
     "json": ("listing", "read_listing"),
     "svc": ("svc", "read_svc"),
+    "qtx": ("qtx", "read_qtx"),
+    "procspec": ("procspec", "read_procspec"),
     "workbook": ("workbook", "read_workbook"),
 }
 
 
-def read_spectra(path: str | Path, *, progress: Progress | None = None) -> SpectraTable:
+def read_spectra(
+    path: str | Path,
+    *,
+    progress: Progress | None = None,
+    quantity: str | None = None,
+    unit: str | None = None,
+    scale: float | None = None,
+) -> SpectraTable:
     """Read reflectance spectra, in any format that is known.
 
     CSV or TSV, wide, long or longest, also below lines of an instrument's own; columns of numbers
@@ -38,9 +47,9 @@ def read_spectra(path: str | Path, *, progress: Progress | None = None) -> Spect
     ASD; SVC; and JSON lists of wavelengths and spectra, as Kimera's. The content tells which, not
     the name. Of readings with the specular component (SCI) and without (SCE) each is a spectrum,
     ``NAME SCI`` and ``NAME SCE``. Wavelengths that descend are sorted. Values are fractions or
-    percent, as the file says or as `glazejax.spectra.as_fraction` detects; the table says in
-    `notes` what was changed. A pipe such as ``/dev/stdin`` reads as a file does. Tables are read in
-    pieces and may be large.
+    percent, as the file says, else percent if any exceeds 2; a file that says another quantity than
+    reflectance is refused. The table says in `notes` what was changed or taken for granted. A pipe
+    such as ``/dev/stdin`` reads as a file does. Tables are read in pieces and may be large.
 
     Two samples of one name are an error in a text table, which can be mended by hand; in the other
     formats the second becomes ``name (2)``, with a note.
@@ -49,6 +58,10 @@ def read_spectra(path: str | Path, *, progress: Progress | None = None) -> Spect
         path: of the file, or FILE.xlsx:SHEET.
         progress: called as it is read with the bytes read, those of the file (None for a pipe), and
             'reading'.
+        quantity: ``reflectance``, where that is what the values are, whatever the file calls them.
+        unit: what the file does not say, or says wrongly: ``nm``, ``um``, ``1/cm`` of wavelengths,
+            ``percent`` or ``fraction`` of values, or one of each, ``1/cm percent``.
+        scale: number that stands for a reflectance of 1.
 
     Raises:
         FileNotFoundError: no such file, or an ENVI header without its data.
@@ -63,13 +76,20 @@ def read_spectra(path: str | Path, *, progress: Progress | None = None) -> Spect
         if kind not in ("envi header", "envi data"):
             module, name = _READERS[kind]
             reader = getattr(import_module(f"..formats.{module}", __package__), name)
-            return finish(reader(source, sheet) if sheet else reader(source), path)
+            raw = reader(source, sheet) if sheet else reader(source)
+            return finish(raw, path, quantity=quantity, unit=unit, scale=scale)
         envi = _envi(source, kind)
-        return finish(envi.library(), path) if envi.is_library else envi.cube().table()
+        if envi.is_library:
+            return finish(envi.library(), path, quantity=quantity, unit=unit, scale=scale)
+        return envi.cube(quantity=quantity, unit=unit, scale=scale).table()
 
 
-def read_cube(path: str | Path) -> SpectraCube:
+def read_cube(path: str | Path, **stated: Unpack[Stated]) -> SpectraCube:
     """Open an ENVI image of spectra without reading it: header or data file may be named.
+
+    Args:
+        path: of the header or the data.
+        stated: ``quantity``, ``unit`` and ``scale``, as `read_spectra` takes them.
 
     Raises:
         FileNotFoundError: no such file, or a header without its data.
@@ -79,7 +99,7 @@ def read_cube(path: str | Path) -> SpectraCube:
     envi = envi_file(path)
     if envi.is_library:
         raise envi.error("an ENVI spectral library, not an image; use read_spectra")
-    return envi.cube()
+    return envi.cube(**stated)
 
 
 def envi_file(path: str | Path) -> "EnviFile":

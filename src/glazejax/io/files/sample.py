@@ -4,8 +4,10 @@ measured.
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Unpack
 
 from ..formats.workbook import split_sheet
+from ..quantity import Stated
 from ..source import is_there
 from ..spectra_table import SpectraTable, there_are
 from .read import read_spectra
@@ -26,7 +28,9 @@ def split_sample(text: str, folder: str | Path = "") -> tuple[Path, str]:
     return Path(folder) / file, sample
 
 
-def read_sample(text: str, *, folder: str | Path = "", argument: str = "") -> SpectraTable:
+def read_sample(
+    text: str, *, folder: str | Path = "", argument: str = "", **stated: Unpack[Stated]
+) -> SpectraTable:
     """Read one spectrum in any format that `read_spectra` knows.
 
     Args:
@@ -34,6 +38,7 @@ def read_sample(text: str, *, folder: str | Path = "", argument: str = "") -> Sp
             `FILE.xlsx:SHEET:SAMPLE` is of another sheet than the first.
         folder: where a relative FILE is looked for.
         argument: what ``text`` was given as, such as ``--ground``; errors begin with it.
+        stated: ``quantity``, ``unit`` and ``scale``, as `read_spectra` takes them.
 
     Returns:
         A table of that spectrum alone, with the file's notes.
@@ -49,7 +54,7 @@ def read_sample(text: str, *, folder: str | Path = "", argument: str = "") -> Sp
         raise FileNotFoundError(
             f"{lead}{text!r} is neither a number from 0 to 1, such as 0.9, nor a file"
         )
-    table = read_spectra(path)
+    table = read_spectra(path, **stated)
     names = ", ".join(table.names[:6]) + (", ..." if len(table) > 6 else "")
     if not sample and len(table) > 1:
         raise ValueError(

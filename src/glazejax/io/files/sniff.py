@@ -4,12 +4,10 @@ import re
 from pathlib import Path
 from typing import Literal
 
-from ..formats.above import lines_above
 from ..source import Source, is_there, open_source
 
 Kind = Literal[
     "table",
-    "columns",
     "cgats",
     "cxf",
     "jcamp",
@@ -19,6 +17,8 @@ Kind = Literal[
     "asd",
     "svc",
     "workbook",
+    "qtx",
+    "procspec",
 ]
 
 _CGATS = re.compile(
@@ -26,21 +26,33 @@ _CGATS = re.compile(
     r"\t]*BEGIN_DATA_FORMAT\b",
     re.MULTILINE,
 )
+_QTX = re.compile(r"\A\s*\[(STANDARD|BATCH)_DATA \d+\]")
 _JCAMP = re.compile(r"##\s*(TITLE|JCAMP-?DX)\s*=", re.IGNORECASE)
 _XML = re.compile(r"\A\s*<[?!A-Za-z]")
 # A table may begin with a title such as [nm].
 _JSON = re.compile(r"\A\s*(\[\s*[\[{\]]|\{\s*[\"}])")
-# How files begin that are no spectra, and what they are.
+_PICTURE = "a picture ({}), which holds no spectra; name a table of spectra"
+_MAKERS = "a {} file, which only its maker's software reads; export it there as {}"
+# How files begin that are not read here, and what they are.
 _OTHERS = {
-    b"\x89PNG": "a picture (PNG), which holds no spectra; name a table of spectra",
-    b"\xff\xd8\xff": "a picture (JPEG), which holds no spectra; name a table of spectra",
-    b"GIF8": "a picture (GIF), which holds no spectra; name a table of spectra",
-    b"II*\0": "a TIFF; glazejax map reads TIFFs of spectra",
-    b"MM\0*": "a TIFF; glazejax map reads TIFFs of spectra",
-    b"\x89HDF": "an HDF5 or NetCDF file; glazejax map reads images of spectra in it",
-    b"%PDF": "a PDF; export the table in it as UTF-8 CSV",
-    b"\x1f\x8b": "a gzip archive; unpack it first",
+    rb"\x89PNG": _PICTURE.format("PNG"),
+    rb"\xff\xd8\xff": _PICTURE.format("JPEG"),
+    rb"GIF8": _PICTURE.format("GIF"),
+    rb"II\*\0|MM\0\*": "a TIFF; glazejax map reads TIFFs of spectra",
+    rb"\x89HDF": "an HDF5 or NetCDF file; glazejax map reads images of spectra in it",
+    rb"MATLAB [57]": "a MATLAB file; glazejax map reads images of spectra in it",
+    rb"%PDF": "a PDF; export the table in it as UTF-8 CSV",
+    rb"\x1f\x8b": "a gzip archive; unpack it first",
+    rb"\n\n\xfe\xfe": _MAKERS.format("Bruker OPUS", "a data point table (.dpt) or JCAMP-DX"),
+    rb"Spectral (Data|Exte) File(?s:.*)\0": _MAKERS.format(
+        "Thermo OMNIC (.spa, .spg)", "CSV or JCAMP-DX"
+    ),
+    rb"PEPE(?s:.*)\0": _MAKERS.format("PerkinElmer (.sp, .fsm)", "ASCII or JCAMP-DX"),
+    rb"WDF1(?s:.*)\0": _MAKERS.format("Renishaw WiRE (.wdf)", "text"),
 }
+_SPC = "a Galactic SPC file (GRAMS); export it from its software as JCAMP-DX or as text"
+# The archive of SpectraSuite begins with one of these.
+_PROCSPEC = re.compile(rb"PK\x03\x04.{26}(ps_\d+\.xml|OOI\w+\.(txt|xml))", re.DOTALL)
 _ASD = (b"ASD", b"as2", b"as3", b"as4", b"as5", b"as6", b"as7", b"as8")
 
 
@@ -48,14 +60,15 @@ def identify(source: Source) -> Kind:
     """Format of a file; ``table`` if its content tells none.
 
     Raises:
-        ValueError: it is an SPC file, a picture, an archive or a PDF, or above its table
-            stands what `lines_above` refuses.
+        ValueError: it is a file of a maker's own, a picture, an archive or a PDF.
     """
     head = source.head
     for start, words in _OTHERS.items():
         # The data of an ENVI image may begin with any bytes.
-        if head.startswith(start) and not header_beside(source.path):
+        if re.match(start, head) and not header_beside(source.path):
             raise source.error(words)
+    if _PROCSPEC.match(head):
+        return "procspec"
     if head.startswith((b"PK\x03\x04", b"\xd0\xcf\x11\xe0")) and not header_beside(source.path):
         return "workbook"
     if b"\0" in head:
@@ -63,16 +76,16 @@ def identify(source: Source) -> Kind:
             return "asd"
         if header_beside(source.path):
             return "envi data"
-        if head[1:2] in (b"K", b"L", b"M"):
-            raise source.error(
-                "a Galactic SPC file (GRAMS); export it from its software as JCAMP-DX or as text"
-            )
+        if head[1:2] in (b"K", b"L", b"M") and b"\0" in head[:8]:
+            raise source.error(_SPC)
         return "table"
     text = head.decode("utf-8-sig", errors="replace")
     if text.split("\n", 1)[0].strip() == "ENVI":
         return "envi header"
     if text.startswith("/*** Spectra Vista"):
         return "svc"
+    if _QTX.match(text):
+        return "qtx"
     if _XML.match(text):
         return "cxf"
     if _JSON.match(text):
@@ -83,7 +96,7 @@ def identify(source: Source) -> Kind:
         return "cgats"
     if "\ufffd" in text and header_beside(source.path):
         return "envi data"
-    return "columns" if lines_above(source)[1] else "table"
+    return "table"
 
 
 def header_beside(path: Path) -> Path | None:

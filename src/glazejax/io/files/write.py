@@ -11,6 +11,7 @@ import numpy as np
 
 from ...spectra import MAX_FRACTION, validate_wavelengths
 from ..finish import MAX_DECLARED, different, plain_name
+from ..quantity import names_sample
 from ..spectra_table import SpectraTable, list_names
 from ..words import shield_name
 from ..write import write_files
@@ -140,8 +141,8 @@ def _format_csv(table: SpectraTable, path: Path, long: bool) -> Iterator[bytes]:
             lineterminator="\n",
             quoting=csv.QUOTE_NONNUMERIC,
         )
-        if table.reflectance.max() > MAX_FRACTION:
-            # Without it the reader takes what is so bright for percent.
+        if table.reflectance.max() > MAX_FRACTION or (long and not all(map(names_sample, names))):
+            # Without it the reader takes what is so bright for percent, and R% for no name.
             text.write("# unit: fraction\n")
         writer.writerow(header)
         for title, row in zip(first, values, strict=True):

@@ -6,31 +6,31 @@ Titles of bands are told here, too, as software writes them: ``400``, ``400 nm``
 """
 
 import re
-from itertools import pairwise
+from itertools import pairwise, takewhile
 from typing import NamedTuple
 
+from ..quantity import MODES, is_no_name, length_unit
 from ..source import Source
 from ..words import is_number, read_number
 
 # In the languages whose spreadsheets write such tables, too.
 WAVELENGTH_TITLE = re.compile(
-    r"^(wave\s*length|wl\b|wvl?\b|lambda|λ|nm\b|\[?nm\]?$|wellenl(ä|ae?)nge|longueurs? "
+    r"^(wave\s*length|wave\b|wl\b|wvl?\b|lambda|λ|nm\b|\[?nm\]?$|wellenl(ä|ae?)nge|longueurs? "
     r"d.onde|lunghezz[ae] d.onda|"
     r"longitud(es)? de onda|comprimentos? de "
     r"onda|golflengte|v(å|aa?)gl(ä|ae?)ngd|bølgel(æ|ae)ngde|długość fali)",
     re.IGNORECASE,
 )
 _UNIT = r"[\[(]?(?:nm)?[\])]?"
-_SPECULAR = r"SC[IE]|SPIN|SPEX"
+_SPECULAR = "|".join(MODES)
 _BAND = re.compile(
-    rf"(?:(?P<before>{_SPECULAR})|spectral|spec|refl\w*|%?r)?[\s_.:-]*{_UNIT}[\s_.:-]*"
+    rf"(?:(?P<before>{_SPECULAR})|spectral|spec|refl\w*|%?r|%t|abs\w*|k/s)?[\s_.:-]*{_UNIT}[\s_.:-]*"
     rf"(?P<nm>\d{{3,4}}(?:[.,]\d+)?)\s*{_UNIT}[\s_-]*[\[(]?(?P<after>{_SPECULAR})?[\])]?"
     r"(?:\s*[\[(]?%[\])]?)?",
     re.IGNORECASE,
 )
-# Ocean Optics' OceanView, SpectraSuite and OOIBase32.
-_BEGIN = re.compile(r">{3,}\s*Begin\b.*Spectral Data\s*<{3,}", re.IGNORECASE)
-END = re.compile(r">{3,}\s*End\b.*Spectral Data\s*<{3,}", re.IGNORECASE)
+# Rows of numbers below each other that make a table without a header.
+_ROWS = 3
 _END_OF_ELEMENT = re.compile(r"</[A-Za-z][\w.:-]*>")
 # A first line of more cells is a header, not a line on the instrument.
 _FEW = 4
@@ -56,53 +56,77 @@ def band(title: str) -> BandTitle | None:
     return BandTitle(read_number(match["nm"].replace(",", ".")), word.upper())
 
 
-def lines_above(source: Source) -> tuple[int, bool]:
-    """How many lines of a file stand above its table, and whether numbers without a header follow.
+class TablePlace(NamedTuple):
+    """Where a table stands in a file.
 
-    A header is a line with two wavelengths or more, or whose first title is that of wavelengths,
-    and numbers below. Where there is none, the first line of data is one; its reader says what it
-    lacks.
+    Attributes:
+        above: how many lines stand above its titles, or its numbers.
+        titles: how many lines of titles it has; none where numbers begin at once.
+        sure: whether it is one; else the first line of data is taken for its header, and its reader
+            says what that lacks.
+    """
+
+    above: int
+    titles: int
+    sure: bool
+
+
+def find_table(source: Source) -> TablePlace:
+    """Where the table of a file stands.
+
+    A header is a line with two wavelengths or more, or with a title of wavelengths, and numbers
+    below; or any line of titles above three rows of numbers, which need none. Where a header has
+    units alone, the line above it is one as well.
 
     Raises:
         ValueError: a row of numbers, as long as the table's, or the rest of an XML file stands
             above it.
     """
-    start, numbers = _start(source.first_lines)
-    _check_above(source, start)
-    return start, numbers
+    place = _place(source.first_lines)
+    _check_above(source, place.above)
+    return place
 
 
-def _start(lines: list[str]) -> tuple[int, bool]:
+def _place(lines: list[str]) -> TablePlace:
     """The same of a file's first lines."""
     # More lines than this above its table no software writes.
     most = 200
-    for number, line in enumerate(lines[:most], start=1):
-        if _BEGIN.fullmatch(line.strip()):
-            return number, True
-    # Rows of numbers below each other that make a table without a header.
-    rows = 3
-    data = [(i, line) for i, line in enumerate(lines) if is_data(line)][: most + rows]
-    if not data:
-        return 0, False
+    begun = next((i for i, line in enumerate(lines[:most], start=1) if is_mark(line)), 0)
+    below = takewhile(lambda pair: not is_mark(pair[1]), enumerate(lines[begun:], start=begun + 1))
+    data = [(i, line) for i, line in below if is_data(line)]
+    texts = [line for _, line in data[: most + _ROWS]]
+    if not texts:
+        return TablePlace(begun, int(not begun), False)
+    k, titled, sure = _first(texts)
+    if begun and not sure:
+        return TablePlace(begun, 0, True)
+    start = k
+    while titled and start and _are_titles(texts[start - 1], texts[start]):
+        start -= 1
+    above = data[start][0] - 1 if start else begun
+    return TablePlace(above, k + 1 - start if titled else 0, sure)
+
+
+def _first(texts: list[str]) -> tuple[int, bool, bool]:
+    """Which line is the header or the first of the numbers, whether it is a header, and whether
+    that is sure.
+    """
     # A header on the first line is looked at no further, however wrong the line below it is.
-    if _names_bands(data[0][1]) and len(_cells(data[0][1])) > _FEW:
-        return 0, False
+    if _names_bands(texts[0]) and len(_cells(texts[0])) > _FEW:
+        return 0, True, True
     headers = [
-        (len(_cells(line)), -i)
-        for (i, line), (_, below) in pairwise(data)
+        (len(_cells(line)), -k)
+        for k, (line, below) in enumerate(pairwise(texts))
         if _is_header(line, below)
     ]
     if headers:
         # Two numbers of the instrument's own may look like bands: the widest is the header.
-        start = -max(headers)[1]
-        return (0 if start == data[0][0] else start), False
-    for k, (i, line) in enumerate(data):
-        if k + rows <= len(data) and _are_numbers([row for _, row in data[k : k + rows]]):
-            # A line of titles above is a header that lacks something: its reader says what.
-            if k and _may_be_titles(data[k - 1][1], line):
-                return (data[k - 1][0] if k > 1 else 0), False
-            return (i if k else 0), True
-    return 0, False
+        return -max(headers)[1], True, True
+    for k, line in enumerate(texts[: len(texts) - _ROWS + 1]):
+        if _are_numbers(texts[k : k + _ROWS]):
+            titled = k > 0 and _may_be_titles(texts[k - 1], line)
+            return k - titled, titled, True
+    return 0, True, False
 
 
 def _check_above(source: Source, start: int) -> None:
@@ -146,17 +170,27 @@ def delimiter_of(header: str) -> str:
     return best if counts[best] else " "
 
 
-def numbers_of(line: str) -> list[str]:
-    """Cells of a line of numbers without a header, decimal commas as points: separated by
-    semicolons, tabs or blanks, else by commas.
+def delimiter_of_numbers(line: str) -> str:
+    """Delimiter of a line of numbers, in which a comma may be the decimal point: a semicolon, tab
+    or blank, else a comma.
     """
-    if ";" in line:
-        cells = line.split(";")
-    elif len(line.split()) > 1 and not re.search(r",\s", line):
-        cells = line.split()
-    else:
-        return [cell.strip() for cell in line.rstrip(" \t,").split(",")]
-    return [cell.strip().replace(",", ".") for cell in cells if cell.strip()]
+    for delimiter in ";\t":
+        if delimiter in line:
+            return delimiter
+    return " " if len(line.split()) > 1 and not re.search(r",\s", line) else ","
+
+
+def is_mark(line: str) -> bool:
+    """Whether a line begins or ends the numbers, in any language: ``>>>>>Begin ...<<<<<``."""
+    return ">>>" in line and "<<<" in line
+
+
+def is_wavelength_title(title: str) -> bool:
+    """Whether a title is that of wavelengths, or a unit of them that is no single letter."""
+    unit = title.strip("[]() .")
+    return bool(WAVELENGTH_TITLE.match(title)) or (
+        unit[1:].isalpha() and length_unit(unit) in ("nm", "um", "angstrom")
+    )
 
 
 def _cells(line: str) -> list[str]:
@@ -179,28 +213,54 @@ def _names_bands(line: str) -> bool:
 def _is_header(line: str, below: str) -> bool:
     """Whether a line names bands or wavelengths, and the line below it has values for them."""
     titles, values = _cells(line), _cells(below)
-    if len(titles) < 2 or len(titles) != len(values):
+    # Spreadsheets leave out empty cells at the end.
+    if len(titles) < 2 or len(values) > len(titles):
         return False
-    if WAVELENGTH_TITLE.match(titles[0]):
-        return _is_value(values[0])
-    return _names_bands(line) and all(
-        _is_value(value) for title, value in zip(titles, values, strict=True) if band(title)
+    grid = next((i for i, title in enumerate(titles) if is_wavelength_title(title)), None)
+    if grid is not None:
+        return grid < len(values) and _is_value(values[grid])
+    return (
+        len(titles) == len(values)
+        and _names_bands(line)
+        and all(
+            _is_value(value) for title, value in zip(titles, values, strict=True) if band(title)
+        )
     )
 
 
 def _may_be_titles(line: str, below: str) -> bool:
     """Whether a line above numbers may be their header."""
     titles = _cells(line)
-    if WAVELENGTH_TITLE.match(titles[0]):
+    if any(map(is_wavelength_title, titles)):
         return True
     return delimiter_of(line) == delimiter_of(below) and len(titles) == len(_cells(below))
 
 
+def _are_titles(line: str, below: str) -> bool:
+    """Whether a line holds the titles of a line of units: it leaves out or names wavelengths where
+    that does, or names what each wavelength column begins.
+    """
+    titles, units = _cells(line), _cells(below)
+    grids = [i for i, unit in enumerate(units) if is_wavelength_title(unit)]
+    if not grids or not all(
+        not unit or is_no_name(unit) for i, unit in enumerate(units) if i not in grids
+    ):
+        return False
+    fits = 1 < len(titles) <= len(units) and delimiter_of(line) == delimiter_of(below)
+    first = titles[grids[0]] if grids[0] < len(titles) else ""
+    return fits and (not first or is_wavelength_title(first) or len(grids) > 1)
+
+
 def _is_value(cell: str) -> bool:
-    return is_number(cell.replace(",", "."))
+    return is_number(cell.replace(",", ".").removesuffix("%"))
 
 
 def _are_numbers(lines: list[str]) -> bool:
-    """Whether lines are rows of numbers, as long as each other, that begin with a wavelength."""
-    rows = [numbers_of(line) for line in lines]
-    return all(len(row) == len(rows[0]) >= 2 and all(map(is_number, row)) for row in rows)
+    """Whether lines are rows as long as each other that begin with a number, and have others."""
+    rows = [line.split(None if (by := delimiter_of_numbers(line)) == " " else by) for line in lines]
+    return all(
+        len(row) == len(rows[0])
+        and _is_value(row[0])
+        and 2 * sum(map(_is_value, row)) >= max(4, len(row))
+        for row in rows
+    )

@@ -9,17 +9,21 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..finish import RawSpectra
+from ..quantity import first_quantity
 from ..source import Source
 from ..words import read_number, unshield_name
 
 _CELL = re.compile(r'"([^"]*)"|(\S+)')
-# SPECTRAL_NM_380, SPECTRAL_NM380, SPECTRAL_380, SPEC_380, R_380, nm380, 380nm, 380
+# SPECTRAL_NM_380, SPECTRAL_NM380, SPECTRAL_380, SPEC_380, R_380, nm380, 380nm, 380; with the unit
+# said SPECTRAL_PCT_380, SPECTRAL_DEC380
 _BAND = re.compile(
-    r"^(?:spectral|spec|r|refl)?_?(?:nm)?_?(\d{3,4}(?:\.\d+)?)_?(?:nm)?$", re.IGNORECASE
+    r"(?:spectral|spec|r|refl)?_?(?P<unit>pct|percent|dec)?_?(?:nm)?_?"
+    r"(?P<nm>\d{3,4}(?:\.\d+)?)_?(?:nm)?",
+    re.IGNORECASE,
 )
-_PERCENT = re.compile(
-    r"^(?:spectral_)?(?:pct|percent)_?(?:nm)?_?(\d{3,4}(?:\.\d+)?)$", re.IGNORECASE
-)
+_SCALES = {"PCT": 100.0, "PERCENT": 100.0, "DEC": 1.0}
+# The standard's own form: a field of wavelengths before each field of values.
+_PAIR = ("SPECTRAL_NM", "SPECTRAL_PCT", "SPECTRAL_DEC")
 _NAMES = ("SAMPLE_NAME", "SAMPLENAME", "NAME", "SAMPLE_LOC", "SAMPLE_ID", "SAMPLEID", "STRING")
 
 
@@ -36,7 +40,8 @@ class _CgatsTable:
 def read_cgats(source: Source) -> RawSpectra:
     """Read the first table of a CGATS file that has spectra.
 
-    Bands are fields such as ``SPECTRAL_NM_380``, ``SPEC_380`` or, in percent, ``SPECTRAL_PCT_380``.
+    Bands are fields such as ``SPECTRAL_NM_380``, ``SPEC_380`` or, in percent, ``SPECTRAL_PCT_380``;
+    or pairs of fields ``SPECTRAL_NM SPECTRAL_PCT``, whose wavelengths stand in the sets.
     SPECTRAL_NORM says what value stands for a reflectance of 1. Names come from SAMPLE_NAME, else
     SAMPLE_ID; the other fields are attributes.
 
@@ -50,23 +55,20 @@ def read_cgats(source: Source) -> RawSpectra:
         raise source.error(
             "CGATS text without fields: there is no BEGIN_DATA_FORMAT ... END_DATA_FORMAT"
         )
-    sheet = next((s for s in sheets if _bands(s)), None)
+    sheet = next((s for s in sheets if _bands(s) or _PAIR[0] in map(str.upper, s.fields)), None)
     if sheet is None:
         fields = " ".join(sheets[0].fields[:6])
         raise source.error(
             f"CGATS text without spectra: no field such as SPECTRAL_NM_400 (there are {fields} ...)"
         )
     _check_complete(source, sheet)
+    _name_pairs(source, sheet)
     bands = _bands(sheet)
     named = next((name for name in _NAMES if name in [f.upper() for f in sheet.fields]), None)
     name_at = None if named is None else [f.upper() for f in sheet.fields].index(named)
     names = []
     rows = []
     for number, (line, cells) in enumerate(sheet.sets, start=1):
-        if len(cells) != len(sheet.fields):
-            raise source.error(
-                f"{len(cells)} values where there are {len(sheet.fields)} fields", line
-            )
         names.append(str(number) if name_at is None else unshield_name(cells[name_at]))
         rows.append([_value(source, line, sheet.fields[at], cells[at]) for at in bands])
     scale = _scale(source, sheet)
@@ -83,9 +85,17 @@ def read_cgats(source: Source) -> RawSpectra:
         values=np.array(rows),
         format="CGATS text",
         notes=notes,
+        quantity=_quantity(sheet),
         scale=scale,
         attributes=attributes,
     )
+
+
+def _quantity(sheet: _CgatsTable) -> str:
+    """Keyword that says what was measured; empty if none does."""
+    titles = ("MEAS_TYPE", "MEASUREMENT_TYPE", "DEVICE_CLASS", "DISPLAY")
+    said = [f'{title} "{sheet.keywords[title]}"' for title in titles if title in sheet.keywords]
+    return first_quantity(said)
 
 
 def _sheets(source: Source) -> list[_CgatsTable]:
@@ -151,10 +161,36 @@ def _bands(sheet: _CgatsTable) -> dict[int, float]:
     """Wavelength of each spectral field, by its position."""
     found = {}
     for at, name in enumerate(sheet.fields):
-        match = _BAND.match(name) or _PERCENT.match(name)
-        if match:
-            found[at] = float(match[1])
+        if match := _BAND.fullmatch(name):
+            found[at] = float(match["nm"])
     return found if len(found) > 1 else {}
+
+
+def _name_pairs(source: Source, sheet: _CgatsTable) -> None:
+    """Put the wavelengths of pairs into the names of their values, as all other fields have them.
+
+    Raises:
+        ValueError: a wavelength without a value, or sets with other wavelengths than the first.
+    """
+    for at in reversed(range(len(sheet.fields))):
+        if sheet.fields[at].upper() != _PAIR[0]:
+            continue
+        title = sheet.fields[at + 1].upper() if at + 1 < len(sheet.fields) else "no field"
+        if title not in _PAIR[1:]:
+            raise source.error(f"{_PAIR[0]} is followed by {title}, not by SPECTRAL_PCT or _DEC")
+        for line, cells in sheet.sets:
+            if cells[at] != sheet.sets[0][1][at]:
+                raise source.error(
+                    f"the wavelength is {cells[at][:20]} where the first set has "
+                    f"{sheet.sets[0][1][at][:20]}; a table has one grid",
+                    line,
+                )
+        wavelength = _value(source, sheet.sets[0][0], _PAIR[0], sheet.sets[0][1][at])
+        if not 100 <= wavelength < 10_000:
+            raise source.error(f"{wavelength:g} is no wavelength in nm", sheet.sets[0][0])
+        sheet.fields[at : at + 2] = [f"{title}_{wavelength:.10g}"]
+        for _, cells in sheet.sets:
+            del cells[at]
 
 
 def _check_complete(source: Source, sheet: _CgatsTable) -> None:
@@ -175,6 +211,11 @@ def _check_complete(source: Source, sheet: _CgatsTable) -> None:
         )
     if not sheet.sets:
         raise source.error("there are fields but no sets between BEGIN_DATA and END_DATA")
+    for line, cells in sheet.sets:
+        if len(cells) != len(sheet.fields):
+            raise source.error(
+                f"{len(cells)} values where there are {len(sheet.fields)} fields", line
+            )
 
 
 def _scale(source: Source, sheet: _CgatsTable) -> float | None:
@@ -185,7 +226,8 @@ def _scale(source: Source, sheet: _CgatsTable) -> float | None:
         if scale <= 0:
             raise source.error(f"SPECTRAL_NORM is {norm}; it must be positive")
         return scale
-    return 100.0 if any(_PERCENT.match(name) for name in sheet.fields) else None
+    units = [match["unit"] for name in sheet.fields if (match := _BAND.fullmatch(name))]
+    return next((_SCALES[unit.upper()] for unit in units if unit), None)
 
 
 def _value(source: Source, line: int | None, title: str, cell: str) -> float:

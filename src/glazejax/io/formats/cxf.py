@@ -4,6 +4,7 @@ colour-cxf.
 
 import datetime
 import logging
+import re
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -46,6 +47,8 @@ def read_cxf(source: Source) -> RawSpectra:
     """
     content = source.content()
     if _NAMESPACE not in content:
+        if b"colorexchangeformat.com/v2" in content or re.search(rb"<CXF[ >]", content):
+            raise source.error("CxF 2, which is not read; save it as CxF3, CGATS or CSV")
         raise source.error(f"XML, but not CxF3 (no namespace http://{_NAMESPACE.decode()})")
     if b"<!DOCTYPE" in content:
         raise source.error(

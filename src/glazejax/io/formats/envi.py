@@ -2,22 +2,24 @@
 
 import re
 from collections.abc import Iterator
-from dataclasses import replace
 from math import prod
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from ...spectra import validate_wavelengths
-from ..cube import MARK_WORDS, USUAL_MARK, SpectraCube, can_hold_mark, with_gaps
-from ..finish import RawSpectra, in_order, nanometres, unit_of
+from ..cube import SpectraCube
+from ..finish import DELETED, RawSpectra, in_order
+from ..probe import scale_of, with_usual_mark
+from ..quantity import Stated, first_quantity, meaning, read_units
+from ..raw_cube import OnDisk, RawCube
 from ..source import Source, explain_errors, is_there, open_source, refusal, show_path
 from ..spectra_table import SpectraTable
 from ..words import read_number
 
-_NEEDED = ("samples", "lines", "bands", "data type", "interleave", "byte order")
+_NEEDED = ("samples", "lines", "bands", "data type", "interleave")
 # A title, and its text to the end of the line, or in braces to the line that ends with one.
 _FIELD = re.compile(r"(?m)^([^=\n]*)=[^\S\n]*(\{[\s\S]*?\}$|.*)")
 _LIBRARY = "ENVI Spectral Library"
@@ -60,7 +62,7 @@ def read_header(source: Source) -> dict[str, str | list[str]]:
         number = 2 + text.count("\n", 0, field.start())
         title = field[1].strip().lower()
         value = field[2].strip()
-        if title in header and title in (*_NEEDED, "wavelength", "header offset"):
+        if title in header and title in (*_NEEDED, "byte order", "wavelength", "header offset"):
             raise source.error(f"not a legal ENVI header: {title!r} stands there twice", number)
         if not value.startswith("{"):
             header[title] = value
@@ -169,7 +171,9 @@ class EnviFile:
                 f"{count} spectra of {width} bands are too many to be read at once; split the "
                 "library"
             )
-        wavelengths, bands, notes = self.grid()
+        notes: list[str] = []
+        raw = self.raw(self.wavelengths(), notes)
+        bands = self.good_bands([])
         names = self.entries("spectra names") or [f"spectrum {i + 1}" for i in range(count)]
         if len(names) != count:
             raise self.error(
@@ -189,68 +193,107 @@ class EnviFile:
             file.seek(self._offset)
             if file.readinto(stored.data.cast("B")) != stored.nbytes:
                 raise refusal(self.data, "the file was cut short while it was read")
-            values = with_gaps(stored.reshape(count, width)[:, bands], self.ignore)
+        values = raw.numbers(stored.reshape(count, width)[:, bands], bands, dtype=np.float64)
         return RawSpectra(
-            wavelengths=wavelengths,
+            wavelengths=self.wavelengths()[bands],
             names=names,
             values=values,
             format="ENVI spectral library",
             notes=notes,
-            scale=self.declared_scale,
-            missing="refuse" if self.ignore is None else "drop",
+            wavelength_unit=raw.wavelength_unit,
+            quantity=raw.quantity,
+            scale=raw.scale,
+            missing="drop" if raw.ignore or (stored < DELETED).any() else "refuse",
             attributes=attributes,
         )
 
-    def cube(self) -> SpectraCube:
-        """An image, not read. Its unit is its scale factor, or told from 20 000 pixels spread over
-        it.
+    def cube(self, **stated: Unpack[Stated]) -> SpectraCube:
+        """An image, not read. Its unit is its scale factor, or told from pixels all over it.
 
         That is percent if the brightest of 99 % of them exceed 2, else fractions; a few pixels of
         glare do not decide.
+
+        Args:
+            stated: what the user says, before the header.
 
         Raises:
             ValueError: header or data are not legal, there are no wavelengths, or the numbers are
                 neither fractions nor percent and the header has no reflectance scale factor.
         """
-        wavelengths, bands, notes = self.grid()
+        notes: list[str] = []
+        raw = with_usual_mark(self.raw(self.wavelengths(), notes), notes)
+        wavelengths, told = raw.nanometres(read_units(stated.get("unit"))[0])
+        notes += told
+        grid, bands = in_order(wavelengths, raw.good, notes)
         try:
-            grid = validate_wavelengths(wavelengths)
+            grid = validate_wavelengths(grid)
         except ValueError as error:
             raise self.error(error) from None
-        raw = self.mapped()
-        declared = self.declared_scale
-        mark = USUAL_MARK if self.ignore is None and can_hold_mark(self._dtype) else self.ignore
-        probe = SpectraCube(
-            wavelengths=grid,
-            raw=raw,
-            bands=bands,
-            scale=declared or 1.0,
-            ignore=mark,
-            notes=notes,
-            format="ENVI image",
-            unit="fraction",
-            path=self.path,
+        cure = "add 'reflectance scale factor = 10000', say, to the header"
+        scale, unit = scale_of(raw, bands, notes, cure, **stated)
+        return SpectraCube(
+            file=raw, wavelengths=grid, bands=bands, scale=scale, notes=notes, unit=unit
         )
-        if self.ignore is None and mark is not None and (_sample(probe, raw) == mark).any():
-            notes.append(MARK_WORDS)
-        try:
-            scale, unit, told = unit_of(
-                _bright(probe),
-                declared,
-                "add 'reflectance scale factor = 10000', say, to the header",
-            )
-        except ValueError as error:
-            raise self.error(error) from None
-        return replace(probe, scale=scale, unit=unit, notes=[*notes, *told])
 
-    def mapped(self) -> np.ndarray:
-        """All numbers as they are stored, (lines, samples, bands), mapped into memory and
-        not read.
+    def raw(self, wavelengths: Float[np.ndarray, "bands"] | None, notes: list[str]) -> RawCube:
+        """The numbers as they are stored, not read, and what the header says of them.
+
+        Args:
+            wavelengths: of the stored bands, as the header has them.
+            notes: what was noticed is added.
+
+        Raises:
+            ValueError: the header is not legal.
         """
         axes, order = _AXES[self.interleave]
-        with explain_errors(self.data):
-            shape = tuple(self.sizes[axis] for axis in axes)
-            return np.memmap(self.data, self._dtype, "r", self._offset, shape).transpose(order)
+        shape = tuple(self.sizes[axis] for axis in axes)
+        good = self.good_bands(notes)
+        gain, offset = self._conversion(notes)
+        # The second title of ENVI's plot of a spectrum is that of its values.
+        said = [" ".join(self.entries("data units")), *self.entries("z plot titles")[1:2]]
+        if "byte order" not in self.header:
+            notes.append("the header does not say the byte order: taken as 0 (least byte first)")
+        return RawCube(
+            path=self.path,
+            format="ENVI image",
+            data=OnDisk(np.memmap, self.data, self._dtype, "r", self._offset, shape),
+            order=order,
+            shape=(self.sizes["lines"], self.sizes["samples"], self.sizes["bands"]),
+            dtype=self._dtype,
+            apart=self.interleave == "bsq",
+            wavelengths=wavelengths,
+            wavelength_unit=" ".join(self.entries("wavelength units")),
+            quantity=first_quantity(said),
+            good=good,
+            gain=gain,
+            offset=offset,
+            scale=self.declared_scale or meaning(said[0]).scale,
+            ignore=() if self.ignore is None else (self.ignore,),
+            notes=tuple(notes),
+        )
+
+    def _conversion(self, notes: list[str]) -> tuple[Any, Any]:
+        """Gain and offset of the stored bands, numbers or arrays; those to reflectance before
+        those to radiance.
+
+        Raises:
+            ValueError: a list of them is of another length, or holds what is no number.
+        """
+        count = self.sizes["samples" if self.is_library else "bands"]
+        for words in ("data reflectance", "data"):
+            pair = []
+            for title, neutral in ((f"{words} gain values", 1.0), (f"{words} offset values", 0.0)):
+                values = self._numbers(title)
+                if values.size not in (0, 1, count) or not np.isfinite(values).all():
+                    raise self.error(
+                        f"{title!r} has {values.size} entries for {count} bands, or one that is "
+                        "not finite"
+                    )
+                pair.append(np.resize(values, count) if values.size else neutral)
+            if any(np.ndim(values) for values in pair):
+                notes.append(f"the header's {words!r} gain and offset values are applied")
+                return pair[0], pair[1]
+        return 1.0, 0.0
 
     def _data_beside(self) -> Path:
         """Data file of the header, by the names that ENVI and its kin use."""
@@ -271,19 +314,8 @@ class EnviFile:
             f"{stem.name}.sli, .img, ..."
         )
 
-    def grid(self) -> tuple[Float[np.ndarray, "bands"], Int[np.ndarray, "bands"], list[str]]:
-        """Wavelengths in ascending order, which stored bands they are, and notes; bad bands are
-        left out.
-
-        Raises:
-            ValueError: there are none, or they are not legal.
-        """
-        wavelengths, notes = self.wavelengths()
-        bands = self.good_bands(notes)
-        return *in_order(wavelengths, bands, notes), notes
-
-    def wavelengths(self) -> tuple[Float[np.ndarray, "bands"], list[str]]:
-        """Wavelengths of the stored bands, in nm and the file's order, and notes.
+    def wavelengths(self) -> Float[np.ndarray, "bands"]:
+        """Wavelengths of the stored bands, as the header has them.
 
         Raises:
             ValueError: there are none, or they are not legal.
@@ -300,10 +332,7 @@ class EnviFile:
             raise self.error(
                 f"wavelength number {int(np.argmin(np.isfinite(values))) + 1} is not finite"
             )
-        try:
-            return nanometres(values, " ".join(self.entries("wavelength units")))
-        except ValueError as error:
-            raise self.error(error) from None
+        return values
 
     def good_bands(self, notes: list[str]) -> Int[np.ndarray, "good"]:
         """Stored bands that the header's ``bbl`` does not mark as bad; a note says how many it
@@ -377,24 +406,6 @@ class EnviFile:
                 f"the header's reflectance scale factor is {scale:g}; it must be positive"
             )
         return scale
-
-
-def _sample(cube: SpectraCube, values: Any) -> np.ndarray:
-    """Pixels from all over an image, of its own numbers or of reflectance."""
-    lines, samples, _ = cube.shape
-    # So many pixels tell the unit of an image.
-    step = max(1, round(np.sqrt(lines * samples / 20_000)))
-    pixels = np.asarray(values[::step, ::step])
-    return pixels.reshape(-1, pixels.shape[-1])
-
-
-def _bright(cube: SpectraCube) -> float:
-    """What the brightest bands of 99 % of the pixels of a sample stay below."""
-    pixels = _sample(cube, cube)
-    pixels = pixels[np.isfinite(pixels).all(axis=1)]
-    if not len(pixels):
-        raise refusal(cube.path, "no pixel has data at every wavelength")
-    return float(np.quantile(pixels.max(axis=1), 0.99))
 
 
 def format_envi(table: SpectraTable) -> tuple[str, Iterator[bytes], list[str]]:

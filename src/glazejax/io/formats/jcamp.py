@@ -13,16 +13,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Float
 
-from ..finish import RawSpectra, nanometres
+from ..finish import RawSpectra
+from ..quantity import meaning
 from ..source import Source
 from ..words import read_number
 
-_REFLECTANCE = {
-    "reflectance": None,
-    "%reflectance": 100.0,
-    "percent reflectance": 100.0,
-    "reflectance %": 100.0,
-}
 _PLAIN = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
 _PACKED = re.compile(r"\s*([@A-Ia-i%J-Rj-rS-Zs+-]?)(\d*\.?\d*)")
 _FIRST = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+))")
@@ -55,33 +50,34 @@ def read_jcamp(source: Source) -> RawSpectra:
     X may be in nanometres, micrometres or 1/cm. Y must be reflectance, as a fraction or percent.
 
     Raises:
-        ValueError: a block without ##END= (a file cut short), without data, damaged, in absorbance
-            or another unit, with another number of points than it promises, or on other wavelengths
-            than the first.
+        ValueError: a block without ##END= (a file cut short), without data, damaged, with another
+            number of points than it promises, or in other units or on other wavelengths than the
+            first.
     """
-    found = [
-        _spectrum(source, number, block) for number, block in enumerate(_blocks(source), start=1)
-    ]
-    if not found:
+    blocks = _blocks(source)
+    if not blocks:
         raise source.error("JCAMP-DX without data: no ##XYDATA= or ##XYPOINTS=")
-    names, grids, values, scales, notes = zip(*found, strict=True)
+    found = [_spectrum(source, number, block) for number, block in enumerate(blocks, start=1)]
+    names, grids, values = zip(*found, strict=True)
+    units = [block.labels.get("YUNITS", "") or "no YUNITS" for block in blocks]
+    other = next((unit for unit in units if meaning(unit) != meaning(units[0])), units[0])
+    if other != units[0]:
+        raise source.error(
+            f"some blocks are in {units[0]!r} and some in {other!r}; bring all to one unit"
+        )
     for name, grid in zip(names, grids, strict=True):
         if grid.shape != grids[0].shape or not np.allclose(grid, grids[0], rtol=1e-9):
             raise source.error(
                 f"block {name!r} is on other wavelengths than {names[0]!r}; a table has one "
                 "grid: split it"
             )
-    if len(set(scales)) > 1:
-        raise source.error(
-            "some blocks are in percent and some in fractions; bring all to one unit"
-        )
     return RawSpectra(
         wavelengths=grids[0],
         names=names,
         values=np.array(values),
         format="JCAMP-DX",
-        notes=notes[0],
-        scale=scales[0],
+        wavelength_unit=blocks[0].labels.get("XUNITS", ""),
+        quantity=units[0],
     )
 
 
@@ -105,7 +101,8 @@ def _blocks(source: Source) -> list[_Block]:
             block = _Block()
         if block is None:
             continue
-        if not equals:
+        # Labels of a maker's own begin with $, and need no value.
+        if not equals and not label.startswith("$"):
             raise source.error(f"the block is damaged: {text[:40]!r} has no =", number)
         inside = label in ("XYDATA", "XYPOINTS")
         if inside:
@@ -132,15 +129,9 @@ _COUNTED = ("FIRSTX", "LASTX", "NPOINTS", "XFACTOR", "YFACTOR", "XUNITS", "YUNIT
 
 def _spectrum(
     source: Source, number: int, block: _Block
-) -> tuple[str, Float[np.ndarray, "bands"], Float[np.ndarray, "bands"], float | None, list[str]]:
-    """Name, wavelengths, values, scale and notes of a block."""
+) -> tuple[str, Float[np.ndarray, "bands"], Float[np.ndarray, "bands"]]:
+    """Name, abscissas and values of a block."""
     name = block.labels.get("TITLE", "") or f"block {number}"
-    unit = block.labels.get("YUNITS", "").lower()
-    if unit not in _REFLECTANCE:
-        raise source.error(
-            f"{name!r} is in {block.labels.get('YUNITS', 'no unit')!r}; only reflectance can be "
-            "read"
-        )
     if block.form == "(XY..XY)":
         x, y = _pairs(source, name, block)
     elif block.form == "(X++(Y..Y))":
@@ -151,11 +142,7 @@ def _spectrum(
         )
     if x.size == 0:
         raise source.error(f"{name!r} holds no points")
-    try:
-        wavelengths, notes = nanometres(x, block.labels.get("XUNITS", ""))
-    except ValueError as error:
-        raise source.error(f"{name!r}: {error}") from None
-    return name, wavelengths, y * _factor(source, name, block, "YFACTOR"), _REFLECTANCE[unit], notes
+    return name, x, y * _factor(source, name, block, "YFACTOR")
 
 
 def _label(source: Source, name: str, block: _Block, label: str) -> float | None:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..finish import RawSpectra, nanometres
+from ..finish import RawSpectra
 from ..source import Source
 
 _EXPECTED = (
@@ -46,11 +46,7 @@ def read_listing(source: Source) -> RawSpectra:
         )
     if not spectra:
         raise source.error(f"no entry has a reflectance; {_EXPECTED}")
-    grid = _numbers(source, "wavelengths", grids[0].get("values"))
-    try:
-        wavelengths, notes = nanometres(grid, _text(grids[0].get("unit", "")))
-    except ValueError as error:
-        raise source.error(error) from None
+    wavelengths = _numbers(source, "wavelengths", grids[0].get("values"))
     names = []
     values = []
     for number, entry in enumerate(spectra, start=1):
@@ -67,7 +63,7 @@ def read_listing(source: Source) -> RawSpectra:
         names=names,
         values=np.array(values),
         format="JSON list of spectra",
-        notes=notes,
+        wavelength_unit=_text(grids[0].get("unit", "")),
         attributes=attributes,
     )
 

@@ -5,12 +5,10 @@ sample, and their ratio in percent.
 """
 
 import numpy as np
-from jaxtyping import Float, Int
 
-from ..finish import RawSpectra
+from ..finish import SPECTROMETER, RawSpectra
 from ..source import Source
 from ..words import read_number
-from .noisy_ends import without_noisy_ends
 
 
 def read_svc(source: Source) -> RawSpectra:
@@ -45,29 +43,12 @@ def read_svc(source: Source) -> RawSpectra:
         raise source.error("an SVC file without numbers below 'data='; was it cut short?")
     table = np.array(rows)
     notes = ["the last column, percent of the white reference, is the reflectance"]
-    kept = _one_detector_each(table[:, 0], notes)
-    return without_noisy_ends(
-        RawSpectra(
-            wavelengths=table[kept, 0],
-            names=[name],
-            values=table[kept, 3][None],
-            format="SVC text (.sig)",
-            notes=notes,
-            scale=100.0,
-        )
+    return RawSpectra(
+        wavelengths=table[:, 0],
+        names=[name],
+        values=table[:, 3][None],
+        format="SVC text (.sig)",
+        notes=notes,
+        scale=100.0,
+        lit=SPECTROMETER,
     )
-
-
-def _one_detector_each(
-    wavelengths: Float[np.ndarray, "rows"], notes: list[str]
-) -> Int[np.ndarray, "kept"]:
-    """Rows without those of one detector where another is read; the file has one detector after
-    the other.
-    """
-    kept = np.arange(wavelengths.size)
-    for fall in np.flatnonzero(np.diff(wavelengths) <= 0):
-        middle = (wavelengths[fall] + wavelengths[fall + 1]) / 2
-        notes.append(f"detectors overlap: the change is at {middle:g} nm")
-        before = (kept <= fall) & (wavelengths[kept] <= middle)
-        kept = kept[before | ((kept > fall) & (wavelengths[kept] > middle))]
-    return kept

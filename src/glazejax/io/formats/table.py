@@ -2,41 +2,44 @@
 column.
 """
 
-import bisect
 import csv
-import io
+import itertools
 import math
 import re
 from array import array
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import reduce
 
 import numpy as np
 from jaxtyping import Float
 
-from ...spectra import validate_wavelengths
-from ..finish import MAX_NOISE, RawSpectra, nanometres
+from ...spectra import describe_grid, validate_wavelengths
+from ..finish import DETECTED, SPECTROMETER, RawSpectra, detectors_overlap, different
+from ..quantity import MODES, READINGS, REFLECTANCE, is_no_name, length_unit, meaning
 from ..source import Source, shorten
-from ..words import read_number, unshield_name
+from ..words import is_number, read_number, unshield_name
 from .above import (
-    END,
     WAVELENGTH_TITLE,
     BandTitle,
     band,
     delimiter_of,
+    delimiter_of_numbers,
+    find_table,
     is_data,
-    lines_above,
+    is_mark,
+    is_wavelength_title,
     not_read,
-    numbers_of,
 )
-from .noisy_ends import without_noisy_ends
 
-_WAVENUMBER_TITLE = re.compile(
-    r"^(wave\s*numbers?|wellenzahl|nombres? d.onde|\W*(1/cm|cm\^?[-⁻][1¹]))", re.IGNORECASE
-)
 _VALUE_TITLE = re.compile(r"^(reflectance|refl\b|r\b|%r\b|value|intensity)", re.IGNORECASE)
 _NAME_TITLE = re.compile(r"^(name|sample|id\b|paint|pigment|patch|label|spectrum)", re.IGNORECASE)
-_UNIT = re.compile(r"#\s*unit:?\s*(fraction|percent)\s*$", re.IGNORECASE)
+# Lines above a table, or comments, that say what its values are.
+_KEYWORD = re.compile(
+    r"\W*(?:y\W*(?:units?|axis)|(?:data|photometric|measurement|meas)\W*(?:units?|mode|type)|"
+    r"measurement|quantity|units?)[\s:=,;\"]+(.+)",
+    re.IGNORECASE,
+)
 _LAYOUTS = (
     "expected 'Name,400,410,...' with a sample a row, or 'wavelength,sample,...' with a sample a "
     "column"
@@ -44,52 +47,71 @@ _LAYOUTS = (
 # Without the blanks before it: by the thousand they would take hours to search.
 _NANOMETRES = re.compile(r"\[?\(?nm\)?\]?$", re.IGNORECASE)
 _NAMES = {"name", "data name", "sample name", "sample", "sample id"}
-_SPECULAR = {
-    "SCI": "specular component included, d:8",
-    "SPIN": "specular component included, d:8",
-    "SCE": "specular component excluded, de:8",
-    "SPEX": "specular component excluded, de:8",
-}
 _KIND_TITLE = re.compile(r"SCI\W*SCE|specular", re.IGNORECASE)
+# Letters by which software calls what an instrument reads.
+_LETTERS = {"d": "dark", "r": "reference", "s": "sample", "p": "processed"}
 _KINDS = {"\t": "TSV", ",": "CSV", ";": "semicolon-separated", " ": "blank-separated"}
 # What a table may hold: 2 GB of numbers, and names of as many spectra.
 _MAX_VALUES = 1 << 28
 _MAX_SPECTRA = 5_000_000
 _MAX_BANDS = 500_000
-_PART = 1 << 18
 
 
 @dataclass(frozen=True)
 class _Cells:
-    """Table of which the header is known; the lines below it are read while they are asked for."""
+    """Table of which the header is known; the lines below it are read while they are asked for.
+
+    Attributes:
+        source: the file.
+        delimiter: between cells.
+        header_line: number of the last line of titles, or of the last line above the numbers.
+        titles: cells of each line of titles; none where numbers begin at once.
+        header: titles of each column, joined.
+        lines: numbers and texts of the lines below.
+        said: what a line above says of the values.
+        declared: whether a comment says so, and titles are names.
+        take: columns that are read, in this order: wavelengths, spectra, further wavelengths;
+            empty for all.
+        blanks: whether cells may be empty.
+        percent: a place for each cell that has a sign of percent.
+    """
 
     source: Source
     delimiter: str
     header_line: int
+    titles: list[list[str]]
     header: list[str]
     lines: Iterator[tuple[int, str]]
+    said: str = ""
+    declared: bool = False
+    take: tuple[int, ...] = ()
+    blanks: bool = False
+    percent: list[int] = field(default_factory=list)
 
     def error(self, line: int, complaint: str) -> ValueError:
         return self.source.error(complaint, line)
 
     def split(self, line: int, text: str) -> list[str]:
-        """Cells of a line, as many as the header has."""
+        """Cells of a line that are read."""
         row = _split(self, line, text)
-        while len(row) > len(self.header) and not row[-1]:
+        width = len(self.header)
+        while len(row) > width and not row[-1]:
             row.pop()
-        if len(row) != len(self.header):
-            count = f"{len(row)} cell{'s' if len(row) != 1 else ''}"
+        count = len(row)
+        if self.take and self.delimiter != " ":
+            row += [""] * (width - count)
+        if len(row) != width:
+            words = f"{count} cell{'s' if count != 1 else ''}"
             # 12,5 is two cells where commas separate.
-            decimal = (
-                self.delimiter == "," and len(row) > len(self.header) and re.search(r"\d,\d", text)
-            )
+            decimal = self.delimiter == "," and count > width and re.search(r"\d,\d", text)
             hint = (
                 "; if commas are decimal points, separate the cells by semicolons or tabs"
                 if decimal
                 else ""
             )
-            raise self.error(line, f"{count} where the header has {len(self.header)}{hint}")
-        return row
+            first = "header" if self.titles else "first row"
+            raise self.error(line, f"{words} where the {first} has {width}{hint}")
+        return [row[i] for i in self.take] if self.take else row
 
     def quick(self, text: str) -> tuple[str, array] | None:
         """First cell and numbers of a line that is legal and simple.
@@ -105,6 +127,8 @@ class _Cells:
             cells.pop()
         if len(cells) != len(self.header):
             return None
+        if self.take:
+            cells = [cells[i] for i in self.take]
         first = cells.pop(0).strip()
         if self.delimiter != "," and "," in text:
             cells = [cell.replace(",", ".") for cell in cells]
@@ -112,82 +136,132 @@ class _Cells:
             row = array("d", map(float, cells))
         except ValueError:
             return None
-        return (first, row) if min(row) >= 0 and math.isfinite(sum(row)) else None
+        return (first, row) if math.isfinite(sum(row)) else None
 
 
 def read_table(source: Source) -> RawSpectra:
     """Read reflectance spectra from a text table.
 
-    Three layouts are told apart by their header: wide, ``Name,400,410,...`` with a sample a row;
-    long,
+    Layouts are told apart by their header: wide, ``Name,400,410,...`` with a sample a row; long,
     ``wavelength,sample A,sample B,...`` with a sample a column; and longest,
-    ``name,wavelength,reflectance`` with a value a row. Cells are separated by tabs, commas,
-    semicolons or blanks; wavelengths may carry "nm"; a decimal comma is understood unless commas
-    separate; empty lines and lines that start with # are skipped, but
-    ``# unit: fraction`` or ``# unit: percent`` on the first line declares what values are.
+    ``name,wavelength,reflectance`` with a value a row. Below any line of titles, or none,
+    three rows of numbers of which a column runs through wavelengths make a long table. A row
+    of units may stand below the titles; a further column of wavelengths begins further spectra;
+    columns without numbers, and what an instrument reads beside reflectance, are left out. Cells
+    are separated by tabs, commas, semicolons or blanks; wavelengths may carry "nm" and values "%";
+    a decimal comma is understood unless commas separate; empty lines and lines that start with #
+    are skipped, but lines above such as ``# unit: percent`` or ``YUNITS %R`` say what values are.
 
     The file is read line by line: beside the numbers themselves (8 bytes each) it takes only names.
 
     Raises:
         ValueError: the file is empty, not text, has no wavelengths in its header, wavelengths that
-            do not ascend, a ragged row, a cell that is not a finite number, a value below -0.01, or
-            two samples of one name; or it holds more than 268 million values. The message is one
-            line and says where.
+            do not ascend, a ragged row, a cell that is not a finite number, or two samples of one
+            name; or it holds more than 268 million values. The message is one line and says where.
     """
-    cells, scale = _read_header(source)
+    cells = _open_table(source)
     first = next(cells.lines, None)
     if first is None:
         raise source.error("there is a header but no data below it")
+    row = cells.split(*first)
     attributes: dict[str, list[str]] = {}
     if (order := _triples(cells)) is not None:
         names, wavelengths, values = _read_triples(cells, first, *order)
         layout = "a value a row"
-    elif _is_long(cells, first):
-        names, wavelengths, values = _read_long(cells, first)
-        layout = "a sample a column"
-    else:
-        samples = _only_bands(cells, first, attributes)
-        names, wavelengths, values = _read_wide(samples, next(samples.lines))
+        unit = length_unit(cells.header[order[1]])
+        title = cells.header[order[2]]
+    elif _is_wide(cells, row):
+        names, wavelengths, values = _read_wide(cells, first, attributes)
         layout = "a sample a row"
-    kind = f"{_KINDS[cells.delimiter]} table, {layout}"
+        ends = (cells.header[-1], cells.header[0])
+        title = next((title for title in ends if any(meaning(title)[:2])), "")
+        unit = length_unit(cells.header[0]) or "nm" * ("nm" in cells.header[-1].lower())
+    else:
+        cells, names, unit, title = _choose_columns(cells)
+        names, wavelengths, values = _read_long(cells, first, names)
+        layout = "a sample a column"
+    if cells.percent and len(cells.percent) != values.size:
+        raise source.error("some cells are in percent, with %, and some are not; write all alike")
+    titled = bool(cells.titles)
     return RawSpectra(
         wavelengths=wavelengths,
         names=names,
         values=values,
-        format=kind,
+        format=f"{_KINDS[cells.delimiter]} table, {layout}"
+        if titled
+        else "columns of numbers without a header",
         notes=source.notes,
-        scale=scale,
+        wavelength_unit=unit,
+        quantity=next((words for words in (title, cells.said) if meaning(words).quantity), ""),
+        scale=100.0 if cells.percent else meaning(title).scale or meaning(cells.said).scale,
         attributes=attributes,
         by_hand=True,
+        # Lines above are a spectrometer's; without them, a person may have made the file.
+        lit=DETECTED if titled or not cells.header_line else SPECTROMETER,
     )
 
 
-def _read_header(source: Source) -> tuple[_Cells, float | None]:
-    """Table with its header, and the value that stands for a reflectance of 1 if its first line
-    says so.
-    """
-    scale = None
-    lines = source.lines()
-    above, _ = lines_above(source)
-    if above:
-        source.notes.append(not_read(above))
-    for number, line in lines:
-        if number == 1 and (said := _UNIT.match(line)):
-            scale = {"fraction": 1.0, "percent": 100.0}[said[1].lower()]
-        if number > above and is_data(line):
-            break
-    else:
-        raise source.error("the file is empty")
-    below = ((number, line) for number, line in lines if is_data(line))
+def _open_table(source: Source) -> _Cells:
+    """Table with its header."""
+    place = find_table(source)
+    if place.above:
+        source.notes.append(not_read(place.above))
+    lines = itertools.takewhile(
+        lambda pair: pair[0] <= place.above or not is_mark(pair[1]), source.lines(above=place.above)
+    )
+    data = (pair for pair in lines if pair[0] > place.above and is_data(pair[1]))
+    titles = list(itertools.islice(data, place.titles))
+    first = next(data, None)
+    above = titles[-1][0] if titles else place.above
+    if first is None and not titles:
+        cut = "no numbers below this line; was the file cut short? export it again"
+        raise source.error(cut if place.above else "the file is empty", place.above or None)
+    keywords = [
+        (words, line.startswith("#"))
+        for line in source.first_lines[: titles[0][0] - 1 if titles else above]
+        if (words := _stated(line)) and any(meaning(words)[:2])
+    ]
     cells = _Cells(
-        source=source, delimiter=delimiter_of(line), header_line=number, header=[], lines=below
+        source=source,
+        delimiter=delimiter_of(titles[-1][1])
+        if titles
+        else delimiter_of_numbers(first[1] if first else ""),
+        header_line=above,
+        titles=[],
+        header=[],
+        lines=itertools.chain([first] if first else [], data),
+        said=keywords[-1][0] if keywords else "",
+        declared=any(declared for _, declared in keywords),
     )
-    cells.header.extend(_split(cells, number, line))
-    while cells.header and not cells.header[-1]:
-        cells.header.pop()
-    if len(cells.header) < 2:
-        raise cells.error(number, f"the header has one column only; {_LAYOUTS}")
-    return cells, scale
+    numbers = _split(cells, *first) if first else []
+    while numbers and not numbers[-1]:
+        numbers.pop()
+    rows = [_split(cells, *title) for title in titles] or [[""] * len(numbers)]
+    # Titles may be empty at the end where numbers stand below, as of merged cells.
+    while titles and len(rows[-1]) > len(numbers) and not rows[-1][-1]:
+        rows[-1].pop()
+    if len(alone := source.first_lines[above:][:3]) == 3 and all(map(is_number, alone)):
+        raise source.error(
+            "one number a line: their wavelengths stand in a file of their own; write both into "
+            "one table, wavelengths first"
+        )
+    width = len(rows[-1])
+    if width < 2:
+        raise cells.error(above, f"the header has one column only; {_LAYOUTS}")
+    # A title above several columns stands at the first of them.
+    rows[:-1] = [
+        list(itertools.accumulate(row + [""] * (width - len(row)), lambda left, own: own or left))
+        for row in rows[:-1]
+    ]
+    cells.titles.extend(rows if titles else [])
+    cells.header.extend(" ".join(filter(None, column)) for column in zip(*rows, strict=True))
+    return cells
+
+
+def _stated(line: str) -> str:
+    """What a line above a table may say of its values: a unit alone, or behind a keyword."""
+    keyword = _KEYWORD.match(line[:200])
+    return keyword[1].strip() if keyword else line.strip() if is_no_name(line) else ""
 
 
 def _split(cells: _Cells, number: int, line: str) -> list[str]:
@@ -238,47 +312,191 @@ def _band_of(cells: _Cells, title: str) -> BandTitle | None:
     return None if WAVELENGTH_TITLE.match(cells.header[0]) else band(title)
 
 
-def _is_long(cells: _Cells, first: tuple[int, str]) -> bool:
-    """Whether samples are columns; refuses a header that names wavelengths in neither way."""
+def _columns(cells: _Cells) -> list[list[float]]:
+    """Numbers of each column in the first rows; none at all where the head of the file ends
+    above.
+    """
+    lines = itertools.takewhile(
+        lambda line: not is_mark(line), cells.source.first_lines[cells.header_line :]
+    )
+    rows = [
+        _split(cells, cells.header_line, line)
+        for line in itertools.islice(filter(is_data, lines), 30)
+    ]
+    return [
+        [
+            value
+            for row in rows
+            if i < len(row)
+            and (value := _wavelength(row[i].removesuffix("%"), cells.delimiter)) is not None
+        ]
+        for i in range(len(cells.header))
+        if rows
+    ]
+
+
+def _runs(values: list[float]) -> bool:
+    """Whether numbers run through wavelengths in nm."""
+    steps = np.diff(values)
+    return len(values) > 2 and min(values) >= 100 and bool((steps > 0).all() or (steps < 0).all())
+
+
+def _is_wide(cells: _Cells, row: list[str]) -> bool:
+    """Whether samples are rows: titles are bands, and do not number samples."""
     titles = [_band_of(cells, title) for title in cells.header[1:]]
     numeric = [found.wavelength for found in titles if found is not None]
+    if not numeric:
+        return False
     if len(numeric) == len(titles) and _number(cells.header[0], cells.delimiter) is not None:
         raise cells.error(
             cells.header_line,
             f"numbers only, where a header should be; put one above, such as 'nm,name'; {_LAYOUTS}",
         )
-    leading = _wavelength(cells.split(*first)[0], cells.delimiter)
-    titled = bool(WAVELENGTH_TITLE.match(cells.header[0])) and leading is not None
-    # Samples may be numbered 1, 2, 3; a wavelength in nm has three digits at least.
-    if 2 * len(numeric) > len(titles) and not (titled and max(numeric) < 100):
-        return False
-    if titled and titles:
-        return True
-    # Colours may stand beside few bands.
-    if len(numeric) > 1 and min(numeric) >= 100:
-        return False
-    if _WAVENUMBER_TITLE.match(cells.header[0]):
+    titled = any(
+        is_wavelength_title(title) and _wavelength(cell, cells.delimiter) is not None
+        for title, cell in zip(cells.titles[-1], row, strict=False)
+    )
+    # Samples may be numbered 1, 2, 3; a wavelength in nm has three digits at least. Colours may
+    # stand beside few bands.
+    if 2 * len(numeric) > len(titles):
+        return not titled or max(numeric) >= 100
+    return not titled and len(numeric) > 1 and min(numeric) >= 100
+
+
+def _choose_columns(cells: _Cells) -> tuple[_Cells, list[str], str, str]:
+    """Table of wavelengths and reflectance alone; names of the spectra, unit of wavelengths, and
+    the title that says what the values are.
+
+    Wavelengths are the first column so titled, else the first that runs through them. A further
+    one begins further spectra.
+    """
+    notes = cells.source.notes
+    width = len(cells.header)
+    numbers = _columns(cells)
+    runs = [i for i in range(width) if numbers and _runs(numbers[i])]
+    titled = [i for i in range(width) if any(is_wavelength_title(row[i]) for row in cells.titles)]
+    in_um = numbers and not cells.titles and [0.1] < numbers[0][:1] < numbers[0][1:2] < [100.0]
+    wavenumbers = bool(cells.titles) and length_unit(cells.header[0]) == "1/cm"
+    if numbers and (wavenumbers or not (titled or runs or in_um)):
+        wrong = f"no wavelengths in the header; {_LAYOUTS}"
+        if not cells.titles:
+            wrong = (
+                f"numbers only, and the first column does not run through wavelengths; {_LAYOUTS}"
+            )
+        elif wavenumbers:
+            wrong = (
+                f"{cells.header[0]!r} are wavenumbers; write wavelengths in nm, which are 1e7 / "
+                "(1/cm)"
+            )
+        raise cells.source.error(wrong, cells.header_line or None)
+    grid = next(iter([*titled, *runs]), 0)
+    named = {*titled}
+    further = [i for i in runs if i > grid and (i in named or numbers[i] == numbers[grid])]
+    right = (i for i in range(grid + 1, width) if not numbers or numbers[i])
+    columns = sorted({*right}.difference(further))
+    if not columns:
+        raise cells.error(cells.header_line, "no column of numbers beside the wavelengths")
+    if len(columns) + len(further) + 1 < width:
+        left = sorted({*range(width)}.difference((grid, *columns, *further)))
+        last = cells.titles[-1] if cells.titles else cells.header
+        titles = shorten(", ".join(last[i] or f"column {i + 1}" for i in left))
+        notes.append(f"left out, as they hold no spectra: {titles}")
+    columns, title = _reflectances(cells, columns)
+    take = (grid, *columns, *further)
+    unit = next((unit for row in cells.titles if (unit := length_unit(row[grid]))), "")
+    names = _column_names(cells, columns)
+    chosen = () if take == tuple(range(width)) else take
+    return replace(cells, take=chosen, blanks=bool(further)), names, unit, title
+
+
+def _reflectances(cells: _Cells, columns: list[int]) -> tuple[list[int], str]:
+    """Columns of reflectance of those of a table, and the title that says what they are.
+
+    Beside reflectance nothing else is read. Where there is none, what says nothing is; else all
+    that is of another quantity, which is refused unless the user says that it is reflectance.
+    """
+    words = [re.split(r"[\[(]", title)[0].strip().lower() for title in cells.header]
+    if set(words) >= set(_LETTERS):
+        words = [_LETTERS.get(word, word) for word in words]
+    said = {i: meaning(cells.header[i]).quantity for i in columns}
+    readings = [i for i in columns if words[i] in READINGS]
+    computed = [i for i in columns if words[i] == "processed"]
+    if cells.declared:
+        return columns, ""
+    if any(said.values()) or computed or (len(readings) == len(columns) > 1 and "dark" in words):
+        said |= dict.fromkeys(readings, "counts") | dict.fromkeys(computed, REFLECTANCE)
+    others = [quantity for quantity in said.values() if quantity != "counts"]
+    best = next(one for one in (REFLECTANCE, "", *others, "counts") if one in said.values())
+    # A title that says nothing is a sample's name, if all others say reflectance.
+    alike = {*said.values()} <= {REFLECTANCE, ""}
+    kept = columns if alike else [i for i in columns if said[i] == best]
+    if len(kept) < len(columns):
+        left = ", ".join(cells.header[i] for i in sorted({*columns}.difference(kept)))
+        taken = ", ".join(cells.header[i] for i in kept)
+        cells.source.notes.append(shorten(f"taken as reflectance: {taken}; left out: {left}"))
+    scales = {meaning(cells.header[i]).scale for i in kept} - {None}
+    if len(scales) > 1:
         raise cells.error(
-            cells.header_line,
-            f"{cells.header[0]!r} are wavenumbers; write wavelengths in nm, which are 1e7 / (1/cm)",
+            cells.header_line, "percent and fraction are mixed in the titles; bring all to one unit"
         )
-    raise cells.error(cells.header_line, f"no wavelengths in the header; {_LAYOUTS}")
+    title = next((t for i in kept if any(meaning(t := cells.header[i])[:2])), "")
+    return kept, title or (f"{cells.header[kept[0]]} (counts)" if best == "counts" else "")
+
+
+def _column_names(cells: _Cells, columns: list[int]) -> list[str]:
+    """Names of the spectra in some columns: their titles. Those without one are called as the one
+    before, and where titles name quantities only as the file.
+    """
+    notes = cells.source.notes
+    stem = cells.source.path.stem
+    if not cells.titles:
+        alone = len(columns) == 1
+        notes.append(
+            "there is no header: the spectrum is named as its file"
+            if alone
+            else "there is no header: spectra are named by their column"
+        )
+        return [stem] if alone else [f"column {i + 1}" for i in columns]
+    own = [
+        " ".join(row[i] for row in cells.titles if cells.declared or not is_no_name(row[i]))
+        for i in columns
+    ]
+    if not any(own):
+        modes = [meaning(cells.header[i]).mode for i in columns]
+        return different([f"{stem} {mode}".strip() for mode in modes], notes)
+    lines: dict[str, int] = {}
+    names: list[str] = []
+    for i, name in zip(columns, own, strict=True):
+        name = name or cells.header[i]
+        if name or not names:
+            _check_name(cells, cells.header_line, name, lines)
+            lines[name] = cells.header_line
+        names.append(unshield_name(name) or names[-1])
+    return different(names, notes)
 
 
 def _check_grid(cells: _Cells, wavelengths: Sequence[float]) -> Float[np.ndarray, "bands"]:
-    """Legal grid, or an error that names the file; one that descends is legal."""
+    """Legal grid, or an error that names the file; one that descends is legal, or one of detectors
+    that overlap.
+    """
     grid = np.asarray(wavelengths)
     try:
+        # Those in micrometres are told by their unit, or later.
+        if grid.size and 0.1 <= grid.min() <= grid.max() < 100:
+            validate_wavelengths(np.sort(1e3 * grid))
+            return grid
         if np.all(np.diff(grid) < 0):
             return validate_wavelengths(grid[::-1])[::-1]
-        return validate_wavelengths(grid)
+        return grid if detectors_overlap(grid) else validate_wavelengths(grid)
     except ValueError as error:
         raise cells.source.error(error) from None
 
 
 def _value(cells: _Cells, line: int, name: str, column: str, cell: str) -> float:
     """Reflectance in a cell, or an error that says where."""
-    value = _number(cell, cells.delimiter)
+    value = _number(cell.removesuffix("%"), cells.delimiter)
+    if not cell and cells.blanks:
+        return math.nan
     if value is None:
         problem = (
             "the cell is empty; fill it, or leave its wavelength or sample out"
@@ -286,59 +504,50 @@ def _value(cells: _Cells, line: int, name: str, column: str, cell: str) -> float
             else f"{cell!r} is not a finite number"
         )
         raise cells.error(line, f"sample {name!r}, column {column!r}: {problem}")
-    if value < -MAX_NOISE:
-        raise cells.error(
-            line,
-            f"sample {name!r}, column {column!r}: reflectance {cell} is negative; if that is "
-            "noise, write 0",
-        )
+    if cell.endswith("%"):
+        cells.percent.append(line)
     return value
 
 
-def _read_rows(
-    cells: _Cells,
-    first: tuple[int, str],
-    start: Callable[[int, str], object],
-    titles: Sequence[str],
-    *,
-    wide: bool,
-) -> Float[np.ndarray, "rows columns"]:
-    """Numbers right of the first column.
+def _read_row(
+    cells: _Cells, line: tuple[int, str], titles: Sequence[str], values: array, *, wide: bool
+) -> str:
+    """First cell of a line; the numbers right of it are added to the values.
 
     Args:
         cells: the table.
-        first: number and text of the line below its header.
-        start: takes the number and the first cell of each line, and refuses what is wrong with it.
+        line: its number and text.
         titles: what the errors call the columns.
+        values: of the lines above.
         wide: whether the first cell names the sample; else the column does.
     """
-    values = array("d")
-    for number, text in _with_first(first, cells.lines):
-        quick = cells.quick(text)
-        if quick is None:
-            name, *row = cells.split(number, text)
-            start(number, name)
-            values.extend(
-                _value(cells, number, name if wide else title, title, cell)
-                for title, cell in zip(titles, row, strict=True)
-            )
-        else:
-            start(number, quick[0])
-            values.extend(quick[1])
-        if len(values) > _MAX_VALUES:
-            raise cells.error(number, f"more than {_MAX_VALUES} values so far; split the table")
-    return np.frombuffer(values).reshape(-1, len(titles))
+    number, text = line
+    quick = cells.quick(text)
+    if quick is None:
+        first, *row = cells.split(number, text)
+        values.extend(
+            _value(cells, number, first if wide else title, title, cell)
+            for title, cell in zip(titles, row, strict=True)
+        )
+    else:
+        first, row = quick
+        values.extend(row)
+    if len(values) > _MAX_VALUES:
+        raise cells.error(number, f"more than {_MAX_VALUES} values so far; split the table")
+    return first
 
 
-def _with_first(
-    first: tuple[int, str], rest: Iterator[tuple[int, str]]
-) -> Iterator[tuple[int, str]]:
-    yield first
-    yield from rest
+def _has_no_wavelength(cells: _Cells, number: int, text: str) -> bool:
+    """Whether a line of a table with a sample a column holds text where wavelengths are."""
+    row = _split(cells, number, text)
+    at = cells.take[0] if cells.take else 0
+    return at >= len(row) or _wavelength(row[at], cells.delimiter) is None
 
 
-def _only_bands(cells: _Cells, first: tuple[int, str], attributes: dict[str, list[str]]) -> _Cells:
-    """Table of names and bands alone; it begins with the line that was read already.
+def _read_wide(
+    cells: _Cells, first: tuple[int, str], attributes: dict[str, list[str]]
+) -> tuple[list[str], Float[np.ndarray, "bands"], Float[np.ndarray, "rows bands"]]:
+    """Names, wavelengths and values of a table with a sample a row.
 
     What stands beside the bands, such as L*a*b*, fills the attributes. Bands with the specular
     component (SCI) and without (SCE) become rows of their own, NAME SCI and NAME SCE.
@@ -348,122 +557,114 @@ def _only_bands(cells: _Cells, first: tuple[int, str], attributes: dict[str, lis
             component are others than those without.
     """
     header = cells.header
+    notes = cells.source.notes
     bands: dict[str, dict[int, float]] = {}
     others: list[int] = []
     for i, title in enumerate(header):
         found = _band_of(cells, title) if i else None
         if found is not None:
             bands.setdefault(found.specular, {})[i] = found.wavelength
-        elif i and (not title or title[0].isdigit()):
+        elif i and not title:
+            notes.append(f"column {i + 1} has no title and is left out")
+        elif i and title[0].isdigit():
             raise cells.error(cells.header_line, f"column {title!r} is not a wavelength in nm")
         else:
             others.append(i)
     one, *more = bands.items()
-    for specular, grid in more:
-        if list(grid.values()) != list(one[1].values()):
+    for specular, at in more:
+        if list(at.values()) != list(one[1].values()):
             raise cells.error(
                 cells.header_line,
                 f"bands of {specular or 'no name'} are others than those of {one[0] or 'no name'}; "
                 "export both at the same wavelengths",
             )
-    lines = _with_first(first, cells.lines)
-    if len(others) == 1 and not more:
-        if one[0]:
-            cells.source.notes.append(f"all bands are taken as {_SPECULAR[one[0]]}")
-        return replace(cells, lines=lines)
-    named = [i for i in others if header[i].lower() in _NAMES]
-    name_at = named[0] if named else 0
+    grid = _check_grid(cells, list(one[1].values()))
+    name_at = next((i for i in others if header[i].lower() in _NAMES), 0)
     others.remove(name_at)
     # A column may say of each line which kind of reading it is.
     kind_at = next((i for i in others if _KIND_TITLE.search(header[i])), None)
     if others:
-        titles = shorten(", ".join(header[i] for i in others))
-        cells.source.notes.append(
-            f"columns that are no bands are kept beside the spectra: {titles}"
-        )
+        beside = shorten(", ".join(header[i] for i in others))
+        notes.append(f"columns that are no bands are kept beside the spectra: {beside}")
     if more:
-        words = ", ".join(f"NAME {word} ({_SPECULAR[word]})" for word in bands if word)
-        cells.source.notes.append(f"each line gives a spectrum for each kind of reading: {words}")
-    columns: list[list[str]] = [attributes.setdefault(header[i], []) for i in others]
-
-    def rows() -> Iterator[tuple[int, str]]:
-        for number, text in lines:
-            row = cells.split(number, text)
-            for word, at in bands.items():
-                for column, i in zip(columns, others, strict=True):
-                    column.append(row[i])
-                kind = word if more else "" if kind_at is None else row[kind_at]
-                name = f"{row[name_at]} {kind}".strip() if row[name_at] else ""
-                yield number, _join_by_tabs([name, *(row[i] for i in at)])
-
-    return replace(
-        cells,
-        delimiter="\t",
-        header=[header[name_at], *(header[i] for i in one[1])],
-        lines=rows(),
-    )
-
-
-def _join_by_tabs(row: Sequence[str]) -> str:
-    text = io.StringIO()
-    csv.writer(text, delimiter="\t", lineterminator="").writerow(row)
-    return text.getvalue()
-
-
-def _read_wide(
-    cells: _Cells, first: tuple[int, str]
-) -> tuple[list[str], Float[np.ndarray, "bands"], Float[np.ndarray, "rows bands"]]:
-    """Names, wavelengths and values of a table with a sample a row."""
-    found = [_band_of(cells, title) for title in cells.header[1:]]
-    grid = _check_grid(cells, [each.wavelength for each in found if each is not None])
+        words = ", ".join(f"NAME {word} ({MODES[word]})" for word in bands if word)
+        notes.append(f"each line gives a spectrum for each kind of reading: {words}")
+    elif one[0] and not others:
+        notes.append(f"all bands are taken as {MODES[one[0]]}")
+    simple = len(one[1]) + 1 == len(header)
+    readers = [
+        (word if more else "", replace(cells, take=() if simple else (name_at, *at)))
+        for word, at in bands.items()
+    ]
+    columns = [(i, attributes.setdefault(header[i], [])) for i in others]
+    titles = [header[i] for i in one[1]]
     names: list[str] = []
-    # 16 bytes a name instead of the 150 of a dictionary.
     lines = array("q")
-    hashes = array("q")
-
-    def start(number: int, name: str) -> None:
-        if not name or len(names) == _MAX_SPECTRA:
-            wrong = (
-                "a sample has no name"
-                if not name
-                else f"more than {_MAX_SPECTRA} samples so far; split the table"
-            )
-            raise cells.error(number, wrong)
-        names.append(unshield_name(name))
-        lines.append(number)
-        hashes.append(hash(name))
-
-    values = _read_rows(cells, first, start, cells.header[1:], wide=True)
-    ordered = np.sort(np.frombuffer(hashes, np.int64))
-    if (ordered[1:] == ordered[:-1]).any():
+    values = array("d")
+    for number, text in itertools.chain([first], cells.lines):
+        row = cells.split(number, text) if others else []
+        for word, reader in readers:
+            name = _read_row(reader, (number, text), titles, values, wide=True)
+            if not name or len(names) == _MAX_SPECTRA:
+                wrong = f"more than {_MAX_SPECTRA} samples so far; split the table"
+                raise cells.error(number, wrong if name else "a sample has no name")
+            kind = word if kind_at is None or more else row[kind_at]
+            names.append(unshield_name(f"{name} {kind}" if kind else name))
+            lines.append(number)
+            for i, column in columns:
+                column.append(row[i])
+    if len(set(names)) < len(names):
         seen: dict[str, int] = {}
         for number, name in zip(lines, names, strict=True):
             _check_name(cells, number, name, seen)
             seen[name] = number
-    return names, grid, values
+    return names, grid, np.frombuffer(values).reshape(-1, grid.size)
 
 
 def _read_long(
-    cells: _Cells, first: tuple[int, str]
+    cells: _Cells, first: tuple[int, str], names: list[str]
 ) -> tuple[list[str], Float[np.ndarray, "bands"], Float[np.ndarray, "rows bands"]]:
     """Names, wavelengths and values of a table with a sample a column."""
-    lines: dict[str, int] = {}
-    for name in cells.header[1:]:
-        _check_name(cells, cells.header_line, name, lines)
-        lines[name] = cells.header_line
-    names = [unshield_name(name) for name in lines]
+    title = cells.header[cells.take[0] if cells.take else 0] or "1"
+    further = cells.take[len(names) + 1 :]
+    titles = [*names, *[title] * len(further)]
     wavelengths = array("d")
-
-    def start(number: int, cell: str) -> None:
-        wavelength = _wavelength(cell, cells.delimiter)
-        if wavelength is None:
-            raise cells.error(
-                number, f"column {cells.header[0]!r}: {cell!r} is not a wavelength in nm"
+    values = array("d")
+    before = first[0]
+    for number, text in itertools.chain([first], cells.lines):
+        # Means and the like stand below an empty line.
+        if number > before + 1 and _has_no_wavelength(cells, number, text):
+            cells.source.notes.append(
+                f"the table ends above line {number}: {shorten(text.strip()[:40])}"
             )
+            break
+        before = number
+        cell = _read_row(cells, (number, text), titles, values, wide=False)
+        wavelength = math.nan if further and not cell else _wavelength(cell, cells.delimiter)
+        if wavelength is None:
+            raise cells.error(number, f"column {title!r}: {cell!r} is not a wavelength in nm")
         wavelengths.append(wavelength)
-
-    values = _read_rows(cells, first, start, names, wide=False)
-    return names, _check_grid(cells, wavelengths), values.T
+    table = np.frombuffer(values).reshape(-1, len(titles)).T
+    if not further:
+        return names, _check_grid(cells, wavelengths), table
+    # Some spectra may be shorter: empty cells below them.
+    grids = [
+        _check_grid(cells, [wavelength for wavelength in column if not math.isnan(wavelength)])
+        for column in [wavelengths, *table[len(names) :]]
+    ]
+    common = reduce(np.intersect1d, grids)
+    if common.size < 2:
+        raise cells.source.error(
+            "columns of wavelengths have none in common; export spectra at the same wavelengths, "
+            "or in files of their own"
+        )
+    if any(grid.size > common.size for grid in grids):
+        cells.source.notes.append(f"spectra share {describe_grid(common)}, and are read there")
+    spectra = []
+    for at, column in zip(cells.take[1:], table[: len(names)], strict=False):
+        value_at = dict(zip(grids[sum(start < at for start in further)], column, strict=False))
+        spectra.append([value_at[wavelength] for wavelength in common])
+    return names, common, np.array(spectra)
 
 
 def _check_name(cells: _Cells, line: int, name: str, seen: dict[str, int]) -> None:
@@ -476,18 +677,15 @@ def _check_name(cells: _Cells, line: int, name: str, seen: dict[str, int]) -> No
         )
 
 
-def _triples(cells: _Cells) -> tuple[int, int, int] | None:
+def _triples(cells: _Cells) -> list[int] | None:
     """Columns of name, wavelength and value in a table of a value a row, or None if it is another
     layout.
     """
-    if len(cells.header) != 3:
-        return None
-    titled = [i for i, title in enumerate(cells.header) if WAVELENGTH_TITLE.match(title)]
-    valued = [i for i, title in enumerate(cells.header) if _VALUE_TITLE.match(title)]
-    named = [i for i, title in enumerate(cells.header) if _NAME_TITLE.match(title)]
-    if len(titled) == len(valued) == len(named) == 1 and len({*titled, *valued, *named}) == 3:
-        return named[0], titled[0], valued[0]
-    return None
+    kinds = (_NAME_TITLE, WAVELENGTH_TITLE, _VALUE_TITLE)
+    places = [[i for i, title in enumerate(cells.header) if kind.match(title)] for kind in kinds]
+    order = [i for at in places for i in at]
+    one_each = all(len(at) == 1 for at in places) and sorted(order) == [0, 1, 2]
+    return order if one_each and len(cells.header) == 3 else None
 
 
 def _read_triples(
@@ -499,13 +697,11 @@ def _read_triples(
     rows: dict[str, int] = {}
     columns: dict[float, int] = {}
     column_at: dict[str, int] = {}  # by its text, which need not be parsed again
-    row_of = array("i")
-    column_of = array("i")
+    lines = array("q")
+    row_of = array("q")
+    column_of = array("q")
     values = array("d")
-    breaks: list[
-        tuple[int, int]
-    ] = []  # a value and its line, wherever that is not the line after the value before
-    for number, text in _with_first(first, cells.lines):
+    for number, text in itertools.chain([first], cells.lines):
         row = cells.split(number, text)
         name = row[name_at]
         title = row[wavelength_at]
@@ -519,8 +715,7 @@ def _read_triples(
                     f"column {cells.header[wavelength_at]!r}: {title!r} is not a wavelength in nm",
                 )
             column_at[title] = columns.setdefault(wavelength, len(columns))
-        if not breaks or number - breaks[-1][1] != len(values) - breaks[-1][0]:
-            breaks.append((len(values), number))
+        lines.append(number)
         row_of.append(rows.setdefault(name, len(rows)))
         column_of.append(column_at[title])
         values.append(_value(cells, number, name, cells.header[value_at], row[value_at]))
@@ -532,92 +727,20 @@ def _read_triples(
     grid = _check_grid(cells, sorted(columns))
     # Columns in the order of their wavelengths, not of the file.
     rank = np.argsort(np.argsort(np.fromiter(columns, float)))
-    at_row = np.frombuffer(row_of, np.int32)
-    at_column = np.frombuffer(column_of, np.int32)
-    # Filled in parts, as whole arrays of places would take more room than the table.
-    parts = [slice(i, i + _PART) for i in range(0, len(values), _PART)]
-    if len(names) * grid.size == len(values):
-        table = np.empty((len(names), grid.size))
-        seen = np.zeros((len(names), grid.size), bool)
-        for part in parts:
-            seen[at_row[part], rank[at_column[part]]] = True
-            table[at_row[part], rank[at_column[part]]] = values[part]
-        if seen.all():
-            return names, grid, table
-    places = at_row.astype(np.int64) * grid.size + rank[at_column]
-    order = np.argsort(places, kind="stable")
-    again = order[1:][np.diff(places[order]) == 0]
-    if again.size:
-        place = int(again.min())
-        start, line = breaks[bisect.bisect_right(breaks, place, key=lambda pair: pair[0]) - 1]
-        title = f"{grid[rank[at_column[place]]]:g}"
+    at_row = np.frombuffer(row_of, np.int64)
+    at_column = rank[np.frombuffer(column_of, np.int64)]
+    order = np.lexsort((at_column, at_row))
+    same = (np.diff(at_row[order]) == 0) & (np.diff(at_column[order]) == 0)
+    if same.any():
+        place = int(order[1:][same].min())
         raise cells.error(
-            line + place - start,
-            f"sample {names[at_row[place]]!r} has a value at {title} nm already",
+            lines[place],
+            f"sample {names[at_row[place]]!r} has a value at {grid[at_column[place]]:g} nm already",
         )
-    row = int(np.argmax(np.bincount(at_row) < grid.size))
-    missing = np.delete(grid, rank[at_column[at_row == row]])[0]
-    raise cells.source.error(
-        f"sample {names[row]!r} has no value at {missing:g} nm, where others have one"
-    )
-
-
-def read_columns(source: Source) -> RawSpectra:
-    """Read columns of numbers without a header, as spectrometers write them: wavelengths in nm,
-    then a spectrum each.
-
-    Raises:
-        ValueError: no rows, a row of another length, a cell that is not a number, or first columns
-            that are no wavelengths.
-    """
-    numbers = array("d")
-    width = 0
-    above, _ = lines_above(source)
-    # Only comments may be in another encoding, and they are skipped.
-    for number, line in source.lines(damaged="replace"):
-        if END.match(line):
-            break
-        if number <= above or not is_data(line):
-            continue
-        cells = numbers_of(line)
-        try:
-            row = array("d", map(read_number, cells))
-        except ValueError:
-            raise source.error(f"{line.strip()[:40]!r} are not numbers only", number) from None
-        width = width or len(row)
-        if len(row) != width:
-            raise source.error(f"{len(row)} cells where the first row has {width}", number)
-        numbers.extend(row)
-        if len(numbers) > _MAX_VALUES:
-            raise source.error(f"more than {_MAX_VALUES} values so far; split the file", number)
-    if not width:
-        raise source.error(
-            "no numbers below this line; was the file cut short? export it again", above
+    if len(values) < len(names) * grid.size:
+        row = int(np.argmax(np.bincount(at_row) < grid.size))
+        missing = np.delete(grid, at_column[at_row == row])[0]
+        raise cells.source.error(
+            f"sample {names[row]!r} has no value at {missing:g} nm, where others have one"
         )
-    table = np.frombuffer(numbers).reshape(-1, width)
-    try:
-        wavelengths, notes = nanometres(table[:, 0], None)
-    except ValueError as error:
-        raise source.error(f"first column: {error}; {_LAYOUTS}") from None
-    steps = np.diff(wavelengths)
-    if not (wavelengths.min() >= 100 and (np.all(steps > 0) or np.all(steps < 0))):
-        raise source.error(
-            f"numbers only, and the first column does not run through wavelengths; {_LAYOUTS}"
-        )
-    if above:
-        notes.append(not_read(above))
-    if width == 2:
-        names = [source.path.stem]
-        notes.append("there is no header: the spectrum is named as its file")
-    else:
-        names = [f"column {i}" for i in range(2, width + 1)]
-        notes.append("there is no header: spectra are named by their column")
-    raw = RawSpectra(
-        wavelengths=wavelengths,
-        names=names,
-        values=table[:, 1:].T,
-        format="columns of numbers without a header",
-        notes=notes,
-    )
-    # Lines above are a spectrometer's; without them, a person may have made the file.
-    return without_noisy_ends(raw) if above else raw
+    return names, grid, np.frombuffer(values)[order].reshape(len(names), grid.size)

@@ -12,9 +12,9 @@ from ...extras import advice
 from ...names import nearest_names
 from ..finish import RawSpectra
 from ..source import HEAD, Source, is_there
-from .above import lines_above
+from .above import find_table
 from .cells import MOST_CELLS, read_cells
-from .table import read_columns, read_table
+from .table import read_table
 
 _ENDINGS = (".xlsx", ".xlsm", ".xls", ".ods")
 # What the sheets may unpack to.
@@ -32,13 +32,15 @@ def split_sheet(path: Path) -> tuple[Path, str]:
 class _Sheet(Source):
     """Cells of a sheet, as a source of lines; line 5 is row 5."""
 
-    def __init__(self, source: Source, rows: list[str]):
+    def __init__(self, source: Source, cells: list[list[str]]):
         self.path = source.path
         self.notes = source.notes
-        self.head = "\n".join(rows).encode()[:HEAD]
-        self._rows = rows
+        width = max(map(len, cells), default=0)
+        self._rows = [_line([*row, *[""] * (width - len(row))] if row else row) for row in cells]
+        self.head = "\n".join(self._rows).encode()[:HEAD]
+        self.is_cut = len(self.head) == HEAD
 
-    def lines(self, *, damaged: str = "strict") -> Iterator[tuple[int, str]]:
+    def lines(self, *, damaged: str = "strict", above: int = 0) -> Iterator[tuple[int, str]]:
         yield from enumerate(self._rows, start=1)
 
 
@@ -49,7 +51,7 @@ def read_workbook(source: Source, sheet: str = "") -> RawSpectra:
 
     Args:
         source: the workbook.
-        sheet: its name; left out, the first.
+        sheet: its name; left out, the first that holds a table of spectra.
 
     Raises:
         ValueError: python-calamine is missing, it is no workbook or not a whole one, has no such
@@ -75,11 +77,19 @@ def read_workbook(source: Source, sheet: str = "") -> RawSpectra:
         raise source.error(f"there is no sheet {sheet!r}; there are {', '.join(near)}")
     if cells is None:
         raise source.error(f"more than {MOST_CELLS} cells; export the sheet as UTF-8 CSV")
+    page = _Sheet(source, cells)
     if len(names) > 1:
-        name = sheet or names[0]
-        source.notes.append(f"sheet {name!r} was read; there are {', '.join(names[:6])}")
-    page = _Sheet(source, [_line(row) for row in cells])
-    raw = (read_columns if lines_above(page)[1] else read_table)(page)
+        known = ", ".join(names[:6])
+        others = [] if sheet else names[1:]
+        sheet = sheet or names[0]
+        # The first sheet may be on the samples or the instrument.
+        while others and not find_table(page).sure:
+            sheet = others.pop(0)
+            page = _Sheet(source, read_cells(content, sheet)[1] or [])
+            if not others and not find_table(page).sure:
+                raise source.error(f"no sheet holds a table of spectra; there are {known}")
+        source.notes.append(f"sheet {sheet!r} was read; there are {known}")
+    raw = read_table(page)
     return replace(raw, format=raw.format.replace("TSV table", "workbook"))
 
 

@@ -9,10 +9,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
-from ..cube import is_mark
-from ..source import refusal, show_path
+from .finish import DELETED
+from .quantity import nanometres
+from .source import refusal, show_path
 
 # Bytes of a mapped file that are let go together.
 _MAPPED = 1 << 26
@@ -124,9 +125,12 @@ class RawCube:
         dtype: of the numbers.
         piece: (y, x, bands) that the file stores together; 1 where any window can be read as it is.
         apart: whether each band is stored as an image of its own.
-        wavelengths: (stored bands,), nm, in the file's order; None where the file has none.
+        wavelengths: (stored bands,), as the file has them; None where it has none.
+        wavelength_unit: as the file states it; empty where it does not.
+        quantity: what the file says of the values, such as ``radiance``; empty where it says
+            nothing.
         good: the stored bands that are not marked as bad.
-        gain: a stored number times this plus `offset` is the value.
+        gain: a stored number times this plus `offset` is the value; a number, or (stored bands,).
         offset: see `gain`.
         scale: value that stands for a reflectance of 1, if the file says so.
         ignore: stored numbers that mark missing data.
@@ -146,9 +150,11 @@ class RawCube:
     piece: tuple[int, int, int] = (1, 1, 1)
     apart: bool = False
     wavelengths: Float[np.ndarray, "stored"] | None = None
+    wavelength_unit: str = ""
+    quantity: str = ""
     good: Int[np.ndarray, "good"] | None = None
-    gain: float = 1.0
-    offset: float = 0.0
+    gain: float | Float[np.ndarray, "stored"] = 1.0
+    offset: float | Float[np.ndarray, "stored"] = 0.0
     scale: float | None = None
     ignore: tuple[float, ...] = ()
     notes: tuple[str, ...] = ()
@@ -166,6 +172,31 @@ class RawCube:
             return None
         top = float(np.iinfo(self.dtype).max)
         return None if top in self.ignore else top
+
+    @property
+    def converts(self) -> bool:
+        """Whether the file says how its numbers become values."""
+        return np.ndim(self.gain) > 0 or self.gain != 1.0 or self.offset != 0.0
+
+    def nanometres(self, unit: str = "") -> tuple[Float[np.ndarray, "stored"], list[str]]:
+        """Wavelengths in nm, in the file's order, and notes.
+
+        Args:
+            unit: what the user says that they are in, before the file.
+
+        Raises:
+            ValueError: there are none, or they are not legal.
+        """
+        if self.wavelengths is None:
+            raise refusal(
+                self.path,
+                f"no wavelengths for {self.shape[2]} bands; give them (wavelengths=, "
+                "--wavelengths: a list, or a file of nm)",
+            )
+        try:
+            return nanometres(self.wavelengths, unit or self.wavelength_unit)
+        except ValueError as error:
+            raise refusal(self.path, error) from None
 
     def block(self, y: slice, x: slice, bands: Int[np.ndarray, "bands"]) -> np.ndarray:
         """Stored numbers, (y, x, bands), in the file's type; a view of the file where it is mapped
@@ -197,18 +228,51 @@ class RawCube:
             bands: stored bands.
             mark: whether saturated readings become +inf.
         """
-        stored = self.block(y, x, bands)
-        # float32 holds all numbers of 16 bits; the larger types take float64.
-        values = stored.astype(np.result_type(self.dtype.newbyteorder("="), np.float32))
-        for number in self.ignore:
-            values[is_mark(stored, number)] = np.nan
-        if mark and self.top is not None:
-            values[stored == self.top] = np.inf
-        if self.gain != 1.0 or self.offset != 0.0:
-            values *= self.gain
-            values += self.offset
+        values = self.numbers(self.block(y, x, bands), bands, mark=mark)
         # At most whole lines of all bands, and what is mapped around each.
         self.data.used(
             len(values) * self.shape[1] * self.shape[2] * self.dtype.itemsize + bands.size * _AROUND
         )
         return values
+
+    def numbers(
+        self,
+        stored: np.ndarray,
+        bands: Int[np.ndarray, "bands"],
+        *,
+        mark: bool = False,
+        dtype: Any = np.float32,
+    ) -> Float[np.ndarray, "... bands"]:
+        """Values of stored numbers, (..., bands); NaN where data are missing.
+
+        Args:
+            stored: in the file's type.
+            bands: which of the stored bands they are.
+            mark: whether saturated readings become +inf.
+            dtype: of the values, at least; they are of one that holds all numbers of the file.
+        """
+        # float32 holds all numbers of 16 bits; the larger types take float64.
+        with np.errstate(invalid="ignore"):  # NaN of a kind that signals
+            values = stored.astype(np.result_type(self.dtype.newbyteorder("="), dtype))
+        if self.dtype.kind == "f":
+            values[values < DELETED] = np.nan
+        for number in self.ignore:
+            values[is_mark(stored, number)] = np.nan
+        if mark and self.top is not None:
+            values[stored == self.top] = np.inf
+        if self.converts:
+            values *= _of(self.gain, bands)
+            values += _of(self.offset, bands)
+        return values
+
+
+def _of(number: Any, bands: Int[np.ndarray, "bands"]) -> Any:
+    """A gain or offset of some bands, where each has its own."""
+    return number[bands] if np.ndim(number) else number
+
+
+def is_mark(raw: np.ndarray, mark: float) -> Bool[np.ndarray, "..."]:
+    """Where numbers of a file are its mark of missing data; one such as -1.23e34 is rounded as the
+    data are.
+    """
+    return raw == (raw.dtype.type(mark) if raw.dtype.kind == "f" else mark)

@@ -1,0 +1,266 @@
+"""What the numbers of a file are, and in what unit: one vocabulary for titles, rows of units and
+keywords, of all formats.
+
+What a file says comes before the size of its numbers. Reflectance is read; any other quantity is
+refused by its name, unless the user says that it is reflectance. What nobody says is taken as nm,
+as fractions, with a note.
+"""
+
+import re
+from collections.abc import Iterable
+from functools import lru_cache
+from typing import NamedTuple, TypedDict
+
+import numpy as np
+from jaxtyping import Float
+
+MODES = {
+    "SCI": "specular component included, d:8",
+    "SPIN": "specular component included, d:8",
+    "SCE": "specular component excluded, de:8",
+    "SPEX": "specular component excluded, de:8",
+}
+REFLECTANCE = "reflectance"
+_EXPORT = "export it (%R) from the instrument's software"
+_LIGHT = "measure what is lit against a white standard"
+# The first that matches counts: log(1/R) names R as well, 'Rad. (Ref.)' what looks like it.
+# Pigments may be called raw, dark, lamp black or reflex blue: these words are no quantities.
+_QUANTITIES = {
+    "K/S": (r"\bk\s*/\s*s\b|\bkubelka|\bf\s*\(\s*r", _EXPORT),
+    "absorbance": (
+        r"\babsor[bpv]|\babs\b|\boptical densit|\bextin[ck]tion|\b(log|lg|ln)\w*\W*[1rt]\b",
+        _EXPORT,
+    ),
+    "counts": (r"\bcounts?\b|(^|\bnorm\.?\s*)dn\b|\bdigital number", _EXPORT),
+    "radiance": (r"\bradian(ce|c?ia|za|z)\b|\brad\.|[/·*\s]sr\b", _LIGHT),
+    "irradiance": (r"\birradian|(^|[\W\d])[uµm]?w\W*c?m(\b|\^|\d)", _LIGHT),
+    "emission": (r"\bemis|(^|\")(ambient|display|flash)\b|\bluminan|\bspectral power|cd/m", _LIGHT),
+    "sensitivity": (r"\bsensitivit|\bresponsivit", _EXPORT),
+    "transmittance": (r"\btrans(mi|fl)|\btrasmi|%\s*t\b|\bt\s*[\[(]?\s*%", _EXPORT),
+    REFLECTANCE: (r"\br[eé]fl(?!ex\b)|\brifl|\bremission|%\s*r\b|\br\s*[\[(]?\s*%|\bbrf\b", ""),
+}
+_PATTERNS = {name: re.compile(words, re.IGNORECASE) for name, (words, _) in _QUANTITIES.items()}
+_MODE = re.compile(rf"(?<![a-z])({'|'.join(MODES)})(?![a-z])", re.IGNORECASE)
+_PERCENT = r"%|\bpercent|\bper cent|\bpct\b|\bprozent|\bprocent|\bpor ciento"
+_FRACTION = r"\bfractions?\b|\b0\s*[-–.]+\s*1\b|[\[(](?:-|1\.0)[\])]"
+# Alone or in brackets it is the unit of whatever stands before it; 'red 10%' is a mixture.
+_UNIT = r"(?:^\W*|[\[(]\s*)(?:{})[^\])]*(?:[\])]|$)"
+_SCALES = tuple(
+    (scale, re.compile(words, re.IGNORECASE), re.compile(_UNIT.format(words), re.IGNORECASE))
+    for scale, words in ((100.0, _PERCENT), (1.0, _FRACTION))
+)
+# Titles that say what is measured and of what nothing more.
+_NO_NAME = re.compile(
+    r"[\W_]*(?:(?:r|rfl|refl\w*|réfl\w*|rifl\w*|remission\w*|factor|percent|pct|fractions?|values?|"
+    r"intensity|processed|1\.0|counts?|sc[ie]|spin|spex|transm\w*|t|abs\w*)\b[\W_]*)+|\W*%\W*",
+    re.IGNORECASE,
+)
+# What an instrument reads and computes reflectance from.
+READINGS = {"sample", "target", "scope", "dark", "reference", "ref", "white", "background"}
+_PARTS = re.compile(r"\d[\d.,]*\s*%")
+
+# Units of wavelength: what turns them into nm, and what is said of that.
+_LENGTHS = {
+    "nm": (r"nm|nanomet(er|re)s?", None, ""),
+    "um": (r"um|microns?|micromet(er|re)s?", 1e3, "micrometres; multiplied by 1000"),
+    "angstrom": (r"a|å|angstroms?", 0.1, "angstrom; divided by 10"),
+    "m": (r"m|met(er|re)s?", 1e9, "metres; multiplied by 1e9"),
+    "1/cm": (r"1\s*/\s*cm|cm\^?[-⁻][1¹]|wave\s*numbers?|wellenzahl|nombres? d.onde", None, ""),
+}
+_NOT_SAID = {"", "unknown", "<unspecified>", "none"}
+
+
+class Stated(TypedDict, total=False):
+    """What a user says of a file, before what the file says: arguments of all readers of spectra.
+
+    Attributes:
+        quantity: ``reflectance``, where that is what the values are, whatever the file calls them.
+        unit: ``nm``, ``um``, ``1/cm`` of wavelengths, ``percent`` or ``fraction`` of values, or one
+            of each, ``1/cm percent``.
+        scale: number that stands for a reflectance of 1.
+    """
+
+    quantity: str | None
+    unit: str | None
+    scale: float | None
+
+
+class Meaning(NamedTuple):
+    """What words say of the numbers they stand at; each is empty where they say nothing of it.
+
+    Attributes:
+        quantity: ``reflectance``, ``absorbance``, ...
+        scale: number that stands for a reflectance of 1: 100 for percent, 1 for fractions.
+        mode: ``SCI``, ``SCE``, ``SPIN`` or ``SPEX``.
+    """
+
+    quantity: str
+    scale: float | None
+    mode: str
+
+
+@lru_cache(maxsize=4096)
+def meaning(words: str) -> Meaning:
+    """Quantity, unit and mode that a title, a unit or the value of a keyword states."""
+    # No title is longer; a search in more could take long.
+    words = _PARTS.sub(" ", words[:200]).replace("_", " ").strip()
+    quantity = next((name for name, found in _PATTERNS.items() if found.search(words)), "")
+    scale = next(
+        (scale for scale, any_, alone in _SCALES if (any_ if quantity else alone).search(words)),
+        None,
+    )
+    mode = _MODE.search(words)
+    return Meaning(quantity, scale, mode[1].upper() if mode else "")
+
+
+def first_quantity(said: Iterable[str]) -> str:
+    """The first words that state a quantity; empty if none do."""
+    return next((words for words in said if meaning(words).quantity), "")
+
+
+def is_no_name(title: str) -> bool:
+    """Whether a title names a quantity or a unit and no sample, such as ``Reflectance (%)``."""
+    return len(title) <= 100 and bool(_NO_NAME.fullmatch(title))
+
+
+def names_sample(title: str) -> bool:
+    """Whether a title can only be a sample's name, and says nothing of its numbers."""
+    said = is_no_name(title) or any(meaning(title)[:2]) or title.lower() in READINGS
+    return not said
+
+
+def check_reflectance(words: str, quantity: str | None) -> None:
+    """Refuse what is not reflectance by its name, with what to export.
+
+    Args:
+        words: what the file says of its numbers.
+        quantity: what the user says that they are, or None.
+
+    Raises:
+        ValueError: the file says another quantity and the user does not say that it is reflectance,
+            or the user says another.
+    """
+    words = words if quantity is None else quantity
+    name = meaning(words).quantity
+    if name != REFLECTANCE:
+        raise ValueError(
+            f"{words!r} is {name or 'not known'}, and only reflectance can be read: "
+            f"{_QUANTITIES[name][1] if name else _EXPORT}, or say --quantity reflectance if it is "
+            "that"
+        )
+
+
+def read_units(unit: str | None) -> tuple[str, float | None]:
+    """Unit of wavelengths, and number that stands for a reflectance of 1, of what a user says:
+    ``nm``, ``1/cm``, ``percent``, ``fraction`` or two of them; empty and None where that says none.
+
+    Raises:
+        ValueError: a word that is no unit.
+    """
+    length = ""
+    scale = None
+    for word in (unit or "").replace(",", " ").split():
+        if known := length_unit(word):
+            length = known
+        elif (value := meaning(word).scale) is not None:
+            scale = value
+        else:
+            raise ValueError(
+                f"unit {word!r} is not known: nm, um, angstrom, m or 1/cm of wavelengths, percent "
+                "or fraction of values"
+            )
+    return length, scale
+
+
+def length_unit(words: str) -> str:
+    """Unit of wavelengths that a title or unit states, such as ``nm``; empty where it states
+    none.
+    """
+    words = words.strip().lower().replace("µ", "u").replace("μ", "u")
+    for unit, (spellings, _, _) in _LENGTHS.items():
+        # Alone, in brackets, or at the end behind a blank, comma or underscore.
+        before = r"(?:.*[\[(])?" if unit in ("m", "angstrom") else r"(?:.*[\W_])?"
+        if len(words) <= 100 and re.fullmatch(rf"{before}(?:{spellings})\W*", words):
+            return unit
+    return ""
+
+
+def nanometres(
+    wavelengths: Float[np.ndarray, "bands"], unit: str | None
+) -> tuple[Float[np.ndarray, "bands"], list[str]]:
+    """Wavelengths in nm from what a file calls their unit, with notes.
+
+    A unit that is not named is micrometres if all are below 100, as no spectrum of paint reaches so
+    far down in nm; whole numbers that small are taken for band numbers and refused, and so is what
+    runs as an infrared spectrum in 1/cm does. Else it is nm, which is said.
+
+    Raises:
+        ValueError: the unit is not one of nm, um, angstrom, m, 1/cm, or there is none and they
+            count bands or look like 1/cm.
+    """
+    word = (unit or "").strip().strip("{}()[]").strip()
+    if word.lower() in _NOT_SAID:
+        return _without_unit(wavelengths)
+    known = length_unit(word)
+    if not known:
+        raise ValueError(
+            f"wavelengths are in {unit!r}; known units are nm, um, angstrom, m and 1/cm"
+        )
+    if known == "1/cm":
+        if not (wavelengths > 0).all():
+            raise ValueError("wavenumbers must be positive")
+        return _whole(wavelengths), ["wavenumbers in 1/cm were turned into wavelengths"]
+    _, factor, note = _LENGTHS[known]
+    return (
+        (wavelengths, [])
+        if factor is None
+        else (
+            wavelengths * factor,
+            [f"wavelengths are in {note}"],
+        )
+    )
+
+
+def _without_unit(
+    wavelengths: Float[np.ndarray, "bands"],
+) -> tuple[Float[np.ndarray, "bands"], list[str]]:
+    """Wavelengths in nm where nobody says their unit."""
+    low = np.fmin.reduce(wavelengths, initial=np.inf)
+    high = np.fmax.reduce(wavelengths, initial=-np.inf)
+    if high < 100 and wavelengths.size:
+        if (wavelengths == np.round(wavelengths)).all():
+            raise ValueError(
+                f"{wavelengths[0]:g}, ... {wavelengths[-1]:g} look like band numbers, not "
+                "wavelengths in nm"
+            )
+        return wavelengths * 1e3, [
+            "wavelengths without a unit look like micrometres; multiplied by 1000"
+        ]
+    # Mid-infrared spectra: software writes them upwards from 400 to 4000, or downwards.
+    falls = wavelengths.size > 1 and wavelengths[0] > max(1000.0, wavelengths[-1])
+    if falls or (350 <= low <= 700 and 3500 <= high <= 4100):
+        raise ValueError(
+            f"{wavelengths[0]:g} ... {wavelengths[-1]:g} without a unit may be wavenumbers (1/cm): "
+            "say --unit 1/cm, or --unit nm"
+        )
+    return wavelengths, [not_stated("nm")] if wavelengths.size else []
+
+
+def not_stated(*units: str) -> str:
+    """Note on what nobody stated."""
+    return f"no unit is stated: taken as {', as '.join(units)}"
+
+
+def _whole(wavenumbers: Float[np.ndarray, "bands"]) -> Float[np.ndarray, "bands"]:
+    """Wavelengths in nm of wavenumbers in 1/cm; whole ones if all are, to the digits of the file.
+
+    14285.7 is 700.0007 nm, and would lie beyond a paint that is known up to 700 nm.
+    """
+    found = 1e7 / wavenumbers
+    decimals = next((n for n in range(9) if (np.round(wavenumbers, n) == wavenumbers).all()), None)
+    if decimals is None:
+        return found
+    slack = 0.5 * 10.0**-decimals * found**2 / 1e7
+    near = np.round(found)
+    whole = (np.abs(found - near) <= slack).all() and np.unique(near).size == near.size
+    return near if whole else found

@@ -1,0 +1,325 @@
+"""Files as instruments and people write them: what they say of quantity and unit, and where their
+columns stand. Cases of `shared/cases`, and twins of each kind with other names and values.
+"""
+
+import numpy as np
+import pytest
+
+from glazejax.io import read_spectra
+
+from .samples import CGATS, GRID, complains, jcamp_block, same, spectra
+
+RED, BLUE = spectra(2).round(4)
+DARK = 0.3 + 0.9 * RED  # percent of a black
+EXPORT = "only reflectance can be read: export it"
+
+
+def put(tmp_path, text, name="film.txt", encoding="utf-8"):
+    path = tmp_path / name
+    path.write_bytes(text.encode(encoding))
+    return path
+
+
+def rows(*columns, by=",", grid=GRID):
+    return "".join(by.join(map(str, row)) + "\n" for row in zip(grid, *columns, strict=True))
+
+
+@pytest.mark.parametrize(
+    ("file", "names", "low", "high", "told"),
+    [
+        ("03*/dark_km.csv", ["ivory black"], 0.009, 0.012, "in percent"),
+        ("03*/dark_percent_header.csv", ["dark_percent_header"], 0.009, 0.012, "in percent"),
+        ("03*/dark_percent_units.csv", ["dark_percent_units"], 0.009, 0.012, "in percent"),
+        ("04*/dark_and_light.csv", ["black", "red"], 0.009, 0.79, "black: dark, in percent"),
+        ("07*/counts.csv", ["counts"], 0.04, 0.79, "left out: Sample, Dark, Reference"),
+        ("09*/ocean_nohead.txt", ["ocean_nohead"], 0.03, 1.18, "left out, at 180-229.34 nm"),
+        ("11*/ava7.ttt", ["ava7"], 0.04, 0.79, "in percent"),
+        ("11*/ava8.txt", ["ava8"], 0.04, 0.79, "taken as reflectance: Reflectance [%]"),
+        ("12*/suite_es.txt", ["suite_es"], 0.04, 0.79, "read as Windows-1252"),
+        ("15*/one.sed", ["one"], 0.04, 0.79, "left out: Norm. DN (Ref.)"),
+        ("15*/rad.sed", ["rad"], 0.04, 0.79, "left out: Rad. (Ref.)"),
+        ("17*/wiser.txt", ["Spot A", "Spot B"], 0.04, 0.79, "as fractions"),
+        ("17*/x_pairs.xlsx", ["Spot 1", "Spot 2"], 0.04, 0.79, "no spectra: column 3"),
+        ("18*/utf16.txt", ["Sample α", "Sample β"], 0.04, 0.79, "as fractions"),
+        ("19*/jcamp_pct.jdx", ["black"], 0.011, 0.011, "in percent"),
+        ("22*/splib_two.txt", ["splib_two"], 0.2, 0.4, "3 bands without data"),
+        ("25*/x_emptycol.xlsx", ["s1", "s2", "AVERAGE"], 0.04, 0.79, "no spectra: column 4"),
+        (
+            "25*/x_merged.xlsx",
+            ["Yellow", "Yellow (2)", "Yellow (3)", "Cyan", "Cyan (2)", "Cyan (3)"],
+            0.04,
+            0.79,
+            "numbered: Yellow, Cyan",
+        ),
+        ("25*/x_notes.xlsx", ["s1"], 0.04, 0.79, "no spectra: notes"),
+        ("25*/x_sheets.xlsx", ["x_sheets"], 0.04, 0.79, "there are Info, Spot A, Spot B"),
+        ("27*/percent_cells.csv", ["red"], 0.04, 0.79, "in percent"),
+    ],
+)
+def test_cases_that_are_read(shared_cases, file, names, low, high, told):
+    (path,) = shared_cases.glob(file)
+    table = read_spectra(path)
+    assert table.names == tuple(names)
+    assert [table.reflectance.min(), table.reflectance.max()] == pytest.approx(
+        [low, high], abs=5e-3
+    )
+    assert told in " | ".join(table.notes)
+
+
+@pytest.mark.parametrize(
+    ("file", "complaint"),
+    [
+        ("05*/ftir_desc.dpt", r"4000 ... 400 without a unit .* --unit 1/cm, or --unit nm"),
+        ("05*/ftir_nohead.csv", r"400 ... 4000 without a unit .* --unit 1/cm, or --unit nm"),
+        ("06*/argyll_EMISSION.sp", 'MEAS_TYPE "EMISSION".* is emission, .* a white standard'),
+        ("06*/argyll_AMBIENT.sp", 'MEAS_TYPE "AMBIENT".* is emission'),
+        ("06*/display.ti3", 'DEVICE_CLASS "DISPLAY".* is emission'),
+        ("07*/absorbance.csv", f"'Absorbance' is absorbance, and {EXPORT}"),
+        ("07*/ks.csv", f"'K/S red' is K/S, and {EXPORT}"),
+        ("07*/transmittance.csv", f"'%T' is transmittance, and {EXPORT}"),
+        ("19*/suite.jdx", r"'Transmission \(%\)' is transmittance, .* --quantity reflectance"),
+        ("22*/splib07a*.txt", "their wavelengths stand in a file of their own"),
+    ],
+)
+def test_cases_that_are_refused(shared_cases, file, complaint):
+    (path,) = shared_cases.glob(file)
+    with pytest.raises(ValueError, match=complaint) as caught:
+        read_spectra(path)
+    assert complains(caught, path)
+
+
+def test_the_user_says_what_it_is(shared_cases):
+    (suite,) = shared_cases.glob("19*/suite.jdx")
+    assert read_spectra(suite, quantity="reflectance").reflectance.max() == pytest.approx(0.79)
+    (infrared,) = shared_cases.glob("05*/ftir_desc.dpt")
+    assert read_spectra(infrared, unit="1/cm").wavelengths[[0, -1]].tolist() == [2500.0, 25000.0]
+    assert read_spectra(infrared, unit="nm").wavelengths[[0, -1]].tolist() == [400.0, 4000.0]
+
+
+@pytest.mark.parametrize(
+    "title",
+    ["Reflectance (%)", "%R", "R%", "R [%]", "Reflect. %", "PERCENT REFLECTANCE", "tile (%)"],
+)
+def test_percent_in_a_title_is_before_the_size_of_the_numbers(tmp_path, title):
+    table = read_spectra(put(tmp_path, f"nm,{title}\n" + rows(DARK)))
+    np.testing.assert_allclose(table.reflectance[0], DARK / 100)
+    assert table.names == ("tile (%)" if "tile" in title else "film",)
+    table = read_spectra(put(tmp_path, f'##TITLE\nnm\t"{title}"\n' + rows(DARK, by="\t")))
+    np.testing.assert_allclose(table.reflectance[0], DARK / 100)
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["raw umber", "lamp black", "Reflex Blue", "dark", "white", "10% Scarlet", "red 50%", "T"],
+)
+def test_names_of_paints_are_no_quantities(tmp_path, name):
+    table = read_spectra(put(tmp_path, f"nm,{name},other\n" + rows(RED, BLUE)))
+    same(table, GRID, [RED, BLUE], [name, "other"])
+
+
+@pytest.mark.parametrize(
+    ("title", "quantity"),
+    [
+        ("Absorbance red", "absorbance"),
+        ("log(1/R)", "absorbance"),
+        ("-log R", "absorbance"),
+        ("K/S", "K/S"),
+        ("Transmittance [%]", "transmittance"),
+        ("Radiance (W/m^2/sr/nm)", "radiance"),
+        ("uW/cm^2/nm", "irradiance"),
+        ("Emission", "emission"),
+        ("S1 [counts]", "counts"),
+        ("Norm. DN", "counts"),
+    ],
+)
+def test_other_quantities_are_refused_by_name_unless_the_user_says_so(tmp_path, title, quantity):
+    path = put(tmp_path, f"nm,{title}\n" + rows(RED))
+    with pytest.raises(ValueError, match=f"is {quantity}, and only reflectance can be read"):
+        read_spectra(path)
+    table = read_spectra(path, quantity="reflectance", unit="fraction")
+    np.testing.assert_array_equal(table.reflectance[0], RED)
+    with pytest.raises(ValueError, match="'colour' is not known, and only reflectance"):
+        read_spectra(path, quantity="colour")
+
+
+@pytest.mark.parametrize("line", ["YUNITS\tABSORBANCE", "%T", "Data units; Radiance"])
+def test_lines_above_say_what_the_values_are(tmp_path, line):
+    path = put(tmp_path, f"An instrument\n{line}\n" + rows(RED, by="\t"))
+    with pytest.raises(ValueError, match="and only reflectance can be read"):
+        read_spectra(path)
+    table = read_spectra(put(tmp_path, "Software 2\nYUNITS\t%R\n" + rows(DARK, by="\t")))
+    np.testing.assert_allclose(table.reflectance[0], DARK / 100)
+
+
+@pytest.mark.parametrize(
+    ("header", "others"),
+    [
+        ("W,D,R,S,P", (5, 900, 300)),
+        ("Wavelength,Dark,Reference,Scope,Processed", (5, 900, 300)),
+        ("Wave,Sample,Dark,White,Reflectance\n[nm],[counts],[counts],[counts],[-]", (300, 5, 900)),
+        ("nm,Absorbance red,K/S red,%T red,%R red", (1.0, 2.0, 30.0)),
+    ],
+)
+def test_of_what_an_instrument_gives_reflectance_is_taken(tmp_path, header, others):
+    others = [np.full(GRID.size, value) for value in others]
+    scale = 100 if "%R" in header else 1
+    table = read_spectra(put(tmp_path, f"Jaz\n{header}\n" + rows(*others, scale * RED)))
+    assert len(table) == 1
+    np.testing.assert_allclose(table.reflectance[0], RED)
+    assert any(note.startswith("taken as reflectance: ") for note in table.notes)
+
+
+@pytest.mark.parametrize("title", ["%T {}", "Abs {}nm", "K/S {}"])
+def test_bands_of_another_quantity_are_refused(tmp_path, title):
+    header = ",".join(title.format(f"{w:g}") for w in GRID)
+    path = put(tmp_path, f"Name,{header}\nred,{','.join(map(str, RED))}\n")
+    with pytest.raises(ValueError, match="and only reflectance can be read"):
+        read_spectra(path)
+
+
+def test_counts_alone_are_refused(tmp_path):
+    path = put(tmp_path, "nm,Sample,Dark\n" + rows(RED, BLUE))
+    with pytest.raises(ValueError, match=r"'Sample \(counts\)' is counts"):
+        read_spectra(path)
+
+
+@pytest.mark.parametrize("unit", ["", " (nm)"])
+def test_what_nobody_states_is_said_once(tmp_path, unit):
+    table = read_spectra(put(tmp_path, f"wavelength{unit},red\n" + rows(RED)))
+    taken = "as fractions" if unit else "as nm, as fractions"
+    assert table.notes == [f"no unit is stated: taken {taken}"]
+    table = read_spectra(put(tmp_path, f"wavelength{unit},R (0-1)\n" + rows(RED)))
+    assert table.notes == ([] if unit else ["no unit is stated: taken as nm"])
+
+
+def test_units_in_titles_are_used(tmp_path):
+    for title, factor in (("Wavelength (µm)", 1e-3), ("lambda/nm", 1.0), ("wave [angstrom]", 10.0)):
+        text = f"{title},red\n" + rows(RED, grid=factor * GRID)
+        np.testing.assert_allclose(read_spectra(put(tmp_path, text)).wavelengths, GRID)
+
+
+def test_one_unit_for_a_file_told_by_its_brightest_spectrum(tmp_path):
+    text = CGATS.replace("0.40\t0.50\t0.60", "40\t50\t60").replace(
+        "0.10\t0.20\t0.30", "0.4\t0.6\t0.7"
+    )
+    table = read_spectra(put(tmp_path, text))
+    np.testing.assert_allclose(table["red, light"], [0.004, 0.006, 0.007])
+    assert "red, light: dark, in percent as blue is" in table.notes
+    with pytest.raises(ValueError, match=r"mixed: blue in percent .*, red, light in"):
+        read_spectra(put(tmp_path, text.replace("0.4\t0.6", "0.04\t0.6")))
+
+
+@pytest.mark.parametrize(
+    ("begin", "end"),
+    [
+        (">>>>>Debut Des Donnees Spectrales Traitees<<<<<", ">>>>>Fin Des Donnees<<<<<"),
+        (">>>>> Anfang <<<<< der Daten", ">>>>> Schluss der Daten <<<<<"),
+    ],
+)
+def test_marks_of_any_language(tmp_path, begin, end):
+    text = f"Fichier\nPixels: 31\n{begin}\n" + rows(RED, by="\t").replace(".", ",") + f"{end}\nx\n"
+    same(read_spectra(put(tmp_path, text)), GRID, [RED], ["film"], atol=1e-9)
+
+
+def test_blocks_of_their_own_wavelengths_are_read_where_all_have_some(tmp_path):
+    text = "Glaze 1\t\tGlaze 2\t\nnm\tR\tnm\tR\n"
+    long = np.arange(380.0, 731.0, 10.0)
+    values = np.interp(long, GRID, BLUE)
+    short = [*zip(GRID, RED, strict=True), *[("", "")] * 5]
+    for (w, r), wavelength, value in zip(short, long, values, strict=True):
+        text += f"{w}\t{r}\t{wavelength}\t{value}\n"
+    table = read_spectra(put(tmp_path, text))
+    same(table, GRID, [RED, BLUE], ["Glaze 1", "Glaze 2"], atol=1e-9)
+    assert "spectra share 400-700 nm step 10 (31 bands), and are read there" in table.notes
+    with pytest.raises(ValueError, match="have none in common"):
+        read_spectra(put(tmp_path, "nm,a,nm,b\n400,.1,401,.2\n410,.1,411,.2\n420,.1,421,.2\n"))
+
+
+def test_the_column_of_wavelengths_is_found_where_nothing_titles_it(tmp_path):
+    number = np.arange(1, GRID.size + 1)
+    text = "Nr;x;red\n" + "".join(
+        f"{i};{w:g};{r}\n".replace(".", ",") for i, w, r in zip(number, GRID, RED, strict=True)
+    )
+    table = read_spectra(put(tmp_path, text))
+    same(table, GRID, [RED], ["red"], atol=1e-9)
+    assert "left out, as they hold no spectra: Nr" in table.notes
+
+
+def test_empty_and_text_columns_and_means_below_are_left_out(tmp_path):
+    text = "nm,red,,seen,blue\n"
+    text += "".join(f"{w},{r},,fine,{b}\n" for w, r, b in zip(GRID, RED, BLUE, strict=True))
+    table = read_spectra(put(tmp_path, text + "\nmean,0.4,,,0.5\n"))
+    same(table, GRID, [RED, BLUE], ["red", "blue"])
+    assert "left out, as they hold no spectra: column 3, seen" in table.notes
+    assert "the table ends above line 34: mean,0.4,,,0.5" in table.notes
+    with pytest.raises(ValueError, match="line 33: column 'nm': 'mean' is not a wavelength"):
+        read_spectra(put(tmp_path, text + "mean,0.4,,,0.5\n"))
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-be"])
+def test_utf_16_of_any_format(tmp_path, encoding):
+    mark = "\ufeff" if encoding == "utf-16-be" else ""
+    text = mark + "Wellenlänge\tWeiß α\r\n" + rows(RED, by="\t").replace(".", ",")
+    same(read_spectra(put(tmp_path, text, encoding=encoding)), GRID, [RED], ["Weiß α"], atol=1e-9)
+    path = put(tmp_path, mark + jcamp_block(), encoding=encoding)
+    assert read_spectra(path).format == "JCAMP-DX"
+
+
+def test_names_are_padded_by_nul_above_a_table_only(tmp_path):
+    text = "S1\0\0\0\nWave   ;Reflectance\n[nm]   ;[% reflectance]\n" + rows(DARK, by=";")
+    np.testing.assert_allclose(read_spectra(put(tmp_path, text)).reflectance[0], DARK / 100)
+    with pytest.raises(ValueError, match="not a text file"):
+        read_spectra(put(tmp_path, text.replace("500.0;", "500.0;\0")))
+
+
+def test_percent_cells_are_percent_and_all_alike(tmp_path):
+    text = "nm,red,blue\n" + "".join(
+        f"{w},{r}%,{b}%\n" for w, r, b in zip(GRID, DARK, DARK, strict=True)
+    )
+    np.testing.assert_allclose(read_spectra(put(tmp_path, text)).reflectance[1], DARK / 100)
+    with pytest.raises(ValueError, match="some cells are in percent, with %, and some are not"):
+        read_spectra(put(tmp_path, text.replace("%\n", "\n", 1)))
+
+
+def test_detectors_of_a_table_overlap(tmp_path):
+    grid = np.array([*GRID[:21], *(GRID[17:] + 3)])
+    text = "wavelength,field\n" + rows([*RED[:21], *BLUE[17:]], grid=grid)
+    table = read_spectra(put(tmp_path, text))
+    assert "detectors overlap: the change is at 586.5 nm" in table.notes
+    np.testing.assert_allclose(table.reflectance[0], [*RED[:19], *BLUE[19:]])
+
+
+def test_deleted_channels_and_noisy_ends_of_a_titled_table(tmp_path):
+    grid = np.arange(330.0, 951.0, 10.0)
+    values = np.full(grid.size, 0.4)
+    values[[1, 61]] = -5.0, 7.0
+    values[30] = -1.23e34
+    table = read_spectra(put(tmp_path, "nm,tile\n" + rows(values, grid=grid)))
+    assert table.wavelengths.tolist() == [*grid[2:30], *grid[31:61]]
+    assert "4 bands at the ends are left out, at 330-340, 940-950 nm: they hold noise alone" in (
+        table.notes
+    )
+    values[20] = -5.0
+    with pytest.raises(ValueError, match=r"'tile' is negative at band \d+ \(530 nm\): -5"):
+        read_spectra(put(tmp_path, "nm,tile\n" + rows(values, grid=grid)))
+
+
+@pytest.mark.parametrize("unit", ["%R", "R%", "% REFLECTANCE", "Reflectance (%)"])
+def test_jcamp_percent_and_labels_of_a_maker_s_own(tmp_path, unit):
+    text = jcamp_block(values=DARK, yunits=unit).replace("##XUNITS", "##$CONTENT$\n##XUNITS")
+    np.testing.assert_allclose(read_spectra(put(tmp_path, text)).reflectance[0], DARK / 100)
+    text = jcamp_block(yunits="Reflectivity")
+    assert read_spectra(put(tmp_path, text)).unit == "fraction"
+
+
+def test_a_workbook_without_spectra_names_its_sheets(tmp_path):
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook()
+    book.active.title = "Painting"
+    book.active.append(["Project", "X"])
+    book.create_sheet("Places").append(["sky", "left"])
+    book.save(tmp_path / "film.xlsx")
+    with pytest.raises(
+        ValueError, match="no sheet holds a table of spectra; there are Painting, Pl"
+    ):
+        read_spectra(tmp_path / "film.xlsx")
