@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from glazejax import Pigment
+from glazejax.spectra import lie_between
 
 from ...film.model.response import HIGHEST, FilmResponse
 
@@ -73,7 +74,7 @@ def coefficients(
     out = np.full((2, len(pigments), wavelengths.size), np.nan)
     for row, pigment in enumerate(pigments):
         grid = np.asarray(pigment.wavelengths)
-        inside = (wavelengths >= grid[0] - 1e-6) & (wavelengths <= grid[-1] + 1e-6)
+        inside = lie_between(wavelengths, grid[0], grid[-1])
         for part, values in enumerate((pigment.absorption, pigment.scattering)):
             # Coefficients change by factors: their logs are interpolated.
             logs = np.log(np.maximum(np.asarray(values, dtype=np.float64), 1e-3))
