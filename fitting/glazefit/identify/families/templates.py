@@ -16,7 +16,7 @@ from jaxtyping import Array, Float, Int
 from glazejax import Pigment
 from glazejax.spectra import lie_between
 
-from ...film.model.response import HIGHEST, FilmResponse
+from ...film.model.response import FilmResponse
 
 FRACTIONS = (0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 0.95, 0.98)
 """Mass fractions of the first of two paints."""
@@ -213,8 +213,7 @@ def _hiding_curve(
 ) -> tuple[Float[np.ndarray, "nodes"], Float[np.ndarray, "nodes"]]:
     """Log k/s, and what films that hide their ground then read: it falls."""
     nodes = np.geomspace(*_RATIOS, _NODES)
-    # As thick as the table of films goes: what is beyond reflects the same.
-    s = np.minimum(_OPAQUE, 0.999 * np.minimum(HIGHEST[0] / nodes, HIGHEST[1]))
+    s = np.full_like(nodes, _OPAQUE)
     curve = np.asarray(response.body(nodes * s, s, np.full_like(nodes, LIGHT_GROUND)))
     return np.log(nodes), curve
 
@@ -227,12 +226,8 @@ def coat_body(
     ground: Float[np.ndarray, "bands"],
 ) -> Float[np.ndarray, "films bands"]:
     """Readings of coats of one thickness (m) over a ground."""
-    # No thicker than the table of films goes.
-    depth = np.minimum(
-        thickness, 0.999 * np.minimum(HIGHEST[0] / absorption, HIGHEST[1] / scattering)
-    )
-    kd = absorption * depth
-    sd = scattering * depth
+    kd = absorption * thickness
+    sd = scattering * thickness
     # Pieces of one size, so that one program does.
     rows = len(kd)
     padded = -(-rows // _CHUNK) * _CHUNK
