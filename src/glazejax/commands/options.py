@@ -96,7 +96,7 @@ def _catalogue(name: str) -> None:
     paint_families(name)
 
 
-there = checked(existing)
+there: Callable[[Any], Any] = checked(existing)
 INDEX = 1.5
 RefractiveIndex = Annotated[
     float,
