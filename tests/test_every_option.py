@@ -40,6 +40,7 @@ ENGINES = {
     "glazejax.studio.command": "serve",
     "glazejax.studio.one_file": "one_file",
     "glazefit.film.simulate": "simulate_paints simulate_films",
+    "glazefit.identify.families.references": "recover_jointly",
     "glazefit.identify.identify": "identify_chunks",
     "glazefit.mapping.map_cube": "map_cube",
     "glazefit.posterior.posterior": "posterior_of_film posterior_of_bands posterior_of_coats",

@@ -1,6 +1,6 @@
 """Wavelength grids in nm, and checks and resampling of spectra that live on them."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, TypeAlias
 
 import jax
@@ -173,6 +173,19 @@ def ranges(wavelengths: Float[np.ndarray, "bands"], chosen: Bool[np.ndarray, "ba
     if not runs:
         return "none"
     return ", ".join(f"{a:g}" if a == b else f"{a:g}-{b:g}" for a, b in runs) + " nm"
+
+
+def common_range(grids: Iterable[Float[np.ndarray, "_"]]) -> tuple[float, float]:
+    """First and last wavelength, nm, that all grids reach; the first may lie above the last."""
+    ends = [(float(grid[0]), float(grid[-1])) for grid in grids]
+    return max(low for low, _ in ends), min(high for _, high in ends)
+
+
+def lie_between(
+    wavelengths: Float[np.ndarray, "bands"], low: float, high: float
+) -> Bool[np.ndarray, "bands"]:
+    """Whether each band lies between two wavelengths, nm, to a millionth of a nanometre."""
+    return (wavelengths >= low - 1e-6) & (wavelengths <= high + 1e-6)
 
 
 def same_grid(first: Float[np.ndarray, "bands"], second: Float[np.ndarray, "others"]) -> bool:

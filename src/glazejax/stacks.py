@@ -32,7 +32,14 @@ from .io.outputs import check_output
 from .io.source import open_source
 from .paint.describe import MAX_THICKNESS, Coat, find_name, name_paints
 from .paint.media import Glaze, Layer, Mixture, Pigment, make_media
-from .spectra import describe_grid, resample, same_grid, validate_wavelengths
+from .spectra import (
+    common_range,
+    describe_grid,
+    lie_between,
+    resample,
+    same_grid,
+    validate_wavelengths,
+)
 
 WHITE = 0.93
 BLACK = 0.025
@@ -206,9 +213,7 @@ def shared_grid(grids: Sequence[Float[np.ndarray, "_"]], paints: str) -> Float[n
     Raises:
         ValueError: they share none.
     """
-    low = max(grid[0] for grid in grids)
-    high = min(grid[-1] for grid in grids)
-    grid = grids[0][(grids[0] >= low - 1e-6) & (grids[0] <= high + 1e-6)]
+    grid = grids[0][lie_between(grids[0], *common_range(grids))]
     if grid.size == 0:
         raise ValueError(
             f"the {paints} and the ground share no wavelengths: "

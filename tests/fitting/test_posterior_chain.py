@@ -312,3 +312,9 @@ def test_a_wider_spectrum_is_cropped_to_where_the_paints_are_known(tmp_path, mon
         )
         assert task.args[0].wavelengths.tolist() == np.arange(400.0, 701.0, 10.0).tolist()
         assert "cropped to 400-700 nm" in printed.getvalue()
+    infrared = "Name,900,910,920,930\none,.4,.4,.4,.4\n"
+    (tmp_path / "infrared.csv").write_text(infrared)
+    with pytest.raises(ValueError, match="no three bands in common"):
+        command._read_measured(
+            tmp_path / "infrared.csv", "", {}, made_of, "0.9", Noise(), Console(file=io.StringIO())
+        )

@@ -25,11 +25,10 @@ from glazejax.io import SpectraTable, read_spectra
 from glazejax.io.quantity import Stated
 from glazejax.io.source import refusal
 from glazejax.io.spectra_table import list_names
-from glazejax.spectra import describe_grid
 
 from .films import SPECTRA, Films
 from .readers import ROWS, build_films, one_reading
-from .shared_bands import FINEST, means_of_steps
+from .shared_bands import FINEST, crop_bands, means_of_steps
 
 USUAL_RANGE = (380.0, 780.0)
 """Where usual cards are known, nm."""
@@ -181,16 +180,8 @@ def crop(films: Films, low: float, high: float, why: str) -> Films:
     Raises:
         ValueError: fewer than three bands are left.
     """
-    grid = films.wavelengths
-    kept = (grid >= low - 1e-6) & (grid <= high + 1e-6)
-    if kept.all():
-        return films
-    if kept.sum() < 3:
-        raise ValueError(
-            f"the films' {describe_grid(grid)} and {low:g}-{high:g} nm have no three bands in "
-            "common"
-        )
-    return _on(films, np.eye(grid.size)[:, kept], f"cropped to {describe_grid(grid[kept])}: {why}")
+    kept, notes = crop_bands(films.wavelengths, low, high, why)
+    return _on(films, np.eye(kept.size)[:, kept], *notes) if notes else films
 
 
 def average(films: Films, step: float = FINEST) -> Films:

@@ -6,14 +6,15 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from glazejax import Pigment
-from glazejax.spectra import describe_grid
+from glazejax.spectra import common_range, describe_grid, lie_between
 
 FINEST = 5.0
 """Step in nm to which finer spectra are averaged: k and s of paint change little over it."""
 FEWEST = 6
+PAINTS_KNOWN = "the paints are known there only"
 
 
 class SharedBands(NamedTuple):
@@ -43,10 +44,8 @@ def shared_bands(
     Raises:
         ValueError: fewer than six bands are left.
     """
-    grids = [np.asarray(pigment.wavelengths, float) for pigment in pigments]
-    first = max(grid[0] for grid in grids)
-    last = min(grid[-1] for grid in grids)
-    kept = (wavelengths >= first - 1e-6) & (wavelengths <= last + 1e-6)
+    first, last = common_range(pigment.wavelengths for pigment in pigments)
+    kept = lie_between(wavelengths, first, last)
     if kept.sum() < FEWEST:
         raise ValueError(
             f"the spectra have {describe_grid(wavelengths)} and the paints are known from "
@@ -58,11 +57,31 @@ def shared_bands(
     notes = []
     grid = wavelengths[kept]
     if not kept.all():
-        notes.append(f"cropped to {describe_grid(grid)}: the paints are known there only")
+        notes.append(f"cropped to {describe_grid(grid)}: {PAINTS_KNOWN}")
     if (coarser := means_of_steps(grid, step)) is not None:
         notes.append(f"{grid.size} bands averaged to steps of {step:g} nm")
         mean = mean @ coarser
     return SharedBands(wavelengths @ mean, mean, tuple(notes))
+
+
+def crop_bands(
+    wavelengths: Float[np.ndarray, "bands"], low: float, high: float, why: str
+) -> tuple[Bool[np.ndarray, "bands"], tuple[str, ...]]:
+    """Bands of films between two wavelengths (nm), and a note on what was left out and why, if
+    anything was.
+
+    Raises:
+        ValueError: fewer than three bands are left.
+    """
+    kept = lie_between(wavelengths, low, high)
+    if kept.all():
+        return kept, ()
+    if kept.sum() < 3:
+        raise ValueError(
+            f"the films' {describe_grid(wavelengths)} and {low:g}-{high:g} nm have no three bands "
+            "in common"
+        )
+    return kept, (f"cropped to {describe_grid(wavelengths[kept])}: {why}",)
 
 
 def means_of_steps(

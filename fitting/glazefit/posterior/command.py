@@ -364,6 +364,8 @@ def _read_measured(
     noise: "Noise",
     console: "Console",
 ) -> "_Task":
+    from glazejax.spectra import common_range
+
     assert file is not None
     named = [] if made_of.bands or made_of.coats else made_of.names or _recipe(file, sample)
     paints = _paints(named, made_of.shelf)
@@ -372,7 +374,7 @@ def _read_measured(
         for paint in (*paints, *(paint for coat in _coats(made_of) for paint in coat.paints))
     ]
     # Without a paint nothing bounds the bands.
-    reach = (max(g[0] for g in grids), min(g[-1] for g in grids)) if grids else (0.0, math.inf)
+    reach = common_range(grids) if grids else (0.0, math.inf)
     film = (
         _film(file, sample, said, reach, console)
         if ground is None
@@ -413,16 +415,14 @@ def _coats(made_of: _StatedPaints) -> "tuple[CoatPrior, ...]":
     return parse_coats(made_of.coats, options.all_named(made_of.shelf), made_of.prior.spread)
 
 
-_REACH = "the paints are known there only"
-
-
 def _film(
     file: Path, sample: str, said: "Stated", reach: tuple[float, float], console: "Console"
 ) -> "Films":
     from ..film.partial_films import crop
     from ..film.readers import read_films
+    from ..film.shared_bands import PAINTS_KNOWN
 
-    films = crop(read_films(file, **said), *reach, _REACH)
+    films = crop(read_films(file, **said), *reach, PAINTS_KNOWN)
     progress.print_notes(console, file, films.notes)
     if not sample and len(films) != 1:
         known = ", ".join(films.names[:8]) + (
@@ -442,9 +442,9 @@ def _spectrum(
     console: "Console",
 ) -> "Reading":
     from glazejax.io import read_spectra
-    from glazejax.spectra import describe_grid
 
     from ..film.reading import reading_over
+    from ..film.shared_bands import PAINTS_KNOWN, crop_bands
 
     below = options.read_ground(ground)
     table = read_spectra(file, **said)
@@ -453,10 +453,9 @@ def _spectrum(
     if not sample and len(table) > 1:
         raise ValueError(f"{file} holds {len(table)} spectra; choose one with --sample")
     (row,) = options.choose_rows(file, table.names, [sample or table.names[0]], "--sample")
-    kept = (table.wavelengths >= reach[0] - 1e-6) & (table.wavelengths <= reach[1] + 1e-6)
+    kept, notes = crop_bands(table.wavelengths, *reach, PAINTS_KNOWN)
+    progress.print_notes(console, file, notes)
     grid = table.wavelengths[kept]
-    if not kept.all():
-        progress.print_notes(console, file, (f"cropped to {describe_grid(grid)}: {_REACH}",))
     return reading_over(
         grid, table.reflectance[row][kept], below.on(grid), noise=noise, name=table.names[row]
     )

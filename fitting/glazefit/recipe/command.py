@@ -352,8 +352,10 @@ def recipe(
         word for name, value in asked.items() if value is not None for word in (name, str(value))
     )
     _print(found, task, seconds, console, seen)
-    if words := _say_unknown_strength(found[0][0], task, observer):
-        console.print(words, style="yellow", markup=False)
+    # Tints can be made of one's own paints alone.
+    if pigments is not None and found:
+        words = _say_unknown_strength(found[0][0], task, observer)
+        console.print(words, style="yellow", markup=False, end="\n" * bool(words))
     if named:
         console.print(f"wrote {', '.join(str(outputs[name]) for name in named)}", markup=False)
     if how.interrupted:
@@ -382,7 +384,7 @@ def _say_unknown_strength(best: "Recipe", task: "RecipeTask", observer: str) -> 
         instrument=task.instrument,
     )
     return (
-        f"How strong {', '.join(unknown)} are is not known: that adds ΔE00 "
+        f"The strength of {', '.join(unknown)} is not known: that adds ΔE00 "
         f"{say_paint_errors(made, (task.illuminants[0], observer))}. One tint of each with a white "
         "tells it: glazejax recover --white ZincWhite."
     )

@@ -11,7 +11,7 @@ from jaxtyping import Float
 from glazejax import Bidirectional, Pigment, catalogue, colour
 from glazejax.geometry import resolve_instrument
 from glazejax.paint.media import MAX_THICKNESS
-from glazejax.spectra import describe_grid, same_grid
+from glazejax.spectra import common_range, describe_grid, lie_between, same_grid
 
 from ..film.films import Instrument, InstrumentLike
 from ..film.model.mixing import Pigments, listed_pigments
@@ -244,9 +244,7 @@ def _on_one_grid(
     reach = [p.wavelengths for p in paints] + [
         t.wavelengths for t in targets if t.wavelengths is not None
     ]
-    low = max(g[0] for g in reach)
-    high = min(g[-1] for g in reach)
-    kept = (grid >= low - 1e-6) & (grid <= high + 1e-6)
+    kept = lie_between(grid, *common_range(reach))
     base = np.asarray(ground, dtype=np.float64)
     if base.shape not in ((), grid.shape):
         raise ValueError(

@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from glazejax import Pigment
+from glazejax.spectra import lie_between
 
 from ..film.films import card_readings
 from ..film.model.response import Response, film_response, hiding_factor
@@ -131,7 +132,7 @@ def _whites(recovery: JointRecovery) -> list[str]:
 def _planning_bands(recovery: JointRecovery) -> np.ndarray:
     """Numbers of the bands that are planned with: visible ones, some thirty."""
     grid = recovery.wavelengths
-    bands = np.flatnonzero((grid >= 400.0 - 1e-6) & (grid <= 700.0 + 1e-6))
+    bands = np.flatnonzero(lie_between(grid, 400.0, 700.0))
     bands = bands if bands.size > 2 else np.arange(grid.size)
     return bands[reading_bands(bands.size, 31)]
 

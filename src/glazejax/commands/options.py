@@ -79,7 +79,6 @@ def _geometry(text: str) -> None:
 
 def check_illuminant(name: str) -> None:
     """Refuse the name of no CIE illuminant."""
-    """Refuse the name of no CIE illuminant."""
     from ..cie import find_illuminant
 
     find_illuminant(name)
@@ -97,7 +96,7 @@ def _catalogue(name: str) -> None:
     paint_families(name)
 
 
-there = checked(existing)
+there: Callable[[Any], Any] = checked(existing)
 INDEX = 1.5
 RefractiveIndex = Annotated[
     float,

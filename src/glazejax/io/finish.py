@@ -110,8 +110,7 @@ def _finish(
     """Table of raw spectra; errors do not name the file."""
     if not len(raw.names):
         raise ValueError("the file holds no spectra")
-    if raw.quantity or quantity is not None:
-        check_reflectance(raw.quantity, quantity)
+    check_reflectance(raw.quantity, quantity)
     length, unit_scale = read_units(unit)
     declared = scale or unit_scale or raw.scale or meaning(raw.quantity).scale
     notes = list(raw.notes)

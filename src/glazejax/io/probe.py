@@ -89,12 +89,10 @@ def scale_of(
         ValueError: another quantity than reflectance; the scale is not said and the numbers are
             whole, or neither fractions nor percent; or they are much above 1 by it.
     """
-    quantity = stated.get("quantity")
-    if raw.quantity or quantity is not None:
-        try:
-            check_reflectance(raw.quantity, quantity)
-        except ValueError as error:
-            raise refusal(raw.path, error) from None
+    try:
+        check_reflectance(raw.quantity, stated.get("quantity"))
+    except ValueError as error:
+        raise refusal(raw.path, error) from None
     given = stated.get("scale") or read_units(stated.get("unit"))[1]
     declared = given or raw.scale
     if given is not None and raw.scale not in (None, given):

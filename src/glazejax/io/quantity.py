@@ -133,13 +133,15 @@ def check_reflectance(words: str, quantity: str | None) -> None:
     """Refuse what is not reflectance by its name, with what to export.
 
     Args:
-        words: what the file says of its numbers.
+        words: what the file says of its numbers; empty where it says nothing.
         quantity: what the user says that they are, or None.
 
     Raises:
         ValueError: the file says another quantity and the user does not say that it is reflectance,
             or the user says another.
     """
+    if not words and quantity is None:
+        return
     words = words if quantity is None else quantity
     name = meaning(words).quantity
     if name != REFLECTANCE:

@@ -14,8 +14,9 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from glazejax import Pigment
+from glazejax.spectra import lie_between
 
-from ...film.model.response import HIGHEST, FilmResponse
+from ...film.model.response import FilmResponse
 
 FRACTIONS = (0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 0.95, 0.98)
 """Mass fractions of the first of two paints."""
@@ -73,7 +74,7 @@ def coefficients(
     out = np.full((2, len(pigments), wavelengths.size), np.nan)
     for row, pigment in enumerate(pigments):
         grid = np.asarray(pigment.wavelengths)
-        inside = (wavelengths >= grid[0] - 1e-6) & (wavelengths <= grid[-1] + 1e-6)
+        inside = lie_between(wavelengths, grid[0], grid[-1])
         for part, values in enumerate((pigment.absorption, pigment.scattering)):
             # Coefficients change by factors: their logs are interpolated.
             logs = np.log(np.maximum(np.asarray(values, dtype=np.float64), 1e-3))
@@ -212,8 +213,7 @@ def _hiding_curve(
 ) -> tuple[Float[np.ndarray, "nodes"], Float[np.ndarray, "nodes"]]:
     """Log k/s, and what films that hide their ground then read: it falls."""
     nodes = np.geomspace(*_RATIOS, _NODES)
-    # As thick as the table of films goes: what is beyond reflects the same.
-    s = np.minimum(_OPAQUE, 0.999 * np.minimum(HIGHEST[0] / nodes, HIGHEST[1]))
+    s = np.full_like(nodes, _OPAQUE)
     curve = np.asarray(response.body(nodes * s, s, np.full_like(nodes, LIGHT_GROUND)))
     return np.log(nodes), curve
 
@@ -226,12 +226,8 @@ def coat_body(
     ground: Float[np.ndarray, "bands"],
 ) -> Float[np.ndarray, "films bands"]:
     """Readings of coats of one thickness (m) over a ground."""
-    # No thicker than the table of films goes.
-    depth = np.minimum(
-        thickness, 0.999 * np.minimum(HIGHEST[0] / absorption, HIGHEST[1] / scattering)
-    )
-    kd = absorption * depth
-    sd = scattering * depth
+    kd = absorption * thickness
+    sd = scattering * thickness
     # Pieces of one size, so that one program does.
     rows = len(kd)
     padded = -(-rows // _CHUNK) * _CHUNK

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
 from glazejax import Pigment
-from glazejax.spectra import describe_grid
+from glazejax.spectra import describe_grid, lie_between
 
 from ...film.films import Noise
 from ...film.shared_bands import FEWEST
@@ -56,7 +56,7 @@ class WorkingBands:
         # Steps in nm below which spectra of paint hold no more, and working bands at most.
         finest = min(float(np.median(np.diff(p.wavelengths))) for p in pigments)
         width = STEP if has_families(pigments) else max(finest, 8.0, (last - first) / 60)
-        use = np.flatnonzero((stored >= first - 1e-6) & (stored <= last + 1e-6))
+        use = np.flatnonzero(lie_between(stored, first, last))
         if use.size < FEWEST:
             raise ValueError(
                 f"the paints are known from {first:g} to {last:g} nm, and {use.size} bands of the "

@@ -98,8 +98,9 @@ class Picture:
         with Image.open(path) as image:
             grey = _GREY.get(image.mode)
             self.chunks: tuple[int, ...] = (image.height, image.width)
-            self.shape = self.chunks if grey else (*self.chunks, len(image.getbands()))
-            self.dtype = np.dtype(grey or "u1")
+            bands = () if grey else (len(image.getbands()),)
+            self.shape: tuple[int, ...] = (*self.chunks, *bands)
+            self.dtype: np.dtype[Any] = np.dtype(grey or "u1")
 
     def __getitem__(self, key: tuple[slice, slice]) -> np.ndarray:
         from PIL import Image

@@ -70,18 +70,18 @@ def read_spectra(
             mend it.
     """
     path = Path(path)
+    stated = Stated(quantity=quantity, unit=unit, scale=scale)
     file, sheet = split_sheet(path)
     with open_source(file, progress=progress) as source:
         kind = identify(source)
         if kind not in ("envi header", "envi data"):
             module, name = _READERS[kind]
             reader = getattr(import_module(f"..formats.{module}", __package__), name)
-            raw = reader(source, sheet) if sheet else reader(source)
-            return finish(raw, path, quantity=quantity, unit=unit, scale=scale)
+            return finish(reader(source, sheet) if sheet else reader(source), path, **stated)
         envi = _envi(source, kind)
         if envi.is_library:
-            return finish(envi.library(), path, quantity=quantity, unit=unit, scale=scale)
-        return envi.cube(quantity=quantity, unit=unit, scale=scale).table()
+            return finish(envi.library(), path, **stated)
+        return envi.cube(**stated).table()
 
 
 def read_cube(path: str | Path, **stated: Unpack[Stated]) -> SpectraCube:
