@@ -28,7 +28,7 @@ def test_illuminants_are_all_of_colour_science():
 
 
 def test_observers_are_those_of_colour_science():
-    assert tuple(cie.observers()) == gc.OBSERVERS
+    assert tuple(cie.observers()) == cie.OBSERVERS
     for name, curves in cie.observers().items():
         theirs = colour.MSDS_CMFS[name]
         for curve, values in zip(curves, theirs.values.T, strict=True):

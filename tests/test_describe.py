@@ -6,10 +6,10 @@ from glazejax.paint.describe import (
     describe_bands,
     find_name,
     format_length,
-    make_media,
     name_paints,
     parse_coats,
 )
+from glazejax.paint.media import make_media
 
 
 @pytest.mark.parametrize(

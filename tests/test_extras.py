@@ -30,6 +30,7 @@ OPTIONAL = {
     "embreex": "scene",
     "OpenEXR": "scene",
     "xarray": "cube",
+    "pandas": "cube",
     "zarr": "cube",
     "dask": "cube",
     "distributed": "cube",

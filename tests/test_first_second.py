@@ -162,3 +162,109 @@ def test_a_terminal_is_told_what_is_being_done(tmp_path, words, told):
     assert places == sorted(places)
     assert "wrote" in answer
     assert not any(each in answer for each in told)
+
+
+_WRONG = """
+import contextlib, io, sys
+from glazejax.commands.main import main
+for line in {lines}:
+    sys.argv[1:] = line
+    said = io.StringIO()
+    with contextlib.redirect_stderr(said):
+        try:
+            main()
+        except SystemExit as end:
+            assert end.code == 2, (line, end.code)
+    assert said.getvalue().startswith("error: "), (line, said.getvalue())
+    heavy = {{"jax", "scipy", "matplotlib", "xarray"}} & set(sys.modules)
+    assert not heavy, (line, heavy, said.getvalue())
+"""
+
+
+def test_a_wrong_line_imports_nothing_that_computes(tmp_path):
+    """A wrong value, or a file that is not there, is said in half a second in place of six."""
+    coats = ["render", "--coats", "CobaltBlue:2um"]
+    film = ["predict", "10 Vermillion + 90 ZincWhite"]
+    table = str(samples.path())
+    shared = (
+        ("--instrument", "foo"),
+        ("--ground", "none.csv"),
+        ("--ground", "30"),
+        ("--pigments", "none.csv"),
+        ("--catalogue", "none"),
+        ("--refractive-index", "9"),
+        ("--only", "Foo"),
+        ("--thickness", "thick"),
+    )
+    begins = {
+        "recipe": (["recipe", "--lab", "50,20,30"], "thickness"),
+        "identify": (["identify", table], "none"),
+        "map": (["map", table], "none"),
+    }
+    lines = [
+        [*start, *words]
+        for start, but in begins.values()
+        for words in shared
+        if words[0][2:] != but
+    ]
+    lines += [[*coats, *words] for words in shared[:-2]]
+    lines += [
+        [*coats, "--illuminant", "D99"],
+        [*coats, "--observer", "3"],
+        [*coats, "--out", "x.gif"],
+    ]
+    lines += [
+        ["render", "--coats", "Foo:1um"],
+        ["render", "--coats", "CobaltBlue"],
+        ["render", "CobaltBlue:1um"],
+    ]
+    lines += [["render", "--stack", "none.json"], ["export", "Foo:2um"], ["export", "none.json"]]
+    lines += [
+        ["recipe", "--lab", "50,20"],
+        ["recipe", "--srgb", "pink"],
+        ["recipe", "--spectrum", "none.csv"],
+    ]
+    lines += [
+        ["recipe", "--lab", "50,20,30", "--max-coats", "9"],
+        ["recipe", "--lab", "50,20,30", "--illuminants", "D99"],
+    ]
+    lines += [
+        ["identify", "none.csv"],
+        ["identify", table, "--elements", "Xx"],
+        ["map", "none.hdr"],
+        ["recover", "none.csv"],
+    ]
+    lines += [
+        ["recover", table, "--out", "demo", "--white", "Foo"],
+        ["recover", table, "--into", "."],
+    ]
+    lines += [
+        ["predict", "10 Vermillion + 90 Foo"],
+        [*film, "--reading", "none.csv"],
+        [*film, "--thickness", "thick"],
+    ]
+    lines += [["posterior", "none.tsv"], ["posterior", table, "--out", "demo", "--paints", "Foo"]]
+    lines += [
+        ["posterior", table, "--out", "demo", "--steps", "-3"],
+        ["posterior", table, "--steps", "x"],
+    ]
+    lines += [
+        ["scene", "none.toml"],
+        ["scene", table, "--size", "foo"],
+        ["paints", "--family", "foo"],
+    ]
+    lines += [
+        ["convert", "none.csv", "x.csv"],
+        ["convert", table, table],
+        ["studio", "none.json"],
+        ["studio", "--port", "70000"],
+    ]
+    done = subprocess.run(
+        [sys.executable, "-c", _WRONG.format(lines=lines)],
+        cwd=tmp_path,
+        env=environment(tmp_path / "cache"),
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert not done.returncode, done.stderr

@@ -87,10 +87,10 @@ def test_words_for_a_geometry(text, geometry, notation, words):
             (text, "it must be d:8 or di:8")
             for text in ("", "8", "d", "d:d", "x:8", "d:8:specular", "1:2:3", "1:2:3:4")
         ),
-        ("95:0", "incidence must lie in"),
-        ("d:-8", "incidence must lie in"),
-        ("nan:0", "incidence must lie in"),
-        ("0:90", "viewing must lie in"),
+        ("95:0", "angles must lie in"),
+        ("d:-8", "angles must lie in"),
+        ("nan:0", "angles must lie in"),
+        ("0:90", "angles must lie in"),
         ("45:0:specular", "at 45:0 the mirror reflection is not in view"),
     ],
 )

@@ -2,6 +2,8 @@
 are missing.
 """
 
+import shlex
+import subprocess
 import sys
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -10,10 +12,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from glazejax import catalogue, extras
+from glazejax import catalogue, extras, samples
 from glazejax.commands import main as cli
 from glazejax.commands import options, progress
 
+from .test_first_second import environment
 from .test_pigment_table import HEADER
 
 
@@ -31,7 +34,10 @@ def test_version(run):
     [
         (("nonsense",), "no such command 'nonsense'"),
         (("render", "--lairs", "x"), "no such option: --lairs"),
-        (("render", "--tolerance", "low"), "'--tolerance'"),
+        (("render", "--tolerance", "low"), "'--tolerance' must be a number"),
+        (("recipe", "--count", "2.5"), "'--count' must be a whole number"),
+        (("render", "Eosin:2um,Minium:1um"), "glazejax render --coats 'Eosin:2um,Minium:1um'"),
+        (("recipe", "#8a4b2d"), "as in: glazejax recipe --srgb '#8a4b2d'"),
         (("convert",), "missing argument 'IN'"),
     ],
 )
@@ -302,7 +308,7 @@ def test_a_picture_is_refused_before_it_is_computed(monkeypatch, run, tmp_path):
         ("recipe", "--lab", "50,0,0", "--out", "a.png"),
         ("recover", "--simulate", "--out", "r"),
         ("posterior", "--simulate", "--paints", "Eosin", "--out", "r"),
-        ("identify", "none.csv", "--out", "a.png"),
+        ("identify", str(samples.path()), "--out", "a.png"),
     ):
         status, out, err = run(*words)
         assert (status, out) == (2, "")
@@ -330,3 +336,30 @@ def test_a_device_that_is_not_there_is_said(monkeypatch, error):
         cli._check_platforms()
     monkeypatch.delenv("JAX_PLATFORMS")
     cli._check_platforms()
+
+
+def test_a_family_is_told_from_a_name_that_nobody_knows(run):
+    _, _, err = run("recipe", "--lab", "50,20,30", "--only", "Azurite")
+    assert "azurite is a family of --catalogue pigments" in err
+    _, _, err = run("predict", "10% Scarlet, 90% Titan")
+    assert "write '10 Scarlet + 90 Titan'" in err
+
+
+def test_output_that_nobody_reads_is_no_error(tmp_path):
+    """As before ``| head``: all that is computed is written to files all the same."""
+    program = "from glazejax.commands.main import run_command; run_command()"
+    words = [sys.executable, "-c", program, "paints", "--csv", "new/paints.csv"]
+    for redirected in ("", ">&-"):
+        line = f"set -o pipefail; {shlex.join(words)} --overwrite {redirected} | true"
+        done = subprocess.run(
+            ["bash", "-c", line],
+            cwd=tmp_path,
+            env=environment(tmp_path),
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert (done.returncode, done.stderr) == (0, "")
+        table = tmp_path / "new" / "paints.csv"
+        assert table.read_text().startswith("exemplar")
+        table.unlink()

@@ -4,6 +4,7 @@ import pytest
 
 from glazejax.io.outputs import check_output
 from glazejax.io.write import write_files
+from glazejax.whole_file import whole_file
 
 
 def test_free_names_and_files_that_may_be_replaced(tmp_path):
@@ -42,3 +43,19 @@ def test_several_files_are_written_all_or_none(tmp_path):
     write_files({new: [b"a", b"b"], old: [b"c"]}, overwrite=True)
     assert (new.read_bytes(), old.read_bytes()) == (b"ab", b"c")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["new.csv", "old.csv"]
+
+
+def test_what_fails_names_the_users_file_and_no_part_of_it(tmp_path):
+    """A name of 250 letters is a legal one, with more behind it it is none."""
+    long = tmp_path / ("a" * 246 + ".csv")
+    write_files({long: [b"1"]})
+    assert long.read_bytes() == b"1"
+    (tmp_path / "gone").mkdir()
+
+    def write() -> None:
+        with whole_file(tmp_path / "gone" / "o.csv") as part:
+            (tmp_path / "gone").rmdir()
+            part.write_text("")
+
+    with pytest.raises(FileNotFoundError, match=r"gone/o\.csv'$"):
+        write()

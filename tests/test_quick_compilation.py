@@ -4,8 +4,8 @@ import os
 
 import pytest
 
-from glazejax.commands import quick_compilation
-from glazejax.commands.quick_compilation import compile_quickly
+from glazejax import program_cache
+from glazejax.program_cache import compile_quickly
 
 LOOPS = "--xla_cpu_use_fusion_emitters=false"
 
@@ -14,7 +14,7 @@ LOOPS = "--xla_cpu_use_fusion_emitters=false"
 def flags(monkeypatch):
     """What a command's options become, of those that are given."""
 
-    monkeypatch.setattr(quick_compilation, "version", lambda _: "0.9.2")
+    monkeypatch.setattr(program_cache, "version", lambda _: "0.9.2")
 
     def become(given="", level=1, **variables):
         monkeypatch.setenv("XLA_FLAGS", given)
@@ -40,7 +40,7 @@ def test_what_the_user_says_counts(flags):
 
 @pytest.mark.parametrize("version", ["0.8.2", "0.13.0"])
 def test_a_jaxlib_that_nobody_looked_at_gets_none(flags, monkeypatch, version):
-    monkeypatch.setattr(quick_compilation, "version", lambda _: version)
+    monkeypatch.setattr(program_cache, "version", lambda _: version)
     assert flags("--xla_dump_to=here") == "--xla_dump_to=here"
 
 

@@ -250,7 +250,7 @@ def test_lines_fit_the_terminal(run, monkeypatch, width):
         ((*STACK, "--instrument", "d"), "--instrument is 'd'; it must be d:8 or di:8"),
         ((*STACK, "--ground", "white.csv"), "'white.csv' is neither a number .* nor a file"),
         ((*STACK, "--illuminant", "D66"), "unknown illuminant 'D66'; the nearest are D65"),
-        ((*STACK, "--refractive-index", "3"), "refractive_index must be in"),
+        ((*STACK, "--refractive-index", "3"), "--refractive-index is 3; it must be from 1 to 2.5"),
         (
             (*STACK, "--ladder", "Green"),
             "'Green' is none of the coats: choose one of Red, DeepBlue",
@@ -260,9 +260,8 @@ def test_lines_fit_the_terminal(run, monkeypatch, width):
             "0 thick, so there is nothing to repeat",
         ),
         ((*STACK, "--out", "a.txt"), "pictures end in .png"),
-        ((*STACK, "--csv", "none/a.csv"), "the folder none does not exist"),
         ((*STACK, "--csv", "a.png", "--out", "a.png"), "--csv and --out are both a.png"),
-        ((*STACK, "--tolerance", "0"), "tolerance is 0.0"),
+        ((*STACK, "--tolerance", "0"), "--tolerance is 0"),
     ],
 )
 def test_bad_input_is_one_clear_line(run, tmp_path, arguments, complaint):
@@ -282,6 +281,7 @@ def test_own_pigments_come_before_the_catalogue(run, monkeypatch, tmp_path):
         for name, k in (("Red", 9e9), ("Ochre", 1e5))
     }
     monkeypatch.setattr("glazejax.catalogue.load", lambda _: shelf)
+    monkeypatch.setattr("glazejax.catalogue.paint_families", lambda _: dict.fromkeys(shelf, ""))
     status, out, _ = run("--coats", "Red:1um, Ochre:1um", "--csv", "s.csv")
     assert status == 0
     assert "Ochre of the shelf" in out

@@ -219,3 +219,28 @@ FORWARD = gj.Pigment("F", GRID, [1e4] * 4, [1e4] * 4, phase=[1.0, 0.5])
 def test_what_no_file_holds_is_said(tmp_path, glaze, words):
     with pytest.raises(ValueError, match=words):
         gj.save_glaze(glaze, tmp_path / "glaze.json")
+
+
+@pytest.mark.parametrize(
+    "place", ["version", "ground", "geometry", "refractive_index", "coats", "x" * 300_000]
+)
+@pytest.mark.parametrize("kind", [str, list, dict])
+def test_a_long_value_is_not_echoed_whole(place, kind):
+    long = "9x" * 150_000
+    value = {str: long, list: [long], dict: {long: long}}[kind]
+    stack = {"glazejax": "stack", "coats": [{"paint": {"CobaltBlue": 1}, "um": 9}], place: value}
+    with pytest.raises(ValueError, match=r"^.{1,700}$"):
+        stack_from_dict(stack)
+
+
+@pytest.mark.parametrize("key", ["paint", "um"])
+def test_a_long_word_of_a_coat_is_not_echoed_whole(key):
+    for value in (
+        "9x" * 150_000,
+        {"x" * 300_000: 1},
+        {"x" * 300_000: ""},
+        {"CobaltBlue": "9x" * 150_000},
+    ):
+        coat = {"paint": {"CobaltBlue": 1}, "um": 9} | {key: value}
+        with pytest.raises(ValueError, match=r"^.{1,700}$"):
+            stack_from_dict({"glazejax": "stack", "coats": [coat]})

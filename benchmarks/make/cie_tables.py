@@ -14,8 +14,8 @@ import numpy as np
 
 import glazejax
 from benchmarks.results import help_parser
-from glazejax.cie import SHORT_CHARTS
-from glazejax.colour import OBSERVERS, colour_science
+from glazejax.cie import OBSERVERS, SHORT_CHARTS
+from glazejax.colour import colour_science
 
 FOLDER = Path(glazejax.__file__).parent / "cie"
 

@@ -2,9 +2,13 @@ import types
 
 from . import appearance as appearance
 from . import catalogue as catalogue
+from . import cie as cie
 from . import colour as colour
+from . import geometry as geometry
 from . import io as io
+from . import paint as paint
 from . import plots as plots
+from . import radiative as radiative
 from . import samples as samples
 from . import spectra as spectra
 from . import studio as studio
@@ -16,7 +20,9 @@ from .paint.media import Glaze as Glaze
 from .paint.media import Layer as Layer
 from .paint.media import Mixture as Mixture
 from .paint.media import Pigment as Pigment
+from .paint.media import amounts as amounts
 from .picture import picture as picture
+from .program_cache import enable_program_cache as enable_program_cache
 from .radiative.profile import (
     profile_hemispherical_reflectance as profile_hemispherical_reflectance,
 )

@@ -11,7 +11,6 @@ one compiled program.
 
 from __future__ import annotations
 
-import re
 import warnings
 from collections.abc import Callable
 from functools import lru_cache, partial
@@ -23,9 +22,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .cie import illuminants, observers
+from .cie import CIE_1931, find_illuminant, find_observer, illuminants, observers
 from .cie.difference import ciede2000
-from .names import nearest_names
 from .spectra import (
     Grid,
     Numbers,
@@ -38,22 +36,6 @@ from .spectra import (
     validate_wavelengths,
 )
 
-CIE_1931 = "CIE 1931 2 Degree Standard Observer"
-OBSERVERS = (
-    CIE_1931,
-    "CIE 1964 10 Degree Standard Observer",
-    "CIE 2015 2 Degree Standard Observer",
-    "CIE 2015 10 Degree Standard Observer",
-)
-"""Full names of the standard observers."""
-_SHORT_OBSERVERS = {
-    "2": OBSERVERS[0],
-    "1931": OBSERVERS[0],
-    "cie_2_1931": OBSERVERS[0],
-    "10": OBSERVERS[1],
-    "1964": OBSERVERS[1],
-    "cie_10_1964": OBSERVERS[1],
-}
 # ASTM E308: the working range in nm.
 _START = 360
 _END = 780
@@ -84,40 +66,6 @@ def colour_science() -> Any:
     # Its import switches all of NumPy to an old print format that drops digits.
     np.set_printoptions(**printing)
     return colour
-
-
-def _find(what: str, asked: str, known: dict[str, str]) -> str:
-    """Entry of `known`, whose keys are lower case, for a name in any case."""
-    key = re.sub(r"\s+", " ", str(asked).strip()).lower()
-    if key in known:
-        return known[key]
-    near = [known[k] for k in nearest_names(key, known, cutoff=0.3, shortest=1)]
-    choices = near or list(known.values())
-    raise ValueError(
-        f"unknown {what} {asked!r}; the nearest are {', '.join(dict.fromkeys(choices))}"
-    )
-
-
-def find_illuminant(name: str) -> str:
-    """Full name of a CIE illuminant; the case does not matter, and F2 is FL2.
-
-    Raises:
-        ValueError: there is no such illuminant; the message lists the nearest names.
-    """
-    known = {key.lower(): key for key in illuminants()}
-    lamps = {key.replace("fl", "f", 1): full for key, full in known.items() if key.startswith("fl")}
-    return _find("illuminant", name, known | lamps)
-
-
-def find_observer(name: str | int) -> str:
-    """Full name of a standard observer; 2, 10, 1931 and 1964 will do, as number or text.
-
-    Raises:
-        ValueError: no such observer; the message lists the nearest names.
-    """
-    return _find(
-        "observer", str(name), {full.lower(): full for full in OBSERVERS} | _SHORT_OBSERVERS
-    )
 
 
 def colour_weights(

@@ -20,6 +20,7 @@ _EXTRAS = {
     "embreex": ("embreex", "scene"),
     "OpenEXR": ("OpenEXR", "scene"),
     "xarray": ("xarray", "cube"),
+    "pandas": ("pandas", "cube"),
     "zarr": ("zarr", "cube"),
     "dask": ("dask", "cube"),
     "distributed": ("distributed", "cube"),

@@ -15,17 +15,10 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float
 
+from .geometry_words import split_geometry
 from .radiative.common.fresnel import dielectric_reflectance
 from .radiative.common.inputs import INDEX_RANGE
 from .spectra import Numbers, as_float_array, concrete
-
-GEOMETRIES = (
-    "d:8 or di:8 (integrating sphere, mirror reflection included), de:8 (excluded), 45:0, 0:45, "
-    "or another ANGLE:ANGLE of light and view in degrees"
-)
-"""The words for a geometry, as help and errors list them."""
-
-_SPHERES = {"d": True, "di": True, "de": False}
 
 
 def _angle(name: str, degrees: Numbers) -> float | Float[Array, "..."]:
@@ -208,30 +201,10 @@ def parse_geometry(text: str, *, argument: str = "geometry") -> Geometry:
     Raises:
         ValueError: other words, an angle out of range, or a mirror reflection that is not in view.
     """
-    parts = [part.strip().lower().removesuffix("°") for part in text.replace("/", ":").split(":")]
-    specular = len(parts) == 3 and parts[2] == "specular"
-    pair = parts[:2] if specular else parts
-    spheres = [_SPHERES[part] for part in pair if part in _SPHERES]
-    try:
-        angles = [float(part) for part in pair if part not in _SPHERES]
-    except ValueError:
-        angles = []
-    if len(pair) != 2 or len(spheres) + len(angles) != 2 or not angles or (spheres and specular):
-        raise ValueError(f"{argument} is {text!r}; it must be {GEOMETRIES}")
-    try:
-        found = (
-            Hemispherical(angles[0], spheres[0])
-            if spheres
-            else Bidirectional(angles[0], angles[1], specular)
-        )
-    except ValueError as error:
-        raise ValueError(f"{argument} is {text!r}: {error}") from None
-    if specular and angles[0] != angles[1]:
-        raise ValueError(
-            f"{argument} is {text!r}: at {angles[0]:g}:{angles[1]:g} the mirror reflection is not "
-            "in view; use equal angles, or a sphere, d:8"
-        )
-    return found
+    sphere, angles, specular = split_geometry(text, argument)
+    if sphere is not None:
+        return Hemispherical(angles[0], sphere)
+    return Bidirectional(angles[0], angles[1], specular)
 
 
 @dataclass(frozen=True)

@@ -10,12 +10,12 @@ from threading import Thread
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from jaxtyping import Array, Real
 
 from .extras import require
 from .io.outputs import check_output
 
 if TYPE_CHECKING:
+    from jaxtyping import Array, Real
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -107,6 +107,6 @@ def check_picture(path: str | Path, *, overwrite: bool = False, argument: str = 
     return check_output(path, overwrite=overwrite, argument=argument)
 
 
-def hex_colour(rgb: Real[Array | np.ndarray, "3"] | Sequence[float]) -> str:
+def hex_colour(rgb: "Real[Array | np.ndarray, '3'] | Sequence[float]") -> str:
     """Encoded sRGB in [0, 1] as #rrggbb."""
     return "#" + "".join(f"{round(float(np.clip(c, 0, 1)) * 255):02x}" for c in np.asarray(rgb))

@@ -33,8 +33,10 @@ def as_array(values: Numbers) -> Array | np.ndarray:
     """Values as they are if an array, else as a NumPy array, or as a JAX one if JAX traces a part
     of them.
     """
-    if isinstance(values, jax.Array | np.ndarray):
+    if isinstance(values, np.ndarray | jax.Array):
         return values
+    if isinstance(values, float):
+        return np.asarray(values)
     traced = any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(values))
     return jnp.asarray(values) if traced else np.asarray(values)
 
@@ -45,9 +47,14 @@ def concrete(values: Numbers) -> np.ndarray | None:
     return None if isinstance(array, Tracer) else np.asarray(array)
 
 
+_to_jax = jax.jit(lambda number: number)
+
+
 def as_float_array(values: Numbers) -> Float[Array, "..."]:
     """Values as a JAX floating-point array; integers become the default float type."""
-    array = jnp.asarray(as_array(values))
+    array = as_array(values)
+    # A program takes a number to JAX in a sixth of the time that `asarray` needs.
+    array = _to_jax(array) if np.ndim(array) == 0 else jnp.asarray(array)
     return (
         array if jnp.issubdtype(array.dtype, jnp.floating) else array.astype(jnp.result_type(float))
     )
@@ -68,6 +75,7 @@ def numpy_or_jax(function: Callable[..., Any], *arrays: Any) -> Any:
     JAX compiles a program for each operation and each shape. That takes some 20 ms, and is what the
     first answer waits for; NumPy takes microseconds.
     """
+    arrays = tuple(map(as_array, arrays))
     if not small(*arrays):
         return function(jnp, *arrays)
     with np.errstate(all="ignore"):
@@ -159,7 +167,7 @@ def ranges(wavelengths: Float[np.ndarray, "bands"], chosen: Bool[np.ndarray, "ba
 
 def same_grid(first: Float[np.ndarray, "bands"], second: Float[np.ndarray, "others"]) -> bool:
     """Whether two grids agree to a millionth of a nanometre."""
-    return first.shape == second.shape and bool(np.allclose(first, second, rtol=0, atol=1e-6))
+    return first.shape == second.shape and bool((np.abs(first - second) <= 1e-6).all())
 
 
 def as_fraction(

@@ -30,8 +30,8 @@ from . import catalogue
 from .geometry import Geometry, Instrument, geometry_of, parse_geometry
 from .io.outputs import check_output
 from .io.source import open_source
-from .paint.describe import Coat, find_name, make_media, name_paints
-from .paint.media import MAX_THICKNESS, Glaze, Layer, Mixture, Pigment
+from .paint.describe import MAX_THICKNESS, Coat, find_name, name_paints
+from .paint.media import Glaze, Layer, Mixture, Pigment, make_media
 from .spectra import describe_grid, resample, same_grid, validate_wavelengths
 
 WHITE = 0.93
@@ -398,12 +398,12 @@ def stack_from_dict(given: Any) -> Stack:
         )
     if given.get("version", 1) != 1:
         raise ValueError(
-            f"the stack is of version {given['version']!r}, and this glazejax reads version 1: "
+            f"the stack is of version {given['version']!r:.60}, and this glazejax reads version 1: "
             "update it"
         )
     if unknown := set(given) - _KEYS:
         raise ValueError(
-            f"a stack has no {sorted(unknown)[0]!r}; it has {', '.join(sorted(_KEYS))}"
+            f"a stack has no {sorted(unknown)[0]!r:.60}; it has {', '.join(sorted(_KEYS))}"
         )
     listed = given.get("coats", [])
     if not isinstance(listed, list) or len(listed) > MOST_COATS:
@@ -414,7 +414,7 @@ def stack_from_dict(given: Any) -> Stack:
     index = _number("refractive_index", given.get("refractive_index", 1.5), 1.0, 2.5)
     geometry = given.get("geometry", "45:0")
     if not isinstance(geometry, str):
-        raise ValueError(f"geometry is {geometry!r}; write words such as 45:0 or d:8")
+        raise ValueError(f"geometry is {geometry!r:.60}; write words such as 45:0 or d:8")
     parse_geometry(geometry)
     hidden = tuple(coat.get("hidden") is True for coat in listed)
     return Stack(
@@ -458,7 +458,7 @@ def _parts(where: str, given: Any, shelf: Mapping[str, Pigment]) -> tuple[tuple[
     for name, value in given.items():
         if (weight := _real(value)) is None or not 0 <= weight <= 1e9:
             raise ValueError(
-                f"{where}: the part of {name} is {value!r:.60}; it must be a number from 0 on"
+                f"{where}: the part of {name:.60} is {value!r:.60}; it must be a number from 0 on"
             )
         try:
             weights[find_name(name, shelf)] = weight
@@ -485,7 +485,7 @@ def _ground(given: Any, shelf: Mapping[str, Pigment]) -> Ground:
         return Spectrum(grid, values)
     if isinstance(given, str):
         raise ValueError(
-            f"the ground is {given!r}; write a number from 0 to 1, white, black or card"
+            f"the ground is {given!r:.60}; write a number from 0 to 1, white, black or card"
         )
     if (value := _real(given)) is not None and 2 <= value <= 100:
         raise ValueError(

@@ -12,9 +12,14 @@ def whole_file(path: Path) -> Iterator[Path]:
     away if that fails. So a file is there whole, or as it was before.
     """
     # Programs that write the same file at one time each write a part of their own.
-    part = path.with_name(f"{path.name}.{os.getpid()}.part")
+    part = path.with_name(f"{path.name[:200]}.{os.getpid()}.part")
     try:
         yield part
         part.replace(path)
+    except OSError as error:
+        if error.filename is not None and Path(error.filename) == part:
+            # What the user named, not what it is called meanwhile.
+            raise type(error)(error.errno, error.strerror, str(path)) from None
+        raise
     finally:
         part.unlink(missing_ok=True)

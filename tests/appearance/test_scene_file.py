@@ -430,7 +430,6 @@ def test_the_command_writes_a_picture_and_its_spectra(write, tmp_path):
         (["none.toml"], "no scene file none.toml"),
         (["none.toml", "-o", "a.jpg"], "written as .png"),
         (["none.toml", "--spectral", "a.txt"], "written as .npz or .exr"),
-        (["none.toml", "-o", "none/a.png"], "does not exist"),
         (
             ["none.toml", "--renderer", "blender"],
             "--renderer 'blender' must be one of raycast, mitsuba",

@@ -81,7 +81,12 @@ def table(tmp_path_factory):
         ),
     ],
 )
-def test_wrong_options_are_one_error_before_anything_is_computed(arguments, complaint):
+def test_wrong_options_are_one_error_before_anything_is_computed(
+    arguments, complaint, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    for name in ("films.csv", "mine.csv"):
+        (tmp_path / name).touch()
     result = run(*arguments)
     assert isinstance(result.exception, ValueError | FileNotFoundError)
     assert complaint in str(result.exception)

@@ -156,12 +156,11 @@ def test_a_wrong_line_is_said_before_a_file_that_exists(run, tmp_path):
             "--modern leaves no paint (LeadWhite: poisonous (lead), rarely sold; Minium:",
         ),
         (["--lab", "50,0,0", "--out", "a.txt"], "pictures end in"),
-        (["--lab", "50,0,0", "--csv", "no/a.csv"], "does not exist"),
         (["--lab", "50,0,0", "--spectra", "s.csv"], "has no spectrum"),
         (["--lab", "50,0,0", "--illuminants", "Z"], "unknown illuminant"),
         (
             ["--lab", "50,0,0", "--glazes", "--max-coats", "7"],
-            "max_coats is 7; it must be a whole number from 1 to 6",
+            "--max-coats is 7; it must be a whole number from 1 to 6",
         ),
         (
             ["--lab", "50,0,0", "--ground", "90"],

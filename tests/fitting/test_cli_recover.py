@@ -1,5 +1,6 @@
 import csv
 import functools
+import re
 
 import numpy as np
 import pytest
@@ -115,15 +116,18 @@ def test_bad_input_is_one_line_and_status_2(run, tmp_path, films):
         ([good, "--out", "o", "--masstones"], ["--names"]),
         ([good, "--out", "o", "--noise", "-1"], ["noise", "-1"]),
         (
-            ["nowhere.tsv", "--out", "o", "--check"],
+            [good, "--out", "o", "--check"],
             ["--check leaves mixtures out of a joint fit", "add --joint"],
         ),
         (["nowhere.tsv", "--out", "o", "--joint", "--check"], ["nowhere.tsv", "no such file"]),
-        (["nowhere.tsv", "--out", "o", "--joint", "--masstones"], ["leave out --masstones"]),
+        ([good, "--out", "o", "--joint", "--masstones"], ["leave out --masstones"]),
         ([good, "--out", "o", "--joint"], ["--joint needs to know what the films are made of"]),
         (["--simulate", "--out", "o", "--joint"], ["leave out --simulate, or leave out --joint"]),
-        ([good, "--out", "o", "--refractive-index", "15"], ["refractive index 15", "[1, 2.5]"]),
-        ([good, "--out", "o", "--instrument", "d:95"], ["--instrument is 'd:95'", "incidence"]),
+        (
+            [good, "--out", "o", "--refractive-index", "15"],
+            ["--refractive-index is 15", "1 to 2.5"],
+        ),
+        ([good, "--out", "o", "--instrument", "d:95"], ["--instrument is 'd:95'", "angles"]),
         (
             [good, "--out", "o", "--white", "TitaniumWhite"],
             ["the nearest is acrylics:TitaniumWhite"],
@@ -143,7 +147,6 @@ def test_bad_input_is_one_line_and_status_2(run, tmp_path, films):
         ([good, "--out", "o", "--white", "ZincWhite"], ["no film holds ZincWhite", "01A, 02B"]),
         ([good, "--out", "o", "--wet-film", "thick"], ["--wet-film is 'thick'"]),
         ([good, "--out", "o", "--wet-film", "03A=20um"], ["--wet-film: no film is called '03A'"]),
-        ([good, "--into", "no/mine.csv"], ["--into no/mine.csv", "does not exist"]),
         (["--simulate", "--out", "o", "--into", "mine.csv"], ["--into is for measured films"]),
         ([good, "--out", full], ["full", "not empty", "--overwrite"]),
         ([good, "--out", good], ["is a file"]),
@@ -324,3 +327,65 @@ def test_rough_spectra_are_said_to_be_noisy(run, tmp_path):
     assert "Noise of a reading R, estimated from how rough the spectra are: 0.00" in out
     status, out, _ = run(tmp_path / "f.tsv", "--out", "told", "--no-plots", "--noise", "0.004")
     assert "how rough" not in out
+
+
+HIDING = {
+    "Cyan": (480.0, 0.50),
+    "Magenta": (690.0, 0.70),
+    "Yellow": (610.0, 0.80),
+}
+
+
+def test_masstones_alone_promise_no_more_than_they_tell(command_line, tmp_path):
+    """Opaque films show k/s: how strong one paint is beside another is not in them."""
+    rows = [
+        [
+            name,
+            *(
+                0.05
+                + top
+                / (
+                    1.0 + np.exp(-(GRID - edge) / 12.0)
+                    if name != "Cyan"
+                    else 1.0 + ((GRID - edge) / 45.0) ** 2
+                )
+            ),
+        ]
+        for name, (edge, top) in HIDING.items()
+    ]
+    rows[2] = ["Yellow", *(0.05 + 0.75 / (1.0 + np.exp(-(GRID - 505.0) / 10.0)))]
+    rows.append(["Yell", *rows[2][1:]])
+    text = [["Name", *map(str, GRID)], *rows]
+    (tmp_path / "cmy.csv").write_text("\n".join(",".join(map(str, row)) for row in text))
+    status, out, _ = command_line("recover")("cmy.csv", "--into", "mine.csv")
+    assert status == 0
+    said = " ".join(out.split())
+    assert "Yell and Yellow are fitted as two paints" in said
+    assert "tint of Magenta with ZincWhite" in said, "a yellow is no white"
+    status, out, _ = command_line("recipe")(
+        "--srgb", "#8a4b2d", "--pigments", "mine.csv", "--max-coats", "1", "--count", "1"
+    )
+    assert status == 0
+    said = " ".join(out.split())
+    adds = re.search(r"are is not known: that adds ΔE00 ([\d.]+) by the level", said)
+    assert adds is not None
+    assert float(adds[1]) > 3.0
+    assert "One tint of each with a white" in said
+
+
+def test_a_fit_that_no_film_allows_is_not_relied_on(run, tmp_path):
+    """Two coloured paints whose mixtures read as white, black and grey."""
+    k = np.stack(
+        [
+            np.geomspace(0.1, 3.0, GRID.size),
+            np.geomspace(3.0, 0.1, GRID.size),
+            *(np.full(GRID.size, level) for level in (0.005, 3.0, 0.3)),
+        ]
+    )
+    names = ["Red", "Blue", "Red 1:1 Blue", "Red 3:1 Blue", "Red 1:3 Blue"]
+    films = simulate_films(GRID, k, np.ones(k.shape), names=names)
+    status, out, _ = run(write(tmp_path / "f.tsv", films), "--out", "res", "--no-plots")
+    assert status == 0
+    said = " ".join(out.split())
+    assert "not to be relied on" in said
+    assert said.index("not to be relied on") < said.index("Wrote")

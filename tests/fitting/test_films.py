@@ -60,6 +60,10 @@ BAD = {
         "percent and fraction are mixed.*A1_ow",
     ),
     "wavelengths": (table() + "B1_b,1,2\n", "line 6: 3 cells where the header has 4"),
+    "swapped readings": (
+        table(ROWS | {"ob": ROWS["ow"], "ow": ROWS["ob"]}),
+        "darker over white than over black",
+    ),
     "swapped cards": (table(ROWS | {"b": ROWS["w"], "w": ROWS["b"]}), "are the rows swapped"),
 }
 

@@ -99,6 +99,14 @@ def test_films_are_missed_between_the_bands_by_no_more_than_is_told():
     assert np.sqrt(np.mean(missed**2)) < 1.5 * MISSED
 
 
+def test_the_length_of_the_models_error_counts():
+    grid, paints = _paints(121)
+    task = Searcher.of(grid, paints, IdentificationOptions(max_paints=1)).task
+    films = films_at_random(*task.tables.single, 0.7, np.array([0.03, 0.9]), grid.size)
+    short, long = (choose_bands(films, grid, length).rough for length in (20.0, 200.0))
+    assert short.max() > 2.0 * long.max()
+
+
 def test_smooth_errors_count_as_noise_as_far_as_they_are_missed():
     """The model's own errors between the bands, drawn and compared with what is foretold."""
     grid, paints = _paints(121)

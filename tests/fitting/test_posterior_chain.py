@@ -1,3 +1,4 @@
+import io
 import os
 import signal
 from dataclasses import replace
@@ -5,12 +6,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rich.console import Console
 
-from glazefit import posterior_of_bands, simulate_films
+from glazefit import Noise, posterior_of_bands, simulate_films
+from glazefit.film.model.errors import Prior
+from glazefit.posterior import command
 from glazefit.posterior.chain import Convergence, convergence, count_samples, run_chain
 from glazefit.posterior.chain_file import Chain
 from glazefit.posterior.problem import Problem
 from glazefit.posterior.sampling import Sampling
+from glazejax import catalogue
 from tests.fitting.test_cli_recover import write
 
 GRID = np.array([400.0, 550.0, 700.0])
@@ -277,8 +282,33 @@ def test_command_writes_what_it_says(run, tmp_path, sampler, steps):
         (("none.tsv",), "--out FOLDER"),
     ],
 )
-def test_command_errors_are_one_line(run, words, message):
+def test_command_errors_are_one_line(run, tmp_path, words, message):
+    (tmp_path / "none.tsv").touch()
     status, _, err = run(*words)
     assert status == 2
     assert message in err
     assert len(err.strip().splitlines()) == 1
+
+
+def test_a_wider_spectrum_is_cropped_to_where_the_paints_are_known(tmp_path, monkeypatch):
+    """As identify does; a film over cards likewise."""
+    grid = np.arange(380.0, 751.0, 10.0)
+    rows = {"": 0.4, "f_b": 0.05, "f_w": 0.8, "f_ob": 0.1, "f_ow": 0.3}
+    lines = [
+        ["Name", *grid],
+        *([name or "one", *np.full(grid.size, v)] for name, v in rows.items()),
+    ]
+    for file, kept in (("one.csv", lines[:2]), ("film.csv", [lines[0], *lines[2:]])):
+        (tmp_path / file).write_text("\n".join(",".join(map(str, line)) for line in kept))
+    known = dict(catalogue.load())
+    made_of = command._StatedPaints(
+        names=["CobaltBlue"], coats="", bands=False, shelf=known, prior=Prior()
+    )
+    for file, ground in (("one.csv", "0.9"), ("film.csv", None)):
+        printed = io.StringIO()
+        console = Console(file=printed, width=500)
+        task: Any = command._read_measured(
+            tmp_path / file, "", {}, made_of, ground, Noise(), console
+        )
+        assert task.args[0].wavelengths.tolist() == np.arange(400.0, 701.0, 10.0).tolist()
+        assert "cropped to 400-700 nm" in printed.getvalue()

@@ -5,7 +5,8 @@ import glazejax as gj
 from glazefit import Variation, find_recipes, lab_target, spectral_target
 from glazefit.film.model.variation import MIXED
 from glazejax import colour
-from glazejax.paint.describe import make_media, parse_coats
+from glazejax.paint.describe import parse_coats
+from glazejax.paint.media import make_media
 
 from .palette import GRID, palette
 

@@ -20,6 +20,7 @@ from glazejax.radiative.common.fresnel import dielectric_reflectance
 from glazejax.spectra import describe_grid, validate_wavelengths
 
 from .model.response import ground_below
+from .tables import WAVELENGTH, Tabulated, Variables
 
 Spectra = Float[np.ndarray, "films bands"]
 InstrumentLike = Instrument | Geometry | str
@@ -62,7 +63,7 @@ class Noise:
 
 
 @dataclass(frozen=True)
-class Films:
+class Films(Tabulated):
     """Films that share a wavelength grid.
 
     Attributes:
@@ -144,6 +145,16 @@ class Films:
                 "the rows swapped?"
             )
 
+        # Measured films that hide their cards read up to .004 darker over white (revigo's).
+        darker = (self.over_black - self.over_white).mean(axis=1)
+        darker = np.where(self.seen.all(axis=1) & ~self.opaque, darker, 0.0)
+        if darker.max(initial=0.0) > 0.01:
+            name = self.names[int(darker.argmax())]
+            raise ValueError(
+                f"film {name!r} is darker over white than over black, by {darker.max():.2g} on "
+                f"average: are the rows {name}_ob and {name}_ow swapped?"
+            )
+
     def __len__(self) -> int:
         return len(self.names)
 
@@ -167,9 +178,21 @@ class Films:
         """What was measured: bare cards, black and white, and paint over them; rows that there are
         not are left out.
         """
+        return tuple(getattr(self, what)[rows] for what, rows in self._measured().items())
+
+    def _measured(self) -> dict[str, Bool[np.ndarray, "films"]]:
+        """Of which films each of `SPECTRA` was measured."""
         bare = self.seen & ~self.assumed & ~self.opaque[:, None]
-        kept = (bare[:, 0], bare[:, 1], self.seen[:, 0], self.seen[:, 1])
-        return tuple(getattr(self, what)[rows] for what, rows in zip(SPECTRA, kept, strict=True))
+        return dict(zip(SPECTRA, (*bare.T, *self.seen.T), strict=True))
+
+    def arrays_and_axes(self) -> Variables:
+        """What was not measured is NaN."""
+        axes = {"film": list(self.names), WAVELENGTH: self.wavelengths}
+        kept = self._measured().items()
+        return {
+            what: (tuple(axes), np.where(rows[:, None], getattr(self, what), np.nan))
+            for what, rows in kept
+        }, axes
 
     def where_seen(
         self, values: Float[np.ndarray, "films 2 *rest"]

@@ -44,6 +44,12 @@ def _list_references(*args: Any) -> None:
     list_references(*args)
 
 
+def _check_elements(text: str) -> None:
+    from .families.evidence import check_elements
+
+    check_elements(options.split_names(text))
+
+
 @help_groups(
     usual="--ground --catalogue --only --out --report",
     given=(
@@ -60,6 +66,7 @@ def identify(
         Path | None,
         typer.Argument(
             metavar="FILE",
+            callback=options.there,
             help="Table of spectra. Rows in fours, NAME_b and NAME_w (bare black and white card), "
             "NAME_ob and NAME_ow (paint over them), are films over cards; any other spectra need "
             "--ground or --opaque.",
@@ -85,13 +92,17 @@ def identify(
     unit: options.Unit = None,
     scale: options.Scale = None,
     max_paints: Annotated[
-        int, typer.Option(help="Largest number of paints in a film: 1, 2 or 3.")
+        int,
+        typer.Option(
+            callback=options.between(1, 3), help="Largest number of paints in a film: 1, 2 or 3."
+        ),
     ] = 3,
     max_coats: Annotated[
         int,
         typer.Option(
+            callback=options.between(1, 3),
             help="Most coats: 2 says whether two paints were mixed or laid one over the other, 3 "
-            "does so for three, some ten seconds a spectrum."
+            "does so for three, some ten seconds a spectrum.",
         ),
     ] = 1,
     own_films: Annotated[
@@ -106,6 +117,7 @@ def identify(
         str,
         typer.Option(
             metavar="SYMBOLS",
+            callback=options.checked(_check_elements),
             help="Elements that X-ray fluorescence found, such as Cu,Pb: weigh for families that "
             "hold them (--catalogue pigments).",
             show_default=False,
@@ -115,6 +127,7 @@ def identify(
         str,
         typer.Option(
             metavar="SYMBOLS",
+            callback=options.checked(_check_elements),
             help="Elements that it looked for and did not find, such as Co,Cr.",
             show_default=False,
         ),
@@ -149,7 +162,11 @@ def identify(
     model_error: options.ModelError = None,
     thickness: options.Thickness = "25um",
     top: Annotated[
-        int, typer.Option(help="Number of explanations shown and written for each spectrum.")
+        int,
+        typer.Option(
+            callback=options.between(1),
+            help="Number of explanations shown and written for each spectrum.",
+        ),
     ] = 5,
     csv: options.Csv = None,
     residuals: Annotated[
@@ -189,7 +206,6 @@ def identify(
     typed = dict(locals())
     if file is None:
         raise ValueError("no FILE was given; name a table of spectra, such as films.tsv")
-    _check_numbers(max_paints, max_coats, top)
     subject = head.check_subject(
         report, object=object, inventory=inventory, spot=spot, operator=operator
     )
@@ -198,10 +214,17 @@ def identify(
             f"--catalogue pigments is sought by family, and the paints of {pigments} have none: "
             "choose --catalogue oils or acrylics beside them, or leave out --pigments"
         )
-    from glazejax.io import read_spectra
-
+    if opaque and ground is not None:
+        raise ValueError("--opaque films show no ground: leave out --ground, or leave out --opaque")
+    if bare and ground is None:
+        raise ValueError("--bare says how --ground was measured: give --ground too")
     said = options.stated(quantity, unit, scale)
     usual = options.read_length(thickness)
+    options.check_names(
+        options.split_names(f"{only},{without}"),
+        pigments,
+        options.PIGMENTS if catalogue is pigments is None else catalogue,
+    )
     outputs = {"--csv": csv, "--residuals": residuals, "--out": out, **_report_files(report)}
     read = {
         "FILE": file,
@@ -213,11 +236,9 @@ def identify(
     from glazejax.commands.main import start_jax
 
     start_jax()
+    from glazejax.io import read_spectra
+
     seen_by = options.read_geometry(instrument, _GEOMETRY)
-    if opaque and ground is not None:
-        raise ValueError("--opaque films show no ground: leave out --ground, or leave out --opaque")
-    if bare and ground is None:
-        raise ValueError("--bare says how --ground was measured: give --ground too")
     if catalogue is pigments is None:
         catalogue = options.PIGMENTS
         chosen = own_films or only or without
@@ -415,15 +436,6 @@ def _over_cards(names: Sequence[str]) -> bool:
     from ..film.readers import ROWS
 
     return all(name.rpartition("_")[2] in ROWS for name in names)
-
-
-def _check_numbers(max_paints: int, max_coats: int, top: int) -> None:
-    if max_paints not in (1, 2, 3):
-        raise ValueError(f"--max-paints is {max_paints}; it must be 1, 2 or 3")
-    if max_coats not in (1, 2, 3):
-        raise ValueError(f"--max-coats is {max_coats}; it must be 1, 2 or 3")
-    if top < 1:
-        raise ValueError(f"--top is {top}; it must be 1 or more")
 
 
 def _read_spectra(

@@ -13,6 +13,7 @@ from glazejax.commands import options, progress
 from glazejax.commands.help_groups import help_groups
 
 from ..page import subject as head
+from .options import CUBE
 
 if TYPE_CHECKING:
     import xarray
@@ -28,8 +29,13 @@ def register(app: typer.Typer) -> None:
     app.command("map")(map_)
 
 
-def _option(text: str, metavar: str = "") -> Any:
-    return typer.Option(help=text, metavar=metavar or None, show_default=False)
+def _option(text: str, metavar: str = "", callback: Any = None) -> Any:
+    return typer.Option(help=text, metavar=metavar or None, callback=callback, show_default=False)
+
+
+def _ground(text: str) -> None:
+    if not text.startswith(CUBE):
+        options.ground_level(text)
 
 
 @help_groups(
@@ -72,10 +78,13 @@ def map_(
         str, _option("Array of a zarr, NetCDF or HDF5 file, if there are several.", "NAME")
     ] = "",
     white: Annotated[
-        Path | None, _option("Reading of a white: cube, frame, line, or a list of numbers.", "FILE")
+        Path | None,
+        _option(
+            "Reading of a white: cube, frame, line, or a list of numbers.", "FILE", options.there
+        ),
     ] = None,
     dark: Annotated[
-        Path | None, _option("Reading without light, of the same kinds.", "FILE")
+        Path | None, _option("Reading without light, of the same kinds.", "FILE", options.there)
     ] = None,
     white_reflectance: Annotated[
         str,
@@ -97,6 +106,7 @@ def map_(
         _option(
             "Pixels to map: a PNG that is not black there, or polygons (GeoJSON, or CSV of x,y).",
             "FILE",
+            options.there,
         ),
     ] = None,
     binned: Annotated[
@@ -129,6 +139,7 @@ def map_(
             "file of spectra, FILE or FILE:SAMPLE; or cube:x0:x1,y0:y1, where it lies bare in "
             "the cube.",
             "GROUND",
+            options.checked(_ground),
         ),
     ] = None,
     bare: Annotated[
@@ -142,7 +153,10 @@ def map_(
         bool, typer.Option("--opaque", help="The paint hides its ground everywhere.")
     ] = False,
     max_paints: Annotated[
-        int, typer.Option(help="Largest number of paints in a pixel: 1, 2 or 3.")
+        int,
+        typer.Option(
+            callback=options.between(1, 3), help="Largest number of paints in a pixel: 1, 2 or 3."
+        ),
     ] = 3,
     instrument: Annotated[str | None, options.instrument_option(_GEOMETRY)] = None,
     refractive_index: options.RefractiveIndex = 1.5,
@@ -205,8 +219,6 @@ def map_(
             )
     elif cube is None:
         raise ValueError("no CUBE was given; name an image of spectra, or try --example")
-    if max_paints not in (1, 2, 3):
-        raise ValueError(f"--max-paints is {max_paints}; it must be 1, 2 or 3")
     if opaque and ground is not None:
         raise ValueError(
             "--opaque paint shows no ground: leave out --ground, or leave out --opaque"
@@ -250,15 +262,23 @@ def map_(
         "binning": read_binning(binned),
         "bands": read_bands(bands),
     }
+    if not example:
+        options.check_names(
+            options.split_names(f"{only},{without}"),
+            pigments,
+            options.PIGMENTS if catalogue is pigments is None else catalogue,
+        )
     given_files = {"--mask": mask, "--white": white, "--dark": dark, "--pigments": pigments}
     _check_outputs(out, {"CUBE": cube, **given_files}, csv, export, report, overwrite)
-    seen_by = options.read_geometry(instrument, _GEOMETRY)
+    if cube is not None:
+        options.existing(cube)
     from glazejax.commands.main import start_jax
 
     from .solve.process import few_arenas
 
     few_arenas()
     start_jax(optimisation=3)
+    seen_by = options.read_geometry(instrument, _GEOMETRY)
     import numpy as np
     from rich.console import Console
 

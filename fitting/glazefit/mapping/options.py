@@ -29,7 +29,7 @@ _SIZES = {
     "m": 2**20,
     "g": 2**30,
 }
-_CUBE = "cube:"
+CUBE = "cube:"
 
 
 def read_memory(text: str) -> int:
@@ -232,10 +232,10 @@ def read_ground_of_cube(
             f"of those of the paints, {first:g} to {last:g} nm"
         )
     notes: tuple[str, ...] = ()
-    if text.startswith(_CUBE):
+    if text.startswith(CUBE):
         from glazejax.io import read_spot
 
-        spot = read_spot(cube, text.removeprefix(_CUBE))
+        spot = read_spot(cube, text.removeprefix(CUBE))
         below = spot.reflectance[inside]
         bare = True
         if not np.isfinite(below).all():
@@ -244,7 +244,7 @@ def read_ground_of_cube(
                 "there; choose another place"
             )
         words = (
-            f"measured bare in the cube at {text.removeprefix(_CUBE)} ({spot.pixels} pixels, "
+            f"measured bare in the cube at {text.removeprefix(CUBE)} ({spot.pixels} pixels, "
             f"mean {below.mean():.2f})"
         )
     else:

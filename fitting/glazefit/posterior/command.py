@@ -1,5 +1,6 @@
 """The command `glazejax posterior`: one measured film in, what is known of it out."""
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
@@ -56,6 +57,7 @@ def posterior(
         Path | None,
         typer.Argument(
             metavar="FILE",
+            callback=options.there,
             help="Table of spectra: films in rows of four, NAME_b and NAME_w (bare black and "
             "white card), NAME_ob and NAME_ow (paint over them); or any spectra, with --ground.",
             show_default=False,
@@ -186,13 +188,16 @@ def posterior(
     from .sampling import Sampling, check_sampler
 
     check_sampler(sampler, "--sampler")
+    # Says what is wrong with the numbers.
+    Sampling(sampler=sampler, steps=steps, walkers=walkers, thin=thin)  # pyright: ignore[reportArgumentType]
+    options.check_names(options.split_names(paints), pigments, catalogue)
+    usual = options.read_length(thickness)
     _check(file, sample, paints=paints, coats=coats, bands=bands, simulate=simulate, ground=ground)
     require("matplotlib", "corner", "arviz", "h5py")
     folder = _check_folder(out, resume, overwrite)
     from glazejax.commands.main import start_jax
 
     start_jax()
-    usual = options.read_length(thickness)
     seen_by = options.read_geometry(instrument, _GEOMETRY)
     from rich.console import Console
 
@@ -214,7 +219,13 @@ def posterior(
         _simulate(made_of, seen_with, errors, seed, console)
         if simulate
         else _read_measured(
-            file, sample, options.stated(quantity, unit, scale), made_of, ground, errors, console
+            file=file,
+            sample=sample,
+            said=options.stated(quantity, unit, scale),
+            made_of=made_of,
+            ground=ground,
+            noise=errors,
+            console=console,
         )
     )
     chain = {
@@ -356,13 +367,28 @@ def _read_measured(
     console: "Console",
 ) -> "_Task":
     assert file is not None
-    film = (
-        _film(file, sample, said, console)
-        if ground is None
-        else _spectrum(file, sample, said, ground, noise, console)
-    )
     named = [] if made_of.bands or made_of.coats else made_of.names or _recipe(file, sample)
-    return _posterior_of(film, _paints(named, made_of.shelf), made_of)
+    paints = _paints(named, made_of.shelf)
+    grids = [
+        paint.wavelengths
+        for paint in (*paints, *(paint for coat in _coats(made_of) for paint in coat.paints))
+    ]
+    # Without a paint nothing bounds the bands.
+    reach = (max(g[0] for g in grids), min(g[-1] for g in grids)) if grids else (0.0, math.inf)
+    film = (
+        _film(file, sample, said, reach, console)
+        if ground is None
+        else _spectrum(
+            file=file,
+            sample=sample,
+            said=said,
+            ground=ground,
+            reach=reach,
+            noise=noise,
+            console=console,
+        )
+    )
+    return _posterior_of(film, paints, made_of)
 
 
 def _posterior_of(
@@ -389,10 +415,16 @@ def _coats(made_of: _StatedPaints) -> "tuple[CoatPrior, ...]":
     return parse_coats(made_of.coats, options.all_named(made_of.shelf), made_of.prior.spread)
 
 
-def _film(file: Path, sample: str, said: "Stated", console: "Console") -> "Films":
+_REACH = "the paints are known there only"
+
+
+def _film(
+    file: Path, sample: str, said: "Stated", reach: tuple[float, float], console: "Console"
+) -> "Films":
+    from ..film.partial_films import crop
     from ..film.readers import read_films
 
-    films = read_films(file, **said)
+    films = crop(read_films(file, **said), *reach, _REACH)
     progress.print_notes(console, file, films.notes)
     if not sample and len(films) != 1:
         known = ", ".join(films.names[:8]) + (
@@ -403,9 +435,16 @@ def _film(file: Path, sample: str, said: "Stated", console: "Console") -> "Films
 
 
 def _spectrum(
-    file: Path, sample: str, said: "Stated", ground: str, noise: "Noise", console: "Console"
+    file: Path,
+    sample: str,
+    said: "Stated",
+    ground: str,
+    reach: tuple[float, float],
+    noise: "Noise",
+    console: "Console",
 ) -> "Reading":
     from glazejax.io import read_spectra
+    from glazejax.spectra import describe_grid
 
     from ..film.reading import reading_over
 
@@ -416,9 +455,12 @@ def _spectrum(
     if not sample and len(table) > 1:
         raise ValueError(f"{file} holds {len(table)} spectra; choose one with --sample")
     (row,) = options.choose_rows(file, table.names, [sample or table.names[0]], "--sample")
-    under = below.on(table.wavelengths)
+    kept = (table.wavelengths >= reach[0] - 1e-6) & (table.wavelengths <= reach[1] + 1e-6)
+    grid = table.wavelengths[kept]
+    if not kept.all():
+        progress.print_notes(console, file, (f"cropped to {describe_grid(grid)}: {_REACH}",))
     return reading_over(
-        table.wavelengths, table.reflectance[row], under, noise=noise, name=table.names[row]
+        grid, table.reflectance[row][kept], below.on(grid), noise=noise, name=table.names[row]
     )
 
 

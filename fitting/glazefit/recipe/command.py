@@ -61,7 +61,10 @@ def recipe(
     spectrum: Annotated[
         Path | None,
         typer.Option(
-            metavar="FILE", help="File of measured reflectance; see --samples.", show_default=False
+            metavar="FILE",
+            callback=options.there,
+            help="File of measured reflectance; see --samples.",
+            show_default=False,
         ),
     ] = None,
     samples: options.Samples = "",
@@ -73,6 +76,7 @@ def recipe(
         typer.Option(
             "--after",
             metavar="FILE",
+            callback=options.there,
             help="I mixed it, and it came out like this: spectra of one film of it, as predict "
             "--reading takes them. Says what to add. With --mixed.",
             show_default=False,
@@ -119,7 +123,9 @@ def recipe(
     test_illuminant: Annotated[
         str,
         typer.Option(
-            metavar="NAME", help="One more light, under which the match is tested, not sought."
+            metavar="NAME",
+            callback=options.checked(options.check_illuminant),
+            help="One more light, under which the match is tested, not sought.",
         ),
     ] = "A",
     observer: options.Observer = "2",
@@ -136,6 +142,7 @@ def recipe(
     max_paints: Annotated[
         int | None,
         typer.Option(
+            callback=options.between(1, 6),
             help="Largest number of paints in a recipe, 1 to 6. Default: 3, with --glazes 6.",
             show_default=False,
         ),
@@ -143,6 +150,7 @@ def recipe(
     max_coats: Annotated[
         int | None,
         typer.Option(
+            callback=options.between(1, 6),
             help=(
                 "Largest number of coats, 1 to 4, with --glazes to 6. Default: 2, with --glazes 6."
             ),
@@ -175,11 +183,17 @@ def recipe(
     metamerism: Annotated[
         float,
         typer.Option(
+            callback=options.between(0.0),
             help="Weight of the spectrum against the colour, where the target has one: a spectrum "
-            "that is off by 0.01 (root mean square) counts like this Delta E."
+            "that is off by 0.01 (root mean square) counts like this Delta E.",
         ),
     ] = 0.2,
-    count: Annotated[int, typer.Option(help="Largest number of recipes for a target.")] = 5,
+    count: Annotated[
+        int,
+        typer.Option(
+            callback=options.between(1, 1000), help="Largest number of recipes for a target."
+        ),
+    ] = 5,
     seed: options.Seed = 0,
     out: options.PictureIfNamed = None,
     csv: options.Csv = None,
@@ -226,10 +240,23 @@ def recipe(
     named = [option for option, path in outputs.items() if path is not None]
     if after is not None and named:
         raise ValueError(f"{named[0]} is for recipes; --after writes nothing: leave it out")
-    lights = options.split_names(illuminants)
     bounds = options.read_lengths(
         _COATS if coat_thickness is None else coat_thickness, "--coat-thickness"
     )
+    lights = options.split_names(illuminants)
+    _check_target(
+        lab=lab,
+        srgb=srgb,
+        spectrum=spectrum,
+        samples=samples,
+        after=after,
+        chart=colourchecker or bool(patch),
+        lights=lights,
+    )
+    if spectra is not None and (lab is not None or srgb is not None):
+        raise ValueError("--spectra: the target is a colour and has no spectrum; leave it out")
+    options.check_names(options.split_names(f"{only},{without}"), pigments, catalogue)
+    options.check_outputs(outputs, overwrite)
     # The colours of spectra are computed in double precision too.
     from glazejax.commands.main import start_jax
     from glazejax.plots import load_matplotlib_ahead
@@ -250,14 +277,11 @@ def recipe(
         spectrum,
         said=said,
         samples="" if after is not None and spectrum is None else samples,
-        chart=colourchecker or bool(patch),
         patch=patch,
         lights=lights,
     )
     from .task import make_task
 
-    if spectra is not None and not all(target.spectral for target in targets):
-        raise ValueError("--spectra: the target is a colour and has no spectrum; leave it out")
     shelf = options.read_shelf(pigments, catalogue)
     paints = options.choose_paints(shelf, only, without)
     paints = _modern(paints) if modern else paints
@@ -281,8 +305,6 @@ def recipe(
             console=Console(highlight=False),
         )
         return
-    # A wrong target or paint is said before a file that exists.
-    options.check_outputs(outputs, overwrite)
     task = make_task(
         targets,
         paints,
@@ -330,10 +352,40 @@ def recipe(
         word for name, value in asked.items() if value is not None for word in (name, str(value))
     )
     _print(found, task, seconds, console, seen)
+    if words := _say_unknown_strength(found[0][0], task, observer):
+        console.print(words, style="yellow", markup=False)
     if named:
         console.print(f"wrote {', '.join(str(outputs[name]) for name in named)}", markup=False)
     if how.interrupted:
         progress.stop_interrupted(console, len(found), len(targets), "targets")
+
+
+def _say_unknown_strength(best: "Recipe", task: "RecipeTask", observer: str) -> str:
+    """What it adds that paints of a recipe were read without tints; empty where none was."""
+    shares = {name: share for coat in best.coats for share, name in coat.parts if share > 0}
+    shelf = {paint.name: paint for paint in task.pigments}
+    unknown = [
+        name
+        for name in shares
+        if (told := shelf[name].identifiable) is not None and told.mean() < 0.5
+    ]
+    if not unknown:
+        return ""
+    from ..recover.mixture import predict_mixture
+    from ..recover.predict_command import say_paint_errors
+
+    thickest = max(best.coats, key=lambda coat: coat.thickness)
+    made = predict_mixture(
+        shelf,
+        {name: share for share, name in thickest.parts if share > 0},
+        [thickest.thickness],
+        instrument=task.instrument,
+    )
+    return (
+        f"How strong {', '.join(unknown)} are is not known: that adds ΔE00 "
+        f"{say_paint_errors(made, (task.illuminants[0], observer))}. One tint of each with a white "
+        "tells it: glazejax recover --white ZincWhite."
+    )
 
 
 def _modern(paints: "list[Pigment]") -> "list[Pigment]":
@@ -353,39 +405,64 @@ def _modern(paints: "list[Pigment]") -> "list[Pigment]":
     return kept
 
 
-def _targets(
+def _check_target(
     lab: str | None,
     srgb: str | None,
     spectrum: Path | None,
-    said: "Stated",
     samples: str,
+    after: Path | None,
     chart: bool,
-    patch: str,
     lights: Sequence[str],
-) -> "tuple[list[Target], list[str]]":
-    """What is to be matched, and notes of the file's reader."""
-    from .targets import colourchecker_targets, lab_target, spectral_target, srgb_target
+) -> None:
+    """Refuse a target that is none, before anything is loaded."""
+    from .targets import parse_srgb
 
     if (lab is not None) + (srgb is not None) + (spectrum is not None) + chart != 1:
         raise ValueError(
             "give one target: --lab 50,20,30, --srgb '#8a4b2d', --spectrum FILE, or "
             "--colourchecker (see --help)"
         )
-    if samples and spectrum is None:
+    if samples and spectrum is None and after is None:
         raise ValueError("--samples names spectra of a file: add --spectrum FILE")
+    if not lights:
+        raise ValueError("--illuminants is empty: name at least one, such as D65")
+    for light in lights:
+        options.check_illuminant(light)
     if lab is not None:
-        try:
-            values = [float(value) for value in lab.split(",")]
-        except ValueError:
-            raise ValueError(
-                f"--lab is {lab!r}: write three numbers with commas, such as 50,20,30"
-            ) from None
-        if not lights:
-            raise ValueError("--illuminants is empty: name at least one, such as D65")
-        return [lab_target({lights[0]: values})], []
+        _read_lab(lab, lights[0])
+    if srgb is not None:
+        parse_srgb(srgb)
+
+
+def _read_lab(text: str, light: str) -> "Target":
+    from .targets import lab_target
+
+    try:
+        values = [float(value) for value in text.split(",")]
+    except ValueError:
+        raise ValueError(
+            f"--lab is {text!r}: write three numbers with commas, such as 50,20,30"
+        ) from None
+    return lab_target({light: values})
+
+
+def _targets(
+    lab: str | None,
+    srgb: str | None,
+    spectrum: Path | None,
+    said: "Stated",
+    samples: str,
+    patch: str,
+    lights: Sequence[str],
+) -> "tuple[list[Target], list[str]]":
+    """What is to be matched, and notes of the file's reader."""
+    from .targets import colourchecker_targets, spectral_target, srgb_target
+
+    if lab is not None:
+        return [_read_lab(lab, lights[0])], []
     if srgb is not None:
         return [srgb_target(srgb)], []
-    if chart:
+    if spectrum is None:
         return colourchecker_targets(options.split_names(patch)), []
     from glazejax.io import read_spectra
 

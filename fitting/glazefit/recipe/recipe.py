@@ -11,7 +11,7 @@ slopes. Then it is rounded to what a painter can weigh and measure, and put in o
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Unpack, overload
+from typing import Any, Unpack, overload
 
 import numpy as np
 from jaxtyping import Float
@@ -21,7 +21,9 @@ from glazejax.paint.describe import Coat
 
 from ..film.model.mixing import Pigments
 from ..film.model.variation import MIXED, Variation
+from ..film.tables import WAVELENGTH, Tabulated, Variables, as_frame
 from .model import read, read_ahead
+from .parts import whole_parts
 from .refine import refine
 from .screen import MOST_SCREENED, screen
 from .selection import IN_GAMUT, Scored, round_recipes, score, select
@@ -29,9 +31,12 @@ from .stacks import Stacks, grown, simplify
 from .targets import Target, TargetLike
 from .task import RecipeOptions, RecipeTask, as_targets, make_task
 
+PAINT_COLUMNS = ("coat", "thickness_um", "paint", "share", "parts", "delta_e_per_10_percent")
+"""Of a recipe's paints."""
+
 
 @dataclass(frozen=True, eq=False)
-class Recipe:
+class Recipe(Tabulated):
     """A glaze that comes near a target, in round numbers.
 
     Attributes:
@@ -110,6 +115,28 @@ class Recipe:
     def text(self) -> str:
         """The glaze as `glazejax render --coats` takes it."""
         return ", ".join(map(_type_coat, self.coats))
+
+    def rows(self) -> Iterator[tuple[int, float, str, float, int, float]]:
+        """`PAINT_COLUMNS` of each paint in each coat, top first."""
+        coats = zip(self.coats, self.sensitivity, strict=True)
+        for number, (coat, change) in enumerate(coats, 1):
+            parts = whole_parts([share for share, _ in coat.parts])
+            for (share, paint), part in zip(coat.parts, parts, strict=True):
+                yield number, coat.thickness * 1e6, paint, share, part, change
+
+    def to_dataframe(self) -> Any:
+        """A pandas.DataFrame with a row for each paint in each coat, top first; thickness in
+        micrometres, shares by weight.
+
+        Raises:
+            ModuleNotFoundError: pandas is not installed.
+        """
+        return as_frame(PAINT_COLUMNS, self.rows())
+
+    def arrays_and_axes(self) -> Variables:
+        """What the instrument reads."""
+        axes = {WAVELENGTH: self.wavelengths}
+        return {"reflectance": (tuple(axes), self.reflectance)}, axes
 
     def __repr__(self) -> str:
         return f"Recipe({self.text!r} for {self.target.name!r}, Delta E {self.distance:.2f})"

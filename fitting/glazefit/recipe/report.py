@@ -18,7 +18,7 @@ from glazejax.report import leave_out, plain_table, swatch
 from glazejax.spectra import resample
 
 from .parts import describe_parts, whole_parts
-from .recipe import Recipe
+from .recipe import PAINT_COLUMNS, Recipe
 from .selection import IN_GAMUT
 from .targets import Target
 
@@ -28,12 +28,7 @@ CSV_COLUMNS = (
     "delta_e_2000",
     "metamerism",
     "rmse",
-    "coat",
-    "thickness_um",
-    "paint",
-    "share",
-    "parts",
-    "delta_e_per_10_percent",
+    *PAINT_COLUMNS,
     "delta_e_between_mixings",
 )
 
@@ -295,25 +290,21 @@ def _rows(found: Sequence[Sequence[Recipe]]) -> Iterator[tuple]:
 
     for recipes in found:
         for rank, recipe in enumerate(recipes, 1):
-            for number, (coat, change) in enumerate(
-                zip(recipe.coats, recipe.sensitivity, strict=True), 1
-            ):
-                parts = whole_parts([share for share, _ in coat.parts])
-                for (share, paint), part in zip(coat.parts, parts, strict=True):
-                    yield (
-                        recipe.target.name,
-                        rank,
-                        text(recipe.distance, 3),
-                        text(recipe.metamerism, 3),
-                        text(recipe.rmse, 5),
-                        number,
-                        f"{coat.thickness * 1e6:.6g}",
-                        paint,
-                        f"{share:.6g}",
-                        part,
-                        text(change, 3),
-                        text(recipe.between_mixings, 2),
-                    )
+            for coat, thickness, paint, share, part, change in recipe.rows():
+                yield (
+                    recipe.target.name,
+                    rank,
+                    text(recipe.distance, 3),
+                    text(recipe.metamerism, 3),
+                    text(recipe.rmse, 5),
+                    coat,
+                    f"{thickness:.6g}",
+                    paint,
+                    f"{share:.6g}",
+                    part,
+                    text(change, 3),
+                    text(recipe.between_mixings, 2),
+                )
 
 
 def write_json(found: Sequence[Sequence[Recipe]], path: Path) -> None:

@@ -13,8 +13,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy.typing import ArrayLike
 
-from glazejax import cie, colour
-from glazejax.spectra import as_fraction, describe_grid, validate_wavelengths
+from glazejax import cie
 
 Colour = Sequence[float] | Float[np.ndarray, "3"]
 """L*, a*, b*."""
@@ -57,8 +56,10 @@ class Target:
         Raises:
             ValueError: the target is a colour under other illuminants.
         """
-        full = colour.find_illuminant(illuminant)
+        full = cie.find_illuminant(illuminant)
         if self.wavelengths is not None and self.reflectance is not None:
+            from glazejax import colour
+
             return np.asarray(
                 colour.lab(self.wavelengths, self.reflectance, illuminant=full, observer=observer)
             )
@@ -72,6 +73,8 @@ class Target:
 
     def __repr__(self) -> str:
         if self.wavelengths is not None:
+            from glazejax.spectra import describe_grid
+
             return f"Target({self.name!r}, {describe_grid(self.wavelengths)})"
         return f"Target({self.name!r}, Lab under {', '.join(self.labs)})"
 
@@ -95,9 +98,7 @@ def lab_target(lab: Mapping[str, Colour] | Colour, name: str | None = None) -> T
         raise ValueError(
             "a target needs a colour under at least one illuminant, such as {'D65': (50, 20, 30)}"
         )
-    labs = {
-        colour.find_illuminant(illuminant): _check(values) for illuminant, values in given.items()
-    }
+    labs = {cie.find_illuminant(illuminant): _check(values) for illuminant, values in given.items()}
     first = next(iter(labs.values()))
     title = name or f"Lab {', '.join(f'{value:g}' for value in first)}"
     return Target(title, MappingProxyType(labs))
@@ -130,6 +131,15 @@ def srgb_target(code: str, name: str | None = None) -> Target:
     Raises:
         ValueError: neither three or six hexadecimal digits nor three whole numbers from 0 to 255.
     """
+    from glazejax import colour
+
+    encoded, digits = parse_srgb(code)
+    lab = np.asarray(colour.srgb_to_lab(encoded))
+    return Target(name or f"#{digits}", MappingProxyType({cie.find_illuminant("D65"): lab}))
+
+
+def parse_srgb(code: str) -> tuple[Float[np.ndarray, "3"], str]:
+    """Encoded sRGB, 0 to 1, of the code of a colour, and its six digits; see `srgb_target`."""
     digits = code.strip().removeprefix("#")
     if "," in digits:
         parts = [part.strip() for part in digits.split(",")]
@@ -148,11 +158,7 @@ def srgb_target(code: str, name: str | None = None) -> Target:
         )
     if len(digits) == 3:
         digits = "".join(2 * digit for digit in digits)
-    encoded = np.array([int(digits[i : i + 2], 16) for i in (0, 2, 4)]) / 255.0
-    lab = np.asarray(colour.srgb_to_lab(encoded))
-    return Target(
-        name or f"#{digits.lower()}", MappingProxyType({colour.find_illuminant("D65"): lab})
-    )
+    return np.array([int(digits[i : i + 2], 16) for i in (0, 2, 4)]) / 255.0, digits.lower()
 
 
 def spectral_target(wavelengths: ArrayLike, reflectance: ArrayLike, *, name: str) -> Target:
@@ -161,6 +167,8 @@ def spectral_target(wavelengths: ArrayLike, reflectance: ArrayLike, *, name: str
     Raises:
         ValueError: an illegal grid, or values that are no reflectance.
     """
+    from glazejax.spectra import as_fraction, validate_wavelengths
+
     grid = validate_wavelengths(np.asarray(wavelengths))
     values, _ = as_fraction(np.asarray(reflectance), [name] if np.ndim(reflectance) == 2 else None)
     if values.shape != grid.shape:

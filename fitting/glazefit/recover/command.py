@@ -42,6 +42,7 @@ def recover(
         Path | None,
         typer.Argument(
             metavar="FILE",
+            callback=options.there,
             help="Table of spectra. Rows of a film: NAME_ob and NAME_ow (paint over black, over "
             "white), or one of them, or NAME alone (it hides what is below); NAME_b and NAME_w "
             "(its bare cards), or card_b and card_w. A film called 'Blue 1:10 White' is that "
@@ -61,6 +62,7 @@ def recover(
         Path | None,
         typer.Option(
             metavar="FILE",
+            callback=options.there,
             help="What the samples are made of, a line each: 'SAMPLE<TAB>PaintA-PaintB|90-10'. "
             "Default: mixtures.tsv beside the table, if there is one.",
             show_default=False,
@@ -104,6 +106,7 @@ def recover(
         typer.Option(
             "--excluded",
             metavar="FILE",
+            callback=options.there,
             help="The same films read without the specular part (de:8), where FILE is with it: "
             "the difference is the gloss of each film, which is then no longer guessed.",
             show_default=False,
@@ -206,13 +209,17 @@ def recover(
     stated = options.stated(quantity, unit, scale)
     knowledge = PriorKnowledge(into, white, wet_film, excluded, shelf, stated)
     _check_joint(check, simulate, measured)
+    metres = options.read_length(thickness)
+    # The white may be a paint of --into, a file that need not be there yet.
+    own = into if into is not None and into.is_file() else None
+    options.check_names(options.split_names(white), own, shelf)
+    options.check_outputs({"--into": into}, overwrite=True, pictures=())
     if plots:
         require("matplotlib")
     folder = None if out is None and into is not None else options.check_folder(out, overwrite)
     from glazejax.commands.main import start_jax
 
     start_jax()
-    metres = options.read_length(thickness)
     seen_by = options.read_geometry(instrument, _GEOMETRY)
 
     from rich.console import Console

@@ -2,6 +2,7 @@
 that come of it.
 """
 
+import itertools
 import re
 import time
 from collections.abc import Mapping, Sequence
@@ -47,6 +48,11 @@ def recover_together(
 
     out, metres, _, overwrite, console = results
     recipes = recipes_from_names(films.names, listed)
+    for short, long in _one_paint_twice(recipes):
+        console.print(
+            f"[yellow]{short} and {long} are fitted as two paints: if they are one, call it by one "
+            "name.[/yellow]"
+        )
     file = None if knowledge.into is None else PaintFile.open(knowledge.into, "--into")
     known = known_paints(recipes, file, knowledge.white, overwrite, knowledge.catalogue)
     gauge = read_gauge(knowledge.wet_film, films.names)
@@ -81,6 +87,18 @@ def recover_together(
         _write_entries(recovery, file, results)
     if not listed or knowledge.any:
         _print_next_films(recovery, knowledge.catalogue, console)
+
+
+def _one_paint_twice(recipes: Mapping[str, Mapping[str, float]]) -> list[tuple[str, str]]:
+    """Pairs of names of which one is the other cut short within a word, as Titan and Titanium."""
+    paints = sorted({paint for recipe in recipes.values() for paint in recipe})
+    return [
+        (short, long)
+        for short, long in itertools.permutations(paints, 2)
+        if len(short) > 2
+        and long.casefold().startswith(short.casefold())
+        and long[len(short) : len(short) + 1].islower()
+    ]
 
 
 def _measured_gloss(

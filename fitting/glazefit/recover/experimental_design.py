@@ -123,9 +123,9 @@ def _whites(recovery: JointRecovery) -> list[str]:
     albedo = recovery.scattering / (recovery.scattering + recovery.absorption)
     # Of an opaque, isotropically scattering film (Hapke's approximation).
     root = np.sqrt(1.0 - albedo)
-    bright = np.median((1.0 - root) / (1.0 + root), axis=1)
-    # From a mean internal reflectance of .75 on a paint passes for a white.
-    return [recovery.paints[i] for i in np.argsort(-bright) if bright[i] > 0.75]
+    # A yellow is bright at most bands; whites absorb in the violet, at fewer than these.
+    bright = np.quantile((1.0 - root) / (1.0 + root), 0.15, axis=1)
+    return [recovery.paints[i] for i in np.argsort(-bright) if bright[i] > 0.5]
 
 
 def _planning_bands(recovery: JointRecovery) -> np.ndarray:

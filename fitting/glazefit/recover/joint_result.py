@@ -27,7 +27,9 @@ def by_paint(
     values: Float[Array | np.ndarray, "*n bands local"],
 ) -> Float[np.ndarray, "*n 2 paints bands"]:
     """Values of each paint's k and then of each one's s at every band, by k and s and by paint."""
-    return np.moveaxis(np.reshape(values, (*np.shape(values)[:-1], 2, -1)), -3, -1)
+    # There may be no values at all, of which -1 could not tell the size.
+    *others, local = np.shape(values)
+    return np.moveaxis(np.reshape(values, (*others, 2, local // 2)), -3, -1)
 
 
 @dataclass(frozen=True)

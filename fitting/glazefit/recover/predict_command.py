@@ -54,6 +54,7 @@ def predict(
         typer.Option(
             "--reading",
             metavar="FILE",
+            callback=options.there,
             help="Spectra of one film of this mixture: rows NAME_ob and NAME_ow (over a black, a "
             "white card), or one of them, or NAME alone (it hides what is below), and card_b, "
             "card_w. It says how strong it came out.",
@@ -105,18 +106,18 @@ def predict(
     Example: glazejax predict "10 Vermillion + 90 ZincWhite"
     """
     # What is wrong with the words is told before anything heavy is loaded.
-    read_recipe(mixture)
-    options.check_outputs({"--csv": out}, overwrite)
-    from glazejax.commands.main import start_jax
-
-    start_jax()
-    seen_by = options.read_geometry(instrument, _GEOMETRY)
     wanted = [options.read_length(text) for text in options.split_names(thickness)]
     for option, value in (("--samples", samples), ("--film-thickness", film_thickness)):
         if value and reading is None:
             raise ValueError(
                 f"{option} is for the film of --reading; leave it out, or give --reading FILE"
             )
+    options.check_names(read_recipe(mixture), pigments, catalogue)
+    options.check_outputs({"--csv": out}, overwrite)
+    from glazejax.commands.main import start_jax
+
+    start_jax()
+    seen_by = options.read_geometry(instrument, _GEOMETRY)
     from glazejax.colour import find_illuminant, find_observer
 
     illuminant = find_illuminant(illuminant)
@@ -200,6 +201,11 @@ def read_recipe(text: str) -> dict[str, float]:
         if match is None or (weight is None and len(parts) > 1):
             raise ValueError(
                 f"cannot read {part.strip()!r} in {text!r}; write '10 Vermillion + 90 ZincWhite'"
+            )
+        if "," in part:
+            plain = re.sub(r"\s*%\s*", " ", re.sub(r"\s*,\s*", " + ", text))
+            raise ValueError(
+                f"there is a comma in {text!r}; between paints stands a +: write {plain!r}"
             )
         name = match["name"].strip()
         if name in recipe:
@@ -356,16 +362,22 @@ def _print(
     console.print(table)
     if anew:
         next_one = np.mean([found.between_mixings(*eye) for found in made])
-        parts = {
-            part: np.mean([p.expected_error(*eye, parts=(part,)) for p in made])
-            for part in made[0].deviations
-        }
         console.print(
             f"Two mixings of {mixture} differ by about ΔE00 {next_one:.1f}. The paints are not "
-            f"known exactly either: that adds {parts['scale']:.1f} by the level of their k and s, "
-            f"and {parts['paint']:.1f} by their shape."
+            f"known exactly either: that adds {say_paint_errors(made, eye)}."
         )
         console.print("[dim]A reading of one film of it narrows that: --reading FILE.[/dim]")
+
+
+def say_paint_errors(made: "Sequence[Prediction]", eye: tuple[str, str]) -> str:
+    """What errors of the paints' own k and s add to a colour, Delta E 2000."""
+    import numpy as np
+
+    scale, shape = (
+        np.mean([p.expected_error(*eye, parts=(part,)) for p in made])
+        for part in ("scale", "paint")
+    )
+    return f"{scale:.1f} by the level of their k and s, and {shape:.1f} by their shape"
 
 
 def _write(made: "Sequence[Prediction]", path: Path, overwrite: bool) -> None:

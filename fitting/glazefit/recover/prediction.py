@@ -21,6 +21,7 @@ from ..film.films import Films, Noise, card_readings
 from ..film.model.errors import ModelError, draw_coefficient_errors, draw_model_errors
 from ..film.model.response import Response, film_response
 from ..film.model.variation import MIXED, SIZES, SizeEvidence, Variation, log_likelihood
+from ..film.tables import WAVELENGTH, Tabulated, Variables
 from .joint_problem import model_deviation
 from .joint_result import JointRecovery
 from .result import delta_e_over_cards
@@ -29,7 +30,7 @@ PARTS = ("scale", "paint", "film")
 
 
 @dataclass(frozen=True)
-class Prediction:
+class Prediction(Tabulated):
     """Predicted film.
 
     Attributes:
@@ -65,6 +66,16 @@ class Prediction:
     def reflectance(self) -> Float[np.ndarray, "2 bands"]:
         """Over black and over white."""
         return np.stack([self.over_black, self.over_white])
+
+    def arrays_and_axes(self) -> Variables:
+        """Reflectance, and the ends of its 90 % intervals."""
+        axes = {"over": ["black", "white"], WAVELENGTH: self.wavelengths}
+        each = zip(
+            ("reflectance", "lower_90", "upper_90"),
+            (self.reflectance, *self.interval()),
+            strict=True,
+        )
+        return {name: (tuple(axes), values) for name, values in each}, axes
 
     @property
     def draws(self) -> Float[np.ndarray, "draws 2 bands"]:

@@ -195,6 +195,12 @@ def print_joint(recovery: JointRecovery, console: Console, seconds: float) -> No
         f"({recovery.films.names[int(difference.max(axis=1).argmax())]}); gloss of the paints from "
         f"{recovery.gloss.min():.2f} to {recovery.gloss.max():.2f}."
     )
+    # Films of known recipes are met to 2.3 at most (the samples).
+    if difference.max() > 5.0:
+        console.print(
+            "[yellow]No paint of these recipes reads so: what is foretold from this fit is not to "
+            "be relied on. Are rows swapped, or films called by another paint's name?[/yellow]"
+        )
     for film, paint, factor in find_suspect_weights(recovery):
         console.print(
             f"[yellow]{recovery.films.names[film]}: reads as if it held {factor:.2g} times the "

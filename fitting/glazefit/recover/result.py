@@ -11,7 +11,19 @@ from glazejax.io.spectra_table import list_names
 from glazejax.spectra import describe_grid
 
 from ..film.films import SPECTRA, Films
+from ..film.tables import Tabulated, Variables
 
+_IN_TABLES = (
+    "absorption",
+    "absorption_sd",
+    "scattering",
+    "scattering_sd",
+    "ratio",
+    "ratio_sd",
+    "identifiable",
+    "fitted_black",
+    "fitted_white",
+)
 CONTRAST_LIMIT = 5.0
 RELATIVE_LIMIT = 0.5
 ABSOLUTE_LIMIT = 0.01
@@ -95,7 +107,7 @@ def delta_e_over_cards(
 
 
 @dataclass(frozen=True)
-class Recovery(FittedFilms):
+class Recovery(FittedFilms, Tabulated):
     """Recovered films.
 
     Attributes:
@@ -132,6 +144,14 @@ class Recovery(FittedFilms):
             f"Recovery({len(self)} films, {describe_grid(self.films.wavelengths)}, {identified}: "
             f"{list_names(self.films.names)})"
         )
+
+    def arrays_and_axes(self) -> Variables:
+        """What was recovered, and what was measured."""
+        measured, axes = self.films.arrays_and_axes()
+        return {
+            **measured,
+            **{name: (tuple(axes), getattr(self, name)) for name in _IN_TABLES},
+        }, axes
 
     @property
     def absorption_sd(self) -> Float[np.ndarray, "films bands"]:

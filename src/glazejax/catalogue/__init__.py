@@ -19,16 +19,19 @@ import hashlib
 from collections.abc import Iterator, Mapping
 from importlib.resources import as_file, files
 from pathlib import Path
-from typing import NamedTuple
-
-import jax
-import jax.numpy as jnp
+from typing import TYPE_CHECKING, NamedTuple
 
 from ..names import nearest_names
 from ..paint.describe import format_length
-from ..paint.media import Pigment
-from ..paint.pigment_table import read_pigments
 from .exemplars import Family, Provenance, families, families_of, provenance, read_exemplars
+
+if TYPE_CHECKING:
+    from ..paint.media import Pigment
+
+    _Paints = Mapping[str, Pigment]
+else:
+    # Names of paints are told before what a paint is made of is loaded.
+    _Paints = Mapping
 
 __all__ = [
     "Catalogue",
@@ -114,13 +117,13 @@ _SHIPPED = {
 }
 
 
-class Catalogue(Mapping[str, Pigment]):
+class Catalogue(_Paints):
     """Pigments by name; a name that is not known raises a KeyError that lists the nearest."""
 
-    def __init__(self, pigments: Mapping[str, Pigment]):
+    def __init__(self, pigments: "Mapping[str, Pigment]"):
         self._pigments = dict(pigments)
 
-    def __getitem__(self, name: str) -> Pigment:
+    def __getitem__(self, name: str) -> "Pigment":
         try:
             return self._pigments[name]
         except KeyError:
@@ -153,6 +156,19 @@ def names() -> tuple[str, ...]:
     return tuple(name for name in _SHIPPED if name != PIGMENTS)
 
 
+def paint_families(name: str) -> dict[str, str]:
+    """Names of a catalogue's paints, with the family where it is sought by families: known without
+    reading their spectra.
+
+    Raises:
+        ValueError: there is no catalogue of that name; the message lists them.
+    """
+    _check_known(name)
+    if name == PIGMENTS:
+        return {exemplar: origin.family for exemplar, origin in provenance().items()}
+    return dict.fromkeys(families_of(name), "")
+
+
 def load(name: str = "oils") -> Catalogue:
     """A catalogue: a mapping from name to `Pigment`, k and s in 1/m.
 
@@ -166,15 +182,21 @@ def load(name: str = "oils") -> Catalogue:
     Raises:
         ValueError: there is no catalogue of that name; the message lists them.
     """
+    import jax.numpy as jnp
+
     _check_known(name)
     return Catalogue(_read_once(name, jnp.result_type(float).name))
 
 
 @functools.lru_cache(maxsize=8)
-def _read_once(name: str, precision: str) -> dict[str, Pigment]:
+def _read_once(name: str, precision: str) -> "dict[str, Pigment]":
     """Pigments of a catalogue in the precision that JAX is set to; nothing can change them, so all
     share them.
     """
+    import jax
+
+    from ..paint.pigment_table import read_pigments
+
     shipped = _SHIPPED[name]
     if name == PIGMENTS:
         shelves = {shelf: _read_once(shelf, precision) for shelf in ("oils", "acrylics")}
@@ -197,10 +219,12 @@ def read(path: str | Path) -> Catalogue:
         FileNotFoundError: no such file.
         ValueError: it is no table of paints; the message is one line and says why.
     """
+    from ..paint.pigment_table import read_pigments
+
     return Catalogue(read_pigments(path))
 
 
-def pigment(name: str, catalogue: str = "oils") -> Pigment:
+def pigment(name: str, catalogue: str = "oils") -> "Pigment":
     """One pigment of a catalogue.
 
     Raises:
@@ -225,7 +249,7 @@ def family(name: str) -> str:
     return _FAMILIES.get(name, name)
 
 
-def caution(paint: Pigment) -> str:
+def caution(paint: "Pigment") -> str:
     """Why a painter of today may want another paint: that its pigment is poisonous, or rarely or
     no longer sold, as `families` says; empty if nothing speaks against it, or for one's own paint.
 
@@ -259,7 +283,7 @@ def _check_known(name: str) -> _Shipped:
     return _SHIPPED[name]
 
 
-def assumed_scale(paint: Pigment) -> str | None:
+def assumed_scale(paint: "Pigment") -> str | None:
     """What the catalogue that a pigment is from takes for granted about lengths, a clause; None for
     one's own.
     """

@@ -9,10 +9,10 @@ oils and acrylics, which are exemplars, too.
 import csv
 import functools
 from importlib.resources import as_file, files
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-from ..paint.media import Pigment
-from ..paint.pigment_table import read_pigments
+if TYPE_CHECKING:
+    from ..paint.media import Pigment
 
 
 class Family(NamedTuple):
@@ -202,12 +202,14 @@ def provenance() -> dict[str, Provenance]:
     return out
 
 
-def read_exemplars(shelves: dict[str, dict[str, Pigment]]) -> dict[str, Pigment]:
+def read_exemplars(shelves: "dict[str, dict[str, Pigment]]") -> "dict[str, Pigment]":
     """Pigments by exemplar: those of `exemplars.csv`, and the paints of the oils and acrylics.
 
     Args:
         shelves: catalogue -> its paints.
     """
+    from ..paint.pigment_table import read_pigments
+
     with as_file(files("glazejax.catalogue").joinpath("exemplars.csv")) as path:
         fitted = read_pigments(path, "exemplars")
     paints = {
@@ -217,7 +219,7 @@ def read_exemplars(shelves: dict[str, dict[str, Pigment]]) -> dict[str, Pigment]
         if family
     }
     known = provenance()
-    out: dict[str, Pigment] = {}
+    out: "dict[str, Pigment]" = {}
     for name, pigment in sorted({**fitted, **paints}.items(), key=lambda pair: pair[0].casefold()):
         origin = known[name]
         out[name] = pigment.renamed(

@@ -7,6 +7,7 @@ takes longer than rendering a glaze: it brings matplotlib, pandas and much of Sc
 """
 
 import csv
+import re
 from functools import cache
 from importlib.resources import files
 from typing import NamedTuple
@@ -14,6 +15,24 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from ..names import nearest_names
+
+CIE_1931 = "CIE 1931 2 Degree Standard Observer"
+OBSERVERS = (
+    CIE_1931,
+    "CIE 1964 10 Degree Standard Observer",
+    "CIE 2015 2 Degree Standard Observer",
+    "CIE 2015 10 Degree Standard Observer",
+)
+"""Full names of the standard observers."""
+_SHORT_OBSERVERS = {
+    "2": OBSERVERS[0],
+    "1931": OBSERVERS[0],
+    "cie_2_1931": OBSERVERS[0],
+    "10": OBSERVERS[1],
+    "1964": OBSERVERS[1],
+    "cie_10_1964": OBSERVERS[1],
+}
 SHORT_CHARTS = {"babel_average": "BabelColor Average", "cc_ohta": "ColorChecker N Ohta"}
 """Short names of charts."""
 
@@ -76,3 +95,37 @@ def _rows(file: str, names: int) -> dict[tuple[str, ...], Curve]:
             array.setflags(write=False)
         found[tuple(row[:names])] = Curve(grid, values)
     return found
+
+
+def find_illuminant(name: str) -> str:
+    """Full name of a CIE illuminant; the case does not matter, and F2 is FL2.
+
+    Raises:
+        ValueError: there is no such illuminant; the message lists the nearest names.
+    """
+    known = {key.lower(): key for key in illuminants()}
+    lamps = {key.replace("fl", "f", 1): full for key, full in known.items() if key.startswith("fl")}
+    return _find("illuminant", name, known | lamps)
+
+
+def find_observer(name: str | int) -> str:
+    """Full name of a standard observer; 2, 10, 1931 and 1964 will do, as number or text.
+
+    Raises:
+        ValueError: no such observer; the message lists the nearest names.
+    """
+    return _find(
+        "observer", str(name), {full.lower(): full for full in OBSERVERS} | _SHORT_OBSERVERS
+    )
+
+
+def _find(what: str, asked: str, known: dict[str, str]) -> str:
+    """Entry of `known`, whose keys are lower case, for a name in any case."""
+    key = re.sub(r"\s+", " ", str(asked).strip()).lower()
+    if key in known:
+        return known[key]
+    near = [known[k] for k in nearest_names(key, known, cutoff=0.3, shortest=1)]
+    choices = near or list(known.values())
+    raise ValueError(
+        f"unknown {what} {asked!r}; the nearest are {', '.join(dict.fromkeys(choices))}"
+    )

@@ -25,6 +25,7 @@ def convert(
         Path,
         typer.Argument(
             metavar="IN",
+            callback=options.there,
             help="File of spectra: CSV, TSV, Excel (FILE.xlsx:SHEET), ENVI (.hdr or its data), "
             "CGATS, CxF3, JCAMP-DX, QTX, ASD, SVC, ProcSpec or JSON; the content tells which.",
         ),
@@ -64,11 +65,12 @@ def convert(
 
     Example: glazejax convert chart.cxf chart.csv --resample 400:700:10
     """
+    grid = None if resample is None else parse_grid(resample)
+    options.check_outputs({"OUT": target}, overwrite, pictures=(), inputs=[source])
     from ..io import read_spectra, write_spectra
     from ..io import resample as resample_table
     from .progress import reading
 
-    grid = None if resample is None else parse_grid(resample)
     with reading(source) as progress:
         said = options.stated(quantity, unit, scale)
         table = read_spectra(source, progress=progress, **said)

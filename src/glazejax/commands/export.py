@@ -96,6 +96,7 @@ def export(
         Path | None,
         typer.Option(
             metavar="FILE",
+            callback=options.there,
             help="Thickness of a coat from point to point: .npy in metres, or a grey picture from "
             "0 (black) to the coat's own thickness (white).",
             show_default=False,
@@ -113,6 +114,7 @@ def export(
         Path | None,
         typer.Option(
             metavar="FILE",
+            callback=options.there,
             help="Share of the second paint of a mixed coat, 0 to 1: .npy or grey.",
             show_default=False,
         ),
@@ -121,6 +123,7 @@ def export(
         Path | None,
         typer.Option(
             metavar="FILE",
+            callback=options.there,
             help="Reflectance of the ground, 0 to 1: .npy or grey.",
             show_default=False,
         ),
@@ -152,6 +155,7 @@ def export(
         Path | None,
         typer.Option(
             metavar="FILE",
+            callback=options.there,
             help=(
                 "Your own paints beside the catalogue's: a pigments.csv as `glazejax recover` "
                 "writes it."
@@ -188,6 +192,10 @@ def export(
     path = Path(_USUAL[to]) if out is None else out
     if to != "textures":
         options.check_outputs({"--out": path}, overwrite, pictures=())
+    if stack.lower().endswith(".json") or Path(stack).is_file():
+        options.existing(Path(stack))
+    else:
+        options.check_coats(stack, pigments)
     start_jax()
     from ..colour import find_illuminant, find_observer
     from . import export_report as report

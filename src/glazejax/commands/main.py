@@ -8,6 +8,7 @@ imports the inverse one. Heavy imports belong inside the commands that need them
 import gc
 import logging
 import os
+import re
 import sys
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
@@ -33,9 +34,8 @@ def start_jax(*, optimisation: int = 1) -> None:
         optimisation: of programs, XLA's levels: 0 where one runs once, 3 where they may run for
             minutes.
     """
-    from .cache import keep_programs
+    from ..program_cache import compile_quickly, enable_program_cache
     from .progress import doing
-    from .quick_compilation import compile_quickly
 
     # Python's search for circles of garbage, at its default of every 700 objects, is a fifth of a
     # command's work.
@@ -46,11 +46,9 @@ def start_jax(*, optimisation: int = 1) -> None:
     with doing("starting"), interrupts.loading():
         import jax
 
-        # XLA reports every program it takes from that cache as an error, harmlessly, and for pages.
-        jax.config.update("jax_logging_level", "CRITICAL")
         jax.config.update("jax_enable_x64", True)
         _check_platforms()
-        keep_programs()
+        enable_program_cache()
 
 
 def _check_platforms() -> None:
@@ -133,8 +131,35 @@ def make_app() -> "typer.Typer":
     return app
 
 
+class _Output:
+    """Standard output that nobody may read to its end, as `head` does: the rest is dropped, and
+    files are still written.
+    """
+
+    def __init__(self, stream: Any):
+        self._stream = stream
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+    def write(self, text: str) -> int:
+        return self._unless_closed(self._stream.write, text)
+
+    def flush(self) -> None:
+        self._unless_closed(self._stream.flush)
+
+    def _unless_closed(self, method: Any, *words: str) -> Any:
+        try:
+            return method(*words)
+        except BrokenPipeError:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), self._stream.fileno())
+            return method(*words)
+
+
 def run_command() -> None:
     """Entry point: `main` in a process of its own, which ends at once at Ctrl-C."""
+    # Closed from the beginning, it is None.
+    sys.stdout = _Output(sys.stdout or open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115
     interrupts.watch()
     main()
 
@@ -179,11 +204,28 @@ def _run(app: "typer.Typer") -> NoReturn:
         if type(error).__name__ == "NoArgsIsHelpError":
             typer.echo(words)
             sys.exit(_WRONG)
-        command = error.ctx.command_path if getattr(error, "ctx", None) else "glazejax"  # type: ignore[attr-defined]
+        context = getattr(error, "ctx", None)
+        command = context.command_path if context else "glazejax"
+        if "unexpected extra argument" in words and context:
+            words = _say_extra(words, context)
+        elif number := re.search(r"'(-\S+)'.*\b(integer|number|float)\b", words):
+            kind = "a whole number" if number[2] == "integer" else "a number"
+            words = f"'{number[1]}' must be {kind}, such as 5"
         _stop(f"{words[:1].lower()}{words[1:].rstrip('.')} (see {command} --help)")
     if status in (interrupts.INTERRUPTED, interrupts.TERMINATED):
         interrupts.leave(status=status)
     sys.exit(status or 0)
+
+
+def _say_extra(words: str, context: Any) -> str:
+    """Words for a value without its option, with the command's own example of a line."""
+    found = re.search(r"\((?!s\))(.*)\)", words)
+    extra = found[1] if found else ""
+    example = re.search(r"Example: (.*)", context.command.callback.__doc__ or "")
+    if context.command.name == "render":
+        return f"coats stand behind --coats: glazejax render --coats {extra!r}"
+    line = f", as in: {example[1]}" if example else ""
+    return f"{extra!r} is too many: a value stands behind its option{line}"
 
 
 def _stop(words: str) -> NoReturn:

@@ -4,9 +4,12 @@ Options are annotations, `instrument: Annotated[str | None, instrument_option("d
 readers turn what was typed into what the library takes, and name the option in their errors.
 """
 
+import csv
+import math
+import os
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
@@ -20,11 +23,88 @@ if TYPE_CHECKING:
     from ..io.quantity import Stated
     from ..paint.media import Pigment
 
+
+def checked(look: Callable[[Any], object]) -> Callable[[Any], Any]:
+    """A callback of typer: a value that was given is looked at as it is read, before the command
+    imports what it computes with.
+
+    Args:
+        look: raises a ValueError or an OSError for a wrong value.
+    """
+
+    def callback(value: Any) -> Any:
+        for one in value if isinstance(value, list) else [value]:
+            if one not in (None, ""):
+                look(one)
+        return value
+
+    return callback
+
+
+def between(low: float, high: float = math.inf) -> Callable[..., Any]:
+    """A callback of typer for a number from `low` to `high`; whole ones say so by being whole."""
+
+    def callback(_: Any, param: Any, value: float | None) -> float | None:
+        if value is not None and not low <= value <= high:
+            bounds = f"{low:g} or more" if high == math.inf else f"from {low:g} to {high:g}"
+            whole = "a whole number " if isinstance(value, int) else ""
+            raise ValueError(f"{param.opts[0]} is {value:g}; it must be {whole}{bounds}")
+        return value
+
+    return callback
+
+
+def existing(path: Path, missing: str = "") -> None:
+    """Refuse a FILE, or FILE:PART, that is not there.
+
+    Raises:
+        FileNotFoundError: in the words of `missing`, or in those of all readers.
+    """
+    from ..io.source import show_path
+
+    text = str(path)
+    while ":" in text and not os.path.exists(text):
+        text = text.rpartition(":")[0]
+    try:
+        os.stat(text)
+    except (FileNotFoundError, NotADirectoryError):
+        raise FileNotFoundError(missing or f"{show_path(path)}: there is no such file") from None
+
+
+def _geometry(text: str) -> None:
+    from ..geometry_words import split_geometry
+
+    split_geometry(text, "--instrument")
+
+
+def check_illuminant(name: str) -> None:
+    """Refuse the name of no CIE illuminant."""
+    """Refuse the name of no CIE illuminant."""
+    from ..cie import find_illuminant
+
+    find_illuminant(name)
+
+
+def _observer(name: str) -> None:
+    from ..cie import find_observer
+
+    find_observer(name)
+
+
+def _catalogue(name: str) -> None:
+    from ..catalogue import paint_families
+
+    paint_families(name)
+
+
+there = checked(existing)
 INDEX = 1.5
 RefractiveIndex = Annotated[
     float,
     typer.Option(
-        "--refractive-index", help="Refractive index of the paint, 1 to 2.5; oil and acrylic: 1.5."
+        "--refractive-index",
+        callback=between(1.0, 2.5),
+        help="Refractive index of the paint, 1 to 2.5; oil and acrylic: 1.5.",
     ),
 ]
 Thickness = Annotated[
@@ -32,6 +112,7 @@ Thickness = Annotated[
     typer.Option(
         "--thickness",
         metavar="LENGTH",
+        callback=checked(lambda text: read_length(text)),
         help=(
             "Usual thickness of a film, where it was not measured: 25um, 0.1mm; a bare number is "
             "micrometres."
@@ -66,6 +147,7 @@ Pigments = Annotated[
     typer.Option(
         "--pigments",
         metavar="FILE",
+        callback=there,
         help=(
             "Your own paints instead of the catalogue's, or with --catalogue beside them: a "
             "pigments.csv as `glazejax recover` writes it. Where both have a name, yours counts."
@@ -86,6 +168,7 @@ def catalogue_option(default: str) -> Any:
     return typer.Option(
         "--catalogue",
         metavar="NAME",
+        callback=checked(_catalogue),
         help="Catalogue of paints: pigments (of many hands, by family), or films by one hand: oils "
         f"or acrylics (Golden heavy body). Default: {default}.",
         show_default=False,
@@ -96,6 +179,7 @@ CatalogueName = Annotated[str | None, catalogue_option(OILS)]
 REFERENCES = typer.Option(
     "--references",
     metavar="FILE",
+    callback=there,
     help="Your own reference paints, added to the catalogue's pigments: a table of reflectance, "
     "names with a Colour Index number or a family (PB29, ultramarine) or a column `family`; "
     "NAME_ob and NAME_ow are over cards, 'PB29 1:10 PW6' is a tint, others hide their ground.",
@@ -162,6 +246,7 @@ Illuminant = Annotated[
     typer.Option(
         "--illuminant",
         metavar="NAME",
+        callback=checked(check_illuminant),
         help="Light of the colours, by CIE: D65, D50, A, FL2, LED-B3, ...",
     ),
 ]
@@ -170,6 +255,7 @@ Observer = Annotated[
     typer.Option(
         "--observer",
         metavar="DEGREES",
+        callback=checked(_observer),
         help="CIE standard observer of the colours: 2 or 10 degrees.",
     ),
 ]
@@ -221,7 +307,11 @@ def instrument_option(default: str) -> Any:
         "the mirror reflection)."
     )
     return typer.Option(
-        "--instrument", metavar="GEOMETRY", help=f"{words} Default: {default}.", show_default=False
+        "--instrument",
+        metavar="GEOMETRY",
+        callback=checked(_geometry),
+        help=f"{words} Default: {default}.",
+        show_default=False,
     )
 
 
@@ -231,7 +321,13 @@ def ground_option(default: str = "") -> Any:
         "Ground below the paint: its reflectance as seen from inside the paint, 0 to 1, or a "
         f"file of spectra, FILE or FILE:SAMPLE.{f' Default: {default}.' if default else ''}"
     )
-    return typer.Option("--ground", metavar="GROUND", help=words, show_default=False)
+    return typer.Option(
+        "--ground",
+        metavar="GROUND",
+        callback=checked(ground_level),
+        help=words,
+        show_default=False,
+    )
 
 
 def stated(quantity: str | None, unit: str | None, scale: float | None) -> "Stated":
@@ -274,7 +370,7 @@ def read_length(text: str, argument: str = "--thickness") -> float:
     Raises:
         ValueError: no length, a unit that is not known, or a length out of range.
     """
-    from ..paint.media import MAX_THICKNESS
+    from ..paint.describe import MAX_THICKNESS
 
     match = re.fullmatch(_LENGTH, text.strip(), re.IGNORECASE)
     if match is None:
@@ -296,7 +392,7 @@ def read_lengths(text: str, argument: str) -> tuple[float, float]:
     Raises:
         ValueError: no range of lengths, a unit that is not known, or lengths out of range or order.
     """
-    from ..paint.media import MAX_THICKNESS
+    from ..paint.describe import MAX_THICKNESS
 
     match = re.fullmatch(rf"{_LENGTH}(?:\s*-\s*{_LENGTH})?", text.strip(), re.IGNORECASE)
     if match is None:
@@ -371,6 +467,26 @@ class Ground(NamedTuple):
             raise refusal(self.file, f"the ground: {error}") from None
 
 
+def ground_level(text: str, argument: str = "--ground") -> float | None:
+    """The number from 0 to 1 that stands for a ground, or None for a file of its spectrum.
+
+    Raises:
+        FileNotFoundError, ValueError: as `read_ground`.
+    """
+    try:
+        level = float(text)
+    except ValueError:
+        missing = f"{argument} {text!r} is neither a number from 0 to 1, such as 0.9, nor a file"
+        existing(Path(text), missing)
+        return None
+    if not 0 <= level <= 1:
+        hint = (
+            f" ({level:g} looks like percent: write {level / 100:g})" if 2 <= level <= 100 else ""
+        )
+        raise ValueError(f"{argument} is {text}; reflectance lies between 0 and 1{hint}")
+    return level
+
+
 def read_ground(text: str, argument: str = "--ground", *, bare: bool = False) -> Ground:
     """Read a ground: a number from 0 to 1, or a spectrum FILE or FILE:SAMPLE.
 
@@ -384,22 +500,12 @@ def read_ground(text: str, argument: str = "--ground", *, bare: bool = False) ->
         FileNotFoundError: neither a number nor a file.
         ValueError: a number or a spectrum out of range, or what `glazejax.io.read_sample` refuses.
     """
+    level = ground_level(text, argument)
+    if level is not None:
+        return Ground(None, level, f"reflectance {level:g}")
     from ..io import read_sample
     from ..io.files.sample import split_sample
 
-    try:
-        level = float(text)
-    except ValueError:
-        pass
-    else:
-        if not 0 <= level <= 1:
-            hint = (
-                f" ({level:g} looks like percent: write {level / 100:g})"
-                if 2 <= level <= 100
-                else ""
-            )
-            raise ValueError(f"{argument} is {text}; reflectance lies between 0 and 1{hint}")
-        return Ground(None, level, f"reflectance {level:g}")
     path, _ = split_sample(text)
     table = read_sample(text, argument=argument)
     sample = table.names[0]
@@ -499,13 +605,13 @@ def find_paints(names: Iterable[str], shelf: "Mapping[str, Pigment]") -> "dict[s
         ValueError: a name that none of them has; the message names the nearest.
     """
     from .. import catalogue
-    from ..paint.describe import find_name, same_name
+    from ..paint.describe import same_name
 
     known = all_named(shelf)
     found = []
     for name in names:
         of_family = [paint for paint in shelf.values() if same_name(paint.family, name)]
-        found += of_family or [known[find_name(name, known)]]
+        found += of_family or [known[_full_name(name, known)]]
     if len(set(filter(None, map(catalogue.assumed_scale, found)))) > 1:
         typer.echo(
             "note: each catalogue takes a length of its own for granted: amounts of its paints "
@@ -513,6 +619,66 @@ def find_paints(names: Iterable[str], shelf: "Mapping[str, Pigment]") -> "dict[s
             err=True,
         )
     return {paint.name: paint for paint in found}
+
+
+def check_names(names: Iterable[str], pigments: Path | None, catalogue: str | None) -> None:
+    """Refuse the name of a paint that `find_paints` would not find on the shelf of `--pigments` and
+    `--catalogue`, before a paint is read.
+
+    Raises:
+        ValueError: as `find_paints`.
+    """
+    from ..catalogue import names as all_catalogues
+    from ..catalogue import paint_families
+    from ..io.words import unshield_name
+
+    known: dict[str, str] = {}
+    if catalogue is not None or pigments is None:
+        known |= paint_families(catalogue or OILS)
+    if pigments is not None:
+        # What comes through a pipe can be read once only, and by whom reads it whole.
+        if not pigments.is_file():
+            return
+        text = pigments.read_text(encoding="utf-8-sig", errors="replace")
+        rows = csv.DictReader(line for line in text.splitlines() if not line.startswith("#"))
+        known |= {unshield_name((row.get("pigment") or "").strip()): "" for row in rows}
+    for other in all_catalogues():
+        known |= dict.fromkeys((f"{other}:{name}" for name in paint_families(other)), "")
+    for name in names:
+        _full_name(name, [*known, *filter(None, known.values())])
+
+
+def check_coats(text: str, pigments: Path | None, catalogue: str | None = None) -> None:
+    """Refuse coats that cannot be read, or of paints that there are not: own ones lie before a
+    catalogue's here.
+
+    Raises:
+        ValueError: see `glazejax.paint.describe.parse_coats` and `find_paints`.
+    """
+    from ..paint.describe import parse_coats
+
+    named = [name for coat in parse_coats(text) for _, name in coat.parts]
+    check_names(named, pigments, catalogue or OILS)
+
+
+def _full_name(name: str, known: Iterable[str]) -> str:
+    """The one of the known names that is meant.
+
+    Raises:
+        ValueError: none of them, but perhaps a family of pigments.
+    """
+    from ..catalogue import families
+    from ..paint.describe import ALL_NAMES, find_name, same_name
+
+    try:
+        return find_name(name, known)
+    except ValueError as error:
+        family = next((each for each in families() if same_name(each, name)), None)
+        if family is None or ALL_NAMES not in str(error):
+            raise
+        raise ValueError(
+            f"there is no pigment {name!r} here: {family} is a family of --catalogue {PIGMENTS}"
+        ) from None
 
 
 def all_named(shelf: "Mapping[str, Pigment]") -> "dict[str, Pigment]":
@@ -585,6 +751,9 @@ def check_outputs(
             raise ValueError(
                 f"{option} is {path}, a file that is read: give the result another name"
             )
+        # What cannot be made is said below.
+        with suppress(OSError):
+            path.parent.mkdir(parents=True, exist_ok=True)
         if option in pictures:
             require("matplotlib")
             check_picture(path, overwrite=overwrite, argument=option)

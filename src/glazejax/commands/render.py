@@ -52,6 +52,7 @@ def render(
         typer.Option(
             "--stack",
             metavar="FILE",
+            callback=options.there,
             help="Coats, ground, index and instrument of a stack that `glazejax studio` or "
             "--write-stack wrote, in place "
             "of --coats. --ground, --instrument and --refractive-index count before it.",
@@ -86,6 +87,7 @@ def render(
         Path | None,
         typer.Option(
             metavar="FILE",
+            callback=options.there,
             help="Your own paints beside the catalogue's: a pigments.csv as `glazejax recover` "
             "writes it. Where both have a name, yours counts.",
             show_default=False,
@@ -93,7 +95,11 @@ def render(
     ] = None,
     catalogue: options.CatalogueName = None,
     tolerance: Annotated[
-        float, typer.Option(help="Largest error of a reflectance that you accept.")
+        float,
+        typer.Option(
+            callback=options.between(1e-12, 1.0),
+            help="Largest error of a reflectance that you accept.",
+        ),
     ] = 1e-6,
     list_pigments: Annotated[
         bool, typer.Option("--list", help="List the paints there are, and stop.")
@@ -123,16 +129,18 @@ def render(
             'give the coats, such as --coats "UltramarineBlue:12um,Vermillion:12um"; --list '
             "shows the pigments"
         )
-    # One program, which runs once.
-    start_jax(optimisation=0)
     from ..paint.describe import format_length, name_paints, parse_coats
 
     # Everything that can be wrong is looked at before anything is computed.
-    given = None if stack is None else _read_stack(stack)
-    described = given.shown if given is not None else parse_coats(coats or "")
+    if coats is not None:
+        options.check_coats(coats, pigments, catalogue)
     options.check_outputs(
         {"--out": out, "--csv": csv, "--write-stack": write_stack}, overwrite, inputs=[stack]
     )
+    # One program, which runs once.
+    start_jax(optimisation=0)
+    given = None if stack is None else _read_stack(stack)
+    described = given.shown if given is not None else parse_coats(coats or "")
     if given is not None:
         instrument = given.instrument if instrument is None else instrument
         refractive_index = (
@@ -379,7 +387,7 @@ class _Bed(NamedTuple):
 
 def _lay(ground: options.Ground, coats: "Sequence[Coat]", shelf: "Mapping[str, Pigment]") -> _Bed:
     """Bring the ground and all paints on it to the wavelengths that all of it covers."""
-    from ..paint.describe import make_media
+    from ..paint.media import make_media
     from ..spectra import describe_grid, same_grid
     from ..stacks import shared_grid
 

@@ -28,7 +28,12 @@ def register(app: typer.Typer) -> None:
 
 def scene(
     file: Annotated[
-        Path | None, typer.Argument(metavar="FILE", help="Scene file (TOML).", show_default=False)
+        Path | None,
+        typer.Argument(
+            metavar="FILE",
+            help="Scene file (TOML).",
+            show_default=False,
+        ),
     ] = None,
     out: Annotated[
         Path, typer.Option("--out", "-o", metavar="FILE", help="Picture to write: .png.")
@@ -43,6 +48,7 @@ def scene(
     size: Annotated[
         str | None,
         typer.Option(
+            callback=options.checked(lambda text: _read_size(text)),
             help="WIDTHxHEIGHT in pixels instead of the file's: 160x120 for a quick look.",
             show_default=False,
         ),
@@ -89,6 +95,8 @@ def scene(
         raise ValueError("name a scene file; glazejax scene --example prints one to start from")
     _check_renderer(renderer, samples, spectral)
     _check_output(out, spectral, overwrite)
+    missing = f"there is no scene file {file}; glazejax scene --example prints one to start from"
+    options.existing(file, missing)
     from .main import start_jax
 
     start_jax()
@@ -169,16 +177,22 @@ def _check_output(out: Path, spectral: Path | None, overwrite: bool) -> None:
     options.check_outputs({"--out": out, "--spectral": spectral}, overwrite, pictures=())
 
 
-def _resize(found: "SceneFile", text: str) -> "SceneFile":
-    """The scene with other numbers of pixels."""
-    from dataclasses import replace
-
+def _read_size(text: str) -> tuple[int, int]:
+    """Pixels of WIDTHxHEIGHT."""
     try:
         width, height = (int(part) for part in text.lower().split("x"))
     except ValueError:
         raise ValueError(
             f"--size {text!r}: write WIDTHxHEIGHT in pixels, such as 160x120"
         ) from None
+    return width, height
+
+
+def _resize(found: "SceneFile", text: str) -> "SceneFile":
+    """The scene with other numbers of pixels."""
+    from dataclasses import replace
+
+    width, height = _read_size(text)
     try:
         return replace(found, scene=replace(found.scene, width=width, height=height))
     except ValueError as error:

@@ -1,15 +1,17 @@
 """A table on other wavelengths, by colour-science's interpolators."""
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
 
-from ..spectra import Grid, describe_grid, interpolation_matrix, validate_wavelengths
-from .spectra_table import SpectraTable
+if TYPE_CHECKING:
+    from ..spectra import Grid
+    from .spectra_table import SpectraTable
 
 
-def resample(table: SpectraTable, wavelengths: Grid) -> SpectraTable:
+def resample(table: "SpectraTable", wavelengths: "Grid") -> "SpectraTable":
     """Spectra on other wavelengths, as CIE 167:2005 recommends: Sprague's where even, else cubic
     splines.
 
@@ -25,6 +27,8 @@ def resample(table: SpectraTable, wavelengths: Grid) -> SpectraTable:
     Raises:
         ValueError: the grid is not legal or reaches beyond the table's.
     """
+    from ..spectra import describe_grid, interpolation_matrix, validate_wavelengths
+
     new = validate_wavelengths(wavelengths)
     old = table.wavelengths
     interpolation_matrix(old, new)  # refuses what lies outside, by one rule for all

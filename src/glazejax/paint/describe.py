@@ -5,15 +5,16 @@ Nothing here knows optics: text becomes `Coat`s, and names become pigments of a 
 """
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from ..names import nearest_names
-from .media import MAX_THICKNESS, Mixture, Pigment
 
+MAX_THICKNESS = 0.01
+"""Of a coat, m."""
 UNITS = {"nm": 1e-9, "um": 1e-6, "µm": 1e-6, "μm": 1e-6, "mm": 1e-3, "m": 1.0}
 """Metres in each unit of length; both Unicode letters for micro are understood."""
 
@@ -200,8 +201,8 @@ def find_name(name: str, names: Iterable[str]) -> str:
         return known[key]
     if re.search(r"\S\s+\d+(\.\d+)?\s+\S", name):
         raise ValueError(
-            f"there is no pigment {name!r}: between two paints of a mixture stands a +, such as "
-            "10 Vermillion + 90 ZincWhite"
+            f"there is no pigment {name!r:.60}: between two paints of a mixture stands a +, such "
+            "as 10 Vermillion + 90 ZincWhite"
         )
     near = nearest_names(name, known.values(), fold=_plain)
     # The same paint of a catalogue, behind that of the shelf.
@@ -209,7 +210,7 @@ def find_name(name: str, names: Iterable[str]) -> str:
     choice = (
         f"the nearest {'is' if len(near) == 1 else 'are'} {', '.join(near)}" if near else ALL_NAMES
     )
-    raise ValueError(f"there is no pigment {name!r}: {choice}")
+    raise ValueError(f"there is no pigment {name!r:.60}: {choice}")
 
 
 def _plain(name: str) -> str:
@@ -232,23 +233,6 @@ def name_paints(coats: Sequence[Coat], names: Iterable[str]) -> tuple[Coat, ...]
         coat._replace(parts=tuple((weight, find_name(name, names)) for weight, name in coat.parts))
         for coat in coats
     )
-
-
-def make_media(coats: Sequence[Coat], shelf: Mapping[str, Pigment]) -> list[Pigment | Mixture]:
-    """What each coat is made of, on the wavelengths of its pigments.
-
-    Raises:
-        KeyError: a pigment that the shelf does not have under that very name.
-        ValueError: pigments of one mixture on different wavelengths.
-    """
-    return [
-        shelf[coat.parts[0][1]]
-        if len(coat.parts) == 1
-        else Mixture(
-            [shelf[name] for _, name in coat.parts], [weight for weight, _ in coat.parts], coat.name
-        )
-        for coat in coats
-    ]
 
 
 def describe_bands(

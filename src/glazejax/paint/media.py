@@ -12,12 +12,16 @@ from __future__ import annotations
 
 import functools
 import operator
-from collections.abc import Iterable, Sequence
+from collections.abc import Mapping, Sequence
+from copy import copy
+from dataclasses import dataclass, replace
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, Bool, Float
 
 from ..spectra import (
@@ -35,13 +39,14 @@ from ..spectra import (
     same_grid,
     validate_wavelengths,
 )
+from .describe import MAX_THICKNESS, Coat
 from .phase import Known, legal_phase, mix_moments, stack_moments
-
-MAX_THICKNESS = 0.01
 
 
 def _check_range(name: str, values: Numbers, low: float, high: float, hint: str = "") -> None:
     """Refuse concrete values that are not numbers in [low, high]."""
+    if isinstance(values, float) and low <= values <= high and values < np.inf:
+        return
     try:
         array = concrete(values)
     except ValueError:
@@ -77,7 +82,41 @@ def _legal_modes(name: str, modes: Numbers, bands: int) -> Float[Array, "modes 2
     return as_float_array(values)
 
 
-class Pigment(eqx.Module):
+@dataclass(frozen=True, eq=False, repr=False)
+class _Labels:
+    """What is told of a paint and computed with by nobody: each equals all others, so that a
+    program compiled for one paint serves all of its shape.
+    """
+
+    name: str
+    provenance: str = ""
+    family: str = ""
+    source: str = ""
+    binder: str = ""
+    identifiable: tuple[bool, ...] | None = None
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Labels)
+
+    def __hash__(self) -> int:
+        return hash(_Labels)
+
+    def __repr__(self) -> str:
+        return "labels"
+
+
+class _Labelled(eqx.Module):
+    """What has a name."""
+
+    _labels: eqx.AbstractVar[_Labels]
+
+    @property
+    def name(self) -> str:
+        """What it is called."""
+        return self._labels.name
+
+
+class Pigment(_Labelled):
     """One paint: how strongly it absorbs and scatters at every wavelength.
 
     Args:
@@ -106,20 +145,15 @@ class Pigment(eqx.Module):
             phase function's.
     """
 
-    name: str = eqx.field(static=True)
     absorption: Float[Array, "*batch bands"]
     scattering: Float[Array, "*batch bands"]
     absorption_sd: Float[Array, "*batch bands"] | None
     scattering_sd: Float[Array, "*batch bands"] | None
     error_modes: Float[Array, "modes 2 bands"] | None
     phase: Float[Array, "*bands terms"] | None
-    provenance: str = eqx.field(static=True)
-    family: str = eqx.field(static=True)
-    source: str = eqx.field(static=True)
-    binder: str = eqx.field(static=True)
-    # Tuples, because what is static must be hashable, and booleans as leaves would break jax.grad.
+    _labels: _Labels = eqx.field(static=True)
+    # A tuple, because what is static must be hashable.
     _grid: tuple[float, ...] = eqx.field(static=True)
-    _identifiable: tuple[bool, ...] | None = eqx.field(static=True)
 
     def __init__(
         self,
@@ -140,7 +174,9 @@ class Pigment(eqx.Module):
     ):
         grid = validate_wavelengths(wavelengths)
 
-        def spectrum(what: str, values: Numbers) -> Float[Array, "*batch bands"]:
+        def spectrum(what: str, values: Numbers | None) -> Any:
+            if values is None:
+                return None
             what = f"{what} of {name!r}"
             values = as_array(values)
             if values.shape[-1:] != grid.shape:
@@ -151,33 +187,46 @@ class Pigment(eqx.Module):
             _check_range(what, values, 0.0, np.inf)
             return as_float_array(values)
 
-        self.name = name
         self.absorption = spectrum("absorption", absorption)
         self.scattering = spectrum("scattering", scattering)
-        self.absorption_sd = (
-            None if absorption_sd is None else spectrum("absorption_sd", absorption_sd)
-        )
-        self.scattering_sd = (
-            None if scattering_sd is None else spectrum("scattering_sd", scattering_sd)
-        )
+        self.absorption_sd = spectrum("absorption_sd", absorption_sd)
+        self.scattering_sd = spectrum("scattering_sd", scattering_sd)
         self.error_modes = (
             None if error_modes is None else _legal_modes(name, error_modes, grid.size)
         )
         self.phase = None if phase is None else legal_phase(repr(name), phase, grid.size)
-        self.provenance = provenance
-        self.family = family
-        self.source = source
-        self.binder = binder
         self._grid = tuple(grid.tolist())
-        if identifiable is None:
-            self._identifiable = None
-        else:
-            mask = np.asarray(identifiable)
-            if mask.shape != grid.shape or mask.dtype != bool:
-                raise ValueError(
-                    f"identifiable of {name!r} must be {grid.size} booleans, one a band"
-                )
-            self._identifiable = tuple(mask.tolist())
+        mask = None if identifiable is None else np.asarray(identifiable)
+        if mask is not None and (mask.shape != grid.shape or mask.dtype != bool):
+            raise ValueError(f"identifiable of {name!r} must be {grid.size} booleans, one a band")
+        self._labels = _Labels(
+            name=name,
+            provenance=provenance,
+            family=family,
+            source=source,
+            binder=binder,
+            identifiable=None if mask is None else tuple(mask.tolist()),
+        )
+
+    @property
+    def provenance(self) -> str:
+        """Where the numbers come from, and the assumed thickness if they rest on one."""
+        return self._labels.provenance
+
+    @property
+    def family(self) -> str:
+        """The pigment that it is a paint of; empty if not stated."""
+        return self._labels.family
+
+    @property
+    def source(self) -> str:
+        """Whose paint it is; empty if not stated."""
+        return self._labels.source
+
+    @property
+    def binder(self) -> str:
+        """Of the paint, in words; empty if not stated."""
+        return self._labels.binder
 
     @property
     def wavelengths(self) -> Float[np.ndarray, "bands"]:
@@ -187,7 +236,8 @@ class Pigment(eqx.Module):
     @property
     def identifiable(self) -> Bool[np.ndarray, "bands"] | None:
         """Where both k and s are determined by the data, (bands,), or None if not stated."""
-        return None if self._identifiable is None else np.asarray(self._identifiable)
+        known = self._labels.identifiable
+        return None if known is None else np.asarray(known)
 
     def resample(self, wavelengths: Grid) -> "Pigment":
         """The same paint on another grid (nm), by linear interpolation.
@@ -201,34 +251,25 @@ class Pigment(eqx.Module):
             return self
         matrix = interpolation_matrix(self.wavelengths, wavelengths)
 
-        def at(values: Float[Array, "... bands"] | None) -> Float[Array, "... new"] | None:
+        def at(values: Any) -> Any:
             if values is None:
                 return None
             return on_numpy_or_jax(matmul, values, matrix.astype(values.dtype))
 
-        k = at(self.absorption)
-        s = at(self.scattering)
         phase = self.phase
         if phase is not None and phase.ndim == 2 and phase.shape[0] > 1:
             phase = on_numpy_or_jax(matmul, matrix.T.astype(phase.dtype), phase)
-        assert k is not None
-        assert s is not None
+        known = self.identifiable
+        seen = None if known is None else ~np.any(matrix[~known] > 0, axis=0)
         return type(self)(
-            self.name,
-            wavelengths,
-            k,
-            s,
-            identifiable=None
-            if self.identifiable is None
-            else ~np.any(matrix[~self.identifiable] > 0, axis=0),
+            wavelengths=wavelengths,
+            absorption=at(self.absorption),
+            scattering=at(self.scattering),
             absorption_sd=at(self.absorption_sd),
             scattering_sd=at(self.scattering_sd),
             error_modes=at(self.error_modes),
             phase=phase,
-            provenance=self.provenance,
-            family=self.family,
-            source=self.source,
-            binder=self.binder,
+            **{**vars(self._labels), "identifiable": seen},
         )
 
     def renamed(
@@ -243,27 +284,17 @@ class Pigment(eqx.Module):
         """The same paint under another name, and with another family, source, binder or provenance
         where these are given.
         """
-        return type(self)(
-            name,
-            self.wavelengths,
-            self.absorption,
-            self.scattering,
-            identifiable=self.identifiable,
-            absorption_sd=self.absorption_sd,
-            scattering_sd=self.scattering_sd,
-            error_modes=self.error_modes,
-            phase=self.phase,
-            provenance=self.provenance if provenance is None else provenance,
-            family=self.family if family is None else family,
-            source=self.source if source is None else source,
-            binder=self.binder if binder is None else binder,
-        )
+        given = {"family": family, "source": source, "binder": binder, "provenance": provenance}
+        new = {key: words for key, words in given.items() if words is not None}
+        other = copy(self)
+        object.__setattr__(other, "_labels", replace(self._labels, name=name, **new))
+        return other
 
     def __repr__(self) -> str:
         return f"Pigment({self.name!r}, {describe_grid(self.wavelengths)})"
 
 
-class Mixture(eqx.Module):
+class Mixture(_Labelled):
     """Paints mixed in known proportions; coefficients add: k = sum c_i k_i, s = sum c_i s_i.
 
     Phase functions are averaged by the light that each paint scatters, c_i s_i.
@@ -283,7 +314,7 @@ class Mixture(eqx.Module):
 
     pigments: tuple[Pigment, ...]
     weights: Float[Array, "*batch pigments"]
-    name: str = eqx.field(static=True)
+    _labels: _Labels = eqx.field(static=True)
 
     def __init__(
         self,
@@ -297,7 +328,7 @@ class Mixture(eqx.Module):
                 raise ValueError(f"a mixture is of Pigments, not of {_describe_value(pigment)}")
         if not pigments:
             raise ValueError("a mixture needs at least one pigment")
-        _check_grids([(p.name, p.wavelengths) for p in pigments])
+        _check_grids(pigments)
         fractions = as_array(weights)
         if fractions.shape[-1:] != (len(pigments),):
             raise ValueError(
@@ -314,7 +345,11 @@ class Mixture(eqx.Module):
                 raise ValueError(f"weights must sum to 1, but sum to {worst:.7g}: {fix}")
         self.pigments = pigments
         self.weights = as_float_array(fractions)
-        self.name = " + ".join(p.name for p in pigments) if name is None else name
+        self._labels = _Labels(" + ".join(p.name for p in pigments) if name is None else name)
+
+    @property
+    def _grid(self) -> tuple[float, ...]:
+        return self.pigments[0]._grid
 
     @property
     def wavelengths(self) -> Float[np.ndarray, "bands"]:
@@ -394,13 +429,7 @@ class Layer(eqx.Module):
         return self.medium.phase if self._phase is None else self._phase
 
     def __repr__(self) -> str:
-        values = concrete(self.thickness)
-        size = (
-            f"{float(values) * 1e6:g} um"
-            if values is not None and values.ndim == 0
-            else f"{self.thickness}"
-        )
-        return f"Layer({self.medium.name!r}, {size})"
+        return f"Layer({self.medium.name!r}, {_short(self.thickness, 1e6, ' um')})"
 
 
 class Glaze(eqx.Module):
@@ -438,13 +467,13 @@ class Glaze(eqx.Module):
                     f"coats must each be a Layer, not {_describe_value(coat)}: "
                     "write Layer(paint, thickness in m)"
                 )
+        _check_grids([coat.medium for coat in coats])
+        _check_range("ground", ground, 0.0, 1.0, ", which looks like percent: divide it by 100")
+        _check_range("refractive_index", refractive_index, 1.0, 2.5)
         ground = as_array(ground)
         index = as_array(refractive_index)
-        _check_grids([(coat.medium.name, coat.medium.wavelengths) for coat in coats])
-        _check_range("ground", ground, 0.0, 1.0, ", which looks like percent: divide it by 100")
-        _check_range("refractive_index", index, 1.0, 2.5)
         if coats:
-            bands = coats[0].medium.wavelengths.size
+            bands = len(coats[0].medium._grid)
             for name, value in (("ground", ground), ("refractive_index", index)):
                 if value.shape[-1:] not in ((), (1,), (bands,)):
                     raise ValueError(
@@ -495,6 +524,20 @@ class Glaze(eqx.Module):
         return f"Glaze([{', '.join(map(repr, self.coats))}], ground {ground}, n = {index})"
 
 
+def amounts(tree: Any) -> Any:
+    """A filter of what is fitted by an optimiser: True for thicknesses of coats and fractions of
+    mixtures, False for all other leaves, such as k and s and their errors.
+
+    Args:
+        tree: a `Glaze`, or anything that holds some; `equinox.partition` takes both.
+    """
+
+    fitted = ("thickness", "weights")
+    return jax.tree_util.tree_map_with_path(
+        lambda path, _: any(getattr(key, "name", "") in fitted for key in path), tree
+    )
+
+
 # ---- what the solver takes -------------------------------------------------------------------
 #
 # NumPy arrays where all is known and small: the way to JAX and back costs more than the sums do.
@@ -504,15 +547,20 @@ class Glaze(eqx.Module):
 
 def optics_of(glaze: Glaze) -> tuple[Float[Known, "..."], Float[Known, "..."]]:
     """Albedo and optical thickness of all coats, each (..., bands, layers), top layer first."""
+    if "_optics" in vars(glaze):
+        return vars(glaze)["_optics"]
     if not glaze.coats:
-        shape = jnp.broadcast_shapes(glaze.ground.shape, np.shape(glaze.refractive_index), (1,))
-        nothing = jnp.zeros((*shape, 0), dtype=glaze.ground.dtype)
+        shape = np.broadcast_shapes(np.shape(glaze.ground), np.shape(glaze.refractive_index), (1,))
+        nothing = jnp.zeros((*shape, 0))
         return nothing, nothing
     absorption, scattering = zip(*(_coefficients(coat.medium) for coat in glaze.coats), strict=True)
-    thickness = [coat.thickness for coat in glaze.coats]
     # Each for all coats at once; albedo apart, for it is known where only thickness is traced.
-    albedo = numpy_or_jax(_albedo, *absorption, *scattering)
-    return albedo, numpy_or_jax(_depth, *absorption, *scattering, *thickness)
+    albedo, extinction = numpy_or_jax(_albedo_and_extinction, *absorption, *scattering)
+    depth = numpy_or_jax(_depth, extinction, *(coat.thickness for coat in glaze.coats))
+    # What NumPy computed is computed once: no glaze ever changes.
+    if isinstance(depth, np.ndarray):
+        vars(glaze)["_optics"] = albedo, depth
+    return albedo, depth
 
 
 def _coefficients(medium: Pigment | Mixture) -> tuple[Float[Known, "..."], Float[Known, "..."]]:
@@ -537,33 +585,27 @@ def _blend(
     return numpy_or_jax(total, weights, *spectra)
 
 
-def _albedo(xp: Any, *coefficients: Any) -> Any:
-    """s / (k + s) of coats side by side on a last axis, from the k of all, then their s."""
+def _albedo_and_extinction(xp: Any, *coefficients: Any) -> tuple[Any, Any]:
+    """s / (k + s) and k + s of coats side by side, from the k of all, then their s."""
     count = len(coefficients) // 2
-
-    def ratio(k: Any, s: Any) -> Any:
-        extinction = k + s
-        # Below this extinction (1/m) a centimetre of paint is clear to 1e-14, and squares still fit
-        # in float32.
-        clear = extinction <= 1e-12
-        return xp.where(clear, 0.0, s) / xp.where(clear, 1.0, extinction)
-
-    return _side_by_side(xp, map(ratio, coefficients[:count], coefficients[count:]))
+    s = _side_by_side(xp, *coefficients[count:])
+    extinction = _side_by_side(xp, *coefficients[:count]) + s
+    # Below this extinction (1/m) a centimetre of paint is clear to 1e-14, and squares still fit in
+    # float32.
+    clear = extinction <= 1e-12
+    return xp.where(clear, 0.0, s) / xp.where(clear, 1.0, extinction), extinction
 
 
-def _depth(xp: Any, *given: Any) -> Any:
-    """(k + s) d of coats side by side on a last axis, from the k of all, then their s, then d."""
-    count = len(given) // 3
-    k, s, thickness = given[:count], given[count : 2 * count], given[2 * count :]
-    each = [(a + b) * d[..., None] for a, b, d in zip(k, s, thickness, strict=True)]
-    return _side_by_side(xp, each)
+def _depth(xp: Any, extinction: Any, *thickness: Any) -> Any:
+    """(k + s) d of coats side by side, from k + s of all, (..., layers), and each d."""
+    return extinction * _side_by_side(xp, *thickness)[..., None, :]
 
 
-def _side_by_side(xp: Any, spectra: Iterable[Any]) -> Any:
-    given = list(spectra)
-    if len({each.shape for each in given}) > 1:
-        given = xp.broadcast_arrays(*given)
-    return xp.stack(given, axis=-1)
+def _side_by_side(xp: Any, *each: Any) -> Any:
+    """Arrays of coats on a last axis."""
+    if len({one.shape for one in each}) > 1:
+        each = xp.broadcast_arrays(*each)
+    return xp.stack(each, axis=-1)
 
 
 def check_glaze(glaze: Any) -> None:
@@ -579,23 +621,40 @@ def check_glaze(glaze: Any) -> None:
         )
 
 
-def _short(value: Any) -> str:
-    """A number as it was typed, without the digits of single precision; of an array its shape."""
-    known = concrete(value) if np.ndim(value) == 0 else None
-    return (
-        f"{known:g}"
-        if known is not None
-        else f"{np.shape(value)}"
-        if np.ndim(value)
-        else f"{value}"
-    )
+def _short(value: Any, scale: float = 1.0, unit: str = "") -> str:
+    """A number as it was typed, without the digits of single precision; of an array its shape, and
+    whatever else stands in its place as it is.
+    """
+    number = isinstance(value, float | int | np.ndarray | jax.Array)
+    if not number or isinstance(value, bool | Tracer):
+        return f"{getattr(value, 'shape', value)}"
+    return f"{np.shape(value)}" if np.ndim(value) else f"{float(value) * scale:g}{unit}"
 
 
-def _check_grids(grids: Sequence[tuple[str, Float[np.ndarray, "..."]]]) -> None:
+def _check_grids(media: Sequence[Pigment | Mixture]) -> None:
     """Refuse media that do not share their wavelengths."""
-    for name, grid in grids[1:]:
-        if not same_grid(grids[0][1], grid):
+    for medium in media[1:]:
+        first = media[0]
+        if medium._grid != first._grid and not same_grid(first.wavelengths, medium.wavelengths):
             raise ValueError(
-                f"wavelengths differ: {grids[0][0]!r} has {describe_grid(grids[0][1])}, {name!r} "
-                f"has {describe_grid(grid)}; bring them to one grid with .resample(wavelengths)"
+                f"wavelengths differ: {first.name!r} has {describe_grid(first.wavelengths)}, "
+                f"{medium.name!r} has {describe_grid(medium.wavelengths)}; bring them to one grid "
+                "with .resample(wavelengths)"
             )
+
+
+def make_media(coats: Sequence[Coat], shelf: Mapping[str, Pigment]) -> list[Pigment | Mixture]:
+    """What each coat is made of, on the wavelengths of its pigments.
+
+    Raises:
+        KeyError: a pigment that the shelf does not have under that very name.
+        ValueError: pigments of one mixture on different wavelengths.
+    """
+    return [
+        shelf[coat.parts[0][1]]
+        if len(coat.parts) == 1
+        else Mixture(
+            [shelf[name] for _, name in coat.parts], [weight for weight, _ in coat.parts], coat.name
+        )
+        for coat in coats
+    ]

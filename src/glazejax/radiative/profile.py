@@ -32,6 +32,7 @@ from .common.inputs import (
     flat_batch,
     plain_number,
 )
+from .common.linalg import einsum
 from .common.quadrature import gauss
 from .common.stack_arrays import Stack
 from .stack import Method, stack_hemispherical_reflectance, stack_reflectance_factor
@@ -267,7 +268,8 @@ def _solve_sliced(
         # Mean k and s of each slice, by Gauss's rule in it.
         def mean(profile: Callable[[Array], Array]) -> Array:
             values = profile(share)
-            return values.reshape(*values.shape[:-1], count, len(x)) @ jnp.asarray(w, values.dtype)
+            slices = values.reshape(*values.shape[:-1], count, len(x))
+            return einsum("...i,i->...", slices, jnp.asarray(w, values.dtype))
 
         k = mean(film.absorption)
         s = mean(film.scattering)

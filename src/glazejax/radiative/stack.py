@@ -7,18 +7,22 @@ from __future__ import annotations
 import functools
 import math
 import warnings
+from collections.abc import Mapping
 from typing import Any, Literal, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
 from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Float
 
 from ..programs import Program
 from .auxiliary.method import Auxiliary
-from .common.chunks import in_chunks, on_all_cores
+from .common.chunks import in_chunks, on_all_cores, on_cpu, on_its_devices
 from .common.inputs import (
     INDEX_RANGE,
+    OF_LAYERS,
     Numbers,
     batch_of_stacks,
     check_choice,
@@ -142,7 +146,7 @@ def stack_reflectance_factor(
         cos_incidence=cos_incidence,
         cos_viewing=cos_viewing,
     )
-    return _evaluate(given, tolerance, method)
+    return _evaluate(given, tolerance, method, _reflect)
 
 
 def stack_hemispherical_reflectance(
@@ -178,7 +182,7 @@ def stack_hemispherical_reflectance(
         cos_incidence=cos_incidence,
         cos_viewing=None,
     )
-    return _evaluate(given, tolerance, method)
+    return _evaluate(given, tolerance, method, _reflect)
 
 
 def split_reflectance_factor(
@@ -257,12 +261,26 @@ class _Inputs(NamedTuple):
     cos_viewing: Numbers | None
 
 
-def _evaluate(inputs: _Inputs, tolerance: float, method: str) -> Array:
-    stack, settings, batch = _prepare(inputs, tolerance, method)
+def _evaluate(inputs: _Inputs, tolerance: float, method: str, run: Any) -> Any:
+    def evaluate(given: Mapping[str, Any]) -> Any:
+        stack, settings, batch = _prepare(_Inputs(**given), tolerance, method)
+        return jax.tree.map(lambda part: _shaped(part, batch), run(stack, settings))
+
+    return on_its_devices(evaluate, inputs._asdict(), OF_LAYERS)
+
+
+def _reflect(stack: Stack, settings: _StackSettings) -> Array:
     # Outside a compiled program the parts of a large batch are programs of their own, one a core.
-    run = _run if stack.ground.shape[0] < _MANY else _reflectance
-    found = run(stack, settings)
-    return found if found.shape == batch else found.reshape(batch)
+    return (_run if stack.ground.shape[0] < _MANY else _reflectance)(stack, settings)
+
+
+def _shaped(found: Array, batch: tuple[int, ...]) -> Array:
+    """Results in the shape of the batch; where they are known and small, without a program."""
+    if found.shape == batch:
+        return found
+    if isinstance(found, Tracer) or not on_cpu(found):
+        return found.reshape(batch)
+    return jax.device_put(np.asarray(found).reshape(batch))
 
 
 def _evaluate_split(inputs: _Inputs, tolerance: float, method: str) -> Split:
@@ -271,8 +289,7 @@ def _evaluate_split(inputs: _Inputs, tolerance: float, method: str) -> Split:
         raise ValueError(
             f"method {method!r} does not split the reflectance; use 'ordinates' or 'auxiliary'"
         )
-    stack, settings, batch = _prepare(inputs, tolerance, method)
-    return jax.tree.map(lambda part: part.reshape(batch), _run_split(stack, settings))
+    return _evaluate(inputs, tolerance, method, _run_split)
 
 
 def _prepare(
@@ -290,8 +307,10 @@ def _prepare(
     )
     flat = given.flat()
     dtype = given.arrays["albedo"].dtype
-    index = concrete(inputs.refractive_index)
-    if index is None or index.size == 0:
+    index = None if fixed is not None else concrete(inputs.refractive_index)
+    if fixed is not None:
+        low = high = fixed
+    elif index is None or index.size == 0:
         low, high = INDEX_RANGE
     else:
         low = float(index.min())
@@ -307,7 +326,7 @@ def _prepare(
             inputs.optical_thickness,
             tolerance,
             words="take method 'ordinates', or ",
-            stacklevel=5,
+            stacklevel=7,
         )
     resolution, chunk = solver.resolve(
         Request(
@@ -359,7 +378,7 @@ def _within_reach(tolerance: float, method: str, *, single: bool) -> float:
         )
         warnings.warn(
             f"tolerance is {tolerance:g}, but {finest:g} is the least there is {words}",
-            stacklevel=5,
+            stacklevel=7,
         )
     return max(tolerance, finest)
 

@@ -25,6 +25,7 @@ def studio(
         Path | None,
         typer.Argument(
             metavar="FILE",
+            callback=options.there,
             help="A stack to begin with, as the studio saves it.",
             show_default=False,
         ),
@@ -41,6 +42,7 @@ def studio(
         Path | None,
         typer.Option(
             metavar="FILE.csv",
+            callback=options.there,
             help="Your own paints beside the catalogues', as `recover` writes them.",
             show_default=False,
         ),
@@ -48,7 +50,13 @@ def studio(
     no_open: Annotated[
         bool, typer.Option("--no-open", help="Print the link, and open no browser.")
     ] = False,
-    port: Annotated[int, typer.Option(help="Port on this computer; 0 for any that is free.")] = 0,
+    port: Annotated[
+        int,
+        typer.Option(
+            callback=options.between(0, 65535),
+            help="Port on this computer; 0 for any that is free.",
+        ),
+    ] = 0,
     overwrite: options.Overwrite = False,
 ) -> None:
     """Stack coats of paint in a browser, and see them at once.
@@ -63,10 +71,6 @@ def studio(
 
     Example: glazejax studio
     """
-    if not 0 <= port <= 65535:
-        raise ValueError(
-            f"--port is {port}; it must be between 0 and 65535, 0 for any that is free"
-        )
     options.check_outputs({"--page": page}, overwrite, pictures=(), inputs=[stack, catalogue])
     begin = None if stack is None else _stack(stack)
     from ..commands.main import start_jax

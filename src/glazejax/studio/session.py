@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from .. import colour
+from ..io.source import shorten
 from ..spectra import describe_grid
 from ..stacks import stack_from_dict, stack_to_dict
 from . import upload
@@ -57,7 +58,7 @@ class Session:
                 raise ValueError(f"the studio does not know the message {about!r}; reload the page")
             answer(header, arrays, rest)
         except (ValueError, ModuleNotFoundError) as error:
-            self.tell({"type": "error", "about": about, "words": str(error)})
+            self.tell({"type": "error", "about": about, "words": shorten(str(error))})
         except Exception as error:  # A page must hear of a fault, whatever it is.
             words = (
                 f"the studio failed at this ({type(error).__name__}: {error}); what you made is "

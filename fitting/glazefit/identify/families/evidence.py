@@ -8,6 +8,7 @@ been retouched, so nothing is ruled out.
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
@@ -16,7 +17,8 @@ from glazejax import catalogue
 from glazejax.catalogue import Family
 from glazejax.names import nearest_names
 
-from .search import FamilySearch
+if TYPE_CHECKING:
+    from .search import FamilySearch
 
 MISSED = 0.1
 """Probability that an element of a pigment in the film is not found."""
@@ -58,12 +60,12 @@ def check_elements(symbols: Sequence[str]) -> tuple[str, ...]:
 
 
 def with_facts(
-    search: FamilySearch,
+    search: "FamilySearch",
     *,
     elements: Sequence[str] = (),
     absent: Sequence[str] = (),
     painted: int | None = None,
-) -> FamilySearch:
+) -> "FamilySearch":
     """The same search with odds of its sets that hold what else is known of a painting.
 
     Args:

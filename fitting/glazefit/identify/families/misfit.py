@@ -6,13 +6,15 @@ A film is compared at the reading's gloss and brightness, which say little of a 
 """
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
 
-from .calibration import exemplars_as_readings, right_sets
 from .features import with_one_gloss
-from .search import FamilySearch
+
+if TYPE_CHECKING:
+    from .search import FamilySearch
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,10 +34,13 @@ class UsualMisfit:
     band: Float[np.ndarray, "bands"]
 
 
-def misfit_of_right_answers(search: FamilySearch) -> UsualMisfit | None:
+def misfit_of_right_answers(search: "FamilySearch") -> UsualMisfit | None:
     """Misfits of the answers of a search that are right about its own exemplars, sources left out
     in turn; None where none is.
     """
+    # Only a search by families pays for scipy.
+    from .calibration import exemplars_as_readings, right_sets
+
     readings, rows = exemplars_as_readings(search)
     odds = search.odds(readings, sources=search.source_of[rows])
     first = odds.sets.argmax(axis=1)

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -10,6 +11,7 @@ from jaxtyping import Bool, Float, Int
 from glazejax.catalogue import family
 
 from ...film.model.variation import MIXED, PRIOR, SIZES
+from ...film.tables import WAVELENGTH, Tabulated, Variables, as_frame
 from ..search.pool import NOBODY, Pool
 from ..search.task import Measured
 from ..search.unstated_conditions import CONDITIONS
@@ -17,6 +19,7 @@ from ..search.weigh import UNSEEN, Odds
 from .groups import FamilySet
 from .in_tests import came_true, has_infrared
 from .odds import CoatsOdds
+from .table import table_of
 
 # Spectra that are named where a result is printed.
 _SHOWN = 3
@@ -126,7 +129,7 @@ def percent(fraction: float) -> str:
 
 
 @dataclass(frozen=True)
-class Identification:
+class Identification(Tabulated):
     """Ranked explanations of spectra.
 
     Attributes:
@@ -277,6 +280,33 @@ class Identification:
         colour.
         """
         return self.measured.delta_e(self.fitted)
+
+    def to_dataframe(self, top: int | None = None) -> Any:
+        """A pandas.DataFrame with a row for each explanation of each spectrum, most probable first;
+        thicknesses in micrometres.
+
+        Args:
+            top: explanations of a spectrum, at most; by default all.
+
+        Raises:
+            ModuleNotFoundError: pandas is not installed.
+        """
+        return as_frame(*table_of(self, top))
+
+    def arrays_and_axes(self) -> Variables:
+        """Readings, what was fitted, and how probable it is."""
+        each = ("spectrum", "candidate")
+        bands = ("ground", WAVELENGTH)
+        axes = {
+            "spectrum": list(self.measured.names),
+            "ground": np.arange(self.fitted.shape[2]) + 1,
+            WAVELENGTH: self.measured.wavelengths,
+        }
+        return {
+            "measured": (("spectrum", *bands), self.measured.readings),
+            "fitted": ((*each, *bands), self.fitted),
+            "probability": (each, self.probability),
+        }, axes
 
     def ranked(self, row: int, count: int | None = None) -> list[Candidate]:
         """Explanations of one spectrum, most probable first."""

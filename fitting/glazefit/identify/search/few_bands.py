@@ -90,8 +90,8 @@ def choose_bands(
     """
     count = len(wavelengths)
     alike = films.T @ films / len(films) + 1.0
-    for sd, length in _SMOOTH:
-        alike += sd**2 * smooth_kernel(wavelengths, length)
+    for sd, reach in _SMOOTH:
+        alike += sd**2 * smooth_kernel(wavelengths, reach)
     left = np.diag(alike).copy()
     factor = np.zeros((count, count))
     place: list[int] = []

@@ -1,6 +1,6 @@
 """What `glazejax identify` leaves: lines on the screen and tables."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -17,36 +17,8 @@ from ..families.evidence import describe_anachronism
 from ..result import Identification
 from ..result.groups import FamilySet
 from ..result.in_tests import has_infrared
+from ..result.table import table_of
 from .ambiguity import describe_ambiguity
-
-COLUMNS = (
-    "spectrum",
-    "rank",
-    "probability",
-    *(f"{what}_{n}" for n in (1, 2, 3) for what in ("paint", "fraction", "fraction_sd", "coat")),
-    "thickness_um",
-    "thickness_sd_um",
-    "rmse",
-    "spectral_angle_deg",
-    "delta_e_2000",
-    "gloss",
-    "none_of_these",
-    "explained",
-    "coats_probability",
-)
-FAMILY_COLUMNS = (
-    "spectrum",
-    "rank",
-    "families",
-    "probability",
-    "right_in_tests",
-    "nearest_exemplars",
-    "none_of_these",
-    "explained",
-    "coats_probability",
-)
-"""Of a table of families: how often an answer that sure was right in tests stands with the first.
-"""
 
 
 def print_identification(found: Identification, console: Console, top: int, detailed: int) -> None:
@@ -193,59 +165,11 @@ def micrometres(metres: float) -> str:
     return f"{value:.0f}" if value >= 9.5 else f"{value:.1f}" if value >= 0.95 else f"{value:.2f}"
 
 
-def rows(found: Identification, top: int) -> Iterator[list[object]]:
-    """Cells of `COLUMNS`, a row an explanation."""
-    for row, name in enumerate(found.measured.names):
-        for rank, candidate in enumerate(found.ranked(row, top), start=1):
-            cells: list[object] = [name, rank, candidate.probability]
-            for n in range(3):
-                if n < len(candidate.paints):
-                    share = candidate.fractions[n]
-                    sd = candidate.fractions_sd[n]
-                    cells += [candidate.paints[n], share, sd, candidate.coats[n] + 1]
-                else:
-                    cells += ["", "", "", ""]
-            thick = (
-                ["", ""]
-                if found.opaque
-                else [candidate.thickness * 1e6, candidate.thickness_sd * 1e6]
-            )
-            colour = "" if np.isnan(candidate.delta_e) else candidate.delta_e
-            cells += [*thick, candidate.rmse, candidate.angle, colour, candidate.gloss]
-            yield [
-                *cells,
-                found.none[row],
-                bool(found.explained[row]),
-                found.coats_probability[row],
-            ]
-
-
-def family_rows(found: Identification, top: int) -> Iterator[list[object]]:
-    """Cells of `FAMILY_COLUMNS`, a row an answer."""
-    for row, name in enumerate(found.measured.names):
-        counts = found.came_true(row)
-        for rank, answer in enumerate(found.family_sets[row][:top], start=1):
-            yield [
-                name,
-                rank,
-                answer.words,
-                answer.probability,
-                f"{counts[0]} of {counts[1]}" if counts and rank == 1 else "",
-                " + ".join(found.ranked(row, 1)[0].paints) if rank == 1 else "",
-                found.none[row],
-                bool(found.explained[row]),
-                found.coats_probability[row],
-            ]
-
-
 def write_candidates(
     found: Identification, path: Path, top: int, *, overwrite: bool = False
 ) -> None:
     """Write the ranked explanations, a line each: of families the answers themselves."""
-    if found.family_sets:
-        write_table(path, FAMILY_COLUMNS, family_rows(found, top), overwrite=overwrite)
-    else:
-        write_table(path, COLUMNS, rows(found, top), overwrite=overwrite)
+    write_table(path, *table_of(found, top), overwrite=overwrite)
 
 
 def write_residuals(found: Identification, path: Path, *, overwrite: bool = False) -> None:

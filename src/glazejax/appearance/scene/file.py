@@ -19,7 +19,7 @@ from jaxtyping import Float
 from msgspec import structs
 
 from ...colour import colour_weights
-from ...io.source import open_source, show_path
+from ...io.source import open_source
 from ...spectra import describe_grid, validate_wavelengths
 from ..display.display import Display
 from .file_materials import read_heights, read_material, read_reflectance
@@ -97,13 +97,9 @@ def read_scene(path: str | Path) -> SceneFile:
             would do.
     """
     path = Path(path)
-    missing = (
-        f"there is no scene file {show_path(path)}; glazejax scene --example prints one to start "
-        "from"
-    )
     # The time that Python's parser takes for a key grows with the square of its parts.
     longest = 10_000
-    with open_source(path, missing=missing) as source:
+    with open_source(path) as source:
         # A character may become 20 times itself in Python's parser.
         text = source.text(most=_MAX_FILE, fallback=None)
         long = next(

@@ -8,8 +8,8 @@ from jaxtyping import Float
 
 from ...extras import require
 from ...io.source import open_source, refusal, show_path
-from ...paint.describe import format_length, make_media, name_paints, parse_coats
-from ...paint.media import MAX_THICKNESS, Glaze, Layer
+from ...paint.describe import MAX_THICKNESS, format_length, name_paints, parse_coats
+from ...paint.media import Glaze, Layer, make_media
 from ...spectra import describe_grid, resample
 from ..metals import metal
 from .file_table import (

@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ..common.exponential_integrals import cone_nodes, expn
+from ..common.linalg import einsum
 from ..common.quadrature import gauss
 
 # exp(-x/mu) counts for nothing where mu is smaller than x by this factor.
@@ -180,9 +181,7 @@ def _reflection_integrals(
     run = 16
     coarse = jnp.exp(-(step[:, None] * np.arange(0.0, terms, run))[..., None] / mu)
     fine = jnp.exp(-(start[:, None] + step[:, None] * np.arange(float(run)))[..., None] / mu)
-    cone = jnp.einsum(
-        "wak,wbk->wab", coarse * (weight * r * mu ** (power - 1)), fine, precision="highest"
-    )
+    cone = einsum("wak,wbk->wab", coarse * (weight * r * mu ** (power - 1)), fine)
     cone = cone.reshape(step.size, -1)[:, :terms]
     return cone + critical**power * expn(power + 1, depth / critical)
 

@@ -32,7 +32,7 @@ from jaxtyping import Array
 
 from ..common.exponential_integrals import cone_nodes, critical_cosine, expn
 from ..common.fresnel import cos_refracted, dielectric_reflectance
-from ..common.linalg import solve_positive, transpose
+from ..common.linalg import einsum, matmul, solve_positive, transpose
 from ..common.split import Split
 from ..common.stack_arrays import Stack
 from .panels import (
@@ -99,9 +99,7 @@ def _system(panels: Panels, light: Stack) -> CollocatedSystem:
     def cone(power: int, depth: Array) -> Array:
         """The cone's part of int R mu^(power - 1) e^(-depth/mu) dmu, (batch, ...)."""
         decay = jnp.exp(-depth.reshape(batch, -1, 1) / mu[:, None])
-        return jnp.einsum("bnk,bk->bn", decay, surface.weights * mu ** (power - 1)).reshape(
-            depth.shape
-        )
+        return einsum("bnk,bk->bn", decay, surface.weights * mu ** (power - 1)).reshape(depth.shape)
 
     # H.
     h_integrals = jnp.where(below[..., None], h_integrals, h_integrals[..., ::-1])
@@ -112,13 +110,15 @@ def _system(panels: Panels, light: Stack) -> CollocatedSystem:
     kernel = columns(through_paint)
     # U.
     kernel += (surface.total[:, None, None] * c2) * columns(u_integrals)
-    kernel += jnp.exp(-tau[..., None] / mu[:, None]) @ ((surface.weights / mu)[..., None] * decays)
+    kernel += matmul(
+        jnp.exp(-tau[..., None] / mu[:, None]), (surface.weights / mu)[..., None] * decays
+    )
     # M at the nodes and its integrals, K, and the ways out through the surface.
     ground_to_node = e2[1] + surface.total[:, None] * c1 * e2[3] + cone(1, h[:, None] + tau)
     node_to_ground = columns(
         m_integrals[0][..., ::-1] + (surface.total[:, None] * c1**2)[..., None] * m_integrals[1]
     )
-    node_to_ground += jnp.einsum("bk,bkn->bn", surface.weights * jnp.exp(-h[:, None] / mu), decays)
+    node_to_ground += einsum("bk,bkn->bn", surface.weights * jnp.exp(-h[:, None] / mu), decays)
     returned = 2.0 * (surface.total * critical**2 * e3[2] + cone(2, 2.0 * h))
     reflected_out = surface.total * critical**2 * e3[1] + cone(2, h)
     node_to_ground *= _rescale(node_to_ground, 0.5 - e3[0] + reflected_out - 0.5 * returned, h)
@@ -280,7 +280,7 @@ def _solve(matrix: Array, right: Array) -> Array:
         return solve_positive(transpose(matrix), b[..., None])[..., 0]
 
     def product(x: Array) -> Array:
-        return jnp.einsum("bij,bj->bi", matrix, x)
+        return einsum("bij,bj->bi", matrix, x)
 
     return jax.lax.custom_linear_solve(product, right, solve, solve_transposed)
 
@@ -345,7 +345,7 @@ def reflectance_and_gradient(
     def stationary(leaves: dict[str, Array]) -> Array:
         moved = stack._replace(**leaves)
         s = _system(_stack_panels(moved, mesh), moved)
-        residual = s.exit + s.ground_seen - jnp.einsum("bij,bj->bi", s.matrix, forward)
+        residual = s.exit + s.ground_seen - einsum("bij,bj->bi", s.matrix, forward)
         return _value(s, forward) + s.factor * jnp.sum(backward * residual, axis=-1)
 
     value, pull_back = jax.vjp(stationary, {name: getattr(stack, name) for name in wanted})

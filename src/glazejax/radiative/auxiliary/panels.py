@@ -19,6 +19,7 @@ from jaxtyping import Array
 from numpy.polynomial import legendre
 
 from ..common.exponential_integrals import expn
+from ..common.linalg import einsum, matmul
 from ..common.quadrature import gauss
 
 # Panels wider than this (in mean free paths of the kernel) are integrated by parts.
@@ -139,12 +140,12 @@ def kernel_integrals(order: int, distance: Array, width: Array, rules: Rules) ->
     count = len(rules.nodes)
     narrow_width = jnp.where(wide, 1.0, width)
     t = jnp.maximum(distance[..., None] + narrow_width[..., None] * rules.points, _tiny(width))
-    narrow = narrow_width[..., None] * (expn(order, t) @ jnp.asarray(rules.kernel, t.dtype))
+    narrow = narrow_width[..., None] * matmul(expn(order, t), jnp.asarray(rules.kernel, t.dtype))
     wide_width = jnp.where(wide, width, _WIDE)
     scale = _powers(2.0 / wide_width, count)
     ends = scale * _orders(order + 1, count, jnp.stack([distance, distance + wide_width]))
-    here = ends[0] @ jnp.asarray(rules.near, t.dtype)
-    there = ends[1] @ jnp.asarray(rules.far, t.dtype)
+    here = matmul(ends[0], jnp.asarray(rules.near, t.dtype))
+    there = matmul(ends[1], jnp.asarray(rules.far, t.dtype))
     return jax.lax.select(jnp.broadcast_to(wide[..., None], narrow.shape), here - there, narrow)
 
 
@@ -156,13 +157,12 @@ def decay_integrals(rate: Array, top: Array, width: Array, rules: Rules) -> Arra
     z = rate * width
     wide = z > _WIDE
     count = len(rules.nodes)
-    shares = jnp.exp(-jnp.where(wide, 1.0, z)[..., None] * rules.points) @ jnp.asarray(
-        rules.kernel, z.dtype
-    )
+    decay = jnp.exp(-jnp.where(wide, 1.0, z)[..., None] * rules.points)
+    shares = matmul(decay, jnp.asarray(rules.kernel, z.dtype))
     safe = jnp.where(wide, z, _WIDE)
     scale = _powers(2.0 / safe, count)
-    by_parts = scale @ jnp.asarray(rules.near, z.dtype)
-    by_parts -= jnp.exp(-safe)[..., None] * (scale @ jnp.asarray(rules.far, z.dtype))
+    by_parts = matmul(scale, jnp.asarray(rules.near, z.dtype))
+    by_parts -= jnp.exp(-safe)[..., None] * matmul(scale, jnp.asarray(rules.far, z.dtype))
     inside = jnp.where(wide[..., None], by_parts / safe[..., None], shares)
     return (jnp.exp(-rate * top) * width)[..., None] * inside
 
@@ -174,19 +174,19 @@ def own_integrals(width: Array, rules: Rules) -> Array:
     dtype = width.dtype
     narrow_width = jnp.where(wide, 1.0, width)[..., None, None]
     t = jnp.maximum(narrow_width * rules.own_points, _tiny(width))
-    narrow = narrow_width * jnp.einsum(
+    narrow = narrow_width * einsum(
         "...im,imj->...ij", expn(1, t), jnp.asarray(rules.own_kernel, dtype)
     )
     wide_width = jnp.where(wide, width, _WIDE)[..., None]
     scale = _powers(2.0 / wide_width, count)  # (..., 1, k)
     k = np.arange(count)
     here = (1.0 + (-1.0) ** k) / (k + 1)  # E_(k+2)(0) = 1/(k+1), from above and from below
-    middle = jnp.einsum("...zk,ikj->...ij", scale * here, jnp.asarray(rules.own_derivatives, dtype))
+    middle = einsum("...zk,ikj->...ij", scale * here, jnp.asarray(rules.own_derivatives, dtype))
     ends = scale * _orders(
         2, count, jnp.stack([wide_width * (1.0 - rules.nodes), wide_width * rules.nodes])
     )
-    below = ends[0] @ jnp.asarray(rules.far, dtype)
-    above = ends[1] * (-1.0) ** k @ jnp.asarray(rules.near, dtype)
+    below = matmul(ends[0], jnp.asarray(rules.far, dtype))
+    above = matmul(ends[1] * (-1.0) ** k, jnp.asarray(rules.near, dtype))
     return jnp.where(wide[..., None, None], middle - below - above, narrow)
 
 

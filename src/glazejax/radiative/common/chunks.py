@@ -1,7 +1,9 @@
 """Work on a batch in pieces, so that memory stays bounded whatever its size and no core waits."""
 
 import functools
-from collections.abc import Callable
+import math
+import operator
+from collections.abc import Callable, Collection, Mapping
 from typing import Any
 
 import jax
@@ -10,6 +12,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array
 
+from .inputs import concrete
 from .threads import cores, in_threads
 
 # A processor's chunk stays in its cache. A GPU has none to speak of, and each kernel must fill it.
@@ -51,30 +54,62 @@ def in_chunks(function: Callable[[Any], Any], batch: Any, chunk: int) -> Any:
     """Apply a function of a batch to at most ``chunk`` entries at a time.
 
     Unlike `jax.lax.map` with a batch size this compiles the function once: pieces are equal, and
-    the last is filled up with copies of the first entry, which are dropped again.
+    the last is filled up with copies of the first entry, which are dropped again. A piece takes as
+    much of each device's share, so that a batch which is split over devices stays split.
 
     Args:
         function: maps arrays (entries, ...) to arrays (entries, ...).
         batch: arrays that share their first axis.
-        chunk: at least one.
+        chunk: at least one, of each device.
     """
     size = jax.tree.leaves(batch)[0].shape[0]
-    if size <= chunk:
+    devices = math.gcd(size, jax.device_count())
+    share = size // devices
+    if share <= chunk:
         return function(batch)
-    pieces = -(-size // chunk)
-    each = -(-size // pieces)
-    spare = pieces * each - size
+    pieces = -(-share // chunk)
+    each = -(-share // pieces)
 
     def split(leaf: Array) -> Array:
-        padded = (
-            jnp.concatenate([leaf, jnp.broadcast_to(leaf[:1], (spare, *leaf.shape[1:]))])
-            if spare
-            else leaf
-        )
-        return padded.reshape(pieces, each, *leaf.shape[1:])
+        shares = leaf.reshape(devices, share, *leaf.shape[1:])
+        copies = jnp.repeat(shares[:, :1], pieces * each - share, axis=1)
+        filled = jnp.concatenate([shares, copies], axis=1)
+        return jnp.moveaxis(filled.reshape(-1, pieces, *leaf.shape[1:]), 1, 0)
 
-    out = jax.lax.map(function, jax.tree.map(split, batch))
-    return jax.tree.map(lambda leaf: leaf.reshape(pieces * each, *leaf.shape[2:])[:size], out)
+    def join(leaf: Array) -> Array:
+        rest = leaf.shape[2:]
+        shares = jnp.moveaxis(leaf, 0, 1).reshape(devices, -1, *rest)
+        return shares[:, :share].reshape(size, *rest)
+
+    return jax.tree.map(join, jax.lax.map(function, jax.tree.map(split, batch)))
+
+
+def on_its_devices(
+    function: Callable[[Mapping[str, Any]], Any], given: Mapping[str, Any], inner: Collection[str]
+) -> Any:
+    """Apply a function whose results have the shape of the batch that it is given: where arrays
+    say how they are split over devices (axes of an Explicit mesh), results are split alike.
+
+    Args:
+        function: of arrays by name, numbers and None among them.
+        given: they broadcast but for inner axes.
+        inner: names of those that have one more axis, the last.
+    """
+    arrays = {
+        name: array
+        for name, array in given.items()
+        if isinstance(array, Tracer) and concrete(array) is None
+    }
+    mesh = next((jax.typeof(array).sharding.mesh for array in arrays.values()), None)
+    if mesh is None or not mesh.explicit_axes:
+        return function(given)
+    # Of what kind their sum over inner axes would be.
+    finite = {name: jnp.isfinite(each) for name, each in given.items() if each is not None}
+    outer = [each.all(axis=-1) if name in inner else each for name, each in finite.items()]
+    alike = jax.typeof(functools.reduce(operator.and_, outer)).sharding
+    # The compiler divides the work; what is fixed in the program stays out of it.
+    run = jax.sharding.auto_axes(lambda some: function({**given, **some}), out_sharding=alike)
+    return run(arrays)
 
 
 # Programs of parts, and how many are kept.

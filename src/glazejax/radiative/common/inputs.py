@@ -2,6 +2,7 @@
 of them.
 """
 
+import functools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple, TypeAlias, get_args
@@ -69,10 +70,12 @@ def check_choice(name: str, value: str, choices: Any) -> None:
     Raises:
         ValueError: names the argument, the value and the choices.
     """
-    if value not in get_args(choices):
-        raise ValueError(
-            f"{name} {value!r} is unknown; use one of {', '.join(map(repr, get_args(choices)))}"
-        )
+    legal = _legal(choices)
+    if value not in legal:
+        raise ValueError(f"{name} {value!r} is unknown; use one of {', '.join(map(repr, legal))}")
+
+
+_legal = functools.cache(get_args)
 
 
 def check_given(given: Mapping[str, Numbers | None]) -> None:
@@ -128,6 +131,8 @@ def check_tolerance(tolerance: float) -> None:
     Raises:
         ValueError: names the value.
     """
+    if isinstance(tolerance, float) and 0 < tolerance < 1:
+        return
     if isinstance(tolerance, Tracer):
         raise ValueError(
             "tolerance is traced by JAX, and chooses the program: make it static, as in "
@@ -193,12 +198,12 @@ class BatchOfStacks(NamedTuple):
     def flat(self) -> dict[str, Any]:
         """The arrays with one batch axis: (stacks, layers) and (stacks,)."""
         return {
-            name: flat_batch(a, self.batch, *[self.layers] * (name in _OF_LAYERS))
+            name: flat_batch(a, self.batch, *[self.layers] * (name in OF_LAYERS))
             for name, a in self.arrays.items()
         }
 
 
-_OF_LAYERS = ("albedo", "optical_thickness")
+OF_LAYERS = ("albedo", "optical_thickness")
 
 
 def batch_of_stacks(
@@ -222,20 +227,20 @@ def batch_of_stacks(
 
     A value that is traced can't be refused; out of its range it is NaN here, and so is the result.
     """
-    check_given({name: given[name] for name in (*_OF_LAYERS, "substrate_reflectance")})
+    check_given({name: given[name] for name in (*OF_LAYERS, "substrate_reflectance")})
     check_values(given)
     dtype = dtype or jnp.result_type(float)
     if xp is None:
         xp = np if _known_and_small(given) else jnp
     arrays = {
-        name: _in_range(name, _as_array(value, dtype, xp))
+        name: np.asarray(value, dtype) if xp is np else _in_range(name, _as_array(value, dtype))
         for name, value in given.items()
         if value is not None
     }
-    albedo, thickness, layers = at_least_one_layer(*(arrays[name] for name in _OF_LAYERS), xp=xp)
+    albedo, thickness, layers = at_least_one_layer(*(arrays[name] for name in OF_LAYERS), xp=xp)
     arrays |= {"albedo": albedo, "optical_thickness": thickness}
     own = {
-        name: array.shape[:-1] if name in _OF_LAYERS else array.shape
+        name: array.shape[:-1] if name in OF_LAYERS else array.shape
         for name, array in arrays.items()
     }
     return BatchOfStacks(arrays, batch_shape({**own, **(shapes or {})}), layers)
@@ -248,11 +253,11 @@ def _known_and_small(given: Mapping[str, Any]) -> bool:
     return known and sum(map(np.size, leaves)) <= _SMALL
 
 
-def _as_array(value: Any, dtype: Any, xp: Any) -> Any:
+def _as_array(value: Any, dtype: Any) -> Any:
     # NumPy changes the type of its own numbers and of Python's: JAX would compile a program for
     # that.
     plain = isinstance(value, np.ndarray | np.generic | float | int)
-    return xp.asarray(np.asarray(value, dtype) if plain else value, dtype)
+    return jnp.asarray(np.asarray(value, dtype) if plain else value, dtype)
 
 
 def _in_range(name: str, array: Any) -> Any:
@@ -274,6 +279,8 @@ def flat_batch(array: Any, batch: tuple[int, ...], *last: int) -> Any:
     if math.prod(full) <= _SMALL and not isinstance(array, Tracer):
         array = np.asarray(array)
     if array.shape != full:
-        xp = jnp if isinstance(array, jax.Array) else np
-        array = xp.broadcast_to(array, full)
+        if isinstance(array, jax.Array):
+            array = jnp.broadcast_to(array, full)
+        else:
+            array = np.broadcast_to(array, full) if array.ndim else np.full(full, array)
     return array if full == flat else array.reshape(flat)

@@ -35,6 +35,11 @@ def matmul(a: Float[Array, "... m"], b: Float[Array, "... m n"]) -> Float[Array,
     return jnp.matmul(a, b, precision="highest")
 
 
+def einsum(subscripts: str, *arrays: Float[Array, "..."]) -> Float[Array, "..."]:
+    """Einstein's sum, in full precision on an accelerator too."""
+    return jnp.einsum(subscripts, *arrays, precision="highest")
+
+
 def transpose(a: Float[Array, "*batch n m"]) -> Float[Array, "*batch m n"]:
     """Matrix transpose."""
     return jnp.swapaxes(a, -1, -2)

@@ -28,7 +28,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..common.kernels import phi, tanh_sech
-from ..common.linalg import inverse, matmul, transpose
+from ..common.linalg import einsum, inverse, matmul, transpose
 from ..common.quadrature import gauss
 from .bordered import Bordered
 from .doubling import reflection_and_loss
@@ -98,9 +98,7 @@ def _tangent(
             lit[..., None, :, None],
             depth[..., None, None],
         )
-        corner += jnp.einsum(
-            "...vk,...vik,...ki->...vi", rows, by_modes, columns, precision="highest"
-        )
+        corner += einsum("...vk,...vik,...ki->...vi", rows, by_modes, columns)
     upper = jnp.concatenate(
         [matmul(shapes * own[..., None, :], projection), matmul(shapes, lit_modes * columns)],
         axis=-1,

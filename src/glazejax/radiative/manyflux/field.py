@@ -19,6 +19,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..common.inputs import Numbers, check_values, concrete
+from ..common.linalg import einsum
 from .bordered import Bordered, Diagonal, diagonal
 from .call import GivenStack, Indices, prepare
 from .effort import FluxEffort, Solution
@@ -230,8 +231,7 @@ def _between(
     down = (above.below @ below).one_minus().inverse() @ above.down
     up = below @ down
     radiance = [
-        jnp.einsum("mvi,mk->vik", operator.corner / unit, waves, precision="highest")[:, 0]
-        for operator in (down, up)
+        einsum("mvi,mk->vik", operator.corner / unit, waves)[:, 0] for operator in (down, up)
     ]
     beams = [operator.incidence[0, 0] for operator in (down, up)]
     fluxes = [roots @ operator.columns[0, :, 0] for operator in (down, up)]

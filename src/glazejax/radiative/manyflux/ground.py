@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..common.inputs import Numbers, concrete
+from ..common.linalg import einsum
 from .bordered import Bordered, Diagonal
 from .star_product import lambert
 
@@ -100,10 +101,11 @@ def ground_operator(
         return lambert(reflectance, roots, modes, dtype)
     rows = jnp.concatenate([roots.nodes, roots.viewing])
     columns = jnp.concatenate([roots.nodes, roots.incidence])
-    ways = [_between(table.cosines, jnp.concatenate([cosines.nodes, c])) for c in cosines[1:]]
-    means = jnp.einsum(
-        "vs,mst,it->mvi", ways[0], table.modes.astype(dtype), ways[1], precision="highest"
-    )[:modes]
+    ways = [
+        jnp.asarray(_between(table.cosines, jnp.concatenate([cosines.nodes, c])))
+        for c in cosines[1:]
+    ]
+    means = einsum("vs,mst,it->mvi", ways[0], table.modes.astype(dtype), ways[1])[:modes]
     body = 2.0 * reflectance * rows[:, None] * columns * means
     spare = modes - body.shape[0]
     return Bordered(

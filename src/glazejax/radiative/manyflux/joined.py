@@ -20,6 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..common.linalg import einsum
 from .bordered import Bordered, Diagonal, diagonal
 from .effort import FluxEffort
 from .ground import GroundTable, ground_operator
@@ -247,21 +248,19 @@ def factor(joined: JoinedStack, azimuth: Array) -> Float[Array, "v i k"]:
     """
     corner = joined.operator.corner
     waves = azimuth_waves(azimuth, corner.shape[0])
-    all_light = 0.5 * jnp.einsum("mvi,mk->vik", corner, waves, precision="highest")
+    all_light = 0.5 * einsum("mvi,mk->vik", corner, waves)
     return all_light + missing_once(joined.once, azimuth, waves, downward=joined.downward)
 
 
 def flux_of_beam(joined: JoinedStack) -> Float[Array, "i"]:
     """Flux that leaves over flux of each beam; straight and mirrored light is in it."""
     operator = joined.operator
-    return jnp.einsum("n,ni->i", joined.leaving, operator.columns[0]) + operator.incidence[0]
+    return einsum("n,ni->i", joined.leaving, operator.columns[0]) + operator.incidence[0]
 
 
 def flux_of_even_light(joined: JoinedStack) -> Float[Array, ""]:
     """Flux that leaves over flux of equal radiance from all directions of the air."""
-    return 2.0 * jnp.einsum(
-        "i,ij,j->", joined.leaving, joined.operator.core[0], joined.entering, precision="highest"
-    )
+    return 2.0 * einsum("i,ij,j->", joined.leaving, joined.operator.core[0], joined.entering)
 
 
 def _ways(cosines: Array, indices: np.ndarray, known_in: float) -> FollowedDirections:

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..common.linalg import matmul, transpose
+from ..common.linalg import einsum, matmul, transpose
 from ..common.phase import delta_m
 from .bordered import Bordered, Diagonal
 
@@ -140,10 +140,10 @@ def scattering(
     # Over the sum of weights, which is one only to the accuracy of the rule where several media
     # share it.
     share = roots / jnp.sum(roots * roots, axis=-1, keepdims=True)
-    rows_missing = rows_root - jnp.einsum("...ij,...j->...i", zeroth[..., :, :count], roots)
-    columns_missing = columns_root - jnp.einsum("...i,...ij->...j", roots, zeroth[..., :count, :])
+    rows_missing = rows_root - einsum("...ij,...j->...i", zeroth[..., :, :count], roots)
+    columns_missing = columns_root - einsum("...i,...ij->...j", roots, zeroth[..., :count, :])
     scale = jnp.sum(roots * roots, axis=-1)[..., None]
-    whole = jnp.einsum("...j,...j->...", columns_missing[..., :count], share)[..., None, None]
+    whole = einsum("...j,...j->...", columns_missing[..., :count], share)[..., None, None]
     change = rows_missing[..., :, None] * columns_root[..., None, :]
     change += rows_root[..., :, None] * columns_missing[..., None, :]
     change = (change - whole * rows_root[..., :, None] * columns_root[..., None, :]) / scale[

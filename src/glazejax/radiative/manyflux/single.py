@@ -10,6 +10,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..common.kernels import decay_integral, two_decays
+from ..common.linalg import einsum
 from ..common.phase import evaluate
 from .scattering import Layers, ScaledScattering, sine
 
@@ -48,7 +49,7 @@ def missing_once(
     nodes = scaled.even.shape[-1] - once.cos_lit.shape[-1]
     even, odd = (c[..., nodes:, nodes:] for c in (scaled.even, scaled.odd))
     kept = (even + odd if downward else even - odd) * scaled.albedo[:, None, None, None]
-    taken = jnp.einsum("lmvi,mk->lvik", kept, waves, precision="highest")
+    taken = einsum("lmvi,mk->lvik", kept, waves)
     seen = once.cos_seen[:, :, None]
     lit = once.cos_lit[:, None, :]
     along = seen * lit if downward else -seen * lit

@@ -11,6 +11,7 @@ from jaxtyping import Array, Float
 
 from ..common.directions import half_range
 from ..common.fresnel import cos_refracted, dielectric_reflectance
+from ..common.linalg import einsum
 from .bordered import Bordered, Diagonal
 from .directions import Spread, spread_directions
 from .doubling import layer_by_doubling
@@ -107,7 +108,7 @@ def reflectance_factor(
     stack = discrete_stack(layers, index, cos_viewing, cos_incidence, effort, modes)
     outside = _outside(stack, layers.ground, effort, modes)
     waves = azimuth_waves(azimuth, modes)
-    all_light = jnp.einsum("mvi,mk->vik", outside.corner, waves, precision="highest")
+    all_light = einsum("mvi,mk->vik", outside.corner, waves)
     viewing = stack.roots.viewing[:, None]
     incidence = stack.roots.incidence
     factor = all_light / (2.0 * index**2 * viewing * incidence)[..., None]
@@ -140,7 +141,7 @@ def hemispherical_reflectance(
     """Flux that leaves over flux of a collimated beam, for each direction of incidence."""
     stack = discrete_stack(layers, index, cos_incidence[:0], cos_incidence, effort, 1)
     outside = _outside(stack, layers.ground, effort, 1)
-    return jnp.einsum("n,ni->i", stack.roots.nodes, outside.columns[0]) / stack.roots.incidence
+    return einsum("n,ni->i", stack.roots.nodes, outside.columns[0]) / stack.roots.incidence
 
 
 def diffuse_reflectance(
@@ -152,7 +153,5 @@ def diffuse_reflectance(
     outside = _outside(stack, layers.ground, effort, 1)
     # Only the cone of refraction is lit: its flux is 1/n^2 of that of all directions inside.
     return (
-        2.0
-        * index**2
-        * jnp.einsum("i,ij,j->", stack.roots.nodes, outside.core[0], stack.roots.nodes)
+        2.0 * index**2 * einsum("i,ij,j->", stack.roots.nodes, outside.core[0], stack.roots.nodes)
     )

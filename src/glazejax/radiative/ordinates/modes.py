@@ -163,7 +163,7 @@ def _from_table(albedo: Array, table: _Table) -> Array:
     # arithmetic would be.
     each = table.coefficients.shape[0] // _PIECES
     coefficients = jnp.asarray(table.coefficients, albedo.dtype)
-    values = coefficients @ polynomials.reshape(table.terms, -1)
+    values = jnp.tensordot(coefficients, polynomials, axes=1, precision="highest")
     values = values.reshape(_PIECES, each, *albedo.shape)
     here = jnp.stack([piece == number for number in range(_PIECES)]).astype(albedo.dtype)
     return jnp.sum(values * here[:, None], axis=0)

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Array, Float
 
+from ...spectra import matmul
 from ..common.fresnel import array_module
 from ..common.quadrature import conserve, gauss
 
@@ -83,7 +84,7 @@ def lagrange(x: Float[Array | np.ndarray, "*batch"], count: int) -> Any:
     for k in range(1, count - 1):
         terms.append(((2 * k + 1) * t * terms[-1] - k * terms[-2]) / (k + 1))
     legendre = xp.stack(terms[:count], axis=-1)
-    return xp.matmul(legendre, xp.asarray(_from_legendre(count), legendre.dtype))
+    return matmul(xp, legendre, xp.asarray(_from_legendre(count), legendre.dtype))
 
 
 @functools.lru_cache(maxsize=64)

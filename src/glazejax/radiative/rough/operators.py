@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from ...spectra import matmul
 from ..common.fresnel import array_module, cos_refracted, dielectric_reflectance
 from ..common.quadrature import gauss
 from ..common.simultaneous import fine_half_range
@@ -49,7 +50,7 @@ class AirTable(NamedTuple):
         """Values at cosines (...): (..., columns)."""
         weights = lagrange(self.coordinate(cosine), self.values.shape[0])
         xp = array_module(weights)
-        return xp.matmul(weights, xp.asarray(self.values, weights.dtype))
+        return matmul(xp, weights, xp.asarray(self.values, weights.dtype))
 
 
 class Operators(NamedTuple):
