@@ -42,14 +42,15 @@ def read_spectra(
     """Read reflectance spectra, in any format that is known.
 
     CSV or TSV, wide, long or longest, also below lines of an instrument's own; columns of numbers
-    without a header; workbooks (the first sheet, or FILE.xlsx:SHEET); ENVI spectral libraries
-    and images (header or data file named; of an image every pixel); CGATS text; CxF3; JCAMP-DX;
-    ASD; SVC; and JSON lists of wavelengths and spectra, as Kimera's. The content tells which, not
-    the name. Of readings with the specular component (SCI) and without (SCE) each is a spectrum,
-    ``NAME SCI`` and ``NAME SCE``. Wavelengths that descend are sorted. Values are fractions or
-    percent, as the file says, else percent if any exceeds 2; a file that says another quantity than
-    reflectance is refused. The table says in `notes` what was changed or taken for granted. A pipe
-    such as ``/dev/stdin`` reads as a file does. Tables are read in pieces and may be large.
+    without a header; workbooks (the first sheet, or FILE.xlsx:SHEET); ENVI spectral libraries and
+    images (header or data file named; of an image every pixel); CGATS text; CxF3; JCAMP-DX; QTX;
+    ASD; SVC; ProcSpec; and JSON lists of wavelengths and spectra, as Kimera's. The content tells
+    which, not the name. Of readings with the specular component (SCI) and without (SCE) each is a
+    spectrum, ``NAME SCI`` and ``NAME SCE``. Wavelengths that descend are sorted. Values are
+    fractions or percent, as the file says, else percent if any exceeds 2; a file that says another
+    quantity than reflectance is refused. The table says in `notes` what was changed or taken for
+    granted. A pipe such as ``/dev/stdin`` reads as a file does. Tables are read in pieces and may
+    be large.
 
     Two samples of one name are an error in a text table, which can be mended by hand; in the other
     formats the second becomes ``name (2)``, with a note.
