@@ -34,7 +34,7 @@ from .common.inputs import (
 )
 from .common.linalg import einsum
 from .common.quadrature import gauss
-from .common.stack_arrays import Stack
+from .common.stack_arrays import StackArrays
 from .stack import Method, stack_hemispherical_reflectance, stack_reflectance_factor
 
 Profile: TypeAlias = Callable[[Array], Array] | Numbers
@@ -340,7 +340,7 @@ def _solve_on_mesh(film: _Film, arguments: dict[str, Any], tolerance: float) -> 
         def one(piece: tuple[Panels, dict[str, Array]]) -> Array:
             local, light = piece
             index = light["refractive_index"] if fixed is None else fixed
-            stack = Stack(
+            stack = StackArrays(
                 albedo=local.albedo,
                 optical_thickness=local.width,
                 ground=light["substrate_reflectance"],

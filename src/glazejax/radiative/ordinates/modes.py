@@ -33,7 +33,7 @@ _TABLE_ACCURACY = 1e-13
 _PIECES = 2
 
 
-class Modes(NamedTuple):
+class LayerModes(NamedTuple):
     """Modes of one layer: sigma = vectors @ y with y'' = decay_squared * y - source."""
 
     decay_squared: Array  # (..., n, batch), lambda_j = kappa_j^2 >= 0, ascending
@@ -224,7 +224,7 @@ def layer_modes(
     albedo: Float[Array, "*layers batch"],
     cosines: Float[Array, "n #batch"] | Float[np.ndarray, "n"],
     weights: Float[Array, "n #batch"] | Float[np.ndarray, "n"],
-) -> Modes:
+) -> LayerModes:
     """Modes of layers of single-scattering albedo q for half-range directions (cosines descending).
 
     Args:
@@ -234,7 +234,7 @@ def layer_modes(
         weights: quadrature weights, positive, with sum w = 1, in the shape of the cosines.
 
     Returns:
-        `Modes`, arrays (..., n, batch), (..., n, n, batch), (..., n, batch).
+        `LayerModes`, arrays (..., n, batch), (..., n, n, batch), (..., n, batch).
     """
     q = albedo[..., None, :]
     if isinstance(cosines, np.ndarray) and isinstance(weights, np.ndarray):
@@ -247,7 +247,7 @@ def layer_modes(
         smallest = ((1.0 - albedo) * values[-1])[..., None, :]
         eigenvalues = jnp.where((np.arange(n) == 0)[:, None], smallest, poles - q * r)
         vectors = _columns(albedo, z, poles, r, coupling[..., None, :, :])
-        return Modes(eigenvalues, vectors, coupling)
+        return LayerModes(eigenvalues, vectors, coupling)
     cosines = jnp.asarray(cosines, albedo.dtype)
     weights = jnp.asarray(weights, albedo.dtype)
     poles = 1.0 / cosines**2
@@ -258,14 +258,14 @@ def layer_modes(
     # The secular equation says z . column = 1, so the coupling is the column's normalisation
     # itself.
     coupling = 1.0 / jnp.sqrt(jnp.sum(columns**2, axis=-3))
-    return Modes(
+    return LayerModes(
         _decay_squared(albedo, cosines, weights, poles - q * r),
         columns * coupling[..., None, :, :],
         coupling,
     )
 
 
-def turning(modes: Modes) -> Float[Array, "*layers n n batch"]:
+def turning(modes: LayerModes) -> Float[Array, "*layers n n batch"]:
     """Turning of the modes into each other as the albedo grows: d vectors/dq = vectors @ turning,
     (..., n, n, batch).
 

@@ -15,14 +15,14 @@ from ..common.directions import Resolution, half_range
 from ..common.kernels import decay_integral
 from ..common.side_by_side import product, transpose
 from ..common.split import Split
-from ..common.stack_arrays import Stack
+from ..common.stack_arrays import StackArrays
 from .layers import Fields, by_albedo, by_thickness, load_work, stored_energy
 from .modes import turning
 from .solver import SolvedFields, System, assemble, order, solve, upright
 
 
 def reflectance_and_gradient(
-    stack: Stack, resolution: Resolution, leaf_names: tuple[str, ...]
+    stack: StackArrays, resolution: Resolution, leaf_names: tuple[str, ...]
 ) -> tuple[Array, dict[str, Array]]:
     """Reflectance and its derivative by the wanted leaves of each stack.
 
@@ -110,7 +110,7 @@ def _resolved_index(index: Any, resolution: Resolution) -> Any:
 _ONSET = 2.0 * (1.0 / 2.0 + 1.0 / 12.0)
 
 
-def _onset(stack: Stack, system: System, solution: SolvedFields) -> Array:
+def _onset(stack: StackArrays, system: System, solution: SolvedFields) -> Array:
     """Addition by the interface, per unit of the index as that leaves one, but for the factor C,
     (batch,).
 
@@ -192,7 +192,7 @@ def _stationary(system: System, solution: SolvedFields, vectors: Array) -> Array
     return (total + ends.ground_factor * jnp.prod(on_ground, axis=0)) / system.divisor
 
 
-def split(stack: Stack, resolution: Resolution) -> Split:
+def split(stack: StackArrays, resolution: Resolution) -> Split:
     """Reflectance by the last event before the light leaves; see `Split`. Each (batch,)."""
     system = assemble(stack, resolution)
     value, solution = solve(system, with_fields=True)
