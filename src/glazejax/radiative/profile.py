@@ -85,7 +85,7 @@ def profile_reflectance_factor(
 
     Source: paper A, eqs (3)-(21).
     """
-    profile = _GivenProfile(
+    profile = _ProfileInputs(
         absorption=absorption,
         scattering=scattering,
         thickness=thickness,
@@ -119,7 +119,7 @@ def profile_hemispherical_reflectance(
 
     Source: paper A, eqs (3)-(21).
     """
-    profile = _GivenProfile(
+    profile = _ProfileInputs(
         absorption=absorption,
         scattering=scattering,
         thickness=thickness,
@@ -131,7 +131,7 @@ def profile_hemispherical_reflectance(
     return _evaluate(profile, tolerance, method)
 
 
-class _GivenProfile(NamedTuple):
+class _ProfileInputs(NamedTuple):
     absorption: Profile
     scattering: Profile
     thickness: Numbers
@@ -151,7 +151,7 @@ class _Film(NamedTuple):
     batch: tuple[int, ...]  # of everything
 
 
-def _evaluate(profile: _GivenProfile, tolerance: float, method: str) -> Array:
+def _evaluate(profile: _ProfileInputs, tolerance: float, method: str) -> Array:
     names = ("substrate_reflectance", "refractive_index", "cos_incidence", "cos_viewing")
     arguments = {name: value for name in names if (value := getattr(profile, name)) is not None}
     check_choice("method", method, Method)
@@ -165,7 +165,7 @@ def _evaluate(profile: _GivenProfile, tolerance: float, method: str) -> Array:
     return _solve_on_mesh(film, arguments, tolerance)
 
 
-def _film(inputs: _GivenProfile, arguments: dict[str, Any]) -> _Film:
+def _film(inputs: _ProfileInputs, arguments: dict[str, Any]) -> _Film:
     dtype = jnp.result_type(float)
     thickness = jnp.asarray(inputs.thickness, dtype)
     _refuse("thickness", thickness, "a length in m, >= 0 and finite")

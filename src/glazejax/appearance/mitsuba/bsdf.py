@@ -17,7 +17,7 @@ from . import table
 from .coats import Axes, check_layer, ground_of, index_of, read_coats
 from .device import DrJit, renderer
 from .lobes import Facets, Mirror
-from .parameters import Given, read_parameters
+from .parameters import GlazeParameters, read_parameters
 from .rough import Rough
 from .smooth import Smooth
 from .table import Body, body_table
@@ -290,7 +290,7 @@ class GlazeBSDF:
         value = self._ground.eval(si, lit)
         return [self._dr.clip(value[k], 0.0, 0.999) for k in range(len(si.wavelengths))]
 
-    def _ground_texture(self, parameters: Given) -> Any:
+    def _ground_texture(self, parameters: GlazeParameters) -> Any:
         """Texture that gives the ground at each place; None where it is the same everywhere."""
         ground = parameters.ground
         if isinstance(ground, np.ndarray):
@@ -303,7 +303,7 @@ class GlazeBSDF:
             else ground
         )
 
-    def _ground_key(self, parameters: Given) -> str | float | tuple[float, ...]:
+    def _ground_key(self, parameters: GlazeParameters) -> str | float | tuple[float, ...]:
         """The ground as the table takes it."""
         if self._ground is not None:
             return "any"

@@ -168,14 +168,14 @@ def _straight(grid: _Grid, kernels: _Kernels) -> Array:
     """H, eq. (9): int E_1(|tau_i - s|) l_j(s) ds, (batch, n, n)."""
     _, width, _, _, rules = grid.panels
     count = width.shape[1]
-    # From the upper end of each panel on: those above a node come from their lower end.
+    # Integrals begin at the end next to the node: for panels above it that is the lower end.
     e1 = kernels.e1_panels
     e1 = jnp.where(_below(grid)[..., None], e1, e1[..., ::-1])
     # In a node's own panel the kernel is infinite at the node.
-    own = own_integrals(width, rules)[..., None, :]
-    own = (own * np.eye(count, dtype=width.dtype)[:, None, :, None]).reshape(e1.shape)
+    singular = own_integrals(width, rules)[..., None, :]
+    singular = (singular * np.eye(count, dtype=width.dtype)[:, None, :, None]).reshape(e1.shape)
     is_own = np.eye(count, dtype=bool)[grid.panel][..., None]
-    return _columns(jax.lax.select(jnp.broadcast_to(is_own, own.shape), own, e1))
+    return _columns(jax.lax.select(jnp.broadcast_to(is_own, singular.shape), singular, e1))
 
 
 def _by_surface(grid: _Grid, kernels: _Kernels) -> Array:

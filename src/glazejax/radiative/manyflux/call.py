@@ -39,7 +39,7 @@ Indices: TypeAlias = Numbers
 """One for all layers, or one for each."""
 
 
-class GivenStack(NamedTuple):
+class StackInputs(NamedTuple):
     """Layers, what lies below them, how well and how to solve them; see
     `manyflux.manyflux_reflectance_factor`.
     """
@@ -76,7 +76,7 @@ class CheckedBatch(NamedTuple):
 
 
 def prepare(
-    stack: GivenStack,
+    stack: StackInputs,
     cosines: dict[str, Any],
     azimuth: Any = None,
     *,
@@ -158,7 +158,7 @@ def prepare(
     )
 
 
-def _media(stack: GivenStack, count: int) -> float | Media:
+def _media(stack: StackInputs, count: int) -> float | Media:
     """One index where one is enough: no interfaces inside, a Lambertian ground."""
     index = stack.refractive_index
     single = plain_number(index)
@@ -187,7 +187,7 @@ def _media(stack: GivenStack, count: int) -> float | Media:
 
 
 def solve_stacks(
-    stack: GivenStack, cosines: dict[str, Any], azimuth: Any = None, *, downward: bool = False
+    stack: StackInputs, cosines: dict[str, Any], azimuth: Any = None, *, downward: bool = False
 ) -> Array:
     """Factor of each stack between its two cosines, or flux that leaves over that of its beam, or,
     without cosines, over that of even light; arguments as for `prepare`.

@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..common.inputs import Numbers, check_values, smallest_cosine
-from .call import GivenStack, Indices, prepare, solve_stacks, tables
+from .call import Indices, StackInputs, prepare, solve_stacks, tables
 from .effort import Solution
 from .ground import GroundTable
 
@@ -67,7 +67,7 @@ def manyflux_reflectance_factor(
 
     Source: paper C (Shinya et al.), equations (11)-(20), solved as described in the module.
     """
-    stack = GivenStack(
+    stack = StackInputs(
         albedo=albedo,
         optical_thickness=optical_thickness,
         substrate_reflectance=substrate_reflectance,
@@ -101,7 +101,7 @@ def manyflux_hemispherical_reflectance(
 
     Arguments as in `manyflux_reflectance_factor`, result and errors too.
     """
-    stack = GivenStack(
+    stack = StackInputs(
         albedo=albedo,
         optical_thickness=optical_thickness,
         substrate_reflectance=substrate_reflectance,
@@ -132,7 +132,7 @@ def manyflux_diffuse_reflectance(
     Arguments as in `manyflux_reflectance_factor`, result and errors too; the surface's own
     reflection is not included.
     """
-    stack = GivenStack(
+    stack = StackInputs(
         albedo=albedo,
         optical_thickness=optical_thickness,
         substrate_reflectance=substrate_reflectance,
@@ -185,7 +185,7 @@ def brdf_table(
             )
     check_values({name: axes[name] for name in ("cos_incidence", "cos_viewing")})
     least = smallest_cosine(cos_incidence, cos_viewing)
-    stack = GivenStack(
+    stack = StackInputs(
         albedo=albedo,
         optical_thickness=optical_thickness,
         substrate_reflectance=substrate_reflectance,
