@@ -176,6 +176,7 @@ def _film(inputs: _ProfileInputs, arguments: dict[str, Any]) -> _Film:
         profile = getattr(inputs, name)
         if callable(profile):
             functions.append(_of_share(name, cast(Callable[[Array], Array], profile), thickness))
+            # A function shows its batch at some depths.
             shapes[name] = functions[-1](jnp.linspace(0.0, 1.0, 9, dtype=dtype)).shape[:-1]
             continue
         samples = jnp.asarray(profile, dtype)
@@ -189,6 +190,7 @@ def _film(inputs: _ProfileInputs, arguments: dict[str, Any]) -> _Film:
         counts[name] = samples.shape[-1] - 1
         shapes[name] = samples.shape[:-1]
         functions.append(_piecewise_linear(samples))
+    # Samples of both at the same depths, so that slices hold no kink.
     several = {count for count in counts.values() if count > 0}
     if len(several) > 1:
         raise ValueError(

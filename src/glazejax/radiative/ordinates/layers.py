@@ -102,10 +102,12 @@ def two_ports(
     bottom = jnp.where(slow, rate - bend - a * transmitted, opposed - fade * together)
     divisor = jnp.where(thin, 1.0, jnp.where(slow, a * a - lam, -faded * (1.0 + fade)))
     shallow = jnp.where(thin, depth, 0.0)
+    # In thin layers series in the depth, where those differences have no digits left.
     x = lam * shallow**2
     y = a * shallow
     top = jnp.where(thin, shallow * (1 / 2 - y / 6 + (y * y - x) / 24), top)
     bottom = jnp.where(thin, shallow * (1 / 2 - y / 3 + (3 * y * y - x) / 24), bottom)
+    # The loads of the beams at both faces.
     top = quotient(strength * top, divisor)
     bottom = quotient(strength * bottom, divisor)
     once = direct = jnp.zeros_like(thickness)
@@ -116,6 +118,7 @@ def two_ports(
         slow = slow[:, 0]
         kappa = kappa[:, 0]
         faded = faded[:, 0]
+        # int e^(-(a + b) t), light scattered once from beam to view.
         single = quotient(-(gone[:, 0] + gone[:, 1] + gone[:, 0] * gone[:, 1]), a + b)
         # The mode's answer to the view, zero at both faces, seen along the light.
         lit_bottom = bottom[:, 1]
@@ -127,6 +130,7 @@ def two_ports(
         lesser = jnp.where(below, beside, single)
         area = strength[:, 1] * (lesser - transmitted[:, 1] * opposed[:, 0])
         area = quotient(area, jnp.where(below, a, kappa) + b)
+        # Light scattered more often, mode by mode; slow modes by the form that is even in kappa.
         again = quotient(
             jnp.where(slow, slow_again, area - opposed[:, 0] * lit_bottom),
             jnp.where(slow, a * a - lam, a + kappa),

@@ -155,12 +155,14 @@ def _by_thickness(system: System, solution: SolvedFields) -> Array:
     beams = decay.shape[0]
     works = jnp.sum(load_work(system.ports, solution.fields) * decay, axis=1)
     works += jnp.sum(decay, axis=0) * system.ports.direct
+    # So it dims the beams that reach the ground.
     diffuse = _diffuse_on_ground(system, solution)
     light = system.ends.ground_light[:beams]
     partner = diffuse[::-1] if beams == 2 else diffuse[1:]
     ground = jnp.sum(decay * light * partner, axis=0)
     ground += jnp.sum(decay, axis=0) * jnp.prod(system.ends.ground_light, axis=0)
     works = jnp.concatenate([works[back], (system.ends.ground_factor * ground)[None]])
+    # Each layer's slab counts with all that is dimmed below it.
     from_here_down = jnp.cumsum(works[::-1], axis=0)[::-1]
     upside_down = mirrored[back][:, None]
     return slab[back] - jnp.where(upside_down, from_here_down[:-1], from_here_down[1:])
@@ -176,6 +178,7 @@ def _stationary(system: System, solution: SolvedFields, vectors: Array) -> Array
         for modes in (solution.fields.near, solution.fields.far)
     )
     fields = Fields(near, far, solution.fields.flux)
+    # The layers' part, at fields that their own modes need not solve.
     energy = (
         jnp.sum(load_work(system.ports, fields), axis=1)
         - stored_energy(system.ports, fields)
@@ -185,6 +188,7 @@ def _stationary(system: System, solution: SolvedFields, vectors: Array) -> Array
     top = solution.at_interface
     bottom = solution.at_ground
     total = jnp.sum(energy, axis=0) + jnp.sum(ends.interface_load * top[::-1], axis=(0, 1))
+    # The ends' part: the surface and the ground.
     total -= jnp.sum(
         ends.interface * top[0] * top[1] + ends.ground_diagonal * bottom[0] * bottom[1], axis=0
     )
