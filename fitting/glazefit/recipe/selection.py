@@ -67,9 +67,7 @@ class Scored:
         return float(self.delta_e.max())
 
     def effort(self, simplicity: float) -> tuple[bool, float]:
-        """Order of recipes: in gamut first, then the score and the price of every paint
-        and coat.
-        """
+        """Order of recipes: in gamut first, then the score and the price of each paint and coat."""
         return not self.distance < IN_GAMUT, self.score + simplicity * (
             len(self.paints) + self.coats
         )
