@@ -306,6 +306,15 @@ def explain_errors(path: Path, missing: str = "") -> Iterator[None]:
         raise
 
 
+@contextmanager
+def naming(path: Path) -> Iterator[None]:
+    """Has the errors of what knows no file name this one."""
+    try:
+        yield
+    except ValueError as error:
+        raise refusal(path, error) from None
+
+
 def is_there(path: str | Path) -> bool:
     """Whether there is a file, pipe or device of this name, and no folder; False for a name that
     cannot be.

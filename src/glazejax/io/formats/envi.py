@@ -15,7 +15,7 @@ from ..finish import DELETED, RawSpectra, in_order
 from ..probe import scale_of, with_usual_mark
 from ..quantity import Stated, first_quantity, meaning, read_units
 from ..raw_cube import OnDisk, RawCube
-from ..source import Source, explain_errors, is_there, open_source, refusal, show_path
+from ..source import Source, explain_errors, is_there, naming, open_source, refusal, show_path
 from ..spectra_table import SpectraTable
 from ..words import read_number
 
@@ -222,13 +222,11 @@ class EnviFile:
         """
         notes: list[str] = []
         raw = with_usual_mark(self.raw(self.wavelengths(), notes), notes)
-        wavelengths, told = raw.nanometres(read_units(stated.get("unit"))[0])
+        wavelengths, told = raw.nanometres(read_units(stated)[0])
         notes += told
         grid, bands = in_order(wavelengths, raw.good, notes)
-        try:
+        with naming(self.path):
             grid = validate_wavelengths(grid)
-        except ValueError as error:
-            raise self.error(error) from None
         cure = "add 'reflectance scale factor = 10000', say, to the header"
         scale, unit = scale_of(raw, bands, notes, cure, **stated)
         return SpectraCube(

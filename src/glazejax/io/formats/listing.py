@@ -74,9 +74,7 @@ def _numbers(source: Source, name: str, values: Any) -> np.ndarray:
         if type(value) not in (int, float):
             raise source.error(f"{name!r} holds {str(value)[:20]!r}, not a number")
         if isinstance(value, int) and abs(value) > sys.float_info.max:
-            raise source.error(
-                f"{name!r}: number {place} has {len(str(value))} digits, too large"
-            )
+            raise source.error(f"{name!r}: number {place} has {len(str(value))} digits, too large")
     return np.array(values, float)
 
 
