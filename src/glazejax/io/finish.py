@@ -175,9 +175,10 @@ def _runs(wavelengths: Float[np.ndarray, "bands"]) -> list[np.ndarray]:
 def detectors_overlap(wavelengths: Float[np.ndarray, "bands"]) -> bool:
     """Whether wavelengths ascend in a few runs, each of which begins within the one before."""
     runs = _runs(wavelengths)
-    # A reading in the wrong place makes a run of one or two.
+    # Two readings that changed places overlap by one.
     return 1 < len(runs) < 6 and all(
-        min(a.size, b.size) > 2 and a[0] < b[0] and a[-1] < b[-1] for a, b in pairwise(runs)
+        min(a.size, b.size) > 2 and a[0] < b[0] < a[-2] and b[1] < a[-1] < b[-1]
+        for a, b in pairwise(runs)
     )
 
 
