@@ -1,7 +1,7 @@
 """Maps of other people's paint: which families they name, by area, and what is said where the
 catalogue lacks the paint; compared with what people use, with the same exemplars.
 
-    python -m benchmarks.maps.mosaic [--pixels 2400] [--noise 0.005] [--sources 7]
+    python -m benchmarks.maps.mosaic [--pixels 1200] [--noise 0.005] [--sources 7]
 
 Each source of measured paint is left out in turn and lies on two panels
 (`benchmarks.maps.panel`): twelve flat fields, and fields under brush strokes. Two paints of a panel
@@ -29,11 +29,12 @@ from glazefit.identify.result.groups import GROUPS
 from glazejax.commands.main import start_jax
 
 NEEDS = ("zarr", "data/hyperdoc")
+PARTS_NEED = ("sklearn",)
 
 LEAST = 0.01
 """Share of an image from which a set counts by itself."""
 # Brush strokes of a panel that has them, and its size beside that of one of flat fields.
-_STROKES, _LARGER = 24, 2
+_STROKES, _LARGER = 24, 1.5
 # Share of a group's probability from which a family of it is counted as named.
 _WITHIN = 0.05
 
@@ -73,7 +74,7 @@ def main() -> None:
         __doc__,
         sources=(len(SOURCES), 1, "sources that are left out in turn"),
         height=(60, 24, "lines of a panel of flat fields; it has four columns for three lines"),
-        pixels=(2400, 300, "pixels of a panel that each method is asked for"),
+        pixels=(1200, 200, "pixels of a panel that each method is asked for"),
         noise=(NOISE, NOISE, "standard deviation of a reading"),
     )
     options = parser.parse_args()
@@ -87,7 +88,7 @@ def main() -> None:
             grown = _LARGER if strokes else 1
             panel = lay_panel(
                 source,
-                (grown * shape[0], grown * shape[1]),
+                (int(grown * shape[0]), int(grown * shape[1])),
                 noise=options.noise,
                 strokes=strokes,
                 # Of other paints than the fields alone.
