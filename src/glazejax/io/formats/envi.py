@@ -366,7 +366,8 @@ class EnviFile:
         words = [word.strip("[]' ") for word in self.entries(title)]
         for i, word in enumerate(words, start=1):
             if not is_number(word):
-                raise self.error(f"{title!r} number {i} in the header is {word[:30]!r}, not a number")
+                entry = f"{title!r} number {i}"
+                raise self.error(f"{entry} in the header is {word[:30]!r}, not a number")
         return np.array(list(map(read_number, words)))
 
     def _whole(self, title: str, least: int) -> int:
