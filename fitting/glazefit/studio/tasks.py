@@ -60,12 +60,14 @@ def recipes(request: Request, report: Report) -> dict[str, Any]:
     paints = _paints(stack)
     if options.get("own"):
         paints = [paint for paint in paints if paint.name in stack.pigments]
+    shelf = len(paints)
     if options.get("modern"):
         paints = [
             paint
             for paint in paints
             if paint.name in stack.pigments or not catalogue.caution(paint)
         ]
+    left_out = shelf - len(paints)
     if not paints:
         raise ValueError("no paint is left: there is no tube of your own on the shelf")
     report(f"looking through all sets of {len(paints)} paints")
@@ -99,6 +101,8 @@ def recipes(request: Request, report: Report) -> dict[str, Any]:
         if best.in_gamut
         else f"out of reach of these paints by ΔE00 {best.gamut_distance:.1f} at least"
     )
+    if remark and left_out:
+        remark += f" ({left_out} poisonous or unsold paints are left out)"
     return {"target": target.name, "recipes": listed, "words": remark}
 
 
