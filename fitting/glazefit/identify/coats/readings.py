@@ -82,6 +82,7 @@ class CoatedFilms(NamedTuple):
     ) -> tuple[Float[np.ndarray, "films readings"], Float[np.ndarray, "films errors readings"]]:
         """Readings, and their slopes by the log of every paint's k, then s."""
         paints = range(amounts.shape[1])
+        # The amounts as they are, then with more of each paint's k, then with more of its s.
         shifted = np.stack(
             [amounts * np.ones((2, 1, 1))]
             + [_shifted(amounts, quantity, paint) for quantity in (0, 1) for paint in paints]
@@ -124,17 +125,20 @@ def log_amounts(count: int) -> Float[np.ndarray, "nodes paints"]:
 def grid_readings(arrangement: Arrangement, films: CoatedFilms) -> GridReadings:
     """Readings of an arrangement on the grid of its paints' amounts."""
     paints = arrangement.paints
+    # A node is one combination of amounts; paints that the arrangement lacks have none.
     logs = log_amounts(len(paints))
     amounts = np.zeros((len(logs), films.coefficients.shape[1]))
     amounts[:, paints] = np.exp(logs)
     readings = films.read(arrangement, amounts[None])
+    # One-sided differences by the log of each paint's k.
     slopes = [
         (films.read(arrangement, _shifted(amounts, 0, paint)) - readings) / _STEP
         for paint in paints
     ]
+    # The same amounts, but for the part that is missing.
     patches = [
         films.read(arrangement, amounts[None] * present)
-        for present in _parts(arrangement, amounts.shape[1], films.hides)
+        for present in _patches(arrangement, amounts.shape[1], films.hides)
     ]
     return GridReadings(
         readings=readings,
@@ -143,9 +147,11 @@ def grid_readings(arrangement: Arrangement, films: CoatedFilms) -> GridReadings:
     )
 
 
-def _parts(arrangement: Arrangement, count: int, hides: bool) -> list[Float[np.ndarray, "paints"]]:
-    """Paints that are there where a part is missing: of several coats all but the upper one, of a
-    mixture either paint alone, of one paint nothing.
+def _patches(
+    arrangement: Arrangement, count: int, hides: bool
+) -> list[Float[np.ndarray, "paints"]]:
+    """Paints that are there, 1 or 0, where a part of the film is missing: of several coats all but
+    the upper one, of a mixture either paint alone, of one paint nothing.
 
     Args:
         arrangement: how the paints lie.

@@ -34,27 +34,38 @@ _VARNISHED = "under a yellowed varnish"
 _LIGHT = 0.85
 _DARK = 0.04
 """Internal reflectances of grounds that nobody named."""
-CONDITIONS = (
-    Condition("", 1.0),
-    Condition(_VARNISHED, 0.08, varnish=AMOUNTS["thin"][0]),
-    Condition(_VARNISHED, 0.08, varnish=AMOUNTS["yellowed"][0]),
-    Condition("over a light ground", 0.4, ground=_LIGHT, opaque=False),
-    Condition("hiding its ground", 0.05, opaque=True),
-    Condition("over a lighter ground than told", 0.03, ground=_LIGHT),
-    Condition("over a darker ground than told", 0.03, ground=_DARK),
-)
-"""All that are tried, by number; the first is what was stated."""
+
+
+class Conditions(NamedTuple):
+    """All conditions that are tried, by name and by number; the first is what was stated."""
+
+    as_stated: Condition = Condition("", 1.0)
+    thin_varnish: Condition = Condition(_VARNISHED, 0.08, varnish=AMOUNTS["thin"][0])
+    yellowed_varnish: Condition = Condition(_VARNISHED, 0.08, varnish=AMOUNTS["yellowed"][0])
+    light_ground: Condition = Condition("over a light ground", 0.4, ground=_LIGHT, opaque=False)
+    hiding: Condition = Condition("hiding its ground", 0.05, opaque=True)
+    lighter_ground: Condition = Condition("over a lighter ground than told", 0.03, ground=_LIGHT)
+    darker_ground: Condition = Condition("over a darker ground than told", 0.03, ground=_DARK)
+
+
+CONDITIONS = Conditions()
+
+
+def _numbers(*names: str) -> tuple[int, ...]:
+    """Numbers of conditions, as pools and maps hold them."""
+    return tuple(map(Conditions._fields.index, names))
+
+
 CONDITIONS_OF_VARNISH: dict[str, tuple[int, ...]] = {
     "none": (),
-    "thin": (1,),
-    "yellowed": (2,),
-    "unknown": (1, 2),
+    "thin": _numbers("thin_varnish"),
+    "yellowed": _numbers("yellowed_varnish"),
+    "unknown": _numbers("thin_varnish", "yellowed_varnish"),
 }
 """What was stated of a varnish -> numbers of the conditions that are tried for it."""
 _STATED = ("thin", "yellowed")
-# Probability that a varnish which was stated is not there.
-NOT_OPAQUE = (3,)
-OTHER_GROUNDS = (4, 5, 6)
+NOT_OPAQUE = _numbers("light_ground")
+OTHER_GROUNDS = _numbers("hiding", "lighter_ground", "darker_ground")
 """Numbers of those for films said to be opaque, and of those for one reading over a ground."""
 _LEVELS = dict(AMOUNTS.values())
 """Optical thickness at 400 nm -> its standard deviation."""
@@ -82,7 +93,8 @@ def search_unstated_conditions(
     """
     prior = tasks[opaque].prior
 
-    def more(pool: Pool, numbers: tuple[int, ...], rows: Int[np.ndarray, "rows"]) -> Pool:
+    def try_under(pool: Pool, numbers: tuple[int, ...], rows: Int[np.ndarray, "rows"]) -> Pool:
+        """The pool with candidates of some of the spectra under further conditions."""
         pools = []
         for number in numbers:
             films = films_under(number, tasks, opaque, measured.take(rows))
@@ -90,27 +102,26 @@ def search_unstated_conditions(
             possible = np.flatnonzero(np.isfinite(films.slope).all(axis=(1, 2)))
             if possible.size:
                 films = films.take(possible)
-                candidates = find_candidates(films.task, films.measured)
-                pools.append(
-                    pool_under(number, films, candidates).spread(rows[possible], len(measured))
-                )
+                candidates = pool_under(number, films, find_candidates(films.task, films.measured))
+                pools.append(candidates.spread(rows[possible], len(measured)))
         return pool.merge(*pools)
 
+    # Conditions that are tried for every spectrum.
     everything = np.arange(len(measured))
     if opaque:
-        pool = more(pool, NOT_OPAQUE, everything)
+        pool = try_under(pool, NOT_OPAQUE, everything)
     if varnish in _STATED:
-        pool = more(pool, CONDITIONS_OF_VARNISH[varnish], everything)
+        pool = try_under(pool, CONDITIONS_OF_VARNISH[varnish], everything)
         pool = replace(pool, log_weight=pool.log_weight + _weight_of_stated(varnish, pool))
     odds = odds_of(measured, pool, prior)
-    # Films that are more probably none of these are sought again.
+    # Those that are tried where these leave a spectrum in doubt: none has more than a fifth.
     doubtful = everything[odds.none / odds.total > 0.2]
     if not len(doubtful):
         return pool, odds
     if measured.readings.shape[1] == 1 and not opaque:
-        pool = more(pool, OTHER_GROUNDS, doubtful)
+        pool = try_under(pool, OTHER_GROUNDS, doubtful)
     if varnish not in _STATED:
-        pool = more(pool, CONDITIONS_OF_VARNISH[varnish], doubtful)
+        pool = try_under(pool, CONDITIONS_OF_VARNISH[varnish], doubtful)
     return pool, odds_of(measured, pool, prior)
 
 

@@ -90,11 +90,10 @@ def odds_of(measured: Measured, pool: Pool, prior: Prior, *, looked_at: int = 40
             0.
     """
     weight = np.where(np.isfinite(pool.log_weight), pool.log_weight, -np.inf)
-    # Before the misfit is looked at: how probable each is if the film is of the catalogue's paints.
-    share = np.exp(weight - weight.max(axis=1, keepdims=True))
-    share /= share.sum(axis=1, keepdims=True)
+    share = _shares(weight)
     misfits = _misfits(measured, pool, share, looked_at)
     odds, rejected = _judge(share, misfits, prior)
+    # Paints that nothing needs give way, spectrum by spectrum, as each has its own candidates.
     for row in range(len(odds)):
         order = smaller_sets(
             members=pool.members[row],
@@ -122,19 +121,28 @@ def odds_of_shared_candidates(
         order: of `smaller_sets`.
         prior: what was expected.
     """
-    share = np.exp(weight - weight.max(axis=1, keepdims=True))
-    share /= share.sum(axis=1, keepdims=True)
-    odds, rejected = _judge(share, misfits, prior)
+    odds, rejected = _judge(_shares(weight), misfits, prior)
     return _beside_none(simplest(order, weight, misfits.delta_e, odds), rejected, misfits, prior)
+
+
+def _shares(
+    weight: Float[np.ndarray, "spectra candidates"],
+) -> Float[np.ndarray, "spectra candidates"]:
+    """Probability of each candidate before its misfit counts, if the film is of the catalogue's
+    paints.
+    """
+    share = np.exp(weight - weight.max(axis=1, keepdims=True))
+    return share / share.sum(axis=1, keepdims=True)
 
 
 def _judged_misfit(misfits: Misfits) -> Float[np.ndarray, "spectra candidates"]:
     """Misfit in Delta E00 by which candidates are judged."""
-    # What noise alone makes of a colour is no misfit; a residual may have a shape that no colour
-    # shows.
+    # Geometric mean of the colour differences as fitted and with the paints' errors, less what
+    # noise alone makes of a colour.
     squared = np.maximum(
         misfits.delta_e * misfits.adjusted_delta_e - misfits.noise_delta_e[:, None] ** 2, 0.0
     )
+    # A residual may have a shape that no colour shows.
     return np.maximum(np.sqrt(squared), _COLOUR_OF_RMSE * misfits.residual)
 
 
@@ -163,19 +171,16 @@ def _beside_none(
     """Odds with those of none beside them: the smaller the misfit the less probable is none, even
     where nobody would see the misfit.
     """
+    # Geometric mean of the candidates' misfits, each with its odds; those without odds have none.
     weights = odds / odds.sum(axis=1, keepdims=True)
-    met = np.exp(
-        np.sum(
-            np.where(
-                weights > 0, weights * np.log(np.clip(_judged_misfit(misfits), 0.1, 100.0)), 0.0
-            ),
-            axis=1,
-        )
-    )
+    log_misfits = np.log(np.clip(_judged_misfit(misfits), 0.1, 100.0))
+    misfit = np.exp(np.sum(np.where(weights > 0, weights * log_misfits, 0.0), axis=1))
+    # As many odds as expected at a misfit that is just not seen, and fewer below; what is seen has
+    # lowered the candidates' own odds already.
     none = prior.unknown * np.exp(
-        log_odds_of_none(np.minimum(met, UNSEEN)) - log_odds_of_none(UNSEEN)
+        log_odds_of_none(np.minimum(misfit, UNSEEN)) - log_odds_of_none(UNSEEN)
     )
-    return Odds(candidates=odds, none=none, misfit=met, rejected=rejected, misfits=misfits)
+    return Odds(candidates=odds, none=none, misfit=misfit, rejected=rejected, misfits=misfits)
 
 
 def log_odds_of_none(misfit: float | Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
@@ -205,12 +210,14 @@ def smaller_sets(
         possible: which candidates count: those of one coat.
     """
     size = (members != NOBODY).sum(axis=1)
+    # Each candidate's condition and paints, and the weightiest candidate of each such pair.
     sets: dict[int, tuple[int, frozenset[int]]] = {}
     numbers: dict[tuple[int, frozenset[int]], int] = {}
     counted = np.flatnonzero(possible)
     for n in counted[np.argsort(-log_weight[counted], kind="stable")].tolist():
         sets[n] = int(condition[n]), frozenset(members[n, : size[n]].tolist())
         numbers.setdefault(sets[n], n)
+    # Under the same condition, every set of one paint less that is a candidate.
     out = []
     for n in sorted(sets, key=lambda n: -size[n]):
         under, paints = sets[n]
@@ -236,6 +243,7 @@ def simplest(
     """
     odds = odds.copy()
     for n, subsets in order:
+        # Subsets that do without the paint: behind by odds, near by weight, and no worse to see.
         enough = (
             (odds[:, subsets] < odds[:, n, None])
             & (weight[:, subsets] > weight[:, n, None] - 2.0)
@@ -246,6 +254,7 @@ def simplest(
         )
         rows = np.flatnonzero(enough.any(axis=1))
         if rows.size:
+            # The weightiest of them changes places with the set.
             best = np.asarray(subsets)[
                 np.argmax(np.where(enough, weight[:, subsets], -np.inf)[rows], axis=1)
             ]
@@ -289,6 +298,7 @@ def _misfits(
     rows = np.arange(len(measured))[:, None]
     measured_readings = measured.readings[:, None]
     noise = np.mean(measured.noise_sd**2, axis=(1, 2))[:, None]
+    # Readings of the candidates as fitted, and with the errors of their paints allowed.
     fitted, allowed = (
         a[rows, chosen].reshape(*chosen.shape, *measured_readings.shape[2:])
         for a in (pool.readings, pool.adjusted)
@@ -298,6 +308,7 @@ def _misfits(
     )
 
     def place(values: np.ndarray) -> np.ndarray:
+        """Values of these candidates among all, where the others' are infinite."""
         out = np.full(share.shape, np.inf)
         out[rows, chosen] = values
         return out
