@@ -24,7 +24,7 @@ from jaxtyping import Float, Int
 from ..spectra import MAX_FRACTION, MIN_PERCENT, ranges, validate_wavelengths
 from .quantity import Stated, check_reflectance, meaning, nanometres, not_stated, read_units
 from .source import naming
-from .spectra_table import SpectraTable, list_names
+from .spectra_table import Bands, Rows, SpectraTable, Stored, list_names
 
 # CxF3's own bound for a reflectance. Above it the unit or the scale that the file declares is
 # wrong.
@@ -63,9 +63,9 @@ class RawSpectra:
         highest: value (fraction) above which the unit must be wrong.
     """
 
-    wavelengths: Float[np.ndarray, "bands"]
+    wavelengths: Bands
     names: Sequence[str]
-    values: Float[np.ndarray, "rows bands"]
+    values: Rows
     format: str
     notes: Sequence[str] = ()
     wavelength_unit: str = "nm"
@@ -146,9 +146,7 @@ def _finish(raw: RawSpectra, stated: Stated) -> SpectraTable:
     )
 
 
-def one_detector_each(
-    wavelengths: Float[np.ndarray, "bands"], notes: list[str]
-) -> Int[np.ndarray, "kept"]:
+def one_detector_each(wavelengths: Bands, notes: list[str]) -> Int[np.ndarray, "kept"]:
     """Bands in ascending order. Where detectors overlap, each is read up to the middle of the
     overlap, with a note; any other order is sorted.
     """
@@ -167,12 +165,12 @@ def one_detector_each(
     return np.flatnonzero(np.concatenate(kept))
 
 
-def _runs(wavelengths: Float[np.ndarray, "bands"]) -> list[np.ndarray]:
+def _runs(wavelengths: Bands) -> list[np.ndarray]:
     """Wavelengths, parted where they do not ascend."""
     return np.split(wavelengths, np.flatnonzero(np.diff(wavelengths) <= 0) + 1)
 
 
-def detectors_overlap(wavelengths: Float[np.ndarray, "bands"]) -> bool:
+def detectors_overlap(wavelengths: Bands) -> bool:
     """Whether wavelengths ascend in a few runs, each of which begins within the one before."""
     runs = _runs(wavelengths)
     # Two readings that changed places overlap by one.
@@ -183,8 +181,8 @@ def detectors_overlap(wavelengths: Float[np.ndarray, "bands"]) -> bool:
 
 
 def lit_bands(
-    wavelengths: Float[np.ndarray, "bands"],
-    values: Float[np.ndarray, "rows bands"],
+    wavelengths: Bands,
+    values: Rows,
     notes: list[str],
     raw: RawSpectra,
     scale: float | None,
@@ -215,8 +213,8 @@ def lit_bands(
 
 
 def _without_missing(
-    wavelengths: Float[np.ndarray, "bands"],
-    values: Float[np.ndarray, "rows bands"],
+    wavelengths: Bands,
+    values: Rows,
     names: Sequence[str],
     notes: list[str],
 ) -> tuple[Float[np.ndarray, "kept"], Float[np.ndarray, "full kept"], list[int]]:
@@ -250,8 +248,8 @@ def _without_missing(
 def _to_fractions(
     raw: RawSpectra,
     declared: float | None,
-    grid: Float[np.ndarray, "bands"],
-    values: Float[np.ndarray, "rows bands"],
+    grid: Bands,
+    values: Rows,
     names: Sequence[str],
     notes: list[str],
 ) -> str:
@@ -314,7 +312,7 @@ def _to_fractions(
 
 
 def _detected_scale(
-    values: Float[np.ndarray, "rows bands"],
+    values: Rows,
     peaks: Float[np.ndarray, "rows"],
     names: Sequence[str],
     notes: list[str],
@@ -386,7 +384,7 @@ def different(names: list[str], notes: list[str]) -> list[str]:
 
 
 def in_order(
-    wavelengths: Float[np.ndarray, "stored"],
+    wavelengths: Stored,
     bands: Int[np.ndarray, "used"] | None,
     notes: list[str],
 ) -> tuple[Float[np.ndarray, "used"], Int[np.ndarray, "used"]]:

@@ -9,8 +9,9 @@ import numpy as np
 from ..files.read import envi_file
 from ..formats.envi import EnviFile
 from ..raw_cube import OnDisk, RawCube
-from ..source import explain_errors, refusal
+from ..source import refusal
 from .axes import axes_of
+from .numbers import load_npy
 
 
 def envi_cube(path: Path, count: int | None = None) -> RawCube:
@@ -89,7 +90,7 @@ def npy_cube(path: Path, count: int | None) -> RawCube:
     Raises:
         ValueError: not three axes of real numbers.
     """
-    array = _npy(path)
+    array = load_npy(path)
     if array.ndim != 3 or array.dtype.kind not in "fiu":
         raise refusal(
             path,
@@ -100,22 +101,9 @@ def npy_cube(path: Path, count: int | None) -> RawCube:
     return RawCube(
         path=path,
         format="NumPy array",
-        data=OnDisk(_npy, path),
+        data=OnDisk(load_npy, path),
         order=order,
         shape=shape,
         dtype=array.dtype,
         apart=order[2] == 0,
     )
-
-
-def _npy(path: Path) -> np.ndarray:
-    """Array of a .npy file, mapped into memory.
-
-    Raises:
-        ValueError: it is none, or was cut short.
-    """
-    with explain_errors(path):
-        try:
-            return np.load(path, mmap_mode="r", allow_pickle=False)
-        except ValueError as error:
-            raise refusal(path, f"not a whole .npy file: {error}") from None

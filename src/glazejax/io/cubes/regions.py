@@ -8,17 +8,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from ...extras import require
 from ..source import explain_errors, is_there, open_source, refusal
+from ..spectra_table import Bands, Mask
 from .tiffs import TIFF
 
 if TYPE_CHECKING:
     import xarray
 
 
-def read_mask(path: str | Path, image: Any) -> Bool[np.ndarray, "y x"]:
+def read_mask(path: str | Path, image: Any) -> Mask:
     """Which pixels are used, from a picture or from polygons.
 
     A picture (PNG or what Pillow reads) uses the pixels that are not black and not transparent.
@@ -68,14 +69,14 @@ def read_mask(path: str | Path, image: Any) -> Bool[np.ndarray, "y x"]:
     return _some(path, used)
 
 
-def _some(path: Path, used: Bool[np.ndarray, "y x"]) -> Bool[np.ndarray, "y x"]:
+def _some(path: Path, used: Mask) -> Mask:
     """The mask, unless it uses nothing."""
     if not used.any():
         raise refusal(path, "the mask uses no pixel of the image")
     return used
 
 
-def _picture(path: Path) -> Bool[np.ndarray, "y x"]:
+def _picture(path: Path) -> Mask:
     """Pixels of a picture that are neither black nor transparent."""
     require("PIL")
     from PIL import Image, UnidentifiedImageError
@@ -162,9 +163,7 @@ def _coordinates(node: Any) -> list[Any]:
     raise ValueError(f"{kind!r} is neither Polygon nor MultiPolygon")
 
 
-def inside(
-    rings: list[Float[np.ndarray, "_ 2"]], shape: tuple[int, int]
-) -> Bool[np.ndarray, "y x"]:
+def inside(rings: list[Float[np.ndarray, "_ 2"]], shape: tuple[int, int]) -> Mask:
     """Pixels of which the centre lies inside: a ray to the left crosses the rings an odd number of
     times.
     """
@@ -195,9 +194,9 @@ class Spot(NamedTuple):
         pixels: how many have data at any band.
     """
 
-    wavelengths: Float[np.ndarray, "bands"]
-    reflectance: Float[np.ndarray, "bands"]
-    deviation: Float[np.ndarray, "bands"]
+    wavelengths: Bands
+    reflectance: Bands
+    deviation: Bands
     pixels: int
 
 
