@@ -153,16 +153,11 @@ def one_detector_each(wavelengths: Bands, notes: list[str]) -> Int[np.ndarray, "
     if not detectors_overlap(wavelengths):
         notes.append("bands were sorted by wavelength")
         return np.argsort(wavelengths, kind="stable")
-    kept = []
-    start = 0.0
     runs = _runs(wavelengths)
-    for run, after in zip(runs, [*runs[1:], None], strict=True):
-        end = np.inf if after is None else (run[-1] + after[0]) / 2
-        if after is not None:
-            notes.append(f"detectors overlap: the change is at {end:g} nm")
-        kept.append((run > start) & (run <= end))
-        start = end
-    return np.flatnonzero(np.concatenate(kept))
+    ends = [(run[-1] + after[0]) / 2 for run, after in pairwise(runs)]
+    notes += [f"detectors overlap: the change is at {end:g} nm" for end in ends]
+    each = zip(runs, [0.0, *ends], [*ends, np.inf], strict=True)
+    return np.flatnonzero(np.concatenate([(run > low) & (run <= high) for run, low, high in each]))
 
 
 def _runs(wavelengths: Bands) -> list[np.ndarray]:
@@ -259,10 +254,8 @@ def _to_fractions(
     # NaN where a value is
     lows = values.min(axis=1)
     peaks = values.max(axis=1)
-    wrong = ~(np.isfinite(lows) & np.isfinite(peaks))
-    if wrong.any():
-        i = int(wrong.argmax())
-        j = int(np.isfinite(values[i]).argmin())
+    for i in np.flatnonzero(~(np.isfinite(lows) & np.isfinite(peaks)))[:1]:
+        j = np.isfinite(values[i]).argmin()
         raise ValueError(
             f"reflectance of {names[i]!r} is not finite at band {j + 1}: {values[i, j]:g}"
         )
@@ -370,16 +363,15 @@ def different(names: list[str], notes: list[str]) -> list[str]:
     used = Counter()
     result = []
     for name in names:
-        used[name] += 1
         fresh = name
-        if used[name] > 1:
-            while (fresh := f"{name} ({used[name]})") in taken:
-                used[name] += 1
-            taken.add(fresh)
+        while used[name] and fresh in taken:
+            used[name] += 1
+            fresh = f"{name} ({used[name]})"
+        used[name] = max(used[name], 1)
+        taken.add(fresh)
         result.append(fresh)
     repeated = [name for name, count in counts.items() if count > 1]
-    if repeated:
-        notes.append(f"names that repeat were numbered: {list_names(repeated)}")
+    notes.append(f"names that repeat were numbered: {list_names(repeated)}")
     return result
 
 

@@ -58,25 +58,21 @@ def _place(envi: EnviFile) -> dict[str, Any]:
     if info:
         attributes["map_info"] = ", ".join(info)
     words = dict(entry.lower().split("=", 1) for entry in (info or sizes) if "=" in entry)
+    # Without a place on the map lines and samples count from the image's corner.
+    corner = [1.0, 1.0, 0.0, 0.0]
     try:
-        x0, y0, east, north, dx, dy = (float(entry) for entry in info[1:7]) if info else (0.0,) * 6
-        dx, dy = (dx, dy) if info or len(sizes) < 2 else (float(sizes[0]), float(sizes[1]))
+        *place, dx, dy = map(float, info[1:7] if info else [*corner, *sizes[:2]])
         turned = float(words.get("rotation", 0)) != 0
     except ValueError:
         return found
-    if dx > 0 and dy > 0:
+    if len(place) == 4 and dx > 0 and dy > 0:
         about["pixel_size"] = (dy, dx)
         about["units"] = words.get("units", "metre").strip()
-        down = np.arange(envi.sizes["lines"])
-        across = np.arange(envi.sizes["samples"])
-        if info and not turned:
-            found["x"] = east + (across + 1.5 - x0) * dx
-            found["y"] = north - (down + 1.5 - y0) * dy
-        # lines and samples of a turned image have no coordinates of the map; they count from the
-        # image's corner
-        else:
-            found["x"] = (across + 0.5) * dx
-            found["y"] = (down + 0.5) * dy
+        # Those of a turned image have no coordinates of the map.
+        mapped = info and not turned
+        x0, y0, east, north = place if mapped else corner
+        found["x"] = east + (np.arange(envi.sizes["samples"]) + 1.5 - x0) * dx
+        found["y"] = north + (np.arange(envi.sizes["lines"]) + 1.5 - y0) * (-dy if mapped else dy)
     return found
 
 
