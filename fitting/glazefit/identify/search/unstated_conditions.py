@@ -40,8 +40,8 @@ CONDITIONS = (
     Condition(_VARNISHED, 0.08, varnish=AMOUNTS["yellowed"][0]),
     Condition("over a light ground", 0.4, ground=_LIGHT, opaque=False),
     Condition("hiding its ground", 0.05, opaque=True),
-    Condition("over a lighter ground than told", 0.03, ground=_LIGHT),
-    Condition("over a darker ground than told", 0.03, ground=_DARK),
+    Condition("over a lighter ground than stated", 0.03, ground=_LIGHT),
+    Condition("over a darker ground than stated", 0.03, ground=_DARK),
 )
 """All that are tried, by number; the first is what was stated."""
 CONDITIONS_OF_VARNISH: dict[str, tuple[int, ...]] = {

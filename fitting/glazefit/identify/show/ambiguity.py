@@ -35,7 +35,7 @@ def describe_indistinguishable(found: Identification, row: int) -> str:
     there are none.
     """
     pairs = [" or ".join((paint, *others)) for paint, others in found.not_told(row).items()]
-    return f"This spectrum does not tell whether it is {'; '.join(pairs)}." if pairs else ""
+    return f"This spectrum does not decide between {'; '.join(pairs)}." if pairs else ""
 
 
 def describe_undecided(
