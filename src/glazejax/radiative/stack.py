@@ -264,7 +264,10 @@ class _Inputs(NamedTuple):
 def _evaluate(inputs: _Inputs, tolerance: float, method: str, run: Any) -> Any:
     def evaluate(given: Mapping[str, Any]) -> Any:
         stack, settings, batch = _prepare(_Inputs(**given), tolerance, method)
-        return jax.tree.map(lambda part: _shaped(part, batch), run(stack, settings))
+        found = run(stack, settings)
+        if isinstance(found, Split):
+            return Split(*(_shaped(part, batch) for part in found))
+        return _shaped(found, batch)
 
     return on_its_devices(evaluate, inputs._asdict(), OF_LAYERS)
 
@@ -380,7 +383,7 @@ def _within_reach(tolerance: float, method: str, *, single: bool) -> float:
             f"tolerance is {tolerance:g}, but {finest:g} is the least there is {words}",
             stacklevel=7,
         )
-    return max(tolerance, finest)
+    return max(float(tolerance), finest)
 
 
 @functools.partial(Program, fixed=("settings",))
