@@ -40,6 +40,7 @@ _CONE = (1, 2, 3, 4)
 _CROWDING_OFFSETS = (-0.6, -0.45, -0.3, -0.15, 0.0, 0.15)
 
 
+@functools.lru_cache(maxsize=256)
 def resolve_known(
     tolerance: float, refractive_index: float, least_cosine: float = 1.0
 ) -> Resolution:
