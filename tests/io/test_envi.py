@@ -120,7 +120,11 @@ def bad(values, where, value):
     [
         (None, {"wavelength": None}, "no wavelengths; add"),
         (None, {"wavelength": "{400, 410}"}, "2 wavelengths for 31 bands"),
-        (None, {"wavelength": "{x" + ",x" * 30 + "}"}, "number 1 in the header is .x., not a number"),
+        (
+            None,
+            {"wavelength": "{x" + ",x" * 30 + "}"},
+            "number 1 in the header is .x., not a number",
+        ),
         (None, {"wavelength": "{" + ",".join(["500"] * 31) + "}"}, "500 nm is given twice"),
         (None, {"wavelength_units": "GHz"}, "wavelengths are in 'GHz'"),
         (
