@@ -65,7 +65,7 @@ def test_envi_is_legal_for_spectral_python(tmp_path):
 def test_bright_spectra_survive_csv(tmp_path):
     table = SpectraTable(GRID, ("glare",), np.full((1, GRID.size), 2.5))
     write_spectra(table, tmp_path / "t.csv")
-    assert (tmp_path / "t.csv").read_text().startswith(f"\"{WIDE_TITLE}\",400,")
+    assert (tmp_path / "t.csv").read_text().startswith(f'"{WIDE_TITLE}",400,')
     same(read_spectra(tmp_path / "t.csv"), GRID, table.reflectance, ["glare"])
 
 
