@@ -78,10 +78,12 @@ def identify(
         bool,
         typer.Option(
             "--bare",
-            help="--ground is what the same instrument reads from the bare ground, in air.",
+            help="--ground is the reading of the bare ground by the same instrument, in air.",
         ),
     ] = False,
-    opaque: Annotated[bool, typer.Option("--opaque", help="The films hide their ground.")] = False,
+    opaque: Annotated[
+        bool, typer.Option("--opaque", help="The paint is opaque: the ground does not show.")
+    ] = False,
     pigments: options.Pigments = None,
     catalogue: Annotated[str | None, options.catalogue_option(options.PIGMENTS)] = None,
     references: Annotated[Path | None, options.REFERENCES] = None,
@@ -101,16 +103,16 @@ def identify(
         int,
         typer.Option(
             callback=options.between(1, 3),
-            help="Most coats: 2 says whether two paints were mixed or laid one over the other, 3 "
-            "does so for three, some ten seconds a spectrum.",
+            help="Largest number of coats: 2 decides whether two paints were mixed or laid one "
+            "over the other, 3 does so for three (some ten seconds a spectrum).",
         ),
     ] = 1,
     own_films: Annotated[
         bool,
         typer.Option(
             "--own-films",
-            help="The films are by the hand that made the catalogue's: seek its paints, not "
-            "families of pigments.",
+            help="The films are by the maker of the catalogue: search its paints, not families of "
+            "pigments.",
         ),
     ] = False,
     elements: Annotated[
@@ -118,8 +120,8 @@ def identify(
         typer.Option(
             metavar="SYMBOLS",
             callback=options.checked(_check_elements),
-            help="Elements that X-ray fluorescence found, such as Cu,Pb: weigh for families that "
-            "hold them (--catalogue pigments).",
+            help="Elements found by X-ray fluorescence, such as Cu,Pb: families with them become "
+            "more probable (--catalogue pigments).",
             show_default=False,
         ),
     ] = "",
@@ -128,7 +130,7 @@ def identify(
         typer.Option(
             metavar="SYMBOLS",
             callback=options.checked(_check_elements),
-            help="Elements that it looked for and did not find, such as Co,Cr.",
+            help="Elements that X-ray fluorescence did not find, such as Co,Cr.",
             show_default=False,
         ),
     ] = "",
@@ -136,23 +138,24 @@ def identify(
         int | None,
         typer.Option(
             metavar="YEAR",
-            help="Year of the painting, such as 1620: pigments that were not in use are "
-            "fifty times less probable, and marked.",
+            help="Year of the painting, such as 1620: pigments not in use then become fifty times "
+            "less probable, and are marked.",
             show_default=False,
         ),
     ] = None,
     varnish: Annotated[
         str | None,
         typer.Option(
-            help="What is known of a varnish: none, thin, yellowed or unknown. Unless said: none "
-            "with --catalogue pigments, else unknown.",
+            help="Varnish: none, thin, yellowed or unknown. Default: none with --catalogue "
+            "pigments, else unknown.",
             show_default=False,
         ),
     ] = None,
     thorough: Annotated[
         bool,
         typer.Option(
-            "--thorough", help="Fit every pair of paints in full: some five times as long."
+            "--thorough",
+            help="Fit every pair of paints in full, which takes some five times as long.",
         ),
     ] = False,
     instrument: Annotated[str | None, options.instrument_option(_GEOMETRY)] = None,
@@ -165,7 +168,7 @@ def identify(
         int,
         typer.Option(
             callback=options.between(1),
-            help="Number of explanations shown and written for each spectrum.",
+            help="Number of explanations for each spectrum.",
         ),
     ] = 5,
     csv: options.Csv = None,
@@ -182,9 +185,9 @@ def identify(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Also write a report, such as report.html: one page to file, with each spectrum, "
-            "its best fits, amounts with 90 % intervals and what was ruled out; beside it the "
-            "same as report.csv and report.json.",
+            help="Also write a report, such as report.html: one page to file with each spectrum, "
+            "its best fits, amounts with 90 % intervals and excluded paints. The same is "
+            "written to report.csv and report.json.",
             show_default=False,
         ),
     ] = None,
@@ -194,12 +197,12 @@ def identify(
     operator: head.Operator = "",
     overwrite: options.Overwrite = False,
 ) -> None:
-    """Identify the pigments in a paint, whoever made it: a ranked list with probabilities.
+    """Identify the pigments in anybody's paint: a ranked list with probabilities.
 
-    --catalogue oils or acrylics, or your own --pigments, asks for films by
-    that one maker instead: paints, fractions and thickness, on the scale of
-    the catalogue; films of its oils are taken as 25 micrometres thick. Films
-    that were read over two cards are asked for both.
+    --catalogue oils or acrylics, or your own --pigments, searches the paints
+    of that one maker instead, with fractions and thickness, on the scale of
+    the catalogue (its oils: typical films of 25 micrometres). Films over two
+    cards are searched in both.
 
     Example: glazejax identify spectra.csv --opaque --instrument 45:0
     """
@@ -211,8 +214,8 @@ def identify(
     )
     if pigments is not None and catalogue == options.PIGMENTS and not own_films:
         raise ValueError(
-            f"--catalogue pigments is sought by family, and the paints of {pigments} have none: "
-            "choose --catalogue oils or acrylics beside them, or leave out --pigments"
+            f"--catalogue pigments is searched by family, and the paints of {pigments} have none: "
+            "add --catalogue oils or acrylics, or leave out --pigments"
         )
     if opaque and ground is not None:
         raise ValueError("--opaque films show no ground: leave out --ground, or leave out --opaque")
@@ -284,7 +287,7 @@ def identify(
     if references is not None:
         if not by_family:
             raise ValueError(
-                "--references are sought by family: give --catalogue pigments, and neither "
+                "--references are searched by family: give --catalogue pigments, and neither "
                 "--pigments nor --own-films"
             )
         from .families.references import read_references
@@ -477,7 +480,7 @@ def _read_spectra(
         films = films.select(chosen) if chosen else films
         if by_family:
             changes = (
-                "families are sought from the readings over the white cards, of which the mean is "
+                "families are searched by the readings over the white cards, of which the mean is "
                 "taken; those over black are not used",
             )
         progress.print_notes(console, file, changes)
@@ -505,8 +508,8 @@ def _read_spectra(
     rows = options.choose_rows(file, table.names, chosen)
     if len(rows) > _MANY and not by_family:
         note = (
-            f"{len(rows)} spectra are sought one by one; an image is done far sooner by glazejax "
-            "map, and --samples chooses some (Ctrl-C keeps what is finished)"
+            f"{len(rows)} spectra are searched one by one: an image is much faster with glazejax "
+            "map, and --samples chooses some (Ctrl-C keeps finished ones)"
         )
         progress.print_notes(console, file, (note,))
     spectra = table.reflectance[rows] @ mean

@@ -64,7 +64,7 @@ def identify_chunks(
         return
     if options.elements or options.without_elements or options.painted is not None:
         raise ValueError(
-            "elements and years are weighed where families of pigments are sought: use "
+            "elements and years apply to families of pigments only: use "
             "catalogue.load('pigments') (--catalogue pigments)"
         )
     searcher = Searcher.of(wavelengths, pigments, options, opaque=opaque)

@@ -367,7 +367,7 @@ def _check_grounds(films: Films) -> None:
     if hides:
         raise ValueError(
             f"coats of {hides[0]!r} lie on a ground that counts: name its rows '{hides[0]}_ow' and "
-            f"'{hides[0]}_w' (the bare ground beside it), on a dark ground _ob and _b"
+            f"'{hides[0]}_w' (its bare ground), on a dark ground _ob and _b"
         )
     unread = np.argwhere(films.assumed & films.seen)
     if len(unread):

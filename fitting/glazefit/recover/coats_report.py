@@ -53,7 +53,8 @@ def print_coats(
         change = float(prediction.delta_e(thickest.reflectance))
         console.print(
             f"{prediction.paint}, {prediction.coats:g} coats on the ground of {thickest.name!r}: "
-            f"ΔE00 {change:.1f} from that film, foretold to ΔE00 {prediction.expected_error():.1f}."
+            f"ΔE00 {change:.1f} from that film, predicted to "
+            f"ΔE00 {prediction.expected_error():.1f}."
         )
     console.print(
         f"Films of equal coats may differ in thickness by {np.expm1(recovery.spread):.0%}. "
@@ -112,7 +113,7 @@ def plot_coats(
             for prediction in predictions:
                 if prediction.paint != paint:
                     continue
-                label = f"{prediction.coats:g} coats, foretold"
+                label = f"{prediction.coats:g} coats, predicted"
                 (line,) = spectra.plot(grid, prediction.reflectance, "--", label=label)
                 spectra.fill_between(
                     grid, *prediction.interval(), color=line.get_color(), alpha=0.15, lw=0

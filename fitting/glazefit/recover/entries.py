@@ -88,7 +88,7 @@ def add_paints(
     for name in recovery.known:
         if name in file.paints and not _same(recovery, name, file.paints[name]):
             raise ValueError(
-                f"{file.path} has another {name!r} than the fit was told; tell it the file's own, "
+                f"{file.path} has another {name!r} than the fit used: give the fit the file's own, "
                 f"glazejax.catalogue.read(path)[{name!r}] (--white {name})"
             )
     written = entries(recovery, file)

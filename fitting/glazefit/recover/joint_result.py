@@ -17,7 +17,7 @@ from .joint_problem import Expectations, JointProblem, Unknowns
 from .result import RELATIVE_LIMIT, FittedFilms
 
 RULE = (
-    f"k and s count as told apart where the joint fit knows each to {RELATIVE_LIMIT:.0%} of its "
+    f"k and s count as separable where the joint fit knows each to {RELATIVE_LIMIT:.0%} of its "
     "value, if the paint is in a mixture or thicknesses were measured: else its scale is as "
     "expected, not found"
 )

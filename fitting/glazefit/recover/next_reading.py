@@ -168,6 +168,6 @@ def _planned(calibrated: JointRecovery) -> Iterator[tuple[str, float, list[int],
         for number, card in enumerate(("black", "white")):
             if not films.seen[0, number]:
                 yield f"the same film over {card}", 1.0, [number], False
-        yield "a film that hides what is below it", 200.0, [0], True
+        yield "an opaque film", 200.0, [0], True
     for times, label in ((0.5, "half"), (2.0, "twice")):
         yield f"a film {label} as thick over black and white", times, [0, 1], True

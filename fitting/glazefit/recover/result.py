@@ -28,7 +28,7 @@ CONTRAST_LIMIT = 5.0
 RELATIVE_LIMIT = 0.5
 ABSOLUTE_LIMIT = 0.01
 RULE = (
-    "k and s are told apart where the film reads brighter over white than over black by "
+    "k and s are separable where the film reads brighter over white than over black by "
     f"{CONTRAST_LIMIT:g} standard deviations or more, k d and s d are each known to "
     f"{RELATIVE_LIMIT:.0%} of their value or to {ABSOLUTE_LIMIT:g}, and no other pair fits as well"
 )
@@ -139,7 +139,7 @@ class Recovery(FittedFilms, Tabulated):
         return len(self.films)
 
     def __repr__(self) -> str:
-        identified = f"k and s told apart in {self.identifiable.mean():.0%} of bands"
+        identified = f"k and s separable in {self.identifiable.mean():.0%} of bands"
         return (
             f"Recovery({len(self)} films, {describe_grid(self.films.wavelengths)}, {identified}: "
             f"{list_names(self.films.names)})"

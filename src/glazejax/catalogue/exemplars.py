@@ -236,7 +236,7 @@ def _words(origin: Provenance) -> str:
     """An exemplar's provenance as one sentence."""
     return (
         f"{origin.paint}, fitted to the readings of {origin.citation} ({origin.licence}); "
-        f"k told from s by {origin.told_by}"
+        f"k separated from s by {origin.told_by}"
     )
 
 

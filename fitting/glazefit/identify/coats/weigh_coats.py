@@ -270,7 +270,7 @@ def _odds_beforehand(
         },
         layered=float(chances[several].sum()),
         share=1.0,
-        reason="paints by other hands do not tell; name the catalogue of the film's own paints",
+        reason="paints of other makers cannot decide it: name the catalogue of the film's paints",
         amounts_90=np.full((len(set_names), 2), np.nan),
     )
     return (odds,)
@@ -380,7 +380,7 @@ def _reason(
     if np.sqrt(np.mean(off**2)) > 0.03:
         return "neither a mixture nor coats of these paints meet it well"
     if flat.coats[0] == stack.coats[0]:
-        return "the upper coat hides what is below"
+        return "the upper coat hides the lower one"
     if len(flat.paints) == 1:
         return "a second coat, if there is one, hardly shows"
     return "thin coats of these paints look like a mixture"

@@ -64,7 +64,7 @@ def identify_families(
     grounds = measured.readings.shape[1]
     if grounds != 1:
         raise ValueError(
-            f"families of pigments are sought from one reading of a film, not {grounds}: give the "
+            f"families of pigments are searched by one reading of a film, not {grounds}: give the "
             "reading over one ground, or own_films=True"
         )
     mean = means_of_steps(grid, STEP)

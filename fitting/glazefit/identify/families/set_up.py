@@ -349,7 +349,7 @@ def _ranges(
     if not out:
         raise ValueError(
             f"{int(coverage.any(axis=1).sum())} exemplars are known at the spectra's bands, too "
-            "few to learn how paints of one pigment differ: give more, or seek them as paints by "
+            "few to learn how paints of one pigment differ: give more, or search them as paints by "
             "own_films=True (--own-films)"
         )
     # Each exemplar belongs to the widest range that it knows.

@@ -417,7 +417,7 @@ class Identification(Tabulated):
         if likely is not None:
             paint, share = likely
             return (
-                f"most probably with {paint} ({share:.0%}), but what is beside it is open; the "
+                f"most probably with {paint} ({share:.0%}), but its companion is open: the "
                 f"most probable single set, {best.words} ({best.probability:.0%}), is without it"
             )
         more = f"; these pigments {chance:.0%}" if chance > best.probability + 0.05 else ""
@@ -462,7 +462,7 @@ class Identification(Tabulated):
         off = (
             f"has the colour (Delta E00 {nearest.delta_e:.1f}) but not the shape of the spectrum"
             if nearest.delta_e < UNSEEN
-            else f"is off by Delta E00 {nearest.delta_e:.1f}"
+            else f"has an error of Delta E00 {nearest.delta_e:.1f}"
         )
         if self.none[row] < 0.5:
             # Improbable as it is that nothing does, its films are off by more than an eye forgives.

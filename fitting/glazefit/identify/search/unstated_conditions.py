@@ -44,8 +44,8 @@ class Conditions(NamedTuple):
     yellowed_varnish: Condition = Condition(_VARNISHED, 0.08, varnish=AMOUNTS["yellowed"][0])
     light_ground: Condition = Condition("over a light ground", 0.4, ground=_LIGHT, opaque=False)
     hiding: Condition = Condition("hiding its ground", 0.05, opaque=True)
-    lighter_ground: Condition = Condition("over a lighter ground than told", 0.03, ground=_LIGHT)
-    darker_ground: Condition = Condition("over a darker ground than told", 0.03, ground=_DARK)
+    lighter_ground: Condition = Condition("over a lighter ground than stated", 0.03, ground=_LIGHT)
+    darker_ground: Condition = Condition("over a darker ground than stated", 0.03, ground=_DARK)
 
 
 CONDITIONS = Conditions()

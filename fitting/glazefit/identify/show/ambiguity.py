@@ -38,7 +38,7 @@ def describe_indistinguishable(identification: Identification, row: int) -> str:
         " or ".join((paint, *alternatives))
         for paint, alternatives in identification.not_told(row).items()
     ]
-    return f"This spectrum does not tell whether it is {'; '.join(pairs)}." if pairs else ""
+    return f"This spectrum does not decide between {'; '.join(pairs)}." if pairs else ""
 
 
 def describe_undecided(

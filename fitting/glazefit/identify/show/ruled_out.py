@@ -105,11 +105,12 @@ def _judge(
     # Where there is no colour, this root mean square is as bad as a Delta E00 of `REJECTED`.
     if (off > REJECTED) if has_colour else (rmse > 0.03):
         kind = "misfit"
-        reason = f"the nearest film with it is off by {by}"
+        reason = f"the nearest film with it has an error of {by}"
     elif has_colour and off > max(UNSEEN, best.delta_e):
         kind = "worse"
         reason = (
-            f"the nearest film with it is off by {by}, the most probable film by {best.delta_e:.1f}"
+            f"the nearest film with it has an error of {by}, the most probable film of "
+            f"{best.delta_e:.1f}"
         )
     # Half as much again is worse.
     elif rmse > 1.5 * max(best.rmse, float(np.median(identification.measured.noise_sd[row]))):
