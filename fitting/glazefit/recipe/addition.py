@@ -91,6 +91,7 @@ def next_addition(
                 f"{paint.name} is known at {describe_grid(paint.wavelengths)} and the mixture at "
                 f"{describe_grid(grid)}: leave {paint.name} out of what may be added"
             )
+    # The mixture as it came out, then the paints that may be added.
     name = calibrated.paints[0]
     hides = bool(calibrated.films.opaque[0])
     eye = (colour.find_illuminant(illuminant), colour.find_observer(observer))
@@ -108,6 +109,7 @@ def next_addition(
         goal=target.lab(*eye),
         eye=eye,
     )
+    # What brings the colour nearest, in grams.
     amounts = _search(pot)
     grams = {paint.name: float(batch * a) for paint, a in zip(pigments, amounts, strict=True) if a}
     added = {

@@ -298,6 +298,7 @@ def _with_gamut(recipes: list[Recipe]) -> list[Recipe]:
 def _recipe(task: RecipeTask, scored: Scored, near: Float[np.ndarray, "stacks 3"]) -> Recipe:
     """A recipe, from the colours of its neighbours under the first light."""
     target = task.targets[scored.target]
+    # The coats from the top, the largest share of each first.
     coats = []
     layers = []
     for sizes in scored.sizes[: scored.coats]:
@@ -308,12 +309,14 @@ def _recipe(task: RecipeTask, scored: Scored, near: Float[np.ndarray, "stacks 3"
         paints = [task.pigments[paint] for paint in present]
         layers.append(Layer(Mixture(paints, shares) if len(paints) > 1 else paints[0], metres))
         coats.append(Coat(tuple(zip(shares, (p.name for p in paints), strict=True)), metres, 1))
+    # Under the test illuminant, where the target's colour is known there.
     tested = None
     if target.knows(task.test_illuminant):
         light = {"illuminant": task.test_illuminant, "observer": task.observer}
         lab = colour.lab(task.wavelengths, scored.reading, **light)
         tested = float(colour.delta_e_2000(lab, target.lab(**light)))
     miss = scored.reading - task.target_arrays.spectrum[scored.target]
+    # Neighbours with a coat thicker and thinner come first.
     resized = near[: 2 * scored.coats].reshape(scored.coats, 2, 3)
     return Recipe(
         target=target,

@@ -160,6 +160,7 @@ def entries(recovery: JointRecovery, file: PaintFile) -> list[Pigment]:
     slopes, own_modes, shift, sd = conditional_modes(recovery, new, list(columns))
     bands = recovery.wavelengths.size
     pigments = []
+    # New paints: k and s, how known paints' errors move them, and errors of their own.
     for paint in new:
         row = recovery.row(paint)
         modes = np.zeros((first + len(own_modes), 2, bands))
@@ -179,6 +180,7 @@ def entries(recovery: JointRecovery, file: PaintFile) -> list[Pigment]:
                 error_modes=modes,
             )
         )
+    # Known paints that the file lacks, with their own errors.
     for paint in lacking:
         known_paint = references[paint].resample(recovery.wavelengths)
         span = recovery.known_modes[paint]

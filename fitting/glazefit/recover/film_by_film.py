@@ -303,11 +303,13 @@ def _recover_chunk(films: Films, instrument: Instrument, noise: Noise, chunk: in
     nothing = ScatteringPrior(jnp.zeros(size), jnp.zeros(size))
     response = film_response(instrument)
     free = solve(data, response, nothing)
+    # Where the noise leaves k and s apart, and one solution, both are known.
     contrast = np.asarray(
         (free.fitted[:, 1] - free.fitted[:, 0]) / jnp.linalg.norm(data.sd, axis=1)
     )
     distinct = told_apart(np.asarray(free.optical), np.asarray(free.covariance), contrast)
     identifiable = (distinct & ~np.asarray(free.ambiguous)).reshape(-1, bands)
+    # Elsewhere s follows the known bands beside it, and k the ratio.
     mean, weight = neighbours_scattering(
         films.wavelengths,
         np.log(np.asarray(free.optical[:, 1])).reshape(-1, bands),

@@ -181,6 +181,7 @@ def pose(
     measured = np.asarray(card_data.reflectance)
     # A card's own error reaches the reading through the film, at most as a bare card's does.
     deviation = np.hypot(model_deviation(measured, noise, expected), card_data.ground_sd * measured)
+    # Expected errors of each film's thickness, gloss and weights.
     count, paints = shares.shape
     minor = minor_parts(shares)
     # A paint's own weight error: a share of it, and what the balance leaves open.
@@ -206,6 +207,7 @@ def pose(
     # Of paints that are known only what their modes leave out is free, band by band.
     pull[fixed], stiffness[fixed], steepness[:, fixed] = (0.0, 0.01), 0.0, 0.0
     scale[~np.isnan(gloss), 1] = GLOSS_SD
+    # Bands first, where arrays have them.
     arrays = {
         "reading": np.moveaxis(measured, 1, 0),
         "ground": np.moveaxis(np.asarray(card_data.ground), 1, 0),
@@ -286,6 +288,7 @@ class JointErrors(NamedTuple):
 
 def spread(problem: JointProblem, factors: Factors) -> JointErrors:
     """Inverse of the normal matrix at the solution, in blocks."""
+    # Covariance of each band's unknowns, of the shared ones, and between them.
     modes = np.asarray(problem.band_modes)
     thickness = np.asarray(problem.thickness_modes)
     bands = len(problem.reading)
@@ -302,6 +305,7 @@ def spread(problem: JointProblem, factors: Factors) -> JointErrors:
         + np.swapaxes(cross, 1, 2)
         + np.einsum("obi,op,pbj->bij", modes, other_covariance, modes)
     )
+    # The others move the films' thicknesses too.
     films, per_film = problem.film_scale.shape
     added = np.eye(len(corner))
     added[: films * per_film : per_film, len(corner) - other_count :] += thickness.T

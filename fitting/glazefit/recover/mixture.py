@@ -140,6 +140,7 @@ def predict_mixture(
         mixture = _mix(pigments, recipe, wavelengths, law)
         grid = mixture.wavelengths
         k, s = mixture.coefficients
+        # Draws of the errors of the paints, and of the film's own.
         rng = np.random.default_rng(0)
         mode_groups = mixture.modes
         paint_draws, film = (
@@ -158,6 +159,7 @@ def predict_mixture(
         off = {"paint": drawn_mixture(calibrated)}
         gloss = float(calibrated.gloss[0])
         errors = ReadingErrors.of(calibrated, response, (spread or Spread()).alike)
+    # Film by film: the mean reading, and the deviations of each draw from it.
     empty = np.zeros((len(next(iter(off.values()))), 2, grid.size))
     grounds = (
         usual_cards(grid)

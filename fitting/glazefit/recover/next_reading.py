@@ -89,9 +89,11 @@ def rank_candidates(
         return float(np.mean(delta_e_of_spectra(wavelengths, spectra, middle, observer=10)))
 
     def after(candidate: CandidateReading) -> float:
+        # Covariance of the candidate's readings, noise and all, and theirs with what is open.
         off = candidate.readings - candidate.readings.mean(axis=0)
         reading_covariance = off.T @ off / len(draws) + np.diag(candidate.sd**2)
         open_covariance = off.T @ (draws - centre) / len(draws)
+        # Each draw less its regression on its own noisy reading.
         read = off + candidate.sd * rng.standard_normal(off.shape)
         return expected(
             draws
@@ -133,6 +135,7 @@ def rank_next_readings(
     thickness_errors = calibrated.expectations.thickness * np.random.default_rng(2).standard_normal(
         len(off)
     )
+    # Few bands stand for all: neighbours tell the same.
     bands = reading_bands(grid.size, 8)
 
     def bodies(metres: float, off: np.ndarray) -> np.ndarray:

@@ -212,6 +212,7 @@ def predict_films(
     paints = len(recovery.paints)
     response = response or film_response(instrument)
     card_data = card_readings(films, instrument, noise)
+    # Errors of the paints as the recovery has them: their level over the bands, and their shape.
     best = np.asarray(recovery.unknowns.paints)[None]
     drawn = np.asarray(recovery.draws.paints)
     off = np.asarray(recovery.draws.bands - recovery.unknowns.bands)

@@ -55,6 +55,7 @@ class ReadingErrors:
             alike: correlation of errors of one film over two cards.
         """
         films = calibrated.films
+        # Readings by the solution and by each draw: what the measured ones differ by is error.
         best = jax.tree.map(lambda leaf: np.asarray(leaf)[None], calibrated.unknowns)
         expected = _readings_of(calibrated, response, best)
         several = _readings_of(calibrated, response, calibrated.draws)

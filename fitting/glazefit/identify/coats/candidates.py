@@ -64,6 +64,7 @@ def with_coats(
         pool: their candidates of one coat.
         weighed: sets for them.
     """
+    # Of each spectrum: the evidence of all weighed mixtures, and the largest of any arrangement.
     count = len(measured)
     flat = np.full(count, -np.inf)
     best = np.full(count, -np.inf)
@@ -74,6 +75,7 @@ def with_coats(
     rare = log_rarity(task)
     scale = np.asarray(logsumexp(pool.log_weight, axis=1)) - flat
 
+    # Arrangements of two coats, on the scale on which the pool weighs the same mixtures.
     rows = []
     pools = []
     for weighed_set in weighed:

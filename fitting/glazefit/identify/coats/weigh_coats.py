@@ -332,8 +332,10 @@ def _odds_of(spectra: _CoatSpectra, weighed: WeighedSet, number: int) -> CoatsOd
     """Odds of one film for one set."""
     names = [spectra.names[member] for member in weighed.members]
     logs = weighed.logs[:, number]
+    # Probability of each arrangement of this set.
     chances = np.exp(logs - np.asarray(logsumexp(logs)))
     best = int(np.argmax(chances))
+    # Amounts in the most probable one, where the ground shows.
     amounts = np.full((len(names), 2), np.nan)
     if not spectra.films.hides:
         evidence = weighed.evidence[best]

@@ -68,6 +68,7 @@ def _answer(
     of a group beside one another.
     """
     chosen = chosen & (probabilities > _SMALL * total)
+    # Families of each set that has a chance, with the groups that they are of.
     chances = probabilities[chosen].tolist()
     named = [
         [(group_of(name), name) for name in (search.families[m] for m in row if m >= 0)]

@@ -338,6 +338,7 @@ def _ranges(
     share = taught.mean(axis=0)
     if not share.max() > 0:
         raise ValueError("no exemplar is known at the wavelengths of the spectra")
+    # A narrow range that nearly all exemplars know, and a wide one that many know.
     limits = [_NARROW * share.max(), _WIDE]
     out: list[Bool[np.ndarray, "bands"]] = []
     for limit in limits:
@@ -351,6 +352,7 @@ def _ranges(
             "few to learn how paints of one pigment differ: give more, or search them as paints by "
             "own_films=True (--own-films)"
         )
+    # Each exemplar belongs to the widest range that it knows.
     covered = [coverage[:, bands].all(axis=1) for bands in out]
     pairs = []
     for number, bands in enumerate(out):

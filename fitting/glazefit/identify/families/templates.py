@@ -175,6 +175,7 @@ def _over(
         np.einsum("fm,fmb->fb", fractions, np.nan_to_num(values, nan=1.0)[members])
         for values in coefficients
     )
+    # A film is not known where one of its exemplars is not.
     missing = np.isnan(coefficients[0])
     absent = missing[members[:, 0]] | ((members[:, 1:] >= 0) & missing[members[:, 1]])
     readings = [

@@ -420,10 +420,10 @@ class Identification(Tabulated):
                 f"most probably with {paint} ({share:.0%}), but its companion is open: the "
                 f"most probable single set, {best.words} ({best.probability:.0%}), is without it"
             )
-        more = f"; these pigments {chance:.0%}" if chance > best.probability + 0.05 else ""
+        suffix = f"; these pigments {chance:.0%}" if chance > best.probability + 0.05 else ""
         # The sentence names 'none of these' from a chance of a tenth on.
-        more += f"; none of these paints {self.none[row]:.0%}" if self.none[row] >= 0.1 else ""
-        return f"{best.words} (probability {best.probability:.0%}{more})"
+        suffix += f"; none of these paints {self.none[row]:.0%}" if self.none[row] >= 0.1 else ""
+        return f"{best.words} (probability {best.probability:.0%}{suffix})"
 
     def came_true(self, row: int) -> tuple[int, int] | None:
         """Of answers by family that stated as much of paint by others: how many were right, and

@@ -88,10 +88,12 @@ def choose_bands(
         wavelengths: (bands,), nm.
         length: distance over which the model's smooth error stays alike, nm.
     """
+    # Covariance of readings over films, a common level, and smooth errors.
     count = len(wavelengths)
     alike = films.T @ films / len(films) + 1.0
     for sd, reach in _SMOOTH:
         alike += sd**2 * smooth_kernel(wavelengths, reach)
+    # Cholesky's columns, the band of the largest remaining variance next; the ends come first.
     remaining = np.diag(alike).copy()
     factor = np.zeros((count, count))
     index: list[int] = []
@@ -102,6 +104,7 @@ def choose_bands(
         factor[:, len(index)] = column
         remaining = np.maximum(remaining - column**2, 0.0)
         index.append(band)
+    # Regression of all bands on these, and what it misses of films and of the smooth error.
     order = np.sort(index)
     spread = np.linalg.solve(alike[np.ix_(order, order)], alike[order]).T
     smooth = smooth_kernel(wavelengths, length)
@@ -165,12 +168,14 @@ def gather(few_bands: FewBands, measured: Measured, discrepancy: ModelError) -> 
 
     What these bands miss of films and of the model's smooth error counts as noise.
     """
+    # Variance of a reading about what few bands predict of it.
     spectra, grounds, bands = measured.readings.shape
     count = len(few_bands.index)
     rough = (discrepancy.amplitude + discrepancy.share * measured.readings) * few_bands.rough
     variance = measured.noise_sd**2 + few_bands.missed**2 + rough**2
     precise = 1.0 / variance
 
+    # Weighted least squares of the readings at all bands.
     normal = few_bands.weighted_square(precise)
     covariance = np.linalg.inv(normal)
 
@@ -186,6 +191,7 @@ def gather(few_bands: FewBands, measured: Measured, discrepancy: ModelError) -> 
         + np.linalg.slogdet(normal)[1].sum(axis=1)
         + grounds * (bands - count) * np.log(2.0 * np.pi)
     )
+    # What counts as near, gathered in the same way.
     near = few_bands.weighted_square(1.0 / tolerance(measured) ** 2)
     all_bands = AllBands(
         noise=_over_grounds(covariance),

@@ -309,6 +309,7 @@ def _fit(
     """
     task = chunk.task
     kind = task.precision
+    # All in the precision of the fit.
     response, paints = task.films
     grounds, target, *expected = (
         np.asarray(values, kind)

@@ -185,12 +185,14 @@ def check_spectra(
             f"spectra of shape {shape} are not (bands,), (spectra, bands) or (spectra, grounds, "
             f"bands) with {grid.size} bands"
         )
+    # A name for each spectrum, and no name twice.
     labels = tuple(names) if names is not None else tuple(str(i + 1) for i in range(len(readings)))
     if len(labels) != len(readings):
         raise ValueError(f"{len(labels)} names were given for {len(readings)} spectra")
     if len(set(labels)) < len(labels):
         twice = next(name for name in labels if labels.count(name) > 1)
         raise ValueError(f"two spectra are called {twice!r}; names must differ")
+    # Readings are fractions.
     wrong = ~(np.isfinite(readings) & (readings >= 0) & (readings <= _TOO_BRIGHT))
     if wrong.any():
         row, _, band = (int(i) for i in np.argwhere(wrong)[0])
@@ -198,6 +200,7 @@ def check_spectra(
             f"the reflectance of {labels[row]!r} at {grid[band]:g} nm is {readings[wrong][0]:g}; "
             f"it must be a fraction from 0 to {_TOO_BRIGHT:g} (divide percent by 100)"
         )
+    # One ground for all, for each ground of a film, or for each spectrum.
     below = np.asarray(UNSEEN_GROUND if ground is None else ground, dtype=np.float64)
     if below.ndim == 1 and below.shape[0] != grid.size:
         raise ValueError(
@@ -213,6 +216,7 @@ def check_spectra(
     if not ((below >= 0) & (below <= 1)).all():
         value = below[~((below >= 0) & (below <= 1))][0]
         raise ValueError(f"a ground's internal reflectance is {value:g}; it must lie in [0, 1]")
+    # Spectra that are rougher than the stated noise are as noisy as they are rough.
     roughness = noise_of_each(readings).max(axis=-1)[:, None, None]
     doubt = np.empty((len(readings), 0, *readings.shape[1:]))
     return Measured(
