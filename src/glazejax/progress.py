@@ -11,9 +11,9 @@ class Progress(Protocol):
     the bytes of a pipe), and `words` say what is being done, as in 'computing spectra'.
     """
 
-    def __call__(self, done: int, total: int | None, words: str, /) -> object:
+    def __call__(self, done: int, total: int | None, stage: str, /) -> object:
         """Take note of a part that is done."""
 
 
-def no_progress(done: int, total: int | None, words: str, /) -> None:
+def no_progress(done: int, total: int | None, stage: str, /) -> None:
     """Tells nobody: the default of a `progress=` argument."""

@@ -142,11 +142,11 @@ class Catalogue(_Paints):
         return f"Catalogue({', '.join(self)})"
 
 
-def _unknown(name: str, known: tuple[str, ...]) -> str:
-    near = nearest_names(str(name).replace(" ", ""), known, cutoff=0.4, shortest=1)
+def _unknown(name: str, choices: tuple[str, ...]) -> str:
+    near = nearest_names(str(name).replace(" ", ""), choices, cutoff=0.4, shortest=1)
     if near:
         return f"unknown pigment {name!r}; nearest: " + ", ".join(map(repr, near))
-    return f"unknown pigment {name!r}; the catalogue has {', '.join(known)}"
+    return f"unknown pigment {name!r}; the catalogue has {', '.join(choices)}"
 
 
 def names() -> tuple[str, ...]:
@@ -260,8 +260,8 @@ def caution(paint: "Pigment") -> str:
     shelf = next((n for n, s in _SHIPPED.items() if s.provenance == paint.provenance), "")
     # A paint of another catalogue than the oils may have that before its name.
     name = paint.name.replace("/", ":").rpartition(":")[2]
-    known = families_of(shelf).get(name, "")
-    about = families().get(paint.family or known)
+    exemplar_family = families_of(shelf).get(name, "")
+    about = families().get(paint.family or exemplar_family)
     return "" if about is None else about.caution
 
 

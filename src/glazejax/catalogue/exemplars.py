@@ -218,10 +218,10 @@ def read_exemplars(shelves: "dict[str, dict[str, Pigment]]") -> "dict[str, Pigme
         for name, family in families_of(shelf).items()
         if family
     }
-    known = provenance()
+    origins = provenance()
     out: "dict[str, Pigment]" = {}
     for name, pigment in sorted({**fitted, **paints}.items(), key=lambda pair: pair[0].casefold()):
-        origin = known[name]
+        origin = origins[name]
         out[name] = pigment.renamed(
             name,
             family=origin.family,

@@ -58,8 +58,8 @@ def _check_range(name: str, values: Numbers, low: float, high: float, hint: str 
     if array is None:
         return
     if not (jnp.issubdtype(array.dtype, jnp.floating) or jnp.issubdtype(array.dtype, jnp.integer)):
-        given = repr(array.item()) if array.ndim == 0 else f"an array of {array.dtype}"
-        raise ValueError(f"{name} must be real numbers, not {given}")
+        received = repr(array.item()) if array.ndim == 0 else f"an array of {array.dtype}"
+        raise ValueError(f"{name} must be real numbers, not {received}")
     wrong = array[~((array >= low) & (array <= high) & np.isfinite(array))]
     if wrong.size:
         bounds = f"finite and at least {low:g}" if high == np.inf else f"in [{low:g}, {high:g}]"
@@ -78,8 +78,8 @@ def _legal_modes(name: str, modes: Numbers, bands: int) -> Float[Array, "modes 2
         raise ValueError(
             f"error_modes of {name!r} have shape {values.shape}; they must be (modes, 2, {bands})"
         )
-    known = concrete(values)
-    if known is not None and not np.all(np.isfinite(known)):
+    numbers = concrete(values)
+    if numbers is not None and not np.all(np.isfinite(numbers)):
         raise ValueError(f"error_modes of {name!r} must be finite")
     return as_float_array(values)
 
@@ -247,8 +247,8 @@ class Pigment(_Labelled):
     @property
     def identifiable(self) -> Bool[np.ndarray, "bands"] | None:
         """Mask of bands where the data determine both k and s, (bands,), or None if not stated."""
-        known = self._labels.identifiable
-        return None if known is None else np.asarray(known)
+        mask = self._labels.identifiable
+        return None if mask is None else np.asarray(mask)
 
     def resample(self, wavelengths: Grid) -> "Pigment":
         """The same paint on another grid (nm), by linear interpolation.
@@ -270,8 +270,8 @@ class Pigment(_Labelled):
         phase = self.phase
         if phase is not None and phase.ndim == 2 and phase.shape[0] > 1:
             phase = on_numpy_or_jax(matmul, matrix.T.astype(phase.dtype), phase)
-        known = self.identifiable
-        seen = None if known is None else ~np.any(matrix[~known] > 0, axis=0)
+        mask = self.identifiable
+        resampled = None if mask is None else ~np.any(matrix[~mask] > 0, axis=0)
         return type(self)(
             wavelengths=wavelengths,
             absorption=at(self.absorption),
@@ -280,7 +280,7 @@ class Pigment(_Labelled):
             scattering_sd=at(self.scattering_sd),
             error_modes=at(self.error_modes),
             phase=phase,
-            **{**vars(self._labels), "identifiable": seen},
+            **{**vars(self._labels), "identifiable": resampled},
         )
 
     def renamed(
@@ -295,11 +295,11 @@ class Pigment(_Labelled):
         """The same paint under another name, and with another family, source, binder or provenance
         where these are given.
         """
-        given = {"family": family, "source": source, "binder": binder, "provenance": provenance}
-        new = {key: words for key, words in given.items() if words is not None}
-        other = copy(self)
-        object.__setattr__(other, "_labels", replace(self._labels, name=name, **new))
-        return other
+        changes = {"family": family, "source": source, "binder": binder, "provenance": provenance}
+        new = {key: value for key, value in changes.items() if value is not None}
+        renamed = copy(self)
+        object.__setattr__(renamed, "_labels", replace(self._labels, name=name, **new))
+        return renamed
 
     def __repr__(self) -> str:
         return f"Pigment({self.name!r}, {describe_grid(self.wavelengths)})"
@@ -350,10 +350,12 @@ class Mixture(_Labelled):
         values = concrete(fractions)
         if values is not None:
             totals = values.astype(np.float64).sum(axis=-1).ravel()
-            worst = totals[np.abs(totals - 1.0).argmax()] if totals.size else 1.0
-            if abs(worst - 1.0) > 1e-6:
-                fix = "divide them by their sum" if worst > 0 else "at least one must be positive"
-                raise ValueError(f"weights must sum to 1, but sum to {worst:.7g}: {fix}")
+            furthest = totals[np.abs(totals - 1.0).argmax()] if totals.size else 1.0
+            if abs(furthest - 1.0) > 1e-6:
+                fix = (
+                    "divide them by their sum" if furthest > 0 else "at least one must be positive"
+                )
+                raise ValueError(f"weights must sum to 1, but sum to {furthest:.7g}: {fix}")
         self.pigments = pigments
         self.weights = as_float_array(fractions)
         self._labels = _Labels(" + ".join(p.name for p in pigments) if name is None else name)
@@ -382,8 +384,8 @@ class Mixture(_Labelled):
         """Legendre moments of the phase function, (..., bands, terms), or None if all paints
         scatter isotropically.
         """
-        parts = [self.weights[..., i, None] * p.scattering for i, p in enumerate(self.pigments)]
-        return mix_moments([p.phase for p in self.pigments], parts)
+        scattered = [self.weights[..., i, None] * p.scattering for i, p in enumerate(self.pigments)]
+        return mix_moments([p.phase for p in self.pigments], scattered)
 
     def resample(self, wavelengths: Grid) -> "Mixture":
         """The same mixture on another grid (nm); see `Pigment.resample`."""
@@ -553,8 +555,8 @@ def amounts(tree: Any) -> Any:
 
 
 def stack_of(glaze: Glaze) -> tuple[Float[Known, "..."], Float[Known, "..."], Numbers]:
-    """Albedo and optical thickness of all coats, each (..., bands, layers), top layer first, and the
-    ground.
+    """Albedo and optical thickness of all coats, each (..., bands, layers), top layer first, and
+    the ground.
     """
     if "_stack" in vars(glaze):
         return vars(glaze)["_stack"]
@@ -588,9 +590,9 @@ def _blend(
 ) -> Float[Known, "*batch bands"]:
     """Sum of spectra, weighted."""
 
-    def total(_: Any, weights: Any, *parts: Any) -> Any:
+    def total(_: Any, weights: Any, *spectra: Any) -> Any:
         return functools.reduce(
-            operator.add, [weights[..., i, None] * part for i, part in enumerate(parts)]
+            operator.add, [weights[..., i, None] * spectrum for i, spectrum in enumerate(spectra)]
         )
 
     return numpy_or_jax(total, weights, *spectra)
@@ -612,11 +614,11 @@ def _depth(xp: Any, extinction: Any, *thickness: Any) -> Any:
     return extinction * _side_by_side(xp, *thickness)[..., None, :]
 
 
-def _side_by_side(xp: Any, *each: Any) -> Any:
+def _side_by_side(xp: Any, *arrays: Any) -> Any:
     """Arrays of coats on a last axis."""
-    if len({one.shape for one in each}) > 1:
-        each = xp.broadcast_arrays(*each)
-    return xp.stack(each, axis=-1)
+    if len({array.shape for array in arrays}) > 1:
+        arrays = xp.broadcast_arrays(*arrays)
+    return xp.stack(arrays, axis=-1)
 
 
 def _check_batches(coats: Sequence[Layer], ground: tuple[int, ...]) -> None:
@@ -627,9 +629,9 @@ def _check_batches(coats: Sequence[Layer], ground: tuple[int, ...]) -> None:
     try:
         np.broadcast_shapes(*shapes, ground)
     except ValueError:
-        said = ", ".join(map(str, shapes))
+        listed = ", ".join(map(str, shapes))
         raise ValueError(
-            f"thicknesses of shapes {said} over grounds of shape {ground} are no one batch: give "
+            f"thicknesses of shapes {listed} over grounds of shape {ground} are no one batch: give "
             "as many of each, or one; thickness[:, None] pairs each with each"
         ) from None
 
