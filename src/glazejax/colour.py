@@ -301,7 +301,7 @@ def srgb(
 
     Args:
         wavelengths, reflectance, illuminant, observer: as `xyz`.
-        clip: clip to [0, 1]. Unclipped values tell how far outside the gamut a colour lies; below
+        clip: clip to [0, 1]. Unclipped values show how far outside the gamut a colour lies; below
             zero they follow the straight part of the encoding.
 
     Raises:

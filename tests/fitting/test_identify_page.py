@@ -390,7 +390,10 @@ def test_why_a_paint_is_ruled_out():
     assert judged(0.002, share=0.005)["Chalk"].kind == "absent"
     off = judged(0.15)["Chalk"]
     assert off.kind == "misfit"
-    assert off.reason == f"Chalk: the nearest film with it has an error of Delta E00 {off.delta_e:.1f}."
+    assert (
+        off.reason
+        == f"Chalk: the nearest film with it has an error of Delta E00 {off.delta_e:.1f}."
+    )
     # Off to and fro between bands, which no eye sees.
     rough = judged(0.02 * (-1.0) ** np.arange(GRID.size))["Chalk"]
     assert rough.kind == "worse"

@@ -246,7 +246,7 @@ def identify(
         catalogue = options.PIGMENTS
         chosen = own_films or only or without
         if not (chosen or opaque or ground) and _over_cards(read_spectra(file, **said).names):
-            # Two cards tell a film's thickness too, and families have none.
+            # Two cards give a film's thickness too, and families have none.
             of_families = {
                 "references": None,
                 "elements": "",
@@ -489,7 +489,7 @@ def _read_spectra(
                 names=films.names,
                 wavelengths=films.wavelengths,
                 spectra=films.over_white,
-                # One ground for all: each other one is a search that is set up anew.
+                # One ground for all: each other one is a search that is set up again.
                 ground=inside(films.bare_white.mean(axis=0)),
                 words=("white card, measured bare, the mean of all",),
                 notes=(*notes, *changes),

@@ -109,8 +109,8 @@ def identify(
             varnish.
 
     Pigments that have a family and a source, as ``catalogue.load("pigments")`` gives them, are
-    sought by family: which pigment it is in anybody's paint, ``families(row)``, with the exemplars
-    that look most like it as candidates. ``own_films=True`` seeks them as paints.
+    searched by family: ``families(row)`` are the pigments in anybody's paint, with the most
+    similar exemplars as candidates. ``own_films=True`` searches them as paints.
 
     Returns:
         `Identification`; ``ranked(row)`` lists the explanations of a spectrum, ``none[row]`` is the

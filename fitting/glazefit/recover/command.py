@@ -187,7 +187,7 @@ def recover(
 
     Films called 'Smalt 1 coat', 'Smalt 2 coats' are brushed coats of unknown
     thickness, each on a ground that was read bare (NAME_w): k and s are then
-    for one coat, and next_coats.csv foretells the next two coats of each
+    for one coat, and next_coats.csv predicts the next two coats of each
     paint with 90 % bands.
 
     Own tubes: a masstone and one tint over a black-and-white card will do:

@@ -220,7 +220,7 @@ def _set_up_range(
             differences,
             components=components,
         )
-        # The view of one gloss has lost what tells dark paints apart: fewer components hold it.
+        # The view of one gloss has lost what separates dark paints: fewer components hold it.
         for values, differences, components in zip(seen, moved, (25, 12), strict=True)
     )
 

@@ -35,7 +35,7 @@ FAMILY_COLUMNS = (
 
 def table_of(found: Any, top: int | None = None) -> tuple[tuple[str, ...], Iterator[list[object]]]:
     """Titles, and a row for each of the most probable explanations of an `Identification`, of
-    families where these were sought.
+    families where these were searched.
     """
     if found.family_sets:
         return FAMILY_COLUMNS, _family_rows(found, top)

@@ -41,7 +41,7 @@ class SetStarts(NamedTuple):
 
 
 class Screened(NamedTuple):
-    """What tables of films tell of spectra.
+    """Nearest films of spectra in tables.
 
     Attributes:
         starts: sets of one paint and the best of two for every spectrum.

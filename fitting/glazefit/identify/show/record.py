@@ -1,5 +1,5 @@
 """All that is filed of an identification, in plain numbers and words, for the page, the table and
-the JSON alike.
+the JSON.
 """
 
 import platform
@@ -224,7 +224,7 @@ def round_spectra(
     spectra: Float[np.ndarray, "grounds bands"],
 ) -> list[list[float | None]]:
     """Spectra with as many digits as are filed; what is not known at a band is None there."""
-    # Six digits tell spectra in the JSON apart.
+    # Six digits separate spectra in the JSON.
     return [[_number(x) for x in line] for line in np.round(spectra, 6).tolist()]
 
 
@@ -249,7 +249,7 @@ COLUMNS = (
     "amount_low_um",
     "amount_high_um",
 )
-"""Of the table beside a page: a line for each paint of each explanation; low and high end 90 %
+"""Of the table next to a page: a line for each paint of each explanation; low and high end 90 %
 intervals.
 """
 

@@ -16,7 +16,7 @@ from .record import Provenance, make_record
 
 
 class ReportBuilder:
-    """What a report needs beside the identification itself.
+    """What a report needs in addition to the identification.
 
     Args:
         pigments: the catalogue.

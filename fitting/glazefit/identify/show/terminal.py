@@ -146,7 +146,7 @@ def _table(found: Identification, row: int, top: int) -> Table:
     for candidate in found.ranked(row, top):
         cells = [chance(candidate.probability)]
         if not found.opaque:
-            # A film that hides its ground has no thickness that could be told.
+            # A film that hides its ground has no thickness to state.
             cells.append(
                 f"{micrometres(candidate.thickness)} ± {micrometres(candidate.thickness_sd)} µm"
                 if np.isfinite(candidate.thickness)
