@@ -331,6 +331,6 @@ def _print_next_films(recovery: "JointRecovery", catalogue: str, console: "Conso
         )
         console.print(
             f"{paint}: mixtures with white and films of it are predicted to "
-            f"ΔE00 {ranking.now:.1f}. Most useful next film: [bold]{best.film}[/bold] (then {best.expected:.1f}; "
-            f"{runners_up})."
+            f"ΔE00 {ranking.now:.1f}. Most useful next film: [bold]{best.film}[/bold] "
+            f"(then {best.expected:.1f}; {runners_up})."
         )

@@ -203,24 +203,24 @@ class Recovery(FittedFilms, Tabulated):
         )
 
     @classmethod
-    def join(cls, recoveries: Sequence["Recovery"]) -> "Recovery":
+    def join(cls, parts: Sequence["Recovery"]) -> "Recovery":
         """Recoveries of several batches of films as one.
 
         Raises:
             ValueError: there are none.
         """
-        if not recoveries:
+        if not parts:
             raise ValueError("no film was recovered")
 
         def gather(name: str) -> np.ndarray:
-            return np.concatenate([getattr(recovery, name) for recovery in recoveries])
+            return np.concatenate([getattr(recovery, name) for recovery in parts])
 
-        first = recoveries[0].films
+        first = parts[0].films
         films = Films(
-            tuple(name for recovery in recoveries for name in recovery.films.names),
+            tuple(name for recovery in parts for name in recovery.films.names),
             first.wavelengths,
             *(
-                np.concatenate([getattr(recovery.films, what) for recovery in recoveries])
+                np.concatenate([getattr(recovery.films, what) for recovery in parts])
                 for what in SPECTRA
             ),
             notes=first.notes,

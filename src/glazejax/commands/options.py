@@ -612,8 +612,8 @@ def find_paints(names: Iterable[str], shelf: "Mapping[str, Pigment]") -> "dict[s
         found += of_family or [known[_full_name(name, known)]]
     if len(set(filter(None, map(catalogue.assumed_scale, found)))) > 1:
         typer.echo(
-            "note: each catalogue assumes its own scale of length, so its amounts relative to "
-            "another's may have a common factor",
+            "note: each catalogue assumes its own scale of length, so amounts of its paints "
+            "relative to another's may have a common factor",
             err=True,
         )
     return {paint.name: paint for paint in found}
