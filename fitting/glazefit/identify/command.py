@@ -516,8 +516,8 @@ def _read_spectra(
     names = tuple(table.names[i] for i in rows)
     if ground is None and not opaque:
         raise ValueError(
-            f"{file}: what is under the paint? Give --ground, its reflectance such as 0.9 or a "
-            f"table, or --opaque; or rows in fours, such as {names[0]}_b, {names[0]}_w, "
+            f"{file}: no ground is stated: give --ground, its reflectance such as 0.9 or a table, "
+            f"or --opaque, or rows in fours, such as {names[0]}_b, {names[0]}_w, "
             f"{names[0]}_ob and {names[0]}_ow"
         )
     progress.print_notes(console, file, changes)

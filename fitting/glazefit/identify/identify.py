@@ -46,8 +46,8 @@ def identify_chunks(
         raise ValueError(
             "opaque films show no ground: leave out ground, or leave out opaque"
             if opaque
-            else "what is under the paint? Give ground, its internal reflectance such as 0.9, or "
-            "opaque=True for films that hide it"
+            else "no ground is stated: give ground, its internal reflectance such as 0.9, or "
+            "opaque=True for opaque films"
         )
     paints = listed_pigments(pigments)
     # Weighing coats and families imports parts of scipy, and most searches need neither.

@@ -37,7 +37,7 @@ class RunProvenance:
             lengths.
         geometry: of the instrument, in words.
         refractive_index: of the paint.
-        grounds: what is under the paint, a name for each ground.
+        grounds: a name for each ground below the paint.
         notes: what the readers of the files noticed.
         max_paints, max_coats: what was tried.
         settings: of noise, model errors and prior, by name.
