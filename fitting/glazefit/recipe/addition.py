@@ -33,7 +33,7 @@ class Addition:
     """The next addition to a mixture.
 
     Attributes:
-        target: the colour that is sought.
+        target: colour to search for.
         grams: of each paint to add; empty where nothing brings the colour nearer.
         batch: grams of the mixture.
         thickness: of the film whose colour counts, m; None if it hides the ground.
@@ -70,7 +70,7 @@ def next_addition(
 
     Args:
         calibrated: what `glazefit.recover.mixture.calibrate_mixture` found by the reading.
-        target: colour or spectrum that is sought; its colour under the illuminant counts.
+        target: colour or spectrum to search for; its colour under the illuminant counts.
         pigments: that may be added.
         batch: grams of the mixture that are there.
         ground: internal reflectance of the ground; does not matter if the film read hid it.

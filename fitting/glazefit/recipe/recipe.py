@@ -54,7 +54,8 @@ class Recipe(Tabulated):
         sensitivity: for each coat, Delta E 2000 of the colour when that coat alone is 10 % thicker
             or thinner.
         between_mixings: mean Delta E 2000 to be expected from one mixing to the next, by the
-            strength that paints have in one film beside others (`glazefit.film.model.variation`).
+            strength that paints have in one film relative to others
+            (`glazefit.film.model.variation`).
         gamut_distance: the least Delta E 2000 found for the target if that is 1 or more, else 0.
         limit: what keeps a target out of reach: "paints", or a coat at a bound of thickness; "" if
             in reach.
@@ -62,8 +63,8 @@ class Recipe(Tabulated):
             may come nearer.
         steps: of least squares by the solver.
         before: largest Delta E 2000 before these steps, at the amounts that the table led to.
-        mixed: the nearest recipe with paints mixed within its coats, beside one of unmixed coats;
-            else None.
+        mixed: the nearest recipe with paints mixed within its coats, to compare with one of unmixed
+            coats; else None.
     """
 
     target: Target
@@ -243,7 +244,7 @@ def _refine(task: RecipeTask, rough: Stacks) -> Stacks:
     stacks = refine(task, refine(task, rough, None, 12).best(count), None)
     extra_paints = 0 if task.glazes else max(0, task.max_paints - MOST_SCREENED)
     for number in range(extra_paints + max(0, task.max_coats - 2)):
-        # Of unmixed stacks those of one coat less are all that a coat can be added to anew.
+        # Of unmixed stacks those of one coat less are the only ones to which a coat can be added.
         last = stacks.take(np.flatnonzero(stacks.coats == number + 2)) if task.glazes else stacks
         # A few grow, into very many: most of these are dropped before a refinement.
         children = refine(task, grown(task, last.best(4)).best(24), None, 12)

@@ -1,4 +1,4 @@
-"""Constraints that a joint fit may be told beside its films: paints that are known already, and
+"""Constraints of a joint fit in addition to its films: paints that are known already, and
 thicknesses from a gauge.
 
 A known paint keeps its k and s, as far as they are known: its error modes become unknowns of the
@@ -81,7 +81,7 @@ class PaintModes(NamedTuple):
 
 
 class Constraints(NamedTuple):
-    """Means, and how unknowns that are standard normal beforehand (`others`) move what a fit
+    """Means, and how unknowns that are standard normal a priori (`others`) move what a fit
     computes with.
     """
 

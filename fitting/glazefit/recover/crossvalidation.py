@@ -1,5 +1,5 @@
-"""Check of how well a set of films foretells itself: every mixture left out of a joint fit in turn,
-and predicted.
+"""Check of how well a set of films predicts its own mixtures: every mixture left out of a joint fit
+in turn, and predicted.
 
 What the films left out show of how far films are from their recipes (`film.model.variation`)
 sets the bands: of each by what the others showed, and of films to come by what all did.

@@ -173,7 +173,7 @@ def _spread(
     """Fitted readings, and the covariance of k d and s d that the noise of all four readings
     causes.
 
-    Inverse of the Fisher information, J^T W J, plus a vague prior: a value is known beforehand to 1
+    Inverse of the Fisher information, J^T W J, plus a vague prior: a value is known to 1
     + 5 times itself, so that what the data leave open comes out large, not infinite.
     """
 
@@ -252,7 +252,7 @@ def recover_films(
     Args:
         films: measured over a black and a white card.
         instrument: its geometry; by default d:8 with the specular part, refractive index 1.5.
-        noise: of a reading; by default told from the readings' roughness
+        noise: of a reading; by default estimated from the readings' roughness
             (`glazefit.film.noise.estimate_noise`).
         chunk: films solved at a time.
 

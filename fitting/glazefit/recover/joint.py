@@ -1,7 +1,7 @@
 """Joint recovery: k and s of all paints at once, from pure films, tints and shades with known
 weights.
 
-A pure opaque film tells only k/s; its tint with a white that is known tells the rest. So all films
+A pure opaque film gives only k/s; its tint with a known white gives the rest. So all films
 are fitted together (`joint_problem`), each with a thickness of its own, by Levenberg and
 Marquardt's method with a linear solver that knows the structure (`joint_solver`). Thicknesses are
 relative: the unit is that of a typical film.
@@ -68,10 +68,10 @@ def recover_jointly(
         films: measured over a black and a white card, or one of them, or opaque.
         recipes: sample -> paint -> weight, in any unit, of every film.
         instrument: by default d:8 with the specular part, refractive index 1.5.
-        noise: of a reading, by default told from the readings' roughness; `expectations` adds what
-            the model may be off.
+        noise: of a reading, by default estimated from the readings' roughness; `expectations` adds
+            what the model may be off.
         law: mixing law, by default linear by mass.
-        expectations: what is expected beforehand.
+        expectations: the prior.
         use: (films,), 0 for films that are held out and predicted, 1 for the others; by default all
             ones. Or (films, bands), 0 for bands that were not read.
         start: where to start, such as `JointRecovery.unknowns` of a fit of the same films.
@@ -250,7 +250,7 @@ def paint_gloss(
 
 
 def first_guess(problem: JointProblem) -> Unknowns:
-    """Grey paints, all alike, and films as expected."""
+    """Equal grey paints, and films as expected."""
     bands = problem.reading.shape[0]
     # By NumPy: each of these would be a program of its own.
     return Unknowns(

@@ -105,7 +105,7 @@ def predict(
 
     Example: glazejax predict "10 Vermillion + 90 ZincWhite"
     """
-    # What is wrong with the words is told before anything heavy is loaded.
+    # Wrong input is reported before anything heavy is loaded.
     thicknesses = [options.read_length(text) for text in options.split_names(thickness)]
     for option, value in (("--samples", samples), ("--film-thickness", film_thickness)):
         if value and reading is None:

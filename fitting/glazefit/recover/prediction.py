@@ -199,7 +199,7 @@ def predict_films(
         noise: of a reading.
         discrepancy: a film's own errors of size one, by default `film.model.variation.MIXED`.
         variation: how large these are: what films that were left out taught (`LeftOut.variation`),
-            by default what is expected beforehand.
+            by default the prior.
         response: model of one film, by default that of the recovery's instrument.
 
     Raises:

@@ -69,7 +69,8 @@ class Provenance(NamedTuple):
         binder: in words; empty if the source does not say.
         paint: what the source calls it.
         first_nm, last_nm: range of its k and s.
-        told_by: what told k from s; where it begins with ``k/s alone``, s is that of other paints.
+        told_by: how k and s were separated; where it begins with ``k/s alone``, s is that of
+            other paints.
         licence: of the numbers.
         citation: of the source.
     """

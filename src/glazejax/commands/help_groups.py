@@ -1,4 +1,4 @@
-"""Order of a command's ``--help``: common options, then input, search, output and advanced options,
+"""Order of a command's ``--help``: common options, then input, method, output and advanced options,
 each group in its own box.
 """
 
@@ -20,7 +20,7 @@ class HelpGroups(NamedTuple):
     @property
     def boxes(self) -> dict[str, list[str]]:
         """Options by the title of their box, in the order of the help."""
-        titles = ("Common", "Input", "Search", "Output", "Advanced")
+        titles = ("Common", "Input", "Method", "Output", "Advanced")
         return {title: names.split() for title, names in zip(titles, self, strict=True)}
 
 

@@ -563,10 +563,10 @@ def say_asked(
     answer.
 
     Args:
-        paints: that were sought.
+        paints: of the search.
         name: of the catalogue; None with own paints alone.
         own_file: file of these.
-        by_family: whether families of pigments were sought.
+        by_family: whether families of pigments were searched.
     """
     shelves = " and ".join(str(shelf) for shelf in (own_file, name) if shelf is not None)
     if by_family:

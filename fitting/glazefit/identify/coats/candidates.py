@@ -56,7 +56,8 @@ def log_rarity(task: IdentificationTask) -> Float[np.ndarray, "paints"]:
 def with_coats(
     task: IdentificationTask, measured: Measured, pool: Pool, weighed: Sequence[WeighedSet]
 ) -> Pool:
-    """The candidates with those of two coats, as probable beside one coat as the weighed sets are.
+    """The candidates with those of two coats, as probable relative to one coat as the weighed sets
+    are.
 
     Args:
         task: of the search.

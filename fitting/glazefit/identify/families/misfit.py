@@ -1,5 +1,5 @@
 """Usual misfit of the film of a right answer to a reading, learnt from the exemplars: each is
-sought among those of other sources.
+searched among those of other sources.
 
 A film is compared at the reading's gloss and brightness, which say little of a pigment
 (`features.py`).

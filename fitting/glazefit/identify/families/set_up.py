@@ -61,7 +61,7 @@ def search_families(
             `opaque`.
     """
     if (ground is None) != opaque:
-        raise ValueError("what is under the paint? Give ground, or opaque=True")
+        raise ValueError("no ground is stated: give ground, or opaque=True")
     seen_by = resolve_instrument(instrument)
     expected = prior or EXPECTED
     return set_up(
@@ -224,7 +224,7 @@ def _set_up_range(
             differences,
             components=components,
         )
-        # The view of one gloss has lost what tells dark paints apart: fewer components hold it.
+        # The view of one gloss has lost what separates dark paints: fewer components hold it.
         for values, differences, components in zip(
             view_features, view_differences, (25, 12), strict=True
         )
@@ -348,9 +348,9 @@ def _ranges(
             out.append(bands)
     if not out:
         raise ValueError(
-            f"{int(coverage.any(axis=1).sum())} exemplars are known at the spectra's bands, too "
-            "few to learn how paints of one pigment differ: give more, or search them as paints by "
-            "own_films=True (--own-films)"
+            f"{int(coverage.any(axis=1).sum())} exemplars have the spectra's bands, too "
+            "few to learn how paints of one pigment differ: give more bands or exemplars, or "
+            "search them as paints by own_films=True (--own-films)"
         )
     # Each exemplar belongs to the widest range that it knows.
     covered = [coverage[:, bands].all(axis=1) for bands in out]

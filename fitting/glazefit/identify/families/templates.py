@@ -2,7 +2,7 @@
 compared with.
 
 A film that hides its ground depends on k/s alone. Over a ground that is seen, and where a film is
-said to hide its ground but may not, coats of several thicknesses stand beside it.
+said to hide its ground but may not, coats of several thicknesses accompany it.
 """
 
 import itertools
@@ -106,7 +106,7 @@ def pure_templates(
         coefficients: of all exemplars.
         response: of the instrument.
         ground: internal reflectance of what is below, or None for films said to hide it: then
-            coats over a light ground stand beside those that do.
+            coats over a light ground accompany those that do.
     """
     count = coefficients.shape[1]
     members = np.column_stack([np.arange(count), np.full(count, -1)])

@@ -37,7 +37,7 @@ def table_of(
     identification: Any, top: int | None = None
 ) -> tuple[tuple[str, ...], Iterator[list[object]]]:
     """Titles, and a row for each of the most probable explanations of an `Identification`, of
-    families where these were sought.
+    families where these were searched.
     """
     if identification.family_sets:
         return FAMILY_COLUMNS, _family_rows(identification, top)

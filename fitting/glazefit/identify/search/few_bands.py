@@ -1,9 +1,9 @@
 """Spectra of many bands, gathered at a few: what films read at these, with their smooth errors,
-tells what they read at all others.
+determines their readings at all others.
 
-Everything that is fitted lies in the span of these few bands, f = G f', up to an error that is told
-(`FewBands.missed`) and counts as noise. Then nothing is lost by gathering: the likelihood of a
-spectrum y with noise of variance D is that of its least squares in the span, z, whose errors have
+Everything that is fitted lies in the span of these few bands, f = G f', up to an error that is
+stated (`FewBands.missed`) and counts as noise. Then nothing is lost by gathering: the likelihood of
+a spectrum y with noise of variance D is that of its least squares in the span, z, whose errors have
 the covariance M^-1 = (G^T D^-1 G)^-1, times what no film changes,
 
     log N(y; G f', D + G S G^T) = log N(z; f', M^-1 + S)
@@ -34,10 +34,10 @@ instrument's noise.
 """
 # So many bands are all taken.
 _MANY = 100
-# Standard deviations of smooth errors that are to be met between the bands beside the films
-# themselves, by the distance over which they stay alike, nm.
+# Standard deviations of smooth errors to be met between the bands in addition to the films, by the
+# distance over which they stay similar, nm.
 _SMOOTH = ((0.003, 100.0), (0.002, 60.0))
-# Films over these grounds show what there is to tell.
+# Films over these grounds hold the information.
 _GROUNDS = (0.03, 0.5, 0.93)
 
 
@@ -47,7 +47,7 @@ class FewBands:
 
     index: Int[np.ndarray, "few"]
     spread: Float[np.ndarray, "bands few"]
-    missed: Float[np.ndarray, "bands"]  # standard deviation by which films are missed, foretold
+    missed: Float[np.ndarray, "bands"]  # standard deviation by which films are missed, as predicted
     rough: Float[np.ndarray, "bands"]  # the same of the model's smooth error, for each unit of it
 
     def weighted_square(
@@ -77,8 +77,8 @@ def choose_bands(
     wavelengths: Float[np.ndarray, "bands"],
     length: float,
 ) -> FewBands:
-    """Bands one after the other, each the one that those before it tell worst, until none is missed
-    by more than `MISSED`; the first and the last are among them.
+    """Bands one after the other, each the one that those before it determine worst, until none is
+    missed by more than `MISSED`; the first and the last are among them.
 
     The best linear prediction, for readings that vary as these films and some smooth errors do: a
     Cholesky decomposition with pivots.
@@ -86,7 +86,7 @@ def choose_bands(
     Args:
         films: what films read.
         wavelengths: (bands,), nm.
-        length: distance over which the model's smooth error stays alike, nm.
+        length: distance over which the model's smooth error stays similar, nm.
     """
     # Covariance of readings over films, a common level, and smooth errors.
     count = len(wavelengths)
@@ -157,7 +157,7 @@ def _choose(task: IdentificationTask) -> tuple[FewBands, FilmTables] | None:
 
 
 def can_gather(few_bands: FewBands, measured: Measured) -> bool:
-    """True if the grounds are told by these bands too."""
+    """True if the grounds are stated by these bands too."""
     grounds = measured.grounds
     # A ground that is missed by more between the bands is taken at all of them.
     return bool(np.abs(grounds - grounds[..., few_bands.index] @ few_bands.spread.T).max() <= 0.005)

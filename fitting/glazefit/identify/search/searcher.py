@@ -34,7 +34,7 @@ from .task import THOROUGH, USUAL, IdentificationTask, Measured
 from .unstated_conditions import search_unstated_conditions
 from .weigh import Odds
 
-# Spectra whose doubtful ones are sought again together: a few in each chunk would cost as much as
+# Spectra whose doubtful ones are searched again together: a few in each chunk would cost as much as
 # all of it.
 _TOGETHER = 4 * CHUNK
 # Above this a reflectance is a mistake, such as percent; below, it may be a highlight or a
@@ -259,7 +259,7 @@ def check_pigments(pigments: Pigments, wavelengths: Float[np.ndarray, "bands"]) 
 
 
 def opaque_prior(prior: Prior, pigments: Sequence[Pigment]) -> Prior:
-    """Of films so thick that their ground does not matter: the thickness is set, not sought."""
+    """Of films so thick that their ground does not matter: the thickness is set, not searched."""
     typical = np.median([np.median(np.asarray(p.scattering)) for p in pigments])
     # Scattering optical thickness of a film that hides its ground.
     return replace(
