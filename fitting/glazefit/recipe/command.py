@@ -270,12 +270,12 @@ def recipe(
 
     from glazejax.geometry import resolve_instrument
 
-    said = options.stated(quantity, unit, scale)
+    stated = options.stated(quantity, unit, scale)
     targets, notes = _targets(
         lab,
         srgb,
         spectrum,
-        said=said,
+        stated=stated,
         samples="" if after is not None and spectrum is None else samples,
         patch=patch,
         lights=lights,
@@ -296,7 +296,7 @@ def recipe(
             mixed,
             batch,
             samples="" if spectrum is not None else samples,
-            said=said,
+            stated=stated,
             shelf=shelf,
             paints=paints,
             ground=base,
@@ -324,8 +324,8 @@ def recipe(
         seed=seed,
     )
     console = Console(highlight=False)
-    for file, words in ((spectrum, notes), ("--ground", base.notes)):
-        progress.print_notes(console, str(file), words)
+    for file, file_notes in ((spectrum, notes), ("--ground", base.notes)):
+        progress.print_notes(console, str(file), file_notes)
     from .recipe import recipe_chunks
 
     groups, how = progress.collect(
@@ -334,11 +334,11 @@ def recipe(
         "compiling, then looking through all sets of paints",
         "recipes",
     )
-    found = [recipes for group in groups for recipes in group]
+    recipe_lists = [recipes for group in groups for recipes in group]
     seconds = time.perf_counter() - started
     if named:
         with progress.doing("writing"):
-            _write(found, task, outputs, overwrite)
+            _write(recipe_lists, task, outputs, overwrite)
     asked = {
         "--instrument": instrument or _GEOMETRY,
         "--ground": ground,
@@ -348,28 +348,28 @@ def recipe(
         "--catalogue": catalogue,
         "--pigments": pigments,
     }
-    seen = shlex.join(
+    view_options = shlex.join(
         word for name, value in asked.items() if value is not None for word in (name, str(value))
     )
-    _print(found, task, seconds, console, seen)
+    _print(recipe_lists, task, seconds, console, view_options)
     # Tints can be made of one's own paints alone.
-    if pigments is not None and found:
-        words = _say_unknown_strength(found[0][0], task, observer)
-        console.print(words, style="yellow", markup=False, end="\n" * bool(words))
+    if pigments is not None and recipe_lists:
+        remark = _say_unknown_strength(recipe_lists[0][0], task, observer)
+        console.print(remark, style="yellow", markup=False, end="\n" * bool(remark))
     if named:
         console.print(f"wrote {', '.join(str(outputs[name]) for name in named)}", markup=False)
     if how.interrupted:
-        progress.stop_interrupted(console, len(found), len(targets), "targets")
+        progress.stop_interrupted(console, len(recipe_lists), len(targets), "targets")
 
 
 def _say_unknown_strength(best: "Recipe", task: "RecipeTask", observer: str) -> str:
-    """What it adds that paints of a recipe were read without tints; empty where none was."""
+    """Say what it adds that paints of a recipe were read without tints; empty where none was."""
     shares = {name: share for coat in best.coats for share, name in coat.parts if share > 0}
     shelf = {paint.name: paint for paint in task.pigments}
     unknown = [
         name
         for name in shares
-        if (told := shelf[name].identifiable) is not None and told.mean() < 0.5
+        if (identifiable := shelf[name].identifiable) is not None and identifiable.mean() < 0.5
     ]
     if not unknown:
         return ""
@@ -377,7 +377,7 @@ def _say_unknown_strength(best: "Recipe", task: "RecipeTask", observer: str) -> 
     from ..recover.predict_command import say_paint_errors
 
     thickest = max(best.coats, key=lambda coat: coat.thickness)
-    made = predict_mixture(
+    prediction = predict_mixture(
         shelf,
         {name: share for share, name in thickest.parts if share > 0},
         [thickest.thickness],
@@ -385,8 +385,8 @@ def _say_unknown_strength(best: "Recipe", task: "RecipeTask", observer: str) -> 
     )
     return (
         f"The strength of {', '.join(unknown)} is not known: that adds ΔE00 "
-        f"{say_paint_errors(made, (task.illuminants[0], observer))}. One tint of each with a white "
-        "tells it: glazejax recover --white ZincWhite."
+        f"{say_paint_errors(prediction, (task.illuminants[0], observer))}. One tint of each with a "
+        "white tells it: glazejax recover --white ZincWhite."
     )
 
 
@@ -398,13 +398,13 @@ def _modern(paints: "list[Pigment]") -> "list[Pigment]":
     """
     from glazejax import catalogue
 
-    kept = [paint for paint in paints if not catalogue.caution(paint)]
-    if not kept:
-        words = "; ".join(f"{paint.name}: {catalogue.caution(paint)}" for paint in paints[:4])
+    modern = [paint for paint in paints if not catalogue.caution(paint)]
+    if not modern:
+        cautions = "; ".join(f"{paint.name}: {catalogue.caution(paint)}" for paint in paints[:4])
         raise ValueError(
-            f"--modern leaves no paint ({words}): name others, such as --catalogue acrylics"
+            f"--modern leaves no paint ({cautions}): name others, such as --catalogue acrylics"
         )
-    return kept
+    return modern
 
 
 def _check_target(
@@ -452,12 +452,12 @@ def _targets(
     lab: str | None,
     srgb: str | None,
     spectrum: Path | None,
-    said: "Stated",
+    stated: "Stated",
     samples: str,
     patch: str,
     lights: Sequence[str],
 ) -> "tuple[list[Target], list[str]]":
-    """What is to be matched, and notes of the file's reader."""
+    """Targets to match, and notes of the file's reader."""
     from .targets import colourchecker_targets, spectral_target, srgb_target
 
     if lab is not None:
@@ -469,7 +469,7 @@ def _targets(
     from glazejax.io import read_spectra
 
     assert spectrum is not None
-    table = read_spectra(spectrum, **said)
+    table = read_spectra(spectrum, **stated)
     rows = options.choose_rows(spectrum, table.names, options.split_names(samples))
     targets = [
         spectral_target(table.wavelengths, table.reflectance[row], name=table.names[row])
@@ -479,7 +479,7 @@ def _targets(
 
 
 def _write(
-    found: "list[list[Recipe]]",
+    recipe_lists: "list[list[Recipe]]",
     task: "RecipeTask",
     outputs: Mapping[str, Path | None],
     overwrite: bool,
@@ -487,33 +487,37 @@ def _write(
     from .report import write_csv, write_json, write_targets
 
     if csv := outputs["--csv"]:
-        write_csv(found, csv, overwrite=overwrite)
+        write_csv(recipe_lists, csv, overwrite=overwrite)
     if json := outputs["--json"]:
-        write_json(found, json)
+        write_json(recipe_lists, json)
     if spectra := outputs["--spectra"]:
         write_targets(task.targets, task.wavelengths, spectra, overwrite=overwrite)
     if out := outputs["--out"]:
-        _draw(found, task, out)
+        _draw(recipe_lists, task, out)
 
 
-def _draw(found: "list[list[Recipe]]", task: "RecipeTask", out: Path) -> None:
+def _draw(recipe_lists: "list[list[Recipe]]", task: "RecipeTask", out: Path) -> None:
     from .plots import recipe_figure
 
-    one = len(found) == 1
-    shown = found[0] if one else [recipes[0] for recipes in found]
+    single = len(recipe_lists) == 1
+    drawn = recipe_lists[0] if single else [recipes[0] for recipes in recipe_lists]
     titles = (
-        [f"recipe {i}" for i in range(1, len(shown) + 1)] if one else [r.target.name for r in shown]
+        [f"recipe {i}" for i in range(1, len(drawn) + 1)]
+        if single
+        else [r.target.name for r in drawn]
     )
     heading = (
-        f"Recipes for {found[0][0].target.name}" if one else "Recipes: target left, recipe right"
+        f"Recipes for {recipe_lists[0][0].target.name}"
+        if single
+        else "Recipes: target left, recipe right"
     )
-    curves = "curves: grey the target, black the recipe; " if shown[0].target.spectral else ""
+    curves = "curves: grey the target, black the recipe; " if drawn[0].target.spectral else ""
     figure = recipe_figure(
-        shown,
+        drawn,
         titles=titles,
         heading=heading,
         subtitle=(
-            f"{'target left, recipe right; ' if one else ''}{curves}coats top first; "
+            f"{'target left, recipe right; ' if single else ''}{curves}coats top first; "
             f"{_describe_view(task)}"
         ),
     )
@@ -526,32 +530,37 @@ def _describe_view(task: "RecipeTask") -> str:
 
 
 def _print(
-    found: "list[list[Recipe]]", task: "RecipeTask", seconds: float, console: "Console", seen: str
+    recipe_lists: "list[list[Recipe]]",
+    task: "RecipeTask",
+    seconds: float,
+    console: "Console",
+    view_options: str,
 ) -> None:
     from glazejax import catalogue
 
     from .report import print_best, print_recipes
 
-    best = found[0][0]
+    best = recipe_lists[0][0]
     test = f"in brackets ΔE00 under {best.test_illuminant}; " if best.target.spectral else ""
     legend = f"{test}per 10 %: ΔE00 when that coat alone is a tenth thicker or thinner"
     legend = legend[0].upper() + legend[1:]
-    if len(found) == 1:
-        print_recipes(found[0], console, seen)
+    if len(recipe_lists) == 1:
+        print_recipes(recipe_lists[0], console, view_options)
     else:
-        print_best(found, console)
-        reached = sum(recipes[0].in_gamut for recipes in found)
-        console.print(f"{reached} of {len(found)} targets within a ΔE00 of 1")
+        print_best(recipe_lists, console)
+        reached = sum(recipes[0].in_gamut for recipes in recipe_lists)
+        console.print(f"{reached} of {len(recipe_lists)} targets within a ΔE00 of 1")
     console.print(
         f"[dim]{legend}. {len(task.pigments)} paints, up to {task.max_paints} in {task.max_coats} "
         f"{'unmixed ' if task.glazes else ''}coats; "
         f"{_describe_view(task)}.[/dim]"
     )
-    for words in dict.fromkeys(filter(None, map(catalogue.assumed_scale, task.pigments))):
+    for assumption in dict.fromkeys(filter(None, map(catalogue.assumed_scale, task.pigments))):
         console.print(
-            f"[dim]{words[0].upper()}{words[1:]}; thicknesses here are on that scale.[/dim]"
+            f"[dim]{assumption[0].upper()}{assumption[1:]}; thicknesses here are on that "
+            "scale.[/dim]"
         )
     console.print(
-        f"{len(found)} target{'s' if len(found) > 1 else ''} in {seconds:.1f} s (less when run "
-        "again)"
+        f"{len(recipe_lists)} target{'s' if len(recipe_lists) > 1 else ''} in {seconds:.1f} s "
+        "(less when run again)"
     )

@@ -330,7 +330,7 @@ def ground_option(default: str = "") -> Any:
 
 
 def stated(quantity: str | None, unit: str | None, scale: float | None) -> "Stated":
-    """What ``--quantity``, ``--unit`` and ``--scale`` say, for readers of spectra.
+    """Values of ``--quantity``, ``--unit`` and ``--scale``, for readers of spectra.
 
     Raises:
         ValueError: a scale that is not positive.
@@ -410,7 +410,7 @@ def read_lengths(text: str, argument: str) -> tuple[float, float]:
 
 
 def _per_metre(text: str, argument: str, whole: str) -> int:
-    """How many of a unit make a metre: a whole number, so that 25um is 25e-6 to the last digit."""
+    """Number of units in a metre: a whole number, so that 25um is 25e-6 to the last digit."""
     from ..paint.describe import UNITS
 
     scale = UNITS.get(text or "um", UNITS.get(text.lower()))
@@ -455,7 +455,7 @@ class Ground(NamedTuple):
 
     @contextmanager
     def blame(self) -> Iterator[None]:
-        """What is refused inside is said of the ground's file, if it has one."""
+        """Name the ground's file in the errors of what is refused inside, if it has one."""
         from ..io.source import refusal
 
         try:
@@ -556,7 +556,7 @@ def read_shelf(path: Path | None, name: str | None = None) -> "dict[str, Pigment
 def say_asked(
     paints: "Sequence[Pigment]", name: str | None, own: Path | None, *, by_family: bool
 ) -> str:
-    """Which catalogue an answer is from, and what the other kind is for: the last line of an
+    """Print which catalogue an answer is from, and what the other kind is for: the last line of an
     answer.
 
     Args:

@@ -328,7 +328,7 @@ def _write_stack(
 
 
 def _ladder_layer(coats: "Sequence[Coat]", ladder: str | None) -> int:
-    """Which layer the ladder repeats: the named one, else the uppermost that is there."""
+    """Layer that the ladder repeats: the named one, else the uppermost that is there."""
     if ladder is None:
         return next((i for i, coat in enumerate(coats) if coat.total > 0), 0)
     from ..paint.describe import same_name
@@ -411,7 +411,7 @@ def _lay(ground: options.Ground, coats: "Sequence[Coat]", shelf: "Mapping[str, P
 
 
 def _remarks(used: "Mapping[str, Pigment]") -> list[tuple[str, str]]:
-    """Where the pigments come from, and where their numbers cannot be relied on."""
+    """Remarks on where the pigments come from, and where their numbers cannot be relied on."""
     from .. import catalogue
     from ..paint.describe import describe_bands
 

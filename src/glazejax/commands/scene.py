@@ -199,7 +199,9 @@ def _resize(found: "SceneFile", text: str) -> "SceneFile":
 
 
 def _without_llvm(found: "SceneFile", samples: int) -> str:
-    """How long it takes where Mitsuba finds no LLVM that works, and what to do; else empty."""
+    """Warning of the time it takes where Mitsuba finds no LLVM that works, and what to do; else
+    empty.
+    """
     from ..appearance.mitsuba.variants import usable_variant
 
     if not usable_variant().startswith("scalar"):

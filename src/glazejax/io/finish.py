@@ -16,14 +16,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
-from typing import Literal
+from typing import Literal, Unpack
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from ..spectra import MAX_FRACTION, MIN_PERCENT, ranges, validate_wavelengths
-from .quantity import check_reflectance, meaning, nanometres, not_stated, read_units
-from .source import refusal
+from .quantity import Stated, check_reflectance, meaning, nanometres, not_stated, read_units
+from .source import naming
 from .spectra_table import SpectraTable, list_names
 
 # CxF3's own bound for a reflectance. Above it the unit or the scale that the file declares is
@@ -33,6 +33,8 @@ MAX_DECLARED = 3.0
 MAX_NOISE = 0.01
 # No reading is below: some mark missing data by -1.23e34.
 DELETED = -1e30
+# Names of the usual numbers that stand for a reflectance of 1.
+UNITS = {1.0: "fraction", 100.0: "percent"}
 # Where the detectors of all instruments of paint have light, nm.
 DETECTED = (380.0, 850.0)
 # The same of those that software exports.
@@ -77,42 +79,29 @@ class RawSpectra:
     highest: float = MAX_DECLARED
 
 
-def finish(
-    raw: RawSpectra,
-    path: Path,
-    *,
-    quantity: str | None = None,
-    unit: str | None = None,
-    scale: float | None = None,
-) -> SpectraTable:
+def finish(raw: RawSpectra, path: Path, **stated: Unpack[Stated]) -> SpectraTable:
     """Check raw spectra and express them as fractions on an ascending grid.
 
     Args:
         raw: what a reader found.
         path: file, for the errors.
-        quantity: what the user says that values are: ``reflectance``, whatever the file calls them.
-        unit: what the user says of units, as `quantity.read_units` takes it.
-        scale: number that stands for a reflectance of 1, if the user says so.
+        stated: what the user says, before the file.
 
     Raises:
         ValueError: no spectra, another quantity than reflectance, a grid or values that are not
             legal; one line that names the file.
     """
-    try:
-        return _finish(raw, quantity, unit, scale)
-    except ValueError as error:
-        raise refusal(path, error) from None
+    with naming(path):
+        return _finish(raw, stated)
 
 
-def _finish(
-    raw: RawSpectra, quantity: str | None, unit: str | None, scale: float | None
-) -> SpectraTable:
+def _finish(raw: RawSpectra, stated: Stated) -> SpectraTable:
     """Table of raw spectra; errors do not name the file."""
     if not len(raw.names):
         raise ValueError("the file holds no spectra")
-    check_reflectance(raw.quantity, quantity)
-    length, unit_scale = read_units(unit)
-    declared = scale or unit_scale or raw.scale or meaning(raw.quantity).scale
+    check_reflectance(raw.quantity, stated)
+    length, scale = read_units(stated)
+    declared = scale or raw.scale or meaning(raw.quantity).scale
     notes = list(raw.notes)
     names = raw.names
     # The reader of tables has seen that names differ, in less room.
@@ -186,9 +175,10 @@ def _runs(wavelengths: Float[np.ndarray, "bands"]) -> list[np.ndarray]:
 def detectors_overlap(wavelengths: Float[np.ndarray, "bands"]) -> bool:
     """Whether wavelengths ascend in a few runs, each of which begins within the one before."""
     runs = _runs(wavelengths)
-    # A reading in the wrong place makes a run of one or two.
+    # Two readings that changed places overlap by one.
     return 1 < len(runs) < 6 and all(
-        min(a.size, b.size) > 2 and a[0] < b[0] and a[-1] < b[-1] for a, b in pairwise(runs)
+        min(a.size, b.size) > 2 and a[0] < b[0] < a[-2] and b[1] < a[-1] < b[-1]
+        for a, b in pairwise(runs)
     )
 
 
@@ -320,7 +310,7 @@ def _to_fractions(
         notes.append(
             f"{bright} {verb} a reflectance of 1, up to {peaks[worst]:.3g} ({causes}); kept"
         )
-    return {1.0: "fraction", 100.0: "percent"}.get(scale, "scaled")
+    return UNITS.get(scale, "scaled")
 
 
 def _detected_scale(
@@ -409,40 +399,3 @@ def in_order(
         notes.append("bands were sorted by wavelength")
     bands = bands[order]
     return wavelengths[bands], bands
-
-
-def unit_of(level: float, declared: float | None, cure: str) -> tuple[float, str, list[str]]:
-    """Number that stands for a reflectance of 1, the unit's name and notes, for an image of which
-    the level is known.
-
-    Args:
-        level: what the bright pixels reach: in fractions if the scale is declared, else in the
-            file's numbers.
-        declared: the scale that the file or the user says, or None to tell fractions from percent.
-        cure: what to do where the numbers are neither.
-
-    Raises:
-        ValueError: neither fractions nor percent, or much above 1 by the declared scale.
-    """
-    if declared is not None:
-        if level > MAX_DECLARED:
-            raise ValueError(
-                f"pixels reach a reflectance of {level:g} by the reflectance scale factor "
-                f"{declared:g}"
-            )
-        scale = declared
-        unit = {1.0: "fraction", 100.0: "percent"}.get(declared, "scaled")
-    elif level <= MIN_PERCENT:
-        scale = 1.0
-        unit = "fraction"
-    elif level <= 100 * MAX_FRACTION:
-        scale = 100.0
-        unit = "percent"
-    else:
-        raise ValueError(f"pixels reach {level:g}, neither fraction nor percent: {cure}")
-    notes = []
-    if scale != 1.0:
-        notes.append(
-            "values are in percent; divided by 100" if scale == 100.0 else f"divided by {scale:g}"
-        )
-    return scale, unit, notes

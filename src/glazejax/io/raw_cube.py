@@ -5,6 +5,7 @@ import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from jaxtyping import Bool, Float, Int
 
 from .finish import DELETED
 from .quantity import nanometres
-from .source import refusal, show_path
+from .source import naming, refusal, show_path
 
 # Bytes of a mapped file that are let go together.
 _MAPPED = 1 << 26
@@ -95,7 +96,7 @@ class OnDisk:
 
     def __reduce__(self) -> tuple[Any, ...]:
         opener, arguments, one_at_a_time = self._call
-        return _on_disk, (opener, arguments, one_at_a_time)
+        return partial(OnDisk, one_at_a_time=one_at_a_time), (opener, *arguments)
 
 
 def _maps(array: Any) -> list[mmap.mmap]:
@@ -105,11 +106,6 @@ def _maps(array: Any) -> list[mmap.mmap]:
     while isinstance(array, np.ndarray):
         array = array.base
     return [array] if isinstance(array, mmap.mmap) else []
-
-
-def _on_disk(opener: Callable[..., Any], arguments: tuple[Any, ...], one_at_a_time: bool) -> OnDisk:
-    """What a sent array becomes where it arrives."""
-    return OnDisk(opener, *arguments, one_at_a_time=one_at_a_time)
 
 
 @dataclass(frozen=True)
@@ -193,10 +189,8 @@ class RawCube:
                 f"no wavelengths for {self.shape[2]} bands; give them (wavelengths=, "
                 "--wavelengths: a list, or a file of nm)",
             )
-        try:
+        with naming(self.path):
             return nanometres(self.wavelengths, unit or self.wavelength_unit)
-        except ValueError as error:
-            raise refusal(self.path, error) from None
 
     def block(self, y: slice, x: slice, bands: Int[np.ndarray, "bands"]) -> np.ndarray:
         """Stored numbers, (y, x, bands), in the file's type; a view of the file where it is mapped

@@ -1,4 +1,4 @@
-"""Which texture goes into which socket, in words for someone new."""
+"""Sockets that the textures go into, in words for someone new."""
 
 from collections.abc import Mapping
 from pathlib import Path

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..quantity import nanometres
-from ..source import explain_errors, open_source, refusal
+from ..source import explain_errors, naming, open_source, refusal
 from ..words import read_number
 
 
@@ -35,10 +35,8 @@ def read_numbers(given: tuple[float, ...] | Path, unit: str = "") -> Float[np.nd
             else "there are none"
         )
         raise refusal(name, f"wavelengths must be finite numbers: {which}")
-    try:
+    with naming(name):
         return nanometres(values, unit)[0]
-    except ValueError as error:
-        raise refusal(name, error) from None
 
 
 def column(path: Path) -> Float[np.ndarray, "rows"]:
