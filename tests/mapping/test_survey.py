@@ -31,7 +31,7 @@ def test_points_are_spread_out_to_a_reach(count, seed):
         len(chosen)
     )
     assert between.min() > 0.5
-    assert len(spread_out(points, 2, 0.0)) == 2
+    assert len(spread_out(points, 2, 1e-6)) == 2
     # Each within its own reach: noise makes no representative.
     noisy = np.where(np.arange(count) < count // 2, 100.0, 0.5)
     chosen = spread_out(points, count, noisy)
