@@ -18,7 +18,7 @@ from ..search.pool import NOBODY
 from .calibration import calibrate
 from .expected import EXPECTED
 from .features import colours, views
-from .metric import learn_metric
+from .metric import Metric, learn_metric
 from .search import FamilySearch, Range
 from .sureness import Sureness
 from .templates import Templates, coefficients, mixed_templates, pure_templates
@@ -28,6 +28,8 @@ from .varnish import CONDITIONS, Varnish
 # fewest that teach a range: what fewer know, such as the bands beyond 1000 nm, says less of how far
 # paints of one family are apart than it costs.
 _NARROW, _WIDE, _FEWEST = 0.985, 0.45, 13
+# Films whose features are held at a time.
+_FILMS = 8192
 
 
 def search_families(
@@ -248,13 +250,28 @@ def _set_up_range(
         bands=bands,
         metrics=metrics,
         templates=templates,
-        points=tuple(
-            metric.place(values)
-            for metric, values in zip(metrics, views(wavelengths, templates.readings), strict=True)
-        ),
+        points=_points(wavelengths, templates.readings, metrics),
         colours=colours(wavelengths, templates.readings),
         sets=number_of[families[:, 0], families[:, 1]],
     )
+
+
+def _points(
+    wavelengths: Float[np.ndarray, "bands"],
+    readings: Float[np.ndarray, "films bands"],
+    metrics: Sequence[Metric],
+) -> tuple[Float[np.ndarray, "films components"], ...]:
+    """Points of films in each metric, some films at a time: they have far more features."""
+    chunks = [
+        [
+            metric.place(values)
+            for metric, values in zip(
+                metrics, views(wavelengths, readings[start : start + _FILMS]), strict=True
+            )
+        ]
+        for start in range(0, max(len(readings), 1), _FILMS)
+    ]
+    return tuple(np.concatenate(points) for points in zip(*chunks, strict=True))
 
 
 def _log_prior(

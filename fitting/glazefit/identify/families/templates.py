@@ -95,6 +95,20 @@ def usual_thickness(scattering: Float[np.ndarray, "exemplars bands"]) -> float:
     return float(2.0 / np.nanmedian(scattering))
 
 
+def most_films(exemplars: int, families: int, *, opaque: bool, mixed: bool) -> int:
+    """Films that a search among so many exemplars compares with at most.
+
+    Args:
+        exemplars: how many there are.
+        families: that they are of.
+        opaque: whether they are said to hide their ground.
+        mixed: whether films of two families are tried.
+    """
+    pairs = families * (families - 1) // 2 * _MIXED**2 if mixed else 0
+    alone, together = (1 + len(COATS), 1) if opaque else (len(THICKNESSES), len(MIXED_THICKNESSES))
+    return exemplars * alone + pairs * len(FRACTIONS) * together
+
+
 def pure_templates(
     coefficients: Float[np.ndarray, "2 exemplars bands"],
     response: FilmResponse,
