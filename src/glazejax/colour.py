@@ -156,7 +156,7 @@ def _on_bands(
     # .07.
     if guessed > 0.1:
         raise ValueError(
-            f"{describe_grid(bands)} leaves {guessed:.0%} of a tristimulus value to guesswork: "
+            f"{describe_grid(bands)} misses {guessed:.0%} of a tristimulus value: "
             "colour needs spectra from about 420 to 680 nm at least, better from 400 to 700 nm"
         )
     visible = bands[(bands > _START - _MAX_STEP) & (bands < _END + _MAX_STEP)]
@@ -301,7 +301,7 @@ def srgb(
 
     Args:
         wavelengths, reflectance, illuminant, observer: as `xyz`.
-        clip: clip to [0, 1]. Unclipped values tell how far outside the gamut a colour lies; below
+        clip: clip to [0, 1]. Unclipped values show how far outside the gamut a colour lies; below
             zero they follow the straight part of the encoding.
 
     Raises:

@@ -1,4 +1,4 @@
-"""The words for a geometry, read into angles without JAX: a slip in them is told at once."""
+"""The words for a geometry, read into angles without JAX: a slip in them is an error at once."""
 
 GEOMETRIES = (
     "d:8 or di:8 (integrating sphere, mirror reflection included), de:8 (excluded), 45:0, 0:45, "

@@ -49,7 +49,7 @@ def load_matplotlib_ahead() -> None:
     """
 
     def load() -> None:
-        # Who lacks it is told where the picture is drawn.
+        # A missing package is reported where the picture is drawn.
         with suppress(ImportError):
             import matplotlib.figure  # noqa: F401
 

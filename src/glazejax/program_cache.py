@@ -58,7 +58,7 @@ def enable_program_cache(path: str | Path | None = None) -> None:
         if (whose := _others(folder)) is not None:
             _tell(f"{folder} {whose}, and programs are run as they are found")
             return
-        # A folder's permissions do not tell whether its disk is read-only or full.
+        # A folder's permissions do not show whether its disk is read-only or full.
         with tempfile.TemporaryFile(dir=folder) as file:
             file.write(bytes(4096))
     except (OSError, RuntimeError) as error:
@@ -118,7 +118,7 @@ def _listen(folder: Path) -> None:
     """Say JAX's warnings about the cache once and in our words, and take out what was written in
     part.
     """
-    # Python shows a warning of one place once only, unless told otherwise.
+    # Python shows a warning of one place once only, unless stated otherwise.
     warnings.filterwarnings(
         "always", message="Error (reading|writing) persistent compilation cache"
     )

@@ -4,7 +4,7 @@ between runs as JAX traced them.
 XLA compiles without Python's lock, so that on two cores a search's later programs are ready when it
 comes to them. JAX's own cache keeps what XLA made of a program; but to find it there a function has
 to be traced and lowered again, which is half of a command's second run. So the lowered program is
-kept beside it, under its function, the shapes of its arguments, and all that it was made from.
+kept next to it, under its function, the shapes of its arguments, and all that it was made from.
 """
 
 import functools
@@ -70,11 +70,11 @@ class _ProgramRequest(NamedTuple):
 
     @property
     def key(self) -> tuple[Any, ...]:
-        """Key that tells programs of one function apart while the process runs."""
+        """Key that separates programs of one function while the process runs."""
         return self.fixed, self.structure, tuple(map(_kind, self.leaves)), _double()
 
     def file_name(self) -> str | None:
-        """The same between runs; None where an argument's words do not tell its value, and on
+        """The same between runs; None where an argument's words do not give its value, and on
         other devices than the processor, where nobody has tried it.
         """
         if jax.default_backend() != "cpu" or _config().jax_default_device is not None:
@@ -220,7 +220,7 @@ class Program(Generic[Result]):
                 return earlier
             traced = self._traced(request)
             _write(path, pickle.dumps(traced))
-        except Exception:  # What this JAX cannot export or tell of itself runs as it always did.
+        except Exception:  # What this JAX cannot export or describe runs as always.
             return None
         return traced
 
@@ -275,7 +275,7 @@ def _load_lapack() -> None:
 
 
 def _plain(value: Any) -> bool:
-    """Test whether words tell all of a value: numbers, text, a module's function, and records of
+    """Test whether words give all of a value: numbers, text, a module's function, and records of
     the former.
     """
     if isinstance(value, FunctionType):
@@ -288,7 +288,7 @@ def _plain(value: Any) -> bool:
 
 
 def _words(value: Any) -> str:
-    """Words that tell a plain value from others: a module's function by its name."""
+    """Words that identify a plain value: a module's function by its name."""
     if isinstance(value, FunctionType):
         return f"{value.__module__}.{value.__qualname__}"
     return repr(value)

@@ -7,7 +7,7 @@ from typing import Protocol, runtime_checkable
 class Progress(Protocol):
     """Message that a `progress=` argument is called with, each time a part is done.
 
-    `done` of `total` parts are finished (`total` is None where nobody knows it beforehand, as for
+    `done` of `total` parts are finished (`total` is None where it is unknown, as for
     the bytes of a pipe), and `words` say what is being done, as in 'computing spectra'.
     """
 
@@ -16,4 +16,4 @@ class Progress(Protocol):
 
 
 def no_progress(done: int, total: int | None, stage: str, /) -> None:
-    """Tells nobody: the default of a `progress=` argument."""
+    """Reports nothing: the default of a `progress=` argument."""

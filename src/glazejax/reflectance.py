@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .geometry import Bidirectional, Geometry, Hemispherical, Instrument, geometry_of
-from .paint.media import Glaze, check_glaze, optics_of
+from .paint.media import Glaze, check_glaze, stack_of
 from .radiative.common.fresnel import dielectric_reflectance
 from .radiative.stack import (
     Method,
@@ -63,7 +63,7 @@ def reflectance(
             f"method {method!r} takes isotropic scattering only; a paint here has a phase function"
         )
     n = glaze.refractive_index
-    stack = *optics_of(glaze), glaze.ground
+    stack = stack_of(glaze)
     options: dict[str, Any] = {"refractive_index": n, "tolerance": tolerance}
     options |= {"method": method or "ordinates"} if phase is None else {"phase": phase}
     match geometry:

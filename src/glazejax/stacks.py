@@ -236,7 +236,7 @@ def read_stack(path: str | Path) -> Stack:
 
     Raises:
         FileNotFoundError: no such file.
-        ValueError: not such a file; the message says where and what would mend it.
+        ValueError: not such a file; the message says where and what would fix it.
     """
     with open_source(path) as source:
         try:
@@ -281,7 +281,7 @@ def load_glaze(path: str | Path, *, side: Literal["white", "black"] = "white") -
     Raises:
         FileNotFoundError: no such file.
         ValueError: not such a file, or all its coats are hidden; the message says where and
-            what would mend it.
+            what would fix it.
     """
     if side not in ("white", "black"):
         raise ValueError(f"side is {side!r}; of a card it is white or black")

@@ -1,7 +1,7 @@
 """Metals: complex refractive indices as published, and the reflectances that follow.
 
-The figures are in `metals.csv` beside this file, as printed in their sources and collected, without
-copyright (CC0 1.0), by the refractiveindex.info database.
+The figures are in `metals.csv` next to this file, as printed in their sources and collected,
+without copyright (CC0 1.0), by the refractiveindex.info database.
 """
 
 import csv

@@ -69,7 +69,8 @@ class Provenance(NamedTuple):
         binder: in words; empty if the source does not say.
         paint: what the source calls it.
         first_nm, last_nm: range of its k and s.
-        told_by: what told k from s; where it begins with ``k/s alone``, s is that of other paints.
+        told_by: how k and s were separated; where it begins with ``k/s alone``, s is that of
+            other paints.
         licence: of the numbers.
         citation: of the source.
     """
@@ -236,7 +237,7 @@ def _words(origin: Provenance) -> str:
     """An exemplar's provenance as one sentence."""
     return (
         f"{origin.paint}, fitted to the readings of {origin.citation} ({origin.licence}); "
-        f"k told from s by {origin.told_by}"
+        f"k separated from s by {origin.told_by}"
     )
 
 

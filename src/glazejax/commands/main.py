@@ -82,7 +82,7 @@ def make_app() -> "typer.Typer":
     import typer
     import typer.core
 
-    # Some versions of typer write <bool> beside a flag, as if it took a value.
+    # Some versions of typer write <bool> next to a flag, as if it took a value.
     def without_bool(params: list[Any]) -> list[Any]:
         for param in params:
             if getattr(param, "is_flag", False) and param.metavar is None:
@@ -165,7 +165,7 @@ def run_command() -> None:
 
 
 def main() -> None:
-    """Run a sub-command; what the user can mend ends as one line and exit status 2."""
+    """Run a sub-command; what the user can fix ends as one line and exit status 2."""
     # Before NumPy is loaded: its matrices are small here, and threads for them only wait for each
     # other.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

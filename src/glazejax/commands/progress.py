@@ -32,7 +32,7 @@ def moving() -> bool:
     Rich alone would go by FORCE_COLOR, which is about colour: notebooks and builds set it.
     """
     # Set by Jupyter for its kernels and what they start, which get a terminal of their own that
-    # shows each step anew.
+    # shows each step again.
     if not sys.stderr.isatty() or "JPY_PARENT_PID" in os.environ:
         return False
     from rich.console import Console
@@ -65,7 +65,7 @@ def _share(done: int, total: int) -> str:
 
 
 def _duration(seconds: float) -> str:
-    """A time in the unit that it would be told in."""
+    """A time in its usual unit."""
     if seconds < 100:
         return f"{seconds:.0f} s"
     return f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.1f} h"
@@ -77,7 +77,7 @@ def follow(stage: str, total: int | None = 1) -> Iterator[Progress]:
     of the stage on a terminal, else as a line now and then.
 
     Args:
-        stage: what is done at first; further stages are told by other words.
+        stage: what is done at first; further stages have other words.
         total: parts of it; 1 where it is one piece.
     """
     if not moving():

@@ -107,7 +107,16 @@ class _Labels:
         return "labels"
 
 
-class _Labelled(eqx.Module):
+class _Paint(eqx.Module):
+    """Base whose attributes are read as those of other objects: Equinox asks of each whether it is
+    a method to bind, and of each that is set whether it may be. That takes a microsecond or two
+    each time, so that Layer and Glaze set theirs at once.
+    """
+
+    __getattribute__ = object.__getattribute__
+
+
+class _Labelled(_Paint):
     """Base of what has a name."""
 
     _labels: eqx.AbstractVar[_Labels]
@@ -386,7 +395,7 @@ class Mixture(_Labelled):
         return f"Mixture({self.name!r}, {describe_grid(self.wavelengths)})"
 
 
-class Layer(eqx.Module):
+class Layer(_Paint):
     """A homogeneous coat of paint.
 
     Args:
@@ -417,13 +426,9 @@ class Layer(eqx.Module):
             MAX_THICKNESS,
             ": thickness is in metres (20 micrometres are 20e-6)",
         )
-        self.medium = medium
-        self.thickness = as_float_array(thickness)
-        self._phase = (
-            None
-            if phase is None
-            else legal_phase(f"layer of {medium.name!r}", phase, medium.wavelengths.size)
-        )
+        if phase is not None:
+            phase = legal_phase(f"layer of {medium.name!r}", phase, medium.wavelengths.size)
+        vars(self).update(medium=medium, thickness=as_float_array(thickness), _phase=phase)
 
     @property
     def phase(self) -> Float[Array, "*bands terms"] | None:
@@ -436,7 +441,7 @@ class Layer(eqx.Module):
         return f"Layer({self.medium.name!r}, {_short(self.thickness, 1e6, ' um')})"
 
 
-class Glaze(eqx.Module):
+class Glaze(_Paint):
     """Coats of paint on a ground, under one smooth surface.
 
     ::
@@ -474,21 +479,20 @@ class Glaze(eqx.Module):
         _check_grids([coat.medium for coat in coats])
         _check_range("ground", ground, 0.0, 1.0, ", which looks like percent: divide it by 100")
         _check_range("refractive_index", refractive_index, 1.0, 2.5)
-        ground = as_array(ground)
+        below = as_array(ground)
         index = as_array(refractive_index)
         if coats:
             bands = len(coats[0].medium._grid)
-            for name, value in (("ground", ground), ("refractive_index", index)):
+            for name, value in (("ground", below), ("refractive_index", index)):
                 if value.shape[-1:] not in ((), (1,), (bands,)):
                     raise ValueError(
                         f"{name} has shape {value.shape}: its last axis must be the {bands} "
                         "bands of the coats"
                     )
-        _check_batches(coats, ground.shape[:-1])
-        self.coats = coats
-        self.ground = as_float_array(ground)
+        _check_batches(coats, below.shape[:-1])
         constant = index.ndim == 0 and isinstance(index, np.ndarray)
-        self.refractive_index = float(index) if constant else as_float_array(index)
+        index = float(index) if constant else as_float_array(index)
+        vars(self).update(coats=coats, ground=as_float_array(ground), refractive_index=index)
 
     @property
     def wavelengths(self) -> Float[np.ndarray, "bands"]:
@@ -510,12 +514,12 @@ class Glaze(eqx.Module):
         Where k + s = 0 it is 0, with zero gradient: there a layer's derivative with respect to s is
         that with respect to k, since the albedo of nothing has no limit.
         """
-        return jnp.asarray(optics_of(self)[0])
+        return jnp.asarray(stack_of(self)[0])
 
     @property
     def optical_thickness(self) -> Float[Array, "*batch bands layers"]:
         """Optical thickness (k + s) d, (..., bands, layers), top layer first."""
-        return jnp.asarray(optics_of(self)[1])
+        return jnp.asarray(stack_of(self)[1])
 
     @property
     def phase(self) -> Float[Known, "*batch bands layers terms"] | None:
@@ -550,22 +554,26 @@ def amounts(tree: Any) -> Any:
 # still.
 
 
-def optics_of(glaze: Glaze) -> tuple[Float[Known, "..."], Float[Known, "..."]]:
-    """Albedo and optical thickness of all coats, each (..., bands, layers), top layer first."""
-    if "_optics" in vars(glaze):
-        return vars(glaze)["_optics"]
+def stack_of(glaze: Glaze) -> tuple[Float[Known, "..."], Float[Known, "..."], Numbers]:
+    """Albedo and optical thickness of all coats, each (..., bands, layers), top layer first, and
+    the ground.
+    """
+    if "_stack" in vars(glaze):
+        return vars(glaze)["_stack"]
     if not glaze.coats:
         shape = np.broadcast_shapes(np.shape(glaze.ground), np.shape(glaze.refractive_index), (1,))
         nothing = jnp.zeros((*shape, 0))
-        return nothing, nothing
+        return nothing, nothing, glaze.ground
     absorption, scattering = zip(*(_coefficients(coat.medium) for coat in glaze.coats), strict=True)
     # Each for all coats at once; albedo apart, for it is known where only thickness is traced.
     albedo, extinction = numpy_or_jax(_albedo_and_extinction, *absorption, *scattering)
     depth = numpy_or_jax(_depth, extinction, *(coat.thickness for coat in glaze.coats))
+    ground = numpy_or_jax(lambda _, values: values, glaze.ground)
     # What NumPy computed is computed once: no glaze ever changes.
-    if isinstance(depth, np.ndarray):
-        vars(glaze)["_optics"] = albedo, depth
-    return albedo, depth
+    if isinstance(depth, np.ndarray) and isinstance(ground, np.ndarray):
+        ground = ground if ground.ndim else float(ground)
+        vars(glaze)["_stack"] = albedo, depth, ground
+    return albedo, depth, ground
 
 
 def _coefficients(medium: Pigment | Mixture) -> tuple[Float[Known, "..."], Float[Known, "..."]]:
@@ -616,6 +624,8 @@ def _side_by_side(xp: Any, *arrays: Any) -> Any:
 def _check_batches(coats: Sequence[Layer], ground: tuple[int, ...]) -> None:
     """Refuse coats, or a ground, that are batches of different sizes."""
     shapes = [np.shape(coat.thickness) for coat in coats]
+    if not any((*shapes, ground)):
+        return
     try:
         np.broadcast_shapes(*shapes, ground)
     except ValueError:

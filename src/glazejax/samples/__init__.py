@@ -4,7 +4,7 @@ them.
 Reflectance as fractions, 400-700 nm step 10, four rows a film: ``06A_b`` and ``06A_w`` are the bare
 black and white card of film 06A, ``06A_ob`` and ``06A_ow`` its paint over them. The numbers are in
 `films.csv`, the recipes in
-`mixtures.tsv`, source and licence (CC0 1.0) in `SOURCE.md`, beside this file::
+`mixtures.tsv`, source and licence (CC0 1.0) in `SOURCE.md`, next to this file::
 
     glazejax identify "$(python -m glazejax.samples)" --catalogue oils
     films = glazefit.read_films(glazejax.samples.path())

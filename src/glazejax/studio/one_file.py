@@ -82,7 +82,7 @@ def one_file(
     """The whole studio as one HTML file: it opens from a disk and asks no host for anything.
 
     Args:
-        own_paints: paints beside the catalogues', by names that no catalogue has.
+        own_paints: paints in addition to the catalogues', by names that no catalogue has.
         begin: a stack to begin with, as `glazejax.stacks.stack_to_dict` gives it.
     """
     # Nothing in JSON may end the element that holds it.

@@ -22,7 +22,7 @@ _EYE = (360, 780)
 
 
 def page_data(own_paints: Mapping[str, Pigment] | None = None) -> dict[str, Any]:
-    """All that the page needs to know, and own paints beside the catalogues'.
+    """All that the page needs to know, and own paints in addition to the catalogues'.
 
     Args:
         own_paints: by names that no catalogue has, see `glazejax.stacks.own_name`.

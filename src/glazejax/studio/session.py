@@ -29,7 +29,7 @@ class Session:
     """Answers one page's messages.
 
     Args:
-        jobs: searches that run beside, shared by all pages.
+        jobs: searches that run in parallel, shared by all pages.
         send: takes an answer; called from any thread.
         data: what the page knows, see `page_data`; the catalogues if left out.
     """
@@ -48,7 +48,7 @@ class Session:
             self._send(pack(header, arrays))
 
     def handle(self, message: bytes | str) -> None:
-        """Answer a message; what is wrong with it is told, never raised."""
+        """Answer a message; its errors are answered, never raised."""
         about = ""
         try:
             header, arrays, body = unpack(message)
@@ -129,7 +129,7 @@ class Session:
         self.jobs.start(f"{self._page} {name}", task, request, self._teller(f"{self._page} {name}"))
 
     def _teller(self, name: str) -> Callable[[dict[str, Any]], None]:
-        """Tells the page of its search."""
+        """Informs the page of its search."""
         return lambda message: self.tell({"type": "job", "name": name.partition(" ")[2], **message})
 
     def _on_stop(self, header: dict[str, Any], arrays: Any, body: bytes) -> None:

@@ -37,7 +37,7 @@ def _table(
     roughness: float,
     tolerance: float,
 ) -> Body:
-    """The table, made once for all glazes that are alike; always in double precision.
+    """The table, made once for all equal glazes; always in double precision.
 
     `thickness` and `fraction` are a number, a range, or None for the coats' own; `ground` is "own",
     "any", a number or one number a band.
@@ -106,7 +106,7 @@ class GlazeBSDF:
             for x in (parameters.thickness, parameters.fraction)
         )
         self._ground = self._ground_texture(parameters)
-        # Room for a texture whose values are all alike: a table wants a range.
+        # Room for a texture of one value: a table needs a range.
         self.table: Body = _table(
             coats=_text_of(parameters.coats),
             layer=parameters.layer,

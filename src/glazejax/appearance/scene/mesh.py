@@ -22,7 +22,7 @@ def read_mesh(
     """Read a mesh and put it in its place.
 
     Args:
-        path: the file; its ending tells the format.
+        path: the file; its ending gives the format.
         material: name of its material.
         size: length of the longest side of its bounding box; as in the file if left out.
         centre: where the middle of its bounding box comes to lie; as in the file if left out.

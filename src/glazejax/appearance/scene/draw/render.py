@@ -1,7 +1,7 @@
 """A picture of a scene: what is computed, in which order, and what is not.
 
 First geometry alone: one ray through the middle of each pixel, then several where neighbours meet
-different things. That tells which materials, angles and thicknesses the picture shows; their tables
+different things. That gives the materials, angles and thicknesses of the picture; their tables
 are made, and spectra follow tile by tile. Pixels that differ strongly from a neighbour (a
 highlight, a texture) get more rays in the end.
 """
@@ -202,7 +202,7 @@ class _Work:
         """
         signatures = []
         for k, tile in enumerate(tiles):
-            self._report(start + (end - start) * k / len(tiles), "looking for what is in view")
+            self._report(start + (end - start) * k / len(tiles), "finding visible surfaces")
             bounces = self._bounces(tile)
             self.in_view.add(bounces)
             signatures.append(_signature(bounces))

@@ -2,7 +2,7 @@
 the picture is.
 
 The picture is the mean of several passes that know nothing of each other, so that their differences
-tell the noise.
+show the noise.
 """
 
 import tempfile
