@@ -57,6 +57,14 @@ class StackInputs(NamedTuple):
     """Of a medium below, in place of a ground."""
 
 
+class AngleAxes(NamedTuple):
+    """Axes of a table of directions."""
+
+    viewing: Array  # cosines in air
+    incidence: Array  # cosines in air
+    azimuth: Array  # radians
+
+
 class ProgramSettings(NamedTuple):
     """Settings fixed when a program is compiled."""
 
@@ -207,7 +215,7 @@ def _results(
         if angles:
             lit = angles["cos_incidence"][None]
         if "azimuth" in angles:
-            axes = angles["cos_viewing"][None], lit, angles["azimuth"][None]
+            axes = AngleAxes(angles["cos_viewing"][None], lit, angles["azimuth"][None])
             return _factor(layers, axes, table, settings)[0, 0, 0]
         if not isinstance(media, Media):
             if angles:
@@ -226,7 +234,7 @@ def _results(
 @functools.partial(jax.jit, static_argnums=3)
 def tables(
     layers: Layers,
-    axes: tuple[Array, Array, Array],
+    axes: AngleAxes,
     table: GroundTable | None,
     settings: ProgramSettings,
 ) -> Array:
@@ -235,12 +243,12 @@ def tables(
     def one(layers: Layers, _) -> Array:
         return _factor(layers, axes, table, settings)
 
-    return _map_stacks(one, layers, {}, settings, max(axes[0].size, axes[1].size))
+    return _map_stacks(one, layers, {}, settings, max(axes.viewing.size, axes.incidence.size))
 
 
 def _factor(
     layers: Layers,
-    axes: tuple[Array, Array, Array],
+    axes: AngleAxes,
     table: GroundTable | None,
     settings: ProgramSettings,
 ) -> Array:

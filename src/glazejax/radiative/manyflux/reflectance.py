@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..common.inputs import Numbers, check_values, smallest_cosine
-from .call import Indices, StackInputs, prepare, solve_stacks, tables
+from .call import AngleAxes, Indices, StackInputs, prepare, solve_stacks, tables
 from .effort import Solution
 from .ground import GroundTable
 
@@ -176,14 +176,14 @@ def brdf_table(
     Raises:
         ValueError: as there, or an axis of angles that is not one-dimensional.
     """
-    axes = {"cos_incidence": cos_incidence, "cos_viewing": cos_viewing, "azimuth": azimuth}
-    for name, values in axes.items():
+    angles = {"cos_incidence": cos_incidence, "cos_viewing": cos_viewing, "azimuth": azimuth}
+    for name, values in angles.items():
         if np.ndim(values) != 1:  # pyright: ignore[reportArgumentType]
             raise ValueError(
                 f"{name} must be one axis of angles, such as [1.0, 0.5], for a table; it is "
                 f"{values}"
             )
-    check_values({name: axes[name] for name in ("cos_incidence", "cos_viewing")})
+    check_values({name: angles[name] for name in ("cos_incidence", "cos_viewing")})
     least = smallest_cosine(cos_incidence, cos_viewing)
     stack = StackInputs(
         albedo=albedo,
@@ -201,5 +201,6 @@ def brdf_table(
     viewing, incidence, turns = (
         jnp.asarray(a, dtype) for a in (cos_viewing, cos_incidence, azimuth)
     )
-    table = tables(call.layers, (viewing, incidence, jnp.deg2rad(turns)), call.table, call.settings)
+    axes = AngleAxes(viewing, incidence, jnp.deg2rad(turns))
+    table = tables(call.layers, axes, call.table, call.settings)
     return table.reshape(*call.batch, *table.shape[1:]) / np.pi
