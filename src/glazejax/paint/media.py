@@ -553,8 +553,8 @@ def amounts(tree: Any) -> Any:
 
 
 def stack_of(glaze: Glaze) -> tuple[Float[Known, "..."], Float[Known, "..."], Numbers]:
-    """Albedo and optical thickness of all coats, each (..., bands, layers), top layer first, and the
-    ground.
+    """Albedo and optical thickness of all coats, each (..., bands, layers), top layer first, and
+    the ground.
     """
     if "_stack" in vars(glaze):
         return vars(glaze)["_stack"]
