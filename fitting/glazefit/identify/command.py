@@ -365,7 +365,6 @@ def identify(
         out=out,
         overwrite=overwrite,
         painted=painted,
-        families={paint.name: paint.family for paint in paints},
     )
     if report is not None:
         from .show.page import write_page
@@ -392,7 +391,6 @@ def identify(
                 about,
                 top,
                 painted=painted,
-                families={paint.name: paint.family for paint in paints},
                 usual=usual_misfit(found, paints, search_options),
             )
         beside = write_page(record, report, overwrite=overwrite)
@@ -606,7 +604,6 @@ def _report(
     out: Path | None,
     overwrite: bool,
     painted: int | None,
-    families: Mapping[str, str],
 ) -> None:
     from .show.plots import plot_identification
     from .show.terminal import (
@@ -627,5 +624,5 @@ def _report(
         write_residuals(found, residuals, overwrite=overwrite)
         console.print(f"Wrote measured, fitted and residual spectra to {residuals}")
     if out is not None:
-        count = plot_identification(found, out, families)
+        count = plot_identification(found, out)
         console.print(f"Drew {'the first ' if count < len(found) else ''}{count} to {out}")

@@ -76,7 +76,7 @@ def _family_rows(found: Any, top: int | None) -> Iterator[list[object]]:
                 answer.words,
                 answer.probability,
                 f"{counts[0]} of {counts[1]}" if counts and rank == 1 else None,
-                " + ".join(found.ranked(row, 1)[0].paints) if rank == 1 else None,
+                found.nearest_exemplars(row) if rank == 1 else None,
                 *_of_spectrum(found, row),
             ]
 

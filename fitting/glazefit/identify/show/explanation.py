@@ -1,13 +1,12 @@
 """Explanations of a reading as they are drawn beside it."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 
 from ..families.misfit import at_brightness_of
-from ..result import Candidate, Identification
+from ..result import Identification
 from ..result.groups import answer_of
 
 LEAST = 0.001
@@ -34,9 +33,7 @@ class Explanation:
     scale: float
 
 
-def explanations(
-    found: Identification, row: int, count: int, families: Mapping[str, str]
-) -> list[Explanation]:
+def explanations(found: Identification, row: int, count: int) -> list[Explanation]:
     """The most probable explanations of one spectrum: sets of paints, or where families were
     sought sets of these, each with the film that stands for it.
 
@@ -44,7 +41,6 @@ def explanations(
         found: identification.
         row: number of the spectrum.
         count: most explanations.
-        families: of each paint, by its name.
     """
     if not found.family_sets:
         return [
@@ -57,9 +53,7 @@ def explanations(
             )
             for candidate in found.ranked(row, count)
         ]
-    films: dict[frozenset[str], Candidate] = {}
-    for candidate in found.ranked(row):
-        films.setdefault(answer_of(families[paint] for paint in candidate.paints), candidate)
+    films = found.films_of_answers(row)
     out = []
     for answer in found.family_sets[row][:count]:
         film = films.get(answer_of(answer.families))

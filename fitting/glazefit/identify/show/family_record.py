@@ -35,7 +35,6 @@ def make_family_record(
     top: int,
     *,
     painted: int | None,
-    families: Mapping[str, str],
     usual: UsualMisfit | None,
 ) -> dict[str, Any]:
     """All that is filed, as JSON has it.
@@ -45,7 +44,6 @@ def make_family_record(
         about: how it was made.
         top: answers of each spectrum.
         painted: year in which it was painted, if that is known.
-        families: of each paint, by its name.
         usual: how far films of right answers are off, if any is known.
     """
     return {
@@ -55,8 +53,7 @@ def make_family_record(
         "usual_misfit": usual
         and {"answers": usual.answers, "half": usual.half, "nine_tenths": usual.nine_tenths},
         "spots": [
-            _spot(found, row, top, painted=painted, families=families, usual=usual)
-            for row in range(len(found))
+            _spot(found, row, top, painted=painted, usual=usual) for row in range(len(found))
         ],
     }
 
@@ -67,7 +64,6 @@ def _spot(
     top: int,
     *,
     painted: int | None,
-    families: Mapping[str, str],
     usual: UsualMisfit | None,
 ) -> dict[str, Any]:
     known = catalogue.families()
@@ -79,7 +75,7 @@ def _spot(
         for family in ([one for one, _ in answer.within[name]] if name in answer.within else [name])
     )
     reading = found.measured.readings[row]
-    films = explanations(found, row, top, families)
+    films = explanations(found, row, top)
     return {
         "id": f"spot-{row + 1}",
         "name": found.measured.names[row],
