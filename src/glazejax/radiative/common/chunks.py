@@ -95,14 +95,20 @@ def on_its_devices(
         given: they broadcast but for inner axes.
         inner: names of those that have one more axis, the last.
     """
-    arrays = {
-        name: array
+    traced = {
+        name: jax.typeof(array).sharding.mesh.explicit_axes
         for name, array in given.items()
         if isinstance(array, Tracer) and concrete(array) is None
     }
-    mesh = next((jax.typeof(array).sharding.mesh for array in arrays.values()), None)
-    if mesh is None or not mesh.explicit_axes:
+    if not any(traced.values()):
         return function(given)
+    # What a traced function closes over lies there too.
+    arrays = {
+        name: array
+        for name, array in given.items()
+        if name in traced
+        or (isinstance(array, jax.Array) and jax.typeof(array).sharding.mesh.explicit_axes)
+    }
     # Of what kind their sum over inner axes would be.
     finite = {name: jnp.isfinite(each) for name, each in given.items() if each is not None}
     outer = [each.all(axis=-1) if name in inner else each for name, each in finite.items()]
