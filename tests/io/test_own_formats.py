@@ -93,12 +93,15 @@ def test_procspec_is_read(tmp_path):
 
 
 SPC = b"\x00K" + struct.pack("<BBi", 0, 0, 31) + bytes(500)
+OLE = b"\xd0\xcf\x11\xe0" + bytes(99)
 NAMED = {
     "Galactic SPC": (SPC, "JCAMP-DX or as text"),
     "Bruker OPUS": (b"\n\n\xfe\xfe" + bytes(99), r"\.dpt"),
     "Thermo OMNIC": (b"Spectral Data File\r\n" + bytes(99), "CSV or JCAMP-DX"),
     "PerkinElmer": (b"PEPE2D constant interval" + bytes(99), "ASCII or JCAMP-DX"),
     "Renishaw": (b"WDF1" + bytes(99), "text"),
+    "JASCO": (OLE + "Y-Data".encode("utf-16-le") + bytes(99), "ASCII or JCAMP-DX"),
+    "Word": (OLE + "WordDocument".encode("utf-16-le") + bytes(99), "UTF-8 CSV"),
     "CxF 2": (b'<?xml version="1.0"?><CXF xmlns="http://colorexchangeformat.com/v2"/>', "CxF3"),
     "MATLAB": (b"MATLAB 5.0 MAT-file" + bytes(99), "glazejax map"),
 }

@@ -57,13 +57,14 @@ def say_addition(
     mass = sum(recipe.values()) if batch is None else batch
     among = known | {p.name: p for p in paints}
     film = read_film(reading, samples, among, recipe, console, **said)
-    with progress.doing("compiling, then fitting the reading"):
+    with progress.follow("compiling, then fitting the reading") as report:
         found = calibrate_mixture(
             known,
             recipe,
             film,
             instrument=instrument,
             wavelengths=complete_grid(film, [known[name] for name in recipe]),
+            progress=report,
         )
         addition = next_addition(
             found,

@@ -22,6 +22,7 @@ from jaxtyping import Array, Float
 
 from glazejax.colour import delta_e_of_spectra
 from glazejax.geometry import resolve_instrument
+from glazejax.progress import Progress, no_progress
 from glazejax.spectra import describe_grid
 
 from ..film.films import Films, InstrumentLike, Noise, card_reflectance, cards
@@ -208,6 +209,7 @@ def recover_coats(
     expected: CoatScattering = ANY_FILM,
     spread: float = 0.3,
     response: Response | None = None,
+    progress: Progress = no_progress,
 ) -> CoatRecovery:
     """Absorption and scattering of one coat of each paint, from films of one coat or several.
 
@@ -224,6 +226,7 @@ def recover_coats(
         expected: of the scattering of a coat.
         spread: standard deviation of the log of a film's thickness about its number of coats.
         response: model of one film, by default that of the instrument.
+        progress: called before each paint.
 
     Raises:
         ValueError: no film; a film whose name says no coats, whose ground was not read, or that is
@@ -239,15 +242,16 @@ def recover_coats(
     noise = noise or estimate_noise(films)
     cards(films, instrument, noise)  # refuse bad grounds before the first paint
     response = response or film_response(instrument)
-    found = {
-        paint: _fit(
+    found: dict[str, JointRecovery] = {}
+    named = dict.fromkeys(coat.paint for coat in said.values())
+    for paint in named:
+        progress(len(found), len(named), "fitting the coats of each paint")
+        found[paint] = _fit(
             films.take([row for row, name in enumerate(films.names) if said[name].paint == paint]),
             said,
             Expectations(thickness=spread, level_s=(expected.mean, expected.sd)),
             given={"instrument": instrument, "noise": noise, "response": response},
         )
-        for paint in dict.fromkeys(coat.paint for coat in said.values())
-    }
     return CoatRecovery(
         films=films,
         paints=found,

@@ -55,9 +55,9 @@ def recover_from_coats(films: "Films", given: dict[str, Any], results: "Output")
     _, metres, plots, overwrite, console = results
     fitted = average(films)
     progress.print_notes(console, "films", fitted.notes[len(films.notes) :])
-    with progress.doing("compiling, then fitting the coats of each paint"):
+    with progress.follow("compiling, then fitting the coats of each paint") as report:
         began = time.perf_counter()
-        recovery = recover_coats(fitted, **given)
+        recovery = recover_coats(fitted, progress=report, **given)
         foretold = []
         for paint in recovery.paints:
             last = recovery.thickest(paint)

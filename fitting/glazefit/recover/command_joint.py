@@ -70,9 +70,9 @@ def recover_together(
         given |= {"pigments": known, "gauge": gauge}
     if knowledge.excluded is not None:
         given["gloss"] = _measured_gloss(knowledge, fitted, given["instrument"], console)
-    with progress.doing("compiling, then fitting all films together"):
+    with progress.follow("compiling, then fitting all films together") as report:
         began = time.perf_counter()
-        recovery = recover_jointly(fitted, recipes, **given)
+        recovery = recover_jointly(fitted, recipes, progress=report, **given)
         seconds = time.perf_counter() - began
 
     from .report import print_joint

@@ -64,7 +64,12 @@ class Fit(NamedTuple):
 
 
 def solve_jointly(
-    problem: JointProblem, response: Response, start: Unknowns, first_step: float, max_steps: int
+    problem: JointProblem,
+    response: Response,
+    start: Unknowns,
+    first_step: float,
+    max_steps: int,
+    note: Callable[[int], object] = lambda steps: None,
 ) -> Fit:
     """Levenberg and Marquardt's least squares from a start.
 
@@ -73,6 +78,7 @@ def solve_jointly(
         start: first point.
         first_step: one over the damping of the first step.
         max_steps: that are tried.
+        note: see `descend`.
     """
     found = descend(
         lambda point: jax.tree.map(np.asarray, look(problem, response, point)),
@@ -82,6 +88,7 @@ def solve_jointly(
         max_steps=max_steps,
         # A thousandth of a coefficient.
         tolerance=1e-3,
+        note=note,
     )
     return Fit(found.point, factorise(found.seen.normal), found.steps, found.settled)
 

@@ -143,7 +143,7 @@ def predict(
         )
         noise = estimate_noise(film)
         gauge = read_gauge(film_thickness, film.names, "--film-thickness")
-        with progress.doing("compiling, then fitting the reading"):
+        with progress.follow("compiling, then fitting the reading") as report:
             found = calibrate_mixture(
                 shelf,
                 recipe,
@@ -152,6 +152,7 @@ def predict(
                 noise=noise,
                 gauge=gauge,
                 wavelengths=complete_grid(film, [shelf[paint] for paint in recipe]),
+                progress=report,
             )
         grid = found.wavelengths
         black, white, _, _ = cards(found.films, seen_with, noise)

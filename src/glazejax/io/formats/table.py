@@ -271,7 +271,7 @@ def _open_table(source: Source) -> _Cells:
         raise cells.error(above, f"the header has one column only; {_LAYOUTS}")
     # A title above several columns stands at the first of them.
     rows[:-1] = [
-        list(itertools.accumulate(row + [""] * (width - len(row)), lambda left, own: own or left))
+        list(itertools.accumulate((row + [""] * width)[:width], lambda left, own: own or left))
         for row in rows[:-1]
     ]
     cells.titles.extend(rows if titles else [])
@@ -649,8 +649,10 @@ def _read_long(cells: _Cells, grids: list[int], names: dict[int, str]) -> tuple[
         cells.source.notes.append(f"spectra share {describe_grid(common)}, and are read there")
     spectra = []
     for at, column in zip(names, values, strict=True):
-        own = checked[sum(start < at for start in grids) - 1]
-        spectra.append(column[np.searchsorted(own, common)])
+        which = sum(start < at for start in grids) - 1
+        order = np.argsort(checked[which])
+        place = order[np.searchsorted(checked[which], common, sorter=order)]
+        spectra.append(column[~np.isnan(columns[which])][place])
     return common, np.array(spectra)
 
 
