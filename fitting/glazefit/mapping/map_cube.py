@@ -221,7 +221,8 @@ def _survey(store: MapStore, task: MapTask, most: int, progress: Progress) -> _S
             raise ValueError(f"the image has no pixel that can be mapped (of a sample: {words})")
         sample = np.concatenate(lines)
         sample[~good] = np.nan
-        features = Features.of(np.maximum(sample[good], 0.0))
+        by_family = isinstance(task.searcher, FamilySearcher)
+        features = Features.of(np.maximum(sample[good], 0.0), level=not by_family)
         ends = np.cumsum([len(line) for line in lines])[:-1]
         parts = [
             pooled(line, sd, features, (1, len(line)), ALONG)
