@@ -77,8 +77,8 @@ def recipe(
             "--after",
             metavar="FILE",
             callback=options.there,
-            help="I mixed it, and it came out like this: spectra of one film of it, as predict "
-            "--reading takes them. Says what to add. With --mixed.",
+            help="Spectra of one film of the mixture as it came out (format of predict "
+            "--reading), to compute what to add. With --mixed.",
             show_default=False,
         ),
     ] = None,
@@ -87,7 +87,7 @@ def recipe(
         typer.Option(
             "--mixed",
             metavar="MIXTURE",
-            help="What was mixed for --after: '10 Vermillion + 90 ZincWhite', by weight.",
+            help="Mixture of --after by weight: '10 Vermillion + 90 ZincWhite'.",
             show_default=False,
         ),
     ] = "",
@@ -96,7 +96,7 @@ def recipe(
         typer.Option(
             "--batch",
             metavar="GRAMS",
-            help="How much of it there is. Default: the weights of --mixed are grams.",
+            help="Amount of that mixture. Default: the weights of --mixed are grams.",
             show_default=False,
         ),
     ] = None,
@@ -116,8 +116,8 @@ def recipe(
         str,
         typer.Option(
             metavar="NAMES",
-            help="Lights of the match, by CIE, such as D65,A,FL11: it holds under all of them. "
-            "--lab is the colour under the first.",
+            help="CIE illuminants of the match, such as D65,A,FL11. --lab is the colour under the "
+            "first.",
         ),
     ] = "D65",
     test_illuminant: Annotated[
@@ -125,7 +125,7 @@ def recipe(
         typer.Option(
             metavar="NAME",
             callback=options.checked(options.check_illuminant),
-            help="One more light, under which the match is tested, not sought.",
+            help="Light used only to report metamerism.",
         ),
     ] = "A",
     observer: options.Observer = "2",
@@ -134,8 +134,8 @@ def recipe(
         typer.Option(
             "--glazes",
             help=(
-                "Mix nothing: every coat is one paint as it is. The answer says what mixing "
-                "would gain."
+                "No mixing: each coat is one paint from the tube. The answer states the gain "
+                "of mixing."
             ),
         ),
     ] = False,
@@ -171,8 +171,7 @@ def recipe(
         bool,
         typer.Option(
             "--modern",
-            help="Leave out paints that are poisonous, or rarely or no longer sold; your own all "
-            "stay.",
+            help="Exclude poisonous paints and those rarely or no longer sold, except your own.",
         ),
     ] = False,
     pigments: options.Pigments = None,
@@ -184,8 +183,8 @@ def recipe(
         float,
         typer.Option(
             callback=options.between(0.0),
-            help="Weight of the spectrum against the colour, where the target has one: a spectrum "
-            "that is off by 0.01 (root mean square) counts like this Delta E.",
+            help="Weight of the spectrum relative to the colour: an error of 0.01 (root mean "
+            "square) counts as this Delta E.",
         ),
     ] = 0.2,
     count: Annotated[
@@ -215,19 +214,19 @@ def recipe(
     ] = None,
     overwrite: options.Overwrite = False,
 ) -> None:
-    """Recipes for a colour: which paints, in which order and how thick.
+    """Find recipes for a colour: paints, their order and thickness.
 
-    All sets of up to three paints in one coat or two are tried. The best few
-    recipes are printed with their colour difference, with what a tenth more
-    or less of each coat changes, and with how far a colour is out of reach.
+    All sets of up to three paints in one coat or two are tried. The best
+    recipes are printed with their colour difference, the change if a coat is
+    10 % thicker or thinner, and the distance of a colour out of reach.
 
     Example: glazejax recipe --srgb '#8a4b2d' --max-coats 1
 
-    Tubes as they are, in up to six coats: glazejax recipe --lab 50,20,30 --glazes
+    Without mixing, in up to six coats: glazejax recipe --lab 50,20,30 --glazes
 
     For many colours at once: glazejax recipe --colourchecker
 
-    Mixed, and not quite it: glazejax recipe --lab 50,20,30 --after film.csv --mixed '10
+    Correct a mixture: glazejax recipe --lab 50,20,30 --after film.csv --mixed '10
     Vermillion + 90 ZincWhite' says what to add, in grams.
     """
     started = time.perf_counter()
@@ -384,9 +383,9 @@ def _say_unknown_strength(best: "Recipe", task: "RecipeTask", observer: str) -> 
         instrument=task.instrument,
     )
     return (
-        f"The strength of {', '.join(unknown)} is not known: that adds ΔE00 "
+        f"The strength of {', '.join(unknown)} is unknown, which adds ΔE00 "
         f"{say_paint_errors(prediction, (task.illuminants[0], observer))}. One tint of each with a "
-        "white tells it: glazejax recover --white ZincWhite."
+        "white measures it: glazejax recover --white ZincWhite."
     )
 
 

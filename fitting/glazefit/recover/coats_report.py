@@ -29,7 +29,7 @@ NEXT_COLUMNS = ("paint", "coats", "wavelength_nm", "reflectance", "low_90", "hig
 def print_coats(
     recovery: CoatRecovery, predictions: Sequence[CoatPrediction], console: Console, seconds: float
 ) -> None:
-    """Print a line a paint, and what is foretold of each."""
+    """Print a line a paint, and what is predicted of each."""
     title = (
         f"{len(recovery.paints)} paints from {len(recovery.films)} films of coats in "
         f"{seconds:.1f} s"
@@ -53,7 +53,8 @@ def print_coats(
         change = float(prediction.delta_e(thickest.reflectance))
         console.print(
             f"{prediction.paint}, {prediction.coats:g} coats on the ground of {thickest.name!r}: "
-            f"ΔE00 {change:.1f} from that film, foretold to ΔE00 {prediction.expected_error():.1f}."
+            f"ΔE00 {change:.1f} from that film, predicted to "
+            f"ΔE00 {prediction.expected_error():.1f}."
         )
     console.print(
         f"Films of equal coats may differ in thickness by {np.expm1(recovery.spread):.0%}. "
@@ -75,7 +76,7 @@ def write_coats(
     overwrite: bool = False,
 ) -> None:
     """Write `pigments.csv` (k and s in 1/m, if a coat is this thick, m), `films.csv`, and
-    `next_coats.csv`, the films foretold with their 90 % bands.
+    `next_coats.csv`, the films predicted with their 90 % bands.
     """
     paints = [fit.pigment(paint, thickness) for paint, fit in recovery.paints.items()]
     plain = [eqx.tree_at(lambda paint: paint.error_modes, paint, None) for paint in paints]
@@ -92,7 +93,7 @@ def plot_coats(
     folder: Path,
     step: Callable[[], object] = lambda: None,
 ) -> None:
-    """Draw the ladder of every paint, read and fitted, with the films foretold and their 90 %
+    """Draw the ladder of every paint, read and fitted, with the films predicted and their 90 %
     bands, to its own file, and call `step` after each.
     """
     from glazejax.plots import label_spectra, picture
@@ -112,7 +113,7 @@ def plot_coats(
             for prediction in predictions:
                 if prediction.paint != paint:
                     continue
-                label = f"{prediction.coats:g} coats, foretold"
+                label = f"{prediction.coats:g} coats, predicted"
                 (line,) = spectra.plot(grid, prediction.reflectance, "--", label=label)
                 spectra.fill_between(
                     grid, *prediction.interval(), color=line.get_color(), alpha=0.15, lw=0

@@ -44,9 +44,9 @@ def recover(
             metavar="FILE",
             callback=options.there,
             help="Table of spectra. Rows of a film: NAME_ob and NAME_ow (paint over black, over "
-            "white), or one of them, or NAME alone (it hides what is below); NAME_b and NAME_w "
-            "(its bare cards), or card_b and card_w. A film called 'Blue 1:10 White' is that "
-            "tint, and 'Blue 2 coats' is two coats of a brush. CSV or TSV, percent or fractions.",
+            "white), or one of them, or NAME alone (opaque), and NAME_b and NAME_w (its bare "
+            "cards), or card_b and card_w. 'Blue 1:10 White' is that tint, 'Blue 2 coats' is "
+            "two coats of a brush. CSV or TSV, percent or fractions.",
             show_default=False,
         ),
     ] = None,
@@ -63,8 +63,8 @@ def recover(
         typer.Option(
             metavar="FILE",
             callback=options.there,
-            help="What the samples are made of, a line each: 'SAMPLE<TAB>PaintA-PaintB|90-10'. "
-            "Default: mixtures.tsv beside the table, if there is one.",
+            help="Recipes of the samples, a line each: 'SAMPLE<TAB>PaintA-PaintB|90-10'. Default: "
+            "mixtures.tsv in the folder of the table, if it exists.",
             show_default=False,
         ),
     ] = None,
@@ -74,8 +74,8 @@ def recover(
             "--into",
             metavar="FILE",
             help=(
-                "Add the new paints to your own file of paints, such as mine.csv; its paints are "
-                "taken as known."
+                "Add the new paints to your own file of paints, such as mine.csv, whose paints "
+                "stay fixed."
             ),
             show_default=False,
         ),
@@ -84,8 +84,8 @@ def recover(
         str,
         typer.Option(
             metavar="NAME",
-            help="The white of the tints is known, and sets the scale: a paint of --into, or of "
-            "--catalogue (ZincWhite), or acrylics:TitaniumWhite.",
+            help="White of the tints, which sets the scale: a paint of --into, of --catalogue "
+            "(ZincWhite), or acrylics:TitaniumWhite.",
             show_default=False,
         ),
     ] = "",
@@ -95,9 +95,9 @@ def recover(
         typer.Option(
             "--wet-film",
             metavar="LENGTHS",
-            help="What a gauge or the gap of a drawdown bar says of films: 100um, 100um±20%, "
-            "'Red=100um,Blue=50um', or 'same' (all by one bar, whose gap is not known). Of "
-            "acrylics, which lose about half as they dry, the dry thickness.",
+            help="Thickness by a gauge, or gap of the drawdown bar: 100um, 100um±20%, "
+            "'Red=100um,Blue=50um', or 'same' (one bar of unknown gap). Give the dry thickness "
+            "of acrylics, which lose about half.",
             show_default=False,
         ),
     ] = "",
@@ -107,8 +107,8 @@ def recover(
             "--excluded",
             metavar="FILE",
             callback=options.there,
-            help="The same films read without the specular part (de:8), where FILE is with it: "
-            "the difference is the gloss of each film, which is then no longer guessed.",
+            help="The same films read without the specular part (de:8), if FILE includes it: the "
+            "difference is the gloss of each film.",
             show_default=False,
         ),
     ] = None,
@@ -118,7 +118,7 @@ def recover(
         typer.Option(
             "--noise",
             help="Noise of the instrument near black: standard deviation of a reflectance. "
-            "Default: estimated from how rough the spectra are, 0.0005 or more.",
+            "Default: estimated from the roughness of the spectra, 0.0005 or more.",
             show_default=False,
         ),
     ] = None,
@@ -126,8 +126,8 @@ def recover(
         float | None,
         typer.Option(
             "--noise-share",
-            help="Noise that grows with the reading: added to --noise per unit of reflectance. "
-            "Default: 0.002, or as rough spectra say.",
+            help="Noise proportional to the reading, added to --noise per unit of reflectance. "
+            "Default: 0.002, or estimated from the spectra.",
             show_default=False,
         ),
     ] = None,
@@ -146,8 +146,8 @@ def recover(
         typer.Option(
             "--joint",
             help=(
-                "Fit all films together by their recipes (see --names): tints with white show "
-                "what opaque films hide."
+                "Fit all films together by their recipes (see --names): tints with white "
+                "separate k from s of opaque paints."
             ),
         ),
     ] = False,
@@ -164,32 +164,32 @@ def recover(
     overwrite: Annotated[
         bool,
         typer.Option(
-            "--overwrite", help="Write into a folder that is not empty; replace entries of --into."
+            "--overwrite",
+            help="Write into a folder that is not empty, and replace entries of --into.",
         ),
     ] = False,
 ) -> None:
     """Recover absorption k and scattering s of paints from films over a black and a white card.
 
-    Every wavelength of every film is fitted on its own. With --joint all
-    films of known recipes are fitted together, each with its own thickness;
-    so are tints, films that lack a reading, and with --into, --white,
-    --wet-film or --excluded.
+    Every wavelength of every film is fitted separately. --joint fits all
+    films of stated recipes together, each with its own thickness. Tints,
+    films that lack a reading, --into, --white, --wet-film and --excluded
+    need it and switch it on.
 
     Writes pigments.csv (k and s in 1/m with standard deviations), a picture
     for each paint, and fits.csv (k/s and fitted spectra) or, with --joint,
     films.csv (thickness, gloss and fit of every film). --check adds
-    left_out.csv and left_out.png: how well the fit predicts mixtures that
-    it has not seen.
+    left_out.csv and left_out.png, the predictions of left-out mixtures.
 
-    k and s follow from the thickness: films twice as thick have half the
-    k and s.
+    The scale of k and s is that of the thickness: films twice as thick have
+    half the k and s.
 
     Films called 'Smalt 1 coat', 'Smalt 2 coats' are brushed coats of unknown
-    thickness, each on a ground that was read bare (NAME_w): k and s are then
-    for one coat, and next_coats.csv foretells the next two coats of each
+    thickness, each on a measured bare ground (NAME_w): k and s are then
+    for one coat, and next_coats.csv predicts the next two coats of each
     paint with 90 % bands.
 
-    Own tubes: a masstone and one tint over a black-and-white card will do:
+    Own tubes, by a masstone and one tint over a black-and-white card:
     glazejax recover blue.csv --white ZincWhite --into mine.csv
 
     Try it without data: glazejax recover --simulate --out demo

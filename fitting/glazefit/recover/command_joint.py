@@ -330,7 +330,7 @@ def _print_next_films(recovery: "JointRecovery", catalogue: str, console: "Conso
             f"{further.film}: {further.expected:.1f}" for further in further_films[:2]
         )
         console.print(
-            f"{paint}: mixtures with white and films of it are foretold to ΔE00 {ranking.now:.1f}. "
-            f"What would teach most: [bold]{best.film}[/bold] (then {best.expected:.1f}; "
-            f"{runners_up})."
+            f"{paint}: mixtures with white and films of it are predicted to "
+            f"ΔE00 {ranking.now:.1f}. Most useful next film: [bold]{best.film}[/bold] "
+            f"(then {best.expected:.1f}; {runners_up})."
         )

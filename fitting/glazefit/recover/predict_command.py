@@ -55,9 +55,9 @@ def predict(
             "--reading",
             metavar="FILE",
             callback=options.there,
-            help="Spectra of one film of this mixture: rows NAME_ob and NAME_ow (over a black, a "
-            "white card), or one of them, or NAME alone (it hides what is below), and card_b, "
-            "card_w. It says how strong it came out.",
+            help="Spectra of one film of this mixture, to learn its strength: rows NAME_ob and "
+            "NAME_ow (over a black, a white card), or one of them, or NAME alone (opaque), and "
+            "card_b, card_w.",
             show_default=False,
         ),
     ] = None,
@@ -70,8 +70,8 @@ def predict(
         typer.Option(
             "--film-thickness",
             metavar="LENGTH",
-            help="Of the film of --reading as a gauge says, on the scale of the paints: 20um, or "
-            "20um±20%.",
+            help="Measured thickness of the film in --reading, on the scale of the paints: "
+            "20um, or 20um±20%.",
             show_default=False,
         ),
     ] = "",
@@ -81,8 +81,8 @@ def predict(
             "--thickness",
             metavar="LENGTHS",
             help=(
-                "Of the films to predict: 5um,25um. Default: 25um, or with --reading half, once "
-                "and twice its film's."
+                "Thicknesses of the films to predict: 5um,25um. Default: 25um, or with "
+                "--reading half, once and twice its film's."
             ),
             show_default=False,
         ),
@@ -96,16 +96,16 @@ def predict(
     observer: options.Observer = "10",
     overwrite: options.Overwrite = False,
 ) -> None:
-    """Predict what a mixture of known paints will look like, and how sure that is.
+    """Predict the colour of a mixture of paints, with its error.
 
-    The colour over a usual black and white card (or those of --reading),
-    with the colour difference to be expected: between two mixings of it,
-    and because the paints are not known exactly. A reading of one film tells
-    how strong the mixture came out; its other films are then known better.
+    Prints the colour over a typical black and white card (or those of
+    --reading), the expected colour difference between two mixings, and the
+    part that comes from errors of the paints. A reading of one film measures
+    the strength of the mixture, and reduces the error of its other films.
 
     Example: glazejax predict "10 Vermillion + 90 ZincWhite"
     """
-    # What is wrong with the words is told before anything heavy is loaded.
+    # Wrong input is reported before anything heavy is loaded.
     thicknesses = [options.read_length(text) for text in options.split_names(thickness)]
     for option, value in (("--samples", samples), ("--film-thickness", film_thickness)):
         if value and reading is None:
@@ -133,6 +133,7 @@ def predict(
     from .mixture import calibrate_mixture, predict_mixture
 
     console = Console(highlight=False)
+    # A reading calibrates the mixture, and says over which grounds and how thick its films are.
     seen_with = Instrument(seen_by, refractive_index)
     calibrated = None
     grid = None
@@ -163,6 +164,7 @@ def predict(
             else [0.5 * read_thickness, read_thickness, 2.0 * read_thickness]
         )
     thicknesses = thicknesses or [options.read_length("25um")]
+    # The films that are asked for, by that mixing or by any.
     with progress.doing("compiling, then predicting"):
         predictions = predict_mixture(
             shelf,
@@ -301,7 +303,7 @@ def _say_reading(
     film = calibrated.films
     fit = calibrated.delta_e(*eye)[0][film.seen[0]]
     thick = (
-        "it hides what is below"
+        "opaque"
         if film.opaque[0]
         else format_length(float(f"{calibrated.thickness[0] * UNIT:.3g}"))
     )
@@ -321,7 +323,7 @@ def _say_reading(
     if fit.max() > 2.0:
         console.print(
             f"[yellow]The reading is met no nearer than ΔE00 {fit.max():.1f}: is the mixture "
-            "what was said?[/yellow]"
+            "as stated?[/yellow]"
         )
 
 
@@ -329,11 +331,11 @@ def _say_next(further: "NextFilms", console: "Console") -> None:
     best = further.films[0]
     # Repeats of one reading differ by .1 on average (Kimera's), and that is not seen.
     if further.now - best.expected < 0.2:
-        console.print("No further reading of it would tell much more.")
+        console.print("No further reading would improve this much.")
         return
     console.print(
-        f"What would help most: a reading of {best.film}. What is open of this mixture makes "
-        f"ΔE00 {further.now:.1f} in the films above, and would then make {best.expected:.1f}."
+        f"Most useful next reading: {best.film}. It would reduce the error of the films above that "
+        f"comes from this mixture from ΔE00 {further.now:.1f} to {best.expected:.1f}."
     )
 
 

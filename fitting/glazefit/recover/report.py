@@ -67,7 +67,7 @@ def print_summary(recovery: Recovery, console: Console, seconds: float, first: f
         )
     console.print(table)
     if not recovery.identifiable.all():
-        console.print("Too opaque to tell k from s, only k/s is known:")
+        console.print("Too opaque to separate k from s, only k/s is known:")
         for row in np.flatnonzero(~recovery.identifiable.all(axis=1)).tolist():
             where = ranges(recovery.films.wavelengths, ~recovery.identifiable[row])
             console.print(f"  {recovery.films.names[row]}: {where}: k/s {_ratios(recovery, row)}")
@@ -162,7 +162,7 @@ def print_joint(recovery: JointRecovery, console: Console, seconds: float) -> No
     bands = recovery.wavelengths.size
     title = f"{len(recovery.paints)} paints from {len(recovery.films)} films in {seconds:.1f} s"
     table = plain_table(
-        "paint", "films", "error of k", "of s", "of k/s", "k, s told apart", title=title
+        "paint", "films", "error of k", "of s", "of k/s", "k, s separable", title=title
     )
     for row, paint in enumerate(recovery.paints):
         table.add_row(
@@ -196,8 +196,8 @@ def print_joint(recovery: JointRecovery, console: Console, seconds: float) -> No
     # Films of known recipes are met to 2.3 at most (the samples).
     if difference.max() > 5.0:
         console.print(
-            "[yellow]No paint of these recipes reads so: what is foretold from this fit is not to "
-            "be relied on. Are rows swapped, or films called by another paint's name?[/yellow]"
+            "[yellow]No paint of these recipes reads so: do not rely on predictions of this "
+            "fit. Are rows swapped, or films called by another paint's name?[/yellow]"
         )
     for film, paint, factor in find_suspect_weights(recovery):
         console.print(

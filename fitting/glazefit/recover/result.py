@@ -28,7 +28,7 @@ CONTRAST_LIMIT = 5.0
 RELATIVE_LIMIT = 0.5
 ABSOLUTE_LIMIT = 0.01
 RULE = (
-    "k and s are told apart where the film reads brighter over white than over black by "
+    "k and s are separable where the film reads brighter over white than over black by "
     f"{CONTRAST_LIMIT:g} standard deviations or more, k d and s d are each known to "
     f"{RELATIVE_LIMIT:.0%} of their value or to {ABSOLUTE_LIMIT:g}, and no other pair fits as well"
 )
@@ -114,7 +114,7 @@ class Recovery(FittedFilms, Tabulated):
         films: as measured.
         absorption, scattering: optical thicknesses k d and s d, (films, bands).
         covariance: of the two, from the noise of all four readings, (films, bands, 2, 2).
-        identifiable: where k and s are told apart (`RULE`), (films, bands); elsewhere only k/s is
+        identifiable: where k and s are separable (`RULE`), (films, bands); elsewhere only k/s is
             known and s d is continued from its neighbours.
         gloss: share of the surface's reflection in the readings, (films,).
         fitted_black, fitted_white: what the model reads, (films, bands).
@@ -139,7 +139,7 @@ class Recovery(FittedFilms, Tabulated):
         return len(self.films)
 
     def __repr__(self) -> str:
-        identified = f"k and s told apart in {self.identifiable.mean():.0%} of bands"
+        identified = f"k and s separable in {self.identifiable.mean():.0%} of bands"
         return (
             f"Recovery({len(self)} films, {describe_grid(self.films.wavelengths)}, {identified}: "
             f"{list_names(self.films.names)})"
@@ -203,24 +203,24 @@ class Recovery(FittedFilms, Tabulated):
         )
 
     @classmethod
-    def join(cls, recoveries: Sequence["Recovery"]) -> "Recovery":
+    def join(cls, parts: Sequence["Recovery"]) -> "Recovery":
         """Recoveries of several batches of films as one.
 
         Raises:
             ValueError: there are none.
         """
-        if not recoveries:
+        if not parts:
             raise ValueError("no film was recovered")
 
         def gather(name: str) -> np.ndarray:
-            return np.concatenate([getattr(recovery, name) for recovery in recoveries])
+            return np.concatenate([getattr(recovery, name) for recovery in parts])
 
-        first = recoveries[0].films
+        first = parts[0].films
         films = Films(
-            tuple(name for recovery in recoveries for name in recovery.films.names),
+            tuple(name for recovery in parts for name in recovery.films.names),
             first.wavelengths,
             *(
-                np.concatenate([getattr(recovery.films, what) for recovery in recoveries])
+                np.concatenate([getattr(recovery.films, what) for recovery in parts])
                 for what in SPECTRA
             ),
             notes=first.notes,

@@ -177,7 +177,7 @@ def _describe_spectrum(request: Request, identification: Any, row: int) -> dict[
         listed.append(
             {
                 "words": candidate.words,
-                "fit": f"{sized}fit off by {candidate.rmse:.3f}",
+                "fit": f"{sized}fit error {candidate.rmse:.3f}",
                 "probability": float(candidate.probability),
                 "rgb": _rgb(grid, np.atleast_2d(candidate.fitted)[-1]),
                 "stack": _stack(request, coats),

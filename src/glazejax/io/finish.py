@@ -24,7 +24,7 @@ from jaxtyping import Float, Int
 from ..spectra import MAX_FRACTION, MIN_PERCENT, ranges, validate_wavelengths
 from .quantity import Stated, check_reflectance, meaning, nanometres, not_stated, read_units
 from .source import naming
-from .spectra_table import SpectraTable, list_names
+from .spectra_table import Bands, Rows, SpectraTable, Stored, list_names
 
 # CxF3's own bound for a reflectance. Above it the unit or the scale that the file declares is
 # wrong.
@@ -63,9 +63,9 @@ class RawSpectra:
         highest: value (fraction) above which the unit must be wrong.
     """
 
-    wavelengths: Float[np.ndarray, "bands"]
+    wavelengths: Bands
     names: Sequence[str]
-    values: Float[np.ndarray, "rows bands"]
+    values: Rows
     format: str
     notes: Sequence[str] = ()
     wavelength_unit: str = "nm"
@@ -146,33 +146,26 @@ def _finish(raw: RawSpectra, stated: Stated) -> SpectraTable:
     )
 
 
-def one_detector_each(
-    wavelengths: Float[np.ndarray, "bands"], notes: list[str]
-) -> Int[np.ndarray, "kept"]:
+def one_detector_each(wavelengths: Bands, notes: list[str]) -> Int[np.ndarray, "kept"]:
     """Bands in ascending order. Where detectors overlap, each is read up to the middle of the
     overlap, with a note; any other order is sorted.
     """
     if not detectors_overlap(wavelengths):
         notes.append("bands were sorted by wavelength")
         return np.argsort(wavelengths, kind="stable")
-    kept = []
-    start = 0.0
     runs = _runs(wavelengths)
-    for run, after in zip(runs, [*runs[1:], None], strict=True):
-        end = np.inf if after is None else (run[-1] + after[0]) / 2
-        if after is not None:
-            notes.append(f"detectors overlap: the change is at {end:g} nm")
-        kept.append((run > start) & (run <= end))
-        start = end
-    return np.flatnonzero(np.concatenate(kept))
+    ends = [(run[-1] + after[0]) / 2 for run, after in pairwise(runs)]
+    notes += [f"detectors overlap: the change is at {end:g} nm" for end in ends]
+    each = zip(runs, [0.0, *ends], [*ends, np.inf], strict=True)
+    return np.flatnonzero(np.concatenate([(run > low) & (run <= high) for run, low, high in each]))
 
 
-def _runs(wavelengths: Float[np.ndarray, "bands"]) -> list[np.ndarray]:
+def _runs(wavelengths: Bands) -> list[np.ndarray]:
     """Wavelengths, parted where they do not ascend."""
     return np.split(wavelengths, np.flatnonzero(np.diff(wavelengths) <= 0) + 1)
 
 
-def detectors_overlap(wavelengths: Float[np.ndarray, "bands"]) -> bool:
+def detectors_overlap(wavelengths: Bands) -> bool:
     """Whether wavelengths ascend in a few runs, each of which begins within the one before."""
     runs = _runs(wavelengths)
     # Two readings that changed places overlap by one.
@@ -183,8 +176,8 @@ def detectors_overlap(wavelengths: Float[np.ndarray, "bands"]) -> bool:
 
 
 def lit_bands(
-    wavelengths: Float[np.ndarray, "bands"],
-    values: Float[np.ndarray, "rows bands"],
+    wavelengths: Bands,
+    values: Rows,
     notes: list[str],
     raw: RawSpectra,
     scale: float | None,
@@ -215,8 +208,8 @@ def lit_bands(
 
 
 def _without_missing(
-    wavelengths: Float[np.ndarray, "bands"],
-    values: Float[np.ndarray, "rows bands"],
+    wavelengths: Bands,
+    values: Rows,
     names: Sequence[str],
     notes: list[str],
 ) -> tuple[Float[np.ndarray, "kept"], Float[np.ndarray, "full kept"], list[int]]:
@@ -250,8 +243,8 @@ def _without_missing(
 def _to_fractions(
     raw: RawSpectra,
     declared: float | None,
-    grid: Float[np.ndarray, "bands"],
-    values: Float[np.ndarray, "rows bands"],
+    grid: Bands,
+    values: Rows,
     names: Sequence[str],
     notes: list[str],
 ) -> str:
@@ -261,10 +254,8 @@ def _to_fractions(
     # NaN where a value is
     lows = values.min(axis=1)
     peaks = values.max(axis=1)
-    wrong = ~(np.isfinite(lows) & np.isfinite(peaks))
-    if wrong.any():
-        i = int(wrong.argmax())
-        j = int(np.isfinite(values[i]).argmin())
+    for i in np.flatnonzero(~(np.isfinite(lows) & np.isfinite(peaks)))[:1]:
+        j = np.isfinite(values[i]).argmin()
         raise ValueError(
             f"reflectance of {names[i]!r} is not finite at band {j + 1}: {values[i, j]:g}"
         )
@@ -314,7 +305,7 @@ def _to_fractions(
 
 
 def _detected_scale(
-    values: Float[np.ndarray, "rows bands"],
+    values: Rows,
     peaks: Float[np.ndarray, "rows"],
     names: Sequence[str],
     notes: list[str],
@@ -372,21 +363,20 @@ def different(names: list[str], notes: list[str]) -> list[str]:
     used = Counter()
     result = []
     for name in names:
-        used[name] += 1
         fresh = name
-        if used[name] > 1:
-            while (fresh := f"{name} ({used[name]})") in taken:
-                used[name] += 1
-            taken.add(fresh)
+        while used[name] and fresh in taken:
+            used[name] += 1
+            fresh = f"{name} ({used[name]})"
+        used[name] = max(used[name], 1)
+        taken.add(fresh)
         result.append(fresh)
     repeated = [name for name, count in counts.items() if count > 1]
-    if repeated:
-        notes.append(f"names that repeat were numbered: {list_names(repeated)}")
+    notes.append(f"names that repeat were numbered: {list_names(repeated)}")
     return result
 
 
 def in_order(
-    wavelengths: Float[np.ndarray, "stored"],
+    wavelengths: Stored,
     bands: Int[np.ndarray, "used"] | None,
     notes: list[str],
 ) -> tuple[Float[np.ndarray, "used"], Int[np.ndarray, "used"]]:

@@ -6,13 +6,13 @@ from itertools import product
 from typing import Unpack
 
 import numpy as np
-from jaxtyping import Int
 
 from ..spectra import MAX_FRACTION, MIN_PERCENT
 from .finish import DELETED, MAX_DECLARED, UNITS
 from .quantity import Stated, check_reflectance, read_units
 from .raw_cube import RawCube
 from .source import naming
+from .spectra_table import Chosen
 
 # Tiles of so many lines and samples, and so many of them across the image.
 _TILE = 32
@@ -23,7 +23,7 @@ USUAL_MARK = -9999.0
 _LARGE = 1 << 22
 
 
-def bright(raw: RawCube, bands: Int[np.ndarray, "bands"]) -> float | None:
+def bright(raw: RawCube, bands: Chosen) -> float | None:
     """Value that 99 % of pixels stay below, in the brightest of a few bands; None if none of them
     has data.
 
@@ -60,7 +60,7 @@ def with_usual_mark(raw: RawCube, notes: list[str]) -> RawCube:
 
 def scale_of(
     raw: RawCube,
-    bands: Int[np.ndarray, "bands"],
+    bands: Chosen,
     notes: list[str],
     cure: str,
     **stated: Unpack[Stated],
@@ -93,10 +93,11 @@ def scale_of(
             scale = _detected_scale(raw, level, cure)
         else:
             scale = declared
-            if (level or 0.0) > MAX_DECLARED * scale:
+            reached = (level or 0.0) / scale
+            if reached > MAX_DECLARED:
                 raise ValueError(
-                    f"pixels reach a reflectance of {level / scale:g} by the reflectance scale "
-                    f"factor {scale:g}"
+                    f"pixels reach a reflectance of {reached:g} by the reflectance scale factor "
+                    f"{scale:g}"
                 )
     if scale != 1.0:
         notes.append(

@@ -12,7 +12,8 @@ from functools import lru_cache
 from typing import NamedTuple, TypedDict
 
 import numpy as np
-from jaxtyping import Float
+
+from .spectra_table import Bands
 
 MODES = {
     "SCI": "specular component included, d:8",
@@ -186,9 +187,7 @@ def length_unit(words: str) -> str:
     return ""
 
 
-def nanometres(
-    wavelengths: Float[np.ndarray, "bands"], unit: str | None
-) -> tuple[Float[np.ndarray, "bands"], list[str]]:
+def nanometres(wavelengths: Bands, unit: str | None) -> tuple[Bands, list[str]]:
     """Wavelengths in nm from what a file calls their unit, with notes.
 
     A unit that is not named is micrometres if all are below 100, as no spectrum of paint reaches so
@@ -218,8 +217,8 @@ def nanometres(
 
 
 def _without_unit(
-    wavelengths: Float[np.ndarray, "bands"],
-) -> tuple[Float[np.ndarray, "bands"], list[str]]:
+    wavelengths: Bands,
+) -> tuple[Bands, list[str]]:
     """Wavelengths in nm where nobody says their unit."""
     low = np.fmin.reduce(wavelengths, initial=np.inf)
     high = np.fmax.reduce(wavelengths, initial=-np.inf)
@@ -247,7 +246,7 @@ def not_stated(*units: str) -> str:
     return f"no unit is stated: taken as {', as '.join(units)}"
 
 
-def _whole(wavenumbers: Float[np.ndarray, "bands"]) -> Float[np.ndarray, "bands"]:
+def _whole(wavenumbers: Bands) -> Bands:
     """Wavelengths in nm of wavenumbers in 1/cm; whole ones if all are, to the digits of the file.
 
     14285.7 is 700.0007 nm, and would lie beyond a paint that is known up to 700 nm.

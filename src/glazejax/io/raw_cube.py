@@ -10,11 +10,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 
 from .finish import DELETED
 from .quantity import nanometres
 from .source import naming, refusal, show_path
+from .spectra_table import Chosen, Stored
 
 # Bytes of a mapped file that are let go together.
 _MAPPED = 1 << 26
@@ -145,12 +146,12 @@ class RawCube:
     dtype: np.dtype[Any]
     piece: tuple[int, int, int] = (1, 1, 1)
     apart: bool = False
-    wavelengths: Float[np.ndarray, "stored"] | None = None
+    wavelengths: Stored | None = None
     wavelength_unit: str = ""
     quantity: str = ""
-    good: Int[np.ndarray, "good"] | None = None
-    gain: float | Float[np.ndarray, "stored"] = 1.0
-    offset: float | Float[np.ndarray, "stored"] = 0.0
+    good: Chosen | None = None
+    gain: float | Stored = 1.0
+    offset: float | Stored = 0.0
     scale: float | None = None
     ignore: tuple[float, ...] = ()
     notes: tuple[str, ...] = ()
@@ -174,7 +175,7 @@ class RawCube:
         """Whether the file says how its numbers become values."""
         return np.ndim(self.gain) > 0 or self.gain != 1.0 or self.offset != 0.0
 
-    def nanometres(self, unit: str = "") -> tuple[Float[np.ndarray, "stored"], list[str]]:
+    def nanometres(self, unit: str = "") -> tuple[Stored, list[str]]:
         """Wavelengths in nm, in the file's order, and notes.
 
         Args:
@@ -192,7 +193,7 @@ class RawCube:
         with naming(self.path):
             return nanometres(self.wavelengths, unit or self.wavelength_unit)
 
-    def block(self, y: slice, x: slice, bands: Int[np.ndarray, "bands"]) -> np.ndarray:
+    def block(self, y: slice, x: slice, bands: Chosen) -> np.ndarray:
         """Stored numbers, (y, x, bands), in the file's type; a view of the file where it is mapped
         into memory.
 
@@ -210,9 +211,7 @@ class RawCube:
             return part
         return part[..., bands - first]
 
-    def values(
-        self, y: slice, x: slice, bands: Int[np.ndarray, "bands"], *, mark: bool = False
-    ) -> np.ndarray:
+    def values(self, y: slice, x: slice, bands: Chosen, *, mark: bool = False) -> np.ndarray:
         """Values (stored numbers by gain and offset) as floats that hold them; NaN where data are
         missing.
 
@@ -232,7 +231,7 @@ class RawCube:
     def numbers(
         self,
         stored: np.ndarray,
-        bands: Int[np.ndarray, "bands"],
+        bands: Chosen,
         *,
         mark: bool = False,
         dtype: Any = np.float32,
@@ -260,7 +259,7 @@ class RawCube:
         return values
 
 
-def _of(number: Any, bands: Int[np.ndarray, "bands"]) -> Any:
+def _of(number: Any, bands: Chosen) -> Any:
     """A gain or offset of some bands, where each has its own."""
     return number[bands] if np.ndim(number) else number
 

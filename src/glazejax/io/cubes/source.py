@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Int
 
 from ...extras import require
 from ...spectra import describe_grid, validate_wavelengths
@@ -17,6 +17,7 @@ from ..probe import scale_of, with_usual_mark
 from ..quantity import Stated, read_units
 from ..raw_cube import RawCube
 from ..source import naming, refusal
+from ..spectra_table import Bands, Stored
 from .calibration import calibration
 from .numbers import read_numbers
 from .opening import raw_cube
@@ -181,9 +182,7 @@ def _path(given: Any) -> Any:
     return Path(given) if isinstance(given, str) else given
 
 
-def _stored_wavelengths(
-    raw: RawCube, given: Float[np.ndarray, "stored"] | None, unit: str, notes: list[str]
-) -> Float[np.ndarray, "stored"]:
+def _stored_wavelengths(raw: RawCube, given: Stored | None, unit: str, notes: list[str]) -> Stored:
     """Wavelengths of the stored bands, nm, in the file's order."""
     if given is None:
         wavelengths, told = raw.nanometres(unit)
@@ -200,11 +199,11 @@ def _stored_wavelengths(
 
 def _grid(
     raw: RawCube,
-    stored: Float[np.ndarray, "stored"],
+    stored: Stored,
     limits: tuple[float, float] | None,
     each: int,
     notes: list[str],
-) -> tuple[Float[np.ndarray, "bands"], Int[np.ndarray, "bands n"]]:
+) -> tuple[Bands, Int[np.ndarray, "bands n"]]:
     """Wavelengths that are given, ascending, and the stored bands that each is the mean of."""
     grid, bands = in_order(stored, raw.good, notes)
     new = np.concatenate([[True], np.diff(grid) > 0])

@@ -9,10 +9,10 @@ import struct
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 
 from ..finish import RawSpectra
 from ..source import Source
+from ..spectra_table import Bands
 
 _HEADER = 484
 _KINDS = ("raw", "ref", "rad", "nounits", "irrad", "qi", "trans", "unknown", "abs")
@@ -89,10 +89,10 @@ def read_asd(source: Source) -> RawSpectra:
 def _spectrum(
     source: Source,
     what: str,
-    wavelengths: Float[np.ndarray, "channels"],
+    wavelengths: Bands,
     stored: bytes,
     dtype: np.dtype[Any],
-) -> Float[np.ndarray, "channels"]:
+) -> Bands:
     """Numbers of a spectrum; one that is not finite somewhere is refused, as no instrument writes
     that.
     """

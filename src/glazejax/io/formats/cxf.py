@@ -6,12 +6,11 @@ from xml.etree import ElementTree
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
-from jaxtyping import Float
 
 from ...spectra import describe_grid
 from ..finish import MAX_DECLARED, RawSpectra
 from ..source import Source
-from ..spectra_table import SpectraTable
+from ..spectra_table import Bands, SpectraTable
 from ..words import is_number, read_number
 
 _NAMESPACE = "http://colorexchangeformat.com/CxF3-core"
@@ -111,6 +110,8 @@ def read_cxf(source: Source) -> RawSpectra:
             names.append(name)
             values.append(list(map(read_number, words)))
             specifications.append(specification)
+    if len([*root.iter(_tag("ReflectanceSpectrum"))]) != len(names):
+        raise source.error("not legal CxF3: a spectrum stands outside of the objects")
     if not names:
         raise source.error(f"CxF3 without reflectance spectra ({len(things)} objects)")
     table = np.array(values)
@@ -133,7 +134,7 @@ def _tag(title: str) -> str:
 
 def _wavelengths(
     spectrum: ElementTree.Element, limits: ElementTree.Element | None, count: int
-) -> Float[np.ndarray, "bands"] | None:
+) -> Bands | None:
     """Wavelengths of a spectrum; None where the file does not say them."""
     stated = {} if limits is None else limits.attrib
     words = (spectrum.get("StartWL") or stated.get("StartWL", ""), stated.get("Increment", ""))

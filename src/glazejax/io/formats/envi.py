@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Unpack
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from ...spectra import validate_wavelengths
 from ..cube import SpectraCube
@@ -16,7 +16,7 @@ from ..probe import scale_of, with_usual_mark
 from ..quantity import Stated, first_quantity, meaning, read_units
 from ..raw_cube import OnDisk, RawCube
 from ..source import Source, explain_errors, is_there, naming, open_source, refusal, show_path
-from ..spectra_table import SpectraTable
+from ..spectra_table import Bands, Chosen, SpectraTable
 from ..words import is_number, read_number
 
 _NEEDED = ("samples", "lines", "bands", "data type", "interleave")
@@ -233,7 +233,7 @@ class EnviFile:
             file=raw, wavelengths=grid, bands=bands, scale=scale, notes=notes, unit=unit
         )
 
-    def raw(self, wavelengths: Float[np.ndarray, "bands"] | None, notes: list[str]) -> RawCube:
+    def raw(self, wavelengths: Bands | None, notes: list[str]) -> RawCube:
         """The numbers as they are stored, not read, and what the header says of them.
 
         Args:
@@ -322,7 +322,7 @@ class EnviFile:
         """Number of stored bands."""
         return self.sizes["samples" if self.is_library else "bands"]
 
-    def wavelengths(self) -> Float[np.ndarray, "bands"]:
+    def wavelengths(self) -> Bands:
         """Wavelengths of the stored bands, as the header has them.
 
         Raises:
@@ -341,7 +341,7 @@ class EnviFile:
             )
         return values
 
-    def good_bands(self, notes: list[str]) -> Int[np.ndarray, "good"]:
+    def good_bands(self, notes: list[str]) -> Chosen:
         """Stored bands that the header's ``bbl`` does not mark as bad; a note says how many it
         does.
 
@@ -366,8 +366,9 @@ class EnviFile:
         words = [word.strip("[]' ") for word in self.entries(title)]
         for i, word in enumerate(words, start=1):
             if not is_number(word):
-                entry = f"{title!r} number {i}"
-                raise self.error(f"{entry} in the header is {word[:30]!r}, not a number")
+                raise self.error(
+                    f"{title!r} number {i} in the header is {word[:30]!r}, not a number"
+                )
         return np.array(list(map(read_number, words)))
 
     def _whole(self, title: str, least: int) -> int:

@@ -11,11 +11,11 @@ from array import array
 from dataclasses import dataclass, field
 
 import numpy as np
-from jaxtyping import Float
 
 from ..finish import RawSpectra
 from ..quantity import meaning
 from ..source import Source
+from ..spectra_table import Bands
 from ..words import is_number, read_number
 
 _PLAIN = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
@@ -154,7 +154,7 @@ def _blocks(source: Source) -> list[_Block]:
     return blocks
 
 
-def _spectrum(block: _Block) -> tuple[Float[np.ndarray, "bands"], Float[np.ndarray, "bands"]]:
+def _spectrum(block: _Block) -> tuple[Bands, Bands]:
     """Abscissas and values of a block."""
     forms = {"(XY..XY)": _pairs, "(X++(Y..Y))": _steps}
     if block.form not in forms:
@@ -165,7 +165,7 @@ def _spectrum(block: _Block) -> tuple[Float[np.ndarray, "bands"], Float[np.ndarr
     return x, y * block.number("YFACTOR", 1.0)
 
 
-def _pairs(block: _Block) -> tuple[Float[np.ndarray, "points"], Float[np.ndarray, "points"]]:
+def _pairs(block: _Block) -> tuple[Bands, Bands]:
     """Points that are written with both coordinates."""
     numbers = array("d")
     for line, text in block.data:
@@ -178,7 +178,7 @@ def _pairs(block: _Block) -> tuple[Float[np.ndarray, "points"], Float[np.ndarray
     return x * block.number("XFACTOR", 1.0), y
 
 
-def _steps(block: _Block) -> tuple[Float[np.ndarray, "points"], Float[np.ndarray, "points"]]:
+def _steps(block: _Block) -> tuple[Bands, Bands]:
     """Ordinates at equal steps; the abscissa that begins each line only checks them."""
     first, last, promised = map(block.number, ("FIRSTX", "LASTX", "NPOINTS"))
     if np.isnan([first, last, promised]).any():

@@ -19,6 +19,7 @@ from ...spectra import describe_grid, validate_wavelengths
 from ..finish import DETECTED, SPECTROMETER, RawSpectra, detectors_overlap, different
 from ..quantity import MODES, READINGS, REFLECTANCE, is_no_name, length_unit, meaning
 from ..source import Source, naming, shorten
+from ..spectra_table import Bands, Rows
 from ..words import is_number, read_number, unshield_name
 from .above import (
     WAVELENGTH_TITLE,
@@ -469,7 +470,7 @@ def _column_names(cells: _Cells, columns: list[int]) -> list[str]:
     return different(names, notes)
 
 
-def _check_grid(cells: _Cells, grid: Float[np.ndarray, "bands"]) -> Float[np.ndarray, "bands"]:
+def _check_grid(cells: _Cells, grid: Bands) -> Bands:
     """Legal grid, or an error that names the file; one that descends is legal, or one of detectors
     that overlap.
     """
@@ -554,9 +555,7 @@ def _read_rows(
     return lines, columns, np.frombuffer(values).reshape(-1, len(numbers))
 
 
-def _read_wide(
-    cells: _Cells, attributes: dict[str, list[str]]
-) -> tuple[list[str], Float[np.ndarray, "bands"], Float[np.ndarray, "rows bands"]]:
+def _read_wide(cells: _Cells, attributes: dict[str, list[str]]) -> tuple[list[str], Bands, Rows]:
     """Names, wavelengths and values of a table with a sample a row.
 
     What stands beside the bands, such as L*a*b*, fills the attributes. Bands with the specular
@@ -620,9 +619,7 @@ def _read_wide(
     return names, grid, values.reshape(-1, grid.size)
 
 
-def _read_long(
-    cells: _Cells, grids: list[int], names: dict[int, str]
-) -> tuple[Float[np.ndarray, "bands"], Float[np.ndarray, "rows bands"]]:
+def _read_long(cells: _Cells, grids: list[int], names: dict[int, str]) -> tuple[Bands, Rows]:
     """Wavelengths and values of a table with a sample a column.
 
     Args:
@@ -707,7 +704,7 @@ def _triples(cells: _Cells) -> list[int] | None:
 
 def _read_triples(
     cells: _Cells, name_at: int, wavelength_at: int, value_at: int
-) -> tuple[list[str], Float[np.ndarray, "bands"], Float[np.ndarray, "rows bands"]]:
+) -> tuple[list[str], Bands, Rows]:
     """Names, wavelengths and values of a table with a value a row; all samples must have the same
     wavelengths.
     """
