@@ -119,7 +119,7 @@ def score_panel(panel: Panel, pixels: int) -> dict[str, Score]:
     progress(f"{panel.group}: map")
     start = time.perf_counter()
     answers = _answers_of_map(panel, drawn)
-    scores = {"the map": _score(panel, drawn, answers, time.perf_counter() - start)}
+    scores = {"the map": score_answers(panel, drawn, answers, time.perf_counter() - start)}
     readings = panel.readings.reshape(height * width, -1)[drawn]
     asked = on_grid(panel.wavelengths, readings, GRID)
     sought = Table(
@@ -136,7 +136,7 @@ def score_panel(panel: Panel, pixels: int) -> dict[str, Score]:
         start = time.perf_counter()
         rival.learn(library)
         answers = rival.answer(sought, [None] * len(drawn), pairs=False)
-        scores[rival.name] = _score(panel, drawn, answers, time.perf_counter() - start)
+        scores[rival.name] = score_answers(panel, drawn, answers, time.perf_counter() - start)
     progress()
     return scores
 
@@ -184,7 +184,9 @@ def _answers_of_map(panel: Panel, drawn: np.ndarray) -> list[Answer]:
     ]
 
 
-def _score(panel: Panel, drawn: np.ndarray, answers: Sequence[Answer], seconds: float) -> Score:
+def score_answers(
+    panel: Panel, drawn: np.ndarray, answers: Sequence[Answer], seconds: float
+) -> Score:
     """Compare answers for some pixels with the truth."""
     labels = panel.labels.ravel()[drawn]
     paints = [panel.paints[label] for label in labels]

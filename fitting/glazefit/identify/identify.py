@@ -62,11 +62,7 @@ def identify_chunks(
                 found = coats_of_families(found, options)
             yield found
         return
-    if options.elements or options.without_elements or options.painted is not None:
-        raise ValueError(
-            "elements and years are weighed where families of pigments are sought: use "
-            "catalogue.load('pigments') (--catalogue pigments)"
-        )
+    options.refuse_facts()
     searcher = Searcher.of(wavelengths, pigments, options, opaque=opaque)
     measured = searcher.measure(spectra, ground, names)
     for batch, pool, odds in searcher.search(measured):
