@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from glazefit import identify, set_labels
+from glazefit.film.shared_bands import means_of_steps
+from glazefit.identify.families.identify_pigments import STEP
 from glazefit.identify.families.references import read_references
 from glazefit.identify.search.options import IdentificationOptions
 from glazefit.mapping.family_facts import describe_sets
@@ -98,8 +100,28 @@ def test_a_report_says_what_the_sets_are(cube, paints, tmp_path):
 
 
 def test_elements_are_weighed_for_families_alone(cube, tmp_path):
-    with pytest.raises(ValueError, match="elements and years are weighed where families"):
+    with pytest.raises(ValueError, match="elements and years apply to families"):
         map_cube(cube, catalogue.load(), opaque=True, out=tmp_path / "map.zarr", elements=("Cu",))
+
+
+def test_noise_makes_no_pigments(cube, paints, tmp_path):
+    """A flat field is one answer, whatever noise does to its pixels."""
+    fields = np.repeat(np.repeat(cube.to_numpy()[:, :1], 14, axis=0), 14, axis=1)
+    noise = np.random.default_rng(1).normal(0.0, 1.0, fields.shape)
+    noisy = small.image(fields + (0.006 + 0.01 * fields) * noise, GRID)
+    found = map_cube(noisy, paints, opaque=True, out=tmp_path / "map.zarr", instrument="45:0")
+    labels = set_labels(found).to_numpy().reshape(4, -1)
+    for name, field in zip(PAINTED, labels, strict=True):
+        assert {label.partition(" + ")[0] for label in field} == {name}
+        assert len(set(field)) == 1
+
+
+def test_uneven_bands_are_those_of_a_search(paints):
+    """A search would average bands of 4.83 nm once more if they were not its own."""
+    for step in (3.7, 4.83, 6.1):
+        bands = WorkingBands.of(np.arange(410.0, 991.0, step), list(paints.values()))
+        again = means_of_steps(bands.wavelengths, STEP)
+        assert again is None or np.array_equal(again, np.eye(bands.wavelengths.size))
 
 
 def test_a_search_is_of_the_coefficients_that_are_given(cube, paints):

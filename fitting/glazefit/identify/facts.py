@@ -37,19 +37,19 @@ def _symbols(words: str) -> Any:
 Elements = Annotated[
     str,
     _symbols(
-        "Elements that X-ray fluorescence found, such as Cu,Pb: weigh for families that hold them "
-        "(--catalogue pigments)."
+        "Elements found by X-ray fluorescence, such as Cu,Pb: families with them become more "
+        "probable (--catalogue pigments)."
     ),
 ]
 WithoutElements = Annotated[
-    str, _symbols("Elements that it looked for and did not find, such as Co,Cr.")
+    str, _symbols("Elements that X-ray fluorescence did not find, such as Co,Cr.")
 ]
 Painted = Annotated[
     int | None,
     typer.Option(
         metavar="YEAR",
-        help="Year of the painting, such as 1620: pigments that were not in use are fifty times "
-        "less probable, and marked.",
+        help="Year of the painting, such as 1620: pigments not in use then become fifty times "
+        "less probable, and are marked.",
         show_default=False,
     ),
 ]
@@ -73,7 +73,7 @@ def add_references(
     by_family: bool,
     instrument: "Instrument",
     console: "Console",
-    said: "Stated",
+    stated: "Stated",
 ) -> "list[Pigment]":
     """Paints of a catalogue, and reference paints with them.
 
@@ -81,14 +81,14 @@ def add_references(
         paints: of the catalogue.
         references: file of ``--references``, or None.
         facts: by `describe_facts`.
-        by_family: whether families are sought.
+        by_family: whether families are searched.
         instrument: that read the references.
         console: to print notes to.
-        said: what the user says of quantity and units.
+        stated: what the user says of quantity and units.
 
     Raises:
         FileNotFoundError: no such file.
-        ValueError: facts or references where no families are sought, or a table that is no
+        ValueError: facts or references where no families are searched, or a table that is no
             references.
     """
     if any(value not in ((), None) for value in facts.values()) and not by_family:
@@ -100,11 +100,11 @@ def add_references(
         return list(paints)
     if not by_family:
         raise ValueError(
-            "--references are sought by family: give --catalogue pigments, and neither --pigments "
-            "nor --own-films"
+            "--references are searched by family: give --catalogue pigments, and neither "
+            "--pigments nor --own-films"
         )
     from .families.references import read_references
 
-    library = read_references(references, instrument, **said)
+    library = read_references(references, instrument, **stated)
     progress.print_notes(console, references, (*library.notes, *library.unclear))
     return [*paints, *library.pigments]

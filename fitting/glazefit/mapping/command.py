@@ -324,15 +324,15 @@ def map_(
     by_family = has_families(paints)
     places = read_spots(spots, [paint.name for paint in paints])
     seen_with = Instrument(seen_by, refractive_index)
-    known = facts.describe_facts(elements, without_elements, painted)
+    evidence = facts.describe_facts(elements, without_elements, painted)
     paints = facts.add_references(
         paints,
         references,
-        known,
+        evidence,
         by_family=by_family,
         instrument=seen_with,
         console=console,
-        said={},
+        stated={},
     )
     # Workers of a cluster have another folder of their own.
     source = CubeSource(cube.absolute(), **reading)
@@ -366,7 +366,7 @@ def map_(
             else replace(usual_error, amplitude=model_error),
             prior=replace(EXPECTED if by_family else Prior(), thickness=usual),
             max_paints=max_paints,
-            **known,
+            **evidence,
             memory=bound,
             client=client,
             overwrite=overwrite,
@@ -378,8 +378,8 @@ def map_(
         "Catalogue": asked,
         "Ground": words,
         "Instrument": f"{seen_by.describe()}, refractive index {refractive_index:g}",
-        "Elements": ", ".join(known["elements"]),
-        "Elements not found": ", ".join(known["without_elements"]),
+        "Elements": ", ".join(evidence["elements"]),
+        "Elements not found": ", ".join(evidence["without_elements"]),
         "Painted": "" if painted is None else str(painted),
     }
 
@@ -399,7 +399,7 @@ def map_(
             instrument=seen_with,
             prior=replace(EXPECTED, thickness=usual),
             max_paints=max_paints,
-            **known,
+            **evidence,
         )
         store = MapStore.open(out)
         return describe_sets(found, store.sums()[1], paints, asked, store.options["ground"])

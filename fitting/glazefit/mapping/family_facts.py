@@ -40,7 +40,7 @@ def describe_sets(
     Args:
         found: the map.
         sets: sums over the pixels of each set.
-        pigments: exemplars that were sought.
+        pigments: exemplars that were searched.
         options: of the search.
         ground: at the working bands; None where films hide it.
 
@@ -50,7 +50,6 @@ def describe_sets(
         computed from the nearest exemplars, or None where no film of the set was kept.
     """
     names = [str(name) for name in found["paint"].values]
-    known = catalogue.families()
     families = {pigment.name: pigment.family for pigment in pigments}
     shown = shown_sets({members: one.pixels for members, one in sets.items()})
     if not shown:
@@ -88,7 +87,7 @@ def describe_sets(
                 {
                     **one,
                     "share": share,
-                    "anachronism": _anachronism(one["family"], known, options.painted),
+                    "anachronism": _anachronism(one["family"], options.painted),
                 }
                 for name in (names[member] for member in members)
                 for family, share in within.get(name, ((name, 1.0),))
@@ -100,5 +99,5 @@ def describe_sets(
     return facts
 
 
-def _anachronism(family: str, known: Mapping[str, catalogue.Family], year: int | None) -> str:
-    return "" if year is None else describe_anachronism([family], known, year)
+def _anachronism(family: str, year: int | None) -> str:
+    return "" if year is None else describe_anachronism([family], catalogue.families(), year)
