@@ -1,7 +1,7 @@
 """Maps of other people's paint: which families they name, by area, and what is said where the
 catalogue lacks the paint; compared with what people use, with the same exemplars.
 
-    python -m benchmarks.maps.mosaic [--pixels 1200] [--noise 0.005] [--sources 7]
+    python -m benchmarks.maps.mosaic [--pixels 800] [--noise 0.005] [--sources 7]
 
 Each source of measured paint is left out in turn and lies on two panels
 (`benchmarks.maps.panel`): twelve flat fields, and fields under brush strokes. Two paints of a panel
@@ -74,7 +74,7 @@ def main() -> None:
         __doc__,
         sources=(len(SOURCES), 1, "sources that are left out in turn"),
         height=(60, 24, "lines of a panel of flat fields; it has four columns for three lines"),
-        pixels=(1200, 200, "pixels of a panel that each method is asked for"),
+        pixels=(800, 200, "pixels of a panel that each method is asked for"),
         noise=(NOISE, NOISE, "standard deviation of a reading"),
     )
     options = parser.parse_args()
