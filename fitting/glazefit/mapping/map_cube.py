@@ -20,6 +20,7 @@ from ..film.films import Noise
 from ..film.model.mixing import Pigments
 from ..film.noise import spectra_noise
 from ..identify.search.options import SearchKeywords, check_keywords
+from ..identify.search.searcher import Searcher
 from .solve.agreement import compare
 from .solve.atlas import Atlas, make_atlas, search_for_atlas
 from .solve.by_family import Answered, FamilyAtlas, FamilySearcher
@@ -99,9 +100,9 @@ def map_cube(
         overwrite: replace a map that is there.
         progress: called with pieces done, pieces in all and the stage: reading, surveying,
             searching, checking, mapping.
-        search: instrument, noise, discrepancy, prior and max_paints, as for
-            `glazefit.identify`; noise is of one reading of the image, by default told from the
-            roughness of a sample of its spectra.
+        search: instrument, noise, discrepancy, prior, max_paints, elements, without_elements and
+            painted, as for `glazefit.identify`; noise is of one reading of the image, by default
+            told from the roughness of a sample of its spectra.
 
     Returns:
         The map, opened lazily (`glazefit.open_map`); its variables are those of
@@ -178,11 +179,8 @@ def map_cube(
 
 def _spots(store: MapStore, task: MapTask, tallies: Mapping[str, float]) -> list[dict[str, Any]]:
     """Spectra that no paints explain and that may be paints, as the map's attribute holds them."""
-    if isinstance(task.searcher, FamilySearcher):
-        # What is made of them has no family.
-        return []
     bare = np.ones(task.image.bands.wavelengths.size)
-    if task.ground is not None:
+    if task.ground is not None and isinstance(task.searcher, Searcher):
         nothing = np.zeros(len(bare))
         own = task.searcher.task
         bare = np.asarray(own.response.body(nothing, nothing, task.ground)) + own.surface
