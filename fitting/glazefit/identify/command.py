@@ -330,7 +330,6 @@ def identify(
         out=out,
         overwrite=overwrite,
         painted=painted,
-        families={paint.name: paint.family for paint in paints},
     )
     if report is not None:
         from .show.page import write_page
@@ -357,7 +356,6 @@ def identify(
                 about,
                 top,
                 painted=painted,
-                families={paint.name: paint.family for paint in paints},
                 usual=usual_misfit(identification, paints, search_options),
             )
         beside = write_page(record, report, overwrite=overwrite)
@@ -571,7 +569,6 @@ def _report(
     out: Path | None,
     overwrite: bool,
     painted: int | None,
-    families: Mapping[str, str],
 ) -> None:
     from .show.plots import plot_identification
     from .show.terminal import (
@@ -594,5 +591,5 @@ def _report(
         write_residuals(identification, residuals, overwrite=overwrite)
         console.print(f"Wrote measured, fitted and residual spectra to {residuals}")
     if out is not None:
-        count = plot_identification(identification, out, families)
+        count = plot_identification(identification, out)
         console.print(f"Drew {'the first ' if count < len(identification) else ''}{count} to {out}")

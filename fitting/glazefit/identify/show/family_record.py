@@ -35,7 +35,6 @@ def make_family_record(
     top: int,
     *,
     painted: int | None,
-    families: Mapping[str, str],
     usual: UsualMisfit | None,
 ) -> dict[str, Any]:
     """All that is filed, as JSON has it.
@@ -45,7 +44,6 @@ def make_family_record(
         about: how it was made.
         top: answers of each spectrum.
         painted: year in which it was painted, if that is known.
-        families: of each paint, by its name.
         usual: how far films of right answers are off, if any is known.
     """
     return {
@@ -55,7 +53,8 @@ def make_family_record(
         "usual_misfit": usual
         and {"answers": usual.answers, "half": usual.half, "nine_tenths": usual.nine_tenths},
         "spots": [
-            _spot(identification, row, top, painted=painted, families=families, usual=usual)
+            _spot(identification, row, top, painted=painted, usual=usual)
+            for row in range(len(identification))
             for row in range(len(identification))
         ],
     }
@@ -67,7 +66,6 @@ def _spot(
     top: int,
     *,
     painted: int | None,
-    families: Mapping[str, str],
     usual: UsualMisfit | None,
 ) -> dict[str, Any]:
     catalogue_families = catalogue.families()
@@ -81,7 +79,7 @@ def _spot(
         )
     )
     reading = identification.measured.readings[row]
-    films = explanations(identification, row, top, families)
+    films = explanations(identification, row, top)
     return {
         "id": f"spot-{row + 1}",
         "name": identification.measured.names[row],
