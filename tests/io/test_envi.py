@@ -1,6 +1,7 @@
 """ENVI libraries and images, most of them written by Spectral Python."""
 
 import re
+import time
 from typing import Any
 
 import numpy as np
@@ -32,6 +33,25 @@ def test_library_written_by_spectral_python(tmp_path):
     library.save(str(tmp_path / "lib"))
     for name in ("lib.hdr", "lib.sli"):
         same(read_spectra(tmp_path / name), GRID, spectra(), "abc", atol=1e-7)
+
+
+def test_two_wavelengths_that_changed_places_are_no_overlap(tmp_path):
+    order = [*range(10), 11, 10, *range(12, GRID.size)]
+    listed = "{" + ", ".join(f"{w:g}" for w in GRID[order]) + "}"
+    table = read_spectra(put(tmp_path, spectra()[:, order], wavelength=listed))
+    same(table, GRID, spectra(), ["red", "green", "blue"], atol=1e-7)
+    assert table.notes == [
+        "bands were sorted by wavelength",
+        "no unit is stated: taken as fractions",
+    ]
+
+
+def test_long_headers_are_read_in_one_pass(tmp_path):
+    path = put(tmp_path)
+    path.write_text(path.read_text() + "note = 1\n" * 60_000)
+    began = time.process_time()
+    read_spectra(path)
+    assert time.process_time() - began < 2
 
 
 def test_fields_beyond_the_standard_are_attributes(tmp_path):

@@ -141,6 +141,8 @@ class Source:
         rest = ""
         done = 0
         for piece in chain(self.pieces(), [b""]):
+            if done == 0:
+                piece = piece.removeprefix(codecs.BOM_UTF8)
             waiting = len(decoder.getstate()[0])
             try:
                 text = decoder.decode(piece, final=not piece)
@@ -156,7 +158,7 @@ class Source:
                 number += 1
                 if padded and number > above and "\0" in line:
                     raise self.error("not a text file; export the table as UTF-8 CSV")
-                yield number, line.removeprefix("\ufeff" if number == 1 else "").rstrip(_BREAKS)
+                yield number, line.rstrip(_BREAKS)
             if len(rest) > MAX_LINE:
                 raise self.error(
                     f"longer than {MAX_LINE >> 20} MB: is this a table of spectra?", number + 1

@@ -128,8 +128,10 @@ def measured_lamp(
     from ...io.source import open_source, refusal, show_path
 
     path, name = split_sample(str(text))
-    # NumPy's reader compares each title with all others.
+    # NumPy's reader compares each title with all others, and writes a line on each line that is
+    # wrong.
     limit = 2000
+    most_lines = 20_000
     with open_source(
         path, missing=f"there is no file {show_path(path)} with the spectrum of a lamp"
     ) as source:
@@ -138,6 +140,8 @@ def measured_lamp(
             raise source.error(
                 f"more than {limit} columns; keep the wavelengths and the lamps you need"
             )
+        if len(lines) > most_lines:
+            raise source.error(f"more than {most_lines} lines; keep the wavelengths you need")
         try:
             # The form that colour-science reads and writes; its own reader takes no open file.
             table = np.genfromtxt(
