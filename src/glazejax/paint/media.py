@@ -107,7 +107,7 @@ class _Labels:
         return "labels"
 
 
-class _Paint(eqx.Module):
+class _PlainModule(eqx.Module):
     """Base whose attributes are read as those of other objects: Equinox asks of each whether it is
     a method to bind, and of each that is set whether it may be. That takes a microsecond or two
     each time, so that Layer and Glaze set theirs at once.
@@ -116,7 +116,7 @@ class _Paint(eqx.Module):
     __getattribute__ = object.__getattribute__
 
 
-class _Labelled(_Paint):
+class _Labelled(_PlainModule):
     """Base of what has a name."""
 
     _labels: eqx.AbstractVar[_Labels]
@@ -395,7 +395,7 @@ class Mixture(_Labelled):
         return f"Mixture({self.name!r}, {describe_grid(self.wavelengths)})"
 
 
-class Layer(_Paint):
+class Layer(_PlainModule):
     """A homogeneous coat of paint.
 
     Args:
@@ -441,7 +441,7 @@ class Layer(_Paint):
         return f"Layer({self.medium.name!r}, {_short(self.thickness, 1e6, ' um')})"
 
 
-class Glaze(_Paint):
+class Glaze(_PlainModule):
     """Coats of paint on a ground, under one smooth surface.
 
     ::
