@@ -1,5 +1,4 @@
-"""What Chebyshev tables are made of: nodes, polynomials, coordinates, and where more nodes are
-wanted.
+"""Elements of Chebyshev tables: nodes, polynomials, coordinates, and where more nodes are wanted.
 
 A reflectance is analytic in the thickness of each layer but for a logarithm at zero, and levels off
 where a layer becomes opaque. A coordinate that crowds where a layer is thin makes few points do; it
@@ -86,7 +85,7 @@ class Mirrored(NamedTuple):
         return np.clip(self.high - self._from_above().point(-coordinate), self.low, self.high)
 
     def clamp(self, x: Any, xp: ModuleType = jnp) -> Any:
-        """As `Axis.clamp`."""
+        """Clamp as `Axis.clamp` does."""
         return Axis(self.low, self.high).clamp(x, xp)
 
 
@@ -161,5 +160,9 @@ def best_axis(
 
 def axes_to_refine(tails: Sequence[float], room: Sequence[bool], together: float) -> list[bool]:
     """Axes whose last coefficients (`tails`) are large, among those with room for more nodes."""
-    largest = max((tail for tail, more in zip(tails, room, strict=True) if more), default=0.0)
-    return [more and tail >= together * largest for tail, more in zip(tails, room, strict=True)]
+    largest = max(
+        (tail for tail, has_room in zip(tails, room, strict=True) if has_room), default=0.0
+    )
+    return [
+        has_room and tail >= together * largest for tail, has_room in zip(tails, room, strict=True)
+    ]

@@ -12,7 +12,6 @@ _EXTRAS = {
     "matplotlib": ("matplotlib", "plots"),
     "corner": ("corner", "plots"),
     "jinja2": ("jinja2", "plots"),
-    "colour_cxf": ("colour-cxf", "formats"),
     "python_calamine": ("python-calamine", "formats"),
     "arviz": ("arviz", "arviz"),
     "h5py": ("h5py", "arviz"),
@@ -45,9 +44,9 @@ def advice(module: str | None) -> str | None:
         module: what could not be imported, such as `ModuleNotFoundError.name`; a submodule counts
             as its package.
     """
-    if module is None or (found := _EXTRAS.get(module.partition(".")[0])) is None:
+    if module is None or (entry := _EXTRAS.get(module.partition(".")[0])) is None:
         return None
-    package, extra = found
+    package, extra = entry
     return (
         f"this needs the package {package}, which is not installed; install it with: pip install "
         f'"glazejax[{extra}]"'

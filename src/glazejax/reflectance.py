@@ -64,8 +64,8 @@ def reflectance(
         )
     n = glaze.refractive_index
     stack = stack_of(glaze)
-    given: dict[str, Any] = {"refractive_index": n, "tolerance": tolerance}
-    given |= {"method": method or "ordinates"} if phase is None else {"phase": phase}
+    options: dict[str, Any] = {"refractive_index": n, "tolerance": tolerance}
+    options |= {"method": method or "ordinates"} if phase is None else {"phase": phase}
     match geometry:
         case Bidirectional():
             directions: dict[str, Any] = {
@@ -73,14 +73,14 @@ def reflectance(
                 "cos_viewing": geometry.cos_viewing,
             }
             if phase is None:
-                diffuse = stack_reflectance_factor(*stack, **directions, **given)
+                diffuse = stack_reflectance_factor(*stack, **directions, **options)
             else:
                 from .radiative.manyflux.reflectance import manyflux_reflectance_factor
 
                 azimuth = jnp.asarray(geometry.azimuth)
                 azimuth = azimuth[..., None] if azimuth.ndim else azimuth
                 diffuse = manyflux_reflectance_factor(
-                    *stack, **directions, azimuth=azimuth, **given
+                    *stack, **directions, azimuth=azimuth, **options
                 )
         case Hemispherical():
             if phase is None:
@@ -89,7 +89,7 @@ def reflectance(
                 from .radiative.manyflux.reflectance import (
                     manyflux_hemispherical_reflectance as solve,
                 )
-            diffuse = solve(*stack, cos_incidence=geometry.cos_incidence, **given)
+            diffuse = solve(*stack, cos_incidence=geometry.cos_incidence, **options)
     if not geometry.specular:
         return diffuse
     surface: Array = dielectric_reflectance(jnp.asarray(geometry.cos_incidence), jnp.asarray(n))

@@ -74,11 +74,13 @@ def as_float_array(values: Numbers) -> Float[Array, "..."]:
 
 
 def small(*arrays: Any) -> bool:
-    """Whether all arrays are known real numbers, and so few that NumPy is done before JAX has
+    """Test whether all arrays are known real numbers, and so few that NumPy is done before JAX has
     compiled anything.
     """
-    known = all(not isinstance(array, Tracer) and array.dtype.kind in "fiub" for array in arrays)
-    return known and sum(array.size for array in arrays) <= _SMALL
+    concrete_only = all(
+        not isinstance(array, Tracer) and array.dtype.kind in "fiub" for array in arrays
+    )
+    return concrete_only and sum(array.size for array in arrays) <= _SMALL
 
 
 def numpy_or_jax(function: Callable[..., Any], *arrays: Any) -> Any:
@@ -96,7 +98,7 @@ def numpy_or_jax(function: Callable[..., Any], *arrays: Any) -> Any:
 
 
 def on_numpy_or_jax(function: Callable[..., Any], *arrays: Any) -> Float[Array, "..."]:
-    """What `numpy_or_jax` computes, as a JAX array."""
+    """Result of `numpy_or_jax`, as a JAX array."""
     return jnp.asarray(numpy_or_jax(function, *arrays))
 
 
@@ -187,12 +189,12 @@ def common_range(grids: Iterable[Float[np.ndarray, "_"]]) -> tuple[float, float]
 def lie_between(
     wavelengths: Float[np.ndarray, "bands"], low: float, high: float
 ) -> Bool[np.ndarray, "bands"]:
-    """Whether each band lies between two wavelengths, nm, to a millionth of a nanometre."""
+    """Test whether each band lies between two wavelengths, nm, to a millionth of a nanometre."""
     return (wavelengths >= low - 1e-6) & (wavelengths <= high + 1e-6)
 
 
 def same_grid(first: Float[np.ndarray, "bands"], second: Float[np.ndarray, "others"]) -> bool:
-    """Whether two grids agree to a millionth of a nanometre."""
+    """Test whether two grids agree to a millionth of a nanometre."""
     return first.shape == second.shape and bool((np.abs(first - second) <= 1e-6).all())
 
 
@@ -257,8 +259,8 @@ def as_fraction(
 def _list_names(names: Sequence[str], chosen: Bool[np.ndarray, "rows"]) -> str:
     """First few of the chosen names."""
     picked = [name for name, take in zip(names, chosen, strict=True) if take]
-    more = f" and {len(picked) - 3} more" if len(picked) > 3 else ""
-    return ", ".join(picked[:3]) + more
+    ending = f" and {len(picked) - 3} more" if len(picked) > 3 else ""
+    return ", ".join(picked[:3]) + ending
 
 
 def interpolation_matrix(
@@ -273,10 +275,10 @@ def interpolation_matrix(
     new = validate_wavelengths(new_wavelengths)
     slack = 1e-6
     if new[0] < old[0] - slack or new[-1] > old[-1] + slack:
-        inside = new[(new >= old[0] - slack) & (new <= old[-1] + slack)]
+        covered = new[(new >= old[0] - slack) & (new <= old[-1] + slack)]
         fix = (
-            f"keep to {describe_grid(inside)}"
-            if inside.size
+            f"keep to {describe_grid(covered)}"
+            if covered.size
             else "they do not meet; choose another spectrum"
         )
         raise ValueError(

@@ -102,7 +102,7 @@ def test_ground_must_be_a_reflectance_a_file_or_said(table, tmp_path):
         ("nothing.csv", "--ground 'nothing.csv' is neither a number"),
         (f"{one}:white", "holds no spectrum 'white'; there are grey"),
         (short, "short.csv: the ground: cannot resample 500-600 nm"),
-        (None, "what is under the paint"),
+        (None, "no ground is stated"),
     ):
         result = run(one, *([] if ground is None else ["--ground", ground]))
         assert complaint in str(result.exception)
@@ -183,7 +183,7 @@ def test_a_whole_image_is_told_of_maps_before_it_is_searched(tmp_path, monkeypat
     result = run(file, "--opaque", "--catalogue", "oils")
     assert "reached" in str(result.exception)
     words = " ".join(result.output.split())
-    assert "4 spectra are sought one by one" in words
+    assert "4 spectra are searched one by one" in words
     assert "glazejax map" in words
 
 

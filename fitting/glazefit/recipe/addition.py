@@ -33,7 +33,7 @@ class Addition:
     """The next addition to a mixture.
 
     Attributes:
-        target: the colour that is sought.
+        target: colour to search for.
         grams: of each paint to add; empty where nothing brings the colour nearer.
         batch: grams of the mixture.
         thickness: of the film whose colour counts, m; None if it hides the ground.
@@ -66,11 +66,11 @@ def next_addition(
     illuminant: str = "D65",
     observer: str = "2",
 ) -> Addition:
-    """What to add to a mixture that was read, for a film as thick as that one.
+    """Choose what to add to a mixture that was read, for a film as thick as that one.
 
     Args:
         calibrated: what `glazefit.recover.mixture.calibrate_mixture` found by the reading.
-        target: colour or spectrum that is sought; its colour under the illuminant counts.
+        target: colour or spectrum to search for; its colour under the illuminant counts.
         pigments: that may be added.
         batch: grams of the mixture that are there.
         ground: internal reflectance of the ground; does not matter if the film read hid it.
@@ -91,14 +91,15 @@ def next_addition(
                 f"{paint.name} is known at {describe_grid(paint.wavelengths)} and the mixture at "
                 f"{describe_grid(grid)}: leave {paint.name} out of what may be added"
             )
+    # The mixture as it came out, then the paints that may be added.
     name = calibrated.paints[0]
     hides = bool(calibrated.films.opaque[0])
     eye = (colour.find_illuminant(illuminant), colour.find_observer(observer))
-    made = calibrated.pigment(name, UNIT, provenance=name)
-    every = [made, *(paint.resample(grid) for paint in pigments)]
+    mixture = calibrated.pigment(name, UNIT, provenance=name)
+    components = [mixture, *(paint.resample(grid) for paint in pigments)]
     pot = _Pot(
-        absorption=np.stack([np.asarray(paint.absorption) for paint in every]),
-        scattering=np.stack([np.asarray(paint.scattering) for paint in every]),
+        absorption=np.stack([np.asarray(paint.absorption) for paint in components]),
+        scattering=np.stack([np.asarray(paint.scattering) for paint in components]),
         wavelengths=grid,
         # A film of 5 mm hides the ground.
         thickness=5e-3 if hides else float(calibrated.thickness[0]) * UNIT,
@@ -108,12 +109,15 @@ def next_addition(
         goal=target.lab(*eye),
         eye=eye,
     )
+    # What brings the colour nearest, in grams.
     amounts = _search(pot)
     grams = {paint.name: float(batch * a) for paint, a in zip(pigments, amounts, strict=True) if a}
-    added = {p.name: mix({p.name: p}, {p.name: 1.0}, name=p.name) for p in every if p.name in grams}
+    added = {
+        p.name: mix({p.name: p}, {p.name: 1.0}, name=p.name) for p in components if p.name in grams
+    }
     # The film after the addition, over black and over its ground.
     (film,) = predict_mixture(
-        {name: made} | added,
+        {name: mixture} | added,
         {name: batch} | grams,
         [pot.thickness],
         wavelengths=grid,
@@ -164,8 +168,8 @@ class _Pot:
             (self.ground,),
         )[:, 0]
         light, eye = self.eye
-        seen = body + self.surface
-        return np.asarray(colour.lab(self.wavelengths, seen, illuminant=light, observer=eye))
+        reading = body + self.surface
+        return np.asarray(colour.lab(self.wavelengths, reading, illuminant=light, observer=eye))
 
     def distances(self, amounts: Float[np.ndarray, "tried paints"]) -> Float[np.ndarray, "tried"]:
         """CIEDE2000 of these from the target."""
@@ -194,7 +198,8 @@ def _search(pot: _Pot) -> Float[np.ndarray, "paints"]:
         tried = np.stack(np.meshgrid(*[steps[::count]] * count), axis=-1).reshape(-1, count)
         sets = itertools.combinations(near if count > 1 else near[:1], count)
         cost, amounts = min(
-            (_refine(pot, alone[list(paints)], tried) for paints in sets), key=lambda each: each[0]
+            (_refine(pot, alone[list(paints)], tried) for paints in sets),
+            key=lambda trial: trial[0],
         )
         # A second paint must bring the colour this much nearer, and so must the first.
         if cost < least - 0.3:
@@ -211,10 +216,10 @@ def _refine(
     def amounts(logs: np.ndarray) -> np.ndarray:
         return np.exp(np.minimum(logs, 0.0)) @ paints
 
-    found = minimize(
+    solution = minimize(
         lambda logs: float(pot.costs(amounts(logs)[None])[0]),
         start,
         method="Nelder-Mead",
         options={"xatol": 1e-3, "fatol": 1e-3},
     )
-    return float(found.fun), amounts(found.x)
+    return float(solution.fun), amounts(solution.x)

@@ -2,8 +2,8 @@
 expected.
 
 Unknown are log k and log s of every paint at every band, and a few numbers that all bands share: of
-every film the logs of its relative thickness, of its gloss beside that of its paints, and of the
-error of each weight but the largest; of every paint the log of its gloss. A
+every film the logs of its relative thickness, of its gloss relative to that of its paints, and of
+the error of each weight but the largest; of every paint the log of its gloss. A
 reading over a card rho is
 
     R = R_s exp(sum_p w_p m_p + g_f) + body(d_f sum_p c_p k_p, d_f sum_p c_p s_p, rho)
@@ -12,7 +12,7 @@ with c from the mixing law and the weights, each weight times exp(e). Everything
 squares: residuals of the readings, the curvature of log k and log s along the wavelengths, the
 steps of log s where a paint is nearly black, and the priors.
 
-What else may be off, all standard normal beforehand, are the `others` (see `known`): error modes of
+What else may be off, all standard normal a priori, are the `others` (see `known`): error modes of
 paints that are known already, the level of cards that were not measured, a factor of all
 thicknesses, and a factor of each reading. They are added to the bands' and the films'
 unknowns, which are then deviations; `totals` adds them up.
@@ -31,7 +31,7 @@ from ..film.numerics.least_squares import root_of_log1p
 
 
 class Expectations(NamedTuple):
-    """What is expected beforehand, as standard deviations.
+    """Expectations before any reading, as standard deviations.
 
     Chosen so that films which are left out of a fit are predicted best: `python -m
     benchmarks.paint.prediction --scan`.
@@ -67,7 +67,7 @@ class Expectations(NamedTuple):
     """Mean and standard deviation of a paint's log(k d) for a film of unit thickness, averaged over
     the bands: little.
 
-    An opaque paint that is in no mixture tells k/s alone; the rest is then as these two say.
+    An opaque paint that is in no mixture gives k/s alone; these two set the rest.
     """
     level_s: tuple[float, float] = (1.0, 1.5)
     """The same of log(s d)."""
@@ -80,10 +80,10 @@ class Expectations(NamedTuple):
     """What the model itself may be off, added to the noise: near black,"""
     model_share: float = 0.01
     """and for each unit of reflectance. Larger than residuals are: errors of neighbouring bands are
-    alike, so that thirty of them tell no more than a few that are independent."""
+    correlated, so that thirty of them count as a few independent ones."""
 
     def model_sd(self, reflectance: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
-        """What the model may be off at a reflectance."""
+        """Error of the model at a reflectance, one standard deviation."""
         return self.model_floor + self.model_share * reflectance
 
 
@@ -93,7 +93,7 @@ class Unknowns(NamedTuple):
     bands: Float[Array, "bands local"]  # log k of all paints, then log s, for unit thickness
     films: Float[
         Array, "films 2+parts"
-    ]  # log thickness, log gloss beside its paints', errors of log weights
+    ]  # log thickness, log gloss relative to its paints', errors of log weights
     paints: Float[Array, "paints"]  # log gloss
     others: Float[Array, "others"] = np.zeros(0)  # pyright: ignore[reportAssignmentType]  # errors of what is known
 
@@ -178,24 +178,24 @@ def optical_thickness(
 def readings(
     unknowns: Unknowns, problem: JointProblem, response: Response
 ) -> Float[Array, "bands films 2"]:
-    """What the instrument reads over both cards, from deviations."""
+    """Readings of the instrument over both cards, from deviations."""
     odds = jnp.exp(jnp.einsum("o,ofc->fc", unknowns.others, problem.ground_modes))
     ground = problem.ground * odds / (1.0 - problem.ground + problem.ground * odds)
-    whole = totals(unknowns, problem)
-    kd, sd = optical_thickness(whole, problem)
+    total = totals(unknowns, problem)
+    kd, sd = optical_thickness(total, problem)
     gloss = jnp.exp(
-        problem.own_gloss * (problem.shares @ whole.paints) + problem.gloss + whole.films[:, 1]
+        problem.own_gloss * (problem.shares @ total.paints) + problem.gloss + total.films[:, 1]
     )
-    seen = problem.surface * gloss[:, None] + response.body(kd[..., None], sd[..., None], ground)
-    return seen * jnp.exp(jnp.einsum("o,ofc->fc", unknowns.others, problem.gain_modes))
+    reading = problem.surface * gloss[:, None] + response.body(kd[..., None], sd[..., None], ground)
+    return reading * jnp.exp(jnp.einsum("o,ofc->fc", unknowns.others, problem.gain_modes))
 
 
 @jax.jit
 def readings_of_draws(
     draws: Unknowns, problem: JointProblem, response: Response
 ) -> Float[Array, "draws bands films 2"]:
-    """What the instrument reads, from draws of `totals`."""
-    return jax.vmap(lambda whole: readings(deviations(whole, problem), problem, response))(draws)
+    """Readings of the instrument, from draws of `totals`."""
+    return jax.vmap(lambda draw: readings(deviations(draw, problem), problem, response))(draws)
 
 
 def residuals(unknowns: Unknowns, args: tuple[JointProblem, Response]) -> JointResiduals:
@@ -234,11 +234,13 @@ def curvature_matrix(wavelengths: Float[np.ndarray, "bands"]) -> Float[np.ndarra
     """
     matrix = np.zeros((max(len(wavelengths) - 2, 0), len(wavelengths)))
     for row in range(len(matrix)):
-        left, right = np.diff(wavelengths[row : row + 3])
+        first, second = np.diff(wavelengths[row : row + 3])
         weights = (
-            2.0 / (left + right) * np.array([1.0 / left, -1.0 / left - 1.0 / right, 1.0 / right])
+            2.0
+            / (first + second)
+            * np.array([1.0 / first, -1.0 / first - 1.0 / second, 1.0 / second])
         )
-        matrix[row, row : row + 3] = weights * 100.0 * np.sqrt((left + right) / 20.0)
+        matrix[row, row : row + 3] = weights * 100.0 * np.sqrt((first + second) / 20.0)
     return matrix
 
 
@@ -247,8 +249,8 @@ def nearly_black(
     shares: Float[np.ndarray, "films paints"],
     surface: float,
 ) -> Bool[np.ndarray, "bands paints"]:
-    """Where the film with most of a paint, if it is the larger part, reflects hardly more than its
-    surface does.
+    """True where the film with most of a paint, if it is the larger part, reflects hardly more than
+    its surface does.
     """
     body = np.nanmax(readings, axis=1, initial=0.0) - surface
     purest = shares.argmax(axis=0)
@@ -258,13 +260,13 @@ def nearly_black(
 def minor_parts(
     shares: Float[np.ndarray, "films paints"],
 ) -> Float[np.ndarray, "films parts paints"]:
-    """Which paint each error of weight belongs to: all parts of a film but the largest, on as many
+    """Assign each error of weight to its paint: all parts of a film but the largest, on as many
     places as needed.
     """
-    parts = max(int((shares > 0).sum(axis=1).max()) - 1, 0)
-    minor = np.zeros((len(shares), parts, shares.shape[1]))
+    count = max(int((shares > 0).sum(axis=1).max()) - 1, 0)
+    minor = np.zeros((len(shares), count, shares.shape[1]))
     for film, row in enumerate(shares):
         order = np.argsort(-row)
-        for place, paint in enumerate(order[1 : int((row > 0).sum())]):
-            minor[film, place, paint] = 1.0
+        for index, paint in enumerate(order[1 : int((row > 0).sum())]):
+            minor[film, index, paint] = 1.0
     return minor

@@ -1,10 +1,10 @@
-"""One mixture as a paint of its own: what its paints and its weights foretell, and what one reading
+"""One mixture as a paint of its own: its prediction from paints and weights, and what one reading
 of it adds.
 
-Beforehand k and s of a mixture are uncertain as those of its paints are, and as films differ from
+A priori k and s of a mixture are uncertain as those of its paints are, and as films differ from
 their recipes (`film.model.variation`). All of that is linear in a few errors that are standard
 normal: error modes of the mixture. A joint fit takes a paint with error modes as known (`known`),
-and finds what a reading says of them: strength above all. What is then foretold of other
+and finds them from a reading: strength above all. What is then predicted of other
 thicknesses and grounds is that same mixing, no more another one.
 """
 
@@ -69,7 +69,7 @@ def mix(
         recipe: paint -> weight, in any unit.
         wavelengths: (bands,), nm, by default those of the first paint.
         law: mixing law, by default linear by mass.
-        variation: how far films are from their recipes, by default as expected beforehand.
+        variation: how far films are from their recipes, by default the prior.
         name: of the mixture, by default its recipe.
 
     Raises:
@@ -78,8 +78,10 @@ def mix(
     """
     mixture = _mix(pigments, recipe, wavelengths, law)
     size = (variation or Variation()).size_of(list(recipe))
-    parts = mixture.modes
-    modes = np.concatenate([parts["scale"] + parts["paint"], size * parts["film"]])
+    mode_groups = mixture.modes
+    modes = np.concatenate(
+        [mode_groups["scale"] + mode_groups["paint"], size * mode_groups["film"]]
+    )
     modes = modes[np.abs(modes).max(axis=(1, 2)) > 0]
     sd = mixture.coefficients * np.sqrt(np.sum(modes**2, axis=0))
     name = name or mixture.name
@@ -108,8 +110,8 @@ def predict_mixture(
     response: Response | None = None,
     spread: Spread | None = None,
 ) -> list[Prediction]:
-    """What a mixture of known paints will look like at some thicknesses, over a black and a white
-    ground.
+    """Predict what a mixture of known paints will look like at some thicknesses, over a black and a
+    white ground.
 
     Args:
         pigments, recipe, wavelengths, law, variation: as for `mix`.
@@ -117,7 +119,7 @@ def predict_mixture(
         ground: internal reflectance of the black and the white ground, each a number or (bands,);
             by default usual cards.
         instrument: by default d:8 with the specular part, refractive index 1.5.
-        calibrated: what `calibrate_mixture` found; then it is that mixing which is foretold, and a
+        calibrated: what `calibrate_mixture` found; then that mixing is predicted, and a
             film as thick as one that was read is that film.
         response: model of one film, by default that of the instrument.
         spread: its `alike` says how much of what the reading was off holds over another card; as
@@ -138,12 +140,18 @@ def predict_mixture(
         mixture = _mix(pigments, recipe, wavelengths, law)
         grid = mixture.wavelengths
         k, s = mixture.coefficients
+        # Draws of the errors of the paints, and of the film's own.
         rng = np.random.default_rng(0)
-        parts = mixture.modes
-        own, film = (rng.standard_normal((256, len(parts[part]))) for part in ("paint", "film"))
+        mode_groups = mixture.modes
+        paint_draws, film = (
+            rng.standard_normal((256, len(mode_groups[part]))) for part in ("paint", "film")
+        )
         # Scale and shape are two sides of the same errors.
-        normal = {"scale": own, "paint": own, "film": film}
-        off = {part: np.einsum("dm,mcb->dcb", normal[part], modes) for part, modes in parts.items()}
+        normal = {"scale": paint_draws, "paint": paint_draws, "film": film}
+        off = {
+            part: np.einsum("dm,mcb->dcb", normal[part], modes)
+            for part, modes in mode_groups.items()
+        }
         gloss = 1.0
     else:
         grid = calibrated.wavelengths
@@ -151,6 +159,7 @@ def predict_mixture(
         off = {"paint": drawn_mixture(calibrated)}
         gloss = float(calibrated.gloss[0])
         errors = ReadingErrors.of(calibrated, response, (spread or Spread()).alike)
+    # Film by film: the mean reading, and the deviations of each draw from it.
     empty = np.zeros((len(next(iter(off.values()))), 2, grid.size))
     grounds = (
         usual_cards(grid)
@@ -173,9 +182,9 @@ def predict_mixture(
         }
         read = mean + surface
         if errors is not None:
-            shift, more = errors.at(metres / UNIT, read)
+            shift, extra = errors.at(metres / UNIT, read)
             read = read + shift
-            drawn["paint"] = drawn["paint"] + more
+            drawn["paint"] = drawn["paint"] + extra
         deviations = {part: drawn.get(part, empty) for part in ("scale", "paint", "film")}
         over_black, over_white = read
         out.append(
@@ -212,20 +221,20 @@ def calibrate_mixture(
     out.
 
     Thickness, strength, scattering and the reading's gain are open together, each as far as films
-    scatter: what one reading cannot tell apart stays in the errors.
+    scatter: what one reading cannot separate stays in the errors.
 
     Args:
         pigments, recipe, law, variation: as for `mix`.
         films: of that one mixture; over one card or two, or opaque.
         instrument: by default d:8 with the specular part, refractive index 1.5.
-        noise: of a reading, by default told from its roughness.
+        noise: of a reading, by default estimated from its roughness.
         response: model of one film, by default that of the instrument.
-        spread: how far films scatter in thickness and gain, by default what foretells revigo's
-            best (`python -m benchmarks.paint.prediction` chooses it anew without each film).
+        spread: how far films scatter in thickness and gain, by default what predicts revigo's
+            best (`python -m benchmarks.paint.prediction` chooses it again without each film).
         gauge: thicknesses of the films, in metres on the scale of the paints; by default each is
             about `glazefit.recover.joint.UNIT`.
-        wavelengths: nm, on which the mixture is sought beside those of the reading, which may be
-            few: filters of a camera, say. By default those of the reading alone.
+        wavelengths: nm, of the mixture in addition to those of the reading, which may be few:
+            filters of a camera, say. By default those of the reading alone.
 
     Returns:
         A joint recovery whose only paint is the mixture: `pigment` gives its k and s, `thickness`
@@ -239,7 +248,7 @@ def calibrate_mixture(
     films, read = _spread_bands(films, wavelengths)
     mixture = mix(pigments, recipe, wavelengths=films.wavelengths, law=law, variation=variation)
     spread = spread or Spread()
-    found = recover_jointly(
+    recovery = recover_jointly(
         films,
         {film: {mixture.name: 1.0} for film in films.names},
         instrument=instrument,
@@ -253,30 +262,30 @@ def calibrate_mixture(
         unit=UNIT,
     )
     if read.all():
-        return found
+        return recovery
     # What was not read is as it was found to be.
     filled = replace(
         films,
-        over_black=np.where(read, films.over_black, found.fitted_black),
-        over_white=np.where(read, films.over_white, found.fitted_white),
+        over_black=np.where(read, films.over_black, recovery.fitted_black),
+        over_white=np.where(read, films.over_white, recovery.fitted_white),
     )
     # As if read with an error that has no bounds.
-    return replace(found, films=filled, residual_sd=np.where(read, found.residual_sd, np.inf))
+    return replace(recovery, films=filled, residual_sd=np.where(read, recovery.residual_sd, np.inf))
 
 
 def _spread_bands(
     films: Films, wavelengths: Float[np.ndarray, "bands"] | None
 ) -> tuple[Films, Bool[np.ndarray, "bands"]]:
     """Films at further wavelengths, interpolated, and at which they were read."""
-    own = films.wavelengths
-    grid = own if wavelengths is None else np.union1d(own, wavelengths)
-    if grid.size == own.size:
-        return films, np.ones(own.size, dtype=bool)
+    bands = films.wavelengths
+    grid = bands if wavelengths is None else np.union1d(bands, wavelengths)
+    if grid.size == bands.size:
+        return films, np.ones(bands.size, dtype=bool)
     wider = {
-        what: np.stack([np.interp(grid, own, row) for row in getattr(films, what)])
+        what: np.stack([np.interp(grid, bands, row) for row in getattr(films, what)])
         for what in SPECTRA
     }
-    return replace(films, wavelengths=grid, **wider), np.isin(grid, own)
+    return replace(films, wavelengths=grid, **wider), np.isin(grid, bands)
 
 
 def drawn_mixture(calibrated: JointRecovery) -> Float[np.ndarray, "draws 2 bands"]:
@@ -321,44 +330,44 @@ def _mix(
     paints = [paint.resample(grid) for paint in used]
     names = [paint.name for paint in paints]
     shares = (law or MixingLaw()).shares(np.array([[recipe[n] for n in names]]), names)[0]
-    each = (
+    contributions = (
         np.stack([[p.absorption, p.scattering] for p in paints]) * shares[:, None, None]
     )  # (paints, 2, bands)
-    whole = each.sum(axis=0)
+    coefficients = contributions.sum(axis=0)
     # What 1 % more of a paint's k adds to that of the mixture, in per cent.
-    part = each / np.maximum(whole, 1e-300)
+    elasticity = contributions / np.maximum(coefficients, 1e-300)
 
     def alone(
         modes: Float[np.ndarray, "paints 2 shapes bands"],
     ) -> Float[np.ndarray, "modes 2 bands"]:
         """Modes of the mixture in which one coefficient of one paint is off at a time."""
-        moved = np.einsum("pcsb,pcb,cd->pcsdb", modes, part, np.eye(2))
-        return moved.reshape(-1, 2, grid.size)
+        changes = np.einsum("pcsb,pcb,cd->pcsdb", modes, elasticity, np.eye(2))
+        return changes.reshape(-1, 2, grid.size)
 
     usual = ModelError.between_films()
     # Eight shapes hold nearly all of a smooth error.
     smooth = smooth_modes(grid, usual.coefficient_length, 8)
     stated = relative_errors(paints, usual)[:, :, None] * smooth
     shared = error_modes(paints, usual)
-    level = np.broadcast_to(stated.mean(axis=-1, keepdims=True), stated.shape)
+    stated_level = np.broadcast_to(stated.mean(axis=-1, keepdims=True), stated.shape)
     shared_level = np.broadcast_to(shared.mean(axis=2, keepdims=True), shared.shape)
 
     def mix_errors(
-        own: Float[np.ndarray, "paints 2 shapes bands"],
+        separate: Float[np.ndarray, "paints 2 shapes bands"],
         together: Float[np.ndarray, "paints 2 bands modes"],
     ) -> Float[np.ndarray, "all 2 bands"]:
-        return np.concatenate([alone(own), np.einsum("pcbm,pcb->mcb", together, part)])
+        return np.concatenate([alone(separate), np.einsum("pcbm,pcb->mcb", together, elasticity)])
 
     varied = MIXED.coefficient * smooth_modes(grid, MIXED.coefficient_length, 8)
     varied = np.concatenate([varied, np.full((1, grid.size), MIXED.level)])
-    words = (f"{100 * share:.3g} {paint}" for share, paint in zip(shares, names, strict=True))
+    components = (f"{100 * share:.3g} {paint}" for share, paint in zip(shares, names, strict=True))
     return _MixedPaint(
-        name=" + ".join(words),
+        name=" + ".join(components),
         wavelengths=grid,
-        coefficients=whole,
+        coefficients=coefficients,
         modes={
-            "scale": mix_errors(level, shared_level),
-            "paint": mix_errors(stated - level, shared - shared_level),
+            "scale": mix_errors(stated_level, shared_level),
+            "paint": mix_errors(stated - stated_level, shared - shared_level),
             "film": alone(np.broadcast_to(varied, (len(paints), 2, *varied.shape))),
         },
     )

@@ -1,7 +1,7 @@
-"""Which reading of some that are easily taken would teach most: of a mixture that was calibrated by
+"""Rank readings that are easily taken by what they would teach: of a mixture that was calibrated by
 one film here, of a paint that was fitted in `experimental_design`.
 
-Draws of what is still open give both what each candidate would read and what is sought: the colour
+Draws of what is still open give both what each candidate would read and the target: the colour
 of some films. What a reading would leave open follows by Matheron's rule: each draw, less its
 regression on what that reading would have been, noise and all (Journel, Huijbregts, Mining
 Geostatistics, 1978). To first order that is the expected information, whatever the reading turns
@@ -27,14 +27,14 @@ from .reading_errors import film_readings
 
 
 @dataclass(frozen=True)
-class Candidate:
+class CandidateReading:
     """A reading that may be taken next.
 
     Attributes:
         film: what is read, in words.
         readings: that each draw of what is open would give, (draws, readings).
         sd: standard deviation of each reading's own error, (readings,).
-        expected: CIEDE2000 (D65, 10 degrees) that what is sought is expected to be off after it.
+        expected: CIEDE2000 (D65, 10 degrees) that the target is expected to be off after it.
     """
 
     film: str
@@ -45,27 +45,28 @@ class Candidate:
 
 @dataclass(frozen=True)
 class NextFilms:
-    """What further readings would teach of one paint or mixture.
+    """Gain of further readings of one paint or mixture.
 
     Attributes:
         paint: its name.
-        now: CIEDE2000 (D65, 10 degrees) that what is sought is expected to be off.
+        now: CIEDE2000 (D65, 10 degrees) that the target is expected to be off.
         films: candidates, the most instructive first.
     """
 
     paint: str
     now: float
-    films: tuple[Candidate, ...]
+    films: tuple[CandidateReading, ...]
 
 
 def reading_bands(bands: int, most: int) -> np.ndarray:
-    """Numbers of the bands, of so many, that a reading counts with: neighbours tell the same."""
+    """Numbers of the bands, of so many, that a reading counts with: neighbours have the same
+    information."""
     return np.unique(np.linspace(0, bands - 1, min(most, bands)).round().astype(int))
 
 
 def rank_candidates(
     paint: str,
-    candidates: Sequence[Candidate],
+    candidates: Sequence[CandidateReading],
     draws: Float[np.ndarray, "draws open"],
     looks: Callable[[np.ndarray], Float[np.ndarray, "draws films bands"]],
     wavelengths: Float[np.ndarray, "bands"],
@@ -76,24 +77,29 @@ def rank_candidates(
         paint: name of what is read.
         candidates: each with a reading for each draw.
         draws: of what is open.
-        looks: reflectance of the films that are sought, for any draws.
+        looks: reflectance of the target films, for any draws.
         wavelengths: of that reflectance, nm.
     """
     rng = np.random.default_rng(2)
     centre = draws.mean(axis=0)
     middle = looks(centre[None])[0]
 
-    def expected(left: np.ndarray) -> float:
+    def expected(remaining: np.ndarray) -> float:
         # The regression needs all draws, a mean of colours few.
-        seen = looks(left[:128])
-        return float(np.mean(delta_e_of_spectra(wavelengths, seen, middle, observer=10)))
+        spectra = looks(remaining[:128])
+        return float(np.mean(delta_e_of_spectra(wavelengths, spectra, middle, observer=10)))
 
-    def after(candidate: Candidate) -> float:
+    def after(candidate: CandidateReading) -> float:
+        # Covariance of the candidate's readings, noise and all, and theirs with what is open.
         off = candidate.readings - candidate.readings.mean(axis=0)
-        both = off.T @ off / len(draws) + np.diag(candidate.sd**2)
-        across = off.T @ (draws - centre) / len(draws)
+        reading_covariance = off.T @ off / len(draws) + np.diag(candidate.sd**2)
+        open_covariance = off.T @ (draws - centre) / len(draws)
+        # Each draw less its regression on its own noisy reading.
         read = off + candidate.sd * rng.standard_normal(off.shape)
-        return expected(draws - (read - read.mean(axis=0)) @ np.linalg.solve(both, across))
+        return expected(
+            draws
+            - (read - read.mean(axis=0)) @ np.linalg.solve(reading_covariance, open_covariance)
+        )
 
     films = [replace(candidate, expected=after(candidate)) for candidate in candidates]
     return NextFilms(paint, expected(draws), tuple(sorted(films, key=lambda film: film.expected)))
@@ -111,8 +117,8 @@ def rank_next_readings(
 
     Args:
         calibrated: what `glazefit.recover.mixture.calibrate_mixture` found by one film.
-        thickness: m, of the films whose colours over black and white are sought; on the scale of
-            the film that was read.
+        thickness: m, of the films whose colours over black and white are the target; on the scale
+            of the film that was read.
         ground: internal reflectance of the black and the white ground, (bands,) each.
         instrument: by default d:8 with the specular part, refractive index 1.5.
         response: model of one film, by default that of the instrument.
@@ -127,7 +133,10 @@ def rank_next_readings(
     off = drawn_mixture(calibrated)
     draws = off.reshape(len(off), -1)
     # Another film of it is as thick as was meant to within this.
-    other = calibrated.expectations.thickness * np.random.default_rng(2).standard_normal(len(off))
+    thickness_errors = calibrated.expectations.thickness * np.random.default_rng(2).standard_normal(
+        len(off)
+    )
+    # Few bands stand for all: neighbours tell the same.
     bands = reading_bands(grid.size, 8)
 
     def bodies(metres: float, off: np.ndarray) -> np.ndarray:
@@ -139,13 +148,13 @@ def rank_next_readings(
         films = draws.reshape(len(draws), 2, -1)
         return np.concatenate([bodies(metres, films) for metres in thickness], axis=1)
 
-    def candidate(words: str, times: float, cards: list[int], another: bool) -> Candidate:
-        varied = off + other[:, None, None] if another else off
-        seen = bodies(times * float(calibrated.thickness[0]) * UNIT, varied)
-        seen = seen[:, cards][:, :, bands].reshape(len(off), -1)
-        mean = seen.mean(axis=0)
+    def candidate(name: str, times: float, cards: list[int], another: bool) -> CandidateReading:
+        varied = off + thickness_errors[:, None, None] if another else off
+        readings = bodies(times * float(calibrated.thickness[0]) * UNIT, varied)
+        readings = readings[:, cards][:, :, bands].reshape(len(off), -1)
+        mean = readings.mean(axis=0)
         sd = model_deviation(mean, calibrated.noise, calibrated.expectations)
-        return Candidate(words, seen, sd)
+        return CandidateReading(name, readings, sd)
 
     candidates = [candidate(*planned) for planned in _planned(calibrated)]
     return rank_candidates(calibrated.paints[0], candidates, draws, looks, grid)
@@ -160,6 +169,6 @@ def _planned(calibrated: JointRecovery) -> Iterator[tuple[str, float, list[int],
         for number, card in enumerate(("black", "white")):
             if not films.seen[0, number]:
                 yield f"the same film over {card}", 1.0, [number], False
-        yield "a film that hides what is below it", 200.0, [0], True
-    for times, words in ((0.5, "half"), (2.0, "twice")):
-        yield f"a film {words} as thick over black and white", times, [0, 1], True
+        yield "an opaque film", 200.0, [0], True
+    for times, label in ((0.5, "half"), (2.0, "twice")):
+        yield f"a film {label} as thick over black and white", times, [0, 1], True

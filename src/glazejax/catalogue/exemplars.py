@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class Family(NamedTuple):
-    """What is known of a pigment.
+    """Facts about a pigment.
 
     Attributes:
         name: such as "azurite".
@@ -60,7 +60,7 @@ class Family(NamedTuple):
 
 
 class Provenance(NamedTuple):
-    """Where an exemplar is from.
+    """Source of an exemplar.
 
     Attributes:
         exemplar: its name, ``family/source-detail``.
@@ -69,7 +69,8 @@ class Provenance(NamedTuple):
         binder: in words; empty if the source does not say.
         paint: what the source calls it.
         first_nm, last_nm: range of its k and s.
-        told_by: what told k from s; where it begins with ``k/s alone``, s is that of other paints.
+        told_by: how k and s were separated; where it begins with ``k/s alone``, s is that of
+            other paints.
         licence: of the numbers.
         citation: of the source.
     """
@@ -166,7 +167,7 @@ def families_of(catalogue: str) -> dict[str, str]:
 
 @functools.cache
 def provenance() -> dict[str, Provenance]:
-    """Where each exemplar of ``catalogue.load("pigments")`` is from, by its name."""
+    """Sources of the exemplars of ``catalogue.load("pigments")``, by its name."""
     out: dict[str, Provenance] = {}
     for row in _table("exemplars.tsv"):
         source = _SOURCES[row["source"]]
@@ -218,10 +219,10 @@ def read_exemplars(shelves: "dict[str, dict[str, Pigment]]") -> "dict[str, Pigme
         for name, family in families_of(shelf).items()
         if family
     }
-    known = provenance()
+    origins = provenance()
     out: "dict[str, Pigment]" = {}
     for name, pigment in sorted({**fitted, **paints}.items(), key=lambda pair: pair[0].casefold()):
-        origin = known[name]
+        origin = origins[name]
         out[name] = pigment.renamed(
             name,
             family=origin.family,
@@ -236,7 +237,7 @@ def _words(origin: Provenance) -> str:
     """An exemplar's provenance as one sentence."""
     return (
         f"{origin.paint}, fitted to the readings of {origin.citation} ({origin.licence}); "
-        f"k told from s by {origin.told_by}"
+        f"k separated from s by {origin.told_by}"
     )
 
 

@@ -26,8 +26,8 @@ def convert(
         typer.Argument(
             metavar="IN",
             callback=options.there,
-            help="File of spectra: CSV, TSV, Excel (FILE.xlsx:SHEET), ENVI (.hdr or its data), "
-            "CGATS, CxF3, JCAMP-DX, QTX, ASD, SVC, ProcSpec or JSON; the content tells which.",
+            help="File of spectra, recognised by content: CSV, TSV, Excel (FILE.xlsx:SHEET), ENVI "
+            "(.hdr or its data), CGATS, CxF3, JCAMP-DX, QTX, ASD, SVC, ProcSpec or JSON.",
         ),
     ],
     target: Annotated[
@@ -57,11 +57,11 @@ def convert(
     scale: options.Scale = None,
     overwrite: options.Overwrite = False,
 ) -> None:
-    """Convert measured spectra: read IN, say what it is, and write OUT.
+    """Convert measured spectra from IN to OUT.
 
-    Reflectance is written as fractions, 0 to 1. Whether IN holds
-    fractions or percent is read or detected, and said. Spectra are
-    resampled by interpolation, never beyond their range.
+    Reflectance is written as fractions, 0 to 1. Percent in IN is read or
+    detected, and reported. Spectra are resampled by interpolation, never
+    beyond their range.
 
     Example: glazejax convert chart.cxf chart.csv --resample 400:700:10
     """
@@ -72,8 +72,8 @@ def convert(
     from .progress import reading
 
     with reading(source) as progress:
-        said = options.stated(quantity, unit, scale)
-        table = read_spectra(source, progress=progress, **said)
+        meaning = options.stated(quantity, unit, scale)
+        table = read_spectra(source, progress=progress, **meaning)
     typer.echo(f"read   {source}: {table.format}, {_summary(table)}, stored {_UNITS[table.unit]}")
     if grid is not None:
         try:
@@ -104,9 +104,9 @@ def parse_grid(text: str) -> list[float]:
     Raises:
         ValueError: another form, numbers that are no wavelengths, or an end that no step meets.
     """
-    parts = text.split(":")
+    fields = text.split(":")
     try:
-        start, end, step = (float(part) for part in parts)
+        start, end, step = (float(field) for field in fields)
     except ValueError:
         raise ValueError(
             f"--resample {text!r}: expected FROM:TO:STEP in nm, such as 400:700:10"

@@ -67,7 +67,7 @@ def export(
     roughness: Annotated[
         float,
         typer.Option(
-            help="Roughness of the surface, alpha of GGX: 0 (smooth) to 1; OpenPBR writes its root."
+            help="Roughness of the surface, alpha of GGX: 0 (smooth) to 1. OpenPBR uses its root."
         ),
     ] = 0.0,
     space: Annotated[
@@ -79,16 +79,16 @@ def export(
         str,
         typer.Option(
             metavar="NAME",
-            help="How your renderer puts OpenPBR's layers together: materialx (its node graph, "
-            "most programs), specification (the coat absorbs along slanted paths) or reciprocal "
-            "(layers weaken light on its way in, too).",
+            help="Layering rule of your renderer: materialx (its node graph, most programs), "
+            "specification (the coat absorbs along slanted paths) or reciprocal (layers "
+            "attenuate incoming light, too).",
         ),
     ] = "materialx",
     coat: Annotated[
         bool | None,
         typer.Option(
             "--coat/--no-coat",
-            help="With a coat or without. Default: where it comes nearer.",
+            help="With a coat or without. Default: whichever fits better.",
             show_default=False,
         ),
     ] = None,
@@ -97,8 +97,8 @@ def export(
         typer.Option(
             metavar="FILE",
             callback=options.there,
-            help="Thickness of a coat from point to point: .npy in metres, or a grey picture from "
-            "0 (black) to the coat's own thickness (white).",
+            help="Map of a coat's thickness: .npy in metres, or a grey picture from 0 (black) to "
+            "the coat's own thickness (white).",
             show_default=False,
         ),
     ] = None,
@@ -128,9 +128,7 @@ def export(
             show_default=False,
         ),
     ] = None,
-    layer: Annotated[
-        int, typer.Option(metavar="N", help="Coat that the maps are of, 1 the top one.")
-    ] = 1,
+    layer: Annotated[int, typer.Option(metavar="N", help="Coat of the maps, 1 the top one.")] = 1,
     pixel: Annotated[
         str | None,
         typer.Option(
@@ -157,22 +155,19 @@ def export(
             metavar="FILE",
             callback=options.there,
             help=(
-                "Your own paints beside the catalogue's: a pigments.csv as `glazejax recover` "
-                "writes it."
+                "Your own paints, added to the catalogue's: a pigments.csv of `glazejax recover`."
             ),
             show_default=False,
         ),
     ] = None,
-    tolerance: Annotated[
-        float, typer.Option(help="Largest error of a reflectance that you accept.")
-    ] = 1e-4,
+    tolerance: Annotated[float, typer.Option(help="Largest error of a reflectance.")] = 1e-4,
     overwrite: options.Overwrite = False,
 ) -> None:
-    """Bring a stack of coats into a renderer or a game engine, and say what is lost.
+    """Export a stack of coats to a renderer or a game engine, with its error.
 
-    OpenPBR knows no layers that scatter: what it shows comes near, and
-    the report says how near, in Delta E 2000 (below 1 is hard to see) and
-    in reflectance, beside what you would get without a fit.
+    OpenPBR has no scattering layers, so its parameters are fitted. The
+    report states the error in Delta E 2000 (1 is barely visible) and in
+    reflectance, compared with no fit.
 
     Example: glazejax export "UltramarineBlue:3um, ZincWhite:20um"
     """
@@ -203,8 +198,8 @@ def export(
 
     illuminant = find_illuminant(illuminant)
     observer = find_observer(observer)
-    given = _stack(stack, ground, refractive_index, pigments)
-    glaze = given.glaze()
+    exported = _stack(stack, ground, refractive_index, pigments)
+    glaze = exported.glaze()
     console = Console(highlight=False, soft_wrap=True)
     light: dict[str, Any] = {"illuminant": illuminant, "observer": observer}
     if to == "openpbr":
@@ -222,7 +217,7 @@ def export(
                 **light,
             )
         write_materialx(fit, path, overwrite=overwrite)
-        report.print_stack(console, given, roughness)
+        report.print_stack(console, exported, roughness)
         report.print_fit(console, fit, path)
     else:
         from ..appearance.exports.textures import texture_set
@@ -244,7 +239,7 @@ def export(
                 overwrite=overwrite,
                 **light,
             )
-        report.print_stack(console, given, roughness)
+        report.print_stack(console, exported, roughness)
         report.print_textures(console, textures, path)
     console.print(f"done in {time.perf_counter() - started:.1f} s")
 
@@ -257,9 +252,9 @@ def _check(to: str, layering: str, kind: str, of_maps: dict[str, Any]) -> None:
         raise ValueError(f"--layering {layering!r} is not known: choose {', '.join(_LAYERINGS)}")
     if kind not in ("png", "exr"):
         raise ValueError(f"--format {kind!r} is not known: choose png or exr")
-    given = [option for option, value in of_maps.items() if value is not None]
-    if to != "textures" and given:
-        raise ValueError(f"{given[0]} is for textures: add --to textures")
+    options_set = [option for option, value in of_maps.items() if value is not None]
+    if to != "textures" and options_set:
+        raise ValueError(f"{options_set[0]} is for textures: add --to textures")
     if to == "textures" and not any(
         of_maps[f"--{name}-map"] for name in ("thickness", "fraction", "ground")
     ):
@@ -275,36 +270,36 @@ def _stack(text: str, ground: str | None, index: float, pigments: Path | None) -
     from ..paint.pigment_table import read_pigments
     from ..stacks import Spectrum, Stack, all_paints, common_grid, paints, read_stack
 
-    own = {} if pigments is None else dict(read_pigments(pigments))
+    own_paints = {} if pigments is None else dict(read_pigments(pigments))
     if text.lower().endswith(".json") or Path(text).is_file():
-        found = read_stack(Path(text))
-        own = {**found.pigments, **own}
-        made = replace(found, pigments=own)
+        loaded = read_stack(Path(text))
+        own_paints = {**loaded.pigments, **own_paints}
+        stack = replace(loaded, pigments=own_paints)
         if index != options.INDEX:
-            made = replace(made, refractive_index=index)
+            stack = replace(stack, refractive_index=index)
     else:
-        coats = name_paints(parse_coats(text), {**all_paints(), **own})
-        made = Stack(
+        coats = name_paints(parse_coats(text), {**all_paints(), **own_paints})
+        stack = Stack(
             coats=coats,
             hidden=(),
             ground=float(_GROUND),
             refractive_index=index,
             instrument="45:0",
-            pigments=own,
+            pigments=own_paints,
         )
     if ground is None:
-        return made
+        return stack
     below = options.read_ground(ground)
-    level: Any = below.reflectance
+    reflectance: Any = below.reflectance
     if below.wavelengths is not None:
         import numpy as np
 
-        level = Spectrum(below.wavelengths, np.asarray(below.reflectance, float))
-    made = replace(made, ground=level)
+        reflectance = Spectrum(below.wavelengths, np.asarray(below.reflectance, float))
+    stack = replace(stack, ground=reflectance)
     # Looked at here, where the ground's file is known.
     with below.blame():
-        common_grid(made, paints(made))
-    return made
+        common_grid(stack, paints(stack))
+    return stack
 
 
 def _maps(

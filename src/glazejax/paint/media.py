@@ -1,4 +1,4 @@
-"""What a painter describes: pigments, their mixtures, coats and glazes.
+"""Paint as a painter describes it: pigments, their mixtures, coats and glazes.
 
 All of them are equinox modules, hence pytrees: they pass through jit, vmap and grad. Values are
 checked when an object is built from concrete numbers; inside a traced function only shapes are.
@@ -58,8 +58,8 @@ def _check_range(name: str, values: Numbers, low: float, high: float, hint: str 
     if array is None:
         return
     if not (jnp.issubdtype(array.dtype, jnp.floating) or jnp.issubdtype(array.dtype, jnp.integer)):
-        given = repr(array.item()) if array.ndim == 0 else f"an array of {array.dtype}"
-        raise ValueError(f"{name} must be real numbers, not {given}")
+        received = repr(array.item()) if array.ndim == 0 else f"an array of {array.dtype}"
+        raise ValueError(f"{name} must be real numbers, not {received}")
     wrong = array[~((array >= low) & (array <= high) & np.isfinite(array))]
     if wrong.size:
         bounds = f"finite and at least {low:g}" if high == np.inf else f"in [{low:g}, {high:g}]"
@@ -68,7 +68,7 @@ def _check_range(name: str, values: Numbers, low: float, high: float, hint: str 
 
 
 def _describe_value(value: Any) -> str:
-    """What was given, in a word: a text as it is, else its type."""
+    """Description of a value in a word: a text as it is, else its type."""
     return repr(value) if isinstance(value, str) else f"a {type(value).__name__}"
 
 
@@ -78,16 +78,16 @@ def _legal_modes(name: str, modes: Numbers, bands: int) -> Float[Array, "modes 2
         raise ValueError(
             f"error_modes of {name!r} have shape {values.shape}; they must be (modes, 2, {bands})"
         )
-    known = concrete(values)
-    if known is not None and not np.all(np.isfinite(known)):
+    numbers = concrete(values)
+    if numbers is not None and not np.all(np.isfinite(numbers)):
         raise ValueError(f"error_modes of {name!r} must be finite")
     return as_float_array(values)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class _Labels:
-    """What is told of a paint and computed with by nobody: each equals all others, so that a
-    program compiled for one paint serves all of its shape.
+    """Labels of a paint that nothing is computed from: each equals all others, so that a program
+    compiled for one paint serves all of its shape.
     """
 
     name: str
@@ -107,23 +107,23 @@ class _Labels:
         return "labels"
 
 
-class _Paint(eqx.Module):
-    """What reads its attributes as other objects do: Equinox asks of each whether it is a method
-    to bind, and of each that is set whether it may be. That takes a microsecond or two each time,
-    so that Layer and Glaze set theirs at once.
+class _PlainModule(eqx.Module):
+    """Base whose attributes are read as those of other objects: Equinox asks of each whether it is
+    a method to bind, and of each that is set whether it may be. That takes a microsecond or two
+    each time, so that Layer and Glaze set theirs at once.
     """
 
     __getattribute__ = object.__getattribute__
 
 
-class _Labelled(_Paint):
-    """What has a name."""
+class _Labelled(_PlainModule):
+    """Base of what has a name."""
 
     _labels: eqx.AbstractVar[_Labels]
 
     @property
     def name(self) -> str:
-        """What it is called."""
+        """Name of it."""
         return self._labels.name
 
 
@@ -221,7 +221,7 @@ class Pigment(_Labelled):
 
     @property
     def provenance(self) -> str:
-        """Where the numbers come from, and the assumed thickness if they rest on one."""
+        """Source of the numbers, and the assumed thickness if they rest on one."""
         return self._labels.provenance
 
     @property
@@ -246,9 +246,9 @@ class Pigment(_Labelled):
 
     @property
     def identifiable(self) -> Bool[np.ndarray, "bands"] | None:
-        """Where both k and s are determined by the data, (bands,), or None if not stated."""
-        known = self._labels.identifiable
-        return None if known is None else np.asarray(known)
+        """Mask of bands where the data determine both k and s, (bands,), or None if not stated."""
+        mask = self._labels.identifiable
+        return None if mask is None else np.asarray(mask)
 
     def resample(self, wavelengths: Grid) -> "Pigment":
         """The same paint on another grid (nm), by linear interpolation.
@@ -270,8 +270,8 @@ class Pigment(_Labelled):
         phase = self.phase
         if phase is not None and phase.ndim == 2 and phase.shape[0] > 1:
             phase = on_numpy_or_jax(matmul, matrix.T.astype(phase.dtype), phase)
-        known = self.identifiable
-        seen = None if known is None else ~np.any(matrix[~known] > 0, axis=0)
+        mask = self.identifiable
+        resampled = None if mask is None else ~np.any(matrix[~mask] > 0, axis=0)
         return type(self)(
             wavelengths=wavelengths,
             absorption=at(self.absorption),
@@ -280,7 +280,7 @@ class Pigment(_Labelled):
             scattering_sd=at(self.scattering_sd),
             error_modes=at(self.error_modes),
             phase=phase,
-            **{**vars(self._labels), "identifiable": seen},
+            **{**vars(self._labels), "identifiable": resampled},
         )
 
     def renamed(
@@ -295,11 +295,11 @@ class Pigment(_Labelled):
         """The same paint under another name, and with another family, source, binder or provenance
         where these are given.
         """
-        given = {"family": family, "source": source, "binder": binder, "provenance": provenance}
-        new = {key: words for key, words in given.items() if words is not None}
-        other = copy(self)
-        object.__setattr__(other, "_labels", replace(self._labels, name=name, **new))
-        return other
+        changes = {"family": family, "source": source, "binder": binder, "provenance": provenance}
+        new = {key: value for key, value in changes.items() if value is not None}
+        renamed = copy(self)
+        object.__setattr__(renamed, "_labels", replace(self._labels, name=name, **new))
+        return renamed
 
     def __repr__(self) -> str:
         return f"Pigment({self.name!r}, {describe_grid(self.wavelengths)})"
@@ -350,10 +350,12 @@ class Mixture(_Labelled):
         values = concrete(fractions)
         if values is not None:
             totals = values.astype(np.float64).sum(axis=-1).ravel()
-            worst = totals[np.abs(totals - 1.0).argmax()] if totals.size else 1.0
-            if abs(worst - 1.0) > 1e-6:
-                fix = "divide them by their sum" if worst > 0 else "at least one must be positive"
-                raise ValueError(f"weights must sum to 1, but sum to {worst:.7g}: {fix}")
+            furthest = totals[np.abs(totals - 1.0).argmax()] if totals.size else 1.0
+            if abs(furthest - 1.0) > 1e-6:
+                fix = (
+                    "divide them by their sum" if furthest > 0 else "at least one must be positive"
+                )
+                raise ValueError(f"weights must sum to 1, but sum to {furthest:.7g}: {fix}")
         self.pigments = pigments
         self.weights = as_float_array(fractions)
         self._labels = _Labels(" + ".join(p.name for p in pigments) if name is None else name)
@@ -382,8 +384,8 @@ class Mixture(_Labelled):
         """Legendre moments of the phase function, (..., bands, terms), or None if all paints
         scatter isotropically.
         """
-        parts = [self.weights[..., i, None] * p.scattering for i, p in enumerate(self.pigments)]
-        return mix_moments([p.phase for p in self.pigments], parts)
+        scattered = [self.weights[..., i, None] * p.scattering for i, p in enumerate(self.pigments)]
+        return mix_moments([p.phase for p in self.pigments], scattered)
 
     def resample(self, wavelengths: Grid) -> "Mixture":
         """The same mixture on another grid (nm); see `Pigment.resample`."""
@@ -393,7 +395,7 @@ class Mixture(_Labelled):
         return f"Mixture({self.name!r}, {describe_grid(self.wavelengths)})"
 
 
-class Layer(_Paint):
+class Layer(_PlainModule):
     """A homogeneous coat of paint.
 
     Args:
@@ -439,7 +441,7 @@ class Layer(_Paint):
         return f"Layer({self.medium.name!r}, {_short(self.thickness, 1e6, ' um')})"
 
 
-class Glaze(_Paint):
+class Glaze(_PlainModule):
     """Coats of paint on a ground, under one smooth surface.
 
     ::
@@ -588,9 +590,9 @@ def _blend(
 ) -> Float[Known, "*batch bands"]:
     """Sum of spectra, weighted."""
 
-    def total(_: Any, weights: Any, *parts: Any) -> Any:
+    def total(_: Any, weights: Any, *spectra: Any) -> Any:
         return functools.reduce(
-            operator.add, [weights[..., i, None] * part for i, part in enumerate(parts)]
+            operator.add, [weights[..., i, None] * spectrum for i, spectrum in enumerate(spectra)]
         )
 
     return numpy_or_jax(total, weights, *spectra)
@@ -612,11 +614,11 @@ def _depth(xp: Any, extinction: Any, *thickness: Any) -> Any:
     return extinction * _side_by_side(xp, *thickness)[..., None, :]
 
 
-def _side_by_side(xp: Any, *each: Any) -> Any:
+def _side_by_side(xp: Any, *arrays: Any) -> Any:
     """Arrays of coats on a last axis."""
-    if len({one.shape for one in each}) > 1:
-        each = xp.broadcast_arrays(*each)
-    return xp.stack(each, axis=-1)
+    if len({array.shape for array in arrays}) > 1:
+        arrays = xp.broadcast_arrays(*arrays)
+    return xp.stack(arrays, axis=-1)
 
 
 def _check_batches(coats: Sequence[Layer], ground: tuple[int, ...]) -> None:
@@ -627,9 +629,9 @@ def _check_batches(coats: Sequence[Layer], ground: tuple[int, ...]) -> None:
     try:
         np.broadcast_shapes(*shapes, ground)
     except ValueError:
-        said = ", ".join(map(str, shapes))
+        listed = ", ".join(map(str, shapes))
         raise ValueError(
-            f"thicknesses of shapes {said} over grounds of shape {ground} are no one batch: give "
+            f"thicknesses of shapes {listed} over grounds of shape {ground} are no one batch: give "
             "as many of each, or one; thickness[:, None] pairs each with each"
         ) from None
 
@@ -670,7 +672,7 @@ def _check_grids(media: Sequence[Pigment | Mixture]) -> None:
 
 
 def make_media(coats: Sequence[Coat], shelf: Mapping[str, Pigment]) -> list[Pigment | Mixture]:
-    """What each coat is made of, on the wavelengths of its pigments.
+    """Media of the coats, on the wavelengths of its pigments.
 
     Raises:
         KeyError: a pigment that the shelf does not have under that very name.

@@ -26,7 +26,7 @@ def studio(
         typer.Argument(
             metavar="FILE",
             callback=options.there,
-            help="A stack to begin with, as the studio saves it.",
+            help="First stack, as saved by the studio.",
             show_default=False,
         ),
     ] = None,
@@ -34,7 +34,7 @@ def studio(
         Path | None,
         typer.Option(
             metavar="FILE.html",
-            help="Write the page into this one file, which opens anywhere, offline, and end.",
+            help="Write the page to one file that opens offline, and stop.",
             show_default=False,
         ),
     ] = None,
@@ -43,18 +43,18 @@ def studio(
         typer.Option(
             metavar="FILE.csv",
             callback=options.there,
-            help="Your own paints beside the catalogues', as `recover` writes them.",
+            help="Your own paints, added to the catalogues', as written by `recover`.",
             show_default=False,
         ),
     ] = None,
     no_open: Annotated[
-        bool, typer.Option("--no-open", help="Print the link, and open no browser.")
+        bool, typer.Option("--no-open", help="Print the link without opening a browser.")
     ] = False,
     port: Annotated[
         int,
         typer.Option(
             callback=options.between(0, 65535),
-            help="Port on this computer; 0 for any that is free.",
+            help="Port on this computer, 0 for any free one.",
         ),
     ] = 0,
     overwrite: options.Overwrite = False,
@@ -65,9 +65,8 @@ def studio(
     sliders, spectrum and colour under several lamps, a canvas, recipes for
     a colour, paints in a spectrum. Ctrl-C ends it.
 
-    With --page the page is written instead, as one file for anybody: it
-    opens from a disk and on a phone, and needs neither Python nor a net.
-    Only searches and measured files stay with the studio itself.
+    --page writes the page to one file instead, which opens offline and on a
+    phone, without Python. Searches and measured files need the studio.
 
     Example: glazejax studio
     """
@@ -76,16 +75,16 @@ def studio(
     from ..commands.main import start_jax
 
     start_jax()
-    own = {} if catalogue is None else _own(catalogue)
+    own_paints = {} if catalogue is None else _own(catalogue)
     if page is None:
-        serve(port, _fragment(begin), open_browser=not no_open, own=own)
+        serve(port, _fragment(begin), open_browser=not no_open, own_paints=own_paints)
         return
     from ..whole_file import whole_file
     from .one_file import one_file
 
-    text = one_file(own, begin)
-    with whole_file(page) as part:
-        part.write_text(text, encoding="utf-8")
+    text = one_file(own_paints, begin)
+    with whole_file(page) as temporary:
+        temporary.write_text(text, encoding="utf-8")
     typer.echo(f"{page}: the studio as one file of {len(text.encode()) / 1e6:.2f} MB.")
 
 
@@ -101,8 +100,8 @@ def _own(path: Path) -> "dict[str, Pigment]":
     from ..paint.pigment_table import read_pigments
     from ..stacks import own_name
 
-    found = {own_name(name): paint for name, paint in read_pigments(path).items()}
-    return {name: paint.renamed(name) for name, paint in found.items()}
+    named = {own_name(name): paint for name, paint in read_pigments(path).items()}
+    return {name: paint.renamed(name) for name, paint in named.items()}
 
 
 def _fragment(stack: dict[str, Any] | None) -> str:
@@ -116,13 +115,17 @@ def _fragment(stack: dict[str, Any] | None) -> str:
 
 
 def serve(
-    port: int, fragment: str, *, open_browser: bool, own: "Mapping[str, Pigment] | None" = None
+    port: int,
+    fragment: str,
+    *,
+    open_browser: bool,
+    own_paints: "Mapping[str, Pigment] | None" = None,
 ) -> None:
     """Start the server, say where it is, and serve until Ctrl-C; then the process ends."""
     from .server import Studio
 
     try:
-        server = Studio(port, own=own)
+        server = Studio(port, own_paints=own_paints)
     except OSError as error:
         raise ValueError(
             f"--port {port} cannot be used ({error.strerror}); leave it out for a free one"

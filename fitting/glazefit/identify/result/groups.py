@@ -1,5 +1,5 @@
-"""Families that a spectrum often cannot tell from one another, those without colour, and a set of
-families as an answer.
+"""Families that a spectrum often cannot separate, those without colour, and a set of families as
+an answer.
 """
 
 from collections.abc import Iterable, Mapping
@@ -33,7 +33,7 @@ def group_of(family: str) -> str:
 
 
 def answer_of(families: Iterable[str]) -> frozenset[str]:
-    """What sets of families that are one answer share: their coloured groups, or all their groups
+    """Key that sets of families of one answer share: their coloured groups, or all their groups
     where none has a colour.
     """
     groups = frozenset(map(group_of, families))
@@ -48,7 +48,7 @@ class FamilySet:
         families: names of families or of groups, coloured ones first.
         probability: of its coloured families, whatever whites, extenders and blacks are with them;
             of an answer without a colour, of its groups.
-        within: of each group that is named: its likeliest families and their probabilities beside
+        within: of each group that is named: its likeliest families and their probabilities next to
             one another, best first.
     """
 

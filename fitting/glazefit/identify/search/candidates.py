@@ -22,14 +22,14 @@ CHUNK = 64
 def find_candidates(task: IdentificationTask, measured: Measured) -> Pool:
     """Fitted candidates of spectra; `CHUNK` at a time, a few of these side by side.
 
-    Spectra of many bands are gathered at few (`few_bands`), which is told in `FewBands.missed`.
+    Spectra of many bands are gathered at few (`few_bands`), which is stated in `FewBands.missed`.
     """
     on_few = few_bands_of(task)
     if on_few is None or not can_gather(on_few[0], measured):
         return _find(task, measured)
-    few, smaller = on_few
-    found = _find(smaller, gather(few, measured, task.discrepancy))
-    return spread_out(few, found.possible)
+    few_bands, smaller = on_few
+    pool = _find(smaller, gather(few_bands, measured, task.discrepancy))
+    return spread_out(few_bands, pool.possible)
 
 
 def _find(task: IdentificationTask, measured: Measured) -> Pool:

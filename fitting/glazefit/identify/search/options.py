@@ -1,4 +1,4 @@
-"""How films are identified: options that `identify`, its siblings and a map share."""
+"""Options of an identification, which `identify`, its siblings and a map share."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -39,14 +39,14 @@ class IdentificationKeywords(SearchKeywords, total=False):
 
 @dataclass(frozen=True, kw_only=True)
 class IdentificationOptions:
-    """How films are identified.
+    """Options of an identification.
 
     Attributes:
         instrument: a `glazejax.Instrument`, a geometry, or words such as "45:0" for one without a
             sphere; by default d:8 with the specular part, index 1.5.
         noise: of a reading; where the spectra themselves are rougher, their roughness counts.
         discrepancy: of the model; by default `ModelError.between_films()`.
-        prior: what is expected beforehand.
+        prior: of the search.
         max_paints: largest set, 1 to 3.
         max_coats: 2 says for the best pairs of paints whether they were mixed or laid one over
             the other, in either order (`Identification.coats_odds`); 3 does so for the best three
@@ -56,13 +56,13 @@ class IdentificationOptions:
             the same first answer in most cases.
         own_films: the catalogue's exemplars are taken to be by the hand that made the films, as
             those of the oils and acrylics are, and compete as paints; by default pigments that
-            have a family are sought by family.
+            have a family are searched by family.
         elements, without_elements: chemical symbols that X-ray fluorescence found, and did not
-            find, such as ("Cu",): change how probable families are beforehand.
+            find, such as ("Cu",): change how probable families are a priori.
         painted: year in which the film was painted: families that were not in use
             are fifty times less probable.
         varnish: what is known of a varnish on the films: "none", "thin", "yellowed" or "unknown".
-            By default "none" where families are sought, and "unknown" where paints are.
+            By default "none" where families are searched, and "unknown" where paints are.
     """
 
     instrument: Instrument | Geometry | str | None = None
@@ -86,17 +86,17 @@ class IdentificationOptions:
             )
 
 
-def check_keywords(function: str, given: Mapping[str, Any], known: type) -> None:
+def check_keywords(function: str, keywords: Mapping[str, Any], accepted: type) -> None:
     """Refuse keywords that a function does not take, as Python itself does.
 
     Args:
         function: its name.
-        given: its keywords.
-        known: the typed dictionary of those that it takes.
+        keywords: its keywords.
+        accepted: the typed dictionary of those that it takes.
 
     Raises:
         TypeError: one that is not among them.
     """
-    for name in given:
-        if name not in known.__optional_keys__:  # pyright: ignore[reportAttributeAccessIssue]
+    for name in keywords:
+        if name not in accepted.__optional_keys__:  # pyright: ignore[reportAttributeAccessIssue]
             raise TypeError(f"{function}() got an unexpected keyword argument {name!r}")

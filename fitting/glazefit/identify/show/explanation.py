@@ -1,4 +1,4 @@
-"""Explanations of a reading as they are drawn beside it."""
+"""Explanations of a reading as they are drawn with it."""
 
 from dataclasses import dataclass
 
@@ -22,7 +22,7 @@ class Explanation:
         probability: of these.
         paints: names.
         fitted: reflectance factors, (grounds, bands), NaN where they are not known; where families
-            were sought at the gloss and brightness of the reading, as they are compared.
+            were searched at the gloss and brightness of the reading, as they are compared.
         scale: what its brightness was multiplied by.
     """
 
@@ -33,16 +33,16 @@ class Explanation:
     scale: float
 
 
-def explanations(found: Identification, row: int, count: int) -> list[Explanation]:
+def explanations(identification: Identification, row: int, count: int) -> list[Explanation]:
     """The most probable explanations of one spectrum: sets of paints, or where families were
-    sought sets of these, each with the film that stands for it.
+    searched sets of these, each with the film that stands for it.
 
     Args:
-        found: identification.
+        identification: its result.
         row: number of the spectrum.
         count: most explanations.
     """
-    if not found.family_sets:
+    if not identification.family_sets:
         return [
             Explanation(
                 words=candidate.words,
@@ -51,15 +51,17 @@ def explanations(found: Identification, row: int, count: int) -> list[Explanatio
                 fitted=candidate.fitted,
                 scale=1.0,
             )
-            for candidate in found.ranked(row, count)
+            for candidate in identification.ranked(row, count)
         ]
-    films = found.films_of_answers(row)
+    films = identification.films_of_answers(row)
     out = []
-    for answer in found.family_sets[row][:count]:
+    for answer in identification.family_sets[row][:count]:
         film = films.get(answer_of(answer.families))
         # Of an improbable answer no film may have been kept.
         if film is not None:
-            fitted, scale = at_brightness_of(found.measured.readings[row, 0], film.fitted[0])
+            fitted, scale = at_brightness_of(
+                identification.measured.readings[row, 0], film.fitted[0]
+            )
             out.append(
                 Explanation(
                     words=" + ".join(answer.families),

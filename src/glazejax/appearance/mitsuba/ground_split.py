@@ -1,4 +1,4 @@
-"""What makes up a reflectance over any ground, and angles as polynomials.
+"""Terms of a reflectance over any ground, and angles as polynomials.
 
 The ground enters in closed form: with R0 over black, T the light that reaches a black ground and S
 what the stack throws back to the ground, R = R0 + g T T/(1 - g S) for any Lambertian ground g.
@@ -13,8 +13,8 @@ from numpy.polynomial import chebyshev
 from ...chebyshev_table import coefficients_from_nodes, roots
 
 
-class Parts(NamedTuple):
-    """What makes up the reflectance factor over any ground."""
+class GroundTerms(NamedTuple):
+    """Terms of the reflectance factor over any ground."""
 
     black: Float[np.ndarray, "*batch angles angles"]
     """R0, over a black ground."""
@@ -24,14 +24,14 @@ class Parts(NamedTuple):
     """S, thrown back to the ground."""
 
 
-def split(values: Float[np.ndarray, "*batch rows"], angles: int) -> Parts:
-    """Parts from rows of numbers: pairs of angles (the upper triangle) of R0, then T of each angle,
+def split(values: Float[np.ndarray, "*batch rows"], angles: int) -> GroundTerms:
+    """Terms from rows of numbers: pairs of angles (the upper triangle) of R0, then T of each angle,
     then S.
     """
     rows, columns = np.triu_indices(angles)
     black = np.empty((*values.shape[:-1], angles, angles))
     black[..., rows, columns] = black[..., columns, rows] = values[..., : rows.size]
-    return Parts(black, values[..., rows.size : -1], values[..., -1])
+    return GroundTerms(black, values[..., rows.size : -1], values[..., -1])
 
 
 def factor_of(black: Any, through_in: Any, through_out: Any, back: Any, ground: Any) -> Any:

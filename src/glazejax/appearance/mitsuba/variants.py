@@ -1,5 +1,5 @@
-"""Which of Mitsuba's variants computes spectra here, and how to use it without taking another one
-from the user.
+"""Choice of the variant of Mitsuba that computes spectra here, and its use without taking another
+one from the user.
 """
 
 import subprocess
@@ -28,7 +28,7 @@ sys.exit(0 if float(mi.TensorXf(mi.render(mi.load_dict(scene), spp=4)).array[0])
 
 @cache
 def works(variant: str) -> bool:
-    """Whether a variant of Mitsuba renders here; tried in a process of its own, which may be
+    """Test whether a variant of Mitsuba renders here; tried in a process of its own, which may be
     aborted.
     """
     try:
@@ -55,13 +55,13 @@ def usable_variant() -> str:
     require("mitsuba")
     import mitsuba as mi  # pyright: ignore[reportMissingImports]
 
-    there = [variant for variant in SPECTRAL if variant in mi.variants()]
-    if not there:
-        known = ", ".join(mi.variants())
+    available = [variant for variant in SPECTRAL if variant in mi.variants()]
+    if not available:
+        names = ", ".join(mi.variants())
         raise ValueError(
-            f"this Mitsuba has no spectral variant ({' or '.join(SPECTRAL)}), only {known}"
+            f"this Mitsuba has no spectral variant ({' or '.join(SPECTRAL)}), only {names}"
         )
-    return next((variant for variant in there[:-1] if works(variant)), there[-1])
+    return next((variant for variant in available[:-1] if works(variant)), available[-1])
 
 
 def check_llvm(variant: str | None) -> None:
@@ -86,7 +86,7 @@ def check_llvm(variant: str | None) -> None:
 
 
 def is_spectral(variant: str | None) -> bool:
-    """Whether scenes of this program can be rendered in a variant: with spectra, without
+    """Test whether scenes of this program can be rendered in a variant: with spectra, without
     polarisation.
     """
     return variant is not None and "spectral" in variant and "polarized" not in variant
@@ -105,10 +105,10 @@ def spectral_variant() -> Iterator[str]:
         check_llvm(before)
         yield str(before)
         return
-    found = usable_variant()
-    mi.set_variant(found)
+    variant = usable_variant()
+    mi.set_variant(variant)
     try:
-        yield found
+        yield variant
     finally:
         if before is not None:
             mi.set_variant(before)

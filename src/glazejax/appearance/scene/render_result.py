@@ -1,4 +1,4 @@
-"""What both renderers give: a picture as spectra or XYZ, and what of it was computed."""
+"""Result of both renderers: a picture as spectra or XYZ, and what of it was computed."""
 
 from dataclasses import dataclass, field
 
@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float
 
 @dataclass
 class RenderReport:
-    """Counts of what was computed, beside what would have been with every pixel, light, band and
+    """Counts of what was computed, compared with every pixel, light, band and
     material in full.
     """
 

@@ -29,7 +29,7 @@ _GRADING = 3
 
 
 class PanelMesh(NamedTuple):
-    """How finely the layers are divided; static."""
+    """Fineness of the division of layers; static."""
 
     nodes: int
     """Gauss nodes in a panel."""
@@ -97,7 +97,7 @@ def rules(count: int, points: int, dtype: np.dtype) -> Rules:
         own_points.append(np.r_[up, down])
         shares = np.r_[0.5 * (1 + node) * wx, 0.5 * (1 - node) * wx]
         own_kernel.append(shares[:, None] * values(np.r_[node - 2 * up, node + 2 * down]))
-    found = Rules(
+    tables = Rules(
         nodes=0.5 * (1 + xi),
         points=x,
         kernel=wx[:, None] * values(2 * x - 1),
@@ -107,7 +107,7 @@ def rules(count: int, points: int, dtype: np.dtype) -> Rules:
         own_kernel=np.array(own_kernel),
         own_derivatives=np.swapaxes(derivatives(xi), 0, 1),
     )
-    return Rules(*(table.astype(dtype) for table in found))
+    return Rules(*(table.astype(dtype) for table in tables))
 
 
 def _orders(first: int, count: int, x: Array) -> Array:
@@ -148,9 +148,9 @@ def kernel_integrals(order: int, distance: Array, width: Array, rules: Rules) ->
     wide_width = jnp.where(wide, width, _WIDE)
     scale = _powers(2.0 / wide_width, count)
     ends = scale * _orders(order + 1, count, jnp.stack([distance, distance + wide_width]))
-    here = matmul(ends[0], rules.near)
-    there = matmul(ends[1], rules.far)
-    return jax.lax.select(jnp.broadcast_to(wide[..., None], narrow.shape), here - there, narrow)
+    near = matmul(ends[0], rules.near)
+    far = matmul(ends[1], rules.far)
+    return jax.lax.select(jnp.broadcast_to(wide[..., None], narrow.shape), near - far, narrow)
 
 
 def decay_integrals(rate: Array, top: Array, width: Array, rules: Rules) -> Array:
@@ -167,8 +167,8 @@ def decay_integrals(rate: Array, top: Array, width: Array, rules: Rules) -> Arra
     scale = _powers(2.0 / safe, count)
     by_parts = matmul(scale, rules.near)
     by_parts -= jnp.exp(-safe)[..., None] * matmul(scale, rules.far)
-    inside = jnp.where(wide[..., None], by_parts / safe[..., None], shares)
-    return (jnp.exp(-rate * top) * width)[..., None] * inside
+    integrals = jnp.where(wide[..., None], by_parts / safe[..., None], shares)
+    return (jnp.exp(-rate * top) * width)[..., None] * integrals
 
 
 def own_integrals(width: Array, rules: Rules) -> Array:
@@ -181,8 +181,8 @@ def own_integrals(width: Array, rules: Rules) -> Array:
     wide_width = jnp.where(wide, width, _WIDE)[..., None]
     scale = _powers(2.0 / wide_width, count)  # (..., 1, k)
     k = np.arange(count)
-    here = (1.0 + (-1.0) ** k) / (k + 1)  # E_(k+2)(0) = 1/(k+1), from above and from below
-    middle = einsum("...zk,ikj->...ij", scale * here, rules.own_derivatives)
+    at_zero = (1.0 + (-1.0) ** k) / (k + 1)  # E_(k+2)(0) = 1/(k+1), from above and from below
+    middle = einsum("...zk,ikj->...ij", scale * at_zero, rules.own_derivatives)
     ends = scale * _orders(
         2, count, jnp.stack([wide_width * (1.0 - rules.nodes), wide_width * rules.nodes])
     )
@@ -212,7 +212,7 @@ def _half_layer(depth: Array, albedo: Array, slant: Array, mesh: PanelMesh) -> A
     half = 0.5 * depth
     # Depth beyond which only the slowest mode of a layer is left, in mean free paths.
     reach = jnp.minimum(half, 22.0) if mesh.interior else half
-    # The first panel is narrow beside the depth at which a grazing beam is gone.
+    # The first panel is narrow compared with the depth at which a grazing beam is gone.
     ratio = jnp.maximum(
         mesh.ratio ** (1 - mesh.graded), reach / jnp.maximum(2.0 * slant**2, 0.05 * slant)
     )
@@ -244,9 +244,9 @@ def layer_panels(thickness: Array, layer_albedo: Array, slant: Array, mesh: Pane
     widths = []
     for i in range(thickness.shape[1]):
         d = thickness[:, i, None]
-        given = jax.lax.stop_gradient((thickness[:, i], layer_albedo[:, i], slant))
-        # The lower half mirrors the upper one: both faces are alike.
-        share = _half_layer(*given, mesh)
+        fixed = jax.lax.stop_gradient((thickness[:, i], layer_albedo[:, i], slant))
+        # The lower half mirrors the upper one: both faces are the same.
+        share = _half_layer(*fixed, mesh)
         inner = share[:, 1:] - share[:, :-1]
         start = [share[:, :-1], 1.0 - share[:, :0:-1]]
         shares = [inner, inner[:, ::-1]]
