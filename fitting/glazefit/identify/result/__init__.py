@@ -382,10 +382,10 @@ class Identification(Tabulated):
         """The most probable film of each answer by family, under what `groups.answer_of` makes of
         it; of an improbable answer none may have been kept.
         """
-        families = dict(zip(self.paints, self.paint_families, strict=True))
+        family_of = dict(zip(self.paints, self.paint_families, strict=True))
         films: dict[frozenset[str], Candidate] = {}
         for candidate in self.ranked(row):
-            answer = answer_of(families[paint] for paint in candidate.paints)
+            answer = answer_of(family_of[paint] for paint in candidate.paints)
             films.setdefault(answer, candidate)
         return films
 

@@ -2,7 +2,7 @@
 JSON.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -55,6 +55,7 @@ def make_family_record(
         "spots": [
             _spot(identification, row, top, painted=painted, usual=usual)
             for row in range(len(identification))
+            for row in range(len(identification))
         ],
     }
 
@@ -104,18 +105,8 @@ def _spot(
             }
             for rank, answer in enumerate(answers, start=1)
         ],
-        "pigments": [
-            {
-                "family": family,
-                "formula": catalogue_families[family].formula,
-                "elements": list(catalogue_families[family].elements),
-                "colour_index": catalogue_families[family].colour_index,
-                "in_use": catalogue_families[family].in_use,
-            }
-            for family in named
-            if family in catalogue_families
-        ],
-        "explanations": [_film(film, reading[0]) for film in films],
+        "pigments": describe_pigments(named),
+        "explanations": [describe_film(film, reading[0]) for film in films],
     }
 
 
@@ -124,7 +115,29 @@ def _in_tests(identification: Identification, row: int) -> dict[str, int] | None
     return None if counts is None else {"right": counts[0], "answers": counts[1]}
 
 
-def _film(film: Explanation, reading: np.ndarray) -> dict[str, Any]:
+def describe_pigments(names: Iterable[str]) -> list[dict[str, Any]]:
+    """What some families are; names of groups are left out."""
+    known = catalogue.families()
+    return [
+        {
+            "family": family,
+            "formula": known[family].formula,
+            "elements": list(known[family].elements),
+            "colour_index": known[family].colour_index,
+            "in_use": known[family].in_use,
+        }
+        for family in names
+        if family in known
+    ]
+
+
+def describe_film(film: Explanation, reading: np.ndarray) -> dict[str, Any]:
+    """A film that stands for an answer, and whose paints it is of.
+
+    Args:
+        film: of an answer.
+        reading: beside which it is drawn, (bands,).
+    """
     provenance = catalogue.provenance()
     off = relative_misfit(reading, film.fitted[0])
     return {

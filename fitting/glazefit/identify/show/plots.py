@@ -31,18 +31,13 @@ def plot_identification(identification: Identification, path: Path, top: int = 3
     return count
 
 
-def _draw(
-    identification: Identification,
-    row: int,
-    top: int,
-    axes: np.ndarray,
-) -> None:
+def _draw(identification: Identification, row: int, top: int, axes: np.ndarray) -> None:
     spectra, residuals, chances = axes
     grid = identification.measured.wavelengths
     readings = identification.measured.readings[row]
     for reading in readings:
         spectra.plot(grid, reading, "o", color="0.25", ms=3.5, mfc="none")
-    films = explanations(identification, row, top, families)
+    films = explanations(identification, row, top)
     likely = [film for film in films if film.probability >= LEAST * films[0].probability]
     for n, (film, colour) in enumerate(zip(likely, _COLOURS, strict=False)):
         for ground, fitted in enumerate(film.fitted):

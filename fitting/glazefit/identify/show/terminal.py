@@ -180,16 +180,16 @@ def write_residuals(identification: Identification, path: Path, *, overwrite: bo
     """Write measured, fitted and residual spectra of the best explanations, a line a spectrum,
     ground and band; where families were searched, as the report draws them.
     """
-    scaled = " at the reading's gloss and brightness" if identification.family_sets else ""
-    header = ("spectrum", "ground", "wavelength_nm", "measured", f"fitted{scaled}", "residual")
-    measured = identification.measured
+    by_family = " at the reading's gloss and brightness" if identification.family_sets else ""
+    fitted = f"fitted{by_family}"
+    header = ("spectrum", "ground", "wavelength_nm", "measured", fitted, "residual")
     lines = (
-        (name, ground + 1, f"{nm:g}", reading[band], film[band], reading[band] - film[band])
-        for row, name in enumerate(measured.names)
+        (name, ground + 1, f"{nm:g}", measured[band], film[band], measured[band] - film[band])
+        for row, name in enumerate(identification.measured.names)
         for best in explanations(identification, row, 1)
-        for ground, (reading, film) in enumerate(
-            zip(measured.readings[row], best.fitted, strict=True)
+        for ground, (measured, film) in enumerate(
+            zip(identification.measured.readings[row], best.fitted, strict=True)
         )
-        for band, nm in enumerate(measured.wavelengths)
+        for band, nm in enumerate(identification.measured.wavelengths)
     )
     write_table(path, header, lines, overwrite=overwrite)
