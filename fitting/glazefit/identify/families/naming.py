@@ -72,7 +72,7 @@ def _answer(
     """
     chosen = chosen & (probabilities > _SMALL * total)
     chances = probabilities[chosen].tolist()
-    named = [named_sets[number] for number in np.flatnonzero(chosen)]
+    named = [named_sets[number] for number in np.flatnonzero(chosen).tolist()]
     # Which groups together have most of it: a colour alone, or with a white, or with a black.
     of_groups: dict[frozenset[str], float] = {}
     for chance, members in zip(chances, named, strict=True):
