@@ -24,7 +24,7 @@ _RESULT = re.compile(r"<!--(\w+)\.")
 
 
 def result_of(line: str) -> str:
-    """The one result whose numbers stand in a line of the table.
+    """Name of the one result of a line of the table.
 
     Raises:
         ValueError: there is none, or there are several.
@@ -36,7 +36,7 @@ def result_of(line: str) -> str:
 
 
 def provenance(heads: dict[str, dict]) -> list[str]:
-    """Sentences: whether all results are of one commit and one processor, and which are not.
+    """Sentences on the commits, processors and loads of the results.
 
     Args:
         heads: of each result's name, its `made`.
@@ -59,10 +59,8 @@ def provenance(heads: dict[str, dict]) -> list[str]:
     others: dict[str, list[str]] = {}
     for name, made in heads.items():
         if made["machine"] != usual:
-            others.setdefault(made["machine"] or "none that was kept", []).append(name)
-    sentences += [
-        f"Most are of {usual}; of {one}: {', '.join(its)}." for one, its in others.items()
-    ]
+            others.setdefault(made["machine"] or "an unrecorded machine", []).append(name)
+    sentences += [f"Not of {usual}: {', '.join(its)} ({one})." for one, its in others.items()]
     busy = [
         f"{name} ({made['load']:.1f})"
         for name, made in heads.items()
@@ -70,14 +68,13 @@ def provenance(heads: dict[str, dict]) -> list[str]:
     ]
     if busy:
         sentences.append(
-            f"Busy when they began (load above {BUSY}), so that times may be too long: "
-            f"{', '.join(busy)}."
+            f"Times may be too long, because the load was above {BUSY}: {', '.join(busy)}."
         )
     return sentences
 
 
 def refreshed(text: str, folder: Path = FOLDER) -> str:
-    """The page's text with the origin of each line as its result states it.
+    """The page's text with the origin of each line.
 
     Raises:
         ValueError: the page has no table, or a line has no result.

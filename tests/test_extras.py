@@ -22,7 +22,6 @@ OPTIONAL = {
     "matplotlib": "plots",
     "corner": "plots",
     "jinja2": "plots",
-    "colour_cxf": "formats",
     "python_calamine": "formats",
     "arviz": "arviz",
     "h5py": "arviz",

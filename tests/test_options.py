@@ -50,7 +50,7 @@ def test_a_wrong_command_line_is_one_line(run, words, message):
     assert err.count("\n") == 1
 
 
-BOXES = ["Used most", "What it is given", "What it tries", "What it writes", "Fine points"]
+BOXES = ["Common", "Input", "Search", "Output", "Advanced"]
 
 
 @pytest.mark.parametrize(
@@ -62,13 +62,13 @@ def test_help_has_the_five_usual_options_first_and_all_others_in_boxes(run, comm
     named = [name for names in boxes.values() for name in names]
     there = [p.opts[0] for p in command_group().commands[command].params if p.opts[0][:1] == "-"]
     assert named == there, "each option stands in one box, and the help has their order"
-    assert len(boxes["Used most"]) == 5
+    assert len(boxes["Common"]) == 5
     _, out, _ = run(command, "--help")
     places = [out.find(f"─ {title} ─") for title in BOXES if boxes[title]]
     assert -1 not in places
     assert places == sorted(places)
     assert "─ Options ─" not in out
-    for name in boxes["Used most"]:
+    for name in boxes["Common"]:
         assert places[0] < out.index(f" {name} ", places[0]) < places[1]
 
 

@@ -3,12 +3,9 @@ search, and rivals.
 
     python -m benchmarks.maps.painting [--megapixels 0.1 1 10] [--bands 200]
         [--checked 2000]
-    python -m benchmarks.maps.painting --mosaic [--megapixels 1] [--checked 2000]
 
 Each painting is written to disk first (10 megapixels of 200 bands take 4 GB as 16-bit integers),
 then mapped by a process of its own, as `glazejax map` does, whose time and peak memory are taken.
-`--mosaic` maps measured films instead, see
-`benchmarks.maps.painting_mosaic`.
 """
 
 import argparse
@@ -24,14 +21,13 @@ from typing import NamedTuple
 import numpy as np
 
 from benchmarks.results import Results, command_line, percent, quantities, quantity
-from benchmarks.rivals.known_painting import Scenery, painting, write_painting
+from benchmarks.rivals.known_painting import Painting, painting, write_painting
 from benchmarks.rivals.known_painting_scene import FOREIGN
 from benchmarks.rivals.painting_rivals import (
     Row,
     Truth,
     answer_of_map,
     compared,
-    only,
     sampled,
     table,
 )
@@ -54,20 +50,10 @@ def main() -> None:
         checked=(2000, 100, "pixels that are searched in full"),
     )
     parser.add_argument("--megapixels", type=float, nargs="+", default=[0.1, 1.0, 10.0])
-    parser.add_argument(
-        "--mosaic", action="store_true", help="measured films in place of computed spectra"
-    )
     parser.add_argument("--child", type=Path, help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.child is not None:
         _child(options.child)
-        return
-    if options.mosaic:
-        results = Results("painting_mosaic", options.out, "zarr")
-        side = round((1e6 * min(options.megapixels, key=lambda size: abs(size - 1.0))) ** 0.5)
-        with tempfile.TemporaryDirectory() as temporary:
-            _mosaic(results, Path(temporary), side, options.checked)
-        results.save()
         return
     results = Results("painting", options.out, "zarr")
     with tempfile.TemporaryDirectory() as temporary:
@@ -273,7 +259,7 @@ METHODS = ("angle", "nnls", "nnls_log", "opaque", "film", "map")
 
 
 def _checked(
-    scene: Scenery, where: Path, pixels: int
+    scene: Painting, where: Path, pixels: int
 ) -> tuple[Truth, np.ndarray, dict[str, np.ndarray], Sequence[float]]:
     """Truth of some pixels, where they are, what the map says there, and the map's noise."""
     from glazefit import open_map
@@ -282,47 +268,6 @@ def _checked(
     _, truth, places = sampled(scene, pixels)
     arrays = {str(name): found[name].values[tuple(places.T)] for name in found.data_vars}
     return truth, places, arrays, found.attrs["noise"]
-
-
-def _mosaic(results: Results, folder: Path, side: int, pixels: int) -> None:
-    """Measured films as a camera sees them: the map compared with the rivals."""
-    from benchmarks.maps.painting_mosaic import BLUR, GAIN, mosaic
-    from glazejax.paint.pigment_table import write_pigments
-
-    scene = mosaic((side, side), _SEED)
-    other = mosaic((480, 640), _OTHER, scene.paints)
-    where = folder / "mosaic"
-    write_painting(where, scene)
-    write_pigments(where / PAINTS, scene.paints)
-    done = map_painting(where)
-    truth, places, arrays, _ = _checked(scene, where, pixels)
-    inside = np.array([scene.inside(y, y + 1)[0, x] for y, x in places.tolist()])
-    count = len(scene.recipes)
-    foreign = sum(bool(set(recipe) & set(scene.foreign)) for recipe in scene.recipes)
-    results(
-        f"Mosaic of {side} x {side} pixels and {len(scene.wavelengths)} bands: {count} measured "
-        f"films over a white card, {foreign} of them with\n"
-        f"foreign paint ({', '.join(scene.foreign)}). The {len(scene.paints)} paints are those of "
-        "a joint fit without all of these films.\n"
-        f"Put on: noise {scene.noise:g}, light that varies by {GAIN:.0%}, blur of {BLUR:g} pixels. "
-        f"{pixels} pixels, {inside.sum()} of them off the edges of tiles;\n"
-        "rivals choose cut and threshold on another mosaic of the same films."
-    )
-    counts = {"films": count, "foreign": foreign, "paints": len(scene.paints)}
-    results.record(**quantities(counts, digits=0))
-    results()
-    rows = compared(scene, other, pixels)
-    answer = answer_of_map(arrays)
-    pace = done["seconds"] / side**2
-    rows.append(Row.of("map_cube", truth, answer, scene.names, pace))
-    rows.append(Row.of("map_cube, off edges", *only(truth, answer, inside), scene.names, pace))
-    # Nobody measured how thick the films are.
-    rows = [row._replace(score=row.score._replace(amount_error=np.nan)) for row in rows]
-    for line in table(rows):
-        results(line)
-    for key, row in zip(("pairs", "film", "map", "edges"), (rows[1], *rows[-3:]), strict=True):
-        results.record(**row.quantities(key, 0, "right", "pigments", "false", "found"))
-    results(f"\nseconds {done['seconds']:.1f}, peak memory {done['gib']:.2f} GiB")
 
 
 def _at_image_bands(scene, paints) -> float:

@@ -51,14 +51,14 @@ def main() -> None:
     off = np.abs(few.paint_probability - every.paint_probability).max(axis=1)
     say(
         f"{options.spectra} SPECTRA OF {BANDS} BANDS, at few bands, compared with all\n"
-        f"bands that are taken            {len(on_few[0].place)}\n"
+        f"bands that are taken            {len(on_few[0].index)}\n"
         f"ms of the processor, few, all   {quick:.1f} {slow:.1f}\n"
         f"the same first set              {same:.1%}\n"
         f"a paint's probability off by more than .02, at most   {np.mean(off > 0.02):.1%} {off.max():.2f}\n"
         f"that of none off at most        {np.abs(few.none - every.none).max():.2f}"
     )
     say.record(
-        taken=quantity(len(on_few[0].place), digits=0),
+        taken=quantity(len(on_few[0].index), digits=0),
         **quantities(
             {"same": 100 * same, "off": 100 * np.mean(off > 0.02)}, "%", 0, n=options.spectra
         ),

@@ -77,8 +77,10 @@ _RECORDED = {
     },
     "none_found": ("none", "hyperdoc", _OURS, "found"),
     "none_false": ("none", "hyperdoc", _OURS, "false"),
+    "none_angle": ("none", "hyperdoc", "spectral angle", "found"),
     "mixed_bath": ("mixture", "bath", _OURS, "first"),
     "mixed_grillini": ("mixture", "grillini", _OURS, "first"),
+    "mixed_grillini_unmixing": ("mixture", "grillini", "NNLS of -log R", "first"),
     "own_pure": ("pigment_own", "revigo", _OURS, "first"),
     "own_mixed": ("mixture_own", "revigo", _OURS, "first"),
 }

@@ -44,13 +44,15 @@ PLACED = ("members", "coats", "amounts")
 
 
 @dataclass(frozen=True)
-class Scenery:
-    """What can be written, mapped and compared: a `Painting`, or a mosaic of measured films.
+class Painting:
+    """A painting that is computed where it is asked for; `painting` makes one.
 
     Attributes:
         shape: (y, x) in pixels.
         wavelengths: (bands,), nm.
         paints: that a map is to be given.
+        foreign: the two paints of the catalogue that are in the painting, and are not among those
+            of a map.
         ground: its internal reflectance, (bands,).
         noise: standard deviation of a reading, independent in every band.
         seed: of all that is drawn at random.
@@ -59,40 +61,10 @@ class Scenery:
     shape: tuple[int, int]
     wavelengths: Float[np.ndarray, "bands"]
     paints: list[Pigment]
+    foreign: list[Pigment]
     ground: Float[np.ndarray, "bands"]
     noise: float
     seed: int
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Paints by the number that the truth gives them: those of a map, then foreign ones."""
-        raise NotImplementedError
-
-    def rows(self, y0: int, y1: int) -> Float[np.ndarray, "rows x bands"]:
-        """Reflectance of some rows, float32."""
-        raise NotImplementedError
-
-    def truth(self, y0: int, y1: int) -> dict[str, np.ndarray]:
-        """What they are painted with, by the names of `TRUTH`."""
-        raise NotImplementedError
-
-    def add_noise(self, spectra: Float[np.ndarray, "rows x bands"], y0: int, stream: int) -> None:
-        """Add each row's own noise in place, the same however rows are cut into blocks."""
-        for y, row in enumerate(spectra, y0):
-            rng = np.random.default_rng([self.seed, stream, y])
-            row += np.float32(self.noise) * rng.standard_normal(row.shape, np.float32)
-
-
-@dataclass(frozen=True)
-class Painting(Scenery):
-    """A painting that is computed where it is asked for; `painting` makes one.
-
-    Attributes:
-        foreign: the two paints of the catalogue that are in the painting, and are not among those
-            of a map.
-    """
-
-    foreign: list[Pigment]
 
     @functools.cached_property
     def scene(self) -> Scene:
@@ -111,7 +83,10 @@ class Painting(Scenery):
             table = _table(number, tuple(self.wavelengths.tolist()), tuple(self.ground.tolist()))
             found[where] = table(values)
         if noise:
-            self.add_noise(found, y0, stream=2)
+            # Of each row by itself, so that it is the same however rows are cut into blocks.
+            for y, row in enumerate(found, y0):
+                rng = np.random.default_rng([self.seed, 2, y])
+                row += np.float32(self.noise) * rng.standard_normal(row.shape, np.float32)
         return found
 
     def truth(self, y0: int, y1: int) -> dict[str, np.ndarray]:
@@ -281,7 +256,7 @@ def _table(number: int, wavelengths: tuple[float, ...], ground: tuple[float, ...
     )
 
 
-def write_painting(folder: str | Path, painting: Scenery) -> Path:
+def write_painting(folder: str | Path, painting: Painting) -> Path:
     """Write a painting as an ENVI image of ten thousandths (uint16), a block of rows at a time.
 
     Args:
@@ -312,7 +287,7 @@ def write_painting(folder: str | Path, painting: Scenery) -> Path:
     return header
 
 
-def _header(painting: Scenery) -> str:
+def _header(painting: Painting) -> str:
     fields = {
         "description": f"{{Painting made by benchmarks.rivals.known_painting, seed {painting.seed}}}",
         "samples": painting.shape[1],

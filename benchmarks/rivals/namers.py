@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
+from scipy.special import softmax
 
 from benchmarks.paintbench.library import (
     FALSE_ALARMS,
@@ -162,13 +163,16 @@ class Unmixing:
 
 
 class Classifier:
-    """Logistic regression (scikit-learn) on the first principal components of slopes of -log R and
-    log K/S.
+    """Logistic regression, or a support vector machine with radial kernel (both scikit-learn), on
+    the first principal components of slopes of -log R and log K/S.
 
-    A hidden family's probability is shared by the others.
+    A hidden family's probability is shared by the others. Of a support vector machine margins take
+    the place of log probabilities.
     """
 
-    name = "linear classifier"
+    def __init__(self, *, support_vectors: bool = False):
+        self.name = "SVM on slopes" if support_vectors else "linear classifier"
+        self._support_vectors = support_vectors
 
     # Principal components that are kept.
     _components = 25
@@ -180,7 +184,7 @@ class Classifier:
         doubts = []
         for others, rest in _sources_apart(library):
             model, bands = self._fit(others, rest)
-            chances = model.predict_proba(self._features(rest.readings[:, bands]))
+            chances = self._chances(model, rest.readings[:, bands])
             doubts += (1.0 - chances.max(axis=1)).tolist()
         self._limit = float(np.quantile(doubts, 1.0 - FALSE_ALARMS)) if doubts else np.inf
 
@@ -192,7 +196,7 @@ class Classifier:
         model, bands = self._fitted[key]
         families = [str(family) for family in model.classes_]
         answers = []
-        probabilities = model.predict_proba(self._features(sought.readings[:, bands]))
+        probabilities = self._chances(model, sought.readings[:, bands])
         for chances, unknown in zip(probabilities, hidden, strict=True):
             chances = np.where([family == unknown for family in families], 0.0, chances)
             chances = chances / max(chances.sum(), 1e-300)
@@ -214,6 +218,7 @@ class Classifier:
         from sklearn.linear_model import LogisticRegression  # pyright: ignore[reportMissingImports]
         from sklearn.pipeline import make_pipeline  # pyright: ignore[reportMissingImports]
         from sklearn.preprocessing import StandardScaler  # pyright: ignore[reportMissingImports]
+        from sklearn.svm import SVC  # pyright: ignore[reportMissingImports]
 
         learnt = library.take(np.isin(library.families, known_families(library)))
         bands = finite_columns([sought.readings])
@@ -226,10 +231,18 @@ class Classifier:
         model = make_pipeline(
             StandardScaler(),
             PCA(n_components=min(self._components, *x.shape)),
-            LogisticRegression(max_iter=100, tol=1e-3),
+            SVC(C=10.0) if self._support_vectors else LogisticRegression(max_iter=100, tol=1e-3),
         )
         model.fit(x, learnt.families)
         return model, bands
+
+    def _chances(
+        self, model: Any, readings: Float[np.ndarray, "n bands"]
+    ) -> Float[np.ndarray, "n families"]:
+        features = self._features(readings)
+        if self._support_vectors:
+            return softmax(model.decision_function(features), axis=1)
+        return model.predict_proba(features)
 
     @staticmethod
     def _features(readings: Float[np.ndarray, "n bands"]) -> Float[np.ndarray, "n features"]:

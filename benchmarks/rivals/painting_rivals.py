@@ -20,7 +20,7 @@ from benchmarks.paintbench.spectra import (
 )
 from benchmarks.results import Quantity, quantities
 from benchmarks.rivals.baselines import Surface, film_reflectance, least_squares, shares_of, unmix
-from benchmarks.rivals.known_painting import PLACES, Scenery
+from benchmarks.rivals.known_painting import PLACES, Painting
 from benchmarks.timing import time_call
 from glazefit.film.films import Instrument, diffuse_internal_reflectance
 from glazejax import Glaze, Hemispherical, Layer, Mixture, Pigment, reflectance
@@ -112,7 +112,7 @@ Method = Callable[[Spectra], Unmixed]
 
 
 def sampled(
-    scene: Scenery, pixels: int, seed: int = 0
+    scene: Painting, pixels: int, seed: int = 0
 ) -> tuple[Spectra, Truth, Int[np.ndarray, "pixels 2"]]:
     """Readings and truth of pixels drawn at random, and where they are (y, x)."""
     height, width = scene.shape
@@ -482,7 +482,7 @@ QUOTED = {
 """Shares of a score by the names that texts quote them by."""
 
 
-def compared(scene: Scenery, other: Scenery, pixels: int = 2000) -> list[Row]:
+def compared(scene: Painting, other: Painting, pixels: int = 2000) -> list[Row]:
     """Scores of all rivals on pixels of a painting; each chooses its cut and threshold on another
     painting.
 

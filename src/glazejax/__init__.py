@@ -34,5 +34,5 @@ def _fit() -> Any:
         if error.name != "glazefit":
             raise
         raise AttributeError(
-            "glazejax.fit is the package glazefit, which is not installed beside glazejax"
+            "glazejax.fit is the package glazefit, which is not installed"
         ) from None

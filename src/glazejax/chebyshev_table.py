@@ -1,5 +1,4 @@
-"""What Chebyshev tables are made of: nodes, polynomials, coordinates, and where more nodes are
-wanted.
+"""Elements of Chebyshev tables: nodes, polynomials, coordinates, and where more nodes are wanted.
 
 A reflectance is analytic in the thickness of each layer but for a logarithm at zero, and levels off
 where a layer becomes opaque. A coordinate that crowds where a layer is thin makes few points do; it
@@ -86,7 +85,7 @@ class Mirrored(NamedTuple):
         return np.clip(self.high - self._from_above().point(-coordinate), self.low, self.high)
 
     def clamp(self, x: Any, xp: ModuleType = jnp) -> Any:
-        """As `Axis.clamp`."""
+        """Clamp as `Axis.clamp` does."""
         return Axis(self.low, self.high).clamp(x, xp)
 
 

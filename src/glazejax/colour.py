@@ -108,7 +108,7 @@ def _weights(
 def lamp_weights(
     wavelengths: Grid, lamp_wavelengths: Grid, power: Numbers, observer: str | int = CIE_1931
 ) -> Float[np.ndarray, "bands 3"]:
-    """As `colour_weights`, for a lamp of one's own.
+    """Weights as of `colour_weights`, for a lamp of one's own.
 
     Args:
         wavelengths: (bands,), nm.
@@ -183,7 +183,7 @@ def _illuminated_observer(
 def _lit_observer(
     wavelengths: Float[np.ndarray, "lamp"], values: Float[np.ndarray, "lamp"], observer: str
 ) -> tuple[Float[np.ndarray, "fine"], Float[np.ndarray, "fine 3"]]:
-    """As `_illuminated_observer`, for a lamp's power."""
+    """Observer as of `_illuminated_observer`, for a lamp's power."""
     curves = observers()[observer]
     inside = (curves[0].wavelengths >= _START) & (curves[0].wavelengths <= _END)
     fine = curves[0].wavelengths[inside]

@@ -12,7 +12,6 @@ _EXTRAS = {
     "matplotlib": ("matplotlib", "plots"),
     "corner": ("corner", "plots"),
     "jinja2": ("jinja2", "plots"),
-    "colour_cxf": ("colour-cxf", "formats"),
     "python_calamine": ("python-calamine", "formats"),
     "arviz": ("arviz", "arviz"),
     "h5py": ("h5py", "arviz"),

@@ -1,4 +1,4 @@
-"""What the instrument does: where the light comes from and where it is measured.
+"""Geometry of an instrument: where the light comes from and where it is measured.
 
 One `Instrument` is a geometry and a refractive index. `parse_geometry` reads the words for a
 geometry, the same on the command line and in Python: ``d:8``, ``de:8``, ``45:0`` and so on.
@@ -115,8 +115,8 @@ class Bidirectional(eqx.Module):
 
     @property
     def sees_surface(self) -> bool | Bool[Array, "..."]:
-        """Whether readings contain the surface's mirror reflection: asked for, and in view; scalar
-        or (..., 1).
+        """Test whether readings contain the surface's mirror reflection: asked for, and in view;
+        scalar or (..., 1).
         """
         if not self.specular:
             return False
@@ -129,7 +129,9 @@ class Bidirectional(eqx.Module):
 
     @property
     def notation(self) -> str:
-        """What `parse_geometry` reads, such as ``45:0``; single angles only, and no azimuth."""
+        """Notation that `parse_geometry` reads, such as ``45:0``; single angles only, and no
+        azimuth.
+        """
         mirror = ":specular" if self.specular else ""
         return f"{float(self.incidence):g}:{float(self.viewing):g}{mirror}"
 
@@ -168,12 +170,12 @@ class Hemispherical(eqx.Module):
 
     @property
     def sees_surface(self) -> bool:
-        """Whether readings contain the surface's mirror reflection."""
+        """Test whether readings contain the surface's mirror reflection."""
         return self.specular
 
     @property
     def notation(self) -> str:
-        """What `parse_geometry` reads, such as ``d:8``; a single angle only."""
+        """Notation that `parse_geometry` reads, such as ``d:8``; a single angle only."""
         return f"{'d' if self.specular else 'de'}:{float(self.incidence):g}"
 
     def describe(self) -> str:
@@ -257,8 +259,8 @@ class Instrument:
 
     @property
     def seen_surface(self) -> float:
-        """What the surface adds to a reading: R_s, or 0 if its mirror reflection is excluded or out
-        of view.
+        """Surface's addition to a reading: R_s, or 0 if its mirror reflection is excluded or out of
+        view.
         """
         return self.surface if self.geometry.sees_surface else 0.0
 

@@ -12,8 +12,9 @@ _SPHERES = {"d": True, "di": True, "de": False}
 def split_geometry(
     text: str, argument: str = "geometry"
 ) -> tuple[bool | None, tuple[float, ...], bool]:
-    """Whether a sphere takes the mirror reflection in (None without a sphere), the angles in
-    degrees, and whether two equal ones see it; see `glazejax.geometry.parse_geometry`.
+    """Split a notation: whether a sphere takes the mirror reflection in (None without a sphere),
+    the angles in degrees, and whether two equal ones see it; see
+    `glazejax.geometry.parse_geometry`.
 
     Raises:
         ValueError: other words, an angle out of range, or a mirror reflection that is not in view.

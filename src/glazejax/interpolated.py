@@ -90,7 +90,7 @@ class Interpolated(eqx.Module):
 
     @property
     def converged(self) -> bool:
-        """Whether the estimated error is within the tolerance."""
+        """Test whether the estimated error is within the tolerance."""
         return self.error <= self.tolerance
 
     def __call__(self, *values: Numbers, **named: Numbers) -> Float[Array, "..."]:

@@ -1,4 +1,4 @@
-"""What a name that is not known may have been meant to be."""
+"""Guesses of what an unknown name was meant to be."""
 
 import difflib
 from collections.abc import Callable, Iterable

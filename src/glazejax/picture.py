@@ -160,7 +160,7 @@ def picture(
 
 
 class _PictureInputs:
-    """What the picture shows, checked, as NumPy arrays."""
+    """Inputs of the picture, checked, as NumPy arrays."""
 
     def __init__(self, paints, maps, ground, geometry, refractive_index, illuminant, observer):
         paints = list(paints)

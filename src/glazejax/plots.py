@@ -1,4 +1,5 @@
-"""What all pictures share: where they may be written, their colours, and the style of their axes.
+"""Common parts of all pictures: where they may be written, their colours, and the style of their
+axes.
 
 matplotlib is imported when the first one is drawn, and its global state stays as it is.
 """

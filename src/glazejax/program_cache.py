@@ -90,7 +90,7 @@ def compile_quickly(level: int) -> None:
 
 
 def _alone() -> bool:
-    """Whether JAX has the processor only: other devices' compilers have that level too."""
+    """Test whether JAX has the processor only: other devices' compilers have that level too."""
     asked = os.environ.get("JAX_PLATFORMS", "")
     return asked == "cpu" or (not asked and find_spec("jax_plugins") is None)
 
@@ -103,7 +103,7 @@ def _close(folder: Path) -> None:
 
 
 def _others(folder: Path) -> str | None:
-    """How somebody else may write to a folder; None where nobody may, or nobody says who."""
+    """Way for somebody else to write to a folder; None where nobody may, or nobody says who."""
     if not hasattr(os, "geteuid"):
         return None
     found = folder.stat()

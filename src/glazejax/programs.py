@@ -65,12 +65,12 @@ class _ProgramRequest(NamedTuple):
 
     @property
     def traced(self) -> bool:
-        """Whether JAX is tracing the caller."""
+        """Test whether JAX is tracing the caller."""
         return any(isinstance(leaf, Tracer) for leaf in self.leaves)
 
     @property
     def key(self) -> tuple[Any, ...]:
-        """What tells programs of one function apart while the process runs."""
+        """Key that tells programs of one function apart while the process runs."""
         return self.fixed, self.structure, tuple(map(_kind, self.leaves)), _double()
 
     def file_name(self) -> str | None:
@@ -275,8 +275,8 @@ def _load_lapack() -> None:
 
 
 def _plain(value: Any) -> bool:
-    """Whether words tell all of a value: numbers, text, a module's function, and records of the
-    former.
+    """Test whether words tell all of a value: numbers, text, a module's function, and records of
+    the former.
     """
     if isinstance(value, FunctionType):
         return value.__name__ == value.__qualname__ != "<lambda>"
@@ -288,7 +288,7 @@ def _plain(value: Any) -> bool:
 
 
 def _words(value: Any) -> str:
-    """What tells a plain value from others: a module's function by its name."""
+    """Words that tell a plain value from others: a module's function by its name."""
     if isinstance(value, FunctionType):
         return f"{value.__module__}.{value.__qualname__}"
     return repr(value)
@@ -296,7 +296,7 @@ def _words(value: Any) -> str:
 
 @functools.cache
 def _made_with() -> tuple[Any, ...]:
-    """What a traced program depends on: versions, settings, the device, files of both packages."""
+    """Dependencies of a traced program: versions, settings, the device, files of both packages."""
     settings = _config().values
     return (
         [version(name) for name in _MAKERS],

@@ -1,11 +1,11 @@
-"""How a long computation says how far it is: one callable type, the same in every function."""
+"""Progress of a long computation: one callable type, the same in every function."""
 
 from typing import Protocol, runtime_checkable
 
 
 @runtime_checkable
 class Progress(Protocol):
-    """What a `progress=` argument is called with, each time a part is done.
+    """Message that a `progress=` argument is called with, each time a part is done.
 
     `done` of `total` parts are finished (`total` is None where nobody knows it beforehand, as for
     the bytes of a pipe), and `words` say what is being done, as in 'computing spectra'.

@@ -1,4 +1,4 @@
-"""What reports on the screen share: tables without lines, and patches of a colour."""
+"""Common parts of reports on the screen: tables without lines, and patches of a colour."""
 
 from collections.abc import Collection, Iterable
 from copy import copy

@@ -71,7 +71,7 @@ def as_float_array(values: Numbers) -> Float[Array, "..."]:
 
 
 def small(*arrays: Any) -> bool:
-    """Whether all arrays are known real numbers, and so few that NumPy is done before JAX has
+    """Test whether all arrays are known real numbers, and so few that NumPy is done before JAX has
     compiled anything.
     """
     known = all(not isinstance(array, Tracer) and array.dtype.kind in "fiub" for array in arrays)
@@ -93,7 +93,7 @@ def numpy_or_jax(function: Callable[..., Any], *arrays: Any) -> Any:
 
 
 def on_numpy_or_jax(function: Callable[..., Any], *arrays: Any) -> Float[Array, "..."]:
-    """What `numpy_or_jax` computes, as a JAX array."""
+    """Result of `numpy_or_jax`, as a JAX array."""
     return jnp.asarray(numpy_or_jax(function, *arrays))
 
 
@@ -184,12 +184,12 @@ def common_range(grids: Iterable[Float[np.ndarray, "_"]]) -> tuple[float, float]
 def lie_between(
     wavelengths: Float[np.ndarray, "bands"], low: float, high: float
 ) -> Bool[np.ndarray, "bands"]:
-    """Whether each band lies between two wavelengths, nm, to a millionth of a nanometre."""
+    """Test whether each band lies between two wavelengths, nm, to a millionth of a nanometre."""
     return (wavelengths >= low - 1e-6) & (wavelengths <= high + 1e-6)
 
 
 def same_grid(first: Float[np.ndarray, "bands"], second: Float[np.ndarray, "others"]) -> bool:
-    """Whether two grids agree to a millionth of a nanometre."""
+    """Test whether two grids agree to a millionth of a nanometre."""
     return first.shape == second.shape and bool((np.abs(first - second) <= 1e-6).all())
 
 

@@ -135,7 +135,7 @@ class Stack:
         return level
 
     def media(self) -> list[Pigment | Mixture]:
-        """What each of the `shown` coats is made of, all on the wavelengths that all of them share.
+        """Media of the `shown` coats, all on the wavelengths that all of them share.
 
         Raises:
             ValueError: a paint that there is not, or paints and ground without common wavelengths.
@@ -368,7 +368,7 @@ def _named_parts(medium: Pigment | Mixture, own: dict[str, Pigment]) -> Iterator
 
 
 def _same(one: Pigment, other: Pigment) -> bool:
-    """Whether two paints are one to light."""
+    """Test whether two paints are one to light."""
     return same_grid(one.wavelengths, other.wavelengths) and all(
         np.array_equal(getattr(one, key), getattr(other, key))
         for key in ("absorption", "scattering")
@@ -548,7 +548,7 @@ def pigment_to_dict(paint: Pigment, digits: int = 6) -> dict[str, Any]:
 
 
 def stack_to_dict(stack: Stack, digits: int = 6) -> dict[str, Any]:
-    """What `json.dumps` takes; `stack_from_dict` reads it.
+    """Dictionary that `json.dumps` takes; `stack_from_dict` reads it.
 
     Args:
         stack: it.

@@ -183,7 +183,7 @@ def test_a_whole_image_is_told_of_maps_before_it_is_searched(tmp_path, monkeypat
     result = run(file, "--opaque", "--catalogue", "oils")
     assert "reached" in str(result.exception)
     words = " ".join(result.output.split())
-    assert "4 spectra are sought one by one" in words
+    assert "4 spectra are searched one by one" in words
     assert "glazejax map" in words
 
 

@@ -273,7 +273,7 @@ def test_own_tubes_go_into_one_file(run, tmp_path, tubes):
     assert (status, err) == (0, "")
     assert "Scale: that of ZincWhite" in out
     assert "Added Blue, ZincWhite to mine.csv" in out
-    assert "What would teach most" in out
+    assert "Most useful next film" in out
     status, out, err = run(tubes("Red", 480, ("ow",)), "--into", "mine.csv", "--instrument", "di:8")
     assert (status, err) == (0, "")
     assert "white card was not measured" in out
@@ -368,7 +368,7 @@ def test_masstones_alone_promise_no_more_than_they_tell(command_line, tmp_path):
     assert status == 0
     said = " ".join(out.split())
     adds = re.search(
-        r"The strength of [\w, ]+ is not known: that adds ΔE00 ([\d.]+) by the level", said
+        r"The strength of [\w, ]+ is unknown, which adds ΔE00 ([\d.]+) by the level", said
     )
     assert adds is not None
     assert float(adds[1]) > 3.0
@@ -389,5 +389,5 @@ def test_a_fit_that_no_film_allows_is_not_relied_on(run, tmp_path):
     status, out, _ = run(write(tmp_path / "f.tsv", films), "--out", "res", "--no-plots")
     assert status == 0
     said = " ".join(out.split())
-    assert "not to be relied on" in said
-    assert said.index("not to be relied on") < said.index("Wrote")
+    assert "do not rely on predictions" in said
+    assert said.index("do not rely on predictions") < said.index("Wrote")

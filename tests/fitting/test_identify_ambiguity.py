@@ -243,7 +243,7 @@ def test_what_is_not_explained_names_the_film_that_is_nearest():
     )
     first, second = found.ranked(0)
     assert second.delta_e < first.delta_e
-    assert f"LeadWhite, is off by Delta E00 {second.delta_e:.1f}" in found.words(0)
+    assert f"LeadWhite, has an error of Delta E00 {second.delta_e:.1f}" in found.words(0)
 
 
 def test_a_film_that_hides_its_ground_has_no_thickness_in_the_table():

@@ -81,12 +81,12 @@ def test_films_are_missed_between_the_bands_by_no_more_than_is_told():
     on_few = few_bands_of(searcher.task)
     assert on_few is not None
     few, task = on_few
-    assert 10 < len(few.place) < 64
-    assert few.place[0] == 0
-    assert few.place[-1] == grid.size - 1
+    assert 10 < len(few.index) < 64
+    assert few.index[0] == 0
+    assert few.index[-1] == grid.size - 1
     assert few.missed.max() <= MISSED
-    np.testing.assert_array_equal(task.wavelengths, grid[few.place])
-    np.testing.assert_array_equal(task.modes, searcher.task.modes[:, :, few.place])
+    np.testing.assert_array_equal(task.wavelengths, grid[few.index])
+    np.testing.assert_array_equal(task.modes, searcher.task.modes[:, :, few.index])
     # Films that nobody chose the bands by: other amounts, over another ground.
     rng = np.random.default_rng(5)
     amounts = rng.lognormal(-0.7, 0.7, (60, 2))
@@ -95,7 +95,7 @@ def test_films_are_missed_between_the_bands_by_no_more_than_is_told():
         np.einsum("nm,nmb->nb", amounts, np.asarray(part)[pairs]) for part in searcher.task.paints
     )
     films = np.asarray(film_response(Hemispherical()).body(k, s, 0.7))
-    missed = films - films[:, few.place] @ few.spread.T
+    missed = films - films[:, few.index] @ few.spread.T
     assert np.sqrt(np.mean(missed**2)) < 1.5 * MISSED
 
 
@@ -116,7 +116,7 @@ def test_smooth_errors_count_as_noise_as_far_as_they_are_missed():
     apart = np.sqrt(3.0) * np.abs(grid[:, None] - grid) / 60.0
     root = np.linalg.cholesky((1.0 + apart) * np.exp(-apart) + 1e-10 * np.eye(grid.size))
     errors = np.random.default_rng(1).standard_normal((4000, grid.size)) @ root.T
-    missed = np.sqrt(np.mean((errors - errors[:, few.place] @ few.spread.T) ** 2, axis=0))
+    missed = np.sqrt(np.mean((errors - errors[:, few.index] @ few.spread.T) ** 2, axis=0))
     np.testing.assert_allclose(missed, few.rough, atol=0.01)
     assert few.rough.max() > 0.02
 
@@ -129,7 +129,7 @@ def test_a_ground_that_few_bands_do_not_tell_is_taken_at_all():
     readings = np.full((1, 1, grid.size), 0.5)
     measured = _measured(readings, np.full(readings.shape, 0.001))
     assert can_gather(few, measured)
-    left_out = np.setdiff1d(np.arange(grid.size), few.place)[5]
+    left_out = np.setdiff1d(np.arange(grid.size), few.index)[5]
     measured.grounds[..., left_out] = 0.2
     assert not can_gather(few, measured)
 

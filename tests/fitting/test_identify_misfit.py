@@ -128,7 +128,7 @@ def test_a_page_by_family_says_how_large_a_misfit_is_usual(shelf, found):
     fits = fits_to_draw(spot["explanations"])
     misfit = f"{100 * fits[0]['misfit']:.1f}"
     words = re.sub(r"\s+", " ", seen.words["spot-1"])
-    assert f"Line 1 is off by {misfit}" in words
+    assert f"Line 1 has an error of {misfit}" in words
     assert f"Of {usual.answers} right answers" in words
     assert ("further than is usual" in words) == (fits[0]["misfit"] > usual.nine_tenths)
     # The band about the reading, and every line, lie within the axes.

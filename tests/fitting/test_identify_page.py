@@ -21,7 +21,7 @@ from glazefit.identify.search.pool import NOBODY
 from glazefit.identify.search.task import Measured
 from glazefit.identify.show.figures import plot_axes
 from glazefit.identify.show.page import DRAWN, LISTED, page, write_page
-from glazefit.identify.show.record import Provenance, make_record, table_rows
+from glazefit.identify.show.record import RunProvenance, make_record, table_rows
 from glazefit.identify.show.ruled_out import ruled_out
 from glazefit.page.inputs import input_files
 from glazefit.page.plot import PlotAxes
@@ -34,7 +34,7 @@ MODULE = importlib.import_module("glazefit.identify.show.page")
 GRID = np.arange(400.0, 701.0, 20.0)
 PAINTS = ("Red", "White", "Blue", "Chalk", "Black")
 EVIL = '<script>alert("1")</script> & co'
-ABOUT = Provenance(
+ABOUT = RunProvenance(
     title="films.csv",
     command="glazejax identify films.csv --report report.html",
     options={"--top": 3, "--ground": None},
@@ -93,7 +93,7 @@ def identification(names=("one", EVIL), grid=GRID, opaque=False) -> Identificati
     )
 
 
-def record(found: Identification, about: Provenance = ABOUT, top: int = 2) -> dict:
+def record(found: Identification, about: RunProvenance = ABOUT, top: int = 2) -> dict:
     return make_record(found, np.full(found.fitted.shape, 0.01), about, top)
 
 
@@ -390,7 +390,10 @@ def test_why_a_paint_is_ruled_out():
     assert judged(0.002, share=0.005)["Chalk"].kind == "absent"
     off = judged(0.15)["Chalk"]
     assert off.kind == "misfit"
-    assert off.reason == f"Chalk: the nearest film with it is off by Delta E00 {off.delta_e:.1f}."
+    assert (
+        off.reason
+        == f"Chalk: the nearest film with it has an error of Delta E00 {off.delta_e:.1f}."
+    )
     # Off to and fro between bands, which no eye sees.
     rough = judged(0.02 * (-1.0) ** np.arange(GRID.size))["Chalk"]
     assert rough.kind == "worse"

@@ -156,7 +156,7 @@ def test_covariance_equals_the_dense_inverse(small, dense_jacobian, whole):
         rows = slice(6 * band, 6 * band + 6)
         np.testing.assert_allclose(found.local[band], whole[rows, rows], rtol=1e-6, atol=1e-10)
         np.testing.assert_allclose(
-            found.whole.with_others[:, band],
+            found.full.with_others[:, band],
             whole[len(whole) - others :, rows],
             rtol=1e-6,
             atol=1e-10,
@@ -173,7 +173,7 @@ def test_error_modes_are_the_largest_of_the_dense_inverse(small, whole):
     count, others = point.bands.size, len(problem.thickness_modes)
     first = len(whole) - others
     inner, across, own = whole[:count, :count], whole[first:, :count], whole[first:, first:]
-    left = spread(problem, factors).whole
+    left = spread(problem, factors).full
 
     size = np.linspace(0.1, 1.0, count).reshape(point.bands.shape)
     for some, expected, given in (

@@ -314,4 +314,4 @@ def test_of_families_it_is_open():
     )
     assert len(found.coats_odds) == len(rows)
     words = [found.coats_words(row) for row in range(len(rows))]
-    assert all("is open" in one and "paints by other hands" in one for one in words)
+    assert all("is open" in one and "paints of other makers" in one for one in words)

@@ -95,8 +95,7 @@ def prediction() -> Prediction:
         ),
         (
             recovery(),
-            f"Recovery(5 films, {ON}, k and s told apart in 50% of bands: 01A, 02A, 03A and 2 "
-            "more)",
+            f"Recovery(5 films, {ON}, k and s separable in 50% of bands: 01A, 02A, 03A and 2 more)",
         ),
         (prediction(), f"Prediction('a tint' of Eosin, ZincWhite, {ON})"),
         (LeftOut((prediction(),), DARK, LIGHT, Variation(), True), "LeftOut(1 films: a tint)"),

@@ -293,7 +293,7 @@ def test_the_answer_names_the_reference(tmp_path, odd):
     assert "spot: cobalt violet, probability 9" in done.output
     assert "\n  nearest reference: our [best] lake PV14 (own.csv)\n" in done.output
     wrong = CliRunner().invoke(make_app(), [*line.split(), "--own-films"])
-    assert "--references are sought by family" in str(wrong.exception)
+    assert "--references are searched by family" in str(wrong.exception)
 
 
 def test_only_references_of_the_answers_families_are_named():

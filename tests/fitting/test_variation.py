@@ -491,7 +491,7 @@ def test_command_learns_from_a_reading(run, tmp_path, paints):
     white = write_films(tmp_path / "white.tsv", films, ("b", "w", "ow"))
     status, out, err = run("10 Vermillion + 90 ZincWhite", "--reading", white)
     assert (status, err) == (0, "")
-    assert "What would help most: a reading of the same film over black." in out
+    assert "Most useful next reading: the same film over black." in out
     before, after = out.split("ΔE00")[2].split()[0], out.split("without the reading,")[1].split()[0]
     assert float(after) < 0.5 * float(before)
     assert "to the next" not in out

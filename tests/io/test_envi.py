@@ -120,7 +120,11 @@ def bad(values, where, value):
     [
         (None, {"wavelength": None}, "no wavelengths; add"),
         (None, {"wavelength": "{400, 410}"}, "2 wavelengths for 31 bands"),
-        (None, {"wavelength": "{" + ",".join(["x"] * 31) + "}"}, "could not convert"),
+        (
+            None,
+            {"wavelength": "{x" + ",x" * 30 + "}"},
+            "number 1 in the header is .x., not a number",
+        ),
         (None, {"wavelength": "{" + ",".join(["500"] * 31) + "}"}, "500 nm is given twice"),
         (None, {"wavelength_units": "GHz"}, "wavelengths are in 'GHz'"),
         (
@@ -143,7 +147,7 @@ def bad(values, where, value):
             "4 spectra names for 3 spectra; does a name hold a comma",
         ),
         (None, {"bbl": "{0, 1}"}, "2 entries for 31 bands"),
-        (None, {"bbl": "{1, good}"}, "bbl number 2: could not convert"),
+        (None, {"bbl": "{1, good}"}, "'bbl' number 2 in the header is 'good', not a number"),
         (None, {"bbl": "{" + ",".join("0" * 31) + "}"}, "every band as bad"),
         (None, {"reflectance_scale_factor": 0}, "must be positive"),
         (None, {"reflectance_scale_factor": "ten"}, "not a number"),

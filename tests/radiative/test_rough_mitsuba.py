@@ -70,7 +70,7 @@ def test_single_facets_are_those_of_mitsuba(roughness, index, cosine):
     assert run.returncode == 0, run.stderr
     theirs = json.loads(run.stdout.splitlines()[-1])
     for side, name in ((False, "1"), (True, "-1")):
-        found = scatter(np.array([cosine]), roughness, index, (16, 16), inside=side)
+        found = scatter(np.array([cosine]), roughness, index, (16, 16), from_paint=side)
         events = {name: (found.reflected, found.reflected_share)}
         events[{"1": "-1", "-1": "1"}[name]] = (found.refracted, found.refracted_share)
         for to, (cosines, shares) in events.items():

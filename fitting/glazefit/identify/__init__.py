@@ -1,1 +1,1 @@
-"""Which paints are in a measured film, with probabilities."""
+"""Identification of the paints in a measured film, with probabilities."""

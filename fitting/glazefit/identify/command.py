@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from ..film.films import Instrument
     from .result import Identification
-    from .show.record import Provenance
+    from .show.record import RunProvenance
 
 _GEOMETRY = "d:8"
 # Spectra from which on a map is the better way.
@@ -78,10 +78,12 @@ def identify(
         bool,
         typer.Option(
             "--bare",
-            help="--ground is what the same instrument reads from the bare ground, in air.",
+            help="--ground is the reading of the bare ground by the same instrument, in air.",
         ),
     ] = False,
-    opaque: Annotated[bool, typer.Option("--opaque", help="The films hide their ground.")] = False,
+    opaque: Annotated[
+        bool, typer.Option("--opaque", help="The paint is opaque: the ground does not show.")
+    ] = False,
     pigments: options.Pigments = None,
     catalogue: Annotated[str | None, options.catalogue_option(options.PIGMENTS)] = None,
     references: Annotated[Path | None, options.REFERENCES] = None,
@@ -101,16 +103,16 @@ def identify(
         int,
         typer.Option(
             callback=options.between(1, 3),
-            help="Most coats: 2 says whether two paints were mixed or laid one over the other, 3 "
-            "does so for three, some ten seconds a spectrum.",
+            help="Largest number of coats: 2 decides whether two paints were mixed or laid one "
+            "over the other, 3 does so for three (some ten seconds a spectrum).",
         ),
     ] = 1,
     own_films: Annotated[
         bool,
         typer.Option(
             "--own-films",
-            help="The films are by the hand that made the catalogue's: seek its paints, not "
-            "families of pigments.",
+            help="The films are by the maker of the catalogue: search its paints, not families of "
+            "pigments.",
         ),
     ] = False,
     elements: Annotated[
@@ -118,8 +120,8 @@ def identify(
         typer.Option(
             metavar="SYMBOLS",
             callback=options.checked(_check_elements),
-            help="Elements that X-ray fluorescence found, such as Cu,Pb: weigh for families that "
-            "hold them (--catalogue pigments).",
+            help="Elements found by X-ray fluorescence, such as Cu,Pb: families with them become "
+            "more probable (--catalogue pigments).",
             show_default=False,
         ),
     ] = "",
@@ -128,7 +130,7 @@ def identify(
         typer.Option(
             metavar="SYMBOLS",
             callback=options.checked(_check_elements),
-            help="Elements that it looked for and did not find, such as Co,Cr.",
+            help="Elements that X-ray fluorescence did not find, such as Co,Cr.",
             show_default=False,
         ),
     ] = "",
@@ -136,23 +138,24 @@ def identify(
         int | None,
         typer.Option(
             metavar="YEAR",
-            help="Year of the painting, such as 1620: pigments that were not in use are "
-            "fifty times less probable, and marked.",
+            help="Year of the painting, such as 1620: pigments not in use then become fifty times "
+            "less probable, and are marked.",
             show_default=False,
         ),
     ] = None,
     varnish: Annotated[
         str | None,
         typer.Option(
-            help="What is known of a varnish: none, thin, yellowed or unknown. Unless said: none "
-            "with --catalogue pigments, else unknown.",
+            help="Varnish: none, thin, yellowed or unknown. Default: none with --catalogue "
+            "pigments, else unknown.",
             show_default=False,
         ),
     ] = None,
     thorough: Annotated[
         bool,
         typer.Option(
-            "--thorough", help="Fit every pair of paints in full: some five times as long."
+            "--thorough",
+            help="Fit every pair of paints in full, which takes some five times as long.",
         ),
     ] = False,
     instrument: Annotated[str | None, options.instrument_option(_GEOMETRY)] = None,
@@ -165,7 +168,7 @@ def identify(
         int,
         typer.Option(
             callback=options.between(1),
-            help="Number of explanations shown and written for each spectrum.",
+            help="Number of explanations for each spectrum.",
         ),
     ] = 5,
     csv: options.Csv = None,
@@ -182,9 +185,9 @@ def identify(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Also write a report, such as report.html: one page to file, with each spectrum, "
-            "its best fits, amounts with 90 % intervals and what was ruled out; beside it the "
-            "same as report.csv and report.json.",
+            help="Also write a report, such as report.html: one page to file with each spectrum, "
+            "its best fits, amounts with 90 % intervals and excluded paints. The same is "
+            "written to report.csv and report.json.",
             show_default=False,
         ),
     ] = None,
@@ -194,12 +197,12 @@ def identify(
     operator: head.Operator = "",
     overwrite: options.Overwrite = False,
 ) -> None:
-    """Which pigments are in a paint, whoever made it: a ranked list with probabilities.
+    """Identify the pigments in anybody's paint: a ranked list with probabilities.
 
-    --catalogue oils or acrylics, or your own --pigments, asks for films by
-    that one maker instead: paints, fractions and thickness, on the scale of
-    the catalogue; films of its oils are taken as 25 micrometres thick. Films
-    that were read over two cards are asked for both.
+    --catalogue oils or acrylics, or your own --pigments, searches the paints
+    of that one maker instead, with fractions and thickness, on the scale of
+    the catalogue (its oils: typical films of 25 micrometres). Films over two
+    cards are searched in both.
 
     Example: glazejax identify spectra.csv --opaque --instrument 45:0
     """
@@ -211,14 +214,14 @@ def identify(
     )
     if pigments is not None and catalogue == options.PIGMENTS and not own_films:
         raise ValueError(
-            f"--catalogue pigments is sought by family, and the paints of {pigments} have none: "
-            "choose --catalogue oils or acrylics beside them, or leave out --pigments"
+            f"--catalogue pigments is searched by family, and the paints of {pigments} have none: "
+            "add --catalogue oils or acrylics, or leave out --pigments"
         )
     if opaque and ground is not None:
         raise ValueError("--opaque films show no ground: leave out --ground, or leave out --opaque")
     if bare and ground is None:
         raise ValueError("--bare says how --ground was measured: give --ground too")
-    said = options.stated(quantity, unit, scale)
+    stated = options.stated(quantity, unit, scale)
     usual = options.read_length(thickness)
     options.check_names(
         options.split_names(f"{only},{without}"),
@@ -242,7 +245,7 @@ def identify(
     if catalogue is pigments is None:
         catalogue = options.PIGMENTS
         chosen = own_films or only or without
-        if not (chosen or opaque or ground) and _over_cards(read_spectra(file, **said).names):
+        if not (chosen or opaque or ground) and _over_cards(read_spectra(file, **stated).names):
             # Two cards tell a film's thickness too, and families have none.
             of_families = {
                 "references": None,
@@ -251,9 +254,9 @@ def identify(
                 "painted": None,
             }
             second = {**typed, **of_families, "catalogue": options.OILS}
-            for each in ("csv", "residuals", "out", "report"):
-                if (path := typed[each]) is not None:
-                    second[each] = path.with_stem(f"{path.stem}-{options.OILS}")
+            for output in ("csv", "residuals", "out", "report"):
+                if (path := typed[output]) is not None:
+                    second[output] = path.with_stem(f"{path.stem}-{options.OILS}")
             outputs = {
                 "--csv": second["csv"],
                 "--residuals": second["residuals"],
@@ -284,12 +287,12 @@ def identify(
     if references is not None:
         if not by_family:
             raise ValueError(
-                "--references are sought by family: give --catalogue pigments, and neither "
+                "--references are searched by family: give --catalogue pigments, and neither "
                 "--pigments nor --own-films"
             )
         from .families.references import read_references
 
-        library = read_references(references, seen_with, **said)
+        library = read_references(references, seen_with, **stated)
         progress.print_notes(console, references, (*library.notes, *library.unclear))
         paints += library.pigments
     asked = options.say_asked(paints, catalogue, pigments or references, by_family=by_family)
@@ -297,7 +300,7 @@ def identify(
     task = _read_spectra(
         file,
         samples,
-        said=said,
+        stated=stated,
         ground=ground,
         bare=bare,
         opaque=opaque,
@@ -352,12 +355,12 @@ def identify(
             prior=settings["prior"],
         )
         chunks = report_builder.watch(chunks)
-    parts, how = progress.collect(
+    finished, how = progress.collect(
         chunks, len(task.spectra), "compiling, then searching", "searching"
     )
-    found = Identification.join(parts)
+    identification = Identification.join(finished)
     _report(
-        found,
+        identification,
         console,
         top=top,
         csv=csv,
@@ -382,39 +385,39 @@ def identify(
             subject=subject,
         )
         if report_builder is not None:
-            record = report_builder.record(found, about, top)
+            record = report_builder.record(identification, about, top)
         else:
             from .families.identify_pigments import usual_misfit
             from .show.family_record import make_family_record
 
             record = make_family_record(
-                found,
+                identification,
                 about,
                 top,
                 painted=painted,
                 families={paint.name: paint.family for paint in paints},
-                usual=usual_misfit(found, paints, search_options),
+                usual=usual_misfit(identification, paints, search_options),
             )
         beside = write_page(record, report, overwrite=overwrite)
         console.print(f"Wrote the report to {report}, and the same as {beside[0]} and {beside[1]}")
-    words = f"{len(found)} spectra" if len(found) > 1 else "1 spectrum"
+    counted = f"{len(identification)} spectra" if len(identification) > 1 else "1 spectrum"
     console.print(
-        f"[dim]{words} against {len(paints)} paints in {how.seconds:.1f} s, compilation "
+        f"[dim]{counted} against {len(paints)} paints in {how.seconds:.1f} s, compilation "
         "included.[/dim]"
     )
     console.print(asked, soft_wrap=True)
     if how.interrupted:
-        progress.stop_interrupted(console, len(found), len(task.spectra), "spectra")
+        progress.stop_interrupted(console, len(identification), len(task.spectra), "spectra")
 
 
 class _Spectra(NamedTuple):
-    """What is to be identified; what the grounds are, in words; and what the readers noticed."""
+    """Spectra to identify; what the grounds are, in words; and what the readers noticed."""
 
     names: tuple[str, ...]
     wavelengths: "np.ndarray"
     spectra: "np.ndarray"
     ground: "np.ndarray | None"
-    words: tuple[str, ...]
+    ground_names: tuple[str, ...]
     notes: tuple[str, ...]
 
 
@@ -432,7 +435,7 @@ def _report_files(report: Path | None) -> dict[str, Path | None]:
 
 
 def _over_cards(names: Sequence[str]) -> bool:
-    """Whether rows of a table are films over cards, in fours."""
+    """True if rows of a table are films over cards, in fours."""
     from ..film.readers import ROWS
 
     return all(name.rpartition("_")[2] in ROWS for name in names)
@@ -441,7 +444,7 @@ def _over_cards(names: Sequence[str]) -> bool:
 def _read_spectra(
     file: Path,
     samples: str,
-    said: "Stated",
+    stated: "Stated",
     ground: str | None,
     bare: bool,
     opaque: bool,
@@ -459,12 +462,12 @@ def _read_spectra(
     from ..film.shared_bands import shared_bands
     from .identify import ground_from_air
 
-    def inside(bare: "np.ndarray") -> "np.ndarray":
+    def internal(bare: "np.ndarray") -> "np.ndarray":
         return ground_from_air(bare, instrument)
 
-    table = read_spectra(file, **said)
+    table = read_spectra(file, **stated)
     progress.print_notes(console, file, table.notes)
-    wanted = options.split_names(samples)
+    chosen = options.split_names(samples)
     # Each family is known at bands of its own, and what a reading has is used.
     grid, mean, changes = (
         (table.wavelengths, np.eye(table.wavelengths.size), ())
@@ -473,11 +476,11 @@ def _read_spectra(
     )
     notes = (*table.notes, *changes)
     if ground is None and not opaque and _over_cards(table.names):
-        films = read_films(file, **said)
-        films = films.select(wanted) if wanted else films
+        films = read_films(file, **stated)
+        films = films.select(chosen) if chosen else films
         if by_family:
             changes = (
-                "families are sought from the readings over the white cards, of which the mean is "
+                "families are searched by the readings over the white cards, of which the mean is "
                 "taken; those over black are not used",
             )
         progress.print_notes(console, file, changes)
@@ -487,26 +490,26 @@ def _read_spectra(
                 wavelengths=films.wavelengths,
                 spectra=films.over_white,
                 # One ground for all: each other one is a search that is set up anew.
-                ground=inside(films.bare_white.mean(axis=0)),
-                words=("white card, measured bare, the mean of all",),
+                ground=internal(films.bare_white.mean(axis=0)),
+                ground_names=("white card, measured bare, the mean of all",),
                 notes=(*notes, *changes),
             )
         cards = np.stack([films.bare_black, films.bare_white], axis=1) @ mean
         spectra = np.stack([films.over_black, films.over_white], axis=1) @ mean
-        words = ("black card, measured bare", "white card, measured bare")
+        ground_names = ("black card, measured bare", "white card, measured bare")
         return _Spectra(
             names=films.names,
             wavelengths=grid,
             spectra=spectra,
-            ground=inside(cards),
-            words=words,
+            ground=internal(cards),
+            ground_names=ground_names,
             notes=notes,
         )
-    rows = options.choose_rows(file, table.names, wanted)
+    rows = options.choose_rows(file, table.names, chosen)
     if len(rows) > _MANY and not by_family:
         note = (
-            f"{len(rows)} spectra are sought one by one; an image is done far sooner by glazejax "
-            "map, and --samples chooses some (Ctrl-C keeps what is finished)"
+            f"{len(rows)} spectra are searched one by one: an image is much faster with glazejax "
+            "map, and --samples chooses some (Ctrl-C keeps finished ones)"
         )
         progress.print_notes(console, file, (note,))
     spectra = table.reflectance[rows] @ mean
@@ -524,23 +527,23 @@ def _read_spectra(
             wavelengths=grid,
             spectra=spectra,
             ground=None,
-            words=("a ground that is not seen",),
+            ground_names=("a ground that is not seen",),
             notes=notes,
         )
-    given = options.read_ground(ground, bare=bare)
-    progress.print_notes(console, "--ground", given.notes)
-    below = np.broadcast_to(given.on(grid), grid.shape)
-    words = (
-        f"{given.words}, "
+    stated_ground = options.read_ground(ground, bare=bare)
+    progress.print_notes(console, "--ground", stated_ground.notes)
+    below = np.broadcast_to(stated_ground.on(grid), grid.shape)
+    ground_name = (
+        f"{stated_ground.words}, "
         f"{'measured bare with the same instrument' if bare else 'as seen from inside the paint'}"
     )
     return _Spectra(
         names=names,
         wavelengths=grid,
         spectra=spectra,
-        ground=inside(below) if bare else below,
-        words=(words,),
-        notes=(*notes, *given.notes),
+        ground=internal(below) if bare else below,
+        ground_names=(ground_name,),
+        notes=(*notes, *stated_ground.notes),
     )
 
 
@@ -555,21 +558,21 @@ def _about(
     *,
     inputs: list[dict[str, Any]],
     subject: Mapping[str, str],
-) -> "Provenance":
-    """How an identification was made, for its report."""
+) -> "RunProvenance":
+    """Describe how an identification was made, for its report."""
     from dataclasses import asdict
 
     from glazejax import catalogue
 
-    from .show.record import Provenance
+    from .show.record import RunProvenance
 
-    own = typed["pigments"]
-    words = " and ".join(str(each) for each in (own, name) if each is not None)
+    own_file = typed["pigments"]
+    shelf_name = " and ".join(str(source) for source in (own_file, name) if source is not None)
     scales = dict.fromkeys(filter(None, map(catalogue.assumed_scale, paints)))
-    shelf: dict[str, Any] = {"name": words, "asked": asked, "scale": "; ".join(scales) or None}
+    shelf: dict[str, Any] = {"name": shelf_name, "asked": asked, "scale": "; ".join(scales) or None}
     if name is not None:
         shelf["file"], shelf["sha256"] = catalogue.checksum(name)
-    return Provenance(
+    return RunProvenance(
         title=typed["file"].name,
         command=command_line(),
         options={
@@ -583,11 +586,11 @@ def _about(
         },
         geometry=instrument.geometry.describe(),
         refractive_index=instrument.refractive_index,
-        grounds=task.words,
+        grounds=task.ground_names,
         notes=task.notes,
         max_paints=typed["max_paints"],
         max_coats=typed["max_coats"],
-        settings={name: asdict(each) for name, each in settings.items()},
+        settings={name: asdict(setting) for name, setting in settings.items()},
         names=task.names,
         subject=subject,
     )
@@ -598,7 +601,7 @@ def _plain(value: Any) -> Any:
 
 
 def _report(
-    found: "Identification",
+    identification: "Identification",
     console: "Console",
     top: int,
     csv: Path | None,
@@ -616,16 +619,18 @@ def _report(
         write_residuals,
     )
 
-    if found.family_sets:
-        print_families(found, console, top, painted)
+    if identification.family_sets:
+        print_families(identification, console, top, painted)
     else:
-        print_identification(found, console, top, detailed=8 if len(found) <= 8 else 0)
+        print_identification(
+            identification, console, top, detailed=8 if len(identification) <= 8 else 0
+        )
     if csv is not None:
-        write_candidates(found, csv, top, overwrite=overwrite)
+        write_candidates(identification, csv, top, overwrite=overwrite)
         console.print(f"Wrote the explanations to {csv}")
     if residuals is not None:
-        write_residuals(found, residuals, overwrite=overwrite)
+        write_residuals(identification, residuals, overwrite=overwrite)
         console.print(f"Wrote measured, fitted and residual spectra to {residuals}")
     if out is not None:
-        count = plot_identification(found, out, families)
-        console.print(f"Drew {'the first ' if count < len(found) else ''}{count} to {out}")
+        count = plot_identification(identification, out, families)
+        console.print(f"Drew {'the first ' if count < len(identification) else ''}{count} to {out}")

@@ -1,4 +1,4 @@
-"""Which paints are in a film: from its spectrum, over one ground or several, and a catalogue.
+"""Identify the paints in a film: from its spectrum, over one ground or several, and a catalogue.
 
 Sets of one, two and three paints compete, and with them the hypothesis that none of the catalogue's
 paints explain the film; `search.screen` says which sets are looked at, `film.model.errors` what
@@ -36,8 +36,8 @@ def identify_chunks(
     opaque: bool = False,
     names: Sequence[str] | None = None,
 ) -> Iterator[Identification]:
-    """As `identify`, a few spectra at a time, so that progress can be shown and an interrupt loses
-    little.
+    """Identify as `identify` does, a few spectra at a time, so that progress can be shown and an
+    interrupt loses little.
 
     Args and errors are those of `identify`.
     """
@@ -49,36 +49,38 @@ def identify_chunks(
             else "what is under the paint? Give ground, its internal reflectance such as 0.9, or "
             "opaque=True for films that hide it"
         )
-    known = listed_pigments(pigments)
+    paints = listed_pigments(pigments)
     # Weighing coats and families imports parts of scipy, and most searches need neither.
-    if has_families(known) and not options.own_films:
+    if has_families(paints) and not options.own_films:
         from .coats.weigh_coats import coats_of_families
         from .families.identify_pigments import identify_families
 
-        for found in identify_families(
-            wavelengths, spectra, known, options, ground=ground, opaque=opaque, names=names
+        for identification in identify_families(
+            wavelengths, spectra, paints, options, ground=ground, opaque=opaque, names=names
         ):
             if options.max_coats > 1:
-                found = coats_of_families(found, options)
-            yield found
+                identification = coats_of_families(identification, options)
+            yield identification
         return
     if options.elements or options.without_elements or options.painted is not None:
         raise ValueError(
-            "elements and years are weighed where families of pigments are sought: use "
+            "elements and years apply to families of pigments only: use "
             "catalogue.load('pigments') (--catalogue pigments)"
         )
     searcher = Searcher.of(wavelengths, pigments, options, opaque=opaque)
     measured = searcher.measure(spectra, ground, names)
     for batch, pool, odds in searcher.search(measured):
-        found = Identification.of(
+        identification = Identification.of(
             batch, pool, odds, paints=searcher.paints, opaque=opaque, keep=options.keep
         )
         if options.max_coats > 1:
             from .coats.weigh_coats import weigh_coats
 
             usual = (options.prior or Prior()).thickness
-            found = weigh_coats(found, known, options, usual, (searcher.task, pool))
-        yield found
+            identification = weigh_coats(
+                identification, paints, options, usual, (searcher.task, pool)
+            )
+        yield identification
 
 
 def identify(
@@ -121,7 +123,7 @@ def identify(
             `opaque`, an empty catalogue, repeated names.
     """
     check_keywords("identify", options, IdentificationKeywords)
-    parts = identify_chunks(
+    chunks = identify_chunks(
         wavelengths,
         spectra,
         pigments,
@@ -130,7 +132,7 @@ def identify(
         opaque=opaque,
         names=names,
     )
-    return Identification.join(list(parts))
+    return Identification.join(list(chunks))
 
 
 def identify_films(
@@ -138,7 +140,7 @@ def identify_films(
     pigments: Pigments,
     **options: Unpack[IdentificationKeywords],
 ) -> Identification:
-    """As `identify`, for films over a black and a white card that were measured bare.
+    """Identify as `identify` does films over a black and a white card that were measured bare.
 
     Args:
         films: such as `read_films` reads; their bare cards say what is below the paint.
@@ -196,14 +198,14 @@ def ground_from_air(
     seen_by = resolve_instrument(instrument, refractive_index)
     within = np.asarray(bare, dtype=np.float64) - seen_by.seen_surface
     response = film_response(seen_by.geometry, seen_by.refractive_index)
-    inside = np.asarray(response.internal(jnp.asarray(within)))
-    for wrong, words in (
+    internal = np.asarray(response.internal(jnp.asarray(within)))
+    for wrong, reason in (
         (within < -0.01, "less than its surface alone"),
-        (inside > 1.01, "more than white can"),
+        (internal > 1.01, "more than white can"),
     ):
         if wrong.any():
             value = np.asarray(bare)[wrong].flat[0]
             raise ValueError(
-                f"the bare ground reads {value:.4f} ({words}); is it seen with another instrument?"
+                f"the bare ground reads {value:.4f} ({reason}); is it seen with another instrument?"
             )
-    return np.clip(inside, 0.0, 1.0)
+    return np.clip(internal, 0.0, 1.0)

@@ -1,1 +1,1 @@
-"""What the HTML reports of an identification and of a map share: style, frame, words."""
+"""Style, frame and words that the HTML reports of an identification and of a map share."""

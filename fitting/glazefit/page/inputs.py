@@ -18,9 +18,9 @@ def input_files(files: Mapping[str, Path | None]) -> list[dict[str, Any]]:
     """
     out = []
     for role, path in files.items():
-        for each in [] if path is None else _with_its_pair(path):
-            size, checksum = _checksum(each)
-            out.append({"role": role, "name": str(each), "bytes": size, "sha256": checksum})
+        for file in [] if path is None else _with_its_pair(path):
+            size, checksum = _checksum(file)
+            out.append({"role": role, "name": str(file), "bytes": size, "sha256": checksum})
     return out
 
 
@@ -28,9 +28,11 @@ def _with_its_pair(path: Path) -> list[Path]:
     if path.suffix.lower() not in _ENVI[1:]:
         return [path]
     beside = (path.with_suffix(end) for word in _ENVI for end in {word, word.upper()})
-    others = [other for other in beside if other != path and other.is_file()]
-    pair = path.suffix.lower() == ".hdr" or any(other.suffix.lower() == ".hdr" for other in others)
-    return [path, *sorted(others)] if pair else [path]
+    companions = [companion for companion in beside if companion != path and companion.is_file()]
+    pair = path.suffix.lower() == ".hdr" or any(
+        companion.suffix.lower() == ".hdr" for companion in companions
+    )
+    return [path, *sorted(companions)] if pair else [path]
 
 
 def _checksum(path: Path) -> tuple[int | None, str | None]:

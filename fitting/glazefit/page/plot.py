@@ -37,8 +37,10 @@ class PlotAxes:
     def up(self) -> list[tuple[float, str]]:
         """Places, from below, and words of the numbers on the left."""
         values = _round_numbers(self.low, self.high, self.most)
-        words = [f"{value:.10g}".replace("-", "\u2212") for value in values]
-        return [(100.0 - self._y(value), word) for value, word in zip(values, words, strict=True)]
+        labels = [f"{value:.10g}".replace("-", "\u2212") for value in values]
+        return [
+            (100.0 - self._y(value), label) for value, label in zip(values, labels, strict=True)
+        ]
 
     def line(self, values: Iterable[float | None]) -> str:
         """Points of a spectrum, `x,y` each; bands without a number are left out."""
@@ -70,8 +72,8 @@ class PlotAxes:
         return 100.0 * (nm - first) / (last - first)
 
     def _y(self, value: float) -> float:
-        inside = min(max(value, self.low), self.high)
-        return 100.0 * (self.high - inside) / (self.high - self.low)
+        clipped = min(max(value, self.low), self.high)
+        return 100.0 * (self.high - clipped) / (self.high - self.low)
 
 
 def _round_numbers(low: float, high: float, most: int) -> list[float]:

@@ -1,4 +1,4 @@
-"""What a report is about, as who files it says: free text at its head."""
+"""Subject of a report, as who files it says: free text at its head."""
 
 from pathlib import Path
 from typing import Annotated, Any
@@ -16,9 +16,9 @@ TITLES = {
 _LONGEST = 200
 
 
-def _text(name: str, words: str) -> Any:
+def _text(name: str, description: str) -> Any:
     return typer.Option(
-        name, metavar="TEXT", help=f"{words}, for the head of --report.", show_default=False
+        name, metavar="TEXT", help=f"{description}, for the head of --report.", show_default=False
     )
 
 
@@ -29,7 +29,7 @@ Operator = Annotated[str, _text("--operator", "Who measured")]
 
 
 def check_subject(report: Path | None, **texts: str) -> dict[str, str]:
-    """What a report says of its subject, by the names of the texts; empty ones are left out.
+    """Texts of a report on its subject, by their names; empty ones are left out.
 
     Args:
         report: the page, or None if there is none.

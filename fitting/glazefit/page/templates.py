@@ -26,13 +26,13 @@ def fill_template(path: str, /, **values: Any) -> Iterator[str]:
 def _environment() -> "Environment":
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
-    made = Environment(
+    environment = Environment(
         loader=PackageLoader("glazefit", ""),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    made.filters["words"] = typeset
-    made.filters["chance"] = lambda probability: typeset(chance(probability))
-    return made
+    environment.filters["words"] = typeset
+    environment.filters["chance"] = lambda probability: typeset(chance(probability))
+    return environment

@@ -8,7 +8,7 @@ def chance(probability: float) -> str:
     return f"{probability:.1%}" if probability >= 0.001 else "< 0.1%"
 
 
-def typeset(words: str) -> str:
+def typeset(text: str) -> str:
     """Words as a page shows them: no line breaks in a percentage, or after a sign before one."""
-    whole = re.sub(r"(\d) ?%", "\\1\u202f%", words.replace("Delta E00", "ΔE00"))
-    return re.sub(r"([<>]) (?=\d)", "\\1\u202f", whole)
+    joined = re.sub(r"(\d) ?%", "\\1\u202f%", text.replace("Delta E00", "ΔE00"))
+    return re.sub(r"([<>]) (?=\d)", "\\1\u202f", joined)

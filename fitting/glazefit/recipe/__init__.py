@@ -1,1 +1,1 @@
-"""Which paints, in which coats, give a wanted colour."""
+"""Recipes: the paints and coats that give a wanted colour."""

@@ -66,7 +66,7 @@ def next_addition(
     illuminant: str = "D65",
     observer: str = "2",
 ) -> Addition:
-    """What to add to a mixture that was read, for a film as thick as that one.
+    """Choose what to add to a mixture that was read, for a film as thick as that one.
 
     Args:
         calibrated: what `glazefit.recover.mixture.calibrate_mixture` found by the reading.
@@ -94,11 +94,11 @@ def next_addition(
     name = calibrated.paints[0]
     hides = bool(calibrated.films.opaque[0])
     eye = (colour.find_illuminant(illuminant), colour.find_observer(observer))
-    made = calibrated.pigment(name, UNIT, provenance=name)
-    every = [made, *(paint.resample(grid) for paint in pigments)]
+    mixture = calibrated.pigment(name, UNIT, provenance=name)
+    components = [mixture, *(paint.resample(grid) for paint in pigments)]
     pot = _Pot(
-        absorption=np.stack([np.asarray(paint.absorption) for paint in every]),
-        scattering=np.stack([np.asarray(paint.scattering) for paint in every]),
+        absorption=np.stack([np.asarray(paint.absorption) for paint in components]),
+        scattering=np.stack([np.asarray(paint.scattering) for paint in components]),
         wavelengths=grid,
         # A film of 5 mm hides the ground.
         thickness=5e-3 if hides else float(calibrated.thickness[0]) * UNIT,
@@ -110,10 +110,12 @@ def next_addition(
     )
     amounts = _search(pot)
     grams = {paint.name: float(batch * a) for paint, a in zip(pigments, amounts, strict=True) if a}
-    added = {p.name: mix({p.name: p}, {p.name: 1.0}, name=p.name) for p in every if p.name in grams}
+    added = {
+        p.name: mix({p.name: p}, {p.name: 1.0}, name=p.name) for p in components if p.name in grams
+    }
     # The film after the addition, over black and over its ground.
     (film,) = predict_mixture(
-        {name: made} | added,
+        {name: mixture} | added,
         {name: batch} | grams,
         [pot.thickness],
         wavelengths=grid,
@@ -164,8 +166,8 @@ class _Pot:
             (self.ground,),
         )[:, 0]
         light, eye = self.eye
-        seen = body + self.surface
-        return np.asarray(colour.lab(self.wavelengths, seen, illuminant=light, observer=eye))
+        reading = body + self.surface
+        return np.asarray(colour.lab(self.wavelengths, reading, illuminant=light, observer=eye))
 
     def distances(self, amounts: Float[np.ndarray, "tried paints"]) -> Float[np.ndarray, "tried"]:
         """CIEDE2000 of these from the target."""
@@ -194,7 +196,8 @@ def _search(pot: _Pot) -> Float[np.ndarray, "paints"]:
         tried = np.stack(np.meshgrid(*[steps[::count]] * count), axis=-1).reshape(-1, count)
         sets = itertools.combinations(near if count > 1 else near[:1], count)
         cost, amounts = min(
-            (_refine(pot, alone[list(paints)], tried) for paints in sets), key=lambda each: each[0]
+            (_refine(pot, alone[list(paints)], tried) for paints in sets),
+            key=lambda trial: trial[0],
         )
         # A second paint must bring the colour this much nearer, and so must the first.
         if cost < least - 0.3:
@@ -211,10 +214,10 @@ def _refine(
     def amounts(logs: np.ndarray) -> np.ndarray:
         return np.exp(np.minimum(logs, 0.0)) @ paints
 
-    found = minimize(
+    solution = minimize(
         lambda logs: float(pot.costs(amounts(logs)[None])[0]),
         start,
         method="Nelder-Mead",
         options={"xatol": 1e-3, "fatol": 1e-3},
     )
-    return float(found.fun), amounts(found.x)
+    return float(solution.fun), amounts(solution.x)

@@ -77,8 +77,8 @@ def recipe(
             "--after",
             metavar="FILE",
             callback=options.there,
-            help="I mixed it, and it came out like this: spectra of one film of it, as predict "
-            "--reading takes them. Says what to add. With --mixed.",
+            help="Spectra of one film of the mixture as it came out (format of predict "
+            "--reading), to compute what to add. With --mixed.",
             show_default=False,
         ),
     ] = None,
@@ -87,7 +87,7 @@ def recipe(
         typer.Option(
             "--mixed",
             metavar="MIXTURE",
-            help="What was mixed for --after: '10 Vermillion + 90 ZincWhite', by weight.",
+            help="Mixture of --after by weight: '10 Vermillion + 90 ZincWhite'.",
             show_default=False,
         ),
     ] = "",
@@ -96,7 +96,7 @@ def recipe(
         typer.Option(
             "--batch",
             metavar="GRAMS",
-            help="How much of it there is. Default: the weights of --mixed are grams.",
+            help="Amount of that mixture. Default: the weights of --mixed are grams.",
             show_default=False,
         ),
     ] = None,
@@ -116,8 +116,8 @@ def recipe(
         str,
         typer.Option(
             metavar="NAMES",
-            help="Lights of the match, by CIE, such as D65,A,FL11: it holds under all of them. "
-            "--lab is the colour under the first.",
+            help="CIE illuminants of the match, such as D65,A,FL11. --lab is the colour under the "
+            "first.",
         ),
     ] = "D65",
     test_illuminant: Annotated[
@@ -125,7 +125,7 @@ def recipe(
         typer.Option(
             metavar="NAME",
             callback=options.checked(options.check_illuminant),
-            help="One more light, under which the match is tested, not sought.",
+            help="Light used only to report metamerism.",
         ),
     ] = "A",
     observer: options.Observer = "2",
@@ -134,8 +134,8 @@ def recipe(
         typer.Option(
             "--glazes",
             help=(
-                "Mix nothing: every coat is one paint as it is. The answer says what mixing "
-                "would gain."
+                "No mixing: each coat is one paint from the tube. The answer states the gain "
+                "of mixing."
             ),
         ),
     ] = False,
@@ -171,8 +171,7 @@ def recipe(
         bool,
         typer.Option(
             "--modern",
-            help="Leave out paints that are poisonous, or rarely or no longer sold; your own all "
-            "stay.",
+            help="Exclude poisonous paints and those rarely or no longer sold, except your own.",
         ),
     ] = False,
     pigments: options.Pigments = None,
@@ -184,8 +183,8 @@ def recipe(
         float,
         typer.Option(
             callback=options.between(0.0),
-            help="Weight of the spectrum against the colour, where the target has one: a spectrum "
-            "that is off by 0.01 (root mean square) counts like this Delta E.",
+            help="Weight of the spectrum relative to the colour: an error of 0.01 (root mean "
+            "square) counts as this Delta E.",
         ),
     ] = 0.2,
     count: Annotated[
@@ -215,19 +214,19 @@ def recipe(
     ] = None,
     overwrite: options.Overwrite = False,
 ) -> None:
-    """Recipes for a colour: which paints, in which order and how thick.
+    """Find recipes for a colour: paints, their order and thickness.
 
-    All sets of up to three paints in one coat or two are tried. The best few
-    recipes are printed with their colour difference, with what a tenth more
-    or less of each coat changes, and with how far a colour is out of reach.
+    All sets of up to three paints in one coat or two are tried. The best
+    recipes are printed with their colour difference, the change if a coat is
+    10 % thicker or thinner, and the distance of a colour out of reach.
 
     Example: glazejax recipe --srgb '#8a4b2d' --max-coats 1
 
-    Tubes as they are, in up to six coats: glazejax recipe --lab 50,20,30 --glazes
+    Without mixing, in up to six coats: glazejax recipe --lab 50,20,30 --glazes
 
     For many colours at once: glazejax recipe --colourchecker
 
-    Mixed, and not quite it: glazejax recipe --lab 50,20,30 --after film.csv --mixed '10
+    Correct a mixture: glazejax recipe --lab 50,20,30 --after film.csv --mixed '10
     Vermillion + 90 ZincWhite' says what to add, in grams.
     """
     started = time.perf_counter()
@@ -270,12 +269,12 @@ def recipe(
 
     from glazejax.geometry import resolve_instrument
 
-    said = options.stated(quantity, unit, scale)
+    stated = options.stated(quantity, unit, scale)
     targets, notes = _targets(
         lab,
         srgb,
         spectrum,
-        said=said,
+        stated=stated,
         samples="" if after is not None and spectrum is None else samples,
         patch=patch,
         lights=lights,
@@ -296,7 +295,7 @@ def recipe(
             mixed,
             batch,
             samples="" if spectrum is not None else samples,
-            said=said,
+            stated=stated,
             shelf=shelf,
             paints=paints,
             ground=base,
@@ -324,8 +323,8 @@ def recipe(
         seed=seed,
     )
     console = Console(highlight=False)
-    for file, words in ((spectrum, notes), ("--ground", base.notes)):
-        progress.print_notes(console, str(file), words)
+    for file, file_notes in ((spectrum, notes), ("--ground", base.notes)):
+        progress.print_notes(console, str(file), file_notes)
     from .recipe import recipe_chunks
 
     groups, how = progress.collect(
@@ -334,11 +333,11 @@ def recipe(
         "compiling, then looking through all sets of paints",
         "recipes",
     )
-    found = [recipes for group in groups for recipes in group]
+    recipe_lists = [recipes for group in groups for recipes in group]
     seconds = time.perf_counter() - started
     if named:
         with progress.doing("writing"):
-            _write(found, task, outputs, overwrite)
+            _write(recipe_lists, task, outputs, overwrite)
     asked = {
         "--instrument": instrument or _GEOMETRY,
         "--ground": ground,
@@ -348,28 +347,28 @@ def recipe(
         "--catalogue": catalogue,
         "--pigments": pigments,
     }
-    seen = shlex.join(
+    view_options = shlex.join(
         word for name, value in asked.items() if value is not None for word in (name, str(value))
     )
-    _print(found, task, seconds, console, seen)
+    _print(recipe_lists, task, seconds, console, view_options)
     # Tints can be made of one's own paints alone.
-    if pigments is not None and found:
-        words = _say_unknown_strength(found[0][0], task, observer)
-        console.print(words, style="yellow", markup=False, end="\n" * bool(words))
+    if pigments is not None and recipe_lists:
+        remark = _say_unknown_strength(recipe_lists[0][0], task, observer)
+        console.print(remark, style="yellow", markup=False, end="\n" * bool(remark))
     if named:
         console.print(f"wrote {', '.join(str(outputs[name]) for name in named)}", markup=False)
     if how.interrupted:
-        progress.stop_interrupted(console, len(found), len(targets), "targets")
+        progress.stop_interrupted(console, len(recipe_lists), len(targets), "targets")
 
 
 def _say_unknown_strength(best: "Recipe", task: "RecipeTask", observer: str) -> str:
-    """What it adds that paints of a recipe were read without tints; empty where none was."""
+    """Say what it adds that paints of a recipe were read without tints; empty where none was."""
     shares = {name: share for coat in best.coats for share, name in coat.parts if share > 0}
     shelf = {paint.name: paint for paint in task.pigments}
     unknown = [
         name
         for name in shares
-        if (told := shelf[name].identifiable) is not None and told.mean() < 0.5
+        if (identifiable := shelf[name].identifiable) is not None and identifiable.mean() < 0.5
     ]
     if not unknown:
         return ""
@@ -377,16 +376,16 @@ def _say_unknown_strength(best: "Recipe", task: "RecipeTask", observer: str) -> 
     from ..recover.predict_command import say_paint_errors
 
     thickest = max(best.coats, key=lambda coat: coat.thickness)
-    made = predict_mixture(
+    prediction = predict_mixture(
         shelf,
         {name: share for share, name in thickest.parts if share > 0},
         [thickest.thickness],
         instrument=task.instrument,
     )
     return (
-        f"The strength of {', '.join(unknown)} is not known: that adds ΔE00 "
-        f"{say_paint_errors(made, (task.illuminants[0], observer))}. One tint of each with a white "
-        "tells it: glazejax recover --white ZincWhite."
+        f"The strength of {', '.join(unknown)} is unknown, which adds ΔE00 "
+        f"{say_paint_errors(prediction, (task.illuminants[0], observer))}. One tint of each with a "
+        "white measures it: glazejax recover --white ZincWhite."
     )
 
 
@@ -398,13 +397,13 @@ def _modern(paints: "list[Pigment]") -> "list[Pigment]":
     """
     from glazejax import catalogue
 
-    kept = [paint for paint in paints if not catalogue.caution(paint)]
-    if not kept:
-        words = "; ".join(f"{paint.name}: {catalogue.caution(paint)}" for paint in paints[:4])
+    modern = [paint for paint in paints if not catalogue.caution(paint)]
+    if not modern:
+        cautions = "; ".join(f"{paint.name}: {catalogue.caution(paint)}" for paint in paints[:4])
         raise ValueError(
-            f"--modern leaves no paint ({words}): name others, such as --catalogue acrylics"
+            f"--modern leaves no paint ({cautions}): name others, such as --catalogue acrylics"
         )
-    return kept
+    return modern
 
 
 def _check_target(
@@ -452,12 +451,12 @@ def _targets(
     lab: str | None,
     srgb: str | None,
     spectrum: Path | None,
-    said: "Stated",
+    stated: "Stated",
     samples: str,
     patch: str,
     lights: Sequence[str],
 ) -> "tuple[list[Target], list[str]]":
-    """What is to be matched, and notes of the file's reader."""
+    """Targets to match, and notes of the file's reader."""
     from .targets import colourchecker_targets, spectral_target, srgb_target
 
     if lab is not None:
@@ -469,7 +468,7 @@ def _targets(
     from glazejax.io import read_spectra
 
     assert spectrum is not None
-    table = read_spectra(spectrum, **said)
+    table = read_spectra(spectrum, **stated)
     rows = options.choose_rows(spectrum, table.names, options.split_names(samples))
     targets = [
         spectral_target(table.wavelengths, table.reflectance[row], name=table.names[row])
@@ -479,7 +478,7 @@ def _targets(
 
 
 def _write(
-    found: "list[list[Recipe]]",
+    recipe_lists: "list[list[Recipe]]",
     task: "RecipeTask",
     outputs: Mapping[str, Path | None],
     overwrite: bool,
@@ -487,33 +486,37 @@ def _write(
     from .report import write_csv, write_json, write_targets
 
     if csv := outputs["--csv"]:
-        write_csv(found, csv, overwrite=overwrite)
+        write_csv(recipe_lists, csv, overwrite=overwrite)
     if json := outputs["--json"]:
-        write_json(found, json)
+        write_json(recipe_lists, json)
     if spectra := outputs["--spectra"]:
         write_targets(task.targets, task.wavelengths, spectra, overwrite=overwrite)
     if out := outputs["--out"]:
-        _draw(found, task, out)
+        _draw(recipe_lists, task, out)
 
 
-def _draw(found: "list[list[Recipe]]", task: "RecipeTask", out: Path) -> None:
+def _draw(recipe_lists: "list[list[Recipe]]", task: "RecipeTask", out: Path) -> None:
     from .plots import recipe_figure
 
-    one = len(found) == 1
-    shown = found[0] if one else [recipes[0] for recipes in found]
+    single = len(recipe_lists) == 1
+    drawn = recipe_lists[0] if single else [recipes[0] for recipes in recipe_lists]
     titles = (
-        [f"recipe {i}" for i in range(1, len(shown) + 1)] if one else [r.target.name for r in shown]
+        [f"recipe {i}" for i in range(1, len(drawn) + 1)]
+        if single
+        else [r.target.name for r in drawn]
     )
     heading = (
-        f"Recipes for {found[0][0].target.name}" if one else "Recipes: target left, recipe right"
+        f"Recipes for {recipe_lists[0][0].target.name}"
+        if single
+        else "Recipes: target left, recipe right"
     )
-    curves = "curves: grey the target, black the recipe; " if shown[0].target.spectral else ""
+    curves = "curves: grey the target, black the recipe; " if drawn[0].target.spectral else ""
     figure = recipe_figure(
-        shown,
+        drawn,
         titles=titles,
         heading=heading,
         subtitle=(
-            f"{'target left, recipe right; ' if one else ''}{curves}coats top first; "
+            f"{'target left, recipe right; ' if single else ''}{curves}coats top first; "
             f"{_describe_view(task)}"
         ),
     )
@@ -526,32 +529,37 @@ def _describe_view(task: "RecipeTask") -> str:
 
 
 def _print(
-    found: "list[list[Recipe]]", task: "RecipeTask", seconds: float, console: "Console", seen: str
+    recipe_lists: "list[list[Recipe]]",
+    task: "RecipeTask",
+    seconds: float,
+    console: "Console",
+    view_options: str,
 ) -> None:
     from glazejax import catalogue
 
     from .report import print_best, print_recipes
 
-    best = found[0][0]
+    best = recipe_lists[0][0]
     test = f"in brackets ΔE00 under {best.test_illuminant}; " if best.target.spectral else ""
     legend = f"{test}per 10 %: ΔE00 when that coat alone is a tenth thicker or thinner"
     legend = legend[0].upper() + legend[1:]
-    if len(found) == 1:
-        print_recipes(found[0], console, seen)
+    if len(recipe_lists) == 1:
+        print_recipes(recipe_lists[0], console, view_options)
     else:
-        print_best(found, console)
-        reached = sum(recipes[0].in_gamut for recipes in found)
-        console.print(f"{reached} of {len(found)} targets within a ΔE00 of 1")
+        print_best(recipe_lists, console)
+        reached = sum(recipes[0].in_gamut for recipes in recipe_lists)
+        console.print(f"{reached} of {len(recipe_lists)} targets within a ΔE00 of 1")
     console.print(
         f"[dim]{legend}. {len(task.pigments)} paints, up to {task.max_paints} in {task.max_coats} "
         f"{'unmixed ' if task.glazes else ''}coats; "
         f"{_describe_view(task)}.[/dim]"
     )
-    for words in dict.fromkeys(filter(None, map(catalogue.assumed_scale, task.pigments))):
+    for assumption in dict.fromkeys(filter(None, map(catalogue.assumed_scale, task.pigments))):
         console.print(
-            f"[dim]{words[0].upper()}{words[1:]}; thicknesses here are on that scale.[/dim]"
+            f"[dim]{assumption[0].upper()}{assumption[1:]}; thicknesses here are on that "
+            "scale.[/dim]"
         )
     console.print(
-        f"{len(found)} target{'s' if len(found) > 1 else ''} in {seconds:.1f} s (less when run "
-        "again)"
+        f"{len(recipe_lists)} target{'s' if len(recipe_lists) > 1 else ''} in {seconds:.1f} s "
+        "(less when run again)"
     )

@@ -25,7 +25,7 @@ def say_addition(
     batch: float | None,
     *,
     samples: str,
-    said: "Stated",
+    stated: "Stated",
     shelf: "dict[str, Pigment]",
     paints: "Sequence[Pigment]",
     ground: "Ground",
@@ -41,7 +41,7 @@ def say_addition(
         mixed: paints and weights of it.
         batch: grams of it; None if the weights are grams.
         samples: name of the film, if the file has several.
-        said: what the user says of the file's quantity and units.
+        stated: what the user says of the file's quantity and units.
         shelf: paints by name.
         paints: that may be added.
         ground: below the film.
@@ -53,24 +53,24 @@ def say_addition(
     from ..recover.predict_command import complete_grid, read_film, read_mixture
     from .addition import next_addition
 
-    recipe, known = read_mixture(mixed, shelf)
+    recipe, mixture_paints = read_mixture(mixed, shelf)
     mass = sum(recipe.values()) if batch is None else batch
-    among = known | {p.name: p for p in paints}
-    film = read_film(reading, samples, among, recipe, console, **said)
+    among = mixture_paints | {p.name: p for p in paints}
+    film = read_film(reading, samples, among, recipe, console, **stated)
     with progress.doing("compiling, then fitting the reading"):
-        found = calibrate_mixture(
-            known,
+        calibrated = calibrate_mixture(
+            mixture_paints,
             recipe,
             film,
             instrument=instrument,
-            wavelengths=complete_grid(film, [known[name] for name in recipe]),
+            wavelengths=complete_grid(film, [mixture_paints[name] for name in recipe]),
         )
         addition = next_addition(
-            found,
+            calibrated,
             target,
             paints,
             mass,
-            ground=ground.on(found.wavelengths),
+            ground=ground.on(calibrated.wavelengths),
             instrument=instrument,
             illuminant=eye[0],
             observer=eye[1],
@@ -87,8 +87,8 @@ def _print(addition: "Addition", reading: Path, console: "Console") -> None:
     rows = [("as it came out", addition.lab_before, addition.before)]
     if addition.grams:
         rows.append(("after the addition", addition.lab_after, addition.after))
-    for words, lab, distance in rows:
-        table.add_row(words, *(f"{value:.1f}" for value in lab), f"{distance:.1f}")
+    for label, lab, distance in rows:
+        table.add_row(label, *(f"{value:.1f}" for value in lab), f"{distance:.1f}")
     console.print(table)
     if not addition.grams:
         console.print(

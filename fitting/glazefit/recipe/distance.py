@@ -1,4 +1,4 @@
-"""How far readings are from targets: colour under all lights by CIEDE2000, and the spectrum."""
+"""Distances of readings from targets: colour under all lights by CIEDE2000, and the spectrum."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -67,7 +67,7 @@ class TargetArrays(NamedTuple):
     def residuals(
         self,
         rows: Int[np.ndarray, "n"],
-        seen: Readings,
+        readings: Readings,
         by_point: Float[np.ndarray, "n m bands"],
     ) -> tuple[
         Float[np.ndarray, "n residuals"],
@@ -77,14 +77,14 @@ class TargetArrays(NamedTuple):
         """Residuals whose squares add up to the cost, their slopes by the unknowns of which
         readings have the slopes `by_point`, and Delta E 2000.
         """
-        count, lights, _ = seen.lab.shape
-        colours, moves = colour_misfit(seen.lab, self.lab[rows])
+        count, lights, _ = readings.lab.shape
+        colours, moves = colour_misfit(readings.lab, self.lab[rows])
         weight = np.sqrt(self.spectral[rows])[:, None]
         by_point = np.swapaxes(by_point, 1, 2)
-        by_lab = (moves @ seen.lab_by_spectrum).reshape(count, 3 * lights, -1) @ by_point
+        by_lab = (moves @ readings.lab_by_spectrum).reshape(count, 3 * lights, -1) @ by_point
         residual = [
             colours.reshape(count, -1) / np.sqrt(lights),
-            weight * (seen.spectrum - self.spectrum[rows]),
+            weight * (readings.spectrum - self.spectrum[rows]),
         ]
         slopes = [by_lab / np.sqrt(lights), weight[..., None] * by_point]
         return (
@@ -121,8 +121,8 @@ def small_distances(
 ) -> Float[Array, "*batch targets"]:
     """Cost of readings for every target, by the colour difference of small steps."""
     miss = lab_of(model, reading)[..., None, :, :] - targets.lab
-    moved = jnp.einsum("tlij,...tlj->...tli", targets.metric, miss)
-    colour = jnp.sum(moved**2, axis=(-1, -2)) / targets.lab.shape[1]
+    differences = jnp.einsum("tlij,...tlj->...tli", targets.metric, miss)
+    colour = jnp.sum(differences**2, axis=(-1, -2)) / targets.lab.shape[1]
     cross = jnp.tensordot(reading, targets.spectrum.T, axes=1)
     spectral = (
         jnp.sum(reading**2, axis=-1)[..., None]

@@ -1,4 +1,5 @@
-"""What many stacks of coats read, and their colour: paints, ground, instrument and light as arrays.
+"""Readings of many stacks of coats, and their colour: paints, ground, instrument and light as
+arrays.
 
 A stack is an array (coats, paints), top first: what each paint takes of each coat's thickness.
 Lengths are in micrometres here, k and s in 1/micrometre.
@@ -95,8 +96,8 @@ def lab_of(
 
 def _xyz_of(xp: Any, spectra: Any, weights: Any) -> Any:
     # One dot product a light and component; full precision also on an accelerator.
-    more = {} if xp is np else {"precision": "highest"}
-    return xp.tensordot(spectra, weights, axes=1, **more)
+    precision = {} if xp is np else {"precision": "highest"}
+    return xp.tensordot(spectra, weights, axes=1, **precision)
 
 
 def internal(model: StackModel, body: Float[Array, "*batch bands"]) -> Float[Array, "*batch bands"]:
@@ -115,7 +116,9 @@ def read(
     the same when bare, so that two coats are right to about one Delta E: it serves to choose what
     to look at more closely.
     """
-    kd, sd = (sizes @ np.asarray(each) for each in (model.absorption, model.scattering))
+    kd, sd = (
+        sizes @ np.asarray(coefficients) for coefficients in (model.absorption, model.scattering)
+    )
 
     def run(rows: Int[np.ndarray, "block"]) -> Readings:
         return _read(model, kd[rows], sd[rows], optics)
@@ -126,8 +129,8 @@ def read(
 def read_ahead(model: StackModel, coats: int, optics: Optics) -> None:
     """Begin to compile what reads stacks of so many coats, by the table and by the solver."""
     nothing = np.zeros((READ_CHUNK, coats, model.ground.size))
-    for each in (None, optics):
-        _read.ahead(model, nothing, nothing, each)
+    for solver in (None, optics):
+        _read.ahead(model, nothing, nothing, solver)
 
 
 @functools.partial(Program, fixed=("optics",))
@@ -158,5 +161,5 @@ def _read(
         by_absorption=by_absorption,
         by_scattering=by_scattering,
         lab=lab_of(model, spectrum),
-        lab_by_spectrum=jax.vmap(jax.jacfwd(lambda one: lab_of(model, one)))(spectrum),
+        lab_by_spectrum=jax.vmap(jax.jacfwd(lambda row: lab_of(model, row)))(spectrum),
     )

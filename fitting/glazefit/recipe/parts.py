@@ -1,4 +1,4 @@
-"""What a painter weighs out: parts in whole numbers beside per cent."""
+"""Parts that a painter weighs out, in whole numbers beside per cent."""
 
 from collections.abc import Sequence
 
@@ -17,16 +17,16 @@ def whole_parts(shares: Sequence[float], close: float = 0.08) -> tuple[int, ...]
     """
     least = min(shares)
     total = sum(shares)
-    parts: list[int] = []
+    proportions: list[int] = []
     for smallest in range(1, 101):
-        parts = [round(share / least * smallest) for share in shares]
-        whole = sum(parts)
+        proportions = [round(share / least * smallest) for share in shares]
+        denominator = sum(proportions)
         if all(
-            abs(part / whole - share / total) <= close * share / total
-            for part, share in zip(parts, shares, strict=True)
+            abs(proportion / denominator - share / total) <= close * share / total
+            for proportion, share in zip(proportions, shares, strict=True)
         ):
             break
-    return tuple(parts)
+    return tuple(proportions)
 
 
 def describe_parts(coat: Coat) -> str:

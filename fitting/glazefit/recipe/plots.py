@@ -82,15 +82,15 @@ def recipe_figure(
                 box(_INCHES.title + _INCHES.swatch + 0.1, _INCHES.curves - 0.1)
             )
             _draw_spectra(curves, recipe, tallest[number], labelled=column == 0)
-            words = "\n".join(_wrap(describe_coat(coat)) for coat in recipe.coats)
+            text = "\n".join(_wrap(describe_coat(coat)) for coat in recipe.coats)
             x, y, *_ = box(_INCHES.title + _INCHES.swatch + _INCHES.curves + 0.27, 0.0)
-            figure.text(x, y, words, fontsize=8.5, va="top", linespacing=1.25)
+            figure.text(x, y, text, fontsize=8.5, va="top", linespacing=1.25)
     return figure
 
 
-def _wrap(words: str) -> str:
+def _wrap(text: str) -> str:
     """Lines of a coat, broken between paints."""
-    return "\n".join(textwrap.wrap(words, 41, subsequent_indent="      "))
+    return "\n".join(textwrap.wrap(text, 41, subsequent_indent="      "))
 
 
 def _draw_swatch(axes: "Axes", recipe: Recipe, title: str) -> None:
@@ -116,9 +116,13 @@ def _tallest(recipes: Sequence[Recipe]) -> list[float]:
     """Largest reflectance that is drawn for each recipe's target: recipes for one target are
     compared by eye.
     """
-    own = [max(float(r.reflectance.max()), _highest(r.target.reflectance)) for r in recipes]
+    heights = [max(float(r.reflectance.max()), _highest(r.target.reflectance)) for r in recipes]
     return [
-        max(each for each, other in zip(own, recipes, strict=True) if other.target is r.target)
+        max(
+            height
+            for height, neighbour in zip(heights, recipes, strict=True)
+            if neighbour.target is r.target
+        )
         for r in recipes
     ]
 

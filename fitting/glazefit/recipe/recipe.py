@@ -93,12 +93,12 @@ class Recipe(Tabulated):
         """
         media = [layer.medium for layer in self.glaze.coats]
         paints = [p for m in media for p in (m.pigments if isinstance(m, Mixture) else [m])]
-        found = {paint.name: catalogue.caution(paint) for paint in paints}
-        return {name: words for name, words in found.items() if words}
+        cautions = {paint.name: catalogue.caution(paint) for paint in paints}
+        return {name: caution for name, caution in cautions.items() if caution}
 
     @property
     def in_gamut(self) -> bool:
-        """Whether the paints reach the target: a recipe was found below a Delta E 2000 of 1."""
+        """True if the paints reach the target: a recipe was found below a Delta E 2000 of 1."""
         return self.gamut_distance == 0
 
     @property
@@ -120,9 +120,9 @@ class Recipe(Tabulated):
         """`PAINT_COLUMNS` of each paint in each coat, top first."""
         coats = zip(self.coats, self.sensitivity, strict=True)
         for number, (coat, change) in enumerate(coats, 1):
-            parts = whole_parts([share for share, _ in coat.parts])
-            for (share, paint), part in zip(coat.parts, parts, strict=True):
-                yield number, coat.thickness * 1e6, paint, share, part, change
+            proportions = whole_parts([share for share, _ in coat.parts])
+            for (share, paint), proportion in zip(coat.parts, proportions, strict=True):
+                yield number, coat.thickness * 1e6, paint, share, proportion, change
 
     def to_dataframe(self) -> Any:
         """A pandas.DataFrame with a row for each paint in each coat, top first; thickness in
@@ -134,7 +134,7 @@ class Recipe(Tabulated):
         return as_frame(PAINT_COLUMNS, self.rows())
 
     def arrays_and_axes(self) -> Variables:
-        """What the instrument reads."""
+        """Reading of the instrument."""
         axes = {WAVELENGTH: self.wavelengths}
         return {"reflectance": (tuple(axes), self.reflectance)}, axes
 
@@ -201,8 +201,8 @@ def find_recipes(
     """
     targets, batch = as_targets(target)
     task = make_task(targets, pigments, **options)
-    found = [recipes for group in recipe_chunks(task) for recipes in group]
-    return found if batch else found[0]
+    recipe_lists = [recipes for group in recipe_chunks(task) for recipes in group]
+    return recipe_lists if batch else recipe_lists[0]
 
 
 def recipe_chunks(task: RecipeTask, group: int = 8) -> Iterator[list[list[Recipe]]]:
@@ -213,10 +213,10 @@ def recipe_chunks(task: RecipeTask, group: int = 8) -> Iterator[list[list[Recipe
         yield from _search(task, group)
         return
     for pure, mixed in zip(_search(task, group), _search(task.mixed, group), strict=True):
-        nearest = [min(recipes, key=lambda one: one.distance) for recipes in mixed]
+        nearest = [min(recipes, key=lambda recipe: recipe.distance) for recipes in mixed]
         yield [
-            [replace(one, mixed=best) for one in own]
-            for own, best in zip(pure, nearest, strict=True)
+            [replace(recipe, mixed=best) for recipe in recipes]
+            for recipes, best in zip(pure, nearest, strict=True)
         ]
 
 
@@ -226,59 +226,68 @@ def _search(task: RecipeTask, group: int) -> Iterator[list[list[Recipe]]]:
     read_ahead(task.model, task.max_coats, task.optics)
     rough = screen(task)
     for first in range(0, len(task.targets), group):
-        here = (rough.target >= first) & (rough.target < first + group)
-        stacks = _refine(task, rough.take(np.flatnonzero(here)))
+        in_group = (rough.target >= first) & (rough.target < first + group)
+        stacks = _refine(task, rough.take(np.flatnonzero(in_group)))
         # More than asked for are rounded, because a few lose their colour by it.
-        exact = [select(own, 3 * task.count, task.simplicity) for own in score(task, stacks)]
-        chosen = [select(own, task.count, task.simplicity) for own in round_recipes(task, exact)]
+        exact = [select(scored, 3 * task.count, task.simplicity) for scored in score(task, stacks)]
+        chosen = [
+            select(scored, task.count, task.simplicity) for scored in round_recipes(task, exact)
+        ]
         yield _describe(task, chosen)
 
 
 def _refine(task: RecipeTask, rough: Stacks) -> Stacks:
     """The best stacks that come of a first look."""
     # A few steps show which are worth more.
-    kept = 8
-    stacks = refine(task, refine(task, rough, None, 12).best(kept), None)
-    more = 0 if task.glazes else max(0, task.max_paints - MOST_SCREENED)
-    for number in range(more + max(0, task.max_coats - 2)):
+    count = 8
+    stacks = refine(task, refine(task, rough, None, 12).best(count), None)
+    extra_paints = 0 if task.glazes else max(0, task.max_paints - MOST_SCREENED)
+    for number in range(extra_paints + max(0, task.max_coats - 2)):
         # Of unmixed stacks those of one coat less are all that a coat can be added to anew.
         last = stacks.take(np.flatnonzero(stacks.coats == number + 2)) if task.glazes else stacks
         # A few grow, into very many: most of these are dropped before a refinement.
         children = refine(task, grown(task, last.best(4)).best(24), None, 12)
-        stacks = Stacks.join([stacks, refine(task, children.best(kept), None)])
+        stacks = Stacks.join([stacks, refine(task, children.best(count), None)])
     pool = Stacks.join([stacks, refine(task, simplify(task, stacks), None)])
     # What the table puts first, at the best amounts by the solver itself. Unmixed stacks are of
     # more kinds.
-    return refine(task, pool.best(4 if task.glazes else kept), task.optics)
+    return refine(task, pool.best(4 if task.glazes else count), task.optics)
 
 
 def _describe(task: RecipeTask, chosen: list[list[Scored]]) -> list[list[Recipe]]:
     """Recipes of some targets, and what their neighbours say of them: stacks with one coat thicker
     or thinner by a tenth, or with one paint stronger by a standard deviation of mixings.
     """
-    spread = MIXED.level * Variation().size_of([])
-    every = list(itertools.chain.from_iterable(chosen))
+    stronger = np.exp(MIXED.level * Variation().size_of([]))
+    scored = list(itertools.chain.from_iterable(chosen))
+    # Near each stack: each coat thicker and thinner, then each paint in a coat stronger.
     near = [
-        [_scaled(one.sizes, coat, factor) for coat in range(one.coats) for factor in (1.1, 1 / 1.1)]
-        + [_scaled(one.sizes, tuple(at), np.exp(spread)) for at in np.argwhere(one.sizes > 0)]
-        for one in every
+        [
+            _scaled(stack.sizes, coat, factor)
+            for coat in range(stack.coats)
+            for factor in (1.1, 1 / 1.1)
+        ]
+        + [_scaled(stack.sizes, tuple(at), stronger) for at in np.argwhere(stack.sizes > 0)]
+        for stack in scored
     ]
+    # All are read together; their colours go back to the stack that they lie near.
     labs = read(task.model, np.stack([*itertools.chain.from_iterable(near)]), task.optics).lab[:, 0]
-    ends = np.cumsum([len(stacks) for stacks in near])[:-1]
-    recipes = iter(map(_recipe, itertools.repeat(task), every, np.split(labs, ends)))
-    return [_with_gamut([next(recipes) for _ in own]) for own in chosen]
+    colours = np.split(labs, np.cumsum([len(stacks) for stacks in near])[:-1])
+    recipes = map(_recipe, itertools.repeat(task), scored, colours)
+    # One list a target, as they came.
+    return [_with_gamut(list(itertools.islice(recipes, len(group)))) for group in chosen]
 
 
-def _scaled(sizes: Float[np.ndarray, "coats paints"], place: int | tuple, factor: float):
+def _scaled(sizes: Float[np.ndarray, "coats paints"], index: int | tuple, factor: float):
     """A stack with a coat, or a paint in a coat, so many times as thick."""
-    other = sizes.copy()
-    other[place] *= factor
-    return other
+    scaled = sizes.copy()
+    scaled[index] *= factor
+    return scaled
 
 
 def _with_gamut(recipes: list[Recipe]) -> list[Recipe]:
     """Recipes of one target, which say by how much and why it is out of reach, if it is."""
-    nearest = min(recipes, key=lambda one: one.distance)
+    nearest = min(recipes, key=lambda recipe: recipe.distance)
     if nearest.distance < IN_GAMUT:
         return [replace(recipe, limit="") for recipe in recipes]
     return [
@@ -286,12 +295,12 @@ def _with_gamut(recipes: list[Recipe]) -> list[Recipe]:
     ]
 
 
-def _recipe(task: RecipeTask, one: Scored, near: Float[np.ndarray, "stacks 3"]) -> Recipe:
+def _recipe(task: RecipeTask, scored: Scored, near: Float[np.ndarray, "stacks 3"]) -> Recipe:
     """A recipe, from the colours of its neighbours under the first light."""
-    target = task.targets[one.target]
+    target = task.targets[scored.target]
     coats = []
     layers = []
-    for sizes in one.sizes[: one.coats]:
+    for sizes in scored.sizes[: scored.coats]:
         total = float(sizes.sum())
         present = sorted(np.flatnonzero(sizes > 0).tolist(), key=lambda paint: -sizes[paint])
         shares = [round(float(sizes[paint] / total), 9) for paint in present]
@@ -302,43 +311,43 @@ def _recipe(task: RecipeTask, one: Scored, near: Float[np.ndarray, "stacks 3"]) 
     tested = None
     if target.knows(task.test_illuminant):
         light = {"illuminant": task.test_illuminant, "observer": task.observer}
-        lab = colour.lab(task.wavelengths, one.reading, **light)
+        lab = colour.lab(task.wavelengths, scored.reading, **light)
         tested = float(colour.delta_e_2000(lab, target.lab(**light)))
-    miss = one.reading - task.target_arrays.spectrum[one.target]
-    moved = near[: 2 * one.coats].reshape(one.coats, 2, 3)
+    miss = scored.reading - task.target_arrays.spectrum[scored.target]
+    resized = near[: 2 * scored.coats].reshape(scored.coats, 2, 3)
     return Recipe(
         target=target,
         coats=tuple(coats),
         glaze=Glaze(layers, task.ground, task.instrument.refractive_index),
         wavelengths=task.wavelengths,
-        reflectance=one.reading,
-        lab=dict(zip(task.illuminants, one.lab, strict=True)),
-        delta_e=dict(zip(task.illuminants, one.delta_e.tolist(), strict=True)),
-        unrounded=one.unrounded,
+        reflectance=scored.reading,
+        lab=dict(zip(task.illuminants, scored.lab, strict=True)),
+        delta_e=dict(zip(task.illuminants, scored.delta_e.tolist(), strict=True)),
+        unrounded=scored.unrounded,
         metamerism=tested,
         test_illuminant=task.test_illuminant,
         rmse=float(np.sqrt(np.mean(miss**2))) if target.spectral else None,
-        sensitivity=tuple(colour.delta_e_2000(moved, one.lab[0]).mean(axis=1).tolist()),
-        between_mixings=_between_mixings(one.lab[0], near[2 * one.coats :]),
-        limit=_limit(task, one, moved),
-        converged=one.settled,
-        steps=one.steps,
-        before=one.before,
+        sensitivity=tuple(colour.delta_e_2000(resized, scored.lab[0]).mean(axis=1).tolist()),
+        between_mixings=_between_mixings(scored.lab[0], near[2 * scored.coats :]),
+        limit=_limit(task, scored, resized),
+        converged=scored.settled,
+        steps=scored.steps,
+        before=scored.before,
     )
 
 
-def _limit(task: RecipeTask, one: Scored, moved: Float[np.ndarray, "coats 2 3"]) -> str:
-    """What keeps a stack from its target: coats at a bound that would come nearer beyond it, or the
-    paints.
+def _limit(task: RecipeTask, scored: Scored, resized: Float[np.ndarray, "coats 2 3"]) -> str:
+    """Name what keeps a stack from its target: coats at a bound that would come nearer beyond it,
+    or the paints.
     """
-    apart = colour.delta_e_2000(moved, task.target_arrays.lab[one.target, 0])
+    distances = colour.delta_e_2000(resized, task.target_arrays.lab[scored.target, 0])
     limits = []
-    for coat, side in itertools.product(range(one.coats), (0, 1)):
+    for coat, side in itertools.product(range(scored.coats), (0, 1)):
         bound = task.thickness[1 - side] * 1e6
         # Within 5 % or a rounding step of the bound.
-        at_bound = abs(one.sizes[coat].sum() - bound) < max(0.05 * bound, 0.11)
-        gain = one.delta_e[0] - apart[coat, side]
-        if at_bound and gain > max(0.05, 0.01 * one.delta_e[0]):
+        at_bound = abs(scored.sizes[coat].sum() - bound) < max(0.05 * bound, 0.11)
+        gain = scored.delta_e[0] - distances[coat, side]
+        if at_bound and gain > max(0.05, 0.01 * scored.delta_e[0]):
             limits.append(f"coat {coat + 1} is as {'thin' if side else 'thick'} as allowed")
     return ", ".join(limits) or "paints"
 

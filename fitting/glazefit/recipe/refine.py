@@ -36,11 +36,13 @@ class Amounts(NamedTuple):
     def shares(
         self, point: Float[np.ndarray, "n unknowns"]
     ) -> tuple[Float[np.ndarray, "n places"], Float[np.ndarray, "n places"]]:
-        """What each place takes of its coat, and in um."""
+        """Share that each place takes of its coat, and its size in um."""
         coats = self.member.shape[1]
         weight = self.member.any(axis=1) * np.exp(point[:, coats:])
-        whole = np.take_along_axis((self.member @ weight[..., None])[..., 0], self.coat, axis=1)
-        share = weight / np.where(whole > 0, whole, 1.0)
+        coat_total = np.take_along_axis(
+            (self.member @ weight[..., None])[..., 0], self.coat, axis=1
+        )
+        share = weight / np.where(coat_total > 0, coat_total, 1.0)
         return share, share * np.exp(np.take_along_axis(point[:, :coats], self.coat, axis=1))
 
     def sizes(
@@ -75,31 +77,31 @@ def refine(
     """
     if stacks.size == 0:
         return stacks
-    places, point, bounds = start(task, stacks)
-    seen, before = look(task, places, point, optics, hold=hold)
-    found = descend_within(
-        lambda rows, points: look(task, places.take(rows), points, optics, hold=hold)[0],
+    amounts, point, bounds = start(task, stacks)
+    first_look, before = look(task, amounts, point, optics, hold=hold)
+    solution = descend_within(
+        lambda rows, points: look(task, amounts.take(rows), points, optics, hold=hold)[0],
         point,
-        seen,
+        first_look,
         bounds,
         promise=1e-3,
         max_steps=max_steps,
     )
-    good = np.isfinite(found.cost)
-    sizes = places.sizes(found.point, stacks.sizes.shape[2])
+    good = np.isfinite(solution.cost)
+    sizes = amounts.sizes(solution.point, stacks.sizes.shape[2])
     return Stacks(
         sizes=np.where(good[:, None, None], sizes, stacks.sizes),
         target=stacks.target,
-        cost=np.where(good, found.cost, stacks.cost),
-        settled=found.settled & good,
-        steps=found.steps,
+        cost=np.where(good, solution.cost, stacks.cost),
+        settled=solution.settled & good,
+        steps=solution.steps,
         before=before,
     )
 
 
 def start(task: RecipeTask, stacks: Stacks) -> tuple[Amounts, Float[np.ndarray, "n m"], Bounds]:
-    """Where the amounts of stacks lie, and the unknowns with their bounds: logarithms of the coats'
-    thicknesses, um, then those of the shares.
+    """Indices of the amounts of stacks, and the unknowns with their bounds: logarithms of the
+    coats' thicknesses, um, then those of the shares.
     """
     rows, coats, paints = stacks.sizes.shape
     flat = stacks.sizes.reshape(rows, -1)
@@ -121,7 +123,7 @@ def start(task: RecipeTask, stacks: Stacks) -> tuple[Amounts, Float[np.ndarray, 
 
 def look(
     task: RecipeTask,
-    places: Amounts,
+    amounts: Amounts,
     point: Float[np.ndarray, "n m"],
     optics: Optics | None,
     *,
@@ -129,21 +131,24 @@ def look(
 ) -> tuple[Looks, Float[np.ndarray, "n"]]:
     """Cost and its slopes at a point, and the largest Delta E under the lights."""
     model = task.model
-    share, amount = places.shares(point)
-    seen = read(model, places.sizes(point, len(model.absorption)), optics)
+    share, amount = amounts.shares(point)
+    readings = read(model, amounts.sizes(point, len(model.absorption)), optics)
     # Slopes of the spectrum by the logarithms of the amounts, (n, places, bands).
     by_log = amount[..., None] * sum(
-        np.take_along_axis(by_coat, places.coat[..., None], axis=1) * np.asarray(each)[places.paint]
-        for by_coat, each in (
-            (seen.by_absorption, model.absorption),
-            (seen.by_scattering, model.scattering),
+        np.take_along_axis(by_coat, amounts.coat[..., None], axis=1)
+        * np.asarray(coefficients)[amounts.paint]
+        for by_coat, coefficients in (
+            (readings.by_absorption, model.absorption),
+            (readings.by_scattering, model.scattering),
         )
     )
-    by_coat = places.member @ by_log
+    by_coat = amounts.member @ by_log
     # A larger share of one paint is less of the others in its coat.
-    own = np.take_along_axis(by_coat, places.coat[..., None], axis=1)
-    by_point = np.concatenate([by_coat * (not hold), by_log - share[..., None] * own], axis=1)
-    residual, slopes, delta_e = task.target_arrays.residuals(places.target, seen, by_point)
+    coat_slopes = np.take_along_axis(by_coat, amounts.coat[..., None], axis=1)
+    by_point = np.concatenate(
+        [by_coat * (not hold), by_log - share[..., None] * coat_slopes], axis=1
+    )
+    residual, slopes, delta_e = task.target_arrays.residuals(amounts.target, readings, by_point)
     flipped = np.swapaxes(slopes, 1, 2)
     cost = np.sum(residual**2, axis=1)
     good = np.isfinite(cost) & np.isfinite(slopes).all(axis=(1, 2))

@@ -1,4 +1,4 @@
-"""What a search for recipes tells its user: tables on the screen, and the files it leaves."""
+"""Report of a search for recipes: tables on the screen, and the files it leaves."""
 
 import json
 from collections.abc import Iterator, Sequence
@@ -67,10 +67,10 @@ def describe_coat(coat: Coat) -> str:
     may break between paints.
     """
     size = f"{coat.thickness * 1e6:.1f} µm{' ·' if len(coat.parts) > 1 else ''}"
-    words = f"{size} {' + '.join(_parts(coat))}".replace(" ", NO_BREAK)
-    words = words.replace(f"{NO_BREAK}+{NO_BREAK}", f"{NO_BREAK}+ ")
-    parts = describe_parts(coat).replace(" ", NO_BREAK)
-    return f"{words} ({parts})" if parts else words
+    text = f"{size} {' + '.join(_parts(coat))}".replace(" ", NO_BREAK)
+    text = text.replace(f"{NO_BREAK}+{NO_BREAK}", f"{NO_BREAK}+ ")
+    proportions = describe_parts(coat).replace(" ", NO_BREAK)
+    return f"{text} ({proportions})" if proportions else text
 
 
 def _parts(coat: Coat) -> list[str]:
@@ -108,13 +108,14 @@ def _lab_hex(recipe: Recipe, lab) -> str:
     return hex_colour(colour.xyz_to_srgb(colour.lab_to_xyz(lab, white), white))
 
 
-def print_recipes(recipes: Sequence[Recipe], console: Console, seen: str = "") -> None:
+def print_recipes(recipes: Sequence[Recipe], console: Console, view_options: str = "") -> None:
     """Print all recipes of one target, coat by coat.
 
     Args:
         recipes: the nearest first.
         console: to print to.
-        seen: options of ``glazejax render`` under which it shows the colour that was computed here.
+        view_options: options of ``glazejax render`` under which it shows the colour that was
+            computed here.
     """
     first = recipes[0]
     table = _table(["", *_titles(first)])
@@ -127,12 +128,13 @@ def print_recipes(recipes: Sequence[Recipe], console: Console, seen: str = "") -
     _print_table(table, console, first)
     console.print(Text(MIXING.format(first.between_mixings), style="dim"))
     for number, coat in enumerate(first.coats, 1):
-        words = f"Coat {number} of the first: {in_painters_terms(coat.thickness)}."
-        console.print(Text(words, style="dim"))
+        text = f"Coat {number} of the first: {in_painters_terms(coat.thickness)}."
+        console.print(Text(text, style="dim"))
     _print_cautions(recipes, console)
     line = f"glazejax render --coats '{first.text}'"
     console.print(
-        Text(f"See the first: {' '.join(filter(None, (line, seen)))}", style="dim"), soft_wrap=True
+        Text(f"See the first: {' '.join(filter(None, (line, view_options)))}", style="dim"),
+        soft_wrap=True,
     )
     if first.mixed is not None:
         console.print(Text(if_mixed(recipes)))
@@ -142,26 +144,28 @@ def print_recipes(recipes: Sequence[Recipe], console: Console, seen: str = "") -
         console.print(Text(describe_unsettled("recipe", rough), style="yellow"))
 
 
-def print_best(found: Sequence[Sequence[Recipe]], console: Console) -> None:
+def print_best(recipe_lists: Sequence[Sequence[Recipe]], console: Console) -> None:
     """Print the best recipe of each of many targets, coat by coat."""
-    pure = all(recipes[0].mixed is not None for recipes in found)
-    table = _table(["target", "", *_titles(found[0][0]), *(["if mixed"] if pure else [])])
-    for best, *_ in found:
+    pure = all(recipes[0].mixed is not None for recipes in recipe_lists)
+    table = _table(["target", "", *_titles(recipe_lists[0][0]), *(["if mixed"] if pure else [])])
+    for best, *_ in recipe_lists:
         swatches = swatch(target_hex(best)) + swatch(recipe_hex(best))
         *colours, mixing = _figures(best)
         mixed = [] if best.mixed is None else [f"{best.mixed.distance:.2f}"]
         _add_coats(table, [best.target.name, swatches, *colours, *mixed, mixing], best)
-    _print_table(table, console, found[0][0])
+    _print_table(table, console, recipe_lists[0][0])
     if pure:
-        console.print(Text(all_if_mixed(found)))
+        console.print(Text(all_if_mixed(recipe_lists)))
     console.print(
-        Text(MIXING.format(np.mean([best.between_mixings for best, *_ in found])), style="dim")
+        Text(
+            MIXING.format(np.mean([best.between_mixings for best, *_ in recipe_lists])), style="dim"
+        )
     )
-    _print_cautions([best for best, *_ in found], console)
-    for best, *_ in found:
+    _print_cautions([best for best, *_ in recipe_lists], console)
+    for best, *_ in recipe_lists:
         if not best.in_gamut:
             console.print(Text(out_of_reach(best), style="yellow"))
-    if rough := [best.target.name for best, *_ in found if not best.converged]:
+    if rough := [best.target.name for best, *_ in recipe_lists if not best.converged]:
         console.print(Text(describe_unsettled("the recipe of", rough), style="yellow"))
 
 
@@ -190,12 +194,14 @@ def _test_lines(recipe: Recipe) -> bool:
 
 def _table(titles: Sequence[str]) -> Table:
     columns = (*titles, "mixing", "µm", "coats, top first", "parts", "per 10 %")
-    words = [
+    text_columns = [
         number
         for number, title in enumerate(columns)
         if number == 0 or title in ("", "coats, top first")
     ]
-    table = plain_table(*columns, words=words, padding=(0, 1), header_style="dim", pad_edge=False)
+    table = plain_table(
+        *columns, words=text_columns, padding=(0, 1), header_style="dim", pad_edge=False
+    )
     # A name of a paint is not broken.
     table.columns[-3].no_wrap = True
     return table
@@ -208,8 +214,8 @@ def _print_table(table: Table, console: Console, recipe: Recipe) -> None:
     table, gone = leave_out(table, console, ("per 10 %", "parts", "mixing", *tested))
     console.print(table)
     if gone:
-        words = f"Left out on a screen of {console.width} columns: {', '.join(gone)}."
-        console.print(Text(words, style="dim"))
+        note = f"Left out on a screen of {console.width} columns: {', '.join(gone)}."
+        console.print(Text(note, style="dim"))
 
 
 def _add_coats(table: Table, cells: Sequence[str | Text], recipe: Recipe) -> None:
@@ -218,7 +224,7 @@ def _add_coats(table: Table, cells: Sequence[str | Text], recipe: Recipe) -> Non
     for number, (coat, change) in enumerate(zip(recipe.coats, recipe.sensitivity, strict=True)):
         lead = list(cells) if number == 0 else [""] * len(cells)
         marks = ["" if name not in cautions else MARK for _, name in coat.parts]
-        lines = [f"{words}{mark}" for words, mark in zip(_parts(coat), marks, strict=True)]
+        lines = [f"{paint}{mark}" for paint, mark in zip(_parts(coat), marks, strict=True)]
         table.add_row(
             *lead,
             f"{coat.thickness * 1e6:.1f}",
@@ -230,10 +236,10 @@ def _add_coats(table: Table, cells: Sequence[str | Text], recipe: Recipe) -> Non
 
 def _print_cautions(recipes: Sequence[Recipe], console: Console) -> None:
     """A line on each paint that is marked."""
-    cautions = {name: words for recipe in recipes for name, words in recipe.cautions.items()}
+    cautions = {name: why for recipe in recipes for name, why in recipe.cautions.items()}
     if cautions:
-        words = "; ".join(f"{name}: {words}" for name, words in cautions.items())
-        console.print(Text(f"{MARK.strip()} {words} (--modern leaves such paints out).", "yellow"))
+        text = "; ".join(f"{name}: {why}" for name, why in cautions.items())
+        console.print(Text(f"{MARK.strip()} {text} (--modern leaves such paints out).", "yellow"))
 
 
 def out_of_reach(recipe: Recipe) -> str:
@@ -248,26 +254,29 @@ def out_of_reach(recipe: Recipe) -> str:
 
 def if_mixed(recipes: Sequence[Recipe]) -> str:
     """A sentence on what mixing would gain for one target, by the nearest of its recipes."""
-    here = min(recipe.distance for recipe in recipes)
+    unmixed = min(recipe.distance for recipe in recipes)
     mixed = recipes[0].mixed
     assert mixed is not None
     # A gain of less is not worth mixing.
-    if mixed.distance > here - 0.05:
+    if mixed.distance > unmixed - 0.05:
         return (
-            f"Mixing within a coat gains nothing: ΔE00 {mixed.distance:.2f} instead of {here:.2f}."
+            f"Mixing within a coat gains nothing: ΔE00 {mixed.distance:.2f} instead of "
+            f"{unmixed:.2f}."
         )
-    return f"Mixed within a coat: ΔE00 {mixed.distance:.2f} instead of {here:.2f}, by {mixed.text}"
-
-
-def all_if_mixed(found: Sequence[Sequence[Recipe]]) -> str:
-    """A sentence on what mixing would gain for many targets."""
-    here = [min(recipe.distance for recipe in recipes) for recipes in found]
-    mixed = [recipes[0].mixed.distance for recipes in found if recipes[0].mixed is not None]
-    reached = [sum(distance < IN_GAMUT for distance in distances) for distances in (mixed, here)]
     return (
-        f"Mixed within a coat: ΔE00 {np.median(mixed):.2f} instead of {np.median(here):.2f} in "
-        f"the median, and {reached[0]} instead of {reached[1]} of {len(found)} targets within a "
-        "ΔE00 of 1."
+        f"Mixed within a coat: ΔE00 {mixed.distance:.2f} instead of {unmixed:.2f}, by {mixed.text}"
+    )
+
+
+def all_if_mixed(recipe_lists: Sequence[Sequence[Recipe]]) -> str:
+    """A sentence on what mixing would gain for many targets."""
+    unmixed = [min(recipe.distance for recipe in recipes) for recipes in recipe_lists]
+    mixed = [recipes[0].mixed.distance for recipes in recipe_lists if recipes[0].mixed is not None]
+    reached = [sum(distance < IN_GAMUT for distance in distances) for distances in (mixed, unmixed)]
+    return (
+        f"Mixed within a coat: ΔE00 {np.median(mixed):.2f} instead of {np.median(unmixed):.2f} in "
+        f"the median, and {reached[0]} instead of {reached[1]} of {len(recipe_lists)} targets "
+        "within a ΔE00 of 1."
     )
 
 
@@ -279,18 +288,20 @@ def describe_unsettled(what: str, which: Sequence[str]) -> str:
     )
 
 
-def write_csv(found: Sequence[Sequence[Recipe]], path: Path, *, overwrite: bool = False) -> None:
+def write_csv(
+    recipe_lists: Sequence[Sequence[Recipe]], path: Path, *, overwrite: bool = False
+) -> None:
     """Write all recipes, a line for each paint in each coat."""
-    write_table(path, CSV_COLUMNS, _rows(found), overwrite=overwrite)
+    write_table(path, CSV_COLUMNS, _rows(recipe_lists), overwrite=overwrite)
 
 
-def _rows(found: Sequence[Sequence[Recipe]]) -> Iterator[tuple]:
+def _rows(recipe_lists: Sequence[Sequence[Recipe]]) -> Iterator[tuple]:
     def text(value: float | None, digits: int) -> str:
         return "" if value is None else f"{value:.{digits}f}"
 
-    for recipes in found:
+    for recipes in recipe_lists:
         for rank, recipe in enumerate(recipes, 1):
-            for coat, thickness, paint, share, part, change in recipe.rows():
+            for coat, thickness, paint, share, proportion, change in recipe.rows():
                 yield (
                     recipe.target.name,
                     rank,
@@ -301,16 +312,17 @@ def _rows(found: Sequence[Sequence[Recipe]]) -> Iterator[tuple]:
                     f"{thickness:.6g}",
                     paint,
                     f"{share:.6g}",
-                    part,
+                    proportion,
                     text(change, 3),
                     text(recipe.between_mixings, 2),
                 )
 
 
-def write_json(found: Sequence[Sequence[Recipe]], path: Path) -> None:
+def write_json(recipe_lists: Sequence[Sequence[Recipe]], path: Path) -> None:
     """Write all there is on all recipes, with spectra."""
     path.write_text(
-        json.dumps([[_plain(recipe) for recipe in recipes] for recipes in found], indent=1) + "\n"
+        json.dumps([[_plain(recipe) for recipe in recipes] for recipes in recipe_lists], indent=1)
+        + "\n"
     )
 
 

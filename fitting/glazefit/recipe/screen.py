@@ -47,20 +47,20 @@ class Coats(NamedTuple):
         return np.concatenate([[0], np.cumsum(begins)])
 
     def members(self, paints: int) -> Bool[np.ndarray, "coats paints"]:
-        """Which paints are in them."""
-        there = np.zeros((len(self.paints), paints), bool)
-        coats, places = np.nonzero(self.amounts[:, 0])
-        there[coats, self.paints[coats, places]] = True
-        return there
+        """Paints that are in them."""
+        present = np.zeros((len(self.paints), paints), bool)
+        coats, columns = np.nonzero(self.amounts[:, 0])
+        present[coats, self.paints[coats, columns]] = True
+        return present
 
     def sizes(
         self, rows: Int[np.ndarray, "n"], points: Int[np.ndarray, "n"], paints: int
     ) -> Float[np.ndarray, "n paints"]:
-        """What each paint takes, um, of coats at points of their grid of thicknesses."""
+        """Thickness that each paint takes, um, of coats at points of their grid of thicknesses."""
         sizes = np.zeros((len(rows), paints))
-        for place in range(self.paints.shape[1]):
-            sizes[np.arange(len(rows)), self.paints[rows, place]] += self.amounts[
-                rows, points, place
+        for column in range(self.paints.shape[1]):
+            sizes[np.arange(len(rows)), self.paints[rows, column]] += self.amounts[
+                rows, points, column
             ]
         return sizes
 

@@ -53,12 +53,12 @@ class Scored:
 
     @functools.cached_property
     def coats(self) -> int:
-        """How many coats there are."""
+        """Number of coats."""
         return int(self.sizes.any(axis=1).sum())
 
     @property
     def signature(self) -> tuple[frozenset[int], ...]:
-        """Which paints lie in which coat, top first."""
+        """Sets of paints by coat, top first."""
         return tuple(frozenset(np.flatnonzero(coat).tolist()) for coat in self.sizes if coat.any())
 
     @property
@@ -67,9 +67,7 @@ class Scored:
         return float(self.delta_e.max())
 
     def effort(self, simplicity: float) -> tuple[bool, float]:
-        """What recipes are ordered by: in gamut first, then the score and the price of every paint
-        and coat.
-        """
+        """Order of recipes: in gamut first, then the score and the price of each paint and coat."""
         return not self.distance < IN_GAMUT, self.score + simplicity * (
             len(self.paints) + self.coats
         )
@@ -82,7 +80,7 @@ def score(task: RecipeTask, stacks: Stacks) -> list[list[Scored]]:
 
 def _by_target(stacks: Sequence[Scored]) -> list[list[Scored]]:
     number = operator.attrgetter("target")
-    return [list(own) for _, own in itertools.groupby(sorted(stacks, key=number), number)]
+    return [list(group) for _, group in itertools.groupby(sorted(stacks, key=number), number)]
 
 
 def _score(task: RecipeTask, stacks: Stacks, reading: Float[np.ndarray, "n bands"]) -> list[Scored]:
@@ -112,18 +110,18 @@ def select(pool: Sequence[Scored], count: int, simplicity: float) -> list[Scored
     """
     chosen: list[Scored] = []
     spare: list[Scored] = []
-    seen = set()
-    for one in sorted(pool, key=lambda one: one.effort(simplicity)):
-        if one.signature in seen:
+    signatures = set()
+    for stack in sorted(pool, key=lambda stack: stack.effort(simplicity)):
+        if stack.signature in signatures:
             continue
-        seen.add(one.signature)
+        signatures.add(stack.signature)
         embellished = any(
-            other.paints <= one.paints
-            and other.coats <= one.coats
-            and one.score > other.score - simplicity
-            for other in chosen
+            simpler.paints <= stack.paints
+            and simpler.coats <= stack.coats
+            and stack.score > simpler.score - simplicity
+            for simpler in chosen
         )
-        (spare if embellished else chosen).append(one)
+        (spare if embellished else chosen).append(stack)
         if len(chosen) == count:
             break
     return chosen + spare[: count - len(chosen)]
@@ -155,13 +153,13 @@ def _round_coats(
     # The bounds, but for rounding.
     allowed = [size for size in thicknesses if span[0] - 1e-9 <= size <= span[1] + 1e-9]
     # The largest paint takes what the others leave.
-    main, *others = sorted(np.flatnonzero(coat > 0), key=lambda paint: -coat[paint])
-    thousandths = 1000 * coat[others] / total
+    main, *minor = sorted(np.flatnonzero(coat > 0), key=lambda paint: -coat[paint])
+    thousandths = 1000 * coat[minor] / total
     ends = zip(np.floor(thousandths), np.ceil(thousandths), strict=True)
     choices = list(itertools.product(*map(set, ends)))
     for size, choice in itertools.product(sorted(allowed) or [total], choices):
         shares = np.zeros_like(coat)
-        shares[others] = np.array(choice) / 1000
+        shares[minor] = np.array(choice) / 1000
         shares[main] = 1.0 - shares.sum()
         yield shares * size
 
@@ -174,26 +172,26 @@ def round_recipes(task: RecipeTask, chosen: Sequence[Sequence[Scored]]) -> list[
     """
     exact = list(itertools.chain.from_iterable(chosen))
     low, high = np.exp(task.model.span).tolist()
-    before = np.stack([one.sizes for one in exact])
-    targets = np.array([one.target for one in exact])
+    before = np.stack([stack.sizes for stack in exact])
+    targets = np.array([stack.target for stack in exact])
     # With a round thickness other shares are best.
     total = np.maximum(before.sum(axis=2, keepdims=True), low)
     near = before * (np.clip(total.round(1), low, high) / total)
     near = Stacks.before_refinement(near, targets, np.zeros(len(exact)))
     near = refine(task, near, task.optics, 5, hold=True).sizes
     options = [
-        roundings(one, (low, high)) + roundings(other, (low, high))
-        for one, other in zip(before, near, strict=True)
+        roundings(exact_sizes, (low, high)) + roundings(near_sizes, (low, high))
+        for exact_sizes, near_sizes in zip(before, near, strict=True)
     ]
     owner = np.repeat(np.arange(len(exact)), [len(tries) for tries in options])
     sizes = pack_coats(np.stack([*itertools.chain.from_iterable(options)]))
     stacks = Stacks.before_refinement(sizes, targets[owner], np.zeros(len(owner)))
     by_table = read(task.model, np.concatenate([before, sizes]), None).spectrum
-    off = np.stack([one.reading for one in exact]) - by_table[: len(exact)]
+    off = np.stack([stack.reading for stack in exact]) - by_table[: len(exact)]
     guess = _score(task, stacks, by_table[len(exact) :] + off[owner])
 
-    def effort(one: Scored) -> tuple[bool, float]:
-        return one.effort(task.simplicity)
+    def effort(stack: Scored) -> tuple[bool, float]:
+        return stack.effort(task.simplicity)
 
     # Round numbers of a recipe that the solver reads.
     nearest = [
@@ -208,11 +206,11 @@ def round_recipes(task: RecipeTask, chosen: Sequence[Sequence[Scored]]) -> list[
         [
             replace(
                 min((next(solved) for _ in tries), key=effort),
-                settled=one.settled,
-                steps=one.steps,
-                before=one.before,
-                unrounded=one.distance,
+                settled=stack.settled,
+                steps=stack.steps,
+                before=stack.before,
+                unrounded=stack.distance,
             )
-            for one, tries in zip(exact, nearest, strict=True)
+            for stack, tries in zip(exact, nearest, strict=True)
         ]
     )

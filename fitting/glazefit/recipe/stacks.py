@@ -41,7 +41,7 @@ class Stacks(NamedTuple):
 
     @property
     def size(self) -> int:
-        """How many there are."""
+        """Number of stacks."""
         return len(self.target)
 
     @property
@@ -64,26 +64,26 @@ class Stacks(NamedTuple):
         """
         kinds = np.stack([self.target, self.coats, self.paints], axis=1).tolist()
         chosen = []
-        taken = set()
+        layouts = set()
         counts: Counter[tuple[int, ...]] = Counter()
         for row in np.argsort(self.cost, kind="stable").tolist():
             kind = tuple(kinds[row])
-            alike = (kind, (self.sizes[row] > 0).tobytes())
-            if counts[kind] < count and alike not in taken:
+            layout = (kind, (self.sizes[row] > 0).tobytes())
+            if counts[kind] < count and layout not in layouts:
                 counts[kind] += 1
-                taken.add(alike)
+                layouts.add(layout)
                 chosen.append(row)
         return self.take(np.array(sorted(chosen), int))
 
     @staticmethod
-    def join(parts: "Sequence[Stacks]") -> "Stacks":
+    def join(groups: "Sequence[Stacks]") -> "Stacks":
         """All of several."""
-        return Stacks(*(np.concatenate(values) for values in zip(*parts, strict=True)))
+        return Stacks(*(np.concatenate(values) for values in zip(*groups, strict=True)))
 
 
 def strength(model: StackModel) -> Float[np.ndarray, "paints"]:
-    """How much a little of each paint shows, 1/um: by its absorption, or by its scattering where it
-    is pale.
+    """Strength of each paint, 1/um: how much a little of it shows, by its absorption, or by its
+    scattering where it is pale.
     """
     return np.mean(np.asarray(model.absorption) + 0.1 * np.asarray(model.scattering), axis=1) + 1e-9
 
@@ -117,12 +117,12 @@ def simplify(task: RecipeTask, stacks: Stacks) -> Stacks:
     share = stacks.sizes / np.maximum(stacks.sizes.sum(axis=2, keepdims=True), 1e-12)
     # A paint that is less than this of its coat is tried without.
     sizes = np.where(share < 0.01, 0.0, stacks.sizes)
-    whole = read(task.model, sizes, None).lab[:, 0]
+    labs = read(task.model, sizes, None).lab[:, 0]
     for coat in range(sizes.shape[1]):
         without = sizes.copy()
         without[:, coat] = 0.0
         # A coat that changes the colour less than this is tried without.
-        unseen = delta_e_2000(read(task.model, without, None).lab[:, 0], whole) < 0.1
+        unseen = delta_e_2000(read(task.model, without, None).lab[:, 0], labs) < 0.1
         unseen &= without.any(axis=(1, 2)) & sizes[:, coat].any(axis=1)
         sizes[unseen] = without[unseen]
     changed = np.flatnonzero(((sizes > 0) != (stacks.sizes > 0)).any(axis=(1, 2)))
@@ -135,12 +135,12 @@ def grown(task: RecipeTask, parents: Stacks) -> Stacks:
     glazes between two others, too), with its cost by the table.
     """
     children = [list(enlargements(task, stack)) for stack in parents.sizes]
-    target = np.repeat(parents.target, [len(each) for each in children])
+    target = np.repeat(parents.target, [len(offspring) for offspring in children])
     if target.size == 0:
         return parents.take(target)
     sizes = pack_coats(np.stack(list(itertools.chain.from_iterable(children))))
-    seen = read(task.model, sizes, None)
-    cost = task.target_arrays.distances(target, seen.spectrum, seen.lab)[1]
+    readings = read(task.model, sizes, None)
+    cost = task.target_arrays.distances(target, readings.spectrum, readings.lab)[1]
     return Stacks.before_refinement(sizes, target, cost)
 
 
@@ -149,11 +149,11 @@ def enlargements(
 ) -> Iterator[Float[np.ndarray, "coats paints"]]:
     """Stacks with one paint or one coat more, within the limits of the search."""
     power = strength(task.model)
-    inside = stack.sum(axis=0) > 0
+    present = stack.sum(axis=0) > 0
     filled = np.count_nonzero(stack.any(axis=1))
-    places = range(filled + 1) if task.glazes else (0, filled)
+    positions = range(filled + 1) if task.glazes else (0, filled)
     for paint in range(stack.shape[1]):
-        if not inside[paint] and np.count_nonzero(inside) >= task.max_paints:
+        if not present[paint] and np.count_nonzero(present) >= task.max_paints:
             continue
         for coat in () if task.glazes else range(filled):
             if stack[coat, paint] > 0:
@@ -164,15 +164,15 @@ def enlargements(
             child[coat] *= stack[coat].sum() / child[coat].sum()
             yield child
         # An added coat starts thin or half-way between thinnest and thickest.
-        for place in (0.15, 0.5) if filled < task.max_coats else ():
+        for fraction in (0.15, 0.5) if filled < task.max_coats else ():
             coat = np.zeros(stack.shape[1])
-            coat[paint] = np.exp(task.model.span @ [1.0 - place, place])
-            for at in places:
+            coat[paint] = np.exp(task.model.span @ [1.0 - fraction, fraction])
+            for at in positions:
                 # The same paint twice in a row would be one thicker coat.
                 if not any(_only(near, paint) for near in stack[max(at - 1, 0) : at + 1]):
                     yield np.concatenate([stack[:at], coat[None], stack[at:-1]])
 
 
 def _only(coat: Float[np.ndarray, "paints"], paint: int) -> bool:
-    """Whether a coat is of this paint and of no other."""
+    """True if a coat is of this paint and of no other."""
     return bool(coat[paint] > 0 and (coat > 0).sum() == 1)

@@ -1,4 +1,4 @@
-"""What a recipe is to match: a colour under one or several illuminants, or a spectrum.
+"""Targets that a recipe is to match: a colour under one or several illuminants, or a spectrum.
 
 colour-science's measured ColorChecker charts are at hand as targets: `colourchecker_targets`.
 """
@@ -42,11 +42,11 @@ class Target:
 
     @property
     def spectral(self) -> bool:
-        """Whether a spectrum is known, and with it the colour under every illuminant."""
+        """True if a spectrum is known, and with it the colour under every illuminant."""
         return self.reflectance is not None
 
     def knows(self, illuminant: str) -> bool:
-        """Whether the colour under this illuminant (full name) is known."""
+        """True if the colour under this illuminant (full name) is known."""
         return self.spectral or illuminant in self.labs
 
     def lab(self, illuminant: str, observer: str) -> Float[np.ndarray, "3"]:
@@ -64,10 +64,10 @@ class Target:
                 colour.lab(self.wavelengths, self.reflectance, illuminant=full, observer=observer)
             )
         if full not in self.labs:
-            given = ", ".join(self.labs)
+            illuminants = ", ".join(self.labs)
             raise ValueError(
-                f"the colour of {self.name!r} is given under {given}, not under {full}: ask for "
-                f"{given}, give the colour under {full} too, or give a spectrum"
+                f"the colour of {self.name!r} is given under {illuminants}, not under {full}: ask "
+                f"for {illuminants}, give the colour under {full} too, or give a spectrum"
             )
         return self.labs[full]
 
@@ -93,12 +93,14 @@ def lab_target(lab: Mapping[str, Colour] | Colour, name: str | None = None) -> T
     Raises:
         ValueError: not three finite numbers, L* outside [0, 100], or an unknown illuminant.
     """
-    given = lab if isinstance(lab, Mapping) else {"D65": lab}
-    if not given:
+    colours = lab if isinstance(lab, Mapping) else {"D65": lab}
+    if not colours:
         raise ValueError(
             "a target needs a colour under at least one illuminant, such as {'D65': (50, 20, 30)}"
         )
-    labs = {cie.find_illuminant(illuminant): _check(values) for illuminant, values in given.items()}
+    labs = {
+        cie.find_illuminant(illuminant): _check(values) for illuminant, values in colours.items()
+    }
     first = next(iter(labs.values()))
     title = name or f"Lab {', '.join(f'{value:g}' for value in first)}"
     return Target(title, MappingProxyType(labs))
@@ -142,15 +144,15 @@ def parse_srgb(code: str) -> tuple[Float[np.ndarray, "3"], str]:
     """Encoded sRGB, 0 to 1, of the code of a colour, and its six digits; see `srgb_target`."""
     digits = code.strip().removeprefix("#")
     if "," in digits:
-        parts = [part.strip() for part in digits.split(",")]
-        if len(parts) != 3 or not all(
-            re.fullmatch(r"\d{1,3}", part) and int(part) <= 255 for part in parts
+        channels = [channel.strip() for channel in digits.split(",")]
+        if len(channels) != 3 or not all(
+            re.fullmatch(r"\d{1,3}", channel) and int(channel) <= 255 for channel in channels
         ):
             raise ValueError(
                 f"{code!r} is no sRGB colour: write red, green and blue from 0 to 255, such as "
                 "138,75,45, or '#8a4b2d'"
             )
-        digits = "".join(f"{int(part):02x}" for part in parts)
+        digits = "".join(f"{int(channel):02x}" for channel in channels)
     if not re.fullmatch(r"[0-9a-fA-F]{3}|[0-9a-fA-F]{6}", digits):
         raise ValueError(
             f"{code!r} is no sRGB colour: write six hexadecimal digits, such as '#8a4b2d', or "
@@ -190,10 +192,10 @@ def colourchecker_targets(patches: Sequence[str] = (), chart: str = DEFAULT_CHAR
         ValueError: an unknown chart or patch; the message lists what there is.
     """
     charts = cie.charts()
-    known = {key.lower(): key for key in charts} | cie.SHORT_CHARTS
-    if chart.lower() not in known:
+    full_names = {key.lower(): key for key in charts} | cie.SHORT_CHARTS
+    if chart.lower() not in full_names:
         raise ValueError(f"unknown chart {chart!r}: there are {', '.join(charts)}")
-    spectra = charts[known[chart.lower()]]
+    spectra = charts[full_names[chart.lower()]]
     chosen = [_patch(patch, list(spectra)) for patch in patches] or list(spectra)
     return [
         spectral_target(spectra[name].wavelengths, spectra[name].values, name=_short(name))
@@ -211,9 +213,9 @@ def _patch(asked: str, names: Sequence[str]) -> str:
     short = {_short(name).lower(): name for name in names}
     if key in short:
         return short[key]
-    found = [name for plain, name in short.items() if key and plain.startswith(key)]
-    if len(found) == 1:
-        return found[0]
+    matches = [name for plain, name in short.items() if key and plain.startswith(key)]
+    if len(matches) == 1:
+        return matches[0]
     raise ValueError(
         f"unknown patch {asked!r}: the chart has {', '.join(_short(name) for name in names)}"
     )

@@ -1,4 +1,4 @@
-"""What is asked of a search for recipes, checked before anything is computed."""
+"""Task of a search for recipes, checked before anything is computed."""
 
 import functools
 from collections.abc import Mapping, Sequence
@@ -88,7 +88,7 @@ class RecipeTask:
 
     @functools.cached_property
     def model(self) -> StackModel:
-        """What stacks of these paints read, as arrays."""
+        """Model of what stacks of these paints read, as arrays."""
         return make_model(
             self.pigments,
             self.ground,
@@ -133,12 +133,12 @@ def make_task(
     usual = most_of if glazes else _USUAL
     max_paints = usual["max_paints"] if max_paints is None else max_paints
     max_coats = usual["max_coats"] if max_coats is None else max_coats
-    whole = {
+    limits = {
         "max_paints": (max_paints, most_of["max_paints"]),
         "max_coats": (max_coats, most_of["max_coats"]),
         "count": (count, 1000),
     }
-    for name, (value, most) in whole.items():
+    for name, (value, most) in limits.items():
         if not isinstance(value, int | np.integer) or not 1 <= value <= most:
             raise ValueError(f"{name} is {value}; it must be a whole number from 1 to {most}")
     for name, value in (("metamerism", metamerism), ("simplicity", simplicity)):
@@ -184,29 +184,30 @@ def make_task(
 
 def _stated_illuminants(targets: Sequence[Target]) -> tuple[str, ...]:
     """The illuminants that the colours are given under; D65 if all targets are spectra."""
-    given = dict.fromkeys(name for target in targets for name in target.labs)
-    return tuple(given) or (colour.find_illuminant("D65"),)
+    illuminants = dict.fromkeys(name for target in targets for name in target.labs)
+    return tuple(illuminants) or (colour.find_illuminant("D65"),)
 
 
-def as_targets(given: Any) -> tuple[tuple[Target, ...], bool]:
-    """Targets, and whether a batch was given; a target may be a `Target`, three numbers, or a
-    mapping of such.
+def as_targets(target: Any) -> tuple[tuple[Target, ...], bool]:
+    """Targets of one or of a batch, and whether it is a batch; a target may be a `Target`, three
+    numbers, or a mapping of such.
     """
-    if isinstance(given, Target):
-        return (given,), False
-    first = _first(given)
+    if isinstance(target, Target):
+        return (target,), False
+    first = _first(target)
     number = np.ndim(first) == 0 and not isinstance(first, Target | Mapping)
-    if isinstance(given, Mapping) or number:
-        return (lab_target(given),), False
-    return tuple(one if isinstance(one, Target) else lab_target(one) for one in given), True
+    if isinstance(target, Mapping) or number:
+        return (lab_target(target),), False
+    colours = (member if isinstance(member, Target) else lab_target(member) for member in target)
+    return tuple(colours), True
 
 
-def _first(given: Any) -> Any:
+def _first(target: Any) -> Any:
     try:
-        return next(iter(given), ())
+        return next(iter(target), ())
     except TypeError:
         raise ValueError(
-            f"a target is a colour of three numbers, or made by spectral_target, not {given!r}"
+            f"a target is a colour of three numbers, or made by spectral_target, not {target!r}"
         ) from None
 
 
@@ -244,7 +245,7 @@ def _on_one_grid(
     reach = [p.wavelengths for p in paints] + [
         t.wavelengths for t in targets if t.wavelengths is not None
     ]
-    kept = lie_between(grid, *common_range(reach))
+    shared = lie_between(grid, *common_range(reach))
     base = np.asarray(ground, dtype=np.float64)
     if base.shape not in ((), grid.shape):
         raise ValueError(
@@ -255,9 +256,9 @@ def _on_one_grid(
     wrong = base[~((base >= 0) & (base <= 1))]
     if wrong.size:
         raise ValueError(f"the ground's reflectance must lie in [0, 1], not {wrong.flat[0]:g}")
-    if not kept.any():
+    if not shared.any():
         raise ValueError(f"pigments ({describe_grid(grid)}) and targets share no wavelengths")
-    common = grid[kept]
+    common = grid[shared]
     colour.colour_weights(common)  # says if too little is left for a colour
     same = [p if same_grid(p.wavelengths, common) else p.resample(common) for p in paints]
-    return tuple(same), float(base) if base.ndim == 0 else base[kept]
+    return tuple(same), float(base) if base.ndim == 0 else base[shared]

@@ -40,9 +40,7 @@ _NAME = re.compile(
 
 
 class CoatScattering(NamedTuple):
-    """What is expected of the log of scattering times thickness of one brushed coat, averaged over
-    the bands.
-    """
+    """Expected log of scattering times thickness of one brushed coat, averaged over the bands."""
 
     mean: float
     sd: float
@@ -53,7 +51,7 @@ ANY_FILM = CoatScattering(*Expectations().level_s)
 
 
 class NamedCoat(NamedTuple):
-    """What a film's name says of it."""
+    """Paint and number of coats, as a film's name says."""
 
     paint: str
     coats: float
@@ -126,13 +124,13 @@ class CoatRecovery:
         Raises:
             ValueError: no coats of that paint were recovered.
         """
-        return self.film(max(self._found(paint).films.names, key=self.coats.__getitem__))
+        return self.film(max(self._fit_of(paint).films.names, key=self.coats.__getitem__))
 
     def scattering(self, paint: str) -> CoatScattering:
         """Log of s d of one coat, averaged over the bands, as it was found."""
-        return _level(self._found(paint))
+        return _level(self._fit_of(paint))
 
-    def _found(self, paint: str) -> JointRecovery:
+    def _fit_of(self, paint: str) -> JointRecovery:
         if paint not in self.paints:
             raise ValueError(
                 f"no coats of {paint!r} were recovered; there are {', '.join(self.paints)}"
@@ -233,25 +231,27 @@ def recover_coats(
         raise ValueError("there are no films to recover")
     if not 0 < spread <= 2:
         raise ValueError(f"the spread is {spread:g}; it must be above 0 and at most 2")
-    said = {name: _said(name, coats, paints) for name in films.names}
+    named_coats = {name: _named_coat(name, coats, paints) for name in films.names}
     _check_grounds(films)
     instrument = resolve_instrument(instrument)
     noise = noise or estimate_noise(films)
     cards(films, instrument, noise)  # refuse bad grounds before the first paint
     response = response or film_response(instrument)
-    found = {
+    fits = {
         paint: _fit(
-            films.take([row for row, name in enumerate(films.names) if said[name].paint == paint]),
-            said,
+            films.take(
+                [row for row, name in enumerate(films.names) if named_coats[name].paint == paint]
+            ),
+            named_coats,
             Expectations(thickness=spread, level_s=(expected.mean, expected.sd)),
-            given={"instrument": instrument, "noise": noise, "response": response},
+            fit_options={"instrument": instrument, "noise": noise, "response": response},
         )
-        for paint in dict.fromkeys(coat.paint for coat in said.values())
+        for paint in dict.fromkeys(coat.paint for coat in named_coats.values())
     }
     return CoatRecovery(
         films=films,
-        paints=found,
-        coats={name: coat.coats for name, coat in said.items()},
+        paints=fits,
+        coats={name: coat.coats for name, coat in named_coats.items()},
         expected=expected,
         spread=spread,
         response=response,
@@ -260,21 +260,21 @@ def recover_coats(
 
 def _fit(
     films: Films,
-    said: Mapping[str, NamedCoat],
+    named_coats: Mapping[str, NamedCoat],
     expectations: Expectations,
     *,
-    given: dict[str, Any],
+    fit_options: dict[str, Any],
 ) -> JointRecovery:
     """Joint recovery of the films of one paint."""
-    thickness = {name: said[name].coats * UNIT for name in films.names}
+    thickness = {name: named_coats[name].coats * UNIT for name in films.names}
     return recover_jointly(
         films,
-        {name: {said[name].paint: 1.0} for name in films.names},
+        {name: {named_coats[name].paint: 1.0} for name in films.names},
         expectations=expectations,
         # The unit is the coat itself: no factor is common to all films.
         gauge=Gauge(thickness, expectations.thickness, 1e-3),
         unit=UNIT,
-        **given,
+        **fit_options,
     )
 
 
@@ -302,8 +302,8 @@ def predict_next_coat(
         ValueError: a paint that was not recovered, a number of coats out of range, or a ground of
             another length or that cannot be one.
     """
-    found = recovery._found(paint)
-    instrument = found.instrument
+    fit = recovery._fit_of(paint)
+    instrument = fit.instrument
     if not 0.1 <= coats <= 20:
         raise ValueError(f"{coats:g} coats of {paint}; give a number from 0.1 to 20")
     bare = np.asarray(ground, dtype=np.float64)
@@ -315,10 +315,10 @@ def predict_next_coat(
         )
     if not (np.isfinite(bare).all() and bare.min() >= 0 and bare.max() <= 1.2):
         raise ValueError("the ground's reflectance must lie between 0 and 1, as fractions")
-    inside = np.clip(card_reflectance(bare, instrument)[0], 0.0, 1.0)
+    internal = np.clip(card_reflectance(bare, instrument)[0], 0.0, 1.0)
     # Another stream than that of the recovery's draws, which start from a seed too.
     rng = np.random.default_rng((seed, 1))
-    draws = found.draws
+    draws = fit.draws
     count = len(draws.bands)
     gloss = np.exp(draws.paints + draws.films[:, :, 1])
     log_k = _absorption_that_meets(
@@ -326,24 +326,26 @@ def predict_next_coat(
         draws.bands[:, :, 1],
         draws.films[:, :, 0],
         gloss * instrument.seen_surface,
-        found.problem,
+        fit.problem,
         response=recovery.response,
     )
     thickness = np.log(coats) + recovery.spread * rng.standard_normal((count, 1))
     kd = np.exp(np.asarray(log_k) + thickness)
     sd = np.exp(draws.bands[:, :, 1] + thickness)
-    seen = np.asarray(recovery.response.body(jnp.asarray(kd), jnp.asarray(sd), jnp.asarray(inside)))
-    expected = found.expectations
+    reading = np.asarray(
+        recovery.response.body(jnp.asarray(kd), jnp.asarray(sd), jnp.asarray(internal))
+    )
+    expected = fit.expectations
     surface = draws.paints[:, 0] + expected.gloss * rng.standard_normal(count)
-    seen = seen + instrument.seen_surface * np.exp(surface)[:, None]
+    reading = reading + instrument.seen_surface * np.exp(surface)[:, None]
     # The model's own error of a further coat: smooth, and larger for bright readings.
     smooth = rng.multivariate_normal(np.zeros(grid.size), smooth_kernel(grid, 100.0), size=count)
-    off = (0.003 + 0.01 * seen) * smooth
-    off = off + found.noise.sd(seen) * rng.standard_normal(seen.shape)
-    return CoatPrediction(paint, float(coats), grid, np.maximum(seen + off, 0.0))
+    off = (0.003 + 0.01 * reading) * smooth
+    off = off + fit.noise.sd(reading) * rng.standard_normal(reading.shape)
+    return CoatPrediction(paint, float(coats), grid, np.maximum(reading + off, 0.0))
 
 
-def _said(
+def _named_coat(
     name: str, coats: Mapping[str, float] | None, paints: Mapping[str, str] | None
 ) -> NamedCoat:
     """Paint and coats of a film, by what was given or by its name."""
@@ -365,7 +367,7 @@ def _check_grounds(films: Films) -> None:
     if hides:
         raise ValueError(
             f"coats of {hides[0]!r} lie on a ground that counts: name its rows '{hides[0]}_ow' and "
-            f"'{hides[0]}_w' (the bare ground beside it), on a dark ground _ob and _b"
+            f"'{hides[0]}_w' (its bare ground), on a dark ground _ob and _b"
         )
     unread = np.argwhere(films.assumed & films.seen)
     if len(unread):
@@ -377,10 +379,10 @@ def _check_grounds(films: Films) -> None:
         )
 
 
-def _level(found: JointRecovery) -> CoatScattering:
+def _level(fit: JointRecovery) -> CoatScattering:
     """Log of s d of one coat, averaged over the bands, and its standard deviation."""
-    logs = np.asarray(found.draws.bands)[:, :, 1].mean(axis=1)
-    return CoatScattering(float(np.log(found.scattering[0]).mean()), float(logs.std()))
+    logs = np.asarray(fit.draws.bands)[:, :, 1].mean(axis=1)
+    return CoatScattering(float(np.log(fit.scattering[0]).mean()), float(logs.std()))
 
 
 @jax.jit
@@ -398,12 +400,12 @@ def _absorption_that_meets(
 
     def one(draw: tuple[Array, Array, Array, Array]) -> Array:
         start, log_s, log_d, surface = draw
-        wanted = problem.reading - surface[:, None]
+        target = problem.reading - surface[:, None]
 
         def cost(log_k: Array) -> Array:
             kd = jnp.exp(log_k[:, None] + log_d)[..., None]
             sd = jnp.exp(log_s[:, None] + log_d)[..., None]
-            off = (response.body(kd, sd, problem.ground) - wanted) * problem.weight
+            off = (response.body(kd, sd, problem.ground) - target) * problem.weight
             # A weak pull settles what no reading tells.
             return jnp.sum(off**2, axis=(1, 2)) + 0.01 * (log_k - start) ** 2
 

@@ -9,7 +9,7 @@ from glazejax.commands import options, progress
 from glazejax.commands.help_groups import help_groups
 from glazejax.extras import require
 
-from .settings import Output, PriorKnowledge
+from .settings import Destination, PriorKnowledge
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -44,9 +44,9 @@ def recover(
             metavar="FILE",
             callback=options.there,
             help="Table of spectra. Rows of a film: NAME_ob and NAME_ow (paint over black, over "
-            "white), or one of them, or NAME alone (it hides what is below); NAME_b and NAME_w "
-            "(its bare cards), or card_b and card_w. A film called 'Blue 1:10 White' is that "
-            "tint, and 'Blue 2 coats' is two coats of a brush. CSV or TSV, percent or fractions.",
+            "white), or one of them, or NAME alone (opaque), and NAME_b and NAME_w (its bare "
+            "cards), or card_b and card_w. 'Blue 1:10 White' is that tint, 'Blue 2 coats' is "
+            "two coats of a brush. CSV or TSV, percent or fractions.",
             show_default=False,
         ),
     ] = None,
@@ -63,8 +63,8 @@ def recover(
         typer.Option(
             metavar="FILE",
             callback=options.there,
-            help="What the samples are made of, a line each: 'SAMPLE<TAB>PaintA-PaintB|90-10'. "
-            "Default: mixtures.tsv beside the table, if there is one.",
+            help="Recipes of the samples, a line each: 'SAMPLE<TAB>PaintA-PaintB|90-10'. Default: "
+            "mixtures.tsv in the folder of the table, if it exists.",
             show_default=False,
         ),
     ] = None,
@@ -74,8 +74,8 @@ def recover(
             "--into",
             metavar="FILE",
             help=(
-                "Add the new paints to your own file of paints, such as mine.csv; its paints are "
-                "taken as known."
+                "Add the new paints to your own file of paints, such as mine.csv, whose paints "
+                "stay fixed."
             ),
             show_default=False,
         ),
@@ -84,8 +84,8 @@ def recover(
         str,
         typer.Option(
             metavar="NAME",
-            help="The white of the tints is known, and sets the scale: a paint of --into, or of "
-            "--catalogue (ZincWhite), or acrylics:TitaniumWhite.",
+            help="White of the tints, which sets the scale: a paint of --into, of --catalogue "
+            "(ZincWhite), or acrylics:TitaniumWhite.",
             show_default=False,
         ),
     ] = "",
@@ -95,9 +95,9 @@ def recover(
         typer.Option(
             "--wet-film",
             metavar="LENGTHS",
-            help="What a gauge or the gap of a drawdown bar says of films: 100um, 100um±20%, "
-            "'Red=100um,Blue=50um', or 'same' (all by one bar, whose gap is not known). Of "
-            "acrylics, which lose about half as they dry, the dry thickness.",
+            help="Thickness by a gauge, or gap of the drawdown bar: 100um, 100um±20%, "
+            "'Red=100um,Blue=50um', or 'same' (one bar of unknown gap). Give the dry thickness "
+            "of acrylics, which lose about half.",
             show_default=False,
         ),
     ] = "",
@@ -107,8 +107,8 @@ def recover(
             "--excluded",
             metavar="FILE",
             callback=options.there,
-            help="The same films read without the specular part (de:8), where FILE is with it: "
-            "the difference is the gloss of each film, which is then no longer guessed.",
+            help="The same films read without the specular part (de:8), if FILE includes it: the "
+            "difference is the gloss of each film.",
             show_default=False,
         ),
     ] = None,
@@ -118,7 +118,7 @@ def recover(
         typer.Option(
             "--noise",
             help="Noise of the instrument near black: standard deviation of a reflectance. "
-            "Default: estimated from how rough the spectra are, 0.0005 or more.",
+            "Default: estimated from the roughness of the spectra, 0.0005 or more.",
             show_default=False,
         ),
     ] = None,
@@ -126,8 +126,8 @@ def recover(
         float | None,
         typer.Option(
             "--noise-share",
-            help="Noise that grows with the reading: added to --noise per unit of reflectance. "
-            "Default: 0.002, or as rough spectra say.",
+            help="Noise proportional to the reading, added to --noise per unit of reflectance. "
+            "Default: 0.002, or estimated from the spectra.",
             show_default=False,
         ),
     ] = None,
@@ -146,8 +146,8 @@ def recover(
         typer.Option(
             "--joint",
             help=(
-                "Fit all films together by their recipes (see --names): tints with white show "
-                "what opaque films hide."
+                "Fit all films together by their recipes (see --names): tints with white "
+                "separate k from s of opaque paints."
             ),
         ),
     ] = False,
@@ -164,7 +164,8 @@ def recover(
     overwrite: Annotated[
         bool,
         typer.Option(
-            "--overwrite", help="Write into a folder that is not empty; replace entries of --into."
+            "--overwrite",
+            help="Write into a folder that is not empty, and replace entries of --into.",
         ),
     ] = False,
 ) -> None:
@@ -211,8 +212,8 @@ def recover(
     _check_joint(check, simulate, measured)
     metres = options.read_length(thickness)
     # The white may be a paint of --into, a file that need not be there yet.
-    own = into if into is not None and into.is_file() else None
-    options.check_names(options.split_names(white), own, shelf)
+    own_file = into if into is not None and into.is_file() else None
+    options.check_names(options.split_names(white), own_file, shelf)
     options.check_outputs({"--into": into}, overwrite=True, pictures=())
     if plots:
         require("matplotlib")
@@ -228,28 +229,30 @@ def recover(
     from ..film.partial_films import tint
 
     console = Console()
-    said = None
+    stated_noise = None
     if noise is not None or noise_share is not None:
         usual = Noise()
-        said = Noise(
+        stated_noise = Noise(
             usual.floor if noise is None else noise,
             usual.share if noise_share is None else noise_share,
         )
-    given: dict[str, Any] = {"instrument": Instrument(seen_by, refractive_index)}
-    results = Output(
+    fit_options: dict[str, Any] = {"instrument": Instrument(seen_by, refractive_index)}
+    results = Destination(
         out=folder, thickness=metres, plots=plots, overwrite=overwrite, console=console
     )
     if simulate:
-        given["noise"] = said or Noise()
-        films = _simulate(samples, metres, given=given, seed=seed, shelf=shelf, console=console)
+        fit_options["noise"] = stated_noise or Noise()
+        films = _simulate(
+            samples, metres, fit_options=fit_options, seed=seed, shelf=shelf, console=console
+        )
     else:
         assert file is not None
         films = _films(file, samples, stated, console)
-        given["noise"] = said or _noise(films, console)
+        fit_options["noise"] = stated_noise or _noise(films, console)
         from .command_coats import are_coats, recover_from_coats
 
         if are_coats(films, measured):
-            recover_from_coats(films, given, results)
+            recover_from_coats(films, fit_options, results)
             return
         recipes, beside = _recipes(file, names)
         if masstones:
@@ -268,7 +271,7 @@ def recover(
             recover_together(
                 films,
                 recipes,
-                given=given,
+                fit_options=fit_options,
                 check=check,
                 knowledge=knowledge,
                 results=results,
@@ -279,9 +282,11 @@ def recover(
     from .film_by_film import recover_chunks
     from .result import Recovery
 
-    chunks = recover_chunks(films, **given)
-    parts, how = progress.collect(chunks, len(films), "compiling, then recovering", "recovering")
-    recovery = Recovery.join(parts)
+    chunks = recover_chunks(films, **fit_options)
+    chunk_recoveries, how = progress.collect(
+        chunks, len(films), "compiling, then recovering", "recovering"
+    )
+    recovery = Recovery.join(chunk_recoveries)
     _report(recovery, how, results)
     if simulate:
         _compare(recovery, metres, shelf, console)
@@ -317,8 +322,8 @@ def _catalogue(name: str | None, used: bool) -> str:
 
 def _check_joint(check: bool, simulate: bool, measured: dict[str, Any]) -> None:
     joint = measured["--joint"]
-    for option, given in (("--simulate", simulate), ("--masstones", measured["--masstones"])):
-        if joint and given:
+    for option, value in (("--simulate", simulate), ("--masstones", measured["--masstones"])):
+        if joint and value:
             raise ValueError(
                 f"--joint fits measured mixtures; leave out {option}, or leave out --joint"
             )
@@ -336,28 +341,28 @@ def _noise(films: "Films", console: "Console") -> "Noise":
     from ..film.films import Noise
     from ..film.noise import estimate_noise
 
-    found = estimate_noise(films)
-    if found != Noise():
+    noise = estimate_noise(films)
+    if noise != Noise():
         console.print(
-            f"Noise of a reading R, estimated from how rough the spectra are: {found.floor:.2g} + "
-            f"{found.share:.2g} R [dim](--noise, --noise-share)[/dim]"
+            f"Noise of a reading R, estimated from how rough the spectra are: {noise.floor:.2g} + "
+            f"{noise.share:.2g} R [dim](--noise, --noise-share)[/dim]"
         )
-    return found
+    return noise
 
 
-def _films(file: Path, samples: str, said: "Stated", console: "Console") -> "Films":
+def _films(file: Path, samples: str, stated: "Stated", console: "Console") -> "Films":
     """The films of a file, or those of --samples."""
     from ..film.partial_films import read_loose_films
 
-    films = read_loose_films(file, **said)
-    if wanted := options.split_names(samples):
-        films = films.select(wanted)
+    films = read_loose_films(file, **stated)
+    if chosen := options.split_names(samples):
+        films = films.select(chosen)
     progress.print_notes(console, file, films.notes)
     return films
 
 
 def _recipes(file: Path, names: Path | None) -> tuple[dict[str, dict[str, float]], Path]:
-    """What films are made of as a list says, and where a list is looked for."""
+    """Recipes of films as a list says, and the path where a list is looked for."""
     from ..film.readers import NAMES_FILE, read_recipes
 
     beside = file.parent / NAMES_FILE
@@ -388,7 +393,7 @@ def _readable(films: "Films", recipes: dict[str, dict[str, float]]) -> "Films":
 def _simulate(
     samples: str,
     thickness: float,
-    given: "dict[str, Any]",
+    fit_options: "dict[str, Any]",
     seed: int,
     shelf: str,
     console: "Console",
@@ -404,10 +409,10 @@ def _simulate(
         f"{format_length(thickness)} thick, "
         f"with made-up noise (seed {seed}). Nothing here was measured."
     )
-    return simulate_paints(paints, thickness, seed=seed, **given)
+    return simulate_paints(paints, thickness, seed=seed, **fit_options)
 
 
-def _report(recovery: "Recovery", how: progress.Collected, results: Output) -> None:
+def _report(recovery: "Recovery", how: progress.Collected, results: Destination) -> None:
     from glazejax.paint.describe import format_length
     from glazejax.paint.pigment_table import write_pigments
 
@@ -442,18 +447,18 @@ def _compare(recovery: "Recovery", thickness: float, shelf: str, console: "Conso
 
     from glazejax import catalogue
 
-    known = options.find_paints(recovery.films.names, catalogue.load(shelf))
+    paints = options.find_paints(recovery.films.names, catalogue.load(shelf))
     truth = np.stack(
         [
-            np.stack([known[name].absorption, known[name].scattering], axis=-1) * thickness
+            np.stack([paints[name].absorption, paints[name].scattering], axis=-1) * thickness
             for name in recovery.films.names
         ]
     )
     lower, upper = recovery.interval()
-    inside = (truth >= lower) & (truth <= upper)
+    covered = (truth >= lower) & (truth <= upper)
     bands = recovery.identifiable
     if bands.any():
-        k, s = inside[bands].mean(axis=0)
+        k, s = covered[bands].mean(axis=0)
         console.print(
             f"The true k lies in its 95 % band in {k:.1%} and the true s in {s:.1%} of the "
             f"{bands.sum()} bands where both are known."

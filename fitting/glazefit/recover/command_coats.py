@@ -10,11 +10,11 @@ from glazejax.paint.describe import format_length
 
 if TYPE_CHECKING:
     from ..film.films import Films
-    from .settings import Output
+    from .settings import Destination
 
 
 def are_coats(films: "Films", refused: dict[str, Any]) -> bool:
-    """Whether the films of a table are coats, by their names.
+    """True if the films of a table are coats, by their names.
 
     Args:
         films: as read.
@@ -28,24 +28,24 @@ def are_coats(films: "Films", refused: dict[str, Any]) -> bool:
     named = [name for name in films.names if coat_of(name)]
     if not named:
         return False
-    other = next((name for name in films.names if not coat_of(name)), None)
-    if other is not None:
+    other_film = next((name for name in films.names if not coat_of(name)), None)
+    if other_film is not None:
         raise ValueError(
-            f"{named[0]!r} is a film of coats and {other!r} is not: put coats into a table of "
+            f"{named[0]!r} is a film of coats and {other_film!r} is not: put coats into a table of "
             "their own, each film called 'PAINT 1 coat', 'PAINT 2 coats', ..."
         )
-    for option, given in refused.items():
-        if given:
+    for option, value in refused.items():
+        if value:
             raise ValueError(f"{option} is not for coats, such as {named[0]!r}; leave it out")
     return True
 
 
-def recover_from_coats(films: "Films", given: dict[str, Any], results: "Output") -> None:
+def recover_from_coats(films: "Films", fit_options: dict[str, Any], results: "Destination") -> None:
     """Recover paints from their coats, and foretell the next ones.
 
     Args:
         films: as read.
-        given: instrument and noise.
+        fit_options: instrument and noise.
         results: where they go.
     """
     from ..film.partial_films import average
@@ -57,21 +57,21 @@ def recover_from_coats(films: "Films", given: dict[str, Any], results: "Output")
     progress.print_notes(console, "films", fitted.notes[len(films.notes) :])
     with progress.doing("compiling, then fitting the coats of each paint"):
         began = time.perf_counter()
-        recovery = recover_coats(fitted, **given)
-        foretold = []
+        recovery = recover_coats(fitted, **fit_options)
+        predictions = []
         for paint in recovery.paints:
             last = recovery.thickest(paint)
-            foretold += [
-                predict_next_coat(recovery, paint, np.floor(last.coats) + more, last.ground)
-                for more in (1.0, 2.0)
+            predictions += [
+                predict_next_coat(recovery, paint, np.floor(last.coats) + extra, last.ground)
+                for extra in (1.0, 2.0)
             ]
         seconds = time.perf_counter() - began
-    print_coats(recovery, foretold, console, seconds)
+    print_coats(recovery, predictions, console, seconds)
     out = results.make_folder()
-    write_coats(recovery, foretold, metres, out, overwrite=overwrite)
+    write_coats(recovery, predictions, metres, out, overwrite=overwrite)
     if plots:
         with progress.drawing(len(recovery.paints)) as step:
-            plot_coats(recovery, foretold, out, step)
+            plot_coats(recovery, predictions, out, step)
     console.print(
         f"In pigments.csv a coat is taken as {format_length(metres)}. Wrote pigments.csv, "
         "films.csv, next_coats.csv"

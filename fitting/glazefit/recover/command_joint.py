@@ -20,23 +20,23 @@ if TYPE_CHECKING:
     from .constraints import Gauge
     from .entries import PaintFile
     from .joint_result import JointRecovery
-    from .settings import Output, PriorKnowledge
+    from .settings import Destination, PriorKnowledge
 
 
 def recover_together(
     films: "Films",
     listed: Mapping[str, Mapping[str, float]],
-    given: dict[str, Any],
+    fit_options: dict[str, Any],
     check: bool,
     knowledge: "PriorKnowledge",
-    results: "Output",
+    results: "Destination",
 ) -> None:
     """Fit films together, and write and say what was found.
 
     Args:
         films: as read.
         listed: recipes of a list; other films are what their names say.
-        given: instrument and noise.
+        fit_options: instrument and noise.
         check: whether films are left out in turn.
         knowledge: own paints, white and thicknesses.
         results: where they go.
@@ -54,25 +54,27 @@ def recover_together(
             "name.[/yellow]"
         )
     file = None if knowledge.into is None else PaintFile.open(knowledge.into, "--into")
-    known = known_paints(recipes, file, knowledge.white, overwrite, knowledge.catalogue)
+    references = known_paints(recipes, file, knowledge.white, overwrite, knowledge.catalogue)
     gauge = read_gauge(knowledge.wet_film, films.names)
     fitted = average(films)
-    for paint in known.values():
+    for paint in references.values():
         grid = paint.wavelengths
         fitted = crop(fitted, grid[0], grid[-1], f"{paint.name} is known there only")
     progress.print_notes(console, "films", fitted.notes[len(films.notes) :])
-    unit = gauge.typical if gauge is not None and not known else metres
-    given = given | {"unit": unit}
+    unit = gauge.typical if gauge is not None and not references else metres
+    fit_options = fit_options | {"unit": unit}
     if knowledge.wet_film == "same":
         # Films that one bar drew are as thick to a tenth.
-        given["expectations"] = Expectations(thickness=0.1)
-    if known or gauge is not None:
-        given |= {"pigments": known, "gauge": gauge}
+        fit_options["expectations"] = Expectations(thickness=0.1)
+    if references or gauge is not None:
+        fit_options |= {"pigments": references, "gauge": gauge}
     if knowledge.excluded is not None:
-        given["gloss"] = _measured_gloss(knowledge, fitted, given["instrument"], console)
+        fit_options["gloss"] = _measured_gloss(
+            knowledge, fitted, fit_options["instrument"], console
+        )
     with progress.doing("compiling, then fitting all films together"):
         began = time.perf_counter()
-        recovery = recover_jointly(fitted, recipes, **given)
+        recovery = recover_jointly(fitted, recipes, **fit_options)
         seconds = time.perf_counter() - began
 
     from .report import print_joint
@@ -80,9 +82,15 @@ def recover_together(
     print_joint(recovery, console, seconds)
     if out is not None:
         _write_folder(
-            recovery, fitted, recipes=recipes, given=given, unit=unit, check=check, results=results
+            recovery,
+            fitted,
+            recipes=recipes,
+            fit_options=fit_options,
+            unit=unit,
+            check=check,
+            results=results,
         )
-    _say_scale(recovery, known, gauge, unit, results)
+    _say_scale(recovery, references, gauge, unit, results)
     if file is not None:
         _write_entries(recovery, file, results)
     if not listed or knowledge.any:
@@ -111,20 +119,20 @@ def _measured_gloss(
     path = knowledge.excluded
     assert path is not None
     grid = films.wavelengths
-    other = crop(
+    excluded = crop(
         average(read_loose_films(path, specular=False, **(knowledge.stated or {}))),
         grid[0],
         grid[-1],
         "as the films with the specular part",
     )
-    progress.print_notes(console, path, other.notes)
-    found = measure_gloss(films, other, instrument)
-    values = sorted(found.values())
+    progress.print_notes(console, path, excluded.notes)
+    gloss = measure_gloss(films, excluded, instrument)
+    values = sorted(gloss.values())
     console.print(
-        f"Gloss, from readings with and without the specular part of {len(found)} of {len(films)} "
+        f"Gloss, from readings with and without the specular part of {len(gloss)} of {len(films)} "
         f"films: {values[0]:.2f} to {values[-1]:.2f} of a smooth surface's."
     )
-    return found
+    return gloss
 
 
 def known_paints(
@@ -146,32 +154,32 @@ def known_paints(
     )
     in_file = dict(file.paints) if file is not None else {}
     pure = {p for recipe in recipes.values() if len(recipe) == 1 for p in recipe}
-    known = {p: in_file[p] for p in paints if p in in_file}
+    references = {p: in_file[p] for p in paints if p in in_file}
     if white:
         paint = _white(white, in_file, catalogue)
         if paint.name not in paints:
             raise ValueError(
                 f"--white {white}: no film holds {paint.name}; the films are of {', '.join(paints)}"
             )
-        known[paint.name] = paint
+        references[paint.name] = paint
     chosen = _white(white, in_file, catalogue).name if white else ""
     if overwrite:
-        known = {p: paint for p, paint in known.items() if p not in pure or p == chosen}
-    if paints and len(known) == len(paints):
+        references = {p: paint for p, paint in references.items() if p not in pure or p == chosen}
+    if paints and len(references) == len(paints):
         where = "known" if file is None else f"in {file.path}"
         raise ValueError(
             f"all paints of the films are {where} already: {', '.join(paints)}; --overwrite fits "
             "those again that have a film of their own (but --white)"
         )
-    return known
+    return references
 
 
-def _white(text: str, own: "Mapping[str, Pigment]", name: str) -> "Pigment":
+def _white(text: str, own_paints: "Mapping[str, Pigment]", name: str) -> "Pigment":
     """The white that is meant, under the name that it has in films."""
     from glazejax import catalogue
 
-    found = options.find_paints([text], {**catalogue.load(name), **own})
-    (paint,) = found.values()
+    matches = options.find_paints([text], {**catalogue.load(name), **own_paints})
+    (paint,) = matches.values()
     return paint.renamed(paint.name.rpartition(":")[2])
 
 
@@ -191,8 +199,8 @@ def read_gauge(text: str, films: Sequence[str], option: str = "--wet-film") -> "
 
     lengths: dict[str, float] = {}
     errors: list[float] = []
-    for part in options.split_names(text):
-        film, equals, length = part.rpartition("=")
+    for entry in options.split_names(text):
+        film, equals, length = entry.rpartition("=")
         spread = _SPREAD.fullmatch(length.strip())
         metres = options.read_length(spread["length"] if spread else length, option)
         errors += [float(spread["share"]) / 100] if spread else []
@@ -207,10 +215,10 @@ def _write_folder(
     recovery: "JointRecovery",
     films: "Films",
     recipes: Mapping[str, Mapping[str, float]],
-    given: dict[str, Any],
+    fit_options: dict[str, Any],
     unit: float,
     check: bool,
-    results: "Output",
+    results: "Destination",
 ) -> None:
     from glazejax.paint.pigment_table import write_pigments
 
@@ -223,7 +231,7 @@ def _write_folder(
     write_pigments(out / "pigments.csv", paints.values(), digits=6, overwrite=overwrite)
     write_joint_films(recovery, out / "films.csv", overwrite=overwrite)
     if check:
-        _leave_out(recovery, films, recipes, given, results)
+        _leave_out(recovery, films, recipes, fit_options, results)
     if plots:
         with progress.drawing(len(paints)) as step:
             draw_each(
@@ -240,8 +248,8 @@ def _leave_out(
     recovery: "JointRecovery",
     films: "Films",
     recipes: Mapping[str, Mapping[str, float]],
-    given: dict[str, Any],
-    results: "Output",
+    fit_options: dict[str, Any],
+    results: "Destination",
 ) -> None:
     from .crossvalidation import cross_validate
     from .plots import plot_left_out
@@ -250,29 +258,29 @@ def _leave_out(
     _, _, plots, overwrite, console = results
     out = results.make_folder()
     with progress.follow("leaving films out") as report:
-        left = cross_validate(recovery, films, recipes, progress=report, **given)
-    print_left_out(left, console)
-    write_left_out(recovery, left, out / "left_out.csv", overwrite=overwrite)
+        left_out = cross_validate(recovery, films, recipes, progress=report, **fit_options)
+    print_left_out(left_out, console)
+    write_left_out(recovery, left_out, out / "left_out.csv", overwrite=overwrite)
     if plots:
-        plot_left_out(recovery, left, out / "left_out.png")
+        plot_left_out(recovery, left_out, out / "left_out.png")
 
 
 def _say_scale(
     recovery: "JointRecovery",
-    known: "Mapping[str, Pigment]",
+    references: "Mapping[str, Pigment]",
     gauge: "Gauge | None",
     unit: float,
-    results: "Output",
+    results: "Destination",
 ) -> None:
     console = results.console
-    if known:
+    if references:
         films = ~recovery.films.opaque
         thick = (
             f"; on it the films are {_lengths(recovery.thickness[films] * unit)} thick"
             if films.any()
             else ""
         )
-        console.print(f"[bold]Scale: that of {' and '.join(known)}{thick}.[/bold]")
+        console.print(f"[bold]Scale: that of {' and '.join(references)}{thick}.[/bold]")
     elif gauge is not None:
         console.print(
             f"[bold]Thickness: as measured, about {format_length(gauge.typical)}; k and s share "
@@ -293,14 +301,14 @@ def _lengths(metres: Any) -> str:
     return format_length(low) if low == high else f"{format_length(low)} to {format_length(high)}"
 
 
-def _write_entries(recovery: "JointRecovery", file: "PaintFile", results: "Output") -> None:
+def _write_entries(recovery: "JointRecovery", file: "PaintFile", results: "Destination") -> None:
     from .entries import add_paints
 
     new = add_paints(recovery, file.path, overwrite=results.overwrite)
     replaced = sorted(set(new) & set(file.paints))
-    words = f" (replaced: {', '.join(replaced)})" if replaced else ""
+    remark = f" (replaced: {', '.join(replaced)})" if replaced else ""
     results.console.print(
-        f"Added {', '.join(new)} to {file.path}{words}, with {len(file.paints)} paints there "
+        f"Added {', '.join(new)} to {file.path}{remark}, with {len(file.paints)} paints there "
         "before."
     )
 
@@ -316,11 +324,13 @@ def _print_next_films(recovery: "JointRecovery", catalogue: str, console: "Conso
     # What tints would be made with, where no white is named.
     stand_in = next(shelf[name] for name in ("ZincWhite", "TitaniumWhite") if name in shelf)
     for paint in new[:3]:
-        found = rank_next_films(recovery, paint, white=stand_in)
-        best, *rest = found.films
-        others = "; ".join(f"{further.film}: {further.expected:.1f}" for further in rest[:2])
+        ranking = rank_next_films(recovery, paint, white=stand_in)
+        best, *further_films = ranking.films
+        runners_up = "; ".join(
+            f"{further.film}: {further.expected:.1f}" for further in further_films[:2]
+        )
         console.print(
-            f"{paint}: mixtures with white and films of it are foretold to ΔE00 {found.now:.1f}. "
-            f"What would teach most: [bold]{best.film}[/bold] (then {best.expected:.1f}; "
-            f"{others})."
+            f"{paint}: mixtures with white and films of it are predicted to "
+            f"ΔE00 {ranking.now:.1f}. Most useful next film: [bold]{best.film}[/bold] "
+            f"(then {best.expected:.1f}; {runners_up})."
         )

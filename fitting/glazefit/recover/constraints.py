@@ -1,5 +1,5 @@
-"""What a joint fit may be told beside its films: paints that are known already, and thicknesses
-from a gauge.
+"""Constraints that a joint fit may be told beside its films: paints that are known already, and
+thicknesses from a gauge.
 
 A known paint keeps its k and s, as far as they are known: its error modes become unknowns of the
 fit, each expected to be nought with a standard deviation of one. So does the level of a card that
@@ -66,18 +66,18 @@ class Gauge:
         return float(np.exp(np.mean(np.log(list(self.thickness.values())))))
 
 
-class Modes(NamedTuple):
-    """Where a known paint's error modes are among the others: from `first` on, those of these
+class PaintModes(NamedTuple):
+    """Position of a known paint's error modes among the others: from `first` on, those of these
     numbers.
     """
 
     first: int
-    kept: tuple[int, ...]
+    numbers: tuple[int, ...]
 
     @property
-    def places(self) -> list[int]:
+    def indices(self) -> list[int]:
         """Numbers among the others."""
-        return list(range(self.first, self.first + len(self.kept)))
+        return list(range(self.first, self.first + len(self.numbers)))
 
 
 class Constraints(NamedTuple):
@@ -95,13 +95,13 @@ class Constraints(NamedTuple):
     ground_modes: Float[np.ndarray, "others films 2"]
     thickness_modes: Float[np.ndarray, "others films"]
     gain_modes: Float[np.ndarray, "others films 2"]
-    modes_of: Mapping[str, Modes]
+    modes_of: Mapping[str, PaintModes]
 
 
 def gather_constraints(
     films: Films,
     paints: Sequence[str],
-    known: Mapping[str, Pigment],
+    references: Mapping[str, Pigment],
     gauge: Gauge | None,
     unit: float,
     expected: Expectations,
@@ -111,7 +111,7 @@ def gather_constraints(
     Args:
         films: measured.
         paints: of all films.
-        known: paints that are known, by name; those that no film holds do not matter.
+        references: paints that are known, by name; those that no film holds do not matter.
         gauge: thicknesses.
         unit: thickness of a film of unit relative thickness, m.
         expected: of thicknesses where there is no gauge, of a factor of all of them where a paint
@@ -127,24 +127,24 @@ def gather_constraints(
     flags = np.zeros(count, dtype=bool)
     of_column: dict[int, Pigment] = {}
     for column, name in enumerate(paints):
-        if name not in known:
+        if name not in references:
             continue
-        paint = _on(known[name], films.wavelengths)
+        paint = _on(references[name], films.wavelengths)
         flags[column] = True
-        for place, values in ((column, paint.absorption), (count + column, paint.scattering)):
-            logs[:, place] = np.log(np.maximum(np.asarray(values) * unit, 1e-7))
+        for index, values in ((column, paint.absorption), (count + column, paint.scattering)):
+            logs[:, index] = np.log(np.maximum(np.asarray(values) * unit, 1e-7))
         of_column[column] = paint
     band_modes, modes_of = _paint_modes(of_column, bands, count)
     thickness, thickness_sd, factor = _thicknesses(
         films, gauge, unit, expected.thickness, expected.scale if flags.any() else 0.0
     )
-    parts = (band_modes, _card_levels(films), factor, _gains(films, expected.gain))
-    ends = np.cumsum([0, *map(len, parts)])
+    mode_groups = (band_modes, _card_levels(films), factor, _gains(films, expected.gain))
+    ends = np.cumsum([0, *map(len, mode_groups)])
 
     def among_others(number: int) -> np.ndarray:
         """A part's modes, where they stand among the others."""
-        modes = np.zeros((ends[-1], *parts[number].shape[1:]))
-        modes[ends[number] : ends[number + 1]] = parts[number]
+        modes = np.zeros((ends[-1], *mode_groups[number].shape[1:]))
+        modes[ends[number] : ends[number + 1]] = mode_groups[number]
         return modes
 
     return Constraints(
@@ -171,8 +171,8 @@ def _on(paint: Pigment, grid: Float[np.ndarray, "bands"]) -> Pigment:
 
 
 def _paint_modes(
-    known: Mapping[int, Pigment], bands: int, paints: int
-) -> tuple[Float[np.ndarray, "modes bands local"], dict[str, Modes]]:
+    references: Mapping[int, Pigment], bands: int, paints: int
+) -> tuple[Float[np.ndarray, "modes bands local"], dict[str, PaintModes]]:
     """Modes of known paints, by column, and the places of each; those of one provenance share
     theirs.
 
@@ -180,22 +180,24 @@ def _paint_modes(
     out.
     """
     groups: dict[object, dict[int, Pigment]] = {}
-    for column, paint in known.items():
-        own = paint.error_modes
-        source = column if own is None else (paint.provenance, len(own))
+    for column, paint in references.items():
+        stated_modes = paint.error_modes
+        source = column if stated_modes is None else (paint.provenance, len(stated_modes))
         groups.setdefault(source, {})[column] = paint
-    parts = [np.zeros((0, bands, 2 * paints))]
-    places = {}
+    blocks = [np.zeros((0, bands, 2 * paints))]
+    spans = {}
     first = 0
     for group in groups.values():
         modes = np.stack([error_modes(paint) for paint in group.values()], axis=-1)
-        kept = np.flatnonzero(np.abs(modes).max(axis=(1, 2, 3)) > 0)
-        block = np.zeros((kept.size, bands, 2, paints))
-        block[..., list(group)] = np.swapaxes(modes[kept], 1, 2)
-        parts.append(block.reshape(kept.size, bands, 2 * paints))
-        places |= {paint.name: Modes(first, tuple(kept.tolist())) for paint in group.values()}
-        first += kept.size
-    return np.concatenate(parts), places
+        nonzero = np.flatnonzero(np.abs(modes).max(axis=(1, 2, 3)) > 0)
+        block = np.zeros((nonzero.size, bands, 2, paints))
+        block[..., list(group)] = np.swapaxes(modes[nonzero], 1, 2)
+        blocks.append(block.reshape(nonzero.size, bands, 2 * paints))
+        spans |= {
+            paint.name: PaintModes(first, tuple(nonzero.tolist())) for paint in group.values()
+        }
+        first += nonzero.size
+    return np.concatenate(blocks), spans
 
 
 def error_modes(paint: Pigment) -> Float[np.ndarray, "modes 2 bands"]:
@@ -210,12 +212,13 @@ def error_modes(paint: Pigment) -> Float[np.ndarray, "modes 2 bands"]:
     for row, (value, sd) in enumerate(
         ((paint.absorption, paint.absorption_sd), (paint.scattering, paint.scattering_sd))
     ):
-        level = np.asarray(value, dtype=np.float64)
+        coefficient = np.asarray(value, dtype=np.float64)
         # A paint that says nothing of its errors is known to a tenth.
         size = np.full(grid.size, 0.1)
         if sd is not None:
             size = np.minimum(
-                np.asarray(sd) / np.maximum(level, 1e-12 * level.max(initial=1e-9)), MOST_ERROR
+                np.asarray(sd) / np.maximum(coefficient, 1e-12 * coefficient.max(initial=1e-9)),
+                MOST_ERROR,
             )
         block = np.zeros((len(smooth), 2, grid.size))
         block[:, row] = smooth * size
@@ -238,9 +241,9 @@ def _thicknesses(
         for film in gauge.thickness:
             if film not in films.names:
                 raise ValueError(f"no film is called {film!r}, whose thickness was given")
-        given = np.array([name in gauge.thickness for name in films.names])
+        gauged = np.array([name in gauge.thickness for name in films.names])
         mean = np.log([gauge.thickness.get(name, gauge.typical) / unit for name in films.names])
-        sd = np.where(given, gauge.error, spread)
+        sd = np.where(gauged, gauge.error, spread)
         common = max(common, gauge.common)
     return mean, sd, np.full((1, count), common) if common else np.zeros((0, count))
 

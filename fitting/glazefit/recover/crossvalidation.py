@@ -1,5 +1,5 @@
-"""How well a set of films foretells itself: every mixture left out of a joint fit in turn, and
-predicted.
+"""Check of how well a set of films foretells itself: every mixture left out of a joint fit in turn,
+and predicted.
 
 What the films left out show of how far films are from their recipes (`film.model.variation`)
 sets the bands: of each by what the others showed, and of films to come by what all did.
@@ -49,7 +49,7 @@ class LeftOut:
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the films."""
-        return tuple(found.name for found in self.predictions)
+        return tuple(prediction.name for prediction in self.predictions)
 
     @cached_property
     def predicted(self) -> Float[np.ndarray, "films 2"]:
@@ -63,37 +63,37 @@ class LeftOut:
 
     @cached_property
     def expected(self) -> Float[np.ndarray, "films"]:
-        """What each prediction said it would be off."""
-        return np.array([found.expected_error() for found in self.predictions])
+        """CIEDE2000 that each prediction said it would be off."""
+        return np.array([prediction.expected_error() for prediction in self.predictions])
 
     @cached_property
     def inside(self) -> Float[np.ndarray, "films"]:
         """Share of each film's readings within the prediction's 90 % band."""
-        low, high = np.stack([found.interval() for found in self.predictions], axis=1)
+        low, high = np.stack([prediction.interval() for prediction in self.predictions], axis=1)
         return np.mean((low <= self.measured) & (self.measured <= high), axis=(1, 2))
 
 
 def without(
-    whole: JointRecovery,
+    recovery: JointRecovery,
     films: Films,
     recipes: Mapping[str, Mapping[str, float]],
     row: int | list[int],
-    **given: Any,
+    **fit_options: Any,
 ) -> JointRecovery:
     """The fit without one film or several; it starts where that of all ended, but knows nothing of
     them.
 
     Args:
-        whole: fit of all films.
-        films, recipes: of `whole`.
+        recovery: fit of all films.
+        films, recipes: of `recovery`.
         row: of the film that is left out, or of several.
-        given: as `whole` had them.
+        fit_options: as `recovery` had them.
     """
     use = np.ones(len(films))
     use[row] = 0.0
-    start = whole.unknowns._replace(films=whole.unknowns.films * use[:, None])
+    start = recovery.unknowns._replace(films=recovery.unknowns.films * use[:, None])
     # A fit that starts where that of all films ended is close.
-    return recover_jointly(films, recipes, use=use, start=start, max_steps=15, **given)
+    return recover_jointly(films, recipes, use=use, start=start, max_steps=15, **fit_options)
 
 
 def cross_validate(
@@ -103,7 +103,7 @@ def cross_validate(
     *,
     only: Callable[[str], bool] | None = None,
     progress: Progress = no_progress,
-    **given: Any,
+    **fit_options: Any,
 ) -> LeftOut:
     """Leave every mixture out of the fit in turn and predict it from its weights.
 
@@ -115,7 +115,8 @@ def cross_validate(
         only: whether a film, by name, is left out; by default those of more than one paint, all of
             whose paints are in other films too.
         progress: called before each film is fitted. An interrupt keeps the films that are done.
-        given: further arguments of `glazefit.recover.joint.recover_jointly`, as `whole` had them.
+        fit_options: further arguments of `glazefit.recover.joint.recover_jointly`, as `whole` had
+            them.
 
     Raises:
         ValueError: there is no such film.
@@ -134,9 +135,9 @@ def cross_validate(
     try:
         for row in rows:
             progress(len(predictions), len(rows), f"leaving out {films.names[row]}")
-            rest = without(whole, films, recipes, row, **given)
+            refit = without(whole, films, recipes, row, **fit_options)
             predictions += predict_films(
-                rest, films.take([row]), recipes, response=given.get("response")
+                refit, films.take([row]), recipes, response=fit_options.get("response")
             )
     except KeyboardInterrupt:
         if not predictions:
@@ -144,12 +145,14 @@ def cross_validate(
     done = rows[: len(predictions)]
     measured = np.stack([films.over_black[done], films.over_white[done]], axis=1)
     evidence = [
-        found.size_evidence(seen) for found, seen in zip(predictions, measured, strict=True)
+        prediction.size_evidence(spectra)
+        for prediction, spectra in zip(predictions, measured, strict=True)
     ]
-    mixing = [found.paints for found in evidence]
-    others = [evidence[:i] + evidence[i + 1 :] for i in range(len(evidence))]
+    mixing = [film_evidence.paints for film_evidence in evidence]
+    evidence_without = [evidence[:i] + evidence[i + 1 :] for i in range(len(evidence))]
     judged = [
-        p.with_variation(learn(rest, mixing)) for p, rest in zip(predictions, others, strict=True)
+        p.with_variation(learn(film_evidence, mixing))
+        for p, film_evidence in zip(predictions, evidence_without, strict=True)
     ]
     learned = learn(evidence, mixing)
     return LeftOut(

@@ -88,11 +88,11 @@ def add_paints(
     for name in recovery.known:
         if name in file.paints and not _same(recovery, name, file.paints[name]):
             raise ValueError(
-                f"{file.path} has another {name!r} than the fit was told; tell it the file's own, "
+                f"{file.path} has another {name!r} than the fit used: give the fit the file's own, "
                 f"glazejax.catalogue.read(path)[{name!r}] (--white {name})"
             )
-    made = entries(recovery, file)
-    new = tuple(paint.name for paint in made)
+    written = entries(recovery, file)
+    new = tuple(paint.name for paint in written)
     scale = f"a typical film taken as {format_length(recovery.unit)}"
     if recovery.known:
         scale = f"scale of {' and '.join(recovery.known)}"
@@ -104,21 +104,21 @@ def add_paints(
         for name, paint in recovery.known_paints.items()
         if name in new
     ]
-    add_entries(file, made, comments, overwrite=overwrite)
+    add_entries(file, written, comments, overwrite=overwrite)
     return new
 
 
 def _same(recovery: JointRecovery, name: str, existing: Pigment) -> bool:
-    """Whether a known paint is the file's own, as far as the fit's errors are told by its modes."""
+    """True if a known paint is the file's own, as far as the fit's errors are told by its modes."""
     paint = recovery.known_paints[name]
-    kept = list(recovery.known_modes[name].kept)
+    numbers = list(recovery.known_modes[name].numbers)
     try:
-        paint, existing = (each.resample(recovery.wavelengths) for each in (paint, existing))
+        paint, existing = (pigment.resample(recovery.wavelengths) for pigment in (paint, existing))
     except ValueError:  # another range
         return False
     matches = [
-        np.allclose(one, other, rtol=1e-4)
-        for one, other in (
+        np.allclose(refitted, stored, rtol=1e-4)
+        for refitted, stored in (
             (paint.absorption, existing.absorption),
             (paint.scattering, existing.scattering),
         )
@@ -130,8 +130,8 @@ def _same(recovery: JointRecovery, name: str, existing: Pigment) -> bool:
     modes = error_modes(paint)
     modes_in_file = error_modes(existing)
     # Three digits of a mode are written.
-    return len(modes_in_file) > max(kept, default=-1) and np.allclose(
-        modes[kept], modes_in_file[kept], rtol=6e-3, atol=1e-5
+    return len(modes_in_file) > max(numbers, default=-1) and np.allclose(
+        modes[numbers], modes_in_file[numbers], rtol=6e-3, atol=1e-5
     )
 
 
@@ -145,7 +145,7 @@ def entries(recovery: JointRecovery, file: PaintFile) -> list[Pigment]:
     """
     first = mode_columns(file)
     thickness = recovery.unit
-    known = recovery.known_paints
+    references = recovery.known_paints
     new = [paint for paint in recovery.paints if paint not in recovery.known]
     lacking = [paint for paint in recovery.known if paint not in file.paints]
     # Numbers of known paints' modes among the others -> their columns in the file.
@@ -153,21 +153,21 @@ def entries(recovery: JointRecovery, file: PaintFile) -> list[Pigment]:
     for paint in recovery.known:
         modes = recovery.known_modes[paint]
         if paint in lacking and modes.first not in columns:
-            columns |= {place: first + i for i, place in enumerate(modes.places)}
-            first += len(modes.kept)
-        elif paint not in lacking and known[paint].error_modes is not None:
-            columns |= dict(zip(modes.places, modes.kept, strict=True))
-    slopes, own, shift, sd = conditional_modes(recovery, new, list(columns))
+            columns |= {index: first + i for i, index in enumerate(modes.indices)}
+            first += len(modes.numbers)
+        elif paint not in lacking and references[paint].error_modes is not None:
+            columns |= dict(zip(modes.indices, modes.numbers, strict=True))
+    slopes, own_modes, shift, sd = conditional_modes(recovery, new, list(columns))
     bands = recovery.wavelengths.size
-    made = []
+    pigments = []
     for paint in new:
         row = recovery.row(paint)
-        modes = np.zeros((first + len(own), 2, bands))
+        modes = np.zeros((first + len(own_modes), 2, bands))
         modes[list(columns.values())] = slopes[:, :, row]
-        modes[first:] = own[:, :, row]
+        modes[first:] = own_modes[:, :, row]
         k = recovery.absorption[row] / thickness * np.exp(shift[0, row])
         s = recovery.scattering[row] / thickness * np.exp(shift[1, row])
-        made.append(
+        pigments.append(
             Pigment(
                 paint,
                 recovery.wavelengths,
@@ -180,33 +180,33 @@ def entries(recovery: JointRecovery, file: PaintFile) -> list[Pigment]:
             )
         )
     for paint in lacking:
-        known_paint = known[paint].resample(recovery.wavelengths)
-        places = recovery.known_modes[paint]
-        modes = np.zeros((first + len(own), 2, bands))
-        modes[[columns[place] for place in places.places]] = error_modes(known_paint)[
-            list(places.kept)
+        known_paint = references[paint].resample(recovery.wavelengths)
+        span = recovery.known_modes[paint]
+        modes = np.zeros((first + len(own_modes), 2, bands))
+        modes[[columns[index] for index in span.indices]] = error_modes(known_paint)[
+            list(span.numbers)
         ]
-        made.append(
+        pigments.append(
             eqx.tree_at(
-                lambda each: each.error_modes,
+                lambda pigment: pigment.error_modes,
                 known_paint,
                 modes,
                 is_leaf=lambda leaf: leaf is None,
             )
         )
-    return made
+    return pigments
 
 
 def conditional_modes(
-    recovery: JointRecovery, paints: Sequence[str], others: Sequence[int]
+    recovery: JointRecovery, paints: Sequence[str], numbers: Sequence[int]
 ) -> tuple[
     Float[np.ndarray, "others 2 paints bands"],
     Float[np.ndarray, "modes 2 paints bands"],
     Float[np.ndarray, "2 paints bands"],
     Float[np.ndarray, "2 paints bands"],
 ]:
-    """How errors of log k and log s go with some of the others, for one standard deviation each,
-    and what is left.
+    """Regress errors of log k and log s on some of the others, for one standard deviation each, and
+    give what is left.
 
     The fit may have moved the others, but what is known stays as it is: so paints are shifted to
     where they are likely if the others are nought, as a tint demands, and the others count with all
@@ -215,7 +215,7 @@ def conditional_modes(
     Args:
         recovery: joint fit.
         paints: whose own errors count; of the fit's other paints modes of what is left are 0.
-        others: numbers of the unknowns' `others`.
+        numbers: of the unknowns' `others`.
 
     Returns:
         Slopes by the others, modes of what is left, the shift of log k and log s, and their
@@ -223,28 +223,32 @@ def conditional_modes(
     """
     count = len(recovery.paints)
     bands = recovery.wavelengths.size
-    slopes = np.zeros((len(others), bands, 2 * count))
+    slopes = np.zeros((len(numbers), bands, 2 * count))
     shift = np.zeros((bands, 2 * count))
     variance = np.diagonal(recovery.log_covariance, axis1=1, axis2=2)
-    if len(others):
-        picked = np.asarray(others)
+    if len(numbers):
+        picked = np.asarray(numbers)
         size = recovery.shared_covariance.shape[0] - recovery.unknowns.others.size
-        own = recovery.shared_covariance[size:, size:][np.ix_(picked, picked)]
+        picked_covariance = recovery.shared_covariance[size:, size:][np.ix_(picked, picked)]
         with_picked = recovery.whole_covariance.with_others[picked]
-        slopes = np.einsum("op,pbi->obi", np.linalg.inv(own), with_picked)
+        slopes = np.einsum("op,pbi->obi", np.linalg.inv(picked_covariance), with_picked)
         variance = variance - np.einsum("obi,obi->bi", slopes, with_picked)
         shift = -np.einsum("o,obi->bi", recovery.unknowns.others[picked], slopes)
     # As large as is used to first order; both parts of an error alike.
     total = np.sqrt(np.sum(slopes**2, axis=0) + np.maximum(variance, 0.0))
-    held = np.minimum(1.0, MOST_ERROR / np.maximum(total, 1e-12))
+    cap = np.minimum(1.0, MOST_ERROR / np.maximum(total, 1e-12))
     new = np.tile(np.isin(recovery.paints, paints), 2)
     # Error modes that are the new paints' own.
-    left = recovery.whole_covariance.largest(held * new, 16, others, slopes)
-    return by_paint(slopes * held), by_paint(left), by_paint(shift), by_paint(total)
+    remaining = recovery.whole_covariance.largest(cap * new, 16, numbers, slopes)
+    return by_paint(slopes * cap), by_paint(remaining), by_paint(shift), by_paint(total)
 
 
 def add_entries(
-    file: PaintFile, made: Sequence[Pigment], comments: Sequence[str], *, overwrite: bool = False
+    file: PaintFile,
+    pigments: Sequence[Pigment],
+    comments: Sequence[str],
+    *,
+    overwrite: bool = False,
 ) -> None:
     """Write entries into the file: whole or not at all, and with the other paints' lines as they
     are.
@@ -252,7 +256,7 @@ def add_entries(
     Raises:
         ValueError: the file has a paint of that name, and `overwrite` is false.
     """
-    names = {paint.name for paint in made}
+    names = {paint.name for paint in pigments}
     if (existing := sorted(names & set(file.paints))) and not overwrite:
         raise ValueError(
             f"{file.path} has an entry {existing[0]!r}; give another name, or replace it with "
@@ -262,7 +266,7 @@ def add_entries(
     remarks = [line for line in lines if line.startswith("#")]
     remarks += [line for line in (f"# {text}" for text in comments) if line not in remarks]
     cells = list(csv.reader(line for line in lines if line.strip() and not line.startswith("#")))
-    titles, rows = pigment_rows(made, digits=6)
+    titles, rows = pigment_rows(pigments, digits=6)
     header = [title.strip() for title in cells[0]] if cells else titles
     wide = [*header, *(title for title in titles if title not in header)]
     # A paint without modes stays without: empty cells. One that has some has no share in the new.
@@ -280,12 +284,12 @@ def add_entries(
         row = dict(zip(titles, [shield_name(str(name)), *values], strict=True))
         # No share in modes that no new paint has either; other columns of the file are not ours.
         writer.writerow(row.get(title, "0") for title in wide)
-    with whole_file(file.path) as part:
-        part.write_text(text.getvalue(), encoding="utf-8")
+    with whole_file(file.path) as temporary:
+        temporary.write_text(text.getvalue(), encoding="utf-8")
 
 
 def mode_columns(file: PaintFile) -> int:
-    """How many error modes the file's paints have."""
+    """Number of error modes of the file's paints."""
     return max(
         (len(paint.error_modes) for paint in file.paints.values() if paint.error_modes is not None),
         default=0,

@@ -1,5 +1,5 @@
-"""What a further film would teach: which of a few that are easy to make leaves least open of how a
-paint will look.
+"""Gain of a further film: which of a few that are easy to make leaves least open of how a paint
+will look.
 
 The readings of a film that is not made yet are linearised at the solution. They follow what the fit
 leaves open of the paints, and unknowns of the film's own: thickness, gloss and the error of its
@@ -22,11 +22,11 @@ from ..film.model.response import Response, film_response, hiding_factor
 from .constraints import error_modes
 from .joint_problem import model_deviation
 from .joint_result import JointRecovery
-from .next_reading import Candidate, NextFilms, rank_candidates, reading_bands
+from .next_reading import CandidateReading, NextFilms, rank_candidates, reading_bands
 
 
 class _Open(NamedTuple):
-    """What is open of films that are planned: where it is expected, and then draws of it."""
+    """Draws of what is open of films that are planned; the first is the expected one."""
 
     coefficients: Float[np.ndarray, "draws bands 2 paints"]  # log k and log s for unit thickness
     amounts: Float[np.ndarray, "draws films paints"]  # log of thickness, and errors of weights
@@ -36,7 +36,7 @@ class _Open(NamedTuple):
 class _PlannedFilms(NamedTuple):
     """Films that are easily made and were not."""
 
-    words: list[str]
+    names: list[str]
     shares: Float[np.ndarray, "films paints"]
     thickness: Float[np.ndarray, "films"]  # log
 
@@ -76,8 +76,10 @@ def rank_next_films(
     grid = recovery.wavelengths[bands]
     rows = [row, recovery.row(pale)] if pale in recovery.paints else [row]
     open_ = _open(recovery, rows, bands, plan, stand_in)
-    seen = card_readings(recovery.films, recovery.instrument, recovery.noise)
-    ground, ground_sd = (np.asarray(values[0, bands]).T for values in (seen.ground, seen.ground_sd))
+    card_data = card_readings(recovery.films, recovery.instrument, recovery.noise)
+    ground, ground_sd = (
+        np.asarray(values[0, bands]).T for values in (card_data.ground, card_data.ground_sd)
+    )
     expected, moves = map(
         np.asarray,
         _readings(
@@ -90,20 +92,20 @@ def rank_next_films(
     )
     # The fewer bands stand for all; with 8 a tint is thought to teach half as much.
     read = reading_bands(grid.size, 16)
-    many = np.sqrt(recovery.wavelengths.size / read.size)
+    thinning = np.sqrt(recovery.wavelengths.size / read.size)
     deviation = model_deviation(expected, recovery.noise, recovery.expectations)
     # A card's own error reaches the reading through the film, at most as a bare card's does.
-    deviation = np.hypot(deviation, ground_sd * expected) / many
+    deviation = np.hypot(deviation, ground_sd * expected) / thinning
     candidates = [
-        Candidate(
-            words,
+        CandidateReading(
+            name,
             moves[:, film][:, :, read].reshape(len(moves), -1),
             deviation[film][:, read].ravel(),
         )
-        for film, words in enumerate(plan.words)
+        for film, name in enumerate(plan.names)
     ]
     # Parts of white to one of paint that the paint is judged by.
-    judged = [_tint(parts) for parts in (1.0, 3.0, 10.0, 30.0) if pale is not None]
+    judged = [_tint(white_parts) for white_parts in (1.0, 3.0, 10.0, 30.0) if pale is not None]
     mixtures = np.stack([plan.shares[0], *judged])
     draws = open_.coefficients[1:]
 
@@ -114,9 +116,9 @@ def rank_next_films(
     return rank_candidates(paint, candidates, draws.reshape(len(draws), -1), looks, grid)
 
 
-def _tint(parts: float) -> Float[np.ndarray, "2"]:
+def _tint(white_parts: float) -> Float[np.ndarray, "2"]:
     """Shares of the paint and of the white, of so many parts of white to one of paint."""
-    return np.array([1.0, parts]) / (1.0 + parts)
+    return np.array([1.0, white_parts]) / (1.0 + white_parts)
 
 
 def _whites(recovery: JointRecovery) -> list[str]:
@@ -141,21 +143,21 @@ def _plan(recovery: JointRecovery, row: int, pale: str | None, depth: float) -> 
     """Thinner and thicker films of the paint, and tints of it with the white."""
     paint = recovery.paints[row]
     pure = np.eye(1 if pale is None else 2)[0]
-    made = [
-        (f"a film of {paint} {words} as thick", pure, depth + np.log(times))
-        for words, times in (("a quarter", 0.25), ("four times", 4.0))
+    planned = [
+        (f"a film of {paint} {label} as thick", pure, depth + np.log(times))
+        for label, times in (("a quarter", 0.25), ("four times", 4.0))
     ]
     with_white = (
         recovery.shares[:, recovery.row(pale)] > 0 if pale in recovery.paints else np.array(False)
     )
-    for parts in (3, 10, 30) if pale is not None else ():
-        share = _tint(parts)
+    for white_parts in (3, 10, 30) if pale is not None else ():
+        share = _tint(white_parts)
         similar = np.abs(recovery.shares[:, row] / share[0] - 1) < 0.15
         if not np.any(similar & with_white):
-            made.append((f"a 1:{parts} tint of {paint} with {pale}", share, depth))
-    words, shares, thickness = zip(*made, strict=True)
+            planned.append((f"a 1:{white_parts} tint of {paint} with {pale}", share, depth))
+    names, shares, thickness = zip(*planned, strict=True)
     return _PlannedFilms(
-        [f"{one}, over black and white" for one in words], np.stack(shares), np.array(thickness)
+        [f"{name}, over black and white" for name in names], np.stack(shares), np.array(thickness)
     )
 
 
@@ -166,18 +168,18 @@ def _open(
     plan: _PlannedFilms,
     white: Pigment | None,
 ) -> _Open:
-    """What is open, at some bands, of paints of the fit, by row, and of a white that is in no film
-    of it.
+    """Draw what is open, at some bands, of paints of the fit, by row, and of a white that is in no
+    film of it.
     """
     expected = recovery.expectations
     best = recovery.unknowns
-    whole = jax.tree.map(
-        lambda one, several: np.concatenate([one[None], several]),
+    unknowns = jax.tree.map(
+        lambda centre, several: np.concatenate([centre[None], several]),
         best,
         recovery.whole_covariance.draw(best, 512),
     )
-    count = len(whole.bands)
-    films = len(plan.words)
+    count = len(unknowns.bands)
+    films = len(plan.names)
     # Another stream than that of the recovery's draws.
     rng = np.random.default_rng(1)
 
@@ -186,8 +188,8 @@ def _open(
         draws[0] = 0.0
         return draws
 
-    coefficients = whole.bands[:, bands].reshape(count, bands.size, 2, -1)[..., rows]
-    gloss = whole.paints[:, rows]
+    coefficients = unknowns.bands[:, bands].reshape(count, bands.size, 2, -1)[..., rows]
+    gloss = unknowns.paints[:, rows]
     if white is not None:
         white = white.resample(recovery.wavelengths[bands])
         values = np.stack([white.absorption, white.scattering], axis=-1) * recovery.unit
@@ -200,13 +202,15 @@ def _open(
         gloss = np.concatenate([gloss, expected.paint_gloss * normal(1)], axis=-1)
     through = ~recovery.films.opaque
     # Stronger paints go with thinner films: their product is known better than either.
-    depth = whole.films[:, through, 0] - best.films[through, 0]
+    depth = unknowns.films[:, through, 0] - best.films[through, 0]
     depth = depth.mean(axis=1, keepdims=True) if through.any() else np.zeros((count, 1))
-    each = np.mean(np.asarray(recovery.problem.film_scale)[:, 0])
-    thickness = plan.thickness + depth + each * normal(films)
+    thickness_sd = np.mean(np.asarray(recovery.problem.film_scale)[:, 0])
+    thickness = plan.thickness + depth + thickness_sd * normal(films)
     # Of a tint the paint is the smaller part, and what weighing leaves open is its own.
-    part = plan.shares[:, 0]
-    weight = np.hypot(expected.weight_share, expected.weight_floor / part) * (part < 1)
+    paint_share = plan.shares[:, 0]
+    weight = np.hypot(expected.weight_share, expected.weight_floor / paint_share) * (
+        paint_share < 1
+    )
     amounts = np.stack([thickness + weight * normal(films), thickness], axis=-1)
     return _Open(
         coefficients=coefficients,
@@ -223,13 +227,13 @@ def _readings(
     surface: float | Array,
     response: Response,
 ) -> tuple[Float[Array, "films 2 bands"], Float[Array, "draws films 2 bands"]]:
-    """What planned films read as is expected, and how that moves with each draw, to first order."""
+    """Expected readings of planned films, and how they move with each draw, to first order."""
 
-    def read(one: _Open) -> Float[Array, "films 2 bands"]:
-        amounts = shares * jnp.exp(one.amounts)
-        kd, sd = jnp.einsum("bcp,fp->cfb", jnp.exp(one.coefficients), amounts)
+    def read(draw: _Open) -> Float[Array, "films 2 bands"]:
+        amounts = shares * jnp.exp(draw.amounts)
+        kd, sd = jnp.einsum("bcp,fp->cfb", jnp.exp(draw.coefficients), amounts)
         body = response.body(kd[:, None], sd[:, None], grounds)
-        return body + surface * jnp.exp(one.gloss)[:, None, None]
+        return body + surface * jnp.exp(draw.gloss)[:, None, None]
 
     centre = jax.tree.map(lambda values: values[0], open_)
     off = jax.tree.map(lambda values: values[1:] - values[0], open_)

@@ -48,16 +48,14 @@ _BOUNDS = np.log(np.array([LOWEST, HIGHEST]))
 
 
 class ScatteringPrior(NamedTuple):
-    """What is known beforehand of log(s d): its mean and one over its standard deviation (0 for
-    nothing).
-    """
+    """Prior of log(s d): its mean and one over its standard deviation (0 for nothing)."""
 
     mean: Float[Array, "*bands"]
     weight: Float[Array, "*bands"]
 
 
 class BandStart(NamedTuple):
-    """Where the fit of one band starts."""
+    """Start of the fit of one band."""
 
     logs: Float[Array, "*bands 2 2"]  # two points, log k d and log s d
     weights: Float[Array, "*bands 2"]  # of the residuals
@@ -109,12 +107,12 @@ def starts(data: CardReadings, response: FilmResponse, prior: ScatteringPrior) -
     through = transmitted / (1.0 - back * ground)
     variance = data.sd[:, None, None] ** 2 + data.ground_sd[:, None, None] ** 2 * through**2
     residual = (black + ground * transmitted - data.reflectance[:, None, None]) / jnp.sqrt(variance)
-    left = residual[:, :-1]
+    lower = residual[:, :-1]
     step = jnp.diff(residual, axis=1)
     share = jnp.clip(
-        -jnp.sum(left * step, axis=0) / jnp.clip(jnp.sum(step**2, axis=0), 1e-30), 0.0, 1.0
+        -jnp.sum(lower * step, axis=0) / jnp.clip(jnp.sum(step**2, axis=0), 1e-30), 0.0, 1.0
     )
-    cost = jnp.sum((left + share * step) ** 2, axis=0)
+    cost = jnp.sum((lower + share * step) ** 2, axis=0)
     least = log_scattering[jnp.argmax(jnp.min(cost, axis=0) <= cost.min() + 4.0)]
 
     cost = cost + (prior.weight * (log_scattering - prior.mean)) ** 2
@@ -153,18 +151,18 @@ def _polish(
     def residuals(
         free: Array, start: Array, data: CardReadings, weights: Array, prior: ScatteringPrior
     ) -> Float[Array, "rows"]:
-        given = prior.weight > 0
+        informed = prior.weight > 0
         # In standard deviations per unit of log k d or log s d.
-        pull = jnp.stack([jnp.where(given, 0.2, 0.05), jnp.where(given, prior.weight, 0.05)])
-        centre = jnp.stack([start[0], jnp.where(given, prior.mean, start[1])])
+        pull = jnp.stack([jnp.where(informed, 0.2, 0.05), jnp.where(informed, prior.weight, 0.05)])
+        centre = jnp.stack([start[0], jnp.where(informed, prior.mean, start[1])])
         logs = _bound(free)
         k, s = jnp.exp(logs)
         misfit = (response.body(k, s, data.ground) - data.reflectance) * weights
         return jnp.concatenate([misfit, pull * (logs - centre)])
 
-    given = (start, data, weights, prior)
+    arguments = (start, data, weights, prior)
     free, settled = levenberg_marquardt(
-        residuals, _free(start), *given, rtol=1e-4, atol=1e-3, max_steps=20
+        residuals, _free(start), *arguments, rtol=1e-4, atol=1e-3, max_steps=20
     )
     return _bound(free), settled
 
@@ -203,19 +201,19 @@ def solve(data: CardReadings, response: FilmResponse, prior: ScatteringPrior) ->
     start = jax.vmap(starts, in_axes=(0, None, 0))(data, response, prior)
     # Both starts of a band are bands of their own until the better one is chosen.
     twice = jax.tree.map(lambda a: jnp.repeat(a, 2, axis=0), (data, start.weights, prior))
-    both, weights, priors = twice
-    logs, converged = _polish(start.logs.reshape(-1, 2), both, weights, priors, response)
+    doubled, weights, priors = twice
+    logs, converged = _polish(start.logs.reshape(-1, 2), doubled, weights, priors, response)
     optical = jnp.exp(logs)
-    fitted, covariance = _spread(optical, both, response)
-    misfit = jnp.sum(((fitted - both.reflectance) * weights) ** 2, axis=-1)
+    fitted, covariance = _spread(optical, doubled, response)
+    misfit = jnp.sum(((fitted - doubled.reflectance) * weights) ** 2, axis=-1)
     cost = (misfit + (priors.weight * (logs[:, 1] - priors.mean)) ** 2).reshape(-1, 2)
     # The first unless the second is better by more than rounding.
     best = jnp.where(cost[:, 1] < cost[:, 0] - 0.01, 1, 0)
     pair = logs.reshape(-1, 2, 2)
-    apart = (jnp.abs(pair[:, 1] - pair[:, 0]) > 0.3) & (
+    distinct = (jnp.abs(pair[:, 1] - pair[:, 0]) > 0.3) & (
         jnp.abs(jnp.exp(pair[:, 1]) - jnp.exp(pair[:, 0])) > 0.01
     )
-    ambiguous = apart.any(axis=1) & (jnp.abs(cost[:, 1] - cost[:, 0]) < 4.0)
+    ambiguous = distinct.any(axis=1) & (jnp.abs(cost[:, 1] - cost[:, 0]) < 4.0)
 
     def choose(values: Array) -> Array:
         pairs = values.reshape(-1, 2, *values.shape[1:])
@@ -236,9 +234,9 @@ def pose(
     films: Films, gloss: Float[np.ndarray, "films"], instrument: Instrument, noise: Noise
 ) -> CardReadings:
     """Problems of all bands of some films, (films * bands,), without the surface's part."""
-    seen = card_readings(films, instrument, noise)
+    card_data = card_readings(films, instrument, noise)
     surface = (gloss * instrument.seen_surface)[:, None, None]
-    body = seen._replace(reflectance=seen.reflectance - surface)
+    body = card_data._replace(reflectance=card_data.reflectance - surface)
     return CardReadings(*(jnp.asarray(values.reshape(-1, 2)) for values in body))
 
 
@@ -274,8 +272,8 @@ def recover_chunks(
     noise: Noise | None = None,
     chunk: int = CHUNK,
 ) -> Iterator[Recovery]:
-    """As `recover_films`, a few films at a time, so that progress can be shown and an interrupt
-    loses little.
+    """Recover as `recover_films` does, a few films at a time, so that progress can be shown and an
+    interrupt loses little.
     """
     if len(films) == 0:
         raise ValueError("there are no films to recover")
@@ -308,18 +306,20 @@ def _recover_chunk(films: Films, instrument: Instrument, noise: Noise, chunk: in
     contrast = np.asarray(
         (free.fitted[:, 1] - free.fitted[:, 0]) / jnp.linalg.norm(data.sd, axis=1)
     )
-    apart = told_apart(np.asarray(free.optical), np.asarray(free.covariance), contrast)
-    known = (apart & ~np.asarray(free.ambiguous)).reshape(-1, bands)
+    distinct = told_apart(np.asarray(free.optical), np.asarray(free.covariance), contrast)
+    identifiable = (distinct & ~np.asarray(free.ambiguous)).reshape(-1, bands)
     mean, weight = neighbours_scattering(
         films.wavelengths,
         np.log(np.asarray(free.optical[:, 1])).reshape(-1, bands),
-        known,
+        identifiable,
         np.asarray(free.least_scattering).reshape(-1, bands),
     )
     prior = ScatteringPrior(jnp.asarray(mean.ravel()), jnp.asarray(weight.ravel()))
-    drawn = free if known[:count].all() else solve(data, response, prior)
+    drawn = free if identifiable[:count].all() else solve(data, response, prior)
     chosen = jax.tree.map(
-        lambda a, b: np.where(known.ravel().reshape(-1, *[1] * (a.ndim - 1)), a, b), free, drawn
+        lambda a, b: np.where(identifiable.ravel().reshape(-1, *[1] * (a.ndim - 1)), a, b),
+        free,
+        drawn,
     )
 
     def cut_bands(values: np.ndarray) -> np.ndarray:
@@ -331,7 +331,7 @@ def _recover_chunk(films: Films, instrument: Instrument, noise: Noise, chunk: in
         absorption=cut_bands(chosen.optical[:, 0]),
         scattering=cut_bands(chosen.optical[:, 1]),
         covariance=cut_bands(chosen.covariance),
-        identifiable=known[:count],
+        identifiable=identifiable[:count],
         gloss=gloss,
         fitted_black=cut_bands(chosen.fitted[:, 0]) + surface,
         fitted_white=cut_bands(chosen.fitted[:, 1]) + surface,
@@ -344,7 +344,7 @@ def _recover_chunk(films: Films, instrument: Instrument, noise: Noise, chunk: in
 def neighbours_scattering(
     wavelengths: Float[np.ndarray, "bands"],
     log_scattering: Float[np.ndarray, "films bands"],
-    known: Bool[np.ndarray, "films bands"],
+    identifiable: Bool[np.ndarray, "films bands"],
     least: Float[np.ndarray, "films bands"],
 ) -> tuple[Float[np.ndarray, "films bands"], Float[np.ndarray, "films bands"]]:
     """Mean and weight of a prior on log(s d): nothing at known bands, continuity with them
@@ -357,16 +357,16 @@ def neighbours_scattering(
     Args:
         wavelengths: (bands,), nm.
         log_scattering: log(s d) as fitted, (films, bands).
-        known: whether k and s are both determined, (films, bands).
+        identifiable: whether k and s are both determined, (films, bands).
         least: smallest log(s d) that the data allow, (films, bands).
     """
     mean = np.zeros_like(log_scattering)
     for row in range(len(mean)):
-        held = known[row]
-        if held.any():
-            line = np.interp(wavelengths, wavelengths[held], log_scattering[row, held])
+        anchors = identifiable[row]
+        if anchors.any():
+            line = np.interp(wavelengths, wavelengths[anchors], log_scattering[row, anchors])
             mean[row] = np.maximum(line, least[row])
         else:
             mean[row] = least[row].max()
     # A factor of e: it holds where the data are silent, and yields where they speak.
-    return mean, np.where(known, 0.0, 1.0)
+    return mean, np.where(identifiable, 0.0, 1.0)

@@ -114,8 +114,8 @@ def recover_jointly(
         gloss=measured_gloss,
     )
     deviation = np.moveaxis(1.0 / np.asarray(problem.weight), 0, -1)
-    kept = films.seen * used.T[..., None]
-    problem = problem._replace(weight=jnp.asarray(np.asarray(problem.weight) * kept))
+    counted = films.seen * used.T[..., None]
+    problem = problem._replace(weight=jnp.asarray(np.asarray(problem.weight) * counted))
     response = response or film_response(instrument)
     if start is None:
         # Weights and gloss as stated first: set free at once, they explain what thicknesses and
@@ -134,19 +134,19 @@ def recover_jointly(
     else:
         first = jax.jit(deviations)(start, problem)
     solution, factors, steps, settled = solve_jointly(problem, response, first, 1.0, max_steps)
-    found = spread(problem, factors)
-    whole, kd, sd, fitted = jax.tree.map(np.asarray, _describe(solution, problem, response))
+    laplace = spread(problem, factors)
+    unknowns, kd, sd, fitted = jax.tree.map(np.asarray, _describe(solution, problem, response))
     fitted = films.where_seen(np.moveaxis(fitted, 0, -1))
     return JointRecovery(
         films=films,
         paints=paints,
         shares=shares,
         law=law,
-        unknowns=whole,
-        log_covariance=found.local,
-        shared_covariance=found.shared,
+        unknowns=unknowns,
+        log_covariance=laplace.local,
+        shared_covariance=laplace.shared,
         # Kept for the errors of what the recovery predicts.
-        draws=found.whole.draw(whole, 128),
+        draws=laplace.full.draw(unknowns, 128),
         film_absorption=kd.T,
         film_scattering=sd.T,
         fitted_black=fitted[:, 0],
@@ -160,7 +160,7 @@ def recover_jointly(
         unit=unit,
         known_paints={paint: pigments[paint] for paint in paints if paint in pigments},
         known_modes=constraints.modes_of,
-        whole_covariance=found.whole,
+        whole_covariance=laplace.full,
         problem=problem,
         gauged=gauge is not None,
         measured_gloss=measured_gloss,
@@ -177,15 +177,17 @@ def pose(
     gloss: Float[np.ndarray, "films"],
 ) -> JointProblem:
     """Arrays of a joint problem; `gloss` is NaN where it was not measured."""
-    seen = card_readings(films, instrument, noise)
-    measured = np.asarray(seen.reflectance)
+    card_data = card_readings(films, instrument, noise)
+    measured = np.asarray(card_data.reflectance)
     # A card's own error reaches the reading through the film, at most as a bare card's does.
-    deviation = np.hypot(model_deviation(measured, noise, expected), seen.ground_sd * measured)
+    deviation = np.hypot(model_deviation(measured, noise, expected), card_data.ground_sd * measured)
     count, paints = shares.shape
     minor = minor_parts(shares)
     # A paint's own weight error: a share of it, and what the balance leaves open.
-    part = np.einsum("fep,fp->fe", minor, shares)
-    errors = np.hypot(expected.weight_share, expected.weight_floor / np.where(part > 0, part, 1.0))
+    minor_share = np.einsum("fep,fp->fe", minor, shares)
+    errors = np.hypot(
+        expected.weight_share, expected.weight_floor / np.where(minor_share > 0, minor_share, 1.0)
+    )
     scale = np.concatenate(
         [constraints.thickness_sd[:, None], np.full((count, 1), expected.gloss), errors], axis=1
     )
@@ -206,7 +208,7 @@ def pose(
     scale[~np.isnan(gloss), 1] = GLOSS_SD
     arrays = {
         "reading": np.moveaxis(measured, 1, 0),
-        "ground": np.moveaxis(np.asarray(seen.ground), 1, 0),
+        "ground": np.moveaxis(np.asarray(card_data.ground), 1, 0),
         "weight": np.moveaxis(1.0 / deviation, 1, 0),
         "shares": shares,
         "minor": minor,
@@ -270,35 +272,40 @@ def _describe(
     Float[Array, "bands films 2"],
 ]:
     """Totals, optical thicknesses and readings, in one program."""
-    whole = totals(solution, problem)
-    return whole, *optical_thickness(whole, problem), readings(solution, problem, response)
+    unknowns = totals(solution, problem)
+    return unknowns, *optical_thickness(unknowns, problem), readings(solution, problem, response)
 
 
-class Spread(NamedTuple):
+class JointErrors(NamedTuple):
     """Laplace's approximation of `totals`."""
 
     local: Float[np.ndarray, "bands local local"]  # covariance at each band
     shared: Float[np.ndarray, "shared shared"]  # of what all bands share: films, paints, others
-    whole: JointCovariance
+    full: JointCovariance
 
 
-def spread(problem: JointProblem, factors: Factors) -> Spread:
+def spread(problem: JointProblem, factors: Factors) -> JointErrors:
     """Inverse of the normal matrix at the solution, in blocks."""
     modes = np.asarray(problem.band_modes)
     thickness = np.asarray(problem.thickness_modes)
     bands = len(problem.reading)
-    others = len(thickness)
+    other_count = len(thickness)
     local, corner = covariance(factors, bands)
-    across = shared_with_bands(factors, bands, others)
+    across = shared_with_bands(factors, bands, other_count)
     # What the others add to the bands, and to the films' thickness.
-    own = corner[len(corner) - others :, len(corner) - others :]
-    both = np.einsum("obi,obj->bij", across, modes)
-    with_others = across + np.einsum("op,pbi->obi", own, modes)
-    local = local + both + np.swapaxes(both, 1, 2) + np.einsum("obi,op,pbj->bij", modes, own, modes)
-    films, each = problem.film_scale.shape
+    other_covariance = corner[len(corner) - other_count :, len(corner) - other_count :]
+    cross = np.einsum("obi,obj->bij", across, modes)
+    with_others = across + np.einsum("op,pbi->obi", other_covariance, modes)
+    local = (
+        local
+        + cross
+        + np.swapaxes(cross, 1, 2)
+        + np.einsum("obi,op,pbj->bij", modes, other_covariance, modes)
+    )
+    films, per_film = problem.film_scale.shape
     added = np.eye(len(corner))
-    added[: films * each : each, len(corner) - others :] += thickness.T
-    return Spread(
+    added[: films * per_film : per_film, len(corner) - other_count :] += thickness.T
+    return JointErrors(
         local,
         added @ corner @ added.T,
         JointCovariance(

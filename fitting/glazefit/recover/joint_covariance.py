@@ -1,5 +1,5 @@
-"""What a joint fit leaves open in k and s of all paints at all wavelengths: the largest parts of
-its covariance.
+"""Covariance that a joint fit leaves in k and s of all paints at all wavelengths: the largest parts
+of its covariance.
 
 The covariance of thousands of coefficients is known by the factors of the normal matrix, and is
 never formed. Draws from it would do too, but a few hundred say a small paint's errors no better
@@ -49,7 +49,7 @@ class JointCovariance(NamedTuple):
         self,
         size: Float[np.ndarray, "bands local"],
         count: int,
-        known: Sequence[int] = (),
+        fixed: Sequence[int] = (),
         slopes: Float[np.ndarray, "known bands local"] | None = None,
     ) -> Float[np.ndarray, "modes bands local"]:
         """The largest modes of the coefficients' errors.
@@ -57,10 +57,10 @@ class JointCovariance(NamedTuple):
         Args:
             size: factor of each coefficient's error, 0 for those that do not matter.
             count: of the modes, at most.
-            known: numbers of other unknowns whose values are taken as known.
+            fixed: numbers of other unknowns whose values are taken as known.
             slopes: of the coefficients by each of these unknowns.
         """
-        with_known = self.with_others[list(known)]
+        with_known = self.with_others[list(fixed)]
 
         def times(vectors: Columns) -> Columns:
             scaled = vectors * size[..., None]

@@ -31,7 +31,7 @@ from ..film.numerics.least_squares import root_of_log1p
 
 
 class Expectations(NamedTuple):
-    """What is expected beforehand, as standard deviations.
+    """Expectations before any reading, as standard deviations.
 
     Chosen so that films which are left out of a fit are predicted best: `python -m
     benchmarks.paint.prediction --scan`.
@@ -83,7 +83,7 @@ class Expectations(NamedTuple):
     alike, so that thirty of them tell no more than a few that are independent."""
 
     def model_sd(self, reflectance: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
-        """What the model may be off at a reflectance."""
+        """Error of the model at a reflectance, one standard deviation."""
         return self.model_floor + self.model_share * reflectance
 
 
@@ -178,24 +178,24 @@ def optical_thickness(
 def readings(
     unknowns: Unknowns, problem: JointProblem, response: Response
 ) -> Float[Array, "bands films 2"]:
-    """What the instrument reads over both cards, from deviations."""
+    """Readings of the instrument over both cards, from deviations."""
     odds = jnp.exp(jnp.einsum("o,ofc->fc", unknowns.others, problem.ground_modes))
     ground = problem.ground * odds / (1.0 - problem.ground + problem.ground * odds)
-    whole = totals(unknowns, problem)
-    kd, sd = optical_thickness(whole, problem)
+    total = totals(unknowns, problem)
+    kd, sd = optical_thickness(total, problem)
     gloss = jnp.exp(
-        problem.own_gloss * (problem.shares @ whole.paints) + problem.gloss + whole.films[:, 1]
+        problem.own_gloss * (problem.shares @ total.paints) + problem.gloss + total.films[:, 1]
     )
-    seen = problem.surface * gloss[:, None] + response.body(kd[..., None], sd[..., None], ground)
-    return seen * jnp.exp(jnp.einsum("o,ofc->fc", unknowns.others, problem.gain_modes))
+    reading = problem.surface * gloss[:, None] + response.body(kd[..., None], sd[..., None], ground)
+    return reading * jnp.exp(jnp.einsum("o,ofc->fc", unknowns.others, problem.gain_modes))
 
 
 @jax.jit
 def readings_of_draws(
     draws: Unknowns, problem: JointProblem, response: Response
 ) -> Float[Array, "draws bands films 2"]:
-    """What the instrument reads, from draws of `totals`."""
-    return jax.vmap(lambda whole: readings(deviations(whole, problem), problem, response))(draws)
+    """Readings of the instrument, from draws of `totals`."""
+    return jax.vmap(lambda draw: readings(deviations(draw, problem), problem, response))(draws)
 
 
 def residuals(unknowns: Unknowns, args: tuple[JointProblem, Response]) -> JointResiduals:
@@ -234,11 +234,13 @@ def curvature_matrix(wavelengths: Float[np.ndarray, "bands"]) -> Float[np.ndarra
     """
     matrix = np.zeros((max(len(wavelengths) - 2, 0), len(wavelengths)))
     for row in range(len(matrix)):
-        left, right = np.diff(wavelengths[row : row + 3])
+        first, second = np.diff(wavelengths[row : row + 3])
         weights = (
-            2.0 / (left + right) * np.array([1.0 / left, -1.0 / left - 1.0 / right, 1.0 / right])
+            2.0
+            / (first + second)
+            * np.array([1.0 / first, -1.0 / first - 1.0 / second, 1.0 / second])
         )
-        matrix[row, row : row + 3] = weights * 100.0 * np.sqrt((left + right) / 20.0)
+        matrix[row, row : row + 3] = weights * 100.0 * np.sqrt((first + second) / 20.0)
     return matrix
 
 
@@ -247,8 +249,8 @@ def nearly_black(
     shares: Float[np.ndarray, "films paints"],
     surface: float,
 ) -> Bool[np.ndarray, "bands paints"]:
-    """Where the film with most of a paint, if it is the larger part, reflects hardly more than its
-    surface does.
+    """True where the film with most of a paint, if it is the larger part, reflects hardly more than
+    its surface does.
     """
     body = np.nanmax(readings, axis=1, initial=0.0) - surface
     purest = shares.argmax(axis=0)
@@ -258,13 +260,13 @@ def nearly_black(
 def minor_parts(
     shares: Float[np.ndarray, "films paints"],
 ) -> Float[np.ndarray, "films parts paints"]:
-    """Which paint each error of weight belongs to: all parts of a film but the largest, on as many
+    """Assign each error of weight to its paint: all parts of a film but the largest, on as many
     places as needed.
     """
-    parts = max(int((shares > 0).sum(axis=1).max()) - 1, 0)
-    minor = np.zeros((len(shares), parts, shares.shape[1]))
+    count = max(int((shares > 0).sum(axis=1).max()) - 1, 0)
+    minor = np.zeros((len(shares), count, shares.shape[1]))
     for film, row in enumerate(shares):
         order = np.argsort(-row)
-        for place, paint in enumerate(order[1 : int((row > 0).sum())]):
-            minor[film, place, paint] = 1.0
+        for index, paint in enumerate(order[1 : int((row > 0).sum())]):
+            minor[film, index, paint] = 1.0
     return minor

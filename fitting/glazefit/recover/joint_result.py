@@ -1,4 +1,4 @@
-"""What a joint recovery found: paints, films, and how well each is known."""
+"""Result of a joint recovery: paints, films, and how well each is known."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -11,13 +11,13 @@ from glazejax import Pigment
 
 from ..film.films import Films, Instrument, Noise
 from ..film.model.mixing import MixingLaw
-from .constraints import MOST_ERROR, Modes
+from .constraints import MOST_ERROR, PaintModes
 from .joint_covariance import JointCovariance
 from .joint_problem import Expectations, JointProblem, Unknowns
 from .result import RELATIVE_LIMIT, FittedFilms
 
 RULE = (
-    f"k and s count as told apart where the joint fit knows each to {RELATIVE_LIMIT:.0%} of its "
+    f"k and s count as separable where the joint fit knows each to {RELATIVE_LIMIT:.0%} of its "
     "value, if the paint is in a mixture or thicknesses were measured: else its scale is as "
     "expected, not found"
 )
@@ -28,8 +28,8 @@ def by_paint(
 ) -> Float[np.ndarray, "*n 2 paints bands"]:
     """Values of each paint's k and then of each one's s at every band, by k and s and by paint."""
     # There may be no values at all, of which -1 could not tell the size.
-    *others, local = np.shape(values)
-    return np.moveaxis(np.reshape(values, (*others, 2, local // 2)), -3, -1)
+    *leading, local = np.shape(values)
+    return np.moveaxis(np.reshape(values, (*leading, 2, local // 2)), -3, -1)
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ class JointRecovery(FittedFilms):
     noise: Noise
     unit: float
     known_paints: Mapping[str, Pigment]
-    known_modes: Mapping[str, Modes]
+    known_modes: Mapping[str, PaintModes]
     whole_covariance: JointCovariance
     problem: JointProblem
     gauged: bool
@@ -91,9 +91,9 @@ class JointRecovery(FittedFilms):
 
     def __repr__(self) -> str:
         new = [paint for paint in self.paints if paint not in self.known_paints]
-        known = f", known: {', '.join(self.known)}" if self.known else ""
+        references = f", known: {', '.join(self.known)}" if self.known else ""
         state = "" if self.converged else ", not converged"
-        return f"JointRecovery({', '.join(new)} from {len(self.films)} films{known}{state})"
+        return f"JointRecovery({', '.join(new)} from {len(self.films)} films{references}{state})"
 
     @cached_property
     def _modes(self) -> Float[np.ndarray, "modes 2 paints bands"]:
@@ -106,7 +106,7 @@ class JointRecovery(FittedFilms):
 
     @property
     def ground_modes(self) -> Float[np.ndarray, "others films 2"]:
-        """What the unknowns' `others` add to log(rho / (1 - rho)) of each film's cards."""
+        """Slopes of log(rho / (1 - rho)) of each film's cards by the unknowns' `others`."""
         return np.asarray(self.problem.ground_modes)
 
     @property
@@ -142,13 +142,13 @@ class JointRecovery(FittedFilms):
         what is below.
         """
         count = 2 * len(self.paints)
-        rest = np.eye(count) - np.full((count, count), 1.0 / count)
-        variance = np.diagonal(rest @ self.log_covariance @ rest, axis1=1, axis2=2)
+        centring = np.eye(count) - np.full((count, count), 1.0 / count)
+        variance = np.diagonal(centring @ self.log_covariance @ centring, axis1=1, axis2=2)
         return by_paint(np.sqrt(np.maximum(variance, 0.0)))
 
     @property
     def identifiable(self) -> Bool[np.ndarray, "paints bands"]:
-        """Where k and s of a paint are both known (`RULE`)."""
+        """True where k and s of a paint are both known (`RULE`)."""
         mixed = self.shares[(self.shares > 0).sum(axis=1) > 1]
         scaled = (mixed > 0).any(axis=0) | self.gauged | np.isin(self.paints, self.known)
         return np.all(self.log_sd <= RELATIVE_LIMIT, axis=0) & scaled[:, None]
@@ -161,8 +161,11 @@ class JointRecovery(FittedFilms):
     @property
     def thickness_sd(self) -> Float[np.ndarray, "films"]:
         """Standard deviation of `thickness`."""
-        films, each = self.unknowns.films.shape
-        return self.thickness * np.sqrt(np.diagonal(self.shared_covariance))[: films * each : each]
+        films, per_film = self.unknowns.films.shape
+        return (
+            self.thickness
+            * np.sqrt(np.diagonal(self.shared_covariance))[: films * per_film : per_film]
+        )
 
     @property
     def gloss(self) -> Float[np.ndarray, "films"]:
@@ -189,15 +192,15 @@ class JointRecovery(FittedFilms):
         }
 
     def error_modes(self, count: int = 64) -> Float[np.ndarray, "modes 2 paints bands"]:
-        """What the films leave open in log k and log s of all paints together: the largest modes of
-        the covariance. What they leave out is in the standard deviations.
+        """Modes of what the films leave open in log k and log s of all paints together: the largest
+        modes of the covariance. What they leave out is in the standard deviations.
 
         A coefficient that is not known to a factor of exp(`MOST_ERROR`) counts as known to that
         factor.
         """
         sd = np.sqrt(np.diagonal(self.log_covariance, axis1=1, axis2=2))
-        held = np.minimum(1.0, MOST_ERROR / np.maximum(sd, 1e-12))
-        return by_paint(self.whole_covariance.largest(held, count))
+        cap = np.minimum(1.0, MOST_ERROR / np.maximum(sd, 1e-12))
+        return by_paint(self.whole_covariance.largest(cap, count))
 
     def row(self, paint: str) -> int:
         """Number of a paint.

@@ -48,14 +48,12 @@ def look(problem: JointProblem, response: Response, point: Unknowns) -> Surround
     """Cost, its gradient, and the normal matrix at a point."""
     values, along = jax.linearize(lambda y: residuals(y, (problem, response)), point)
     (gradient,) = jax.linear_transpose(along, point)(values)
-    cost = 0.5 * sum(jnp.sum(part**2) for part in values)
+    cost = 0.5 * sum(jnp.sum(block**2) for block in values)
     return Surroundings(jnp.asarray(cost), gradient, normal_matrix(along, point, problem))
 
 
 class Fit(NamedTuple):
-    """Where a fit ended: the point, the factors there, the number of steps, and whether they
-    settled.
-    """
+    """End of a fit: the point, the factors there, the number of steps, and whether they settled."""
 
     point: Unknowns
     factors: Factors
@@ -74,7 +72,7 @@ def solve_jointly(
         first_step: one over the damping of the first step.
         max_steps: that are tried.
     """
-    found = descend(
+    descent = descend(
         lambda point: jax.tree.map(np.asarray, look(problem, response, point)),
         lambda normal, damping, gradient: solve(factorise(normal, damping), gradient),
         start,
@@ -83,7 +81,7 @@ def solve_jointly(
         # A thousandth of a coefficient.
         tolerance=1e-3,
     )
-    return Fit(found.point, factorise(found.seen.normal), found.steps, found.settled)
+    return Fit(descent.point, factorise(descent.seen.normal), descent.steps, descent.settled)
 
 
 def normal_matrix(
@@ -92,11 +90,11 @@ def normal_matrix(
     """Normal matrix from the residuals' derivative along a step."""
     zero = jax.tree.map(jnp.zeros_like, point)
     bands, local = zero.bands.shape
-    films, each = zero.films.shape
+    films, per_film = zero.films.shape
     paints = zero.paints.size
 
     every_band = jnp.broadcast_to(jnp.eye(local)[:, None], (local, bands, local))
-    every_film = jnp.broadcast_to(jnp.eye(each)[:, None], (each, films, each))
+    every_film = jnp.broadcast_to(jnp.eye(per_film)[:, None], (per_film, films, per_film))
     by_band = jax.vmap(lambda step: along(zero._replace(bands=step)))(every_band)
     by_film = jax.vmap(lambda step: along(zero._replace(films=step)))(every_film)
     # Paints' gloss and the others move all readings.
@@ -108,25 +106,27 @@ def normal_matrix(
     inner = inner + jnp.einsum("ibl,jbl->bij", by_band.pull, by_band.pull)
     to_films = jnp.einsum("ibfc,ebfc->bife", by_band.data, by_film.data)
     to_rest = jnp.einsum("ibfc,pbfc->bip", by_band.data, by_rest.data)
-    own = jnp.einsum("dbfc,ebfc->fde", by_film.data, by_film.data)
-    own = own + jnp.einsum("dfl,efl->fde", by_film.films, by_film.films)
-    between = jnp.einsum("ebfc,pbfc->fep", by_film.data, by_rest.data).reshape(films * each, -1)
-    rest = jnp.einsum("pbfc,qbfc->pq", by_rest.data, by_rest.data)
-    rest = rest + by_rest.paints @ by_rest.paints.T
-    rest = rest + by_rest.others @ by_rest.others.T
-    corner = jnp.block([[jax.scipy.linalg.block_diag(*own), between], [between.T, rest]])
-    border = jnp.concatenate([to_films.reshape(bands, local, films * each), to_rest], axis=-1)
+    film_blocks = jnp.einsum("dbfc,ebfc->fde", by_film.data, by_film.data)
+    film_blocks = film_blocks + jnp.einsum("dfl,efl->fde", by_film.films, by_film.films)
+    between = jnp.einsum("ebfc,pbfc->fep", by_film.data, by_rest.data).reshape(films * per_film, -1)
+    shared_block = jnp.einsum("pbfc,qbfc->pq", by_rest.data, by_rest.data)
+    shared_block = shared_block + by_rest.paints @ by_rest.paints.T
+    shared_block = shared_block + by_rest.others @ by_rest.others.T
+    corner = jnp.block(
+        [[jax.scipy.linalg.block_diag(*film_blocks), between], [between.T, shared_block]]
+    )
+    border = jnp.concatenate([to_films.reshape(bands, local, films * per_film), to_rest], axis=-1)
     return _pair_bands(inner, border, corner, _ties(problem))
 
 
 def _ties(problem: JointProblem) -> Float[Array, "bands bands local"]:
-    """How the bands' unknowns are tied to their like at other bands, by curvature and by steps."""
+    """Ties of the bands' unknowns to their like at other bands, by curvature and by steps."""
     square = problem.steepness**2
-    here = jnp.arange(len(square))
-    after = here + 1
+    bands = jnp.arange(len(square))
+    after = bands + 1
     ties = (problem.curvature.T @ problem.curvature)[:, :, None] * problem.stiffness**2
-    ties = ties.at[here, here].add(square).at[after, after].add(square)
-    return ties.at[here, after].add(-square).at[after, here].add(-square)
+    ties = ties.at[bands, bands].add(square).at[after, after].add(square)
+    return ties.at[bands, after].add(-square).at[after, bands].add(-square)
 
 
 def _pair_bands(
@@ -142,15 +142,15 @@ def _pair_bands(
     inner = jnp.concatenate([inner, jnp.broadcast_to(jnp.eye(m), (spare, m, m))])
     border = jnp.pad(border, ((0, spare), (0, 0), (0, 0)))
     ties = jnp.pad(ties, ((0, spare), (0, spare), (0, 0))).reshape(pairs, 2, pairs, 2, m)
-    here = jnp.arange(pairs)
+    indices = jnp.arange(pairs)
 
     def coupling(to: Array) -> Float[Array, "pairs 2 m 2 m"]:
-        return jnp.einsum("pabi,ij->paibj", ties[here, :, to], jnp.eye(m))
+        return jnp.einsum("pabi,ij->paibj", ties[indices, :, to], jnp.eye(m))
 
     alone = jnp.einsum("paij,ab->paibj", inner.reshape(pairs, 2, m, m), jnp.eye(2))
     return Normal(
-        (alone + coupling(here)).reshape(pairs, 2 * m, 2 * m),
-        coupling(jnp.maximum(here - 1, 0)).reshape(pairs, 2 * m, 2 * m),
+        (alone + coupling(indices)).reshape(pairs, 2 * m, 2 * m),
+        coupling(jnp.maximum(indices - 1, 0)).reshape(pairs, 2 * m, 2 * m),
         border.reshape(pairs, 2 * m, -1),
         corner,
     )
@@ -162,19 +162,19 @@ def factorise(normal: Normal, damping: float = 0.0) -> Factors:
     Raises:
         numpy.linalg.LinAlgError: the matrix is not positive definite.
     """
-    diagonal, lower, border, corner = (np.array(part) for part in normal)
+    diagonal, lower, border, corner = (np.array(block) for block in normal)
     pairs, n, shared = border.shape
     diagonal[:, range(n), range(n)] += damping
     corner[range(shared), range(shared)] += damping
     roots = np.zeros_like(diagonal)
     below = np.zeros_like(lower)
     for pair in range(pairs):
-        here = diagonal[pair]
+        block = diagonal[pair]
         if pair:
             below[pair] = lower[pair] @ roots[pair - 1].T
-            here = here - below[pair] @ below[pair].T
+            block = block - below[pair] @ below[pair].T
             border[pair] -= below[pair] @ border[pair - 1]
-        roots[pair] = _inverse_root(here)
+        roots[pair] = _inverse_root(block)
         border[pair] = roots[pair] @ border[pair]
     flat = border.reshape(-1, shared)
     return Factors(roots, below, border, _inverse_root(corner - flat.T @ flat))
@@ -195,7 +195,7 @@ def solve(factors: Factors, vector: Unknowns) -> Unknowns:
     """Solve the normal equations for one right-hand side."""
     pairs, n, _ = factors.border.shape
     bands = np.pad(vector.bands, ((0, 2 * pairs - len(vector.bands)), (0, 0))).reshape(pairs, n)
-    shared = np.concatenate([np.ravel(part) for part in vector[1:]])
+    shared = np.concatenate([np.ravel(block) for block in vector[1:]])
     solved, common = _solve_blocks(factors, bands, shared)
     return unflatten(solved[None], common[None], vector, 0)
 
@@ -210,8 +210,8 @@ def _solve_blocks(
     for pair in range(len(forward)):
         before = factors.below[pair] @ forward[pair - 1] if pair else 0.0
         forward[pair] = factors.roots[pair] @ (forward[pair] - before)
-    rest = shared - np.einsum("pns,pn...->s...", factors.border, forward)
-    common = factors.corner.T @ (factors.corner @ rest)
+    residual = shared - np.einsum("pns,pn...->s...", factors.border, forward)
+    common = factors.corner.T @ (factors.corner @ residual)
     return _back(factors, forward - factors.border @ common), common
 
 
@@ -230,12 +230,12 @@ def covariance_times(
     """
     bands, local, columns = vectors.shape
     pairs, n, shared = factors.border.shape
-    inside = np.pad(vectors, ((0, 2 * pairs - bands), (0, 0), (0, 0))).reshape(pairs, n, columns)
-    right = np.zeros((shared, columns))
-    right[shared - len(modes) :] = np.einsum("obi,bic->oc", modes, vectors)
-    solved, common = _solve_blocks(factors, inside, right)
-    own = solved.reshape(2 * pairs, local, columns)[:bands]
-    return own + np.einsum("obi,oc->bic", modes, common[shared - len(modes) :])
+    blocks = np.pad(vectors, ((0, 2 * pairs - bands), (0, 0), (0, 0))).reshape(pairs, n, columns)
+    corner_side = np.zeros((shared, columns))
+    corner_side[shared - len(modes) :] = np.einsum("obi,bic->oc", modes, vectors)
+    solved, common = _solve_blocks(factors, blocks, corner_side)
+    band_side = solved.reshape(2 * pairs, local, columns)[:bands]
+    return band_side + np.einsum("obi,oc->bic", modes, common[shared - len(modes) :])
 
 
 def draws(factors: Factors, like: Unknowns, count: int, seed: int = 0) -> Unknowns:
@@ -250,10 +250,10 @@ def draws(factors: Factors, like: Unknowns, count: int, seed: int = 0) -> Unknow
 
 
 def _back(
-    factors: Factors, right: Float[np.ndarray, "pairs n *columns"]
+    factors: Factors, right_side: Float[np.ndarray, "pairs n *columns"]
 ) -> Float[np.ndarray, "pairs n *columns"]:
     """Solve with the transposed factor of the bands."""
-    values = np.array(right)
+    values = np.array(right_side)
     last = len(values) - 1
     for pair in range(last, -1, -1):
         after = factors.below[pair + 1].T @ values[pair + 1] if pair < last else 0.0
@@ -269,17 +269,17 @@ def unflatten(
 ) -> Unknowns:
     """Unknowns from the blocks of bands and the shared numbers of several vectors, or of one."""
     count, local = like.bands.shape
-    films, paints, others = np.split(
+    films, paints, other_values = np.split(
         shared, [like.films.size, like.films.size + like.paints.size], axis=1
     )
-    parts: list[Any] = [
+    blocks: list[Any] = [
         bands.reshape(len(bands), -1, local)[:, :count],
         films.reshape(-1, *like.films.shape),
         paints.reshape(-1, *like.paints.shape),
-        others,
+        other_values,
     ]
-    found = Unknowns(*parts)
-    return found if only is None else jax.tree.map(lambda part: part[only], found)
+    unknowns = Unknowns(*blocks)
+    return unknowns if only is None else jax.tree.map(lambda leaf: leaf[only], unknowns)
 
 
 def shared_with_bands(
@@ -288,8 +288,8 @@ def shared_with_bands(
     """Covariance of the last few shared unknowns with the unknowns of each band."""
     pairs, n, shared = factors.border.shape
     columns = (factors.corner.T @ factors.corner)[:, shared - last :]
-    found = _back(factors, -(factors.border @ columns))
-    return np.moveaxis(found, -1, 0).reshape(last, 2 * pairs, n // 2)[:, :bands]
+    solution = _back(factors, -(factors.border @ columns))
+    return np.moveaxis(solution, -1, 0).reshape(last, 2 * pairs, n // 2)[:, :bands]
 
 
 def covariance(
@@ -316,5 +316,5 @@ def covariance(
         inner = root.T @ root + gain @ inner @ gain.T
         blocks[pair] = inner + spread @ corner @ spread.T
     m = n // 2
-    both = np.stack([blocks[:, :m, :m], blocks[:, m:, m:]], axis=1).reshape(-1, m, m)
-    return both[:bands], corner
+    diagonal = np.stack([blocks[:, :m, :m], blocks[:, m:, m:]], axis=1).reshape(-1, m, m)
+    return diagonal[:bands], corner

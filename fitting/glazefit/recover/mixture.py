@@ -78,8 +78,10 @@ def mix(
     """
     mixture = _mix(pigments, recipe, wavelengths, law)
     size = (variation or Variation()).size_of(list(recipe))
-    parts = mixture.modes
-    modes = np.concatenate([parts["scale"] + parts["paint"], size * parts["film"]])
+    mode_groups = mixture.modes
+    modes = np.concatenate(
+        [mode_groups["scale"] + mode_groups["paint"], size * mode_groups["film"]]
+    )
     modes = modes[np.abs(modes).max(axis=(1, 2)) > 0]
     sd = mixture.coefficients * np.sqrt(np.sum(modes**2, axis=0))
     name = name or mixture.name
@@ -108,8 +110,8 @@ def predict_mixture(
     response: Response | None = None,
     spread: Spread | None = None,
 ) -> list[Prediction]:
-    """What a mixture of known paints will look like at some thicknesses, over a black and a white
-    ground.
+    """Predict what a mixture of known paints will look like at some thicknesses, over a black and a
+    white ground.
 
     Args:
         pigments, recipe, wavelengths, law, variation: as for `mix`.
@@ -139,11 +141,16 @@ def predict_mixture(
         grid = mixture.wavelengths
         k, s = mixture.coefficients
         rng = np.random.default_rng(0)
-        parts = mixture.modes
-        own, film = (rng.standard_normal((256, len(parts[part]))) for part in ("paint", "film"))
+        mode_groups = mixture.modes
+        paint_draws, film = (
+            rng.standard_normal((256, len(mode_groups[part]))) for part in ("paint", "film")
+        )
         # Scale and shape are two sides of the same errors.
-        normal = {"scale": own, "paint": own, "film": film}
-        off = {part: np.einsum("dm,mcb->dcb", normal[part], modes) for part, modes in parts.items()}
+        normal = {"scale": paint_draws, "paint": paint_draws, "film": film}
+        off = {
+            part: np.einsum("dm,mcb->dcb", normal[part], modes)
+            for part, modes in mode_groups.items()
+        }
         gloss = 1.0
     else:
         grid = calibrated.wavelengths
@@ -173,9 +180,9 @@ def predict_mixture(
         }
         read = mean + surface
         if errors is not None:
-            shift, more = errors.at(metres / UNIT, read)
+            shift, extra = errors.at(metres / UNIT, read)
             read = read + shift
-            drawn["paint"] = drawn["paint"] + more
+            drawn["paint"] = drawn["paint"] + extra
         deviations = {part: drawn.get(part, empty) for part in ("scale", "paint", "film")}
         over_black, over_white = read
         out.append(
@@ -239,7 +246,7 @@ def calibrate_mixture(
     films, read = _spread_bands(films, wavelengths)
     mixture = mix(pigments, recipe, wavelengths=films.wavelengths, law=law, variation=variation)
     spread = spread or Spread()
-    found = recover_jointly(
+    recovery = recover_jointly(
         films,
         {film: {mixture.name: 1.0} for film in films.names},
         instrument=instrument,
@@ -253,30 +260,30 @@ def calibrate_mixture(
         unit=UNIT,
     )
     if read.all():
-        return found
+        return recovery
     # What was not read is as it was found to be.
     filled = replace(
         films,
-        over_black=np.where(read, films.over_black, found.fitted_black),
-        over_white=np.where(read, films.over_white, found.fitted_white),
+        over_black=np.where(read, films.over_black, recovery.fitted_black),
+        over_white=np.where(read, films.over_white, recovery.fitted_white),
     )
     # As if read with an error that has no bounds.
-    return replace(found, films=filled, residual_sd=np.where(read, found.residual_sd, np.inf))
+    return replace(recovery, films=filled, residual_sd=np.where(read, recovery.residual_sd, np.inf))
 
 
 def _spread_bands(
     films: Films, wavelengths: Float[np.ndarray, "bands"] | None
 ) -> tuple[Films, Bool[np.ndarray, "bands"]]:
     """Films at further wavelengths, interpolated, and at which they were read."""
-    own = films.wavelengths
-    grid = own if wavelengths is None else np.union1d(own, wavelengths)
-    if grid.size == own.size:
-        return films, np.ones(own.size, dtype=bool)
+    bands = films.wavelengths
+    grid = bands if wavelengths is None else np.union1d(bands, wavelengths)
+    if grid.size == bands.size:
+        return films, np.ones(bands.size, dtype=bool)
     wider = {
-        what: np.stack([np.interp(grid, own, row) for row in getattr(films, what)])
+        what: np.stack([np.interp(grid, bands, row) for row in getattr(films, what)])
         for what in SPECTRA
     }
-    return replace(films, wavelengths=grid, **wider), np.isin(grid, own)
+    return replace(films, wavelengths=grid, **wider), np.isin(grid, bands)
 
 
 def drawn_mixture(calibrated: JointRecovery) -> Float[np.ndarray, "draws 2 bands"]:
@@ -321,44 +328,44 @@ def _mix(
     paints = [paint.resample(grid) for paint in used]
     names = [paint.name for paint in paints]
     shares = (law or MixingLaw()).shares(np.array([[recipe[n] for n in names]]), names)[0]
-    each = (
+    contributions = (
         np.stack([[p.absorption, p.scattering] for p in paints]) * shares[:, None, None]
     )  # (paints, 2, bands)
-    whole = each.sum(axis=0)
+    coefficients = contributions.sum(axis=0)
     # What 1 % more of a paint's k adds to that of the mixture, in per cent.
-    part = each / np.maximum(whole, 1e-300)
+    elasticity = contributions / np.maximum(coefficients, 1e-300)
 
     def alone(
         modes: Float[np.ndarray, "paints 2 shapes bands"],
     ) -> Float[np.ndarray, "modes 2 bands"]:
         """Modes of the mixture in which one coefficient of one paint is off at a time."""
-        moved = np.einsum("pcsb,pcb,cd->pcsdb", modes, part, np.eye(2))
-        return moved.reshape(-1, 2, grid.size)
+        changes = np.einsum("pcsb,pcb,cd->pcsdb", modes, elasticity, np.eye(2))
+        return changes.reshape(-1, 2, grid.size)
 
     usual = ModelError.between_films()
     # Eight shapes hold nearly all of a smooth error.
     smooth = smooth_modes(grid, usual.coefficient_length, 8)
     stated = relative_errors(paints, usual)[:, :, None] * smooth
     shared = error_modes(paints, usual)
-    level = np.broadcast_to(stated.mean(axis=-1, keepdims=True), stated.shape)
+    stated_level = np.broadcast_to(stated.mean(axis=-1, keepdims=True), stated.shape)
     shared_level = np.broadcast_to(shared.mean(axis=2, keepdims=True), shared.shape)
 
     def mix_errors(
-        own: Float[np.ndarray, "paints 2 shapes bands"],
+        separate: Float[np.ndarray, "paints 2 shapes bands"],
         together: Float[np.ndarray, "paints 2 bands modes"],
     ) -> Float[np.ndarray, "all 2 bands"]:
-        return np.concatenate([alone(own), np.einsum("pcbm,pcb->mcb", together, part)])
+        return np.concatenate([alone(separate), np.einsum("pcbm,pcb->mcb", together, elasticity)])
 
     varied = MIXED.coefficient * smooth_modes(grid, MIXED.coefficient_length, 8)
     varied = np.concatenate([varied, np.full((1, grid.size), MIXED.level)])
-    words = (f"{100 * share:.3g} {paint}" for share, paint in zip(shares, names, strict=True))
+    components = (f"{100 * share:.3g} {paint}" for share, paint in zip(shares, names, strict=True))
     return _MixedPaint(
-        name=" + ".join(words),
+        name=" + ".join(components),
         wavelengths=grid,
-        coefficients=whole,
+        coefficients=coefficients,
         modes={
-            "scale": mix_errors(level, shared_level),
-            "paint": mix_errors(stated - level, shared - shared_level),
+            "scale": mix_errors(stated_level, shared_level),
+            "paint": mix_errors(stated - stated_level, shared - shared_level),
             "film": alone(np.broadcast_to(varied, (len(paints), 2, *varied.shape))),
         },
     )

@@ -1,4 +1,4 @@
-"""Which reading of some that are easily taken would teach most: of a mixture that was calibrated by
+"""Rank readings that are easily taken by what they would teach: of a mixture that was calibrated by
 one film here, of a paint that was fitted in `experimental_design`.
 
 Draws of what is still open give both what each candidate would read and what is sought: the colour
@@ -27,7 +27,7 @@ from .reading_errors import film_readings
 
 
 @dataclass(frozen=True)
-class Candidate:
+class CandidateReading:
     """A reading that may be taken next.
 
     Attributes:
@@ -45,7 +45,7 @@ class Candidate:
 
 @dataclass(frozen=True)
 class NextFilms:
-    """What further readings would teach of one paint or mixture.
+    """Gain of further readings of one paint or mixture.
 
     Attributes:
         paint: its name.
@@ -55,7 +55,7 @@ class NextFilms:
 
     paint: str
     now: float
-    films: tuple[Candidate, ...]
+    films: tuple[CandidateReading, ...]
 
 
 def reading_bands(bands: int, most: int) -> np.ndarray:
@@ -65,7 +65,7 @@ def reading_bands(bands: int, most: int) -> np.ndarray:
 
 def rank_candidates(
     paint: str,
-    candidates: Sequence[Candidate],
+    candidates: Sequence[CandidateReading],
     draws: Float[np.ndarray, "draws open"],
     looks: Callable[[np.ndarray], Float[np.ndarray, "draws films bands"]],
     wavelengths: Float[np.ndarray, "bands"],
@@ -83,17 +83,20 @@ def rank_candidates(
     centre = draws.mean(axis=0)
     middle = looks(centre[None])[0]
 
-    def expected(left: np.ndarray) -> float:
+    def expected(remaining: np.ndarray) -> float:
         # The regression needs all draws, a mean of colours few.
-        seen = looks(left[:128])
-        return float(np.mean(delta_e_of_spectra(wavelengths, seen, middle, observer=10)))
+        spectra = looks(remaining[:128])
+        return float(np.mean(delta_e_of_spectra(wavelengths, spectra, middle, observer=10)))
 
-    def after(candidate: Candidate) -> float:
+    def after(candidate: CandidateReading) -> float:
         off = candidate.readings - candidate.readings.mean(axis=0)
-        both = off.T @ off / len(draws) + np.diag(candidate.sd**2)
-        across = off.T @ (draws - centre) / len(draws)
+        reading_covariance = off.T @ off / len(draws) + np.diag(candidate.sd**2)
+        open_covariance = off.T @ (draws - centre) / len(draws)
         read = off + candidate.sd * rng.standard_normal(off.shape)
-        return expected(draws - (read - read.mean(axis=0)) @ np.linalg.solve(both, across))
+        return expected(
+            draws
+            - (read - read.mean(axis=0)) @ np.linalg.solve(reading_covariance, open_covariance)
+        )
 
     films = [replace(candidate, expected=after(candidate)) for candidate in candidates]
     return NextFilms(paint, expected(draws), tuple(sorted(films, key=lambda film: film.expected)))
@@ -127,7 +130,9 @@ def rank_next_readings(
     off = drawn_mixture(calibrated)
     draws = off.reshape(len(off), -1)
     # Another film of it is as thick as was meant to within this.
-    other = calibrated.expectations.thickness * np.random.default_rng(2).standard_normal(len(off))
+    thickness_errors = calibrated.expectations.thickness * np.random.default_rng(2).standard_normal(
+        len(off)
+    )
     bands = reading_bands(grid.size, 8)
 
     def bodies(metres: float, off: np.ndarray) -> np.ndarray:
@@ -139,13 +144,13 @@ def rank_next_readings(
         films = draws.reshape(len(draws), 2, -1)
         return np.concatenate([bodies(metres, films) for metres in thickness], axis=1)
 
-    def candidate(words: str, times: float, cards: list[int], another: bool) -> Candidate:
-        varied = off + other[:, None, None] if another else off
-        seen = bodies(times * float(calibrated.thickness[0]) * UNIT, varied)
-        seen = seen[:, cards][:, :, bands].reshape(len(off), -1)
-        mean = seen.mean(axis=0)
+    def candidate(name: str, times: float, cards: list[int], another: bool) -> CandidateReading:
+        varied = off + thickness_errors[:, None, None] if another else off
+        readings = bodies(times * float(calibrated.thickness[0]) * UNIT, varied)
+        readings = readings[:, cards][:, :, bands].reshape(len(off), -1)
+        mean = readings.mean(axis=0)
         sd = model_deviation(mean, calibrated.noise, calibrated.expectations)
-        return Candidate(words, seen, sd)
+        return CandidateReading(name, readings, sd)
 
     candidates = [candidate(*planned) for planned in _planned(calibrated)]
     return rank_candidates(calibrated.paints[0], candidates, draws, looks, grid)
@@ -160,6 +165,6 @@ def _planned(calibrated: JointRecovery) -> Iterator[tuple[str, float, list[int],
         for number, card in enumerate(("black", "white")):
             if not films.seen[0, number]:
                 yield f"the same film over {card}", 1.0, [number], False
-        yield "a film that hides what is below it", 200.0, [0], True
-    for times, words in ((0.5, "half"), (2.0, "twice")):
-        yield f"a film {words} as thick over black and white", times, [0, 1], True
+        yield "an opaque film", 200.0, [0], True
+    for times, label in ((0.5, "half"), (2.0, "twice")):
+        yield f"a film {label} as thick over black and white", times, [0, 1], True

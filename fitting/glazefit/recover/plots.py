@@ -47,10 +47,10 @@ def plot_paint(recovery: Recovery, row: int, thickness: float, path: Path) -> No
         gloss = "" if recovery.gloss[row] == 1 else f", gloss {recovery.gloss[row]:.2f}"
         spectra.set_title(f"{films.names[row]}: RMSE {recovery.rmse[row]:.5f}{gloss}")
 
-        known = recovery.identifiable[row]
+        identifiable = recovery.identifiable[row]
         values = np.stack([recovery.absorption[row], recovery.scattering[row]], axis=-1) / thickness
         lower, upper = (ends[row] / thickness for ends in recovery.interval())
-        _draw_coefficients(coefficients, grid, values, np.maximum(lower, 1.0), upper, known)
+        _draw_coefficients(coefficients, grid, values, np.maximum(lower, 1.0), upper, identifiable)
         coefficients.set_ylim(max(values.max() * 1e-6, values.min() / 2, 1.0), values.max() * 3)
         coefficients.set_title(f"if the film is {thickness * 1e6:g} µm thick; bands of 95 %")
 
@@ -70,14 +70,14 @@ def plot_joint_paint(recovery: JointRecovery, row: int, thickness: float, path: 
     films = recovery.films
     paint = recovery.paints[row]
     holding = np.flatnonzero(recovery.shares[:, row] > 0)
-    shown = holding[np.argsort(-recovery.shares[holding, row])][:6]
-    colours = matplotlib.colormaps["viridis"](np.linspace(0.0, 0.88, max(len(shown), 1)))
+    drawn = holding[np.argsort(-recovery.shares[holding, row])][:6]
+    colours = matplotlib.colormaps["viridis"](np.linspace(0.0, 0.88, max(len(drawn), 1)))
     with picture(path, 11, 4.4) as figure:
         spectra, coefficients = figure.subplots(1, 2)
-        for film, colour in zip(shown, colours, strict=False):
-            words = _recipe(recovery, int(film))
+        for film, colour in zip(drawn, colours, strict=False):
+            label = _recipe(recovery, int(film))
             spectra.plot(
-                grid, films.over_white[film], "o", color=colour, ms=3.5, mfc="none", label=words
+                grid, films.over_white[film], "o", color=colour, ms=3.5, mfc="none", label=label
             )
             spectra.plot(
                 grid, films.over_black[film], "s", color=colour, ms=3, mfc="none", alpha=0.6
@@ -86,9 +86,9 @@ def plot_joint_paint(recovery: JointRecovery, row: int, thickness: float, path: 
             spectra.plot(grid, recovery.fitted_black[film], "--", color=colour, lw=1.0)
         label_spectra(spectra, ylim=(0, 1))
         spectra.legend(fontsize=7, loc="upper left")
-        more = f" ({len(shown)} of its {len(holding)} films)" if len(holding) > len(shown) else ""
+        remark = f" ({len(drawn)} of its {len(holding)} films)" if len(holding) > len(drawn) else ""
         spectra.set_title(
-            f"{paint}{more}: over white (circles), over black (squares), lines fitted", fontsize=9
+            f"{paint}{remark}: over white (circles), over black (squares), lines fitted", fontsize=9
         )
 
         values = np.stack([recovery.absorption[row], recovery.scattering[row]], axis=-1) / thickness
@@ -108,18 +108,26 @@ def _draw_coefficients(
     values: Float[np.ndarray, "bands 2"],
     lower: Float[np.ndarray, "bands 2"],
     upper: Float[np.ndarray, "bands 2"],
-    known: Bool[np.ndarray, "bands"],
+    identifiable: Bool[np.ndarray, "bands"],
 ) -> None:
     """k and s in 1/m with their bands, dotted where only their ratio is known."""
     for n, (colour, name) in enumerate(
         ((ABSORPTION, "absorption k"), (SCATTERING, "scattering s"))
     ):
-        axes.plot(grid, np.where(known, values[:, n], np.nan), "-o", color=colour, ms=3, label=name)
+        axes.plot(
+            grid, np.where(identifiable, values[:, n], np.nan), "-o", color=colour, ms=3, label=name
+        )
         axes.plot(grid, values[:, n], ":", color=colour, lw=1)
         axes.fill_between(
-            grid, lower[:, n], upper[:, n], where=known.tolist(), color=colour, alpha=0.2, lw=0
+            grid,
+            lower[:, n],
+            upper[:, n],
+            where=identifiable.tolist(),
+            color=colour,
+            alpha=0.2,
+            lw=0,
         )
-    if not known.all():
+    if not identifiable.all():
         axes.plot([], [], ":", color="0.4", lw=1, label="too opaque: only k/s is known")
     label_spectra(axes, "coefficient (1/m)", yscale="log")
     axes.legend()
@@ -139,17 +147,17 @@ def plot_left_out(recovery: JointRecovery, out: LeftOut, path: Path) -> None:
         axes = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
         for axis in axes.flat[len(out.names) :]:
             axis.set_axis_off()
-        for i, (axis, found) in enumerate(zip(axes.flat, out.predictions, strict=False)):
-            low, high = found.interval()
+        for i, (axis, prediction) in enumerate(zip(axes.flat, out.predictions, strict=False)):
+            low, high = prediction.interval()
             for card, (spectrum, colour) in enumerate(
-                ((found.over_black, OVER_BLACK), (found.over_white, OVER_WHITE))
+                ((prediction.over_black, OVER_BLACK), (prediction.over_white, OVER_WHITE))
             ):
                 axis.fill_between(
-                    found.wavelengths, low[card], high[card], color=colour, alpha=0.18, lw=0
+                    prediction.wavelengths, low[card], high[card], color=colour, alpha=0.18, lw=0
                 )
-                axis.plot(found.wavelengths, spectrum, "-", color=colour, lw=1.1)
+                axis.plot(prediction.wavelengths, spectrum, "-", color=colour, lw=1.1)
                 axis.plot(
-                    found.wavelengths,
+                    prediction.wavelengths,
                     out.measured[i, card],
                     "o",
                     color=colour,
@@ -157,7 +165,7 @@ def plot_left_out(recovery: JointRecovery, out: LeftOut, path: Path) -> None:
                     mfc="none",
                     mew=0.7,
                 )
-            recipe = _recipe(recovery, recovery.films.names.index(found.name)).replace(
+            recipe = _recipe(recovery, recovery.films.names.index(prediction.name)).replace(
                 " + ", "\n+ "
             )
             axis.set_title(f"{recipe}\nΔE00 {out.predicted[i].mean():.1f}", fontsize=7, loc="left")
@@ -165,18 +173,18 @@ def plot_left_out(recovery: JointRecovery, out: LeftOut, path: Path) -> None:
             axis.tick_params(labelsize=7)
         figure.supxlabel("wavelength (nm)", fontsize=8)
         figure.supylabel("reflectance", fontsize=8)
-        words = (
+        caption = (
             "Films left out of the fit: measured over black (dark) and white (light), predicted "
             "(lines), 90 % bands"
         )
-        figure.suptitle(textwrap.fill(words, 40 * columns), fontsize=9)
+        figure.suptitle(textwrap.fill(caption, 40 * columns), fontsize=9)
 
 
 def _recipe(recovery: JointRecovery, film: int) -> str:
     """Recipe of a film in short."""
-    parts = sorted(recovery.recipe(film).items(), key=lambda part: -part[1])
-    if len(parts) == 1:
+    shares = sorted(recovery.recipe(film).items(), key=lambda entry: -entry[1])
+    if len(shares) == 1:
         return f"{recovery.films.names[film]} pure"
     return f"{recovery.films.names[film]} " + " + ".join(
-        f"{share:.3g} {paint}" for paint, share in parts
+        f"{share:.3g} {paint}" for paint, share in shares
     )

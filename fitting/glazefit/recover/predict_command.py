@@ -55,9 +55,9 @@ def predict(
             "--reading",
             metavar="FILE",
             callback=options.there,
-            help="Spectra of one film of this mixture: rows NAME_ob and NAME_ow (over a black, a "
-            "white card), or one of them, or NAME alone (it hides what is below), and card_b, "
-            "card_w. It says how strong it came out.",
+            help="Spectra of one film of this mixture, to learn its strength: rows NAME_ob and "
+            "NAME_ow (over a black, a white card), or one of them, or NAME alone (opaque), and "
+            "card_b, card_w.",
             show_default=False,
         ),
     ] = None,
@@ -70,8 +70,8 @@ def predict(
         typer.Option(
             "--film-thickness",
             metavar="LENGTH",
-            help="Of the film of --reading as a gauge says, on the scale of the paints: 20um, or "
-            "20um±20%.",
+            help="Measured thickness of the film in --reading, on the scale of the paints: "
+            "20um, or 20um±20%.",
             show_default=False,
         ),
     ] = "",
@@ -81,8 +81,8 @@ def predict(
             "--thickness",
             metavar="LENGTHS",
             help=(
-                "Of the films to predict: 5um,25um. Default: 25um, or with --reading half, once "
-                "and twice its film's."
+                "Thicknesses of the films to predict: 5um,25um. Default: 25um, or with "
+                "--reading half, once and twice its film's."
             ),
             show_default=False,
         ),
@@ -96,17 +96,17 @@ def predict(
     observer: options.Observer = "10",
     overwrite: options.Overwrite = False,
 ) -> None:
-    """What a mixture of known paints will look like, and how sure that is.
+    """Predict the colour of a mixture of paints, with its error.
 
-    The colour over a usual black and white card (or those of --reading),
-    with the colour difference to be expected: between two mixings of it,
-    and because the paints are not known exactly. A reading of one film tells
-    how strong the mixture came out; its other films are then known better.
+    Prints the colour over a typical black and white card (or those of
+    --reading), the expected colour difference between two mixings, and the
+    part that comes from errors of the paints. A reading of one film measures
+    the strength of the mixture, and reduces the error of its other films.
 
     Example: glazejax predict "10 Vermillion + 90 ZincWhite"
     """
     # What is wrong with the words is told before anything heavy is loaded.
-    wanted = [options.read_length(text) for text in options.split_names(thickness)]
+    thicknesses = [options.read_length(text) for text in options.split_names(thickness)]
     for option, value in (("--samples", samples), ("--film-thickness", film_thickness)):
         if value and reading is None:
             raise ValueError(
@@ -134,7 +134,7 @@ def predict(
 
     console = Console(highlight=False)
     seen_with = Instrument(seen_by, refractive_index)
-    found = None
+    calibrated = None
     grid = None
     ground = None
     if reading is not None:
@@ -144,7 +144,7 @@ def predict(
         noise = estimate_noise(film)
         gauge = read_gauge(film_thickness, film.names, "--film-thickness")
         with progress.doing("compiling, then fitting the reading"):
-            found = calibrate_mixture(
+            calibrated = calibrate_mixture(
                 shelf,
                 recipe,
                 film,
@@ -153,34 +153,41 @@ def predict(
                 gauge=gauge,
                 wavelengths=complete_grid(film, [shelf[paint] for paint in recipe]),
             )
-        grid = found.wavelengths
-        black, white, _, _ = cards(found.films, seen_with, noise)
+        grid = calibrated.wavelengths
+        black, white, _, _ = cards(calibrated.films, seen_with, noise)
         ground = (black[0], white[0])
-        own = float(f"{found.thickness[0] * UNIT:.2g}")
-        wanted = wanted or ([own] if film.opaque[0] else [0.5 * own, own, 2.0 * own])
-    wanted = wanted or [options.read_length("25um")]
+        read_thickness = float(f"{calibrated.thickness[0] * UNIT:.2g}")
+        thicknesses = thicknesses or (
+            [read_thickness]
+            if film.opaque[0]
+            else [0.5 * read_thickness, read_thickness, 2.0 * read_thickness]
+        )
+    thicknesses = thicknesses or [options.read_length("25um")]
     with progress.doing("compiling, then predicting"):
-        made = predict_mixture(
+        predictions = predict_mixture(
             shelf,
             recipe,
-            wanted,
+            thicknesses,
             wavelengths=grid,
             ground=ground,
             instrument=seen_with,
-            calibrated=found,
+            calibrated=calibrated,
         )
     if out is not None:
-        _write(made, out, overwrite)
-    if found is not None:
+        _write(predictions, out, overwrite)
+    if calibrated is not None:
         before = predict_mixture(
-            shelf, recipe, wanted, wavelengths=grid, ground=ground, instrument=seen_with
+            shelf, recipe, thicknesses, wavelengths=grid, ground=ground, instrument=seen_with
         )
-        _say_reading(found, made, before, (illuminant, observer), console)
-    _print(made, found is None, (illuminant, observer), console)
-    if found is not None:
+        _say_reading(calibrated, predictions, before, (illuminant, observer), console)
+    _print(predictions, calibrated is None, (illuminant, observer), console)
+    if calibrated is not None:
         from .next_reading import rank_next_readings
 
-        _say_next(rank_next_readings(found, wanted, ground=ground, instrument=seen_with), console)
+        _say_next(
+            rank_next_readings(calibrated, thicknesses, ground=ground, instrument=seen_with),
+            console,
+        )
     if out is not None:
         console.print(f"Wrote {out}", markup=False)
 
@@ -194,15 +201,15 @@ def read_recipe(text: str) -> dict[str, float]:
             named twice.
     """
     recipe: dict[str, float] = {}
-    parts = text.split("+")
-    for part in parts:
-        match = _PART.fullmatch(part.strip())
+    terms = text.split("+")
+    for term in terms:
+        match = _PART.fullmatch(term.strip())
         weight = match and match["weight"]
-        if match is None or (weight is None and len(parts) > 1):
+        if match is None or (weight is None and len(terms) > 1):
             raise ValueError(
-                f"cannot read {part.strip()!r} in {text!r}; write '10 Vermillion + 90 ZincWhite'"
+                f"cannot read {term.strip()!r} in {text!r}; write '10 Vermillion + 90 ZincWhite'"
             )
-        if "," in part:
+        if "," in term:
             plain = re.sub(r"\s*%\s*", " ", re.sub(r"\s*,\s*", " + ", text))
             raise ValueError(
                 f"there is a comma in {text!r}; between paints stands a +: write {plain!r}"
@@ -237,14 +244,14 @@ def read_film(
     shelf: "Mapping[str, Pigment]",
     recipe: Mapping[str, float],
     console: "Console",
-    **said: Unpack["Stated"],
+    **stated: Unpack["Stated"],
 ) -> "Films":
     """The one film that was read, on a grid that all paints of the recipe cover."""
     from ..film.partial_films import average, crop, read_loose_films
 
-    films = read_loose_films(path, **said)
-    if wanted := options.split_names(samples):
-        films = films.select(wanted)
+    films = read_loose_films(path, **stated)
+    if chosen := options.split_names(samples):
+        films = films.select(chosen)
     if len(films) != 1:
         raise ValueError(
             f"{path}: --reading takes one film, and there are {len(films)}: choose with "
@@ -266,11 +273,11 @@ def complete_grid(
     """
     import numpy as np
 
-    own = film.wavelengths
+    bands = film.wavelengths
     # Bands farther apart give no colour by themselves, nor do those that leave out part of 420 to
     # 680 nm.
-    near = own.size > 1 and np.diff(own).max() <= 20.0
-    if near and own[0] <= 420.0 and own[-1] >= 680.0:
+    near = bands.size > 1 and np.diff(bands).max() <= 20.0
+    if near and bands[0] <= 420.0 and bands[-1] >= 680.0:
         return None
     low = max(paint.wavelengths[0] for paint in paints)
     high = min(paint.wavelengths[-1] for paint in paints)
@@ -279,8 +286,8 @@ def complete_grid(
 
 
 def _say_reading(
-    found: "JointRecovery",
-    made: "Sequence[Prediction]",
+    calibrated: "JointRecovery",
+    after: "Sequence[Prediction]",
     before: "Sequence[Prediction]",
     eye: tuple[str, str],
     console: "Console",
@@ -291,22 +298,22 @@ def _say_reading(
 
     from .joint import UNIT
 
-    film = found.films
-    fit = found.delta_e(*eye)[0][film.seen[0]]
+    film = calibrated.films
+    fit = calibrated.delta_e(*eye)[0][film.seen[0]]
     thick = (
-        "it hides what is below"
+        "opaque"
         if film.opaque[0]
-        else format_length(float(f"{found.thickness[0] * UNIT:.3g}"))
+        else format_length(float(f"{calibrated.thickness[0] * UNIT:.3g}"))
     )
     first, then = (
-        np.mean([p.expected_error(*eye) for p in predictions]) for predictions in (before, made)
+        np.mean([p.expected_error(*eye) for p in predictions]) for predictions in (before, after)
     )
     console.print(
         f"Reading {film.names[0]}: met to ΔE00 {fit.mean():.2f}; thickness {thick}, on the scale "
         f"of these paints. Expected error of the films below: ΔE00 {first:.1f} without the "
         f"reading, {then:.1f} with it."
     )
-    if not found.converged:
+    if not calibrated.converged:
         console.print(
             "[yellow]The fit of the reading did not settle; take what follows as rough.[/yellow]"
         )
@@ -314,7 +321,7 @@ def _say_reading(
     if fit.max() > 2.0:
         console.print(
             f"[yellow]The reading is met no nearer than ΔE00 {fit.max():.1f}: is the mixture "
-            "what was said?[/yellow]"
+            "as stated?[/yellow]"
         )
 
 
@@ -322,16 +329,16 @@ def _say_next(further: "NextFilms", console: "Console") -> None:
     best = further.films[0]
     # Repeats of one reading differ by .1 on average (Kimera's), and that is not seen.
     if further.now - best.expected < 0.2:
-        console.print("No further reading of it would tell much more.")
+        console.print("No further reading would improve this much.")
         return
     console.print(
-        f"What would help most: a reading of {best.film}. What is open of this mixture makes "
-        f"ΔE00 {further.now:.1f} in the films above, and would then make {best.expected:.1f}."
+        f"Most useful next reading: {best.film}. It would reduce the error of the films above that "
+        f"comes from this mixture from ΔE00 {further.now:.1f} to {best.expected:.1f}."
     )
 
 
 def _print(
-    made: "Sequence[Prediction]", anew: bool, eye: tuple[str, str], console: "Console"
+    predictions: "Sequence[Prediction]", anew: bool, eye: tuple[str, str], console: "Console"
 ) -> None:
     """A table of colours, and what they are expected to be off."""
     import numpy as np
@@ -340,18 +347,18 @@ def _print(
     from glazejax.plots import hex_colour
     from glazejax.report import plain_table, swatch
 
-    mixture = "+".join(made[0].paints)
+    mixture = "+".join(predictions[0].paints)
     table = plain_table("film", "over", "", "L*", "a*", "b*", "expected ΔE00", words=(0, 1, 2))
-    for found in made:
-        off = found.expected_errors(*eye)
-        for card, spectrum in enumerate(found.reflectance):
+    for prediction in predictions:
+        off = prediction.expected_errors(*eye)
+        for card, spectrum in enumerate(prediction.reflectance):
             lab = np.asarray(
-                colour.lab(found.wavelengths, spectrum, illuminant=eye[0], observer=eye[1])
+                colour.lab(prediction.wavelengths, spectrum, illuminant=eye[0], observer=eye[1])
             )
             shade = swatch(
-                hex_colour(colour.srgb(found.wavelengths, spectrum, illuminant=eye[0])), 4
+                hex_colour(colour.srgb(prediction.wavelengths, spectrum, illuminant=eye[0])), 4
             )
-            name = found.name if card == 0 else ""
+            name = prediction.name if card == 0 else ""
             table.add_row(
                 name,
                 ("black", "white")[card],
@@ -361,36 +368,36 @@ def _print(
             )
     console.print(table)
     if anew:
-        next_one = np.mean([found.between_mixings(*eye) for found in made])
+        next_one = np.mean([prediction.between_mixings(*eye) for prediction in predictions])
         console.print(
             f"Two mixings of {mixture} differ by about ΔE00 {next_one:.1f}. The paints are not "
-            f"known exactly either: that adds {say_paint_errors(made, eye)}."
+            f"known exactly either: that adds {say_paint_errors(predictions, eye)}."
         )
         console.print("[dim]A reading of one film of it narrows that: --reading FILE.[/dim]")
 
 
-def say_paint_errors(made: "Sequence[Prediction]", eye: tuple[str, str]) -> str:
-    """What errors of the paints' own k and s add to a colour, Delta E 2000."""
+def say_paint_errors(predictions: "Sequence[Prediction]", eye: tuple[str, str]) -> str:
+    """Say what errors of the paints' own k and s add to a colour, Delta E 2000."""
     import numpy as np
 
     scale, shape = (
-        np.mean([p.expected_error(*eye, parts=(part,)) for p in made])
+        np.mean([p.expected_error(*eye, parts=(part,)) for p in predictions])
         for part in ("scale", "paint")
     )
     return f"{scale:.1f} by the level of their k and s, and {shape:.1f} by their shape"
 
 
-def _write(made: "Sequence[Prediction]", path: Path, overwrite: bool) -> None:
+def _write(predictions: "Sequence[Prediction]", path: Path, overwrite: bool) -> None:
     from glazejax.io import write_table
 
     def rows() -> Any:
-        for found in made:
-            low, high = found.interval()
+        for prediction in predictions:
+            low, high = prediction.interval()
             for card, over in enumerate(("black", "white")):
-                for band, wavelength in enumerate(found.wavelengths):
-                    values = (found.reflectance[card, band], low[card, band], high[card, band])
+                for band, wavelength in enumerate(prediction.wavelengths):
+                    values = (prediction.reflectance[card, band], low[card, band], high[card, band])
                     yield (
-                        found.name,
+                        prediction.name,
                         over,
                         f"{wavelength:g}",
                         *(f"{value:.6f}" for value in values),

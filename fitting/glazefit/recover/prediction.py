@@ -1,4 +1,4 @@
-"""What a joint recovery foretells of a film that it has not seen: from its weights, with only its
+"""Predictions of a joint recovery for a film that it has not seen: from its weights, with only its
 thickness free.
 
 How sure it is comes from draws: of the paints' k and s as the recovery knows them, and of the
@@ -70,12 +70,12 @@ class Prediction(Tabulated):
     def arrays_and_axes(self) -> Variables:
         """Reflectance, and the ends of its 90 % intervals."""
         axes = {"over": ["black", "white"], WAVELENGTH: self.wavelengths}
-        each = zip(
+        columns = zip(
             ("reflectance", "lower_90", "upper_90"),
             (self.reflectance, *self.interval()),
             strict=True,
         )
-        return {name: (tuple(axes), values) for name, values in each}, axes
+        return {name: (tuple(axes), values) for name, values in columns}, axes
 
     @property
     def draws(self) -> Float[np.ndarray, "draws 2 bands"]:
@@ -86,9 +86,9 @@ class Prediction(Tabulated):
         count = len(self.deviations["film"])
         # Each size as often as it is probable, in an order that has nothing to do with the other
         # draws'.
-        places = (np.random.default_rng(0).permutation(count) + 0.5) / count
+        ranks = (np.random.default_rng(0).permutation(count) + 0.5) / count
         chances = np.cumsum(self.variation.of(self.paints))
-        sizes = np.asarray(SIZES)[np.minimum(np.searchsorted(chances, places), len(SIZES) - 1)]
+        sizes = np.asarray(SIZES)[np.minimum(np.searchsorted(chances, ranks), len(SIZES) - 1)]
         size = {"film": sizes[:, None, None]}
         return np.maximum(
             self.reflectance + sum(size.get(part, 1.0) * self.deviations[part] for part in parts),
@@ -114,8 +114,8 @@ class Prediction(Tabulated):
     ) -> Float[np.ndarray, "*n 2"]:
         """CIEDE2000 between the prediction and other spectra, over black and over white."""
         predicted = (self.over_black, self.over_white)
-        others = (over_black, over_white)
-        return delta_e_over_cards(self.wavelengths, predicted, others, illuminant, observer)
+        measured = (over_black, over_white)
+        return delta_e_over_cards(self.wavelengths, predicted, measured, illuminant, observer)
 
     def expected_error(
         self, illuminant: str = "D65", observer: str | int = 10, parts: tuple[str, ...] = PARTS
@@ -138,21 +138,21 @@ class Prediction(Tabulated):
         """
         drawn = self._draw(("film",))
         half = len(drawn) // 2
-        one, other = (
-            tuple(np.moveaxis(part, 1, 0)) for part in (drawn[:half], drawn[half : 2 * half])
+        first, second = (
+            tuple(np.moveaxis(draws, 1, 0)) for draws in (drawn[:half], drawn[half : 2 * half])
         )
         return float(
-            np.mean(delta_e_over_cards(self.wavelengths, one, other, illuminant, observer))
+            np.mean(delta_e_over_cards(self.wavelengths, first, second, illuminant, observer))
         )
 
     def size_evidence(self, measured: Float[np.ndarray, "2 bands"]) -> SizeEvidence:
-        """What the film says of how large films' own errors are, now that it was measured over both
-        cards.
+        """Evidence of the film on how large films' own errors are, now that it was measured over
+        both cards.
         """
-        known = self.deviations["scale"] + self.deviations["paint"]
+        paint_errors = self.deviations["scale"] + self.deviations["paint"]
         likelihood = log_likelihood(
             measured - self.reflectance,
-            known,
+            paint_errors,
             self.deviations["film"],
             np.asarray(self.wavelengths),
         )
@@ -211,34 +211,39 @@ def predict_films(
     instrument = recovery.instrument
     paints = len(recovery.paints)
     response = response or film_response(instrument)
-    seen = card_readings(films, instrument, noise)
+    card_data = card_readings(films, instrument, noise)
     best = np.asarray(recovery.unknowns.paints)[None]
     drawn = np.asarray(recovery.draws.paints)
     off = np.asarray(recovery.draws.bands - recovery.unknowns.bands)
-    level = np.broadcast_to(off.mean(axis=1, keepdims=True), off.shape)
+    scale_off = np.broadcast_to(off.mean(axis=1, keepdims=True), off.shape)
     # The same draws for every film, so that films compare.
     rng = np.random.default_rng(0)
     count = len(off)
-    own = draw_coefficient_errors(rng, (count, 2 * paints), films.wavelengths, discrepancy)
+    film_draws = draw_coefficient_errors(rng, (count, 2 * paints), films.wavelengths, discrepancy)
     model = draw_model_errors(rng, count, 2, films.wavelengths, discrepancy)
     out = []
     for row, name in enumerate(films.names):
-        measured = np.asarray(seen.reflectance[row])
+        measured = np.asarray(card_data.reflectance[row])
         share = _shares(recovery, name, recipes)
         film = _MeasuredFilm(
             share,
-            np.asarray(seen.ground[row]),
+            np.asarray(card_data.ground[row]),
             measured,
             model_deviation(measured, noise, recovery.expectations),
         )
         thickness, surface, (mean,) = _spectra(recovery, response, film, np.zeros((1, 1, 1)), best)
         drawn_spectra = {
-            "scale": _spectra(recovery, response, film, level, best)[2],
-            "paint": _spectra(recovery, response, film, off - level, drawn)[2],
-            "film": _spectra(recovery, response, film, np.swapaxes(own, 1, 2), best)[2] + model,
+            "scale": _spectra(recovery, response, film, scale_off, best)[2],
+            "paint": _spectra(recovery, response, film, off - scale_off, drawn)[2],
+            "film": _spectra(recovery, response, film, np.swapaxes(film_draws, 1, 2), best)[2]
+            + model,
         }
         gloss = float(surface[0] / instrument.seen_surface) if instrument.seen_surface else 0.0
-        held = tuple(paint for paint, part in zip(recovery.paints, share, strict=True) if part > 0)
+        present = tuple(
+            paint
+            for paint, paint_share in zip(recovery.paints, share, strict=True)
+            if paint_share > 0
+        )
         deviations = {part: spectra - mean for part, spectra in drawn_spectra.items()}
         out.append(
             Prediction(
@@ -248,7 +253,7 @@ def predict_films(
                 gloss=gloss,
                 over_black=mean[0],
                 over_white=mean[1],
-                paints=held,
+                paints=present,
                 deviations=deviations,
                 variation=variation,
             )
@@ -293,12 +298,12 @@ def _spectra(
     surface = np.exp(gloss @ film.share) * recovery.instrument.seen_surface
     coefficients = np.exp(recovery.unknowns.bands + off)
     paints = film.share.size
-    wanted = film.measured - surface[:, None, None]
+    target = film.measured - surface[:, None, None]
     logs, body = _fit_thickness(
         coefficients[..., :paints] @ film.share,
         coefficients[..., paints:] @ film.share,
         film.ground,
-        np.broadcast_to(wanted, (len(off), *film.measured.shape)),
+        np.broadcast_to(target, (len(off), *film.measured.shape)),
         film.deviation,
         recovery.expectations.thickness,
         response=response,
@@ -309,8 +314,8 @@ def _spectra(
 def least_by_scanning(
     cost: Callable[[Array], Array], start: Float[Array, "*n"], points: int
 ) -> Float[Array, "*n"]:
-    """Where the cost of each logarithm by itself is least, within a factor of e^4 of a start, by
-    scanning so many points, and again around the best.
+    """Find where the cost of each logarithm by itself is least, within a factor of e^4 of a start,
+    by scanning so many points, and again around the best.
     """
     best, half = start, 4.0
     for _ in range(4):

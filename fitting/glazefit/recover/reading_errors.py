@@ -1,4 +1,4 @@
-"""What readings of one mixture are off beside its k and s: surface, gain and model; and how much of
+"""Errors of readings of one mixture beside its k and s: surface, gain and model; and how much of
 that holds for the same film over another card.
 """
 
@@ -19,7 +19,7 @@ SMOOTH = ModelError(amplitude=1.0, length=60.0, scales=(1.0,), weights=(1.0,))
 
 @dataclass(frozen=True)
 class ReadingErrors:
-    """What readings of a mixture are off, by their surface, their gain, and the model.
+    """Errors of readings of a mixture, by their surface, their gain, and the model.
 
     One draw of them holds for films of every thickness. A film that was read, over another card,
     is off as its reading was, as far as the two are `alike`.
@@ -56,19 +56,19 @@ class ReadingErrors:
         """
         films = calibrated.films
         best = jax.tree.map(lambda leaf: np.asarray(leaf)[None], calibrated.unknowns)
-        one = _readings_of(calibrated, response, best)
+        expected = _readings_of(calibrated, response, best)
         several = _readings_of(calibrated, response, calibrated.draws)
         read = np.stack([films.over_black, films.over_white], axis=1)
-        sd = _error_size(calibrated.expectations, one[0])
+        sd = _error_size(calibrated.expectations, expected[0])
         # Noise and cards are in the residual's size, and a gain of its own is not.
-        all_of_it = np.hypot(calibrated.residual_sd, calibrated.expectations.gain * one[0])
+        all_of_it = np.hypot(calibrated.residual_sd, calibrated.expectations.gain * expected[0])
         log_gloss = calibrated.draws.paints[:, 0] + calibrated.draws.films[:, 0, 1]
         rng = np.random.default_rng(1)
         count = len(log_gloss)
         return cls(
             calibrated=calibrated,
             alike=alike,
-            was=(read - one[0]) / all_of_it,
+            was=(read - expected[0]) / all_of_it,
             drawn=(read - several) / all_of_it,
             reach=np.minimum(sd / all_of_it, 1.0) * films.seen[:, :, None],
             gloss=(np.exp(log_gloss) - calibrated.gloss[0])[:, None, None],
@@ -79,36 +79,36 @@ class ReadingErrors:
     def at(
         self, thickness: float, expected: Float[np.ndarray, "2 bands"]
     ) -> tuple[Float[np.ndarray, "2 bands"], Float[np.ndarray, "draws 2 bands"]]:
-        """What readings of a film are off, as is expected, and each draw's deviation from that.
+        """Expected errors of readings of a film, and each draw's deviation from them.
 
         Args:
             thickness: relative.
             expected: reflectance over black and white, (2, bands).
         """
-        found = self.calibrated
-        size = found.expectations
+        calibrated = self.calibrated
+        size = calibrated.expectations
         new = size.gain * expected * self.gain + size.model_sd(expected) * self.model
-        surface = found.instrument.seen_surface * self.gloss
-        through = np.flatnonzero(~found.films.opaque)
+        surface = calibrated.instrument.seen_surface * self.gloss
+        through = np.flatnonzero(~calibrated.films.opaque)
         if through.size == 0:
             return np.zeros_like(expected), surface + new
-        apart = np.abs(np.log(found.thickness[through] / thickness))
-        film = through[apart.argmin()]
+        distances = np.abs(np.log(calibrated.thickness[through] / thickness))
+        film = through[distances.argmin()]
         # A film as thick as the one that was read is that film. With thickness a tenth off, as a
         # standard deviation, less and less of the reading's errors goes.
-        same = self.alike * np.exp(-0.5 * (apart.min() / 0.1) ** 2)
+        same = self.alike * np.exp(-0.5 * (distances.min() / 0.1) ** 2)
         # Simple kriging (Journel, Huijbregts, Mining Geostatistics, 1978), band by band, from what
         # was read over one card or two.
         reach = self.reach[film].T  # (bands, 2)
-        both = self.alike * reach[:, :, None] * reach[:, None, :]
-        both = both + np.eye(2) * (1.0 - self.alike * reach[:, :, None] ** 2)
+        card_covariance = self.alike * reach[:, :, None] * reach[:, None, :]
+        card_covariance = card_covariance + np.eye(2) * (1.0 - self.alike * reach[:, :, None] ** 2)
         towards = same * reach
-        share = np.linalg.solve(both, towards[:, :, None])[:, :, 0]
-        left = np.sqrt(np.maximum(1.0 - np.sum(share * towards, axis=1), 0.0))
+        share = np.linalg.solve(card_covariance, towards[:, :, None])[:, :, 0]
+        remaining = np.sqrt(np.maximum(1.0 - np.sum(share * towards, axis=1), 0.0))
         sd = _error_size(size, expected)
         shift = sd * np.einsum("bc,cb->b", share, self.was[film])
         drawn = sd * np.einsum("bc,dcb->db", share, self.drawn[:, film])[:, None]
-        return shift, surface + (drawn - shift) + left * new
+        return shift, surface + (drawn - shift) + remaining * new
 
 
 def _error_size(
@@ -121,7 +121,9 @@ def _error_size(
 def _readings_of(
     calibrated: JointRecovery, response: Response, draws: Unknowns
 ) -> Float[np.ndarray, "draws films 2 bands"]:
-    """What the films that were read should have read, by draws of the unknowns, without a gain."""
+    """Readings that the films that were read should have given, by draws of the unknowns, without a
+    gain.
+    """
     problem = calibrated.problem
     ungained = problem._replace(gain_modes=np.zeros_like(problem.gain_modes))
     return np.moveaxis(np.asarray(readings_of_draws(draws, ungained, response)), 1, -1)
@@ -134,7 +136,7 @@ def film_readings(
     off: Float[np.ndarray, "draws 2 bands"],
     grounds: tuple[Float[np.ndarray, "bands"] | Float[np.ndarray, "draws bands"], ...],
 ) -> Float[np.ndarray, "draws 2 bands"]:
-    """What the body reflects over two grounds, with errors of log k and log s."""
+    """Reflectance of the body over two grounds, with errors of log k and log s."""
     k = kd * np.exp(off[:, 0])
     s = sd * np.exp(off[:, 1])
     return np.stack(

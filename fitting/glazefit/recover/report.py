@@ -1,6 +1,4 @@
-"""What a recovery, film by film or joint, tells its user: tables on the screen, and the files it
-leaves.
-"""
+"""Report of a recovery, film by film or joint: tables on the screen, and the files it leaves."""
 
 import re
 from collections.abc import Callable, Sequence
@@ -69,7 +67,7 @@ def print_summary(recovery: Recovery, console: Console, seconds: float, first: f
         )
     console.print(table)
     if not recovery.identifiable.all():
-        console.print("Too opaque to tell k from s, only k/s is known:")
+        console.print("Too opaque to separate k from s, only k/s is known:")
         for row in np.flatnonzero(~recovery.identifiable.all(axis=1)).tolist():
             where = ranges(recovery.films.wavelengths, ~recovery.identifiable[row])
             console.print(f"  {recovery.films.names[row]}: {where}: k/s {_ratios(recovery, row)}")
@@ -147,12 +145,12 @@ def draw_each(
     """Draw a picture for each name, by number, to its own file in a folder, and call `step` after
     each. Files differ also where the file system takes capitals for small letters.
     """
-    taken: set[str] = set()
+    stems: set[str] = set()
     for number, name in enumerate(names):
         stem = slug(name)
-        while stem.lower() in taken:
+        while stem.lower() in stems:
             stem += "_"
-        taken.add(stem.lower())
+        stems.add(stem.lower())
         draw(number, folder / f"{stem}.png")
         step()
 
@@ -164,7 +162,7 @@ def print_joint(recovery: JointRecovery, console: Console, seconds: float) -> No
     bands = recovery.wavelengths.size
     title = f"{len(recovery.paints)} paints from {len(recovery.films)} films in {seconds:.1f} s"
     table = plain_table(
-        "paint", "films", "error of k", "of s", "of k/s", "k, s told apart", title=title
+        "paint", "films", "error of k", "of s", "of k/s", "k, s separable", title=title
     )
     for row, paint in enumerate(recovery.paints):
         table.add_row(
@@ -184,9 +182,9 @@ def print_joint(recovery: JointRecovery, console: Console, seconds: float) -> No
             for name, bands in zip("ks", unknown, strict=True)
             if bands.any()
         ]
-        words = f"not known to {RELATIVE_LIMIT:.0%}: {'; '.join(where)}"
+        remark = f"not known to {RELATIVE_LIMIT:.0%}: {'; '.join(where)}"
         console.print(
-            f"  {recovery.paints[row]}: {words if where else 'in no mixture: its scale is open'}"
+            f"  {recovery.paints[row]}: {remark if where else 'in no mixture: its scale is open'}"
         )
     difference = recovery.delta_e()
     console.print(
@@ -198,8 +196,8 @@ def print_joint(recovery: JointRecovery, console: Console, seconds: float) -> No
     # Films of known recipes are met to 2.3 at most (the samples).
     if difference.max() > 5.0:
         console.print(
-            "[yellow]No paint of these recipes reads so: what is foretold from this fit is not to "
-            "be relied on. Are rows swapped, or films called by another paint's name?[/yellow]"
+            "[yellow]No paint of these recipes reads so: do not rely on predictions of this "
+            "fit. Are rows swapped, or films called by another paint's name?[/yellow]"
         )
     for film, paint, factor in find_suspect_weights(recovery):
         console.print(
@@ -216,14 +214,14 @@ def _per_cent(log_sd: float) -> str:
 
 def find_suspect_weights(recovery: JointRecovery) -> list[tuple[int, str, float]]:
     """Films whose weights the fit wants changed much: film, paint, and by what factor."""
-    found = []
+    suspects = []
     for film, errors in enumerate(recovery.unknowns.films[:, 2:]):
         order = np.argsort(-recovery.shares[film])
-        for place, error in enumerate(errors):
+        for index, error in enumerate(errors):
             # So much is worth a second look at the recipe.
             if abs(error) > 0.3:
-                found.append((film, recovery.paints[order[1 + place]], float(np.exp(error))))
-    return found
+                suspects.append((film, recovery.paints[order[1 + index]], float(np.exp(error))))
+    return suspects
 
 
 def write_joint_films(recovery: JointRecovery, path: Path, *, overwrite: bool = False) -> None:
@@ -259,15 +257,15 @@ def _recipe(recovery: JointRecovery, row: int) -> str:
 def print_left_out(out: LeftOut, console: Console) -> None:
     """Say how well films that were left out of the fit were predicted by the others."""
     off = out.predicted.mean(axis=1)
-    worst = int(off.argmax())
+    farthest = int(off.argmax())
     console.print(
         f"Left out in turn and predicted from their recipes, {len(out.names)} mixtures: ΔE00 "
-        f"(D65, 10°) {off.mean():.2f} on average, median {np.median(off):.2f}, {off[worst]:.2f} "
-        f"at most ({out.names[worst]}); {out.inside.mean():.0%} of the readings lie in the 90 % "
+        f"(D65, 10°) {off.mean():.2f} on average, median {np.median(off):.2f}, {off[farthest]:.2f} "
+        f"at most ({out.names[farthest]}); {out.inside.mean():.0%} of the readings lie in the 90 % "
         "bands."
     )
     parts = {
-        part: np.mean([found.expected_error(parts=(part,)) for found in out.predictions])
+        part: np.mean([prediction.expected_error(parts=(part,)) for prediction in out.predictions])
         for part in PARTS
     }
     console.print(
@@ -275,14 +273,14 @@ def print_left_out(out: LeftOut, console: Console) -> None:
         f"from the film ({parts['film']:.1f}, as the other films left out show), from the scale "
         f"of its paints ({parts['scale']:.1f}) and from the shape of their k and s "
         f"({parts['paint']:.1f}). Two mixings of one recipe differ by about ΔE00 "
-        f"{np.mean([found.between_mixings() for found in out.predictions]):.1f}."
+        f"{np.mean([prediction.between_mixings() for prediction in out.predictions]):.1f}."
     )
     unsteady = {p: chance for p, chance in out.variation.unsteady.items() if chance >= 0.5}
     if unsteady:
-        each = ", ".join(f"{paint} ({chance:.0%})" for paint, chance in unsteady.items())
+        listed = ", ".join(f"{paint} ({chance:.0%})" for paint, chance in unsteady.items())
         console.print(
             "Films of these paints are probably twice as far from their recipes as films are on "
-            f"average; such paint fades, stains or is hard to weigh: {each}. Behind each, how "
+            f"average; such paint fades, stains or is hard to weigh: {listed}. Behind each, how "
             "probable that is."
         )
     if not out.complete:

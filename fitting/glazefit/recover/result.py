@@ -1,4 +1,4 @@
-"""What a recovery found, and how well it is known."""
+"""Result of a recovery, and how well it is known."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -28,7 +28,7 @@ CONTRAST_LIMIT = 5.0
 RELATIVE_LIMIT = 0.5
 ABSOLUTE_LIMIT = 0.01
 RULE = (
-    "k and s are told apart where the film reads brighter over white than over black by "
+    "k and s are separable where the film reads brighter over white than over black by "
     f"{CONTRAST_LIMIT:g} standard deviations or more, k d and s d are each known to "
     f"{RELATIVE_LIMIT:.0%} of their value or to {ABSOLUTE_LIMIT:g}, and no other pair fits as well"
 )
@@ -39,7 +39,7 @@ def told_apart(
     covariance: Float[np.ndarray, "*shape 2 2"],
     contrast: Float[np.ndarray, "*shape"],
 ) -> Bool[np.ndarray, "*shape"]:
-    """Whether k d and s d are both known.
+    """True where k d and s d are both known.
 
     Below a contrast of five standard deviations the noise decides how opaque a film looks, and an
     error to first order says nothing (it covered 85 % for 95 % on simulated films). The absolute
@@ -57,7 +57,7 @@ def told_apart(
 
 
 class FittedFilms:
-    """How well fitted spectra meet films over two cards."""
+    """Fit of spectra to films over two cards."""
 
     films: Films
     fitted_black: Float[np.ndarray, "films bands"]
@@ -67,10 +67,10 @@ class FittedFilms:
     def residual(self) -> Float[np.ndarray, "films 2 bands"]:
         """Fitted minus measured reflectance, over black and over white."""
         films = self.films
-        both = np.stack(
+        difference = np.stack(
             [self.fitted_black - films.over_black, self.fitted_white - films.over_white], axis=1
         )
-        return films.where_seen(both)
+        return films.where_seen(difference)
 
     @property
     def rmse(self) -> Float[np.ndarray, "films"]:
@@ -89,8 +89,8 @@ class FittedFilms:
 
 def delta_e_over_cards(
     wavelengths: Float[np.ndarray, "bands"],
-    found: tuple[np.ndarray, np.ndarray],
-    wanted: tuple[np.ndarray, np.ndarray],
+    predicted: tuple[np.ndarray, np.ndarray],
+    measured: tuple[np.ndarray, np.ndarray],
     illuminant: str,
     observer: str | int,
 ) -> Float[np.ndarray, "*n 2"]:
@@ -99,11 +99,11 @@ def delta_e_over_cards(
     """
     from glazejax.colour import delta_e_of_spectra
 
-    each = [
+    by_card = [
         delta_e_of_spectra(wavelengths, *pair, illuminant=illuminant, observer=observer)
-        for pair in zip(found, wanted, strict=True)
+        for pair in zip(predicted, measured, strict=True)
     ]
-    return np.stack(each, axis=-1)
+    return np.stack(by_card, axis=-1)
 
 
 @dataclass(frozen=True)
@@ -139,14 +139,14 @@ class Recovery(FittedFilms, Tabulated):
         return len(self.films)
 
     def __repr__(self) -> str:
-        identified = f"k and s told apart in {self.identifiable.mean():.0%} of bands"
+        identified = f"k and s separable in {self.identifiable.mean():.0%} of bands"
         return (
             f"Recovery({len(self)} films, {describe_grid(self.films.wavelengths)}, {identified}: "
             f"{list_names(self.films.names)})"
         )
 
     def arrays_and_axes(self) -> Variables:
-        """What was recovered, and what was measured."""
+        """Recovered and measured arrays."""
         measured, axes = self.films.arrays_and_axes()
         return {
             **measured,
@@ -213,14 +213,17 @@ class Recovery(FittedFilms, Tabulated):
             raise ValueError("no film was recovered")
 
         def gather(name: str) -> np.ndarray:
-            return np.concatenate([getattr(part, name) for part in parts])
+            return np.concatenate([getattr(recovery, name) for recovery in parts])
 
         first = parts[0].films
         films = Films(
-            tuple(name for part in parts for name in part.films.names),
+            tuple(name for recovery in parts for name in recovery.films.names),
             first.wavelengths,
-            *(np.concatenate([getattr(part.films, what) for part in parts]) for what in SPECTRA),
+            *(
+                np.concatenate([getattr(recovery.films, what) for recovery in parts])
+                for what in SPECTRA
+            ),
             notes=first.notes,
         )
-        rest = [name for name in cls.__dataclass_fields__ if name != "films"]
-        return cls(films, **{name: gather(name) for name in rest})
+        fields = [name for name in cls.__dataclass_fields__ if name != "films"]
+        return cls(films, **{name: gather(name) for name in fields})

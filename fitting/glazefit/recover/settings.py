@@ -1,4 +1,4 @@
-"""What the user of `glazejax recover` says of the films, and where the results go."""
+"""Settings that the user of `glazejax recover` gives of the films, and where the results go."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -11,9 +11,9 @@ if TYPE_CHECKING:
     from glazejax.io.quantity import Stated
 
 
-class Output(NamedTuple):
-    """Where results go: the folder, the films' thickness in m, whether pictures are drawn, and the
-    screen.
+class Destination(NamedTuple):
+    """Destination of results: the folder, the films' thickness in m, whether pictures are drawn,
+    and the screen.
     """
 
     out: Path | None
@@ -30,8 +30,8 @@ class Output(NamedTuple):
 
 
 class PriorKnowledge(NamedTuple):
-    """What the user says beside the films: own paints, the white, thicknesses, readings without the
-    specular part, the catalogue that the white is sought in, and what files hold.
+    """Knowledge that the user states beside the films: own paints, the white, thicknesses, readings
+    without the specular part, the catalogue that the white is sought in, and what files hold.
     """
 
     into: Path | None
@@ -43,7 +43,7 @@ class PriorKnowledge(NamedTuple):
 
     @property
     def any(self) -> bool:
-        """Whether something is knowledge."""
+        """True if the user states any."""
         return (
             self.into is not None or self.excluded is not None or bool(self.white or self.wet_film)
         )

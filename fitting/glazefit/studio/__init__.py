@@ -1,3 +1,3 @@
-"""What the glaze studio searches for: recipes, paints in a film, paints from films; each answers in
-plain JSON.
+"""Searches of the glaze studio: recipes, paints in a film, paints from films; each answers in plain
+JSON.
 """

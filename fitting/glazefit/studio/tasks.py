@@ -60,16 +60,18 @@ def recipes(request: Request, report: Report) -> dict[str, Any]:
     paints = _paints(stack)
     if options.get("own"):
         paints = [paint for paint in paints if paint.name in stack.pigments]
+    shelf = len(paints)
     if options.get("modern"):
         paints = [
             paint
             for paint in paints
             if paint.name in stack.pigments or not catalogue.caution(paint)
         ]
+    left_out = shelf - len(paints)
     if not paints:
         raise ValueError("no paint is left: there is no tube of your own on the shelf")
     report(f"looking through all sets of {len(paints)} paints")
-    found = find_recipes(
+    best_recipes = find_recipes(
         target,
         paints,
         ground=stack.ground_on(paints[0].wavelengths),
@@ -91,19 +93,21 @@ def recipes(request: Request, report: Report) -> dict[str, Any]:
                 request, [_coat({n: w for w, n in c.parts}, c.total) for c in recipe.coats]
             ),
         }
-        for recipe in found
+        for recipe in best_recipes
     ]
-    best = found[0]
-    words = (
+    best = best_recipes[0]
+    remark = (
         ""
         if best.in_gamut
         else f"out of reach of these paints by ΔE00 {best.gamut_distance:.1f} at least"
     )
-    return {"target": target.name, "recipes": listed, "words": words}
+    if remark and left_out:
+        remark += f" ({left_out} poisonous or unsold paints are left out)"
+    return {"target": target.name, "recipes": listed, "words": remark}
 
 
 def identification(request: Request, report: Report) -> dict[str, Any]:
-    """Which paints are in a spectrum, or in films over a black and a white card.
+    """Identify the paints in a spectrum, or in films over a black and a white card.
 
     Args:
         asked: `wavelengths`, `reflectance`; `options` with `names`, and `below`, the ground of a
@@ -123,7 +127,7 @@ def identification(request: Request, report: Report) -> dict[str, Any]:
     paints = _paints(stack)
     report(f"weighing sets of {len(paints)} paints, and none of them")
     if options.get("films"):
-        found = identify_films(films_of(table), paints, keep=_CANDIDATES)
+        result = identify_films(films_of(table), paints, keep=_CANDIDATES)
     else:
         below = options.get("below", "opaque")
         levels = {"white": WHITE, "black": BLACK, "ground": stack.ground_on(table.wavelengths)}
@@ -131,7 +135,7 @@ def identification(request: Request, report: Report) -> dict[str, Any]:
             raise ValueError(
                 f"the film lies over {below!r}; it must be opaque, white, black or ground"
             )
-        parts = []
+        finished_chunks = []
         opaque = below == "opaque"
         chunks = identify_chunks(
             table.wavelengths,
@@ -142,41 +146,44 @@ def identification(request: Request, report: Report) -> dict[str, Any]:
             opaque=opaque,
             names=table.names,
         )
-        for part in chunks:
-            parts.append(part)
-            report(f"{sum(map(len, parts))} of {len(table.names)} spectra")
-        found = Identification.join(parts)
-    return {"spectra": [_describe_spectrum(request, found, row) for row in range(len(found))]}
+        for chunk in chunks:
+            finished_chunks.append(chunk)
+            report(f"{sum(map(len, finished_chunks))} of {len(table.names)} spectra")
+        result = Identification.join(finished_chunks)
+    return {"spectra": [_describe_spectrum(request, result, row) for row in range(len(result))]}
 
 
-def _describe_spectrum(request: Request, found: Any, row: int) -> dict[str, Any]:
+def _describe_spectrum(request: Request, identification: Any, row: int) -> dict[str, Any]:
     """One spectrum's list, 'none of these' in its place."""
-    grid = found.measured.wavelengths
+    grid = identification.measured.wavelengths
     listed = []
-    for one in found.ranked(row)[:_CANDIDATES]:
-        thick = one.thickness if np.isfinite(one.thickness) else 1e-4
+    for candidate in identification.ranked(row)[:_CANDIDATES]:
+        thick = candidate.thickness if np.isfinite(candidate.thickness) else 1e-4
         coats = []
-        for coat in range(max(one.coats) + 1):
-            mine = [i for i in range(len(one.paints)) if one.coats[i] == coat]
-            share = float(sum(one.fractions[i] for i in mine))
+        for coat in range(max(candidate.coats) + 1):
+            mine = [i for i in range(len(candidate.paints)) if candidate.coats[i] == coat]
+            share = float(sum(candidate.fractions[i] for i in mine))
             coats.append(
-                _coat({one.paints[i]: float(one.fractions[i]) for i in mine}, thick * share)
+                _coat(
+                    {candidate.paints[i]: float(candidate.fractions[i]) for i in mine},
+                    thick * share,
+                )
             )
         sized = (
-            f"{one.thickness * 1e6:.3g} µm thick, "
-            if np.isfinite(one.thickness)
+            f"{candidate.thickness * 1e6:.3g} µm thick, "
+            if np.isfinite(candidate.thickness)
             else "hides its ground, "
         )
         listed.append(
             {
-                "words": one.words,
-                "fit": f"{sized}fit off by {one.rmse:.3f}",
-                "probability": float(one.probability),
-                "rgb": _rgb(grid, np.atleast_2d(one.fitted)[-1]),
+                "words": candidate.words,
+                "fit": f"{sized}fit error {candidate.rmse:.3f}",
+                "probability": float(candidate.probability),
+                "rgb": _rgb(grid, np.atleast_2d(candidate.fitted)[-1]),
                 "stack": _stack(request, coats),
             }
         )
-    none = float(found.none[row])
+    none = float(identification.none[row])
     listed.append(
         {
             "words": "none of these paints",
@@ -186,10 +193,10 @@ def _describe_spectrum(request: Request, found: Any, row: int) -> dict[str, Any]
             "stack": None,
         }
     )
-    listed.sort(key=lambda each: -each["probability"])
+    listed.sort(key=lambda entry: -entry["probability"])
     return {
-        "name": found.measured.names[row],
-        "words": f"against {len(found.paints)} paints",
+        "name": identification.measured.names[row],
+        "words": f"against {len(identification.paints)} paints",
         "candidates": listed,
     }
 
@@ -215,7 +222,7 @@ def recovery(request: Request, report: Report) -> dict[str, Any]:
             "any number"
         )
     report(f"recovering {len(films)} films")
-    found = recover_films(films)
+    result = recover_films(films)
     origin = (
         f"recovered in the studio from one film each, taken as {ASSUMED_THICKNESS * 1e6:g} "
         "micrometres thick: k and s scale with its inverse"
@@ -223,7 +230,7 @@ def recovery(request: Request, report: Report) -> dict[str, Any]:
     pigments = {}
     listed = []
     for row, film in enumerate(films.names):
-        paint = found.pigment(row, ASSUMED_THICKNESS, origin)
+        paint = result.pigment(row, ASSUMED_THICKNESS, origin)
         name = own_name(film)
         pigments[name] = pigment_to_dict(paint)
         identified = paint.identifiable
@@ -257,12 +264,12 @@ def _paints(stack: Stack) -> list[Pigment]:
         if (name.partition("/")[0] if "/" in name else "") == group
     }
     grid = next(iter(chosen.values())).wavelengths
-    own = {}
+    own_paints = {}
     for name, paint in stack.pigments.items():
         covers = paint.wavelengths[0] <= grid[0] and paint.wavelengths[-1] >= grid[-1]
         if same_grid(paint.wavelengths, grid) or covers:
-            own[name] = paint if same_grid(paint.wavelengths, grid) else paint.resample(grid)
-    return [paint.renamed(name) for name, paint in {**chosen, **own}.items()]
+            own_paints[name] = paint if same_grid(paint.wavelengths, grid) else paint.resample(grid)
+    return [paint.renamed(name) for name, paint in {**chosen, **own_paints}.items()]
 
 
 def _table(request: Request) -> SpectraTable:
@@ -277,22 +284,24 @@ def _table(request: Request) -> SpectraTable:
     return SpectraTable(grid, names, values)
 
 
-def _coat(parts: Mapping[str, float], thickness: float) -> dict[str, Any]:
-    weights = {name: round(float(weight), 4) for name, weight in parts.items()}
+def _coat(fractions: Mapping[str, float], thickness: float) -> dict[str, Any]:
+    weights = {name: round(float(weight), 4) for name, weight in fractions.items()}
     return {"paint": weights, "um": float(f"{min(thickness * 1e6, 1e4):.4g}")}
 
 
 def _stack(request: Request, coats: list[dict[str, Any]]) -> dict[str, Any]:
     """The page's stack with other coats, and the own paints that they need."""
     named = {name for coat in coats for name in coat["paint"]}
-    own = {name: one for name, one in request["stack"].get("pigments", {}).items() if name in named}
-    kept = {
+    own_paints = {
+        name: paint for name, paint in request["stack"].get("pigments", {}).items() if name in named
+    }
+    setting = {
         key: request["stack"][key]
         for key in ("ground", "refractive_index", "geometry")
         if key in request["stack"]
     }
-    return {"glazejax": "stack", "version": 1, **kept, "coats": coats} | (
-        {"pigments": own} if own else {}
+    return {"glazejax": "stack", "version": 1, **setting, "coats": coats} | (
+        {"pigments": own_paints} if own_paints else {}
     )
 
 

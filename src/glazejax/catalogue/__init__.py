@@ -88,7 +88,7 @@ PIGMENTS = "pigments"
 
 
 class _Shipped(NamedTuple):
-    """What is known of a catalogue before it is read."""
+    """Facts about a catalogue before it is read."""
 
     file: str
     provenance: str
@@ -284,7 +284,7 @@ def _check_known(name: str) -> _Shipped:
 
 
 def assumed_scale(paint: "Pigment") -> str | None:
-    """What the catalogue that a pigment is from takes for granted about lengths, a clause; None for
-    one's own.
+    """Assumption about lengths of the catalogue that a pigment is from, a clause; None for one's
+    own.
     """
     return next((s.scale for s in _SHIPPED.values() if s.provenance == paint.provenance), None)

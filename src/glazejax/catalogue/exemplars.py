@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class Family(NamedTuple):
-    """What is known of a pigment.
+    """Facts about a pigment.
 
     Attributes:
         name: such as "azurite".
@@ -60,7 +60,7 @@ class Family(NamedTuple):
 
 
 class Provenance(NamedTuple):
-    """Where an exemplar is from.
+    """Source of an exemplar.
 
     Attributes:
         exemplar: its name, ``family/source-detail``.
@@ -166,7 +166,7 @@ def families_of(catalogue: str) -> dict[str, str]:
 
 @functools.cache
 def provenance() -> dict[str, Provenance]:
-    """Where each exemplar of ``catalogue.load("pigments")`` is from, by its name."""
+    """Sources of the exemplars of ``catalogue.load("pigments")``, by its name."""
     out: dict[str, Provenance] = {}
     for row in _table("exemplars.tsv"):
         source = _SOURCES[row["source"]]
@@ -236,7 +236,7 @@ def _words(origin: Provenance) -> str:
     """An exemplar's provenance as one sentence."""
     return (
         f"{origin.paint}, fitted to the readings of {origin.citation} ({origin.licence}); "
-        f"k told from s by {origin.told_by}"
+        f"k separated from s by {origin.told_by}"
     )
 
 

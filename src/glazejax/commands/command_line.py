@@ -9,7 +9,7 @@ _NAMES = {"binned": "bin"}
 
 
 def option(name: str) -> str:
-    """How an argument of a command is written on the command line."""
+    """Spelling of an argument on the command line."""
     return f"--{_NAMES.get(name, name).replace('_', '-')}"
 
 

@@ -26,8 +26,8 @@ def convert(
         typer.Argument(
             metavar="IN",
             callback=options.there,
-            help="File of spectra: CSV, TSV, Excel (FILE.xlsx:SHEET), ENVI (.hdr or its data), "
-            "CGATS, CxF3, JCAMP-DX, QTX, ASD, SVC, ProcSpec or JSON; the content tells which.",
+            help="File of spectra, recognised by content: CSV, TSV, Excel (FILE.xlsx:SHEET), ENVI "
+            "(.hdr or its data), CGATS, CxF3, JCAMP-DX, QTX, ASD, SVC, ProcSpec or JSON.",
         ),
     ],
     target: Annotated[
@@ -57,11 +57,11 @@ def convert(
     scale: options.Scale = None,
     overwrite: options.Overwrite = False,
 ) -> None:
-    """Convert measured spectra: read IN, say what it is, and write OUT.
+    """Convert measured spectra from IN to OUT.
 
-    Reflectance is written as fractions, 0 to 1. Whether IN holds
-    fractions or percent is read or detected, and said. Spectra are
-    resampled by interpolation, never beyond their range.
+    Reflectance is written as fractions, 0 to 1. Percent in IN is read or
+    detected, and reported. Spectra are resampled by interpolation, never
+    beyond their range.
 
     Example: glazejax convert chart.cxf chart.csv --resample 400:700:10
     """

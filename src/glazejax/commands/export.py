@@ -67,7 +67,7 @@ def export(
     roughness: Annotated[
         float,
         typer.Option(
-            help="Roughness of the surface, alpha of GGX: 0 (smooth) to 1; OpenPBR writes its root."
+            help="Roughness of the surface, alpha of GGX: 0 (smooth) to 1. OpenPBR uses its root."
         ),
     ] = 0.0,
     space: Annotated[
@@ -79,16 +79,16 @@ def export(
         str,
         typer.Option(
             metavar="NAME",
-            help="How your renderer puts OpenPBR's layers together: materialx (its node graph, "
-            "most programs), specification (the coat absorbs along slanted paths) or reciprocal "
-            "(layers weaken light on its way in, too).",
+            help="Layering rule of your renderer: materialx (its node graph, most programs), "
+            "specification (the coat absorbs along slanted paths) or reciprocal (layers "
+            "attenuate incoming light, too).",
         ),
     ] = "materialx",
     coat: Annotated[
         bool | None,
         typer.Option(
             "--coat/--no-coat",
-            help="With a coat or without. Default: where it comes nearer.",
+            help="With a coat or without. Default: whichever fits better.",
             show_default=False,
         ),
     ] = None,
@@ -97,8 +97,8 @@ def export(
         typer.Option(
             metavar="FILE",
             callback=options.there,
-            help="Thickness of a coat from point to point: .npy in metres, or a grey picture from "
-            "0 (black) to the coat's own thickness (white).",
+            help="Map of a coat's thickness: .npy in metres, or a grey picture from 0 (black) to "
+            "the coat's own thickness (white).",
             show_default=False,
         ),
     ] = None,
@@ -128,9 +128,7 @@ def export(
             show_default=False,
         ),
     ] = None,
-    layer: Annotated[
-        int, typer.Option(metavar="N", help="Coat that the maps are of, 1 the top one.")
-    ] = 1,
+    layer: Annotated[int, typer.Option(metavar="N", help="Coat of the maps, 1 the top one.")] = 1,
     pixel: Annotated[
         str | None,
         typer.Option(
@@ -157,22 +155,19 @@ def export(
             metavar="FILE",
             callback=options.there,
             help=(
-                "Your own paints beside the catalogue's: a pigments.csv as `glazejax recover` "
-                "writes it."
+                "Your own paints, added to the catalogue's: a pigments.csv of `glazejax recover`."
             ),
             show_default=False,
         ),
     ] = None,
-    tolerance: Annotated[
-        float, typer.Option(help="Largest error of a reflectance that you accept.")
-    ] = 1e-4,
+    tolerance: Annotated[float, typer.Option(help="Largest error of a reflectance.")] = 1e-4,
     overwrite: options.Overwrite = False,
 ) -> None:
-    """Bring a stack of coats into a renderer or a game engine, and say what is lost.
+    """Export a stack of coats to a renderer or a game engine, with its error.
 
-    OpenPBR knows no layers that scatter: what it shows comes near, and
-    the report says how near, in Delta E 2000 (below 1 is hard to see) and
-    in reflectance, beside what you would get without a fit.
+    OpenPBR has no scattering layers, so its parameters are fitted. The
+    report states the error in Delta E 2000 (1 is barely visible) and in
+    reflectance, compared with no fit.
 
     Example: glazejax export "UltramarineBlue:3um, ZincWhite:20um"
     """

@@ -1,4 +1,4 @@
-"""What ``glazejax export`` prints: what was written, how near it is, and what that means."""
+"""Report of ``glazejax export``: what was written, how near it is, and what that means."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING

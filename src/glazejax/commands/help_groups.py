@@ -1,5 +1,5 @@
-"""The order of a command's ``--help``: the usual options first, then what it is given, what it
-tries, what it writes, and fine points, each in a box of its own.
+"""Order of a command's ``--help``: common options, then input, search, output and advanced options,
+each group in its own box.
 """
 
 from collections.abc import Callable
@@ -9,7 +9,7 @@ _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 
 class HelpGroups(NamedTuple):
-    """Names of options as they are typed, with blanks between; each field is a box of the help."""
+    """Names of options, separated by blanks. Each field is a box of the help."""
 
     usual: str
     given: str = ""
@@ -20,7 +20,7 @@ class HelpGroups(NamedTuple):
     @property
     def boxes(self) -> dict[str, list[str]]:
         """Options by the title of their box, in the order of the help."""
-        titles = ("Used most", "What it is given", "What it tries", "What it writes", "Fine points")
+        titles = ("Common", "Input", "Search", "Output", "Advanced")
         return {title: names.split() for title, names in zip(titles, self, strict=True)}
 
 
@@ -52,7 +52,7 @@ def sort_options(function: Any, params: list[Any]) -> list[Any]:
     place = {name: number for number, name in enumerate(box_of)}
     for param in params:
         if param.param_type_name == "option":
-            param.rich_help_panel = box_of.get(param.opts[0], "Fine points")
+            param.rich_help_panel = box_of.get(param.opts[0], "Advanced")
     last = len(place)
     return sorted(
         params,

@@ -52,7 +52,7 @@ def watch() -> None:
 
 
 def note_signal() -> None:
-    """What a handler of SIGINT or SIGTERM of one's own calls: Python has heard it."""
+    """Note that Python has heard SIGINT or SIGTERM: one's own handlers call it."""
     _heard.set()
 
 

@@ -103,7 +103,7 @@ RefractiveIndex = Annotated[
     typer.Option(
         "--refractive-index",
         callback=between(1.0, 2.5),
-        help="Refractive index of the paint, 1 to 2.5; oil and acrylic: 1.5.",
+        help="Refractive index of the paint, 1 to 2.5 (oil and acrylic: 1.5).",
     ),
 ]
 Thickness = Annotated[
@@ -113,7 +113,7 @@ Thickness = Annotated[
         metavar="LENGTH",
         callback=checked(lambda text: read_length(text)),
         help=(
-            "Usual thickness of a film, where it was not measured: 25um, 0.1mm; a bare number is "
+            "Typical thickness of a film, if not measured: 25um, 0.1mm. A bare number is "
             "micrometres."
         ),
     ),
@@ -128,16 +128,14 @@ NoiseShare = Annotated[
     float,
     typer.Option(
         "--noise-share",
-        help="Noise that grows with the reading: added to --noise per unit of reflectance.",
+        help="Noise proportional to the reading, added to --noise per unit of reflectance.",
     ),
 ]
 ModelError = Annotated[
     float | None,
     typer.Option(
         "--model-error",
-        help=(
-            "Standard deviation of the model's own error, in reflectance (0 to 1). Default: 0.005."
-        ),
+        help=("Standard deviation of the model's error in reflectance (0 to 1). Default: 0.005."),
         show_default=False,
     ),
 ]
@@ -148,8 +146,8 @@ Pigments = Annotated[
         metavar="FILE",
         callback=there,
         help=(
-            "Your own paints instead of the catalogue's, or with --catalogue beside them: a "
-            "pigments.csv as `glazejax recover` writes it. Where both have a name, yours counts."
+            "Your own paints instead of the catalogue's, or with --catalogue added to them: a "
+            "pigments.csv of `glazejax recover`. Yours have precedence where names are equal."
         ),
         show_default=False,
     ),
@@ -168,8 +166,8 @@ def catalogue_option(default: str) -> Any:
         "--catalogue",
         metavar="NAME",
         callback=checked(_catalogue),
-        help="Catalogue of paints: pigments (of many hands, by family), or films by one hand: oils "
-        f"or acrylics (Golden heavy body). Default: {default}.",
+        help="Catalogue of paints: pigments (families, by many makers), or paints of one maker: "
+        f"oils or acrylics (Golden heavy body). Default: {default}.",
         show_default=False,
     )
 
@@ -180,8 +178,9 @@ REFERENCES = typer.Option(
     metavar="FILE",
     callback=there,
     help="Your own reference paints, added to the catalogue's pigments: a table of reflectance, "
-    "names with a Colour Index number or a family (PB29, ultramarine) or a column `family`; "
-    "NAME_ob and NAME_ow are over cards, 'PB29 1:10 PW6' is a tint, others hide their ground.",
+    "with a Colour Index number or a family in the names (PB29, ultramarine), or a column "
+    "`family`. NAME_ob and NAME_ow are over cards, 'PB29 1:10 PW6' is a tint, others are "
+    "opaque.",
     show_default=False,
 )
 Only = Annotated[
@@ -189,8 +188,8 @@ Only = Annotated[
     typer.Option(
         "--only",
         metavar="NAMES",
-        help="Only these paints, such as ZincWhite,Eosin or, of another catalogue, "
-        "acrylics:TitaniumWhite; of pigments whole families, such as 'zinc white'.",
+        help="Only these paints, such as ZincWhite,Eosin, from another catalogue "
+        "acrylics:TitaniumWhite, or families of pigments, such as 'zinc white'.",
         show_default=False,
     ),
 ]
@@ -208,7 +207,7 @@ Quantity = Annotated[
     typer.Option(
         "--quantity",
         metavar="NAME",
-        help="What is measured, where the file says something else: reflectance.",
+        help="Quantity, if the file states another: reflectance.",
         show_default=False,
     ),
 ]
@@ -217,8 +216,8 @@ Unit = Annotated[
     typer.Option(
         "--unit",
         metavar="UNIT",
-        help="Unit, before what the file says: nm, um, 1/cm of wavelengths; percent or fraction "
-        "of values; or one of each, 'um percent'.",
+        help="Unit, overriding the file: nm, um, 1/cm of wavelengths, percent or fraction of "
+        "values, or one of each, 'um percent'.",
         show_default=False,
     ),
 ]
@@ -227,7 +226,7 @@ Scale = Annotated[
     typer.Option(
         "--scale",
         metavar="NUMBER",
-        help="Number that stands for a reflectance of 1, if the file does not say.",
+        help="Number of a reflectance of 1, if the file has none.",
         show_default=False,
     ),
 ]
@@ -246,7 +245,7 @@ Illuminant = Annotated[
         "--illuminant",
         metavar="NAME",
         callback=checked(check_illuminant),
-        help="Light of the colours, by CIE: D65, D50, A, FL2, LED-B3, ...",
+        help="CIE illuminant of the colours: D65, D50, A, FL2, LED-B3, ...",
     ),
 ]
 Observer = Annotated[
@@ -278,7 +277,7 @@ Folder = Annotated[
         "--out",
         "-o",
         metavar="FOLDER",
-        help="Folder for the results; made if missing.",
+        help="Folder for the results, created if missing.",
         show_default=False,
     ),
 ]
@@ -291,7 +290,7 @@ Csv = Annotated[
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace files that exist.")]
 Seed = Annotated[
     int,
-    typer.Option("--seed", help="Seed of the random numbers; the same seed gives the same result."),
+    typer.Option("--seed", help="Seed of the random numbers. The same seed gives the same result."),
 ]
 
 
@@ -317,7 +316,7 @@ def instrument_option(default: str) -> Any:
 def ground_option(default: str = "") -> Any:
     """``--ground``, with what a command takes if it is left out."""
     words = (
-        "Ground below the paint: its reflectance as seen from inside the paint, 0 to 1, or a "
+        "Ground below the paint: its reflectance from inside the paint, 0 to 1, or a "
         f"file of spectra, FILE or FILE:SAMPLE.{f' Default: {default}.' if default else ''}"
     )
     return typer.Option(
@@ -330,7 +329,7 @@ def ground_option(default: str = "") -> Any:
 
 
 def stated(quantity: str | None, unit: str | None, scale: float | None) -> "Stated":
-    """What ``--quantity``, ``--unit`` and ``--scale`` say, for readers of spectra.
+    """Values of ``--quantity``, ``--unit`` and ``--scale``, for readers of spectra.
 
     Raises:
         ValueError: a scale that is not positive.
@@ -410,7 +409,7 @@ def read_lengths(text: str, argument: str) -> tuple[float, float]:
 
 
 def _per_metre(text: str, argument: str, whole: str) -> int:
-    """How many of a unit make a metre: a whole number, so that 25um is 25e-6 to the last digit."""
+    """Number of units in a metre: a whole number, so that 25um is 25e-6 to the last digit."""
     from ..paint.describe import UNITS
 
     scale = UNITS.get(text or "um", UNITS.get(text.lower()))
@@ -455,7 +454,7 @@ class Ground(NamedTuple):
 
     @contextmanager
     def blame(self) -> Iterator[None]:
-        """What is refused inside is said of the ground's file, if it has one."""
+        """Name the ground's file in the errors of what is refused inside, if it has one."""
         from ..io.source import refusal
 
         try:
@@ -556,7 +555,7 @@ def read_shelf(path: Path | None, name: str | None = None) -> "dict[str, Pigment
 def say_asked(
     paints: "Sequence[Pigment]", name: str | None, own: Path | None, *, by_family: bool
 ) -> str:
-    """Which catalogue an answer is from, and what the other kind is for: the last line of an
+    """Print which catalogue an answer is from, and what the other kind is for: the last line of an
     answer.
 
     Args:
@@ -613,8 +612,8 @@ def find_paints(names: Iterable[str], shelf: "Mapping[str, Pigment]") -> "dict[s
         found += of_family or [known[_full_name(name, known)]]
     if len(set(filter(None, map(catalogue.assumed_scale, found)))) > 1:
         typer.echo(
-            "note: each catalogue takes a length of its own for granted: amounts of its paints "
-            "beside those of another may all be off by one factor",
+            "note: each catalogue assumes its own scale of length, so amounts of its paints "
+            "relative to another's may have a common factor",
             err=True,
         )
     return {paint.name: paint for paint in found}

@@ -64,11 +64,11 @@ def paints(
     ] = None,
     overwrite: options.Overwrite = False,
 ) -> None:
-    """List the families of pigments that are known, and the paints that stand for them.
+    """List the families of pigments and their exemplars.
 
-    Of each family: formula, Colour Index, when it was in use, how many
-    exemplars there are, of which sources, and their wavelengths. With
-    --references, how your own reference paints are understood.
+    Each family has its formula, Colour Index, years of use, and the number,
+    sources and wavelengths of its exemplars. --references shows how your own
+    reference paints are read.
 
     Example: glazejax paints --family azurite --out azurite.png
     """

@@ -103,7 +103,7 @@ class _Paint:
 
     @property
     def clipped(self) -> bool:
-        """Whether a colour of the ladder is outside sRGB."""
+        """Test whether a colour of the ladder is outside sRGB."""
         ladder = self.spectra.ladder
         shades = [
             srgb(self.spectra.wavelengths, getattr(ladder, key), clip=False, **self.light)

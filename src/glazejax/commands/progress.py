@@ -1,4 +1,4 @@
-"""What commands share while they compute: bars on stderr, Ctrl-C that keeps what is finished, and
+"""Tools of commands while they compute: bars on stderr, Ctrl-C that keeps what is finished, and
 notes.
 """
 
@@ -26,8 +26,8 @@ Part = TypeVar("Part", bound=Sized)
 
 
 def moving() -> bool:
-    """Whether bars may move on stderr: on a terminal that moves its cursor, and not in a notebook's
-    ``!glazejax``.
+    """Test whether bars may move on stderr: on a terminal that moves its cursor, and not in a
+    notebook's ``!glazejax``.
 
     Rich alone would go by FORCE_COLOR, which is about colour: notebooks and builds set it.
     """
@@ -53,7 +53,7 @@ def bar(*columns: "str | ProgressColumn") -> "Bar":
 
 
 class _Stage(NamedTuple):
-    """What is being done, since when, and how much was done before."""
+    """Stage of the work, since when, and how much was done before."""
 
     words: str
     began: float
@@ -73,8 +73,8 @@ def _duration(seconds: float) -> str:
 
 @contextmanager
 def follow(words: str, total: int | None = 1) -> Iterator[Progress]:
-    """How far long work is: percent, how much, the time gone and the time left, as a bar of the
-    stage on a terminal, else as a line now and then.
+    """Show the progress of long work: percent, how much, the time gone and the time left, as a bar
+    of the stage on a terminal, else as a line now and then.
 
     Args:
         words: what is done at first; further stages are told by other words.
@@ -141,7 +141,7 @@ def lines(every: float = 10.0) -> Iterator[Progress]:
 
 
 class Collected(NamedTuple):
-    """How a computation in parts went: seconds until the first, seconds in all, and whether Ctrl-C
+    """Course of a computation in parts: seconds until the first, seconds in all, and whether Ctrl-C
     ended it.
     """
 
@@ -195,7 +195,7 @@ def doing(words: str) -> Iterator[Callable[[str], object]]:
 
 @contextmanager
 def drawing(count: int) -> Iterator[Callable[[], object]]:
-    """How many of so many pictures are drawn; what is yielded is called after each."""
+    """Show how many of so many pictures are drawn; what is yielded is called after each."""
     numbers = itertools.count(1)
     with follow("drawing", count) as note:
         yield lambda: note(next(numbers), count, "drawing")

@@ -53,9 +53,8 @@ def render(
             "--stack",
             metavar="FILE",
             callback=options.there,
-            help="Coats, ground, index and instrument of a stack that `glazejax studio` or "
-            "--write-stack wrote, in place "
-            "of --coats. --ground, --instrument and --refractive-index count before it.",
+            help="Stack of `glazejax studio` or --write-stack (coats, ground, index, instrument), "
+            "in place of --coats. --ground, --instrument and --refractive-index override it.",
             show_default=False,
         ),
     ] = None,
@@ -88,8 +87,8 @@ def render(
         typer.Option(
             metavar="FILE",
             callback=options.there,
-            help="Your own paints beside the catalogue's: a pigments.csv as `glazejax recover` "
-            "writes it. Where both have a name, yours counts.",
+            help="Your own paints, added to the catalogue's: a pigments.csv of `glazejax "
+            "recover`. Yours have precedence where names are equal.",
             show_default=False,
         ),
     ] = None,
@@ -98,18 +97,18 @@ def render(
         float,
         typer.Option(
             callback=options.between(1e-12, 1.0),
-            help="Largest error of a reflectance that you accept.",
+            help="Largest error of a reflectance.",
         ),
     ] = 1e-6,
     list_pigments: Annotated[
-        bool, typer.Option("--list", help="List the paints there are, and stop.")
+        bool, typer.Option("--list", help="List the paints, and stop.")
     ] = False,
 ) -> None:
-    """Colour of a glaze: reflectance, XYZ, Lab and sRGB, and a picture.
+    """Compute the colour of a glaze: reflectance, XYZ, Lab, sRGB, and a picture.
 
     The picture shows the spectrum, a swatch, and a ladder: the colour of
-    1 to 40 coats of one layer as computed here, beside what "multiply"
-    layers of digital painting and stirred paint would give.
+    1 to 40 coats of one layer, compared with "multiply" layers of digital
+    painting and with mixed paint.
 
     Example: glazejax render --coats "CobaltBlue:1um, ChromeYellow:10um"
     """
@@ -328,7 +327,7 @@ def _write_stack(
 
 
 def _ladder_layer(coats: "Sequence[Coat]", ladder: str | None) -> int:
-    """Which layer the ladder repeats: the named one, else the uppermost that is there."""
+    """Layer that the ladder repeats: the named one, else the uppermost that is there."""
     if ladder is None:
         return next((i for i, coat in enumerate(coats) if coat.total > 0), 0)
     from ..paint.describe import same_name
@@ -411,7 +410,7 @@ def _lay(ground: options.Ground, coats: "Sequence[Coat]", shelf: "Mapping[str, P
 
 
 def _remarks(used: "Mapping[str, Pigment]") -> list[tuple[str, str]]:
-    """Where the pigments come from, and where their numbers cannot be relied on."""
+    """Remarks on where the pigments come from, and where their numbers cannot be relied on."""
     from .. import catalogue
     from ..paint.describe import describe_bands
 

@@ -1,4 +1,4 @@
-"""What ``glazejax render`` prints: the stack, its spectrum, its colour, the ladder and remarks."""
+"""Report of ``glazejax render``: the stack, its spectrum, its colour, the ladder and remarks."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ _LADDER_ROWS = (1, 2, 5, 10, 20, 40)
 
 @dataclass(frozen=True)
 class RenderRequest:
-    """What was asked for, in the user's words.
+    """Request in the user's words.
 
     Attributes:
         coats: top first.

@@ -197,7 +197,7 @@ class _Opaque:
 
     @property
     def surface(self) -> float:
-        """What a black paint shows: the reflection from the outer surface, if the instrument
+        """Reflectance of a black paint: the reflection from the outer surface, if the instrument
         includes it.
         """
         return float(self.values[-1])

@@ -46,15 +46,15 @@ def scene(
         str | None,
         typer.Option(
             callback=options.checked(lambda text: _read_size(text)),
-            help="WIDTHxHEIGHT in pixels instead of the file's: 160x120 for a quick look.",
+            help="WIDTHxHEIGHT in pixels instead of the file's, such as 160x120.",
             show_default=False,
         ),
     ] = None,
     renderer: Annotated[
         str,
         typer.Option(
-            help="raycast: lamps, shadows, mirrors; mitsuba: path tracing, with soft shadows, "
-            "area lights, relief and light between all surfaces (extra `render`)."
+            help="raycast (lamps, shadows, mirrors) or mitsuba (path tracing with soft shadows, "
+            "area lights, relief and light between all surfaces, extra `render`)."
         ),
     ] = "raycast",
     samples: Annotated[
@@ -72,12 +72,12 @@ def scene(
         bool, typer.Option("--example", help="Print a scene file to start from, and stop.")
     ] = False,
 ) -> None:
-    """A picture of glazed things under lamps, computed wavelength by wavelength.
+    """Render glazed objects under lamps, wavelength by wavelength.
 
     FILE describes shapes, lamps, a camera and materials: glazes as in
     `glazejax render`, plain and shiny paints, metals, thickness maps.
-    Shadows and mirror reflections are computed. Ctrl-C keeps what is
-    finished; the rest of the picture stays grey.
+    Shadows and mirror reflections are computed. After Ctrl-C unfinished
+    parts of the picture are grey.
 
     Example: glazejax scene --example > scene.toml
              glazejax scene scene.toml -o scene.png
@@ -199,7 +199,9 @@ def _resize(found: "SceneFile", text: str) -> "SceneFile":
 
 
 def _without_llvm(found: "SceneFile", samples: int) -> str:
-    """How long it takes where Mitsuba finds no LLVM that works, and what to do; else empty."""
+    """Warning of the time it takes where Mitsuba finds no LLVM that works, and what to do; else
+    empty.
+    """
     from ..appearance.mitsuba.variants import usable_variant
 
     if not usable_variant().startswith("scalar"):

@@ -4,12 +4,12 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from ..spectra import describe_grid
 from .finish import RawSpectra, finish
 from .raw_cube import RawCube
-from .spectra_table import SpectraTable
+from .spectra_table import Bands, Chosen, SpectraTable
 
 # A table of more pixels than this is no table any more; 200 bands of float64 take 160 MB.
 MAX_PIXELS = 100_000
@@ -29,8 +29,8 @@ class SpectraCube:
     """
 
     file: RawCube
-    wavelengths: Float[np.ndarray, "bands"]
-    bands: Int[np.ndarray, "bands"]
+    wavelengths: Bands
+    bands: Chosen
     scale: float
     notes: list[str]
     unit: str

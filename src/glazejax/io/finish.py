@@ -16,15 +16,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
-from typing import Literal
+from typing import Literal, Unpack
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from ..spectra import MAX_FRACTION, MIN_PERCENT, ranges, validate_wavelengths
-from .quantity import check_reflectance, meaning, nanometres, not_stated, read_units
-from .source import refusal
-from .spectra_table import SpectraTable, list_names
+from .quantity import Stated, check_reflectance, meaning, nanometres, not_stated, read_units
+from .source import naming
+from .spectra_table import Bands, Rows, SpectraTable, Stored, list_names
 
 # CxF3's own bound for a reflectance. Above it the unit or the scale that the file declares is
 # wrong.
@@ -33,6 +33,8 @@ MAX_DECLARED = 3.0
 MAX_NOISE = 0.01
 # No reading is below: some mark missing data by -1.23e34.
 DELETED = -1e30
+# Names of the usual numbers that stand for a reflectance of 1.
+UNITS = {1.0: "fraction", 100.0: "percent"}
 # Where the detectors of all instruments of paint have light, nm.
 DETECTED = (380.0, 850.0)
 # The same of those that software exports.
@@ -61,9 +63,9 @@ class RawSpectra:
         highest: value (fraction) above which the unit must be wrong.
     """
 
-    wavelengths: Float[np.ndarray, "bands"]
+    wavelengths: Bands
     names: Sequence[str]
-    values: Float[np.ndarray, "rows bands"]
+    values: Rows
     format: str
     notes: Sequence[str] = ()
     wavelength_unit: str = "nm"
@@ -77,42 +79,29 @@ class RawSpectra:
     highest: float = MAX_DECLARED
 
 
-def finish(
-    raw: RawSpectra,
-    path: Path,
-    *,
-    quantity: str | None = None,
-    unit: str | None = None,
-    scale: float | None = None,
-) -> SpectraTable:
+def finish(raw: RawSpectra, path: Path, **stated: Unpack[Stated]) -> SpectraTable:
     """Check raw spectra and express them as fractions on an ascending grid.
 
     Args:
         raw: what a reader found.
         path: file, for the errors.
-        quantity: what the user says that values are: ``reflectance``, whatever the file calls them.
-        unit: what the user says of units, as `quantity.read_units` takes it.
-        scale: number that stands for a reflectance of 1, if the user says so.
+        stated: what the user says, before the file.
 
     Raises:
         ValueError: no spectra, another quantity than reflectance, a grid or values that are not
             legal; one line that names the file.
     """
-    try:
-        return _finish(raw, quantity, unit, scale)
-    except ValueError as error:
-        raise refusal(path, error) from None
+    with naming(path):
+        return _finish(raw, stated)
 
 
-def _finish(
-    raw: RawSpectra, quantity: str | None, unit: str | None, scale: float | None
-) -> SpectraTable:
+def _finish(raw: RawSpectra, stated: Stated) -> SpectraTable:
     """Table of raw spectra; errors do not name the file."""
     if not len(raw.names):
         raise ValueError("the file holds no spectra")
-    check_reflectance(raw.quantity, quantity)
-    length, unit_scale = read_units(unit)
-    declared = scale or unit_scale or raw.scale or meaning(raw.quantity).scale
+    check_reflectance(raw.quantity, stated)
+    length, scale = read_units(stated)
+    declared = scale or raw.scale or meaning(raw.quantity).scale
     notes = list(raw.notes)
     names = raw.names
     # The reader of tables has seen that names differ, in less room.
@@ -157,44 +146,38 @@ def _finish(
     )
 
 
-def one_detector_each(
-    wavelengths: Float[np.ndarray, "bands"], notes: list[str]
-) -> Int[np.ndarray, "kept"]:
+def one_detector_each(wavelengths: Bands, notes: list[str]) -> Int[np.ndarray, "kept"]:
     """Bands in ascending order. Where detectors overlap, each is read up to the middle of the
     overlap, with a note; any other order is sorted.
     """
     if not detectors_overlap(wavelengths):
         notes.append("bands were sorted by wavelength")
         return np.argsort(wavelengths, kind="stable")
-    kept = []
-    start = 0.0
     runs = _runs(wavelengths)
-    for run, after in zip(runs, [*runs[1:], None], strict=True):
-        end = np.inf if after is None else (run[-1] + after[0]) / 2
-        if after is not None:
-            notes.append(f"detectors overlap: the change is at {end:g} nm")
-        kept.append((run > start) & (run <= end))
-        start = end
-    return np.flatnonzero(np.concatenate(kept))
+    ends = [(run[-1] + after[0]) / 2 for run, after in pairwise(runs)]
+    notes += [f"detectors overlap: the change is at {end:g} nm" for end in ends]
+    each = zip(runs, [0.0, *ends], [*ends, np.inf], strict=True)
+    return np.flatnonzero(np.concatenate([(run > low) & (run <= high) for run, low, high in each]))
 
 
-def _runs(wavelengths: Float[np.ndarray, "bands"]) -> list[np.ndarray]:
+def _runs(wavelengths: Bands) -> list[np.ndarray]:
     """Wavelengths, parted where they do not ascend."""
     return np.split(wavelengths, np.flatnonzero(np.diff(wavelengths) <= 0) + 1)
 
 
-def detectors_overlap(wavelengths: Float[np.ndarray, "bands"]) -> bool:
+def detectors_overlap(wavelengths: Bands) -> bool:
     """Whether wavelengths ascend in a few runs, each of which begins within the one before."""
     runs = _runs(wavelengths)
-    # A reading in the wrong place makes a run of one or two.
+    # Two readings that changed places overlap by one.
     return 1 < len(runs) < 6 and all(
-        min(a.size, b.size) > 2 and a[0] < b[0] and a[-1] < b[-1] for a, b in pairwise(runs)
+        min(a.size, b.size) > 2 and a[0] < b[0] < a[-2] and b[1] < a[-1] < b[-1]
+        for a, b in pairwise(runs)
     )
 
 
 def lit_bands(
-    wavelengths: Float[np.ndarray, "bands"],
-    values: Float[np.ndarray, "rows bands"],
+    wavelengths: Bands,
+    values: Rows,
     notes: list[str],
     raw: RawSpectra,
     scale: float | None,
@@ -225,8 +208,8 @@ def lit_bands(
 
 
 def _without_missing(
-    wavelengths: Float[np.ndarray, "bands"],
-    values: Float[np.ndarray, "rows bands"],
+    wavelengths: Bands,
+    values: Rows,
     names: Sequence[str],
     notes: list[str],
 ) -> tuple[Float[np.ndarray, "kept"], Float[np.ndarray, "full kept"], list[int]]:
@@ -260,8 +243,8 @@ def _without_missing(
 def _to_fractions(
     raw: RawSpectra,
     declared: float | None,
-    grid: Float[np.ndarray, "bands"],
-    values: Float[np.ndarray, "rows bands"],
+    grid: Bands,
+    values: Rows,
     names: Sequence[str],
     notes: list[str],
 ) -> str:
@@ -271,10 +254,8 @@ def _to_fractions(
     # NaN where a value is
     lows = values.min(axis=1)
     peaks = values.max(axis=1)
-    wrong = ~(np.isfinite(lows) & np.isfinite(peaks))
-    if wrong.any():
-        i = int(wrong.argmax())
-        j = int(np.isfinite(values[i]).argmin())
+    for i in np.flatnonzero(~(np.isfinite(lows) & np.isfinite(peaks)))[:1]:
+        j = np.isfinite(values[i]).argmin()
         raise ValueError(
             f"reflectance of {names[i]!r} is not finite at band {j + 1}: {values[i, j]:g}"
         )
@@ -320,11 +301,11 @@ def _to_fractions(
         notes.append(
             f"{bright} {verb} a reflectance of 1, up to {peaks[worst]:.3g} ({causes}); kept"
         )
-    return {1.0: "fraction", 100.0: "percent"}.get(scale, "scaled")
+    return UNITS.get(scale, "scaled")
 
 
 def _detected_scale(
-    values: Float[np.ndarray, "rows bands"],
+    values: Rows,
     peaks: Float[np.ndarray, "rows"],
     names: Sequence[str],
     notes: list[str],
@@ -382,21 +363,20 @@ def different(names: list[str], notes: list[str]) -> list[str]:
     used = Counter()
     result = []
     for name in names:
-        used[name] += 1
         fresh = name
-        if used[name] > 1:
-            while (fresh := f"{name} ({used[name]})") in taken:
-                used[name] += 1
-            taken.add(fresh)
+        while used[name] and fresh in taken:
+            used[name] += 1
+            fresh = f"{name} ({used[name]})"
+        used[name] = max(used[name], 1)
+        taken.add(fresh)
         result.append(fresh)
     repeated = [name for name, count in counts.items() if count > 1]
-    if repeated:
-        notes.append(f"names that repeat were numbered: {list_names(repeated)}")
+    notes.append(f"names that repeat were numbered: {list_names(repeated)}")
     return result
 
 
 def in_order(
-    wavelengths: Float[np.ndarray, "stored"],
+    wavelengths: Stored,
     bands: Int[np.ndarray, "used"] | None,
     notes: list[str],
 ) -> tuple[Float[np.ndarray, "used"], Int[np.ndarray, "used"]]:
@@ -409,40 +389,3 @@ def in_order(
         notes.append("bands were sorted by wavelength")
     bands = bands[order]
     return wavelengths[bands], bands
-
-
-def unit_of(level: float, declared: float | None, cure: str) -> tuple[float, str, list[str]]:
-    """Number that stands for a reflectance of 1, the unit's name and notes, for an image of which
-    the level is known.
-
-    Args:
-        level: what the bright pixels reach: in fractions if the scale is declared, else in the
-            file's numbers.
-        declared: the scale that the file or the user says, or None to tell fractions from percent.
-        cure: what to do where the numbers are neither.
-
-    Raises:
-        ValueError: neither fractions nor percent, or much above 1 by the declared scale.
-    """
-    if declared is not None:
-        if level > MAX_DECLARED:
-            raise ValueError(
-                f"pixels reach a reflectance of {level:g} by the reflectance scale factor "
-                f"{declared:g}"
-            )
-        scale = declared
-        unit = {1.0: "fraction", 100.0: "percent"}.get(declared, "scaled")
-    elif level <= MIN_PERCENT:
-        scale = 1.0
-        unit = "fraction"
-    elif level <= 100 * MAX_FRACTION:
-        scale = 100.0
-        unit = "percent"
-    else:
-        raise ValueError(f"pixels reach {level:g}, neither fraction nor percent: {cure}")
-    notes = []
-    if scale != 1.0:
-        notes.append(
-            "values are in percent; divided by 100" if scale == 100.0 else f"divided by {scale:g}"
-        )
-    return scale, unit, notes

@@ -1,15 +1,18 @@
 """What an image does not say, told from few pixels: its mark of missing data, and its unit."""
 
+from collections.abc import Iterator
 from dataclasses import replace
+from itertools import product
 from typing import Unpack
 
 import numpy as np
-from jaxtyping import Int
 
-from .finish import DELETED, unit_of
+from ..spectra import MAX_FRACTION, MIN_PERCENT
+from .finish import DELETED, MAX_DECLARED, UNITS
 from .quantity import Stated, check_reflectance, read_units
 from .raw_cube import RawCube
-from .source import refusal
+from .source import naming
+from .spectra_table import Chosen
 
 # Tiles of so many lines and samples, and so many of them across the image.
 _TILE = 32
@@ -20,26 +23,19 @@ USUAL_MARK = -9999.0
 _LARGE = 1 << 22
 
 
-def bright(raw: RawCube, bands: Int[np.ndarray, "bands"]) -> float | None:
+def bright(raw: RawCube, bands: Chosen) -> float | None:
     """Value that 99 % of pixels stay below, in the brightest of a few bands; None if none of them
     has data.
 
     Tiles are looked at, not scattered pixels: a file that stores pieces is read by pieces.
     """
-    lines, samples, _ = raw.shape
     bands = np.unique(bands[np.linspace(0, bands.size - 1, min(16, bands.size)).astype(int)])
     across = 1 if np.prod(raw.piece) > _LARGE else _ACROSS
-    found = []
-    for i in range(across):
-        for j in range(across):
-            y = _tile(lines, i, across)
-            x = _tile(samples, j, across)
-            values = raw.values(y, x, bands).reshape(-1, bands.size)
-            found.append(values[np.isfinite(values).any(axis=1)])
-    pixels = np.concatenate(found)
-    if not len(pixels):
-        return None
-    return float(np.quantile(np.where(np.isfinite(pixels), pixels, -np.inf).max(axis=1), 0.99))
+    tiles = _tiles(raw, across)
+    pixels = np.concatenate([raw.values(y, x, bands).reshape(-1, bands.size) for y, x in tiles])
+    peaks = np.where(np.isfinite(pixels), pixels, -np.inf).max(axis=1)
+    peaks = peaks[peaks > -np.inf]
+    return float(np.quantile(peaks, 0.99)) if peaks.size else None
 
 
 def with_usual_mark(raw: RawCube, notes: list[str]) -> RawCube:
@@ -49,14 +45,8 @@ def with_usual_mark(raw: RawCube, notes: list[str]) -> RawCube:
     """
     if raw.ignore or raw.dtype.kind not in "fi" or raw.dtype.itemsize == 1:
         return raw
-    lines, samples, _ = raw.shape
-    places = [
-        (_tile(lines, i, _ACROSS), _tile(samples, j, _ACROSS))
-        for i in range(_ACROSS)
-        for j in range(_ACROSS)
-    ]
-    edges = [[slice(0, 1), slice(size - 1, size)] for size in (lines, samples)]
-    places += [(y, x) for y in edges[0] for x in edges[1]]
+    edges = [[slice(0, 1), slice(size - 1, size)] for size in raw.shape[:2]]
+    places = [*_tiles(raw, _ACROSS), *product(*edges)]
     parts = np.concatenate([raw.block(y, x, np.zeros(1, int)).ravel() for y, x in places])
     deleted = float(np.nanmin(parts, initial=0))
     mark = deleted if deleted < DELETED else USUAL_MARK
@@ -70,7 +60,7 @@ def with_usual_mark(raw: RawCube, notes: list[str]) -> RawCube:
 
 def scale_of(
     raw: RawCube,
-    bands: Int[np.ndarray, "bands"],
+    bands: Chosen,
     notes: list[str],
     cure: str,
     **stated: Unpack[Stated],
@@ -89,40 +79,52 @@ def scale_of(
         ValueError: another quantity than reflectance; the scale is not said and the numbers are
             whole, or neither fractions nor percent; or they are much above 1 by it.
     """
-    try:
-        check_reflectance(raw.quantity, stated.get("quantity"))
-    except ValueError as error:
-        raise refusal(raw.path, error) from None
-    given = stated.get("scale") or read_units(stated.get("unit"))[1]
-    declared = given or raw.scale
-    if given is not None and raw.scale not in (None, given):
+    with naming(raw.path):
+        check_reflectance(raw.quantity, stated)
+        _, given = read_units(stated)
+        declared = given or raw.scale
+        if given is not None and raw.scale not in (None, given):
+            notes.append(
+                f"the file says that {raw.scale:g} is a reflectance of 1; {given:g} was given and "
+                "is used"
+            )
+        level = bright(raw, bands)
+        if declared is None:
+            scale = _detected_scale(raw, level, cure)
+        else:
+            scale = declared
+            reached = (level or 0.0) / scale
+            if reached > MAX_DECLARED:
+                raise ValueError(
+                    f"pixels reach a reflectance of {reached:g} by the reflectance scale factor "
+                    f"{scale:g}"
+                )
+    if scale != 1.0:
         notes.append(
-            f"the file says that {raw.scale:g} is a reflectance of 1; {given:g} was given and is "
-            "used"
+            "values are in percent; divided by 100" if scale == 100.0 else f"divided by {scale:g}"
         )
-    level = bright(raw, bands)
-    if declared is None and level is None:
-        raise refusal(
-            raw.path, "no pixel that was looked at has data: give the scale, 1 for fractions"
-        )
-    if declared is None and raw.dtype.kind in "iu" and not raw.converts:
-        raise refusal(
-            raw.path,
+    return scale, UNITS.get(scale, "scaled")
+
+
+def _detected_scale(raw: RawCube, level: float | None, cure: str) -> float:
+    """100 for percent, 1 for fractions, told from what bright pixels reach."""
+    if level is None:
+        raise ValueError("no pixel that was looked at has data: give the scale, 1 for fractions")
+    if raw.dtype.kind in "iu" and not raw.converts:
+        raise ValueError(
             f"whole numbers up to {level:g} are a camera's counts where no scale is said, neither "
-            f"fraction nor percent: {cure}",
+            f"fraction nor percent: {cure}"
         )
-    try:
-        scale, unit, remarks = unit_of(
-            0.0 if level is None else level / (declared or 1.0), declared, cure
-        )
-    except ValueError as error:
-        raise refusal(raw.path, error) from None
-    notes.extend(remarks)
-    return scale, unit
+    if level > 100 * MAX_FRACTION:
+        raise ValueError(f"pixels reach {level:g}, neither fraction nor percent: {cure}")
+    return 1.0 if level <= MIN_PERCENT else 100.0
 
 
-def _tile(size: int, number: int, across: int) -> slice:
-    """A short run of lines or samples, in the middle of the given one of so many equal parts."""
-    start = max(0, int((number + 0.5) / across * size) - _TILE // 2)
-    start = min(start, max(0, size - _TILE))
-    return slice(start, min(size, start + _TILE))
+def _tiles(raw: RawCube, across: int) -> Iterator[tuple[slice, ...]]:
+    """Lines and samples of short runs, in the middle of so many equal parts of either."""
+    runs: list[list[slice]] = []
+    for size in raw.shape[:2]:
+        middles = ((np.arange(across) + 0.5) / across * size).astype(int) - _TILE // 2
+        starts = np.clip(middles, 0, max(0, size - _TILE)).tolist()
+        runs.append([slice(start, min(size, start + _TILE)) for start in starts])
+    return product(*runs)

@@ -12,7 +12,8 @@ from functools import lru_cache
 from typing import NamedTuple, TypedDict
 
 import numpy as np
-from jaxtyping import Float
+
+from .spectra_table import Bands
 
 MODES = {
     "SCI": "specular component included, d:8",
@@ -129,22 +130,21 @@ def names_sample(title: str) -> bool:
     return not said
 
 
-def check_reflectance(words: str, quantity: str | None) -> None:
+def check_reflectance(words: str, stated: Stated) -> None:
     """Refuse what is not reflectance by its name, with what to export.
 
     Args:
         words: what the file says of its numbers; empty where it says nothing.
-        quantity: what the user says that they are, or None.
+        stated: what the user says.
 
     Raises:
         ValueError: the file says another quantity and the user does not say that it is reflectance,
             or the user says another.
     """
-    if not words and quantity is None:
-        return
+    quantity = stated.get("quantity")
     words = words if quantity is None else quantity
     name = meaning(words).quantity
-    if name != REFLECTANCE:
+    if name != REFLECTANCE and (words or quantity is not None):
         raise ValueError(
             f"{words!r} is {name or 'not known'}, and only reflectance can be read: "
             f"{_QUANTITIES[name][1] if name else _EXPORT}, or say --quantity reflectance if it is "
@@ -152,16 +152,16 @@ def check_reflectance(words: str, quantity: str | None) -> None:
         )
 
 
-def read_units(unit: str | None) -> tuple[str, float | None]:
-    """Unit of wavelengths, and number that stands for a reflectance of 1, of what a user says:
-    ``nm``, ``1/cm``, ``percent``, ``fraction`` or two of them; empty and None where that says none.
+def read_units(stated: Stated) -> tuple[str, float | None]:
+    """Unit of wavelengths, and number that stands for a reflectance of 1, of what a user says;
+    empty and None where that says none.
 
     Raises:
         ValueError: a word that is no unit.
     """
     length = ""
     scale = None
-    for word in (unit or "").replace(",", " ").split():
+    for word in (stated.get("unit") or "").replace(",", " ").split():
         if known := length_unit(word):
             length = known
         elif (value := meaning(word).scale) is not None:
@@ -171,7 +171,7 @@ def read_units(unit: str | None) -> tuple[str, float | None]:
                 f"unit {word!r} is not known: nm, um, angstrom, m or 1/cm of wavelengths, percent "
                 "or fraction of values"
             )
-    return length, scale
+    return length, stated.get("scale") or scale
 
 
 def length_unit(words: str) -> str:
@@ -187,9 +187,7 @@ def length_unit(words: str) -> str:
     return ""
 
 
-def nanometres(
-    wavelengths: Float[np.ndarray, "bands"], unit: str | None
-) -> tuple[Float[np.ndarray, "bands"], list[str]]:
+def nanometres(wavelengths: Bands, unit: str | None) -> tuple[Bands, list[str]]:
     """Wavelengths in nm from what a file calls their unit, with notes.
 
     A unit that is not named is micrometres if all are below 100, as no spectrum of paint reaches so
@@ -213,19 +211,14 @@ def nanometres(
             raise ValueError("wavenumbers must be positive")
         return _whole(wavelengths), ["wavenumbers in 1/cm were turned into wavelengths"]
     _, factor, note = _LENGTHS[known]
-    return (
-        (wavelengths, [])
-        if factor is None
-        else (
-            wavelengths * factor,
-            [f"wavelengths are in {note}"],
-        )
-    )
+    if factor is None:
+        return wavelengths, []
+    return wavelengths * factor, [f"wavelengths are in {note}"]
 
 
 def _without_unit(
-    wavelengths: Float[np.ndarray, "bands"],
-) -> tuple[Float[np.ndarray, "bands"], list[str]]:
+    wavelengths: Bands,
+) -> tuple[Bands, list[str]]:
     """Wavelengths in nm where nobody says their unit."""
     low = np.fmin.reduce(wavelengths, initial=np.inf)
     high = np.fmax.reduce(wavelengths, initial=-np.inf)
@@ -253,7 +246,7 @@ def not_stated(*units: str) -> str:
     return f"no unit is stated: taken as {', as '.join(units)}"
 
 
-def _whole(wavenumbers: Float[np.ndarray, "bands"]) -> Float[np.ndarray, "bands"]:
+def _whole(wavenumbers: Bands) -> Bands:
     """Wavelengths in nm of wavenumbers in 1/cm; whole ones if all are, to the digits of the file.
 
     14285.7 is 700.0007 nm, and would lie beyond a paint that is known up to 700 nm.

@@ -5,15 +5,17 @@ import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 
 from .finish import DELETED
 from .quantity import nanometres
-from .source import refusal, show_path
+from .source import naming, refusal, show_path
+from .spectra_table import Chosen, Stored
 
 # Bytes of a mapped file that are let go together.
 _MAPPED = 1 << 26
@@ -95,7 +97,7 @@ class OnDisk:
 
     def __reduce__(self) -> tuple[Any, ...]:
         opener, arguments, one_at_a_time = self._call
-        return _on_disk, (opener, arguments, one_at_a_time)
+        return partial(OnDisk, one_at_a_time=one_at_a_time), (opener, *arguments)
 
 
 def _maps(array: Any) -> list[mmap.mmap]:
@@ -105,11 +107,6 @@ def _maps(array: Any) -> list[mmap.mmap]:
     while isinstance(array, np.ndarray):
         array = array.base
     return [array] if isinstance(array, mmap.mmap) else []
-
-
-def _on_disk(opener: Callable[..., Any], arguments: tuple[Any, ...], one_at_a_time: bool) -> OnDisk:
-    """What a sent array becomes where it arrives."""
-    return OnDisk(opener, *arguments, one_at_a_time=one_at_a_time)
 
 
 @dataclass(frozen=True)
@@ -149,12 +146,12 @@ class RawCube:
     dtype: np.dtype[Any]
     piece: tuple[int, int, int] = (1, 1, 1)
     apart: bool = False
-    wavelengths: Float[np.ndarray, "stored"] | None = None
+    wavelengths: Stored | None = None
     wavelength_unit: str = ""
     quantity: str = ""
-    good: Int[np.ndarray, "good"] | None = None
-    gain: float | Float[np.ndarray, "stored"] = 1.0
-    offset: float | Float[np.ndarray, "stored"] = 0.0
+    good: Chosen | None = None
+    gain: float | Stored = 1.0
+    offset: float | Stored = 0.0
     scale: float | None = None
     ignore: tuple[float, ...] = ()
     notes: tuple[str, ...] = ()
@@ -178,7 +175,7 @@ class RawCube:
         """Whether the file says how its numbers become values."""
         return np.ndim(self.gain) > 0 or self.gain != 1.0 or self.offset != 0.0
 
-    def nanometres(self, unit: str = "") -> tuple[Float[np.ndarray, "stored"], list[str]]:
+    def nanometres(self, unit: str = "") -> tuple[Stored, list[str]]:
         """Wavelengths in nm, in the file's order, and notes.
 
         Args:
@@ -193,12 +190,10 @@ class RawCube:
                 f"no wavelengths for {self.shape[2]} bands; give them (wavelengths=, "
                 "--wavelengths: a list, or a file of nm)",
             )
-        try:
+        with naming(self.path):
             return nanometres(self.wavelengths, unit or self.wavelength_unit)
-        except ValueError as error:
-            raise refusal(self.path, error) from None
 
-    def block(self, y: slice, x: slice, bands: Int[np.ndarray, "bands"]) -> np.ndarray:
+    def block(self, y: slice, x: slice, bands: Chosen) -> np.ndarray:
         """Stored numbers, (y, x, bands), in the file's type; a view of the file where it is mapped
         into memory.
 
@@ -216,9 +211,7 @@ class RawCube:
             return part
         return part[..., bands - first]
 
-    def values(
-        self, y: slice, x: slice, bands: Int[np.ndarray, "bands"], *, mark: bool = False
-    ) -> np.ndarray:
+    def values(self, y: slice, x: slice, bands: Chosen, *, mark: bool = False) -> np.ndarray:
         """Values (stored numbers by gain and offset) as floats that hold them; NaN where data are
         missing.
 
@@ -238,7 +231,7 @@ class RawCube:
     def numbers(
         self,
         stored: np.ndarray,
-        bands: Int[np.ndarray, "bands"],
+        bands: Chosen,
         *,
         mark: bool = False,
         dtype: Any = np.float32,
@@ -266,7 +259,7 @@ class RawCube:
         return values
 
 
-def _of(number: Any, bands: Int[np.ndarray, "bands"]) -> Any:
+def _of(number: Any, bands: Chosen) -> Any:
     """A gain or offset of some bands, where each has its own."""
     return number[bands] if np.ndim(number) else number
 

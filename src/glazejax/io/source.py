@@ -15,6 +15,7 @@ import stat
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from itertools import chain
 from pathlib import Path
 
 from ..progress import Progress
@@ -31,7 +32,7 @@ NOBODY = 3.0
 SILENCE = 60.0
 _LONGEST = 600
 
-_BREAKS = tuple("\n\x0b\x0c\x1c\x1d\x1e\x85\u2028\u2029")
+_BREAKS = "\r\n\x0b\x0c\x1c\x1d\x1e\x85\u2028\u2029"
 # What no text of one byte a letter holds: all control characters but tab and line breaks, and
 # Windows-1252's gaps.
 _CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1f\x7f\x81\x8d\x8f\x90\x9d]")
@@ -139,45 +140,27 @@ class Source:
         number = 0
         rest = ""
         done = 0
-        for piece in self.pieces():
-            if done == 0:
-                piece = piece.removeprefix(codecs.BOM_UTF8)
+        for piece in chain(self.pieces(), [b""]):
             waiting = len(decoder.getstate()[0])
             try:
-                text = decoder.decode(piece)
+                text = decoder.decode(piece, final=not piece)
             except UnicodeDecodeError as error:
                 raise self._not_text(done - waiting + error.start) from None
             done += len(piece)
-            padded = "\0" in text
+            # The last line may go on, or its break be half of one.
             text = rest + text
-            lines = text.splitlines()
-            # A \r at the end may be half of a break.
-            half = text.endswith("\r")
-            rest = (
-                ""
-                if not half and text.endswith(_BREAKS)
-                else lines.pop() + "\r" * half
-                if lines
-                else ""
-            )
+            padded = "\0" in text
+            lines = text.splitlines(keepends=True)
+            rest = lines.pop() if piece and lines else ""
             for line in lines:
                 number += 1
                 if padded and number > above and "\0" in line:
                     raise self.error("not a text file; export the table as UTF-8 CSV")
-                yield number, line
+                yield number, line.removeprefix("\ufeff" if number == 1 else "").rstrip(_BREAKS)
             if len(rest) > MAX_LINE:
                 raise self.error(
                     f"longer than {MAX_LINE >> 20} MB: is this a table of spectra?", number + 1
                 )
-        try:
-            rest += decoder.decode(b"", final=True)
-        except UnicodeDecodeError:
-            raise self._not_text(done) from None
-        for line in rest.splitlines():
-            number += 1
-            if number > above and "\0" in line:
-                raise self.error("not a text file; export the table as UTF-8 CSV")
-            yield number, line
 
     @property
     def first_lines(self) -> list[str]:
@@ -304,6 +287,15 @@ def explain_errors(path: Path, missing: str = "") -> Iterator[None]:
         if "embedded null" in str(error):
             raise ValueError(f"{name}: a file's name cannot hold the character NUL") from None
         raise
+
+
+@contextmanager
+def naming(path: Path) -> Iterator[None]:
+    """Has the errors of what knows no file name this one."""
+    try:
+        yield
+    except ValueError as error:
+        raise refusal(path, error) from None
 
 
 def is_there(path: str | Path) -> bool:

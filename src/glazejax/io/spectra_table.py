@@ -2,12 +2,24 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import TypeAlias
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int
 
 from ..names import nearest_names
 from ..spectra import describe_grid
+
+Bands: TypeAlias = Float[np.ndarray, "bands"]
+"""A number a band."""
+Rows: TypeAlias = Float[np.ndarray, "rows bands"]
+"""Spectra, a row each."""
+Stored: TypeAlias = Float[np.ndarray, "stored"]
+"""A number for each band of a file."""
+Chosen: TypeAlias = Int[np.ndarray, "bands"]
+"""Which of a file's bands, by their number from 0 on."""
+Mask: TypeAlias = Bool[np.ndarray, "y x"]
+"""Which pixels of an image."""
 
 
 @dataclass(frozen=True)
@@ -24,9 +36,9 @@ class SpectraTable:
         attributes: what else the file says of each spectrum: a title, and one text a row.
     """
 
-    wavelengths: Float[np.ndarray, "bands"]
+    wavelengths: Bands
     names: tuple[str, ...]
-    reflectance: Float[np.ndarray, "rows bands"]
+    reflectance: Rows
     notes: list[str] = field(default_factory=list)
     format: str = ""
     unit: str = "fraction"
@@ -35,7 +47,7 @@ class SpectraTable:
     def __len__(self) -> int:
         return len(self.names)
 
-    def __getitem__(self, name: str) -> Float[np.ndarray, "bands"]:
+    def __getitem__(self, name: str) -> Bands:
         """Spectrum of one sample; KeyError if there is none of that name."""
         if name not in self.names:
             raise KeyError(f"no spectrum is called {name!r}")

@@ -1,1 +1,1 @@
-"""What a painter describes: pigments, mixtures, coats and stacks of them."""
+"""Paint as a painter describes it: pigments, mixtures, coats and stacks of them."""

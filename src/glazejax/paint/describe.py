@@ -39,7 +39,7 @@ class Coat(NamedTuple):
 
     @property
     def name(self) -> str:
-        """What the paint is called, such as ``0.7 ZincWhite + 0.3 CobaltBlue``."""
+        """Name of the paint, such as ``0.7 ZincWhite + 0.3 CobaltBlue``."""
         if len(self.parts) == 1:
             return self.parts[0][1]
         return " + ".join(f"{weight:g} {name}" for weight, name in self.parts)
@@ -218,7 +218,7 @@ def _plain(name: str) -> str:
 
 
 def same_name(first: str, second: str) -> bool:
-    """Whether two names differ in case, blanks, hyphens and underscores at most."""
+    """Test whether two names differ in case, blanks, hyphens and underscores at most."""
     return _plain(first) == _plain(second)
 
 

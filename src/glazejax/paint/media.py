@@ -1,4 +1,4 @@
-"""What a painter describes: pigments, their mixtures, coats and glazes.
+"""Paint as a painter describes it: pigments, their mixtures, coats and glazes.
 
 All of them are equinox modules, hence pytrees: they pass through jit, vmap and grad. Values are
 checked when an object is built from concrete numbers; inside a traced function only shapes are.
@@ -68,7 +68,7 @@ def _check_range(name: str, values: Numbers, low: float, high: float, hint: str 
 
 
 def _describe_value(value: Any) -> str:
-    """What was given, in a word: a text as it is, else its type."""
+    """Description of a value in a word: a text as it is, else its type."""
     return repr(value) if isinstance(value, str) else f"a {type(value).__name__}"
 
 
@@ -86,8 +86,8 @@ def _legal_modes(name: str, modes: Numbers, bands: int) -> Float[Array, "modes 2
 
 @dataclass(frozen=True, eq=False, repr=False)
 class _Labels:
-    """What is told of a paint and computed with by nobody: each equals all others, so that a
-    program compiled for one paint serves all of its shape.
+    """Labels of a paint that nothing is computed from: each equals all others, so that a program
+    compiled for one paint serves all of its shape.
     """
 
     name: str
@@ -108,13 +108,13 @@ class _Labels:
 
 
 class _Labelled(eqx.Module):
-    """What has a name."""
+    """Base of what has a name."""
 
     _labels: eqx.AbstractVar[_Labels]
 
     @property
     def name(self) -> str:
-        """What it is called."""
+        """Name of it."""
         return self._labels.name
 
 
@@ -212,7 +212,7 @@ class Pigment(_Labelled):
 
     @property
     def provenance(self) -> str:
-        """Where the numbers come from, and the assumed thickness if they rest on one."""
+        """Source of the numbers, and the assumed thickness if they rest on one."""
         return self._labels.provenance
 
     @property
@@ -237,7 +237,7 @@ class Pigment(_Labelled):
 
     @property
     def identifiable(self) -> Bool[np.ndarray, "bands"] | None:
-        """Where both k and s are determined by the data, (bands,), or None if not stated."""
+        """Mask of bands where the data determine both k and s, (bands,), or None if not stated."""
         known = self._labels.identifiable
         return None if known is None else np.asarray(known)
 
@@ -660,7 +660,7 @@ def _check_grids(media: Sequence[Pigment | Mixture]) -> None:
 
 
 def make_media(coats: Sequence[Coat], shelf: Mapping[str, Pigment]) -> list[Pigment | Mixture]:
-    """What each coat is made of, on the wavelengths of its pigments.
+    """Media of the coats, on the wavelengths of its pigments.
 
     Raises:
         KeyError: a pigment that the shelf does not have under that very name.

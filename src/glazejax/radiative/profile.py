@@ -85,7 +85,7 @@ def profile_reflectance_factor(
 
     Source: paper A, eqs (3)-(21).
     """
-    given = _GivenProfile(
+    profile = _GivenProfile(
         absorption=absorption,
         scattering=scattering,
         thickness=thickness,
@@ -94,7 +94,7 @@ def profile_reflectance_factor(
         cos_incidence=cos_incidence,
         cos_viewing=cos_viewing,
     )
-    return _evaluate(given, tolerance, method)
+    return _evaluate(profile, tolerance, method)
 
 
 def profile_hemispherical_reflectance(
@@ -119,7 +119,7 @@ def profile_hemispherical_reflectance(
 
     Source: paper A, eqs (3)-(21).
     """
-    given = _GivenProfile(
+    profile = _GivenProfile(
         absorption=absorption,
         scattering=scattering,
         thickness=thickness,
@@ -128,7 +128,7 @@ def profile_hemispherical_reflectance(
         cos_incidence=cos_incidence,
         cos_viewing=None,
     )
-    return _evaluate(given, tolerance, method)
+    return _evaluate(profile, tolerance, method)
 
 
 class _GivenProfile(NamedTuple):
@@ -151,29 +151,29 @@ class _Film(NamedTuple):
     batch: tuple[int, ...]  # of everything
 
 
-def _evaluate(given: _GivenProfile, tolerance: float, method: str) -> Array:
+def _evaluate(profile: _GivenProfile, tolerance: float, method: str) -> Array:
     names = ("substrate_reflectance", "refractive_index", "cos_incidence", "cos_viewing")
-    rest = {name: value for name in names if (value := getattr(given, name)) is not None}
+    arguments = {name: value for name in names if (value := getattr(profile, name)) is not None}
     check_choice("method", method, Method)
     check_tolerance(tolerance)
-    check_values(rest)
-    film = _film(given, rest)
+    check_values(arguments)
+    film = _film(profile, arguments)
     if method == "ordinates":
-        if given.cos_viewing is None:
-            return _solve_sliced(film, rest, tolerance, stack_hemispherical_reflectance)
-        return _solve_sliced(film, rest, tolerance, stack_reflectance_factor)
-    return _solve_on_mesh(film, rest, tolerance)
+        if profile.cos_viewing is None:
+            return _solve_sliced(film, arguments, tolerance, stack_hemispherical_reflectance)
+        return _solve_sliced(film, arguments, tolerance, stack_reflectance_factor)
+    return _solve_on_mesh(film, arguments, tolerance)
 
 
-def _film(given: _GivenProfile, rest: dict[str, Any]) -> _Film:
+def _film(inputs: _GivenProfile, arguments: dict[str, Any]) -> _Film:
     dtype = jnp.result_type(float)
-    thickness = jnp.asarray(given.thickness, dtype)
+    thickness = jnp.asarray(inputs.thickness, dtype)
     _refuse("thickness", thickness, "a length in m, >= 0 and finite")
     functions = []
     counts = {}
     shapes = {"thickness": thickness.shape}
     for name in ("absorption", "scattering"):
-        profile = getattr(given, name)
+        profile = getattr(inputs, name)
         if callable(profile):
             functions.append(_of_share(name, cast(Callable[[Array], Array], profile), thickness))
             shapes[name] = functions[-1](jnp.linspace(0.0, 1.0, 9, dtype=dtype)).shape[:-1]
@@ -195,7 +195,7 @@ def _film(given: _GivenProfile, rest: dict[str, Any]) -> _Film:
             f"absorption has {counts['absorption'] + 1} depths (last axis) but scattering has "
             f"{counts['scattering'] + 1}; give both at the same depths"
         )
-    shapes |= {name: np.shape(value) for name, value in rest.items()}
+    shapes |= {name: np.shape(value) for name, value in arguments.items()}
     batch = batch_shape(shapes, last="depths")
     return _Film(
         absorption=functions[0],
@@ -206,10 +206,10 @@ def _film(given: _GivenProfile, rest: dict[str, Any]) -> _Film:
     )
 
 
-def _refuse(name: str, values: Array, words: str) -> None:
-    known = concrete(values)
-    if known is not None and not np.all(good := (known >= 0) & np.isfinite(known)):
-        raise ValueError(f"{name} holds {known[~good].flat[0]}; it must be {words}")
+def _refuse(name: str, values: Array, requirement: str) -> None:
+    numbers = concrete(values)
+    if numbers is not None and not np.all(good := (numbers >= 0) & np.isfinite(numbers)):
+        raise ValueError(f"{name} holds {numbers[~good].flat[0]}; it must be {requirement}")
 
 
 def _of_share(
@@ -236,15 +236,15 @@ def _piecewise_linear(samples: Array) -> Callable[[Array], Array]:
         if count == 0:
             return jnp.broadcast_to(samples, (*samples.shape[:-1], share.shape[-1]))
         position = share * count
-        left = jnp.clip(jnp.floor(jax.lax.stop_gradient(position)), 0, count - 1)
-        index = left.astype(int)
+        lower = jnp.clip(jnp.floor(jax.lax.stop_gradient(position)), 0, count - 1)
+        index = lower.astype(int)
         batch = jnp.broadcast_shapes(samples.shape[:-1], share.shape[:-1])
         values = jnp.broadcast_to(samples, (*batch, count + 1))
-        index, part = (
-            jnp.broadcast_to(a, (*batch, share.shape[-1])) for a in (index, position - left)
+        index, fraction = (
+            jnp.broadcast_to(a, (*batch, share.shape[-1])) for a in (index, position - lower)
         )
         low, high = (jnp.take_along_axis(values, index + i, axis=-1) for i in (0, 1))
-        return low + (high - low) * part
+        return low + (high - low) * fraction
 
     return function
 
@@ -256,10 +256,10 @@ def _albedo(absorption: Array, scattering: Array) -> Array:
 
 
 def _solve_sliced(
-    film: _Film, rest: dict[str, Any], tolerance: float, solve: Callable[..., Array]
+    film: _Film, arguments: dict[str, Any], tolerance: float, solve: Callable[..., Array]
 ) -> Array:
-    ground = rest["substrate_reflectance"]
-    others = {name: value for name, value in rest.items() if name != "substrate_reflectance"}
+    ground = arguments["substrate_reflectance"]
+    fixed = {name: value for name, value in arguments.items() if name != "substrate_reflectance"}
     x, w = gauss(4)
 
     def reflectance(count: int) -> Array:
@@ -275,12 +275,12 @@ def _solve_sliced(
         s = mean(film.scattering)
         depth = (k + s) * film.thickness[..., None] / count
         return jnp.broadcast_to(
-            solve(_albedo(k, s), depth, ground, tolerance=0.3 * tolerance, **others), film.batch
+            solve(_albedo(k, s), depth, ground, tolerance=0.3 * tolerance, **fixed), film.batch
         )
 
     # At least 8 slices: as many as samples, or a multiple, so that no slice holds a kink.
-    parts = film.intervals or 1
-    slices = parts * -(-8 // parts)
+    intervals = film.intervals or 1
+    slices = intervals * -(-8 // intervals)
     rows = [[reflectance(slices)]]
     while True:
         slices *= 2
@@ -313,17 +313,19 @@ def _error_message(error: float, tolerance: float) -> str:
     )
 
 
-def _solve_on_mesh(film: _Film, rest: dict[str, Any], tolerance: float) -> Array:
+def _solve_on_mesh(film: _Film, arguments: dict[str, Any], tolerance: float) -> Array:
     dtype = film.thickness.dtype
-    flat = {name: flat_batch(jnp.asarray(value, dtype), film.batch) for name, value in rest.items()}
-    fixed = plain_number(rest["refractive_index"])
-    index = concrete(rest["refractive_index"])
+    flat = {
+        name: flat_batch(jnp.asarray(value, dtype), film.batch) for name, value in arguments.items()
+    }
+    fixed = plain_number(arguments["refractive_index"])
+    index = concrete(arguments["refractive_index"])
     lowest = 1.0 if index is None else float(np.min(index, initial=2.5))
     # The whole optical thickness, which sets the mesh.
     share = jnp.linspace(0.0, 1.0, 257, dtype=dtype)
     total = jnp.mean(film.absorption(share) + film.scattering(share), axis=-1) * film.thickness
-    known = concrete(total)
-    thickest = 40.0 if known is None else float(np.max(known, initial=0.0))
+    depths = concrete(total)
+    thickest = 40.0 if depths is None else float(np.max(depths, initial=0.0))
     mesh = auxiliary_graded.resolve(tolerance, min(thickest, 40.0), lowest)
     # Deeper films by more panels of the same proportions, so that the narrowest stay as narrow.
     deeper = int(np.ceil(np.log2(min(max(thickest / 40.0, 1.0), 1e6))))
@@ -362,7 +364,7 @@ def _solve_on_mesh(film: _Film, rest: dict[str, Any], tolerance: float) -> Array
 
     # Panels are halved until the answer stays.
     halvings = 0
-    before = reflectance(0) if known is not None else None
+    before = reflectance(0) if depths is not None else None
     while True:
         halvings += 1
         value = reflectance(halvings)
@@ -383,8 +385,8 @@ def _film_panels(film: _Film, mesh: PanelMesh, halvings: int) -> Panels:
         edges = np.unique(
             np.round(np.concatenate([edges, np.linspace(0, 1, film.intervals + 1)]), 12)
         )
-    parts = 2**halvings
-    inner = np.linspace(edges[:-1], edges[1:], parts, endpoint=False).T.ravel()
+    pieces = 2**halvings
+    inner = np.linspace(edges[:-1], edges[1:], pieces, endpoint=False).T.ravel()
     edges = np.r_[inner, 1.0]
     table = rules(mesh.nodes, mesh.points)
     start = edges[:-1]
@@ -400,25 +402,27 @@ def _film_panels(film: _Film, mesh: PanelMesh, halvings: int) -> Panels:
         return values.reshape(*values.shape[:-1], *share.shape[-2:])
 
     def depth_within(
-        part: Array,
-    ) -> Array:  # optical depth from the panel's top to its share `part`, (..., panels, p)
-        points = part[..., None] * x  # (..., panels, p, m)
+        fraction: Array,
+    ) -> Array:  # optical depth from the panel's top to its share `fraction`, (..., panels, p)
+        points = fraction[..., None] * x  # (..., panels, p, m)
         share = start[:, None] + span[:, None] * points.reshape(*points.shape[:-2], -1)
         values = extinction(share).reshape(
             *jnp.broadcast_shapes(film.batch, points.shape[:-3]), *points.shape[-3:]
         )
-        return span[:, None] * part * (values @ jnp.asarray(w, values.dtype))
+        return span[:, None] * fraction * (values @ jnp.asarray(w, values.dtype))
 
     dtype = film.thickness.dtype
-    whole = jnp.ones((*film.batch, len(start), 1), dtype)
-    width = depth_within(whole)[..., 0]
-    part = jnp.broadcast_to(jnp.asarray(table.nodes, dtype), (*film.batch, len(start), mesh.nodes))
+    ones = jnp.ones((*film.batch, len(start), 1), dtype)
+    width = depth_within(ones)[..., 0]
+    fraction = jnp.broadcast_to(
+        jnp.asarray(table.nodes, dtype), (*film.batch, len(start), mesh.nodes)
+    )
     for _ in range(8):  # where the optical depth reaches the nodes
-        slope = span[:, None] * extinction(start[:, None] + span[:, None] * part)
-        miss = depth_within(part) - width[..., None] * table.nodes
+        slope = span[:, None] * extinction(start[:, None] + span[:, None] * fraction)
+        miss = depth_within(fraction) - width[..., None] * table.nodes
         step = miss / jnp.maximum(slope, jnp.finfo(dtype).tiny)
-        part = jnp.clip(part - jnp.clip(step, -1.0, 1.0), 0.0, 1.0)
-    share = (start[:, None] + span[:, None] * part).reshape(*film.batch, -1)
+        fraction = jnp.clip(fraction - jnp.clip(step, -1.0, 1.0), 0.0, 1.0)
+    share = (start[:, None] + span[:, None] * fraction).reshape(*film.batch, -1)
     albedo = _albedo(film.absorption(share), film.scattering(share))
     size = int(np.prod(film.batch))
     width = width.reshape(size, -1)

@@ -58,7 +58,7 @@ _SOLVERS: dict[str, Solver] = {
 
 
 class _StackSettings(NamedTuple):
-    """What is fixed when the program is compiled."""
+    """Settings fixed when the program is compiled."""
 
     method: str
     resolution: Any  # the solver's own
@@ -138,7 +138,7 @@ def stack_reflectance_factor(
     `glazejax.radiative.ordinates.solver`.
     """
     check_given({"cos_viewing": cos_viewing})
-    given = _Inputs(
+    inputs = _Inputs(
         albedo=albedo,
         optical_thickness=optical_thickness,
         substrate_reflectance=substrate_reflectance,
@@ -146,7 +146,7 @@ def stack_reflectance_factor(
         cos_incidence=cos_incidence,
         cos_viewing=cos_viewing,
     )
-    return _evaluate(given, tolerance, method, _reflect)
+    return _evaluate(inputs, tolerance, method, _reflect)
 
 
 def stack_hemispherical_reflectance(
@@ -174,7 +174,7 @@ def stack_hemispherical_reflectance(
     Source: paper A (Shinozawa et al. 2013), eqs (4)-(22), solved as described in
     `glazejax.radiative.ordinates.solver`.
     """
-    given = _Inputs(
+    inputs = _Inputs(
         albedo=albedo,
         optical_thickness=optical_thickness,
         substrate_reflectance=substrate_reflectance,
@@ -182,7 +182,7 @@ def stack_hemispherical_reflectance(
         cos_incidence=cos_incidence,
         cos_viewing=None,
     )
-    return _evaluate(given, tolerance, method, _reflect)
+    return _evaluate(inputs, tolerance, method, _reflect)
 
 
 def split_reflectance_factor(
@@ -207,7 +207,7 @@ def split_reflectance_factor(
     Source: paper A (Shinozawa et al. 2013), eqs (19), (22), (32)-(34).
     """
     check_given({"cos_viewing": cos_viewing})
-    given = _Inputs(
+    inputs = _Inputs(
         albedo=albedo,
         optical_thickness=optical_thickness,
         substrate_reflectance=substrate_reflectance,
@@ -215,7 +215,7 @@ def split_reflectance_factor(
         cos_incidence=cos_incidence,
         cos_viewing=cos_viewing,
     )
-    return _evaluate_split(given, tolerance, method)
+    return _evaluate_split(inputs, tolerance, method)
 
 
 def split_hemispherical_reflectance(
@@ -239,7 +239,7 @@ def split_hemispherical_reflectance(
 
     Source: paper A (Shinozawa et al. 2013), eqs (19), (22), (32)-(34).
     """
-    given = _Inputs(
+    inputs = _Inputs(
         albedo=albedo,
         optical_thickness=optical_thickness,
         substrate_reflectance=substrate_reflectance,
@@ -247,7 +247,7 @@ def split_hemispherical_reflectance(
         cos_incidence=cos_incidence,
         cos_viewing=None,
     )
-    return _evaluate_split(given, tolerance, method)
+    return _evaluate_split(inputs, tolerance, method)
 
 
 class _Inputs(NamedTuple):
@@ -262,9 +262,9 @@ class _Inputs(NamedTuple):
 
 
 def _evaluate(inputs: _Inputs, tolerance: float, method: str, run: Any) -> Any:
-    def evaluate(given: Mapping[str, Any]) -> Any:
-        stack, settings, batch = _prepare(_Inputs(**given), tolerance, method)
-        return jax.tree.map(lambda part: _shaped(part, batch), run(stack, settings))
+    def evaluate(arguments: Mapping[str, Any]) -> Any:
+        stack, settings, batch = _prepare(_Inputs(**arguments), tolerance, method)
+        return jax.tree.map(lambda leaf: _shaped(leaf, batch), run(stack, settings))
 
     return on_its_devices(evaluate, inputs._asdict(), OF_LAYERS)
 
@@ -274,13 +274,13 @@ def _reflect(stack: Stack, settings: _StackSettings) -> Array:
     return (_run if stack.ground.shape[0] < _MANY else _reflectance)(stack, settings)
 
 
-def _shaped(found: Array, batch: tuple[int, ...]) -> Array:
+def _shaped(values: Array, batch: tuple[int, ...]) -> Array:
     """Results in the shape of the batch; where they are known and small, without a program."""
-    if found.shape == batch:
-        return found
-    if isinstance(found, Tracer) or not on_cpu(found):
-        return found.reshape(batch)
-    return jax.device_put(np.asarray(found).reshape(batch))
+    if values.shape == batch:
+        return values
+    if isinstance(values, Tracer) or not on_cpu(values):
+        return values.reshape(batch)
+    return jax.device_put(np.asarray(values).reshape(batch))
 
 
 def _evaluate_split(inputs: _Inputs, tolerance: float, method: str) -> Split:
@@ -302,11 +302,11 @@ def _prepare(
     check_tolerance(tolerance)
     check_values({"refractive_index": inputs.refractive_index})
     fixed = plain_number(inputs.refractive_index)
-    given = batch_of_stacks(
+    checked = batch_of_stacks(
         inputs._asdict() | ({} if fixed is None else {"refractive_index": None})
     )
-    flat = given.flat()
-    dtype = given.arrays["albedo"].dtype
+    flat = checked.flat()
+    dtype = checked.arrays["albedo"].dtype
     index = None if fixed is not None else concrete(inputs.refractive_index)
     if fixed is not None:
         low = high = fixed
@@ -325,7 +325,7 @@ def _prepare(
             inputs.albedo,
             inputs.optical_thickness,
             tolerance,
-            words="take method 'ordinates', or ",
+            advice="take method 'ordinates', or ",
             stacklevel=7,
         )
     resolution, chunk = solver.resolve(
@@ -336,8 +336,8 @@ def _prepare(
             optical_thickness=inputs.optical_thickness,
             cos_incidence=inputs.cos_incidence,
             cos_viewing=inputs.cos_viewing,
-            stacks=math.prod(given.batch),
-            layers=given.layers,
+            stacks=math.prod(checked.batch),
+            layers=checked.layers,
             itemsize=dtype.itemsize,
             inputs=inputs,
         )
@@ -359,7 +359,7 @@ def _prepare(
             chunk=chunk,
             near_one=low < LEAST_SLOPING_INDEX,
         ),
-        given.batch,
+        checked.batch,
     )
 
 
@@ -371,13 +371,13 @@ def _within_reach(tolerance: float, method: str, *, single: bool) -> float:
     finest = FINEST_SINGLE if single else _SOLVERS[method].finest
     # The default.
     if tolerance < min(finest, 1e-6) * (1 - 1e-9):
-        words = (
+        limit = (
             "in single precision; enable x64 in JAX for less"
             if single
             else f"with method {method!r}"
         )
         warnings.warn(
-            f"tolerance is {tolerance:g}, but {finest:g} is the least there is {words}",
+            f"tolerance is {tolerance:g}, but {finest:g} is the least there is {limit}",
             stacklevel=7,
         )
     return max(tolerance, finest)
@@ -401,14 +401,14 @@ def _reflectance(stack: Stack, settings: _StackSettings) -> Array:
     return on_all_cores(_some_stacks, stack, settings, None, least=_MANY)
 
 
-def _some_stacks(stack: Stack, settings: _StackSettings, wanted: tuple[str, ...] | None) -> Any:
+def _some_stacks(stack: Stack, settings: _StackSettings, leaf_names: tuple[str, ...] | None) -> Any:
     """Reflectance of stacks, with its gradient by what is wanted, chunk by chunk."""
 
     def one(chunk: Stack) -> Any:
         indexed = _with_index(chunk, settings)
-        if wanted is None:
+        if leaf_names is None:
             return _SOLVERS[settings.method].reflectance(indexed, settings.resolution)
-        return _with_gradient(indexed, settings, wanted)
+        return _with_gradient(indexed, settings, leaf_names)
 
     return in_chunks(one, stack, settings.chunk)
 
@@ -437,26 +437,26 @@ _reflectance.defjvp(_reflectance_jvp, symbolic_zeros=True)
 
 
 def _with_gradient(
-    stack: Stack, settings: _StackSettings, wanted: tuple[str, ...]
+    stack: Stack, settings: _StackSettings, leaf_names: tuple[str, ...]
 ) -> tuple[Array, dict[str, Array]]:
     """Reflectance and gradient; but for the default method, slopes by an index of (almost) one are
     those above it.
     """
     solver = _SOLVERS[settings.method]
-    solve = functools.partial(solver.reflectance_and_gradient, wanted=wanted)
-    if "refractive_index" not in wanted or not settings.near_one or solver.slopes_at_index_one:
+    solve = functools.partial(solver.reflectance_and_gradient, leaf_names=leaf_names)
+    if "refractive_index" not in leaf_names or not settings.near_one or solver.slopes_at_index_one:
         return solve(stack, settings.resolution)
     near = stack.refractive_index < LEAST_SLOPING_INDEX
     nothing = (
         jnp.zeros_like(stack.ground),
-        {name: jnp.zeros_like(getattr(stack, name)) for name in wanted},
+        {name: jnp.zeros_like(getattr(stack, name)) for name in leaf_names},
     )
 
     def at(lifted: Array):
         index = jnp.where(near & lifted, LEAST_SLOPING_INDEX, stack.refractive_index)
-        moved = stack._replace(refractive_index=index)
+        shifted = stack._replace(refractive_index=index)
         return jax.lax.cond(
-            jnp.any(near) | ~lifted, lambda: solve(moved, settings.resolution), lambda: nothing
+            jnp.any(near) | ~lifted, lambda: solve(shifted, settings.resolution), lambda: nothing
         )
 
     # One program run twice, not two programs: compilation takes longer than either.

@@ -64,7 +64,7 @@ def saunderson(
 
 
 class TwoFluxSlab(NamedTuple):
-    """What any joined layers do to diffuse light from above and from below, each (...)."""
+    """Action of any joined layers on diffuse light from above and from below, each (...)."""
 
     above: Array
     """Reflectance for light from above, R21 of paper C."""
@@ -90,8 +90,8 @@ def two_flux_surface(outer: ArrayLike = 0.04, inner: ArrayLike = 0.6) -> TwoFlux
         outer: Fresnel reflectance for light from the air, (...).
         inner: for diffuse light from inside, (...).
     """
-    out, inside = jnp.broadcast_arrays(jnp.asarray(outer, float), jnp.asarray(inner, float))
-    return TwoFluxSlab(out, inside, 1.0 - out, 1.0 - inside)
+    out, inner_faces = jnp.broadcast_arrays(jnp.asarray(outer, float), jnp.asarray(inner, float))
+    return TwoFluxSlab(out, inner_faces, 1.0 - out, 1.0 - inner_faces)
 
 
 def two_flux_join(upper: TwoFluxSlab, lower: TwoFluxSlab) -> TwoFluxSlab:
@@ -136,11 +136,11 @@ def two_flux_field(
     Source: paper C, equation (9), as the light between the part above and the part below: nothing
     overflows.
     """
-    k, s, part, ground = jnp.broadcast_arrays(
+    k, s, above, ground = jnp.broadcast_arrays(
         *(jnp.asarray(x, float) for x in (absorption, scattering, share, substrate_reflectance))
     )
-    reflectance, transmittance = two_flux_layer(part * k, part * s)
-    below = two_flux_reflectance((1.0 - part) * k, (1.0 - part) * s, ground)
+    reflectance, transmittance = two_flux_layer(above * k, above * s)
+    below = two_flux_reflectance((1.0 - above) * k, (1.0 - above) * s, ground)
     down = transmittance / (1.0 - reflectance * below)
     return down, below * down
 

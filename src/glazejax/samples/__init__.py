@@ -43,8 +43,8 @@ def path(name: str = "films") -> Path:
 
 
 def recipes() -> dict[str, dict[str, float]]:
-    """What the films are made of: name of the film -> paint -> share of the paint's weight; the
-    shares sum to 1.
+    """Recipes of the films: name of the film -> paint -> share of the paint's weight; the shares
+    sum to 1.
 
     Example:
         >>> recipes()["14E"]

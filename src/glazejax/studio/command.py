@@ -26,7 +26,7 @@ def studio(
         typer.Argument(
             metavar="FILE",
             callback=options.there,
-            help="A stack to begin with, as the studio saves it.",
+            help="First stack, as saved by the studio.",
             show_default=False,
         ),
     ] = None,
@@ -34,7 +34,7 @@ def studio(
         Path | None,
         typer.Option(
             metavar="FILE.html",
-            help="Write the page into this one file, which opens anywhere, offline, and end.",
+            help="Write the page to one file that opens offline, and stop.",
             show_default=False,
         ),
     ] = None,
@@ -43,18 +43,18 @@ def studio(
         typer.Option(
             metavar="FILE.csv",
             callback=options.there,
-            help="Your own paints beside the catalogues', as `recover` writes them.",
+            help="Your own paints, added to the catalogues', as written by `recover`.",
             show_default=False,
         ),
     ] = None,
     no_open: Annotated[
-        bool, typer.Option("--no-open", help="Print the link, and open no browser.")
+        bool, typer.Option("--no-open", help="Print the link without opening a browser.")
     ] = False,
     port: Annotated[
         int,
         typer.Option(
             callback=options.between(0, 65535),
-            help="Port on this computer; 0 for any that is free.",
+            help="Port on this computer, 0 for any free one.",
         ),
     ] = 0,
     overwrite: options.Overwrite = False,
@@ -65,9 +65,8 @@ def studio(
     sliders, spectrum and colour under several lamps, a canvas, recipes for
     a colour, paints in a spectrum. Ctrl-C ends it.
 
-    With --page the page is written instead, as one file for anybody: it
-    opens from a disk and on a phone, and needs neither Python nor a net.
-    Only searches and measured files stay with the studio itself.
+    --page writes the page to one file instead, which opens offline and on a
+    phone, without Python. Searches and measured files need the studio.
 
     Example: glazejax studio
     """

@@ -1,4 +1,4 @@
-"""What the page knows: paints with their coefficients and errors, lamps and the eye, as plain JSON.
+"""Data of the page: paints with their coefficients and errors, lamps and the eye, as plain JSON.
 
 The page computes every colour itself, from these numbers, with `page/solver.js`.
 """
@@ -48,7 +48,7 @@ def page_data(own: Mapping[str, Pigment] | None = None) -> dict[str, Any]:
 
 
 def entry(name: str, paint: Pigment) -> dict[str, Any]:
-    """What the page says of a paint."""
+    """Entry of a paint on the page."""
     group, slash, own = name.partition("/")
     known = paint.identifiable
     bands = paint.wavelengths

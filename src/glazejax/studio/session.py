@@ -1,4 +1,4 @@
-"""What a page asks, and what it is answered: one `Session` a page, the same over a socket and in a
+"""Questions of a page, and answers to it: one `Session` a page, the same over a socket and in a
 notebook.
 
 The page sees by itself; it asks for what needs Python: searches, and files that people drop. A
@@ -71,7 +71,7 @@ class Session:
         self.jobs.leave(self._page)
 
     def _on_hello(self, header: dict[str, Any], arrays: Any, rest: bytes) -> None:
-        """What there is."""
+        """Answer with what there is."""
         page = header.get("page")
         if isinstance(page, str) and 0 < len(page) <= 80 and " " not in page:
             self._page = page

@@ -10,7 +10,7 @@ _FILM_ROWS = ("b", "w", "ob", "ow")
 
 
 class Upload(NamedTuple):
-    """What a file holds.
+    """Content of a file.
 
     Attributes:
         films: whether these are films over a black and a white card, four rows each.

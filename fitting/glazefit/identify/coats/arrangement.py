@@ -1,4 +1,4 @@
-"""How the paints of a film may lie: mixed in one coat, or in several, one over another."""
+"""Arrangements of the paints of a film: mixed in one coat, or in several, one over another."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ class Arrangement:
     @property
     def paints(self) -> tuple[int, ...]:
         """Places of all its paints, ascending."""
-        return tuple(sorted(place for coat in self.coats for place in coat))
+        return tuple(sorted(index for coat in self.coats for index in coat))
 
     def words(self, names: Sequence[str]) -> str:
         """Such as ``LeadWhite over Azurite``, or ``Azurite + LeadWhite``.
@@ -25,7 +25,7 @@ class Arrangement:
         Args:
             names: of the set's paints.
         """
-        sides = [" + ".join(names[place] for place in coat) for coat in self.coats]
+        sides = [" + ".join(names[index] for index in coat) for coat in self.coats]
         if len(sides) == 1:
             return sides[0]
         return " over ".join(f"({side})" if " + " in side else side for side in sides)
@@ -49,6 +49,6 @@ def _orders(paints: tuple[int, ...]) -> Iterator[tuple[tuple[int, ...], ...]]:
         return
     for chosen in range(1, 2 ** len(paints)):
         top = tuple(paint for bit, paint in enumerate(paints) if chosen >> bit & 1)
-        rest = tuple(paint for paint in paints if paint not in top)
-        for below in _orders(rest):
+        remaining = tuple(paint for paint in paints if paint not in top)
+        for below in _orders(remaining):
             yield (top, *below)

@@ -26,26 +26,26 @@ class WeighedSet(NamedTuple):
     Attributes:
         members: the paints, by number.
         rows: the spectra.
-        ways: in which the paints may lie.
+        arrangements: in which the paints may lie.
         stated: evidence of each with the library as it is.
         evidence: of each, over all that the library may be; of its log the prior is a part.
     """
 
     members: tuple[int, ...]
     rows: Int[np.ndarray, "films"]
-    ways: Sequence[Arrangement]
+    arrangements: Sequence[Arrangement]
     stated: Sequence[Evidence]
     evidence: Sequence[Evidence]
 
     @property
     def logs(self) -> Float[np.ndarray, "ways films"]:
         """Log of how probable each way is, up to what is the same for all sets of a spectrum."""
-        return np.array([one.log for one in self.evidence])
+        return np.array([evidence.log for evidence in self.evidence])
 
     @property
     def several(self) -> Bool[np.ndarray, "ways"]:
-        """Whether each way is of more than one coat."""
-        return np.array([len(way.coats) > 1 for way in self.ways])
+        """True for ways of more than one coat."""
+        return np.array([len(arrangement.coats) > 1 for arrangement in self.arrangements])
 
 
 def log_rarity(task: IdentificationTask) -> Float[np.ndarray, "paints"]:
@@ -67,33 +67,39 @@ def with_coats(
     count = len(measured)
     flat = np.full(count, -np.inf)
     best = np.full(count, -np.inf)
-    for one in weighed:
-        mixed = np.asarray(logsumexp(one.logs[~one.several], axis=0))
-        flat[one.rows] = np.logaddexp(flat[one.rows], mixed)
-        best[one.rows] = np.maximum(best[one.rows], one.logs.max(axis=0))
+    for weighed_set in weighed:
+        mixed = np.asarray(logsumexp(weighed_set.logs[~weighed_set.several], axis=0))
+        flat[weighed_set.rows] = np.logaddexp(flat[weighed_set.rows], mixed)
+        best[weighed_set.rows] = np.maximum(best[weighed_set.rows], weighed_set.logs.max(axis=0))
     rare = log_rarity(task)
     scale = np.asarray(logsumexp(pool.log_weight, axis=1)) - flat
 
     rows = []
-    parts = []
-    for one in weighed:
-        for number, way in enumerate(one.ways):
-            logs = one.logs[number]
+    pools = []
+    for weighed_set in weighed:
+        for number, arrangement in enumerate(weighed_set.arrangements):
+            logs = weighed_set.logs[number]
             # Coats whose log chance is 8 below the spectrum's best are no candidate.
-            films = np.flatnonzero(logs > best[one.rows] - 8.0)
-            if len(way.coats) == 2 and films.size:
-                chunk = Chunk(task, measured.take(one.rows[films]))
-                near = _candidates(chunk, one.members, way, one.stated[number], films)
-                weight = logs[films] + scale[one.rows[films]] + rare[list(one.members)].sum()
-                parts.append(replace(near, log_weight=weight[:, None]))
-                rows.append(one.rows[films])
-    return pool.merge(Pool.join(parts).spread(np.concatenate(rows), count)) if parts else pool
+            films = np.flatnonzero(logs > best[weighed_set.rows] - 8.0)
+            if len(arrangement.coats) == 2 and films.size:
+                chunk = Chunk(task, measured.take(weighed_set.rows[films]))
+                near = _candidates(
+                    chunk, weighed_set.members, arrangement, weighed_set.stated[number], films
+                )
+                weight = (
+                    logs[films]
+                    + scale[weighed_set.rows[films]]
+                    + rare[list(weighed_set.members)].sum()
+                )
+                pools.append(replace(near, log_weight=weight[:, None]))
+                rows.append(weighed_set.rows[films])
+    return pool.merge(Pool.join(pools).spread(np.concatenate(rows), count)) if pools else pool
 
 
 def _candidates(
     chunk: Chunk,
     members: tuple[int, ...],
-    way: Arrangement,
+    arrangement: Arrangement,
     evidence: Evidence,
     films: Int[np.ndarray, "films"],
 ) -> Pool:
@@ -102,16 +108,16 @@ def _candidates(
     Args:
         chunk: the films.
         members: paints, by number.
-        way: in which they lie.
+        arrangement: in which they lie.
         evidence: of this for more films.
         films: numbers of the chunk's films among these.
     """
     task = chunk.task
     size = len(members)
     sets = np.tile(np.array(members, dtype=np.int32), (len(films), 1))
-    own = [np.asarray(part, float)[list(members)] for part in task.paints]
+    coefficients = [np.asarray(coefficient, float)[list(members)] for coefficient in task.paints]
     coated = CoatedFilms(
-        coefficients=np.array(own),
+        coefficients=np.array(coefficients),
         grounds=chunk.spectra.grounds[0],
         optics=task.optics,
         response=task.response,
@@ -122,7 +128,7 @@ def _candidates(
     white = whitening(chunk.tolerance_covariance)[0]
     logs = evidence.nearest[films]
     for _ in range(3):
-        readings, slopes = coated.read_and_slopes(way, np.exp(logs))
+        readings, slopes = coated.read_and_slopes(arrangement, np.exp(logs))
         # An amount moves k and s together.
         by_amount = (slopes[:, :size] + slopes[:, size:]) @ white.swapaxes(1, 2)
         off = white @ (chunk.target - readings)[..., None]
@@ -130,10 +136,10 @@ def _candidates(
         normal = by_amount @ by_amount.swapaxes(1, 2) + 0.1 * np.eye(size)
         step = np.linalg.solve(normal, by_amount @ off)[..., 0]
         logs = logs + np.clip(step, -0.3, 0.3)
-    readings, slopes = coated.read_and_slopes(way, np.exp(logs))
+    readings, slopes = coated.read_and_slopes(arrangement, np.exp(logs))
 
     coats = np.zeros((len(films), 1, size), dtype=np.int32)
-    coats[..., list(way.coats[1])] = 1
+    coats[..., list(arrangement.coats[1])] = 1
     fitted = Fitted(
         logs=logs[:, None],
         covariance=evidence.covariance[films][:, None],
@@ -144,5 +150,5 @@ def _candidates(
     weighed = pool.logs.copy()
     weighed[..., :size] = evidence.log_amounts[films][:, None]
     row = np.arange(len(films))
-    moved = move_readings(chunk, row, readings, Groups(row, row, sets, slopes))
-    return with_surface(chunk, replace(pool, weighed=weighed, adjusted=moved[:, None]))
+    adjusted = move_readings(chunk, row, readings, Groups(row, row, sets, slopes))
+    return with_surface(chunk, replace(pool, weighed=weighed, adjusted=adjusted[:, None]))

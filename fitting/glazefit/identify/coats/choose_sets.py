@@ -1,5 +1,5 @@
-"""Which sets of paints are weighed: those that are most probable in one coat, and those that come
-nearest as one paint over another.
+"""Choice of the sets of paints that are weighed: those that are most probable in one coat, and
+those that come nearest as one paint over another.
 
 A mixture of two paints may be far from a film in which one lies over the other, so that all pairs
 are tried as coats, too. For this the lower coat, over its ground, is taken as a Lambertian ground
@@ -33,21 +33,23 @@ def best_sets(
     """
     chances: dict[tuple[int, ...], float] = {}
     for candidate, chance in zip(members, probability, strict=True):
-        own = tuple(sorted(int(member) for member in candidate if member != NOBODY))
-        if len(own) > 1 and chance > 0:
-            chances[own] = chances.get(own, 0.0) + float(chance)
+        paint_set = tuple(sorted(int(member) for member in candidate if member != NOBODY))
+        if len(paint_set) > 1 and chance > 0:
+            chances[paint_set] = chances.get(paint_set, 0.0) + float(chance)
     likely = np.argsort(-of_paints, kind="stable")
     out = []
     for size in (2, 3)[: max_coats - 1]:
-        of_size = {own: chance for own, chance in chances.items() if len(own) == size}
+        of_size = {
+            paint_set: chance for paint_set, chance in chances.items() if len(paint_set) == size
+        }
         if not of_size and len(likely) >= size:
             # None was kept: the paints that are most probable, whatever stands beside them.
             of_size = {tuple(sorted(int(paint) for paint in likely[:size])): 1.0}
         total = sum(of_size.values())
-        best = sorted(of_size, key=lambda own: -of_size[own])
+        best = sorted(of_size, key=lambda paint_set: -of_size[paint_set])
         # Two pairs, or one set of three, of those with a twentieth of all of their size.
         most = 2 if size == 2 else 1
-        out += [own for own in best[:most] if of_size[own] >= 0.05 * total]
+        out += [paint_set for paint_set in best[:most] if of_size[paint_set] >= 0.05 * total]
     return out
 
 
@@ -84,13 +86,13 @@ def nearest_pairs(
     below = np.clip(np.asarray(films.response.internal(jnp.asarray(lower))), 0.0, 1.0)
     rare = (logs / errors.spread) ** 2
     misfit = np.full((len(bodies), paints, paints), np.inf)
-    for place in range(paints):
-        own = slice(place * logs.size, (place + 1) * logs.size)
-        over = black[own] + gain[own] * below[:, None] / (1.0 - back[own] * below[:, None])
-        seen = over.reshape(-1, len(white)).astype(np.float32) @ white.T
-        off = np.sum(seen**2, axis=-1) - 2.0 * target @ seen.T
+    for upper in range(paints):
+        rows = slice(upper * logs.size, (upper + 1) * logs.size)
+        over = black[rows] + gain[rows] * below[:, None] / (1.0 - back[rows] * below[:, None])
+        whitened = over.reshape(-1, len(white)).astype(np.float32) @ white.T
+        off = np.sum(whitened**2, axis=-1) - 2.0 * target @ whitened.T
         off = off.reshape(len(bodies), paints, logs.size, logs.size) + rare[:, None] + rare
-        misfit[:, place] = off.min(axis=(2, 3))
+        misfit[:, upper] = off.min(axis=(2, 3))
 
     # The better of both orders.
     first, second = np.triu_indices(paints, 1)

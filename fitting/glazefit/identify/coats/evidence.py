@@ -1,4 +1,4 @@
-"""How probable a reading is if its paints lie in a certain way, whatever their amounts.
+"""Evidence of a reading for a certain arrangement of its paints, whatever their amounts.
 
 A sum over a grid of amounts. At each node the reading errs by: k and s of the library (as far as
 one pure reading tells k/s), a smooth curve of the model's own, the surface, and what amounts
@@ -29,7 +29,7 @@ _RATIO = 2.0 / 0.75
 
 @dataclass(frozen=True, kw_only=True)
 class CoatErrors:
-    """What a reading errs by when coats are told from mixtures.
+    """Errors of a reading when coats are told from mixtures.
 
     Attributes:
         amplitude: standard deviation of the model's own smooth error, in reflectance.
@@ -70,7 +70,7 @@ class CoatErrors:
 
 
 class Evidence(NamedTuple):
-    """What some films tell of an arrangement.
+    """Evidence of some films for an arrangement.
 
     Attributes:
         log: log evidence of each film.
@@ -101,33 +101,33 @@ def coefficient_sd(
     a = 1.0 + ratio
     # dR / d log(K/S).
     slope = ratio * (a / np.sqrt(np.maximum(a**2 - 1.0, 1e-12)) - 1.0)
-    told = errors.pure_reading / np.maximum(slope, 1e-4)
-    return np.minimum(np.hypot(errors.coefficient, told), errors.most)
+    reading_sd = errors.pure_reading / np.maximum(slope, 1e-4)
+    return np.minimum(np.hypot(errors.coefficient, reading_sd), errors.most)
 
 
 def log_prior(arrangement: Arrangement, spread: float) -> Float[np.ndarray, "nodes block"]:
     """Log of how probable each place of the finer grid is beforehand: each coat's thickness is
     log-normal, the fractions of its paints are uniform.
     """
-    own = arrangement.paints
-    logs = _finer_amounts(len(own))
-    column = {place: number for number, place in enumerate(own)}
+    paints = arrangement.paints
+    logs = _finer_amounts(len(paints))
+    column = {paint: number for number, paint in enumerate(paints)}
     out = np.zeros(logs.shape[:2])
     for coat in arrangement.coats:
-        inside = logs[..., [column[place] for place in coat]]
-        whole = np.asarray(logsumexp(inside, axis=-1))
-        out -= 0.5 * (whole / spread) ** 2
+        coat_logs = logs[..., [column[paint] for paint in coat]]
+        log_total = np.asarray(logsumexp(coat_logs, axis=-1))
+        out -= 0.5 * (log_total / spread) ** 2
         # From fractions to logs of amounts: a factor of each fraction.
         if len(coat) > 1:
-            out += np.sum(inside - whole[..., None], axis=-1)
+            out += np.sum(coat_logs - log_total[..., None], axis=-1)
     return out - np.asarray(logsumexp(out))
 
 
 def _axis(count: int) -> tuple[Float[np.ndarray, "nodes"], Float[np.ndarray, "nodes parts"]]:
     """Nodes along one amount, and the places of the finer grid around each."""
     nodes = np.linspace(*LOG_AMOUNTS, NODES[count])
-    parts = (np.arange(_FINER[count]) + 0.5) / _FINER[count] - 0.5
-    return nodes, nodes[:, None] + parts * (nodes[1] - nodes[0])
+    offsets = (np.arange(_FINER[count]) + 0.5) / _FINER[count] - 0.5
+    return nodes, nodes[:, None] + offsets * (nodes[1] - nodes[0])
 
 
 def _in_blocks(
@@ -135,9 +135,9 @@ def _in_blocks(
 ) -> Float[np.ndarray, "nodes block values"]:
     """Values on the whole finer grid, node by node of the coarse one."""
     coarse, finer = NODES[count], _FINER[count]
-    apart = box.reshape(*[part for _ in range(count) for part in (coarse, finer)], values)
+    split = box.reshape(*[size for _ in range(count) for size in (coarse, finer)], values)
     nodes_first = [2 * axis for axis in range(count)] + [2 * axis + 1 for axis in range(count)]
-    return apart.transpose(*nodes_first, 2 * count).reshape(coarse**count, finer**count, values)
+    return split.transpose(*nodes_first, 2 * count).reshape(coarse**count, finer**count, values)
 
 
 def _finer_amounts(count: int) -> Float[np.ndarray, "nodes block paints"]:
@@ -151,8 +151,8 @@ def _finer(
 ) -> Float[np.ndarray, "nodes block bands"]:
     """Values at the coarse nodes, by cubic splines on the finer grid."""
     bands = values.shape[-1]
-    nodes, places = _axis(count)
-    weights = make_interp_spline(nodes, np.eye(nodes.size))(places.ravel())
+    nodes, finer_nodes = _axis(count)
+    weights = make_interp_spline(nodes, np.eye(nodes.size))(finer_nodes.ravel())
     box = values.reshape(*[nodes.size] * count, bands)
     for axis in range(count):
         box = np.moveaxis(np.tensordot(weights, box, axes=(1, axis)), 0, axis)
@@ -226,16 +226,16 @@ def _covariance(
 
     # What errors of each paint's k cause, the same ones over each ground.
     caused = table.slopes * np.tile(deviations, grounds)[:, None]
-    own = np.einsum("pni,pnj->nij", caused, caused, optimize=True)
+    paint_covariance = np.einsum("pni,pnj->nij", caused, caused, optimize=True)
     alike = smooth_kernel(np.tile(wavelengths, grounds), errors.coefficient_length)
-    covariance = fixed + own * alike
+    covariance = fixed + paint_covariance * alike
 
     # What amounts between the places of the finer grid would change.
-    apart = (LOG_AMOUNTS[1] - LOG_AMOUNTS[0]) / (NODES[count] - 1)
-    between = apart / _FINER[count]
+    spacing = (LOG_AMOUNTS[1] - LOG_AMOUNTS[0]) / (NODES[count] - 1)
+    between = spacing / _FINER[count]
     box = table.readings.reshape(*[NODES[count]] * count, readings)
     for axis in range(count):
-        change = np.gradient(box, apart, axis=axis).reshape(-1, readings) * (0.6 * between)
+        change = np.gradient(box, spacing, axis=axis).reshape(-1, readings) * (0.6 * between)
         covariance += change[:, :, None] * change[:, None, :]
     return covariance
 
@@ -256,7 +256,7 @@ def fixed_covariance(
 
 
 def _log_likelihood(
-    seen: Float[np.ndarray, "nodes films bands"],
+    readings: Float[np.ndarray, "nodes films bands"],
     computed: Float[np.ndarray, "nodes block bands"],
     patches: Sequence[Float[np.ndarray, "nodes block bands"]],
     errors: CoatErrors,
@@ -264,37 +264,37 @@ def _log_likelihood(
     """Of films at places whose errors are those of their node; readings are whitened by these.
 
     Args:
-        seen: readings of the films.
+        readings: readings of the films.
         computed: at the places.
         patches: what a part that is missing everywhere would change.
         errors: gains, patches and scales.
     """
-    films = np.swapaxes(seen, 1, 2)
+    films = np.swapaxes(readings, 1, 2)
     size = np.sum(computed**2, axis=-1)[..., None]
     across = computed @ films
-    off = np.sum(seen**2, axis=-1)[:, None] - 2.0 * across + size
+    off = np.sum(readings**2, axis=-1)[:, None] - 2.0 * across + size
     along = across - size
-    parts = []
+    terms = []
     for gain, gain_weight in zip(errors.gains, errors.gain_weights, strict=True):
         # The gain is Gaussian: its direction is taken out, and its volume counted.
         volume = 1.0 + gain**2 * size
-        left = off - gain**2 * along**2 / volume
-        whole = gain_weight * (1.0 - errors.patchy if patches else 1.0)
-        parts += _over_scales(left, volume, whole, seen.shape[-1], errors)
+        misfit = off - gain**2 * along**2 / volume
+        unpatched = gain_weight * (1.0 - errors.patchy if patches else 1.0)
+        terms += _over_scales(misfit, volume, unpatched, readings.shape[-1], errors)
         for patch in patches:
             with_gain = np.sum(patch * computed, axis=-1)[..., None]
-            own = np.sum(patch**2, axis=-1)[..., None]
-            length = own - gain**2 * with_gain**2 / volume
+            patch_square = np.sum(patch**2, axis=-1)[..., None]
+            length = patch_square - gain**2 * with_gain**2 / volume
             product = patch @ films - with_gain - gain**2 * with_gain * along / volume
             chance = gain_weight * errors.patchy / len(patches)
-            parts += _over_scales(
-                left, volume, chance, seen.shape[-1], errors, patch=(length, product)
+            terms += _over_scales(
+                misfit, volume, chance, readings.shape[-1], errors, patch=(length, product)
             )
-    return np.asarray(logsumexp(parts, axis=0))
+    return np.asarray(logsumexp(terms, axis=0))
 
 
 def _over_scales(
-    left: Float[np.ndarray, "nodes block films"],
+    misfit: Float[np.ndarray, "nodes block films"],
     volume: Float[np.ndarray, "nodes block 1"],
     chance: float,
     bands: int,
@@ -304,9 +304,9 @@ def _over_scales(
     """Log likelihood with all errors larger or smaller by each scale, with a patch or without."""
     out = []
     for scale, weight in zip(errors.scales, errors.weights, strict=True):
-        value = -0.5 * left / scale**2 - 0.5 * np.log(volume) - bands * np.log(scale)
+        value = -0.5 * misfit / scale**2 - 0.5 * np.log(volume) - bands * np.log(scale)
         if patch is not None:
-            length, product = (part / scale**2 for part in patch)
+            length, product = (moment / scale**2 for moment in patch)
             value = value + _log_patch(length, product, errors.patch)
         out.append(value + np.log(chance * weight))
     return out

@@ -1,5 +1,5 @@
-"""What films of some paints read on a grid of amounts, by the layered solver: for each way in which
-the paints may lie.
+"""Readings of films of some paints on a grid of amounts, by the layered solver: for each way in
+which the paints may lie.
 
 The grid replaces a search: nothing that explains a spectrum is missed, and evidence is a sum.
 """
@@ -81,28 +81,29 @@ class CoatedFilms(NamedTuple):
         self, arrangement: Arrangement, amounts: Float[np.ndarray, "films paints"]
     ) -> tuple[Float[np.ndarray, "films readings"], Float[np.ndarray, "films errors readings"]]:
         """Readings, and their slopes by the log of every paint's k, then s."""
-        places = range(amounts.shape[1])
-        moved = np.stack(
+        paints = range(amounts.shape[1])
+        # The amounts as they are, then with more of each paint's k, then with more of its s.
+        shifted = np.stack(
             [amounts * np.ones((2, 1, 1))]
-            + [_moved(amounts, part, place) for part in (0, 1) for place in places]
+            + [_shifted(amounts, quantity, paint) for quantity in (0, 1) for paint in paints]
         )
         # All in one call: the solver takes films by the thousand.
-        rows = moved.swapaxes(0, 1).reshape(2, -1, amounts.shape[1])
-        readings = self.read(arrangement, rows).reshape(len(moved), len(amounts), -1)
+        rows = shifted.swapaxes(0, 1).reshape(2, -1, amounts.shape[1])
+        readings = self.read(arrangement, rows).reshape(len(shifted), len(amounts), -1)
         return readings[0], ((readings[1:] - readings[0]) / _STEP).swapaxes(0, 1)
 
 
-def _moved(
-    amounts: Float[np.ndarray, "films paints"], part: int, place: int
+def _shifted(
+    amounts: Float[np.ndarray, "films paints"], quantity: int, paint: int
 ) -> Float[np.ndarray, "2 films paints"]:
-    """Amounts with more of one paint's k (part 0) or s (part 1)."""
-    both = np.stack([amounts, amounts])
-    both[part, :, place] *= np.exp(_STEP)
-    return both
+    """Amounts with more of one paint's k (quantity 0) or s (1)."""
+    shifted = np.stack([amounts, amounts])
+    shifted[quantity, :, paint] *= np.exp(_STEP)
+    return shifted
 
 
 class GridReadings(NamedTuple):
-    """What an arrangement reads at each node of the grid, without the outer surface's part.
+    """Readings of an arrangement at each node of the grid, without the outer surface's part.
 
     Attributes:
         readings: over each ground, ground by ground.
@@ -123,17 +124,21 @@ def log_amounts(count: int) -> Float[np.ndarray, "nodes paints"]:
 
 def grid_readings(arrangement: Arrangement, films: CoatedFilms) -> GridReadings:
     """Readings of an arrangement on the grid of its paints' amounts."""
-    own = arrangement.paints
-    logs = log_amounts(len(own))
+    paints = arrangement.paints
+    # A node is one combination of amounts; paints that the arrangement lacks have none.
+    logs = log_amounts(len(paints))
     amounts = np.zeros((len(logs), films.coefficients.shape[1]))
-    amounts[:, own] = np.exp(logs)
+    amounts[:, paints] = np.exp(logs)
     readings = films.read(arrangement, amounts[None])
+    # One-sided differences by the log of each paint's k.
     slopes = [
-        (films.read(arrangement, _moved(amounts, 0, place)) - readings) / _STEP for place in own
+        (films.read(arrangement, _shifted(amounts, 0, paint)) - readings) / _STEP
+        for paint in paints
     ]
+    # The same amounts, but for the part that is missing.
     patches = [
-        films.read(arrangement, amounts[None] * there)
-        for there in _parts(arrangement, amounts.shape[1], films.hides)
+        films.read(arrangement, amounts[None] * present)
+        for present in _patches(arrangement, amounts.shape[1], films.hides)
     ]
     return GridReadings(
         readings=readings,
@@ -142,9 +147,11 @@ def grid_readings(arrangement: Arrangement, films: CoatedFilms) -> GridReadings:
     )
 
 
-def _parts(arrangement: Arrangement, count: int, hides: bool) -> list[Float[np.ndarray, "paints"]]:
-    """What is there where a part is missing: of several coats all but the upper one, of a mixture
-    either paint alone, of one paint nothing.
+def _patches(
+    arrangement: Arrangement, count: int, hides: bool
+) -> list[Float[np.ndarray, "paints"]]:
+    """Paints that are there, 1 or 0, where a part of the film is missing: of several coats all but
+    the upper one, of a mixture either paint alone, of one paint nothing.
 
     Args:
         arrangement: how the paints lie.
@@ -152,13 +159,13 @@ def _parts(arrangement: Arrangement, count: int, hides: bool) -> list[Float[np.n
         hides: whether the film hides its ground, which is then not known.
     """
     if len(arrangement.coats) > 1:
-        there = np.ones(count)
-        there[list(arrangement.coats[0])] = 0.0
-        return [there]
+        present = np.ones(count)
+        present[list(arrangement.coats[0])] = 0.0
+        return [present]
     paints = arrangement.paints
     if len(paints) == 1:
         return [] if hides else [np.zeros(count)]
-    return [np.eye(count)[place] for place in paints]
+    return [np.eye(count)[paint] for paint in paints]
 
 
 def _solve(
@@ -172,10 +179,10 @@ def _solve(
     below = np.broadcast_to(ground, shape).reshape(-1)
     count = flat.shape[1]
     # The first films fill up the last piece.
-    whole = np.resize(np.arange(count), -(-count // _CHUNK) * _CHUNK)
+    padded = np.resize(np.arange(count), -(-count // _CHUNK) * _CHUNK)
     pieces = [
         np.asarray(_body(*flat[:, piece], below[piece], optics))
-        for piece in np.split(whole, len(whole) // _CHUNK)
+        for piece in np.split(padded, len(padded) // _CHUNK)
     ]
     return np.concatenate(pieces)[:count].reshape(shape).astype(np.float64)
 

@@ -99,11 +99,13 @@ class _CoatSpectra(NamedTuple):
         rows: dict[bytes, list[int]] = {}
         for row, ground in enumerate(self.grounds):
             rows.setdefault(ground.tobytes(), []).append(row)
-        return [(own, self.films._replace(grounds=self.grounds[own[0]])) for own in rows.values()]
+        return [
+            (group, self.films._replace(grounds=self.grounds[group[0]])) for group in rows.values()
+        ]
 
 
 def weigh_coats(
-    found: Identification,
+    identification: Identification,
     pigments: Sequence[Pigment],
     options: IdentificationOptions,
     usual: float,
@@ -116,17 +118,17 @@ def weigh_coats(
     so; there are none of films that hide their ground.
 
     Args:
-        found: in one coat, from readings over one ground or several.
+        identification: in one coat, from readings over one ground or several.
         pigments: of the catalogue, in the order of its paints.
         options: of the search.
         usual: thickness of a usual coat, m.
         searched: what paints were sought with, and the candidates.
     """
-    measured = found.measured
-    sets = _best_sets(found, options)
-    spectra = _CoatSpectra.of(measured, pigments, options, usual, found.opaque)
-    if found.opaque or options.max_paints == 1 or len(pigments) == 1:
-        return replace(found, coats_odds=_odds(spectra, _weigh(spectra, sets, options)))
+    measured = identification.measured
+    sets = _best_sets(identification, options)
+    spectra = _CoatSpectra.of(measured, pigments, options, usual, identification.opaque)
+    if identification.opaque or options.max_paints == 1 or len(pigments) == 1:
+        return replace(identification, coats_odds=_odds(spectra, _weigh(spectra, sets, options)))
 
     task, pool = searched
     for rows, films in spectra.by_grounds():
@@ -134,13 +136,13 @@ def weigh_coats(
         # nearest as coats are weighed beside the best mixture.
         near = nearest_pairs(spectra.bodies[rows], films, spectra.wavelengths, log_rarity(task), 2)
         for row, pairs in zip(rows, near.tolist(), strict=True):
-            larger = [one for one in sets[row] if len(one) > 2]
+            larger = [paint_set for paint_set in sets[row] if len(paint_set) > 2]
             sets[row] = list(dict.fromkeys([*sets[row][:1], *map(tuple, pairs), *larger]))
     weighed = _weigh(spectra, sets, options)
     pool = with_coats(task, measured, pool, weighed)
     odds = odds_of(measured, pool, task.prior)
     with_stacks = Identification.of(
-        measured, pool, odds, paints=found.paints, opaque=False, keep=options.keep
+        measured, pool, odds, paints=identification.paints, opaque=False, keep=options.keep
     )
     return replace(with_stacks, coats_odds=_odds(spectra, weighed))
 
@@ -158,8 +160,8 @@ def _weigh(
             for members in sets[row]:
                 jobs.setdefault(members, []).append(row)
         out += [
-            _weigh_set(members, np.array(own), spectra, films, options)
-            for members, own in jobs.items()
+            _weigh_set(members, np.array(job_rows), spectra, films, options)
+            for members, job_rows in jobs.items()
         ]
     return out
 
@@ -174,42 +176,44 @@ def _weigh_set(
     """A set of paints for some spectra over one ground."""
     errors = CoatErrors()
     # Bands at which each of the paints is known.
-    own = films.coefficients[:, list(members)]
-    bands = np.isfinite(own).all(axis=(0, 1))
-    films = films._replace(coefficients=own[..., bands], grounds=films.grounds[:, bands])
+    set_coefficients = films.coefficients[:, list(members)]
+    bands = np.isfinite(set_coefficients).all(axis=(0, 1))
+    films = films._replace(
+        coefficients=set_coefficients[..., bands], grounds=films.grounds[:, bands]
+    )
     bodies = spectra.bodies[rows][..., bands].reshape(len(rows), -1)
     size = len(members)
-    ways, chances = _ways(size, options)
+    arrangements, chances = _ways(size, options)
 
     stated = []
     summed = []
-    for way, chance in zip(ways, chances, strict=True):
-        parts = []
-        for factors, share in _scattering_factors(way, size, films.hides):
+    for arrangement, chance in zip(arrangements, chances, strict=True):
+        by_library = []
+        for factors, share in _scattering_factors(arrangement, size, films.hides):
             k, s = films.coefficients
             s = s * factors[:, None]
             evidence = weigh_arrangement(
                 bodies,
-                way,
-                grid_readings(way, films._replace(coefficients=np.stack([k, s]))),
-                coefficient_sd(k, s, errors)[list(way.paints)],
+                arrangement,
+                grid_readings(arrangement, films._replace(coefficients=np.stack([k, s]))),
+                coefficient_sd(k, s, errors)[list(arrangement.paints)],
                 spectra.wavelengths[bands],
                 errors,
             )
-            parts.append(evidence._replace(log=evidence.log + np.log(chance * share)))
-        stated.append(parts[0])
-        summed.append(_summed(parts))
+            by_library.append(evidence._replace(log=evidence.log + np.log(chance * share)))
+        stated.append(by_library[0])
+        summed.append(_summed(by_library))
     # What a reading says of the ways is worth less than it says.
-    logs = np.array([one.log for one in summed])
+    logs = np.array([evidence.log for evidence in summed])
     total = np.asarray(logsumexp(logs, axis=0))
-    told = (1.0 - _WORTHLESS) * np.exp(logs - total)
-    worth = np.log(told + _WORTHLESS * (chances / chances.sum())[:, None]) + total
+    tempered = (1.0 - _WORTHLESS) * np.exp(logs - total)
+    worth = np.log(tempered + _WORTHLESS * (chances / chances.sum())[:, None]) + total
     return WeighedSet(
         members=members,
         rows=rows,
-        ways=ways,
+        arrangements=arrangements,
         stated=stated,
-        evidence=[one._replace(log=log) for one, log in zip(summed, worth, strict=True)],
+        evidence=[evidence._replace(log=log) for evidence, log in zip(summed, worth, strict=True)],
     )
 
 
@@ -218,26 +222,33 @@ def _ways(
 ) -> tuple[list[Arrangement], Float[np.ndarray, "ways"]]:
     """Ways in which some of a set's paints may lie, and how probable each is beforehand."""
     prior = options.prior or Prior()
-    alone = [Arrangement(((place,),)) for place in range(size)]
+    alone = [Arrangement(((paint,),)) for paint in range(size)]
     together = arrangements(size, min(options.max_coats, size))
-    layered = np.array([len(way.coats) > 1 for way in together])
+    layered = np.array([len(arrangement.coats) > 1 for arrangement in together])
     shares = np.where(layered, prior.stacked / layered.sum(), 1.0 - prior.stacked)
     chances = [np.full(size, prior.sizes[0] / size), prior.sizes[size - 1] * shares]
     return [*alone, *together], np.concatenate(chances)
 
 
-def coats_of_families(found: Identification, options: IdentificationOptions) -> Identification:
+def coats_of_families(
+    identification: Identification, options: IdentificationOptions
+) -> Identification:
     """The identification by families with the odds beforehand of the best set of each spectrum:
     exemplars are paints by other hands, and how much these scatter decides.
     """
-    sets = _best_sets(found, options)
-    odds = tuple(_odds_beforehand(own, found.paints, options) for own in sets)
-    return replace(found, coats_odds=odds)
+    sets = _best_sets(identification, options)
+    odds = tuple(_odds_beforehand(row_sets, identification.paints, options) for row_sets in sets)
+    return replace(identification, coats_odds=odds)
 
 
-def _best_sets(found: Identification, options: IdentificationOptions) -> list[Sets]:
+def _best_sets(identification: Identification, options: IdentificationOptions) -> list[Sets]:
     """Of each spectrum."""
-    chances = zip(found.members, found.probability, found.paint_probability, strict=True)
+    chances = zip(
+        identification.members,
+        identification.probability,
+        identification.paint_probability,
+        strict=True,
+    )
     return [best_sets(*of_row, options.max_coats) for of_row in chances]
 
 
@@ -247,17 +258,20 @@ def _odds_beforehand(
     """Odds of the best set of a spectrum, whatever was read."""
     if not sets:
         return ()
-    own = [names[member] for member in sets[0]]
-    ways, chances = _ways(len(own), options)
+    set_names = [names[member] for member in sets[0]]
+    arrangements, chances = _ways(len(set_names), options)
     chances = chances / chances.sum()
-    several = [len(way.coats) > 1 for way in ways]
+    several = [len(arrangement.coats) > 1 for arrangement in arrangements]
     odds = CoatsOdds(
-        paints=tuple(own),
-        chances={way.words(own): float(chance) for way, chance in zip(ways, chances, strict=True)},
+        paints=tuple(set_names),
+        chances={
+            arrangement.words(set_names): float(chance)
+            for arrangement, chance in zip(arrangements, chances, strict=True)
+        },
         layered=float(chances[several].sum()),
         share=1.0,
-        reason="paints by other hands do not tell; name the catalogue of the film's own paints",
-        amounts_90=np.full((len(own), 2), np.nan),
+        reason="paints of other makers cannot decide it: name the catalogue of the film's paints",
+        amounts_90=np.full((len(set_names), 2), np.nan),
     )
     return (odds,)
 
@@ -273,26 +287,26 @@ def _scattering_factors(
     usual = np.ones(count)
     if hides:
         return [(usual, 1.0)]
-    own = arrangement.paints
+    paints = arrangement.paints
     out = [(usual, 1.0 - _FAINT_CHANCE)]
-    for place in own:
+    for paint in paints:
         faint = usual.copy()
-        faint[place] = _FAINT
-        out.append((faint, _FAINT_CHANCE / len(own)))
+        faint[paint] = _FAINT
+        out.append((faint, _FAINT_CHANCE / len(paints)))
     return out
 
 
-def _summed(parts: Sequence[Evidence]) -> Evidence:
+def _summed(by_library: Sequence[Evidence]) -> Evidence:
     """Evidence over several libraries; amounts and readings are those of the best one."""
-    logs = np.array([part.log for part in parts])
+    logs = np.array([evidence.log for evidence in by_library])
     best = np.argmax(logs, axis=0)
     films = np.arange(logs.shape[1])
     return Evidence(
         log=np.asarray(logsumexp(logs, axis=0)),
-        log_amounts=np.array([part.log_amounts for part in parts])[best, films],
-        covariance=np.array([part.covariance for part in parts])[best, films],
-        nearest=np.array([part.nearest for part in parts])[best, films],
-        readings=np.array([part.readings for part in parts])[best, films],
+        log_amounts=np.array([evidence.log_amounts for evidence in by_library])[best, films],
+        covariance=np.array([evidence.covariance for evidence in by_library])[best, films],
+        nearest=np.array([evidence.nearest for evidence in by_library])[best, films],
+        readings=np.array([evidence.readings for evidence in by_library])[best, films],
     )
 
 
@@ -301,16 +315,16 @@ def _odds(
 ) -> tuple[tuple[CoatsOdds, ...], ...]:
     """The sets of each spectrum with their shares, most probable first."""
     of_rows: list[list[tuple[float, CoatsOdds]]] = [[] for _ in spectra.bodies]
-    for one in weighed:
-        for number, row in enumerate(one.rows):
-            total = float(np.asarray(logsumexp(one.logs[:, number])))
-            of_rows[row].append((total, _odds_of(spectra, one, number)))
+    for weighed_set in weighed:
+        for number, row in enumerate(weighed_set.rows):
+            total = float(np.asarray(logsumexp(weighed_set.logs[:, number])))
+            of_rows[row].append((total, _odds_of(spectra, weighed_set, number)))
     out = []
-    for own in of_rows:
-        totals = np.array([total for total, _ in own])
-        shares = np.exp(totals - logsumexp(totals)) if own else totals
+    for row_odds in of_rows:
+        totals = np.array([total for total, _ in row_odds])
+        shares = np.exp(totals - logsumexp(totals)) if row_odds else totals
         ranked = np.argsort(-shares, kind="stable")
-        out.append(tuple(replace(own[n][1], share=float(shares[n])) for n in ranked))
+        out.append(tuple(replace(row_odds[n][1], share=float(shares[n])) for n in ranked))
     return tuple(out)
 
 
@@ -325,13 +339,13 @@ def _odds_of(spectra: _CoatSpectra, weighed: WeighedSet, number: int) -> CoatsOd
         evidence = weighed.evidence[best]
         spread = np.sqrt(np.maximum(np.diagonal(evidence.covariance[number]), 0.0))
         logs_90 = evidence.log_amounts[number][:, None] + spread[:, None] * NINETY
-        amounts[list(weighed.ways[best].paints)] = spectra.usual * np.exp(logs_90)
+        amounts[list(weighed.arrangements[best].paints)] = spectra.usual * np.exp(logs_90)
     layered = float(chances[weighed.several].sum())
     return CoatsOdds(
         paints=tuple(names),
         chances={
-            way.words(names): float(chance)
-            for way, chance in zip(weighed.ways, chances, strict=True)
+            arrangement.words(names): float(chance)
+            for arrangement, chance in zip(weighed.arrangements, chances, strict=True)
         },
         layered=layered,
         share=1.0,
@@ -343,22 +357,28 @@ def _odds_of(spectra: _CoatSpectra, weighed: WeighedSet, number: int) -> CoatsOd
 def _reason(
     weighed: WeighedSet, chances: Float[np.ndarray, "ways"], layered: float, number: int
 ) -> str:
-    """Why a spectrum does not tell whether there is more than one coat; empty where it does."""
+    """Give the reason why a spectrum does not tell whether there is more than one coat; empty where
+    it does.
+    """
     if max(layered, 1.0 - layered) >= DECIDED:
         return ""
     most, least = (
         int(np.argmax(np.where(several, chances, -1.0)))
         for several in (weighed.several, ~weighed.several)
     )
-    stack, flat = weighed.ways[most], weighed.ways[least]
-    one, other = (weighed.evidence[way].readings[number] for way in (most, least))
-    off = one - other * (one @ other) / (other @ other)
+    stack, flat = weighed.arrangements[most], weighed.arrangements[least]
+    stack_reading, flat_reading = (
+        weighed.evidence[index].readings[number] for index in (most, least)
+    )
+    off = stack_reading - flat_reading * (stack_reading @ flat_reading) / (
+        flat_reading @ flat_reading
+    )
     # A gain is free in either: this root mean square of a difference the model's own errors do not
     # cover.
     if np.sqrt(np.mean(off**2)) > 0.03:
         return "neither a mixture nor coats of these paints meet it well"
     if flat.coats[0] == stack.coats[0]:
-        return "the upper coat hides what is below"
+        return "the upper coat hides the lower one"
     if len(flat.paints) == 1:
         return "a second coat, if there is one, hardly shows"
     return "thin coats of these paints look like a mixture"

@@ -1,1 +1,1 @@
-"""Which pigments are in a film of anybody's paint: families, learnt from exemplars."""
+"""Identification of the pigments in a film of anybody's paint: families, learnt from exemplars."""

@@ -1,5 +1,5 @@
-"""How sure a search may be, learnt from its own exemplars: each is sought among those of other
-sources, once with its family and once without.
+"""Sureness of a search, learnt from its own exemplars: each is sought among those of other sources,
+once with its family and once without.
 """
 
 from collections.abc import Callable, Mapping
@@ -41,24 +41,24 @@ def calibrate(
     """
     readings, rows = exemplars_as_readings(search)
     readings = change(readings - search.surface) + search.surface
-    kept = _few_of_each(search.source_of[rows], search.family_of[rows])
-    readings = readings[kept]
-    rows = rows[kept]
+    chosen = _few_of_each(search.source_of[rows], search.family_of[rows])
+    readings = readings[chosen]
+    rows = rows[chosen]
     sources = search.source_of[rows]
     truth = search.family_of[rows]
-    others = np.array(
+    comparable = np.array(
         [
             bool(((search.family_of == family) & (search.source_of != source)).any())
             for family, source in zip(truth, sources, strict=True)
         ]
     )
-    if not others.any():  # Of a family by one hand nothing can be learnt.
+    if not comparable.any():  # Of a family by one hand nothing can be learnt.
         return replace(search, sureness=_UNTAUGHT)
     hidden = np.zeros((len(rows), len(search.families)), bool)
     hidden[np.arange(len(rows)), truth] = True
     without = search._is_hidden(hidden)
     named = right_sets(search)[truth]
-    each = _weights(search, sources, truth)
+    weights = _weights(search, sources, truth)
 
     # A few readings at a time: log odds of all sets at each power.
     step = search.chunk
@@ -70,21 +70,21 @@ def calibrate(
         for power in POWERS:
             log_sets = search._sum_by_set(evidence, possible, power).logs
             pieces[power].append(log_sets + search.log_prior)
-    by_power = {power: np.concatenate(parts) for power, parts in pieces.items()}
+    by_power = {power: np.concatenate(chunks) for power, chunks in pieces.items()}
 
     # First how sure one set is beside others, among paints whose family is there.
     sureness = learn_power(
-        {power: whole[others] for power, whole in by_power.items()},
+        {power: logs[comparable] for power, logs in by_power.items()},
         search.log_prior,
-        named[others],
-        each[others],
+        named[comparable],
+        weights[comparable],
     )
     # Then how probable none is, with the family and without.
-    whole = by_power[sureness.power]
+    logs = by_power[sureness.power]
     slope, intercept, least = learn_none(
-        log_sum(whole[others]),
-        log_sum(np.where(without, -np.inf, whole)),
-        (each[others], each),
+        log_sum(logs[comparable]),
+        log_sum(np.where(without, -np.inf, logs)),
+        (weights[comparable], weights),
     )
     sureness = replace(sureness, slope=slope, intercept=intercept, least=least)
     return replace(search, sureness=sureness)
@@ -93,7 +93,7 @@ def calibrate(
 def learn_power(
     log_sets: Mapping[float, Float[np.ndarray, "readings sets"]],
     log_prior: Float[np.ndarray, "sets"],
-    right: Bool[np.ndarray, "readings sets"],
+    correct: Bool[np.ndarray, "readings sets"],
     weights: Float[np.ndarray, "readings"],
 ) -> Sureness:
     """Power with the best mean log probability of the truth, then sharpness with the same.
@@ -101,14 +101,14 @@ def learn_power(
     Args:
         log_sets: power -> log evidence of each set, with its prior.
         log_prior: of the sets.
-        right: which sets name the truth.
+        correct: which sets name the truth.
         weights: of the readings.
     """
 
     def score(choice: Sureness) -> float:
         shares = choice.share(log_sets[choice.power], log_prior[None])
         # A truth without a chance costs much, and not all.
-        return float(weights @ np.log(np.maximum(np.sum(shares * right, axis=1), 1e-9)))
+        return float(weights @ np.log(np.maximum(np.sum(shares * correct, axis=1), 1e-9)))
 
     best = max((Sureness(power=power) for power in log_sets), key=score)
     return max((replace(best, sharpness=sharpness) for sharpness in SHARPNESSES), key=score)
@@ -130,24 +130,24 @@ def learn_none(
     """
     evidence = np.concatenate([with_family, without])
     is_known = np.concatenate([np.ones(with_family.size), np.zeros(without.size)])
-    each = np.concatenate([w / np.sum(w) for w in weights])
+    normalised = np.concatenate([w / np.sum(w) for w in weights])
 
     def loss(line: Float[np.ndarray, "2"]) -> float:
         odds = line[0] * evidence + line[1]
-        misfit = np.sum(each * np.logaddexp(0.0, np.where(is_known > 0, -odds, odds)))
+        misfit = np.sum(normalised * np.logaddexp(0.0, np.where(is_known > 0, -odds, odds)))
         return float(misfit + 0.5 * ((line[0] - 1.0) / _SLOPE_SD) ** 2 / evidence.size)
 
-    found = minimize(loss, np.array([1.0, 0.0]), method="BFGS").x
+    solution = minimize(loss, np.array([1.0, 0.0]), method="BFGS").x
     order = np.argsort(with_family)
     below = np.cumsum(weights[0][order]) / np.sum(weights[0])
     least = float(with_family[order][np.searchsorted(below, FALSE_ALARMS)])
     # More evidence never speaks for 'none'.
-    return max(float(found[0]), 0.0), float(found[1]), least
+    return max(float(solution[0]), 0.0), float(solution[1]), least
 
 
 def right_sets(search: FamilySearch) -> Bool[np.ndarray, "families sets"]:
-    """Which sets name a pure paint of each family rightly: by its group, whatever colourless family
-    stands beside a coloured one.
+    """True for sets that name a pure paint of each family rightly: by its group, whatever
+    colourless family stands beside a coloured one.
     """
     groups = [
         {group_of(search.families[member]) for member in row if member >= 0}
@@ -155,11 +155,11 @@ def right_sets(search: FamilySearch) -> Bool[np.ndarray, "families sets"]:
     ]
     out = np.zeros((len(search.families), len(groups)), dtype=bool)
     for number, family in enumerate(search.families):
-        own = group_of(family)
+        group = group_of(family)
         for column, named in enumerate(groups):
             coloured = named - COLOURLESS
             out[number, column] = (
-                own in named and not coloured if own in COLOURLESS else coloured == {own}
+                group in named and not coloured if group in COLOURLESS else coloured == {group}
             )
     return out
 
@@ -168,12 +168,12 @@ def _few_of_each(
     sources: Int[np.ndarray, "exemplars"], families: Int[np.ndarray, "exemplars"]
 ) -> Int[np.ndarray, "kept"]:
     """Exemplars of each source's families, evenly through their order, at most some of each."""
-    kept: list[int] = []
+    chosen: list[int] = []
     for pair in sorted(set(zip(sources.tolist(), families.tolist(), strict=True))):
-        own = np.flatnonzero((sources == pair[0]) & (families == pair[1]))
-        places = np.linspace(0, len(own) - 1, min(len(own), _SOUGHT)).round().astype(int)
-        kept += own[places].tolist()
-    return np.array(sorted(kept))
+        rows = np.flatnonzero((sources == pair[0]) & (families == pair[1]))
+        positions = np.linspace(0, len(rows) - 1, min(len(rows), _SOUGHT)).round().astype(int)
+        chosen += rows[positions].tolist()
+    return np.array(sorted(chosen))
 
 
 def _weights(
@@ -190,8 +190,8 @@ def _weights(
     )
     share = 1.0 / of_family
     of_source = np.array([share[sources == source].sum() for source in sources])
-    left = np.array([np.mean(search.source_of != source) for source in sources])
-    return left * share / of_source
+    remaining = np.array([np.mean(search.source_of != source) for source in sources])
+    return remaining * share / of_source
 
 
 def exemplars_as_readings(
@@ -200,16 +200,16 @@ def exemplars_as_readings(
     """One film of each exemplar, on all bands; where it is not known, as its last known band."""
     rows = []
     readings = []
-    for one in search.ranges:
-        pure = one.templates.members[:, 1] < 0
-        for exemplar in np.unique(one.templates.members[pure, 0]):
-            row = np.flatnonzero(pure & (one.templates.members[:, 0] == exemplar))[0]
+    for band_range in search.ranges:
+        pure = band_range.templates.members[:, 1] < 0
+        for exemplar in np.unique(band_range.templates.members[pure, 0]):
+            row = np.flatnonzero(pure & (band_range.templates.members[:, 0] == exemplar))[0]
             filled = np.full(search.wavelengths.size, np.nan)
-            filled[one.bands] = one.templates.readings[row]
-            seen = np.isfinite(filled)
+            filled[band_range.bands] = band_range.templates.readings[row]
+            finite = np.isfinite(filled)
             rows.append(int(exemplar))
             readings.append(
-                np.interp(search.wavelengths, search.wavelengths[seen], filled[seen])
+                np.interp(search.wavelengths, search.wavelengths[finite], filled[finite])
                 + search.surface
             )
     return np.array(readings), np.array(rows)

@@ -1,4 +1,4 @@
-"""What else is known of a painting: elements that X-ray fluorescence found, and the year.
+"""Facts that are known of a painting: elements that X-ray fluorescence found, and the year.
 
 Odds of a set of families are multiplied by how well its composition and the years of its use fit.
 Fluorescence misses light elements and small amounts, and sees layers below, and a painting may have
@@ -90,32 +90,32 @@ def with_facts(
 
 
 def log_odds_of_elements(
-    sets: Sequence[Sequence[Family]], found: Sequence[str], absent: Sequence[str]
+    sets: Sequence[Sequence[Family]], detected: Sequence[str], absent: Sequence[str]
 ) -> Float[np.ndarray, "sets"]:
     """Log of how well each set of families fits what was found, and what was looked for and not
     found.
 
     Args:
         sets: families of each set.
-        found, absent: chemical symbols.
+        detected, absent: chemical symbols.
 
     Raises:
         ValueError: no such element, or one that is in both.
     """
-    present = check_elements(found)
+    present = check_elements(detected)
     missing = check_elements(absent)
-    both = [symbol for symbol in present if symbol in missing]
-    if both:
-        raise ValueError(f"{both[0]} is said to be found and not to be found")
+    contradictory = [symbol for symbol in present if symbol in missing]
+    if contradictory:
+        raise ValueError(f"{contradictory[0]} is said to be found and not to be found")
     out = np.zeros(len(sets))
     for row, families in enumerate(sets):
-        held = {element for family in families for element in family.elements}
+        elements = {element for family in families for element in family.elements}
         for symbol in present:
             if symbol not in LIGHT:
-                out[row] += np.log(1.0 - MISSED if symbol in held else STRAY)
+                out[row] += np.log(1.0 - MISSED if symbol in elements else STRAY)
         for symbol in missing:
             if symbol not in LIGHT:
-                out[row] += np.log(MISSED if symbol in held else 1.0 - STRAY)
+                out[row] += np.log(MISSED if symbol in elements else 1.0 - STRAY)
     return out
 
 

@@ -1,5 +1,5 @@
-"""What is compared of two spectra of paint from different hands: slopes of -log R and of log K/S,
-and the level of the brightest band.
+"""Features that are compared of two spectra of paint from different hands: slopes of -log R and of
+log K/S, and the level of the brightest band.
 
 Level, gloss and slope of a reading vary between instruments by more than a pigment's own bands do;
 how much of a difference they make is learnt (`metric.py`), not assumed. A spectrum is compared in
@@ -48,8 +48,9 @@ def views(
 
 
 def surface_in(readings: Float[np.ndarray, "n bands"], surface: float) -> Float[np.ndarray, "n"]:
-    """What a smooth surface, which reflects so much, adds to each reading: that, or what its
-    darkest bands leave for it, as of a matte paint or of an instrument other than the stated one.
+    """Reflectance that a smooth surface, which reflects so much, adds to each reading: that, or
+    what its darkest bands leave for it, as of a matte paint or of an instrument other than the
+    stated one.
     """
     # The mean of three bands, so that one noisy band does not decide.
     return np.clip(np.sort(readings, axis=1)[:, :3].mean(axis=1), 0.0, surface)

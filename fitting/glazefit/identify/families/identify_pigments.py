@@ -64,7 +64,7 @@ def identify_families(
     grounds = measured.readings.shape[1]
     if grounds != 1:
         raise ValueError(
-            f"families of pigments are sought from one reading of a film, not {grounds}: give the "
+            f"families of pigments are searched by one reading of a film, not {grounds}: give the "
             "reading over one ground, or own_films=True"
         )
     mean = means_of_steps(grid, STEP)
@@ -82,29 +82,37 @@ def identify_families(
         rows = np.arange(start, min(start + _CHUNK, len(measured)))
         # Films over one ground share what is computed.
         different = [None] if opaque else list(dict.fromkeys(map(tuple, below[rows].tolist())))
-        parts = []
+        identifications = []
         order: list[int] = []
-        for one in different:
-            own = rows if one is None else rows[(below[rows] == np.array(one)).all(axis=1)]
-            search = _search(measured.wavelengths, pigments, options, one)
-            order += own.tolist()
-            parts.append(_identification(search, measured.take(own), options, opaque))
-        yield _in_order(Identification.join(parts), np.argsort(order))
+        for film_ground in different:
+            film_rows = (
+                rows
+                if film_ground is None
+                else rows[(below[rows] == np.array(film_ground)).all(axis=1)]
+            )
+            search = _search(measured.wavelengths, pigments, options, film_ground)
+            order += film_rows.tolist()
+            identifications.append(
+                _identification(search, measured.take(film_rows), options, opaque)
+            )
+        yield _in_order(Identification.join(identifications), np.argsort(order))
 
 
 def usual_misfit(
-    found: Identification, pigments: Sequence[Pigment], options: IdentificationOptions
+    identification: Identification, pigments: Sequence[Pigment], options: IdentificationOptions
 ) -> UsualMisfit | None:
-    """How far films of right answers usually are from readings like those of an identification.
+    """Usual misfit of films of right answers to readings like those of an identification.
 
     Args:
-        found: by `identify_families`; of several grounds the first one counts.
+        identification: by `identify_families`; of several grounds the first one counts.
         pigments, options: of that.
     """
-    ground = None if found.opaque else tuple(found.measured.grounds[0, 0].tolist())
+    ground = (
+        None if identification.opaque else tuple(identification.measured.grounds[0, 0].tolist())
+    )
     # What is known of one painting is not of the exemplars.
     alone = replace(options, elements=(), without_elements=(), painted=None)
-    search = _search(found.measured.wavelengths, pigments, alone, ground)
+    search = _search(identification.measured.wavelengths, pigments, alone, ground)
     return misfit_of_right_answers(search)
 
 
@@ -147,7 +155,7 @@ def _search(
         varnish,
     )
     # How sure a search may be does not hang on the ground: it is learnt over the first one.
-    alike = [search for (*rest, _), search in _SEARCHES.items() if tuple(rest) == key]
+    alike = [search for (*settings, _), search in _SEARCHES.items() if tuple(settings) == key]
     key = (*key, ground)
     if key not in _SEARCHES:
         while len(_SEARCHES) >= _MOST_SEARCHES:
@@ -190,7 +198,7 @@ def _identification(
     covariance = np.zeros((*shape, 3, 3))
     fitted = np.full((*shape, 1, readings.shape[1]), np.nan)
     for row in range(len(measured)):
-        for place, number in enumerate(best[row]):
+        for index, number in enumerate(best[row]):
             _fill_candidate(
                 search,
                 odds,
@@ -198,17 +206,17 @@ def _identification(
                 int(number),
                 usual=thickness,
                 surface=search.surface * float(gloss[row]),
-                members=members[row, place],
-                amounts=amounts[row, place],
-                covariance=covariance[row, place],
-                fitted=fitted[row, place, 0],
+                members=members[row, index],
+                amounts=amounts[row, index],
+                covariance=covariance[row, index],
+                fitted=fitted[row, index, 0],
             )
     probability = odds.sets[rows, best]
     paint_probability = np.zeros((len(measured), len(search.exemplars)))
-    for place in range(3):
-        there = members[:, :, place] != NOBODY
-        row, column = np.nonzero(there)
-        np.add.at(paint_probability, (row, members[row, column, place]), probability[row, column])
+    for index in range(3):
+        present = members[:, :, index] != NOBODY
+        row, column = np.nonzero(present)
+        np.add.at(paint_probability, (row, members[row, column, index]), probability[row, column])
     return Identification(
         measured=measured,
         paints=tuple(paint.name for paint in search.exemplars),
@@ -244,34 +252,34 @@ def _fill_candidate(
     fitted: np.ndarray,
 ) -> None:
     """Write one set of families of one spectrum into its places of a candidate's arrays."""
-    found, at = search.locate(int(odds.best[row, number]))
-    templates = found.templates
-    two = templates.members[at, 1] >= 0
-    members[: 1 + two] = templates.members[at, : 1 + two]
+    band_range, at = search.locate(int(odds.best[row, number]))
+    templates = band_range.templates
+    mixed = templates.members[at, 1] >= 0
+    members[: 1 + mixed] = templates.members[at, : 1 + mixed]
     coat = float(templates.thickness[at])
     depth = usual * (1.0 if np.isinf(coat) else coat)
-    share = float(odds.fraction[row, number]) if two else 1.0
-    amounts[: 1 + two] = depth * np.array([share, 1.0 - share])[: 1 + two]
-    if two:
+    share = float(odds.fraction[row, number]) if mixed else 1.0
+    amounts[: 1 + mixed] = depth * np.array([share, 1.0 - share])[: 1 + mixed]
+    if mixed:
         # Half of the variance of the log odds of the fractions to each log amount.
         spread = float(odds.fraction_sd[row, number]) / max(share * (1.0 - share), 1e-6)
         covariance[:2, :2] = 0.5 * spread**2 * np.eye(2)
-    known = search.wavelengths[found.bands]
-    near = (search.wavelengths >= known[0] - _EDGE) & (search.wavelengths <= known[-1] + _EDGE)
-    computed = np.interp(search.wavelengths, known, templates.readings[at] + surface)
+    grid = search.wavelengths[band_range.bands]
+    near = (search.wavelengths >= grid[0] - _EDGE) & (search.wavelengths <= grid[-1] + _EDGE)
+    computed = np.interp(search.wavelengths, grid, templates.readings[at] + surface)
     fitted[near] = computed[near]
 
 
-def _in_order(found: Identification, order: np.ndarray) -> Identification:
+def _in_order(identification: Identification, order: np.ndarray) -> Identification:
     """Rows of an identification in another order."""
     arrays = {
-        name: getattr(found, name)[order]
-        for name, value in vars(found).items()
+        name: getattr(identification, name)[order]
+        for name, value in vars(identification).items()
         if isinstance(value, np.ndarray)
     }
     return replace(
-        found,
-        measured=found.measured.take(order),
-        family_sets=tuple(found.family_sets[int(row)] for row in order),
+        identification,
+        measured=identification.measured.take(order),
+        family_sets=tuple(identification.family_sets[int(row)] for row in order),
         **arrays,
     )

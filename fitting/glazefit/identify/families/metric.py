@@ -1,4 +1,5 @@
-"""How far one paint of a pigment is from another's, learnt from exemplars that share a family.
+"""Metric of how far one paint of a pigment is from another's, learnt from exemplars that share a
+family.
 
 Two paints of one family differ by what their makers, binders, grounds and instruments do. The
 differences between each exemplar and the nearest one of its family from another paint, in all
@@ -52,13 +53,15 @@ class Metric:
         return (features - self.mean) @ self.project @ self.whiten
 
     def log_evidence(
-        self, sought: Float[np.ndarray, "n components"], known: Float[np.ndarray, "m components"]
+        self,
+        sought: Float[np.ndarray, "n components"],
+        references: Float[np.ndarray, "m components"],
     ) -> Float[np.ndarray, "n m"]:
         """Log of how much more probable each reading is as a paint like each known one than as any
         paint at all.
         """
         count = sought.shape[1]
-        evidence = _log_t(squares_between(sought, known), count)
+        evidence = _log_t(squares_between(sought, references), count)
         any_paint = np.sum(((sought - self.middle) @ self.spread) ** 2, axis=1)
         against = self.log_volume - _log_t(any_paint.astype(np.float32), count)
         evidence += against[:, None]
@@ -66,14 +69,14 @@ class Metric:
 
 
 def squares_between(
-    one: Float[np.ndarray, "n axes"], other: Float[np.ndarray, "m axes"]
+    first: Float[np.ndarray, "n axes"], second: Float[np.ndarray, "m axes"]
 ) -> Float[np.ndarray, "n m"]:
     """Squares of the distances between points, in single precision and one product of matrices: of
     thousands of films this is most of a search's time.
     """
-    left = np.column_stack([-2.0 * one, np.sum(one**2, axis=1), np.ones(len(one))])
-    right = np.column_stack([other, np.ones(len(other)), np.sum(other**2, axis=1)])
-    squares = left.astype(np.float32) @ right.astype(np.float32).T
+    row_terms = np.column_stack([-2.0 * first, np.sum(first**2, axis=1), np.ones(len(first))])
+    column_terms = np.column_stack([second, np.ones(len(second)), np.sum(second**2, axis=1)])
+    squares = row_terms.astype(np.float32) @ column_terms.astype(np.float32).T
     return np.maximum(squares, 0.0, out=squares)
 
 
@@ -109,16 +112,16 @@ def learn_metric(
     # The level, last, is a component of its own; slopes share the others.
     slopes = centred[:, :-1]
     _, _, directions = np.linalg.svd(slopes, full_matrices=False)
-    kept = directions[: min(components, len(features) - 1)].T
-    project = np.zeros((features.shape[1], kept.shape[1] + 1))
-    project[:-1, :-1] = kept
+    principal = directions[: min(components, len(features) - 1)].T
+    project = np.zeros((features.shape[1], principal.shape[1] + 1))
+    project[:-1, :-1] = principal
     project[-1, -1] = 1.0
     points = centred @ project
 
     besides = np.zeros((points.shape[1], points.shape[1]))
     if disturbances is not None:
-        moved = disturbances @ project
-        besides = moved.T @ moved / len(moved)
+        projected = disturbances @ project
+        besides = projected.T @ projected / len(projected)
 
     within = np.cov(points.T) + 1e-9 * np.eye(points.shape[1])
     for _ in range(_ROUNDS):
@@ -149,14 +152,14 @@ def _within_families(
     total = np.zeros((points.shape[1], points.shape[1]))
     weight = 0.0
     for family in np.unique(families):
-        own = np.flatnonzero(families == family)
-        apart = np.sum((white[own][:, None] - white[own]) ** 2, axis=-1)
-        apart[paints[own][:, None] == paints[own]] = np.inf
-        has = np.isfinite(apart).any(axis=1)
+        rows = np.flatnonzero(families == family)
+        squares = np.sum((white[rows][:, None] - white[rows]) ** 2, axis=-1)
+        squares[paints[rows][:, None] == paints[rows]] = np.inf
+        has = np.isfinite(squares).any(axis=1)
         if not has.any():
             continue
-        nearest = own[apart.argmin(axis=1)]
-        off = (points[own] - points[nearest])[has]
+        nearest = rows[squares.argmin(axis=1)]
+        off = (points[rows] - points[nearest])[has]
         share = min(1.0, _MOST_OF_A_FAMILY / len(off))
         total += share * off.T @ off
         weight += share * len(off)

@@ -1,4 +1,4 @@
-"""How far the film of a right answer usually is from a reading, learnt from the exemplars: each is
+"""Usual misfit of the film of a right answer to a reading, learnt from the exemplars: each is
 sought among those of other sources.
 
 A film is compared at the reading's gloss and brightness, which say little of a pigment
@@ -44,28 +44,30 @@ def misfit_of_right_answers(search: "FamilySearch") -> UsualMisfit | None:
     readings, rows = exemplars_as_readings(search)
     odds = search.odds(readings, sources=search.source_of[rows])
     first = odds.sets.argmax(axis=1)
-    right = right_sets(search)[search.family_of[rows], first]
-    if not right.any():
+    correct = right_sets(search)[search.family_of[rows], first]
+    if not correct.any():
         return None
     off = np.full(readings.shape, np.nan)
-    for row in np.flatnonzero(right):
-        found, at = search.locate(int(odds.best[row, first[row]]))
+    for row in np.flatnonzero(correct):
+        band_range, at = search.locate(int(odds.best[row, first[row]]))
         grid = np.asarray(search.exemplars[rows[row]].wavelengths)
         # Beyond the bands that an exemplar is known at, its reading is made up.
-        inside = (search.wavelengths >= grid[0]) & (search.wavelengths <= grid[-1]) & found.bands
-        film = np.full(inside.size, np.nan)
-        film[found.bands] = found.templates.readings[at] + search.surface
-        film[~inside] = np.nan
+        covered = (
+            (search.wavelengths >= grid[0]) & (search.wavelengths <= grid[-1]) & band_range.bands
+        )
+        film = np.full(covered.size, np.nan)
+        film[band_range.bands] = band_range.templates.readings[at] + search.surface
+        film[~covered] = np.nan
         off[row] = relative_misfit(readings[row], film)
-    off = off[right & np.isfinite(off).any(axis=1)]
-    whole = np.sqrt(np.nanmean(off**2, axis=1))
-    known = np.isfinite(off).any(axis=0)
+    off = off[correct & np.isfinite(off).any(axis=1)]
+    by_answer = np.sqrt(np.nanmean(off**2, axis=1))
+    finite = np.isfinite(off).any(axis=0)
     band = np.full(off.shape[1], np.nan)
-    band[known] = np.nanmedian(np.abs(off[:, known]), axis=0)
+    band[finite] = np.nanmedian(np.abs(off[:, finite]), axis=0)
     return UsualMisfit(
         answers=len(off),
-        half=float(np.median(whole)),
-        nine_tenths=float(np.quantile(whole, 0.9)),
+        half=float(np.median(by_answer)),
+        nine_tenths=float(np.quantile(by_answer, 0.9)),
         band=band,
     )
 
@@ -80,15 +82,15 @@ def at_brightness_of(
         reading: reflectance factors.
         film: the same; where it is not known, NaN or held as at the last band that is.
     """
-    known = np.flatnonzero(np.isfinite(film))
-    changes = np.flatnonzero(np.diff(film[known]))
-    compared = known[changes[0] : changes[-1] + 2] if changes.size else known
+    finite = np.flatnonzero(np.isfinite(film))
+    changes = np.flatnonzero(np.diff(film[finite]))
+    compared = finite[changes[0] : changes[-1] + 2] if changes.size else finite
     # Both as the search compares them, their gloss at one level.
     body = with_one_gloss(reading[compared])
-    other = with_one_gloss(film[compared])
-    scale = float(body @ other / (other @ other))
+    film_body = with_one_gloss(film[compared])
+    scale = float(body @ film_body / (film_body @ film_body))
     out = np.full(film.shape, np.nan)
-    out[compared] = reading[compared] - body + scale * other
+    out[compared] = reading[compared] - body + scale * film_body
     return out, scale
 
 
@@ -102,5 +104,5 @@ def relative_misfit(
 
 
 def brightest(reading: Float[np.ndarray, "bands"]) -> float:
-    """What a reading's misfits are shares of: its brightest band, its gloss at one level."""
+    """Unit of a reading's misfits: its brightest band, its gloss at one level."""
     return float(with_one_gloss(reading).max())

@@ -49,7 +49,7 @@ def name_sets(
 def _groups_of_sets(
     families: tuple[str, ...], members: tuple[tuple[int, ...], ...]
 ) -> tuple[int, Int[np.ndarray, "sets"]]:
-    """How many different answers there are, by their colours, and number of each set's."""
+    """Number of different answers, by their colours, and number of each set's."""
     number: dict[frozenset[str], int] = {}
     of_set = []
     for row in members:
@@ -61,17 +61,17 @@ def _groups_of_sets(
 def _answer(
     search: FamilySearch,
     probabilities: Float[np.ndarray, "sets"],
-    own: Bool[np.ndarray, "sets"],
+    chosen: Bool[np.ndarray, "sets"],
     total: float,
 ) -> FamilySet:
     """One answer: sets of the same colours, with the companion that is most probable, and families
     of a group beside one another.
     """
-    own = own & (probabilities > _SMALL * total)
-    chances = probabilities[own].tolist()
+    chosen = chosen & (probabilities > _SMALL * total)
+    chances = probabilities[chosen].tolist()
     named = [
         [(group_of(name), name) for name in (search.families[m] for m in row if m >= 0)]
-        for row in search.members[own].tolist()
+        for row in search.members[chosen].tolist()
     ]
     # Which groups together have most of it: a colour alone, or with a white, or with a black.
     of_groups: dict[frozenset[str], float] = {}
@@ -80,24 +80,24 @@ def _answer(
         of_groups[key] = of_groups.get(key, 0.0) + chance
     groups = max(of_groups, key=lambda key: of_groups[key])
 
-    parts: dict[str, dict[str, float]] = {group: {} for group in groups}
+    by_group: dict[str, dict[str, float]] = {group: {} for group in groups}
     for chance, members in zip(chances, named, strict=True):
         for group, family in members:
             if group in groups:
-                parts[group][family] = parts[group].get(family, 0.0) + chance
+                by_group[group][family] = by_group[group].get(family, 0.0) + chance
     names = []
     within = {}
-    for group, families in parts.items():
+    for group, families in by_group.items():
         ranked = sorted(families, key=lambda family: -families[family])
-        whole = sum(families.values())
-        if families[ranked[0]] >= TOLD * whole and group != "a black":
+        group_total = sum(families.values())
+        if families[ranked[0]] >= TOLD * group_total and group != "a black":
             names.append(ranked[0])
             continue
         names.append(group)
         # A black that has no chance of its own is named with the others for what it is called.
         ranked += [name for name in GROUPS[group] if group == "a black" and name not in ranked]
         within[group] = tuple(
-            (family, families.get(family, 0.0) / whole) for family in ranked[:LARGEST]
+            (family, families.get(family, 0.0) / group_total) for family in ranked[:LARGEST]
         )
     return FamilySet(families=coloured_first(names), probability=total, within=within)
 

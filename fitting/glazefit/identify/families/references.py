@@ -39,7 +39,7 @@ _BRIGHTEST, _DARKEST = 0.985, 0.001
 _OPEN = 0.5
 
 
-class Reference(NamedTuple):
+class ReferencePaint(NamedTuple):
     """One reference paint.
 
     Attributes:
@@ -65,7 +65,7 @@ class References:
         notes: sentences of the reader.
     """
 
-    paints: tuple[Reference, ...]
+    paints: tuple[ReferencePaint, ...]
     unclear: tuple[str, ...]
     notes: tuple[str, ...]
 
@@ -99,10 +99,10 @@ def read_references(
     """
     table = read_spectra(path, **stated)
     titles = [title for title in table.attributes if title.strip().lower() == "family"]
-    said = dict(zip(table.names, table.attributes[titles[0]], strict=True)) if titles else {}
+    families = dict(zip(table.names, table.attributes[titles[0]], strict=True)) if titles else {}
     try:
         films = loose_films(one_reading(table))
-        return references_of(films, said, instrument=instrument, source=Path(path).name)
+        return references_of(films, families, instrument=instrument, source=Path(path).name)
     except ValueError as error:
         raise refusal(Path(path), error) from None
 
@@ -151,7 +151,7 @@ def references_of(
     seen_by = resolve_instrument(instrument)
     determined = [p for p in exemplars if np.mean(np.asarray(p.identifiable)) > 0.5]
     fitted = _fitted(average(films, STEP), recipes, family_of, determined, seen_by)
-    paints: dict[tuple[str, bytes], Reference] = {}
+    paints: dict[tuple[str, bytes], ReferencePaint] = {}
     # In the order of their names, so that the order of a file changes nothing.
     for name in sorted(family_of):
         row = films.names.index(name)
@@ -163,7 +163,7 @@ def references_of(
             _hiding(films.wavelengths, films.over_white[row], family_of[name], determined, seen_by),
             OPAQUE,
         )
-        paints[key] = Reference(
+        paints[key] = ReferencePaint(
             name=name,
             colour_index=" ".join(colour_indices(stated.get(name) or name)),
             pigment=pigment.renamed(

@@ -39,7 +39,7 @@ class Range:
         bands: of the readings.
         metrics: of each view of a spectrum, learnt from the exemplars that know all of these bands.
         templates: films of exemplars whose widest range this is.
-        places: of the templates in each metric.
+        points: of the templates in each metric.
         colours: of the templates; None where the range does not hold the visible.
         sets: number of each template's set of families.
     """
@@ -47,7 +47,7 @@ class Range:
     bands: Bool[np.ndarray, "bands"]
     metrics: tuple[Metric, ...]
     templates: Templates
-    places: tuple[Float[np.ndarray, "templates components"], ...]
+    points: tuple[Float[np.ndarray, "templates components"], ...]
     colours: Float[np.ndarray, "templates 3"] | None
     sets: Int[np.ndarray, "templates"]
 
@@ -70,7 +70,7 @@ class _SetSums(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class FamilyOdds:
-    """What a search says of some readings.
+    """Odds that a search gives for some readings.
 
     Attributes:
         sets: probability of each set of families, (spectra, sets).
@@ -135,7 +135,7 @@ class FamilySearch:
             sources: number of the source whose exemplars are left out, for each reading.
         """
         step = self.chunk
-        parts = [
+        chunks = [
             self._odds(
                 readings[start : start + step],
                 None if hidden is None else hidden[start : start + step],
@@ -145,7 +145,7 @@ class FamilySearch:
         ]
         return FamilyOdds(
             **{
-                name: np.concatenate([getattr(part, name) for part in parts])
+                name: np.concatenate([getattr(chunk, name) for chunk in chunks])
                 for name in FamilyOdds.__dataclass_fields__
             }
         )
@@ -158,7 +158,7 @@ class FamilySearch:
     @property
     def chunk(self) -> int:
         """Readings that are compared at a time."""
-        return max(1, _COMPARISONS // sum(len(one.templates) for one in self.ranges))
+        return max(1, _COMPARISONS // sum(len(band_range.templates) for band_range in self.ranges))
 
     def _odds(
         self,
@@ -202,25 +202,27 @@ class FamilySearch:
     def _possible(
         self, body: Float[np.ndarray, "spectra bands"]
     ) -> Bool[np.ndarray, "spectra templates"]:
-        """Whether each template may have the colour of a reading without the surface's part; all
+        """True where a template may have the colour of a reading without the surface's part; all
         may where no visible range was read.
         """
-        return ~np.concatenate([self._is_another_colour(body, one) for one in self.ranges], axis=1)
+        return ~np.concatenate(
+            [self._is_another_colour(body, band_range) for band_range in self.ranges], axis=1
+        )
 
     def _is_another_colour(
-        self, body: Float[np.ndarray, "spectra bands"], one: Range
+        self, body: Float[np.ndarray, "spectra bands"], band_range: Range
     ) -> Bool[np.ndarray, "spectra templates"]:
-        """Whether a template's colour cannot be that of readings without the surface's part."""
-        read = colours(self.wavelengths[one.bands], body[:, one.bands])
-        if read is None or one.colours is None:
-            return np.zeros((len(body), len(one.templates)), dtype=bool)
-        another = squares_between(read, one.colours) > ANOTHER_COLOUR**2
+        """True where a template's colour cannot be that of readings without the surface's part."""
+        read = colours(self.wavelengths[band_range.bands], body[:, band_range.bands])
+        if read is None or band_range.colours is None:
+            return np.zeros((len(body), len(band_range.templates)), dtype=bool)
+        another = squares_between(read, band_range.colours) > ANOTHER_COLOUR**2
         # Whites, extenders and blacks have hardly a chroma of their own, and one that shows is not
         # theirs.
         families = np.append([name in COLOURLESS for name in self.families], True)
-        colourless = families[self.members[one.sets]].all(axis=1)
-        apart = squares_between(read[:, 1:], one.colours[colourless, 1:])
-        another[:, colourless] |= apart > ANOTHER_CHROMA**2
+        colourless = families[self.members[band_range.sets]].all(axis=1)
+        squares = squares_between(read[:, 1:], band_range.colours[colourless, 1:])
+        another[:, colourless] |= squares > ANOTHER_CHROMA**2
         return np.asarray(another)
 
     def _is_hidden(
@@ -241,19 +243,21 @@ class FamilySearch:
             sources: as for `odds`.
         """
         out = []
-        for one in self.ranges:
+        for band_range in self.ranges:
             # Views are not independent: their mean, a logarithmic pool (Genest and Zidek,
             # Statistical Science 1 (1986) 114), says what both say.
-            found = np.zeros((len(body), len(one.templates)), dtype=np.float32)
-            seen = views(self.wavelengths[one.bands], body[:, one.bands])
-            for metric, values, places in zip(one.metrics, seen, one.places, strict=True):
-                found += metric.log_evidence(metric.place(values), places)
-            found /= len(one.metrics)
+            evidence = np.zeros((len(body), len(band_range.templates)), dtype=np.float32)
+            features = views(self.wavelengths[band_range.bands], body[:, band_range.bands])
+            for metric, values, points in zip(
+                band_range.metrics, features, band_range.points, strict=True
+            ):
+                evidence += metric.log_evidence(metric.place(values), points)
+            evidence /= len(band_range.metrics)
             if sources is not None:
-                of_members = np.append(self.source_of, NOBODY)[one.templates.members]
-                own = (of_members[None] == sources[:, None, None]).any(axis=-1)
-                found = np.where(own, -np.inf, found)
-            out.append(found)
+                of_members = np.append(self.source_of, NOBODY)[band_range.templates.members]
+                same_source = (of_members[None] == sources[:, None, None]).any(axis=-1)
+                evidence = np.where(same_source, -np.inf, evidence)
+            out.append(evidence)
         return np.concatenate(out, axis=1)
 
     def _sum_by_set(
@@ -291,15 +295,17 @@ class FamilySearch:
         deviation of the fraction of its first family.
         """
         order, starts, counts = self._by_set
-        fraction = np.concatenate([one.templates.fractions[:, 0] for one in self.ranges])[order]
-        whole = np.maximum(sums.sums, 1e-30)
-        mean = np.add.reduceat(sums.weights * fraction, starts, axis=1) / whole
+        fraction = np.concatenate(
+            [band_range.templates.fractions[:, 0] for band_range in self.ranges]
+        )[order]
+        totals = np.maximum(sums.sums, 1e-30)
+        mean = np.add.reduceat(sums.weights * fraction, starts, axis=1) / totals
         mean = np.clip(mean, 0.0, 1.0)  # Sums of single precision are off by their last digit.
-        square = np.add.reduceat(sums.weights * fraction**2, starts, axis=1) / whole
-        shown = np.where(possible[:, order], sums.tempered, sums.tempered + 10.0 * _IMPOSSIBLE)
+        square = np.add.reduceat(sums.weights * fraction**2, starts, axis=1) / totals
+        ranking = np.where(possible[:, order], sums.tempered, sums.tempered + 10.0 * _IMPOSSIBLE)
         best = np.stack(
             [
-                order[start + shown[:, start : start + count].argmax(axis=1)]
+                order[start + ranking[:, start : start + count].argmax(axis=1)]
                 for start, count in zip(starts, counts, strict=True)
             ],
             axis=1,
@@ -309,15 +315,15 @@ class FamilySearch:
     @cached_property
     def _by_set(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Templates in the order of their sets, where each set starts, and how many it has."""
-        sets = np.concatenate([one.sets for one in self.ranges])
+        sets = np.concatenate([band_range.sets for band_range in self.ranges])
         order = np.argsort(sets, kind="stable")
         starts = np.flatnonzero(np.diff(np.append(-1, sets[order])))
         return order, starts, np.diff(np.append(starts, len(sets)))
 
     def locate(self, template: int) -> tuple[Range, int]:
         """The range of a template by its number over all ranges, and its row there."""
-        for one in self.ranges:
-            if template < len(one.templates):
-                return one, template
-            template -= len(one.templates)
+        for band_range in self.ranges:
+            if template < len(band_range.templates):
+                return band_range, template
+            template -= len(band_range.templates)
         raise IndexError(template)

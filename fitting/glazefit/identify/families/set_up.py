@@ -115,20 +115,20 @@ def set_up(
     # A user may have read one reference many times: how far paints are apart the catalogue says.
     shipped = np.array([pigment.name in catalogue.provenance() for pigment in pigments])
     teaches = shipped if shipped.any() else ~shipped
-    known = coefficients(pigments, wavelengths)
+    k_and_s = coefficients(pigments, wavelengths)
     # Few exemplars are known below 410 nm, and one edge of rutile would outweigh all other slopes.
-    known[:, :, wavelengths < 409.9] = np.nan
+    k_and_s[:, :, wavelengths < 409.9] = np.nan
     members, number_of = _sets(len(families), max_paints)
-    shared = _ranges(np.isfinite(known[0]), teaches)
-    _check_span(wavelengths, shared[0][0], np.isfinite(known[0]))
+    shared = _ranges(np.isfinite(k_and_s[0]), teaches)
+    _check_span(wavelengths, shared[0][0], np.isfinite(k_and_s[0]))
 
     # In each range a metric of its own, from all exemplars that know its bands.
     ranges = [
         _set_up_range(
             wavelengths[bands],
-            known[:, :, bands],
+            k_and_s[:, :, bands],
             bands=bands,
-            own=own,
+            widest=widest,
             teaches=teaches,
             family_of=family_of,
             number_of=number_of,
@@ -137,11 +137,11 @@ def set_up(
             mixed=max_paints > 1,
             varnish=varnish,
         )
-        for bands, own in shared
+        for bands, widest in shared
     ]
 
     # Sets without a template, two families that no exemplars share bands of, take no part.
-    used = np.unique(np.concatenate([one.sets for one in ranges]))
+    used = np.unique(np.concatenate([band_range.sets for band_range in ranges]))
     renumbered = np.full(len(members), -1)
     renumbered[used] = np.arange(len(used))
     search = FamilySearch(
@@ -153,7 +153,9 @@ def set_up(
         members=members[used],
         log_prior=_log_prior(members[used], sizes[:max_paints], families),
         unknown=unknown,
-        ranges=tuple(replace(one, sets=renumbered[one.sets]) for one in ranges),
+        ranges=tuple(
+            replace(band_range, sets=renumbered[band_range.sets]) for band_range in ranges
+        ),
         surface=surface,
         sureness=sureness or Sureness(),
     )
@@ -170,10 +172,10 @@ def set_up(
 
 def _set_up_range(
     wavelengths: Float[np.ndarray, "bands"],
-    known: Float[np.ndarray, "2 exemplars bands"],
+    k_and_s: Float[np.ndarray, "2 exemplars bands"],
     *,
     bands: Bool[np.ndarray, "all_bands"],
-    own: Bool[np.ndarray, "exemplars"],
+    widest: Bool[np.ndarray, "exemplars"],
     teaches: Bool[np.ndarray, "exemplars"],
     family_of: Int[np.ndarray, "exemplars"],
     number_of: Int[np.ndarray, "families families"],
@@ -186,9 +188,9 @@ def _set_up_range(
 
     Args:
         wavelengths: of its bands.
-        known: k and s of all exemplars there, NaN where they are not known.
+        k_and_s: k and s of all exemplars there, NaN where they are not known.
         bands: of the readings.
-        own: exemplars that know no wider range, whose films are this one's.
+        widest: exemplars that know no wider range, whose films are this one's.
         teaches: exemplars that the metric is learnt from.
         family_of: number of each exemplar's family.
         number_of: of a set, by its families.
@@ -203,15 +205,17 @@ def _set_up_range(
             return films
         return replace(films, readings=varnish.cover(response, wavelengths, films.readings))
 
-    pure = pure_templates(known, response, ground)
+    pure = pure_templates(k_and_s, response, ground)
     pure = pure.take(np.flatnonzero(np.isfinite(pure.readings).all(axis=1)))
     # One spectrum of each paint teaches how far paints are apart.
     exemplars, first = np.unique(pure.members[:, 0], return_index=True)
     taught = teaches[exemplars]
     bodies = pure.readings[first[taught]]
     pure = cover(pure)
-    moved = [None, None] if varnish is None else varnish.differences(response, wavelengths, bodies)
-    seen = views(wavelengths, pure.readings[first])
+    view_differences = (
+        [None, None] if varnish is None else varnish.differences(response, wavelengths, bodies)
+    )
+    view_features = views(wavelengths, pure.readings[first])
     metrics = tuple(
         learn_metric(
             values[taught],
@@ -221,28 +225,30 @@ def _set_up_range(
             components=components,
         )
         # The view of one gloss has lost what tells dark paints apart: fewer components hold it.
-        for values, differences, components in zip(seen, moved, (25, 12), strict=True)
+        for values, differences, components in zip(
+            view_features, view_differences, (25, 12), strict=True
+        )
     )
 
-    parts = [pure.take(np.flatnonzero(own[pure.members[:, 0]]))]
+    groups = [pure.take(np.flatnonzero(widest[pure.members[:, 0]]))]
     if mixed:
-        both = mixed_templates(
-            known[:, exemplars],
+        mixtures = mixed_templates(
+            k_and_s[:, exemplars],
             family_of[exemplars],
-            metrics[0].place(seen[0]),
+            metrics[0].place(view_features[0]),
             response,
             ground,
         )
-        both = replace(both, members=exemplars[both.members])
+        mixtures = replace(mixtures, members=exemplars[mixtures.members])
         # Where both know more bands their mixture is a wider range's.
-        parts.append(cover(both.take(np.flatnonzero(own[both.members].any(axis=1)))))
-    templates = _joined(parts)
+        groups.append(cover(mixtures.take(np.flatnonzero(widest[mixtures.members].any(axis=1)))))
+    templates = _joined(groups)
     families = np.sort(np.append(family_of, NOBODY)[templates.members], axis=1)
     return Range(
         bands=bands,
         metrics=metrics,
         templates=templates,
-        places=tuple(
+        points=tuple(
             metric.place(values)
             for metric, values in zip(metrics, views(wavelengths, templates.readings), strict=True)
         ),
@@ -257,28 +263,30 @@ def _log_prior(
     """Log prior probability of each set: sets of one kind share theirs by how common their families
     are in paint.
     """
-    known = catalogue.families()
+    catalogue_families = catalogue.families()
     # An own reference may be of a family that the catalogue does not have.
-    common = [known[name].common if name in known else 1.0 for name in families]
+    common = [
+        catalogue_families[name].common if name in catalogue_families else 1.0 for name in families
+    ]
     weights = np.append(common, 1.0)[members].prod(axis=1)
     colourless = np.array([name in COLOURLESS for name in families])
     mixed = members[:, 1] >= 0
     # Half of all mixtures are of a colour with a white, an extender or a black.
     tinted = mixed & colourless[members].any(axis=1)
     kinds = [~mixed, tinted, mixed & ~tinted]
-    shares = [sizes[0], *[part / 2.0 for part in sizes[1:]] * 2]
+    shares = [sizes[0], *[chance / 2.0 for chance in sizes[1:]] * 2]
     for kind, share in zip(kinds, shares, strict=False):
         if kind.any():
             weights[kind] *= share / weights[kind].sum()
     return np.log(weights / weights.sum())
 
 
-def _joined(parts: Sequence[Templates]) -> Templates:
+def _joined(groups: Sequence[Templates]) -> Templates:
     return Templates(
-        members=np.concatenate([part.members for part in parts]),
-        fractions=np.concatenate([part.fractions for part in parts]),
-        thickness=np.concatenate([part.thickness for part in parts]),
-        readings=np.concatenate([part.readings for part in parts]),
+        members=np.concatenate([templates.members for templates in groups]),
+        fractions=np.concatenate([templates.fractions for templates in groups]),
+        thickness=np.concatenate([templates.thickness for templates in groups]),
+        readings=np.concatenate([templates.readings for templates in groups]),
     )
 
 
@@ -300,7 +308,7 @@ def _sets(
 def _check_span(
     wavelengths: Float[np.ndarray, "bands"],
     shared: Bool[np.ndarray, "bands"],
-    known: Bool[np.ndarray, "exemplars bands"],
+    coverage: Bool[np.ndarray, "exemplars bands"],
 ) -> None:
     """Refuse readings of which nearly all exemplars know a narrow stretch alone.
 
@@ -309,16 +317,16 @@ def _check_span(
     """
     first, last = wavelengths[shared][[0, -1]]
     if last - first < 150.0:
-        rest = int(known[:, ~shared].all(axis=1).sum()) if not shared.all() else len(known)
+        count = int(coverage[:, ~shared].all(axis=1).sum()) if not shared.all() else len(coverage)
         raise ValueError(
             f"too little is known there: nearly all exemplars know {first:g} to {last:g} nm of the "
-            f"spectra's bands alone, {rest} of {len(known)} the others; give readings that hold "
-            "the visible, 410-700 nm"
+            f"spectra's bands alone, {count} of {len(coverage)} the others; give readings that "
+            "hold the visible, 410-700 nm"
         )
 
 
 def _ranges(
-    known: Bool[np.ndarray, "exemplars bands"], teaches: Bool[np.ndarray, "exemplars"]
+    coverage: Bool[np.ndarray, "exemplars bands"], teaches: Bool[np.ndarray, "exemplars"]
 ) -> list[tuple[Bool[np.ndarray, "bands"], Bool[np.ndarray, "exemplars"]]]:
     """Ranges of bands, nested, by what those know that the metric is learnt from, and the exemplars
     of which each is the widest that they know.
@@ -326,7 +334,7 @@ def _ranges(
     Raises:
         ValueError: too few exemplars know any band.
     """
-    taught = known[teaches]
+    taught = coverage[teaches]
     share = taught.mean(axis=0)
     if not share.max() > 0:
         raise ValueError("no exemplar is known at the wavelengths of the spectra")
@@ -339,14 +347,14 @@ def _ranges(
             out.append(bands)
     if not out:
         raise ValueError(
-            f"{int(known.any(axis=1).sum())} exemplars are known at the spectra's bands, too few "
-            "to learn how paints of one pigment differ: give more, or seek them as paints by "
+            f"{int(coverage.any(axis=1).sum())} exemplars are known at the spectra's bands, too "
+            "few to learn how paints of one pigment differ: give more, or search them as paints by "
             "own_films=True (--own-films)"
         )
-    covered = [known[:, bands].all(axis=1) for bands in out]
+    covered = [coverage[:, bands].all(axis=1) for bands in out]
     pairs = []
     for number, bands in enumerate(out):
-        wider = np.zeros(len(known), bool)
+        wider = np.zeros(len(coverage), bool)
         for further in covered[number + 1 :]:
             wider |= further
         pairs.append((bands, covered[number] & ~wider))

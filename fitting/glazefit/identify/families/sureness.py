@@ -1,4 +1,4 @@
-"""What the evidence of a search is worth.
+"""Worth of the evidence of a search.
 
 The evidence of a template is worth less than it says, since paints of one family do not differ as a
 single covariance has it. It is tempered by a power twice (Miller and Dunson, J. Am. Stat. Assoc.
@@ -22,7 +22,7 @@ WORTHLESS = 0.01
 
 @dataclass(frozen=True, kw_only=True)
 class Sureness:
-    """What a search's evidence is worth.
+    """Worth of a search's evidence.
 
     Attributes:
         power: that likelihoods of templates are raised to.
@@ -52,11 +52,12 @@ class Sureness:
         """
         allowed = np.where(np.isfinite(log_sets), log_prior, -np.inf)
         beforehand = softmax(np.broadcast_to(allowed, log_sets.shape), axis=1)
-        told = softmax(self.sharpness * log_sets, axis=1)
-        return np.asarray((1.0 - WORTHLESS) * told + WORTHLESS * beforehand)
+        tempered = softmax(self.sharpness * log_sets, axis=1)
+        return np.asarray((1.0 - WORTHLESS) * tempered + WORTHLESS * beforehand)
 
     def is_unlike(self, log_sets: Float[np.ndarray, "spectra sets"]) -> Bool[np.ndarray, "spectra"]:
-        """Whether readings look less like the families than nearly all paints that are of them.
+        """True for readings that look less like the families than nearly all paints that are of
+        them.
 
         Args:
             log_sets: as for `share`.

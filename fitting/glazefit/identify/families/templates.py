@@ -74,11 +74,11 @@ def coefficients(
     out = np.full((2, len(pigments), wavelengths.size), np.nan)
     for row, pigment in enumerate(pigments):
         grid = np.asarray(pigment.wavelengths)
-        inside = lie_between(wavelengths, grid[0], grid[-1])
-        for part, values in enumerate((pigment.absorption, pigment.scattering)):
+        covered = lie_between(wavelengths, grid[0], grid[-1])
+        for quantity, values in enumerate((pigment.absorption, pigment.scattering)):
             # Coefficients change by factors: their logs are interpolated.
             logs = np.log(np.maximum(np.asarray(values, dtype=np.float64), 1e-3))
-            out[part, row, inside] = np.exp(np.interp(wavelengths[inside], grid, logs))
+            out[quantity, row, covered] = np.exp(np.interp(wavelengths[covered], grid, logs))
     return out
 
 
@@ -118,7 +118,7 @@ def pure_templates(
 def mixed_templates(
     coefficients: Float[np.ndarray, "2 exemplars bands"],
     families: Int[np.ndarray, "exemplars"],
-    places: Float[np.ndarray, "exemplars components"],
+    points: Float[np.ndarray, "exemplars components"],
     response: FilmResponse,
     ground: Float[np.ndarray, "bands"] | None,
 ) -> Templates:
@@ -127,17 +127,17 @@ def mixed_templates(
     Args:
         coefficients, response, ground: as for `pure_templates`.
         families: number of each exemplar's family.
-        places: of the exemplars in the metric, by which those that are mixed are chosen.
+        points: of the exemplars in the metric, by which those that are mixed are chosen.
     """
     chosen = {
-        int(family): typical(places[families == family], np.flatnonzero(families == family))
+        int(family): typical(points[families == family], np.flatnonzero(families == family))
         for family in np.unique(families)
     }
     pairs = [
         (a, b)
-        for one, other in itertools.combinations(sorted(chosen), 2)
-        for a in chosen[one]
-        for b in chosen[other]
+        for first_family, second_family in itertools.combinations(sorted(chosen), 2)
+        for a in chosen[first_family]
+        for b in chosen[second_family]
     ]
     members = np.repeat(np.array(pairs, dtype=int).reshape(-1, 2), len(FRACTIONS), axis=0)
     first = np.tile(FRACTIONS, len(pairs))
@@ -146,15 +146,15 @@ def mixed_templates(
     return _over(coefficients, response, members, fractions, ground, levels)
 
 
-def typical(places: Float[np.ndarray, "own components"], rows: Int[np.ndarray, "own"]) -> list[int]:
+def typical(points: Float[np.ndarray, "own components"], rows: Int[np.ndarray, "own"]) -> list[int]:
     """Exemplars that stand for a family: the one nearest to the others, and the one furthest from
     that among the nearer half.
     """
-    apart = np.sqrt(np.sum((places[:, None] - places) ** 2, axis=-1))
-    middle = int(np.median(apart, axis=1).argmin())
+    distances = np.sqrt(np.sum((points[:, None] - points) ** 2, axis=-1))
+    middle = int(np.median(distances, axis=1).argmin())
     out = [int(rows[middle])]
     if len(rows) > 2 and _MIXED > 1:
-        nearer = np.argsort(apart[middle], kind="stable")[: max(2, (len(rows) + 1) // 2)]
+        nearer = np.argsort(distances[middle], kind="stable")[: max(2, (len(rows) + 1) // 2)]
         out.append(int(rows[nearer[-1]]))
     return out
 
@@ -172,16 +172,16 @@ def _over(
     below = np.full(coefficients.shape[-1], LIGHT_GROUND) if ground is None else ground
     # Coefficients add by mass; where one is not known anything will do.
     k, s = (
-        np.einsum("fm,fmb->fb", fractions, np.nan_to_num(part, nan=1.0)[members])
-        for part in coefficients
+        np.einsum("fm,fmb->fb", fractions, np.nan_to_num(values, nan=1.0)[members])
+        for values in coefficients
     )
     missing = np.isnan(coefficients[0])
     absent = missing[members[:, 0]] | ((members[:, 1:] >= 0) & missing[members[:, 1]])
     readings = [
         np.where(absent, np.nan, hiding_body(response, k / s))
-        if np.isinf(level)
-        else np.where(absent, np.nan, coat_body(response, k, s, level * usual, below))
-        for level in levels
+        if np.isinf(thickness)
+        else np.where(absent, np.nan, coat_body(response, k, s, thickness * usual, below))
+        for thickness in levels
     ]
     return Templates(
         members=np.tile(members, (len(levels), 1)),
@@ -231,10 +231,10 @@ def coat_body(
     # Pieces of one size, so that one program does.
     rows = len(kd)
     padded = -(-rows // _CHUNK) * _CHUNK
-    whole = np.resize(np.arange(rows), padded)
+    order = np.resize(np.arange(rows), padded)
     pieces = [
         np.asarray(_body(response, kd[piece], sd[piece], np.broadcast_to(ground, kd[piece].shape)))
-        for piece in np.split(whole, padded // _CHUNK)
+        for piece in np.split(order, padded // _CHUNK)
     ]
     return np.concatenate(pieces)[:rows]
 

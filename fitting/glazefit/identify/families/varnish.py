@@ -23,7 +23,7 @@ _SEED = 20
 
 @dataclass(frozen=True, kw_only=True)
 class Varnish:
-    """What is expected of a varnish.
+    """Expectation of a varnish.
 
     Attributes:
         levels: optical thicknesses at 400 nm that it may be around.
@@ -65,10 +65,10 @@ class Varnish:
         """Films under varnishes of different amounts and shapes; see `cover`."""
         rng = np.random.default_rng(seed)
         which = rng.choice(len(self.levels), len(bodies), p=self.chances)
-        level = rng.normal(np.array(self.levels)[which], np.array(self.spreads)[which])
+        thickness = rng.normal(np.array(self.levels)[which], np.array(self.spreads)[which])
         decay = DECAY * np.exp(rng.normal(0.0, _DECAY_SPREAD, len(bodies)))
-        shape = np.stack([yellow(wavelengths, float(one)) for one in decay])
-        return under_varnish(response, bodies, np.maximum(level, 0.0)[:, None] * shape)
+        shape = np.stack([yellow(wavelengths, float(rate)) for rate in decay])
+        return under_varnish(response, bodies, np.maximum(thickness, 0.0)[:, None] * shape)
 
     def exchange_at_random(
         self,
@@ -87,16 +87,14 @@ class Varnish:
         wavelengths: Float[np.ndarray, "bands"],
         bodies: Float[np.ndarray, "films bands"],
     ) -> tuple[Float[np.ndarray, "draws features"], ...]:
-        """What varnishes change of each view of spectra, compared with the expected one; see
-        `cover`.
-        """
+        """Change of each view of spectra by varnishes from the expected one; see `cover`."""
         repeated = np.repeat(bodies, _DRAWS, axis=0)
         expected = self.cover(response, wavelengths, repeated)
-        other = self.cover_at_random(response, wavelengths, repeated)
+        varied = self.cover_at_random(response, wavelengths, repeated)
         return tuple(
-            one - usual
-            for one, usual in zip(
-                views(wavelengths, other), views(wavelengths, expected), strict=True
+            features - usual
+            for features, usual in zip(
+                views(wavelengths, varied), views(wavelengths, expected), strict=True
             )
         )
 

@@ -1,4 +1,4 @@
-"""What an identification found: a ranked list for each spectrum, and how sure it is."""
+"""Result of an identification: a ranked list for each spectrum, and how sure it is."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
@@ -103,14 +103,14 @@ class Candidate:
         """Shares of the paints of a coat, in words; of a single paint only where it is asked
         for.
         """
-        told = [i for i in coat if self.fractions[i] >= TRACE]
-        traces = [self.paints[i] for i in coat if i not in told]
-        words = (
-            [self.paints[i] for i in told]
-            if len(told) == 1 and not always
-            else [f"{percent(self.fractions[i])} {self.paints[i]}" for i in told]
+        indices = [i for i in coat if self.fractions[i] >= TRACE]
+        traces = [self.paints[i] for i in coat if i not in indices]
+        names = (
+            [self.paints[i] for i in indices]
+            if len(indices) == 1 and not always
+            else [f"{percent(self.fractions[i])} {self.paints[i]}" for i in indices]
         )
-        return " + ".join([*words, *(f"a trace of {paint}" for paint in traces)])
+        return " + ".join([*names, *(f"a trace of {paint}" for paint in traces)])
 
 
 TRACE = 0.001
@@ -120,12 +120,12 @@ TRACE = 0.001
 def percent(fraction: float) -> str:
     """A fraction with one digit where a part of it is small: a reading tells no more."""
     value = 100 * float(fraction)
-    rest = min(value, 100 - value)  # what the digits must show
-    if rest <= 0.0:
+    smaller = min(value, 100 - value)  # what the digits must show
+    if smaller <= 0.0:
         return "100 %" if value > 50 else "0 %"
-    if rest < 100 * TRACE:
+    if smaller < 100 * TRACE:
         return "> 99.9 %" if value > 50 else "< 0.1 %"
-    return f"{value:.{0 if rest >= 9.5 else 1}f} %"
+    return f"{value:.{0 if smaller >= 9.5 else 1}f} %"
 
 
 @dataclass(frozen=True)
@@ -190,15 +190,15 @@ class Identification(Tabulated):
             f"{name!r}: {paints}"
             for name, paints in zip(self.measured.names[:_SHOWN], best, strict=True)
         ]
-        more = f", and {len(self) - _SHOWN} more" if len(self) > _SHOWN else ""
+        suffix = f", and {len(self) - _SHOWN} more" if len(self) > _SHOWN else ""
         return (
             f"Identification({len(self)} spectra among {len(self.paints)} paints; "
-            f"{', '.join(first)}{more})"
+            f"{', '.join(first)}{suffix})"
         )
 
     @property
     def explained(self) -> np.ndarray:
-        """Whether the catalogue explains a spectrum, (spectra,).
+        """True where the catalogue explains a spectrum, (spectra,).
 
         Its films are together more probable than none, and a person does not reject the first by
         eye.
@@ -211,16 +211,18 @@ class Identification(Tabulated):
         where one coat alone was tried.
         """
         odds = self.coats_odds or ((),) * len(self)
-        return np.array([sum(one.share * one.layered for one in own) for own in odds], float)
+        return np.array(
+            [sum(coats.share * coats.layered for coats in row_odds) for row_odds in odds], float
+        )
 
     def coats_words(self, row: int) -> str:
         """One sentence on how the paints of the most probable set lie, mixed or one over another;
         empty where that was not weighed.
         """
-        own = self.coats_odds[row] if self.coats_odds else ()
-        if not own:
+        row_odds = self.coats_odds[row] if self.coats_odds else ()
+        if not row_odds:
             return ""
-        return f"if it is of {' and '.join(own[0].paints)}: {own[0].words()}"
+        return f"if it is of {' and '.join(row_odds[0].paints)}: {row_odds[0].words()}"
 
     @cached_property
     def fractions(self) -> Float[np.ndarray, "spectra candidates 3"]:
@@ -248,14 +250,14 @@ class Identification(Tabulated):
         inside [0, 1]; NaN where these are.
         """
         share = self.fractions
-        inside = (share > 0) & (share < 1)
-        safe = np.where(inside, share, 0.5)
+        interior = (share > 0) & (share < 1)
+        safe = np.where(interior, share, 0.5)
         # d log odds = d log f / (1 - f).
-        spread = np.where(inside, self._log_sd[1], 0.0)
-        moved = (spread / (1.0 - safe))[..., None] * NINETY
-        log_odds = np.log(safe / (1.0 - safe))[..., None] + moved
+        spread = np.where(interior, self._log_sd[1], 0.0)
+        half_width = (spread / (1.0 - safe))[..., None] * NINETY
+        log_odds = np.log(safe / (1.0 - safe))[..., None] + half_width
         ends = np.exp(-np.logaddexp(0.0, -log_odds))
-        return np.where(inside[..., None], ends, share[..., None])
+        return np.where(interior[..., None], ends, share[..., None])
 
     @cached_property
     def residual(self) -> Float[np.ndarray, "spectra candidates grounds bands"]:
@@ -270,9 +272,9 @@ class Identification(Tabulated):
     @cached_property
     def angle(self) -> Float[np.ndarray, "spectra candidates"]:
         """Largest spectral angle over the grounds, degrees."""
-        known = np.isfinite(self.fitted)
-        measured = np.where(known, self.measured.readings[:, None], 0.0)
-        return spectral_angle(measured, np.where(known, self.fitted, 0.0)).max(axis=-1)
+        finite = np.isfinite(self.fitted)
+        measured = np.where(finite, self.measured.readings[:, None], 0.0)
+        return spectral_angle(measured, np.where(finite, self.fitted, 0.0)).max(axis=-1)
 
     @cached_property
     def delta_e(self) -> Float[np.ndarray, "spectra candidates"]:
@@ -295,7 +297,7 @@ class Identification(Tabulated):
 
     def arrays_and_axes(self) -> Variables:
         """Readings, what was fitted, and how probable it is."""
-        each = ("spectrum", "candidate")
+        candidate_axes = ("spectrum", "candidate")
         bands = ("ground", WAVELENGTH)
         axes = {
             "spectrum": list(self.measured.names),
@@ -304,8 +306,8 @@ class Identification(Tabulated):
         }
         return {
             "measured": (("spectrum", *bands), self.measured.readings),
-            "fitted": ((*each, *bands), self.fitted),
-            "probability": (each, self.probability),
+            "fitted": ((*candidate_axes, *bands), self.fitted),
+            "probability": (candidate_axes, self.probability),
         }, axes
 
     def ranked(self, row: int, count: int | None = None) -> list[Candidate]:
@@ -320,10 +322,10 @@ class Identification(Tabulated):
         ):
             condition = CONDITIONS[self.condition[row, n]]
             hidden = self.opaque if condition.opaque is None else condition.opaque
-            here = np.flatnonzero(self.members[row, n] != NOBODY)
-            if not here.size:  # A place that other spectra needed.
+            present = np.flatnonzero(self.members[row, n] != NOBODY)
+            if not present.size:  # A place that other spectra needed.
                 continue
-            order = here[np.lexsort((-fractions[row, n, here], self.coats[row, n, here]))]
+            order = present[np.lexsort((-fractions[row, n, present], self.coats[row, n, present]))]
             share = fractions[row, n]
             total = float(self.amounts[row, n].sum())
             spread = self._log_sd[1][row, n] * share
@@ -362,15 +364,15 @@ class Identification(Tabulated):
         (``family_sets[row]`` says which it may be).
         """
         if self.family_sets:
-            return [(found.families, found.probability) for found in self.family_sets[row]]
+            return [(answer.families, answer.probability) for answer in self.family_sets[row]]
         chances: dict[frozenset[str], float] = {}
-        words: dict[frozenset[str], tuple[str, ...]] = {}
+        ordered_names: dict[frozenset[str], tuple[str, ...]] = {}
         for candidate in self.ranked(row):
             names = tuple(dict.fromkeys(family(paint) for paint in candidate.paints))
-            words.setdefault(frozenset(names), names)
+            ordered_names.setdefault(frozenset(names), names)
             chances[frozenset(names)] = chances.get(frozenset(names), 0.0) + candidate.probability
         return [
-            (words[names], chances[names])
+            (ordered_names[names], chances[names])
             for names in sorted(chances, key=lambda names: -chances[names])
         ]
 
@@ -385,14 +387,14 @@ class Identification(Tabulated):
         """
         ranked = self.ranked(row)
         first = ranked[0]
-        own = set(ranked[0].paints)
+        first_paints = set(ranked[0].paints)
         out: dict[str, list[str]] = {}
         for candidate in ranked[1:]:
-            gone = own - set(candidate.paints)
-            new = set(candidate.paints) - own
+            gone = first_paints - set(candidate.paints)
+            new = set(candidate.paints) - first_paints
             if len(gone) == len(new) == 1 and candidate.probability >= least * first.probability:
-                others = out.setdefault(gone.pop(), [])
-                others.extend(new - set(others))
+                alternatives = out.setdefault(gone.pop(), [])
+                alternatives.extend(new - set(alternatives))
         return out
 
     def words(self, row: int) -> str:
@@ -415,7 +417,7 @@ class Identification(Tabulated):
         if likely is not None:
             paint, share = likely
             return (
-                f"most probably with {paint} ({share:.0%}), but what is beside it is open; the "
+                f"most probably with {paint} ({share:.0%}), but its companion is open: the "
                 f"most probable single set, {best.words} ({best.probability:.0%}), is without it"
             )
         more = f"; these pigments {chance:.0%}" if chance > best.probability + 0.05 else ""
@@ -433,15 +435,15 @@ class Identification(Tabulated):
         return came_true(self.family_sets[row][0].probability, infrared)
 
     def stated_words(self, row: int) -> str:
-        """How probable the first answer by family is said to be, and how often such answers came
-        true.
+        """Say how probable the first answer by family is said to be, and how often such answers
+        came true.
         """
         counts = self.came_true(row)
         tested = "" if counts is None else f", in tests {counts[0] / counts[1]:.0%} right"
         return f"probability {self.family_sets[row][0].probability:.0%}{tested}"
 
     def unexplained(self, row: int) -> str:
-        """Why nothing explains a spectrum."""
+        """Say why nothing explains a spectrum."""
         best = self.ranked(row, 1)[0]
         start = "nothing in the catalogue explains this"
         if self.family_sets:
@@ -453,12 +455,14 @@ class Identification(Tabulated):
                 f"pigment is {nearest}"
             )
         # The nearest in colour of the five that a table shows as a rule.
-        measured = [one for one in self.ranked(row, 5) if np.isfinite(one.delta_e)]
-        nearest = min(measured, key=lambda one: one.delta_e, default=best)
+        measured = [
+            candidate for candidate in self.ranked(row, 5) if np.isfinite(candidate.delta_e)
+        ]
+        nearest = min(measured, key=lambda candidate: candidate.delta_e, default=best)
         off = (
             f"has the colour (Delta E00 {nearest.delta_e:.1f}) but not the shape of the spectrum"
             if nearest.delta_e < UNSEEN
-            else f"is off by Delta E00 {nearest.delta_e:.1f}"
+            else f"has an error of Delta E00 {nearest.delta_e:.1f}"
         )
         if self.none[row] < 0.5:
             # Improbable as it is that nothing does, its films are off by more than an eye forgives.
@@ -521,32 +525,32 @@ class Identification(Tabulated):
         Batches in which more conditions were tried hold more candidates; the others' further places
         are empty.
         """
-        most = max(part.probability.shape[1] for part in parts)
-        wide = [part._with_places(most) for part in parts]
+        most = max(batch.probability.shape[1] for batch in parts)
+        wide = [batch._with_places(most) for batch in parts]
         joined = {
-            name: np.concatenate([getattr(part, name) for part in wide])
+            name: np.concatenate([getattr(batch, name) for batch in wide])
             for name in (*_OF_SPECTRA, *_OF_CANDIDATES)
         }
         return replace(
             wide[0],
-            measured=Measured.join([part.measured for part in wide]),
-            family_sets=tuple(found for part in wide for found in part.family_sets),
-            coats_odds=tuple(odds for part in wide for odds in part.coats_odds),
+            measured=Measured.join([batch.measured for batch in wide]),
+            family_sets=tuple(answers for batch in wide for answers in batch.family_sets),
+            coats_odds=tuple(odds for batch in wide for odds in batch.coats_odds),
             **joined,
         )
 
     def _with_places(self, count: int) -> "Identification":
         """The same with empty places up to a count of candidates."""
-        more = count - self.probability.shape[1]
-        if more == 0:
+        missing = count - self.probability.shape[1]
+        if missing == 0:
             return self
         padded = {
-            name: np.concatenate([part, np.repeat(part[:, -1:], more, axis=1)], axis=1)
+            name: np.concatenate([values, np.repeat(values[:, -1:], missing, axis=1)], axis=1)
             for name in _OF_CANDIDATES
-            for part in [getattr(self, name)]
+            for values in [getattr(self, name)]
         }
-        padded["members"][:, -more:] = NOBODY
-        padded["probability"][:, -more:] = 0.0
+        padded["members"][:, -missing:] = NOBODY
+        padded["probability"][:, -missing:] = 0.0
         return replace(self, **padded)
 
 
@@ -574,15 +578,19 @@ def log_sds(
     slope = np.eye(members.shape[-1]) - fractions[..., None, :]
     spread = np.einsum("...ij,...jk,...ik->...i", slope, covariance, slope, optimize=True)
     thickness = np.einsum("...i,...ij,...j->...", fractions, covariance, fractions, optimize=True)
-    parts = np.diagonal(covariance, axis1=-2, axis2=-1), spread, thickness
+    variances = np.diagonal(covariance, axis1=-2, axis2=-1), spread, thickness
     # Standard deviations of a logarithm beyond 50 say that nothing is known.
-    amounts, each, whole = (np.minimum(np.sqrt(np.maximum(part, 0.0)), 50.0) for part in parts)
-    return amounts, each, whole
+    amounts, fraction_sds, thickness_sd = (
+        np.minimum(np.sqrt(np.maximum(variance, 0.0)), 50.0) for variance in variances
+    )
+    return amounts, fraction_sds, thickness_sd
 
 
-def spectral_angle(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+def spectral_angle(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     """Angle between spectra, degrees, over the last axis; 0 if both are black, 90 if one is."""
-    lengths = np.linalg.norm(one, axis=-1) * np.linalg.norm(other, axis=-1)
-    both = (np.linalg.norm(one, axis=-1) == 0) & (np.linalg.norm(other, axis=-1) == 0)
-    cosine = np.where(both, 1.0, np.sum(one * other, axis=-1) / np.where(lengths > 0, lengths, 1.0))
+    lengths = np.linalg.norm(first, axis=-1) * np.linalg.norm(second, axis=-1)
+    black = (np.linalg.norm(first, axis=-1) == 0) & (np.linalg.norm(second, axis=-1) == 0)
+    cosine = np.where(
+        black, 1.0, np.sum(first * second, axis=-1) / np.where(lengths > 0, lengths, 1.0)
+    )
     return np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))

@@ -33,7 +33,7 @@ def group_of(family: str) -> str:
 
 
 def answer_of(families: Iterable[str]) -> frozenset[str]:
-    """What sets of families that are one answer share: their coloured groups, or all their groups
+    """Key that sets of families of one answer share: their coloured groups, or all their groups
     where none has a colour.
     """
     groups = frozenset(map(group_of, families))

@@ -1,5 +1,5 @@
-"""How often answers came true on paint by others, by the probability that they stated: counts of
-`python -m benchmarks.paintbench --stated`, pure paints of known families, each source unknown to
+"""Counts of answers that came true on paint by others, by the probability that they stated: counts
+of `python -m benchmarks.paintbench --stated`, pure paints of known families, each source unknown to
 the search.
 """
 
@@ -16,7 +16,7 @@ _INFRARED = 900.0
 
 
 def has_infrared(wavelengths: Float[np.ndarray, "bands"]) -> bool:
-    """Whether a reading holds enough of the near infrared to be counted with it."""
+    """True if a reading holds enough of the near infrared to be counted with it."""
     return float(wavelengths[-1]) >= _INFRARED
 
 
@@ -28,9 +28,9 @@ def came_true(probability: float, infrared: bool) -> tuple[int, int]:
         infrared: whether the near infrared was read (`has_infrared`).
     """
     counts = _counts()
-    inside = (counts[:, 0] == infrared) & (counts[:, 1] <= probability)
-    answers, right = counts[inside][-1, 3:]
-    return int(right), int(answers)
+    matching = (counts[:, 0] == infrared) & (counts[:, 1] <= probability)
+    answers, correct = counts[matching][-1, 3:]
+    return int(correct), int(answers)
 
 
 @functools.cache

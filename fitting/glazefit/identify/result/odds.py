@@ -12,7 +12,7 @@ DECIDED = 0.8
 
 @dataclass(frozen=True, kw_only=True)
 class CoatsOdds:
-    """How one set of paints may lie in a film, whatever their amounts.
+    """Odds of how one set of paints lies in a film, whatever their amounts.
 
     Attributes:
         paints: names of the set.
@@ -35,7 +35,7 @@ class CoatsOdds:
     @property
     def most_probable(self) -> str:
         """The arrangement, in words."""
-        return max(self.chances, key=lambda words: self.chances[words])
+        return max(self.chances, key=lambda arrangement: self.chances[arrangement])
 
     def words(self) -> str:
         """One sentence."""

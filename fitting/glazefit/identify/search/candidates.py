@@ -27,9 +27,9 @@ def find_candidates(task: IdentificationTask, measured: Measured) -> Pool:
     on_few = few_bands_of(task)
     if on_few is None or not can_gather(on_few[0], measured):
         return _find(task, measured)
-    few, smaller = on_few
-    found = _find(smaller, gather(few, measured, task.discrepancy))
-    return spread_out(few, found.possible)
+    few_bands, smaller = on_few
+    pool = _find(smaller, gather(few_bands, measured, task.discrepancy))
+    return spread_out(few_bands, pool.possible)
 
 
 def _find(task: IdentificationTask, measured: Measured) -> Pool:

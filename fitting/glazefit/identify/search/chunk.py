@@ -35,7 +35,7 @@ class Chunk:
 
     @cached_property
     def expectation(self) -> tuple[Float[np.ndarray, "spectra"], ...]:
-        """What is expected of each film, and how its misfit counts: the last six of `Weights`."""
+        """Expectations of each film, and how its misfit counts: the last six of `Weights`."""
         prior = self.task.prior
         freedom = self.task.discrepancy.freedom or 0.0
         independent = min(self.task.independent_readings, self.target.shape[1])
@@ -47,13 +47,13 @@ class Chunk:
 
     @property
     def height(self) -> Float[np.ndarray, "spectra"]:
-        """What is the same in the log density of every film: of the bands that were gathered."""
+        """Log density that every film shares: of the bands that were gathered."""
         all_bands = self.spectra.all_bands
         return np.zeros(len(self)) if all_bands is None else all_bands.height
 
     @cached_property
     def tolerance(self) -> Float[np.ndarray, "spectra grounds bands"]:
-        """What counts as near to each reading when amounts and gloss are shown."""
+        """Distance that counts as near to each reading when amounts and gloss are shown."""
         return tolerance(self.spectra)
 
     @property
@@ -122,6 +122,6 @@ def _diagonal(
 
 
 def tolerance(measured: Measured) -> Float[np.ndarray, "spectra grounds bands"]:
-    """What counts as near to each reading when amounts and gloss are shown."""
+    """Distance that counts as near to each reading when amounts and gloss are shown."""
     # Near black .005, and .02 for each unit of reflectance.
     return np.hypot(measured.noise_sd, 0.005 + 0.02 * measured.readings)

@@ -45,7 +45,7 @@ _GROUNDS = (0.03, 0.5, 0.93)
 class FewBands:
     """Some bands of a grid, and how readings at all bands follow from these."""
 
-    place: Int[np.ndarray, "few"]
+    index: Int[np.ndarray, "few"]
     spread: Float[np.ndarray, "bands few"]
     missed: Float[np.ndarray, "bands"]  # standard deviation by which films are missed, foretold
     rough: Float[np.ndarray, "bands"]  # the same of the model's smooth error, for each unit of it
@@ -54,22 +54,22 @@ class FewBands:
         self, weights: Float[np.ndarray, "spectra grounds bands"]
     ) -> Float[np.ndarray, "spectra grounds few few"]:
         """G^T diag(weights) G."""
-        count = len(self.place)
-        one, other = np.triu_indices(count)
+        count = len(self.index)
+        first, second = np.triu_indices(count)
         # One product of two matrices: numpy takes each spectrum by itself if there are three axes.
         half = weights.reshape(-1, weights.shape[-1]).astype(np.float32) @ self._products
         half = half.reshape(*weights.shape[:2], -1)
         out = np.empty((*weights.shape[:2], count, count))
-        out[..., one, other] = half
-        out[..., other, one] = half
+        out[..., first, second] = half
+        out[..., second, first] = half
         return out
 
     @cached_property
     def _products(self) -> Float[np.ndarray, "bands pairs"]:
         """Of every two columns of G, in single precision: they are many."""
-        one, other = np.triu_indices(len(self.place))
+        first, second = np.triu_indices(len(self.index))
         spread = self.spread.astype(np.float32)
-        return spread[:, one] * spread[:, other]
+        return spread[:, first] * spread[:, second]
 
 
 def choose_bands(
@@ -92,21 +92,23 @@ def choose_bands(
     alike = films.T @ films / len(films) + 1.0
     for sd, reach in _SMOOTH:
         alike += sd**2 * smooth_kernel(wavelengths, reach)
-    left = np.diag(alike).copy()
+    remaining = np.diag(alike).copy()
     factor = np.zeros((count, count))
-    place: list[int] = []
-    while len(place) < 2 or (left.max() > MISSED**2 and len(place) < count):
-        band = (0, count - 1)[len(place)] if len(place) < 2 else int(np.argmax(left))
-        known = factor[:, : len(place)]
-        column = (alike[:, band] - known @ known[band]) / np.sqrt(left[band])
-        factor[:, len(place)] = column
-        left = np.maximum(left - column**2, 0.0)
-        place.append(band)
-    order = np.sort(place)
+    index: list[int] = []
+    while len(index) < 2 or (remaining.max() > MISSED**2 and len(index) < count):
+        band = (0, count - 1)[len(index)] if len(index) < 2 else int(np.argmax(remaining))
+        chosen = factor[:, : len(index)]
+        column = (alike[:, band] - chosen @ chosen[band]) / np.sqrt(remaining[band])
+        factor[:, len(index)] = column
+        remaining = np.maximum(remaining - column**2, 0.0)
+        index.append(band)
+    order = np.sort(index)
     spread = np.linalg.solve(alike[np.ix_(order, order)], alike[order]).T
     smooth = smooth_kernel(wavelengths, length)
-    told = np.sum(spread * (2.0 * smooth[:, order] - spread @ smooth[np.ix_(order, order)]), axis=1)
-    return FewBands(order, spread, np.sqrt(left), np.sqrt(np.maximum(1.0 - told, 0.0)))
+    explained = np.sum(
+        spread * (2.0 * smooth[:, order] - spread @ smooth[np.ix_(order, order)]), axis=1
+    )
+    return FewBands(order, spread, np.sqrt(remaining), np.sqrt(np.maximum(1.0 - explained, 0.0)))
 
 
 _FEW: WeakKeyDictionary[FilmTables, tuple[FewBands, FilmTables] | None] = WeakKeyDictionary()
@@ -122,13 +124,13 @@ def few_bands_of(task: IdentificationTask) -> tuple[FewBands, IdentificationTask
     with _LOCK:
         if task.tables not in _FEW:
             _FEW[task.tables] = _choose(task)
-        found = _FEW[task.tables]
-    if found is None:
+        choice = _FEW[task.tables]
+    if choice is None:
         return None
-    few, tables = found
-    at = few.place
-    paints = Paints(*(part[:, at] for part in task.paints))
-    return few, task._replace(
+    few_bands, tables = choice
+    at = few_bands.index
+    paints = Paints(*(values[:, at] for values in task.paints))
+    return few_bands, task._replace(
         paints=paints,
         errors=task.errors[..., at],
         modes=task.modes[..., at, :],
@@ -141,48 +143,50 @@ def _choose(task: IdentificationTask) -> tuple[FewBands, FilmTables] | None:
     films = films_at_random(
         *task.tables.single, task.prior.spread, np.asarray(_GROUNDS), task.wavelengths.size
     )
-    few = choose_bands(films, task.wavelengths, task.discrepancy.length)
+    few_bands = choose_bands(films, task.wavelengths, task.discrepancy.length)
     # All are taken where no more than a quarter of them can be left out.
-    if len(few.place) > 0.75 * len(few.spread):
+    if len(few_bands.index) > 0.75 * len(few_bands.spread):
         return None
-    paints = Paints(*(jnp.asarray(np.asarray(part)[:, few.place]) for part in task.paints))
-    return few, FilmTables(task.response, paints, task.max_paints, task.prior.spread)
+    paints = Paints(
+        *(jnp.asarray(np.asarray(values)[:, few_bands.index]) for values in task.paints)
+    )
+    return few_bands, FilmTables(task.response, paints, task.max_paints, task.prior.spread)
 
 
-def can_gather(few: FewBands, measured: Measured) -> bool:
-    """Whether the grounds are told by these bands too."""
+def can_gather(few_bands: FewBands, measured: Measured) -> bool:
+    """True if the grounds are told by these bands too."""
     grounds = measured.grounds
     # A ground that is missed by more between the bands is taken at all of them.
-    return bool(np.abs(grounds - grounds[..., few.place] @ few.spread.T).max() <= 0.005)
+    return bool(np.abs(grounds - grounds[..., few_bands.index] @ few_bands.spread.T).max() <= 0.005)
 
 
-def gather(few: FewBands, measured: Measured, discrepancy: ModelError) -> Measured:
+def gather(few_bands: FewBands, measured: Measured, discrepancy: ModelError) -> Measured:
     """Spectra at few bands: their least squares in what films can read.
 
     What these bands miss of films and of the model's smooth error counts as noise.
     """
     spectra, grounds, bands = measured.readings.shape
-    count = len(few.place)
-    rough = (discrepancy.amplitude + discrepancy.share * measured.readings) * few.rough
-    variance = measured.noise_sd**2 + few.missed**2 + rough**2
+    count = len(few_bands.index)
+    rough = (discrepancy.amplitude + discrepancy.share * measured.readings) * few_bands.rough
+    variance = measured.noise_sd**2 + few_bands.missed**2 + rough**2
     precise = 1.0 / variance
 
-    normal = few.weighted_square(precise)
+    normal = few_bands.weighted_square(precise)
     covariance = np.linalg.inv(normal)
 
     def least_squares(values: np.ndarray, by: np.ndarray, inverse: np.ndarray) -> np.ndarray:
-        return (inverse @ ((values * by) @ few.spread)[..., None])[..., 0]
+        return (inverse @ ((values * by) @ few_bands.spread)[..., None])[..., 0]
 
     readings = least_squares(measured.readings, precise, covariance)
     doubt = least_squares(measured.doubt, precise[:, None], covariance[:, None])
     # What is left is the same for every film.
-    off = measured.readings - readings @ few.spread.T
+    off = measured.readings - readings @ few_bands.spread.T
     height = -0.5 * (
         np.log(variance).sum(axis=(1, 2))
         + np.linalg.slogdet(normal)[1].sum(axis=1)
         + grounds * (bands - count) * np.log(2.0 * np.pi)
     )
-    near = few.weighted_square(1.0 / tolerance(measured) ** 2)
+    near = few_bands.weighted_square(1.0 / tolerance(measured) ** 2)
     all_bands = AllBands(
         noise=_over_grounds(covariance),
         near=_over_grounds(np.linalg.inv(near)),
@@ -193,9 +197,9 @@ def gather(few: FewBands, measured: Measured, discrepancy: ModelError) -> Measur
     )
     return replace(
         measured,
-        wavelengths=measured.wavelengths[few.place],
+        wavelengths=measured.wavelengths[few_bands.index],
         readings=readings,
-        grounds=measured.grounds[..., few.place],
+        grounds=measured.grounds[..., few_bands.index],
         noise_sd=np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1)),
         doubt=doubt,
         all_bands=all_bands,
@@ -203,21 +207,21 @@ def gather(few: FewBands, measured: Measured, discrepancy: ModelError) -> Measur
 
 
 def _over_grounds(
-    parts: Float[np.ndarray, "spectra grounds few few"],
+    blocks: Float[np.ndarray, "spectra grounds few few"],
 ) -> Float[np.ndarray, "spectra readings readings"]:
     """One matrix over all grounds, between which there is nothing."""
-    spectra, grounds, few, _ = parts.shape
-    whole = np.zeros((spectra, grounds, few, grounds, few))
+    spectra, grounds, size, _ = blocks.shape
+    matrices = np.zeros((spectra, grounds, size, grounds, size))
     for n in range(grounds):
-        whole[:, n, :, n] = parts[:, n]
-    return whole.reshape(spectra, grounds * few, -1)
+        matrices[:, n, :, n] = blocks[:, n]
+    return matrices.reshape(spectra, grounds * size, -1)
 
 
-def spread_out(few: FewBands, pool: Pool) -> Pool:
+def spread_out(few_bands: FewBands, pool: Pool) -> Pool:
     """A pool's readings at all bands, from those at few."""
 
     def wide(readings: Float[np.ndarray, "spectra candidates few"]) -> np.ndarray:
-        by_ground = readings.reshape(*readings.shape[:2], -1, len(few.place))
-        return (by_ground @ few.spread.T).reshape(*readings.shape[:2], -1)
+        by_ground = readings.reshape(*readings.shape[:2], -1, len(few_bands.index))
+        return (by_ground @ few_bands.spread.T).reshape(*readings.shape[:2], -1)
 
     return replace(pool, readings=wide(pool.readings), adjusted=wide(pool.adjusted))

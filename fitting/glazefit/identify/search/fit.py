@@ -125,17 +125,19 @@ def _fit_by_blocks(fit: Callable[[SetStarts], Fitted], starts: SetStarts) -> Fit
     room = ((0, 0), (0, 0), (0, 3 - size))
     sets = np.pad(starts.sets, room, constant_values=NOBODY)
     logs = np.pad(starts.logs, room)
-    parts = []
+    blocks = []
     for first in range(0, count, KEPT_TRIPLES):
         # The last block is filled up with sets from the first.
         block = np.arange(first, first + KEPT_TRIPLES) % count
-        parts.append(fit(SetStarts(sets[:, block], logs[:, block])))
-    whole = Fitted(*(np.concatenate(part, axis=1)[:, :count] for part in zip(*parts, strict=True)))
+        blocks.append(fit(SetStarts(sets[:, block], logs[:, block])))
+    joined = Fitted(
+        *(np.concatenate(arrays, axis=1)[:, :count] for arrays in zip(*blocks, strict=True))
+    )
     return Fitted(
-        logs=whole.logs[..., :size],
-        covariance=whole.covariance[..., :size, :size],
-        log_evidence=whole.log_evidence,
-        readings=whole.readings,
+        logs=joined.logs[..., :size],
+        covariance=joined.covariance[..., :size, :size],
+        log_evidence=joined.log_evidence,
+        readings=joined.readings,
     )
 
 
@@ -170,7 +172,7 @@ def log_set_prior(
 ) -> Float[np.ndarray, "*n"]:
     """Log prior probability of sets of paints; a negative number is none."""
     sizes = np.asarray(task.prior.sizes[: task.max_paints])
-    each = [
+    by_size = [
         share / sizes.sum() / len(sets_of(task.paint_count, n))
         for n, share in enumerate(sizes, start=1)
     ]
@@ -180,7 +182,7 @@ def log_set_prior(
     hardly = np.where(count > 1, (present & task.extenders[members]).sum(axis=-1), 0)
     # No paint at all is no explanation.
     with np.errstate(divide="ignore"):
-        return np.log(np.asarray([0.0, *each]))[count] + hardly * np.log(task.prior.extender)
+        return np.log(np.asarray([0.0, *by_size]))[count] + hardly * np.log(task.prior.extender)
 
 
 @functools.partial(Program, fixed=("middle", "steps"))
@@ -340,13 +342,13 @@ def _evidence(
     square = jnp.sum(off**2, axis=-1) + weights.outside
     heavy = weights.freedom > 0
     freedom = jnp.where(heavy, weights.freedom, 1.0)
-    whole = weights.freedom + weights.independent
-    tail = weights.independent / weights.in_all * weights.height - 0.5 * whole * jnp.log1p(
+    total_freedom = weights.freedom + weights.independent
+    tail = weights.independent / weights.in_all * weights.height - 0.5 * total_freedom * jnp.log1p(
         square / freedom
     )
     likelihood = jax.nn.logsumexp(jnp.where(heavy, tail, weights.height - 0.5 * square))
     data, prior_part = hessian
-    share = jnp.where(heavy, whole / (freedom + jnp.min(square)), 1.0)
+    share = jnp.where(heavy, total_freedom / (freedom + jnp.min(square)), 1.0)
     spread, log_det = inverse_small(share * data + prior_part)
     prior = log_prior(logs, present, weights.spread, weights.concentration)
     volume = 0.5 * present.sum(dtype=logs.dtype) * jnp.log(2.0 * jnp.pi) - 0.5 * log_det

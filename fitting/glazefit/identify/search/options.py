@@ -1,4 +1,4 @@
-"""How films are identified: options that `identify`, its siblings and a map share."""
+"""Options of an identification, which `identify`, its siblings and a map share."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -39,7 +39,7 @@ class IdentificationKeywords(SearchKeywords, total=False):
 
 @dataclass(frozen=True, kw_only=True)
 class IdentificationOptions:
-    """How films are identified.
+    """Options of an identification.
 
     Attributes:
         instrument: a `glazejax.Instrument`, a geometry, or words such as "45:0" for one without a
@@ -86,17 +86,17 @@ class IdentificationOptions:
             )
 
 
-def check_keywords(function: str, given: Mapping[str, Any], known: type) -> None:
+def check_keywords(function: str, keywords: Mapping[str, Any], accepted: type) -> None:
     """Refuse keywords that a function does not take, as Python itself does.
 
     Args:
         function: its name.
-        given: its keywords.
-        known: the typed dictionary of those that it takes.
+        keywords: its keywords.
+        accepted: the typed dictionary of those that it takes.
 
     Raises:
         TypeError: one that is not among them.
     """
-    for name in given:
-        if name not in known.__optional_keys__:  # pyright: ignore[reportAttributeAccessIssue]
+    for name in keywords:
+        if name not in accepted.__optional_keys__:  # pyright: ignore[reportAttributeAccessIssue]
             raise TypeError(f"{function}() got an unexpected keyword argument {name!r}")

@@ -27,16 +27,19 @@ class Pool:
     gloss: Float[np.ndarray, "spectra candidates"]
     condition: Int[np.ndarray, "spectra candidates"]  # by number; see `conditions`
 
-    def merge(self, *others: "Pool") -> "Pool":
+    def merge(self, *pools: "Pool") -> "Pool":
         """Candidates of all for the same spectra."""
-        parts = zip(self.parts, *(other.parts for other in others), strict=True)
-        return Pool(*(np.concatenate(same, axis=1) for same in parts))
+        arrays = zip(self.parts, *(pool.parts for pool in pools), strict=True)
+        return Pool(*(np.concatenate(same, axis=1) for same in arrays))
 
     @classmethod
     def join(cls, pools: Sequence["Pool"]) -> "Pool":
         """Candidates of further spectra, as many of each."""
         return cls(
-            *(np.concatenate(parts) for parts in zip(*(pool.parts for pool in pools), strict=True))
+            *(
+                np.concatenate(arrays)
+                for arrays in zip(*(pool.parts for pool in pools), strict=True)
+            )
         )
 
     @property
@@ -56,25 +59,25 @@ class Pool:
     def take(self, chosen: Int[np.ndarray, "spectra kept"]) -> "Pool":
         """Some candidates of each spectrum, by number."""
         rows = np.arange(len(chosen))[:, None]
-        return Pool(*(part[rows, chosen] for part in self.parts))
+        return Pool(*(values[rows, chosen] for values in self.parts))
 
     def of(self, rows: Int[np.ndarray, "rows"]) -> "Pool":
         """Candidates of some of the spectra, by number."""
-        return Pool(*(part[rows] for part in self.parts))
+        return Pool(*(values[rows] for values in self.parts))
 
     def spread(self, rows: Int[np.ndarray, "rows"], count: int) -> "Pool":
         """This pool as rows of `count` spectra, side by side where a spectrum comes more than once;
         all other places are empty, with a weight of -inf.
         """
         order = np.argsort(rows, kind="stable")
-        place = np.arange(len(rows)) - np.searchsorted(rows[order], rows[order])
-        shape = (count, int(place.max(initial=0)) + 1)
-        at = rows[order], place
+        column = np.arange(len(rows)) - np.searchsorted(rows[order], rows[order])
+        shape = (count, int(column.max(initial=0)) + 1)
+        at = rows[order], column
 
-        def side_by_side(part: np.ndarray, nothing: float) -> np.ndarray:
-            whole = np.full((*shape, *part.shape[1:]), nothing, part.dtype)
-            whole[at] = part[order]
-            return whole.reshape(count, -1, *part.shape[2:])
+        def side_by_side(values: np.ndarray, nothing: float) -> np.ndarray:
+            padded = np.full((*shape, *values.shape[1:]), nothing, values.dtype)
+            padded[at] = values[order]
+            return padded.reshape(count, -1, *values.shape[2:])
 
         empty = {"members": NOBODY, "log_weight": -np.inf}
         return Pool(

@@ -67,14 +67,14 @@ class CandidateFilms:
         cls, pool: Pool, chosen: Bool[np.ndarray, "spectra candidates"], size: int
     ) -> "CandidateFilms":
         """Those of a pool that are chosen."""
-        row, place = np.nonzero(chosen)
-        at = row, place
+        row, candidate = np.nonzero(chosen)
+        at = row, candidate
         sets = pool.members[at][:, :size]
         logs = np.where(sets == NOBODY, 0.0, pool.logs[at][:, :size])
         covariance = pool.covariance[at][:, :size, :size]
         return cls(
             row=row,
-            place=place,
+            place=candidate,
             sets=sets,
             logs=logs,
             covariance=covariance,
@@ -86,16 +86,16 @@ class CandidateFilms:
         """Some of them."""
         return type(self)(*(getattr(self, f.name)[films] for f in fields(self)))
 
-    def substitute(self, films: np.ndarray, others: "CandidateFilms") -> "CandidateFilms":
+    def substitute(self, films: np.ndarray, substitutes: "CandidateFilms") -> "CandidateFilms":
         """These, with others in the place of some."""
-        parts = [getattr(self, f.name).copy() for f in fields(self)]
-        for part, f in zip(parts, fields(self), strict=True):
-            part[films] = getattr(others, f.name)
-        return type(self)(*parts)
+        columns = [getattr(self, f.name).copy() for f in fields(self)]
+        for column, f in zip(columns, fields(self), strict=True):
+            column[films] = getattr(substitutes, f.name)
+        return type(self)(*columns)
 
     @property
     def log_weight_lost(self) -> Float[np.ndarray, "films"]:
-        """How much lower the log weight of each is than that of the best of its spectrum."""
+        """Deficit of the log weight of each compared with the best of its spectrum."""
         best = np.full(self.row.max() + 1, -np.inf)
         np.maximum.at(best, self.row, self.log_weight)
         return best[self.row] - self.log_weight
@@ -112,14 +112,14 @@ class Groups(NamedTuple):
     def take(self, films: np.ndarray) -> "Groups":
         """Those of some films."""
         used, of = np.unique(self.of[films], return_inverse=True)
-        return Groups(of, *(part[used] for part in self[1:]))
+        return Groups(of, *(values[used] for values in self[1:]))
 
-    def substitute(self, films: np.ndarray, others: "Groups") -> "Groups":
+    def substitute(self, films: np.ndarray, substitutes: "Groups") -> "Groups":
         """These, with others for some films."""
         of = self.of.copy()
-        of[films] = others.of + len(self.row)
+        of[films] = substitutes.of + len(self.row)
         return Groups(
-            of, *(np.concatenate(both) for both in zip(self[1:], others[1:], strict=True))
+            of, *(np.concatenate(pair) for pair in zip(self[1:], substitutes[1:], strict=True))
         )
 
 
@@ -135,26 +135,26 @@ def refine(chunk: Chunk, pool: Pool) -> Pool:
     task = chunk.task
     pool = pool.best(task.effort.kept_sets)
     size = max(task.max_paints, 2)
-    lost = pool.log_weight.max(axis=1, keepdims=True) - pool.log_weight
+    deficit = pool.log_weight.max(axis=1, keepdims=True) - pool.log_weight
     # First with the errors of groups of like films, all that may still matter.
-    close = np.isfinite(pool.log_weight) & (lost <= task.effort.fit_within)
+    close = np.isfinite(pool.log_weight) & (deficit <= task.effort.fit_within)
     films = CandidateFilms.of(pool, close, size)
     films, groups, _ = fit_with_errors(chunk, films, slopes_at(chunk, films), task.effort.fit_steps)
     # Those that came near, but have moved away from where the errors were worked out, again.
     slopes = slopes_at(chunk, films)
-    moved = np.flatnonzero(
+    drifted = np.flatnonzero(
         (films.log_weight_lost <= task.effort.refit_within)
         & (_slope_change(films.sets, slopes, groups) > task.effort.refit_beyond)
     )
-    if moved.size:
-        again, more, _ = fit_with_errors(
-            chunk, films.take(moved), slopes[moved], task.effort.refit_steps
+    if drifted.size:
+        refitted, refitted_groups, _ = fit_with_errors(
+            chunk, films.take(drifted), slopes[drifted], task.effort.refit_steps
         )
-        films = films.substitute(moved, again)
-        groups = groups.substitute(moved, more)
-    shown = np.flatnonzero(films.log_weight_lost <= task.effort.show_within)
-    films = films.take(shown)
-    groups = groups.take(shown)
+        films = films.substitute(drifted, refitted)
+        groups = groups.substitute(drifted, refitted_groups)
+    answers = np.flatnonzero(films.log_weight_lost <= task.effort.show_within)
+    films = films.take(answers)
+    groups = groups.take(answers)
     # Amounts that are shown come near the readings; those that are weighed stay beside them.
     near = _nearest(chunk, films)
     nothing = (
@@ -214,9 +214,11 @@ def film_slopes(
 
     def film(members: Array, logs: Array, ground: Array) -> Array:
         amounts = jnp.where(members >= 0, jnp.exp(logs), 0.0)[:, None]
-        parts = amounts * paints.absorption[members], amounts * paints.scattering[members]
-        _, by_k, by_s = response.body_and_slopes(parts[0].sum(axis=0), parts[1].sum(axis=0), ground)
-        slopes = jnp.concatenate([parts[0][:, None] * by_k, parts[1][:, None] * by_s])
+        depths = amounts * paints.absorption[members], amounts * paints.scattering[members]
+        _, by_k, by_s = response.body_and_slopes(
+            depths[0].sum(axis=0), depths[1].sum(axis=0), ground
+        )
+        slopes = jnp.concatenate([depths[0][:, None] * by_k, depths[1][:, None] * by_s])
         return slopes.reshape(slopes.shape[0], -1)
 
     return jax.vmap(film)(sets, logs, ground)
@@ -280,12 +282,12 @@ def coefficient_errors(
     # Single precision does for what is added to the noise, and takes a third of the time.
     kind = task.precision
     by = slopes.astype(kind)
-    own = task.errors.astype(kind)
+    paint_errors = task.errors.astype(kind)
 
     def some(n: Int[np.ndarray, "block"]) -> tuple[np.ndarray, np.ndarray]:
-        caused = paints_covariance(by[n], sets[n], own, task.modes, task.wavelengths, d)
-        found = whiten(noise[row[n]], smooth[row[n]] + caused, d)
-        return found.basis.astype(kind), found.height + chunk.height[row[n], None]
+        caused = paints_covariance(by[n], sets[n], paint_errors, task.modes, task.wavelengths, d)
+        white = whiten(noise[row[n]], smooth[row[n]] + caused, d)
+        return white.basis.astype(kind), white.height + chunk.height[row[n], None]
 
     # A few at a time: matrices that stay in a core's cache.
     blocks = np.split(np.arange(len(row)), range(_ERRORS, len(row), _ERRORS))
@@ -309,7 +311,8 @@ def _fit(
     kind = task.precision
     response, paints = task.films
     grounds, target, *expected = (
-        np.asarray(part, kind) for part in (chunk.spectra.grounds, chunk.target, *chunk.expectation)
+        np.asarray(values, kind)
+        for values in (chunk.spectra.grounds, chunk.target, *chunk.expectation)
     )
     basis = np.asarray(errors.basis, kind)
     height = np.asarray(errors.height, kind)
@@ -319,13 +322,13 @@ def _fit(
         row = films.row[n]
         own_group = group[n]
         weights = Weights(
-            target[row], basis[own_group], height[own_group], *(part[row] for part in expected)
+            target[row], basis[own_group], height[own_group], *(values[row] for values in expected)
         )
         start = films.sets[n], logs[n], grounds[row]
         return fit_films(response, paints, *start, weights, task.middle, steps=np.asarray(steps))
 
     fitted = by_blocks(len(films.row), block_size(basis.shape[-1]), run)
-    return Fitted(*(np.asarray(part, np.float64) for part in fitted))
+    return Fitted(*(np.asarray(values, np.float64) for values in fitted))
 
 
 @functools.partial(Program, fixed=("middle",))
@@ -368,18 +371,18 @@ def _slope_change(
     slopes: Float[np.ndarray, "films errors readings"],
     groups: Groups,
 ) -> Float[np.ndarray, "films"]:
-    """How far slopes of films are from those of their groups, root mean square of the largest."""
+    """Distance of films' slopes from those of their groups, root mean square of the largest."""
     size = sets.shape[1]
     theirs = groups.sets[groups.of]
     group_slopes = groups.slopes[groups.of]
     most = np.zeros(len(sets))
     for paint in range(size):
-        here = sets[:, paint, None] == theirs
-        same = (here & (theirs != NOBODY)).any(axis=1)[:, None]
-        at = np.argmax(here, axis=1)
-        for part in (0, size):
-            off = slopes[:, paint + part] - np.where(
-                same, group_slopes[np.arange(len(sets)), at + part], 0.0
+        matches = sets[:, paint, None] == theirs
+        same = (matches & (theirs != NOBODY)).any(axis=1)[:, None]
+        at = np.argmax(matches, axis=1)
+        for offset in (0, size):
+            off = slopes[:, paint + offset] - np.where(
+                same, group_slopes[np.arange(len(sets)), at + offset], 0.0
             )
             most = np.maximum(most, np.sqrt(np.mean(off**2, axis=-1)))
     return most
@@ -420,11 +423,13 @@ def move_readings(
     for first in range(0, len(groups.row), _ERRORS):
         lies = slice(*np.searchsorted(groups.of[order], (first, first + _ERRORS)))
         n = order[lies]
-        few = Groups(groups.of[n] - first, *(part[first : first + _ERRORS] for part in groups[1:]))
-        near, basis = _near_and_whitening(chunk, few)
-        white = np.einsum("fij,fj->fi", basis[few.of], off[n])
-        left = np.einsum("fij,fi->fj", basis[few.of], white)
-        out[n] = chunk.target[row[n]] - np.einsum("fij,fj->fi", near[few.of], left)
+        subset = Groups(
+            groups.of[n] - first, *(values[first : first + _ERRORS] for values in groups[1:])
+        )
+        near, basis = _near_and_whitening(chunk, subset)
+        white = np.einsum("fij,fj->fi", basis[subset.of], off[n])
+        weighted = np.einsum("fij,fi->fj", basis[subset.of], white)
+        out[n] = chunk.target[row[n]] - np.einsum("fij,fj->fi", near[subset.of], weighted)
     return out
 
 
@@ -452,6 +457,6 @@ def _near_and_whitening(
     free = paints_covariance(
         groups.slopes, groups.sets, task.errors, task.modes, task.wavelengths, stated
     )
-    used, place = np.unique(groups.row, return_inverse=True)
+    used, inverse = np.unique(groups.row, return_inverse=True)
     spectra = chunk.take(used)
-    return spectra.near[place], whitening(spectra.tolerance_covariance[place] + free)[0]
+    return spectra.near[inverse], whitening(spectra.tolerance_covariance[inverse] + free)[0]

@@ -1,5 +1,5 @@
-"""Which mixtures may explain a spectrum: sets of paints, and a coarse search that says where to
-start each.
+"""Screening of the mixtures that may explain a spectrum: sets of paints, and a coarse search that
+says where to start each.
 
 A candidate is a set of one to three paints; its unknowns are the amounts a_i = thickness times
 fraction, in units of a usual thickness, so that k d = sum a_i k_i. Sets of one and two paints are
@@ -41,7 +41,7 @@ class SetStarts(NamedTuple):
 
 
 class Screened(NamedTuple):
-    """What tables of films tell of spectra.
+    """Result of looking spectra up in tables of films.
 
     Attributes:
         starts: sets of one paint and the best of two for every spectrum.
@@ -61,20 +61,20 @@ def screen(task: IdentificationTask, measured: Measured) -> Screened:
         members = np.pad(near.sets, room, constant_values=NOBODY)
         return np.concatenate([members, np.pad(np.log(near.amounts), room)], axis=-1)
 
-    found: list[tuple[np.ndarray, np.ndarray]] = []
+    batches: list[tuple[np.ndarray, np.ndarray]] = []
     tables: dict[int, FilmTable] = {}
     for rows, ground in alike_grounds(measured.grounds):
         table = task.tables.over(ground, lambda grounds: common_whitening(task, grounds))
         target = measured.flat[rows] - task.mean_surface
         near = table.nearest(target, task.effort.fitted_pairs)
-        found.append((rows, np.concatenate([side_by_side(one) for one in near], axis=1)))
+        batches.append((rows, np.concatenate([side_by_side(nearest) for nearest in near], axis=1)))
         tables.update(dict.fromkeys(rows.tolist(), table))
     # Back in the order of the spectra.
-    order = np.argsort(np.concatenate([rows for rows, _ in found]))
-    both = np.concatenate([part for _, part in found])[order]
-    size = both.shape[-1] // 2
+    order = np.argsort(np.concatenate([rows for rows, _ in batches]))
+    joined = np.concatenate([values for _, values in batches])[order]
+    size = joined.shape[-1] // 2
     return Screened(
-        starts=SetStarts(both[..., :size].astype(np.int32), both[..., size:]),
+        starts=SetStarts(joined[..., :size].astype(np.int32), joined[..., size:]),
         tables=[tables[row] for row in range(len(measured))],
     )
 
@@ -83,12 +83,12 @@ def alike_grounds(
     grounds: Float[np.ndarray, "spectra grounds bands"],
 ) -> list[tuple[Int[np.ndarray, "rows"], Float[np.ndarray, "grounds bands"]]]:
     """Groups of spectra with nearly the same grounds: their numbers and their mean ground."""
-    left = np.arange(len(grounds))
+    remaining = np.arange(len(grounds))
     groups = []
-    while left.size:
-        near = np.abs(grounds[left] - grounds[left[0]]).max(axis=(1, 2)) < ALIKE
-        groups.append((left[near], grounds[left[near]].mean(axis=0)))
-        left = left[~near]
+    while remaining.size:
+        near = np.abs(grounds[remaining] - grounds[remaining[0]]).max(axis=(1, 2)) < ALIKE
+        groups.append((remaining[near], grounds[remaining[near]].mean(axis=0)))
+        remaining = remaining[~near]
     return groups
 
 
@@ -127,15 +127,15 @@ def grow_triples(
     sets, tries = grow(pairs[rows, best], amounts, task.paint_count)
     # Each at a few amounts of the third paint.
     target = chunk.target @ white.T
-    given = (jnp.asarray(a, float) for a in (tries, chunk.spectra.grounds, target, white))
+    arrays = (jnp.asarray(a, float) for a in (tries, chunk.spectra.grounds, target, white))
     cost, where = (
-        np.asarray(a) for a in score(task.response, task.paints, jnp.asarray(sets), *given)
+        np.asarray(a) for a in score(task.response, task.paints, jnp.asarray(sets), *arrays)
     )
     keep = min(KEPT_TRIPLES, len(sets_of(task.paint_count, 3)))
     # Pairs that overlap can give fewer sets than wanted: then some come twice.
-    found = [unique_best(s, c, keep) for s, c in zip(sets, cost, strict=True)]
-    chosen = np.stack([np.resize(numbers, keep) for numbers in found])
-    new = np.arange(keep) < np.asarray([len(numbers) for numbers in found])[:, None]
+    unique = [unique_best(s, c, keep) for s, c in zip(sets, cost, strict=True)]
+    chosen = np.stack([np.resize(numbers, keep) for numbers in unique])
+    new = np.arange(keep) < np.asarray([len(numbers) for numbers in unique])[:, None]
     logs = np.log(np.take_along_axis(tries, where[..., None, None], axis=2)[:, :, 0])
     return SetStarts(sets[rows, chosen], logs[rows, chosen]), new
 
@@ -151,12 +151,12 @@ def grow(
         Sets, not sorted and some of them twice, pair first; and their amounts, a few of the third
         paint's.
     """
-    spectra, kept, _ = pairs.shape
-    thirds = np.broadcast_to(np.arange(count, dtype=np.int32), (spectra, kept, count))
-    rest = (thirds[..., None] != pairs[:, :, None, :]).all(axis=-1)
-    thirds = thirds[rest].reshape(spectra, kept, count - 2)
-    both = np.broadcast_to(pairs[:, :, None, :], (*thirds.shape, 2))
-    sets = np.concatenate([both, thirds[..., None]], axis=-1)
+    spectra, pair_count, _ = pairs.shape
+    thirds = np.broadcast_to(np.arange(count, dtype=np.int32), (spectra, pair_count, count))
+    distinct = (thirds[..., None] != pairs[:, :, None, :]).all(axis=-1)
+    thirds = thirds[distinct].reshape(spectra, pair_count, count - 2)
+    repeated = np.broadcast_to(pairs[:, :, None, :], (*thirds.shape, 2))
+    sets = np.concatenate([repeated, thirds[..., None]], axis=-1)
     total = amounts.sum(axis=-1)[..., None, None] * _THIRDS
     tried = np.broadcast_to(amounts[:, :, None, None, :], (*thirds.shape, _THIRDS.size, 2))
     third = np.broadcast_to(total, tried.shape[:-1])

@@ -45,7 +45,7 @@ UNSEEN_GROUND = 0.5
 
 
 class Searcher(NamedTuple):
-    """What all spectra of a catalogue, an instrument and an expectation share.
+    """Search that all spectra of a catalogue, an instrument and an expectation share.
 
     Attributes:
         tasks: for films that let their ground through (False), and for films that hide it (True).
@@ -85,22 +85,28 @@ class Searcher(NamedTuple):
         discrepancy = options.discrepancy or ModelError.between_films()
         prior = options.prior or Prior()
         grid = validate_wavelengths(np.asarray(wavelengths, dtype=np.float64))
-        known = check_pigments(pigments, grid)
-        largest = min(options.max_paints, len(known))
+        resampled = check_pigments(pigments, grid)
+        largest = min(options.max_paints, len(resampled))
         response = film_response(instrument.geometry, instrument.refractive_index)
-        extenders = find_extenders(known, prior.thickness)
-        errors = relative_errors(known, discrepancy)
-        modes = error_modes(known, discrepancy).astype(np.float32)
+        extenders = find_extenders(resampled, prior.thickness)
+        errors = relative_errors(resampled, discrepancy)
+        modes = error_modes(resampled, discrepancy).astype(np.float32)
         noise = options.noise or Noise()
         tasks = {}
-        for hidden, expected in ((True, opaque_prior(prior, known)), (False, prior)):
-            paints = paints_of(known, expected.thickness)
+        for hidden, expected in ((True, opaque_prior(prior, resampled)), (False, prior)):
+            paints = paints_of(resampled, expected.thickness)
             # Identification is called again and again for one catalogue and one instrument.
-            coefficients = tuple(np.asarray(part).tobytes() for part in (grid, *paints))
+            coefficients = tuple(np.asarray(values).tobytes() for values in (grid, *paints))
             optics = Optics.of(instrument.geometry, instrument.refractive_index)
-            seen = (optics, instrument.seen_surface, noise, discrepancy)
+            instrument_key = (optics, instrument.seen_surface, noise, discrepancy)
             tables = kept_tables(
-                (*coefficients, str(paints.absorption.dtype), *seen, largest, expected.spread),
+                (
+                    *coefficients,
+                    str(paints.absorption.dtype),
+                    *instrument_key,
+                    largest,
+                    expected.spread,
+                ),
                 functools.partial(FilmTables, response, paints, largest, expected.spread),
             )
             tasks[hidden] = IdentificationTask(
@@ -122,7 +128,7 @@ class Searcher(NamedTuple):
         return cls(
             tasks=tasks,
             opaque=opaque,
-            paints=tuple(p.name for p in known),
+            paints=tuple(p.name for p in resampled),
             varnish=options.varnish or "unknown",
         )
 
@@ -169,14 +175,14 @@ def check_spectra(
     """
     grid = validate_wavelengths(np.asarray(wavelengths, dtype=np.float64))
     readings = np.asarray(spectra, dtype=np.float64)
-    given = readings.shape
+    shape = readings.shape
     if readings.ndim == 1:
         readings = readings[None]
     if readings.ndim == 2:
         readings = readings[:, None]
     if readings.ndim != 3 or readings.shape[-1] != grid.size or 0 in readings.shape:
         raise ValueError(
-            f"spectra of shape {given} are not (bands,), (spectra, bands) or (spectra, grounds, "
+            f"spectra of shape {shape} are not (bands,), (spectra, bands) or (spectra, grounds, "
             f"bands) with {grid.size} bands"
         )
     labels = tuple(names) if names is not None else tuple(str(i + 1) for i in range(len(readings)))
@@ -207,14 +213,14 @@ def check_spectra(
     if not ((below >= 0) & (below <= 1)).all():
         value = below[~((below >= 0) & (below <= 1))][0]
         raise ValueError(f"a ground's internal reflectance is {value:g}; it must lie in [0, 1]")
-    seen = noise_of_each(readings).max(axis=-1)[:, None, None]
+    roughness = noise_of_each(readings).max(axis=-1)[:, None, None]
     doubt = np.empty((len(readings), 0, *readings.shape[1:]))
     return Measured(
         names=labels,
         wavelengths=grid,
         readings=readings,
         grounds=below,
-        noise_sd=np.maximum(noise.sd(readings), seen),
+        noise_sd=np.maximum(noise.sd(readings), roughness),
         doubt=doubt,
     )
 
@@ -226,14 +232,14 @@ def check_pigments(pigments: Pigments, wavelengths: Float[np.ndarray, "bands"]) 
         ValueError: no pigment, repeated names, several spectra in one pigment, or a grid that is
             too short.
     """
-    known = listed_pigments(pigments)
-    if not known:
+    paints = listed_pigments(pigments)
+    if not paints:
         raise ValueError("the catalogue is empty; give at least one pigment")
-    names = [pigment.name for pigment in known]
+    names = [pigment.name for pigment in paints]
     if len(set(names)) < len(names):
         twice = next(name for name in names if names.count(name) > 1)
         raise ValueError(f"two pigments of the catalogue are called {twice!r}; names must differ")
-    for pigment in known:
+    for pigment in paints:
         if pigment.absorption.ndim != 1 or pigment.scattering.ndim != 1:
             raise ValueError(
                 f"the pigment {pigment.name!r} is a batch; give its members one by one"
@@ -243,7 +249,7 @@ def check_pigments(pigments: Pigments, wavelengths: Float[np.ndarray, "bands"]) 
                 f"pigment {pigment.name!r} has a phase function; here paint scatters isotropically"
             )
     try:
-        return [pigment.resample(wavelengths) for pigment in known]
+        return [pigment.resample(wavelengths) for pigment in paints]
     except ValueError as error:
         raise ValueError(f"the catalogue does not cover the spectra: {error}") from None
 
@@ -258,8 +264,8 @@ def opaque_prior(prior: Prior, pigments: Sequence[Pigment]) -> Prior:
 
 
 def find_extenders(pigments: Sequence[Pigment], thickness: float) -> Bool[np.ndarray, "paints"]:
-    """Which paints are extenders: a film of this thickness (m) lets most light through at every
-    wavelength.
+    """True for paints that are extenders: a film of this thickness (m) lets most light through at
+    every wavelength.
     """
     depth = [
         [float(np.max(np.asarray(values))) for values in (p.absorption, p.scattering)]

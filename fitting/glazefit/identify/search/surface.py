@@ -20,21 +20,21 @@ def with_surface(chunk: Chunk, pool: Pool) -> Pool:
     d = task.discrepancy
     nuisance = NuisanceMode.of(chunk)
     off = chunk.target[:, None] - pool.readings
-    found = nuisance.found @ np.swapaxes(off, 1, 2)
-    added = np.maximum(d.gloss * task.surface + d.surface_sd(task.surface) * found[:, 0], 0.0)
+    estimates = nuisance.found @ np.swapaxes(off, 1, 2)
+    added = np.maximum(d.gloss * task.surface + d.surface_sd(task.surface) * estimates[:, 0], 0.0)
     # As a share of a smooth surface's; an instrument that sees none of that has no such share.
     gloss = added / task.surface if task.surface > 0 else np.ones_like(added)
-    seen = pool.readings + added[..., None]
-    seen = seen + np.swapaxes(found[:, 1:], 1, 2) @ nuisance.shapes[:, 1:]
-    moved = pool.adjusted + d.gloss * task.surface
+    readings = pool.readings + added[..., None]
+    readings = readings + np.swapaxes(estimates[:, 1:], 1, 2) @ nuisance.shapes[:, 1:]
+    adjusted = pool.adjusted + d.gloss * task.surface
     lengths = {
         name: getattr(pool, name) + np.log(task.prior.thickness) for name in ("logs", "weighed")
     }
-    return replace(pool, readings=seen, adjusted=moved, gloss=gloss, **lengths)
+    return replace(pool, readings=readings, adjusted=adjusted, gloss=gloss, **lengths)
 
 
 class NuisanceMode(NamedTuple):
-    """What moves all bands of a reading together: the surface, and the unknowns of
+    """Modes that move all bands of a reading together: the surface, and the unknowns of
     `Measured.doubt`.
 
     Attributes:

@@ -53,8 +53,10 @@ def paints_of(pigments: Sequence[Pigment], thickness: float) -> Paints:
     """Pigments on the grid of the spectra, with this thickness (m) as the usual one."""
     return Paints(
         *(
-            jnp.asarray(thickness * np.asarray([getattr(p, part) for p in pigments], float), float)
-            for part in ("absorption", "scattering")
+            jnp.asarray(
+                thickness * np.asarray([getattr(p, quantity) for p in pigments], float), float
+            )
+            for quantity in ("absorption", "scattering")
         )
     )
 
@@ -87,7 +89,7 @@ def amounts_grid(size: int, spread: float) -> Float[np.ndarray, "points size"]:
 def film_readings(
     response: FilmResponse, paints: Paints, sets: Array, amounts: Array, ground: Array
 ) -> Float[Array, "sets tries readings"]:
-    """What films read over each ground, ground by ground, without the surface's part.
+    """Readings of films over each ground, ground by ground, without the surface's part.
 
     Args:
         response: of the instrument.
@@ -141,20 +143,20 @@ class FilmTable(NamedTuple):
         spectra = (target @ self.project.T - self.middle).astype(np.float32)
         alone = np.sum(spectra**2, axis=-1)
         # Minus half of the misfit that differs, by one product: the spectrum's components, and 1.
-        given = np.concatenate([spectra, np.ones((len(spectra), 1), np.float32)], axis=1)
+        augmented = np.concatenate([spectra, np.ones((len(spectra), 1), np.float32)], axis=1)
         out = []
         for kind in self.sizes:
-            parts = []
-            kept = len(kind.sets) if kind.sets.shape[1] == 1 else min(keep, len(kind.sets))
+            batches = []
+            count = len(kind.sets) if kind.sets.shape[1] == 1 else min(keep, len(kind.sets))
             # Sixteen spectra at a time bound the memory.
             for first in range(0, len(spectra), 16):
                 batch = slice(first, first + 16)
-                near = (given[batch] @ kind.films).reshape(-1, len(kind.grid), len(kind.sets))
+                near = (augmented[batch] @ kind.films).reshape(-1, len(kind.grid), len(kind.sets))
                 least = alone[batch, None] - 2.0 * near.max(axis=1)
-                best = np.argsort(least, axis=1, kind="stable")[:, :kept]
+                best = np.argsort(least, axis=1, kind="stable")[:, :count]
                 where = np.argmax(np.take_along_axis(near, best[:, None], axis=2), axis=1)
-                parts.append((best, np.take_along_axis(least, best, axis=1), where))
-            best, least, where = (np.concatenate(part) for part in zip(*parts, strict=True))
+                batches.append((best, np.take_along_axis(least, best, axis=1), where))
+            best, least, where = (np.concatenate(arrays) for arrays in zip(*batches, strict=True))
             out.append(NearestSets(kind.sets[best], kind.grid[where], least))
         return out
 
@@ -197,24 +199,24 @@ def film_table(
         # The directions in which films differ most.
         project = np.linalg.eigh(off.T @ off)[1][:, : -COMPONENTS - 1 : -1].T
     # All sets at all amounts, in components.
-    whole = project @ white
+    to_components = project @ white
     middle = project @ middle
     tables = []
     for sets, grid in kinds:
         numbers = np.arange(len(sets) * len(grid))
-        parts = [
+        blocks = [
             _films(response, paints, sets, grid, numbers[first : first + _FILMS_AT_A_TIME], ground)
-            @ whole.T
+            @ to_components.T
             - middle
             for first in range(0, len(numbers), _FILMS_AT_A_TIME)
         ]
-        films = np.concatenate(parts).astype(np.float32)
+        films = np.concatenate(blocks).astype(np.float32)
         films = (
             films.reshape(len(sets), len(grid), -1).transpose(2, 1, 0).reshape(films.shape[1], -1)
         )
         half = -0.5 * np.sum(films**2, axis=0)
         tables.append(TableOfSize(sets, grid, np.concatenate([films, half[None]])))
-    return FilmTable(whole, middle, white, tuple(tables))
+    return FilmTable(to_components, middle, white, tuple(tables))
 
 
 def films_at_random(
@@ -321,7 +323,7 @@ class FilmTables:
         self._lock = threading.Lock()
 
     def __getstate__(self) -> dict[str, Any]:
-        """What it is made from: other processes make their own tables."""
+        """Arguments that it is made from: other processes make their own tables."""
         return {"_double": self._double, "_task": self._task}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -345,8 +347,8 @@ class FilmTables:
         # Grounds that are the same but for how a mean was rounded have the same table.
         rounded = np.round(ground, 3)
         with self._lock:
-            for known, table in self._kept:
-                if np.array_equal(known, rounded):
+            for stored, table in self._kept:
+                if np.array_equal(stored, rounded):
                     return table
             table = film_table(*self.single, *self._task, rounded, whitening(len(rounded)))
             self._kept = [(rounded, table), *self._kept[:7]]

@@ -1,4 +1,4 @@
-"""What the search for all spectra shares, and the spectra as it takes them."""
+"""Task that the search for all spectra shares, and the spectra as it takes them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ TYPICAL_READING = 0.3
 
 
 class Effort(NamedTuple):
-    """What a search looks at, and what it takes as alike.
+    """Effort of a search: what it looks at, and what it takes as alike.
 
     Attributes:
         fitted_pairs: number of pairs of paints that are fitted, the best of all pairs by a coarse
@@ -92,7 +92,7 @@ THOROUGH = Effort(
 
 
 class AllBands(NamedTuple):
-    """What is known of spectra that were gathered at a few bands (`few_bands`), over all grounds.
+    """Statistics of spectra that were gathered at a few bands (`few_bands`), over all grounds.
 
     Attributes:
         noise: covariance of the noise.
@@ -149,7 +149,7 @@ class Measured:
             grounds=self.grounds[rows],
             noise_sd=self.noise_sd[rows],
             doubt=self.doubt[rows],
-            all_bands=all_bands and AllBands(*(part[rows] for part in all_bands)),
+            all_bands=all_bands and AllBands(*(values[rows] for values in all_bands)),
         )
 
     @property
@@ -166,29 +166,29 @@ class Measured:
         from glazejax.colour import delta_e_of_spectra
 
         try:
-            each = delta_e_of_spectra(
+            differences = delta_e_of_spectra(
                 self.wavelengths, self.readings[:, None], computed, observer=10
             )
         except ValueError:
             return np.full(computed.shape[:2], np.nan)
-        return np.asarray(each).max(axis=-1)
+        return np.asarray(differences).max(axis=-1)
 
     @classmethod
-    def join(cls, parts: Sequence["Measured"]) -> "Measured":
+    def join(cls, batches: Sequence["Measured"]) -> "Measured":
         """Several batches on one grid as one."""
-        names = tuple(name for part in parts for name in part.names)
+        names = tuple(name for batch in batches for name in batch.names)
         return cls(
             names=names,
-            wavelengths=parts[0].wavelengths,
-            readings=np.concatenate([part.readings for part in parts]),
-            grounds=np.concatenate([part.grounds for part in parts]),
-            noise_sd=np.concatenate([part.noise_sd for part in parts]),
-            doubt=np.concatenate([part.doubt for part in parts]),
+            wavelengths=batches[0].wavelengths,
+            readings=np.concatenate([batch.readings for batch in batches]),
+            grounds=np.concatenate([batch.grounds for batch in batches]),
+            noise_sd=np.concatenate([batch.noise_sd for batch in batches]),
+            doubt=np.concatenate([batch.doubt for batch in batches]),
         )
 
 
 class IdentificationTask(NamedTuple):
-    """What all spectra of an identification share."""
+    """Task that all spectra of an identification share."""
 
     response: FilmResponse
     paints: Paints
@@ -217,7 +217,7 @@ class IdentificationTask(NamedTuple):
 
     @property
     def films(self) -> tuple[FilmResponse, Paints]:
-        """What candidates are fitted with, in that precision."""
+        """Response and paints that candidates are fitted with, in that precision."""
         return self.tables.single if self.effort.single_precision else (self.response, self.paints)
 
     @property
@@ -227,7 +227,7 @@ class IdentificationTask(NamedTuple):
 
     @property
     def mean_surface(self) -> float:
-        """What the surface adds to a reading in the mean of films."""
+        """Reflectance that the surface adds to a reading in the mean of films."""
         return self.discrepancy.gloss * self.surface
 
     @property

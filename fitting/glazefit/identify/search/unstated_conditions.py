@@ -34,27 +34,38 @@ _VARNISHED = "under a yellowed varnish"
 _LIGHT = 0.85
 _DARK = 0.04
 """Internal reflectances of grounds that nobody named."""
-CONDITIONS = (
-    Condition("", 1.0),
-    Condition(_VARNISHED, 0.08, varnish=AMOUNTS["thin"][0]),
-    Condition(_VARNISHED, 0.08, varnish=AMOUNTS["yellowed"][0]),
-    Condition("over a light ground", 0.4, ground=_LIGHT, opaque=False),
-    Condition("hiding its ground", 0.05, opaque=True),
-    Condition("over a lighter ground than told", 0.03, ground=_LIGHT),
-    Condition("over a darker ground than told", 0.03, ground=_DARK),
-)
-"""All that are tried, by number; the first is what was stated."""
+
+
+class Conditions(NamedTuple):
+    """All conditions that are tried, by name and by number; the first is what was stated."""
+
+    as_stated: Condition = Condition("", 1.0)
+    thin_varnish: Condition = Condition(_VARNISHED, 0.08, varnish=AMOUNTS["thin"][0])
+    yellowed_varnish: Condition = Condition(_VARNISHED, 0.08, varnish=AMOUNTS["yellowed"][0])
+    light_ground: Condition = Condition("over a light ground", 0.4, ground=_LIGHT, opaque=False)
+    hiding: Condition = Condition("hiding its ground", 0.05, opaque=True)
+    lighter_ground: Condition = Condition("over a lighter ground than stated", 0.03, ground=_LIGHT)
+    darker_ground: Condition = Condition("over a darker ground than stated", 0.03, ground=_DARK)
+
+
+CONDITIONS = Conditions()
+
+
+def _numbers(*names: str) -> tuple[int, ...]:
+    """Numbers of conditions, as pools and maps hold them."""
+    return tuple(map(Conditions._fields.index, names))
+
+
 CONDITIONS_OF_VARNISH: dict[str, tuple[int, ...]] = {
     "none": (),
-    "thin": (1,),
-    "yellowed": (2,),
-    "unknown": (1, 2),
+    "thin": _numbers("thin_varnish"),
+    "yellowed": _numbers("yellowed_varnish"),
+    "unknown": _numbers("thin_varnish", "yellowed_varnish"),
 }
 """What was stated of a varnish -> numbers of the conditions that are tried for it."""
 _STATED = ("thin", "yellowed")
-# Probability that a varnish which was stated is not there.
-NOT_OPAQUE = (3,)
-OTHER_GROUNDS = (4, 5, 6)
+NOT_OPAQUE = _numbers("light_ground")
+OTHER_GROUNDS = _numbers("hiding", "lighter_ground", "darker_ground")
 """Numbers of those for films said to be opaque, and of those for one reading over a ground."""
 _LEVELS = dict(AMOUNTS.values())
 """Optical thickness at 400 nm -> its standard deviation."""
@@ -82,44 +93,46 @@ def search_unstated_conditions(
     """
     prior = tasks[opaque].prior
 
-    def more(pool: Pool, numbers: tuple[int, ...], rows: Int[np.ndarray, "rows"]) -> Pool:
-        others = []
+    def try_under(pool: Pool, numbers: tuple[int, ...], rows: Int[np.ndarray, "rows"]) -> Pool:
+        """The pool with candidates of some of the spectra under further conditions."""
+        pools = []
         for number in numbers:
-            seen = films_under(number, tasks, opaque, measured.take(rows))
+            films = films_under(number, tasks, opaque, measured.take(rows))
             # What no paint reads under a varnish has no candidates there.
-            here = np.flatnonzero(np.isfinite(seen.slope).all(axis=(1, 2)))
-            if here.size:
-                seen = seen.take(here)
-                found = find_candidates(seen.task, seen.measured)
-                others.append(pool_under(number, seen, found).spread(rows[here], len(measured)))
-        return pool.merge(*others)
+            possible = np.flatnonzero(np.isfinite(films.slope).all(axis=(1, 2)))
+            if possible.size:
+                films = films.take(possible)
+                candidates = pool_under(number, films, find_candidates(films.task, films.measured))
+                pools.append(candidates.spread(rows[possible], len(measured)))
+        return pool.merge(*pools)
 
+    # Conditions that are tried for every spectrum.
     everything = np.arange(len(measured))
     if opaque:
-        pool = more(pool, NOT_OPAQUE, everything)
+        pool = try_under(pool, NOT_OPAQUE, everything)
     if varnish in _STATED:
-        pool = more(pool, CONDITIONS_OF_VARNISH[varnish], everything)
+        pool = try_under(pool, CONDITIONS_OF_VARNISH[varnish], everything)
         pool = replace(pool, log_weight=pool.log_weight + _weight_of_stated(varnish, pool))
     odds = odds_of(measured, pool, prior)
-    # Films that are more probably none of these are sought again.
+    # Those that are tried where these leave a spectrum in doubt: none has more than a fifth.
     doubtful = everything[odds.none / odds.total > 0.2]
     if not len(doubtful):
         return pool, odds
     if measured.readings.shape[1] == 1 and not opaque:
-        pool = more(pool, OTHER_GROUNDS, doubtful)
+        pool = try_under(pool, OTHER_GROUNDS, doubtful)
     if varnish not in _STATED:
-        pool = more(pool, CONDITIONS_OF_VARNISH[varnish], doubtful)
+        pool = try_under(pool, CONDITIONS_OF_VARNISH[varnish], doubtful)
     return pool, odds_of(measured, pool, prior)
 
 
 def _weight_of_stated(varnish: str, pool: Pool) -> Float[np.ndarray, "spectra candidates"]:
-    """What is to be added to log weights where a varnish was stated: its own condition weighs as
-    what was stated does, and all others, without it, little.
+    """Term to add to log weights where a varnish was stated: its own condition weighs as what was
+    stated does, and all others, without it, little.
     """
     (number,) = CONDITIONS_OF_VARNISH[varnish]
-    own = -np.log(CONDITIONS[number].chance)
+    weight = -np.log(CONDITIONS[number].chance)
     # Without it: the probability that a varnish which was stated is not there.
-    return np.where(pool.condition == number, own, np.log(0.05))
+    return np.where(pool.condition == number, weight, np.log(0.05))
 
 
 class FilmsUnderCondition(NamedTuple):
@@ -151,17 +164,17 @@ def films_under(
     condition = CONDITIONS[number]
     opaque = stated_opaque if condition.opaque is None else condition.opaque
     task = tasks[opaque]
-    seen = measured
+    changed = measured
     slope = np.ones_like(measured.readings)
     if condition.ground is not None:
-        seen = replace(seen, grounds=np.full_like(seen.grounds, condition.ground))
+        changed = replace(changed, grounds=np.full_like(changed.grounds, condition.ground))
     if condition.varnish:
-        seen, slope = remove_varnish(seen, task.response, task.surface, condition.varnish)
-    return FilmsUnderCondition(task, opaque, seen, slope)
+        changed, slope = remove_varnish(changed, task.response, task.surface, condition.varnish)
+    return FilmsUnderCondition(task, opaque, changed, slope)
 
 
 def remove_varnish(
-    measured: Measured, response: FilmResponse, surface: float, level: float
+    measured: Measured, response: FilmResponse, surface: float, optical_thickness: float
 ) -> tuple[Measured, Float[np.ndarray, "spectra grounds bands"]]:
     """Spectra as they would be without a varnish, and their slopes by the readings under it; NaN
     for spectra that no paint reads under it.
@@ -172,42 +185,42 @@ def remove_varnish(
         measured: under the varnish.
         response: of the instrument.
         surface: what the outer surface adds to a reading.
-        level: optical thickness of the varnish at 400 nm, one of those that are tried.
+        optical_thickness: of the varnish at 400 nm, one of those that are tried.
     """
     absorption = yellow(measured.wavelengths)
     read = measured.readings - surface
-    body = np.clip(read, *limits_under(response, level * absorption))
+    body = np.clip(read, *limits_under(response, optical_thickness * absorption))
     # Readings that are farther beyond what paint reads under a varnish are no noise.
     possible = (np.abs(read - body) <= 4.0 * measured.noise_sd).all(axis=(1, 2), keepdims=True)
-    spread = _LEVELS[level]
+    spread = _LEVELS[optical_thickness]
     # At this level, at slightly more varnish, and for slightly higher readings.
-    bare = without_varnish(response, body, level * absorption)
-    more_varnish = without_varnish(response, body, (level + 0.01) * absorption)
-    brighter = without_varnish(response, body + 1e-4, level * absorption)
-    more = spread / 0.01 * (more_varnish - bare)
+    bare = without_varnish(response, body, optical_thickness * absorption)
+    more_varnish = without_varnish(response, body, (optical_thickness + 0.01) * absorption)
+    brighter = without_varnish(response, body + 1e-4, optical_thickness * absorption)
+    varnish_error = spread / 0.01 * (more_varnish - bare)
     slope = (brighter - bare) / 1e-4
-    doubt = more[:, None]
+    doubt = varnish_error[:, None]
     changed = replace(
         measured, readings=bare + surface, noise_sd=measured.noise_sd * slope, doubt=doubt
     )
     return changed, np.where(possible, slope, np.nan)
 
 
-def pool_under(number: int, seen: FilmsUnderCondition, pool: Pool) -> Pool:
+def pool_under(number: int, films: FilmsUnderCondition, pool: Pool) -> Pool:
     """Candidates under one condition as they compete with those of films that lie as stated.
 
     Args:
         number: of `CONDITIONS`.
-        seen: the films under it.
+        films: the films under it.
         pool: their candidates.
     """
     condition = CONDITIONS[number]
-    task = seen.task
+    task = films.task
 
     def add_varnish(readings: np.ndarray) -> np.ndarray:
-        shape = seen.measured.readings.shape[1:]
+        shape = films.measured.readings.shape[1:]
         body = readings.reshape(*readings.shape[:2], *shape) - task.surface
-        thickness = condition.varnish * yellow(seen.measured.wavelengths)
+        thickness = condition.varnish * yellow(films.measured.wavelengths)
         return (under_varnish(task.response, body, thickness) + task.surface).reshape(
             readings.shape
         )
@@ -217,7 +230,7 @@ def pool_under(number: int, seen: FilmsUnderCondition, pool: Pool) -> Pool:
             pool, readings=add_varnish(pool.readings), adjusted=add_varnish(pool.adjusted)
         )
     # What changes of variables add to a spectrum's log density.
-    change = task.independent_readings * np.log(seen.slope).mean(axis=(1, 2))
+    change = task.independent_readings * np.log(films.slope).mean(axis=(1, 2))
     weight = pool.log_weight + np.log(condition.chance) + change[:, None]
     if condition.ground is not None:
         # What hardly shows is no answer over a ground that nobody stated: it is the ground that is

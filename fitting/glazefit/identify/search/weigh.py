@@ -33,8 +33,8 @@ def weigh_traces(pool: Pool, extenders: Bool[np.ndarray, "paints"]) -> Pool:
         pool: candidates with their log amounts.
         extenders: which paints hardly show in a film of usual thickness.
     """
-    there = pool.members != NOBODY
-    amounts = np.where(there, np.exp(np.where(there, pool.logs, 0.0)), 0.0)
+    present = pool.members != NOBODY
+    amounts = np.where(present, np.exp(np.where(present, pool.logs, 0.0)), 0.0)
     clear = np.append(extenders, False)[pool.members]
     coloured = np.sum(np.where(clear, 0.0, amounts), axis=-1) / amounts.sum(axis=-1)
     # What is an extender alone is no trace.
@@ -43,7 +43,7 @@ def weigh_traces(pool: Pool, extenders: Bool[np.ndarray, "paints"]) -> Pool:
 
 
 class Misfits(NamedTuple):
-    """How far candidates are off the spectra; infinite for those that hardly matter."""
+    """Misfits of candidates to the spectra; infinite for those that hardly matter."""
 
     delta_e: Float[
         np.ndarray, "spectra candidates"
@@ -58,7 +58,7 @@ class Misfits(NamedTuple):
 
 
 class Odds(NamedTuple):
-    """How candidates and none of them compare, before they are made to sum to 1."""
+    """Odds of candidates and of none of them, before they are made to sum to 1."""
 
     candidates: Float[np.ndarray, "spectra candidates"]
     none: Float[np.ndarray, "spectra"]
@@ -76,7 +76,7 @@ class Smaller(NamedTuple):
     """One candidate, and those of the same film less one paint."""
 
     candidate: int
-    less: list[int]
+    subsets: list[int]
 
 
 def odds_of(measured: Measured, pool: Pool, prior: Prior, *, looked_at: int = 40) -> Odds:
@@ -90,11 +90,10 @@ def odds_of(measured: Measured, pool: Pool, prior: Prior, *, looked_at: int = 40
             0.
     """
     weight = np.where(np.isfinite(pool.log_weight), pool.log_weight, -np.inf)
-    # Before the misfit is looked at: how probable each is if the film is of the catalogue's paints.
-    share = np.exp(weight - weight.max(axis=1, keepdims=True))
-    share /= share.sum(axis=1, keepdims=True)
+    share = _shares(weight)
     misfits = _misfits(measured, pool, share, looked_at)
     odds, rejected = _judge(share, misfits, prior)
+    # Paints that nothing needs give way, spectrum by spectrum, as each has its own candidates.
     for row in range(len(odds)):
         order = smaller_sets(
             members=pool.members[row],
@@ -122,19 +121,28 @@ def odds_of_shared_candidates(
         order: of `smaller_sets`.
         prior: what was expected.
     """
-    share = np.exp(weight - weight.max(axis=1, keepdims=True))
-    share /= share.sum(axis=1, keepdims=True)
-    odds, rejected = _judge(share, misfits, prior)
+    odds, rejected = _judge(_shares(weight), misfits, prior)
     return _beside_none(simplest(order, weight, misfits.delta_e, odds), rejected, misfits, prior)
 
 
-def _whole(misfits: Misfits) -> Float[np.ndarray, "spectra candidates"]:
-    """What candidates are judged by."""
-    # What noise alone makes of a colour is no misfit; a residual may have a shape that no colour
-    # shows.
+def _shares(
+    weight: Float[np.ndarray, "spectra candidates"],
+) -> Float[np.ndarray, "spectra candidates"]:
+    """Probability of each candidate before its misfit counts, if the film is of the catalogue's
+    paints.
+    """
+    share = np.exp(weight - weight.max(axis=1, keepdims=True))
+    return share / share.sum(axis=1, keepdims=True)
+
+
+def _judged_misfit(misfits: Misfits) -> Float[np.ndarray, "spectra candidates"]:
+    """Misfit in Delta E00 by which candidates are judged."""
+    # Geometric mean of the colour differences as fitted and with the paints' errors, less what
+    # noise alone makes of a colour.
     squared = np.maximum(
         misfits.delta_e * misfits.adjusted_delta_e - misfits.noise_delta_e[:, None] ** 2, 0.0
     )
+    # A residual may have a shape that no colour shows.
     return np.maximum(np.sqrt(squared), _COLOUR_OF_RMSE * misfits.residual)
 
 
@@ -146,7 +154,7 @@ def _judge(
     # there.
     odds = (
         share
-        * np.exp(-log_odds_of_none(np.maximum(_whole(misfits), UNSEEN)))
+        * np.exp(-log_odds_of_none(np.maximum(_judged_misfit(misfits), UNSEEN)))
         * (1.0 - prior.unknown)
     )
     # A fit that a person rejects by eye is never more probable than none.
@@ -163,14 +171,16 @@ def _beside_none(
     """Odds with those of none beside them: the smaller the misfit the less probable is none, even
     where nobody would see the misfit.
     """
-    kept = odds / odds.sum(axis=1, keepdims=True)
-    met = np.exp(
-        np.sum(np.where(kept > 0, kept * np.log(np.clip(_whole(misfits), 0.1, 100.0)), 0.0), axis=1)
-    )
+    # Geometric mean of the candidates' misfits, each with its odds; those without odds have none.
+    weights = odds / odds.sum(axis=1, keepdims=True)
+    log_misfits = np.log(np.clip(_judged_misfit(misfits), 0.1, 100.0))
+    misfit = np.exp(np.sum(np.where(weights > 0, weights * log_misfits, 0.0), axis=1))
+    # As many odds as expected at a misfit that is just not seen, and fewer below; what is seen has
+    # lowered the candidates' own odds already.
     none = prior.unknown * np.exp(
-        log_odds_of_none(np.minimum(met, UNSEEN)) - log_odds_of_none(UNSEEN)
+        log_odds_of_none(np.minimum(misfit, UNSEEN)) - log_odds_of_none(UNSEEN)
     )
-    return Odds(candidates=odds, none=none, misfit=met, rejected=rejected, misfits=misfits)
+    return Odds(candidates=odds, none=none, misfit=misfit, rejected=rejected, misfits=misfits)
 
 
 def log_odds_of_none(misfit: float | Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
@@ -200,18 +210,22 @@ def smaller_sets(
         possible: which candidates count: those of one coat.
     """
     size = (members != NOBODY).sum(axis=1)
+    # Each candidate's condition and paints, and the weightiest candidate of each such pair.
     sets: dict[int, tuple[int, frozenset[int]]] = {}
-    place: dict[tuple[int, frozenset[int]], int] = {}
-    here = np.flatnonzero(possible)
-    for n in here[np.argsort(-log_weight[here], kind="stable")].tolist():
+    numbers: dict[tuple[int, frozenset[int]], int] = {}
+    counted = np.flatnonzero(possible)
+    for n in counted[np.argsort(-log_weight[counted], kind="stable")].tolist():
         sets[n] = int(condition[n]), frozenset(members[n, : size[n]].tolist())
-        place.setdefault(sets[n], n)
+        numbers.setdefault(sets[n], n)
+    # Under the same condition, every set of one paint less that is a candidate.
     out = []
     for n in sorted(sets, key=lambda n: -size[n]):
         under, paints = sets[n]
-        less = [place[key] for paint in paints if (key := (under, paints - {paint})) in place]
-        if less:
-            out.append(Smaller(n, less))
+        subsets = [
+            numbers[key] for paint in paints if (key := (under, paints - {paint})) in numbers
+        ]
+        if subsets:
+            out.append(Smaller(n, subsets))
     return out
 
 
@@ -228,16 +242,21 @@ def simplest(
     the simpler film comes first.
     """
     odds = odds.copy()
-    for n, less in order:
+    for n, subsets in order:
+        # Subsets that do without the paint: behind by odds, near by weight, and no worse to see.
         enough = (
-            (odds[:, less] < odds[:, n, None])
-            & (weight[:, less] > weight[:, n, None] - 2.0)
-            & (delta_e[:, less] < np.maximum(delta_e[:, n], _EARNS_COLOUR)[:, None] + _EARNS_COLOUR)
+            (odds[:, subsets] < odds[:, n, None])
+            & (weight[:, subsets] > weight[:, n, None] - 2.0)
+            & (
+                delta_e[:, subsets]
+                < np.maximum(delta_e[:, n], _EARNS_COLOUR)[:, None] + _EARNS_COLOUR
+            )
         )
         rows = np.flatnonzero(enough.any(axis=1))
         if rows.size:
-            best = np.asarray(less)[
-                np.argmax(np.where(enough, weight[:, less], -np.inf)[rows], axis=1)
+            # The weightiest of them changes places with the set.
+            best = np.asarray(subsets)[
+                np.argmax(np.where(enough, weight[:, subsets], -np.inf)[rows], axis=1)
             ]
             odds[rows, best], odds[rows, n] = odds[rows, n], odds[rows, best]
     return odds
@@ -273,20 +292,25 @@ def _misfits(
     share: Float[np.ndarray, "spectra candidates"],
     looked_at: int,
 ) -> Misfits:
-    """How far off the candidates are, those of the largest share."""
+    """Misfits of the candidates of the largest share."""
     # The colour of a spectrum costs as much as its fit.
-    few = np.argsort(-share, axis=1, kind="stable")[:, :looked_at]
+    chosen = np.argsort(-share, axis=1, kind="stable")[:, :looked_at]
     rows = np.arange(len(measured))[:, None]
-    seen = measured.readings[:, None]
+    measured_readings = measured.readings[:, None]
     noise = np.mean(measured.noise_sd**2, axis=(1, 2))[:, None]
+    # Readings of the candidates as fitted, and with the errors of their paints allowed.
     fitted, allowed = (
-        a[rows, few].reshape(*few.shape, *seen.shape[2:]) for a in (pool.readings, pool.adjusted)
+        a[rows, chosen].reshape(*chosen.shape, *measured_readings.shape[2:])
+        for a in (pool.readings, pool.adjusted)
     )
-    left = np.sqrt(np.maximum(np.mean((seen - allowed) ** 2, axis=(-1, -2)) - noise, 0.0))
+    residual = np.sqrt(
+        np.maximum(np.mean((measured_readings - allowed) ** 2, axis=(-1, -2)) - noise, 0.0)
+    )
 
     def place(values: np.ndarray) -> np.ndarray:
+        """Values of these candidates among all, where the others' are infinite."""
         out = np.full(share.shape, np.inf)
-        out[rows, few] = values
+        out[rows, chosen] = values
         return out
 
     delta_e, adjusted_delta_e = (
@@ -295,6 +319,6 @@ def _misfits(
     return Misfits(
         delta_e=delta_e,
         adjusted_delta_e=adjusted_delta_e,
-        residual=place(left),
+        residual=place(residual),
         noise_delta_e=_of_noise(measured),
     )

@@ -1,1 +1,1 @@
-"""What an identification found, shown: on the screen, in tables and pictures, on a page to file."""
+"""Results of an identification, shown: on the screen, in tables and pictures, on a page to file."""

@@ -1,4 +1,4 @@
-"""What an answer leaves open, and what it rests on, in words: for the screen, the page and the
+"""Sentences on what an answer leaves open, and what it rests on: for the screen, the page and the
 record alike.
 """
 
@@ -15,40 +15,45 @@ _LEAST = 1e-3
 _ALL = 0.99
 
 
-def describe_ambiguity(found: Identification, row: int) -> list[str]:
+def describe_ambiguity(identification: Identification, row: int) -> list[str]:
     """Sentences on what the spectrum does not tell, and on what the answer rests; none where
     nothing explains it.
     """
-    if not found.explained[row]:
-        return [settled] if (settled := describe_undecided(found, row)) else []
-    said = (
-        describe_indistinguishable(found, row),
-        describe_additions(found, row),
-        describe_undecided(found, row),
-        *evidence_relied_on(found, row),
+    if not identification.explained[row]:
+        return [settled] if (settled := describe_undecided(identification, row)) else []
+    sentences = (
+        describe_indistinguishable(identification, row),
+        describe_additions(identification, row),
+        describe_undecided(identification, row),
+        *evidence_relied_on(identification, row),
     )
-    return [words for words in said if words]
+    return [sentence for sentence in sentences if sentence]
 
 
-def describe_indistinguishable(found: Identification, row: int) -> str:
+def describe_indistinguishable(identification: Identification, row: int) -> str:
     """Paints of the first film that the spectrum does not tell from others, in words; empty if
     there are none.
     """
-    pairs = [" or ".join((paint, *others)) for paint, others in found.not_told(row).items()]
-    return f"This spectrum does not tell whether it is {'; '.join(pairs)}." if pairs else ""
+    pairs = [
+        " or ".join((paint, *alternatives))
+        for paint, alternatives in identification.not_told(row).items()
+    ]
+    return f"This spectrum does not decide between {'; '.join(pairs)}." if pairs else ""
 
 
 def describe_undecided(
-    found: Identification, row: int, least: float = 0.05, most: float = 0.95
+    identification: Identification, row: int, least: float = 0.05, most: float = 0.95
 ) -> str:
     """Pigments that may or may not be in the film, in words; empty if there are none.
 
     Paints of one pigment count together. Where something explains the spectrum, that nothing might
     is left out: the headline says it.
     """
-    whole = 1.0 - float(found.none[row]) if found.explained[row] else 1.0
+    explained = 1.0 - float(identification.none[row]) if identification.explained[row] else 1.0
     chances: dict[str, float] = {}
-    for paint, chance in zip(found.paints, found.paint_probability[row] / whole, strict=True):
+    for paint, chance in zip(
+        identification.paints, identification.paint_probability[row] / explained, strict=True
+    ):
         chances[family(paint)] = chances.get(family(paint), 0.0) + float(chance)
     open_ = sorted(
         (name for name, chance in chances.items() if least < chance < most),
@@ -63,64 +68,64 @@ def describe_undecided(
     )
 
 
-def describe_additions(found: Identification, row: int) -> str:
-    """What the film may hold beside the paints of the first candidate, in words; empty if nothing
-    is known of that.
+def describe_additions(identification: Identification, row: int) -> str:
+    """Say what the film may hold beside the paints of the first candidate; empty if nothing is
+    known of that.
     """
-    shares = sorted(possible_additions(found, row).items(), key=lambda pair: -pair[1])
+    shares = sorted(possible_additions(identification, row).items(), key=lambda pair: -pair[1])
     if not shares:
         return ""
     # Three are named; the others are counted.
     listed = shares[:3]
     # Below this share a paint that may be there is a trace, and its share is not said.
     least_share = 0.01
-    said = [
+    phrases = [
         f"up to {percent(most)} {paint}" if most < _ALL else f"any amount of {paint}"
         for paint, most in listed
         if most >= least_share
     ]
     traces = [paint for paint, most in listed if most < least_share]
     if traces:
-        said.append(f"a trace (below {percent(least_share)}) of {' or '.join(traces)}")
-    others = len(shares) - len(listed)
-    if others:
-        said.append(f"less of {others} other{'s' if others > 1 else ''}")
-    one = "one more paint: " if len(shares) > 1 else ""
-    several = f"{', '.join(said[:-1])}, or " if len(said) > 1 else ""
-    return f"It may also hold {one}{several}{said[-1]}."
+        phrases.append(f"a trace (below {percent(least_share)}) of {' or '.join(traces)}")
+    unlisted = len(shares) - len(listed)
+    if unlisted:
+        phrases.append(f"less of {unlisted} other{'s' if unlisted > 1 else ''}")
+    prefix = "one more paint: " if len(shares) > 1 else ""
+    several = f"{', '.join(phrases[:-1])}, or " if len(phrases) > 1 else ""
+    return f"It may also hold {prefix}{several}{phrases[-1]}."
 
 
-def possible_additions(found: Identification, row: int) -> dict[str, float]:
+def possible_additions(identification: Identification, row: int) -> dict[str, float]:
     """Paints that the first candidate has not -> the largest fraction of each that the spectrum
     allows beside it.
 
     The upper end of the 90 % interval in the candidate of the same paints and that one, where one
     was kept.
     """
-    ranked = found.ranked(row)
+    ranked = identification.ranked(row)
     first = ranked[0]
     out: dict[str, float] = {}
-    for other in ranked[1:]:
-        more = set(other.paints) - set(first.paints)
+    for larger in ranked[1:]:
+        extra = set(larger.paints) - set(first.paints)
         same = (
-            set(first.paints) < set(other.paints)
-            and other.condition == first.condition
-            and not any(other.coats)
+            set(first.paints) < set(larger.paints)
+            and larger.condition == first.condition
+            and not any(larger.coats)
         )
-        if same and len(more) == 1 and other.probability >= _LEAST * first.probability:
-            (paint,) = more
-            most = float(other.fractions_90[other.paints.index(paint), 1])
+        if same and len(extra) == 1 and larger.probability >= _LEAST * first.probability:
+            (paint,) = extra
+            most = float(larger.fractions_90[larger.paints.index(paint), 1])
             # From this share on the film may hold the paint.
             if most >= 0.001:
                 out.setdefault(paint, most)
     return out
 
 
-def evidence_relied_on(found: Identification, row: int) -> list[str]:
-    """What decides between the first candidate and other pigments, where it is the ground, a
-    varnish or an end.
+def evidence_relied_on(identification: Identification, row: int) -> list[str]:
+    """Sentences on what decides between the first candidate and other pigments, where it is the
+    ground, a varnish or an end.
     """
-    ranked = found.ranked(row)
+    ranked = identification.ranked(row)
     first = ranked[0]
     rivals = [
         c
@@ -128,12 +133,12 @@ def evidence_relied_on(found: Identification, row: int) -> list[str]:
         if _pigments(c) != _pigments(first) and c.probability >= _LEAST * first.probability
     ]
     return [
-        words
-        for words in (
+        sentence
+        for sentence in (
             _relies_on_condition(first, rivals),
-            *_relies_on_spectrum_ends(found, row, ranked, first),
+            *_relies_on_spectrum_ends(identification, row, ranked, first),
         )
-        if words
+        if sentence
     ]
 
 
@@ -142,23 +147,26 @@ def _pigments(candidate: Candidate) -> frozenset[str]:
 
 
 def _relies_on_condition(first: Candidate, rivals: list[Candidate]) -> str:
-    """Whether the answer rests on how the film lies: on its ground, or on a varnish."""
-    other = next((c for c in rivals if c.condition != first.condition), None)
+    """Say if the answer rests on how the film lies: on its ground, or on a varnish."""
+    rival = next((c for c in rivals if c.condition != first.condition), None)
     # A film under another condition counts from a tenth of the first's probability on.
-    if other is None or other.probability < 0.1 * first.probability:
+    if rival is None or rival.probability < 0.1 * first.probability:
         return ""
-    what = "varnish" if any("varnish" in c.condition for c in (first, other)) else "ground"
-    ways = [f"{c.condition or 'as stated'} it is {c.mixture}" for c in (first, other)]
-    return f"The answer rests on the {what}: {ways[0]}, but {ways[1]} ({other.probability:.0%})."
+    what = "varnish" if any("varnish" in c.condition for c in (first, rival)) else "ground"
+    statements = [f"{c.condition or 'as stated'} it is {c.mixture}" for c in (first, rival)]
+    return (
+        f"The answer rests on the {what}: {statements[0]}, but {statements[1]} "
+        f"({rival.probability:.0%})."
+    )
 
 
 def _relies_on_spectrum_ends(
-    found: Identification, row: int, ranked: list[Candidate], first: Candidate
+    identification: Identification, row: int, ranked: list[Candidate], first: Candidate
 ) -> list[str]:
-    """Whether the first fits better than other pigments by the first or the last tenth of the
+    """Say if the first fits better than other pigments by the first or the last tenth of the
     spectrum alone.
     """
-    measured = found.measured
+    measured = identification.measured
     grid = measured.wavelengths
     size = max(1, grid.size // 10)
     if grid.size < 10:
@@ -171,22 +179,24 @@ def _relies_on_spectrum_ends(
         return np.sum((candidate.residual / sd) ** 2, axis=0)
 
     # Another candidate that fits the rest as well, and the whole much worse, hangs on this end.
-    own = misses(first)
+    first_misses = misses(first)
     out = []
     for what, end in (("first", slice(0, size)), ("last", slice(grid.size - size, None))):
-        for other in ranked[1:]:
+        for rival in ranked[1:]:
             if (
-                _pigments(other) == _pigments(first)
-                or other.probability < _LEAST * first.probability
+                _pigments(rival) == _pigments(first)
+                or rival.probability < _LEAST * first.probability
             ):
                 continue
-            theirs = misses(other)
-            rest = theirs.sum() - theirs[end].sum() <= own.sum() - own[end].sum()
+            theirs = misses(rival)
+            equal_elsewhere = (
+                theirs.sum() - theirs[end].sum() <= first_misses.sum() - first_misses[end].sum()
+            )
             # A misfit that is a tenth larger is worse.
-            if rest and theirs.sum() > 1.1 * own.sum():
+            if equal_elsewhere and theirs.sum() > 1.1 * first_misses.sum():
                 bands = f"{what} tenth of the spectrum ({grid[end][0]:g}-{grid[end][-1]:g} nm)"
                 out.append(
-                    f"The answer rests on the {bands}: elsewhere {other.mixture} fits as well."
+                    f"The answer rests on the {bands}: elsewhere {rival.mixture} fits as well."
                 )
                 break
     return out

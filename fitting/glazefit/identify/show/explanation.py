@@ -35,18 +35,18 @@ class Explanation:
 
 
 def explanations(
-    found: Identification, row: int, count: int, families: Mapping[str, str]
+    identification: Identification, row: int, count: int, families: Mapping[str, str]
 ) -> list[Explanation]:
     """The most probable explanations of one spectrum: sets of paints, or where families were
     sought sets of these, each with the film that stands for it.
 
     Args:
-        found: identification.
+        identification: its result.
         row: number of the spectrum.
         count: most explanations.
         families: of each paint, by its name.
     """
-    if not found.family_sets:
+    if not identification.family_sets:
         return [
             Explanation(
                 words=candidate.words,
@@ -55,17 +55,19 @@ def explanations(
                 fitted=candidate.fitted,
                 scale=1.0,
             )
-            for candidate in found.ranked(row, count)
+            for candidate in identification.ranked(row, count)
         ]
     films: dict[frozenset[str], Candidate] = {}
-    for candidate in found.ranked(row):
+    for candidate in identification.ranked(row):
         films.setdefault(answer_of(families[paint] for paint in candidate.paints), candidate)
     out = []
-    for answer in found.family_sets[row][:count]:
+    for answer in identification.family_sets[row][:count]:
         film = films.get(answer_of(answer.families))
         # Of an improbable answer no film may have been kept.
         if film is not None:
-            fitted, scale = at_brightness_of(found.measured.readings[row, 0], film.fitted[0])
+            fitted, scale = at_brightness_of(
+                identification.measured.readings[row, 0], film.fitted[0]
+            )
             out.append(
                 Explanation(
                     words=" + ".join(answer.families),

@@ -13,7 +13,7 @@ from ..families.evidence import describe_anachronism
 from ..families.misfit import UsualMisfit, brightest, relative_misfit
 from ..result import Identification
 from .explanation import Explanation, explanations
-from .record import Provenance, describe_colours, describe_run, round_spectra
+from .record import RunProvenance, describe_colours, describe_run, round_spectra
 
 SCHEMA = {"name": "glazejax identify families report", "version": 2}
 COLUMNS = (
@@ -30,8 +30,8 @@ COLUMNS = (
 
 
 def make_family_record(
-    found: Identification,
-    about: Provenance,
+    identification: Identification,
+    about: RunProvenance,
     top: int,
     *,
     painted: int | None,
@@ -41,7 +41,7 @@ def make_family_record(
     """All that is filed, as JSON has it.
 
     Args:
-        found: identification with `family_sets`.
+        identification: with `family_sets`.
         about: how it was made.
         top: answers of each spectrum.
         painted: year in which it was painted, if that is known.
@@ -50,19 +50,19 @@ def make_family_record(
     """
     return {
         "schema": SCHEMA,
-        **describe_run(found, about),
+        **describe_run(identification, about),
         "painted": painted,
         "usual_misfit": usual
         and {"answers": usual.answers, "half": usual.half, "nine_tenths": usual.nine_tenths},
         "spots": [
-            _spot(found, row, top, painted=painted, families=families, usual=usual)
-            for row in range(len(found))
+            _spot(identification, row, top, painted=painted, families=families, usual=usual)
+            for row in range(len(identification))
         ],
     }
 
 
 def _spot(
-    found: Identification,
+    identification: Identification,
     row: int,
     top: int,
     *,
@@ -70,26 +70,28 @@ def _spot(
     families: Mapping[str, str],
     usual: UsualMisfit | None,
 ) -> dict[str, Any]:
-    known = catalogue.families()
-    answers = found.family_sets[row][:top]
+    catalogue_families = catalogue.families()
+    answers = identification.family_sets[row][:top]
     named = dict.fromkeys(
         family
         for answer in answers
         for name in answer.families
-        for family in ([one for one, _ in answer.within[name]] if name in answer.within else [name])
+        for family in (
+            [member for member, _ in answer.within[name]] if name in answer.within else [name]
+        )
     )
-    reading = found.measured.readings[row]
-    films = explanations(found, row, top, families)
+    reading = identification.measured.readings[row]
+    films = explanations(identification, row, top, families)
     return {
         "id": f"spot-{row + 1}",
-        "name": found.measured.names[row],
-        "explained": bool(found.explained[row]),
-        "words": found.verdict(row),
-        "none_of_these": float(found.none[row]),
-        "in_tests": _in_tests(found, row),
-        "coats_probability": float(found.coats_probability[row]),
-        "coats": found.coats_words(row),
-        "colours": describe_colours(found, row),
+        "name": identification.measured.names[row],
+        "explained": bool(identification.explained[row]),
+        "words": identification.verdict(row),
+        "none_of_these": float(identification.none[row]),
+        "in_tests": _in_tests(identification, row),
+        "coats_probability": float(identification.coats_probability[row]),
+        "coats": identification.coats_words(row),
+        "colours": describe_colours(identification, row),
         "measured": round_spectra(reading),
         "usual_band": usual and round_spectra(usual.band[None] * brightest(reading[0])),
         "families": [
@@ -101,32 +103,32 @@ def _spot(
                 "probability": answer.probability,
                 "anachronism": ""
                 if painted is None
-                else describe_anachronism(answer.families, known, painted),
+                else describe_anachronism(answer.families, catalogue_families, painted),
             }
             for rank, answer in enumerate(answers, start=1)
         ],
         "pigments": [
             {
                 "family": family,
-                "formula": known[family].formula,
-                "elements": list(known[family].elements),
-                "colour_index": known[family].colour_index,
-                "in_use": known[family].in_use,
+                "formula": catalogue_families[family].formula,
+                "elements": list(catalogue_families[family].elements),
+                "colour_index": catalogue_families[family].colour_index,
+                "in_use": catalogue_families[family].in_use,
             }
             for family in named
-            if family in known
+            if family in catalogue_families
         ],
         "explanations": [_film(film, reading[0]) for film in films],
     }
 
 
-def _in_tests(found: Identification, row: int) -> dict[str, int] | None:
-    counts = found.came_true(row)
+def _in_tests(identification: Identification, row: int) -> dict[str, int] | None:
+    counts = identification.came_true(row)
     return None if counts is None else {"right": counts[0], "answers": counts[1]}
 
 
 def _film(film: Explanation, reading: np.ndarray) -> dict[str, Any]:
-    known = catalogue.provenance()
+    provenance = catalogue.provenance()
     off = relative_misfit(reading, film.fitted[0])
     return {
         "words": film.words,
@@ -136,9 +138,9 @@ def _film(film: Explanation, reading: np.ndarray) -> dict[str, Any]:
         "paints": [
             {
                 "name": name,
-                "source": known[name].source if name in known else "",
-                "binder": known[name].binder if name in known else "",
-                "citation": known[name].citation if name in known else "",
+                "source": provenance[name].source if name in provenance else "",
+                "binder": provenance[name].binder if name in provenance else "",
+                "citation": provenance[name].citation if name in provenance else "",
             }
             for name in film.paints
         ],

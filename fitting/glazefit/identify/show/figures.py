@@ -15,9 +15,9 @@ FITS = 3
 def fits_to_draw(explanations: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
     """The first explanations of a spot that are worth a line."""
     return [
-        each
-        for each in explanations[:FITS]
-        if each["probability"] >= LEAST * explanations[0]["probability"]
+        explanation
+        for explanation in explanations[:FITS]
+        if explanation["probability"] >= LEAST * explanations[0]["probability"]
     ]
 
 
@@ -27,10 +27,10 @@ def plot_axes(record: Mapping[str, Any], spot: Mapping[str, Any]) -> dict[str, A
     measured = np.asarray(spot["measured"])
     fits = fits_to_draw(spot["explanations"])
     fitted = np.array([fit["fitted"] for fit in fits], dtype=float)
-    left = measured - fitted
+    residuals = measured - fitted
     usual = np.array(spot.get("usual_band") or 0.0, dtype=float)
     high = np.nanmax([*fitted.ravel(), *measured.ravel(), *(measured + usual).ravel()])
-    off = float(np.nanmax(np.abs(left), initial=0.0))
+    off = float(np.nanmax(np.abs(residuals), initial=0.0))
     # A band that is far wider than what is left fills the plot, so that what is left can be seen.
     band = float(np.max(fits[0].get("band_90") or 0.0)) if fits else 0.0
     most = max(1.15 * off, min(1.05 * band, 5.0 * off), 0.01)
@@ -38,6 +38,6 @@ def plot_axes(record: Mapping[str, Any], spot: Mapping[str, Any]) -> dict[str, A
         "spectra": PlotAxes(grid=grid, low=0.0, high=max(0.01, 1.05 * float(high))),
         # Several grounds have a low plot each.
         "residuals": PlotAxes(grid=grid, low=-most, high=most, most=7 if len(measured) == 1 else 5),
-        "left": left,
-        "off": float(np.nanmax(np.abs(left[:1]), initial=0.0)),
+        "left": residuals,
+        "off": float(np.nanmax(np.abs(residuals[:1]), initial=0.0)),
     }

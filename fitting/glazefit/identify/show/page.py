@@ -58,10 +58,10 @@ def write_page(filed: Record, path: Path, *, overwrite: bool = False) -> tuple[P
         r"\[\n(?:[-+\d.eE,\s]|null)*\]", lambda numbers: re.sub(r"\s+", " ", numbers[0]), text
     )
     # All is made before anything is written, so that no table stands beside an older page.
-    shown = "".join(page(filed, table.name, data.name)).encode("utf-8", "xmlcharrefreplace")
+    html = "".join(page(filed, table.name, data.name)).encode("utf-8", "xmlcharrefreplace")
     of = family_record if _by_family(filed) else record
     cells = table_bytes(of.COLUMNS, of.table_rows(filed))
-    write_files({table: [cells], data: [text.encode()], path: [shown]}, overwrite=overwrite)
+    write_files({table: [cells], data: [text.encode()], path: [html]}, overwrite=overwrite)
     return table, data
 
 

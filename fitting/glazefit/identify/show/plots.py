@@ -14,12 +14,12 @@ _COLOURS = (ABSORPTION, SCATTERING, "#41732b")
 
 
 def plot_identification(
-    found: Identification, path: Path, families: Mapping[str, str], top: int = 3
+    identification: Identification, path: Path, families: Mapping[str, str], top: int = 3
 ) -> int:
     """Draw measured and fitted spectra, residuals and probabilities of the first spectra.
 
     Args:
-        found: identification.
+        identification: its result.
         path: of the picture.
         families: of each paint, by its name.
         top: explanations that are drawn.
@@ -27,44 +27,54 @@ def plot_identification(
     Returns:
         Spectra drawn.
     """
-    count = min(len(found), 6)
+    count = min(len(identification), 6)
     with picture(path, 12, 3.3 * count) as figure:
         axes = figure.subplots(count, 3, squeeze=False, width_ratios=(1.2, 1, 1))
         for row in range(count):
-            _draw(found, row, families, top, axes[row])
+            _draw(identification, row, families, top, axes[row])
     return count
 
 
 def _draw(
-    found: Identification, row: int, families: Mapping[str, str], top: int, axes: np.ndarray
+    identification: Identification,
+    row: int,
+    families: Mapping[str, str],
+    top: int,
+    axes: np.ndarray,
 ) -> None:
     spectra, residuals, chances = axes
-    grid = found.measured.wavelengths
-    readings = found.measured.readings[row]
+    grid = identification.measured.wavelengths
+    readings = identification.measured.readings[row]
     for reading in readings:
         spectra.plot(grid, reading, "o", color="0.25", ms=3.5, mfc="none")
-    films = explanations(found, row, top, families)
+    films = explanations(identification, row, top, families)
     likely = [film for film in films if film.probability >= LEAST * films[0].probability]
     for n, (film, colour) in enumerate(zip(likely, _COLOURS, strict=False)):
         for ground, fitted in enumerate(film.fitted):
             spectra.plot(grid, fitted, "-", color=colour, lw=1.4 - 0.3 * n)
             style = "--" if ground else "-"
             residuals.plot(grid, readings[ground] - fitted, style, color=colour, lw=1.2)
-    highest = max(float(np.nanmax(each)) for each in (readings, *(film.fitted for film in likely)))
+    highest = max(
+        float(np.nanmax(curves)) for curves in (readings, *(film.fitted for film in likely))
+    )
     label_spectra(spectra, ylim=(0, 1.05 * highest))
-    spectra.set_title(f"{found.measured.names[row]}: circles measured, lines fitted")
+    spectra.set_title(f"{identification.measured.names[row]}: circles measured, lines fitted")
     residuals.axhline(0, color="0.7", lw=0.8)
     label_spectra(residuals, "measured - fitted")
     residuals.set_title("residual" + (", dashed over the next ground" if len(readings) > 1 else ""))
     names = [film.words for film in films] + ["all others", "none of the catalogue"]
-    shown = [film.probability for film in films]
-    values = [*shown, max(0.0, 1.0 - sum(shown) - found.none[row]), found.none[row]]
+    probabilities = [film.probability for film in films]
+    values = [
+        *probabilities,
+        max(0.0, 1.0 - sum(probabilities) - identification.none[row]),
+        identification.none[row],
+    ]
     colours = [*_COLOURS[: len(films)], "0.7", "0.3"]
     chances.barh(np.arange(len(names)), values, color=colours)
     chances.set(xlim=(0, 1), xlabel="probability", ylim=(len(names) - 0.4, -0.85))
     chances.set_yticks([])
-    for place, name in enumerate(names):
-        chances.text(0.01, place - 0.42, name, fontsize=7.5, va="bottom", ha="left")
-    for place, bar in enumerate(chances.patches):
+    for position, name in enumerate(names):
+        chances.text(0.01, position - 0.42, name, fontsize=7.5, va="bottom", ha="left")
+    for position, bar in enumerate(chances.patches):
         bar.set_height(0.45)
-        bar.set_y(place - 0.4 + 0.02)
+        bar.set_y(position - 0.4 + 0.02)

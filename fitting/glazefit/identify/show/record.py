@@ -25,8 +25,8 @@ _PACKAGES = ("glazejax", "jax", "jaxlib", "numpy", "scipy", "colour-science")
 
 
 @dataclass(frozen=True)
-class Provenance:
-    """How an identification was made, for the record.
+class RunProvenance:
+    """Account of how an identification was made, for the record.
 
     Attributes:
         title: what was identified, such as the file's name.
@@ -64,37 +64,37 @@ class Provenance:
 
 
 def make_record(
-    found: Identification,
+    identification: Identification,
     bands: Float[np.ndarray, "spectra explanations grounds bands"],
-    about: Provenance,
+    about: RunProvenance,
     top: int,
 ) -> dict[str, Any]:
     """All that is filed, as JSON has it.
 
     Args:
-        found: identification.
+        identification: its result.
         bands: half the widths of 90 % bands about the first explanations.
         about: how it was made.
         top: explanations of each spectrum.
     """
     return {
         "schema": SCHEMA,
-        **describe_run(found, about),
+        **describe_run(identification, about),
         "thresholds": {"ruled_out_below": IMPROBABLE, "least_share": LEAST_SHARE},
-        "spots": [_spot(found, bands, row, top) for row in range(len(found))],
+        "spots": [_spot(identification, bands, row, top) for row in range(len(identification))],
     }
 
 
-def describe_run(found: Identification, about: Provenance) -> dict[str, Any]:
-    """What was identified, how and with what, as JSON has it; see `make_record`."""
-    done = set(found.measured.names)
-    left = [name for name in about.names if name not in done]
+def describe_run(identification: Identification, about: RunProvenance) -> dict[str, Any]:
+    """Describe what was identified, how and with what, as JSON has it; see `make_record`."""
+    done = set(identification.measured.names)
+    unfinished = [name for name in about.names if name not in done]
     return {
         "title": about.title,
         "subject": dict(about.subject),
         "created": about.created.isoformat(timespec="seconds"),
-        "complete": not left,
-        "not_done": left,
+        "complete": not unfinished,
+        "not_done": unfinished,
         "versions": {
             **{name: version(name) for name in _PACKAGES},
             "python": platform.python_version(),
@@ -102,16 +102,16 @@ def describe_run(found: Identification, about: Provenance) -> dict[str, Any]:
         "platform": platform.platform(terse=True),
         "command": about.command,
         "options": dict(about.options),
-        "inputs": [dict(each) for each in about.inputs],
-        "catalogue": {**about.catalogue, "paints": list(found.paints)},
+        "inputs": [dict(file) for file in about.inputs],
+        "catalogue": {**about.catalogue, "paints": list(identification.paints)},
         "measurement": {
             "geometry": about.geometry,
             "refractive_index": about.refractive_index,
             "grounds": list(about.grounds),
             "notes": list(about.notes),
-            "opaque": found.opaque,
-            "grid": describe_grid(found.measured.wavelengths),
-            "wavelengths_nm": found.measured.wavelengths.tolist(),
+            "opaque": identification.opaque,
+            "grid": describe_grid(identification.measured.wavelengths),
+            "wavelengths_nm": identification.measured.wavelengths.tolist(),
         },
         "method": {
             "max_paints": about.max_paints,
@@ -121,26 +121,26 @@ def describe_run(found: Identification, about: Provenance) -> dict[str, Any]:
     }
 
 
-def _spot(found: Identification, bands: np.ndarray, row: int, top: int) -> dict[str, Any]:
-    chances = found.paint_probability[row]
-    ranked = found.ranked(row, top)
-    explained = bool(found.explained[row])
+def _spot(identification: Identification, bands: np.ndarray, row: int, top: int) -> dict[str, Any]:
+    chances = identification.paint_probability[row]
+    ranked = identification.ranked(row, top)
+    explained = bool(identification.explained[row])
     return {
         "id": f"spot-{row + 1}",
-        "name": found.measured.names[row],
+        "name": identification.measured.names[row],
         "explained": explained,
-        "words": ranked[0].words if explained else found.unexplained(row),
-        "none_of_these": float(found.none[row]),
-        "coats_probability": float(found.coats_probability[row]),
-        "coats": found.coats_words(row),
+        "words": ranked[0].words if explained else identification.unexplained(row),
+        "none_of_these": float(identification.none[row]),
+        "coats_probability": float(identification.coats_probability[row]),
+        "coats": identification.coats_words(row),
         "paint_probability": {
-            found.paints[i]: float(chances[i]) for i in np.argsort(-chances, kind="stable")
+            identification.paints[i]: float(chances[i]) for i in np.argsort(-chances, kind="stable")
         },
-        "not_settled": describe_undecided(found, row),
-        "doubts": [*_open_words(found, row), *describe_ambiguity(found, row)],
-        "colours": describe_colours(found, row),
-        "noise_sd": float(np.median(found.measured.noise_sd[row])),
-        "measured": round_spectra(found.measured.readings[row]),
+        "not_settled": describe_undecided(identification, row),
+        "doubts": [*_open_words(identification, row), *describe_ambiguity(identification, row)],
+        "colours": describe_colours(identification, row),
+        "noise_sd": float(np.median(identification.measured.noise_sd[row])),
+        "measured": round_spectra(identification.measured.readings[row]),
         "explanations": [
             _explanation(candidate, rank, bands[row, rank - 1] if rank <= bands.shape[1] else None)
             for rank, candidate in enumerate(ranked, start=1)
@@ -151,14 +151,14 @@ def _spot(found: Identification, bands: np.ndarray, row: int, top: int) -> dict[
                 "delta_e": _number(paint.delta_e),
                 "rmse": _number(paint.rmse),
             }
-            for paint in ruled_out(found, row)
+            for paint in ruled_out(identification, row)
         ],
     }
 
 
-def _open_words(found: Identification, row: int) -> list[str]:
-    """That a paint is probable which the most probable set is without."""
-    likely = found.likely_paint(row) if found.explained[row] else None
+def _open_words(identification: Identification, row: int) -> list[str]:
+    """Say that a paint is probable which the most probable set is without."""
+    likely = identification.likely_paint(row) if identification.explained[row] else None
     if likely is None:
         return []
     paint, share = likely
@@ -196,19 +196,26 @@ def _explanation(candidate: Candidate, rank: int, band: np.ndarray | None) -> di
     }
 
 
-def describe_colours(found: Identification, row: int) -> dict[str, list[str]] | None:
+def describe_colours(identification: Identification, row: int) -> dict[str, list[str]] | None:
     """Of the measured spectra and of the best fit over each ground, #rrggbb; None where the bands
     give no colour.
     """
-    seen = {"measured": found.measured.readings[row], "fitted": found.fitted[row, 0]}
+    by_origin = {
+        "measured": identification.measured.readings[row],
+        "fitted": identification.fitted[row, 0],
+    }
     # A film whose paints are not known at all bands has no colour.
-    seen = {what: spectra for what, spectra in seen.items() if np.isfinite(spectra).all()}
+    by_origin = {what: spectra for what, spectra in by_origin.items() if np.isfinite(spectra).all()}
     try:
-        shades = {what: srgb(found.measured.wavelengths, spectra) for what, spectra in seen.items()}
+        shades = {
+            what: srgb(identification.measured.wavelengths, spectra)
+            for what, spectra in by_origin.items()
+        }
     except ValueError:
         return None
     return {
-        what: [hex_colour(shade) for shade in np.asarray(each)] for what, each in shades.items()
+        what: [hex_colour(shade) for shade in np.asarray(colours)]
+        for what, colours in shades.items()
     }
 
 
@@ -261,22 +268,22 @@ def table_rows(record: Mapping[str, Any]) -> Iterator[list[object]]:
         return "" if value is None else value
 
     for spot in record["spots"]:
-        for found in spot["explanations"]:
+        for explanation in spot["explanations"]:
             lead = [
                 spot["name"],
                 spot["explained"],
                 spot["none_of_these"],
-                found["rank"],
-                found["probability"],
+                explanation["rank"],
+                explanation["probability"],
             ]
             lead += [
-                found["words"],
-                cell(found["delta_e_2000"]),
-                found["rmse"],
-                cell(found["thickness_um"]),
+                explanation["words"],
+                cell(explanation["delta_e_2000"]),
+                explanation["rmse"],
+                cell(explanation["thickness_um"]),
             ]
-            lead += found["thickness_90_um"] or ["", ""]
-            for paint in found["paints"]:
+            lead += explanation["thickness_90_um"] or ["", ""]
+            for paint in explanation["paints"]:
                 amounts = [cell(paint["amount_um"]), *(paint["amount_90_um"] or ["", ""])]
                 yield [
                     *lead,

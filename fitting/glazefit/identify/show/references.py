@@ -1,4 +1,4 @@
-"""What `glazejax paints --references` prints: reference paints as they were understood."""
+"""Output of `glazejax paints --references`: reference paints as they were understood."""
 
 from pathlib import Path
 
@@ -8,7 +8,7 @@ from glazejax.geometry import Geometry
 from glazejax.io import write_table
 from glazejax.io.quantity import Stated
 
-from ..families.references import Reference, read_references
+from ..families.references import ReferencePaint, read_references
 
 _COLUMNS = ("reference", "family", "colour_index", "first_nm", "last_nm", "coefficients")
 
@@ -19,7 +19,7 @@ def list_references(
     console: Console,
     csv: Path | None,
     overwrite: bool,
-    said: Stated,
+    stated: Stated,
 ) -> None:
     """Print, and write as a table, the references of a file; after them what was not understood.
 
@@ -29,9 +29,9 @@ def list_references(
         console: to print to.
         csv: table to write, or None.
         overwrite: whether it may replace a file.
-        said: what the user says of quantity and units.
+        stated: what the user says of quantity and units.
     """
-    read = read_references(file, instrument, **said)
+    read = read_references(file, instrument, **stated)
     rows = [_cells(paint) for paint in read.paints]
     console.print(f"{'family':<23}{'nm':<10}{'Colour Index':<14}{'coefficients':<19}reference")
     for name, family, index, first, last, coefficients in rows:
@@ -49,7 +49,7 @@ def list_references(
         console.print(f"Wrote {len(rows)} references to {csv}")
 
 
-def _cells(paint: Reference) -> tuple[str, ...]:
+def _cells(paint: ReferencePaint) -> tuple[str, ...]:
     grid = paint.pigment.wavelengths
     return (
         paint.name,

@@ -12,11 +12,11 @@ from ...film.model.errors import ModelError, Prior
 from ..result import Identification
 from .bands import expected_bands
 from .figures import FITS
-from .record import Provenance, make_record
+from .record import RunProvenance, make_record
 
 
 class ReportBuilder:
-    """What a report needs beside the identification itself.
+    """Builder of a report's record beside the identification itself.
 
     Args:
         pigments: the catalogue.
@@ -37,13 +37,17 @@ class ReportBuilder:
 
     def watch(self, chunks: Iterable[Identification]) -> Iterator[Identification]:
         """The parts of an identification, each looked at before it is passed on."""
-        given = self._pigments, self._instrument
-        for part in chunks:
+        arguments = self._pigments, self._instrument
+        for chunk in chunks:
             errors = {"prior": self._prior, "discrepancy": self._discrepancy}
-            self._parts.append(expected_bands(part, *given, **errors, count=FITS))
-            yield part
+            self._parts.append(expected_bands(chunk, *arguments, **errors, count=FITS))
+            yield chunk
 
-    def record(self, found: Identification, about: Provenance, top: int) -> dict[str, Any]:
+    def record(
+        self, identification: Identification, about: RunProvenance, top: int
+    ) -> dict[str, Any]:
         """Record of the parts that were passed on; see `glazefit.identify.show.record`."""
         # An interrupt may have come after a part was looked at and before it was taken.
-        return make_record(found, np.concatenate(self._parts)[: len(found)], about, top)
+        return make_record(
+            identification, np.concatenate(self._parts)[: len(identification)], about, top
+        )

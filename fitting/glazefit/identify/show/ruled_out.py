@@ -44,15 +44,17 @@ class RuledOut(NamedTuple):
     reason: str
 
 
-def ruled_out(found: Identification, row: int) -> list[RuledOut]:
+def ruled_out(identification: Identification, row: int) -> list[RuledOut]:
     """Paints that do not fit, or whose probability to be in a film is below 1 %, the worst fits
     first; last those that no candidate has.
 
     A paint that more likely is there than not is not among them, however little of it.
     """
-    chances = found.paint_probability[row]
-    candidates = found.ranked(row)
-    judged = [_judge(found, candidates, row, int(i)) for i in np.flatnonzero(chances < 0.5)]
+    chances = identification.paint_probability[row]
+    candidates = identification.ranked(row)
+    judged = [
+        _judge(identification, candidates, row, int(i)) for i in np.flatnonzero(chances < 0.5)
+    ]
     out = [paint for paint in judged if paint.probability < IMPROBABLE or paint.kind == "trace"]
     kinds = ("misfit", "trace", "worse", "unneeded", "absent")
     return sorted(
@@ -71,13 +73,15 @@ def _share(candidate: Candidate, name: str) -> float:
     return float(np.nan_to_num(shares.get(name, 0.0)))
 
 
-def _judge(found: Identification, candidates: list[Candidate], row: int, paint: int) -> RuledOut:
-    name = found.paints[paint]
-    chance = float(found.paint_probability[row, paint])
+def _judge(
+    identification: Identification, candidates: list[Candidate], row: int, paint: int
+) -> RuledOut:
+    name = identification.paints[paint]
+    chance = float(identification.paint_probability[row, paint])
     best = candidates[0]
     # What has no probability was left behind, and its amounts were not fitted to come near.
-    fitted = [one for one in candidates if one.probability > 0.0]
-    with_it = [one for one in fitted if _share(one, name) >= LEAST_SHARE]
+    fitted = [candidate for candidate in candidates if candidate.probability > 0.0]
+    with_it = [candidate for candidate in fitted if _share(candidate, name) >= LEAST_SHARE]
     if not with_it:
         return RuledOut(
             paint=name,
@@ -92,23 +96,24 @@ def _judge(found: Identification, candidates: list[Candidate], row: int, paint: 
                 "compared closely."
             ),
         )
-    nearest = min(with_it, key=lambda one: one.rmse)
+    nearest = min(with_it, key=lambda candidate: candidate.rmse)
     share = _share(nearest, name)
     off = nearest.delta_e
     rmse = nearest.rmse
-    seen = not np.isnan(off)
-    by = f"Delta E00 {off:.1f}" if seen else f"{rmse:.3f} in reflectance (RMSE)"
+    has_colour = not np.isnan(off)
+    by = f"Delta E00 {off:.1f}" if has_colour else f"{rmse:.3f} in reflectance (RMSE)"
     # Where there is no colour, this root mean square is as bad as a Delta E00 of `REJECTED`.
-    if (off > REJECTED) if seen else (rmse > 0.03):
+    if (off > REJECTED) if has_colour else (rmse > 0.03):
         kind = "misfit"
-        reason = f"the nearest film with it is off by {by}"
-    elif seen and off > max(UNSEEN, best.delta_e):
+        reason = f"the nearest film with it has an error of {by}"
+    elif has_colour and off > max(UNSEEN, best.delta_e):
         kind = "worse"
         reason = (
-            f"the nearest film with it is off by {by}, the most probable film by {best.delta_e:.1f}"
+            f"the nearest film with it has an error of {by}, the most probable film of "
+            f"{best.delta_e:.1f}"
         )
     # Half as much again is worse.
-    elif rmse > 1.5 * max(best.rmse, float(np.median(found.measured.noise_sd[row]))):
+    elif rmse > 1.5 * max(best.rmse, float(np.median(identification.measured.noise_sd[row]))):
         kind = "worse"
         reason = (
             f"its colour comes near ({by}), its spectrum less so: RMSE {rmse:.4f} against "
@@ -116,7 +121,7 @@ def _judge(found: Identification, candidates: list[Candidate], row: int, paint: 
         )
         reason = (
             reason
-            if seen
+            if has_colour
             else f"its spectrum is further off: RMSE {rmse:.4f} against {best.rmse:.4f}"
         )
     else:
@@ -130,12 +135,12 @@ def _judge(found: Identification, candidates: list[Candidate], row: int, paint: 
     if kind == "misfit" and chance >= IMPROBABLE:
         kind = "trace"
         reason = f"{reason}; less than {LEAST_SHARE:.0%} of it stays possible"
-    others = [other for other in nearest.paints if other != name]
+    companions = [companion for companion in nearest.paints if companion != name]
     return RuledOut(
         paint=name,
         probability=chance,
         film=nearest.words,
-        paints={one: _share(nearest, one) for one in (name, *others)},
+        paints={member: _share(nearest, member) for member in (name, *companions)},
         delta_e=off,
         rmse=rmse,
         kind=kind,

@@ -1,4 +1,4 @@
-"""What `glazejax identify` leaves: lines on the screen and tables."""
+"""Output of `glazejax identify`: lines on the screen and tables."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -21,82 +21,84 @@ from ..result.table import table_of
 from .ambiguity import describe_ambiguity
 
 
-def print_identification(found: Identification, console: Console, top: int, detailed: int) -> None:
+def print_identification(
+    identification: Identification, console: Console, top: int, detailed: int
+) -> None:
     """Print the most probable explanations: a table for each of the first spectra, one line for the
     others.
 
     Args:
-        found: identification.
+        identification: its result.
         console: to print to.
         top: explanations in a table.
         detailed: spectra that get a table.
     """
-    for row in range(min(detailed, len(found))):
-        console.print(_table(found, row, top))
-        console.print(f"[bold]{_verdict(found, row)}[/bold]")
-        if words := found.coats_words(row):
-            console.print(words, **_AS_IS)
-        for doubt in describe_ambiguity(found, row):
+    for row in range(min(detailed, len(identification))):
+        console.print(_table(identification, row, top))
+        console.print(f"[bold]{_verdict(identification, row)}[/bold]")
+        if sentence := identification.coats_words(row):
+            console.print(sentence, **_AS_IS)
+        for doubt in describe_ambiguity(identification, row):
             console.print(f"[dim]{doubt}[/dim]")
         console.print()
-    for row in range(detailed, len(found)):
-        console.print(found.words(row), markup=False)
+    for row in range(detailed, len(identification)):
+        console.print(identification.words(row), markup=False)
 
 
 def print_families(
-    found: Identification, console: Console, top: int, painted: int | None = None
+    identification: Identification, console: Console, top: int, painted: int | None = None
 ) -> None:
     """Print the most probable families of pigments of each spectrum, the exemplars that look most
     like it, and what was not in use when it was painted.
 
     Args:
-        found: identification by family.
+        identification: by family.
         console: to print to.
         top: sets of families for each spectrum.
         painted: year, or None if it is not known.
     """
-    known = catalogue.families()
-    for row, name in enumerate(found.measured.names):
-        sets = found.family_sets[row][:top]
-        if found.explained[row]:
-            console.print(f"{name}: {sets[0].words}, {found.stated_words(row)}", **_AS_IS)
+    catalogue_families = catalogue.families()
+    for row, name in enumerate(identification.measured.names):
+        sets = identification.family_sets[row][:top]
+        if identification.explained[row]:
+            console.print(f"{name}: {sets[0].words}, {identification.stated_words(row)}", **_AS_IS)
         else:
-            console.print(f"{name}: {found.unexplained(row)}", **_AS_IS)
+            console.print(f"{name}: {identification.unexplained(row)}", **_AS_IS)
         for family in sets[0].families if sets else ():
-            if family in known:
-                about = known[family]
+            if family in catalogue_families:
+                about = catalogue_families[family]
                 facts = (about.formula, about.colour_index, f"in use {about.in_use}")
                 console.print(f"  {family}: {', '.join(f for f in facts if f != '-')}", **_AS_IS)
         if sets and painted is not None:
-            words = describe_anachronism(sets[0].families, known, painted)
-            if words:
-                console.print(f"  {words}", **_AS_IS)
+            sentence = describe_anachronism(sets[0].families, catalogue_families, painted)
+            if sentence:
+                console.print(f"  {sentence}", **_AS_IS)
         # Below half a per cent an answer is none that anybody would look into.
-        others = [
-            f"{other.words} {other.probability:.0%}"
-            for other in sets[1:]
-            if other.probability >= 0.005
+        alternatives = [
+            f"{answer.words} {answer.probability:.0%}"
+            for answer in sets[1:]
+            if answer.probability >= 0.005
         ]
-        if found.explained[row]:
-            others.append(f"none of them {found.none[row]:.0%}")
-        if others:
-            console.print(f"  or {'; '.join(others)}", **_AS_IS)
-        if words := found.coats_words(row):
-            console.print(f"  {words}", **_AS_IS)
+        if identification.explained[row]:
+            alternatives.append(f"none of them {identification.none[row]:.0%}")
+        if alternatives:
+            console.print(f"  or {'; '.join(alternatives)}", **_AS_IS)
+        if sentence := identification.coats_words(row):
+            console.print(f"  {sentence}", **_AS_IS)
         # A few hundredths are noise of the darkest bands.
-        if (gloss := float(found.gloss[row, 0])) < 0.97:
+        if (gloss := float(identification.gloss[row, 0])) < 0.97:
             console.print(
                 "  its darkest bands are below what a smooth surface alone reflects to the stated "
                 f"instrument (taken as {gloss:.0%} of that): is the paint matte? If not, state the "
                 "instrument that read it, such as --instrument de:8 or 45:0",
                 **_AS_IS,
             )
-        near = dict.fromkeys(paint for c in found.ranked(row, top) for paint in c.paints)
-        if own := _own_references(near, sets[0] if sets else None):
-            console.print(f"  nearest reference: {', '.join(own)}", **_AS_IS)
+        near = dict.fromkeys(paint for c in identification.ranked(row, top) for paint in c.paints)
+        if own_names := _own_references(near, sets[0] if sets else None):
+            console.print(f"  nearest reference: {', '.join(own_names)}", **_AS_IS)
         console.print(f"  nearest exemplars: {', '.join(list(near)[:top])}", style="dim", **_AS_IS)
-    if found.explained.any():
-        read = "with" if has_infrared(found.measured.wavelengths) else "without"
+    if identification.explained.any():
+        read = "with" if has_infrared(identification.measured.wavelengths) else "without"
         console.print(
             "In tests: so many of the answers that were as sure were right, on pure paints by "
             f"others, read {read} the near infrared; of mixtures fewer are.",
@@ -113,27 +115,28 @@ def _own_references(near: Iterable[str], answer: FamilySet | None) -> list[str]:
         return []
     families = {family for shares in answer.within.values() for family, _ in shares}
     families.update(answer.families)
-    own = (paint.partition("/") for paint in near if paint not in catalogue.provenance())
-    return [name for family, _, name in own if family in families]
+    own_paints = (paint.partition("/") for paint in near if paint not in catalogue.provenance())
+    return [name for family, _, name in own_paints if family in families]
 
 
 _AS_IS: dict[str, Any] = {"markup": False, "soft_wrap": True}
 
 
-def _verdict(found: Identification, row: int) -> str:
-    if not found.explained[row]:
-        words = found.unexplained(row)
-        return f"{words[0].upper()}{words[1:]}."
-    if found.likely_paint(row) is not None:
-        words = found.verdict(row)
-        return f"{words[0].upper()}{words[1:]}."
-    best, (pigments, chance) = found.ranked(row, 1)[0], found.families(row)[0]
-    words = f"Pigments: {' + '.join(pigments)} ({chance:.0%}). Most probable film: {best.words}."
-    return f"{words} Probability that none of these paints explains it: {found.none[row]:.1%}."
+def _verdict(identification: Identification, row: int) -> str:
+    if not identification.explained[row]:
+        sentence = identification.unexplained(row)
+        return f"{sentence[0].upper()}{sentence[1:]}."
+    if identification.likely_paint(row) is not None:
+        sentence = identification.verdict(row)
+        return f"{sentence[0].upper()}{sentence[1:]}."
+    best, (pigments, chance) = identification.ranked(row, 1)[0], identification.families(row)[0]
+    sentence = f"Pigments: {' + '.join(pigments)} ({chance:.0%}). Most probable film: {best.words}."
+    none = identification.none[row]
+    return f"{sentence} Probability that none of these paints explains it: {none:.1%}."
 
 
-def _table(found: Identification, row: int, top: int) -> Table:
-    thickness = [] if found.opaque else ["thickness"]
+def _table(identification: Identification, row: int, top: int) -> Table:
+    thickness = [] if identification.opaque else ["thickness"]
     table = plain_table(
         "paints",
         "probability",
@@ -141,11 +144,11 @@ def _table(found: Identification, row: int, top: int) -> Table:
         "RMSE",
         "angle",
         "ΔE00",
-        title=found.measured.names[row],
+        title=identification.measured.names[row],
     )
-    for candidate in found.ranked(row, top):
+    for candidate in identification.ranked(row, top):
         cells = [chance(candidate.probability)]
-        if not found.opaque:
+        if not identification.opaque:
             # A film that hides its ground has no thickness that could be told.
             cells.append(
                 f"{micrometres(candidate.thickness)} ± {micrometres(candidate.thickness_sd)} µm"
@@ -166,13 +169,13 @@ def micrometres(metres: float) -> str:
 
 
 def write_candidates(
-    found: Identification, path: Path, top: int, *, overwrite: bool = False
+    identification: Identification, path: Path, top: int, *, overwrite: bool = False
 ) -> None:
     """Write the ranked explanations, a line each: of families the answers themselves."""
-    write_table(path, *table_of(found, top), overwrite=overwrite)
+    write_table(path, *table_of(identification, top), overwrite=overwrite)
 
 
-def write_residuals(found: Identification, path: Path, *, overwrite: bool = False) -> None:
+def write_residuals(identification: Identification, path: Path, *, overwrite: bool = False) -> None:
     """Write measured, fitted and residual spectra of the best explanations, a line a spectrum,
     ground and band.
     """
@@ -187,13 +190,13 @@ def write_residuals(found: Identification, path: Path, *, overwrite: bool = Fals
             off[ground, band],
         )
         for name, readings, fitted, off in zip(
-            found.measured.names,
-            found.measured.readings,
-            found.fitted[:, 0],
-            found.residual[:, 0],
+            identification.measured.names,
+            identification.measured.readings,
+            identification.fitted[:, 0],
+            identification.residual[:, 0],
             strict=True,
         )
         for ground in range(readings.shape[0])
-        for band, nm in enumerate(found.measured.wavelengths)
+        for band, nm in enumerate(identification.measured.wavelengths)
     )
     write_table(path, header, lines, overwrite=overwrite)

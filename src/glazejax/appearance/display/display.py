@@ -1,5 +1,5 @@
-"""What a screen has to be sent so that it shows a colour: XYZ to digital RGB and back, for a
-display as measured.
+"""Digital values that make a screen show a colour: XYZ to digital RGB and back, for a display as
+measured.
 
 A display is its primaries (chromaticities and the luminance of each at its highest level) and one
 tone curve a
@@ -325,7 +325,9 @@ def _floats(values: Numbers) -> Float[Array | np.ndarray, "..."]:
 def _outside(
     light: Float[Array | np.ndarray, "*batch 3"],
 ) -> Bool[Array | np.ndarray | np.bool_, "*batch"]:
-    """Where a primary would have to shine less than not at all, or more than it can."""
+    """Mask of colours for which a primary would have to shine less than not at all, or more than it
+    can.
+    """
     # Light beyond what the display has, in parts of its highest level, that is rounding rather than
     # another colour.
     return array_module(light).any((light < -1e-6) | (light > 1.0 + 1e-6), axis=-1)

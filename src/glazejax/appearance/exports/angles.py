@@ -1,4 +1,4 @@
-"""What a glaze looks like from all angles, in the linear RGB of a renderer: what the exports are
+"""Appearance of a glaze from all angles, in the linear RGB of a renderer: what the exports are
 fitted to.
 """
 
@@ -59,7 +59,7 @@ class AngularColour:
         return slice(self.weights.size, self.cosines.size)
 
     def directional_albedo(self) -> Float[np.ndarray, "angles 3"]:
-        """What is seen of an even white sky from each angle, the surface's reflection included."""
+        """Share of an even white sky seen from each angle, the surface's reflection included."""
         lit = 2.0 * self.weights * self.cosines[self.nodes]
         return np.einsum("iec,i->ec", self.body[self.nodes], lit) + self.surface[:, None]
 

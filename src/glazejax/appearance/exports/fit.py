@@ -23,7 +23,7 @@ _STARTS = ((0.02, 0.9), (0.4, 0.9), (0.02, 0.4), (0.4, 0.4))
 
 
 class Errors(NamedTuple):
-    """How far a material is from the glaze.
+    """Distances of a material from the glaze.
 
     The sky is even and white; colours are compared at `VIEWS`, 0 to 75 degrees.
     """
@@ -47,7 +47,7 @@ class Errors(NamedTuple):
 
 @dataclass(frozen=True)
 class OpenPBRFit:
-    """What a fit found.
+    """Material that a fit found, and its distances from the glaze.
 
     Attributes:
         material: of OpenPBR, in the colour space of `truth`.
@@ -148,8 +148,8 @@ def fit_openpbr(
 
 
 def naive_openpbr(truth: AngularColour) -> OpenPBR:
-    """What is written without a fit: the colour seen straight on, lit straight on, and the index as
-    it is.
+    """Material written without a fit: the colour seen straight on, lit straight on, and the index
+    as it is.
     """
     straight = truth.weights.size
     colour = np.clip(truth.body[straight, straight], 0.0, 1.0)
@@ -163,7 +163,7 @@ def naive_openpbr(truth: AngularColour) -> OpenPBR:
 def material_errors(
     material: OpenPBR, truth: AngularColour, layering: Layering = "materialx"
 ) -> Errors:
-    """How far a material of OpenPBR is from a computed glaze."""
+    """Distances of a material of OpenPBR from a computed glaze."""
     cosines = truth.cosines
     seen = reflectance_factor(
         material,

@@ -34,7 +34,7 @@ _AT_ONCE = 65536
 
 
 class Colours(NamedTuple):
-    """What a map becomes.
+    """Colours that a map becomes.
 
     Attributes:
         plain: (points, 3), linear RGB of the body that matches best without a coat; not clipped.

@@ -166,7 +166,7 @@ def directional_albedo(
     *,
     layering: Layering = "materialx",
 ) -> Float[np.ndarray, "*batch 3"]:
-    """What is seen of an even white sky from an angle, the mirror reflection included, (..., 3)."""
+    """Share of an even white sky seen from an angle, the mirror reflection included, (..., 3)."""
     mu = np.asarray(cos_out, float)
     light, weights = gauss(16)
     turns = (np.arange(16) + 0.5) * (180.0 / 16)
@@ -183,7 +183,7 @@ def _through_coat(
     mu_out: Float[np.ndarray, "*batch"],
     layering: Layering,
 ) -> Float[np.ndarray, "*batch 3"]:
-    """What the coat leaves of the base's reflectance factor, (..., 3)."""
+    """Share that the coat leaves of the base's reflectance factor, (..., 3)."""
     coat = material.coat_weight
     tint = np.asarray(material.coat_color, float)
     through = _let_through(mu_in, mu_out, material.coat_roughness**2, material.coat_ior, layering)[

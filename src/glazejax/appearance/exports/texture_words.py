@@ -1,4 +1,4 @@
-"""Which texture goes into which socket, in words for someone new."""
+"""Sockets that the textures go into, in words for someone new."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -67,7 +67,7 @@ def readme(material: OpenPBR, files: Mapping[str, Path], record: Mapping[str, An
         f"MaterialX: {files['materialx'].name} has all of it (open_pbr_surface).",
         "",
         "How near this is:",
-        "  pixels beside the computation for each alone: Delta E 2000 "
+        "  pixels compared with the computation of each: Delta E 2000 "
         f"{record['delta_e_2000_interpolation']:.2g} at most, as estimated",
         f"  pixels whose colour {record['space']} cannot hold: {record['share_outside_gamut']:.1%}"
         + (
@@ -78,7 +78,7 @@ def readme(material: OpenPBR, files: Mapping[str, Path], record: Mapping[str, An
     ]
     errors = record["largest_errors_at_some_pixels"]
     lines += [
-        "  the material beside the glaze at all angles, the worst of some pixels:",
+        "  the material compared with the glaze at all angles, the worst of some pixels:",
         f"  albedo {errors['albedo']:.3f}, RMS of the reflectance factor {errors['rms']:.3f},",
         f"  mean Delta E 2000 {errors['sky']:.2f} under an even sky, {errors['lamp']:.2f} under "
         "a lamp at 45 degrees",

@@ -26,7 +26,7 @@ from .texture_words import SOCKETS, readme
 
 @dataclass(frozen=True)
 class TextureSet:
-    """What was written, and how near it is.
+    """Files that were written, and how near they are.
 
     Attributes:
         files: by what they are: ``base_color``, ``roughness``, ... , ``materialx``, ``json``,
@@ -206,7 +206,7 @@ def _checked_maps(
 def _files(
     folder: Path, name: str, kind: str, coat: bool, relief: bool, overwrite: bool
 ) -> dict[str, Path]:
-    """Where everything goes, if it may."""
+    """Paths of all files, checked to be free."""
     pictures = (
         ["base_color", "roughness"]
         + (["coat_color"] if coat else [])
@@ -229,7 +229,7 @@ def _files(
 
 
 def _material(mapped: MappedGlaze, roughness: float, coat: bool) -> OpenPBR:
-    """What has no picture."""
+    """Values of the material that have no picture."""
     index = float(np.mean(np.asarray(mapped.glaze.refractive_index)))
     rough = float(np.sqrt(roughness))
     plain = OpenPBR(specular_ior=index, specular_roughness=rough)

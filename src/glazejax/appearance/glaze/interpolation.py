@@ -133,7 +133,7 @@ class GlazeTable(NamedTuple):
 
 
 def interior(table: GlazeTable, xp: ModuleType) -> Any:
-    """What is interpolated: the table without what is known, (bands, in, out, thickness)."""
+    """Interpolated values: the table without what is known, (bands, in, out, thickness)."""
     index = table.refractive_index[:, None]
     a, b = (xp.clip(c, 0.0, 1.0) for c in (table.cos_in, table.cos_out))
     through = [1.0 - dielectric_reflectance(c, index) for c in (a, b)]

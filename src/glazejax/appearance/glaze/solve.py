@@ -107,7 +107,7 @@ def planned_factor(
 
 
 def _stack(glaze: Glaze, cos_in: Numbers, cos_out: Numbers, tolerance: float) -> dict[str, Any]:
-    """What both ask of the solver."""
+    """Stack that both ask the solver for."""
     return {
         "albedo": glaze.albedo,
         "optical_thickness": glaze.optical_thickness,

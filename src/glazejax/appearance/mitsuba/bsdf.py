@@ -191,7 +191,7 @@ class GlazeBSDF:
         return self.to_string()
 
     def _at(self, ctx: Any, si: Any, active: Any, *, valued: bool = True) -> "_Point":
-        """What a point has whatever the second direction: the table's weights if values are wanted,
+        """State of a point whatever the second direction: the table's weights if values are wanted,
         and its lobes.
         """
         mi = self._mi
@@ -289,7 +289,7 @@ class GlazeBSDF:
         return [self._dr.clip(value[k], 0.0, 0.999) for k in range(len(si.wavelengths))]
 
     def _ground_texture(self, given: Given) -> Any:
-        """What gives the ground at each place; None where it is the same everywhere."""
+        """Texture that gives the ground at each place; None where it is the same everywhere."""
         ground = given.ground
         if isinstance(ground, np.ndarray):
             return _Bands(self._mi, self._dr, ground, bands_of(given.coats, given.refractive_index))

@@ -16,7 +16,7 @@ from ..glaze.solve import on_grid
 
 
 class Axes(NamedTuple):
-    """What varies over a surface: ends of each range, or None for what does not vary."""
+    """Ranges of what varies over a surface: ends of each range, or None for what does not vary."""
 
     thickness: tuple[float, float] | None = None
     """Of the coat, m."""

@@ -1,4 +1,4 @@
-"""What makes up a reflectance over any ground, and angles as polynomials.
+"""Terms of a reflectance over any ground, and angles as polynomials.
 
 The ground enters in closed form: with R0 over black, T the light that reaches a black ground and S
 what the stack throws back to the ground, R = R0 + g T T/(1 - g S) for any Lambertian ground g.
@@ -14,7 +14,7 @@ from ...chebyshev_table import coefficients_from_nodes, roots
 
 
 class Parts(NamedTuple):
-    """What makes up the reflectance factor over any ground."""
+    """Terms of the reflectance factor over any ground."""
 
     black: Float[np.ndarray, "*batch angles angles"]
     """R0, over a black ground."""

@@ -1,4 +1,4 @@
-"""What the surface of a glaze reflects by itself, in Dr.Jit."""
+"""Reflection by the surface of a glaze alone, in Dr.Jit."""
 
 from typing import Any
 
@@ -27,7 +27,7 @@ class Mirror:
         return self._mi.reflect(wi)
 
     def mirror_reflectance(self, wi: Any) -> Any:
-        """What the mirrored direction carries."""
+        """Share of light that the mirrored direction carries."""
         return self.albedo(abs(wi.z))
 
 

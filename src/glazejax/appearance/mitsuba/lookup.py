@@ -1,4 +1,4 @@
-"""How a point of a body's table is found, in the arithmetic of NumPy or of Dr.Jit.
+"""Lookup of a point of a body's table, in the arithmetic of NumPy or of Dr.Jit.
 
 The table checks its own error through the very functions that render. Numbers come in packets of
 four, so that one gather brings what belongs together. Every axis of thickness or fraction is
@@ -16,7 +16,7 @@ from ...chebyshev_table import Axis, Mirrored
 
 @runtime_checkable
 class Arithmetic(Protocol):
-    """What the lookup asks of an array library."""
+    """Functions that the lookup asks of an array library."""
 
     def packet(self, table: Any, number: Any) -> Any:
         """Four numbers, beginning at 4 `number`."""

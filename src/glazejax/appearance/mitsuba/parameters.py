@@ -1,4 +1,4 @@
-"""What a scene file says about a glaze, read from Mitsuba's properties and checked."""
+"""Parameters of a glaze in a scene file, read from Mitsuba's properties and checked."""
 
 import math
 from typing import Any, NamedTuple
@@ -153,7 +153,7 @@ def _bands(value: Any) -> Float[np.ndarray, "rows columns bands"]:
 
 
 def values_of(mi: Any, texture: Any) -> np.ndarray | None:
-    """What a texture holds, as far as it says so."""
+    """Values that a texture holds, as far as it states them."""
     held = mi.traverse(texture)
     for name in held.keys():  # noqa: SIM118
         if name.rpartition(".")[2] in ("data", "value"):

@@ -1,4 +1,4 @@
-"""How Mitsuba comes to know the BSDF ``glaze``."""
+"""Registration with Mitsuba of the BSDF ``glaze``."""
 
 import sys
 from typing import Any

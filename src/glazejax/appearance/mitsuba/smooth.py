@@ -65,7 +65,7 @@ class Smooth:
     def angles(
         self, error: Callable[[np.ndarray], float], tolerance: float
     ) -> Float[np.ndarray, "angles"]:
-        """As few nodes as will do."""
+        """Fewest nodes that will do."""
         cosines = np.zeros(0)
         for count in _ANGLES:
             cosines = self.cosine(evenly(count))

@@ -1,5 +1,5 @@
-"""What the table of a body asks of the surface above it; `smooth` and `rough` are the two there
-are.
+"""Questions that the table of a body asks the surface above it; `smooth` and `rough` are the two
+there are.
 """
 
 from collections.abc import Callable, Sequence
@@ -15,8 +15,8 @@ from .lookup import Arithmetic
 
 @runtime_checkable
 class GlazeSurface(Protocol):
-    """How light gets through, in which coordinate angles are smooth, and what the solver says of
-    the body below.
+    """Transmission of the surface, coordinate in which angles are smooth, and solver of the body
+    below.
     """
 
     refractive_index: float
@@ -30,11 +30,11 @@ class GlazeSurface(Protocol):
         ...
 
     def let_in(self, ops: Arithmetic, cosine: Any) -> Any:
-        """What is known of T, as a factor."""
+        """Closed-form factor of T."""
         ...
 
     def analytic_factor(self, ops: Arithmetic, cos_in: Any, cos_out: Any) -> Any:
-        """What is known of R0, as a factor."""
+        """Closed-form factor of R0."""
         ...
 
     def factor(
@@ -97,7 +97,7 @@ def in_blocks(
 def by_blocks(
     solve: Callable[..., Any], rows: Sequence[Float[np.ndarray, "rows ..."]], block: int
 ) -> Float[np.ndarray, "rows ..."]:
-    """What is solved of rows, in blocks of one size; the first rows fill up the last block."""
+    """Solutions of rows, in blocks of one size; the first rows fill up the last block."""
     found = []
     for start in range(0, len(rows[0]), block):
         batch = (np.resize(x[start : start + block], (block, *x.shape[1:])) for x in rows)

@@ -166,7 +166,7 @@ def body_table(
 
 
 class PointWeights(NamedTuple):
-    """What a point of the surface has at each wavelength, whatever the angles."""
+    """Weights of a point of the surface at each wavelength, whatever the angles."""
 
     pairs: list[list[Any]]
     """Weights of the shapes over two angles, in packets."""
@@ -295,7 +295,7 @@ def _compress(nodes: Nodes, ground: np.ndarray | None, mean_ground: float) -> Bo
 
 
 def fold(nodes: Nodes, ground: Any) -> Float[np.ndarray, "*nodes bands pairs"]:
-    """What is left of the reflectance factor without its known part, on Chebyshev's nodes; black
+    """Remainder of the reflectance factor without its known part, on Chebyshev's nodes; black
     without a ground.
     """
     parts = nodes.parts(_extrema(nodes))

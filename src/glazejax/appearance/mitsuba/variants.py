@@ -1,5 +1,5 @@
-"""Which of Mitsuba's variants computes spectra here, and how to use it without taking another one
-from the user.
+"""Choice of the variant of Mitsuba that computes spectra here, and its use without taking another
+one from the user.
 """
 
 import subprocess
@@ -28,7 +28,7 @@ sys.exit(0 if float(mi.TensorXf(mi.render(mi.load_dict(scene), spp=4)).array[0])
 
 @cache
 def works(variant: str) -> bool:
-    """Whether a variant of Mitsuba renders here; tried in a process of its own, which may be
+    """Test whether a variant of Mitsuba renders here; tried in a process of its own, which may be
     aborted.
     """
     try:
@@ -86,7 +86,7 @@ def check_llvm(variant: str | None) -> None:
 
 
 def is_spectral(variant: str | None) -> bool:
-    """Whether scenes of this program can be rendered in a variant: with spectra, without
+    """Test whether scenes of this program can be rendered in a variant: with spectra, without
     polarisation.
     """
     return variant is not None and "spectral" in variant and "polarized" not in variant

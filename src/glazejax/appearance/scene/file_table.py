@@ -88,7 +88,7 @@ class TomlTable:
 
     @contextmanager
     def blame(self, key: str = "") -> Iterator[None]:
-        """What is refused inside is said to be here."""
+        """Name this table in the errors of what is refused inside."""
         try:
             yield
         except (ValueError, OSError) as error:
@@ -157,7 +157,7 @@ def _description(kind: Any) -> str:
 
 
 def _fits(value: Any) -> bool:
-    """Whether numbers are such as a float can hold."""
+    """Test whether a float can hold the numbers."""
     if isinstance(value, list):
         return all(map(_fits, value))
     return not isinstance(value, int) or abs(value) < _LARGEST

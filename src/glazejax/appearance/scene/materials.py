@@ -44,7 +44,7 @@ class Angles(eqx.Module):
 
 
 class SeenRanges(eqx.Module):
-    """What of a material a scene shows: ranges of cosines and thicknesses."""
+    """Part of a material that a scene shows: ranges of cosines and thicknesses."""
 
     light: tuple[float, float]
     view: tuple[float, float]
@@ -52,7 +52,7 @@ class SeenRanges(eqx.Module):
 
 
 class Material(eqx.Module):
-    """What all materials have in common."""
+    """Base of all materials."""
 
     def check(self, name: str, wavelengths: Float[np.ndarray, "bands"]) -> None:
         """Refuse spectra that do not fit the scene.
@@ -91,7 +91,7 @@ class Material(eqx.Module):
     def prepare(
         self, wavelengths: Float[np.ndarray, "bands"], seen: SeenRanges, tolerance: float
     ) -> "Material":
-        """What `direct` and `mirror` are asked of; most materials are ready as they are."""
+        """Material that `direct` and `mirror` are asked of; most are ready as they are."""
         return self
 
     @property
@@ -101,15 +101,15 @@ class Material(eqx.Module):
 
     @property
     def is_mirror(self) -> bool:
-        """Whether other things are seen in it."""
+        """Test whether other things are seen in it."""
         return False
 
     def direct(self, angles: Angles) -> Float[Array, "pairs bands"]:
-        """What of a light's spectrum reaches the eye, the cosine of its fall included."""
+        """Share of a light's spectrum that reaches the eye, the cosine of its fall included."""
         raise NotImplementedError
 
     def mirror(self, cos_view: Float[Array, "points"]) -> Float[Array, "points bands"]:
-        """What of the light from the mirror direction reaches the eye."""
+        """Share of the light from the mirror direction that reaches the eye."""
         raise NotImplementedError
 
 
@@ -251,9 +251,7 @@ class Conductor(Material):
 
 
 class _GlazedSurface:
-    """What a glaze and its table have in common; no module, so that each keeps its own order of
-    fields.
-    """
+    """Base of a glaze and of its table; no module, so that each keeps its own order of fields."""
 
     thickness: Float[Array | np.ndarray, "h w"] | None
     gloss: bool

@@ -1,4 +1,4 @@
-"""What both renderers give: a picture as spectra or XYZ, and what of it was computed."""
+"""Result of both renderers: a picture as spectra or XYZ, and what of it was computed."""
 
 from dataclasses import dataclass, field
 

@@ -1,4 +1,4 @@
-"""What a scene is: shapes, materials, lights and a camera, checked when it is made.
+"""Scene of shapes, materials, lights and a camera, checked when it is made.
 
 Coordinates are right-handed, in any unit of length; z is up in the examples. Light is counted on
 the scale of the lamp: a perfect white that faces a light of strength 1 has the spectrum of the
@@ -162,7 +162,7 @@ class Scene:
         )
 
     def background_spectrum(self) -> Float[np.ndarray, "bands"]:
-        """What is seen where nothing is."""
+        """Spectrum seen where nothing is."""
         return np.broadcast_to(np.asarray(self.background, float), (np.size(self.wavelengths),))
 
     def only_bands(self, keep: np.ndarray) -> "Scene":
@@ -189,7 +189,9 @@ class Scene:
         )
 
     def needs_path_tracing(self) -> str | None:
-        """What of the scene the ray caster cannot draw, in words; None if it can draw all of it."""
+        """Features of the scene that the ray caster cannot draw, in words; None if it can draw all
+        of it.
+        """
         found = []
         if any(isinstance(light, AreaLight) for light in self.lights):
             found.append("area lights")

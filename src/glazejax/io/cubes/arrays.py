@@ -9,8 +9,9 @@ import numpy as np
 from ..files.read import envi_file
 from ..formats.envi import EnviFile
 from ..raw_cube import OnDisk, RawCube
-from ..source import explain_errors, refusal
+from ..source import refusal
 from .axes import axes_of
+from .numbers import load_npy
 
 
 def envi_cube(path: Path, count: int | None = None) -> RawCube:
@@ -57,25 +58,21 @@ def _place(envi: EnviFile) -> dict[str, Any]:
     if info:
         attributes["map_info"] = ", ".join(info)
     words = dict(entry.lower().split("=", 1) for entry in (info or sizes) if "=" in entry)
+    # Without a place on the map lines and samples count from the image's corner.
+    corner = [1.0, 1.0, 0.0, 0.0]
     try:
-        x0, y0, east, north, dx, dy = (float(entry) for entry in info[1:7]) if info else (0.0,) * 6
-        dx, dy = (dx, dy) if info or len(sizes) < 2 else (float(sizes[0]), float(sizes[1]))
+        *place, dx, dy = map(float, info[1:7] if info else [*corner, *sizes[:2]])
         turned = float(words.get("rotation", 0)) != 0
     except ValueError:
         return found
-    if dx > 0 and dy > 0:
+    if len(place) == 4 and dx > 0 and dy > 0:
         about["pixel_size"] = (dy, dx)
         about["units"] = words.get("units", "metre").strip()
-        down = np.arange(envi.sizes["lines"])
-        across = np.arange(envi.sizes["samples"])
-        if info and not turned:
-            found["x"] = east + (across + 1.5 - x0) * dx
-            found["y"] = north - (down + 1.5 - y0) * dy
-        # lines and samples of a turned image have no coordinates of the map; they count from the
-        # image's corner
-        else:
-            found["x"] = (across + 0.5) * dx
-            found["y"] = (down + 0.5) * dy
+        # Those of a turned image have no coordinates of the map.
+        mapped = info and not turned
+        x0, y0, east, north = place if mapped else corner
+        found["x"] = east + (np.arange(envi.sizes["samples"]) + 1.5 - x0) * dx
+        found["y"] = north + (np.arange(envi.sizes["lines"]) + 1.5 - y0) * (-dy if mapped else dy)
     return found
 
 
@@ -89,7 +86,7 @@ def npy_cube(path: Path, count: int | None) -> RawCube:
     Raises:
         ValueError: not three axes of real numbers.
     """
-    array = _npy(path)
+    array = load_npy(path)
     if array.ndim != 3 or array.dtype.kind not in "fiu":
         raise refusal(
             path,
@@ -100,22 +97,9 @@ def npy_cube(path: Path, count: int | None) -> RawCube:
     return RawCube(
         path=path,
         format="NumPy array",
-        data=OnDisk(_npy, path),
+        data=OnDisk(load_npy, path),
         order=order,
         shape=shape,
         dtype=array.dtype,
         apart=order[2] == 0,
     )
-
-
-def _npy(path: Path) -> np.ndarray:
-    """Array of a .npy file, mapped into memory.
-
-    Raises:
-        ValueError: it is none, or was cut short.
-    """
-    with explain_errors(path):
-        try:
-            return np.load(path, mmap_mode="r", allow_pickle=False)
-        except ValueError as error:
-            raise refusal(path, f"not a whole .npy file: {error}") from None

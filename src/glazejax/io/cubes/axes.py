@@ -1,45 +1,14 @@
 """Which axis of an array is y, which x and which the wavelength."""
 
+import re
 from collections.abc import Sequence
 
-_LINES = {
-    "y",
-    "line",
-    "lines",
-    "row",
-    "rows",
-    "lat",
-    "latitude",
-    "northing",
-    "height",
-    "along_track",
-}
-_SAMPLES = {
-    "x",
-    "sample",
-    "samples",
-    "column",
-    "columns",
-    "col",
-    "cols",
-    "lon",
-    "longitude",
-    "easting",
-    "width",
-}
-_BANDS = {
-    "wavelength",
-    "wavelengths",
-    "wl",
-    "wvl",
-    "lambda",
-    "band",
-    "bands",
-    "spectral",
-    "channel",
-    "channels",
-    "c",
-}
+# Names of y, x and wavelength, in small letters.
+_NAMES = (
+    re.compile(r"y|line.*|rows?|lat(itude)?|northing|height|along_track"),
+    re.compile(r"x|sample.*|col(umn)?s?|lon(gitude)?|easting|width"),
+    re.compile(r"wavelength.*|wl|wvl|lambda.*|band.*|spectral|channels?|c"),
+)
 
 
 def axes_of(
@@ -56,17 +25,9 @@ def axes_of(
         count: wavelengths, if they are known.
         names: of the axes.
     """
-    words = [str(name or "").lower().rsplit("/", 1)[-1] for name in names] or [""] * 3
+    words = [str(name or "").lower().rsplit("/", 1)[-1] for name in names]
     named = [
-        next(
-            (
-                i
-                for i, word in enumerate(words)
-                if word in known or word.startswith(tuple(known & _LONG))
-            ),
-            None,
-        )
-        for known in (_LINES, _SAMPLES, _BANDS)
+        next((i for i, word in enumerate(words) if kind.fullmatch(word)), None) for kind in _NAMES
     ]
     band = named[2]
     if band is None and named[0] is not None and named[1] is not None:
@@ -78,6 +39,3 @@ def axes_of(
     if named[0] == x or named[1] == y:
         y, x = x, y
     return (y, x, band), (int(shape[y]), int(shape[x]), int(shape[band]))
-
-
-_LONG = {"wavelength", "lambda", "band", "sample", "line"}

@@ -7,13 +7,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from ...spectra import resample, same_grid
 from ..files.sample import read_sample
 from ..raw_cube import RawCube
 from ..source import refusal
-from .numbers import column
+from ..spectra_table import Chosen, Stored
+from .numbers import column, load_npy
 from .opening import raw_cube
 
 
@@ -28,7 +29,7 @@ class Reference:
 
     frame: Float[np.ndarray, "1 samples stored"] | RawCube
 
-    def part(self, y: slice, x: slice, bands: Int[np.ndarray, "bands"]) -> np.ndarray:
+    def part(self, y: slice, x: slice, bands: Chosen) -> np.ndarray:
         """Readings that belong to a window, ready to be broadcast."""
         if isinstance(self.frame, RawCube):
             values = self.frame.values(y, x, bands, mark=True)
@@ -49,11 +50,9 @@ class Calibration:
 
     white: Reference
     dark: Reference | None
-    own: Float[np.ndarray, "stored"]
+    own: Stored
 
-    def apply(
-        self, values: np.ndarray, y: slice, x: slice, bands: Int[np.ndarray, "bands"]
-    ) -> np.ndarray:
+    def apply(self, values: np.ndarray, y: slice, x: slice, bands: Chosen) -> np.ndarray:
         """Reflectance: (raw - dark) / (white - dark) times the white's own; NaN where the white is
         not above the dark.
 
@@ -71,7 +70,7 @@ class Calibration:
 
 def calibration(
     cube: RawCube,
-    wavelengths: Float[np.ndarray, "stored"],
+    wavelengths: Stored,
     white: Path,
     dark: Path | None,
     own: float | Path,
@@ -99,9 +98,7 @@ def calibration(
     )
 
 
-def _own(
-    wavelengths: Float[np.ndarray, "stored"], own: float | Path
-) -> Float[np.ndarray, "stored"]:
+def _own(wavelengths: Stored, own: float | Path) -> Stored:
     """The white's own reflectance at each stored band."""
     if not isinstance(own, Path):
         if not (np.isfinite(own) and 0 < own <= 2):
@@ -119,7 +116,7 @@ def _own(
 
 
 def _reference(
-    cube: RawCube, wavelengths: Float[np.ndarray, "stored"], path: Path, what: str, notes: list[str]
+    cube: RawCube, wavelengths: Stored, path: Path, what: str, notes: list[str]
 ) -> Reference:
     """A white or dark: one spectrum, a frame averaged over its lines, or a reading for
     each pixel.
@@ -155,27 +152,23 @@ def _reference(
     return Reference(_average_lines(frame))
 
 
-def _spectrum(path: Path) -> Float[np.ndarray, "stored"] | None:
+def _spectrum(path: Path) -> Stored | None:
     """Readings of a text file or of a .npy file of one axis; None if the file is an image."""
-    if path.suffix.lower() in (".txt", ".csv", ".dat") and not path.with_suffix(".hdr").exists():
-        return column(path)
-    if path.suffix.lower() == ".npy" and np.load(path, mmap_mode="r", allow_pickle=False).ndim == 1:
-        return column(path)
-    return None
+    kind = path.suffix.lower()
+    text = kind in (".txt", ".csv", ".dat") and not path.with_suffix(".hdr").exists()
+    return column(path) if text or (kind == ".npy" and load_npy(path).ndim == 1) else None
 
 
 def _average_lines(frame: RawCube) -> Float[np.ndarray, "1 samples stored"]:
     """Mean over the lines; saturated and missing readings are left out."""
     lines, samples, count = frame.shape
-    total = np.zeros((samples, count))
-    seen = np.zeros((samples, count), np.int64)
+    total = np.zeros((2, samples, count))
     step = max(frame.piece[0], 64)
     for start in range(0, lines, step):
         values = frame.values(
             slice(start, min(lines, start + step)), slice(0, samples), np.arange(count), mark=True
         )
         there = np.isfinite(values)
-        total += np.where(there, values, 0.0).sum(axis=0, dtype=np.float64)
-        seen += there.sum(axis=0)
+        total += [np.where(there, values, 0.0).sum(axis=0, dtype=np.float64), there.sum(axis=0)]
     with np.errstate(invalid="ignore", divide="ignore"):
-        return (total / seen)[None]
+        return total[:1] / total[1]

@@ -5,9 +5,10 @@ attributes mean.
 import base64
 import binascii
 import struct
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from math import prod
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -34,12 +35,20 @@ class FolderEntry(NamedTuple):
     """One array of a file."""
 
     name: str  # path in the file; empty for what is none of the user's
-    shape: tuple[int, ...]
-    dtype: np.dtype[Any]
-    dims: tuple[str | None, ...]
-    attributes: dict[str, Any]
-    piece: tuple[int, ...]
     array: Any
+    attributes: Mapping[str, Any] = MappingProxyType({})
+    dims: tuple[str | None, ...] = ()  # names of the axes, where they have some
+    piece: tuple[int, ...] = (1, 1, 1)  # what the file stores together
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Sizes of its axes."""
+        return tuple(self.array.shape)
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """Type of its numbers."""
+        return self.array.dtype
 
     @property
     def last(self) -> str:
@@ -99,11 +108,8 @@ def describe(
                 about["units"] = unit
     if "x" in found and "y" in found:
         about.setdefault("units", "as in the file")
-        steps = [
-            float(abs(np.diff(found[title]).mean())) if found[title].size > 1 else 1.0
-            for title in ("y", "x")
-        ]
-        about["pixel_size"] = tuple(steps)
+        steps = (np.diff(found[title]) for title in ("y", "x"))
+        about["pixel_size"] = tuple(float(abs(s.mean())) if s.size else 1.0 for s in steps)
     else:
         found = {}
         about = {}
@@ -193,29 +199,24 @@ def _coordinates(
     image: FolderEntry, axis: int, entries: Sequence[FolderEntry]
 ) -> FolderEntry | None:
     """Coordinates along an axis: the array of the axis' name."""
-    name = str(image.dims[axis] or "").strip("/")
-    for wanted in (name, f"{image.group}/{name}".strip("/")):
-        for entry in entries:
-            if (
-                name
-                and entry.name == wanted
-                and entry.shape == (image.shape[axis],)
-                and entry.dtype.kind in "fiu"
-            ):
-                return entry
-    return None
+    name = str(dict(enumerate(image.dims)).get(axis) or "").strip("/")
+    fitting = {
+        entry.name: entry
+        for entry in entries
+        if name and entry.shape == (image.shape[axis],) and entry.dtype.kind in "fiu"
+    }
+    return fitting.get(name) or fitting.get(f"{image.group}/{name}".strip("/"))
 
 
 def _good(image: FolderEntry, entries: Sequence[FolderEntry], count: int) -> np.ndarray | None:
     """Bands that no list of bad bands names."""
-    for entry in entries:
-        if entry.last.lower() in ("bbl", "good_wavelengths") and entry.shape == (count,):
-            good = np.flatnonzero(np.asarray(entry.array[...]))
-            return good if good.size else None
-    marks = image.attributes.get("bbl")
-    return (
-        None if marks is None or np.shape(marks) != (count,) else np.flatnonzero(np.asarray(marks))
-    )
+    lists: list[Any] = [
+        entry.array for entry in entries if entry.last.lower() in ("bbl", "good_wavelengths")
+    ]
+    for marks in (*lists, image.attributes.get("bbl", 0)):
+        if np.shape(marks) == (count,) and np.any(marks):
+            return np.flatnonzero(marks)
+    return None
 
 
 def _meaning(path: Path, image: FolderEntry) -> dict[str, Any]:
@@ -223,35 +224,24 @@ def _meaning(path: Path, image: FolderEntry) -> dict[str, Any]:
     names that others use.
     """
     attributes = image.attributes
-    number = {title: value for title, value in attributes.items() if title in _NUMBERS}
-    values = {title: _number(path, title, value) for title, value in number.items()}
-    ignore = {
-        values[title]
-        for title in ("_FillValue", "missing_value", "Data_Ignore_Value")
-        if title in values
+    values = {
+        title: _number(path, title, value)
+        for title, value in attributes.items()
+        if title in (*_MISSING, "scale_factor", "add_offset", "Scale_Factor")
     }
-    scale = values.get("Scale_Factor")
+    ignore = {values[title] for title in _MISSING if title in values}
     unit = _unit(attributes)
-    if scale is None:
-        scale = 1.0 if unit == "1" else meaning(unit).scale
     said = [unit, *(_text(attributes.get(title)) for title in ("long_name", "standard_name"))]
     return {
         "quantity": first_quantity([*said, image.last]),
         "gain": values.get("scale_factor", 1.0),
         "offset": values.get("add_offset", 0.0),
-        "scale": scale,
+        "scale": values.get("Scale_Factor", 1.0 if unit == "1" else meaning(unit).scale),
         "ignore": tuple(sorted(value for value in ignore if np.isfinite(value))),
     }
 
 
-_NUMBERS = (
-    "_FillValue",
-    "missing_value",
-    "Data_Ignore_Value",
-    "scale_factor",
-    "add_offset",
-    "Scale_Factor",
-)
+_MISSING = ("_FillValue", "missing_value", "Data_Ignore_Value")
 
 
 def _number(path: Path, title: str, value: Any) -> float:
@@ -266,7 +256,7 @@ def _number(path: Path, title: str, value: Any) -> float:
         raise refusal(path, f"attribute {title!r} is {value!r}, not a number") from None
 
 
-def _unit(attributes: dict[str, Any]) -> str:
+def _unit(attributes: Mapping[str, Any]) -> str:
     return next(
         (_text(value) for title, value in attributes.items() if title.lower() in ("units", "unit")),
         "",
@@ -277,10 +267,4 @@ def _text(value: Any) -> str:
     """An attribute as text."""
     if isinstance(value, np.ndarray) and value.size == 1:
         value = value.ravel()[0]
-    return (
-        value.decode("utf-8", "replace")
-        if isinstance(value, bytes)
-        else ""
-        if value is None
-        else str(value)
-    )
+    return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value or "")

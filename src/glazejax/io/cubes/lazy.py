@@ -16,6 +16,7 @@ from xarray.core.indexing import (
 )
 
 from ..raw_cube import RawCube
+from ..spectra_table import Bands
 from .calibration import Calibration
 
 # Numbers worked on at a time: few enough for a processor's cache, so that bands that lie apart are
@@ -177,7 +178,7 @@ class LazyReflectance(BackendArray):
 
 
 def as_data_array(
-    reading: CubeReading, wavelengths: Float[np.ndarray, "bands"], unit: str, notes: list[str]
+    reading: CubeReading, wavelengths: Bands, unit: str, notes: list[str]
 ) -> xarray.DataArray:
     """The lazy array that users see.
 

@@ -1,16 +1,17 @@
 """Lists of numbers that a user gives: as a sequence, a text file or a .npy file."""
 
+import re
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float
 
 from ..quantity import nanometres
-from ..source import explain_errors, open_source, refusal
+from ..source import explain_errors, naming, open_source, refusal
+from ..spectra_table import Stored
 from ..words import read_number
 
 
-def read_numbers(given: tuple[float, ...] | Path, unit: str = "") -> Float[np.ndarray, "stored"]:
+def read_numbers(given: tuple[float, ...] | Path, unit: str = "") -> Stored:
     """Wavelengths in nm, in their own order.
 
     Args:
@@ -27,21 +28,29 @@ def read_numbers(given: tuple[float, ...] | Path, unit: str = "") -> Float[np.nd
     else:
         values = np.asarray(given, np.float64)
         name = Path("wavelengths")
-    wrong = np.flatnonzero(~np.isfinite(values))
-    if not values.size or wrong.size:
-        which = (
-            f"number {int(wrong[0]) + 1} is {values[wrong[0]]:g}"
-            if wrong.size
-            else "there are none"
-        )
-        raise refusal(name, f"wavelengths must be finite numbers: {which}")
-    try:
+    said = "wavelengths must be finite numbers: "
+    if not values.size:
+        raise refusal(name, f"{said}there are none")
+    for i in np.flatnonzero(~np.isfinite(values))[:1]:
+        raise refusal(name, f"{said}number {i + 1} is {values[i]:g}")
+    with naming(name):
         return nanometres(values, unit)[0]
-    except ValueError as error:
-        raise refusal(name, error) from None
 
 
-def column(path: Path) -> Float[np.ndarray, "rows"]:
+def load_npy(path: Path) -> np.ndarray:
+    """Array of a .npy file, mapped into memory.
+
+    Raises:
+        ValueError: it is none, or was cut short.
+    """
+    with explain_errors(path):
+        try:
+            return np.load(path, mmap_mode="r", allow_pickle=False)
+        except ValueError as error:
+            raise refusal(path, f"not a whole .npy file: {error}") from None
+
+
+def column(path: Path) -> Stored:
     """Numbers of a .npy file of one axis, or of a text file: separated by blanks, commas or lines;
     # begins a comment.
 
@@ -50,11 +59,7 @@ def column(path: Path) -> Float[np.ndarray, "rows"]:
         ValueError: not numbers.
     """
     if path.suffix.lower() == ".npy":
-        with explain_errors(path):
-            try:
-                values = np.load(path, allow_pickle=False)
-            except ValueError as error:
-                raise refusal(path, f"not a whole .npy file: {error}") from None
+        values = load_npy(path)
         if values.dtype.kind not in "fiu" or values.size != max(values.shape, default=0):
             raise refusal(
                 path,
@@ -63,11 +68,7 @@ def column(path: Path) -> Float[np.ndarray, "rows"]:
         return values.astype(np.float64).ravel()
     with open_source(path) as source:
         text = source.text()
-    words = [
-        word
-        for line in text.splitlines()
-        for word in line.partition("#")[0].replace(",", " ").split()
-    ]
+    words = re.sub(r"#[^\r\n]*|,", " ", text).split()
     try:
         return np.array([read_number(word) for word in words], np.float64)
     except ValueError as error:

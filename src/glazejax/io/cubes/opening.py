@@ -1,5 +1,6 @@
 """Which kind of image a path is, and the reader of that kind."""
 
+from itertools import chain
 from pathlib import Path
 
 from ..files.sniff import identify
@@ -33,12 +34,9 @@ def raw_cube(path: Path, dataset: str | None = None, count: int | None = None) -
     with explain_errors(path), whole(path):
         if stored or (head.startswith(_ZIP) and path.suffix.lower() == ".zip"):
             return zarr_cube(path, dataset, count)
-        if head.startswith(_MATLAB):
-            return matlab_cube(path, dataset, count)
-        if head.startswith((_HDF5, _MATLAB_7)):
-            return hdf5_cube(path, dataset, count)
-        if head.startswith(_CLASSIC):
-            return classic_cube(path, dataset, count)
+        for heads, reader in _STORES.items():
+            if head.startswith(heads):
+                return reader(path, dataset, count)
         if dataset is not None:
             raise refusal(path, f"this kind of file has no datasets; leave {dataset!r} out")
         if path.is_dir():
@@ -55,14 +53,15 @@ def raw_cube(path: Path, dataset: str | None = None, count: int | None = None) -
     return envi_cube(path, count)
 
 
-# What files begin with.
-_HDF5 = b"\x89HDF\r\n"
-_MATLAB = b"MATLAB 5"
-_MATLAB_7 = b"MATLAB 7"
+# What files of named arrays begin with.
+_STORES = {
+    (b"MATLAB 5",): matlab_cube,
+    (b"\x89HDF\r\n", b"MATLAB 7"): hdf5_cube,
+    (b"CDF\x01", b"CDF\x02"): classic_cube,
+}
 _NPY = b"\x93NUMPY"
 _ZIP = b"PK\x03\x04"
-_CLASSIC = (b"CDF\x01", b"CDF\x02")
-HEADS = (_HDF5, _MATLAB, _MATLAB_7, _NPY, _ZIP, *_CLASSIC, *TIFF)
+HEADS = (*chain(*_STORES), _NPY, _ZIP, *TIFF)
 """What images of known kinds begin with, whatever lies beside them."""
 # Files that a store of zarr has.
 _ZARR = ("zarr.json", ".zgroup", ".zarray", ".zmetadata")

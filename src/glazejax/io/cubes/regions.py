@@ -8,17 +8,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from ...extras import require
 from ..source import explain_errors, is_there, open_source, refusal
+from ..spectra_table import Bands, Mask
 from .tiffs import TIFF
 
 if TYPE_CHECKING:
     import xarray
 
 
-def read_mask(path: str | Path, image: Any) -> Bool[np.ndarray, "y x"]:
+def read_mask(path: str | Path, image: Any) -> Mask:
     """Which pixels are used, from a picture or from polygons.
 
     A picture (PNG or what Pillow reads) uses the pixels that are not black and not transparent.
@@ -68,14 +69,14 @@ def read_mask(path: str | Path, image: Any) -> Bool[np.ndarray, "y x"]:
     return _some(path, used)
 
 
-def _some(path: Path, used: Bool[np.ndarray, "y x"]) -> Bool[np.ndarray, "y x"]:
+def _some(path: Path, used: Mask) -> Mask:
     """The mask, unless it uses nothing."""
     if not used.any():
         raise refusal(path, "the mask uses no pixel of the image")
     return used
 
 
-def _picture(path: Path) -> Bool[np.ndarray, "y x"]:
+def _picture(path: Path) -> Mask:
     """Pixels of a picture that are neither black nor transparent."""
     require("PIL")
     from PIL import Image, UnidentifiedImageError
@@ -162,9 +163,7 @@ def _coordinates(node: Any) -> list[Any]:
     raise ValueError(f"{kind!r} is neither Polygon nor MultiPolygon")
 
 
-def inside(
-    rings: list[Float[np.ndarray, "_ 2"]], shape: tuple[int, int]
-) -> Bool[np.ndarray, "y x"]:
+def inside(rings: list[Float[np.ndarray, "_ 2"]], shape: tuple[int, int]) -> Mask:
     """Pixels of which the centre lies inside: a ray to the left crosses the rings an odd number of
     times.
     """
@@ -195,9 +194,9 @@ class Spot(NamedTuple):
         pixels: how many have data at any band.
     """
 
-    wavelengths: Float[np.ndarray, "bands"]
-    reflectance: Float[np.ndarray, "bands"]
-    deviation: Float[np.ndarray, "bands"]
+    wavelengths: Bands
+    reflectance: Bands
+    deviation: Bands
     pixels: int
 
 
@@ -228,10 +227,9 @@ def read_spot(cube: "xarray.DataArray", spot: str | Path) -> Spot:
             )
         used = read_mask(spot, cube)
     else:
-        x0 = int(match[1])
-        y0 = int(match[3])
-        x1 = int(match[2] or x0 + 1)
-        y1 = int(match[4] or y0 + 1)
+        x0, x1, y0, y1 = (int(number or -1) for number in match.groups())
+        x1 = x0 + 1 if x1 < 0 else x1
+        y1 = y0 + 1 if y1 < 0 else y1
         if not (x0 < x1 <= samples and y0 < y1 <= lines):
             raise ValueError(
                 f"the spot {spot} does not lie in the image: x goes from 0 to {samples}, y from "
@@ -239,31 +237,29 @@ def read_spot(cube: "xarray.DataArray", spot: str | Path) -> Spot:
             )
         used = np.zeros((lines, samples), bool)
         used[y0:y1, x0:x1] = True
-    rows = np.flatnonzero(used.any(axis=1))
-    columns = np.flatnonzero(used.any(axis=0))
-    x = slice(int(columns[0]), int(columns[-1]) + 1)
+    places = np.argwhere(used)
+    y0, x0 = places.min(axis=0).tolist()
+    y1, x1 = (places.max(axis=0) + 1).tolist()
+    x = slice(x0, x1)
     bands = cube.sizes["wavelength"]
-    count = np.zeros(bands)
-    total = np.zeros(bands)
-    square = np.zeros(bands)
+    sums = np.zeros((3, bands))  # of ones, values and squares
     shift = np.zeros(bands)
     pixels = 0
     top = cube.attrs.get("saturated", np.inf)
-    step = max(1, _AT_ONCE // max(1, (x.stop - x.start) * bands))
-    for start in range(int(rows[0]), int(rows[-1]) + 1, step):
-        y = slice(start, min(start + step, int(rows[-1]) + 1))
+    step = max(1, _AT_ONCE // ((x1 - x0) * bands))
+    for start in range(y0, y1, step):
+        y = slice(start, min(start + step, y1))
         values = cube.isel(y=y, x=x).values[used[y, x]].astype(np.float64)
         there = np.isfinite(values) & (values < top)
         if not pixels and there.any():
             # About a mean of the first part, so that squares lose no digits.
             shift = np.where(there, values, 0).sum(axis=0) / np.maximum(there.sum(axis=0), 1)
         values = np.where(there, values - shift, 0.0)
-        count += there.sum(axis=0)
-        total += values.sum(axis=0)
-        square += (values**2).sum(axis=0)
+        sums += [part.sum(axis=0) for part in (there, values, values**2)]
         pixels += int(there.any(axis=1).sum())
     if not pixels:
         raise ValueError(f"the spot {spot} has no data: all readings are missing or saturated")
+    count, total, square = sums
     with np.errstate(invalid="ignore", divide="ignore"):
         mean = total / count
         deviation = np.where(

@@ -8,15 +8,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Int
 
 from ...extras import require
 from ...spectra import describe_grid, validate_wavelengths
 from ..finish import in_order
 from ..probe import scale_of, with_usual_mark
-from ..quantity import read_units
+from ..quantity import Stated, read_units
 from ..raw_cube import RawCube
-from ..source import refusal
+from ..source import naming, refusal
+from ..spectra_table import Bands, Stored
 from .calibration import calibration
 from .numbers import read_numbers
 from .opening import raw_cube
@@ -70,7 +71,8 @@ class CubeSource:
         """The image as one lazy array of reflectance factors; see `open_cube`."""
         require("xarray")
         self._check()
-        length, _ = read_units(self.unit)
+        stated = Stated(quantity=self.quantity, unit=self.unit, scale=self.scale)
+        length, _ = read_units(stated)
         given = None if self.wavelengths is None else read_numbers(self.wavelengths, length)
         raw = raw_cube(Path(self.path), self.dataset, None if given is None else given.size)
         notes = list(raw.notes)
@@ -87,15 +89,7 @@ class CubeSource:
             )
         else:
             cure = "give the scale (scale=10000, --scale 10000), or a white reference"
-            scale, unit = scale_of(
-                raw,
-                groups.ravel(),
-                notes,
-                cure,
-                quantity=self.quantity,
-                unit=self.unit,
-                scale=self.scale,
-            )
+            scale, unit = scale_of(raw, groups.ravel(), notes, cure, **stated)
         from .lazy import CubeReading, as_data_array
 
         reading = CubeReading(
@@ -188,9 +182,7 @@ def _path(given: Any) -> Any:
     return Path(given) if isinstance(given, str) else given
 
 
-def _stored_wavelengths(
-    raw: RawCube, given: Float[np.ndarray, "stored"] | None, unit: str, notes: list[str]
-) -> Float[np.ndarray, "stored"]:
+def _stored_wavelengths(raw: RawCube, given: Stored | None, unit: str, notes: list[str]) -> Stored:
     """Wavelengths of the stored bands, nm, in the file's order."""
     if given is None:
         wavelengths, told = raw.nanometres(unit)
@@ -207,11 +199,11 @@ def _stored_wavelengths(
 
 def _grid(
     raw: RawCube,
-    stored: Float[np.ndarray, "stored"],
+    stored: Stored,
     limits: tuple[float, float] | None,
     each: int,
     notes: list[str],
-) -> tuple[Float[np.ndarray, "bands"], Int[np.ndarray, "bands n"]]:
+) -> tuple[Bands, Int[np.ndarray, "bands n"]]:
     """Wavelengths that are given, ascending, and the stored bands that each is the mean of."""
     grid, bands = in_order(stored, raw.good, notes)
     new = np.concatenate([[True], np.diff(grid) > 0])
@@ -220,10 +212,8 @@ def _grid(
         notes.append(f"{int((~new).sum())} bands repeat a wavelength ({again} nm) and are left out")
         grid = grid[new]
         bands = bands[new]
-    try:
+    with naming(raw.path):
         validate_wavelengths(grid)
-    except ValueError as error:
-        raise refusal(raw.path, error) from None
     if limits is not None:
         first, last = limits
         inside = (grid >= first - _SLACK) & (grid <= last + _SLACK)

@@ -22,17 +22,10 @@ def zarr_cube(path: Path, dataset: str | None, count: int | None) -> RawCube:
     require("zarr")
     import zarr
 
-    opened = zarr.open(str(path), mode="r")
-    arrays = {"": opened} if isinstance(opened, zarr.Array) else dict(_members(opened))
-    entries = [_zarr_entry(name, array) for name, array in arrays.items()]
+    opened: Any = zarr.open(str(path), mode="r")
+    members = [("", opened)] if isinstance(opened, zarr.Array) else opened.members(max_depth=None)
+    entries = [_zarr_entry(name, array) for name, array in members if hasattr(array, "shape")]
     return describe(path, "zarr", entries, dataset, count, partial(OnDisk, _zarr_array, path))
-
-
-def _members(group: Any) -> list[tuple[str, Any]]:
-    """Arrays of a group and of the groups in it, by their paths."""
-    return [
-        (name, array) for name, array in group.members(max_depth=None) if hasattr(array, "shape")
-    ]
 
 
 def _zarr_entry(name: str, array: Any) -> FolderEntry:
@@ -42,15 +35,7 @@ def _zarr_entry(name: str, array: Any) -> FolderEntry:
     if old is not None and array.fill_value is not None:
         attributes.setdefault("_FillValue", array.fill_value)
     names = getattr(array.metadata, "dimension_names", None) or old or (None,) * array.ndim
-    return FolderEntry(
-        name=name,
-        shape=tuple(array.shape),
-        dtype=array.dtype,
-        dims=tuple(names),
-        attributes=attributes,
-        piece=tuple(array.chunks),
-        array=array,
-    )
+    return FolderEntry(name, array, attributes, dims=tuple(names), piece=tuple(array.chunks))
 
 
 def _zarr_array(path: Path, name: str) -> Any:
@@ -68,19 +53,8 @@ def matlab_cube(path: Path, dataset: str | None, count: int | None) -> RawCube:
     """
     from scipy.io import loadmat
 
-    entries = [
-        FolderEntry(
-            name=name,
-            shape=array.shape,
-            dtype=array.dtype,
-            dims=(None,) * array.ndim,
-            attributes={},
-            piece=(1,) * array.ndim,
-            array=array,
-        )
-        for name, array in loadmat(path, mat_dtype=True).items()
-        if hasattr(array, "dtype")
-    ]
+    arrays = loadmat(path, mat_dtype=True).items()
+    entries = [FolderEntry(name, array) for name, array in arrays if hasattr(array, "dtype")]
     return describe(path, "MATLAB 5", entries, dataset, count, partial(OnDisk, _matlab_array, path))
 
 
@@ -123,16 +97,8 @@ def _hdf5_entry(name: str, node: Any) -> FolderEntry:
         .lstrip("b'")
         .startswith("This is a netCDF dimension but not")
     )
-    chunks = node.chunks or (1,) * node.ndim
-    return FolderEntry(
-        name=name if real else "",
-        shape=tuple(node.shape),
-        dtype=node.dtype,
-        dims=tuple(names),
-        attributes=attributes,
-        piece=chunks,
-        array=node,
-    )
+    piece = node.chunks or (1, 1, 1)
+    return FolderEntry(name if real else "", node, attributes, dims=tuple(names), piece=piece)
 
 
 # Attributes by which HDF5 ties axes together.
@@ -155,21 +121,10 @@ def classic_cube(path: Path, dataset: str | None, count: int | None) -> RawCube:
     Raises:
         ValueError: the file is not whole, or it holds no variable that can be meant.
     """
-    entries = []
-    for name, variable in _classic(path, lambda file: dict(file.variables)).items():
-        attributes = dict(variable._attributes)
-        sizes = tuple(variable.data.shape)
-        entries.append(
-            FolderEntry(
-                name=name,
-                shape=sizes,
-                dtype=variable.data.dtype,
-                dims=variable.dimensions,
-                attributes=attributes,
-                piece=(1,) * len(sizes),
-                array=variable.data,
-            )
-        )
+    entries = [
+        FolderEntry(name, variable.data, dict(variable._attributes), dims=variable.dimensions)
+        for name, variable in _classic(path, lambda file: dict(file.variables)).items()
+    ]
     return describe(
         path, "NetCDF 3", entries, dataset, count, partial(OnDisk, _classic_array, path)
     )

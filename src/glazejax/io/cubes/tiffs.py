@@ -8,12 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 
 from ...extras import require
 from ..raw_cube import OnDisk, RawCube, whole
 from ..source import explain_errors, refusal
-from ..spectra_table import list_names
+from ..spectra_table import Stored, list_names
 from .axes import axes_of
 
 TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
@@ -55,21 +54,19 @@ def tiff_cube(path: Path, count: int | None) -> RawCube:
             data = OnDisk(_array, path, None, one_at_a_time=piece != (1, 1, 1))
             dtype = series.dtype
         else:
-            pages = [page for page in file.pages]
-            sizes = {(page.shape, page.dtype) for page in pages}
-            if len(sizes) > 1 or len(pages[0].shape) != 2 or len(pages) < 2:
+            count = len(file.pages)
+            sizes = {(page.shape, page.dtype) for page in file.pages}
+            (shape, dtype), *others = sorted(sizes, key=str)
+            if others or len(shape) != 2 or count < 2:
                 found = list_names([f"{shape} {dtype}" for shape, dtype in sorted(sizes, key=str)])
                 raise refusal(
                     path,
-                    f"not an image of several bands of one size and type: {len(pages)} pages of "
-                    f"{found}",
+                    f"not an image of several bands of one size and type: {count} pages of {found}",
                 )
             order = (1, 2, 0)
-            shape = (*pages[0].shape, len(pages))
-            piece = _piece(_array(path, 0), (0, 1, 0))
-            piece = (piece[0], piece[1], 1)
-            data = OnDisk(_pages, path, len(pages), one_at_a_time=piece != (1, 1, 1))
-            dtype = pages[0].dtype
+            shape = (*shape, count)
+            piece = (*_piece(_array(path, 0), (0, 1, 0))[:2], 1)
+            data = OnDisk(_pages, path, count, one_at_a_time=piece != (1, 1, 1))
     dtype = _check_type(path, dtype)
     if wavelengths is not None and wavelengths.size != shape[2]:
         wavelengths = None
@@ -123,50 +120,48 @@ def picture_folder(path: Path, count: int | None) -> RawCube:
     require("tifffile")
     import tifffile
 
-    files: list[Path] = []
-    for ending in ((".tif", ".tiff"), (".png",)):
-        files = files or sorted(file for file in path.iterdir() if file.suffix.lower() in ending)
+    endings = {file: file.suffix.lower() for file in sorted(path.iterdir())}
+    files = [file for file, ending in endings.items() if ending in (".tif", ".tiff")]
+    files = files or [file for file, ending in endings.items() if ending == ".png"]
     if not files:
         raise refusal(path, "a folder without an image: no zarr store, and no TIFF or PNG in it")
     wavelengths = (
         None if count is not None else _wavelengths_of_names([file.stem for file in files])
     )
-    if wavelengths is not None:
-        files = [files[i] for i in np.argsort(wavelengths, kind="stable")]
-        wavelengths = np.sort(wavelengths)
-    first: tuple[tuple[int, ...], Any] | None = None
-    memory = False
+    memory: list[bool] = []
     place: dict[str, Any] = {}
+    sizes: list[tuple[tuple[int, ...], Any]] = []
     for file in files:
         with explain_errors(file), whole(file):
             if file.suffix.lower() == ".png":
                 picture = Picture(file)
-                size = (picture.shape, picture.dtype)
+                memory.append(False)
             else:
                 with tifffile.TiffFile(file) as tiff:
-                    size = (tuple(tiff.series[0].shape), tiff.series[0].dtype)
-                    if first is None:
-                        place = _place(tiff)
-                        memory = tiff.pages[0].is_memmappable
-            first = first or size
-            if len(size[0]) != 2 or size != first:
-                raise refusal(
-                    file, f"{size[0]} {size[1]} where {files[0].name} has {first[0]} {first[1]}"
-                )
-    assert first is not None
-    lines, samples = first[0][:2]
-    dtype = _check_type(path, first[1])
-    piece = _piece(_array(files[0], None), (0, 1, 0))
-    data = OnDisk(_files, *files, one_at_a_time=not memory)
-    shape = (lines, samples, len(files))
+                    picture = tiff.series[0]
+                    place = place or _place(tiff)
+                    memory.append(tiff.pages[0].is_memmappable)
+            size = (tuple(picture.shape), picture.dtype)
+            sizes.append(size)
+            if len(size[0]) != 2 or size != sizes[0]:
+                first = " ".join(map(str, sizes[0]))
+                raise refusal(file, f"{size[0]} {size[1]} where {files[0].name} has {first}")
+    lines, samples = sizes[0][0]
+    piece = (*_piece(_array(files[0], None), (0, 1, 0))[:2], 1)
+    dtype = _check_type(path, sizes[0][1])
+    if wavelengths is not None:
+        order = np.argsort(wavelengths, kind="stable")
+        files = [files[i] for i in order]
+        wavelengths = wavelengths[order]
+    data = OnDisk(_files, *files, one_at_a_time=not all(memory))
     return RawCube(
         path=path,
         format="folder of pictures",
         data=data,
         order=(1, 2, 0),
-        shape=shape,
+        shape=(lines, samples, len(files)),
         dtype=dtype,
-        piece=(piece[0], piece[1], 1),
+        piece=piece,
         apart=True,
         wavelengths=wavelengths,
         wavelength_unit="nm",
@@ -214,40 +209,34 @@ def _piece(array: Any, order: tuple[int, int, int]) -> tuple[int, int, int]:
     return (1, 1, 1) if chunks is None else (chunks[order[0]], chunks[order[1]], chunks[order[2]])
 
 
-def _wavelengths_of_metadata(file: Any) -> Float[np.ndarray, "stored"] | None:
+def _wavelengths_of_metadata(file: Any) -> Stored | None:
     """Wavelengths that a file says itself: in tifffile's or ImageJ's metadata, or with
     each page.
     """
     for metadata in [*(file.shaped_metadata or ()), file.imagej_metadata or {}]:
         for title in ("wavelengths", "wavelength", "Wavelengths", "Wavelength"):
             value = metadata.get(title)
-            if isinstance(value, list | tuple) and all(
-                isinstance(number, int | float) for number in value
-            ):
+            if isinstance(value, list | tuple) and {*map(type, value)} <= {int, float}:
                 return np.asarray(value, np.float64)
-    texts = []
-    for page in file.pages:
-        tags = getattr(page, "tags", None)
-        names = [] if tags is None else [tags.valueof(285), tags.valueof(270)]
-        texts.append(" ".join(str(name) for name in names if name))
-    found = [_NM.findall(text) for text in texts]
-    if not all(len(set(each)) == 1 for each in found):
+    tags = [getattr(page, "tags", None) for page in file.pages]
+    # Of a page its name and its description.
+    texts = [f"{each.valueof(285)} {each.valueof(270)}" if each else "" for each in tags]
+    found = [{*_NM.findall(text)} for text in texts]
+    if any(len(each) != 1 for each in found):
         return None
-    return np.array([float(each[0]) for each in found])
+    return np.array([float(each.pop()) for each in found])
 
 
-def _wavelengths_of_names(names: list[str]) -> Float[np.ndarray, "files"] | None:
+def _wavelengths_of_names(names: list[str]) -> Stored | None:
     """Wavelengths in the names of files: the number before ``nm``, else the last that can be one in
     all names.
     """
     found = [_NM.findall(name) for name in names]
     if all(found):
         return np.array([float(each[-1]) for each in found])
-    found = [[float(word) for word in _DIGITS.findall(name)] for name in names]
+    last = np.array([float([0, *_DIGITS.findall(name)][-1]) for name in names])
     # Wavelengths that a bare number in a file's name can be, nm.
-    if not all(each and 200.0 <= each[-1] <= 2600.0 for each in found):
-        return None
-    return np.array([each[-1] for each in found])
+    return last if last.min() >= 200.0 and last.max() <= 2600.0 else None
 
 
 def _place(file: Any) -> dict[str, Any]:

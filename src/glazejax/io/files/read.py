@@ -11,24 +11,10 @@ from ..formats.workbook import split_sheet
 from ..quantity import Stated
 from ..source import Source, open_source
 from ..spectra_table import SpectraTable
-from .sniff import Kind, header_beside, identify
+from .sniff import header_beside, identify
 
 if TYPE_CHECKING:
     from ..formats.envi import EnviFile
-
-# Module and function of each format's reader; they are imported when a file asks for them.
-_READERS = {
-    "table": ("table", "read_table"),
-    "cgats": ("cgats", "read_cgats"),
-    "cxf": ("cxf", "read_cxf"),
-    "jcamp": ("jcamp", "read_jcamp"),
-    "asd": ("asd", "read_asd"),
-    "json": ("listing", "read_listing"),
-    "svc": ("svc", "read_svc"),
-    "qtx": ("qtx", "read_qtx"),
-    "procspec": ("procspec", "read_procspec"),
-    "workbook": ("workbook", "read_workbook"),
-}
 
 
 def read_spectra(
@@ -76,8 +62,9 @@ def read_spectra(
     with open_source(file, progress=progress) as source:
         kind = identify(source)
         if kind not in ("envi header", "envi data"):
-            module, name = _READERS[kind]
-            reader = getattr(import_module(f"..formats.{module}", __package__), name)
+            # Imported when a file asks for it.
+            module = import_module(f"..formats.{kind}", __package__)
+            reader = getattr(module, f"read_{kind}")
             return finish(reader(source, sheet) if sheet else reader(source), path, **stated)
         envi = _envi(source, kind)
         if envi.is_library:
@@ -120,7 +107,7 @@ def envi_file(path: str | Path) -> "EnviFile":
         return _envi(source, kind)
 
 
-def _envi(source: Source, kind: Kind) -> "EnviFile":
+def _envi(source: Source, kind: str) -> "EnviFile":
     """ENVI file of which the header or the data were named."""
     from ..formats.envi import EnviFile
 

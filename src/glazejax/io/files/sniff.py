@@ -2,24 +2,8 @@
 
 import re
 from pathlib import Path
-from typing import Literal
 
 from ..source import Source, is_there, open_source
-
-Kind = Literal[
-    "table",
-    "cgats",
-    "cxf",
-    "jcamp",
-    "json",
-    "envi header",
-    "envi data",
-    "asd",
-    "svc",
-    "workbook",
-    "qtx",
-    "procspec",
-]
 
 _CGATS = re.compile(
     r"\A\s*(CGATS\S*|IT8\S*|ISO ?28178\S*|CTI[1-4]|SPECT|SPOT|NCLR)[ \t]*$|^[ "
@@ -53,11 +37,13 @@ _OTHERS = {
 _SPC = "a Galactic SPC file (GRAMS); export it from its software as JCAMP-DX or as text"
 # The archive of SpectraSuite begins with one of these.
 _PROCSPEC = re.compile(rb"PK\x03\x04.{26}(ps_\d+\.xml|OOI\w+\.(txt|xml))", re.DOTALL)
+_ENVI = re.compile(rb"(\xef\xbb\xbf)?[ \t\r]*ENVI[ \t\r]*(\n|\Z)")
 _ASD = (b"ASD", b"as2", b"as3", b"as4", b"as5", b"as6", b"as7", b"as8")
 
 
-def identify(source: Source) -> Kind:
-    """Format of a file; ``table`` if its content tells none.
+def identify(source: Source) -> str:
+    """Format of a file, by the name of its module, ``envi header`` or ``envi data``; ``table``
+    if its content tells none.
 
     Raises:
         ValueError: it is a file of a maker's own, a picture, an archive or a PDF.
@@ -80,7 +66,7 @@ def identify(source: Source) -> Kind:
             raise source.error(_SPC)
         return "table"
     text = head.decode("utf-8-sig", errors="replace")
-    if text.split("\n", 1)[0].strip() == "ENVI":
+    if _ENVI.match(head):
         return "envi header"
     if text.startswith("/*** Spectra Vista"):
         return "svc"
@@ -89,7 +75,7 @@ def identify(source: Source) -> Kind:
     if _XML.match(text):
         return "cxf"
     if _JSON.match(text):
-        return "json"
+        return "listing"
     if _is_jcamp(text):
         return "jcamp"
     if _CGATS.search(text):
@@ -107,13 +93,7 @@ def header_beside(path: Path) -> Path | None:
         for candidate in (name, name.with_suffix(".HDR")):
             if candidate != path and is_there(candidate):
                 with open_source(candidate) as source:
-                    if (
-                        source.head[:64]
-                        .decode("utf-8-sig", errors="replace")
-                        .split("\n", 1)[0]
-                        .strip()
-                        == "ENVI"
-                    ):
+                    if _ENVI.match(source.head):
                         return candidate
     return None
 

@@ -6,12 +6,13 @@ spectrum, and from version 2 on the white reference with a header of its own. Wh
 """
 
 import struct
+from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 
 from ..finish import RawSpectra
 from ..source import Source
+from ..spectra_table import Bands
 
 _HEADER = 484
 _KINDS = ("raw", "ref", "rad", "nounits", "irrad", "qi", "trans", "unknown", "abs")
@@ -28,94 +29,76 @@ def read_asd(source: Source) -> RawSpectra:
             radiance or another quantity; or has no white reference.
     """
     content = source.content()
+    damaged = "an ASD file that was cut short or is damaged: "
     if len(content) < _HEADER:
-        raise source.error(
-            f"an ASD file that was cut short or is damaged: {len(content)} bytes of its header's "
-            "484"
-        )
+        raise source.error(f"{damaged}{len(content)} bytes of its header's 484")
     code, start, step, number = content[186], *struct.unpack_from("<ff", content, 191), content[199]
     (channels,) = struct.unpack_from("<H", content, 204)
     version = 1 if content[:3] == b"ASD" else int(content[2:3])
     if code >= len(_KINDS) or number not in _NUMBERS or not (channels and start > 0 and step > 0):
         raise source.error(
-            f"an ASD file that was cut short or is damaged: its header has type {code}, number "
-            f"format {number} and {channels} channels from {start:g} nm in steps of {step:g} nm"
+            f"{damaged}its header has type {code}, number format {number} and {channels} channels "
+            f"from {start:g} nm in steps of {step:g} nm"
         )
     kind = _KINDS[code]
     if kind not in ("ref", "raw", "abs"):
         raise source.error(f"an ASD file of type {kind!r}; only reflectance can be read")
     wavelengths = float(start) + float(step) * np.arange(channels)
-    counts, end = _spectrum(content, _HEADER, _NUMBERS[number], channels)
-    if counts is None:
-        raise source.error(
-            f"an ASD file that was cut short or is damaged: {len(content)} bytes are too few for "
-            f"{channels} channels"
-        )
-    _refuse_holes(source, "spectrum", wavelengths, counts)
-    name = content[3:160].strip(b"\0").decode("latin-1").split("\0")[0].strip() or source.path.stem
-    white = None
+    dtype = np.dtype(_NUMBERS[number])
+    end = _HEADER + channels * dtype.itemsize
+    if end > len(content):
+        raise source.error(f"{damaged}{len(content)} bytes are too few for {channels} channels")
+    counts = _spectrum(source, "spectrum", wavelengths, content[_HEADER:end], dtype)
+    white = np.zeros(0)
+    counts_only = "an ASD file without its white reference, or cut short before it: counts only"
     if version >= 2 and end < len(content):
-        white, end = _white(content, end, _NUMBERS[number], channels)
-        if white is None:
-            raise source.error(
-                "an ASD file without its white reference, or cut short before it: counts only"
-            )
-        _refuse_holes(source, "white reference", wavelengths, white)
+        # Whether there is a reference, two times, and a description stand before it.
+        mark = content[end : end + 2]
+        begin = end + 20 + int.from_bytes(content[end + 18 : end + 20], "little", signed=True)
+        rest = begin + channels * dtype.itemsize
+        if mark not in (b"\0\0", b"\xff\xff") or not end + 20 <= begin <= rest <= len(content):
+            raise source.error(counts_only)
+        white = _spectrum(source, "white reference", wavelengths, content[begin:rest], dtype)
+        end = rest
     # Nothing else follows before version 6, but for a mark of three bytes.
     if version < 6 and len(content) - end > 3:
         raise source.error(
             f"an ASD file that is damaged: {len(content) - end} bytes after its {channels} channels"
         )
-    if white is None or not (white != 0).any():
-        # Version 1 has no room for a reference: what it calls reflectance is reflectance.
-        if kind == "raw" or (kind == "ref" and version >= 2 and white is None):
-            raise source.error(
-                "an ASD file without its white reference, or cut short before it: counts only"
-            )
-        return RawSpectra(
-            wavelengths=wavelengths,
-            names=[name],
-            values=counts[None],
-            format="ASD binary",
-            notes=["reflectance as stored in the file"],
-        )
+    stored = not white.any()
+    # Version 1 has no room for a reference: what it calls reflectance is reflectance.
+    if stored and (kind == "raw" or (kind == "ref" and version >= 2 and not white.size)):
+        raise source.error(counts_only)
     dark = ~(white > 0)
     # Integration time and gains are the same for both, so they cancel.
     with np.errstate(all="ignore"):  # what is damaged may overflow, and is refused as not finite
-        values = np.where(dark, np.nan, counts / np.where(dark, 1.0, white))
-    notes = ["counts were divided by those of the white reference"]
+        values = counts if stored else np.where(dark, np.nan, counts / np.where(dark, 1.0, white))
+    said = "reflectance as stored in the file"
+    name = content[3:160].strip(b"\0").decode("latin-1").split("\0")[0].strip()
     return RawSpectra(
         wavelengths=wavelengths,
-        names=[name],
+        names=[name or source.path.stem],
         values=values[None],
         format="ASD binary",
-        notes=notes,
-        scale=1.0,
-        missing="drop",
+        notes=[said if stored else "counts were divided by those of the white reference"],
+        scale=None if stored else 1.0,
+        missing="refuse" if stored else "drop",
     )
 
 
 def _spectrum(
-    content: bytes, start: int, kind: str, channels: int
-) -> tuple[Float[np.ndarray, "channels"] | None, int]:
-    """Numbers of a spectrum that begins at a byte, and the byte after it; None if the file ends
-    before.
-    """
-    end = start + channels * np.dtype(kind).itemsize
-    if end > len(content):
-        return None, start
-    # A damaged number may be a signalling NaN, of which NumPy warns; it stays NaN.
-    with np.errstate(invalid="ignore"):
-        return np.frombuffer(content, kind, channels, start).astype(np.float64), end
-
-
-def _refuse_holes(
     source: Source,
     what: str,
-    wavelengths: Float[np.ndarray, "channels"],
-    values: Float[np.ndarray, "channels"],
-) -> None:
-    """Refuse a spectrum that is not finite somewhere: no instrument writes that."""
+    wavelengths: Bands,
+    stored: bytes,
+    dtype: np.dtype[Any],
+) -> Bands:
+    """Numbers of a spectrum; one that is not finite somewhere is refused, as no instrument writes
+    that.
+    """
+    # A damaged number may be a signalling NaN, of which NumPy warns; it stays NaN.
+    with np.errstate(invalid="ignore"):
+        values = np.frombuffer(stored, dtype).astype(np.float64)
     finite = np.isfinite(values)
     if not finite.all():
         band = int(finite.argmin())
@@ -123,15 +106,4 @@ def _refuse_holes(
             f"an ASD file that is damaged: its {what} is not finite at {wavelengths[band]:g} nm: "
             f"{values[band]}; copy or export it again"
         )
-
-
-def _white(
-    content: bytes, start: int, kind: str, channels: int
-) -> tuple[Float[np.ndarray, "channels"] | None, int]:
-    """White reference, after whether there is one, two times and a description; None if it is cut
-    short or damaged.
-    """
-    if len(content) < start + 20 or content[start : start + 2] not in (b"\0\0", b"\xff\xff"):
-        return None, start
-    (length,) = struct.unpack_from("<h", content, start + 18)
-    return (None, start) if length < 0 else _spectrum(content, start + 20 + length, kind, channels)
+    return values

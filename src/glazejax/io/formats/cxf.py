@@ -1,37 +1,42 @@
-"""CxF3 (ISO 17972-1), the XML in which colour instruments exchange measurements, through
-colour-cxf.
-"""
+"""CxF3 (ISO 17972-1), the XML in which colour instruments exchange measurements."""
 
 import datetime
-import logging
 import re
-import warnings
-from collections.abc import Iterator
-from contextlib import contextmanager
-from typing import Any
+from xml.etree import ElementTree
+from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
 from ...spectra import describe_grid
 from ..finish import MAX_DECLARED, RawSpectra
 from ..source import Source
-from ..spectra_table import SpectraTable
-from ..words import is_number
+from ..spectra_table import Bands, SpectraTable
+from ..words import is_number, read_number
 
-_NAMESPACE = b"colorexchangeformat.com/CxF3-core"
+_NAMESPACE = "http://colorexchangeformat.com/CxF3-core"
 # Bounds of CxF3's schema for the first wavelength.
 _FIRST = (360, 400)
-
-
-def _library() -> Any:
-    """The package colour-cxf, or a clear error."""
-    try:
-        import colour_cxf
-    except ImportError:
-        raise ValueError(
-            "CxF3 needs the package colour-cxf (Python 3.13 or older): pip install colour-cxf"
-        ) from None
-    return colour_cxf
+_FILE = """<?xml version="1.0" encoding="UTF-8"?>
+<CxF xmlns="{namespace}">
+<FileInformation><Creator>glazejax</Creator><CreationDate>{date}</CreationDate></FileInformation>
+<Resources>
+<ObjectCollection>
+{objects}
+</ObjectCollection>
+<ColorSpecificationCollection><ColorSpecification Id="c1"><MeasurementSpec>
+<MeasurementType>Spectrum_Reflectance</MeasurementType>
+<GeometryChoice><UnknownGeometry>unknown</UnknownGeometry></GeometryChoice>
+<WavelengthRange StartWL="{first:.0f}" Increment="{step:.0f}"/>
+</MeasurementSpec></ColorSpecification></ColorSpecificationCollection>
+</Resources>
+</CxF>
+"""
+_OBJECT = """<Object ObjectType="Standard" Name={name} Id="o{number}">
+<CreationDate>{date}</CreationDate>
+<ColorValues>
+<ReflectanceSpectrum ColorSpecification="c1">{values}</ReflectanceSpectrum>
+</ColorValues>
+</Object>"""
 
 
 def read_cxf(source: Source) -> RawSpectra:
@@ -46,10 +51,10 @@ def read_cxf(source: Source) -> RawSpectra:
             wavelengths that differ.
     """
     content = source.content()
-    if _NAMESPACE not in content:
+    if _NAMESPACE.encode() not in content:
         if b"colorexchangeformat.com/v2" in content or re.search(rb"<CXF[ >]", content):
             raise source.error("CxF 2, which is not read; save it as CxF3, CGATS or CSV")
-        raise source.error(f"XML, but not CxF3 (no namespace http://{_NAMESPACE.decode()})")
+        raise source.error(f"XML, but not CxF3 (no namespace {_NAMESPACE})")
     if b"<!DOCTYPE" in content:
         raise source.error(
             "not legal CxF3: it has a DOCTYPE, whose entities could name other files; remove it"
@@ -62,115 +67,78 @@ def read_cxf(source: Source) -> RawSpectra:
             f"more than {most_tags} tags or {most_words} words; split it, or export the spectra "
             "as CSV"
         )
-    cxf = _library()
-    notes: list[str] = []
     try:
-        with warnings.catch_warnings(), _stray_text(notes):
-            # A value outside the schema comes back as text, and is refused below with its place.
-            warnings.simplefilter("ignore")
-            document = cxf.read_cxf(content)
-    except Exception as error:
-        raise source.error(f"not legal CxF3: {_one_line(error)}") from None
-    resources = document.resources
-    collection = resources.color_specification_collection if resources else None
+        root = ElementTree.fromstring(content)
+    except (ElementTree.ParseError, ValueError, LookupError) as error:
+        raise source.error(f"not legal CxF3: {error}") from None
+    stray = any((thing.tail or "").strip() for thing in root.iter())
     ranges = {
-        spec.id: spec.measurement_spec.wavelength_range
-        for spec in (collection.color_specification if collection else [])
-        if spec.measurement_spec
+        specification.get("Id"): limits
+        for specification in root.iter(_tag("ColorSpecification"))
+        for limits in specification.iter(_tag("WavelengthRange"))
     }
-    names = []
-    values = []
-    specifications = []
-    grid = None
-    objects = (
-        resources.object_collection.object_value
-        if resources and resources.object_collection
-        else []
-    )
-    for thing in objects:
-        spectra = [
-            c
-            for c in (thing.color_values.choice if thing.color_values else [])
-            if _is_reflectance(c)
-        ]
+    names: list[str] = []
+    grids: list[np.ndarray] = []
+    values: list[list[float]] = []
+    specifications: list[str] = []
+    things = list(root.iter(_tag("Object")))
+    for thing in things:
+        spectra = list(thing.iter(_tag("ReflectanceSpectrum")))
         for spectrum in spectra:
-            name = thing.name or thing.id or f"object {len(names) + 1}"
+            specification = spectrum.get("ColorSpecification", "")
+            name = thing.get("Name") or thing.get("Id") or f"object {len(names) + 1}"
             if len(spectra) > 1:
-                name += f" ({spectrum.name or spectrum.color_specification})"
-            here = _wavelengths(source, name, spectrum, ranges.get(spectrum.color_specification))
-            if grid is not None and (here.size != grid.size or (here != grid).any()):
+                name += f" ({spectrum.get('Name') or specification})"
+            words = (spectrum.text or "").split()
+            wrong = [word for word in words if not is_number(word)]
+            if wrong or not words:
+                said = f"holds {wrong[0][:20]!r}, not a number" if wrong else "is empty"
+                raise source.error(f"the spectrum of {name!r} {said}")
+            limits = ranges.get(specification)
+            grid = _wavelengths(spectrum, limits, len(words))
+            if grid is None:
                 raise source.error(
-                    f"{name!r} is on {here[0]:g}-{here[-1]:g} nm ({here.size} bands) and "
-                    f"{names[0]!r} on {grid[0]:g}-{grid[-1]:g} nm ({grid.size} bands); a table "
-                    "has one grid: export them apart"
+                    f"no wavelengths for {name!r}: its ColorSpecification {specification!r} has no "
+                    "legal WavelengthRange with StartWL and Increment"
                 )
-            grid = here
+            grids.append(grid)
+            if not np.array_equal(grid, grids[0]):
+                raise source.error(
+                    f"{name!r} is on {describe_grid(grid)} and {names[0]!r} on "
+                    f"{describe_grid(grids[0])}; a table has one grid: export them apart"
+                )
             names.append(name)
-            values.append(spectrum.value)
-            specifications.append(spectrum.color_specification or "")
-    if grid is None:
-        raise source.error(f"CxF3 without reflectance spectra ({len(objects)} objects)")
-    table = np.array(values, float)
-    # The standard says fractions below 3. Who goes beyond has not kept to it and is looked at like
-    # any other.
-    scale = 1.0 if table.max() <= MAX_DECLARED else None
+            values.append(list(map(read_number, words)))
+            specifications.append(specification)
+    if not names:
+        raise source.error(f"CxF3 without reflectance spectra ({len(things)} objects)")
+    table = np.array(values)
     return RawSpectra(
-        wavelengths=grid,
+        wavelengths=grids[0],
         names=names,
         values=table,
         format="CxF3",
-        notes=notes,
-        scale=scale,
+        notes=["text between the tags is not read; was the file changed by hand?"] * stray,
+        # The standard says fractions below 3. Who goes beyond has not kept to it and is looked at
+        # like any other.
+        scale=1.0 if table.max() <= MAX_DECLARED else None,
         attributes={"ColorSpecification": specifications},
     )
 
 
-@contextmanager
-def _stray_text(notes: list[str]) -> Iterator[None]:
-    """Make a note of text between the tags, which the library leaves out; it would log that."""
-
-    def take(record: logging.LogRecord) -> bool:
-        stray = record.getMessage().startswith("Unassigned parsed object")
-        if stray and not notes:
-            notes.append("text between the tags is not read; was the file changed by hand?")
-        return not stray
-
-    log = logging.getLogger("xsdata.logger")
-    log.addFilter(take)
-    try:
-        yield
-    finally:
-        log.removeFilter(take)
+def _tag(title: str) -> str:
+    return f"{{{_NAMESPACE}}}{title}"
 
 
-def _is_reflectance(choice: object) -> bool:
-    return type(choice).__name__ == "ReflectanceSpectrum"
-
-
-def _wavelengths(source: Source, name: str, spectrum: Any, measured: Any) -> np.ndarray:
-    """Wavelengths of one spectrum."""
-    if not spectrum.value:
-        raise source.error(f"the spectrum of {name!r} is empty")
-    # Where one of the numbers is none, the library leaves the whole text, or that word, as it is.
-    words = spectrum.value.split() if isinstance(spectrum.value, str) else spectrum.value
-    wrong = [word for word in words if not is_number(str(word))]
-    if wrong:
-        raise source.error(f"the spectrum of {name!r} holds {str(wrong[0])[:20]!r}, not a number")
-    start = (
-        spectrum.start_wl if spectrum.start_wl is not None else getattr(measured, "start_wl", None)
-    )
-    step = getattr(measured, "increment", None)
-    try:
-        # None is a TypeError here, and said below.
-        first = float(start)  # pyright: ignore[reportArgumentType]
-        width = float(step)  # pyright: ignore[reportArgumentType]
-    except (TypeError, ValueError, OverflowError):
-        raise source.error(
-            f"no wavelengths for {name!r}: its ColorSpecification "
-            f"{spectrum.color_specification!r} has no "
-            "legal WavelengthRange with StartWL and Increment"
-        ) from None
-    return first + width * np.arange(len(spectrum.value))
+def _wavelengths(
+    spectrum: ElementTree.Element, limits: ElementTree.Element | None, count: int
+) -> Bands | None:
+    """Wavelengths of a spectrum; None where the file does not say them."""
+    stated = {} if limits is None else limits.attrib
+    words = (spectrum.get("StartWL") or stated.get("StartWL", ""), stated.get("Increment", ""))
+    first, step = (read_number(word) if is_number(word) else np.nan for word in words)
+    # No number is so large, and NaN is not below.
+    return first + step * np.arange(count) if np.abs([first, step]).max() < 1e6 else None
 
 
 def format_cxf(table: SpectraTable) -> bytes:
@@ -180,56 +148,25 @@ def format_cxf(table: SpectraTable) -> bytes:
         ValueError: wavelengths that CxF3 cannot say: they must begin at a whole number from 360 to
             400 nm and go in equal whole steps.
     """
-    cxf = _library()
-    core = cxf.cxf3
     steps = np.diff(table.wavelengths)
     first = float(table.wavelengths[0])
     step = float(steps[0]) if steps.size else 1.0
     even = first.is_integer() and step.is_integer() and bool((steps == step).all())
     if not (even and _FIRST[0] <= first <= _FIRST[1]):
-        last = table.wavelengths[-1]
-        way = (
-            "resample first, to 400:700:10 say"
-            if first <= 400 and last >= 700
-            else "write CSV or ENVI"
-        )
+        reaches = first <= 400 and table.wavelengths[-1] >= 700
+        way = "resample first, to 400:700:10 say" if reaches else "write CSV or ENVI"
         raise ValueError(
             f"CxF3 holds wavelengths that begin at {_FIRST[0]} to {_FIRST[1]} nm and go in equal "
             f"whole steps, not {describe_grid(table.wavelengths)}: {way}"
         )
-    from xsdata.models.datatype import XmlDateTime
-
-    now = core.CreationDate(
-        XmlDateTime.from_datetime(datetime.datetime.now(datetime.UTC).replace(microsecond=0))
-    )
+    date = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
     objects = [
-        core.Object(
-            object_type="Standard",
-            name=name,
-            id=f"o{number}",
-            creation_date=now,
-            color_values=core.ColorValues(
-                [core.ReflectanceSpectrum(row.tolist(), color_specification="c1")]
-            ),
+        _OBJECT.format(
+            name=quoteattr(name), number=i + 1, date=date, values=" ".join(map(repr, row.tolist()))
         )
-        for number, (name, row) in enumerate(
-            zip(table.names, table.reflectance, strict=True), start=1
-        )
+        for i, (name, row) in enumerate(zip(table.names, table.reflectance, strict=True))
     ]
-    measurement = core.MeasurementSpec(
-        core.MeasurementType(core.EspectrumType.SPECTRUM_REFLECTANCE),
-        core.GeometryChoice("unknown"),
-        core.WavelengthRange(int(first), int(step)),
+    text = _FILE.format(
+        namespace=_NAMESPACE, date=date, objects="\n".join(objects), first=first, step=step
     )
-    specifications = [core.ColorSpecification(measurement_spec=measurement, id="c1")]
-    document = core.CxF(
-        core.FileInformation(creator="glazejax", creation_date=now),
-        core.Resources(
-            core.ObjectCollection(objects), core.ColorSpecificationCollection(specifications)
-        ),
-    )
-    return cxf.write_cxf(document)
-
-
-def _one_line(error: BaseException) -> str:
-    return " ".join(str(error).split())[:200]
+    return text.encode()

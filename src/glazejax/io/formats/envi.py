@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Unpack
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from ...spectra import validate_wavelengths
 from ..cube import SpectraCube
@@ -15,11 +15,12 @@ from ..finish import DELETED, RawSpectra, in_order
 from ..probe import scale_of, with_usual_mark
 from ..quantity import Stated, first_quantity, meaning, read_units
 from ..raw_cube import OnDisk, RawCube
-from ..source import Source, explain_errors, is_there, open_source, refusal, show_path
-from ..spectra_table import SpectraTable
-from ..words import read_number
+from ..source import Source, explain_errors, is_there, naming, open_source, refusal, show_path
+from ..spectra_table import Bands, Chosen, SpectraTable
+from ..words import is_number, read_number
 
 _NEEDED = ("samples", "lines", "bands", "data type", "interleave")
+_ONCE = (*_NEEDED, "byte order", "wavelength", "header offset")
 # A title, and its text to the end of the line, or in braces to the line that ends with one.
 _FIELD = re.compile(r"(?m)^([^=\n]*)=[^\S\n]*(\{[\s\S]*?\}$|.*)")
 _LIBRARY = "ENVI Spectral Library"
@@ -59,22 +60,21 @@ def read_header(source: Source) -> dict[str, str | list[str]]:
     # Lines of comment stay as empty ones, so that lines can be counted.
     text = "\n".join("" if line.startswith(";") else line.strip() for line in lines[1:])
     for field in _FIELD.finditer(text):
-        number = 2 + text.count("\n", 0, field.start())
         title = field[1].strip().lower()
         value = field[2].strip()
-        if title in header and title in (*_NEEDED, "byte order", "wavelength", "header offset"):
-            raise source.error(f"not a legal ENVI header: {title!r} stands there twice", number)
-        if not value.startswith("{"):
-            header[title] = value
-            continue
-        if not value.endswith("}"):
-            raise source.error(
-                "not a legal ENVI header; is a brace left open, or the file cut short?", number
-            )
+        twice = title in header and title in _ONCE
+        is_open = value.startswith("{") and not value.endswith("}")
+        if twice or is_open:
+            what = f": {title!r} stands there twice"
+            if not twice:
+                what = "; is a brace left open, or the file cut short?"
+            line = 2 + text.count("\n", 0, field.start())
+            raise source.error(f"not a legal ENVI header{what}", line)
         inner = value[1:-1].strip()
-        header[title] = (
-            inner if title == "description" else [entry.strip() for entry in inner.split(",")]
-        )
+        header[title] = value
+        if value.startswith("{"):
+            listed = title != "description"
+            header[title] = [entry.strip() for entry in inner.split(",")] if listed else inner
     missing = [title for title in _NEEDED if title not in header]
     if missing:
         raise source.error(f"the ENVI header lacks {missing[0]!r}")
@@ -222,20 +222,18 @@ class EnviFile:
         """
         notes: list[str] = []
         raw = with_usual_mark(self.raw(self.wavelengths(), notes), notes)
-        wavelengths, told = raw.nanometres(read_units(stated.get("unit"))[0])
+        wavelengths, told = raw.nanometres(read_units(stated)[0])
         notes += told
         grid, bands = in_order(wavelengths, raw.good, notes)
-        try:
+        with naming(self.path):
             grid = validate_wavelengths(grid)
-        except ValueError as error:
-            raise self.error(error) from None
         cure = "add 'reflectance scale factor = 10000', say, to the header"
         scale, unit = scale_of(raw, bands, notes, cure, **stated)
         return SpectraCube(
             file=raw, wavelengths=grid, bands=bands, scale=scale, notes=notes, unit=unit
         )
 
-    def raw(self, wavelengths: Float[np.ndarray, "bands"] | None, notes: list[str]) -> RawCube:
+    def raw(self, wavelengths: Bands | None, notes: list[str]) -> RawCube:
         """The numbers as they are stored, not read, and what the header says of them.
 
         Args:
@@ -251,6 +249,11 @@ class EnviFile:
         gain, offset = self._conversion(notes)
         # The second title of ENVI's plot of a spectrum is that of its values.
         said = [" ".join(self.entries("data units")), *self.entries("z plot titles")[1:2]]
+        scale = self._numbers("reflectance scale factor")[:1].tolist()
+        if scale and not (np.isfinite(scale[0]) and scale[0] > 0):
+            raise self.error(
+                f"the header's reflectance scale factor is {scale[0]:g}; it must be positive"
+            )
         if "byte order" not in self.header:
             notes.append("the header does not say the byte order: taken as 0 (least byte first)")
         return RawCube(
@@ -267,8 +270,8 @@ class EnviFile:
             good=good,
             gain=gain,
             offset=offset,
-            scale=self.declared_scale or meaning(said[0]).scale,
-            ignore=() if self.ignore is None else (self.ignore,),
+            scale=next(iter(scale), meaning(said[0]).scale),
+            ignore=tuple(self._numbers("data ignore value")[:1].tolist()),
             notes=tuple(notes),
         )
 
@@ -279,7 +282,7 @@ class EnviFile:
         Raises:
             ValueError: a list of them is of another length, or holds what is no number.
         """
-        count = self.sizes["samples" if self.is_library else "bands"]
+        count = self.stored
         for words in ("data reflectance", "data"):
             pair = []
             for title, neutral in ((f"{words} gain values", 1.0), (f"{words} offset values", 0.0)):
@@ -314,57 +317,59 @@ class EnviFile:
             f"{stem.name}.sli, .img, ..."
         )
 
-    def wavelengths(self) -> Float[np.ndarray, "bands"]:
+    @property
+    def stored(self) -> int:
+        """Number of stored bands."""
+        return self.sizes["samples" if self.is_library else "bands"]
+
+    def wavelengths(self) -> Bands:
         """Wavelengths of the stored bands, as the header has them.
 
         Raises:
             ValueError: there are none, or they are not legal.
         """
-        count = self.sizes["samples" if self.is_library else "bands"]
         values = self._numbers("wavelength")
         if not values.size:
             raise self.error(
                 "the ENVI header has no wavelengths; add 'wavelength = {400, 410, ...}'"
             )
-        if values.size != count:
-            raise self.error(f"{values.size} wavelengths for {count} bands")
+        if values.size != self.stored:
+            raise self.error(f"{values.size} wavelengths for {self.stored} bands")
         if not np.isfinite(values).all():
             raise self.error(
                 f"wavelength number {int(np.argmin(np.isfinite(values))) + 1} is not finite"
             )
         return values
 
-    def good_bands(self, notes: list[str]) -> Int[np.ndarray, "good"]:
+    def good_bands(self, notes: list[str]) -> Chosen:
         """Stored bands that the header's ``bbl`` does not mark as bad; a note says how many it
         does.
 
         Raises:
             ValueError: the list has another length, marks all, or holds what is no number.
         """
-        count = self.sizes["samples" if self.is_library else "bands"]
         good = self._numbers("bbl")
-        if not good.size:
-            return np.arange(count)
-        if good.size != count:
+        if good.size not in (0, self.stored):
             raise self.error(
-                f"the list of bad bands (bbl) has {good.size} entries for {count} bands"
+                f"the list of bad bands (bbl) has {good.size} entries for {self.stored} bands"
             )
-        bands = np.flatnonzero(good)
+        bands = np.flatnonzero(good if good.size else np.ones(self.stored))
         if not bands.size:
             raise self.error("the header marks every band as bad (bbl)")
-        if bands.size < count:
-            notes.append(f"{count - bands.size} bands that the header marks as bad are left out")
+        if bands.size < self.stored:
+            bad = self.stored - bands.size
+            notes.append(f"{bad} bands that the header marks as bad are left out")
         return bands
 
     def _numbers(self, title: str) -> Float[np.ndarray, "entries"]:
         """Numbers of a list in the header; none if there is no such list."""
-        values: list[float] = []
-        for text in self.entries(title):
-            try:
-                values.append(read_number(text))
-            except ValueError as error:
-                raise self.error(f"{title} number {len(values) + 1}: {error}") from None
-        return np.array(values)
+        words = [word.strip("[]' ") for word in self.entries(title)]
+        for i, word in enumerate(words, start=1):
+            if not is_number(word):
+                raise self.error(
+                    f"{title!r} number {i} in the header is {word[:30]!r}, not a number"
+                )
+        return np.array(list(map(read_number, words)))
 
     def _whole(self, title: str, least: int) -> int:
         """Whole number in a field of the header; 0 where it is left out."""
@@ -381,31 +386,6 @@ class EnviFile:
                 f"the ENVI header has sizes below 1 or a negative offset: {title!r} is {value}"
             )
         return value
-
-    def _number(self, title: str) -> float | None:
-        """Number in a field of the header, or None if there is no such field."""
-        text = str(self.header.get(title, "")).strip(" {}[]'")
-        if not text:
-            return None
-        try:
-            return read_number(text)
-        except ValueError:
-            raise self.error(f"{title!r} in the header is {text[:30]!r}, not a number") from None
-
-    @property
-    def ignore(self) -> float | None:
-        """Number that marks missing data, or None."""
-        return self._number("data ignore value")
-
-    @property
-    def declared_scale(self) -> float | None:
-        """Number that stands for a reflectance of 1 by the header, or None."""
-        scale = self._number("reflectance scale factor")
-        if scale is not None and not (np.isfinite(scale) and scale > 0):
-            raise self.error(
-                f"the header's reflectance scale factor is {scale:g}; it must be positive"
-            )
-        return scale
 
 
 def format_envi(table: SpectraTable) -> tuple[str, Iterator[bytes], list[str]]:

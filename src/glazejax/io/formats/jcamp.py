@@ -11,36 +11,64 @@ from array import array
 from dataclasses import dataclass, field
 
 import numpy as np
-from jaxtyping import Float
 
 from ..finish import RawSpectra
 from ..quantity import meaning
 from ..source import Source
-from ..words import read_number
+from ..spectra_table import Bands
+from ..words import is_number, read_number
 
 _PLAIN = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
-_PACKED = re.compile(r"\s*([@A-Ia-i%J-Rj-rS-Zs+-]?)(\d*\.?\d*)")
+# Any other letter is an empty number, and no blank is.
+_PACKED = re.compile(r"\s*(?=\S)([@A-Ia-i%J-Rj-rS-Zs+-]?)(\d*\.?\d*)")
 _FIRST = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+))")
-_SQUEEZED = {letter: f"+{i}" for i, letter in enumerate("@ABCDEFGHI")} | {
-    letter: f"-{i}" for i, letter in enumerate("abcdefghi", start=1)
-}
-_DIFFERENCE = {letter: f"{i}" for i, letter in enumerate("%JKLMNOPQR")} | {
-    letter: f"-{i}" for i, letter in enumerate("jklmnopqr", start=1)
-}
-_REPEATED = {letter: f"{i}" for i, letter in enumerate("STUVWXYZs", start=1)}
+_DIGITS = (*range(10), *range(-1, -10, -1))
+_SQUEEZED = dict(zip("@ABCDEFGHIabcdefghi", _DIGITS, strict=True))
+_DIFFERENCE = dict(zip("%JKLMNOPQRjklmnopqr", _DIGITS, strict=True))
+_REPEATED = dict(zip("STUVWXYZs", range(1, 10), strict=True))
 # E and e may be exponents; any other letter of these is a squeezed digit.
-_PACKING = frozenset({*_SQUEEZED, *_DIFFERENCE, *_REPEATED} - {"E", "e"})
+_PACKING = {*_SQUEEZED, *_DIFFERENCE, *_REPEATED} - {"E", "e"}
 # Repetitions cost a file nothing; a spectrometer has thousands of points.
 _MAX_POINTS = 1_000_000
+
+
+_COUNTED = ("FIRSTX", "LASTX", "NPOINTS", "XFACTOR", "YFACTOR", "XUNITS", "YUNITS")
 
 
 @dataclass
 class _Block:
     """Labels of a block, in capitals without blanks, and its lines of data with their numbers."""
 
+    source: Source
     labels: dict[str, str] = field(default_factory=dict)
     data: list[tuple[int, str]] = field(default_factory=list)
     form: str = ""
+
+    @property
+    def name(self) -> str:
+        return self.labels["TITLE"]
+
+    def damaged(self, complaint: str, line: int | None = None) -> ValueError:
+        return self.source.error(f"{self.name!r} is damaged: {complaint}", line)
+
+    def number(self, label: str, otherwise: float = np.nan) -> float:
+        """Number of a label; a decimal comma is understood."""
+        text = self.labels.get(label)
+        if text is None:
+            return otherwise
+        text = text.replace(",", ".", 1)
+        if not (is_number(text) and np.isfinite(value := read_number(text))):
+            raise self.damaged(f"##{label}={self.labels[label][:30]} is not a finite number")
+        return value
+
+    def check_count(self, count: int) -> None:
+        """Refuse a file that was cut short."""
+        promised = self.number("NPOINTS", count)
+        if promised != count:
+            raise self.source.error(
+                f"{self.name!r} promises {promised:.10g} points and holds {count}; the file was "
+                "cut short"
+            )
 
 
 def read_jcamp(source: Source) -> RawSpectra:
@@ -57,8 +85,10 @@ def read_jcamp(source: Source) -> RawSpectra:
     blocks = _blocks(source)
     if not blocks:
         raise source.error("JCAMP-DX without data: no ##XYDATA= or ##XYPOINTS=")
-    found = [_spectrum(source, number, block) for number, block in enumerate(blocks, start=1)]
-    names, grids, values = zip(*found, strict=True)
+    for number, block in enumerate(blocks, start=1):
+        block.labels["TITLE"] = block.name or f"block {number}"
+    grids, values = zip(*map(_spectrum, blocks), strict=True)
+    names = [block.name for block in blocks]
     units = [block.labels.get("YUNITS", "") or "no YUNITS" for block in blocks]
     other = next((unit for unit in units if meaning(unit) != meaning(units[0])), units[0])
     if other != units[0]:
@@ -98,7 +128,7 @@ def _blocks(source: Source) -> list[_Block]:
         if label == "TITLE":
             if block is not None and block.form:
                 raise source.error("a block begins before the one above has its ##END=", number)
-            block = _Block()
+            block = _Block(source)
         if block is None:
             continue
         # Labels of a maker's own begin with $, and need no value.
@@ -113,7 +143,7 @@ def _blocks(source: Source) -> list[_Block]:
             if block.form:
                 blocks.append(block)
             block = None
-        elif label in block.labels and block.labels[label] != value and label in _COUNTED:
+        elif label in _COUNTED and block.labels.get(label, value) != value:
             raise source.error(
                 f"##{label}= stands there twice and differs; the block is damaged", number
             )
@@ -124,84 +154,36 @@ def _blocks(source: Source) -> list[_Block]:
     return blocks
 
 
-_COUNTED = ("FIRSTX", "LASTX", "NPOINTS", "XFACTOR", "YFACTOR", "XUNITS", "YUNITS")
+def _spectrum(block: _Block) -> tuple[Bands, Bands]:
+    """Abscissas and values of a block."""
+    forms = {"(XY..XY)": _pairs, "(X++(Y..Y))": _steps}
+    if block.form not in forms:
+        raise block.damaged(f"its data are {block.form!r}, not (XY..XY) or (X++(Y..Y))")
+    x, y = forms[block.form](block)
+    if not x.size:
+        raise block.source.error(f"{block.name!r} holds no points")
+    return x, y * block.number("YFACTOR", 1.0)
 
 
-def _spectrum(
-    source: Source, number: int, block: _Block
-) -> tuple[str, Float[np.ndarray, "bands"], Float[np.ndarray, "bands"]]:
-    """Name, abscissas and values of a block."""
-    name = block.labels.get("TITLE", "") or f"block {number}"
-    if block.form == "(XY..XY)":
-        x, y = _pairs(source, name, block)
-    elif block.form == "(X++(Y..Y))":
-        x, y = _steps(source, name, block)
-    else:
-        raise source.error(
-            f"{name!r} is damaged: its data are {block.form!r}, not (XY..XY) or (X++(Y..Y))"
-        )
-    if x.size == 0:
-        raise source.error(f"{name!r} holds no points")
-    return name, x, y * _factor(source, name, block, "YFACTOR")
-
-
-def _label(source: Source, name: str, block: _Block, label: str) -> float | None:
-    """Number of a label; a decimal comma is understood."""
-    text = block.labels.get(label)
-    if text is None:
-        return None
-    try:
-        value = read_number(text.replace(",", ".", 1))
-    except ValueError:
-        value = np.nan
-    if not np.isfinite(value):
-        raise source.error(f"{name!r} is damaged: ##{label}={text[:30]} is not a finite number")
-    return value
-
-
-def _factor(source: Source, name: str, block: _Block, label: str) -> float:
-    value = _label(source, name, block, label)
-    return 1.0 if value is None else value
-
-
-def _check_count(source: Source, name: str, promised: float | None, count: int) -> None:
-    """Refuse a file that was cut short."""
-    if promised is not None and promised != count:
-        raise source.error(
-            f"{name!r} promises {promised:.10g} points and holds {count}; the file was cut short"
-        )
-
-
-def _pairs(
-    source: Source, name: str, block: _Block
-) -> tuple[Float[np.ndarray, "points"], Float[np.ndarray, "points"]]:
+def _pairs(block: _Block) -> tuple[Bands, Bands]:
     """Points that are written with both coordinates."""
     numbers = array("d")
     for line, text in block.data:
-        words = [word for word in re.split(r"[,;\s]", text) if word]
-        try:
-            numbers.extend(array("d", map(read_number, words)))
-        except ValueError:
-            raise source.error(
-                f"{name!r} is damaged: {text[:40]!r} are not pairs of numbers", line
-            ) from None
-        if len(words) % 2:
-            raise source.error(f"{name!r} is damaged: {text[:40]!r} are not pairs of numbers", line)
-    x, y = np.frombuffer(numbers).reshape(-1, 2).T if numbers else (np.empty(0), np.empty(0))
-    _check_count(source, name, _label(source, name, block, "NPOINTS"), x.size)
-    return x * _factor(source, name, block, "XFACTOR"), y
+        words = re.findall(r"[^,;\s]+", text)
+        if len(words) % 2 or not all(map(is_number, words)):
+            raise block.damaged(f"{text[:40]!r} are not pairs of numbers", line)
+        numbers.extend(map(read_number, words))
+    x, y = np.array(numbers).reshape(-1, 2).T
+    block.check_count(x.size)
+    return x * block.number("XFACTOR", 1.0), y
 
 
-def _steps(
-    source: Source, name: str, block: _Block
-) -> tuple[Float[np.ndarray, "points"], Float[np.ndarray, "points"]]:
+def _steps(block: _Block) -> tuple[Bands, Bands]:
     """Ordinates at equal steps; the abscissa that begins each line only checks them."""
-    first, last, promised = (
-        _label(source, name, block, label) for label in ("FIRSTX", "LASTX", "NPOINTS")
-    )
-    if first is None or last is None or promised is None:
-        raise source.error(f"{name!r} is damaged: it lacks ##FIRSTX=, ##LASTX= or ##NPOINTS=")
-    factor = _factor(source, name, block, "XFACTOR")
+    first, last, promised = map(block.number, ("FIRSTX", "LASTX", "NPOINTS"))
+    if np.isnan([first, last, promised]).any():
+        raise block.damaged("it lacks ##FIRSTX=, ##LASTX= or ##NPOINTS=")
+    factor = block.number("XFACTOR", 1.0)
     step = (last - first) / (promised - 1) if promised > 1 else 0.0
     packed = any(_PACKING.intersection(text) for _, text in block.data)
     values = array("d")
@@ -209,80 +191,64 @@ def _steps(
     # whether the line above ended in a difference, and its last ordinate begins the next line
     differs = False
     for line, text in block.data:
-        x, digits, row, ends_so = _unpack(text) if packed else _plain(text)
-        if row is None:
-            raise source.error(
-                f"{name!r} is damaged: {text[:40]!r} are not an abscissa and ordinates", line
-            )
+        try:
+            x, digits, row, ends_so = _unpack(text) if packed else _plain(text)
+        except (ValueError, IndexError):
+            raise block.damaged(f"{text[:40]!r} are not an abscissa and ordinates", line) from None
         at = len(values)
-        if differs and values:
+        if differs:
             at -= 1
             if row[:1] != values[-1:]:
-                raise source.error(
-                    f"{name!r} is damaged: the line does not begin with {values[-1]:g}", line
-                )
+                raise block.damaged(f"the line does not begin with {values[-1]:g}", line)
             row = row[1:]
         # Abscissas may be rounded or cut to the digits they have.
         if abs(x * factor - (first + at * step)) > 0.5 * abs(step) + 10.0**-digits * abs(factor):
-            wrong = wrong or (
-                f"{name!r} is damaged: the line begins at {x:g}, not {first + at * step:g}",
-                line,
+            wrong = wrong or block.damaged(
+                f"the line begins at {x:g}, not {first + at * step:g}", line
             )
         values.extend(row)
         differs = ends_so
         if len(values) > min(promised, _MAX_POINTS):
             break
-    _check_count(source, name, promised, len(values))
+    block.check_count(len(values))
     if wrong:
-        raise source.error(*wrong)
-    return np.linspace(first, last, len(values)), np.frombuffer(values)
+        raise wrong
+    return np.linspace(first, last, len(values)), np.array(values)
 
 
-def _plain(text: str) -> tuple[float, int, array | None, bool]:
-    """Abscissa, its decimals, and ordinates of a line of plain numbers, which a sign may part; None
-    if damaged.
+def _plain(text: str) -> tuple[float, int, array, bool]:
+    """Abscissa, its decimals, and ordinates of a line of plain numbers, which a sign may part.
+
+    Raises:
+        ValueError, IndexError: the line is damaged.
     """
     words = _PLAIN.findall(text)
-    if not words or re.sub(r"[\s,;]", "", _PLAIN.sub("", text)):
-        return 0.0, 0, None, False
+    if re.sub(r"[\s,;]", "", _PLAIN.sub("", text)):
+        raise ValueError(text)
     return float(words[0]), _decimals(words[0]), array("d", map(float, words[1:])), False
 
 
-def _unpack(text: str) -> tuple[float, int, array | None, bool]:
+def _unpack(text: str) -> tuple[float, int, array, bool]:
     """The same of a line of packed numbers, and whether it ends in a difference."""
     begin = _FIRST.match(text)
     if begin is None:
-        return 0.0, 0, None, False
+        raise ValueError(text)
     values = array("d")
     differs = False
     change = 0.0
-    at = begin.end()
-    while at < len(text):
-        match = _PACKED.match(text, at)
-        if match is None or match.end() == at or not (match[1] or match[2]):
-            return 0.0, 0, None, False
-        sign = match[1]
-        digits = match[2]
-        try:
-            if sign in _REPEATED and sign:
-                count = int(_REPEATED[sign] + digits)
-                if not values or count > _MAX_POINTS:
-                    return 0.0, 0, None, False
-                for _ in range(count - 1):
-                    values.append(values[-1] + change)
-            elif sign in _DIFFERENCE and sign:
-                if not values:
-                    return 0.0, 0, None, False
-                differs = True
-                change = float(_DIFFERENCE[sign] + digits)
+    for sign, digits in _PACKED.findall(text, begin.end()):
+        if sign in _REPEATED:
+            count = int(f"{_REPEATED[sign]}{digits}")
+            if count > _MAX_POINTS:
+                raise ValueError(text)
+            for _ in range(count - 1):
                 values.append(values[-1] + change)
-            else:
-                differs = False
-                change = 0.0
-                values.append(float(_SQUEEZED.get(sign, sign) + digits))
-        except ValueError:
-            return 0.0, 0, None, False
-        at = match.end()
+            continue
+        differs = sign in _DIFFERENCE
+        change = float(f"{_DIFFERENCE[sign]}{digits}") if differs else 0.0
+        values.append(
+            values[-1] + change if differs else float(f"{_SQUEEZED.get(sign, sign)}{digits}")
+        )
     return float(begin[1]), _decimals(begin[1]), values, differs
 
 

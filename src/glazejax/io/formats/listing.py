@@ -37,7 +37,7 @@ def read_listing(source: Source) -> RawSpectra:
             "it holds a number of thousands of digits, no wavelength or reflectance"
         ) from None
     if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
-        raise source.error(f"{_EXPECTED}")
+        raise source.error(_EXPECTED)
     grids = [entry for entry in entries if entry.get("type") == "wavelengths"]
     spectra = [entry for entry in entries if "reflectance" in entry]
     if len(grids) != 1:
@@ -47,14 +47,12 @@ def read_listing(source: Source) -> RawSpectra:
     if not spectra:
         raise source.error(f"no entry has a reflectance; {_EXPECTED}")
     wavelengths = _numbers(source, "wavelengths", grids[0].get("values"))
-    names = []
+    names = [str(entry.get("name", "")) or f"spectrum {i + 1}" for i, entry in enumerate(spectra)]
     values = []
-    for number, entry in enumerate(spectra, start=1):
-        name = str(entry.get("name", "")) or f"spectrum {number}"
+    for name, entry in zip(names, spectra, strict=True):
         row = _numbers(source, name, entry["reflectance"])
         if row.size != wavelengths.size:
             raise source.error(f"{name!r} has {row.size} values for {wavelengths.size} wavelengths")
-        names.append(name)
         values.append(row)
     titles = sorted({key for entry in spectra for key in entry} - {"name", "reflectance"})
     attributes = {title: [_text(entry.get(title, "")) for entry in spectra] for title in titles}
@@ -72,22 +70,12 @@ def _numbers(source: Source, name: str, values: Any) -> np.ndarray:
     """Row of numbers, or an error that names whose it is."""
     if not isinstance(values, list) or not values:
         raise source.error(f"{name!r} has no list of numbers")
-    wrong = [
-        value for value in values if isinstance(value, bool) or not isinstance(value, int | float)
-    ]
-    if wrong:
-        raise source.error(f"{name!r} holds {str(wrong[0])[:20]!r}, not a number")
-    try:
-        return np.array(values, float)
-    except OverflowError:
-        place = next(
-            i
-            for i, value in enumerate(values, start=1)
-            if isinstance(value, int) and abs(value) > sys.float_info.max
-        )
-        raise source.error(
-            f"{name!r}: number {place} has {len(str(values[place - 1]))} digits, too large"
-        ) from None
+    for place, value in enumerate(values, start=1):
+        if type(value) not in (int, float):
+            raise source.error(f"{name!r} holds {str(value)[:20]!r}, not a number")
+        if isinstance(value, int) and abs(value) > sys.float_info.max:
+            raise source.error(f"{name!r}: number {place} has {len(str(value))} digits, too large")
+    return np.array(values, float)
 
 
 def _text(value: Any) -> str:

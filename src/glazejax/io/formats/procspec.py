@@ -6,10 +6,10 @@ import zipfile
 import zlib
 
 import numpy as np
-from jaxtyping import Float
 
 from ..finish import SPECTROMETER, RawSpectra
 from ..source import MAX_TEXT, Source
+from ..spectra_table import Bands
 from ..words import read_number
 
 _INSTEAD = "Ocean Optics SpectraSuite (.ProcSpec) that is not read: save it as ASCII (with header)"
@@ -46,7 +46,7 @@ def read_procspec(source: Source) -> RawSpectra:
     )
 
 
-def _numbers(source: Source, text: str, title: str) -> Float[np.ndarray, "pixels"]:
+def _numbers(source: Source, text: str, title: str) -> Bands:
     """Numbers of the first element of a title, which may be read without its text's other parts."""
     _, _, rest = text.partition(f"<{title}")
     words = re.findall(r"<double>([^<]*)</double>", rest.partition(f"</{title}>")[0])

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..finish import RawSpectra
 from ..source import Source
-from ..words import read_number
+from ..words import is_number, read_number
 
 # A section's keys begin with STD_ or BAT_.
 _KEY = re.compile(r"(?:STD|BAT)_(\w+)\s*=(.*)", re.IGNORECASE)
@@ -31,26 +31,23 @@ def read_qtx(source: Source) -> RawSpectra:
     read = [(number, keys) for number, keys in sections if keys.get("R")]
     if not read:
         raise source.error("Datacolor QTX without reflectance: no section has STD_R= or BAT_R=")
-    first = [read[0][1].get(key, "") for key in _GRID]
-    rows: list[list[float]] = []
-    try:
-        low, step, count = map(read_number, first)
-        for number, keys in read:
-            rows.append([read_number(word) for word in keys["R"].split(",")])
-            if [keys.get(key, "") for key in _GRID] != first or len(rows[-1]) != count:
-                raise source.error(
-                    f"{len(rows[-1])} readings, where the first section has {count:g} from "
-                    f"{low:g} nm by {step:g}: every section must be so",
-                    number,
-                )
-    except ValueError as error:
-        if str(source.path) in str(error):
-            raise
-        raise source.error(f"{', '.join(_GRID)} and R must be numbers: {error}") from None
+    grids = [[keys.get(key, "") for key in _GRID] for _, keys in read]
+    words = [keys["R"].split(",") for _, keys in read]
+    wrong = next((word for row in [grids[0], *words] for word in row if not is_number(word)), None)
+    if wrong is not None:
+        raise source.error(f"{', '.join(_GRID)} and R must be numbers, not {wrong[:20]!r}")
+    low, step, count = map(read_number, grids[0])
+    for (number, _), grid, row in zip(read, grids, words, strict=True):
+        if grid != grids[0] or len(row) != count:
+            raise source.error(
+                f"{len(row)} readings, where the first section has {count:g} from {low:g} nm by "
+                f"{step:g}: every section must be so",
+                number,
+            )
     return RawSpectra(
-        wavelengths=low + step * np.arange(len(rows[0])),
+        wavelengths=low + step * np.arange(count),
         names=[keys.get("NAME", "") for _, keys in read],
-        values=np.array(rows),
+        values=np.array([list(map(read_number, row)) for row in words]),
         format="Datacolor QTX",
         quantity="%R",
         attributes={"viewing": [keys.get("VIEWING", "") for _, keys in read]},

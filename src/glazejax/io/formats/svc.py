@@ -4,11 +4,13 @@ Below the line ``data=`` stand wavelength in nm, reading of the white reference,
 sample, and their ratio in percent.
 """
 
+import re
+
 import numpy as np
 
 from ..finish import SPECTROMETER, RawSpectra
 from ..source import Source
-from ..words import read_number
+from ..words import is_number
 
 
 def read_svc(source: Source) -> RawSpectra:
@@ -20,35 +22,22 @@ def read_svc(source: Source) -> RawSpectra:
         ValueError: there is no line ``data=`` or nothing below it, or a line there is not four
             numbers.
     """
-    name = source.path.stem
-    rows: list[list[float]] = []
-    begun = False
-    for number, line in source.lines(damaged="replace"):
-        if not begun:
-            title, _, value = line.partition("=")
-            begun = title.strip() == "data"
-            if title.strip() == "comm" and value.strip():
-                name = value.strip()
-            continue
-        if not line.strip():
-            continue
-        try:
-            row = [read_number(word) for word in line.split()]
-        except ValueError:
-            row = []
-        if len(row) != 4:
-            raise source.error(f"{line.strip()[:40]!r} are not four numbers", number)
-        rows.append(row)
-    if not rows:
+    text = "\n".join(source.text().splitlines())
+    above, *below = re.split(r"(?m)^[ \t]*data[ \t]*=.*", text, maxsplit=1)
+    comments = re.findall(r"(?m)^[ \t]*comm[ \t]*=[ \t]*(.*\S)", above)
+    rows = [line.split() for line in "".join(below).split("\n")]
+    for number, words in enumerate(rows, start=above.count("\n") + 1):
+        if words and (len(words) != 4 or not all(map(is_number, words))):
+            raise source.error(f"{' '.join(words)[:40]!r} are not four numbers", number)
+    if not any(rows):
         raise source.error("an SVC file without numbers below 'data='; was it cut short?")
-    table = np.array(rows)
-    notes = ["the last column, percent of the white reference, is the reflectance"]
+    table = np.array([words for words in rows if words], float)
     return RawSpectra(
         wavelengths=table[:, 0],
-        names=[name],
+        names=[*comments[-1:], source.path.stem][:1],
         values=table[:, 3][None],
         format="SVC text (.sig)",
-        notes=notes,
+        notes=["the last column, percent of the white reference, is the reflectance"],
         scale=100.0,
         lit=SPECTROMETER,
     )

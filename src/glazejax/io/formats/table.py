@@ -7,9 +7,10 @@ import itertools
 import math
 import re
 from array import array
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import reduce
+from operator import itemgetter
 
 import numpy as np
 from jaxtyping import Float
@@ -17,7 +18,8 @@ from jaxtyping import Float
 from ...spectra import describe_grid, validate_wavelengths
 from ..finish import DETECTED, SPECTROMETER, RawSpectra, detectors_overlap, different
 from ..quantity import MODES, READINGS, REFLECTANCE, is_no_name, length_unit, meaning
-from ..source import Source, shorten
+from ..source import Source, naming, shorten
+from ..spectra_table import Bands, Rows
 from ..words import is_number, read_number, unshield_name
 from .above import (
     WAVELENGTH_TITLE,
@@ -54,7 +56,6 @@ _KINDS = {"\t": "TSV", ",": "CSV", ";": "semicolon-separated", " ": "blank-separ
 # What a table may hold: 2 GB of numbers, and names of as many spectra.
 _MAX_VALUES = 1 << 28
 _MAX_SPECTRA = 5_000_000
-_MAX_BANDS = 500_000
 
 
 @dataclass(frozen=True)
@@ -70,8 +71,7 @@ class _Cells:
         lines: numbers and texts of the lines below.
         said: what a line above says of the values.
         declared: whether a comment says so, and titles are names.
-        take: columns that are read, in this order: wavelengths, spectra, further wavelengths;
-            empty for all.
+        short: whether cells may lack at the end of a line.
         blanks: whether cells may be empty.
         percent: a place for each cell that has a sign of percent.
     """
@@ -84,7 +84,7 @@ class _Cells:
     lines: Iterator[tuple[int, str]]
     said: str = ""
     declared: bool = False
-    take: tuple[int, ...] = ()
+    short: bool = False
     blanks: bool = False
     percent: list[int] = field(default_factory=list)
 
@@ -92,51 +92,68 @@ class _Cells:
         return self.source.error(complaint, line)
 
     def split(self, line: int, text: str) -> list[str]:
-        """Cells of a line that are read."""
+        """Cells of a line."""
         row = _split(self, line, text)
         width = len(self.header)
         while len(row) > width and not row[-1]:
             row.pop()
         count = len(row)
-        if self.take and self.delimiter != " ":
+        if self.short and self.delimiter != " ":
             row += [""] * (width - count)
         if len(row) != width:
             words = f"{count} cell{'s' if count != 1 else ''}"
             # 12,5 is two cells where commas separate.
             decimal = self.delimiter == "," and count > width and re.search(r"\d,\d", text)
-            hint = (
-                "; if commas are decimal points, separate the cells by semicolons or tabs"
-                if decimal
-                else ""
-            )
+            hint = "; if commas are decimal points, separate the cells by semicolons or tabs"
             first = "header" if self.titles else "first row"
-            raise self.error(line, f"{words} where the {first} has {width}{hint}")
-        return [row[i] for i in self.take] if self.take else row
+            raise self.error(
+                line, f"{words} where the {first} has {width}{hint if decimal else ''}"
+            )
+        return row
 
-    def quick(self, text: str) -> tuple[str, array] | None:
-        """First cell and numbers of a line that is legal and simple.
+    def number(self, cell: str) -> float | None:
+        """Number in a cell, or None; NaN and infinity count as none here."""
+        if self.delimiter != ",":
+            cell = cell.replace(",", ".")
+        try:
+            value = read_number(cell)
+        except ValueError:
+            return None
+        return value if math.isfinite(value) else None
+
+    def wavelength(self, cell: str) -> float | None:
+        """Wavelength in a cell, which may carry its unit, or None."""
+        return self.number(_NANOMETRES.sub("", cell).rstrip())
+
+    def quick(
+        self, text: str, pick: Callable[[list[str]], Sequence[str]], *, named: bool
+    ) -> tuple[list[str], array] | None:
+        """Cells of a line that is legal and simple, and the numbers in those that are picked.
 
         None for the slow way, which says what is wrong.
+
+        Args:
+            text: the line.
+            pick: takes the cells of numbers.
+            named: whether the first cell is none of them.
         """
         # Python reads 1_0 and other scripts' digits, which no instrument writes.
-        values = text.partition(self.delimiter)[2]
-        if '"' in text or "_" in values or not values.isascii():
+        checked = text.partition(self.delimiter)[2] if named else text
+        if '"' in text or "_" in checked or not checked.isascii():
             return None
         cells = _plain(text, self.delimiter)
         while len(cells) > len(self.header) and not cells[-1].strip():
             cells.pop()
         if len(cells) != len(self.header):
             return None
-        if self.take:
-            cells = [cells[i] for i in self.take]
-        first = cells.pop(0).strip()
+        words = pick(cells)
         if self.delimiter != "," and "," in text:
-            cells = [cell.replace(",", ".") for cell in cells]
+            words = [word.replace(",", ".") for word in words]
         try:
-            row = array("d", map(float, cells))
+            row = array("d", map(float, words))
         except ValueError:
             return None
-        return (first, row) if math.isfinite(sum(row)) else None
+        return (cells, row) if math.isfinite(sum(row)) else None
 
 
 def read_table(source: Source) -> RawSpectra:
@@ -164,22 +181,26 @@ def read_table(source: Source) -> RawSpectra:
     if first is None:
         raise source.error("there is a header but no data below it")
     row = cells.split(*first)
+    cells = replace(cells, lines=itertools.chain([first], cells.lines))
     attributes: dict[str, list[str]] = {}
     if (order := _triples(cells)) is not None:
-        names, wavelengths, values = _read_triples(cells, first, *order)
+        names, wavelengths, values = _read_triples(cells, *order)
         layout = "a value a row"
         unit = length_unit(cells.header[order[1]])
         title = cells.header[order[2]]
     elif _is_wide(cells, row):
-        names, wavelengths, values = _read_wide(cells, first, attributes)
+        names, wavelengths, values = _read_wide(cells, attributes)
         layout = "a sample a row"
         ends = (cells.header[-1], cells.header[0])
         title = next((title for title in ends if any(meaning(title)[:2])), "")
         unit = length_unit(cells.header[0]) or "nm" * ("nm" in cells.header[-1].lower())
     else:
-        cells, names, unit, title = _choose_columns(cells)
-        names, wavelengths, values = _read_long(cells, first, names)
+        grids, columns = _choose_columns(cells)
+        columns, title = _reflectances(cells, columns)
+        names = _column_names(cells, columns)
+        wavelengths, values = _read_long(cells, grids, dict(zip(columns, names, strict=True)))
         layout = "a sample a column"
+        unit = next((unit for row in cells.titles if (unit := length_unit(row[grids[0]]))), "")
     if cells.percent and len(cells.percent) != values.size:
         raise source.error("some cells are in percent, with %, and some are not; write all alike")
     titled = bool(cells.titles)
@@ -286,27 +307,11 @@ def _plain(line: str, delimiter: str) -> list[str]:
     return [cell for cell in line.replace("\t", " ").split(" ") if cell.strip()]
 
 
-def _number(cell: str, delimiter: str) -> float | None:
-    """Number in a cell, or None; NaN and infinity count as none here."""
-    if delimiter != ",":
-        cell = cell.replace(",", ".")
-    try:
-        value = read_number(cell)
-    except ValueError:
-        return None
-    return value if math.isfinite(value) else None
-
-
-def _wavelength(cell: str, delimiter: str) -> float | None:
-    """Wavelength in a cell, which may carry its unit, or None."""
-    return _number(_NANOMETRES.sub("", cell).rstrip(), delimiter)
-
-
 def _band_of(cells: _Cells, title: str) -> BandTitle | None:
     """Band of a column by its title, or None; samples of a table that begins with wavelengths may
     be called R100.
     """
-    value = _wavelength(title, cells.delimiter)
+    value = cells.wavelength(title)
     if value is not None:
         return BandTitle(value, "")
     return None if WAVELENGTH_TITLE.match(cells.header[0]) else band(title)
@@ -327,8 +332,7 @@ def _columns(cells: _Cells) -> list[list[float]]:
         [
             value
             for row in rows
-            if i < len(row)
-            and (value := _wavelength(row[i].removesuffix("%"), cells.delimiter)) is not None
+            if i < len(row) and (value := cells.wavelength(row[i].removesuffix("%"))) is not None
         ]
         for i in range(len(cells.header))
         if rows
@@ -347,13 +351,13 @@ def _is_wide(cells: _Cells, row: list[str]) -> bool:
     numeric = [found.wavelength for found in titles if found is not None]
     if not numeric:
         return False
-    if len(numeric) == len(titles) and _number(cells.header[0], cells.delimiter) is not None:
+    if len(numeric) == len(titles) and cells.number(cells.header[0]) is not None:
         raise cells.error(
             cells.header_line,
             f"numbers only, where a header should be; put one above, such as 'nm,name'; {_LAYOUTS}",
         )
     titled = any(
-        is_wavelength_title(title) and _wavelength(cell, cells.delimiter) is not None
+        is_wavelength_title(title) and cells.wavelength(cell) is not None
         for title, cell in zip(cells.titles[-1], row, strict=False)
     )
     # Samples may be numbered 1, 2, 3; a wavelength in nm has three digits at least. Colours may
@@ -363,9 +367,8 @@ def _is_wide(cells: _Cells, row: list[str]) -> bool:
     return not titled and len(numeric) > 1 and min(numeric) >= 100
 
 
-def _choose_columns(cells: _Cells) -> tuple[_Cells, list[str], str, str]:
-    """Table of wavelengths and reflectance alone; names of the spectra, unit of wavelengths, and
-    the title that says what the values are.
+def _choose_columns(cells: _Cells) -> tuple[list[int], list[int]]:
+    """Columns of wavelengths, and of numbers beside them.
 
     Wavelengths are the first column so titled, else the first that runs through them. A further
     one begins further spectra.
@@ -378,16 +381,13 @@ def _choose_columns(cells: _Cells) -> tuple[_Cells, list[str], str, str]:
     in_um = numbers and not cells.titles and [0.1] < numbers[0][:1] < numbers[0][1:2] < [100.0]
     wavenumbers = bool(cells.titles) and length_unit(cells.header[0]) == "1/cm"
     if numbers and (wavenumbers or not (titled or runs or in_um)):
-        wrong = f"no wavelengths in the header; {_LAYOUTS}"
-        if not cells.titles:
+        wrong = f"numbers only, and the first column does not run through wavelengths; {_LAYOUTS}"
+        if wavenumbers:
             wrong = (
-                f"numbers only, and the first column does not run through wavelengths; {_LAYOUTS}"
+                f"{cells.header[0]!r} are wavenumbers; write wavelengths in nm, 1e7 / wavenumber"
             )
-        elif wavenumbers:
-            wrong = (
-                f"{cells.header[0]!r} are wavenumbers; write wavelengths in nm, which are 1e7 / "
-                "(1/cm)"
-            )
+        elif cells.titles:
+            wrong = f"no wavelengths in the header; {_LAYOUTS}"
         raise cells.source.error(wrong, cells.header_line or None)
     grid = next(iter([*titled, *runs]), 0)
     named = {*titled}
@@ -396,17 +396,12 @@ def _choose_columns(cells: _Cells) -> tuple[_Cells, list[str], str, str]:
     columns = sorted({*right}.difference(further))
     if not columns:
         raise cells.error(cells.header_line, "no column of numbers beside the wavelengths")
-    if len(columns) + len(further) + 1 < width:
-        left = sorted({*range(width)}.difference((grid, *columns, *further)))
+    grids = [grid, *further]
+    if left := sorted({*range(width)}.difference(grids, columns)):
         last = cells.titles[-1] if cells.titles else cells.header
         titles = shorten(", ".join(last[i] or f"column {i + 1}" for i in left))
         notes.append(f"left out, as they hold no spectra: {titles}")
-    columns, title = _reflectances(cells, columns)
-    take = (grid, *columns, *further)
-    unit = next((unit for row in cells.titles if (unit := length_unit(row[grid]))), "")
-    names = _column_names(cells, columns)
-    chosen = () if take == tuple(range(width)) else take
-    return replace(cells, take=chosen, blanks=bool(further)), names, unit, title
+    return grids, columns
 
 
 def _reflectances(cells: _Cells, columns: list[int]) -> tuple[list[int], str]:
@@ -475,12 +470,11 @@ def _column_names(cells: _Cells, columns: list[int]) -> list[str]:
     return different(names, notes)
 
 
-def _check_grid(cells: _Cells, wavelengths: Sequence[float]) -> Float[np.ndarray, "bands"]:
+def _check_grid(cells: _Cells, grid: Bands) -> Bands:
     """Legal grid, or an error that names the file; one that descends is legal, or one of detectors
     that overlap.
     """
-    grid = np.asarray(wavelengths)
-    try:
+    with naming(cells.source.path):
         # Those in micrometres are told by their unit, or later.
         if grid.size and 0.1 <= grid.min() <= grid.max() < 100:
             validate_wavelengths(np.sort(1e3 * grid))
@@ -488,13 +482,11 @@ def _check_grid(cells: _Cells, wavelengths: Sequence[float]) -> Float[np.ndarray
         if np.all(np.diff(grid) < 0):
             return validate_wavelengths(grid[::-1])[::-1]
         return grid if detectors_overlap(grid) else validate_wavelengths(grid)
-    except ValueError as error:
-        raise cells.source.error(error) from None
 
 
 def _value(cells: _Cells, line: int, name: str, column: str, cell: str) -> float:
     """Reflectance in a cell, or an error that says where."""
-    value = _number(cell.removesuffix("%"), cells.delimiter)
+    value = cells.number(cell.removesuffix("%"))
     if not cell and cells.blanks:
         return math.nan
     if value is None:
@@ -509,44 +501,61 @@ def _value(cells: _Cells, line: int, name: str, column: str, cell: str) -> float
     return value
 
 
-def _read_row(
-    cells: _Cells, line: tuple[int, str], titles: Sequence[str], values: array, *, wide: bool
-) -> str:
-    """First cell of a line; the numbers right of it are added to the values.
+def _read_rows(
+    cells: _Cells,
+    texts: Sequence[int],
+    numbers: Sequence[int],
+    *,
+    grids: Sequence[int] = (),
+    names: Mapping[int, str] | None = None,
+    most: int = _MAX_VALUES,
+) -> tuple[array, list[list[str]], Float[np.ndarray, "rows columns"]]:
+    """Numbers of the lines below a header; texts in some of their columns, and numbers in others.
 
     Args:
         cells: the table.
-        line: its number and text.
-        titles: what the errors call the columns.
-        values: of the lines above.
-        wide: whether the first cell names the sample; else the column does.
+        texts: columns of texts, those of names first.
+        numbers: columns of numbers.
+        grids: those of the numbers that are wavelengths.
+        names: sample of each other one, where columns are samples.
+        most: lines that may be read.
     """
-    number, text = line
-    quick = cells.quick(text)
-    if quick is None:
-        first, *row = cells.split(number, text)
-        values.extend(
-            _value(cells, number, first if wide else title, title, cell)
-            for title, cell in zip(titles, row, strict=True)
-        )
-    else:
-        first, row = quick
-        values.extend(row)
-    if len(values) > _MAX_VALUES:
-        raise cells.error(number, f"more than {_MAX_VALUES} values so far; split the table")
-    return first
+    run = range(numbers[0], numbers[-1] + 1)
+    # A slice is taken sooner than one cell after another, and of one cell is a list, too.
+    in_turn = [*numbers] == [*run]
+    pick = itemgetter(slice(run.start, run.stop)) if in_turn else itemgetter(*numbers)
+    lines = array("q")
+    columns: list[list[str]] = [[] for _ in texts]
+    values = array("d")
+    for line, text in cells.lines:
+        quick = cells.quick(text, pick, named=0 not in numbers)
+        row = cells.split(line, text) if quick is None else quick[0]
+        for i, column in zip(texts, columns, strict=True):
+            word = row[i].strip()
+            if not word and i == texts[0]:
+                raise cells.error(line, "a sample has no name")
+            # The same name need not be held again.
+            column.append(column[-1] if column[-1:] == [word] else word)
+        if quick is not None:
+            values.extend(quick[1])
+        else:
+            for i in numbers:
+                title = cells.header[i]
+                if i in grids:
+                    values.append(_wavelength(cells, line, title or f"{i + 1}", row[i]))
+                elif names is None:
+                    values.append(_value(cells, line, row[texts[0]], title, row[i]))
+                else:
+                    values.append(_value(cells, line, names[i], row[grids[0]], row[i]))
+        lines.append(line)
+        if len(values) > _MAX_VALUES or len(lines) > most:
+            raise cells.error(
+                line, f"more than {most} samples or {_MAX_VALUES} values so far; split the table"
+            )
+    return lines, columns, np.frombuffer(values).reshape(-1, len(numbers))
 
 
-def _has_no_wavelength(cells: _Cells, number: int, text: str) -> bool:
-    """Whether a line of a table with a sample a column holds text where wavelengths are."""
-    row = _split(cells, number, text)
-    at = cells.take[0] if cells.take else 0
-    return at >= len(row) or _wavelength(row[at], cells.delimiter) is None
-
-
-def _read_wide(
-    cells: _Cells, first: tuple[int, str], attributes: dict[str, list[str]]
-) -> tuple[list[str], Float[np.ndarray, "bands"], Float[np.ndarray, "rows bands"]]:
+def _read_wide(cells: _Cells, attributes: dict[str, list[str]]) -> tuple[list[str], Bands, Rows]:
     """Names, wavelengths and values of a table with a sample a row.
 
     What stands beside the bands, such as L*a*b*, fills the attributes. Bands with the specular
@@ -578,7 +587,7 @@ def _read_wide(
                 f"bands of {specular or 'no name'} are others than those of {one[0] or 'no name'}; "
                 "export both at the same wavelengths",
             )
-    grid = _check_grid(cells, list(one[1].values()))
+    grid = _check_grid(cells, np.array([*one[1].values()]))
     name_at = next((i for i in others if header[i].lower() in _NAMES), 0)
     others.remove(name_at)
     # A column may say of each line which kind of reading it is.
@@ -591,80 +600,85 @@ def _read_wide(
         notes.append(f"each line gives a spectrum for each kind of reading: {words}")
     elif one[0] and not others:
         notes.append(f"all bands are taken as {MODES[one[0]]}")
-    simple = len(one[1]) + 1 == len(header)
-    readers = [
-        (word if more else "", replace(cells, take=() if simple else (name_at, *at)))
-        for word, at in bands.items()
-    ]
-    columns = [(i, attributes.setdefault(header[i], [])) for i in others]
-    titles = [header[i] for i in one[1]]
-    names: list[str] = []
-    lines = array("q")
-    values = array("d")
-    for number, text in itertools.chain([first], cells.lines):
-        row = cells.split(number, text) if others else []
-        for word, reader in readers:
-            name = _read_row(reader, (number, text), titles, values, wide=True)
-            if not name or len(names) == _MAX_SPECTRA:
-                wrong = f"more than {_MAX_SPECTRA} samples so far; split the table"
-                raise cells.error(number, wrong if name else "a sample has no name")
-            kind = word if kind_at is None or more else row[kind_at]
-            names.append(unshield_name(f"{name} {kind}" if kind else name))
-            lines.append(number)
-            for i, column in columns:
-                column.append(row[i])
+    numbers = [i for at in bands.values() for i in at]
+    cells = replace(cells, short=not others and len(numbers) + 1 < len(header))
+    lines, (names, *texts), values = _read_rows(
+        cells, [name_at, *others], numbers, most=_MAX_SPECTRA
+    )
+    kinds = [*bands] if more else [""]
+    for i, column in zip(others, texts, strict=True):
+        attributes[header[i]] = [word for word in column for _ in kinds]
+    if kind_at is not None and not more:
+        names = [" ".join(pair) for pair in zip(names, attributes[header[kind_at]], strict=True)]
+    names = [unshield_name(f"{name} {kind}" if kind else name) for name in names for kind in kinds]
     if len(set(names)) < len(names):
         seen: dict[str, int] = {}
-        for number, name in zip(lines, names, strict=True):
+        for number, name in zip(np.repeat(lines, len(kinds)).tolist(), names, strict=True):
             _check_name(cells, number, name, seen)
             seen[name] = number
-    return names, grid, np.frombuffer(values).reshape(-1, grid.size)
+    return names, grid, values.reshape(-1, grid.size)
 
 
-def _read_long(
-    cells: _Cells, first: tuple[int, str], names: list[str]
-) -> tuple[list[str], Float[np.ndarray, "bands"], Float[np.ndarray, "rows bands"]]:
-    """Names, wavelengths and values of a table with a sample a column."""
-    title = cells.header[cells.take[0] if cells.take else 0] or "1"
-    further = cells.take[len(names) + 1 :]
-    titles = [*names, *[title] * len(further)]
-    wavelengths = array("d")
-    values = array("d")
-    before = first[0]
-    for number, text in itertools.chain([first], cells.lines):
-        # Means and the like stand below an empty line.
-        if number > before + 1 and _has_no_wavelength(cells, number, text):
-            cells.source.notes.append(
-                f"the table ends above line {number}: {shorten(text.strip()[:40])}"
-            )
-            break
-        before = number
-        cell = _read_row(cells, (number, text), titles, values, wide=False)
-        wavelength = math.nan if further and not cell else _wavelength(cell, cells.delimiter)
-        if wavelength is None:
-            raise cells.error(number, f"column {title!r}: {cell!r} is not a wavelength in nm")
-        wavelengths.append(wavelength)
-    table = np.frombuffer(values).reshape(-1, len(titles)).T
-    if not further:
-        return names, _check_grid(cells, wavelengths), table
+def _read_long(cells: _Cells, grids: list[int], names: dict[int, str]) -> tuple[Bands, Rows]:
+    """Wavelengths and values of a table with a sample a column.
+
+    Args:
+        cells: the table.
+        grids: columns of wavelengths.
+        names: of the samples, by their columns.
+    """
+    numbers = [grids[0], *names, *grids[1:]]
+    blanks = len(grids) > 1
+    short = sorted(numbers) != [*range(len(cells.header))]
+    lines = _to_text(cells, grids[0])
+    cells = replace(cells, lines=lines, blanks=blanks, short=short)
+    _, _, table = _read_rows(cells, (), numbers, grids=grids, names=names)
+    values = table.T[1 : len(names) + 1]
+    if not blanks:
+        return _check_grid(cells, table[:, 0]), values
     # Some spectra may be shorter: empty cells below them.
-    grids = [
-        _check_grid(cells, [wavelength for wavelength in column if not math.isnan(wavelength)])
-        for column in [wavelengths, *table[len(names) :]]
-    ]
-    common = reduce(np.intersect1d, grids)
+    columns = [table.T[0], *table.T[len(names) + 1 :]]
+    checked = [_check_grid(cells, column[~np.isnan(column)]) for column in columns]
+    common = reduce(np.intersect1d, checked)
     if common.size < 2:
         raise cells.source.error(
             "columns of wavelengths have none in common; export spectra at the same wavelengths, "
             "or in files of their own"
         )
-    if any(grid.size > common.size for grid in grids):
+    if any(grid.size > common.size for grid in checked):
         cells.source.notes.append(f"spectra share {describe_grid(common)}, and are read there")
     spectra = []
-    for at, column in zip(cells.take[1:], table[: len(names)], strict=False):
-        value_at = dict(zip(grids[sum(start < at for start in further)], column, strict=False))
-        spectra.append([value_at[wavelength] for wavelength in common])
-    return names, common, np.array(spectra)
+    for at, column in zip(names, values, strict=True):
+        own = checked[sum(start < at for start in grids) - 1]
+        spectra.append(column[np.searchsorted(own, common)])
+    return common, np.array(spectra)
+
+
+def _to_text(cells: _Cells, grid: int) -> Iterator[tuple[int, str]]:
+    """Lines of a table with a sample a column, up to a text where wavelengths are below an empty
+    line: means and the like stand there.
+    """
+    before = cells.header_line
+    for number, text in cells.lines:
+        if number > before + 1 and before > cells.header_line:
+            row = _split(cells, number, text)
+            if grid >= len(row) or cells.wavelength(row[grid]) is None:
+                cells.source.notes.append(
+                    f"the table ends above line {number}: {shorten(text.strip()[:40])}"
+                )
+                return
+        before = number
+        yield number, text
+
+
+def _wavelength(cells: _Cells, line: int, title: str, cell: str) -> float:
+    """Wavelength in a cell, or an error that says where."""
+    if not cell and cells.blanks:
+        return math.nan
+    wavelength = cells.wavelength(cell)
+    if wavelength is None:
+        raise cells.error(line, f"column {title!r}: {cell!r} is not a wavelength in nm")
+    return wavelength
 
 
 def _check_name(cells: _Cells, line: int, name: str, seen: dict[str, int]) -> None:
@@ -689,58 +703,29 @@ def _triples(cells: _Cells) -> list[int] | None:
 
 
 def _read_triples(
-    cells: _Cells, first: tuple[int, str], name_at: int, wavelength_at: int, value_at: int
-) -> tuple[list[str], Float[np.ndarray, "bands"], Float[np.ndarray, "rows bands"]]:
+    cells: _Cells, name_at: int, wavelength_at: int, value_at: int
+) -> tuple[list[str], Bands, Rows]:
     """Names, wavelengths and values of a table with a value a row; all samples must have the same
     wavelengths.
     """
-    rows: dict[str, int] = {}
-    columns: dict[float, int] = {}
-    column_at: dict[str, int] = {}  # by its text, which need not be parsed again
-    lines = array("q")
-    row_of = array("q")
-    column_of = array("q")
-    values = array("d")
-    for number, text in itertools.chain([first], cells.lines):
-        row = cells.split(number, text)
-        name = row[name_at]
-        title = row[wavelength_at]
-        if not name:
-            raise cells.error(number, "a sample has no name")
-        if title not in column_at:
-            wavelength = _wavelength(title, cells.delimiter)
-            if wavelength is None:
-                raise cells.error(
-                    number,
-                    f"column {cells.header[wavelength_at]!r}: {title!r} is not a wavelength in nm",
-                )
-            column_at[title] = columns.setdefault(wavelength, len(columns))
-        lines.append(number)
-        row_of.append(rows.setdefault(name, len(rows)))
-        column_of.append(column_at[title])
-        values.append(_value(cells, number, name, cells.header[value_at], row[value_at]))
-        if len(rows) > _MAX_SPECTRA or len(columns) > _MAX_BANDS or len(values) > _MAX_VALUES:
-            raise cells.error(
-                number, "more samples, wavelengths or values so far than a table may hold; split it"
-            )
+    lines, (words,), table = _read_rows(
+        cells, [name_at], [wavelength_at, value_at], grids=[wavelength_at]
+    )
+    rows = {name: i for i, name in enumerate(dict.fromkeys(words))}
     names = [unshield_name(name) for name in rows]
-    grid = _check_grid(cells, sorted(columns))
-    # Columns in the order of their wavelengths, not of the file.
-    rank = np.argsort(np.argsort(np.fromiter(columns, float)))
-    at_row = np.frombuffer(row_of, np.int64)
-    at_column = rank[np.frombuffer(column_of, np.int64)]
-    order = np.lexsort((at_column, at_row))
-    same = (np.diff(at_row[order]) == 0) & (np.diff(at_column[order]) == 0)
-    if same.any():
-        place = int(order[1:][same].min())
+    grid = _check_grid(cells, np.unique(table[:, 0]))
+    # Places in the table of a sample a row, of which each must be taken once.
+    cell = np.array([rows[name] for name in words]) * grid.size + np.searchsorted(grid, table[:, 0])
+    order = np.argsort(cell, kind="stable")
+    again = order[1:][np.diff(cell[order]) == 0]
+    gap = int(np.append(cell[order] != np.arange(cell.size), True).argmax())
+    row, band = divmod(int(cell[again.min()]) if again.size else gap, grid.size)
+    if again.size:
         raise cells.error(
-            lines[place],
-            f"sample {names[at_row[place]]!r} has a value at {grid[at_column[place]]:g} nm already",
+            lines[again.min()], f"sample {names[row]!r} has a value at {grid[band]:g} nm already"
         )
-    if len(values) < len(names) * grid.size:
-        row = int(np.argmax(np.bincount(at_row) < grid.size))
-        missing = np.delete(grid, at_column[at_row == row])[0]
+    if row < len(names):
         raise cells.source.error(
-            f"sample {names[row]!r} has no value at {missing:g} nm, where others have one"
+            f"sample {names[row]!r} has no value at {grid[band]:g} nm, where others have one"
         )
-    return names, grid, np.frombuffer(values)[order].reshape(len(names), grid.size)
+    return names, grid, table[order, 1].reshape(-1, grid.size)

@@ -157,12 +157,12 @@ def _ground(values: tuple[Array, ...], count: Array) -> tuple[Array, Array, Arra
     """M at the midpoints and integrated over the segments, (n, stacks), and K, (stacks,); exact."""
     e2, j1, e3, j2 = values
     i = jnp.arange(e2.shape[1])
-    own = count[:, None]
-    above = jnp.maximum(own - 1 - i, 0)
-    m = jnp.take_along_axis(e2, above, axis=1) + jnp.take_along_axis(j1, own + i, axis=1)
+    last = count[:, None]
+    above = jnp.maximum(last - 1 - i, 0)
+    m = jnp.take_along_axis(e2, above, axis=1) + jnp.take_along_axis(j1, last + i, axis=1)
     integrated = jnp.take_along_axis(e3, above, axis=1) - jnp.take_along_axis(e3, above + 1, axis=1)
     integrated += j2[:, :-1] - j2[:, 1:]
-    return m.T, integrated.T, 2.0 * jnp.take_along_axis(j2, own, axis=1)[:, 0]
+    return m.T, integrated.T, 2.0 * jnp.take_along_axis(j2, last, axis=1)[:, 0]
 
 
 def _reflection_integrals(

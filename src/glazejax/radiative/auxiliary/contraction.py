@@ -31,17 +31,17 @@ def solve_contraction(
         x, (n, stacks, cases), which can be differentiated by all that `apply` holds and by b.
     """
 
-    def forward(_, right) -> Array:
-        return _conjugate_gradients(apply, weight, jnp.asarray(right))
+    def forward(_, b) -> Array:
+        return _conjugate_gradients(apply, weight, jnp.asarray(b))
 
-    def transpose(_, right) -> Array:
+    def transpose(_, b) -> Array:
         # T = S / W with S symmetric, so W (E - T) y = (E - T') (W y).
-        right = jnp.asarray(right)
+        b = jnp.asarray(b)
         positive = weight > 0
         y = _conjugate_gradients(
-            apply, weight, jnp.where(positive, right / jnp.where(positive, weight, 1.0), 0.0)
+            apply, weight, jnp.where(positive, b / jnp.where(positive, weight, 1.0), 0.0)
         )
-        return jnp.where(positive, weight * y, right)
+        return jnp.where(positive, weight * y, b)
 
     return jnp.asarray(jax.lax.custom_linear_solve(lambda x: x - apply(x), b, forward, transpose))
 
@@ -55,21 +55,27 @@ def _conjugate_gradients(apply: Callable[[Array], Array], weight: Array, b: Arra
     goal = tolerance**2 * dot(b, b)
 
     def goes_on(state) -> Array:
-        step, _, _, _, rest = state
+        step, _, _, _, squared_norm = state
         # A thousand mean free paths that absorb nothing take some 1500.
-        return (step < 5000) & jnp.any(rest > goal)
+        return (step < 5000) & jnp.any(squared_norm > goal)
 
     def advance(state: tuple[Array, Array, Array, Array, Array]):
-        step, x, residual, direction, rest = state
+        step, x, residual, direction, squared_norm = state
         image = direction - apply(direction)
         energy = dot(direction, image)
         moving = energy > 0  # a finished case stands still
-        length: Array = jnp.where(moving, rest, 0.0) / jnp.where(moving, energy, 1.0)
+        length: Array = jnp.where(moving, squared_norm, 0.0) / jnp.where(moving, energy, 1.0)
         x = x + length * direction
         residual = residual - length * image
-        left = dot(residual, residual)
-        share: Array = left / jnp.where(rest > 0, rest, 1.0)
-        return step + 1, x, residual, jnp.where(present, residual + share * direction, 0.0), left
+        next_norm = dot(residual, residual)
+        share: Array = next_norm / jnp.where(squared_norm > 0, squared_norm, 1.0)
+        return (
+            step + 1,
+            x,
+            residual,
+            jnp.where(present, residual + share * direction, 0.0),
+            next_norm,
+        )
 
     # Steps as long as a slow case wants would make rows of weight zero, which no product sees, grow
     # without bound.

@@ -177,9 +177,9 @@ def _rescale(weights: Array, exact: Array, depth: Array) -> Array:
     """Factor that gives weights their exact sum; where there is hardly any depth or light they have
     it anyway.
     """
-    found = jnp.sum(weights, axis=-1)
-    enough = (depth > 1e-3) & (found > 0)
-    return jnp.where(enough, exact / jnp.where(enough, found, 1.0), 1.0)[:, None]
+    total = jnp.sum(weights, axis=-1)
+    enough = (depth > 1e-3) & (total > 0)
+    return jnp.where(enough, exact / jnp.where(enough, total, 1.0), 1.0)[:, None]
 
 
 class _LayerSurface(NamedTuple):
@@ -193,9 +193,9 @@ class _LayerSurface(NamedTuple):
 
 def _surface(refractive_index: Any, like: Array) -> _LayerSurface:
     """An index of exactly one reflects nothing, however its directions are reckoned."""
-    known = isinstance(refractive_index, int | float)
-    transparent = known and refractive_index == 1
-    n = 1.5 if transparent else float(refractive_index) if known else refractive_index
+    is_number = isinstance(refractive_index, int | float)
+    transparent = is_number and refractive_index == 1
+    n = 1.5 if transparent else float(refractive_index) if is_number else refractive_index
     mu, weights, r = (jnp.asarray(a, like.dtype) for a in cone_nodes(n, 1 if transparent else None))
     reflects = jnp.asarray(refractive_index, like.dtype) > 1.0
     share = jnp.broadcast_to(reflects, like.shape).astype(like.dtype)
@@ -242,7 +242,7 @@ def resolve(tolerance: float, thickest: float, lowest_index: float) -> PanelMesh
     row = next((row for row in _ROWS if row.tolerance <= tolerance * (1 + 1e-9)), _ROWS[-1])
     kind = min(int(np.searchsorted(_DEPTHS, thickest)), 2)
     interior = thickest > _DEPTHS[-1]
-    grazing = next((more for index, more in _GRAZING if lowest_index < index), 0)
+    grazing = next((panels for index, panels in _GRAZING if lowest_index < index), 0)
     # Faces of layers so thick that their interior has panels of its own need three more.
     graded = row.graded[kind] + grazing + 3 * interior
     # With so many panels, their growth matters more than the first one's width.
@@ -268,7 +268,7 @@ def _stack_panels(stack: Stack, mesh: PanelMesh) -> Panels:
     return layer_panels(depth, stack.albedo, slant, mesh)
 
 
-def _solve(matrix: Array, right: Array) -> Array:
+def _solve(matrix: Array, b: Array) -> Array:
     """The matrix is diagonally dominant, so no pivoting is needed; its derivatives are those of the
     solution.
     """
@@ -282,13 +282,13 @@ def _solve(matrix: Array, right: Array) -> Array:
     def product(x: Array) -> Array:
         return einsum("bij,bj->bi", matrix, x)
 
-    return jax.lax.custom_linear_solve(product, right, solve, solve_transposed)
+    return jax.lax.custom_linear_solve(product, b, solve, solve_transposed)
 
 
 def _value(system: CollocatedSystem, solution: Array) -> Array:
-    inside = jnp.sum(system.beam * solution, axis=-1)
+    scattered = jnp.sum(system.beam * solution, axis=-1)
     return system.factor * (
-        system.ground_direct + inside + system.single - system.single_interpolated
+        system.ground_direct + scattered + system.single - system.single_interpolated
     )
 
 
@@ -312,8 +312,8 @@ def reflectance(stack: Stack, mesh: PanelMesh) -> Array:
 def split(stack: Stack, mesh: PanelMesh) -> Split:
     """The same by what the light did last, each (batch,)."""
     system = _system(_stack_panels(stack, mesh), stack)
-    both = jnp.stack([system.exit, system.ground_seen], axis=-1)
-    solution = solve_positive(system.matrix, both)
+    sources = jnp.stack([system.exit, system.ground_seen], axis=-1)
+    solution = solve_positive(system.matrix, sources)
     scattered, grounded = (jnp.sum(system.beam * solution[..., i], axis=-1) for i in range(2))
     return Split(
         ground=system.factor * (system.ground_direct + grounded),
@@ -323,7 +323,7 @@ def split(stack: Stack, mesh: PanelMesh) -> Split:
 
 
 def reflectance_and_gradient(
-    stack: Stack, mesh: PanelMesh, wanted: tuple[str, ...]
+    stack: Stack, mesh: PanelMesh, leaf_names: tuple[str, ...]
 ) -> tuple[Array, dict[str, Array]]:
     """Reflectance and its derivative by the wanted leaves of each stack.
 
@@ -333,7 +333,7 @@ def reflectance_and_gradient(
     Args:
         stack: batch of stacks.
         mesh: static.
-        wanted: names of the leaves to differentiate by, static.
+        leaf_names: names of the leaves to differentiate by, static.
 
     Returns:
         (batch,) and, by name, d reflectance / d leaf in the shape of the leaf.
@@ -343,10 +343,10 @@ def reflectance_and_gradient(
     backward = _solve(transpose(system.matrix), system.beam)
 
     def stationary(leaves: dict[str, Array]) -> Array:
-        moved = stack._replace(**leaves)
-        s = _system(_stack_panels(moved, mesh), moved)
+        shifted = stack._replace(**leaves)
+        s = _system(_stack_panels(shifted, mesh), shifted)
         residual = s.exit + s.ground_seen - einsum("bij,bj->bi", s.matrix, forward)
         return _value(s, forward) + s.factor * jnp.sum(backward * residual, axis=-1)
 
-    value, pull_back = jax.vjp(stationary, {name: getattr(stack, name) for name in wanted})
+    value, pull_back = jax.vjp(stationary, {name: getattr(stack, name) for name in leaf_names})
     return value, pull_back(jnp.ones_like(value))[0]

@@ -88,17 +88,17 @@ class KernelTable:
         from scipy.special import expn
 
         before = self.terms
-        half = np.arange(2 * segments) + 0.5
-        whole = np.arange(2.0 * segments + 1)
+        midpoints = np.arange(2 * segments) + 0.5
+        edges = np.arange(2.0 * segments + 1)
         n = self.refractive_index
 
         def grown(old: np.ndarray, depths: np.ndarray, kernel) -> np.ndarray:
             return np.concatenate([old, kernel(self.step * depths[old.size :])])
 
-        self.e2 = grown(self.e2, half[:segments], lambda x: expn(2, x))
-        self.e3 = grown(self.e3, whole[: segments + 1], lambda x: expn(3, x))
-        self.j1 = grown(self.j1, half, lambda x: _reflection_integral(1, x, n))
-        self.j2 = grown(self.j2, whole, lambda x: _reflection_integral(2, x, n))
+        self.e2 = grown(self.e2, midpoints[:segments], lambda x: expn(2, x))
+        self.e3 = grown(self.e3, edges[: segments + 1], lambda x: expn(3, x))
+        self.j1 = grown(self.j1, midpoints, lambda x: _reflection_integral(1, x, n))
+        self.j2 = grown(self.j2, edges, lambda x: _reflection_integral(2, x, n))
         self.segments = segments
         return self.terms - before
 
@@ -133,7 +133,7 @@ class KernelTable:
             raise FileExistsError(f"{path} exists; pass overwrite=True to replace it")
         arrays = {name: getattr(self, name) for name in _ARRAYS}
         # An interrupted run leaves no half table.
-        with whole_file(path) as part, part.open("wb") as file:
+        with whole_file(path) as temporary, temporary.open("wb") as file:
             np.savez(
                 file,
                 format=_FORMAT,
@@ -158,25 +158,25 @@ class KernelTable:
             )
         try:
             with np.load(path, allow_pickle=False) as file:
-                held = {
+                content = {
                     name: file[name] for name in ("format", "refractive_index", "step", *_ARRAYS)
                 }
         except Exception as error:  # whatever zip and NumPy raise for a file of another kind
             raise ValueError(
                 f"{path} is no kernel table ({error}); KernelTable(...).save(path) writes one"
             ) from None
-        if str(held["format"]) != _FORMAT:
+        if str(content["format"]) != _FORMAT:
             raise ValueError(
-                f"{path} holds {str(held['format'])!r}; this version reads {_FORMAT!r}"
+                f"{path} holds {str(content['format'])!r}; this version reads {_FORMAT!r}"
             )
-        segments = held["e2"].size
+        segments = content["e2"].size
         sizes = (
             {"e2": segments, "e3": segments + 1, "j1": 2 * segments, "j2": 2 * segments + 1}
             if segments
             else {}
         )
         for name in _ARRAYS:
-            array = held[name]
+            array = content[name]
             if (
                 array.shape != (sizes.get(name, 0),)
                 or array.dtype != np.float64
@@ -186,10 +186,10 @@ class KernelTable:
                     f"{path} is damaged: {name} has shape {array.shape}, type {array.dtype}, or "
                     "no number"
                 )
-        table = cls(float(held["refractive_index"]), float(held["step"]))
+        table = cls(float(content["refractive_index"]), float(content["step"]))
         table.segments = segments
         for name in _ARRAYS:
-            setattr(table, name, held[name])
+            setattr(table, name, content[name])
         return table
 
     def __repr__(self) -> str:

@@ -19,27 +19,27 @@ class Auxiliary:
     """Shares no approximation with the default method; see `auxiliary.graded`."""
 
     finest: float = 1e-8
-    rounding: Rounding | None = Rounding(each=1e-7, deepest=4e4)
+    rounding: Rounding | None = Rounding(per_depth=1e-7, deepest=4e4)
     slopes_at_index_one: bool = False
     splits: bool = True
 
     def resolve(self, request: Request) -> tuple[PanelMesh, int]:
         """Mesh, and how many stacks go through at a time."""
-        known = concrete(request.optical_thickness)
-        thickest = np.inf if known is None else float(known.max(initial=0.0))
+        thickness = concrete(request.optical_thickness)
+        thickest = np.inf if thickness is None else float(thickness.max(initial=0.0))
         mesh = graded.resolve(request.tolerance, thickest, request.indices[0])
-        each = graded.bytes_each(mesh, request.layers, request.itemsize)
-        return mesh, request.stacks_within(_CHUNK_BYTES, each)
+        bytes_each = graded.bytes_each(mesh, request.layers, request.itemsize)
+        return mesh, request.stacks_within(_CHUNK_BYTES, bytes_each)
 
     def reflectance(self, stack: Stack, resolution: PanelMesh) -> Array:
         """Either reflectance of each stack, (batch,)."""
         return graded.reflectance(stack, resolution)
 
     def reflectance_and_gradient(
-        self, stack: Stack, resolution: PanelMesh, wanted: tuple[str, ...]
+        self, stack: Stack, resolution: PanelMesh, leaf_names: tuple[str, ...]
     ) -> tuple[Array, dict[str, Array]]:
         """Reflectance and its derivatives from the solution of the transposed equation."""
-        return graded.reflectance_and_gradient(stack, resolution, wanted)
+        return graded.reflectance_and_gradient(stack, resolution, leaf_names)
 
     def split(self, stack: Stack, resolution: PanelMesh) -> Split:
         """Reflectance by what the light did last."""

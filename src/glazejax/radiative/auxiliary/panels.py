@@ -29,7 +29,7 @@ _GRADING = 3
 
 
 class PanelMesh(NamedTuple):
-    """How finely the layers are divided; static."""
+    """Fineness of the division of layers; static."""
 
     nodes: int
     """Gauss nodes in a panel."""
@@ -144,9 +144,9 @@ def kernel_integrals(order: int, distance: Array, width: Array, rules: Rules) ->
     wide_width = jnp.where(wide, width, _WIDE)
     scale = _powers(2.0 / wide_width, count)
     ends = scale * _orders(order + 1, count, jnp.stack([distance, distance + wide_width]))
-    here = matmul(ends[0], jnp.asarray(rules.near, t.dtype))
-    there = matmul(ends[1], jnp.asarray(rules.far, t.dtype))
-    return jax.lax.select(jnp.broadcast_to(wide[..., None], narrow.shape), here - there, narrow)
+    near = matmul(ends[0], jnp.asarray(rules.near, t.dtype))
+    far = matmul(ends[1], jnp.asarray(rules.far, t.dtype))
+    return jax.lax.select(jnp.broadcast_to(wide[..., None], narrow.shape), near - far, narrow)
 
 
 def decay_integrals(rate: Array, top: Array, width: Array, rules: Rules) -> Array:
@@ -163,8 +163,8 @@ def decay_integrals(rate: Array, top: Array, width: Array, rules: Rules) -> Arra
     scale = _powers(2.0 / safe, count)
     by_parts = matmul(scale, jnp.asarray(rules.near, z.dtype))
     by_parts -= jnp.exp(-safe)[..., None] * matmul(scale, jnp.asarray(rules.far, z.dtype))
-    inside = jnp.where(wide[..., None], by_parts / safe[..., None], shares)
-    return (jnp.exp(-rate * top) * width)[..., None] * inside
+    integrals = jnp.where(wide[..., None], by_parts / safe[..., None], shares)
+    return (jnp.exp(-rate * top) * width)[..., None] * integrals
 
 
 def own_integrals(width: Array, rules: Rules) -> Array:
@@ -180,8 +180,8 @@ def own_integrals(width: Array, rules: Rules) -> Array:
     wide_width = jnp.where(wide, width, _WIDE)[..., None]
     scale = _powers(2.0 / wide_width, count)  # (..., 1, k)
     k = np.arange(count)
-    here = (1.0 + (-1.0) ** k) / (k + 1)  # E_(k+2)(0) = 1/(k+1), from above and from below
-    middle = einsum("...zk,ikj->...ij", scale * here, jnp.asarray(rules.own_derivatives, dtype))
+    at_zero = (1.0 + (-1.0) ** k) / (k + 1)  # E_(k+2)(0) = 1/(k+1), from above and from below
+    middle = einsum("...zk,ikj->...ij", scale * at_zero, jnp.asarray(rules.own_derivatives, dtype))
     ends = scale * _orders(
         2, count, jnp.stack([wide_width * (1.0 - rules.nodes), wide_width * rules.nodes])
     )
@@ -243,9 +243,9 @@ def layer_panels(thickness: Array, layer_albedo: Array, slant: Array, mesh: Pane
     widths = []
     for i in range(thickness.shape[1]):
         d = thickness[:, i, None]
-        given = jax.lax.stop_gradient((thickness[:, i], layer_albedo[:, i], slant))
+        fixed = jax.lax.stop_gradient((thickness[:, i], layer_albedo[:, i], slant))
         # The lower half mirrors the upper one: both faces are alike.
-        share = _half_layer(*given, mesh)
+        share = _half_layer(*fixed, mesh)
         inner = share[:, 1:] - share[:, :-1]
         start = [share[:, :-1], 1.0 - share[:, :0:-1]]
         shares = [inner, inner[:, ::-1]]

@@ -59,8 +59,8 @@ class Segments(NamedTuple):
         # A face on an edge is in the segment below; by comparison, so that rounding cannot set the
         # two apart.
         above = jnp.sum(faces[:, None] >= edges, axis=1, dtype=count.dtype)
-        held = jnp.clip(above - 1, 0, count - 1).at[-1].set(count - 1)
-        layer = jnp.sum(held[:-1, None] < index, axis=0)
+        holder = jnp.clip(above - 1, 0, count - 1).at[-1].set(count - 1)
+        layer = jnp.sum(holder[:-1, None] < index, axis=0)
         present = index < count
 
         def with_albedo(q: Array) -> Segments:
@@ -70,7 +70,7 @@ class Segments(NamedTuple):
             return cls(
                 edges=edges,
                 faces=faces,
-                held_by=held,
+                held_by=holder,
                 edge_albedo=edge,
                 drop=drop,
                 scattering=nothing,
@@ -94,13 +94,15 @@ class Segments(NamedTuple):
             1.0 / safe,
             jnp.where(present & (width > 0), 1.0 / jnp.where(width > 0, width, 1.0), 0.0),
         )
-        left = share * jnp.where(enough, first.edge_albedo, 1.0)
-        right = share * jnp.where(enough, _below(first.edge_albedo), jnp.where(last, 0.0, 1.0))
+        edge_weight = share * jnp.where(enough, first.edge_albedo, 1.0)
+        below_weight = share * jnp.where(
+            enough, _below(first.edge_albedo), jnp.where(last, 0.0, 1.0)
+        )
         end = jnp.zeros_like(faces).at[-1].set(1.0)
         at_faces = first.at_faces(share) * jnp.where(first.at_faces(enough), first.drop, end)
         scattering = jnp.where(enough, scattering, 0.0)
         return first._replace(
-            scattering=scattering, doubled=doubled, averaging=(left, right, at_faces)
+            scattering=scattering, doubled=doubled, averaging=(edge_weight, below_weight, at_faces)
         )
 
     def integrate(
@@ -109,9 +111,9 @@ class Segments(NamedTuple):
         at_faces: Float[Array, "layers stacks *cases"],
     ) -> Float[Array, "n stacks *cases"]:
         """int_segment q v' ds of a function v known at edges and faces; exact."""
-        right = append_axes(_below(self.edge_albedo), at_edges) * _below(at_edges)
-        left = append_axes(self.edge_albedo, at_edges) * at_edges
-        return right - left + self._spread(append_axes(self.drop, at_faces) * at_faces)
+        below = append_axes(_below(self.edge_albedo), at_edges) * _below(at_edges)
+        above = append_axes(self.edge_albedo, at_edges) * at_edges
+        return below - above + self._spread(append_axes(self.drop, at_faces) * at_faces)
 
     def average(
         self,
@@ -121,8 +123,12 @@ class Segments(NamedTuple):
         """Mean of v' over each segment, weighted by the albedo; unweighted where nothing
         scatters.
         """
-        left, right, face = (append_axes(a, at_edges) for a in self.averaging)
-        return right * _below(at_edges) - left * at_edges + self._spread(face * at_faces)
+        above_weight, below_weight, face = (append_axes(a, at_edges) for a in self.averaging)
+        return (
+            below_weight * _below(at_edges)
+            - above_weight * at_edges
+            + self._spread(face * at_faces)
+        )
 
     def jumps(self, t: Float[Array, "n stacks *cases"]) -> tuple[Array, Array]:
         """By how much q t rises at every edge (n, stacks, *cases) and face (layers, stacks,
@@ -148,7 +154,7 @@ class Segments(NamedTuple):
 
 
 def _below(array: Array) -> Array:
-    """What the next segment has; zero below the last."""
+    """Values of the next segment; zero below the last."""
     return jnp.concatenate([array[1:], jnp.zeros_like(array[:1])])
 
 

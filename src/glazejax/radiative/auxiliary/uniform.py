@@ -94,8 +94,8 @@ def reflectance_factor(
         product=product,
         segments=segments,
     )
-    parts = _evaluate(albedo, optical_thickness, substrate_reflectance, angles, how)
-    return jnp.asarray(parts.ground + parts.single + parts.multiple)
+    terms = _evaluate(albedo, optical_thickness, substrate_reflectance, angles, how)
+    return jnp.asarray(terms.ground + terms.single + terms.multiple)
 
 
 def split_reflectance_factor(
@@ -171,8 +171,8 @@ def split_reflectance_factor(
         product=product,
         segments=segments,
     )
-    parts = _evaluate(albedo, optical_thickness, substrate_reflectance, angles, how)
-    return jax.tree.map(jnp.asarray, parts)
+    terms = _evaluate(albedo, optical_thickness, substrate_reflectance, angles, how)
+    return jax.tree.map(jnp.asarray, terms)
 
 
 class _How(NamedTuple):
@@ -190,10 +190,10 @@ class _How(NamedTuple):
 def _evaluate(albedo, thickness, ground, cosines, how: _How) -> Split:
     """The parts, as NumPy arrays where all arguments are known."""
     refractive_index, step, variant, corrected, table, product, segments = how
-    given = {"albedo": albedo, "optical_thickness": thickness, "substrate_reflectance": ground}
-    given |= {"cos_incidence": cosines[0], "cos_viewing": cosines[1]}
-    _check(given, how)
-    batch, restore = _flatten(given)
+    arguments = {"albedo": albedo, "optical_thickness": thickness, "substrate_reflectance": ground}
+    arguments |= {"cos_incidence": cosines[0], "cos_viewing": cosines[1]}
+    _check(arguments, how)
+    batch, restore = _flatten(arguments)
     settings = GridSettings(
         variant=variant,
         corrected=bool(corrected),
@@ -223,7 +223,7 @@ def _evaluate(albedo, thickness, ground, cosines, how: _How) -> Split:
     at_once = settings.product != "matrix"
     vectors = _vectors(_table(table, settings, most), settings)
     angles = max(int(np.prod(batch.cos_incidence.shape[1:])), 1)
-    parts = []
+    results = []
     order = []
     # Stacks of about as many segments go together, filled up to few sizes, so that few programs are
     # compiled.
@@ -237,9 +237,9 @@ def _evaluate(albedo, thickness, ground, cosines, how: _How) -> Split:
             )
             filled = np.concatenate([chosen, np.repeat(chosen[:1], size - chosen.size)])
             piece = jax.tree.map(lambda leaf, index=filled: leaf[index], batch)
-            parts.append(solve(piece, count[filled], vectors(most), settings._replace(most=most)))
+            results.append(solve(piece, count[filled], vectors(most), settings._replace(most=most)))
             order.append(chosen)
-    if not parts:
+    if not results:
         shape = (
             0,
             *np.broadcast_shapes(batch.cos_incidence.shape[1:], batch.cos_viewing.shape[1:]),
@@ -247,16 +247,16 @@ def _evaluate(albedo, thickness, ground, cosines, how: _How) -> Split:
         return restore(Split(*(jnp.zeros(shape, batch.albedo.dtype),) * 3))
     # Back into the caller's order, without what was filled up.
     back = np.argsort(np.concatenate(order), kind="stable")
-    xp = jnp if any(isinstance(leaf, Tracer) for leaf in parts[0]) else np
+    xp = jnp if any(isinstance(leaf, Tracer) for leaf in results[0]) else np
 
     def together(*leaves: Any) -> Any:
         cut = [xp.asarray(leaf)[: rows.size] for leaf, rows in zip(leaves, order, strict=True)]
         return xp.concatenate(cut)[back] if len(cut) > 1 else cut[0]
 
-    return restore(jax.tree.map(together, *parts))
+    return restore(jax.tree.map(together, *results))
 
 
-def _check(given: dict[str, Any], how: _How) -> None:
+def _check(arguments: dict[str, Any], how: _How) -> None:
     refractive_index, step, variant, _, _, product, segments = how
     check_choice("variant", variant, Variant)
     check_choice("product", product, Product)
@@ -290,26 +290,26 @@ def _check(given: dict[str, Any], how: _How) -> None:
     check_values({"refractive_index": refractive_index})
 
 
-def _flatten(given: dict[str, Any]):
+def _flatten(arguments: dict[str, Any]):
     """One axis of stacks, then axes of angles; and the function that gives a result its
     shape back.
     """
     # Known arrays are gathered and cut by NumPy, which starts far faster.
-    xp = jnp if any(isinstance(value, Tracer) for value in given.values()) else np
-    arrays, full, layers = batch_of_stacks(given, xp=xp)
+    xp = jnp if any(isinstance(value, Tracer) for value in arguments.values()) else np
+    arrays, full, layers = batch_of_stacks(arguments, xp=xp)
     of_media = (arrays["albedo"].shape[:-1], arrays["optical_thickness"].shape[:-1])
     matter = np.broadcast_shapes(*of_media, arrays["substrate_reflectance"].shape)
     matter = (1,) * (len(full) - len(matter)) + matter
     # Axes along which only the angles vary: the stacks' matrices serve all of them.
     angular = [axis for axis, size in enumerate(full) if matter[axis] == 1 and size != 1]
-    others = [axis for axis in range(len(full)) if axis not in angular]
-    size = int(np.prod([full[axis] for axis in others]))
+    of_stacks = [axis for axis in range(len(full)) if axis not in angular]
+    size = int(np.prod([full[axis] for axis in of_stacks]))
 
     def of_angles(array: Any) -> Any:
         array = array.reshape((1,) * (len(full) - array.ndim) + array.shape)
-        wanted = [array.shape[axis] if axis in angular else full[axis] for axis in range(len(full))]
-        array = xp.broadcast_to(array, wanted).transpose(*others, *angular)
-        return array.reshape(size, *array.shape[len(others) :])
+        shape = [array.shape[axis] if axis in angular else full[axis] for axis in range(len(full))]
+        array = xp.broadcast_to(array, shape).transpose(*of_stacks, *angular)
+        return array.reshape(size, *array.shape[len(of_stacks) :])
 
     batch = Batch(
         albedo=flat_batch(arrays["albedo"], matter, layers),
@@ -321,8 +321,8 @@ def _flatten(given: dict[str, Any]):
 
     def restore(result: Split) -> Split:
         def one(leaf: Any) -> Any:
-            shape = [full[axis] for axis in (*others, *angular)]
-            return leaf.reshape(shape).transpose(*np.argsort([*others, *angular]).tolist())
+            shape = [full[axis] for axis in (*of_stacks, *angular)]
+            return leaf.reshape(shape).transpose(*np.argsort([*of_stacks, *angular]).tolist())
 
         return jax.tree.map(one, result)
 
@@ -330,7 +330,7 @@ def _flatten(given: dict[str, Any]):
 
 
 def _segments(depth, settings: GridSettings):
-    """How many segments stacks of this optical thickness get; for numpy and JAX arrays."""
+    """Number of segments of stacks of this optical thickness; for numpy and JAX arrays."""
     xp = jnp if isinstance(depth, jax.Array) else np
     count = xp.round(depth / settings.step)
     if settings.variant == "fixed_step" and settings.corrected:
@@ -404,7 +404,7 @@ def _table(table: KernelTable | None, settings: GridSettings, most: int) -> Kern
 
 
 def _vectors(table: KernelTable | None, settings: GridSettings):
-    """What the compiled program needs of the table: a function of the number of segments."""
+    """Vectors of the table for the compiled program: a function of the number of segments."""
     if table is None:
         return lambda most: ()
     if settings.corrected:

@@ -29,7 +29,7 @@ the fastest.
 
 
 class GridSettings(NamedTuple):
-    """What is fixed when the program is compiled."""
+    """Settings fixed when the program is compiled."""
 
     variant: Variant
     corrected: bool
@@ -142,7 +142,7 @@ def _galerkin(batch: Batch, count: Array, vectors: tuple, settings: GridSettings
     once = strength * segments.average(*into)  # g
     from_ground = -segments.average(to_faces[-1], among_faces[-1])
     scattered, from_ground = _solve(apply, segments.scattering, once, from_ground)
-    seen = segments.integrate(*out)
+    visible = segments.integrate(*out)
 
     def to_ground(beam: _Beam, sources: Array) -> Array:
         """mu exp(-h/mu) and what is scattered towards the ground after; of the viewing beam, the
@@ -154,12 +154,14 @@ def _galerkin(batch: Batch, count: Array, vectors: tuple, settings: GridSettings
 
     back = jnp.sum(-segments.integrate(to_faces[-1], among_faces[-1]) * from_ground, axis=0)
     k = 2.0 * among_faces[-1, -1] + 1.0  # 2 J_2(2h): the kernel there is J_2(2h) - E_3(0)
-    lost = append_axes(1.0 - batch.ground * (k + back), incident.cosine)
-    arriving = 2.0 * jnp.pi * strength * to_ground(incident, segments.integrate(*into)) / lost  # B
+    not_returned = append_axes(1.0 - batch.ground * (k + back), incident.cosine)
+    arriving = (
+        2.0 * jnp.pi * strength * to_ground(incident, segments.integrate(*into)) / not_returned
+    )  # B
     leaving = append_axes(batch.ground, arriving) / jnp.pi * arriving
     single = strength * _scattered_once(batch, incident, viewing)
-    multiple = jnp.sum(seen * scattered, axis=0) + leaving * jnp.sum(
-        seen * append_axes(from_ground, seen), axis=0
+    multiple = jnp.sum(visible * scattered, axis=0) + leaving * jnp.sum(
+        visible * append_axes(from_ground, visible), axis=0
     )
     return _seen_from_below(viewing, settings.refractive_index, leaving, single, 0.5 * multiple)
 
@@ -169,24 +171,24 @@ def _collocation(batch: Batch, count: Array, vectors: tuple, settings: GridSetti
     index = settings.refractive_index
     depth = jnp.sum(batch.thickness, axis=1)
     present = depth > 0
-    held = jnp.where(present, count, 0)  # Q
+    present_segments = jnp.where(present, count, 0)  # Q
     # The operator H + U, M at the nodes and over the segments, and K.
     if settings.variant == "fixed_step":
         step = jnp.full_like(depth, settings.step)
-        depth = held.astype(step.dtype) * step
-        toeplitz, hankel, *rest = vectors
+        depth = present_segments.astype(step.dtype) * step
+        toeplitz, hankel, *ground_vectors = vectors
         times = _product(toeplitz, hankel, settings)
-        m, m_integrated, k = _tabulated_ground(rest, held, settings.most)
+        m, m_integrated, k = _tabulated_ground(ground_vectors, present_segments, settings.most)
     else:
         step = jnp.where(present, depth / count.astype(depth.dtype), settings.step)
         if settings.product != "matrix":
             toeplitz, hankel, m, m_integrated, k = assembly.decomposed_numbers(
-                step, held, settings.most, index
+                step, present_segments, settings.most, index
             )
             times = _product(toeplitz, hankel, settings)
         else:
             assemble = assembly.direct if settings.variant == "direct" else assembly.decompose
-            matrix, m, m_integrated, k = assemble(step, held, settings.most, index)
+            matrix, m, m_integrated, k = assemble(step, present_segments, settings.most, index)
             times = functools.partial(_alone, matrix[0])
 
     # The beam's light in each segment, and how much of each segment is seen.
@@ -204,7 +206,7 @@ def _collocation(batch: Batch, count: Array, vectors: tuple, settings: GridSetti
             (beam.antiderivative(segments.edges), beam.antiderivative(segments.faces))
             for beam in (incident, viewing)
         )
-        seen = segments.integrate(*out)
+        visible = segments.integrate(*out)
         once = strength * segments.average(*into)
         single = strength * _scattered_once(batch, incident, viewing)
     else:
@@ -212,11 +214,11 @@ def _collocation(batch: Batch, count: Array, vectors: tuple, settings: GridSetti
         middle = edges[:-1] + 0.5 * step
         layer = jnp.sum(jnp.cumsum(batch.thickness, axis=1).T[:-1, None] <= middle, axis=0)
         albedo = jnp.take_along_axis(batch.albedo.T, layer, axis=0)
-        albedo = jnp.where(jnp.arange(settings.most)[:, None] < held, albedo, 0.0)
-        seen = viewing.antiderivative(edges)
-        seen = append_axes(albedo, seen) * (seen[1:] - seen[:-1])
+        albedo = jnp.where(jnp.arange(settings.most)[:, None] < present_segments, albedo, 0.0)
+        visible = viewing.antiderivative(edges)
+        visible = append_axes(albedo, visible) * (visible[1:] - visible[:-1])
         once = strength * jnp.exp(-append_axes(middle, incident.cosine[None]) / incident.cosine)
-        single = 0.5 * jnp.sum(seen * once, axis=0)
+        single = 0.5 * jnp.sum(visible * once, axis=0)
 
     def scatter(t: Array) -> Array:
         """1/2 (H + U) P t."""
@@ -227,11 +229,13 @@ def _collocation(batch: Batch, count: Array, vectors: tuple, settings: GridSetti
     scattered, from_ground = _solve(scatter, albedo, once, m)
     reaching = jnp.sum(append_axes(m_integrated * albedo, once) * (once + scattered), axis=0)
     back = jnp.sum(m_integrated * albedo * from_ground, axis=0)
-    lost = append_axes(1.0 - batch.ground * (k + back), incident.cosine)
-    arriving = (incident.transmittance * incident.decay + jnp.pi * reaching) / lost  # B, eq. (34)
+    not_returned = append_axes(1.0 - batch.ground * (k + back), incident.cosine)
+    arriving = (
+        incident.transmittance * incident.decay + jnp.pi * reaching
+    ) / not_returned  # B, eq. (34)
     leaving = append_axes(batch.ground, arriving) / jnp.pi * arriving
-    multiple = jnp.sum(seen * scattered, axis=0) + leaving * jnp.sum(
-        seen * append_axes(from_ground, seen), axis=0
+    multiple = jnp.sum(visible * scattered, axis=0) + leaving * jnp.sum(
+        visible * append_axes(from_ground, visible), axis=0
     )
     return _seen_from_below(viewing, index, leaving, single, 0.5 * multiple)
 
@@ -243,9 +247,9 @@ def _solve(apply, weight: Array, once: Array, ground: Array) -> tuple[Array, Arr
     Both without the ground's further reflections, which are a number for each stack. ``once`` is g;
     t = f + g is what the equation is solved for.
     """
-    right = jnp.concatenate([once.reshape(*once.shape[:2], -1), ground[..., None]], axis=-1)
-    both = solve_contraction(apply, weight[..., None], right)
-    return both[..., :-1].reshape(once.shape) - once, both[..., -1]
+    sources = jnp.concatenate([once.reshape(*once.shape[:2], -1), ground[..., None]], axis=-1)
+    fields = solve_contraction(apply, weight[..., None], sources)
+    return fields[..., :-1].reshape(once.shape) - once, fields[..., -1]
 
 
 def _product(toeplitz: Array, hankel: Array, settings: GridSettings) -> Callable[[Array], Array]:
@@ -301,6 +305,6 @@ def _seen_from_below(
 ) -> Split:
     """Radiance below the surface, by eq. (32), as parts of the reflectance factor."""
     factor = jnp.pi / index**2 * viewing.transmittance / viewing.cosine
-    parts = (leaving * viewing.cosine * viewing.decay, single, multiple)
-    shape = jnp.broadcast_shapes(*(part.shape for part in parts))
-    return Split(*(jnp.broadcast_to(factor * part, shape) for part in parts))
+    radiances = (leaving * viewing.cosine * viewing.decay, single, multiple)
+    shape = jnp.broadcast_shapes(*(radiance.shape for radiance in radiances))
+    return Split(*(jnp.broadcast_to(factor * radiance, shape) for radiance in radiances))

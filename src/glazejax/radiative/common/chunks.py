@@ -21,7 +21,7 @@ _LEAST_ON_ACCELERATOR = 2**28
 
 
 def on_cpu(*inputs: Any) -> bool:
-    """Whether a program of these inputs runs on a CPU: that is where they are, or else JAX's
+    """Test whether a program of these inputs runs on a CPU: that is where they are, or else JAX's
     default device.
 
     Args:
@@ -68,47 +68,51 @@ def in_chunks(function: Callable[[Any], Any], batch: Any, chunk: int) -> Any:
     if share <= chunk:
         return function(batch)
     pieces = -(-share // chunk)
-    each = -(-share // pieces)
+    size_of_piece = -(-share // pieces)
 
     def split(leaf: Array) -> Array:
         shares = leaf.reshape(devices, share, *leaf.shape[1:])
-        copies = jnp.repeat(shares[:, :1], pieces * each - share, axis=1)
+        copies = jnp.repeat(shares[:, :1], pieces * size_of_piece - share, axis=1)
         filled = jnp.concatenate([shares, copies], axis=1)
         return jnp.moveaxis(filled.reshape(-1, pieces, *leaf.shape[1:]), 1, 0)
 
     def join(leaf: Array) -> Array:
-        rest = leaf.shape[2:]
-        shares = jnp.moveaxis(leaf, 0, 1).reshape(devices, -1, *rest)
-        return shares[:, :share].reshape(size, *rest)
+        inner_shape = leaf.shape[2:]
+        shares = jnp.moveaxis(leaf, 0, 1).reshape(devices, -1, *inner_shape)
+        return shares[:, :share].reshape(size, *inner_shape)
 
     return jax.tree.map(join, jax.lax.map(function, jax.tree.map(split, batch)))
 
 
 def on_its_devices(
-    function: Callable[[Mapping[str, Any]], Any], given: Mapping[str, Any], inner: Collection[str]
+    function: Callable[[Mapping[str, Any]], Any],
+    arguments: Mapping[str, Any],
+    inner: Collection[str],
 ) -> Any:
     """Apply a function whose results have the shape of the batch that it is given: where arrays
     say how they are split over devices (axes of an Explicit mesh), results are split alike.
 
     Args:
         function: of arrays by name, numbers and None among them.
-        given: they broadcast but for inner axes.
+        arguments: they broadcast but for inner axes.
         inner: names of those that have one more axis, the last.
     """
     arrays = {
         name: array
-        for name, array in given.items()
+        for name, array in arguments.items()
         if isinstance(array, Tracer) and concrete(array) is None
     }
     mesh = next((jax.typeof(array).sharding.mesh for array in arrays.values()), None)
     if mesh is None or not mesh.explicit_axes:
-        return function(given)
+        return function(arguments)
     # Of what kind their sum over inner axes would be.
-    finite = {name: jnp.isfinite(each) for name, each in given.items() if each is not None}
-    outer = [each.all(axis=-1) if name in inner else each for name, each in finite.items()]
+    finite = {name: jnp.isfinite(array) for name, array in arguments.items() if array is not None}
+    outer = [array.all(axis=-1) if name in inner else array for name, array in finite.items()]
     alike = jax.typeof(functools.reduce(operator.and_, outer)).sharding
     # The compiler divides the work; what is fixed in the program stays out of it.
-    run = jax.sharding.auto_axes(lambda some: function({**given, **some}), out_sharding=alike)
+    run = jax.sharding.auto_axes(
+        lambda traced: function({**arguments, **traced}), out_sharding=alike
+    )
     return run(arrays)
 
 
@@ -138,27 +142,27 @@ def on_all_cores(
     """
     leaves = jax.tree.leaves(batch)
     size = leaves[0].shape[0]
-    parts = min(cores(), 2 * size // least)
+    pieces = min(cores(), 2 * size // least)
     traced = any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves((batch, shared)))
-    if traced or size < max(least, parts) or parts < 2 or not on_cpu(*leaves):
+    if traced or size < max(least, pieces) or pieces < 2 or not on_cpu(*leaves):
         return _part(function, size, fixed, batch, shared, 0)
-    each = -(-size // parts)
+    share = -(-size // pieces)
     # Compiled here: threads have settings of their own, and would each compile what none has yet.
     config: Any = jax.config
     arrays, structure = jax.tree.flatten((batch, shared))
     setting = config.jax_enable_x64, config.jax_default_device
-    key = (function, each, fixed, structure, setting, *map(jax.typeof, arrays))
+    key = (function, share, fixed, structure, setting, *map(jax.typeof, arrays))
     if key not in _programs:
         if len(_programs) >= _MOST_PROGRAMS:
             _programs.clear()
-        _programs[key] = _part.lower(function, each, fixed, batch, shared, np.int32(0)).compile()
+        _programs[key] = _part.lower(function, share, fixed, batch, shared, np.int32(0)).compile()
     program = _programs[key]
     # The last part begins earlier instead of being shorter: one program for all.
-    starts = [np.int32(min(k * each, size - each)) for k in range(parts)]
+    starts = [np.int32(min(k * share, size - share)) for k in range(pieces)]
     done = in_threads(lambda start: jax.block_until_ready(program(batch, shared, start)), starts)
-    known = each - (parts * each - size)
+    length = share - (pieces * share - size)
     return jax.tree.map(
-        lambda *parts: jnp.concatenate([*parts[:-1], parts[-1][each - known :]]), *done
+        lambda *results: jnp.concatenate([*results[:-1], results[-1][share - length :]]), *done
     )
 
 

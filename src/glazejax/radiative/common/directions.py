@@ -32,7 +32,7 @@ HIGH = 1.85
 
 
 class Resolution(NamedTuple):
-    """How many nodes each part of the half range gets, cone + total in all; static."""
+    """Numbers of nodes of each part of the half range, cone + total in all; static."""
 
     cone: int
     """Nodes that can leave, in the outside cosine."""
@@ -83,13 +83,13 @@ def half_range(
             "directions for the whole half range need an index that is a number; it is an array "
             "here"
         )
-    found = whole_range(float(refractive_index), resolution)
-    if found is None:
+    rule = whole_range(float(refractive_index), resolution)
+    if rule is None:
         raise ValueError(
             f"there are no directions for the whole half range of index {refractive_index} with "
             f"{resolution}"
         )
-    return found
+    return rule
 
 
 @functools.lru_cache(maxsize=256)
@@ -98,8 +98,8 @@ def whole_range(index: float, resolution: Resolution) -> Directions | None:
     rule.
     """
     assert resolution.crowding is not None
-    found = simultaneous_rule(index, resolution.total, resolution.cone, resolution.crowding)
-    return None if found is None else found._replace(weights=conserve(found.cosines, found.weights))
+    rule = simultaneous_rule(index, resolution.total, resolution.cone, resolution.crowding)
+    return None if rule is None else rule._replace(weights=conserve(rule.cosines, rule.weights))
 
 
 class _ResolutionRow(NamedTuple):
@@ -165,8 +165,8 @@ def resolve(
     """
     row = next((row for row in _ROWS if row.tolerance <= tolerance * (1 + 1e-9)), _ROWS[-1])
     if lowest_index < NEAR_ONE:
-        inside = float(cos_refracted(least_cosine, lowest_index))
-        if inside < _GRAZING:
+        cos_inside = float(cos_refracted(least_cosine, lowest_index))
+        if cos_inside < _GRAZING:
             cone, reach = row.grazing
         else:
             cone, reach = row.sliver if lowest_index < _SLIVER else (row.near_cone, row.sliver[1])

@@ -1,5 +1,5 @@
-"""What the functions of this package are given: one check of values and one rule of shapes for all
-of them.
+"""Arguments of the functions of this package: one check of values and one rule of shapes for all of
+them.
 """
 
 import functools
@@ -42,9 +42,9 @@ def concrete(value: Numbers) -> np.ndarray | None:
     traced).
     """
     # Constants must not pass through a JAX function, which under jit would trace them too.
-    known = jax.lax.stop_gradient(value) if isinstance(value, Tracer) else value
+    primal = jax.lax.stop_gradient(value) if isinstance(value, Tracer) else value
     try:
-        return np.asarray(known)
+        return np.asarray(primal)
     except jax.errors.TracerArrayConversionError:
         return None
 
@@ -58,9 +58,9 @@ def smallest_cosine(*cosines: Any) -> float:
     """Smallest known cosine; one that is traced may be as small as 1e-4, None is a direction not
     asked for.
     """
-    known = [concrete(c) for c in cosines if c is not None]
+    arrays = [concrete(c) for c in cosines if c is not None]
     return min(
-        (LEAST_COSINE if c is None else float(c.min(initial=1.0)) for c in known), default=1.0
+        (LEAST_COSINE if c is None else float(c.min(initial=1.0)) for c in arrays), default=1.0
     )
 
 
@@ -78,32 +78,32 @@ def check_choice(name: str, value: str, choices: Any) -> None:
 _legal = functools.cache(get_args)
 
 
-def check_given(given: Mapping[str, Numbers | None]) -> None:
+def check_given(arguments: Mapping[str, Numbers | None]) -> None:
     """Refuse None for an argument that must be given.
 
     Raises:
         ValueError: names the argument.
     """
-    for name, value in given.items():
+    for name, value in arguments.items():
         if value is None:
             raise ValueError(f"{name} is None; it must be a number or an array of numbers")
 
 
-def check_values(given: Mapping[str, Numbers | None]) -> None:
+def check_values(arguments: Mapping[str, Numbers | None]) -> None:
     """Refuse known values out of their range, by the name of the argument; None is an argument not
     given.
 
     Raises:
         ValueError: names the argument, the value and the range.
     """
-    for name, value in given.items():
-        words, test = _RANGES[name]
+    for name, value in arguments.items():
+        requirement, test = _RANGES[name]
         # Of a number that is right no array need be made.
         if value is None or (isinstance(value, float) and test(value)):
             continue
-        known = _real_numbers(name, value)
-        if known is not None and not (good := test(known)).all():
-            raise ValueError(f"{name} holds {known[~good].flat[0]}; it must be {words}")
+        numbers = _real_numbers(name, value)
+        if numbers is not None and not (good := test(numbers)).all():
+            raise ValueError(f"{name} holds {numbers[~good].flat[0]}; it must be {requirement}")
 
 
 def _real_numbers(name: str, value: Numbers) -> np.ndarray | None:
@@ -111,18 +111,18 @@ def _real_numbers(name: str, value: Numbers) -> np.ndarray | None:
     rows are refused.
     """
     try:
-        known = concrete(value)
+        numbers = concrete(value)
     except (ValueError, TypeError):
         raise ValueError(f"{name} is no array of numbers: its rows differ in length") from None
     # Kind V is bfloat16 and its kin, which NumPy does not know.
-    if known is not None and known.dtype.kind not in "biufV":
+    if numbers is not None and numbers.dtype.kind not in "biufV":
         wrong = (
-            f"complex, such as {known.flat[0]}"
-            if known.dtype.kind == "c" and known.size
+            f"complex, such as {numbers.flat[0]}"
+            if numbers.dtype.kind == "c" and numbers.size
             else repr(value)[:60]
         )
         raise ValueError(f"{name} is {wrong}; it must be a real number or an array of them")
-    return known
+    return numbers
 
 
 def check_tolerance(tolerance: float) -> None:
@@ -207,7 +207,7 @@ OF_LAYERS = ("albedo", "optical_thickness")
 
 
 def batch_of_stacks(
-    given: Mapping[str, Any],
+    arguments: Mapping[str, Any],
     *,
     xp: Any = None,
     dtype: Any = None,
@@ -216,7 +216,7 @@ def batch_of_stacks(
     """Checked arguments as arrays.
 
     Args:
-        given: by name, albedo and optical_thickness among them; None is an argument not given.
+        arguments: by name, albedo and optical_thickness among them; None is an argument not given.
         xp: numpy or jax.numpy; by default numpy where all is known and small.
         dtype: of the arrays; by default JAX's, single or double.
         shapes: batch shapes of what else must broadcast, by name.
@@ -227,30 +227,30 @@ def batch_of_stacks(
 
     A value that is traced can't be refused; out of its range it is NaN here, and so is the result.
     """
-    check_given({name: given[name] for name in (*OF_LAYERS, "substrate_reflectance")})
-    check_values(given)
+    check_given({name: arguments[name] for name in (*OF_LAYERS, "substrate_reflectance")})
+    check_values(arguments)
     dtype = dtype or jnp.result_type(float)
     if xp is None:
-        xp = np if _known_and_small(given) else jnp
+        xp = np if _known_and_small(arguments) else jnp
     arrays = {
         name: np.asarray(value, dtype) if xp is np else _in_range(name, _as_array(value, dtype))
-        for name, value in given.items()
+        for name, value in arguments.items()
         if value is not None
     }
     albedo, thickness, layers = at_least_one_layer(*(arrays[name] for name in OF_LAYERS), xp=xp)
     arrays |= {"albedo": albedo, "optical_thickness": thickness}
-    own = {
+    own_shapes = {
         name: array.shape[:-1] if name in OF_LAYERS else array.shape
         for name, array in arrays.items()
     }
-    return BatchOfStacks(arrays, batch_shape({**own, **(shapes or {})}), layers)
+    return BatchOfStacks(arrays, batch_shape({**own_shapes, **(shapes or {})}), layers)
 
 
-def _known_and_small(given: Mapping[str, Any]) -> bool:
-    """Whether JAX traces nothing, and NumPy is done before an array has found its way to JAX."""
-    leaves = jax.tree.leaves(dict(given))
-    known = not any(isinstance(leaf, Tracer) for leaf in leaves)
-    return known and sum(map(np.size, leaves)) <= _SMALL
+def _known_and_small(arguments: Mapping[str, Any]) -> bool:
+    """Test whether JAX traces nothing, and NumPy is done before an array has come to JAX."""
+    leaves = jax.tree.leaves(dict(arguments))
+    concrete_only = not any(isinstance(leaf, Tracer) for leaf in leaves)
+    return concrete_only and sum(map(np.size, leaves)) <= _SMALL
 
 
 def _as_array(value: Any, dtype: Any) -> Any:

@@ -73,14 +73,14 @@ def _with_slope(inverse: Callable[[Array], Array]) -> Callable[[Array], Array]:
     """Adds d(A^-1) = -A^-1 dA A^-1: the derivative of an elimination's steps takes JAX many times
     longer to compile.
     """
-    known = jax.custom_jvp(inverse)
+    differentiable = jax.custom_jvp(inverse)
 
     def slope(primals: tuple[Array], tangents: tuple[Array]) -> tuple[Array, Array]:
-        found = known(*primals)
-        return found, -matmul(matmul(found, tangents[0]), found)
+        inverted = differentiable(*primals)
+        return inverted, -matmul(matmul(inverted, tangents[0]), inverted)
 
-    known.defjvp(slope)
-    return known
+    differentiable.defjvp(slope)
+    return differentiable
 
 
 @_with_slope
@@ -152,11 +152,13 @@ def _small_inverse(a: Array) -> Array:
     return a
 
 
-def _swept(a: Array, row: Array, column: Array, pivot: Array, here: Array | np.ndarray) -> Array:
-    """A after Gauss and Jordan's step, in place, on the row and column of a pivot; ``here`` is 1 at
-    its number.
+def _swept(
+    a: Array, row: Array, column: Array, pivot: Array, at_pivot: Array | np.ndarray
+) -> Array:
+    """A after Gauss and Jordan's step, in place, on the row and column of a pivot; ``at_pivot`` is
+    1 at its number.
     """
-    others = 1.0 - here
-    row = (row * others + here) / pivot
-    left = here - column * others
-    return a * (others[:, None] * others) + left[..., :, None] * row[..., None, :]
+    off_pivot = 1.0 - at_pivot
+    row = (row * off_pivot + at_pivot) / pivot
+    column_factor = at_pivot - column * off_pivot
+    return a * (off_pivot[:, None] * off_pivot) + column_factor[..., :, None] * row[..., None, :]

@@ -63,15 +63,16 @@ def two_term_henyey_greenstein(
     Raises:
         ValueError: a value out of range, or traced without ``terms``.
     """
-    known = concrete(share)
-    if known is not None and not np.all((known >= 0) & (known <= 1)):
+    numbers = concrete(share)
+    if numbers is not None and not np.all((numbers >= 0) & (numbers <= 1)):
         raise ValueError(
-            f"share holds {np.extract((known < 0) | (known > 1), known)[0]}; it must be in [0, 1]"
+            f"share holds {np.extract((numbers < 0) | (numbers > 1), numbers)[0]}; it must be in "
+            "[0, 1]"
         )
     terms = _terms({"forward": forward, "backward": backward}, terms)
     with _known_under_jit(forward, backward, share):
-        part = jnp.asarray(share, jnp.result_type(float))[..., None]
-        return part * henyey_greenstein(forward, terms) + (1.0 - part) * henyey_greenstein(
+        weight = jnp.asarray(share, jnp.result_type(float))[..., None]
+        return weight * henyey_greenstein(forward, terms) + (1.0 - weight) * henyey_greenstein(
             backward, terms
         )
 
@@ -127,22 +128,22 @@ def check_moments(moments: Numbers) -> None:
         ValueError: no last axis, a first moment that is not 1, or others beyond 1 in absolute
             value.
     """
-    known = concrete(moments)
-    if known is None:
+    numbers = concrete(moments)
+    if numbers is None:
         return
-    if known.ndim == 0 or known.shape[-1] == 0:
+    if numbers.ndim == 0 or numbers.shape[-1] == 0:
         raise ValueError(
             "phase must have a last axis of Legendre moments; isotropic scattering is [1.0]"
         )
-    if not np.allclose(known[..., 0], 1.0, atol=1e-6):
+    if not np.allclose(numbers[..., 0], 1.0, atol=1e-6):
         raise ValueError(
-            f"phase begins with {known[..., 0].flat[0]}; its first moment is 1 (the rest without "
+            f"phase begins with {numbers[..., 0].flat[0]}; its first moment is 1 (the rest without "
             "2l + 1)"
         )
-    if not np.all(np.abs(known) <= 1.0 + 1e-6):
+    if not np.all(np.abs(numbers) <= 1.0 + 1e-6):
         raise ValueError(
-            f"phase holds {known[~(np.abs(known) <= 1 + 1e-6)].flat[0]}; moments lie between -1 "
-            "and 1"
+            f"phase holds {numbers[~(np.abs(numbers) <= 1 + 1e-6)].flat[0]}; moments lie between "
+            "-1 and 1"
         )
 
 
@@ -160,13 +161,13 @@ def evaluate(moments: Numbers, cosine: Numbers) -> Float[Array, "*batch"]:
     zero = jnp.zeros(jnp.broadcast_shapes(moments.shape[:-1], cosine.shape), coefficients.dtype)
 
     def step(state: tuple[Array, Array], item: tuple[Array, Array]):
-        one, two = state
+        following, second = state
         order, coefficient = item
         return (
             coefficient
-            + (2 * order + 1) / (order + 1) * cosine * one
-            - (order + 1) / (order + 2) * two,
-            one,
+            + (2 * order + 1) / (order + 1) * cosine * following
+            - (order + 1) / (order + 2) * second,
+            following,
         ), None
 
     orders = jnp.arange(terms, dtype=coefficients.dtype)
@@ -178,20 +179,20 @@ def delta_m(
     albedo: Float[Array, "*batch"],
     thickness: Float[Array, "*batch"],
     moments: Float[Array, "*batch terms"],
-    kept: int,
+    terms: int,
 ) -> tuple[Array, Array, Array]:
-    """Albedo, optical thickness and moments without the forward peak that ``kept`` terms cannot
+    """Albedo, optical thickness and moments without the forward peak that ``terms`` terms cannot
     follow.
 
-    The share chi_kept of the scattered light is taken to go on as if nothing had happened. Nothing
-    changes where the phase function has no more than ``kept`` terms.
+    The share chi_terms of the scattered light is taken to go on as if nothing had happened. Nothing
+    changes where the phase function has no more than ``terms`` terms.
 
     Source: Wiscombe, J. Atmos. Sci. 34 (1977) 1408.
     """
-    if moments.shape[-1] <= kept:
+    if moments.shape[-1] <= terms:
         return albedo, thickness, moments
-    peak = moments[..., kept]
-    narrow = (moments[..., :kept] - peak[..., None]) / (1.0 - peak[..., None])
+    peak = moments[..., terms]
+    narrow = (moments[..., :terms] - peak[..., None]) / (1.0 - peak[..., None])
     return albedo * (1.0 - peak) / (1.0 - albedo * peak), (1.0 - albedo * peak) * thickness, narrow
 
 
@@ -204,19 +205,22 @@ def _known_under_jit(*values: Numbers) -> AbstractContextManager:
 
 
 def _terms(cosines: dict[str, Numbers], terms: int | None) -> int:
-    """How many moments to keep of functions with these mean cosines."""
+    """Number of moments to keep of functions with these mean cosines."""
     largest = 0.0
     for name, g in cosines.items():
-        known = concrete(g)
-        if known is not None and not np.all(np.abs(known) < 1):
+        numbers = concrete(g)
+        if numbers is not None and not np.all(np.abs(numbers) < 1):
             raise ValueError(
-                f"{name} holds {known[~(np.abs(known) < 1)].flat[0]}; it must be between -1 and 1"
+                f"{name} holds {numbers[~(np.abs(numbers) < 1)].flat[0]}; it must be between -1 "
+                "and 1"
             )
-        if known is None and terms is None:
+        if numbers is None and terms is None:
             raise ValueError(
                 f"{name} is traced by jax.jit: give the number of terms, such as terms=64"
             )
-        largest = max(largest, 0.0 if known is None else float(np.max(np.abs(known), initial=0.0)))
+        largest = max(
+            largest, 0.0 if numbers is None else float(np.max(np.abs(numbers), initial=0.0))
+        )
     if terms is not None:
         return terms
     if largest == 0.0:

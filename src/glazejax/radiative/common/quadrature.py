@@ -149,15 +149,15 @@ def _conserve_at_grazing(cosines: Any, weights: Any, grazing: float) -> Any:
     ``grazing`` is the cosine about which it is.
     """
     xp = array_module(weights)
-    here = weights / (1.0 + (cosines / grazing) ** 2)
+    grazing_weights = weights / (1.0 + (cosines / grazing) ** 2)
     total = xp.sum(weights, axis=-1, keepdims=True)
     flux = xp.sum(weights * cosines, axis=-1, keepdims=True)
-    some = xp.sum(here, axis=-1, keepdims=True)
-    little = xp.sum(here * cosines, axis=-1, keepdims=True)
-    determinant = some * flux - little * total
+    grazing_total = xp.sum(grazing_weights, axis=-1, keepdims=True)
+    grazing_flux = xp.sum(grazing_weights * cosines, axis=-1, keepdims=True)
+    determinant = grazing_total * flux - grazing_flux * total
     added = ((1.0 - total) * flux - (0.5 - flux) * total) / determinant
-    scaled = ((0.5 - flux) * some - (1.0 - total) * little) / determinant
-    return weights * (1.0 + scaled) + here * added
+    scaled = ((0.5 - flux) * grazing_total - (1.0 - total) * grazing_flux) / determinant
+    return weights * (1.0 + scaled) + grazing_weights * added
 
 
 def conserve(

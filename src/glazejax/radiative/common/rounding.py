@@ -1,4 +1,4 @@
-"""What single precision leaves of a thick layer that absorbs next to nothing."""
+"""Rounding errors of single precision in a thick layer that absorbs next to nothing."""
 
 import warnings
 from typing import NamedTuple
@@ -16,11 +16,11 @@ _KNOWN_TO = 2.0
 
 
 class Rounding(NamedTuple):
-    """How the largest of a method's rounding errors grow with the depth that light reaches, as
+    """Growth of the largest of a method's rounding errors with the depth that light reaches, as
     measured against double precision.
     """
 
-    each: float
+    per_depth: float
     """Error for an optical thickness of one."""
     deepest: float
     """Beyond this optical thickness they grow no more."""
@@ -34,7 +34,7 @@ def warn_of_rounding(
     optical_thickness: Numbers,
     tolerance: float,
     *,
-    words: str = "",
+    advice: str = "",
     stacklevel: int,
 ) -> None:
     """Say so where single precision leaves more of a stack than is asked for.
@@ -45,7 +45,7 @@ def warn_of_rounding(
         rounding: of the method.
         albedo, optical_thickness: (..., layers), checked.
         tolerance: as asked for; what single precision has at best counts as that.
-        words: what else helps, besides double precision.
+        advice: what else helps, besides double precision.
         stacklevel: of the warning, as seen from here.
     """
     q, thickness = concrete(albedo), concrete(optical_thickness)
@@ -55,11 +55,11 @@ def warn_of_rounding(
     absorbed = np.maximum(1.0 - q, np.finfo(np.float32).tiny)
     reached = np.minimum(0.5 / np.sqrt(absorbed), 0.02 / absorbed)
     depth = float(np.max(np.sum(np.minimum(reached, thickness), axis=-1)))
-    error = rounding.each * min(depth, rounding.deepest) ** rounding.power
+    error = rounding.per_depth * min(depth, rounding.deepest) ** rounding.power
     if error > _KNOWN_TO * max(tolerance, FINEST_SINGLE):
         warnings.warn(
             f"in single precision rounding leaves up to about {error:.0e} here, where light is "
-            f"scattered down to an optical thickness of {depth:.2g} and hardly absorbed: {words}"
+            f"scattered down to an optical thickness of {depth:.2g} and hardly absorbed: {advice}"
             'write jax.config.update("jax_enable_x64", True) at the start of the program',
             stacklevel=stacklevel,
         )

@@ -48,27 +48,27 @@ def fine_half_range(refractive_index: float, crowding: float) -> Directions:
     y = edge * u
     below = np.expm1(c * y) / np.expm1(c)
     by_y = edge * weights * c * np.exp(c * y) / np.expm1(c)
-    outside = u**3
-    inside = np.sqrt(excess + outside**2) / n
-    by_outside = 3.0 * u**2 * weights * outside / (n * n * inside)
-    reflected = np.asarray(dielectric_reflectance(outside, n))
+    cos_outside = u**3
+    cos_inside = np.sqrt(excess + cos_outside**2) / n
+    by_outside = 3.0 * u**2 * weights * cos_outside / (n * n * cos_inside)
+    reflected = np.asarray(dielectric_reflectance(cos_outside, n))
     if excess == 0:
-        return Directions(inside, by_outside, reflected)
+        return Directions(cos_inside, by_outside, reflected)
     return Directions(
-        np.concatenate([inside, below]),
+        np.concatenate([cos_inside, below]),
         np.concatenate([by_outside, by_y]),
         np.concatenate([reflected, np.ones(_FINE)]),
     )
 
 
 def simultaneous_rule(
-    refractive_index: float, whole: int, cone: int, crowding: float
+    refractive_index: float, all_light: int, cone: int, crowding: float
 ) -> Directions | None:
     """Directions for all light and for what is let out.
 
     Args:
         refractive_index: n >= 1, a number.
-        whole: conditions for the first sum, at least one.
+        all_light: conditions for the first sum, at least one.
         cone: conditions for the second; whole + cone is the number of nodes.
         crowding: c > 0.
 
@@ -76,7 +76,7 @@ def simultaneous_rule(
         `Directions`, or None where there is none with positive weights, cosines in (0, 1) and sound
         reflectances.
     """
-    count = whole + cone
+    count = all_light + cone
     c = crowding
     # A fine rule stands for the integrals, in a coordinate that crowds where the cone ends.
     half = fine_half_range(refractive_index, c)
@@ -91,10 +91,10 @@ def simultaneous_rule(
     if cone:
         moments = let_out.T @ polynomials[:cone].T
         try:
-            mixed = np.linalg.solve(moments[whole:count].T, -moments[count])
+            mixed = np.linalg.solve(moments[all_light:count].T, -moments[count])
         except np.linalg.LinAlgError:
             return None
-        matrix[-1, whole:] -= side[-1] * mixed
+        matrix[-1, all_light:] -= side[-1] * mixed
     nodes = np.linalg.eigvals(matrix)
     if np.any(np.abs(np.imag(nodes)) > 0) or not np.all(np.isfinite(nodes)):
         return None
@@ -126,18 +126,18 @@ def _orthonormal(
     """Orthonormal polynomials 0 ... count at the fine points, and their recurrence (Stieltjes'
     procedure).
     """
-    found = [np.full_like(y, 1.0 / np.sqrt(np.sum(measure)))]
+    polynomials = [np.full_like(y, 1.0 / np.sqrt(np.sum(measure)))]
     diagonal = np.zeros(count)
     side = np.zeros(count)
     for k in range(count):
-        following = y * found[-1]
-        diagonal[k] = np.sum(measure * following * found[-1])
+        following = y * polynomials[-1]
+        diagonal[k] = np.sum(measure * following * polynomials[-1])
         for _ in range(2):  # once more against rounding
-            before = np.array(found)
+            before = np.array(polynomials)
             following = following - (before @ (measure * following)) @ before
         side[k] = np.sqrt(np.sum(measure * following**2))
-        found.append(following / side[k])
-    return np.array(found), diagonal, side
+        polynomials.append(following / side[k])
+    return np.array(polynomials), diagonal, side
 
 
 def _evaluate(nodes: Vector, constant: float, diagonal: Vector, side: Vector) -> np.ndarray:

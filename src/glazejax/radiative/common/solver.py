@@ -1,4 +1,4 @@
-"""What a solver of stacks offers, whatever its method: the same verbs in all of them."""
+"""Interface of a solver of stacks, whatever its method: the same verbs in all of them."""
 
 from typing import Any, NamedTuple, Protocol
 
@@ -12,7 +12,7 @@ from .stack_arrays import Stack
 
 
 class Request(NamedTuple):
-    """What a solver chooses its resolution by."""
+    """Request by which a solver chooses its resolution."""
 
     tolerance: float
     """Absolute error wanted."""
@@ -32,14 +32,14 @@ class Request(NamedTuple):
     inputs: tuple[Any, ...]
     """All arguments as given: they say which device the program runs on."""
 
-    def stacks_within(self, memory: int, each: int) -> int:
-        """How many stacks go through the processor at a time, at least one.
+    def stacks_within(self, memory: int, bytes_each: int) -> int:
+        """Number of stacks that go through the processor at a time, at least one.
 
         Args:
             memory: bytes that suit a processor's cache.
-            each: bytes of one stack's matrices.
+            bytes_each: bytes of one stack's matrices.
         """
-        return max(1, chunk_bytes(memory, *self.inputs) // each)
+        return max(1, chunk_bytes(memory, *self.inputs) // bytes_each)
 
 
 class Solver(Protocol):
@@ -56,17 +56,17 @@ class Solver(Protocol):
 
     @property
     def rounding(self) -> Rounding | None:
-        """How single precision's errors grow with depth; None where they do not."""
+        """Growth of single precision's errors with depth; None where they do not."""
         ...
 
     @property
     def slopes_at_index_one(self) -> bool:
-        """Whether slopes by the index hold at an index of one."""
+        """True if slopes by the index hold at an index of one."""
         ...
 
     @property
     def splits(self) -> bool:
-        """Whether `split` can be asked for."""
+        """True if `split` can be asked for."""
         ...
 
     def resolve(self, request: Request) -> tuple[Any, int]:
@@ -78,7 +78,7 @@ class Solver(Protocol):
         ...
 
     def reflectance_and_gradient(
-        self, stack: Stack, resolution: Any, wanted: tuple[str, ...]
+        self, stack: Stack, resolution: Any, leaf_names: tuple[str, ...]
     ) -> tuple[Array, dict[str, Array]]:
         """Reflectance and, by name, its derivative by the wanted leaves in their shapes."""
         ...

@@ -1,4 +1,4 @@
-"""What the light seen from outside did last: the three parts of a reflectance factor."""
+"""Split by what the light seen from outside did last: the three parts of a reflectance factor."""
 
 from typing import NamedTuple
 

@@ -1,4 +1,4 @@
-"""What every solver is handed: a batch of stacks as arrays."""
+"""Input of every solver: a batch of stacks as arrays."""
 
 from typing import Any, NamedTuple
 

@@ -58,7 +58,7 @@ class GivenStack(NamedTuple):
 
 
 class ProgramSettings(NamedTuple):
-    """What is fixed when a program is compiled."""
+    """Settings fixed when a program is compiled."""
 
     media: float | Media
     effort: FluxEffort
@@ -96,7 +96,7 @@ def prepare(
     check_tolerance(stack.tolerance)
     moments = isotropic() if stack.phase is None else stack.phase
     check_moments(moments)
-    known = concrete(moments)
+    known_moments = concrete(moments)
     thickest = concrete(stack.optical_thickness)
     dtype = jnp.result_type(float)
     moments = jnp.atleast_2d(jnp.asarray(moments, dtype))
@@ -108,32 +108,32 @@ def prepare(
     }
     turned = {} if azimuth is None else {"azimuth": jnp.deg2rad(jnp.asarray(azimuth, dtype))}
     shapes = {"phase": of_phase} | {name: array.shape for name, array in turned.items()}
-    given = batch_of_stacks(named | cosines, shapes=shapes)
-    media = _media(stack, given.layers)
-    if moments.shape[-2] not in (1, given.layers):
+    checked = batch_of_stacks(named | cosines, shapes=shapes)
+    media = _media(stack, checked.layers)
+    if moments.shape[-2] not in (1, checked.layers):
         raise ValueError(
             f"phase has {moments.shape[-2]} layers (last but one axis) but albedo has "
-            f"{given.layers}"
+            f"{checked.layers}"
         )
     terms = moments.shape[-1]
     # A phase function that all stacks share keeps a batch of one.
     shared = int(np.prod(of_phase)) == 1
-    flat = given.flat()
-    phases = (1,) * len(of_phase) if shared else given.batch
+    flat = checked.flat()
+    phases = (1,) * len(of_phase) if shared else checked.batch
     layers = Layers(
         albedo=flat["albedo"],
         optical_thickness=flat["optical_thickness"],
-        moments=flat_batch(moments, phases, given.layers, terms),
+        moments=flat_batch(moments, phases, checked.layers, terms),
         ground=flat["substrate_reflectance"],
     )
     angles = {name: flat[name] for name in cosines} | {
-        n: flat_batch(a, given.batch) for n, a in turned.items()
+        n: flat_batch(a, checked.batch) for n, a in turned.items()
     }
     single = dtype == jnp.float32
     effort = choose_effort(
         tolerance=max(stack.tolerance, FINEST_SINGLE) if single else stack.tolerance,
         media=media,
-        moments=known,
+        moments=known_moments,
         terms=terms,
         thickest=None if thickest is None else float(thickest.max(initial=0.0)),
         least_cosine=smallest_cosine(*cosines.values()) if least is None else least,
@@ -154,7 +154,7 @@ def prepare(
         angles=angles,
         table=stack.ground,
         settings=ProgramSettings(media, effort, downward),
-        batch=given.batch,
+        batch=checked.batch,
     )
 
 
@@ -163,25 +163,27 @@ def _media(stack: GivenStack, count: int) -> float | Media:
     index = stack.refractive_index
     single = plain_number(index)
     several = [plain_number(n) for n in index] if isinstance(index, Sequence) else [None]
-    each = tuple(n for n in ([single] * count if single is not None else several) if n is not None)
-    if single is None and len(each) < len(several):
+    indices = tuple(
+        n for n in ([single] * count if single is not None else several) if n is not None
+    )
+    if single is None and len(indices) < len(several):
         raise ValueError(
             "refractive_index must be a number here, such as 1.5, or a sequence of one for each "
             "layer, such as (1.5, 1.4): the same for the whole batch"
         )
-    if len(each) != count:
+    if len(indices) != count:
         raise ValueError(
-            f"refractive_index has {len(each)} values but albedo has {count} layers (last axis)"
+            f"refractive_index has {len(indices)} values but albedo has {count} layers (last axis)"
         )
-    check_values({"refractive_index": np.array(each)})
-    if stack.index_below is not None and not 1.0 <= stack.index_below <= min(each):
+    check_values({"refractive_index": np.array(indices)})
+    if stack.index_below is not None and not 1.0 <= stack.index_below <= min(indices):
         raise ValueError(
             f"index_below is {stack.index_below}; it must be at least 1 and at most that of "
-            f"every layer, {min(each)}"
+            f"every layer, {min(indices)}"
         )
-    if len(set(each)) == 1 and stack.ground is None and stack.index_below is None:
-        return each[0]
-    return Media(each, None if stack.index_below is None else float(stack.index_below))
+    if len(set(indices)) == 1 and stack.ground is None and stack.index_below is None:
+        return indices[0]
+    return Media(indices, None if stack.index_below is None else float(stack.index_below))
 
 
 def solve_stacks(
@@ -242,14 +244,14 @@ def _factor(
     table: GroundTable | None,
     settings: ProgramSettings,
 ) -> Array:
-    seen, lit, turned = axes
+    viewing, incidence, azimuth = axes
     media, effort, downward = settings
     if not isinstance(media, Media):
-        return manyflux_solve.reflectance_factor(layers, media, seen, lit, turned, effort)
+        return manyflux_solve.reflectance_factor(layers, media, viewing, incidence, azimuth, effort)
     joined = manyflux_joined.joined_stack(
-        layers, media, seen, lit, effort, effort.modes, table=table, downward=downward
+        layers, media, viewing, incidence, effort, effort.modes, table=table, downward=downward
     )
-    return manyflux_joined.factor(joined, turned)
+    return manyflux_joined.factor(joined, azimuth)
 
 
 def _map_stacks(

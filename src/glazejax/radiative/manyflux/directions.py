@@ -64,8 +64,8 @@ def fewest_directions(tolerance: float, index: float, sizes: tuple[float, ...]) 
     # Plain Gauss nodes, which keep off grazing directions, instead: with a few more of them, if
     # they are as good, layers need far fewer doublings.
     count = spread.cone + spread.total
-    for more in range(count, int(1.25 * count) + 1, 2):
-        missed, plain = _best(index, more, sizes, (-1.0,))
+    for larger in range(count, int(1.25 * count) + 1, 2):
+        missed, plain = _best(index, larger, sizes, (-1.0,))
         if missed <= allowed_error(tolerance):
             return min(spread, plain, key=functools.partial(_work, index))
     return spread

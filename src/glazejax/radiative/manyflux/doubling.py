@@ -26,7 +26,7 @@ _SERIES = (1.0, -1 / 3, 2 / 15, -17 / 315, 62 / 2835, -1382 / 155925, 21844 / 60
 
 
 def doublings(thickest: float | None, least_cosine: float) -> int:
-    """How often a layer must be halved until the series holds in all directions.
+    """Number of times that a layer must be halved until the series holds in all directions.
 
     Args:
         thickest: largest optical thickness; up to 1e6 where it is not known.
@@ -82,9 +82,9 @@ def _thin_layer(a: Bordered, b: Bordered, depth: Array) -> tuple[Bordered, Borde
 
 def reflection_and_loss(even: Bordered, odd: Bordered) -> tuple[Bordered, Bordered]:
     """R and U = 1 - T of a layer from X and Y at its face, both symmetric."""
-    both: Bordered = jax.tree.map(lambda x, y: jnp.stack(jnp.broadcast_arrays(x, y)), even, odd)
+    stacked: Bordered = jax.tree.map(lambda x, y: jnp.stack(jnp.broadcast_arrays(x, y)), even, odd)
     # Half of 2 X (1 + X)^-1 and the like.
-    halves = both @ both.plus_identity().inverse()
+    halves = stacked @ stacked.plus_identity().inverse()
     from_even, from_odd = (jax.tree.map(lambda leaf, i=i: leaf[i], halves) for i in (0, 1))
     return (from_odd - from_even).symmetric(), (from_odd + from_even).symmetric()
 

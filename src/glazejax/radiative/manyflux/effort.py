@@ -19,13 +19,13 @@ Solution = Literal["doubling", "modes"]
 
 
 class FluxEffort(NamedTuple):
-    """How finely a stack is solved; static."""
+    """Fineness of the solution of a stack; static."""
 
     directions: Spread | Resolution | SharedSpread
     """A `Resolution` where the refractive index is an array, a `SharedSpread` where media of
     several are joined.
     """
-    kept: int
+    terms: int
     """Legendre moments kept; what lies beyond is the forward peak of delta-M."""
     modes: int
     """Azimuth modes."""
@@ -77,17 +77,19 @@ def choose_effort(
     # What a moment does to light scattered twice or more.
     twice = (2 * np.arange(terms) + 1) * sizes**2
     # Moments whose weighed square is below this share of the tolerance change nothing there.
-    kept = int(np.flatnonzero(twice > 0.03 * tolerance).max(initial=0)) + 1
+    terms_kept = int(np.flatnonzero(twice > 0.03 * tolerance).max(initial=0)) + 1
     if streams is not None and streams < 2:
         raise ValueError(f"streams is {streams}; it must be at least 2")
-    kept = kept if streams is None else min(kept, 2 * streams)
+    terms_kept = terms_kept if streams is None else min(terms_kept, 2 * streams)
     directions, least = _directions(
-        media, _round_sizes(sizes[:kept]), tolerance, streams, least_cosine
+        media, _round_sizes(sizes[:terms_kept]), tolerance, streams, least_cosine
     )
     count = doublings(thickest, least)
     # An azimuth mode that is left out is missed once, a moment in all modes: a larger share.
-    modes = np.flatnonzero(twice[:kept] > 0.3 * tolerance).max(initial=0) + 1 if azimuthal else 1
-    return FluxEffort(directions, kept, int(modes), count if solution == "doubling" else None)
+    modes = (
+        np.flatnonzero(twice[:terms_kept] > 0.3 * tolerance).max(initial=0) + 1 if azimuthal else 1
+    )
+    return FluxEffort(directions, terms_kept, int(modes), count if solution == "doubling" else None)
 
 
 def _directions(

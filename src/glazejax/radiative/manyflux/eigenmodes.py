@@ -81,26 +81,29 @@ def _tangent(
     # Added directions are modes of their own, beside those of the core.
     columns = matmul(projection, product.columns)
     rows = matmul(product.rows, shapes)
-    own = tanh_sech(squared, depth)[0]
-    seen = product.viewing
-    lit = product.incidence
-    passed = [tanh_sech(x, depth)[0] for x in (seen, lit)]
+    core_modes = tanh_sech(squared, depth)[0]
+    viewing = product.viewing
+    incidence = product.incidence
+    passed = [tanh_sech(x, depth)[0] for x in (viewing, incidence)]
     # Where two of them have one decay, t's divided difference becomes its derivative.
-    lit_modes = first_difference(squared[..., :, None], lit[..., None, :], depth[..., None])
-    seen_modes = first_difference(squared[..., None, :], seen[..., :, None], depth[..., None])
-    straight = first_difference(seen[..., :, None], lit[..., None, :], depth[..., None])
+    lit_modes = first_difference(squared[..., :, None], incidence[..., None, :], depth[..., None])
+    seen_modes = first_difference(squared[..., None, :], viewing[..., :, None], depth[..., None])
+    straight = first_difference(viewing[..., :, None], incidence[..., None, :], depth[..., None])
     corner = product.corner * straight
     # From one added direction to another by way of the core.
     if corner.size:
         by_modes = second_difference(
-            seen[..., :, None, None],
+            viewing[..., :, None, None],
             squared[..., None, None, :],
-            lit[..., None, :, None],
+            incidence[..., None, :, None],
             depth[..., None, None],
         )
         corner += einsum("...vk,...vik,...ki->...vi", rows, by_modes, columns)
     upper = jnp.concatenate(
-        [matmul(shapes * own[..., None, :], projection), matmul(shapes, lit_modes * columns)],
+        [
+            matmul(shapes * core_modes[..., None, :], projection),
+            matmul(shapes, lit_modes * columns),
+        ],
         axis=-1,
     )
     lower = jnp.concatenate([matmul(seen_modes * rows, projection), corner], axis=-1)
@@ -111,8 +114,8 @@ def first_difference(z: Array, x: Array, depth: Array) -> Array:
     """(t(z) - t(x))/(z - x), regular where they meet; x > 0, z >= 0."""
     z, x, depth = jnp.broadcast_arrays(z, x, depth)
     close = _close(z, x)
-    apart = jnp.where(close, 0.0, z)
-    slope = tanh_sech(apart, depth)[0] - tanh_sech(x, depth)[0]
+    distinct = jnp.where(close, 0.0, z)
+    slope = tanh_sech(distinct, depth)[0] - tanh_sech(x, depth)[0]
     return jnp.where(
         close,
         _close_difference(jnp.where(close, z, x), x, depth),
@@ -121,7 +124,7 @@ def first_difference(z: Array, x: Array, depth: Array) -> Array:
 
 
 def _close(x: Array, y: Array) -> Array:
-    """Whether points are so near that a difference of function values would lose digits."""
+    """Test whether points are so near that a difference of function values would lose digits."""
     return jnp.abs(x - y) < 0.1 * jnp.maximum(x, y)
 
 
@@ -146,7 +149,7 @@ def second_difference(x: Array, z: Array, y: Array, depth: Array) -> Array:
     """
     x, z, y, depth = jnp.broadcast_arrays(x, z, y, depth)
     close = _close(x, y)
-    apart = (first_difference(z, x, depth) - first_difference(z, y, depth)) / jnp.where(
+    quotient = (first_difference(z, x, depth) - first_difference(z, y, depth)) / jnp.where(
         close, 1.0, x - y
     )
     # Where x and y are close: the mean slope of the first difference between them.
@@ -159,7 +162,7 @@ def second_difference(x: Array, z: Array, y: Array, depth: Array) -> Array:
     _, slope = jax.jvp(
         lambda s: first_difference(at[0], s, at[1]), (between,), (jnp.ones_like(between),)
     )
-    return jnp.where(close, jnp.sum(slope * weights, axis=-1), apart)
+    return jnp.where(close, jnp.sum(slope * weights, axis=-1), quotient)
 
 
 @jax.custom_jvp

@@ -86,7 +86,7 @@ def manyflux_field(
     """
     directions = np.atleast_1d(np.asarray(cos_direction, float))
     check_values({"cos_viewing": directions})
-    given = GivenStack(
+    stack = GivenStack(
         albedo=albedo,
         optical_thickness=optical_thickness,
         substrate_reflectance=substrate_reflectance,
@@ -97,7 +97,7 @@ def manyflux_field(
         solution=solution,
     )
     call = prepare(
-        given, {"cos_incidence": cos_incidence}, 0.0, least=float(directions.min(initial=1.0))
+        stack, {"cos_incidence": cos_incidence}, 0.0, least=float(directions.min(initial=1.0))
     )
     if call.batch != ():
         raise ValueError(
@@ -106,34 +106,41 @@ def manyflux_field(
     layers = jax.tree.map(lambda leaf: leaf[0], call.layers)
     dtype = layers.albedo.dtype
     depths = jnp.atleast_1d(jnp.asarray(depth, dtype))
-    known = concrete(depths)
-    whole = concrete(layers.optical_thickness)
-    if known is not None and whole is not None:
-        wrong = known[~((known >= 0) & (known <= whole.sum() * (1 + 1e-9)))]
+    known_depths = concrete(depths)
+    known_thickness = concrete(layers.optical_thickness)
+    if known_depths is not None and known_thickness is not None:
+        wrong = known_depths[
+            ~((known_depths >= 0) & (known_depths <= known_thickness.sum() * (1 + 1e-9)))
+        ]
         if wrong.size:
             raise ValueError(
                 f"depth holds {wrong[0]}; it must be between 0 and the whole thickness "
-                f"{whole.sum():g}"
+                f"{known_thickness.sum():g}"
             )
     axes = jnp.asarray(directions, dtype), jnp.deg2rad(jnp.atleast_1d(jnp.asarray(azimuth, dtype)))
     lit = call.angles["cos_incidence"]
     media, effort, _ = call.settings
     if not isinstance(media, Media):
         return _field(layers, depths, axes, lit, media, effort)
-    if known is None or whole is None:
+    if known_depths is None or known_thickness is None:
         raise ValueError(
             "between layers of different index depth and optical_thickness must be known, not "
             "traced"
         )
     # Where a depth lies decides which surfaces are above it: one program a layer.
-    tops = np.concatenate([[0.0], np.cumsum(whole)[:-1]])
-    cuts = np.searchsorted(tops, np.minimum(known, whole.sum()), side="right") - 1
-    shares = np.clip((known - tops[cuts]) / np.where(whole[cuts] > 0, whole[cuts], 1.0), 0.0, 1.0)
+    tops = np.concatenate([[0.0], np.cumsum(known_thickness)[:-1]])
+    cuts = np.searchsorted(tops, np.minimum(known_depths, known_thickness.sum()), side="right") - 1
+    shares = np.clip(
+        (known_depths - tops[cuts])
+        / np.where(known_thickness[cuts] > 0, known_thickness[cuts], 1.0),
+        0.0,
+        1.0,
+    )
     order = []
-    parts = []
+    fields = []
     for cut in np.unique(cuts).tolist():
         rows = np.flatnonzero(cuts == cut)
-        parts.append(
+        fields.append(
             _opened_field(
                 layers=layers,
                 shares=jnp.asarray(shares[rows], dtype),
@@ -146,7 +153,7 @@ def manyflux_field(
         )
         order.append(rows)
     back = np.argsort(np.concatenate(order))
-    return jax.tree.map(lambda *leaves: jnp.concatenate(leaves)[back], *parts)
+    return jax.tree.map(lambda *leaves: jnp.concatenate(leaves)[back], *fields)
 
 
 @functools.partial(jax.jit, static_argnums=(4, 5))
@@ -158,9 +165,9 @@ def _field(
     index: float,
     effort: FluxEffort,
 ) -> Field:
-    seen, azimuth = axes
+    viewing, azimuth = axes
     modes = effort.modes
-    stack = discrete_stack(layers, index, seen, lit, effort, modes, inside=True)
+    stack = discrete_stack(layers, index, viewing, lit, effort, modes, viewed_inside=True)
     a, b = stack.scaled.rates(stack.cosines)
     top = jnp.cumsum(layers.optical_thickness) - layers.optical_thickness
     # The surface as a slab, without what it reflects of the light that falls in.
@@ -196,7 +203,7 @@ def _opened_field(
     cut: int,
 ) -> Field:
     """Field below shares of one layer of a stack of several indices."""
-    seen, azimuth = axes
+    viewing, azimuth = axes
     waves = azimuth_waves(azimuth, effort.modes)
     index = media.layers[cut]
 
@@ -205,7 +212,7 @@ def _opened_field(
         stack = opened_stack(
             layers=layers,
             media=media,
-            cos_inside=seen,
+            cos_inside=viewing,
             cos_incidence=lit,
             effort=effort,
             modes=effort.modes,

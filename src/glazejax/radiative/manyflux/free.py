@@ -49,7 +49,7 @@ def free_factor(
     Raises:
         ValueError: as there, or an ``index_below`` out of range.
     """
-    given = GivenStack(
+    stack = GivenStack(
         albedo=albedo,
         optical_thickness=optical_thickness,
         substrate_reflectance=0.0,
@@ -61,7 +61,7 @@ def free_factor(
         index_below=index_below,
     )
     cosines = {"cos_incidence": cos_incidence, "cos_viewing": cos_viewing}
-    return solve_stacks(given, cosines, azimuth, downward=transmitted)
+    return solve_stacks(stack, cosines, azimuth, downward=transmitted)
 
 
 def free_hemispherical(
@@ -82,7 +82,7 @@ def free_hemispherical(
     All light is in it, straight and mirrored too, but not what the outer surface reflects at once.
     Arguments, result and errors as for `free_factor`.
     """
-    given = GivenStack(
+    stack = GivenStack(
         albedo=albedo,
         optical_thickness=optical_thickness,
         substrate_reflectance=0.0,
@@ -93,7 +93,7 @@ def free_hemispherical(
         solution=solution,
         index_below=index_below,
     )
-    return solve_stacks(given, {"cos_incidence": cos_incidence}, downward=transmitted)
+    return solve_stacks(stack, {"cos_incidence": cos_incidence}, downward=transmitted)
 
 
 def free_diffuse(
@@ -113,7 +113,7 @@ def free_diffuse(
 
     As `free_hemispherical` otherwise.
     """
-    given = GivenStack(
+    stack = GivenStack(
         albedo=albedo,
         optical_thickness=optical_thickness,
         substrate_reflectance=0.0,
@@ -124,7 +124,7 @@ def free_diffuse(
         solution=solution,
         index_below=index_below,
     )
-    return solve_stacks(given, {}, downward=transmitted)
+    return solve_stacks(stack, {}, downward=transmitted)
 
 
 def free_regular(

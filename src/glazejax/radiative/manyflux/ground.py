@@ -101,11 +101,13 @@ def ground_operator(
         return lambert(reflectance, roots, modes, dtype)
     rows = jnp.concatenate([roots.nodes, roots.viewing])
     columns = jnp.concatenate([roots.nodes, roots.incidence])
-    ways = [
+    interpolations = [
         jnp.asarray(_between(table.cosines, jnp.concatenate([cosines.nodes, c])))
         for c in cosines[1:]
     ]
-    means = einsum("vs,mst,it->mvi", ways[0], table.modes.astype(dtype), ways[1])[:modes]
+    means = einsum(
+        "vs,mst,it->mvi", interpolations[0], table.modes.astype(dtype), interpolations[1]
+    )[:modes]
     body = 2.0 * reflectance * rows[:, None] * columns * means
     spare = modes - body.shape[0]
     return Bordered(
@@ -120,8 +122,8 @@ def _between(knots, cosines):
     xp = np if concrete(cosines) is not None and concrete(knots) is not None else jnp
     if knots.shape[0] == 1:
         return xp.ones((cosines.shape[0], 1))
-    place = xp.clip(xp.sum(cosines[:, None] < knots, axis=1) - 1, 0, knots.shape[0] - 2)
-    share = xp.clip((knots[place] - cosines) / (knots[place] - knots[place + 1]), 0.0, 1.0)
-    here = xp.arange(knots.shape[0])
-    above = xp.where(here == place[:, None], 1.0 - share[:, None], 0.0)
-    return above + xp.where(here == place[:, None] + 1, share[:, None], 0.0)
+    interval = xp.clip(xp.sum(cosines[:, None] < knots, axis=1) - 1, 0, knots.shape[0] - 2)
+    share = xp.clip((knots[interval] - cosines) / (knots[interval] - knots[interval + 1]), 0.0, 1.0)
+    knot = xp.arange(knots.shape[0])
+    above = xp.where(knot == interval[:, None], 1.0 - share[:, None], 0.0)
+    return above + xp.where(knot == interval[:, None] + 1, share[:, None], 0.0)

@@ -73,8 +73,8 @@ def symmetric_eigen(
     work, vectors, _, _ = jax.lax.while_loop(goes_on, sweep, start)
     values = jnp.diagonal(work, axis1=-2, axis2=-1)
     if spare:  # the row that was added is the eigenvector with its own last component
-        own = jnp.abs(vectors[..., -1, :]) > 0.5
-        values = jnp.select([own], [jnp.full_like(values, jnp.inf)], values)
+        padding = jnp.abs(vectors[..., -1, :]) > 0.5
+        values = jnp.select([padding], [jnp.full_like(values, jnp.inf)], values)
     rank = jnp.argsort(values, axis=-1)[..., :n]
     return (
         jnp.take_along_axis(values, rank, axis=-1),
@@ -91,8 +91,8 @@ def _rotate(matrix: Array, cosine: Array, sine: Array, half: int, axis: int) -> 
 
 
 def _next_round(half: int) -> np.ndarray:
-    """Where each place takes its row from, so that all pairs meet: the first stays, the others go
-    round.
+    """Order in which each place takes its row, so that all pairs meet: the first stays, the others
+    go round.
     """
     top = np.arange(half)
     bottom = np.arange(half, 2 * half)

@@ -76,25 +76,25 @@ class _Discrete(NamedTuple):
     """A stack in the directions that its media share."""
 
     flux: np.ndarray  # n^2 mu w of the nodes
-    ways: tuple[FollowedDirections, ...]  # of nodes, seen and lit light
-    inside: Diagonal  # their cosines in the layers, (layers, ...)
+    followed: tuple[FollowedDirections, ...]  # of nodes, seen and lit light
+    cosines: Diagonal  # their cosines in the layers, (layers, ...)
     scaled: ScaledScattering
     indices: np.ndarray  # from the air down
 
     def operators(self, share: float | Array, effort: FluxEffort) -> tuple[Bordered, Bordered]:
         """R and U of shares of the layers."""
-        each = Diagonal(*(c[:, None] for c in self.inside))
+        cosines = Diagonal(*(c[:, None] for c in self.cosines))
         depth = (share * self.scaled.thickness)[:, None]
-        found = layer_operators(*self.scaled.rates(each), depth, effort)
+        operators = layer_operators(*self.scaled.rates(cosines), depth, effort)
         # Added directions count as of flux n^2 mu w = 1.
         n = self.indices[1 : 1 + len(depth), None, None]
-        rows, columns = (jnp.asarray(1.0 / (n * jnp.sqrt(c))) for c in each[1:])
-        reflection, loss = (x.reweight(rows, columns) for x in found)
+        rows, columns = (jnp.asarray(1.0 / (n * jnp.sqrt(c))) for c in cosines[1:])
+        reflection, loss = (x.reweight(rows, columns) for x in operators)
         return reflection, loss
 
     def roots(self, medium: int, dtype: jnp.dtype) -> Array:
         """sqrt(n^2 mu w) of the nodes, 0 of those that do not exist in a medium."""
-        return jnp.sqrt(jnp.asarray(self.flux * self.ways[0].exists[medium], dtype))
+        return jnp.sqrt(jnp.asarray(self.flux * self.followed[0].exists[medium], dtype))
 
 
 def _discrete(
@@ -115,25 +115,28 @@ def _discrete(
         np.stack(x) for x in zip(*(in_medium(common, n) for n in indices), strict=True)
     )
     # All directions followed through all media; added ones are known in the eye's and in air.
-    seen = _ways(seen_in[0], indices, seen_in[1])
-    lit = _ways(cos_incidence, indices, 1.0)
-    ways = FollowedDirections(jnp.asarray(mu, dtype), exists), seen, lit
+    viewing = _ways(seen_in[0], indices, seen_in[1])
+    incidence = _ways(cos_incidence, indices, 1.0)
+    followed = FollowedDirections(jnp.asarray(mu, dtype), exists), viewing, incidence
     inner = slice(1, 1 + layers.albedo.size)
-    inside = Diagonal(*(way.cosines[inner] for way in ways))
+    inner_cosines = Diagonal(*(direction.cosines[inner] for direction in followed))
     roots = jnp.sqrt(jnp.asarray(weights[inner], dtype))
-    scaled = scatter_between(layers, inside, roots, effort.kept, modes)
+    scaled = scatter_between(layers, inner_cosines, roots, effort.terms, modes)
     # An empty layer between faces that reflect totally would keep its light for ever.
     scaled = scaled._replace(thickness=scaled.thickness + 1e-12)
-    return _Discrete(common.flux, ways, inside, scaled, indices)
+    return _Discrete(common.flux, followed, inner_cosines, scaled, indices)
 
 
-def _ground(found: _Discrete, layers: Layers, table: GroundTable | None, modes: int) -> Bordered:
-    """What the ground sends back into the last medium."""
+def _ground(discrete: _Discrete, layers: Layers, table: GroundTable | None, modes: int) -> Bordered:
+    """Light that the ground sends back into the last medium."""
     dtype = layers.albedo.dtype
-    last = found.indices[-1]
-    weights = [found.roots(-1, dtype) / last]
-    weights += [jnp.full(way.cosines.shape[1], 1.0 / last, dtype) for way in found.ways[1:]]
-    cosines = Diagonal(*(way.cosines[-1] for way in found.ways))
+    last = discrete.indices[-1]
+    weights = [discrete.roots(-1, dtype) / last]
+    weights += [
+        jnp.full(direction.cosines.shape[1], 1.0 / last, dtype)
+        for direction in discrete.followed[1:]
+    ]
+    cosines = Diagonal(*(direction.cosines[-1] for direction in discrete.followed))
     return ground_operator(layers.ground, table, cosines, Diagonal(*weights), modes)
 
 
@@ -154,11 +157,15 @@ def opened_stack(
         The others as for `joined_stack`.
     """
     indices = np.array((1.0, *media.layers))
-    found = _discrete(layers, indices, (cos_inside, indices[1 + cut]), cos_incidence, effort, modes)
+    discrete = _discrete(
+        layers, indices, (cos_inside, indices[1 + cut]), cos_incidence, effort, modes
+    )
     number = np.arange(len(media.layers))
-    part = jnp.where(number < cut, 1.0, jnp.where(number > cut, 0.0, share))
-    surfaces, _ = _surfaces(found, modes)
-    upper, lower = (slab_of_layer(*found.operators(p, effort)) for p in (part, 1.0 - part))
+    above_share = jnp.where(number < cut, 1.0, jnp.where(number > cut, 0.0, share))
+    surfaces, _ = _surfaces(discrete, modes)
+    upper, lower = (
+        slab_of_layer(*discrete.operators(p, effort)) for p in (above_share, 1.0 - above_share)
+    )
 
     def pick(slabs: Slab, k: int) -> Slab:
         return jax.tree.map(lambda leaf: leaf[k], slabs)
@@ -166,11 +173,11 @@ def opened_stack(
     above = join(pick(surfaces, 0), pick(upper, 0))
     for k in range(1, cut + 1):
         above = join(join(above, pick(surfaces, k)), pick(upper, k))
-    below = _ground(found, layers, None, modes)
+    below = _ground(discrete, layers, None, modes)
     for k in range(len(media.layers) - 1, cut - 1, -1):
         slab = pick(lower, k) if k == cut else join(pick(surfaces, k), pick(lower, k))
         below = reflection_over(slab, below)
-    return OpenedStack(above, below, found.roots(1 + cut, layers.albedo.dtype))
+    return OpenedStack(above, below, discrete.roots(1 + cut, layers.albedo.dtype))
 
 
 def joined_stack(
@@ -199,7 +206,7 @@ def joined_stack(
     """
     below = () if media.below is None else (media.below,)
     indices = np.array((1.0, *media.layers, *below))
-    found = _discrete(
+    discrete = _discrete(
         layers,
         indices,
         (cos_viewing, indices[-1] if downward else 1.0),
@@ -208,14 +215,14 @@ def joined_stack(
         modes,
     )
     # Each layer under the surface above it is one slab.
-    surfaces, through = _surfaces(found, modes)
+    surfaces, through = _surfaces(discrete, modes)
     count = len(media.layers)
     upper: Slab = jax.tree.map(lambda leaf: leaf[:count], surfaces)
-    coats = slab_of_layer(*found.operators(1.0, effort))
+    coats = slab_of_layer(*discrete.operators(1.0, effort))
     slab = join_all(join(upper, coats))
     # Below is a ground, or the surface to another medium.
     if media.below is None:
-        operator = reflection_over(slab, _ground(found, layers, table, modes))
+        operator = reflection_over(slab, _ground(discrete, layers, table, modes))
     else:
         slab = join(slab, jax.tree.map(lambda leaf: leaf[-1], surfaces))
         operator = slab.down if downward else slab.above
@@ -223,16 +230,16 @@ def joined_stack(
     # What the kept moments leave out of light scattered once is added by `factor`.
     once = ScatteredOnce(
         layers=layers,
-        scaled=found.scaled,
-        cos_seen=found.inside.viewing,
-        cos_lit=found.inside.incidence,
+        scaled=discrete.scaled,
+        cos_seen=discrete.cosines.viewing,
+        cos_lit=discrete.cosines.incidence,
         passing=_passing(through, np.array(media.layers), count, downward),
     )
     dtype = layers.albedo.dtype
     return JoinedStack(
         operator=operator,
-        entering=found.roots(0, dtype),
-        leaving=found.roots(-1 if downward else 0, dtype),
+        entering=discrete.roots(0, dtype),
+        leaving=discrete.roots(-1 if downward else 0, dtype),
         faces=surfaces,
         coats=coats,
         once=once,
@@ -271,30 +278,32 @@ def _ways(cosines: Array, indices: np.ndarray, known_in: float) -> FollowedDirec
     return FollowedDirections(jnp.sqrt(jnp.where(exists, squared, n**2)) / n, exists)
 
 
-def _surfaces(found: _Discrete, modes: int) -> tuple[Slab, list[Array]]:
+def _surfaces(discrete: _Discrete, modes: int) -> tuple[Slab, list[Array]]:
     """Surfaces between neighbouring media, (surfaces, modes, ...), and what they let through of
     seen and lit light.
     """
     above = []
     below = []
     through = []
-    upper = found.indices[:-1, None]
-    lower = found.indices[1:, None]
-    for way in found.ways:
-        both = way.exists[:-1] & way.exists[1:]
+    upper = discrete.indices[:-1, None]
+    lower = discrete.indices[1:, None]
+    for direction in discrete.followed:
+        on_both_sides = direction.exists[:-1] & direction.exists[1:]
         r = jnp.where(
-            both, interface_reflectance(upper, lower, way.cosines[:-1], way.cosines[1:]), 1.0
+            on_both_sides,
+            interface_reflectance(upper, lower, direction.cosines[:-1], direction.cosines[1:]),
+            1.0,
         )
         outer = np.arange(len(upper))[:, None] == 0
         # From the side on which a direction does not exist no light comes.
-        above.append(jnp.where(outer | ~way.exists[:-1], 0.0, r))
-        below.append(jnp.where(way.exists[1:], r, 0.0))
+        above.append(jnp.where(outer | ~direction.exists[:-1], 0.0, r))
+        below.append(jnp.where(direction.exists[1:], r, 0.0))
         through.append(1.0 - r)
 
     def operator(entries: list[Array]) -> Bordered:
-        made = diagonal(Diagonal(*entries))
+        bordered = diagonal(Diagonal(*entries))
         return jax.tree.map(
-            lambda x: jnp.broadcast_to(x[:, None], (x.shape[0], modes, *x.shape[1:])), made
+            lambda x: jnp.broadcast_to(x[:, None], (x.shape[0], modes, *x.shape[1:])), bordered
         )
 
     passing = operator(through)
@@ -304,10 +313,12 @@ def _surfaces(found: _Discrete, modes: int) -> tuple[Slab, list[Array]]:
 def _passing(
     through: list[Array], indices: np.ndarray, count: int, downward: bool
 ) -> Float[Array, "layers v i"]:
-    """What the surfaces let through to each layer and out again, over n^2."""
-    seen, lit = through
-    into = jnp.cumprod(lit, axis=0)[:count]
+    """Share that the surfaces let through to each layer and out again, over n^2."""
+    viewing, incidence = through
+    into = jnp.cumprod(incidence, axis=0)[:count]
     out = (
-        jnp.cumprod(seen[::-1], axis=0)[::-1][1:] if downward else jnp.cumprod(seen, axis=0)[:count]
+        jnp.cumprod(viewing[::-1], axis=0)[::-1][1:]
+        if downward
+        else jnp.cumprod(viewing, axis=0)[:count]
     )
     return out[:, :, None] * into[:, None, :] / indices[:, None, None] ** 2

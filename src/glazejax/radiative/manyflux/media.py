@@ -27,8 +27,8 @@ class Media(NamedTuple):
 
 
 class SharedSpread(NamedTuple):
-    """How many nodes lie between one index and the next, from zero up, and how they crowd at its
-    end; static.
+    """Numbers of nodes between one index and the next, from zero up, and how they crowd at its end;
+    static.
     """
 
     ends: tuple[float, ...]
@@ -70,7 +70,7 @@ def shared_directions(pieces: SharedSpread) -> SharedDirections:
         end.append(np.full(count, upper))
         beyond.append((upper * mu) ** 2)
         below = upper
-    return SharedDirections(*(np.concatenate(parts) for parts in (flux, end, beyond)))
+    return SharedDirections(*(np.concatenate(pieces) for pieces in (flux, end, beyond)))
 
 
 def in_medium(
@@ -95,10 +95,12 @@ def interface_reflectance(
         upper, lower: refractive indices, (...).
         cos_upper, cos_lower: cosines of the same direction on both sides, (...).
     """
-    one = upper * cos_upper
-    other = lower * cos_lower
-    s = (one - other) / (one + other)
-    p = (lower**2 * one - upper**2 * other) / (lower**2 * one + upper**2 * other)
+    upper_product = upper * cos_upper
+    lower_product = lower * cos_lower
+    s = (upper_product - lower_product) / (upper_product + lower_product)
+    p = (lower**2 * upper_product - upper**2 * lower_product) / (
+        lower**2 * upper_product + upper**2 * lower_product
+    )
     return 0.5 * (s**2 + p**2)
 
 
@@ -123,7 +125,7 @@ def fewest_shared_directions(
         ValueError: 120 directions are not enough, or the streams given are too few for the pieces.
     """
     ends = tuple(sorted({*media, *outside}))
-    inside = sorted(set(media))
+    inner_indices = sorted(set(media))
     if streams is not None and streams < 2 * len(ends):
         raise ValueError(
             f"streams is {streams}; media of {len(ends)} indices need at least {2 * len(ends)}"
@@ -131,21 +133,21 @@ def fewest_shared_directions(
 
     def sums(pieces: SharedSpread) -> np.ndarray:
         # Rules are judged by their sums over scattered light in each medium.
-        seen = (_as_directions(pieces, index) for index in inside)
-        return np.stack([scattered_sums(rule, np.array(sizes)) for rule in seen])
+        rules = (_as_directions(pieces, index) for index in inner_indices)
+        return np.stack([scattered_sums(rule, np.array(sizes)) for rule in rules])
 
     exact = sums(SharedSpread(ends, (80,) * len(ends), 4.0, media))
 
     def best(count: int) -> tuple[float, SharedSpread]:
         # Of a number of directions, every way to share them out and to crowd them.
         shares = {_shared_out(ends, media, count, share) for share in (0.3, 0.4, 0.5)}
-        ways = itertools.product(shares, (0.5, 1.5, 2.5, 3.5))
-        return best_rule((SharedSpread(ends, *way, media) for way in ways), sums, exact)
+        spreads = itertools.product(shares, (0.5, 1.5, 2.5, 3.5))
+        return best_rule((SharedSpread(ends, *spread, media) for spread in spreads), sums, exact)
 
     if streams is not None:
         return best(streams)[1]
     counts = range(max(6, 3 * len(ends)), 121, 4)
-    where = f" in media of indices {inside}"
+    where = f" in media of indices {inner_indices}"
     return first_good(map(best, counts), tolerance, len(sizes), where)
 
 
@@ -159,14 +161,14 @@ def _shared_out(
         return (count,)
     first = min(max(2, round(share * count)), count - 2 * (len(ends) - 1))
     steepest = [np.sqrt(1.0 - (low / high) ** 2) for low, high in itertools.pairwise(ends)]
-    rest = count - first
-    parts = [max(2, int(rest * s / sum(steepest))) for s in steepest]
-    parts[int(np.argmax(steepest))] += rest - sum(parts)
-    return (first, *parts)
+    remaining = count - first
+    nodes = [max(2, int(remaining * s / sum(steepest))) for s in steepest]
+    nodes[int(np.argmax(steepest))] += remaining - sum(nodes)
+    return (first, *nodes)
 
 
 def _as_directions(pieces: SharedSpread, index: float) -> Directions:
-    """What one medium sees, with the reflectance of a face to air."""
+    """Directions as one medium sees them, with the reflectance of a face to air."""
     common = shared_directions(pieces)
     mu, weights, exists = in_medium(common, index)
     air, _, outside = in_medium(common, 1.0)

@@ -28,10 +28,10 @@ if TYPE_CHECKING:
 _CHUNK_BYTES = 2**20
 
 ROUNDING: dict[str, Rounding] = {
-    "doubling": Rounding(each=6e-6, deepest=2e3),
+    "doubling": Rounding(per_depth=6e-6, deepest=2e3),
     # On one processor errors grew with the depth, to .4 at 1e5; on another, with other rounding in
     # its sums, with the square of the depth, to 30.
-    "modes": Rounding(each=2e-8, deepest=2.5e5, power=2.0),
+    "modes": Rounding(per_depth=2e-8, deepest=2.5e5, power=2.0),
 }
 """By the solution of `manyflux.effort.Solution`."""
 
@@ -51,8 +51,8 @@ class ManyFlux:
         """
         from .effort import choose_effort, effort_for_indices
 
-        known = concrete(request.optical_thickness)
-        thickest = None if known is None else float(known.max(initial=0.0))
+        thickness = concrete(request.optical_thickness)
+        thickest = None if thickness is None else float(thickness.max(initial=0.0))
         least = smallest_cosine(request.cos_incidence, request.cos_viewing)
         if request.fixed_index is None:
             directions = resolve(request.tolerance, *request.indices)
@@ -68,37 +68,44 @@ class ManyFlux:
                 streams=None,
                 azimuthal=False,
             )
-        each = 4 * request.layers * (effort.width + 1) ** 2 * request.itemsize
-        return effort, request.stacks_within(_CHUNK_BYTES, each)
+        bytes_each = 4 * request.layers * (effort.width + 1) ** 2 * request.itemsize
+        return effort, request.stacks_within(_CHUNK_BYTES, bytes_each)
 
     def reflectance(self, stack: Stack, resolution: FluxEffort) -> Array:
         """Either reflectance of each stack, (batch,)."""
         from .solve import Layers, hemispherical_reflectance, reflectance_factor
 
         def one(
-            q: Array, d: Array, ground: Array, index: Any, lit: Array, seen: Array | None
+            q: Array,
+            d: Array,
+            ground: Array,
+            index: Any,
+            cos_incidence: Array,
+            cos_viewing: Array | None,
         ) -> Array:
             layers = Layers(q, d, jnp.ones((q.size, 1), q.dtype), ground)
-            if seen is None:
-                return hemispherical_reflectance(layers, index, lit[None], resolution)[0]
+            if cos_viewing is None:
+                return hemispherical_reflectance(layers, index, cos_incidence[None], resolution)[0]
             azimuth = jnp.zeros(1, q.dtype)
-            factor = reflectance_factor(layers, index, seen[None], lit[None], azimuth, resolution)
+            factor = reflectance_factor(
+                layers, index, cos_viewing[None], cos_incidence[None], azimuth, resolution
+            )
             return factor[0, 0, 0]
 
         axes = (0, 0, 0, 0 if isinstance(stack.refractive_index, jax.Array) else None, 0)
-        seen = None if stack.cos_viewing is None else 0
-        return jax.vmap(one, in_axes=(*axes, seen))(*stack)
+        viewing_axis = None if stack.cos_viewing is None else 0
+        return jax.vmap(one, in_axes=(*axes, viewing_axis))(*stack)
 
     def reflectance_and_gradient(
-        self, stack: Stack, resolution: FluxEffort, wanted: tuple[str, ...]
+        self, stack: Stack, resolution: FluxEffort, leaf_names: tuple[str, ...]
     ) -> tuple[Array, dict[str, Array]]:
         """Reflectance and its derivatives by reverse differentiation."""
 
         def value(leaves: dict[str, Array]) -> Array:
             return self.reflectance(stack._replace(**leaves), resolution)
 
-        found, back = jax.vjp(value, {name: getattr(stack, name) for name in wanted})
-        return found, back(jnp.ones_like(found))[0]
+        factor, back = jax.vjp(value, {name: getattr(stack, name) for name in leaf_names})
+        return factor, back(jnp.ones_like(factor))[0]
 
     def split(self, stack: Stack, resolution: FluxEffort) -> Split:
         """There is none: the parts are not kept apart. `splits` says so beforehand."""

@@ -67,7 +67,7 @@ def manyflux_reflectance_factor(
 
     Source: paper C (Shinya et al.), equations (11)-(20), solved as described in the module.
     """
-    given = GivenStack(
+    stack = GivenStack(
         albedo=albedo,
         optical_thickness=optical_thickness,
         substrate_reflectance=substrate_reflectance,
@@ -79,7 +79,7 @@ def manyflux_reflectance_factor(
         ground=ground,
     )
     cosines = {"cos_incidence": cos_incidence, "cos_viewing": cos_viewing}
-    return solve_stacks(given, cosines, azimuth)
+    return solve_stacks(stack, cosines, azimuth)
 
 
 def manyflux_hemispherical_reflectance(
@@ -101,7 +101,7 @@ def manyflux_hemispherical_reflectance(
 
     Arguments as in `manyflux_reflectance_factor`, result and errors too.
     """
-    given = GivenStack(
+    stack = GivenStack(
         albedo=albedo,
         optical_thickness=optical_thickness,
         substrate_reflectance=substrate_reflectance,
@@ -112,7 +112,7 @@ def manyflux_hemispherical_reflectance(
         solution=solution,
         ground=ground,
     )
-    return solve_stacks(given, {"cos_incidence": cos_incidence})
+    return solve_stacks(stack, {"cos_incidence": cos_incidence})
 
 
 def manyflux_diffuse_reflectance(
@@ -132,7 +132,7 @@ def manyflux_diffuse_reflectance(
     Arguments as in `manyflux_reflectance_factor`, result and errors too; the surface's own
     reflection is not included.
     """
-    given = GivenStack(
+    stack = GivenStack(
         albedo=albedo,
         optical_thickness=optical_thickness,
         substrate_reflectance=substrate_reflectance,
@@ -143,7 +143,7 @@ def manyflux_diffuse_reflectance(
         solution=solution,
         ground=ground,
     )
-    return solve_stacks(given, {})
+    return solve_stacks(stack, {})
 
 
 def brdf_table(
@@ -185,7 +185,7 @@ def brdf_table(
             )
     check_values({name: axes[name] for name in ("cos_incidence", "cos_viewing")})
     least = smallest_cosine(cos_incidence, cos_viewing)
-    given = GivenStack(
+    stack = GivenStack(
         albedo=albedo,
         optical_thickness=optical_thickness,
         substrate_reflectance=substrate_reflectance,
@@ -196,8 +196,10 @@ def brdf_table(
         solution=solution,
         ground=ground,
     )
-    call = prepare(given, {}, 0.0, least=least)
+    call = prepare(stack, {}, 0.0, least=least)
     dtype = call.layers.albedo.dtype
-    seen, lit, turned = (jnp.asarray(a, dtype) for a in (cos_viewing, cos_incidence, azimuth))
-    table = tables(call.layers, (seen, lit, jnp.deg2rad(turned)), call.table, call.settings)
+    viewing, incidence, turns = (
+        jnp.asarray(a, dtype) for a in (cos_viewing, cos_incidence, azimuth)
+    )
+    table = tables(call.layers, (viewing, incidence, jnp.deg2rad(turns)), call.table, call.settings)
     return table.reshape(*call.batch, *table.shape[1:]) / np.pi

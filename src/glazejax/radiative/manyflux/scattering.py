@@ -75,19 +75,19 @@ def associated_legendre(
     second = np.where(above, np.sqrt(np.maximum((degree - 1) ** 2 - m**2, 0)) / below, 0.0)
 
     def climb(state: tuple[Array, Array], item: tuple[Array, Array, Array]):
-        one, two = state
+        lower, second_lower = state
         a, b, begins = (x[:, None] for x in item)
-        here = jnp.where(begins, sectoral, a * mu * one - b * two)
-        return (here, one), here
+        degree_value = jnp.where(begins, sectoral, a * mu * lower - b * second_lower)
+        return (degree_value, lower), degree_value
 
     zero = jnp.zeros_like(sectoral)
     items = (jnp.asarray(first, mu.dtype), jnp.asarray(second, mu.dtype), jnp.asarray(degree == m))
-    _, found = jax.lax.scan(climb, (zero, zero), items)
-    return jnp.moveaxis(found, 0, -2)
+    _, functions = jax.lax.scan(climb, (zero, zero), items)
+    return jnp.moveaxis(functions, 0, -2)
 
 
 def azimuth_waves(azimuth: Float[Array, "k"], modes: int) -> Float[Array, "modes k"]:
-    """What the modes of radiance are summed with: cos(m azimuth), twice that from m = 1 on.
+    """Factors that the modes of radiance are summed with: cos(m azimuth), twice that from m = 1 on.
 
     Args:
         azimuth: radians, (k,).
@@ -128,9 +128,9 @@ def scattering(
     down = _append_directions(weighed, viewing)
     factors = ((2.0 * np.arange(terms) + 1.0) * moments)[..., None, :, None]
 
-    def part(wanted: np.ndarray) -> Array:
-        kept = jnp.asarray(wanted, factors.dtype)[..., None]
-        return matmul(transpose(down * factors * kept), across * kept)
+    def part(parity: np.ndarray) -> Array:
+        mask = jnp.asarray(parity, factors.dtype)[..., None]
+        return matmul(transpose(down * factors * mask), across * mask)
 
     c_even = part(even)
     c_odd = part(~even)
@@ -143,10 +143,10 @@ def scattering(
     rows_missing = rows_root - einsum("...ij,...j->...i", zeroth[..., :, :count], roots)
     columns_missing = columns_root - einsum("...i,...ij->...j", roots, zeroth[..., :count, :])
     scale = jnp.sum(roots * roots, axis=-1)[..., None]
-    whole = einsum("...j,...j->...", columns_missing[..., :count], share)[..., None, None]
+    missing_flux = einsum("...j,...j->...", columns_missing[..., :count], share)[..., None, None]
     change = rows_missing[..., :, None] * columns_root[..., None, :]
     change += rows_root[..., :, None] * columns_missing[..., None, :]
-    change = (change - whole * rows_root[..., :, None] * columns_root[..., None, :]) / scale[
+    change = (change - missing_flux * rows_root[..., :, None] * columns_root[..., None, :]) / scale[
         ..., None
     ]
     # Light scattered once between two added directions meets no quadrature and stays exact.
@@ -171,7 +171,7 @@ def rates(
         cosines: of nodes (..., n), directions of viewing (..., v) and of incidence (..., i).
     """
     mu, viewing, incidence = cosines
-    rows, columns = (_append_directions(mu, other) ** -0.5 for other in (viewing, incidence))
+    rows, columns = (_append_directions(mu, added) ** -0.5 for added in (viewing, incidence))
     scale = albedo[..., None, None] * rows[..., :, None] * columns[..., None, :]
     batch = jnp.broadcast_shapes(scale.shape[:-2], even.shape[:-2])
     along = jnp.broadcast_to(1.0 / viewing, (*batch, viewing.shape[-1]))
@@ -198,7 +198,7 @@ def _not_corner(rows: int, columns: int, count: int) -> np.ndarray:
 
 
 def scatter_between(
-    layers: Layers, cosines: Diagonal, roots: Array, kept: int, modes: int
+    layers: Layers, cosines: Diagonal, roots: Array, terms: int, modes: int
 ) -> ScaledScattering:
     """Scattering of layers between directions, with as many moments as are kept.
 
@@ -206,11 +206,11 @@ def scatter_between(
         layers: of one stack.
         cosines: the same for all layers, (n,), or those of each, (layers, n).
         roots: square roots of the nodes' weights, of the same shape.
-        kept: Legendre moments.
+        terms: Legendre moments.
         modes: of the azimuth.
     """
     albedo, thickness, moments = delta_m(
-        layers.albedo, layers.optical_thickness, layers.moments, kept
+        layers.albedo, layers.optical_thickness, layers.moments, terms
     )
     tables = [associated_legendre(c, modes, moments.shape[-1]) for c in cosines]
     even, odd = scattering(moments, tables[0], tables[1], tables[2], roots)

@@ -35,8 +35,8 @@ def missing_once(
     *,
     downward: bool = False,
 ) -> Float[Array, "v i k"]:
-    """What to add to the factor pi L_out/E_in of light that leaves upwards, or downwards, to have
-    it whole.
+    """Addition to the factor pi L_out/E_in of light that leaves upwards, or downwards, to have it
+    whole.
 
     Args:
         once: stack and ways.
@@ -48,33 +48,35 @@ def missing_once(
     # Between the added directions.
     nodes = scaled.even.shape[-1] - once.cos_lit.shape[-1]
     even, odd = (c[..., nodes:, nodes:] for c in (scaled.even, scaled.odd))
-    kept = (even + odd if downward else even - odd) * scaled.albedo[:, None, None, None]
-    taken = einsum("lmvi,mk->lvik", kept, waves)
-    seen = once.cos_seen[:, :, None]
-    lit = once.cos_lit[:, None, :]
-    along = seen * lit if downward else -seen * lit
-    turn = (sine(seen) * sine(lit))[..., None] * jnp.cos(azimuth) + along[..., None]
-    whole = evaluate(once.layers.moments[:, None, None, None, :], turn)
+    truncated = (even + odd if downward else even - odd) * scaled.albedo[:, None, None, None]
+    truncated_phase = einsum("lmvi,mk->lvik", truncated, waves)
+    viewing = once.cos_seen[:, :, None]
+    incidence = once.cos_lit[:, None, :]
+    along = viewing * incidence if downward else -viewing * incidence
+    turn = (sine(viewing) * sine(incidence))[..., None] * jnp.cos(azimuth) + along[..., None]
+    exact_phase = evaluate(once.layers.moments[:, None, None, None, :], turn)
     # Albedo per scaled depth with the peak still in it.
     thickness = once.layers.optical_thickness
-    there = thickness > 0
-    share = jnp.where(there, thickness, 1.0) / jnp.where(there, scaled.thickness, 1.0)
-    difference = (once.layers.albedo * share)[:, None, None, None] * whole - taken
-    lights = once.passing * _lengths(once, seen, lit, downward) / (4.0 * seen * lit)
+    present = thickness > 0
+    share = jnp.where(present, thickness, 1.0) / jnp.where(present, scaled.thickness, 1.0)
+    difference = (once.layers.albedo * share)[:, None, None, None] * exact_phase - truncated_phase
+    lights = (
+        once.passing * _lengths(once, viewing, incidence, downward) / (4.0 * viewing * incidence)
+    )
     return jnp.sum(lights[..., None] * difference, axis=0)
 
 
-def _lengths(once: ScatteredOnce, seen: Array, lit: Array, downward: bool) -> Array:
+def _lengths(once: ScatteredOnce, viewing: Array, incidence: Array, downward: bool) -> Array:
     """Integral over the depth of each layer of what reaches it and from there the outside, (layers,
     v, i).
     """
     depth = once.scaled.thickness[:, None, None]
-    into = depth / lit
-    out = depth / seen
+    into = depth / incidence
+    out = depth / viewing
     before = jnp.cumsum(into, axis=0) - into
     if not downward:
         before += jnp.cumsum(out, axis=0) - out
-        return jnp.exp(-before) * decay_integral(1.0 / seen + 1.0 / lit, depth)
+        return jnp.exp(-before) * decay_integral(1.0 / viewing + 1.0 / incidence, depth)
     after = jnp.sum(out, axis=0) - jnp.cumsum(out, axis=0)
     faded = [jnp.expm1(-x) for x in (into, out)]
-    return jnp.exp(-before - after) * two_decays(1.0 / lit, 1.0 / seen, depth, *faded)
+    return jnp.exp(-before - after) * two_decays(1.0 / incidence, 1.0 / viewing, depth, *faded)

@@ -40,21 +40,27 @@ def discrete_stack(
     effort: FluxEffort,
     modes: int,
     *,
-    inside: bool = False,
+    viewed_inside: bool = False,
 ) -> DiscreteStack:
     """Directions and scattering; cosines are outside, those of viewing inside the paint if
-    ``inside``.
+    ``viewed_inside``.
     """
     dtype = layers.albedo.dtype
     rule = effort.directions
     assert not isinstance(rule, SharedSpread), "media of several indices are joined elsewhere"
-    found = spread_directions(index, rule) if isinstance(rule, Spread) else half_range(index, rule)
-    mu, weights, reflectance = (jnp.asarray(a, dtype) for a in found)
-    viewing = cos_viewing if inside else cos_refracted(cos_viewing, index)
+    rule_values = (
+        spread_directions(index, rule) if isinstance(rule, Spread) else half_range(index, rule)
+    )
+    mu, weights, reflectance = (jnp.asarray(a, dtype) for a in rule_values)
+    viewing = cos_viewing if viewed_inside else cos_refracted(cos_viewing, index)
     incidence = cos_refracted(cos_incidence, index)
-    back = _reflected_back(viewing, index) if inside else dielectric_reflectance(cos_viewing, index)
+    back = (
+        _reflected_back(viewing, index)
+        if viewed_inside
+        else dielectric_reflectance(cos_viewing, index)
+    )
     cosines = Diagonal(mu, viewing, incidence)
-    scaled = scatter_between(layers, cosines, jnp.sqrt(weights), effort.kept, modes)
+    scaled = scatter_between(layers, cosines, jnp.sqrt(weights), effort.terms, modes)
     entering = dielectric_reflectance(cos_incidence, index)
     return DiscreteStack(
         cosines=cosines,

@@ -19,7 +19,7 @@ from .bordered import Bordered, Diagonal
 
 
 class Slab(NamedTuple):
-    """What any joined layers do to light from above and from below."""
+    """Operators of any joined layers on light from above and from below."""
 
     above: Bordered
     """Reflection of light from above."""
@@ -102,8 +102,8 @@ def lambert(
 
 
 def under_surface(reflection: Bordered, surface: Diagonal) -> Bordered:
-    """What comes out through a smooth surface: t (1 - R r)^-1 R t, t = 1 - r; its own reflection is
-    not included.
+    """Light that comes out through a smooth surface: t (1 - R r)^-1 R t, t = 1 - r; its own
+    reflection is not included.
 
     Args:
         reflection: R of all that lies below, inside the medium.

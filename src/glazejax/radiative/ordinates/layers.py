@@ -90,16 +90,16 @@ def two_ports(
     strength = albedo[:, None, None] * survival * coupling[:, None]
     gone = jnp.expm1(-a * depth)
     fade = 1.0 + faded
-    left = 1.0 + gone
+    transmitted = 1.0 + gone
     # int e^(-(kappa + a) t) and int e^(-kappa (D - t)) e^(-a t), regular at kappa = a.
     together = quotient(-(faded + gone + faded * gone), kappa + a)
-    apart = two_decays(kappa, a, depth, faded, gone)
+    opposed = two_decays(kappa, a, depth, faded, gone)
     # The integrals at the top and at the bottom, times what both are divided by.
     thin = (lam * depth**2 < _THIN**2) & (a * depth < _THIN)
     bend = quotient(restoring, 1.0 + sech)[:, None]
     rate = quotient(-gone, jnp.where(thin, 1.0, tanh[:, None]))
-    top = jnp.where(slow, a - bend - sech[:, None] * rate, together - fade * apart)
-    bottom = jnp.where(slow, rate - bend - a * left, apart - fade * together)
+    top = jnp.where(slow, a - bend - sech[:, None] * rate, together - fade * opposed)
+    bottom = jnp.where(slow, rate - bend - a * transmitted, opposed - fade * together)
     divisor = jnp.where(thin, 1.0, jnp.where(slow, a * a - lam, -faded * (1.0 + fade)))
     shallow = jnp.where(thin, depth, 0.0)
     x = lam * shallow**2
@@ -118,17 +118,17 @@ def two_ports(
         faded = faded[:, 0]
         single = quotient(-(gone[:, 0] + gone[:, 1] + gone[:, 0] * gone[:, 1]), a + b)
         # The mode's answer to the view, zero at both faces, seen along the light.
-        seen = bottom[:, 1]
-        slow_again = top[:, 1] + left[:, 0] * seen - strength[:, 1] * single
+        lit_bottom = bottom[:, 1]
+        slow_again = top[:, 1] + transmitted[:, 0] * lit_bottom - strength[:, 1] * single
         # One choice for both, so that slopes are right at kappa = a too; of equals `maximum` would
         # take half of each.
         below = kappa < a
         beside = quotient(-(faded + gone[:, 1] + faded * gone[:, 1]), kappa + b)
         lesser = jnp.where(below, beside, single)
-        area = strength[:, 1] * (lesser - left[:, 1] * apart[:, 0])
+        area = strength[:, 1] * (lesser - transmitted[:, 1] * opposed[:, 0])
         area = quotient(area, jnp.where(below, a, kappa) + b)
         again = quotient(
-            jnp.where(slow, slow_again, area - apart[:, 0] * seen),
+            jnp.where(slow, slow_again, area - opposed[:, 0] * lit_bottom),
             jnp.where(slow, a * a - lam, a + kappa),
         )
         once = (albedo * survival[:, 0, 0]) * (survival[:, 1, 0] * single[:, 0])
@@ -157,15 +157,17 @@ class Fields(NamedTuple):
 
 def load_work(ports: Ports, fields: Fields) -> Array:
     """b . x of every layer, of each beam with the field of the other, (layers, beams, batch)."""
-    other = slice(None, None, -1) if ports.near.shape[1] == 2 else slice(1, 2)
-    return jnp.sum(ports.near * fields.near[:, other] + ports.far * fields.far[:, other], axis=-2)
+    partner = slice(None, None, -1) if ports.near.shape[1] == 2 else slice(1, 2)
+    return jnp.sum(
+        ports.near * fields.near[:, partner] + ports.far * fields.far[:, partner], axis=-2
+    )
 
 
 def stored_energy(ports: Ports, fields: Fields) -> Array:
     """x_F . K x_I of every layer, its far face's continuity included, (layers, batch)."""
     (y0, y1), (u0, u1), (f0, f1) = (jnp.moveaxis(field, 1, 0) for field in fields)
-    inside = ports.restoring * y0 * y1 - ports.tanh * f0 * f1 + ports.sech * (y0 * f1 + y1 * f0)
-    return jnp.sum(inside - f0 * u1 - f1 * u0, axis=-2)
+    energy = ports.restoring * y0 * y1 - ports.tanh * f0 * f1 + ports.sech * (y0 * f1 + y1 * f0)
+    return jnp.sum(energy - f0 * u1 - f1 * u0, axis=-2)
 
 
 def by_albedo(
@@ -183,8 +185,10 @@ def by_albedo(
 
     def work(q, lam, coupling, near, far):
         ports = two_ports(q, lam, coupling, thickness, beams, mirrored)
-        here = Fields(near, far, fields.flux)
-        return jnp.sum(load_work(ports, here), axis=1) - stored_energy(ports, here) + ports.direct
+        solved = Fields(near, far, fields.flux)
+        return (
+            jnp.sum(load_work(ports, solved), axis=1) - stored_energy(ports, solved) + ports.direct
+        )
 
     rows = product(
         jnp.concatenate([modes.coupling[:, None], fields.near, fields.far], axis=1), turning
@@ -209,7 +213,7 @@ def by_thickness(
     thickness: Array,
     fields: Fields,
 ) -> Array:
-    """What a thin slab of the layer's own medium adds at its far face, per thickness, (layers,
+    """Addition by a thin slab of the layer's own medium at its far face, per thickness, (layers,
     batch).
 
     The dimming of what lies below the slab is not in it.

@@ -41,19 +41,19 @@ class Ordinates:
             else resolve_known(request.tolerance, request.fixed_index, least)
         )
         nodes = resolution.cone + resolution.total
-        each = (request.layers + 3) * nodes**2 * request.itemsize
+        bytes_each = (request.layers + 3) * nodes**2 * request.itemsize
         memory = _SPECTRUM_CHUNK_BYTES if request.stacks <= _SPECTRUM else _CHUNK_BYTES
-        return resolution, max(_LEAST_CHUNK, request.stacks_within(memory, each))
+        return resolution, max(_LEAST_CHUNK, request.stacks_within(memory, bytes_each))
 
     def reflectance(self, stack: Stack, resolution: Resolution) -> Array:
         """Either reflectance of each stack, (batch,)."""
         return solver.reflectance(stack, resolution)
 
     def reflectance_and_gradient(
-        self, stack: Stack, resolution: Resolution, wanted: tuple[str, ...]
+        self, stack: Stack, resolution: Resolution, leaf_names: tuple[str, ...]
     ) -> tuple[Array, dict[str, Array]]:
         """Reflectance and its derivatives from the fields of light and view."""
-        return sensitivity.reflectance_and_gradient(stack, resolution, wanted)
+        return sensitivity.reflectance_and_gradient(stack, resolution, leaf_names)
 
     def split(self, stack: Stack, resolution: Resolution) -> Split:
         """Reflectance by what the light did last."""

@@ -85,10 +85,10 @@ def secular_offsets(albedo: Any, poles: Any, strengths: Any, *, xp: Any = jnp) -
         # One side: p + s/r; other side: P - S/(gap - q r), both matched in value and slope at r.
         s = strengths + q * q * xp.sum(xp.where(lower, slope, 0.0), axis=-3) * r * r
         p = q * xp.sum(xp.where(lower, ratio - (q * r)[..., None, :, :] * slope, 0.0), axis=-3)
-        rest = gap - q * r
+        distance = gap - q * r
         pull = xp.sum(xp.where(upper, slope, 0.0), axis=-3)
-        big_s = q * pull * rest * rest
-        big_p = q * xp.sum(xp.where(upper, ratio, 0.0), axis=-3) + q * pull * rest
+        big_s = q * pull * distance * distance
+        big_p = q * xp.sum(xp.where(upper, ratio, 0.0), axis=-3) + q * pull * distance
         c = 1.0 - p - big_p
         b = c * gap + s * q + big_s
         product = c * q * s * gap
@@ -125,7 +125,7 @@ def _table(key: bytes) -> _Table:
     while True:
         x = np.cos(np.pi * (np.arange(terms) + 0.5) / terms)
         pieces = []
-        rest = 0.0
+        remainder = 0.0
         for piece in range(_PIECES):
             q = (piece + 0.5 * (x + 1.0)) / _PIECES
             r = secular_offsets(q, poles, strengths, xp=np)
@@ -134,8 +134,10 @@ def _table(key: bytes) -> _Table:
             slowest = (poles[:1] - q * r[:1]) / (1.0 - q)
             values = np.concatenate([r, coupling, slowest]).T
             pieces.append(np.polynomial.chebyshev.chebfit(x, values, terms - 1).T)
-            rest = max(rest, np.max(np.abs(pieces[-1][:, -2:].T) / np.max(np.abs(values), axis=0)))
-        if rest < _TABLE_ACCURACY or terms >= 64:
+            remainder = max(
+                remainder, np.max(np.abs(pieces[-1][:, -2:].T) / np.max(np.abs(values), axis=0))
+            )
+        if remainder < _TABLE_ACCURACY or terms >= 64:
             return _Table(terms, np.concatenate(pieces))
         terms += 4
 
@@ -161,12 +163,12 @@ def _from_table(albedo: Array, table: _Table) -> Array:
     polynomials = _chebyshev(2.0 * (albedo * _PIECES - piece) - 1.0, table.terms)
     # One matrix product for all pieces: a product is not computed anew for each use, as fused
     # arithmetic would be.
-    each = table.coefficients.shape[0] // _PIECES
+    rows = table.coefficients.shape[0] // _PIECES
     coefficients = jnp.asarray(table.coefficients, albedo.dtype)
     values = jnp.tensordot(coefficients, polynomials, axes=1, precision="highest")
-    values = values.reshape(_PIECES, each, *albedo.shape)
-    here = jnp.stack([piece == number for number in range(_PIECES)]).astype(albedo.dtype)
-    return jnp.sum(values * here[:, None], axis=0)
+    values = values.reshape(_PIECES, rows, *albedo.shape)
+    in_piece = jnp.stack([piece == number for number in range(_PIECES)]).astype(albedo.dtype)
+    return jnp.sum(values * in_piece[:, None], axis=0)
 
 
 def _columns(albedo, z, poles, offsets, norms: Any = 1.0, *, xp: Any = jnp) -> Any:
@@ -237,12 +239,12 @@ def layer_modes(
     q = albedo[..., None, :]
     if isinstance(cosines, np.ndarray) and isinstance(weights, np.ndarray):
         n = cosines.size
-        found = _from_table(albedo, _table(np.stack([cosines, weights]).tobytes()))
-        r = jnp.moveaxis(found[:n], 0, -2)
-        coupling = jnp.moveaxis(found[n : 2 * n], 0, -2)
+        values = _from_table(albedo, _table(np.stack([cosines, weights]).tobytes()))
+        r = jnp.moveaxis(values[:n], 0, -2)
+        coupling = jnp.moveaxis(values[n : 2 * n], 0, -2)
         poles = (1.0 / cosines**2).astype(albedo.dtype)[:, None]
         z = (np.sqrt(weights) / cosines).astype(albedo.dtype)[:, None]
-        smallest = ((1.0 - albedo) * found[-1])[..., None, :]
+        smallest = ((1.0 - albedo) * values[-1])[..., None, :]
         eigenvalues = jnp.where((np.arange(n) == 0)[:, None], smallest, poles - q * r)
         vectors = _columns(albedo, z, poles, r, coupling[..., None, :, :])
         return Modes(eigenvalues, vectors, coupling)
@@ -264,7 +266,7 @@ def layer_modes(
 
 
 def turning(modes: Modes) -> Float[Array, "*layers n n batch"]:
-    """How the modes turn into each other as the albedo grows: d vectors/dq = vectors @ turning,
+    """Turning of the modes into each other as the albedo grows: d vectors/dq = vectors @ turning,
     (..., n, n, batch).
 
     First-order perturbation of diag(d) - q z z^T: antisymmetric, with d lambda_j/dq = -coupling_j^2
@@ -272,10 +274,10 @@ def turning(modes: Modes) -> Float[Array, "*layers n n batch"]:
     d coupling/dq = coupling @ turning.
     """
     lam = modes.decay_squared
-    apart = lam[..., None, :, :] - lam[..., :, None, :]
+    difference = lam[..., None, :, :] - lam[..., :, None, :]
     off_diagonal = _off_diagonal(lam.shape[-2])
     product = modes.coupling[..., :, None, :] * modes.coupling[..., None, :, :]
-    return jnp.where(off_diagonal, -product, 0.0) / jnp.where(off_diagonal, apart, 1.0)
+    return jnp.where(off_diagonal, -product, 0.0) / jnp.where(off_diagonal, difference, 1.0)
 
 
 def _decay_squared(albedo: Array, cosines: Array, weights: Array, eigenvalues: Array) -> Array:

@@ -57,11 +57,11 @@ def resolve_known(
         not quite of index one, of one split at the critical angle, which follows the rise of R
         between such angles.
     """
-    inside = max(float(cos_refracted(least_cosine, refractive_index)), LEAST_COSINE)
-    if inside < _GRAZING and refractive_index > 1:
+    cos_inside = max(float(cos_refracted(least_cosine, refractive_index)), LEAST_COSINE)
+    if cos_inside < _GRAZING and refractive_index > 1:
         return resolve(tolerance, 1.0, INDEX_RANGE[1], least_cosine)
     # Decades, so that few programs serve all angles.
-    grazing = 10.0 ** math.floor(math.log10(inside) + 1e-9) if inside < _SLANTED else None
+    grazing = 10.0 ** math.floor(math.log10(cos_inside) + 1e-9) if cos_inside < _SLANTED else None
     return _fewest(max(float(tolerance), _FINEST), float(refractive_index), grazing)
 
 
@@ -70,7 +70,7 @@ def _fewest(tolerance: float, index: float, grazing: float | None) -> Resolution
     # Some digits come with every two nodes; the search starts below where it can end.
     share = _SHARE_NEAR_ONE if index < NEAR_ONE else _SHARE_HIGH if index > _HIGH else _SHARE
     share *= 1.0 if grazing is None else _SHARE_SLANTED
-    wanted = share * tolerance
+    goal = share * tolerance
     # What a rule is judged by: sums that a far finer rule gives.
     exact = flux_sums(fine_half_range(index, 6.0))
     offsets = _CROWDING_OFFSETS
@@ -83,7 +83,7 @@ def _fewest(tolerance: float, index: float, grazing: float | None) -> Resolution
             between = np.max(np.abs(grazing_sums(rule, cosines) - exact_grazing))
             return max(flux_error(rule, exact), share / _SHARE_GRAZING * float(between))
 
-    for count in range(max(2, int(-1.2 * np.log10(wanted)) - 1), _MOST_NODES + 1):
+    for count in range(max(2, int(-1.2 * np.log10(goal)) - 1), _MOST_NODES + 1):
         # Nodes inside and outside of the cone, and how they crowd at grazing angles.
         usual = max(1.95 * np.sqrt(count) - 2.0, 0.6)
         if grazing is not None:
@@ -99,8 +99,8 @@ def _fewest(tolerance: float, index: float, grazing: float | None) -> Resolution
                 )
             )
         ]
-        worst, best = min(tried, default=(np.inf, None))
-        if best is not None and worst <= wanted:
+        least_error, best = min(tried, default=(np.inf, None))
+        if best is not None and least_error <= goal:
             return best
     raise ValueError(
         f"no directions found for a tolerance of {tolerance:g} at index {index:g}; ask for a "
@@ -129,9 +129,9 @@ def flux_error(rule: Directions, exact: Float[np.ndarray, "2 depths"]) -> float:
 def grazing_sums(
     rule: Directions, cosines: Float[np.ndarray, "m"]
 ) -> Float[np.ndarray, "m depths"]:
-    """What light that comes and leaves along a cosine m adds to the reflectance factor where it is
-    scattered twice: layers of no absorption and a range of optical depths t, the last one without
-    end. There is no surface where this is asked for.
+    """Addition of light that comes and leaves along a cosine m to the reflectance factor where it
+    is scattered twice: layers of no absorption and a range of optical depths t, the last one
+    without end. There is no surface where this is asked for.
 
     Light goes from one depth to another along the directions of the rule:
 
@@ -146,6 +146,6 @@ def grazing_sums(
     there_and_back = -0.5 * m * np.expm1(-2.0 * depths / m)
     between = -m * mu / (m + mu) * np.expm1(-depths * (1.0 / m + 1.0 / mu))
     # Where both are alike, both terms are: a hair beside it.
-    apart = np.where(np.abs(m - mu) < 1e-9 * m, 1e-9 * m, m - mu)
-    doubly = (there_and_back - between) / (m * apart)
+    difference = np.where(np.abs(m - mu) < 1e-9 * m, 1e-9 * m, m - mu)
+    doubly = (there_and_back - between) / (m * difference)
     return 0.25 * np.sum(weights * doubly, axis=1)

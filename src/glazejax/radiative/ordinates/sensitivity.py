@@ -22,14 +22,14 @@ from .solver import SolvedFields, System, assemble, order, solve, upright
 
 
 def reflectance_and_gradient(
-    stack: Stack, resolution: Resolution, wanted: tuple[str, ...]
+    stack: Stack, resolution: Resolution, leaf_names: tuple[str, ...]
 ) -> tuple[Array, dict[str, Array]]:
     """Reflectance and its derivative by the wanted leaves of each stack.
 
     Args:
         stack: batch of stacks.
         resolution: directions, static.
-        wanted: names of the leaves to differentiate by, static. What is not asked for is not
+        leaf_names: names of the leaves to differentiate by, static. What is not asked for is not
             computed.
 
     Returns:
@@ -38,13 +38,15 @@ def reflectance_and_gradient(
     system = assemble(stack, resolution)
     value, solution = solve(system, with_fields=True)
     assert solution is not None
-    gradient = gradient_of_layers(system, solution, stack.ground, wanted)
-    for name in [name for name in wanted if name not in gradient]:
+    gradient = gradient_of_layers(system, solution, stack.ground, leaf_names)
+    for name in [name for name in leaf_names if name not in gradient]:
 
         def stationary(leaf: Array, name: str = name) -> Array:
-            moved = stack._replace(**{name: leaf})
-            directions = half_range(_resolved_index(moved.refractive_index, resolution), resolution)
-            return _stationary(assemble(moved, directions), solution, system.modes.vectors)
+            shifted = stack._replace(**{name: leaf})
+            directions = half_range(
+                _resolved_index(shifted.refractive_index, resolution), resolution
+            )
+            return _stationary(assemble(shifted, directions), solution, system.modes.vectors)
 
         # One number a stack: a single forward derivative, a smaller program than a reverse one.
         leaf = getattr(stack, name)
@@ -58,7 +60,7 @@ def reflectance_and_gradient(
 
 
 def gradient_of_layers(
-    system: System, solution: SolvedFields, ground: Array, wanted: tuple[str, ...]
+    system: System, solution: SolvedFields, ground: Array, leaf_names: tuple[str, ...]
 ) -> dict[str, Array]:
     """Derivative of a solved system by those of albedo, optical_thickness and ground that are
     wanted.
@@ -67,7 +69,7 @@ def gradient_of_layers(
     """
     _, mirrored, back = order(system.thickness.shape[0])
     gradient = {}
-    if "albedo" in wanted:
+    if "albedo" in leaf_names:
         turn = turning(system.modes)
         slope = by_albedo(
             albedo=system.albedo,
@@ -79,9 +81,9 @@ def gradient_of_layers(
             fields=solution.fields,
         )
         gradient["albedo"] = (slope / system.divisor)[back].T
-    if "optical_thickness" in wanted:
+    if "optical_thickness" in leaf_names:
         gradient["optical_thickness"] = (_by_thickness(system, solution) / system.divisor).T
-    if "ground" in wanted:
+    if "ground" in leaf_names:
         by_factor = jnp.prod(
             _diffuse_on_ground(system, solution) + system.ends.ground_light, axis=0
         )
@@ -109,7 +111,8 @@ _ONSET = 2.0 * (1.0 / 2.0 + 1.0 / 12.0)
 
 
 def _onset(stack: Stack, system: System, solution: SolvedFields) -> Array:
-    """What the interface adds by the index as that leaves one, but for the factor C, (batch,).
+    """Addition by the interface, per unit of the index as that leaves one, but for the factor C,
+    (batch,).
 
     It then sends back what grazes it from inside, and nothing else to first order: cosines up to
     sqrt(n^2 - 1). All of that light comes from just below and ends there. So its share of R is the
@@ -126,8 +129,8 @@ def _onset(stack: Stack, system: System, solution: SolvedFields) -> Array:
     lit = _diffuse_on_ground(system, solution) + system.ends.ground_light
     from_ground = 0.5 * system.ends.ground_factor * lit
     light, view = jnp.where(jnp.any(filled, axis=1), from_layer, from_ground)
-    lost = 1.0 if stack.cos_viewing is None else 0.0
-    return _ONSET * light * (2.0 * view - lost)
+    escape = 1.0 if stack.cos_viewing is None else 0.0
+    return _ONSET * light * (2.0 * view - escape)
 
 
 def _diffuse_on_ground(system: System, solution: SolvedFields) -> Array:
@@ -152,10 +155,10 @@ def _by_thickness(system: System, solution: SolvedFields) -> Array:
     beams = decay.shape[0]
     works = jnp.sum(load_work(system.ports, solution.fields) * decay, axis=1)
     works += jnp.sum(decay, axis=0) * system.ports.direct
-    seen = _diffuse_on_ground(system, solution)
+    diffuse = _diffuse_on_ground(system, solution)
     light = system.ends.ground_light[:beams]
-    other = seen[::-1] if beams == 2 else seen[1:]
-    ground = jnp.sum(decay * light * other, axis=0)
+    partner = diffuse[::-1] if beams == 2 else diffuse[1:]
+    ground = jnp.sum(decay * light * partner, axis=0)
     ground += jnp.sum(decay, axis=0) * jnp.prod(system.ends.ground_light, axis=0)
     works = jnp.concatenate([works[back], (system.ends.ground_factor * ground)[None]])
     from_here_down = jnp.cumsum(works[::-1], axis=0)[::-1]
@@ -173,7 +176,7 @@ def _stationary(system: System, solution: SolvedFields, vectors: Array) -> Array
         for modes in (solution.fields.near, solution.fields.far)
     )
     fields = Fields(near, far, solution.fields.flux)
-    inside = (
+    energy = (
         jnp.sum(load_work(system.ports, fields), axis=1)
         - stored_energy(system.ports, fields)
         + system.ports.direct
@@ -181,12 +184,12 @@ def _stationary(system: System, solution: SolvedFields, vectors: Array) -> Array
     ends = system.ends
     top = solution.at_interface
     bottom = solution.at_ground
-    total = jnp.sum(inside, axis=0) + jnp.sum(ends.interface_load * top[::-1], axis=(0, 1))
+    total = jnp.sum(energy, axis=0) + jnp.sum(ends.interface_load * top[::-1], axis=(0, 1))
     total -= jnp.sum(
         ends.interface * top[0] * top[1] + ends.ground_diagonal * bottom[0] * bottom[1], axis=0
     )
-    seen = _diffuse_on_ground(system, solution) + ends.ground_light
-    return (total + ends.ground_factor * jnp.prod(seen, axis=0)) / system.divisor
+    on_ground = _diffuse_on_ground(system, solution) + ends.ground_light
+    return (total + ends.ground_factor * jnp.prod(on_ground, axis=0)) / system.divisor
 
 
 def split(stack: Stack, resolution: Resolution) -> Split:
@@ -211,7 +214,7 @@ def split(stack: Stack, resolution: Resolution) -> Split:
     up = 0.5 * ends.ground_factor * lit
     ground = up * jnp.sum(passing * jnp.exp(-depth[-1] / mu), axis=0) / system.divisor
     # What one scattering sends up, seen through the layers above it.
-    seen = jnp.exp(-depth[:-1] / mu) / mu * decay_integral(beams.decay[0] + 1.0 / mu, thickness)
+    visible = jnp.exp(-depth[:-1] / mu) / mu * decay_integral(beams.decay[0] + 1.0 / mu, thickness)
     source = 0.5 * system.albedo[top_down] * beams.survival[0][top_down]
-    single = jnp.sum(source[:, None] * seen * passing, axis=(0, 1)) / system.divisor
+    single = jnp.sum(source[:, None] * visible * passing, axis=(0, 1)) / system.divisor
     return Split(ground, single, value - ground - single)

@@ -132,8 +132,8 @@ def assemble(stack: Stack, resolution: Resolution | Directions) -> System:
         divisor = 1.0 / (beams.transmittance[0] * beams.decay[0])
     else:
         interface_load = jnp.zeros((2, root.shape[0], thickness.shape[1]), root.dtype)
-        both = beams.transmittance * beams.decay
-        divisor = 4.0 * n**2 / (both[0] * both[1])
+        attenuation = beams.transmittance * beams.decay
+        divisor = 4.0 * n**2 / (attenuation[0] * attenuation[1])
     # A Lambertian ground couples all directions by one vector.
     ground_factor = 4.0 * stack.ground / (1.0 + stack.ground)
     ends = Ends(
@@ -164,8 +164,8 @@ def upright(directions: Directions, dtype: Any) -> tuple[Array, Array, Array]:
 
 
 def _beams(stack: Stack, layers: np.ndarray) -> Beams:
-    given = [c for c in (stack.cos_incidence, stack.cos_viewing) if c is not None]
-    cosines = jnp.stack(given)
+    cosines_air = [c for c in (stack.cos_incidence, stack.cos_viewing) if c is not None]
+    cosines = jnp.stack(cosines_air)
     decay = 1.0 / cos_refracted(cosines, stack.refractive_index)
     depth = jnp.cumsum(stack.optical_thickness.T, axis=0)
     tops = jnp.concatenate([jnp.zeros_like(depth[:1]), depth[:-1]])[layers]
@@ -195,7 +195,7 @@ class _Layer(NamedTuple):
 
 
 class _Memory(NamedTuple):
-    """What the way back needs of an eliminated layer."""
+    """Memory of an eliminated layer for the way back."""
 
     inverse: Array  # (I + D r z r)^-1, z the half's impedance in modes
     admittance: Array  # inverse (r z r)
@@ -229,12 +229,12 @@ def _outermost(ends: Ends, layer: _Layer) -> tuple[Array, Array]:
     shape = layer.scale.shape[1:]
     halves = layer.scale.shape[0]
     diagonals = [ends.ground_diagonal, ends.interface]
-    known = jnp.stack([jnp.broadcast_to(d, shape) for d in diagonals[:halves]])
-    seen = jnp.sum(vectors[0] * ends.ground_vector[:, None], axis=-3)
-    ground = ends.ground_factor * seen
-    impedance = product(transpose(vectors), known[..., :, None, :] * vectors)
+    impedances = jnp.stack([jnp.broadcast_to(d, shape) for d in diagonals[:halves]])
+    projected = jnp.sum(vectors[0] * ends.ground_vector[:, None], axis=-3)
+    ground = ends.ground_factor * projected
+    impedance = product(transpose(vectors), impedances[..., :, None, :] * vectors)
     from_ground = ends.ground_light[:, None] * ground
-    coupled = ground[:, None] * seen
+    coupled = ground[:, None] * projected
     if halves == 1:
         return impedance - coupled, from_ground[None]
     rough = jnp.zeros_like(coupled)
@@ -362,23 +362,23 @@ def solve(system: System, *, with_fields: bool) -> tuple[Array, SolvedFields | N
     if not with_fields:
         return reflectance, None
     # The way back: from the middle outwards, each step recovers the fields that it eliminated.
-    parts = []
+    recovered = []
     faces = jnp.stack([sigma, sigma]) if pairs else sigma[None]
     if middle is not None:
         below, fields = _recover(sigma[None], *middle)
         faces = jnp.concatenate([below, sigma[None]])
-        parts.append(fields)
+        recovered.append(fields)
     if inner is not None:
 
-        def back(faces: Array, here: tuple[_Layer, _Memory]) -> tuple[Array, Fields]:
-            return _recover(faces, *here)
+        def back(faces: Array, eliminated: tuple[_Layer, _Memory]) -> tuple[Array, Fields]:
+            return _recover(faces, *eliminated)
 
         faces, fields = jax.lax.scan(
             back, faces, inner, reverse=True, unroll=pairs - 1 <= _UNROLLED
         )
-        parts.append(jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), fields))
+        recovered.append(jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), fields))
     faces, fields = _recover(faces, first, first_memory)
-    fields = jax.tree.map(lambda *x: jnp.concatenate(x), fields, *parts[::-1])
+    fields = jax.tree.map(lambda *x: jnp.concatenate(x), fields, *recovered[::-1])
     return reflectance, SolvedFields(fields, faces[1] if pairs else sigma, faces[0])
 
 

@@ -1,4 +1,4 @@
-"""What a scene does not need is left out, with bounds: `plan_stacks` decides once, `Plan`
+"""Omission, with bounds, of what a scene does not need: `plan_stacks` decides once, `Plan`
 computes.
 """
 

@@ -63,7 +63,7 @@ def hidden_below(
     viewing: End,
     tolerance: float,
 ) -> tuple[Int[np.ndarray, "stacks"], Bool[np.ndarray, "stacks"]]:
-    """How many layers of each stack can be seen.
+    """Number of layers of each stack that can be seen.
 
     Args:
         albedo, optical_thickness: layers top first, (stacks, layers); albedo 0 in empty ones.
@@ -78,7 +78,7 @@ def hidden_below(
     """
     layers = albedo.shape[1]
     filled = np.max(np.arange(1, layers + 1) * (optical_thickness > 0), axis=1, initial=0)
-    seen = filled.copy()
+    visible = filled.copy()
     hidden = ground == 0
     depth = np.cumsum(optical_thickness, axis=1)
     rows = np.arange(albedo.shape[0])
@@ -104,34 +104,38 @@ def hidden_below(
             End(*(leaf[try_rows] for leaf in viewing)),
         )
         done = try_rows[(below == 0) | (bound <= tolerance / np.where(below > 0, below, 1.0))]
-        seen[done] = m
+        visible[done] = m
         hidden[done] = True
         rows = np.setdiff1d(rows, done, assume_unique=True)
-    return seen, hidden
+    return visible, hidden
 
 
 def _straight(depth: np.ndarray, incidence: End, viewing: End, rows: np.ndarray) -> np.ndarray:
     """pi p_I p_F c for beams that reach a depth unscattered."""
-    one = End(*(leaf[rows] for leaf in incidence))
-    two = End(*(leaf[rows] for leaf in viewing))
-    return _product(one, two, depth)
+    lit = End(*(leaf[rows] for leaf in incidence))
+    viewed = End(*(leaf[rows] for leaf in viewing))
+    return _product(lit, viewed, depth)
 
 
-def _product(one: End, two: End, depth: np.ndarray) -> np.ndarray:
-    arriving = one.flux * two.flux * np.exp(-depth / one.cosine - depth / two.cosine)
+def _product(incidence: End, viewing: End, depth: np.ndarray) -> np.ndarray:
+    arriving = (
+        incidence.flux * viewing.flux * np.exp(-depth / incidence.cosine - depth / viewing.cosine)
+    )
     # Of all viewing directions together the cosine is not known, but that of the beam is.
-    known = np.where(two.cosine == 1.0, one.cosine, np.maximum(one.cosine, two.cosine))
-    return 2.0 * arriving / known
+    cosine = np.where(
+        viewing.cosine == 1.0, incidence.cosine, np.maximum(incidence.cosine, viewing.cosine)
+    )
+    return 2.0 * arriving / cosine
 
 
 def hidden_change(
     albedo: Float[np.ndarray, "stacks layers"],
     thickness: Float[np.ndarray, "stacks layers"],
     index: Float[np.ndarray, "stacks"],
-    one: End,
-    two: End,
+    incidence: End,
+    viewing: End,
 ) -> Float[np.ndarray, "stacks"]:
-    """How much anything below the layers given can add to what they reflect over black, at most;
+    """Upper bound on what anything below the given layers adds to what they reflect over black;
     (stacks,).
 
     It adds the light that passes the layers twice: at most
@@ -148,7 +152,7 @@ def hidden_change(
     depth = thickness.sum(axis=1)
     brightest = albedo.max(axis=1)
     from_below = 1.0 - _return(albedo, thickness)
-    straight = _product(one, two, depth)
+    straight = _product(incidence, viewing, depth)
     best = np.full(depth.shape, np.inf)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         for share in _TRIALS:
@@ -160,9 +164,9 @@ def hidden_change(
             spread = np.where(
                 last > 1e-3, (-np.log1p(-last) - last) / np.maximum(last, 1e-3) ** 2, 0.501
             )
-            radiance = [end.source * arriving / (1.0 - last) for end in (one, two)]
-            flux = two.source * arriving * 2.0 * np.pi * spread
-            straight_flux = [end.flux * np.exp(-depth / end.cosine) for end in (one, two)]
+            radiance = [end.source * arriving / (1.0 - last) for end in (incidence, viewing)]
+            flux = viewing.source * arriving * 2.0 * np.pi * spread
+            straight_flux = [end.flux * np.exp(-depth / end.cosine) for end in (incidence, viewing)]
             scattered = (flux + straight_flux[1]) * radiance[0] + straight_flux[0] * radiance[1]
             bound = (np.pi * scattered + straight) / (index**2 * from_below)
             best = np.fmin(
@@ -216,8 +220,8 @@ def scattered_beyond_first(
     with np.errstate(divide="ignore"):
         again = np.where(brightest > 0, brightest / (1.0 - brightest), 0.0) * (g_one + b_one)
     with np.errstate(invalid="ignore"):
-        rest = np.where(brightest > 0, again * (g_two * by_beam[1] + b_two * by_ground), 0.0)
+        repeated = np.where(brightest > 0, again * (g_two * by_beam[1] + b_two * by_ground), 0.0)
     crossed = g_one * b_two * np.minimum(by_beam[0], by_ground) + g_two * b_one * np.minimum(
         by_beam[1], by_ground
     )
-    return 4.0 * np.pi**2 / refractive_index**2 * (rest + crossed + b_one * b_two * by_ground)
+    return 4.0 * np.pi**2 / refractive_index**2 * (repeated + crossed + b_one * b_two * by_ground)

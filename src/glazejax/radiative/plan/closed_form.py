@@ -39,11 +39,11 @@ def end(
     """
     if cosine_air is None:
         # Integrals over 2 mu dmu in air; the cosine inside is never the smaller one.
-        one = np.ones(np.shape(refractive_index))
-        return End(one, one, one / (2.0 * np.pi))
-    inside = np.asarray(cos_refracted(cosine_air, refractive_index))
+        ones = np.ones(np.shape(refractive_index))
+        return End(ones, ones, ones / (2.0 * np.pi))
+    cosine = np.asarray(cos_refracted(cosine_air, refractive_index))
     flux = 1.0 - np.asarray(dielectric_reflectance(cosine_air, refractive_index))
-    return End(inside, flux, flux / (4.0 * np.pi * inside))
+    return End(cosine, flux, flux / (4.0 * np.pi * cosine))
 
 
 @functools.lru_cache(maxsize=32)

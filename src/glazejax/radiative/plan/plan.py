@@ -1,5 +1,5 @@
-"""What a set of stacks does not need is not computed: decided once, on known numbers, before
-anything compiled runs.
+"""Omission of what a set of stacks does not need: decided once, on known numbers, before anything
+compiled runs.
 
 A plan knows arrays only. It drops empty layers, merges equal neighbours, cuts what lies below an
 opaque layer, finds equal stacks and pairs of exchanged directions, takes the closed form where
@@ -60,7 +60,7 @@ ALL = Savings()
 
 
 class Report(NamedTuple):
-    """How many stacks and layers a plan leaves out, and why."""
+    """Numbers of stacks and layers that a plan leaves out, and why."""
 
     stacks: int
     """Entries of the full result."""
@@ -152,11 +152,11 @@ class Plan:
         return stack_reflectance_factor(*arrays, **common, cos_viewing=rows.cos_viewing)
 
     def report(self) -> Report:
-        """What is left out, in numbers."""
+        """Numbers of what is left out."""
         return self._report
 
     def describe(self) -> str:
-        """What is left out, in words."""
+        """Describe what is left out."""
         r = self._report
         groups = ", ".join(
             f"{stacks} of {layers} layer{'s' * (layers > 1)}" for layers, stacks in r.groups
@@ -173,7 +173,7 @@ class Plan:
             ),
             (True, f"{r.solved} are solved" + (f": {groups}" if groups else "")),
         ]
-        return "; ".join([f"{r.stacks} stacks", *(words for count, words in lines if count)])
+        return "; ".join([f"{r.stacks} stacks", *(line for count, line in lines if count)])
 
 
 def plan_stacks(
@@ -229,11 +229,11 @@ def plan_stacks(
         cos_incidence,
         cos_viewing,
     )
-    known = {
+    arguments_by_name = {
         n: _check_known(n, v) for n, v in zip(_ARGUMENTS, arguments, strict=True) if v is not None
     }
-    given = batch_of_stacks(known, xp=np, dtype=float)
-    shape = given.batch
+    checked = batch_of_stacks(arguments_by_name, xp=np, dtype=float)
+    shape = checked.batch
     size = int(np.prod(shape))
     ask = (
         np.ones(size, bool)
@@ -243,7 +243,7 @@ def plan_stacks(
     # Entries that nobody asked for, and those of bands that cannot move the sums.
     compute = ask if savings.unwanted else np.ones(size, bool)
     due = int(compute.sum())
-    kept = None
+    bands = None
     if band_weights is not None:
         weights = _check_known("band_weights", band_weights)
         if weights.ndim != 2 or weights.shape[:1] != shape[-1:]:
@@ -256,10 +256,10 @@ def plan_stacks(
         # fill it in.
         if savings.bands and size and np.array_equal(by_stack.all(axis=-1), by_stack.any(axis=-1)):
             # Bands have half of the tolerance; what hides and multiple scattering a quarter each.
-            kept = _needed_bands(weights, tolerance * 0.5, given.arrays)
-            compute = compute & np.broadcast_to(kept, shape).reshape(-1)
+            bands = _needed_bands(weights, tolerance * 0.5, checked.arrays)
+            compute = compute & np.broadcast_to(bands, shape).reshape(-1)
     computed = np.flatnonzero(compute)
-    rows = _flat(given, computed)
+    rows = _flat(checked, computed)
     # The smaller cosine first, so that exchanged directions are equal stacks.
     if savings.reciprocity and rows.cos_viewing is not None:
         low = np.minimum(rows.cos_incidence, rows.cos_viewing)
@@ -306,7 +306,7 @@ def plan_stacks(
         _inverse=inverse,
         _computed=computed,
         _discarded=discarded,
-        _kept_bands=kept,
+        _kept_bands=bands,
         _shape=shape,
         _tolerance=tolerance,
         _report=report,
@@ -332,9 +332,9 @@ def _check_known(name: str, value: Any, dtype: type = float) -> np.ndarray:
     return np.asarray(value, dtype)
 
 
-def _flat(given: BatchOfStacks, computed: np.ndarray) -> Rows:
+def _flat(checked: BatchOfStacks, computed: np.ndarray) -> Rows:
     """The entries to compute, one row each."""
-    flat = {name: array[computed] for name, array in given.flat().items()}
+    flat = {name: array[computed] for name, array in checked.flat().items()}
     # The albedo of an absent layer says nothing; zeros make such stacks equal.
     albedo = np.where(flat["optical_thickness"] > 0, flat.pop("albedo"), 0.0)
     thickness, ground, index, incidence, *viewing = flat.values()
@@ -371,12 +371,16 @@ def _ceiling(index: float, cos_incidence: float, cos_viewing: float | None) -> f
 
 
 def _needed_bands(
-    weights: np.ndarray, tolerance: float, given: dict[str, np.ndarray]
+    weights: np.ndarray, tolerance: float, arrays: dict[str, np.ndarray]
 ) -> Bool[np.ndarray, "bands"]:
     """Bands without which a channel could be off by more than the tolerance, relative to its
     perfect white.
     """
-    directions = (given["refractive_index"], given["cos_incidence"], given.get("cos_viewing", 1.0))
+    directions = (
+        arrays["refractive_index"],
+        arrays["cos_incidence"],
+        arrays.get("cos_viewing", 1.0),
+    )
     rows = np.stack([np.ravel(a) for a in np.broadcast_arrays(*directions)], axis=1)
     geometries = np.unique(rows, axis=0)
     keep = np.ones(weights.shape[0], bool)
@@ -384,7 +388,7 @@ def _needed_bands(
     if len(geometries) > 32:
         return keep
     ceiling = max(
-        _ceiling(n, i, v if "cos_viewing" in given else None) for n, i, v in geometries.tolist()
+        _ceiling(n, i, v if "cos_viewing" in arrays else None) for n, i, v in geometries.tolist()
     )
     magnitude = np.abs(weights)
     total = magnitude.sum(axis=0)
@@ -397,16 +401,16 @@ def _needed_bands(
     return keep
 
 
-def _fill_bands(values: np.ndarray, kept: np.ndarray) -> np.ndarray:
+def _fill_bands(values: np.ndarray, computed: np.ndarray) -> np.ndarray:
     """Bands left out, from the two nearest that were not, by their number."""
-    known = np.flatnonzero(kept)
-    right = np.clip(np.searchsorted(known, np.arange(kept.size)), 0, known.size - 1)
-    left = np.where(kept, right, np.clip(right - 1, 0, None))
-    a = known[left]
-    b = known[right]
-    part = np.clip((np.arange(kept.size) - a) / np.maximum(b - a, 1), 0.0, 1.0)
-    out = values[..., a] * (1.0 - part) + values[..., b] * part
-    out[..., kept] = values[..., kept]
+    numbers = np.flatnonzero(computed)
+    upper = np.clip(np.searchsorted(numbers, np.arange(computed.size)), 0, numbers.size - 1)
+    lower = np.where(computed, upper, np.clip(upper - 1, 0, None))
+    a = numbers[lower]
+    b = numbers[upper]
+    share = np.clip((np.arange(computed.size) - a) / np.maximum(b - a, 1), 0.0, 1.0)
+    out = values[..., a] * (1.0 - share) + values[..., b] * share
+    out[..., computed] = values[..., computed]
     return out
 
 

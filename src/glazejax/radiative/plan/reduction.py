@@ -95,11 +95,11 @@ def simplify(rows: Rows) -> Rows:
     at = np.full(rows.count, -1)
     last = np.full(rows.count, np.nan)
     for q, depth in zip(rows.albedo.T, rows.optical_thickness.T, strict=True):
-        here = np.flatnonzero(depth > 0)
-        at[here] += q[here] != last[here]
-        last[here] = q[here]
-        albedo[here, at[here]] = q[here]
-        thickness[here, at[here]] += depth[here]
+        rows_present = np.flatnonzero(depth > 0)
+        at[rows_present] += q[rows_present] != last[rows_present]
+        last[rows_present] = q[rows_present]
+        albedo[rows_present, at[rows_present]] = q[rows_present]
+        thickness[rows_present, at[rows_present]] += depth[rows_present]
     deepest = max(1, int(at.max(initial=0)) + 1)
     return replace(rows, albedo=albedo[:, :deepest], optical_thickness=thickness[:, :deepest])
 
@@ -112,43 +112,43 @@ def count_filled(rows: Rows) -> Int[np.ndarray, "stacks"]:
 
 def cut_below_opaque(rows: Rows, tolerance: float) -> tuple[Rows, Bool[np.ndarray, "stacks"]]:
     """Nothing below what is opaque, and black instead of a ground that is not seen; whether so."""
-    seen, hidden = hidden_below(*rows.media(), *rows.ends(), tolerance)
-    follow = np.arange(rows.albedo.shape[1]) < seen[:, None]
-    kept = replace(
+    visible, hidden = hidden_below(*rows.media(), *rows.ends(), tolerance)
+    follow = np.arange(rows.albedo.shape[1]) < visible[:, None]
+    cut = replace(
         rows,
         albedo=np.where(follow, rows.albedo, 0.0),
         optical_thickness=np.where(follow, rows.optical_thickness, 0.0),
         ground=np.where(hidden, 0.0, rows.ground),
     )
-    return kept, hidden & (rows.ground > 0)
+    return cut, hidden & (rows.ground > 0)
 
 
 def pieces(members: Int[np.ndarray, "members"]) -> list[Int[np.ndarray, "_"]]:
-    """As many at a time as the closed form's quadrature should hold."""
+    """Pieces as large as the closed form's quadrature should hold."""
     size = 16384
     return [members[i : i + size] for i in range(0, members.size, size)]
 
 
 def by_closed_form(rows: Rows) -> closed_form.FirstOrder:
     """Closed form, index by index."""
-    value, one, two = np.empty((3, rows.count))
+    value, by_light, by_view = np.empty((3, rows.count))
     for index in np.unique(rows.refractive_index):
-        here = np.flatnonzero(rows.refractive_index == index)
-        part = rows.take(here)
-        media = (part.albedo, part.optical_thickness, part.ground, float(index))
-        found = closed_form.without_multiple_scattering(
-            *media, part.cos_incidence, part.cos_viewing
+        numbers = np.flatnonzero(rows.refractive_index == index)
+        chosen = rows.take(numbers)
+        media = (chosen.albedo, chosen.optical_thickness, chosen.ground, float(index))
+        first_order = closed_form.without_multiple_scattering(
+            *media, chosen.cos_incidence, chosen.cos_viewing
         )
-        value[here], (one[here], two[here]) = found
-    return closed_form.FirstOrder(value, (one, two))
+        value[numbers], (by_light[numbers], by_view[numbers]) = first_order
+    return closed_form.FirstOrder(value, (by_light, by_view))
 
 
 def closes(rows: Rows, tolerance: float) -> Bool[np.ndarray, "stacks"]:
-    """Where the closed form leaves out no more than the tolerance."""
+    """Mask of stacks of which the closed form leaves out no more than the tolerance."""
 
-    def bound(part: Rows, lit: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+    def bound(chosen: Rows, lit: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
         return scattered_beyond_first(
-            part.albedo, part.optical_thickness, lit, part.refractive_index, *part.ends()
+            chosen.albedo, chosen.optical_thickness, lit, chosen.refractive_index, *chosen.ends()
         )
 
     # Without the ground's part the bound is cheap, and only smaller: few stacks are looked at
@@ -158,6 +158,6 @@ def closes(rows: Rows, tolerance: float) -> Bool[np.ndarray, "stacks"]:
     if np.unique(rows.refractive_index[fits]).size > 32:
         return np.zeros(rows.count, bool)
     for piece in pieces(np.flatnonzero(fits)):
-        part = rows.take(piece)
-        fits[piece] = bound(part, by_closed_form(part).ground_radiosity) <= tolerance
+        chosen = rows.take(piece)
+        fits[piece] = bound(chosen, by_closed_form(chosen).ground_radiosity) <= tolerance
     return fits

@@ -22,7 +22,7 @@ LEAST_SPLIT = 0.2
 
 
 class Size(NamedTuple):
-    """How many nodes; static."""
+    """Numbers of nodes; static."""
 
     upper: int
     lower: int
@@ -52,10 +52,10 @@ class Basis(NamedTuple):
         high = xp.clip((cosines - self.split) / (1.0 - self.split), 0.0, 1.0)
         scale = np.expm1(self.size.crowding)
         low = xp.log1p(xp.clip(cosines / self.split, 0.0, 1.0) * scale) / self.size.crowding
-        parts = (lagrange(high, self.size.upper), lagrange(low, self.size.lower))
+        polynomials = (lagrange(high, self.size.upper), lagrange(low, self.size.lower))
         masks = (upper[..., None], ~upper[..., None])
         return xp.concatenate(
-            [xp.where(m, p, 0.0) for m, p in zip(masks, parts, strict=True)], axis=-1
+            [xp.where(m, p, 0.0) for m, p in zip(masks, polynomials, strict=True)], axis=-1
         )
 
 

@@ -34,7 +34,7 @@ _CHUNK_NUMBERS = 2**15
 
 
 class Surface(NamedTuple):
-    """Which surface, and how finely it is resolved; static."""
+    """Surface, and how finely it is resolved; static."""
 
     refractive_index: float
     roughness: float
@@ -66,12 +66,12 @@ class _Fixed(NamedTuple):
 
 @functools.lru_cache(maxsize=64)
 def _solver_of_surface(surface: Surface) -> _Fixed:
-    made = surface.operators()
-    mu = made.basis.cosines
-    weights = made.basis.weights
+    rough_operators = surface.operators()
+    mu = rough_operators.basis.cosines
+    weights = rough_operators.basis.weights
     flux = np.sqrt(2.0 * weights * mu)
     root = np.sqrt(mu)
-    back = made.back / (flux[:, None] * flux)
+    back = rough_operators.back / (flux[:, None] * flux)
     inverse = np.linalg.inv(np.eye(mu.size) + back)
     inverse = 0.5 * (inverse + inverse.T)
     impedance = (2.0 * inverse - np.eye(mu.size)) / (root[:, None] * root)
@@ -91,29 +91,29 @@ def _reflectance(lit: Lit, surface: Surface) -> Array:
     return _in_chunks(lit, surface, None)
 
 
-def _in_chunks(lit: Lit, surface: Surface, wanted: tuple[str, ...] | None) -> Any:
+def _in_chunks(lit: Lit, surface: Surface, leaf_names: tuple[str, ...] | None) -> Any:
     layers = lit.albedo.shape[1]
     nodes = surface.size.upper + surface.size.lower
     return in_chunks(
-        lambda batch: _solve(batch, surface, wanted),
+        lambda batch: _solve(batch, surface, leaf_names),
         lit,
         max(1, _CHUNK_NUMBERS // (nodes**2 * layers)),
     )
 
 
-def _solve(lit: Lit, surface: Surface, wanted: tuple[str, ...] | None) -> Any:
+def _solve(lit: Lit, surface: Surface, leaf_names: tuple[str, ...] | None) -> Any:
     """Value, and on request the gradient by what is wanted."""
     fixed = _solver_of_surface(surface)
     direct, admits = (jnp.asarray(a, lit.albedo.dtype) for a in (fixed.direct, fixed.admits))
     system = _assemble(lit, surface, fixed)
     first = lit.enters[:, 0]
     second = lit.enters[:, 1]
-    value, solution = solve(system, with_fields=wanted is not None)
+    value, solution = solve(system, with_fields=leaf_names is not None)
     value -= jnp.sum(jnp.matmul(first, direct, precision="highest") * second, axis=-1)
-    if wanted is None:
+    if leaf_names is None:
         return value
     assert solution is not None
-    return value, _gradient(lit, system, solution, admits, direct, wanted)
+    return value, _gradient(lit, system, solution, admits, direct, leaf_names)
 
 
 def _assemble(lit: Lit, surface: Surface, fixed: _Fixed) -> System:
@@ -161,18 +161,18 @@ def _gradient(
     solution: SolvedFields,
     admits: Array,
     direct: Array,
-    wanted: tuple[str, ...],
+    leaf_names: tuple[str, ...],
 ) -> dict[str, Array]:
     gradient = gradient_of_layers(
-        system, solution, lit.ground, tuple(n for n in wanted if n == "ground")
+        system, solution, lit.ground, tuple(n for n in leaf_names if n == "ground")
     )
     # Light that starts on the ground does not come from above: no layer dims it as it does a beam.
     unlit = system._replace(
         ends=system.ends._replace(ground_light=jnp.zeros_like(system.ends.ground_light))
     )
-    of_layers = tuple(n for n in wanted if n in ("albedo", "optical_thickness"))
+    of_layers = tuple(n for n in leaf_names if n in ("albedo", "optical_thickness"))
     gradient |= gradient_of_layers(unlit, solution, lit.ground, of_layers)
-    if "enters" in wanted:
+    if "enters" in leaf_names:
         answer = jnp.matmul(
             jnp.moveaxis(solution.at_interface, -1, 0), admits.T, precision="highest"
         )

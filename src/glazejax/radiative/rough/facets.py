@@ -1,4 +1,5 @@
-r"""What single facets of a rough surface do to a beam, by quadrature over the facets that it sees.
+r"""Reflection and refraction of a beam by single facets of a rough surface, by quadrature over the
+facets that it sees.
 
 GGX facets of roughness a, with Smith's separable masking (B. Walter, S. Marschner, H. Li, K.
 Torrance, EGSR 2007). Seen from a direction i, facets are distributed as the normals of an ellipsoid
@@ -25,7 +26,7 @@ Events = Float[np.ndarray, "beams facets"]
 
 
 class Scattered(NamedTuple):
-    """What a beam becomes at single facets: cosines and shares of its flux, (beams, facets).
+    """Beams scattered at single facets: cosines and shares of its flux, (beams, facets).
 
     A direction on the wrong side of the surface has a share of zero, and a cosine below it.
     """
@@ -47,7 +48,7 @@ def masking(cosine: np.ndarray, roughness: float) -> np.ndarray:
 
 
 def scatter(
-    cosine: Cosines, roughness: float, index: float, nodes: tuple[int, int], *, inside: bool
+    cosine: Cosines, roughness: float, index: float, nodes: tuple[int, int], *, from_paint: bool
 ) -> Scattered:
     """Beams at the facets they see.
 
@@ -56,16 +57,16 @@ def scatter(
         roughness: alpha of GGX, > 0.
         index: n of the paint.
         nodes: of the quadrature in psi and in omega, on each piece between bends.
-        inside: whether the beams come from inside the paint.
+        from_paint: whether the beams come from inside the paint.
     """
-    critical = float(np.sqrt((index - 1.0) * (index + 1.0)) / index) if inside else None
+    critical = float(np.sqrt((index - 1.0) * (index + 1.0)) / index) if from_paint else None
     m_along, m_up, share = visible_facets(cosine, roughness, nodes, critical)
     c = cosine[:, None]
     met = np.clip(np.sqrt((1.0 - c) * (1.0 + c)) * m_along + c * m_up, 0.0, 1.0)
-    relative = 1.0 / index if inside else index
+    relative = 1.0 / index if from_paint else index
     beyond = np.sqrt(np.maximum(1.0 - (1.0 - met) * (1.0 + met) / relative**2, 0.0))
     # Fresnel's reflectance is that from air at the cosine in air; total where there is none.
-    reflectance = np.asarray(dielectric_reflectance(beyond if inside else met, index))
+    reflectance = np.asarray(dielectric_reflectance(beyond if from_paint else met, index))
     reflected = 2.0 * met * m_up - c
     refracted = (c - met * m_up) / relative + beyond * m_up
     return Scattered(
@@ -130,7 +131,7 @@ def visible_facets(
 
 
 def _last_psi(p: np.ndarray, q: np.ndarray, t: np.ndarray, u: np.ndarray) -> np.ndarray:
-    """Where a line turns back: beyond this psi there is none."""
+    """Point where a line turns back: beyond this psi there is none."""
     square = u / np.maximum(np.hypot(p, q) - t, 1e-300)
     return np.arccos(np.sqrt(np.clip(square, 0.0, 1.0)))
 
@@ -143,8 +144,8 @@ def _crossings(
     height = (t + u / np.maximum(np.cos(psi) ** 2, 1e-300)) / size
     turn = np.arccos(np.clip(height, -1.0, 1.0))
     middle = np.arctan2(q, p)
-    found = [np.mod(0.5 * (middle + sign * turn), np.pi) for sign in (-1.0, 1.0)]
-    return [np.where(np.abs(height) < 1.0, np.maximum(omega, least), least) for omega in found]
+    crossings = [np.mod(0.5 * (middle + sign * turn), np.pi) for sign in (-1.0, 1.0)]
+    return [np.where(np.abs(height) < 1.0, np.maximum(omega, least), least) for omega in crossings]
 
 
 def _divided_rule(

@@ -96,20 +96,20 @@ def _albedos(mus: tuple[float, ...], alpha: float, index: float | None) -> np.nd
     met = np.clip(np.sqrt((1.0 - mu) * (1.0 + mu)) * along + mu * up, 1e-9, 1.0)
     # Cosine of where each facet sends the light; below the horizon it is lost.
     out = np.maximum(2.0 * met * up - mu, 0.0)
-    seen = share * 4.0 * mu * out * _both_seen(out, mu, alpha) / masking(mu, alpha)
+    reflected = share * 4.0 * mu * out * _both_seen(out, mu, alpha) / masking(mu, alpha)
     if index is not None:
         fresnel = np.asarray(dielectric_reflectance(met, index))
-        seen = seen * fresnel * _again(fresnel, _albedos(mus, alpha, None)[:, None])
-    return seen.sum(axis=1)
+        reflected = reflected * fresnel * _again(fresnel, _albedos(mus, alpha, None)[:, None])
+    return reflected.sum(axis=1)
 
 
-def _again(fresnel: Any, kept: Any) -> Any:
+def _again(fresnel: Any, albedo: Any) -> Any:
     """Turquin's factor for what facets reflect to one another."""
-    return 1.0 + fresnel * (1.0 - kept) / kept
+    return 1.0 + fresnel * (1.0 - albedo) / albedo
 
 
 def _both_seen(mu_in: Any, mu_out: Any, alpha: float) -> Any:
     """Smith's G2 for correlated heights, over 4 mu_in mu_out."""
-    one = mu_out * np.sqrt(alpha**2 + (1.0 - alpha**2) * np.square(mu_in))
-    other = mu_in * np.sqrt(alpha**2 + (1.0 - alpha**2) * np.square(mu_out))
-    return 0.5 / (one + other)
+    in_term = mu_out * np.sqrt(alpha**2 + (1.0 - alpha**2) * np.square(mu_in))
+    out_term = mu_in * np.sqrt(alpha**2 + (1.0 - alpha**2) * np.square(mu_out))
+    return 0.5 / (in_term + out_term)

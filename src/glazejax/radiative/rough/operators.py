@@ -70,8 +70,8 @@ class Operators(NamedTuple):
     """C = int k dm, over both sides; 0 for a smooth surface."""
 
     def enters(self, cosine: Any) -> Any:
-        """What enters the paint of a beam of one at cosines in air (...), on each polynomial: (...,
-        n).
+        """Light that enters the paint of a beam of one at cosines in air (...), on each polynomial:
+        (..., n).
         """
         if self.table is not None:
             return self.table.at(cosine)[..., :-1]
@@ -101,22 +101,22 @@ def operators(index: float, roughness: float, size: Size) -> Operators:
     single = _single_back(index, roughness, nodes)
     turn = turning_point(index, roughness)
     outside, fluxes = air_rule(turn, size.incidence)
-    entering, lost = _single_entering(index, roughness, nodes, outside)
+    entering, losses = _single_entering(index, roughness, nodes, outside)
     # Single facets lose light between them; what is missing on each side ...
-    whole = _integrals(nodes)
-    missing = whole - single.sum(axis=0) - fluxes @ entering / index**2
-    constant = max(float(fluxes @ lost + index**2 * missing.sum()), _LEAST_CONSTANT)
+    integrals = _integrals(nodes)
+    missing = integrals - single.sum(axis=0) - fluxes @ entering / index**2
+    constant = max(float(fluxes @ losses + index**2 * missing.sum()), _LEAST_CONSTANT)
     # ... comes back by a lobe that is its own product, so that reciprocity and energy hold.
     share = index**2 / constant
     back = single + share * np.outer(missing, missing)
-    enters = entering + share * lost[:, None] * missing
-    leaves = index**2 * (whole - back.sum(axis=0))
+    enters = entering + share * losses[:, None] * missing
+    leaves = index**2 * (integrals - back.sum(axis=0))
     return Operators(
         refractive_index=index,
         basis=nodes,
         back=back,
         leaves=leaves,
-        table=AirTable(turn, np.column_stack([enters, lost])),
+        table=AirTable(turn, np.column_stack([enters, losses])),
         constant=constant,
     )
 
@@ -144,18 +144,20 @@ def _single_entering(
 ) -> tuple[np.ndarray, np.ndarray]:
     """`enters` of single facets, (beams, n), and what they lose, (beams,)."""
     entering = []
-    lost = []
+    losses = []
     for piece in _in_pieces(outside):
-        found = scatter(piece, roughness, index, nodes.size.facets, inside=False)
+        scattered = scatter(piece, roughness, index, nodes.size.facets, from_paint=False)
         entering.append(
             np.einsum(
                 "bf,bfn->bn",
-                found.refracted_share,
-                nodes.values(np.clip(found.refracted, 0.0, 1.0)),
+                scattered.refracted_share,
+                nodes.values(np.clip(scattered.refracted, 0.0, 1.0)),
             )
         )
-        lost.append(1.0 - found.reflected_share.sum(axis=1) - found.refracted_share.sum(axis=1))
-    return np.concatenate(entering), np.concatenate(lost)
+        losses.append(
+            1.0 - scattered.reflected_share.sum(axis=1) - scattered.refracted_share.sum(axis=1)
+        )
+    return np.concatenate(entering), np.concatenate(losses)
 
 
 def _single_back(index: float, roughness: float, nodes: Basis) -> np.ndarray:
@@ -163,9 +165,11 @@ def _single_back(index: float, roughness: float, nodes: Basis) -> np.ndarray:
     beams, fluxes = _beams_inside(index, nodes)
     back = np.zeros((nodes.cosines.size,) * 2)
     for piece, flux in zip(_in_pieces(beams), _in_pieces(fluxes), strict=True):
-        found = scatter(piece, roughness, index, nodes.size.facets, inside=True)
+        scattered = scatter(piece, roughness, index, nodes.size.facets, from_paint=True)
         to = np.einsum(
-            "bf,bfn->bn", found.reflected_share, nodes.values(np.clip(found.reflected, 0.0, 1.0))
+            "bf,bfn->bn",
+            scattered.reflected_share,
+            nodes.values(np.clip(scattered.reflected, 0.0, 1.0)),
         )
         back += to.T @ (nodes.values(piece) * flux[:, None])
     return 0.5 * (back + back.T)

@@ -65,20 +65,20 @@ def rough_ports(
     (1960), section 72.
     """
     check_surface(roughness, refractive_index)
-    given = {
+    arguments = {
         "albedo": albedo,
         "optical_thickness": optical_thickness,
         "substrate_reflectance": 0.0,
         "cos_incidence": cos_incidence,
     }
     if cos_viewing is not None:
-        given["cos_viewing"] = cos_viewing
+        arguments["cos_viewing"] = cos_viewing
 
     def one(stacks: BatchOfStacks, surface: Surface) -> Ports:
-        found = _ports(lit_stacks(stacks.flat(), surface), surface)
-        return jax.tree.map(lambda part: part.reshape(stacks.batch), found)
+        ports = _ports(lit_stacks(stacks.flat(), surface), surface)
+        return jax.tree.map(lambda leaf: leaf.reshape(stacks.batch), ports)
 
-    return by_index(given, roughness, refractive_index, tolerance, one)
+    return by_index(arguments, roughness, refractive_index, tolerance, one)
 
 
 @functools.partial(jax.jit, static_argnums=1)
@@ -90,9 +90,9 @@ def _ports(lit: Lit, surface: Surface) -> Ports:
     unlit = jnp.zeros_like(lit.enters[:, 0])
 
     def on_ground(enters: Array, starts: Array) -> Array:
-        """What a white ground shows of light that enters from above, or starts on it."""
-        both = jnp.stack([enters, unlit], axis=1), jnp.stack([starts, everything], axis=1)
-        return reflectance(white._replace(enters=both[0], from_ground=both[1]), surface)
+        """Reflectance of a white ground in light that enters from above, or starts on it."""
+        ends = jnp.stack([enters, unlit], axis=1), jnp.stack([starts, everything], axis=1)
+        return reflectance(white._replace(enters=ends[0], from_ground=ends[1]), surface)
 
     itself = on_ground(unlit, everything)
     n = surface.refractive_index

@@ -64,7 +64,7 @@ def rough_reflectance_factor(
 
     Source: `glazejax.radiative.rough.facets`, `operators` and `body`.
     """
-    given: dict[str, Any] = {
+    arguments: dict[str, Any] = {
         "albedo": albedo,
         "optical_thickness": optical_thickness,
         "substrate_reflectance": substrate_reflectance,
@@ -73,9 +73,9 @@ def rough_reflectance_factor(
     }
     if check_surface(roughness, refractive_index) == 0.0:
         return stack_reflectance_factor(
-            **given, refractive_index=refractive_index, tolerance=tolerance
+            **arguments, refractive_index=refractive_index, tolerance=tolerance
         )
-    return evaluate(given, roughness, refractive_index, tolerance)
+    return evaluate(arguments, roughness, refractive_index, tolerance)
 
 
 def rough_hemispherical_reflectance(
@@ -101,7 +101,7 @@ def rough_hemispherical_reflectance(
 
     Source: as `rough_reflectance_factor`.
     """
-    given: dict[str, Any] = {
+    arguments: dict[str, Any] = {
         "albedo": albedo,
         "optical_thickness": optical_thickness,
         "substrate_reflectance": substrate_reflectance,
@@ -109,13 +109,13 @@ def rough_hemispherical_reflectance(
     }
     if check_surface(roughness, refractive_index) == 0.0:
         return stack_hemispherical_reflectance(
-            **given, refractive_index=refractive_index, tolerance=tolerance
+            **arguments, refractive_index=refractive_index, tolerance=tolerance
         )
-    return evaluate(given, roughness, refractive_index, tolerance)
+    return evaluate(arguments, roughness, refractive_index, tolerance)
 
 
 def evaluate(
-    given: dict[str, Any], roughness: float, refractive_index: Numbers, tolerance: float
+    arguments: dict[str, Any], roughness: float, refractive_index: Numbers, tolerance: float
 ) -> Array:
     """Reflectance of checked arguments; without a viewing direction the hemispherical one."""
 
@@ -124,40 +124,41 @@ def evaluate(
         lit = lit_stacks(flat, surface)
         return _run(lit, surface).reshape(stacks.batch)
 
-    return by_index(given, roughness, refractive_index, tolerance, one)
+    return by_index(arguments, roughness, refractive_index, tolerance, one)
 
 
 def by_index(
-    given: dict[str, Any],
+    arguments: dict[str, Any],
     roughness: float,
     refractive_index: Numbers,
     tolerance: float,
-    one: Callable[[BatchOfStacks, Surface], Any],
+    evaluate_one: Callable[[BatchOfStacks, Surface], Any],
 ) -> Any:
-    """What ``one`` makes of a batch of stacks under one surface; index by index where there are
+    """Apply ``evaluate_one`` to a batch of stacks under one surface; index by index where there are
     several.
 
     Args:
-        given: arguments by name, as `batch_of_stacks` takes them.
-        one: from stacks, and their surface, to a pytree of arrays in the shape of their batch.
+        arguments: by name, as `batch_of_stacks` takes them.
+        evaluate_one: from stacks, and their surface, to a pytree of arrays in the shape of their
+            batch.
     """
     check_tolerance(tolerance)
-    known = concrete(refractive_index)
-    assert known is not None  # check_surface has refused one that is traced
-    stacks = batch_of_stacks({**given, "refractive_index": np.asarray(known, float)})
-    kinds = np.unique(known)
+    indices = concrete(refractive_index)
+    assert indices is not None  # check_surface has refused one that is traced
+    stacks = batch_of_stacks({**arguments, "refractive_index": np.asarray(indices, float)})
+    kinds = np.unique(indices)
     arrays = {name: array for name, array in stacks.arrays.items() if name != "refractive_index"}
     stacks = stacks._replace(arrays=arrays)
     if kinds.size <= 1:
         index = float(kinds[0]) if kinds.size else 1.5
-        return one(stacks, resolve(index, roughness, tolerance))
+        return evaluate_one(stacks, resolve(index, roughness, tolerance))
     # All stacks, those of other indices too: few indices are expected, and shapes stay as they are.
-    spread = np.broadcast_to(known, stacks.batch)
-    answers = [one(stacks, resolve(float(index), roughness, tolerance)) for index in kinds]
+    spread = np.broadcast_to(indices, stacks.batch)
+    answers = [evaluate_one(stacks, resolve(float(index), roughness, tolerance)) for index in kinds]
     total = answers[0]
     for index, answer in zip(kinds[1:], answers[1:], strict=True):
         total = jax.tree.map(
-            lambda new, old, here=spread == index: jnp.where(here, new, old), answer, total
+            lambda new, old, chosen=spread == index: jnp.where(chosen, new, old), answer, total
         )
     return total
 
@@ -166,13 +167,13 @@ def lit_stacks(flat: dict[str, Any], surface: Surface) -> Lit:
     """A flat batch with what enters of light and view; of the view everything where there is no
     direction.
     """
-    made = surface.operators()
+    operators = surface.operators()
     dtype = jnp.result_type(float)
-    light = made.enters(jnp.asarray(flat["cos_incidence"], dtype))
+    light = operators.enters(jnp.asarray(flat["cos_incidence"], dtype))
     if "cos_viewing" in flat:
-        view = made.enters(jnp.asarray(flat["cos_viewing"], dtype))
+        view = operators.enters(jnp.asarray(flat["cos_viewing"], dtype))
     else:
-        view = jnp.broadcast_to(jnp.asarray(made.leaves, dtype), light.shape)
+        view = jnp.broadcast_to(jnp.asarray(operators.leaves, dtype), light.shape)
     return Lit(
         albedo=jnp.asarray(flat["albedo"], dtype),
         optical_thickness=jnp.asarray(flat["optical_thickness"], dtype),

@@ -37,13 +37,13 @@ def check_surface(roughness: Any, refractive_index: Numbers) -> float:
     """
     number = plain_number(roughness)
     if number is None:
-        known = concrete(roughness)
-        if known is None or known.ndim:
+        value = concrete(roughness)
+        if value is None or value.ndim:
             raise ValueError(
                 "roughness must be one known number: under jit or vmap pass it as a static "
                 "argument, and call once for each roughness"
             )
-        number = float(known)
+        number = float(value)
     if not 0.0 <= number <= 1.0:
         raise ValueError(f"roughness is {number}; it must be in [0, 1], the alpha of GGX")
     if number > 0.0:

@@ -1,4 +1,4 @@
-r"""What a rough dielectric surface reflects itself, with what its facets hide from each other.
+r"""Reflection by a rough dielectric surface alone, with what its facets hide from each other.
 
 Single facets: B. Walter, S. Marschner, H. Li, K. Torrance, EGSR 2007, with GGX, Smith's separable
 masking and Fresnel's exact reflectance, as Mitsuba's `roughdielectric`. Of light from x they lose
@@ -73,9 +73,14 @@ def surface_reflectance_factor(
         met, density = facets_between(jnp, c_in, c_out, degrees, a)
         hidden = _masking_over_cosine(c_in, a) * _masking_over_cosine(c_out, a)
         single = 0.25 * dielectric_reflectance(met, index) * density * hidden
-        made = resolve(index, a, _TOLERANCE).operators()
-        assert made.table is not None
-        return single + made.table.at(c_in)[..., -1] * made.table.at(c_out)[..., -1] / made.constant
+        operators = resolve(index, a, _TOLERANCE).operators()
+        assert operators.table is not None
+        return (
+            single
+            + operators.table.at(c_in)[..., -1]
+            * operators.table.at(c_out)[..., -1]
+            / operators.constant
+        )
 
     return _by_index(one, refractive_index, cos_incidence, cos_viewing, azimuth)
 
@@ -122,12 +127,12 @@ def surface_loss(
         if not rough:
             return jnp.zeros_like(cosine)
         if side == "air":
-            made = resolve(index, float(roughness), _TOLERANCE).operators()
-            assert made.table is not None
-            return made.table.at(cosine)[..., -1]
+            operators = resolve(index, float(roughness), _TOLERANCE).operators()
+            assert operators.table is not None
+            return operators.table.at(cosine)[..., -1]
         split = float(np.sqrt((index - 1.0) * (index + 1.0)) / index)
         below, above = (
-            jnp.asarray(part, cosine.dtype) for part in _paint_losses(index, float(roughness))
+            jnp.asarray(losses, cosine.dtype) for losses in _paint_losses(index, float(roughness))
         )
         low = lagrange(jnp.clip(cosine / split, 0.0, 1.0), _PAINT_NODES)
         high = lagrange(jnp.clip((cosine - split) / (1.0 - split), 0.0, 1.0), _PAINT_NODES)
@@ -163,18 +168,22 @@ def _paint_losses(index: float, roughness: float) -> tuple[np.ndarray, np.ndarra
     facets = resolve(index, roughness, _TOLERANCE).size.facets
     losses = []
     for cosines in (split * nodes, split + (1.0 - split) * nodes):
-        found = scatter(cosines, roughness, index, facets, inside=True)
-        losses.append(1.0 - found.reflected_share.sum(axis=1) - found.refracted_share.sum(axis=1))
+        scattered = scatter(cosines, roughness, index, facets, from_paint=True)
+        losses.append(
+            1.0 - scattered.reflected_share.sum(axis=1) - scattered.refracted_share.sum(axis=1)
+        )
     return losses[0], losses[1]
 
 
-def _by_index(one: Callable[..., Array], refractive_index: Numbers, *arrays: Numbers) -> Array:
+def _by_index(
+    evaluate_one: Callable[..., Array], refractive_index: Numbers, *arrays: Numbers
+) -> Array:
     """``one(index, *arrays)``, index by index where there are several."""
     dtype = jnp.result_type(float)
-    known = np.asarray(concrete(refractive_index), float)
-    given: list[Any] = [jnp.asarray(a, dtype) for a in arrays]
-    given = list(jnp.broadcast_arrays(*given, jnp.zeros(known.shape, dtype)))[:-1]
-    answer = jnp.zeros_like(given[0])
-    for index in np.unique(known):
-        answer = jnp.where(known == index, one(float(index), *given), answer)
+    indices = np.asarray(concrete(refractive_index), float)
+    values: list[Any] = [jnp.asarray(a, dtype) for a in arrays]
+    values = list(jnp.broadcast_arrays(*values, jnp.zeros(indices.shape, dtype)))[:-1]
+    answer = jnp.zeros_like(values[0])
+    for index in np.unique(indices):
+        answer = jnp.where(indices == index, evaluate_one(float(index), *values), answer)
     return answer

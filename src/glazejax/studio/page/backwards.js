@@ -132,7 +132,7 @@ export function backwardsPanel(store) {
     for (const node of jobs.querySelectorAll("[data-job]")) {
       if (names.includes(node.dataset.job)) continue;
       node.remove();
-      store.say("The studio was started anew, and the search ended with the old one; start it again.", "error");
+      store.say("The studio was restarted, which ended the search. Start it again.", "error");
     }
   });
 

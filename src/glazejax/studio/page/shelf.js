@@ -36,7 +36,7 @@ export function shelfPanel(store) {
       lower.classList.toggle("clipped", !!beyond[1]);
     }
     chip.append(upper, lower);
-    const unknown = entry.unknown ? `; k and s not told apart at ${entry.unknown}` : "";
+    const unknown = entry.unknown ? `; k and s not separable at ${entry.unknown}` : "";
     const words = `${entry.label}${unknown}${beyond[0] || beyond[1] ? "; the corner marks a colour outside sRGB" : ""}`;
     const tell = () => {
       about.textContent = `${entry.label}. ${entry.unknown ? `At ${entry.unknown} only k/s is known. ` : ""}${entry.provenance}`;
@@ -45,7 +45,7 @@ export function shelfPanel(store) {
       el("button.paint", {
         type: "button", title: `Lay ${words} on top`, "aria-label": `Lay ${words} on top`,
         onclick: () => store.add({ [entry.name]: 1 }, 10), onfocus: tell, onmouseenter: tell,
-      }, tube, chip, el("span.name", {}, entry.label, entry.unknown ? el("sup", { title: `k and s not told apart at ${entry.unknown}` }, "?") : null)),
+      }, tube, chip, el("span.name", {}, entry.label, entry.unknown ? el("sup", { title: `k and s not separable at ${entry.unknown}` }, "?") : null)),
       el("button.mix", {
         type: "button", title: `Mix ${entry.label} into the selected coat`, "aria-label": `Mix ${entry.label} into the selected coat`,
         onclick: () => mix(entry),

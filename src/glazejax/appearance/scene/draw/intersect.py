@@ -1,4 +1,4 @@
-"""Where rays meet spheres, planes, boxes and triangles, and what the surface is like there.
+"""Intersections of rays with spheres, planes, boxes and triangles, and the surface there.
 
 All rays at once against every sphere, plane and box, in JAX; triangles by trimesh on the host
 (`triangles`). All that JAX sees is arrays, so that a scene of the same make-up runs the same
@@ -45,7 +45,7 @@ class Geometry(NamedTuple):
 
     @property
     def arrays(self) -> "Geometry":
-        """What JAX may see of it."""
+        """Arrays of it that JAX may see."""
         return self._replace(caster=None)
 
 
@@ -61,7 +61,7 @@ class Hit(NamedTuple):
 
 
 class SurfacePoints(NamedTuple):
-    """What a ray meets."""
+    """Points where rays meet surfaces."""
 
     normal: Float[Array, "rays 3"]
     """Unit normal on the side of the ray, smooth where a mesh has normals."""

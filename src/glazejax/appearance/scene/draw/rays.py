@@ -1,5 +1,5 @@
-"""What each ray of a picture meets: nearest surfaces, shadows and mirror reflections, without any
-spectrum.
+"""Points that each ray of a picture meets: nearest surfaces, shadows and mirror reflections,
+without any spectrum.
 
 Levels of rays: those of the camera, then those that mirrors send on, and so on. A level keeps of
 each point what its colour needs, which is a few cosines and which lights reach it; colours are
@@ -30,7 +30,7 @@ carries; 0 for none.
 
 
 class Lamps(NamedTuple):
-    """Where the light comes from."""
+    """Positions of the light sources."""
 
     place: Float[np.ndarray, "lights 3"]
     """Position of a point light; unit vector towards a parallel one."""
@@ -38,7 +38,7 @@ class Lamps(NamedTuple):
 
 
 class Level(NamedTuple):
-    """What rays of one level meet, (points,) each, in NumPy."""
+    """Points that rays of one level meet, (points,) each, in NumPy."""
 
     parent: Int[np.ndarray, "points"]
     """Number of the point of the level before whose mirror reflection this is; of the camera's ray
@@ -90,7 +90,7 @@ def _meet(
     direction: Array,
     point: tuple[bool, ...],
 ):
-    """What rays find where they arrive, before anything is in shadow.
+    """Level of points where rays arrive, before anything is in shadow.
 
     Returns:
         Numbers of shape and material, cosine of viewing and texture coordinates; then of each

@@ -203,7 +203,7 @@ class _Work:
         """
         signatures = []
         for k, tile in enumerate(tiles):
-            self._report(start + (end - start) * k / len(tiles), "looking for what is in view")
+            self._report(start + (end - start) * k / len(tiles), "finding visible surfaces")
             levels = self._levels(tile)
             self.in_view.add(levels)
             signatures.append(_signature(levels))

@@ -1,4 +1,4 @@
-"""What of its materials and bands a scene shows, so that nothing else is computed."""
+"""Materials and bands that a scene shows, so that nothing else is computed."""
 
 from collections.abc import Sequence
 

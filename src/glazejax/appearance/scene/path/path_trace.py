@@ -25,8 +25,8 @@ _MOST_RAYS = 1 << 23
 
 @dataclass
 class PathReport(RenderReport):
-    """What was computed, and how noisy it is; of the counts of a `RenderReport` it has rays, pixels
-    and materials.
+    """Counts of what was computed, and its noise; of the counts of a `RenderReport` it has rays,
+    pixels and materials.
 
     Attributes:
         variant: of Mitsuba.
