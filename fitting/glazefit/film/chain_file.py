@@ -39,7 +39,7 @@ class Chain:
     sampler: str = "emcee"
 
 
-class Drawn(NamedTuple):
+class Draws(NamedTuple):
     """Some steps."""
 
     free: Float[Any, "steps walkers blocks dims"]
@@ -142,15 +142,15 @@ class DrawsFile:
             self._height = [group["log_prob"][:]]
             self.state = {name: array[()] for name, array in group["state"].items()}
 
-    def add(self, drawn: Drawn) -> None:
+    def add(self, draws: Draws) -> None:
         """Keep some steps."""
-        count = len(drawn.free)
+        count = len(draws.free)
         chosen = np.arange(self.steps + 1, self.steps + count + 1) % self._thin == 0
-        self._free.append(np.asarray(drawn.free)[chosen])
-        self._height.append(np.asarray(drawn.height)[chosen])
-        self._accepted += drawn.accepted
+        self._free.append(np.asarray(draws.free)[chosen])
+        self._height.append(np.asarray(draws.height)[chosen])
+        self._accepted += draws.accepted
         self.steps += count
-        self.state = {name: np.asarray(array) for name, array in drawn.state.items()}
+        self.state = {name: np.asarray(array) for name, array in draws.state.items()}
         if self._path is None:
             return
         import h5py

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from .chain_file import Drawn
+from .chain_file import Draws
 from .problem import FilmProblem
 from .sampling import Sampling
 from .solve import Laplace
@@ -50,7 +50,7 @@ class Ensemble:
         free = self._approximation.draws(self.walkers, np.random.default_rng(self._seed))
         return {"free": free.reshape(self.walkers, -1)}
 
-    def steps(self, state: dict[str, Any], number: int, count: int) -> Drawn:
+    def steps(self, state: dict[str, Any], number: int, count: int) -> Draws:
         """So many steps after the first `number`."""
         import emcee
 
@@ -72,4 +72,4 @@ class Ensemble:
             heights.append(np.reshape(np.asarray(place.blobs), self._shape[:2]))
             accepted += float(np.mean(np.any(place.coords != before, axis=1)))
         after = {"free": place.coords, "height": heights[-1]}
-        return Drawn(np.stack(free), np.stack(heights), accepted, after)
+        return Draws(np.stack(free), np.stack(heights), accepted, after)

@@ -31,11 +31,11 @@ from jaxtyping import Array, Float
 
 from glazejax.programs import Program
 
-from .forward import Expansion, Film, FilmData, FilmShared, Seen, slopes
+from .forward import Expansion, Film, FilmData, FilmShared, Slopes, slopes
 from .numerics.least_squares import root_of_log1p
 
 
-def caused_by_paints(
+def paint_covariance(
     xp: Any,
     by_log: Float[Array | np.ndarray, "*films errors bands grounds"],
     smooth: Float[Array | np.ndarray, "bands bands"],
@@ -48,9 +48,9 @@ def caused_by_paints(
     return each.reshape(*by_log.shape[:-3], rows, rows)
 
 
-def _variance(data: FilmData, seen: Seen) -> Any:
+def _variance(data: FilmData, there: Slopes) -> Any:
     """Of the readings by the instrument's noise and the grounds' own error."""
-    return data.sd**2 + (seen.by_ground * data.ground_sd) ** 2
+    return data.sd**2 + (there.by_ground * data.ground_sd) ** 2
 
 
 @dataclass(frozen=True)
@@ -66,8 +66,8 @@ class PaintErrors:
         film = self.film
         size = _size(film, free)
         if data.expansion is None:
-            off, seen = _look(film, _unknown(film, free, data, shared), free, data, shared)
-            return _misfit(off, seen, data, shared, size)
+            off, there = _look(film, _unknown(film, free, data, shared), free, data, shared)
+            return _misfit(off, there, data, shared, size)
         expansion = data.expansion
         shift = jnp.moveaxis(expansion.shift.reshape(len(film.sizes), 2, -1), 0, -1)
         off = data.reading - film.read(free, data, shared, shift) - expansion.offset
@@ -94,26 +94,26 @@ def _look(
     free: Float[Array, "dims"],
     data: FilmData,
     shared: FilmShared,
-) -> tuple[Float[Array, "bands grounds"], Seen]:
+) -> tuple[Float[Array, "bands grounds"], Slopes]:
     """What the readings are off by, and their slopes, at k d and s d of the unknown coat."""
-    seen = film.look_up(thickness, data, shared)
-    return data.reading - film.surface(free, shared) - seen.body, seen
+    there = film.look_up(thickness, data, shared)
+    return data.reading - film.surface(free, shared) - there.body, there
 
 
 def _misfit(
     off: Float[Array, "bands grounds"],
-    seen: Seen,
+    there: Slopes,
     data: FilmData,
     shared: FilmShared,
     size: Float[Array, ""],
 ) -> Float[Array, "rows"]:
     """Residuals of readings that are off by this, with the slopes of this place."""
-    through = seen.by_ground * data.ground_sd / data.sd
+    through = there.by_ground * data.ground_sd / data.sd
     precision = 1.0 / (data.sd * jnp.sqrt(1.0 + through**2))
     white = (off * precision).reshape(-1)
     parts = [root_of_log1p(through).reshape(-1)]
-    if len(seen.by_log):
-        caused = caused_by_paints(jnp, seen.by_log * precision, shared.smooth)
+    if len(there.by_log):
+        caused = paint_covariance(jnp, there.by_log * precision, shared.smooth)
         root = jnp.linalg.cholesky(jnp.eye(white.size) + size**2 * caused)
         white = jax.scipy.linalg.solve_triangular(root, white, lower=True)
         # The diagonal is 1 or more; with a constant added its logarithm has a smooth root.
@@ -166,9 +166,9 @@ class ScaledReadings:
         shared: FilmShared,
     ) -> Float[Array, "bands grounds"]:
         """From log k d and log s d of the unknown coat; of the unknowns gloss and error count."""
-        off, seen = _look(self.film, jnp.exp(logs), free, data, shared)
+        off, there = _look(self.film, jnp.exp(logs), free, data, shared)
         alike = _size(self.film, free) ** 2 * jnp.diagonal(shared.smooth)[:, None]
-        return off / jnp.sqrt(_variance(data, seen) + alike * jnp.sum(seen.by_log**2, axis=0))
+        return off / jnp.sqrt(_variance(data, there) + alike * jnp.sum(there.by_log**2, axis=0))
 
 
 @functools.partial(Program, fixed=("film",))
@@ -212,7 +212,7 @@ def likeliest_errors(
         there = slopes(film, shared.response, logs + delta, data.ground)
         by_log = np.asarray(there.by_log)
         left = unexplained - there.body + np.einsum("febg,feb->fbg", by_log, delta)
-        covariance = share * caused_by_paints(np, by_log, smooth)
+        covariance = share * paint_covariance(np, by_log, smooth)
         variance = np.asarray(_variance(data, there)).reshape(len(delta), -1)
         covariance += np.eye(variance.shape[1]) * variance[:, None]
         pull = np.linalg.solve(covariance, left.reshape(len(delta), -1, 1)).reshape(left.shape)
@@ -235,7 +235,7 @@ def expand(
     there = slopes(film, shared.response, logs, data.ground)
     by_log = np.asarray(there.by_log)
     root = 1.0 / np.sqrt(np.asarray(_variance(data, there)))
-    caused = caused_by_paints(np, by_log * root[:, None], np.asarray(shared.smooth))
+    caused = paint_covariance(np, by_log * root[:, None], np.asarray(shared.smooth))
     spread, axes = np.linalg.eigh(caused)
     whiten = np.swapaxes(axes, 1, 2) * root.reshape(len(root), 1, -1)
     return data._replace(

@@ -25,7 +25,7 @@ from .model.spline import HIGHEST, locate, nodes_of, patches, within
 _NODES = 56
 
 
-class Seen(NamedTuple):
+class Slopes(NamedTuple):
     """Reflectance of coats without the surface's part, and its slopes.
 
     Errors are those of log k and of log s of the top coat, then of the next one.
@@ -202,14 +202,14 @@ class Film:
 
     def look_up(
         self, thickness: Float[Array, "2 bands"], data: FilmData, shared: FilmShared
-    ) -> Seen:
+    ) -> Slopes:
         """From k d and s d of the unknown coat of a film that is `tabulated`."""
         bands, grounds = data.ground.shape
         if data.table is None:
             assert shared.response is not None
             black, gain, back = (n[:, None] for n in shared.response.numbers(*thickness))
             left = 1.0 - back * data.ground
-            return Seen(
+            return Slopes(
                 body=black + gain / left * data.ground,
                 by_ground=jnp.maximum(gain / left, 0.0) / left,
                 by_log=jnp.zeros((0, bands, grounds)),
@@ -222,7 +222,7 @@ class Film:
         weights = over[:, :, None] * across[:, None, :]
         numbers = jnp.sum(patch * weights[..., None], axis=(1, 2))
         each = jnp.moveaxis(numbers.reshape(bands, -1, grounds), 1, 0)
-        return Seen(body=each[0], by_ground=each[1], by_log=each[2:])
+        return Slopes(body=each[0], by_ground=each[1], by_log=each[2:])
 
 
 def _slices(counts: tuple[int, ...]) -> tuple[slice, ...]:
@@ -242,7 +242,7 @@ def slopes(
     response: FilmResponse | None,
     logs: Float[Array, "films errors bands"],
     ground: Float[Array, "films bands grounds"],
-) -> Seen:
+) -> Slopes:
     """Reflectance and slopes at these log k d and log s d; an unknown paint has no error."""
     films, errors, bands = logs.shape
     coats = jnp.moveaxis(logs.reshape(films, errors // 2, 2, bands), (2, 1), (0, -1))
@@ -256,7 +256,7 @@ def slopes(
     if film.unknown_coat is not None:
         by_log = by_log.at[..., film.unknown_coat].set(0.0)
     by_log = jnp.moveaxis(by_log, (-1, 0), (1, 2)).reshape(films, errors, *ground.shape[1:])
-    return Seen(body=body, by_ground=by_ground, by_log=by_log)
+    return Slopes(body=body, by_ground=by_ground, by_log=by_log)
 
 
 def tabulate(

@@ -48,7 +48,7 @@ from jaxtyping import Array, Bool, Float
 from glazejax.programs import Program
 from glazejax.radiative.common.linalg import solve_positive
 
-from .chain_file import Drawn
+from .chain_file import Draws
 from .problem import FilmProblem
 from .sampling import Sampling
 from .solve import Gaussians, Laplace
@@ -364,13 +364,13 @@ class Hamiltonian:
         compiled = Span(*map(jnp.asarray, span))
         return _steps(problem.residuals, problem.scaled, self._model, free, tuning, compiled)
 
-    def steps(self, state: dict[str, Any], number: int, count: int) -> Drawn:
+    def steps(self, state: dict[str, Any], number: int, count: int) -> Draws:
         """So many steps after the first `number`."""
         root, log_step = (jnp.asarray(state[name]) for name in Tuning._fields)
         # Numbers beyond any step of the warm-up.
         span = Span(100_000 + number, count, learning=False)
         free, tuning, piece = self._steps(jnp.asarray(state["free"]), Tuning(root, log_step), span)
-        return Drawn(
+        return Draws(
             free=piece.free[:count],
             height=piece.height[:count],
             accepted=float(piece.accepted),

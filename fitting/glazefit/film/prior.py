@@ -18,7 +18,7 @@ from .forward import Film, FilmShared, log_fractions
 from .model.errors import Prior
 
 
-class Beforehand(Protocol):
+class Law(Protocol):
     """A law of the free unknowns; hashable, since compiled programs are kept by it."""
 
     def residuals(self, free: Float[Array, "dims"], shared: Any) -> Float[Array, "rows"]:

@@ -25,7 +25,7 @@ from glazejax.programs import Program
 from glazejax.radiative.common.chunks import in_chunks
 
 from .forward import Film
-from .prior import Beforehand
+from .prior import Law
 
 
 @runtime_checkable
@@ -44,7 +44,7 @@ class PosteriorResiduals:
     """Misfit and prior of one block."""
 
     misfit: Residuals
-    prior: Beforehand
+    prior: Law
 
     def __call__(self, free: Float[Array, "dims"], data: Any, shared: Any) -> Float[Array, "rows"]:
         """Of one block."""
@@ -104,7 +104,7 @@ class FilmProblem:
     unknowns: tuple[str, ...]
     film: Film
     misfit: Residuals
-    prior: Beforehand
+    prior: Law
     data: Any
     shared: Any
     quantities: tuple[Quantity, ...]

@@ -3,7 +3,7 @@
 import threading
 from typing import Any, Protocol
 
-from .chain_file import Chain, Drawn, DrawsFile, gentle_interrupt
+from .chain_file import Chain, Draws, DrawsFile, gentle_interrupt
 from .ensemble import Ensemble
 from .hamiltonian import Hamiltonian
 from .problem import FilmProblem
@@ -26,7 +26,7 @@ class Stepper(Protocol):
         """The state of a new chain after its warm-up, which ends early when it is asked to."""
         ...
 
-    def steps(self, state: dict[str, Any], number: int, count: int) -> Drawn:
+    def steps(self, state: dict[str, Any], number: int, count: int) -> Draws:
         """So many steps after the first `number`: random numbers follow from the seed and the
         number of the step, so that a chain that is resumed is the one that was never stopped.
         """
@@ -53,8 +53,8 @@ def draw_chain(problem: FilmProblem, approximation: Laplace, options: Sampling) 
         state = kept.state if kept.steps else stepper.begin(asked)
         while kept.steps < options.length and not asked.is_set():
             count = min(stepper.piece, options.length - kept.steps)
-            drawn = stepper.steps(state, kept.steps, count)
-            state = drawn.state
-            kept.add(drawn)
+            draws = stepper.steps(state, kept.steps, count)
+            state = draws.state
+            kept.add(draws)
             options.progress(kept.steps, options.length, "sampling")
     return kept.chain(interrupted=kept.steps < options.length)

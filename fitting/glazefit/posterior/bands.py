@@ -29,7 +29,7 @@ from ..film.model.optics import Optics
 from ..film.model.response import film_response
 from ..film.problem import FilmProblem, Quantity, fingerprint
 from ..film.reading import Reading
-from .film import measured, reading_parts
+from .film import join_readings, reading_parts
 
 CLEAR = 0.01
 """Optical thickness below which a film is clear, and the prior falls off; it does so too above
@@ -87,7 +87,7 @@ def pose_bands(films: Sequence[Reading], gloss: float, instrument: Instrument) -
         error=False,
         optics=Optics.of(instrument),
     )
-    seen = measured(films, lambda each: np.concatenate(each)[:, None])
+    readings = join_readings(films, lambda each: np.concatenate(each)[:, None])
     blocks = tuple(f"{w:g} nm" for film in films for w in film.wavelengths)
     no_paint = np.zeros((len(blocks), 1, 0))
     parts = [part for film in films for part in reading_parts(film)]
@@ -98,7 +98,7 @@ def pose_bands(films: Sequence[Reading], gloss: float, instrument: Instrument) -
         film=film,
         misfit=PaintErrors(film),
         prior=BandPrior(),
-        data=FilmData(absorption=no_paint, scattering=no_paint, shares=no_paint[:, 0], **seen),
+        data=FilmData(absorption=no_paint, scattering=no_paint, shares=no_paint[:, 0], **readings),
         shared=FilmShared(
             response=film_response(instrument),
             surface=np.array(gloss * float(instrument.seen_surface)),

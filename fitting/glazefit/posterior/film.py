@@ -117,7 +117,7 @@ def pose_stack(
         absorption=absorption,
         scattering=scattering,
         shares=np.array([np.concatenate(shares) for shares in of_coats(lambda c: c.shares)]),
-        **measured(films, np.stack),
+        **join_readings(films, np.stack),
     )
     if not film.tabulated:
         data = data._replace(expansion=usual_errors(data, 2 * len(first)))
@@ -160,7 +160,7 @@ def pose_stack(
     )
 
 
-def measured(
+def join_readings(
     films: Sequence[Reading], join: Callable[[list[np.ndarray]], np.ndarray]
 ) -> dict[str, Any]:
     """Readings and grounds of some films, and their errors, as `FilmData` has them."""
