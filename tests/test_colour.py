@@ -218,11 +218,11 @@ def test_every_lamp_and_observer_works():
 @pytest.mark.parametrize(
     ("grid", "complaint"),
     [
-        (np.arange(500, 701, 10), "guesswork.*from about 420 to 680 nm"),
+        (np.arange(500, 701, 10), "misses.*of a tristimulus value.*from about 420 to 680 nm"),
         (np.arange(900, 1700, 10), "100% of a tristimulus value"),
         ([400, 550, 700], "too coarse"),
         (np.arange(380, 781, 50), "too coarse"),
-        ([550], "guesswork"),
+        ([550], "of a tristimulus value"),
     ],
 )
 def test_useless_grids_are_refused(grid, complaint):

@@ -50,7 +50,7 @@ def test_a_wrong_command_line_is_one_line(run, words, message):
     assert err.count("\n") == 1
 
 
-BOXES = ["Common", "Input", "Search", "Output", "Advanced"]
+BOXES = ["Common", "Input", "Method", "Output", "Advanced"]
 
 
 @pytest.mark.parametrize(

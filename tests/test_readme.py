@@ -15,4 +15,4 @@ def test_the_example_prints_what_is_shown(capsys):
     assert len(shown) == len(printed) == 2
     for one, other in zip(shown, printed, strict=True):
         values = [np.fromstring(line.strip("[]"), sep=" ") for line in (one, other)]
-        np.testing.assert_allclose(*values, atol=5e-3)
+        np.testing.assert_allclose(values[1], values[0], atol=5e-3)

@@ -16,7 +16,7 @@ def test_films_are_read_four_rows_each():
     assert films.names == samples.names()
     assert len(films.names) == 12
     np.testing.assert_array_equal(films.wavelengths, np.arange(400.0, 701.0, 10.0))
-    assert films.notes == ("no unit is stated: taken as nm, as fractions",)
+    assert films.notes == ()
     for rows in (films.bare_black, films.bare_white, films.over_black, films.over_white):
         assert rows.min() > 0.02
         assert rows.max() < 0.93

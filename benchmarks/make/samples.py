@@ -12,6 +12,7 @@ from benchmarks.measured import measured_data
 from benchmarks.results import help_parser
 from glazefit.film.readers import NAMES_FILE, ROWS, read_recipes
 from glazejax.io import read_spectra
+from glazejax.io.files.write import WIDE_TITLE
 
 # Pure paints (06A hides, 02A is a clear lake), tints with zinc white (13G a trace of blue), a
 # shade, and near-black.
@@ -23,7 +24,8 @@ def main() -> None:
     source = measured_data("revigo")
     table = read_spectra(source / "reflectance.tsv")
     recipes = read_recipes(source / NAMES_FILE)
-    spectra = [f"Name,{','.join(f'{wavelength:g}' for wavelength in table.wavelengths)}"]
+    grid = ",".join(f"{wavelength:g}" for wavelength in table.wavelengths)
+    spectra = [f'"{WIDE_TITLE}",{grid}']
     mixtures = []
     for film in FILMS:
         for row in ROWS:

@@ -145,7 +145,7 @@ def on_objects(case: Case) -> np.ndarray:
         lamps(scene.lights),
         *rays,
         reflects=lambda number, cosines: 0 * cosines,
-        bounces=0,
+        most_bounces=0,
     )[0]
     return (level.shape >= min(1, len(scene.shapes) - 1)).reshape(scene.height, scene.width)
 

@@ -160,5 +160,9 @@ def best_axis(
 
 def axes_to_refine(tails: Sequence[float], room: Sequence[bool], together: float) -> list[bool]:
     """Axes whose last coefficients (`tails`) are large, among those with room for more nodes."""
-    largest = max((tail for tail, more in zip(tails, room, strict=True) if more), default=0.0)
-    return [more and tail >= together * largest for tail, more in zip(tails, room, strict=True)]
+    largest = max(
+        (tail for tail, has_room in zip(tails, room, strict=True) if has_room), default=0.0
+    )
+    return [
+        has_room and tail >= together * largest for tail, has_room in zip(tails, room, strict=True)
+    ]

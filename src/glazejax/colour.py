@@ -156,12 +156,12 @@ def _on_bands(
     # .07.
     if guessed > 0.1:
         raise ValueError(
-            f"{describe_grid(bands)} leaves {guessed:.0%} of a tristimulus value to guesswork: "
+            f"{describe_grid(bands)} misses {guessed:.0%} of a tristimulus value: "
             "colour needs spectra from about 420 to 680 nm at least, better from 400 to 700 nm"
         )
-    inside = bands[(bands > _START - _MAX_STEP) & (bands < _END + _MAX_STEP)]
-    steps = np.diff(inside)
-    if inside.size < 4 or steps.max() > _MAX_STEP:
+    visible = bands[(bands > _START - _MAX_STEP) & (bands < _END + _MAX_STEP)]
+    steps = np.diff(visible)
+    if visible.size < 4 or steps.max() > _MAX_STEP:
         raise ValueError(
             f"{describe_grid(bands)} is too coarse for colour: steps may be {_MAX_STEP:g} nm at "
             "most, better 10 or 20 nm"
@@ -185,11 +185,11 @@ def _lit_observer(
 ) -> tuple[Float[np.ndarray, "fine"], Float[np.ndarray, "fine 3"]]:
     """Observer as of `_illuminated_observer`, for a lamp's power."""
     curves = observers()[observer]
-    inside = (curves[0].wavelengths >= _START) & (curves[0].wavelengths <= _END)
-    fine = curves[0].wavelengths[inside]
+    visible = (curves[0].wavelengths >= _START) & (curves[0].wavelengths <= _END)
+    fine = curves[0].wavelengths[visible]
     # Linear between a lamp's bands, and its end bands repeated outwards.
     power = np.interp(fine, wavelengths, values)
-    products = np.stack([curve.values[inside] for curve in curves], axis=1) * power[:, None]
+    products = np.stack([curve.values[visible] for curve in curves], axis=1) * power[:, None]
     return fine, products / products[:, 1].sum()
 
 
@@ -201,21 +201,21 @@ def _lagrange_matrix(
     """
     x = np.clip(points, bands[0], bands[-1])
     last = bands.size - 1
-    left = np.clip(np.searchsorted(bands, x, side="right") - 1, 0, last - 1)
+    lower = np.clip(np.searchsorted(bands, x, side="right") - 1, 0, last - 1)
     matrix = np.zeros((points.size, bands.size))
     for offset in range(-1, 3):
-        node = left + offset
-        here = (node >= 0) & (node <= last)
+        node = lower + offset
+        present = (node >= 0) & (node <= last)
         term = np.ones_like(x)
-        for other in range(-1, 3):
-            m = left + other
-            if other == offset:
+        for other_offset in range(-1, 3):
+            m = lower + other_offset
+            if other_offset == offset:
                 continue
-            use = here & (m >= 0) & (m <= last)
+            use = present & (m >= 0) & (m <= last)
             a = bands[np.clip(m, 0, last)]
             b = bands[np.clip(node, 0, last)]
             term = np.where(use, term * (x - a) / np.where(use, b - a, 1.0), term)
-        rows = np.flatnonzero(here)
+        rows = np.flatnonzero(present)
         matrix[rows, node[rows]] += term[rows]
     return matrix
 
@@ -301,7 +301,7 @@ def srgb(
 
     Args:
         wavelengths, reflectance, illuminant, observer: as `xyz`.
-        clip: clip to [0, 1]. Unclipped values tell how far outside the gamut a colour lies; below
+        clip: clip to [0, 1]. Unclipped values show how far outside the gamut a colour lies; below
             zero they follow the straight part of the encoding.
 
     Raises:
@@ -388,7 +388,7 @@ def _compute(
     """``core(numpy or jax.numpy, values, ...)``: what is known and small by NumPy, else one
     compiled program.
     """
-    arrays = [as_array(each) for each in (values, *constants)]
+    arrays = [as_array(value) for value in (values, *constants)]
     # The type that JAX computes in: float32 unless the user has asked for more.
     kind = arrays[0].dtype if jnp.issubdtype(arrays[0].dtype, jnp.floating) else np.dtype(float)
     kind = jax.dtypes.canonicalize_dtype(kind)
@@ -461,8 +461,8 @@ def _root(x: Float[Array, "..."]) -> Float[Array, "..."]:
     y = (x.astype(jnp.float32) ** (1 / 2.4)).astype(x.dtype)
     square = y * y
     fourth = square * square
-    rest = (x * x) * (x * x) * x / (fourth * fourth * fourth) - 1.0
-    return y * (1.0 + rest * (1.0 / 12.0 - (11.0 / 288.0) * rest))
+    residual = (x * x) * (x * x) * x / (fourth * fourth * fourth) - 1.0
+    return y * (1.0 + residual * (1.0 / 12.0 - (11.0 / 288.0) * residual))
 
 
 @_root.defjvp
@@ -506,20 +506,20 @@ def delta_e_2000(lab1: Numbers, lab2: Numbers) -> Float[np.ndarray, "*batch"]:
         >>> round(float(delta_e_2000([50.0, 2.6772, -79.7751], [50.0, 0.0, -82.7485])), 4)
         2.0425
     """
-    one, other = (np.asarray(as_array(lab), float) for lab in (lab1, lab2))
-    if one.shape[-1:] != (3,) or other.shape[-1:] != (3,):
+    first, second = (np.asarray(as_array(lab), float) for lab in (lab1, lab2))
+    if first.shape[-1:] != (3,) or second.shape[-1:] != (3,):
         raise ValueError(
-            f"Lab colours of shapes {one.shape} and {other.shape}: the last axis of each must be "
-            "L*, a*, b*"
+            f"Lab colours of shapes {first.shape} and {second.shape}: the last axis of each must "
+            "be L*, a*, b*"
         )
     try:
-        np.broadcast_shapes(one.shape, other.shape)
+        np.broadcast_shapes(first.shape, second.shape)
     except ValueError:
         raise ValueError(
-            f"Lab colours of shapes {one.shape} and {other.shape} are no one batch: give as many "
-            "of each, or one; lab[:, None] pairs each with each"
+            f"Lab colours of shapes {first.shape} and {second.shape} are no one batch: give as "
+            "many of each, or one; lab[:, None] pairs each with each"
         ) from None
-    return ciede2000(one, other)
+    return ciede2000(first, second)
 
 
 def delta_e_of_spectra(
@@ -534,8 +534,8 @@ def delta_e_of_spectra(
 
     Args and errors as `xyz`; NumPy only, as `delta_e_2000`.
     """
-    seen = (
+    labs = (
         np.asarray(lab(wavelengths, s, illuminant=illuminant, observer=observer))
         for s in (one, other)
     )
-    return delta_e_2000(*np.broadcast_arrays(*seen))
+    return delta_e_2000(*np.broadcast_arrays(*labs))

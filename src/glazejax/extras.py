@@ -44,9 +44,9 @@ def advice(module: str | None) -> str | None:
         module: what could not be imported, such as `ModuleNotFoundError.name`; a submodule counts
             as its package.
     """
-    if module is None or (found := _EXTRAS.get(module.partition(".")[0])) is None:
+    if module is None or (entry := _EXTRAS.get(module.partition(".")[0])) is None:
         return None
-    package, extra = found
+    package, extra = entry
     return (
         f"this needs the package {package}, which is not installed; install it with: pip install "
         f'"glazejax[{extra}]"'

@@ -1,4 +1,4 @@
-"""The words for a geometry, read into angles without JAX: a slip in them is told at once."""
+"""The words for a geometry, read into angles without JAX: a slip in them is an error at once."""
 
 GEOMETRIES = (
     "d:8 or di:8 (integrating sphere, mirror reflection included), de:8 (excluded), 45:0, 0:45, "
@@ -19,12 +19,14 @@ def split_geometry(
     Raises:
         ValueError: other words, an angle out of range, or a mirror reflection that is not in view.
     """
-    parts = [part.strip().lower().removesuffix("°") for part in text.replace("/", ":").split(":")]
-    specular = len(parts) == 3 and parts[2] == "specular"
-    pair = parts[:2] if specular else parts
-    spheres = [_SPHERES[part] for part in pair if part in _SPHERES]
+    fields = [
+        field.strip().lower().removesuffix("°") for field in text.replace("/", ":").split(":")
+    ]
+    specular = len(fields) == 3 and fields[2] == "specular"
+    pair = fields[:2] if specular else fields
+    spheres = [_SPHERES[field] for field in pair if field in _SPHERES]
     try:
-        angles = tuple(float(part) for part in pair if part not in _SPHERES)
+        angles = tuple(float(field) for field in pair if field not in _SPHERES)
     except ValueError:
         angles = ()
     if len(pair) != 2 or len(spheres) + len(angles) != 2 or not angles or (spheres and specular):

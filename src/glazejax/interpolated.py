@@ -109,22 +109,24 @@ class Interpolated(eqx.Module):
                 While JAX traces it, a value outside is moved to the nearest end of the range (and
                 its slope is that at the end), and NaN stays NaN.
         """
-        given = dict(zip(self.names, values, strict=False)) | named
-        if len(values) + len(named) != len(self.names) or set(given) != set(self.names):
+        parameters = dict(zip(self.names, values, strict=False)) | named
+        if len(values) + len(named) != len(self.names) or set(parameters) != set(self.names):
             asked = ", ".join(self.names)
             raise ValueError(
                 f"give each parameter once ({asked}), not {len(values)} by place and "
                 f"{list(named)} by name"
             )
         for name, axis in zip(self.names, self.axes, strict=True):
-            _check_range(name, given[name], axis)
+            _check_range(name, parameters[name], axis)
         columns = [
-            as_float_array(given[name]).astype(self.coefficients.dtype) for name in self.names
+            as_float_array(parameters[name]).astype(self.coefficients.dtype) for name in self.names
         ]
         batch = jnp.broadcast_shapes(*(column.shape for column in columns))
         flat = tuple(jnp.broadcast_to(column, batch).reshape(-1) for column in columns)
-        found = on_all_cores(_of_columns, flat, self.axes, least=_MANY, shared=self.coefficients)
-        return found.reshape(*batch, *self.shape)
+        values_flat = on_all_cores(
+            _of_columns, flat, self.axes, least=_MANY, shared=self.coefficients
+        )
+        return values_flat.reshape(*batch, *self.shape)
 
     def astype(self, dtype: DTypeLike) -> "Interpolated":
         """The same table in another type, such as float32; rounding of some 1e-6 of a value comes
@@ -240,16 +242,16 @@ def _drawn_from(
 
 def _check_range(name: str, values: Numbers, axis: Axis | Mirrored) -> None:
     """ValueError that names the first value outside, if the values are known."""
-    known = concrete(values)
-    if known is None or known.size == 0:
+    numbers = concrete(values)
+    if numbers is None or numbers.size == 0:
         return
-    if known.dtype.kind not in "biufV":
+    if numbers.dtype.kind not in "biufV":
         raise ValueError(f"{name} is {values!r}; it must be a number or an array of them")
     # A number in a narrower type may round to just beyond the end; NaN fails either comparison.
-    room = 1e-6 * (axis.high - axis.low) if known.dtype == np.float32 else 0.0
-    if known.min() >= axis.low - room and known.max() <= axis.high + room:
+    room = 1e-6 * (axis.high - axis.low) if numbers.dtype == np.float32 else 0.0
+    if numbers.min() >= axis.low - room and numbers.max() <= axis.high + room:
         return
-    wrong = known[~((known >= axis.low - room) & (known <= axis.high + room))].flat[0]
+    wrong = numbers[~((numbers >= axis.low - room) & (numbers <= axis.high + room))].flat[0]
     raise ValueError(
         f"{name} is {wrong:g}, outside the table's range {axis.low:g} to {axis.high:g}; build "
         "one that covers it"
@@ -267,12 +269,12 @@ def _interpolate(axes: tuple, coefficients: Array, columns: tuple[Array, ...]) -
 def _interpolate_jvp(axes: tuple, primals, tangents):
     """Slopes come with the values, piece by piece: nothing else is kept for a reverse pass."""
     (coefficients, columns), (d_coefficients, d_columns) = primals, tangents
-    moved = [k for k, change in enumerate(d_columns) if not isinstance(change, SymbolicZero)]
+    changing = [k for k, change in enumerate(d_columns) if not isinstance(change, SymbolicZero)]
 
     def with_slopes(*points: Array) -> tuple[Array, ...]:
         value = _values(axes, coefficients, points, jnp)
         slopes = []
-        for k in moved:
+        for k in changing:
 
             def along(column: Array, k: int = k) -> Array:
                 return _values(axes, coefficients, (*points[:k], column, *points[k + 1 :]), jnp)
@@ -284,7 +286,7 @@ def _interpolate_jvp(axes: tuple, primals, tangents):
     tangent = jnp.zeros_like(value)
     if not isinstance(d_coefficients, SymbolicZero):
         tangent += _interpolate(axes, d_coefficients, columns)
-    for k, slope in zip(moved, slopes, strict=True):
+    for k, slope in zip(changing, slopes, strict=True):
         tangent += slope * d_columns[k][:, None]
     return value, tangent
 
@@ -299,8 +301,8 @@ def _of_columns(columns: tuple[Array, ...], coefficients: Array, axes: tuple) ->
 def _in_pieces(function: Callable, coefficients: Array, columns: tuple[Array, ...]) -> list[Array]:
     """Results (points, channels) of a function from pieces of the columns to (channels, points)."""
     count = columns[0].shape[0]
-    each = math.prod(coefficients.shape[1:]) + sum(coefficients.shape)
-    size = max(64, (_PIECE_NUMBERS if on_cpu(*columns) else _PIECE_ELSEWHERE) // each)
+    numbers_each = math.prod(coefficients.shape[1:]) + sum(coefficients.shape)
+    size = max(64, (_PIECE_NUMBERS if on_cpu(*columns) else _PIECE_ELSEWHERE) // numbers_each)
     if count <= size:
         return [values.T for values in function(*columns)]
     pieces = -(-count // size)
@@ -317,11 +319,11 @@ def _values(axes: tuple, coefficients: Any, columns: Any, xp: ModuleType) -> Any
     bases = []
     for axis, column, count in zip(axes, columns, coefficients.shape, strict=False):
         bases.append(polynomials(axis.coordinate(axis.clamp(column, xp), xp), count, xp, axis=0))
-    first, *others = bases
+    first, *further = bases
     if coefficients.shape[-1] > _FEW_CHANNELS:
-        for basis in others:
+        for basis in further:
             first = (first[:, None] * basis).reshape(-1, first.shape[-1])
-        others = []
+        further = []
     if len(axes) == 1 and coefficients.shape[-1] <= _FEW_CHANNELS:
         # A product of so small a matrix is slow, and the polynomials need not be kept.
         return functools.reduce(
@@ -330,7 +332,7 @@ def _values(axes: tuple, coefficients: Any, columns: Any, xp: ModuleType) -> Any
             coefficients[0][:, None] * first[0],
         )
     values = matmul(xp, coefficients.reshape(first.shape[0], -1).T, first)
-    for basis in others:
+    for basis in further:
         values = values.reshape(basis.shape[0], -1, values.shape[-1])
         # Term by term, not one sum over an axis: the compiler then vectorises along the points.
         values = functools.reduce(
@@ -358,26 +360,26 @@ class _Counted:
         )[: len(points)]
 
     def _some(self, points: np.ndarray) -> np.ndarray:
-        found = concrete(self.function(**dict(zip(self.names, points.T.copy(), strict=True))))
-        if found is None:
+        sampled = concrete(self.function(**dict(zip(self.names, points.T.copy(), strict=True))))
+        if sampled is None:
             raise ValueError(
                 "the function gave values that JAX traces: build the table outside jit, use it "
                 "inside"
             )
-        if found.shape[:1] != points.shape[:1]:
+        if sampled.shape[:1] != points.shape[:1]:
             raise ValueError(
-                f"the function gave shape {found.shape} for {len(points)} points; its first axis "
+                f"the function gave shape {sampled.shape} for {len(points)} points; its first axis "
                 "must be the points: wrap a function of single numbers in jax.vmap"
             )
-        self.shape = found.shape[1:]
-        values = np.asarray(found, float).reshape(len(points), -1)
+        self.shape = sampled.shape[1:]
+        values = np.asarray(sampled, float).reshape(len(points), -1)
         wrong = np.flatnonzero(~np.isfinite(values).all(axis=1))
         if wrong.size:
-            there = ", ".join(
+            point = ", ".join(
                 f"{name} {x:g}" for name, x in zip(self.names, points[wrong[0]], strict=True)
             )
             raise ValueError(
-                f"the function is not finite at {there}: keep the ranges to where it is"
+                f"the function is not finite at {point}: keep the ranges to where it is"
             )
         return values
 
@@ -395,7 +397,7 @@ class _Builder:
         self.function, self.samples = function, samples
         self.low, self.high = ends.T
         self.distance = distance or (
-            lambda one, two: np.max(np.abs(one - two).reshape(len(one), -1), axis=-1)
+            lambda first, second: np.max(np.abs(first - second).reshape(len(first), -1), axis=-1)
         )
         self.rng = np.random.default_rng(0)
         self.axes = tuple(self._best_axis(k) for k in range(len(ends)))
@@ -430,8 +432,8 @@ class _Builder:
             )
             if not any(grow) or after > most_points:
                 return coefficients, error
-            for k, more in enumerate(grow):
-                if more:
+            for k, needs_nodes in enumerate(grow):
+                if needs_nodes:
                     values = self._refined(values, k)
 
     def _shortened(

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 
 def nearest_names(
     name: str,
-    known: Iterable[str],
+    choices: Iterable[str],
     *,
     cutoff: float = 0.6,
     shortest: int = 3,
@@ -16,23 +16,23 @@ def nearest_names(
 
     Args:
         name: as it was given.
-        known: names that there are.
+        choices: names that there are.
         cutoff: likeness, 0 to 1, that counts as near where none is inside the other.
         shortest: names of fewer letters are not looked for inside others; a known name that is to
             lie inside has three at least.
         fold: takes away what does not matter, such as the case.
     """
     folded: dict[str, str] = {}
-    for full in known:
+    for full in choices:
         folded.setdefault(fold(full), full)
     key = fold(name)
     # An illuminant is called A: a known name of three letters counts as lying inside another.
-    inside = [
+    containing = [
         full
-        for other, full in folded.items()
-        if (len(key) >= shortest and key in other) or (len(other) >= 3 and other in key)
+        for candidate, full in folded.items()
+        if (len(key) >= shortest and key in candidate) or (len(candidate) >= 3 and candidate in key)
     ]
     count = 4
-    if inside:
-        return inside[:count]
+    if containing:
+        return containing[:count]
     return [folded[k] for k in difflib.get_close_matches(key, folded, n=count, cutoff=cutoff)]

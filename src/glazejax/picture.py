@@ -128,7 +128,7 @@ def picture(
     counter = _Computed(inputs, varying, tolerance, savings)
     values = None
     error = 0.0
-    words = ""
+    remark = ""
     # So few distinct pixels are computed one by one.
     if not full and len(first) > 256 and 1 <= points.shape[1] <= MOST_AXES:
         named = {f"map {k}": column for k, column in enumerate(points.T)}
@@ -145,11 +145,11 @@ def picture(
             error = table.error
             values = table(**named)
             shape = " x ".join(map(str, table.coefficients.shape[:-1]))
-            words = f", interpolated from {shape}, estimated Delta E00 {error:.2g}"
+            remark = f", interpolated from {shape}, estimated Delta E00 {error:.2g}"
     if values is None:
         values = counter(points)
     xyz = jnp.maximum(jnp.asarray(values), 0.0)[inverse].reshape(*inputs.shape, 3)
-    report = f"{inputs.pixels} pixels, {len(first)} distinct, {counter.count} computed{words}"
+    report = f"{inputs.pixels} pixels, {len(first)} distinct, {counter.count} computed{remark}"
     return Picture(
         srgb=colour.xyz_to_srgb(xyz, inputs.white),
         xyz=xyz,
@@ -228,9 +228,9 @@ class _PictureInputs:
         chosen = [(k, m.reshape(-1)) for k, m in maps if m.ndim == 2 and m.min() < m.max()]
         return [m for _, m in chosen], [k for k, _ in chosen]
 
-    def difference(self, one: np.ndarray, two: np.ndarray) -> np.ndarray:
+    def difference(self, first: np.ndarray, second: np.ndarray) -> np.ndarray:
         """CIEDE2000 difference of XYZ, (points,)."""
-        return colour.delta_e_2000(*(colour.xyz_to_lab(xyz, self.white) for xyz in (one, two)))
+        return colour.delta_e_2000(*(colour.xyz_to_lab(xyz, self.white) for xyz in (first, second)))
 
 
 def _check_known(name: str, values: Numbers) -> np.ndarray:

@@ -49,7 +49,7 @@ def load_matplotlib_ahead() -> None:
     """
 
     def load() -> None:
-        # Who lacks it is told where the picture is drawn.
+        # A missing package is reported where the picture is drawn.
         with suppress(ImportError):
             import matplotlib.figure  # noqa: F401
 
@@ -100,11 +100,13 @@ def check_picture(path: str | Path, *, overwrite: bool = False, argument: str = 
         ValueError: its ending is none of .png, .pdf, .svg, .jpg, or it is a folder.
     """
     path = Path(path)
-    said = f"{argument} {path}" if argument else str(path)
+    described = f"{argument} {path}" if argument else str(path)
     if path.is_dir():
-        raise ValueError(f"{said} is a folder: name a picture in it, such as {path / 'glaze.png'}")
+        raise ValueError(
+            f"{described} is a folder: name a picture in it, such as {path / 'glaze.png'}"
+        )
     if path.suffix.lower() not in FORMATS:
-        raise ValueError(f"{said}: pictures end in {', '.join(FORMATS)}")
+        raise ValueError(f"{described}: pictures end in {', '.join(FORMATS)}")
     return check_output(path, overwrite=overwrite, argument=argument)
 
 

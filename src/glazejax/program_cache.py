@@ -58,7 +58,7 @@ def enable_program_cache(path: str | Path | None = None) -> None:
         if (whose := _others(folder)) is not None:
             _tell(f"{folder} {whose}, and programs are run as they are found")
             return
-        # A folder's permissions do not tell whether its disk is read-only or full.
+        # A folder's permissions do not show whether its disk is read-only or full.
         with tempfile.TemporaryFile(dir=folder) as file:
             file.write(bytes(4096))
     except (OSError, RuntimeError) as error:
@@ -71,22 +71,24 @@ def enable_program_cache(path: str | Path | None = None) -> None:
     _listen(folder)
 
 
-def compile_quickly(level: int) -> None:
+def compile_quickly(optimisation: int) -> None:
     """Put these options into ``XLA_FLAGS``, before JAX compiles anything; those that are there
     count.
 
     Args:
-        level: of optimisation, from 0 to 3.
+        optimisation: of optimisation, from 0 to 3.
     """
     jaxlib = tuple(map(int, version("jaxlib").split(".")[:2]))
     if not _alone() or not _KNOWN[0] <= jaxlib < _KNOWN[1]:
         return
-    given = os.environ.get("XLA_FLAGS", "")
+    flags = os.environ.get("XLA_FLAGS", "")
     new = [
-        flag for flag in (_SIMPLE_LOOPS, f"{_LEVEL}={level}") if flag.partition("=")[0] not in given
+        flag
+        for flag in (_SIMPLE_LOOPS, f"{_LEVEL}={optimisation}")
+        if flag.partition("=")[0] not in flags
     ]
     if new:
-        os.environ["XLA_FLAGS"] = " ".join([*new, given]).strip()
+        os.environ["XLA_FLAGS"] = " ".join([*new, flags]).strip()
 
 
 def _alone() -> bool:
@@ -97,39 +99,39 @@ def _alone() -> bool:
 
 def _close(folder: Path) -> None:
     """Take from others what an old umask has let them write in a folder of one's own."""
-    found = folder.stat()
-    if hasattr(os, "geteuid") and found.st_uid == os.geteuid() and found.st_mode & _OTHERS:
-        folder.chmod(stat.S_IMODE(found.st_mode) & ~_OTHERS)
+    status = folder.stat()
+    if hasattr(os, "geteuid") and status.st_uid == os.geteuid() and status.st_mode & _OTHERS:
+        folder.chmod(stat.S_IMODE(status.st_mode) & ~_OTHERS)
 
 
 def _others(folder: Path) -> str | None:
     """Way for somebody else to write to a folder; None where nobody may, or nobody says who."""
     if not hasattr(os, "geteuid"):
         return None
-    found = folder.stat()
-    if found.st_uid != os.geteuid():
+    status = folder.stat()
+    if status.st_uid != os.geteuid():
         return "belongs to another user"
-    return "may be written by others" if found.st_mode & _OTHERS else None
+    return "may be written by others" if status.st_mode & _OTHERS else None
 
 
 def _listen(folder: Path) -> None:
     """Say JAX's warnings about the cache once and in our words, and take out what was written in
     part.
     """
-    # Python shows a warning of one place once only, unless told otherwise.
+    # Python shows a warning of one place once only, unless stated otherwise.
     warnings.filterwarnings(
         "always", message="Error (reading|writing) persistent compilation cache"
     )
-    shown = warnings.showwarning
+    show_warning = warnings.showwarning
 
-    def show(message: Warning | str, *rest: Any, **more: Any) -> None:
-        found = _COMPLAINT.match(str(message))
-        if found is None:
-            shown(message, *rest, **more)
+    def show(message: Warning | str, *details: Any, **options: Any) -> None:
+        complaint = _COMPLAINT.match(str(message))
+        if complaint is None:
+            show_warning(message, *details, **options)
             return
-        _tell(found[3])
+        _tell(complaint[3])
         # JAX never writes an entry again that is there, however short a full disk has left it.
-        for path in folder.glob(f"{found[2]}-*"):
+        for path in folder.glob(f"{complaint[2]}-*"):
             try:
                 path.unlink()
             except OSError:

@@ -4,7 +4,7 @@ between runs as JAX traced them.
 XLA compiles without Python's lock, so that on two cores a search's later programs are ready when it
 comes to them. JAX's own cache keeps what XLA made of a program; but to find it there a function has
 to be traced and lowered again, which is half of a command's second run. So the lowered program is
-kept beside it, under its function, the shapes of its arguments, and all that it was made from.
+kept next to it, under its function, the shapes of its arguments, and all that it was made from.
 """
 
 import functools
@@ -70,11 +70,11 @@ class _ProgramRequest(NamedTuple):
 
     @property
     def key(self) -> tuple[Any, ...]:
-        """Key that tells programs of one function apart while the process runs."""
+        """Key that separates programs of one function while the process runs."""
         return self.fixed, self.structure, tuple(map(_kind, self.leaves)), _double()
 
     def file_name(self) -> str | None:
-        """The same between runs; None where an argument's words do not tell its value, and on
+        """The same between runs; None where an argument's words do not give its value, and on
         other devices than the processor, where nobody has tried it.
         """
         if jax.default_backend() != "cpu" or _config().jax_default_device is not None:
@@ -82,9 +82,9 @@ class _ProgramRequest(NamedTuple):
         if not all(_plain(value) for _, value in self.fixed):
             return None
         fixed = [(name, _words(value)) for name, value in self.fixed]
-        words = repr((fixed, self.key[1:], _made_with()))
+        text = repr((fixed, self.key[1:], _made_with()))
         # Words of a thing that says no more of itself than where it lies in memory.
-        return None if " at 0x" in words else hashlib.sha256(words.encode()).hexdigest()
+        return None if " at 0x" in text else hashlib.sha256(text.encode()).hexdigest()
 
 
 def _kind(leaf: Any) -> tuple[Any, ...]:
@@ -100,7 +100,7 @@ class _Made(NamedTuple):
     """A program, and what JAX compiled for it and finds for as long as somebody holds it."""
 
     run: Callable[[list[Any]], Any] | None  # from arrays in a row; None where JAX's function does
-    held: Any
+    references: Any
 
 
 class _Kept(NamedTuple):
@@ -138,9 +138,9 @@ class Program(Generic[Result]):
         key = request.key
         # What JAX has run once it keeps itself, after it was let go here too.
         if key not in self._asked_for:
-            made = _threads().submit(self._make, _double(), request, *args, **kwargs)
+            future = _threads().submit(self._make, _double(), request, *args, **kwargs)
             self._asked_for.add(key)
-            self._begun[key] = made
+            self._begun[key] = future
             self._let_old_ones_go()
 
     def __call__(self, *args: Any, **kwargs: Any) -> Result:
@@ -153,13 +153,13 @@ class Program(Generic[Result]):
         key = request.key
         begun = self._begun.get(key)
         if begun is None and _folder is not None:
-            own: Future[_Made] = Future()
+            future: Future[_Made] = Future()
             self._asked_for.add(key)
-            begun = self._begun.setdefault(key, own)
+            begun = self._begun.setdefault(key, future)
             self._let_old_ones_go()
             # Of several threads the first one makes it.
-            if begun is own:
-                _settle(own, lambda: self._make(_double(), request, *args, **kwargs))
+            if begun is future:
+                _settle(future, lambda: self._make(_double(), request, *args, **kwargs))
         # What was wrong with compiling ahead shows, with its own words, in the call itself.
         if begun is None or begun.exception() is not None:
             return self.jitted(*args, **kwargs)
@@ -190,22 +190,22 @@ class Program(Generic[Result]):
         """A compiled program for arguments like these."""
         # The caller's precision may be set for its thread alone.
         with jax.enable_x64(double):
-            kept = None if _folder is None else self._kept(_folder, request)
-            if kept is None:
+            program = None if _folder is None else self._kept(_folder, request)
+            if program is None:
                 lowered = self.jitted.lower(*args, **kwargs)
-                return _Made(run=None, held=(lowered, lowered.compile()))
-            if _LAPACK in kept.exported.mlir_module_serialized:
+                return _Made(run=None, references=(lowered, lowered.compile()))
+            if _LAPACK in program.exported.mlir_module_serialized:
                 _load_lapack()
-            lowered = jax.jit(_named(kept.exported.call, self._name)).lower(*request.leaves)
+            lowered = jax.jit(_named(program.exported.call, self._name)).lower(*request.leaves)
             # As it is compiled, not as a function of JAX's: that would compile again for arrays
             # which an exported program gave.
             compiled = lowered.compile()
-            structure = jax.tree.structure(kept.result)
+            structure = jax.tree.structure(program.result)
 
             def run(leaves: list[Any]) -> Result:
                 return jax.tree.unflatten(structure, compiled(*leaves))
 
-            return _Made(run=run, held=lowered)
+            return _Made(run=run, references=lowered)
 
     def _kept(self, folder: Path, request: _ProgramRequest) -> _Kept | None:
         """The program as a former run traced it, or traced now and kept; None where JAX can't write
@@ -216,20 +216,20 @@ class Program(Generic[Result]):
             if name is None:
                 return None
             path = folder / f"traced-{self._name}-{name}"
-            if (found := _read(path)) is not None:
-                return found
-            made = self._traced(request)
-            _write(path, pickle.dumps(made))
-        except Exception:  # What this JAX cannot export or tell of itself runs as it always did.
+            if (earlier := _read(path)) is not None:
+                return earlier
+            traced = self._traced(request)
+            _write(path, pickle.dumps(traced))
+        except Exception:  # What this JAX cannot export or describe runs as always.
             return None
-        return made
+        return traced
 
     def _traced(self, request: _ProgramRequest) -> _Kept:
         results: list[Any] = []
 
         def flat(*leaves: Any) -> list[Any]:
-            given = jax.tree.unflatten(request.structure, leaves)
-            arrays, structure = jax.tree.flatten(self._function(**given, **dict(request.fixed)))
+            arguments = jax.tree.unflatten(request.structure, leaves)
+            arrays, structure = jax.tree.flatten(self._function(**arguments, **dict(request.fixed)))
             results.append(jax.tree.unflatten(structure, range(len(arrays))))
             return arrays
 
@@ -275,7 +275,7 @@ def _load_lapack() -> None:
 
 
 def _plain(value: Any) -> bool:
-    """Test whether words tell all of a value: numbers, text, a module's function, and records of
+    """Test whether words give all of a value: numbers, text, a module's function, and records of
     the former.
     """
     if isinstance(value, FunctionType):
@@ -288,7 +288,7 @@ def _plain(value: Any) -> bool:
 
 
 def _words(value: Any) -> str:
-    """Words that tell a plain value from others: a module's function by its name."""
+    """Words that identify a plain value: a module's function by its name."""
     if isinstance(value, FunctionType):
         return f"{value.__module__}.{value.__qualname__}"
     return repr(value)
@@ -321,16 +321,16 @@ def _files(package: str) -> Iterator[tuple[str, int, int]]:
 
 def _read(path: Path) -> _Kept | None:
     try:
-        kept = pickle.loads(path.read_bytes())
+        program = pickle.loads(path.read_bytes())
     except Exception:  # Not there, or written in part: it is traced again.
         return None
-    return kept if isinstance(kept, _Kept) else None
+    return program if isinstance(program, _Kept) else None
 
 
 def _write(path: Path, data: bytes) -> None:
     try:
-        with whole_file(path) as part:
-            part.write_bytes(data)
+        with whole_file(path) as temporary:
+            temporary.write_bytes(data)
     except OSError:
         # JAX's own cache, in the same folder, says what is wrong with it.
         return

@@ -7,13 +7,13 @@ from typing import Protocol, runtime_checkable
 class Progress(Protocol):
     """Message that a `progress=` argument is called with, each time a part is done.
 
-    `done` of `total` parts are finished (`total` is None where nobody knows it beforehand, as for
+    `done` of `total` parts are finished (`total` is None where it is unknown, as for
     the bytes of a pipe), and `words` say what is being done, as in 'computing spectra'.
     """
 
-    def __call__(self, done: int, total: int | None, words: str, /) -> object:
+    def __call__(self, done: int, total: int | None, stage: str, /) -> object:
         """Take note of a part that is done."""
 
 
-def no_progress(done: int, total: int | None, words: str, /) -> None:
-    """Tells nobody: the default of a `progress=` argument."""
+def no_progress(done: int, total: int | None, stage: str, /) -> None:
+    """Reports nothing: the default of a `progress=` argument."""

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .geometry import Bidirectional, Geometry, Hemispherical, Instrument, geometry_of
-from .paint.media import Glaze, check_glaze, optics_of
+from .paint.media import Glaze, check_glaze, stack_of
 from .radiative.common.fresnel import dielectric_reflectance
 from .radiative.stack import (
     Method,
@@ -63,9 +63,9 @@ def reflectance(
             f"method {method!r} takes isotropic scattering only; a paint here has a phase function"
         )
     n = glaze.refractive_index
-    stack = *optics_of(glaze), glaze.ground
-    given: dict[str, Any] = {"refractive_index": n, "tolerance": tolerance}
-    given |= {"method": method or "ordinates"} if phase is None else {"phase": phase}
+    stack = stack_of(glaze)
+    options: dict[str, Any] = {"refractive_index": n, "tolerance": tolerance}
+    options |= {"method": method or "ordinates"} if phase is None else {"phase": phase}
     match geometry:
         case Bidirectional():
             directions: dict[str, Any] = {
@@ -73,14 +73,14 @@ def reflectance(
                 "cos_viewing": geometry.cos_viewing,
             }
             if phase is None:
-                diffuse = stack_reflectance_factor(*stack, **directions, **given)
+                diffuse = stack_reflectance_factor(*stack, **directions, **options)
             else:
                 from .radiative.manyflux.reflectance import manyflux_reflectance_factor
 
                 azimuth = jnp.asarray(geometry.azimuth)
                 azimuth = azimuth[..., None] if azimuth.ndim else azimuth
                 diffuse = manyflux_reflectance_factor(
-                    *stack, **directions, azimuth=azimuth, **given
+                    *stack, **directions, azimuth=azimuth, **options
                 )
         case Hemispherical():
             if phase is None:
@@ -89,7 +89,7 @@ def reflectance(
                 from .radiative.manyflux.reflectance import (
                     manyflux_hemispherical_reflectance as solve,
                 )
-            diffuse = solve(*stack, cos_incidence=geometry.cos_incidence, **given)
+            diffuse = solve(*stack, cos_incidence=geometry.cos_incidence, **options)
     if not geometry.specular:
         return diffuse
     surface: Array = dielectric_reflectance(jnp.asarray(geometry.cos_incidence), jnp.asarray(n))

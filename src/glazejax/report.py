@@ -48,11 +48,11 @@ def leave_out(table: Table, console: Console, spare: Iterable[str]) -> tuple[Tab
     for title in spare:
         if Measurement.get(console, unlimited, table).maximum <= console.width:
             break
-        kept = [column for column in table.columns if column.header != title]
-        rows = zip(*(list(column.cells) for column in kept), strict=True)
+        columns = [column for column in table.columns if column.header != title]
+        rows = zip(*(list(column.cells) for column in columns), strict=True)
         table = copy(table)
         table.columns, table.rows = [], []
-        for column in kept:
+        for column in columns:
             table.add_column(
                 column.header,
                 justify=column.justify,

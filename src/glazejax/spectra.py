@@ -62,8 +62,11 @@ _to_jax = jax.jit(lambda number: number)
 
 def as_float_array(values: Numbers) -> Float[Array, "..."]:
     """Values as a JAX floating-point array; integers become the default float type."""
+    # A program takes a number to JAX in a tenth of the time that `asarray` needs, and NumPy's own
+    # numbers faster than its arrays.
+    if isinstance(values, float):
+        return _to_jax(np.float64(values))
     array = as_array(values)
-    # A program takes a number to JAX in a sixth of the time that `asarray` needs.
     array = _to_jax(array) if np.ndim(array) == 0 else jnp.asarray(array)
     return (
         array if jnp.issubdtype(array.dtype, jnp.floating) else array.astype(jnp.result_type(float))
@@ -74,8 +77,10 @@ def small(*arrays: Any) -> bool:
     """Test whether all arrays are known real numbers, and so few that NumPy is done before JAX has
     compiled anything.
     """
-    known = all(not isinstance(array, Tracer) and array.dtype.kind in "fiub" for array in arrays)
-    return known and sum(array.size for array in arrays) <= _SMALL
+    concrete_only = all(
+        not isinstance(array, Tracer) and array.dtype.kind in "fiub" for array in arrays
+    )
+    return concrete_only and sum(array.size for array in arrays) <= _SMALL
 
 
 def numpy_or_jax(function: Callable[..., Any], *arrays: Any) -> Any:
@@ -254,8 +259,8 @@ def as_fraction(
 def _list_names(names: Sequence[str], chosen: Bool[np.ndarray, "rows"]) -> str:
     """First few of the chosen names."""
     picked = [name for name, take in zip(names, chosen, strict=True) if take]
-    more = f" and {len(picked) - 3} more" if len(picked) > 3 else ""
-    return ", ".join(picked[:3]) + more
+    ending = f" and {len(picked) - 3} more" if len(picked) > 3 else ""
+    return ", ".join(picked[:3]) + ending
 
 
 def interpolation_matrix(
@@ -270,10 +275,10 @@ def interpolation_matrix(
     new = validate_wavelengths(new_wavelengths)
     slack = 1e-6
     if new[0] < old[0] - slack or new[-1] > old[-1] + slack:
-        inside = new[(new >= old[0] - slack) & (new <= old[-1] + slack)]
+        covered = new[(new >= old[0] - slack) & (new <= old[-1] + slack)]
         fix = (
-            f"keep to {describe_grid(inside)}"
-            if inside.size
+            f"keep to {describe_grid(covered)}"
+            if covered.size
             else "they do not meet; choose another spectrum"
         )
         raise ValueError(

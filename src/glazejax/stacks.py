@@ -170,10 +170,13 @@ class Stack:
 @lru_cache(maxsize=1)
 def all_paints() -> Mapping[str, Pigment]:
     """Every paint of every catalogue: the oils by name, others as ``CATALOGUE/NAME``."""
-    first, *others = catalogue.names()
+    first, *further = catalogue.names()
     shelf = dict(catalogue.load(first))
-    for other in others:
-        shelf |= {f"{other}/{name}": paint for name, paint in catalogue.load(other).items()}
+    for catalogue_name in further:
+        shelf |= {
+            f"{catalogue_name}/{name}": paint
+            for name, paint in catalogue.load(catalogue_name).items()
+        }
     return MappingProxyType(shelf)
 
 
@@ -233,7 +236,7 @@ def read_stack(path: str | Path) -> Stack:
 
     Raises:
         FileNotFoundError: no such file.
-        ValueError: not such a file; the message says where and what would mend it.
+        ValueError: not such a file; the message says where and what would fix it.
     """
     with open_source(path) as source:
         try:
@@ -262,9 +265,9 @@ def write_stack(path: str | Path, stack: Stack, *, overwrite: bool = False) -> P
     return _write(path, stack_to_dict(stack), overwrite)
 
 
-def _write(path: str | Path, found: dict[str, Any], overwrite: bool) -> Path:
+def _write(path: str | Path, content: dict[str, Any], overwrite: bool) -> Path:
     path = check_output(path, overwrite=overwrite, switch="overwrite=True")
-    path.write_text(json.dumps(found, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    path.write_text(json.dumps(content, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
     return path
 
 
@@ -278,7 +281,7 @@ def load_glaze(path: str | Path, *, side: Literal["white", "black"] = "white") -
     Raises:
         FileNotFoundError: no such file.
         ValueError: not such a file, or all its coats are hidden; the message says where and
-            what would mend it.
+            what would fix it.
     """
     if side not in ("white", "black"):
         raise ValueError(f"side is {side!r}; of a card it is white or black")
@@ -333,23 +336,25 @@ def stack_of(glaze: Glaze, instrument: Instrument | Geometry | str = "45:0") -> 
         raise ValueError("a stack's file holds one glaze, without batch axes")
     if np.ndim(glaze.refractive_index):
         raise ValueError("a stack's file holds one refractive index for all wavelengths")
-    own: dict[str, Pigment] = {}
+    own_paints: dict[str, Pigment] = {}
     coats = tuple(
-        Coat(tuple(_named_parts(coat.medium, own)), float(coat.thickness), 1)
+        Coat(tuple(_named_parts(coat.medium, own_paints)), float(coat.thickness), 1)
         for coat in glaze.coats
     )
-    level = np.asarray(glaze.ground, float)
+    ground = np.asarray(glaze.ground, float)
     return Stack(
         coats=coats,
-        ground=float(level) if level.size == 1 else Spectrum(glaze.wavelengths, level),
+        ground=float(ground) if ground.size == 1 else Spectrum(glaze.wavelengths, ground),
         refractive_index=float(glaze.refractive_index),
         instrument=geometry_of(instrument).notation,
-        pigments=MappingProxyType(own),
+        pigments=MappingProxyType(own_paints),
     )
 
 
-def _named_parts(medium: Pigment | Mixture, own: dict[str, Pigment]) -> Iterator[tuple[float, str]]:
-    """(weight, name) of a medium's paints; those that no catalogue has are filed among `own`."""
+def _named_parts(
+    medium: Pigment | Mixture, own_paints: dict[str, Pigment]
+) -> Iterator[tuple[float, str]]:
+    """(weight, name) of a medium's paints; `own_paints` takes those that no catalogue has."""
     mixed = isinstance(medium, Mixture)
     paints = medium.pigments if mixed else (medium,)
     if len(paints) > MOST_PARTS:
@@ -361,16 +366,16 @@ def _named_parts(medium: Pigment | Mixture, own: dict[str, Pigment]) -> Iterator
         name = next((n for n in shipped if n in all_paints() and _same(all_paints()[n], paint)), "")
         if not name:
             name = own_name(paint.name)
-            while name in own and not _same(own[name], paint):
+            while name in own_paints and not _same(own_paints[name], paint):
                 name += "'"
-            own[name] = paint
+            own_paints[name] = paint
         yield weight, name
 
 
-def _same(one: Pigment, other: Pigment) -> bool:
+def _same(first: Pigment, second: Pigment) -> bool:
     """Test whether two paints are one to light."""
-    return same_grid(one.wavelengths, other.wavelengths) and all(
-        np.array_equal(getattr(one, key), getattr(other, key))
+    return same_grid(first.wavelengths, second.wavelengths) and all(
+        np.array_equal(getattr(first, key), getattr(second, key))
         for key in ("absorption", "scattering")
     )
 
@@ -389,35 +394,35 @@ def parse_stack(text: str) -> Stack:
         ) from None
 
 
-def stack_from_dict(given: Any) -> Stack:
+def stack_from_dict(content: Any) -> Stack:
     """The stack of what `json.loads` gives, checked whole.
 
     Raises:
         ValueError: something is missing, unknown or out of range; the message names the value and
             the fix.
     """
-    if not isinstance(given, dict) or given.get("glazejax") != "stack":
+    if not isinstance(content, dict) or content.get("glazejax") != "stack":
         raise ValueError(
             'this is no stack: it must be an object such as {"glazejax": "stack", "coats": '
             '[{"paint": {"CobaltBlue": 1}, "um": 12}]}'
         )
-    if given.get("version", 1) != 1:
+    if content.get("version", 1) != 1:
         raise ValueError(
-            f"the stack is of version {given['version']!r:.60}, and this glazejax reads version 1: "
-            "update it"
+            f"the stack is of version {content['version']!r:.60}, and this glazejax reads version "
+            "1: update it"
         )
-    if unknown := set(given) - _KEYS:
+    if unknown := set(content) - _KEYS:
         raise ValueError(
             f"a stack has no {sorted(unknown)[0]!r:.60}; it has {', '.join(sorted(_KEYS))}"
         )
-    listed = given.get("coats", [])
+    listed = content.get("coats", [])
     if not isinstance(listed, list) or len(listed) > MOST_COATS:
         raise ValueError(f'"coats" must be a list of {MOST_COATS} coats at most')
-    own = _own(given.get("pigments", {}))
-    shelf = {**all_paints(), **own}
+    own_paints = _own(content.get("pigments", {}))
+    shelf = {**all_paints(), **own_paints}
     coats = tuple(_coat(i, coat, shelf) for i, coat in enumerate(listed, 1))
-    index = _number("refractive_index", given.get("refractive_index", 1.5), 1.0, 2.5)
-    geometry = given.get("geometry", "45:0")
+    index = _number("refractive_index", content.get("refractive_index", 1.5), 1.0, 2.5)
+    geometry = content.get("geometry", "45:0")
     if not isinstance(geometry, str):
         raise ValueError(f"geometry is {geometry!r:.60}; write words such as 45:0 or d:8")
     parse_geometry(geometry)
@@ -425,42 +430,42 @@ def stack_from_dict(given: Any) -> Stack:
     return Stack(
         coats=coats,
         hidden=hidden,
-        ground=_ground(given.get("ground", "card"), shelf),
+        ground=_ground(content.get("ground", "card"), shelf),
         refractive_index=index,
         instrument=geometry,
-        pigments=MappingProxyType(own),
+        pigments=MappingProxyType(own_paints),
     )
 
 
-def _coat(number: int, given: Any, shelf: Mapping[str, Pigment]) -> Coat:
+def _coat(number: int, content: Any, shelf: Mapping[str, Pigment]) -> Coat:
     where = f"coat {number}"
-    if not isinstance(given, dict) or not {"paint", "um"} <= set(given):
+    if not isinstance(content, dict) or not {"paint", "um"} <= set(content):
         raise ValueError(
             f'{where} must have "paint" and "um", such as {{"paint": {{"CobaltBlue": 1}}, "um": '
             f"12}}"
         )
     thickest = MAX_THICKNESS * 1e6
-    if (um := _real(given["um"])) is None:
+    if (um := _real(content["um"])) is None:
         raise ValueError(
-            f'{where}: "um" is {given["um"]!r:.60}; it must be a number of micrometres, '
+            f'{where}: "um" is {content["um"]!r:.60}; it must be a number of micrometres, '
             "without a unit"
         )
     if not 0 <= um <= thickest:
         raise ValueError(
             f"{where} is {um:g} micrometres thick; it must be between 0 and {thickest:g}"
         )
-    return Coat(_parts(where, given["paint"], shelf), um / 1e6, 1)
+    return Coat(_parts(where, content["paint"], shelf), um / 1e6, 1)
 
 
-def _parts(where: str, given: Any, shelf: Mapping[str, Pigment]) -> tuple[tuple[float, str], ...]:
-    if not isinstance(given, dict) or not 1 <= len(given) <= MOST_PARTS:
-        name = given if isinstance(given, str) else "CobaltBlue"
+def _parts(where: str, content: Any, shelf: Mapping[str, Pigment]) -> tuple[tuple[float, str], ...]:
+    if not isinstance(content, dict) or not 1 <= len(content) <= MOST_PARTS:
+        name = content if isinstance(content, str) else "CobaltBlue"
         raise ValueError(
             f"{where} must be of 1 to {MOST_PARTS} paints with their parts by weight, such as "
             f'"paint": {{{json.dumps(name, ensure_ascii=False)[:60]}: 1}}'
         )
     weights = {}
-    for name, value in given.items():
+    for name, value in content.items():
         if (weight := _real(value)) is None or not 0 <= weight <= 1e9:
             raise ValueError(
                 f"{where}: the part of {name:.60} is {value!r:.60}; it must be a number from 0 on"
@@ -475,76 +480,79 @@ def _parts(where: str, given: Any, shelf: Mapping[str, Pigment]) -> tuple[tuple[
     return tuple((weight / total, name) for name, weight in weights.items())
 
 
-def _ground(given: Any, shelf: Mapping[str, Pigment]) -> Ground:
-    if given in ("white", "black", "card"):
-        return given
-    if isinstance(given, dict) and "paint" in given:
-        return Hiding(_parts("the ground", given["paint"], shelf))
-    if isinstance(given, dict):
+def _ground(content: Any, shelf: Mapping[str, Pigment]) -> Ground:
+    if content in ("white", "black", "card"):
+        return content
+    if isinstance(content, dict) and "paint" in content:
+        return Hiding(_parts("the ground", content["paint"], shelf))
+    if isinstance(content, dict):
         grid, values = (
-            _curve(f"{key} of the ground", given.get(key)) for key in ("wavelengths", "reflectance")
+            _curve(f"{key} of the ground", content.get(key))
+            for key in ("wavelengths", "reflectance")
         )
         grid = validate_wavelengths(grid)
         if values.shape != grid.shape or values.min() < 0 or values.max() > 1:
             raise ValueError("the ground needs one reflectance from 0 to 1 for each wavelength")
         return Spectrum(grid, values)
-    if isinstance(given, str):
+    if isinstance(content, str):
         raise ValueError(
-            f"the ground is {given!r:.60}; write a number from 0 to 1, white, black or card"
+            f"the ground is {content!r:.60}; write a number from 0 to 1, white, black or card"
         )
-    if (value := _real(given)) is not None and 2 <= value <= 100:
+    if (value := _real(content)) is not None and 2 <= value <= 100:
         raise ValueError(
-            f"the ground is {given!r}; it must be a number between 0 and 1: {given!r} percent "
+            f"the ground is {content!r}; it must be a number between 0 and 1: {content!r} percent "
             f"are {value / 100:g}"
         )
-    return _number("the ground", given, 0.0, 1.0)
+    return _number("the ground", content, 0.0, 1.0)
 
 
-def _own(given: Any) -> dict[str, Pigment]:
-    if not isinstance(given, dict) or len(given) > MOST_COATS:
+def _own(content: Any) -> dict[str, Pigment]:
+    if not isinstance(content, dict) or len(content) > MOST_COATS:
         raise ValueError(f'"pigments" must be {MOST_COATS} own paints at most, by name')
-    return {name: pigment_from_dict(name, columns) for name, columns in given.items()}
+    return {name: pigment_from_dict(name, columns) for name, columns in content.items()}
 
 
-def pigment_from_dict(name: str, given: Any) -> Pigment:
+def pigment_from_dict(name: str, content: Any) -> Pigment:
     """One own paint of a stack.
 
     Raises:
         ValueError: a column is missing or holds what is no coefficient.
     """
-    if not isinstance(given, dict) or not {"wavelengths", "absorption", "scattering"} <= set(given):
+    if not isinstance(content, dict) or not {"wavelengths", "absorption", "scattering"} <= set(
+        content
+    ):
         raise ValueError(
             f"paint {name!r} must have wavelengths (nm), absorption and scattering (1/m)"
         )
     columns = [
-        _curve(f"{key} of {name!r}", given[key])
+        _curve(f"{key} of {name!r}", content[key])
         for key in ("wavelengths", "absorption", "scattering")
     ]
-    more = {
-        key: _curve(f"{key} of {name!r}", given[key])
+    errors = {
+        key: _curve(f"{key} of {name!r}", content[key])
         for key in ("absorption_sd", "scattering_sd")
-        if key in given
+        if key in content
     }
-    known = given.get("identifiable")
+    identifiable = content.get("identifiable")
     return Pigment(
         name,
         *columns,
-        **more,
-        identifiable=None if known is None else np.asarray(known, bool),
-        provenance=str(given.get("provenance", ""))[:2000],
+        **errors,
+        identifiable=None if identifiable is None else np.asarray(identifiable, bool),
+        provenance=str(content.get("provenance", ""))[:2000],
     )
 
 
 def pigment_to_dict(paint: Pigment, digits: int = 6) -> dict[str, Any]:
     """A paint as a stack brings it; `pigment_from_dict` reads it. Error modes are not in it."""
-    found: dict[str, Any] = {"wavelengths": [*map(float, paint.wavelengths)]}
+    content: dict[str, Any] = {"wavelengths": [*map(float, paint.wavelengths)]}
     for key in ("absorption", "scattering", "absorption_sd", "scattering_sd"):
         values = getattr(paint, key)
         if values is not None:
-            found[key] = [float(f"{value:.{digits}g}") for value in np.asarray(values)]
+            content[key] = [float(f"{value:.{digits}g}") for value in np.asarray(values)]
     if paint.identifiable is not None:
-        found["identifiable"] = [bool(known) for known in paint.identifiable]
-    return found | ({"provenance": paint.provenance} if paint.provenance else {})
+        content["identifiable"] = [bool(band) for band in paint.identifiable]
+    return content | ({"provenance": paint.provenance} if paint.provenance else {})
 
 
 def stack_to_dict(stack: Stack, digits: int = 6) -> dict[str, Any]:
@@ -556,20 +564,20 @@ def stack_to_dict(stack: Stack, digits: int = 6) -> dict[str, Any]:
     """
     coats = []
     for coat, hidden in zip(stack.coats, stack.hidden, strict=True):
-        one: dict[str, Any] = {
+        entry: dict[str, Any] = {
             "paint": {name: weight for weight, name in coat.parts},
             "um": _short(coat.total * 1e6),
         }
-        coats.append(one | ({"hidden": True} if hidden else {}))
+        coats.append(entry | ({"hidden": True} if hidden else {}))
     ground: Any = stack.ground
     if isinstance(ground, Spectrum):
         ground = {key: [float(value) for value in getattr(ground, key)] for key in ground._fields}
     elif isinstance(ground, Hiding):
         ground = {"paint": {name: weight for weight, name in ground.parts}}
-    found = {"glazejax": "stack", "version": 1, "coats": coats, "ground": ground}
-    found |= {"refractive_index": stack.refractive_index, "geometry": stack.instrument}
-    own = {name: pigment_to_dict(paint, digits) for name, paint in stack.pigments.items()}
-    return found | ({"pigments": own} if own else {})
+    content = {"glazejax": "stack", "version": 1, "coats": coats, "ground": ground}
+    content |= {"refractive_index": stack.refractive_index, "geometry": stack.instrument}
+    own_paints = {name: pigment_to_dict(paint, digits) for name, paint in stack.pigments.items()}
+    return content | ({"pigments": own_paints} if own_paints else {})
 
 
 def _short(value: float) -> float:
@@ -588,16 +596,20 @@ def _real(value: Any) -> float | None:
     return number if math.isfinite(number) else None
 
 
-def _number(what: str, given: Any, low: float, high: float) -> float:
-    if (value := _real(given)) is None or not low <= value <= high:
+def _number(what: str, value_given: Any, low: float, high: float) -> float:
+    if (value := _real(value_given)) is None or not low <= value <= high:
         raise ValueError(
-            f"{what} is {given!r:.60}; it must be a number between {low:g} and {high:g}"
+            f"{what} is {value_given!r:.60}; it must be a number between {low:g} and {high:g}"
         )
     return value
 
 
-def _curve(what: str, given: Any) -> Float[np.ndarray, "bands"]:
+def _curve(what: str, numbers: Any) -> Float[np.ndarray, "bands"]:
     most = 1000
-    if not isinstance(given, list) or not 1 <= len(given) <= most or None in map(_real, given):
+    if (
+        not isinstance(numbers, list)
+        or not 1 <= len(numbers) <= most
+        or None in map(_real, numbers)
+    ):
         raise ValueError(f"{what} must be a list of 1 to {most} numbers")
-    return np.array(given, float)
+    return np.array(numbers, float)

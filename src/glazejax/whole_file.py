@@ -12,14 +12,14 @@ def whole_file(path: Path) -> Iterator[Path]:
     away if that fails. So a file is there whole, or as it was before.
     """
     # Programs that write the same file at one time each write a part of their own.
-    part = path.with_name(f"{path.name[:200]}.{os.getpid()}.part")
+    temporary = path.with_name(f"{path.name[:200]}.{os.getpid()}.part")
     try:
-        yield part
-        part.replace(path)
+        yield temporary
+        temporary.replace(path)
     except OSError as error:
-        if error.filename is not None and Path(error.filename) == part:
+        if error.filename is not None and Path(error.filename) == temporary:
             # What the user named, not what it is called meanwhile.
             raise type(error)(error.errno, error.strerror, str(path)) from None
         raise
     finally:
-        part.unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)

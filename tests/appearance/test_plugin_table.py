@@ -82,7 +82,7 @@ def test_a_rough_surfaces_matrix_is_its_ports():
     albedo, depth = np.array([[0.9, 0.5], [0.99, 0.2]]), np.array([[0.3, 1.0], [5.0, 0.1]])
     cosines = np.array([0.05, 0.4, 0.9])
     stack = {"albedo": albedo, "optical_thickness": depth}
-    parts = surface.expand(surface.parts(stack, cosines, tolerance), cosines, tolerance)
+    parts = surface.expand(surface.terms(stack, cosines, tolerance), cosines, tolerance)
     for i, a in enumerate(cosines):
         ports = rough_ports(
             albedo[:, None],

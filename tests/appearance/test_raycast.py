@@ -272,8 +272,9 @@ def test_rays_that_carry_little_are_not_followed():
     )
     rays = made.rays(np.array([16.0]), np.array([12.0]))
     arguments = (scene_geometry(made), lamps(made.lights), *rays)
-    follow = trace(*arguments, reflects=lambda number, cosines: 0.01 + 0 * cosines, bounces=3)
+    follow = trace(*arguments, reflects=lambda number, cosines: 0.01 + 0 * cosines, most_bounces=3)
     assert len(follow) == 2
     assert (
-        len(trace(*arguments, reflects=lambda number, cosines: 1e-4 + 0 * cosines, bounces=3)) == 1
+        len(trace(*arguments, reflects=lambda number, cosines: 1e-4 + 0 * cosines, most_bounces=3))
+        == 1
     )

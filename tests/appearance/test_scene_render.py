@@ -248,7 +248,7 @@ def test_gradient_of_a_pixel_by_the_spectrum_of_a_material():
         lamps(made.lights),
         *made.rays(pixels % 8 + 0.5, pixels // 8 + 0.5),
         reflects=lambda number, cosines: np.ones(len(cosines)) * (number == 3),
-        bounces=2,
+        most_bounces=2,
     )
     weights = jnp.asarray(np.random.default_rng(1).normal(size=(48, GRID.size)))
 

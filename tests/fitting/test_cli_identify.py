@@ -102,7 +102,7 @@ def test_ground_must_be_a_reflectance_a_file_or_said(table, tmp_path):
         ("nothing.csv", "--ground 'nothing.csv' is neither a number"),
         (f"{one}:white", "holds no spectrum 'white'; there are grey"),
         (short, "short.csv: the ground: cannot resample 500-600 nm"),
-        (None, "what is under the paint"),
+        (None, "no ground is stated"),
     ):
         result = run(one, *([] if ground is None else ["--ground", ground]))
         assert complaint in str(result.exception)

@@ -325,7 +325,7 @@ def test_bad_input_is_one_clear_error(paints):
         ({"max_paints": 4}, "1, 2 or 3"),
         ({"max_coats": 4}, "1, 2 or 3 coats"),
         ({"ground": 1.2}, r"must lie in \[0, 1\]"),
-        ({"ground": None}, "what is under the paint"),
+        ({"ground": None}, "no ground is stated"),
         ({"opaque": True}, "opaque films show no ground"),
         ({"spectra": GRID, "wavelengths": good}, "wavelengths must be a non-empty one-dimensional"),
         ({"instrument": "45:0:8"}, "instrument is '45:0:8'"),

@@ -571,7 +571,7 @@ def test_anachronisms_are_said():
     [
         (dict(max_coats=4), "max_coats is 4"),
         (dict(max_paints=4), "max_paints is 4"),
-        (dict(opaque=False), "what is under the paint"),
+        (dict(opaque=False), "no ground is stated"),
         (dict(varnish="old"), "varnish is 'old'; say one of none, thin, yellowed"),
         (dict(elements=("Xx",)), "there is no element 'Xx'"),
         (dict(wavelengths=np.linspace(3e3, 3.1e3, GRID.size)), "no three bands lie there"),
@@ -593,7 +593,7 @@ def test_what_cannot_be_asked_is_said(others, change, words):
 
 def test_too_few_exemplars_are_said(others):
     few = [paint for paint in others if paint.family == "azurite"][:3]
-    with pytest.raises(ValueError, match="3 exemplars are known at the spectra's bands, too few"):
+    with pytest.raises(ValueError, match="3 exemplars have the spectra's bands, too few"):
         identify(GRID, np.full(GRID.size, 0.5), few, opaque=True)
 
 

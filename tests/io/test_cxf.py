@@ -65,6 +65,12 @@ def test_what_is_written_follows_the_schema(tmp_path):
             "looks like XML, such as CxF, whose beginning is missing",
         ),
         (SAMPLE.replace("0.4 0.5 0.6", ""), "spectrum of 'red' is empty"),
+        (
+            SAMPLE.replace("<cc:ColorValues>", "", 1)
+            .replace("</cc:ColorValues></cc:Object>", "", 1)
+            .replace("<cc:ReflectanceSpectrum", "</cc:Object><cc:ReflectanceSpectrum", 1),
+            "a spectrum stands outside",
+        ),
         (SAMPLE.replace("0.4 0.5 0.6", "0.4 0.5"), "a table has one grid"),
         (SAMPLE.replace("0.4 0.5 0.6", "0.4 high 0.6"), "holds 'high', not a number"),
         (SAMPLE.replace("0.4 0.5 0.6", "0.4 NaN 0.6"), "not finite at band 2"),

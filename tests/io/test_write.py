@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from glazejax.io import SpectraTable, read_spectra, write_spectra
+from glazejax.io.files.write import WIDE_TITLE
 
 from .samples import GRID, NAMES, same, spectra, tables
 
@@ -64,8 +65,14 @@ def test_envi_is_legal_for_spectral_python(tmp_path):
 def test_bright_spectra_survive_csv(tmp_path):
     table = SpectraTable(GRID, ("glare",), np.full((1, GRID.size), 2.5))
     write_spectra(table, tmp_path / "t.csv")
-    assert (tmp_path / "t.csv").read_text().startswith("# unit: fraction\n")
+    assert (tmp_path / "t.csv").read_text().startswith(f'"{WIDE_TITLE}",400,')
     same(read_spectra(tmp_path / "t.csv"), GRID, table.reflectance, ["glare"])
+
+
+@pytest.mark.parametrize("name", ["t.csv", "t.tsv", "t.cxf", "t.hdr"])
+def test_own_files_state_what_they_hold(tmp_path, name):
+    write_spectra(SpectraTable(GRID, ("a", "b", "c"), spectra() / 100), tmp_path / name)
+    assert read_spectra(tmp_path / name).notes == []
 
 
 def test_names_that_a_format_cannot_hold(tmp_path):

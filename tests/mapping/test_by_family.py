@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from glazefit import identify, set_labels
+from glazefit.film.shared_bands import means_of_steps
+from glazefit.identify.families.identify_pigments import STEP
 from glazefit.identify.search.options import IdentificationOptions
 from glazefit.mapping.map_cube import map_cube
 from glazefit.mapping.solve.by_family import FamilySearcher
@@ -56,6 +58,26 @@ def test_a_map_by_families_says_what_identify_says(cube, paints, tmp_path):
     shares = found["fraction"].to_numpy()
     assert np.allclose(np.nansum(shares, axis=-1), 1.0, atol=1e-5)
     assert found.attrs["agreement"]["first"] == 1.0
+
+
+def test_noise_makes_no_pigments(cube, paints, tmp_path):
+    """A flat field is one answer, whatever noise does to its pixels."""
+    fields = np.repeat(np.repeat(cube.to_numpy()[:, :1], 14, axis=0), 14, axis=1)
+    noise = np.random.default_rng(1).normal(0.0, 1.0, fields.shape)
+    noisy = small.image(fields + (0.006 + 0.01 * fields) * noise, GRID)
+    found = map_cube(noisy, paints, opaque=True, out=tmp_path / "map.zarr", instrument="45:0")
+    labels = set_labels(found).to_numpy().reshape(4, -1)
+    for name, field in zip(PAINTED, labels, strict=True):
+        assert {label.partition(" + ")[0] for label in field} == {name}
+        assert len(set(field)) == 1
+
+
+def test_uneven_bands_are_those_of_a_search(paints):
+    """A search would average bands of 4.83 nm once more if they were not its own."""
+    for step in (3.7, 4.83, 6.1):
+        bands = WorkingBands.of(np.arange(410.0, 991.0, step), list(paints.values()))
+        again = means_of_steps(bands.wavelengths, STEP)
+        assert again is None or np.array_equal(again, np.eye(bands.wavelengths.size))
 
 
 def test_a_search_is_of_the_coefficients_that_are_given(cube, paints):

@@ -31,7 +31,7 @@ def search(patch: pytest.MonkeyPatch, representatives: int) -> None:
     """In two pieces; what is searched is searched as in a map that is to be good."""
     patch.setattr("glazefit.mapping.map_cube._REPRESENTATIVES", (representatives, 4000))
     patch.setattr("glazefit.mapping.map_cube._PIECE", representatives // 2)
-    patch.setattr("glazefit.mapping.map_cube._CHECKED", 48)
+    patch.setattr("glazefit.mapping.map_cube._CHECKED", (48, 48))
 
 
 @pytest.fixture(scope="module", autouse=True)

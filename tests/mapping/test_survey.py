@@ -23,16 +23,21 @@ def test_the_nearest_centre_is_the_nearest(count, centres, seed):
 @given(st.integers(2, 100), st.integers(0, 2**31))
 def test_points_are_spread_out_to_a_reach(count, seed):
     points = np.random.default_rng(seed).standard_normal((count, 3))
-    chosen, reach = spread_out(points, count, 0.5)
+    chosen = spread_out(points, count, 0.5)
     apart = np.linalg.norm(points[:, None] - points[chosen], axis=-1)
-    assert apart.min(axis=1).max() <= max(reach, 1e-12) <= 0.5 + 1e-12
+    assert apart.min(axis=1).max() <= 0.5 + 1e-12
     # All that are chosen are farther from each other than the reach.
     between = np.linalg.norm(points[chosen][:, None] - points[chosen], axis=-1) + 10.0 * np.eye(
         len(chosen)
     )
     assert between.min() > 0.5
-    few, _ = spread_out(points, 2, 0.0)
-    assert len(few) == 2
+    assert len(spread_out(points, 2, 1e-6)) == 2
+    # Each within its own reach: noise makes no representative.
+    noisy = np.where(np.arange(count) < count // 2, 100.0, 0.5)
+    chosen = spread_out(points, count, noisy)
+    apart = np.linalg.norm(points[:, None] - points[chosen], axis=-1).min(axis=1)
+    assert (apart <= noisy + 1e-12).all()
+    assert (chosen[1:] >= count // 2).all()
 
 
 def test_representatives_stand_in_the_middle_of_what_they_stand_for():
@@ -41,9 +46,9 @@ def test_representatives_stand_in_the_middle_of_what_they_stand_for():
     spectra = (kinds[rng.integers(0, 4, 4000)] + 0.001 * rng.standard_normal((4000, 12))).astype(
         "f4"
     )
-    found = survey(spectra, 4, 0.1)
-    assert len(found.readings) == 4
-    apart = np.abs(found.readings[:, None] - kinds).max(axis=-1).min(axis=1)
+    readings, _ = survey(Features.of(spectra), spectra, 4, 0.1)
+    assert len(readings) == 4
+    apart = np.abs(readings[:, None] - kinds).max(axis=-1).min(axis=1)
     assert (apart < 2e-4).all()
 
 

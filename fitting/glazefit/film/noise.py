@@ -1,4 +1,4 @@
-"""How noisy readings are, told from their own roughness.
+"""How noisy readings are, estimated from their own roughness.
 
 Spectra of paint and of cards are smooth over some tens of nanometres; an instrument's noise is not.
 High differences of neighbouring bands take out what is smooth and leave noise of known size. Edges
@@ -85,7 +85,7 @@ def _fit_ends(
     if not differences.size:
         return None
     level = np.concatenate([part[1].ravel() for part in parts])
-    # So many from all over tell noise to a hundredth, and steps of the search are a tenth.
+    # So many spectra give the noise to a hundredth, and steps of the search are a tenth.
     few = np.linspace(0, len(level) - 1, min(len(level), 20_000)).astype(int)
     floors = np.geomspace(1e-4, MOST, 48)
     shares = np.concatenate([[0.0], np.geomspace(3e-4, MOST, 24)])
@@ -119,7 +119,7 @@ def roughness(
 
 
 def noise_of_each(readings: Float[np.ndarray, "*n bands"]) -> Float[np.ndarray, "*n"]:
-    """Standard deviation of the noise of each spectrum, where no others tell it.
+    """Standard deviation of the noise of each spectrum, by itself alone.
 
     The median size of third differences along the bands, which smooth curves hardly have, at most
     .1; 0 for fewer than 8 bands.

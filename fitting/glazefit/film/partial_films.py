@@ -1,7 +1,7 @@
 """Films as they come from a kitchen table: over one card or two, with the cards measured or not, or
 just opaque paint.
 
-Rows of a table are told by their endings, as in `readers`, but none must be there:
+Rows of a table are recognised by their endings, as in `readers`, but none must be there:
 
 - NAME_ob, NAME_ow: paint over black, over white; one of them will do.
 - NAME_b, NAME_w: that film's own cards, bare. Else card_b and card_w, those of all films. Else a
@@ -43,7 +43,7 @@ def read_loose_films(path: str | Path, *, specular: bool = True, **stated: Unpac
     """Read films of which not every reading is there: over one card or two, or opaque, with or
     without their cards.
 
-    Rows of a table are told by their endings, none of which must be there: NAME_ob and NAME_ow are
+    Rows of a table are recognised by their endings, all optional: NAME_ob and NAME_ow are
     paint over black and over white, NAME_b and NAME_w that film's own cards, card_b and card_w the
     cards of all films (usual ones are assumed if they are missing). NAME alone is paint that hides
     whatever is below. `recipes_from_names` says what films called ``Ultramarine 1:10 ZincWhite``

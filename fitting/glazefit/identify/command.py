@@ -246,7 +246,7 @@ def identify(
         catalogue = options.PIGMENTS
         chosen = own_films or only or without
         if not (chosen or opaque or ground) and _over_cards(read_spectra(file, **stated).names):
-            # Two cards tell a film's thickness too, and families have none.
+            # Two cards give a film's thickness too, and families have none.
             of_families = {
                 "references": None,
                 "elements": "",
@@ -489,7 +489,7 @@ def _read_spectra(
                 names=films.names,
                 wavelengths=films.wavelengths,
                 spectra=films.over_white,
-                # One ground for all: each other one is a search that is set up anew.
+                # One ground for all: each other one is a search that is set up again.
                 ground=internal(films.bare_white.mean(axis=0)),
                 ground_names=("white card, measured bare, the mean of all",),
                 notes=(*notes, *changes),
@@ -516,8 +516,8 @@ def _read_spectra(
     names = tuple(table.names[i] for i in rows)
     if ground is None and not opaque:
         raise ValueError(
-            f"{file}: what is under the paint? Give --ground, its reflectance such as 0.9 or a "
-            f"table, or --opaque; or rows in fours, such as {names[0]}_b, {names[0]}_w, "
+            f"{file}: no ground is stated: give --ground, its reflectance such as 0.9 or a table, "
+            f"or --opaque, or rows in fours, such as {names[0]}_b, {names[0]}_w, "
             f"{names[0]}_ob and {names[0]}_ow"
         )
     progress.print_notes(console, file, changes)

@@ -46,8 +46,8 @@ def identify_chunks(
         raise ValueError(
             "opaque films show no ground: leave out ground, or leave out opaque"
             if opaque
-            else "what is under the paint? Give ground, its internal reflectance such as 0.9, or "
-            "opaque=True for films that hide it"
+            else "no ground is stated: give ground, its internal reflectance such as 0.9, or "
+            "opaque=True for opaque films"
         )
     paints = listed_pigments(pigments)
     # Weighing coats and families imports parts of scipy, and most searches need neither.
@@ -111,8 +111,8 @@ def identify(
             varnish.
 
     Pigments that have a family and a source, as ``catalogue.load("pigments")`` gives them, are
-    sought by family: which pigment it is in anybody's paint, ``families(row)``, with the exemplars
-    that look most like it as candidates. ``own_films=True`` seeks them as paints.
+    searched by family: ``families(row)`` are the pigments in anybody's paint, with the most
+    similar exemplars as candidates. ``own_films=True`` searches them as paints.
 
     Returns:
         `Identification`; ``ranked(row)`` lists the explanations of a spectrum, ``none[row]`` is the

@@ -23,6 +23,7 @@ from .solve.agreement import compare
 from .solve.atlas import Atlas, make_atlas, search_for_atlas
 from .solve.by_family import Answered, FamilyAtlas, FamilySearcher
 from .solve.local import Searched
+from .solve.pool import ALONG, pooled
 from .solve.process import give_back, one_thread_each
 from .solve.solver import PixelSolver
 from .solve.survey import Features, survey
@@ -30,9 +31,9 @@ from .solve.task import MapTask, map_task
 from .solve.unexplained import choose_spots
 from .solve.working_bands import classify
 from .store.layout import STATUS_WORDS, Status
-from .store.run import client_in_scope, finish, run_chunks
+from .store.run import AT_ONCE, client_in_scope, finish, run_chunks
 from .store.store import MapStore, check_map, open_map
-from .store.windows import chunk_shape
+from .store.windows import BASE, chunk_shape
 
 if TYPE_CHECKING:
     import xarray
@@ -47,10 +48,13 @@ _LINES = 96
 _BASE = 900 * 2**20
 # Representatives at least and at most.
 _REPRESENTATIVES = (256, 4000)
-# Representatives that are searched as one piece of work.
+# At most where families are sought.
+_OF_FAMILIES = 1500
+# Representatives that are searched as one piece of work; a fourth where families are sought.
 _PIECE = 128
-# Pixels that are searched themselves, to see what the closed form costs.
-_CHECKED = 256
+# Pixels that are searched themselves, to see what the closed form costs, at most; and at most where
+# there are fewer representatives.
+_CHECKED = (256, 64)
 
 
 def map_cube(
@@ -203,28 +207,38 @@ def _survey(store: MapStore, task: MapTask, most: int, progress: Progress) -> _S
     """The survey of the image: made, or what a run before has kept."""
     work = store.work
     if "survey" not in work.done():
-        sample, noise = _sample(task, progress)
+        lines, noise = _sample(task, progress)
         image = task.with_noise(noise).image
-        status = classify(sample, image.noise_sd(sample))
-        good = np.maximum(sample[status == Status.MAPPED], 0.0)
-        if not len(good):
+        sds = [image.noise_sd(line) for line in lines]
+        status = np.concatenate([classify(*both) for both in zip(lines, sds, strict=True)])
+        good = status == Status.MAPPED
+        if not good.any():
             counts = {STATUS_WORDS[Status(s)]: int(np.sum(status == s)) for s in np.unique(status)}
             words = (
                 ", ".join(f"{count} {word}" for word, count in counts.items())
                 or "the mask leaves none"
             )
             raise ValueError(f"the image has no pixel that can be mapped (of a sample: {words})")
-        # The distance that representatives are to keep to all.
-        reach = 1.5
-        found = survey(good, most, reach, progress)
-        checked = good[np.linspace(0, len(good) - 1, min(_CHECKED, len(good))).astype(int)]
+        sample = np.concatenate(lines)
+        sample[~good] = np.nan
+        features = Features.of(np.maximum(sample[good], 0.0))
+        ends = np.cumsum([len(line) for line in lines])[:-1]
+        parts = [
+            pooled(line, sd, features, (1, len(line)), ALONG)
+            for line, sd in zip(np.split(sample, ends), sds, strict=True)
+        ]
+        means, reach = (np.concatenate(each)[good] for each in zip(*parts, strict=True))
+        means = np.maximum(means, 0.0)
+        readings, beyond = survey(features, means, most, reach, progress)
+        count = min(_CHECKED[0], max(_CHECKED[1], len(readings)), len(means))
+        checked = means[np.linspace(0, len(means) - 1, count).astype(int)]
         kept = {
             "noise": np.array([noise.floor, noise.share]),
-            "middle": found.features.middle,
-            "directions": found.features.directions,
-            "readings": found.readings,
+            "middle": features.middle,
+            "directions": features.directions,
+            "readings": readings,
             # Spectra beyond are searched themselves.
-            "reach": np.array(1.15 * max(found.reach, reach)),
+            "reach": np.array(1.15 * max(beyond, 1.0)),
             "checked": checked,
         }
         work.put("survey", kept)
@@ -240,9 +254,11 @@ def _survey(store: MapStore, task: MapTask, most: int, progress: Progress) -> _S
     )
 
 
-def _sample(task: MapTask, progress: Progress) -> tuple[Float[np.ndarray, "pixels bands"], Noise]:
-    """Readings of pixels from all over the image that the mask leaves, and the noise of one
-    reading.
+def _sample(
+    task: MapTask, progress: Progress
+) -> tuple[list[Float[np.ndarray, "pixels bands"]], Noise]:
+    """Readings of pixels from all over the image that the mask leaves, line by line, and the noise
+    of one reading.
     """
     image = task.image
     height, width = task.shape
@@ -268,13 +284,13 @@ def _sample(task: MapTask, progress: Progress) -> tuple[Float[np.ndarray, "pixel
         rough.append(fine[np.isfinite(fine).all(axis=1)])
     progress(len(lines), len(lines), "reading")
     if not readings:
-        return np.zeros((0, image.bands.wavelengths.size), np.float32), image.noise
+        return [np.zeros((0, image.bands.wavelengths.size), np.float32)], image.noise
     noise = (
         image.noise
         if task.noise_is_given
         else spectra_noise(stored, np.concatenate(rough).astype(np.float64))
     )
-    return np.concatenate(readings), noise
+    return readings, noise
 
 
 def _atlas(
@@ -286,7 +302,9 @@ def _atlas(
 ) -> Atlas | FamilyAtlas:
     """Representatives, searched piece by piece, here or on a cluster."""
     work = store.work
-    keys = [f"search-{n:04d}" for n in range(-(-len(surveyed.readings) // _PIECE))]
+    by_family = isinstance(task.searcher, FamilySearcher)
+    size = _PIECE // 4 if by_family else _PIECE
+    keys = [f"search-{n:04d}" for n in range(-(-len(surveyed.readings) // size))]
 
     def note(done: int, total: int | None, words: str, /) -> None:
         give_back()
@@ -295,10 +313,10 @@ def _atlas(
     pieces = _Pieces(
         task=task,
         readings=surveyed.readings,
-        size=_PIECE,
+        size=size,
     )
     finish(keys, pieces, work, client, note, "searching")
-    kind = Answered if isinstance(task.searcher, FamilySearcher) else Searched
+    kind = Answered if by_family else Searched
     found = kind.from_parts(len(keys), lambda n, name: work.get(keys[n], [name])[name])
     return make_atlas(surveyed.features, found, task.prior)
 
@@ -335,11 +353,14 @@ def _most_representatives(task: MapTask, memory: int) -> tuple[int, int]:
     """Representatives at most within a bound of the memory, and what the process takes before the
     first window.
     """
+    # One for 40 pixels.
+    wanted = int(np.clip(task.shape[0] * task.shape[1] // 40, *_REPRESENTATIVES))
+    if isinstance(task.searcher, FamilySearcher):
+        # A family is told by more than the distance of two representatives.
+        return min(wanted, _OF_FAMILIES), BASE + task.searcher.memory
     bands = task.image.bands.wavelengths.size
     # Bytes of a representative, with about a dozen candidates.
     each = 4 * 12 * (2 * bands**2 + 24 * bands)
-    # One for 40 pixels.
-    wanted = int(np.clip(task.shape[0] * task.shape[1] // 40, *_REPRESENTATIVES))
     # A third of what is left; the windows take the rest.
     most = int(np.clip((memory - _BASE) // 3 // each, _REPRESENTATIVES[0], wanted))
     return most, _BASE + most * each
@@ -347,9 +368,9 @@ def _most_representatives(task: MapTask, memory: int) -> tuple[int, int]:
 
 def _bytes(paints: int, bands: int) -> float:
     """Memory of a pixel while it is mapped, for each of its working readings: answers, arrays, what
-    they come from.
+    they come from, of all windows that are solved at once.
     """
-    return 4.0 * (4 * bands + 3 * paints + 80) / bands
+    return 4.0 * AT_ONCE * (7 * bands + 3 * paints + 250) / bands
 
 
 def _versions() -> dict[str, str]:

@@ -33,7 +33,7 @@ class Addition:
     """The next addition to a mixture.
 
     Attributes:
-        target: the colour that is sought.
+        target: colour to search for.
         grams: of each paint to add; empty where nothing brings the colour nearer.
         batch: grams of the mixture.
         thickness: of the film whose colour counts, m; None if it hides the ground.
@@ -70,7 +70,7 @@ def next_addition(
 
     Args:
         calibrated: what `glazefit.recover.mixture.calibrate_mixture` found by the reading.
-        target: colour or spectrum that is sought; its colour under the illuminant counts.
+        target: colour or spectrum to search for; its colour under the illuminant counts.
         pigments: that may be added.
         batch: grams of the mixture that are there.
         ground: internal reflectance of the ground; does not matter if the film read hid it.
@@ -91,6 +91,7 @@ def next_addition(
                 f"{paint.name} is known at {describe_grid(paint.wavelengths)} and the mixture at "
                 f"{describe_grid(grid)}: leave {paint.name} out of what may be added"
             )
+    # The mixture as it came out, then the paints that may be added.
     name = calibrated.paints[0]
     hides = bool(calibrated.films.opaque[0])
     eye = (colour.find_illuminant(illuminant), colour.find_observer(observer))
@@ -108,6 +109,7 @@ def next_addition(
         goal=target.lab(*eye),
         eye=eye,
     )
+    # What brings the colour nearest, in grams.
     amounts = _search(pot)
     grams = {paint.name: float(batch * a) for paint, a in zip(pigments, amounts, strict=True) if a}
     added = {

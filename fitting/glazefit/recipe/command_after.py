@@ -36,7 +36,7 @@ def say_addition(
     """Calibrate the mixture by its reading, and say what to add.
 
     Args:
-        target: that is sought.
+        target: to search for.
         reading: file of one film of the mixture, of many bands or of few.
         mixed: paints and weights of it.
         batch: grams of it; None if the weights are grams.

@@ -28,7 +28,7 @@ READ_CHUNK = 128
 
 
 class StackModel(NamedTuple):
-    """Paints, ground, instrument and light: all that does not change while a recipe is sought."""
+    """Paints, ground, instrument and light: all that does not change while a recipe is searched."""
 
     absorption: Float[Any, "paints bands"]  # 1/um
     scattering: Float[Any, "paints bands"]  # 1/um

@@ -1,4 +1,4 @@
-"""Parts that a painter weighs out, in whole numbers beside per cent."""
+"""Parts that a painter weighs out, in whole numbers."""
 
 from collections.abc import Sequence
 

@@ -54,7 +54,8 @@ class Recipe(Tabulated):
         sensitivity: for each coat, Delta E 2000 of the colour when that coat alone is 10 % thicker
             or thinner.
         between_mixings: mean Delta E 2000 to be expected from one mixing to the next, by the
-            strength that paints have in one film beside others (`glazefit.film.model.variation`).
+            strength that paints have in one film relative to others
+            (`glazefit.film.model.variation`).
         gamut_distance: the least Delta E 2000 found for the target if that is 1 or more, else 0.
         limit: what keeps a target out of reach: "paints", or a coat at a bound of thickness; "" if
             in reach.
@@ -62,8 +63,8 @@ class Recipe(Tabulated):
             may come nearer.
         steps: of least squares by the solver.
         before: largest Delta E 2000 before these steps, at the amounts that the table led to.
-        mixed: the nearest recipe with paints mixed within its coats, beside one of unmixed coats;
-            else None.
+        mixed: the nearest recipe with paints mixed within its coats, to compare with one of unmixed
+            coats; else None.
     """
 
     target: Target
@@ -243,7 +244,7 @@ def _refine(task: RecipeTask, rough: Stacks) -> Stacks:
     stacks = refine(task, refine(task, rough, None, 12).best(count), None)
     extra_paints = 0 if task.glazes else max(0, task.max_paints - MOST_SCREENED)
     for number in range(extra_paints + max(0, task.max_coats - 2)):
-        # Of unmixed stacks those of one coat less are all that a coat can be added to anew.
+        # Of unmixed stacks those of one coat less are the only ones to which a coat can be added.
         last = stacks.take(np.flatnonzero(stacks.coats == number + 2)) if task.glazes else stacks
         # A few grow, into very many: most of these are dropped before a refinement.
         children = refine(task, grown(task, last.best(4)).best(24), None, 12)
@@ -298,6 +299,7 @@ def _with_gamut(recipes: list[Recipe]) -> list[Recipe]:
 def _recipe(task: RecipeTask, scored: Scored, near: Float[np.ndarray, "stacks 3"]) -> Recipe:
     """A recipe, from the colours of its neighbours under the first light."""
     target = task.targets[scored.target]
+    # The coats from the top, the largest share of each first.
     coats = []
     layers = []
     for sizes in scored.sizes[: scored.coats]:
@@ -308,12 +310,14 @@ def _recipe(task: RecipeTask, scored: Scored, near: Float[np.ndarray, "stacks 3"
         paints = [task.pigments[paint] for paint in present]
         layers.append(Layer(Mixture(paints, shares) if len(paints) > 1 else paints[0], metres))
         coats.append(Coat(tuple(zip(shares, (p.name for p in paints), strict=True)), metres, 1))
+    # Under the test illuminant, where the target's colour is known there.
     tested = None
     if target.knows(task.test_illuminant):
         light = {"illuminant": task.test_illuminant, "observer": task.observer}
         lab = colour.lab(task.wavelengths, scored.reading, **light)
         tested = float(colour.delta_e_2000(lab, target.lab(**light)))
     miss = scored.reading - task.target_arrays.spectrum[scored.target]
+    # Neighbours with a coat thicker and thinner come first.
     resized = near[: 2 * scored.coats].reshape(scored.coats, 2, 3)
     return Recipe(
         target=target,

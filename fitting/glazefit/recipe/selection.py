@@ -179,6 +179,7 @@ def round_recipes(task: RecipeTask, chosen: Sequence[Sequence[Scored]]) -> list[
     near = before * (np.clip(total.round(1), low, high) / total)
     near = Stacks.before_refinement(near, targets, np.zeros(len(exact)))
     near = refine(task, near, task.optics, 5, hold=True).sizes
+    # Round numbers about the best amounts, and about those best at round thicknesses.
     options = [
         roundings(exact_sizes, (low, high)) + roundings(near_sizes, (low, high))
         for exact_sizes, near_sizes in zip(before, near, strict=True)
@@ -186,6 +187,7 @@ def round_recipes(task: RecipeTask, chosen: Sequence[Sequence[Scored]]) -> list[
     owner = np.repeat(np.arange(len(exact)), [len(tries) for tries in options])
     sizes = pack_coats(np.stack([*itertools.chain.from_iterable(options)]))
     stacks = Stacks.before_refinement(sizes, targets[owner], np.zeros(len(owner)))
+    # The table says what each rounding changes; the difference to the solver's reading is added.
     by_table = read(task.model, np.concatenate([before, sizes]), None).spectrum
     off = np.stack([stack.reading for stack in exact]) - by_table[: len(exact)]
     guess = _score(task, stacks, by_table[len(exact) :] + off[owner])

@@ -149,13 +149,13 @@ def parse_srgb(code: str) -> tuple[Float[np.ndarray, "3"], str]:
             re.fullmatch(r"\d{1,3}", channel) and int(channel) <= 255 for channel in channels
         ):
             raise ValueError(
-                f"{code!r} is no sRGB colour: write red, green and blue from 0 to 255, such as "
+                f"{code!r} is not an sRGB colour: write red, green and blue from 0 to 255, such as "
                 "138,75,45, or '#8a4b2d'"
             )
         digits = "".join(f"{int(channel):02x}" for channel in channels)
     if not re.fullmatch(r"[0-9a-fA-F]{3}|[0-9a-fA-F]{6}", digits):
         raise ValueError(
-            f"{code!r} is no sRGB colour: write six hexadecimal digits, such as '#8a4b2d', or "
+            f"{code!r} is not an sRGB colour: write six hexadecimal digits, such as '#8a4b2d', or "
             "138,75,45"
         )
     if len(digits) == 3:

@@ -5,9 +5,9 @@ How thick a brushed coat is nobody knows. So the unit of length is the paint's o
 film of n coats is n units thick, give or take a factor, and k and s are optical thicknesses of one
 coat. They are relative: no number here is a length.
 
-One coat over one ground tells one number at each band, and k d and s d are two. What tells them
-apart is what is expected of the scattering of any film. Ladders of two coats and more tell k from s
-themselves, and then hardly feel it.
+One coat over one ground gives one number at each band, and k d and s d are two. The prior of the
+scattering of any film separates them. Ladders of two coats and more separate k
+from s themselves, and then hardly feel it.
 """
 
 import re
@@ -213,12 +213,12 @@ def recover_coats(
     coats.
 
     Args:
-        films: over a ground that was read bare, beside or before; films of one paint may lie on
+        films: over a ground that was read bare; films of one paint may lie on
             different grounds.
         coats: film -> number of coats; by default as the films' names say (`coat_of`).
         paints: film -> paint; by default as the names say.
         instrument: by default d:8 with the specular part, refractive index 1.5.
-        noise: of a reading, by default told from the readings' roughness.
+        noise: of a reading, by default estimated from the readings' roughness.
         expected: of the scattering of a coat.
         spread: standard deviation of the log of a film's thickness about its number of coats.
         response: model of one film, by default that of the instrument.
@@ -286,7 +286,7 @@ def predict_next_coat(
     *,
     seed: int = 0,
 ) -> CoatPrediction:
-    """Foretell a film of some coats of a paint over a ground.
+    """Predict a film of some coats of a paint over a ground.
 
     Each draw takes scattering and thicknesses as the fit leaves them open, the absorption with
     which they meet the paint's readings, a thickness for the new film, and errors of the model.
@@ -406,7 +406,7 @@ def _absorption_that_meets(
             kd = jnp.exp(log_k[:, None] + log_d)[..., None]
             sd = jnp.exp(log_s[:, None] + log_d)[..., None]
             off = (response.body(kd, sd, problem.ground) - target) * problem.weight
-            # A weak pull settles what no reading tells.
+            # A weak prior settles what no reading determines.
             return jnp.sum(off**2, axis=(1, 2)) + 0.01 * (log_k - start) ** 2
 
         return least_by_scanning(cost, start, 25)

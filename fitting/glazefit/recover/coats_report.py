@@ -29,7 +29,7 @@ NEXT_COLUMNS = ("paint", "coats", "wavelength_nm", "reflectance", "low_90", "hig
 def print_coats(
     recovery: CoatRecovery, predictions: Sequence[CoatPrediction], console: Console, seconds: float
 ) -> None:
-    """Print a line a paint, and what is foretold of each."""
+    """Print a line a paint, and what is predicted of each."""
     title = (
         f"{len(recovery.paints)} paints from {len(recovery.films)} films of coats in "
         f"{seconds:.1f} s"
@@ -76,7 +76,7 @@ def write_coats(
     overwrite: bool = False,
 ) -> None:
     """Write `pigments.csv` (k and s in 1/m, if a coat is this thick, m), `films.csv`, and
-    `next_coats.csv`, the films foretold with their 90 % bands.
+    `next_coats.csv`, the films predicted with their 90 % bands.
     """
     paints = [fit.pigment(paint, thickness) for paint, fit in recovery.paints.items()]
     plain = [eqx.tree_at(lambda paint: paint.error_modes, paint, None) for paint in paints]
@@ -93,7 +93,7 @@ def plot_coats(
     folder: Path,
     step: Callable[[], object] = lambda: None,
 ) -> None:
-    """Draw the ladder of every paint, read and fitted, with the films foretold and their 90 %
+    """Draw the ladder of every paint, read and fitted, with the films predicted and their 90 %
     bands, to its own file, and call `step` after each.
     """
     from glazejax.plots import label_spectra, picture

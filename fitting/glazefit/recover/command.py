@@ -171,26 +171,25 @@ def recover(
 ) -> None:
     """Recover absorption k and scattering s of paints from films over a black and a white card.
 
-    Every wavelength of every film is fitted on its own. With --joint all
-    films of known recipes are fitted together, each with its own thickness;
-    so are tints, films that lack a reading, and with --into, --white,
-    --wet-film or --excluded.
+    Every wavelength of every film is fitted separately. --joint fits all
+    films of stated recipes together, each with its own thickness. Tints,
+    films that lack a reading, --into, --white, --wet-film and --excluded
+    need it and switch it on.
 
     Writes pigments.csv (k and s in 1/m with standard deviations), a picture
     for each paint, and fits.csv (k/s and fitted spectra) or, with --joint,
     films.csv (thickness, gloss and fit of every film). --check adds
-    left_out.csv and left_out.png: how well the fit predicts mixtures that
-    it has not seen.
+    left_out.csv and left_out.png, the predictions of left-out mixtures.
 
-    k and s follow from the thickness: films twice as thick have half the
-    k and s.
+    The scale of k and s is that of the thickness: films twice as thick have
+    half the k and s.
 
     Films called 'Smalt 1 coat', 'Smalt 2 coats' are brushed coats of unknown
-    thickness, each on a ground that was read bare (NAME_w): k and s are then
-    for one coat, and next_coats.csv foretells the next two coats of each
+    thickness, each on a measured bare ground (NAME_w): k and s are then
+    for one coat, and next_coats.csv predicts the next two coats of each
     paint with 90 % bands.
 
-    Own tubes: a masstone and one tint over a black-and-white card will do:
+    Own tubes, by a masstone and one tint over a black-and-white card:
     glazejax recover blue.csv --white ZincWhite --into mine.csv
 
     Try it without data: glazejax recover --simulate --out demo

@@ -41,7 +41,7 @@ def are_coats(films: "Films", refused: dict[str, Any]) -> bool:
 
 
 def recover_from_coats(films: "Films", fit_options: dict[str, Any], results: "Destination") -> None:
-    """Recover paints from their coats, and foretell the next ones.
+    """Recover paints from their coats, and predict the next ones.
 
     Args:
         films: as read.

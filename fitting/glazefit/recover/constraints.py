@@ -1,4 +1,4 @@
-"""Constraints that a joint fit may be told beside its films: paints that are known already, and
+"""Constraints of a joint fit in addition to its films: paints that are known already, and
 thicknesses from a gauge.
 
 A known paint keeps its k and s, as far as they are known: its error modes become unknowns of the
@@ -81,7 +81,7 @@ class PaintModes(NamedTuple):
 
 
 class Constraints(NamedTuple):
-    """Means, and how unknowns that are standard normal beforehand (`others`) move what a fit
+    """Means, and how unknowns that are standard normal a priori (`others`) move what a fit
     computes with.
     """
 
@@ -126,6 +126,7 @@ def gather_constraints(
     logs = np.zeros((bands, 2 * count))
     flags = np.zeros(count, dtype=bool)
     of_column: dict[int, Pigment] = {}
+    # Known paints keep their k and s; of the others nothing is known.
     for column, name in enumerate(paints):
         if name not in references:
             continue
@@ -134,6 +135,7 @@ def gather_constraints(
         for index, values in ((column, paint.absorption), (count + column, paint.scattering)):
             logs[:, index] = np.log(np.maximum(np.asarray(values) * unit, 1e-7))
         of_column[column] = paint
+    # Their errors, and those of cards, of the common scale and of gains, are unknowns of the fit.
     band_modes, modes_of = _paint_modes(of_column, bands, count)
     thickness, thickness_sd, factor = _thicknesses(
         films, gauge, unit, expected.thickness, expected.scale if flags.any() else 0.0
@@ -179,6 +181,7 @@ def _paint_modes(
     Modes that are nought for all of them, such as those of other paints of their file, are left
     out.
     """
+    # Paints of one provenance, with as many modes, err together.
     groups: dict[object, dict[int, Pigment]] = {}
     for column, paint in references.items():
         stated_modes = paint.error_modes

@@ -1,5 +1,5 @@
-"""Check of how well a set of films foretells itself: every mixture left out of a joint fit in turn,
-and predicted.
+"""Check of how well a set of films predicts its own mixtures: every mixture left out of a joint fit
+in turn, and predicted.
 
 What the films left out show of how far films are from their recipes (`film.model.variation`)
 sets the bands: of each by what the others showed, and of films to come by what all did.
@@ -131,6 +131,7 @@ def cross_validate(
         raise ValueError(
             "no film can be left out: none is of several paints that are all in other films too"
         )
+    # Each film is predicted by a fit without it.
     predictions: list[Prediction] = []
     try:
         for row in rows:
@@ -143,12 +144,14 @@ def cross_validate(
         if not predictions:
             raise
     done = rows[: len(predictions)]
+    # What each film shows of how far films are from their recipes.
     measured = np.stack([films.over_black[done], films.over_white[done]], axis=1)
     evidence = [
         prediction.size_evidence(spectra)
         for prediction, spectra in zip(predictions, measured, strict=True)
     ]
     mixing = [film_evidence.paints for film_evidence in evidence]
+    # Each prediction is as wide as the other films say, films to come as all say.
     evidence_without = [evidence[:i] + evidence[i + 1 :] for i in range(len(evidence))]
     judged = [
         p.with_variation(learn(film_evidence, mixing))

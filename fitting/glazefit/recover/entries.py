@@ -81,7 +81,7 @@ def add_paints(
 
     Raises:
         ValueError: the file has a paint of that name, or another paint by the name of one that the
-            fit was told, or it is no table of paints.
+            fit was given, or it is no table of paints.
         FileNotFoundError, IsADirectoryError: there is no such folder, or the path is one.
     """
     file = PaintFile.open(path)
@@ -109,7 +109,8 @@ def add_paints(
 
 
 def _same(recovery: JointRecovery, name: str, existing: Pigment) -> bool:
-    """True if a known paint is the file's own, as far as the fit's errors are told by its modes."""
+    """True if a known paint is the file's own, as far as its modes state the fit's
+    errors."""
     paint = recovery.known_paints[name]
     numbers = list(recovery.known_modes[name].numbers)
     try:
@@ -160,6 +161,7 @@ def entries(recovery: JointRecovery, file: PaintFile) -> list[Pigment]:
     slopes, own_modes, shift, sd = conditional_modes(recovery, new, list(columns))
     bands = recovery.wavelengths.size
     pigments = []
+    # New paints: k and s, how known paints' errors move them, and errors of their own.
     for paint in new:
         row = recovery.row(paint)
         modes = np.zeros((first + len(own_modes), 2, bands))
@@ -179,6 +181,7 @@ def entries(recovery: JointRecovery, file: PaintFile) -> list[Pigment]:
                 error_modes=modes,
             )
         )
+    # Known paints that the file lacks, with their own errors.
     for paint in lacking:
         known_paint = references[paint].resample(recovery.wavelengths)
         span = recovery.known_modes[paint]
@@ -210,7 +213,7 @@ def conditional_modes(
 
     The fit may have moved the others, but what is known stays as it is: so paints are shifted to
     where they are likely if the others are nought, as a tint demands, and the others count with all
-    that was open of them beforehand.
+    of their prior that was open.
 
     Args:
         recovery: joint fit.
@@ -234,7 +237,7 @@ def conditional_modes(
         slopes = np.einsum("op,pbi->obi", np.linalg.inv(picked_covariance), with_picked)
         variance = variance - np.einsum("obi,obi->bi", slopes, with_picked)
         shift = -np.einsum("o,obi->bi", recovery.unknowns.others[picked], slopes)
-    # As large as is used to first order; both parts of an error alike.
+    # As large as is used to first order; both parts of an error equally.
     total = np.sqrt(np.sum(slopes**2, axis=0) + np.maximum(variance, 0.0))
     cap = np.minimum(1.0, MOST_ERROR / np.maximum(total, 1e-12))
     new = np.tile(np.isin(recovery.paints, paints), 2)

@@ -60,6 +60,7 @@ def rank_next_films(
         ValueError: no such paint.
     """
     response = response or film_response(recovery.instrument)
+    # The white of the tints: one of the fit, or one that stands in for it.
     row = recovery.row(paint)
     whites = _whites(recovery)
     pale = next((name for name in (*recovery.known, *whites) if name in whites), None)

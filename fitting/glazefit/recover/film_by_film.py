@@ -173,7 +173,7 @@ def _spread(
     """Fitted readings, and the covariance of k d and s d that the noise of all four readings
     causes.
 
-    Inverse of the Fisher information, J^T W J, plus a vague prior: a value is known beforehand to 1
+    Inverse of the Fisher information, J^T W J, plus a vague prior: a value is known to 1
     + 5 times itself, so that what the data leave open comes out large, not infinite.
     """
 
@@ -252,7 +252,7 @@ def recover_films(
     Args:
         films: measured over a black and a white card.
         instrument: its geometry; by default d:8 with the specular part, refractive index 1.5.
-        noise: of a reading; by default told from the readings' roughness
+        noise: of a reading; by default estimated from the readings' roughness
             (`glazefit.film.noise.estimate_noise`).
         chunk: films solved at a time.
 
@@ -303,11 +303,13 @@ def _recover_chunk(films: Films, instrument: Instrument, noise: Noise, chunk: in
     nothing = ScatteringPrior(jnp.zeros(size), jnp.zeros(size))
     response = film_response(instrument)
     free = solve(data, response, nothing)
+    # Where the noise leaves k and s apart, and one solution, both are known.
     contrast = np.asarray(
         (free.fitted[:, 1] - free.fitted[:, 0]) / jnp.linalg.norm(data.sd, axis=1)
     )
     distinct = told_apart(np.asarray(free.optical), np.asarray(free.covariance), contrast)
     identifiable = (distinct & ~np.asarray(free.ambiguous)).reshape(-1, bands)
+    # Elsewhere s follows the known bands beside it, and k the ratio.
     mean, weight = neighbours_scattering(
         films.wavelengths,
         np.log(np.asarray(free.optical[:, 1])).reshape(-1, bands),

@@ -1,7 +1,7 @@
 """Joint recovery: k and s of all paints at once, from pure films, tints and shades with known
 weights.
 
-A pure opaque film tells only k/s; its tint with a white that is known tells the rest. So all films
+A pure opaque film gives only k/s; its tint with a known white gives the rest. So all films
 are fitted together (`joint_problem`), each with a thickness of its own, by Levenberg and
 Marquardt's method with a linear solver that knows the structure (`joint_solver`). Thicknesses are
 relative: the unit is that of a typical film.
@@ -68,10 +68,10 @@ def recover_jointly(
         films: measured over a black and a white card, or one of them, or opaque.
         recipes: sample -> paint -> weight, in any unit, of every film.
         instrument: by default d:8 with the specular part, refractive index 1.5.
-        noise: of a reading, by default told from the readings' roughness; `expectations` adds what
-            the model may be off.
+        noise: of a reading, by default estimated from the readings' roughness; `expectations` adds
+            what the model may be off.
         law: mixing law, by default linear by mass.
-        expectations: what is expected beforehand.
+        expectations: the prior.
         use: (films,), 0 for films that are held out and predicted, 1 for the others; by default all
             ones. Or (films, bands), 0 for bands that were not read.
         start: where to start, such as `JointRecovery.unknowns` of a fit of the same films.
@@ -181,6 +181,7 @@ def pose(
     measured = np.asarray(card_data.reflectance)
     # A card's own error reaches the reading through the film, at most as a bare card's does.
     deviation = np.hypot(model_deviation(measured, noise, expected), card_data.ground_sd * measured)
+    # Expected errors of each film's thickness, gloss and weights.
     count, paints = shares.shape
     minor = minor_parts(shares)
     # A paint's own weight error: a share of it, and what the balance leaves open.
@@ -206,6 +207,7 @@ def pose(
     # Of paints that are known only what their modes leave out is free, band by band.
     pull[fixed], stiffness[fixed], steepness[:, fixed] = (0.0, 0.01), 0.0, 0.0
     scale[~np.isnan(gloss), 1] = GLOSS_SD
+    # Bands first, where arrays have them.
     arrays = {
         "reading": np.moveaxis(measured, 1, 0),
         "ground": np.moveaxis(np.asarray(card_data.ground), 1, 0),
@@ -248,7 +250,7 @@ def paint_gloss(
 
 
 def first_guess(problem: JointProblem) -> Unknowns:
-    """Grey paints, all alike, and films as expected."""
+    """Equal grey paints, and films as expected."""
     bands = problem.reading.shape[0]
     # By NumPy: each of these would be a program of its own.
     return Unknowns(
@@ -286,6 +288,7 @@ class JointErrors(NamedTuple):
 
 def spread(problem: JointProblem, factors: Factors) -> JointErrors:
     """Inverse of the normal matrix at the solution, in blocks."""
+    # Covariance of each band's unknowns, of the shared ones, and between them.
     modes = np.asarray(problem.band_modes)
     thickness = np.asarray(problem.thickness_modes)
     bands = len(problem.reading)
@@ -302,6 +305,7 @@ def spread(problem: JointProblem, factors: Factors) -> JointErrors:
         + np.swapaxes(cross, 1, 2)
         + np.einsum("obi,op,pbj->bij", modes, other_covariance, modes)
     )
+    # The others move the films' thicknesses too.
     films, per_film = problem.film_scale.shape
     added = np.eye(len(corner))
     added[: films * per_film : per_film, len(corner) - other_count :] += thickness.T

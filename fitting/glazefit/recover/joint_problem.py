@@ -2,8 +2,8 @@
 expected.
 
 Unknown are log k and log s of every paint at every band, and a few numbers that all bands share: of
-every film the logs of its relative thickness, of its gloss beside that of its paints, and of the
-error of each weight but the largest; of every paint the log of its gloss. A
+every film the logs of its relative thickness, of its gloss relative to that of its paints, and of
+the error of each weight but the largest; of every paint the log of its gloss. A
 reading over a card rho is
 
     R = R_s exp(sum_p w_p m_p + g_f) + body(d_f sum_p c_p k_p, d_f sum_p c_p s_p, rho)
@@ -12,7 +12,7 @@ with c from the mixing law and the weights, each weight times exp(e). Everything
 squares: residuals of the readings, the curvature of log k and log s along the wavelengths, the
 steps of log s where a paint is nearly black, and the priors.
 
-What else may be off, all standard normal beforehand, are the `others` (see `known`): error modes of
+What else may be off, all standard normal a priori, are the `others` (see `known`): error modes of
 paints that are known already, the level of cards that were not measured, a factor of all
 thicknesses, and a factor of each reading. They are added to the bands' and the films'
 unknowns, which are then deviations; `totals` adds them up.
@@ -67,7 +67,7 @@ class Expectations(NamedTuple):
     """Mean and standard deviation of a paint's log(k d) for a film of unit thickness, averaged over
     the bands: little.
 
-    An opaque paint that is in no mixture tells k/s alone; the rest is then as these two say.
+    An opaque paint that is in no mixture gives k/s alone; these two set the rest.
     """
     level_s: tuple[float, float] = (1.0, 1.5)
     """The same of log(s d)."""
@@ -80,7 +80,7 @@ class Expectations(NamedTuple):
     """What the model itself may be off, added to the noise: near black,"""
     model_share: float = 0.01
     """and for each unit of reflectance. Larger than residuals are: errors of neighbouring bands are
-    alike, so that thirty of them tell no more than a few that are independent."""
+    correlated, so that thirty of them count as a few independent ones."""
 
     def model_sd(self, reflectance: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
         """Error of the model at a reflectance, one standard deviation."""
@@ -93,7 +93,7 @@ class Unknowns(NamedTuple):
     bands: Float[Array, "bands local"]  # log k of all paints, then log s, for unit thickness
     films: Float[
         Array, "films 2+parts"
-    ]  # log thickness, log gloss beside its paints', errors of log weights
+    ]  # log thickness, log gloss relative to its paints', errors of log weights
     paints: Float[Array, "paints"]  # log gloss
     others: Float[Array, "others"] = np.zeros(0)  # pyright: ignore[reportAssignmentType]  # errors of what is known
 

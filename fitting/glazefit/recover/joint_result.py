@@ -27,7 +27,7 @@ def by_paint(
     values: Float[Array | np.ndarray, "*n bands local"],
 ) -> Float[np.ndarray, "*n 2 paints bands"]:
     """Values of each paint's k and then of each one's s at every band, by k and s and by paint."""
-    # There may be no values at all, of which -1 could not tell the size.
+    # There may be no values at all, of which -1 could not give the size.
     *leading, local = np.shape(values)
     return np.moveaxis(np.reshape(values, (*leading, 2, local // 2)), -3, -1)
 
@@ -53,7 +53,7 @@ class JointRecovery(FittedFilms):
         residual_sd: expected size of a residual, noise and model together, (films, 2, bands).
         expectations, instrument: as given.
         steps, converged: of the solver.
-        noise: of a reading, as given or as told from the readings.
+        noise: of a reading, as given or as estimated from the readings.
         unit: thickness of a film of unit relative thickness, m.
         known_paints: those that were known before, by name, in the order of `paints`.
         known_modes: known paint -> its error modes' places among the unknowns' `others`.
@@ -138,8 +138,8 @@ class JointRecovery(FittedFilms):
 
     @property
     def relative_log_sd(self) -> Float[np.ndarray, "2 paints bands"]:
-        """`log_sd` but for a factor common to all paints: nothing can tell it where all films hide
-        what is below.
+        """`log_sd` but for a factor common to all paints: nothing determines it where all films
+        hide what is below.
         """
         count = 2 * len(self.paints)
         centring = np.eye(count) - np.full((count, count), 1.0 / count)

@@ -1,10 +1,10 @@
-"""One mixture as a paint of its own: what its paints and its weights foretell, and what one reading
+"""One mixture as a paint of its own: its prediction from paints and weights, and what one reading
 of it adds.
 
-Beforehand k and s of a mixture are uncertain as those of its paints are, and as films differ from
+A priori k and s of a mixture are uncertain as those of its paints are, and as films differ from
 their recipes (`film.model.variation`). All of that is linear in a few errors that are standard
 normal: error modes of the mixture. A joint fit takes a paint with error modes as known (`known`),
-and finds what a reading says of them: strength above all. What is then foretold of other
+and finds them from a reading: strength above all. What is then predicted of other
 thicknesses and grounds is that same mixing, no more another one.
 """
 
@@ -69,7 +69,7 @@ def mix(
         recipe: paint -> weight, in any unit.
         wavelengths: (bands,), nm, by default those of the first paint.
         law: mixing law, by default linear by mass.
-        variation: how far films are from their recipes, by default as expected beforehand.
+        variation: how far films are from their recipes, by default the prior.
         name: of the mixture, by default its recipe.
 
     Raises:
@@ -119,7 +119,7 @@ def predict_mixture(
         ground: internal reflectance of the black and the white ground, each a number or (bands,);
             by default usual cards.
         instrument: by default d:8 with the specular part, refractive index 1.5.
-        calibrated: what `calibrate_mixture` found; then it is that mixing which is foretold, and a
+        calibrated: what `calibrate_mixture` found; then that mixing is predicted, and a
             film as thick as one that was read is that film.
         response: model of one film, by default that of the instrument.
         spread: its `alike` says how much of what the reading was off holds over another card; as
@@ -140,6 +140,7 @@ def predict_mixture(
         mixture = _mix(pigments, recipe, wavelengths, law)
         grid = mixture.wavelengths
         k, s = mixture.coefficients
+        # Draws of the errors of the paints, and of the film's own.
         rng = np.random.default_rng(0)
         mode_groups = mixture.modes
         paint_draws, film = (
@@ -158,6 +159,7 @@ def predict_mixture(
         off = {"paint": drawn_mixture(calibrated)}
         gloss = float(calibrated.gloss[0])
         errors = ReadingErrors.of(calibrated, response, (spread or Spread()).alike)
+    # Film by film: the mean reading, and the deviations of each draw from it.
     empty = np.zeros((len(next(iter(off.values()))), 2, grid.size))
     grounds = (
         usual_cards(grid)
@@ -219,20 +221,20 @@ def calibrate_mixture(
     out.
 
     Thickness, strength, scattering and the reading's gain are open together, each as far as films
-    scatter: what one reading cannot tell apart stays in the errors.
+    scatter: what one reading cannot separate stays in the errors.
 
     Args:
         pigments, recipe, law, variation: as for `mix`.
         films: of that one mixture; over one card or two, or opaque.
         instrument: by default d:8 with the specular part, refractive index 1.5.
-        noise: of a reading, by default told from its roughness.
+        noise: of a reading, by default estimated from its roughness.
         response: model of one film, by default that of the instrument.
-        spread: how far films scatter in thickness and gain, by default what foretells revigo's
-            best (`python -m benchmarks.paint.prediction` chooses it anew without each film).
+        spread: how far films scatter in thickness and gain, by default what predicts revigo's
+            best (`python -m benchmarks.paint.prediction` chooses it again without each film).
         gauge: thicknesses of the films, in metres on the scale of the paints; by default each is
             about `glazefit.recover.joint.UNIT`.
-        wavelengths: nm, on which the mixture is sought beside those of the reading, which may be
-            few: filters of a camera, say. By default those of the reading alone.
+        wavelengths: nm, of the mixture in addition to those of the reading, which may be few:
+            filters of a camera, say. By default those of the reading alone.
 
     Returns:
         A joint recovery whose only paint is the mixture: `pigment` gives its k and s, `thickness`

@@ -1,7 +1,7 @@
 """Rank readings that are easily taken by what they would teach: of a mixture that was calibrated by
 one film here, of a paint that was fitted in `experimental_design`.
 
-Draws of what is still open give both what each candidate would read and what is sought: the colour
+Draws of what is still open give both what each candidate would read and the target: the colour
 of some films. What a reading would leave open follows by Matheron's rule: each draw, less its
 regression on what that reading would have been, noise and all (Journel, Huijbregts, Mining
 Geostatistics, 1978). To first order that is the expected information, whatever the reading turns
@@ -34,7 +34,7 @@ class CandidateReading:
         film: what is read, in words.
         readings: that each draw of what is open would give, (draws, readings).
         sd: standard deviation of each reading's own error, (readings,).
-        expected: CIEDE2000 (D65, 10 degrees) that what is sought is expected to be off after it.
+        expected: CIEDE2000 (D65, 10 degrees) that the target is expected to be off after it.
     """
 
     film: str
@@ -49,7 +49,7 @@ class NextFilms:
 
     Attributes:
         paint: its name.
-        now: CIEDE2000 (D65, 10 degrees) that what is sought is expected to be off.
+        now: CIEDE2000 (D65, 10 degrees) that the target is expected to be off.
         films: candidates, the most instructive first.
     """
 
@@ -59,7 +59,8 @@ class NextFilms:
 
 
 def reading_bands(bands: int, most: int) -> np.ndarray:
-    """Numbers of the bands, of so many, that a reading counts with: neighbours tell the same."""
+    """Numbers of the bands, of so many, that a reading counts with: neighbours have the same
+    information."""
     return np.unique(np.linspace(0, bands - 1, min(most, bands)).round().astype(int))
 
 
@@ -76,7 +77,7 @@ def rank_candidates(
         paint: name of what is read.
         candidates: each with a reading for each draw.
         draws: of what is open.
-        looks: reflectance of the films that are sought, for any draws.
+        looks: reflectance of the target films, for any draws.
         wavelengths: of that reflectance, nm.
     """
     rng = np.random.default_rng(2)
@@ -89,9 +90,11 @@ def rank_candidates(
         return float(np.mean(delta_e_of_spectra(wavelengths, spectra, middle, observer=10)))
 
     def after(candidate: CandidateReading) -> float:
+        # Covariance of the candidate's readings, noise and all, and theirs with what is open.
         off = candidate.readings - candidate.readings.mean(axis=0)
         reading_covariance = off.T @ off / len(draws) + np.diag(candidate.sd**2)
         open_covariance = off.T @ (draws - centre) / len(draws)
+        # Each draw less its regression on its own noisy reading.
         read = off + candidate.sd * rng.standard_normal(off.shape)
         return expected(
             draws
@@ -114,8 +117,8 @@ def rank_next_readings(
 
     Args:
         calibrated: what `glazefit.recover.mixture.calibrate_mixture` found by one film.
-        thickness: m, of the films whose colours over black and white are sought; on the scale of
-            the film that was read.
+        thickness: m, of the films whose colours over black and white are the target; on the scale
+            of the film that was read.
         ground: internal reflectance of the black and the white ground, (bands,) each.
         instrument: by default d:8 with the specular part, refractive index 1.5.
         response: model of one film, by default that of the instrument.
@@ -133,6 +136,7 @@ def rank_next_readings(
     thickness_errors = calibrated.expectations.thickness * np.random.default_rng(2).standard_normal(
         len(off)
     )
+    # Few bands stand for all: neighbours tell the same.
     bands = reading_bands(grid.size, 8)
 
     def bodies(metres: float, off: np.ndarray) -> np.ndarray:

@@ -105,7 +105,7 @@ def predict(
 
     Example: glazejax predict "10 Vermillion + 90 ZincWhite"
     """
-    # What is wrong with the words is told before anything heavy is loaded.
+    # Wrong input is reported before anything heavy is loaded.
     thicknesses = [options.read_length(text) for text in options.split_names(thickness)]
     for option, value in (("--samples", samples), ("--film-thickness", film_thickness)):
         if value and reading is None:
@@ -133,6 +133,7 @@ def predict(
     from .mixture import calibrate_mixture, predict_mixture
 
     console = Console(highlight=False)
+    # A reading calibrates the mixture, and says over which grounds and how thick its films are.
     seen_with = Instrument(seen_by, refractive_index)
     calibrated = None
     grid = None
@@ -163,6 +164,7 @@ def predict(
             else [0.5 * read_thickness, read_thickness, 2.0 * read_thickness]
         )
     thicknesses = thicknesses or [options.read_length("25um")]
+    # The films that are asked for, by that mixing or by any.
     with progress.doing("compiling, then predicting"):
         predictions = predict_mixture(
             shelf,

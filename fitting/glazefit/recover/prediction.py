@@ -199,7 +199,7 @@ def predict_films(
         noise: of a reading.
         discrepancy: a film's own errors of size one, by default `film.model.variation.MIXED`.
         variation: how large these are: what films that were left out taught (`LeftOut.variation`),
-            by default what is expected beforehand.
+            by default the prior.
         response: model of one film, by default that of the recovery's instrument.
 
     Raises:
@@ -212,6 +212,7 @@ def predict_films(
     paints = len(recovery.paints)
     response = response or film_response(instrument)
     card_data = card_readings(films, instrument, noise)
+    # Errors of the paints as the recovery has them: their level over the bands, and their shape.
     best = np.asarray(recovery.unknowns.paints)[None]
     drawn = np.asarray(recovery.draws.paints)
     off = np.asarray(recovery.draws.bands - recovery.unknowns.bands)

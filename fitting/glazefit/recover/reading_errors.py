@@ -1,4 +1,4 @@
-"""Errors of readings of one mixture beside its k and s: surface, gain and model; and how much of
+"""Errors of readings of one mixture around its k and s: surface, gain and model; and how much of
 that holds for the same film over another card.
 """
 
@@ -14,7 +14,7 @@ from .joint_problem import Expectations, Unknowns, readings_of_draws
 from .joint_result import JointRecovery
 
 SMOOTH = ModelError(amplitude=1.0, length=60.0, scales=(1.0,), weights=(1.0,))
-"""Errors of the model, of size one: alike at neighbouring bands."""
+"""Errors of the model, of size one: similar at neighbouring bands."""
 
 
 @dataclass(frozen=True)
@@ -55,6 +55,7 @@ class ReadingErrors:
             alike: correlation of errors of one film over two cards.
         """
         films = calibrated.films
+        # Readings by the solution and by each draw: what the measured ones differ by is error.
         best = jax.tree.map(lambda leaf: np.asarray(leaf)[None], calibrated.unknowns)
         expected = _readings_of(calibrated, response, best)
         several = _readings_of(calibrated, response, calibrated.draws)

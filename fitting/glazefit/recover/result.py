@@ -114,7 +114,7 @@ class Recovery(FittedFilms, Tabulated):
         films: as measured.
         absorption, scattering: optical thicknesses k d and s d, (films, bands).
         covariance: of the two, from the noise of all four readings, (films, bands, 2, 2).
-        identifiable: where k and s are told apart (`RULE`), (films, bands); elsewhere only k/s is
+        identifiable: where k and s are separable (`RULE`), (films, bands); elsewhere only k/s is
             known and s d is continued from its neighbours.
         gloss: share of the surface's reflection in the readings, (films,).
         fitted_black, fitted_white: what the model reads, (films, bands).

@@ -30,8 +30,9 @@ class Destination(NamedTuple):
 
 
 class PriorKnowledge(NamedTuple):
-    """Knowledge that the user states beside the films: own paints, the white, thicknesses, readings
-    without the specular part, the catalogue that the white is sought in, and what files hold.
+    """Knowledge that the user states in addition to the films: own paints, the white, thicknesses,
+    readings without the specular part, the catalogue that the white is searched in, and what files
+    hold.
     """
 
     into: Path | None

@@ -140,8 +140,9 @@ def all_bounces(
     width = jnp.asarray(root, s_a.dtype)[:, None]
     loss = 1.0 - s_a * s_b * kappa**2
     on_a, on_b = (
-        jnp.matmul(modes, even * (own + s * kappa * other) / loss, precision="highest") / width
-        for own, s, other in ((first_a, s_a, first_b), (first_b, s_b, first_a))
+        jnp.matmul(modes, even * (emitted + s * kappa * received) / loss, precision="highest")
+        / width
+        for emitted, s, received in ((first_a, s_a, first_b), (first_b, s_b, first_a))
     )
     gamma = np.deg2rad(float(angle))
     at = jnp.atleast_1d(as_float_array(position))[:, None]
@@ -198,11 +199,12 @@ def _check(position: Numbers, angle: Numbers) -> None:
     """Refuse positions and angles that are not of two joined planes; values that JAX
     traces pass.
     """
-    places = concrete(position)
+    positions = concrete(position)
     angles = concrete(angle)
-    if places is not None and not np.all(places >= 0):
+    if positions is not None and not np.all(positions >= 0):
         raise ValueError(
-            f"position is {places.min():g}; it is the distance from the joint in widths, 0 or more"
+            f"position is {positions.min():g}; it is the distance from the joint in widths, 0 or "
+            "more"
         )
     if angles is not None and not np.all((angles > 0) & (angles < 180)):
         wrong = angles[~((angles > 0) & (angles < 180))].flat[0]

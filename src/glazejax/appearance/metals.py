@@ -1,7 +1,7 @@
 """Metals: complex refractive indices as published, and the reflectances that follow.
 
-The figures are in `metals.csv` beside this file, as printed in their sources and collected, without
-copyright (CC0 1.0), by the refractiveindex.info database.
+The figures are in `metals.csv` next to this file, as printed in their sources and collected,
+without copyright (CC0 1.0), by the refractiveindex.info database.
 """
 
 import csv
@@ -100,8 +100,8 @@ def metal(name: str, wavelengths_nm: Grid | None = None) -> Metal:
         raise ValueError(
             f"unknown metal {name!r}: there are {', '.join(SOURCES)}; or give n and k of your own"
         )
-    found = _load()[key]
-    return found if wavelengths_nm is None else found.resample(wavelengths_nm)
+    entry = _load()[key]
+    return entry if wavelengths_nm is None else entry.resample(wavelengths_nm)
 
 
 @functools.cache
@@ -109,17 +109,17 @@ def _load() -> dict[str, Metal]:
     """All metals, from the file."""
     text = files(__name__.rpartition(".")[0]).joinpath("metals.csv").read_text(encoding="utf-8")
     rows = list(csv.DictReader(text.splitlines()))
-    found = {}
+    metals = {}
     for name, source in SOURCES.items():
         table = np.array(
             [[float(r[c]) for c in ("wavelength_nm", "n", "k")] for r in rows if r["metal"] == name]
         )
         table.setflags(write=False)
-        found[name] = Metal(
+        metals[name] = Metal(
             name=name,
             wavelengths=table[:, 0],
             refractive_index=table[:, 1],
             extinction=table[:, 2],
             source=source,
         )
-    return found
+    return metals

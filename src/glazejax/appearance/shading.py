@@ -178,8 +178,8 @@ def torrance_sparrow(
     )
     shape = jnp.where(front, shape / jnp.where(view > 0.0, view, 1.0), 0.0)
     shine = as_float_array(fresnel) * shape[..., None] * as_float_array(light)
-    seen = jnp.where(view > 0.0, as_float_array(cos_light), 0.0)
-    return shine + lambert(body, seen, light)
+    lit_cosine = jnp.where(view > 0.0, as_float_array(cos_light), 0.0)
+    return shine + lambert(body, lit_cosine, light)
 
 
 def _front(cosine: Numbers) -> Float[Array, "..."]:
@@ -198,5 +198,5 @@ def _squared_angle(cosine: Float[Array, "..."]) -> Float[Array, "..."]:
         series = 2.0 * u * (series + 1.0 / (n**2 * math.comb(2 * n, n)))
     # Just above -1 the slope of arccos has no bound; no direction in front of a surface comes
     # there.
-    inside = jnp.clip(jnp.where(near, 0.0, cosine), -1.0 + 1e-7, 1.0)
-    return jnp.where(near, 2.0 * series, jnp.arccos(inside) ** 2)
+    clipped = jnp.clip(jnp.where(near, 0.0, cosine), -1.0 + 1e-7, 1.0)
+    return jnp.where(near, 2.0 * series, jnp.arccos(clipped) ** 2)

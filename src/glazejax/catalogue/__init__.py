@@ -10,7 +10,7 @@
   on a grid of its own, 380-2400 nm at the most (`exemplars.py`, `exemplars.tsv`).
 
 In each, how much stronger one paint is than another is known, their common scale is not: the two
-have two. Where k and s could not be told apart, `Pigment.identifiable` is False and only k/s can be
+have two. Where k and s could not be separated, `Pigment.identifiable` is False and only k/s can be
 trusted.
 """
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     _Paints = Mapping[str, Pigment]
 else:
-    # Names of paints are told before what a paint is made of is loaded.
+    # Names of paints are checked before what a paint is made of is loaded.
     _Paints = Mapping
 
 __all__ = [
@@ -142,11 +142,11 @@ class Catalogue(_Paints):
         return f"Catalogue({', '.join(self)})"
 
 
-def _unknown(name: str, known: tuple[str, ...]) -> str:
-    near = nearest_names(str(name).replace(" ", ""), known, cutoff=0.4, shortest=1)
+def _unknown(name: str, choices: tuple[str, ...]) -> str:
+    near = nearest_names(str(name).replace(" ", ""), choices, cutoff=0.4, shortest=1)
     if near:
         return f"unknown pigment {name!r}; nearest: " + ", ".join(map(repr, near))
-    return f"unknown pigment {name!r}; the catalogue has {', '.join(known)}"
+    return f"unknown pigment {name!r}; the catalogue has {', '.join(choices)}"
 
 
 def names() -> tuple[str, ...]:
@@ -157,8 +157,8 @@ def names() -> tuple[str, ...]:
 
 
 def paint_families(name: str) -> dict[str, str]:
-    """Names of a catalogue's paints, with the family where it is sought by families: known without
-    reading their spectra.
+    """Names of a catalogue's paints, with the family where it is searched by families: known
+    without reading their spectra.
 
     Raises:
         ValueError: there is no catalogue of that name; the message lists them.
@@ -260,8 +260,8 @@ def caution(paint: "Pigment") -> str:
     shelf = next((n for n, s in _SHIPPED.items() if s.provenance == paint.provenance), "")
     # A paint of another catalogue than the oils may have that before its name.
     name = paint.name.replace("/", ":").rpartition(":")[2]
-    known = families_of(shelf).get(name, "")
-    about = families().get(paint.family or known)
+    exemplar_family = families_of(shelf).get(name, "")
+    about = families().get(paint.family or exemplar_family)
     return "" if about is None else about.caution
 
 

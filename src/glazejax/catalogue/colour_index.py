@@ -59,22 +59,22 @@ def family_named(text: str) -> str:
         hint = f"; nearest: {', '.join(near)}" if near else ""
         raise ValueError(f"it names neither a Colour Index number nor a family{hint}")
     having = [_numbered().get(number, ()) for number in numbers]
-    for number, own in zip(numbers, having, strict=True):
-        if not own:
+    for number, numbered in zip(numbers, having, strict=True):
+        if not numbered:
             raise ValueError(f"no family has the Colour Index number {number}")
-    shared = [family for family in having[0] if all(family in own for own in having)]
+    shared = [family for family in having[0] if all(family in numbered for numbered in having)]
     if not shared:
         raise ValueError(f"{' and '.join(numbers)} are two pigments: a reference is of one")
-    told = shared if len(shared) == 1 else [family for family in shared if family in named]
-    if len(told) != 1:
+    candidates = shared if len(shared) == 1 else [family for family in shared if family in named]
+    if len(candidates) != 1:
         raise ValueError(f"{numbers[0]} may be {' or '.join(sorted(shared))}")
-    return told[0]
+    return candidates[0]
 
 
 def _names_in(text: str) -> list[str]:
     """Families whose names stand in a text as whole words."""
-    said = f" {_words(text)} "
-    return [name for name in families() if f" {_words(name)} " in said]
+    padded = f" {_words(text)} "
+    return [name for name in families() if f" {_words(name)} " in padded]
 
 
 def _words(text: str) -> str:

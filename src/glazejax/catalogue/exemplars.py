@@ -69,7 +69,8 @@ class Provenance(NamedTuple):
         binder: in words; empty if the source does not say.
         paint: what the source calls it.
         first_nm, last_nm: range of its k and s.
-        told_by: what told k from s; where it begins with ``k/s alone``, s is that of other paints.
+        told_by: how k and s were separated; where it begins with ``k/s alone``, s is that of
+            other paints.
         licence: of the numbers.
         citation: of the source.
     """
@@ -218,10 +219,10 @@ def read_exemplars(shelves: "dict[str, dict[str, Pigment]]") -> "dict[str, Pigme
         for name, family in families_of(shelf).items()
         if family
     }
-    known = provenance()
+    origins = provenance()
     out: "dict[str, Pigment]" = {}
     for name, pigment in sorted({**fitted, **paints}.items(), key=lambda pair: pair[0].casefold()):
-        origin = known[name]
+        origin = origins[name]
         out[name] = pigment.renamed(
             name,
             family=origin.family,

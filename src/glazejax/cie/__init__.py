@@ -72,17 +72,17 @@ def observers() -> dict[str, tuple[Curve, Curve, Curve]]:
 @cache
 def charts() -> dict[str, dict[str, Curve]]:
     """Measured reflectance of colour charts, as fractions: chart, then patch."""
-    found: dict[str, dict[str, Curve]] = {}
+    by_chart: dict[str, dict[str, Curve]] = {}
     for (chart, patch), curve in _rows("charts.csv", 2).items():
-        found.setdefault(chart, {})[patch] = curve
-    return found
+        by_chart.setdefault(chart, {})[patch] = curve
+    return by_chart
 
 
 def _rows(file: str, names: int) -> dict[tuple[str, ...], Curve]:
     """Curves of a table: so many names, the first wavelength, the step, and the values in a row
     each.
     """
-    found = {}
+    curves = {}
     for row in csv.reader(
         files("glazejax.cie").joinpath(file).read_text(encoding="utf-8").splitlines()
     ):
@@ -93,8 +93,8 @@ def _rows(file: str, names: int) -> dict[tuple[str, ...], Curve]:
         grid = start + step * np.arange(values.size)
         for array in (grid, values):
             array.setflags(write=False)
-        found[tuple(row[:names])] = Curve(grid, values)
-    return found
+        curves[tuple(row[:names])] = Curve(grid, values)
+    return curves
 
 
 def find_illuminant(name: str) -> str:
@@ -103,9 +103,11 @@ def find_illuminant(name: str) -> str:
     Raises:
         ValueError: there is no such illuminant; the message lists the nearest names.
     """
-    known = {key.lower(): key for key in illuminants()}
-    lamps = {key.replace("fl", "f", 1): full for key, full in known.items() if key.startswith("fl")}
-    return _find("illuminant", name, known | lamps)
+    full_names = {key.lower(): key for key in illuminants()}
+    lamps = {
+        key.replace("fl", "f", 1): full for key, full in full_names.items() if key.startswith("fl")
+    }
+    return _find("illuminant", name, full_names | lamps)
 
 
 def find_observer(name: str | int) -> str:
@@ -119,13 +121,13 @@ def find_observer(name: str | int) -> str:
     )
 
 
-def _find(what: str, asked: str, known: dict[str, str]) -> str:
-    """Entry of `known`, whose keys are lower case, for a name in any case."""
+def _find(what: str, asked: str, full_names: dict[str, str]) -> str:
+    """Entry of `full_names`, whose keys are lower case, for a name in any case."""
     key = re.sub(r"\s+", " ", str(asked).strip()).lower()
-    if key in known:
-        return known[key]
-    near = [known[k] for k in nearest_names(key, known, cutoff=0.3, shortest=1)]
-    choices = near or list(known.values())
+    if key in full_names:
+        return full_names[key]
+    near = [full_names[k] for k in nearest_names(key, full_names, cutoff=0.3, shortest=1)]
+    choices = near or list(full_names.values())
     raise ValueError(
         f"unknown {what} {asked!r}; the nearest are {', '.join(dict.fromkeys(choices))}"
     )

@@ -8,7 +8,7 @@ _BEND = 25.0**7
 
 
 def ciede2000(
-    one: Float[np.ndarray, "*#batch 3"], other: Float[np.ndarray, "*#batch 3"]
+    lab1: Float[np.ndarray, "*#batch 3"], lab2: Float[np.ndarray, "*#batch 3"]
 ) -> Float[np.ndarray, "*batch"]:
     """Colour difference of Lab colours, (..., 3) each, which broadcast; all parametric factors are
     1.
@@ -16,8 +16,8 @@ def ciede2000(
     Source: CIE 142:2001; G. Sharma, W. Wu, E. N. Dalal, Color Research and Application 30 (2005)
     21, eqs (2)-(22).
     """
-    lightness1, a1, b1 = (one[..., i] for i in range(3))
-    lightness2, a2, b2 = (other[..., i] for i in range(3))
+    lightness1, a1, b1 = (lab1[..., i] for i in range(3))
+    lightness2, a2, b2 = (lab2[..., i] for i in range(3))
     mean_chroma = (np.hypot(a1, b1) + np.hypot(a2, b2)) / 2
     # a is stretched near the neutral axis (eqs 4 to 6), so that greys differ as they look.
     stretch = 1 + (1 - np.sqrt(mean_chroma**7 / (mean_chroma**7 + _BEND))) / 2

@@ -72,8 +72,8 @@ def convert(
     from .progress import reading
 
     with reading(source) as progress:
-        said = options.stated(quantity, unit, scale)
-        table = read_spectra(source, progress=progress, **said)
+        meaning = options.stated(quantity, unit, scale)
+        table = read_spectra(source, progress=progress, **meaning)
     typer.echo(f"read   {source}: {table.format}, {_summary(table)}, stored {_UNITS[table.unit]}")
     if grid is not None:
         try:
@@ -104,9 +104,9 @@ def parse_grid(text: str) -> list[float]:
     Raises:
         ValueError: another form, numbers that are no wavelengths, or an end that no step meets.
     """
-    parts = text.split(":")
+    fields = text.split(":")
     try:
-        start, end, step = (float(part) for part in parts)
+        start, end, step = (float(field) for field in fields)
     except ValueError:
         raise ValueError(
             f"--resample {text!r}: expected FROM:TO:STEP in nm, such as 400:700:10"

@@ -198,8 +198,8 @@ def export(
 
     illuminant = find_illuminant(illuminant)
     observer = find_observer(observer)
-    given = _stack(stack, ground, refractive_index, pigments)
-    glaze = given.glaze()
+    exported = _stack(stack, ground, refractive_index, pigments)
+    glaze = exported.glaze()
     console = Console(highlight=False, soft_wrap=True)
     light: dict[str, Any] = {"illuminant": illuminant, "observer": observer}
     if to == "openpbr":
@@ -217,7 +217,7 @@ def export(
                 **light,
             )
         write_materialx(fit, path, overwrite=overwrite)
-        report.print_stack(console, given, roughness)
+        report.print_stack(console, exported, roughness)
         report.print_fit(console, fit, path)
     else:
         from ..appearance.exports.textures import texture_set
@@ -239,7 +239,7 @@ def export(
                 overwrite=overwrite,
                 **light,
             )
-        report.print_stack(console, given, roughness)
+        report.print_stack(console, exported, roughness)
         report.print_textures(console, textures, path)
     console.print(f"done in {time.perf_counter() - started:.1f} s")
 
@@ -252,9 +252,9 @@ def _check(to: str, layering: str, kind: str, of_maps: dict[str, Any]) -> None:
         raise ValueError(f"--layering {layering!r} is not known: choose {', '.join(_LAYERINGS)}")
     if kind not in ("png", "exr"):
         raise ValueError(f"--format {kind!r} is not known: choose png or exr")
-    given = [option for option, value in of_maps.items() if value is not None]
-    if to != "textures" and given:
-        raise ValueError(f"{given[0]} is for textures: add --to textures")
+    options_set = [option for option, value in of_maps.items() if value is not None]
+    if to != "textures" and options_set:
+        raise ValueError(f"{options_set[0]} is for textures: add --to textures")
     if to == "textures" and not any(
         of_maps[f"--{name}-map"] for name in ("thickness", "fraction", "ground")
     ):
@@ -270,36 +270,36 @@ def _stack(text: str, ground: str | None, index: float, pigments: Path | None) -
     from ..paint.pigment_table import read_pigments
     from ..stacks import Spectrum, Stack, all_paints, common_grid, paints, read_stack
 
-    own = {} if pigments is None else dict(read_pigments(pigments))
+    own_paints = {} if pigments is None else dict(read_pigments(pigments))
     if text.lower().endswith(".json") or Path(text).is_file():
-        found = read_stack(Path(text))
-        own = {**found.pigments, **own}
-        made = replace(found, pigments=own)
+        loaded = read_stack(Path(text))
+        own_paints = {**loaded.pigments, **own_paints}
+        stack = replace(loaded, pigments=own_paints)
         if index != options.INDEX:
-            made = replace(made, refractive_index=index)
+            stack = replace(stack, refractive_index=index)
     else:
-        coats = name_paints(parse_coats(text), {**all_paints(), **own})
-        made = Stack(
+        coats = name_paints(parse_coats(text), {**all_paints(), **own_paints})
+        stack = Stack(
             coats=coats,
             hidden=(),
             ground=float(_GROUND),
             refractive_index=index,
             instrument="45:0",
-            pigments=own,
+            pigments=own_paints,
         )
     if ground is None:
-        return made
+        return stack
     below = options.read_ground(ground)
-    level: Any = below.reflectance
+    reflectance: Any = below.reflectance
     if below.wavelengths is not None:
         import numpy as np
 
-        level = Spectrum(below.wavelengths, np.asarray(below.reflectance, float))
-    made = replace(made, ground=level)
+        reflectance = Spectrum(below.wavelengths, np.asarray(below.reflectance, float))
+    stack = replace(stack, ground=reflectance)
     # Looked at here, where the ground's file is known.
     with below.blame():
-        common_grid(made, paints(made))
-    return made
+        common_grid(stack, paints(stack))
+    return stack
 
 
 def _maps(

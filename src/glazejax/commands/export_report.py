@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 _SPACES = {"lin_rec709": "linear sRGB", "acescg": "ACEScg"}
 
 
-def _line(console: Console, title: str, words: str) -> None:
-    console.print(f"{title:9}{words}", markup=False)
+def _line(console: Console, title: str, text: str) -> None:
+    console.print(f"{title:9}{text}", markup=False)
 
 
 def print_stack(console: Console, stack: "Stack", roughness: float) -> None:
@@ -24,11 +24,11 @@ def print_stack(console: Console, stack: "Stack", roughness: float) -> None:
     from ..stacks import Spectrum
 
     coats = " over ".join(f"{coat.name} {format_length(coat.total)}" for coat in stack.shown)
-    level = stack.level()
+    ground_level = stack.level()
     ground = (
-        f"a spectrum, mean {level.reflectance.mean():.2f}"
-        if isinstance(level, Spectrum)
-        else f"{level:g}"
+        f"a spectrum, mean {ground_level.reflectance.mean():.2f}"
+        if isinstance(ground_level, Spectrum)
+        else f"{ground_level:g}"
     )
     surface = "a smooth surface" if roughness == 0 else f"a surface of roughness {roughness:g}"
     _line(console, "stack", f"{coats}, ground {ground}, n = {stack.refractive_index:g}, {surface}")
@@ -43,11 +43,11 @@ def print_fit(console: Console, fit: "OpenPBRFit", path: Path) -> None:
     light = f"{_SPACES[truth.space]}, {truth.light[0]}"
     _line(console, "wrote", f"{path}: OpenPBR 1.1 in MaterialX 1.39, colours in {light}")
     colour = " ".join(f"{value:.4g}" for value in material.base_color)
-    words = f"base_color {colour}, base_diffuse_roughness {material.base_diffuse_roughness:.3g}"
+    text = f"base_color {colour}, base_diffuse_roughness {material.base_diffuse_roughness:.3g}"
     _line(
         console,
         "",
-        f"{words}, specular_ior {material.specular_ior:.4g}, specular_roughness "
+        f"{text}, specular_ior {material.specular_ior:.4g}, specular_roughness "
         f"{material.specular_roughness:.3g}",
     )
     if material.coat_weight:
@@ -67,21 +67,22 @@ def print_fit(console: Console, fit: "OpenPBRFit", path: Path) -> None:
         f"{plain.sky:.2f} and {plain.lamp:.2f}, RMS {plain.rms:.3f}",
     )
     if fit.layering != "materialx":
-        other = "materialx"
-        there = fit.errors_with(other)
+        program = "materialx"
+        errors = fit.errors_with(program)
         _line(
             console,
             "note",
-            f"in a program that layers as in {other}: Delta E {there.sky:.2f} and {there.lamp:.2f}",
+            f"in a program that layers as in {program}: Delta E {errors.sky:.2f} and "
+            f"{errors.lamp:.2f}",
         )
     # A smaller share is rounding.
     if fit.outside > 5e-4:
-        words = (
+        text = (
             f"{fit.outside:.0%} of the angles show a colour that {_SPACES[truth.space]} cannot "
             "hold: it is brought"
         )
         advice = "; --space acescg holds it" if truth.space == "lin_rec709" else ""
-        _line(console, "note", f"{words} inside{advice}")
+        _line(console, "note", f"{text} inside{advice}")
     _meaning(console)
     if fit.layering != "reciprocal":
         _line(
@@ -92,9 +93,9 @@ def print_fit(console: Console, fit: "OpenPBRFit", path: Path) -> None:
         )
 
 
-def print_textures(console: Console, found: "TextureSet", folder: Path) -> None:
+def print_textures(console: Console, textures: "TextureSet", folder: Path) -> None:
     """Say what was written, and how near it is."""
-    names = ", ".join(path.name for path in found.files.values())
+    names = ", ".join(path.name for path in textures.files.values())
     _line(console, "wrote", f"{folder}: {names}")
     _line(
         console,
@@ -104,20 +105,20 @@ def print_textures(console: Console, found: "TextureSet", folder: Path) -> None:
     _line(
         console,
         "pixels",
-        f"{found.computed} glazes computed, the others interpolated within Delta E "
-        f"{found.interpolation:.2g} (estimated)",
+        f"{textures.computed} glazes computed, the others interpolated within Delta E "
+        f"{textures.interpolation:.2g} (estimated)",
     )
-    _errors(console, "how near", found.errors, "at the worst of some pixels, ")
+    _errors(console, "how near", textures.errors, "at the worst of some pixels, ")
     # A smaller share is rounding.
-    if found.outside > 5e-4:
-        words = (
-            f"{found.outside:.1%} of the pixels have a colour that the space cannot hold: "
+    if textures.outside > 5e-4:
+        text = (
+            f"{textures.outside:.1%} of the pixels have a colour that the space cannot hold: "
             "brought inside, changed by"
         )
         _line(
             console,
             "note",
-            f"{words} Delta E {found.clipped:.2g} at most; --format exr --space acescg holds it",
+            f"{text} Delta E {textures.clipped:.2g} at most; --format exr --space acescg holds it",
         )
     _meaning(console)
 

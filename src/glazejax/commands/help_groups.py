@@ -1,4 +1,4 @@
-"""Order of a command's ``--help``: common options, then input, search, output and advanced options,
+"""Order of a command's ``--help``: common options, then input, method, output and advanced options,
 each group in its own box.
 """
 
@@ -20,7 +20,7 @@ class HelpGroups(NamedTuple):
     @property
     def boxes(self) -> dict[str, list[str]]:
         """Options by the title of their box, in the order of the help."""
-        titles = ("Common", "Input", "Search", "Output", "Advanced")
+        titles = ("Common", "Input", "Method", "Output", "Advanced")
         return {title: names.split() for title, names in zip(titles, self, strict=True)}
 
 
@@ -49,14 +49,14 @@ def sort_options(function: Any, params: list[Any]) -> list[Any]:
     if groups is None:
         return params
     box_of = {name: title for title, names in groups.boxes.items() for name in names}
-    place = {name: number for number, name in enumerate(box_of)}
+    rank = {name: number for number, name in enumerate(box_of)}
     for param in params:
         if param.param_type_name == "option":
             param.rich_help_panel = box_of.get(param.opts[0], "Advanced")
-    last = len(place)
+    last = len(rank)
     return sorted(
         params,
         key=lambda param: (
-            -1 if param.param_type_name == "argument" else place.get(param.opts[0], last)
+            -1 if param.param_type_name == "argument" else rank.get(param.opts[0], last)
         ),
     )

@@ -78,11 +78,11 @@ def _listen(reads: socket.socket) -> None:
         if _heard.wait(1.0):
             _heard.clear()
             continue
-        words = _kept[-1]() if _kept else _COMPILING
-        if words is None and times == 1:
+        message = _kept[-1]() if _kept else _COMPILING
+        if message is None and times == 1:
             print(_WAITING, file=sys.stderr, flush=True)
             continue
-        leave(words or _COMPILING, 128 + sent)
+        leave(message or _COMPILING, 128 + sent)
 
 
 @contextmanager
@@ -98,20 +98,20 @@ def loading() -> Iterator[None]:
 
 
 @contextmanager
-def keeping(words: Callable[[], str | None]) -> Iterator[None]:
+def keeping(message: Callable[[], str | None]) -> Iterator[None]:
     """Meanwhile say in these words what is kept where the process is ended in the midst of it.
 
     Args:
-        words: called from another thread; None asks to end what runs first, once.
+        message: called from another thread; None asks to end what runs first, once.
     """
-    _kept.append(words)
+    _kept.append(message)
     try:
         yield
     finally:
-        _kept.remove(words)
+        _kept.remove(message)
 
 
-def leave(words: str = "", status: int = INTERRUPTED) -> NoReturn:
+def leave(message: str = "", status: int = INTERRUPTED) -> NoReturn:
     """End the process, at once where it is watched: without waiting for threads that compile."""
     if not _watching:
         sys.exit(status)
@@ -119,7 +119,7 @@ def leave(words: str = "", status: int = INTERRUPTED) -> NoReturn:
         sys.stdout.flush()
         if sys.stderr.isatty():
             sys.stderr.write(_SHOW_CURSOR)
-        if words:
-            sys.stderr.write(f"\n{words}\n")
+        if message:
+            sys.stderr.write(f"\n{message}\n")
         sys.stderr.flush()
     os._exit(status)

@@ -82,7 +82,7 @@ def make_app() -> "typer.Typer":
     import typer
     import typer.core
 
-    # Some versions of typer write <bool> beside a flag, as if it took a value.
+    # Some versions of typer write <bool> next to a flag, as if it took a value.
     def without_bool(params: list[Any]) -> list[Any]:
         for param in params:
             if getattr(param, "is_flag", False) and param.metavar is None:
@@ -113,17 +113,17 @@ def make_app() -> "typer.Typer":
         pretty_exceptions_enable=False,
     )
 
-    def tell_version(wanted: bool | None) -> None:
-        if wanted:
+    def tell_version(asked: bool | None) -> None:
+        if asked:
             typer.echo(f"glazejax {version('glazejax')}")
             raise typer.Exit
 
-    shown = typer.Option(
+    version_option = typer.Option(
         "--version", callback=tell_version, is_eager=True, help="Show the version and exit."
     )
 
     @app.callback()
-    def _(asked: Annotated[bool | None, shown] = None) -> None:
+    def _(asked: Annotated[bool | None, version_option] = None) -> None:
         """Colour of stacked paint glazes: from pigments to reflectance, and back."""
 
     for point in sorted(entry_points(group="glazejax.commands"), key=lambda p: p.name):
@@ -148,12 +148,12 @@ class _Output:
     def flush(self) -> None:
         self._unless_closed(self._stream.flush)
 
-    def _unless_closed(self, method: Any, *words: str) -> Any:
+    def _unless_closed(self, method: Any, *arguments: str) -> Any:
         try:
-            return method(*words)
+            return method(*arguments)
         except BrokenPipeError:
             os.dup2(os.open(os.devnull, os.O_WRONLY), self._stream.fileno())
-            return method(*words)
+            return method(*arguments)
 
 
 def run_command() -> None:
@@ -165,7 +165,7 @@ def run_command() -> None:
 
 
 def main() -> None:
-    """Run a sub-command; what the user can mend ends as one line and exit status 2."""
+    """Run a sub-command; what the user can fix ends as one line and exit status 2."""
     # Before NumPy is loaded: its matrices are small here, and threads for them only wait for each
     # other.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -176,9 +176,9 @@ def main() -> None:
     except KeyboardInterrupt:
         interrupts.leave()
     except ModuleNotFoundError as error:
-        if (words := advice(error.name)) is None:
+        if (message := advice(error.name)) is None:
             raise
-        _stop(words)
+        _stop(message)
     except OSError as error:
         _stop(
             str(error)
@@ -200,27 +200,27 @@ def _run(app: "typer.Typer") -> NoReturn:
     except typer.Abort:
         interrupts.leave()
     except usage_error as error:
-        words = error.format_message()  # type: ignore[attr-defined]
+        message = error.format_message()  # type: ignore[attr-defined]
         if type(error).__name__ == "NoArgsIsHelpError":
-            typer.echo(words)
+            typer.echo(message)
             sys.exit(_WRONG)
         context = getattr(error, "ctx", None)
         command = context.command_path if context else "glazejax"
-        if "unexpected extra argument" in words and context:
-            words = _say_extra(words, context)
-        elif number := re.search(r"'(-\S+)'.*\b(integer|number|float)\b", words):
+        if "unexpected extra argument" in message and context:
+            message = _say_extra(message, context)
+        elif number := re.search(r"'(-\S+)'.*\b(integer|number|float)\b", message):
             kind = "a whole number" if number[2] == "integer" else "a number"
-            words = f"'{number[1]}' must be {kind}, such as 5"
-        _stop(f"{words[:1].lower()}{words[1:].rstrip('.')} (see {command} --help)")
+            message = f"'{number[1]}' must be {kind}, such as 5"
+        _stop(f"{message[:1].lower()}{message[1:].rstrip('.')} (see {command} --help)")
     if status in (interrupts.INTERRUPTED, interrupts.TERMINATED):
         interrupts.leave(status=status)
     sys.exit(status or 0)
 
 
-def _say_extra(words: str, context: Any) -> str:
+def _say_extra(message: str, context: Any) -> str:
     """Words for a value without its option, with the command's own example of a line."""
-    found = re.search(r"\((?!s\))(.*)\)", words)
-    extra = found[1] if found else ""
+    extra_values = re.search(r"\((?!s\))(.*)\)", message)
+    extra = extra_values[1] if extra_values else ""
     example = re.search(r"Example: (.*)", context.command.callback.__doc__ or "")
     if context.command.name == "render":
         return f"coats stand behind --coats: glazejax render --coats {extra!r}"
@@ -228,6 +228,6 @@ def _say_extra(words: str, context: Any) -> str:
     return f"{extra!r} is too many: a value stands behind its option{line}"
 
 
-def _stop(words: str) -> NoReturn:
-    print(f"error: {words}", file=sys.stderr)
+def _stop(message: str) -> NoReturn:
+    print(f"error: {message}", file=sys.stderr)
     sys.exit(_WRONG)

@@ -33,9 +33,9 @@ def checked(look: Callable[[Any], object]) -> Callable[[Any], Any]:
     """
 
     def callback(value: Any) -> Any:
-        for one in value if isinstance(value, list) else [value]:
-            if one not in (None, ""):
-                look(one)
+        for entry in value if isinstance(value, list) else [value]:
+            if entry not in (None, ""):
+                look(entry)
         return value
 
     return callback
@@ -47,8 +47,8 @@ def between(low: float, high: float = math.inf) -> Callable[..., Any]:
     def callback(_: Any, param: Any, value: float | None) -> float | None:
         if value is not None and not low <= value <= high:
             bounds = f"{low:g} or more" if high == math.inf else f"from {low:g} to {high:g}"
-            whole = "a whole number " if isinstance(value, int) else ""
-            raise ValueError(f"{param.opts[0]} is {value:g}; it must be {whole}{bounds}")
+            kind = "a whole number " if isinstance(value, int) else ""
+            raise ValueError(f"{param.opts[0]} is {value:g}; it must be {kind}{bounds}")
         return value
 
     return callback
@@ -296,11 +296,11 @@ Seed = Annotated[
 
 def instrument_option(default: str) -> Any:
     """``--instrument``, with what a command takes if it is left out."""
-    words = (
+    text = (
         "Instrument: d:8 or di:8 (integrating sphere, mirror reflection of the surface "
         "included), de:8 (excluded), "
     )
-    words += (
+    text += (
         "45:0, 0:45, or another ANGLE:ANGLE of light and view in degrees (30:30:specular sees "
         "the mirror reflection)."
     )
@@ -308,14 +308,14 @@ def instrument_option(default: str) -> Any:
         "--instrument",
         metavar="GEOMETRY",
         callback=checked(_geometry),
-        help=f"{words} Default: {default}.",
+        help=f"{text} Default: {default}.",
         show_default=False,
     )
 
 
 def ground_option(default: str = "") -> Any:
     """``--ground``, with what a command takes if it is left out."""
-    words = (
+    text = (
         "Ground below the paint: its reflectance from inside the paint, 0 to 1, or a "
         f"file of spectra, FILE or FILE:SAMPLE.{f' Default: {default}.' if default else ''}"
     )
@@ -323,7 +323,7 @@ def ground_option(default: str = "") -> Any:
         "--ground",
         metavar="GROUND",
         callback=checked(ground_level),
-        help=words,
+        help=text,
         show_default=False,
     )
 
@@ -408,14 +408,14 @@ def read_lengths(text: str, argument: str) -> tuple[float, float]:
     return bounds
 
 
-def _per_metre(text: str, argument: str, whole: str) -> int:
+def _per_metre(text: str, argument: str, length: str) -> int:
     """Number of units in a metre: a whole number, so that 25um is 25e-6 to the last digit."""
     from ..paint.describe import UNITS
 
     scale = UNITS.get(text or "um", UNITS.get(text.lower()))
     if scale is None:
         raise ValueError(
-            f"{argument} is {whole!r}; the unit {text!r} is unknown: use um (or µm), mm, nm or m"
+            f"{argument} is {length!r}; the unit {text!r} is unknown: use um (or µm), mm, nm or m"
         )
     return round(1.0 / scale)
 
@@ -472,17 +472,19 @@ def ground_level(text: str, argument: str = "--ground") -> float | None:
         FileNotFoundError, ValueError: as `read_ground`.
     """
     try:
-        level = float(text)
+        reflectance = float(text)
     except ValueError:
         missing = f"{argument} {text!r} is neither a number from 0 to 1, such as 0.9, nor a file"
         existing(Path(text), missing)
         return None
-    if not 0 <= level <= 1:
+    if not 0 <= reflectance <= 1:
         hint = (
-            f" ({level:g} looks like percent: write {level / 100:g})" if 2 <= level <= 100 else ""
+            f" ({reflectance:g} looks like percent: write {reflectance / 100:g})"
+            if 2 <= reflectance <= 100
+            else ""
         )
         raise ValueError(f"{argument} is {text}; reflectance lies between 0 and 1{hint}")
-    return level
+    return reflectance
 
 
 def read_ground(text: str, argument: str = "--ground", *, bare: bool = False) -> Ground:
@@ -498,9 +500,9 @@ def read_ground(text: str, argument: str = "--ground", *, bare: bool = False) ->
         FileNotFoundError: neither a number nor a file.
         ValueError: a number or a spectrum out of range, or what `glazejax.io.read_sample` refuses.
     """
-    level = ground_level(text, argument)
-    if level is not None:
-        return Ground(None, level, f"reflectance {level:g}")
+    reflectance = ground_level(text, argument)
+    if reflectance is not None:
+        return Ground(None, reflectance, f"reflectance {reflectance:g}")
     from ..io import read_sample
     from ..io.files.sample import split_sample
 
@@ -511,10 +513,10 @@ def read_ground(text: str, argument: str = "--ground", *, bare: bool = False) ->
     notes = [f"{path}: {note}" for note in table.notes]
     if not bare:
         if spectrum.max() > 1:
-            worst = int(spectrum.argmax())
+            brightest = int(spectrum.argmax())
             raise ValueError(
-                f"{path}: {sample!r} reflects {spectrum[worst]:.3g} at "
-                f"{table.wavelengths[worst]:g} nm; a ground "
+                f"{path}: {sample!r} reflects {spectrum[brightest]:.3g} at "
+                f"{table.wavelengths[brightest]:g} nm; a ground "
                 "reflects 1 at most: scale the spectrum"
             )
         notes.append(
@@ -546,35 +548,37 @@ def read_shelf(path: Path | None, name: str | None = None) -> "dict[str, Pigment
     from ..paint.pigment_table import read_pigments
 
     shelf = {} if path is not None and name is None else dict(catalogue.load(name or OILS))
-    own = {} if path is None else dict(read_pigments(path))
-    if both := [paint for paint in own if paint in shelf]:
-        typer.echo(f"note: {', '.join(both)}: that of {path} is taken, not of {name}", err=True)
-    return shelf | own
+    own_paints = {} if path is None else dict(read_pigments(path))
+    if names_twice := [paint for paint in own_paints if paint in shelf]:
+        typer.echo(
+            f"note: {', '.join(names_twice)}: that of {path} is taken, not of {name}", err=True
+        )
+    return shelf | own_paints
 
 
 def say_asked(
-    paints: "Sequence[Pigment]", name: str | None, own: Path | None, *, by_family: bool
+    paints: "Sequence[Pigment]", name: str | None, own_file: Path | None, *, by_family: bool
 ) -> str:
     """Print which catalogue an answer is from, and what the other kind is for: the last line of an
     answer.
 
     Args:
-        paints: that were sought.
+        paints: of the search.
         name: of the catalogue; None with own paints alone.
-        own: file of these.
-        by_family: whether families of pigments were sought.
+        own_file: file of these.
+        by_family: whether families of pigments were searched.
     """
-    words = " and ".join(str(each) for each in (own, name) if each is not None)
+    shelves = " and ".join(str(shelf) for shelf in (own_file, name) if shelf is not None)
     if by_family:
         families = len({paint.family for paint in paints})
         sources = len({paint.source for paint in paints})
         return (
-            f"Asked: {words}, {families} families in paints of {sources} sources, for paint by "
+            f"Asked: {shelves}, {families} families in paints of {sources} sources, for paint by "
             f"anybody. --catalogue {OILS} asks for films (amounts, thickness) of one painter's 20 "
             "oils."
         )
     return (
-        f"Asked: {words}, {len(paints)} paints, for films by their maker alone. --catalogue "
+        f"Asked: {shelves}, {len(paints)} paints, for films by their maker alone. --catalogue "
         f"{PIGMENTS} asks which pigments are in paint by anybody."
     )
 
@@ -589,10 +593,10 @@ def choose_paints(
     """
     chosen = find_paints(split_names(only), shelf) or shelf
     left_out = find_paints(split_names(without), shelf)
-    kept = [paint for name, paint in chosen.items() if name not in left_out]
-    if not kept:
+    remaining = [paint for name, paint in chosen.items() if name not in left_out]
+    if not remaining:
         raise ValueError("--only and --without leave no paint: name fewer in --without")
-    return kept
+    return remaining
 
 
 def find_paints(names: Iterable[str], shelf: "Mapping[str, Pigment]") -> "dict[str, Pigment]":
@@ -605,18 +609,18 @@ def find_paints(names: Iterable[str], shelf: "Mapping[str, Pigment]") -> "dict[s
     from .. import catalogue
     from ..paint.describe import same_name
 
-    known = all_named(shelf)
-    found = []
+    shelves = all_named(shelf)
+    matches = []
     for name in names:
         of_family = [paint for paint in shelf.values() if same_name(paint.family, name)]
-        found += of_family or [known[_full_name(name, known)]]
-    if len(set(filter(None, map(catalogue.assumed_scale, found)))) > 1:
+        matches += of_family or [shelves[_full_name(name, shelves)]]
+    if len(set(filter(None, map(catalogue.assumed_scale, matches)))) > 1:
         typer.echo(
             "note: each catalogue assumes its own scale of length, so amounts of its paints "
             "relative to another's may have a common factor",
             err=True,
         )
-    return {paint.name: paint for paint in found}
+    return {paint.name: paint for paint in matches}
 
 
 def check_names(names: Iterable[str], pigments: Path | None, catalogue: str | None) -> None:
@@ -630,20 +634,24 @@ def check_names(names: Iterable[str], pigments: Path | None, catalogue: str | No
     from ..catalogue import paint_families
     from ..io.words import unshield_name
 
-    known: dict[str, str] = {}
+    names_and_families: dict[str, str] = {}
     if catalogue is not None or pigments is None:
-        known |= paint_families(catalogue or OILS)
+        names_and_families |= paint_families(catalogue or OILS)
     if pigments is not None:
         # What comes through a pipe can be read once only, and by whom reads it whole.
         if not pigments.is_file():
             return
         text = pigments.read_text(encoding="utf-8-sig", errors="replace")
         rows = csv.DictReader(line for line in text.splitlines() if not line.startswith("#"))
-        known |= {unshield_name((row.get("pigment") or "").strip()): "" for row in rows}
-    for other in all_catalogues():
-        known |= dict.fromkeys((f"{other}:{name}" for name in paint_families(other)), "")
+        names_and_families |= {
+            unshield_name((row.get("pigment") or "").strip()): "" for row in rows
+        }
+    for other_catalogue in all_catalogues():
+        names_and_families |= dict.fromkeys(
+            (f"{other_catalogue}:{name}" for name in paint_families(other_catalogue)), ""
+        )
     for name in names:
-        _full_name(name, [*known, *filter(None, known.values())])
+        _full_name(name, [*names_and_families, *filter(None, names_and_families.values())])
 
 
 def check_coats(text: str, pigments: Path | None, catalogue: str | None = None) -> None:
@@ -659,7 +667,7 @@ def check_coats(text: str, pigments: Path | None, catalogue: str | None = None) 
     check_names(named, pigments, catalogue or OILS)
 
 
-def _full_name(name: str, known: Iterable[str]) -> str:
+def _full_name(name: str, all_names: Iterable[str]) -> str:
     """The one of the known names that is meant.
 
     Raises:
@@ -669,9 +677,11 @@ def _full_name(name: str, known: Iterable[str]) -> str:
     from ..paint.describe import ALL_NAMES, find_name, same_name
 
     try:
-        return find_name(name, known)
+        return find_name(name, all_names)
     except ValueError as error:
-        family = next((each for each in families() if same_name(each, name)), None)
+        family = next(
+            (family_name for family_name in families() if same_name(family_name, name)), None
+        )
         if family is None or ALL_NAMES not in str(error):
             raise
         raise ValueError(
@@ -683,17 +693,17 @@ def all_named(shelf: "Mapping[str, Pigment]") -> "dict[str, Pigment]":
     """A shelf, and behind it each paint of each catalogue as ``CATALOGUE:NAME``."""
     from .. import catalogue
 
-    known = dict(shelf)
-    for other in catalogue.names():
-        for name, paint in catalogue.load(other).items():
-            full = f"{other}:{name}"
+    shelves = dict(shelf)
+    for name_of_catalogue in catalogue.names():
+        for name, paint in catalogue.load(name_of_catalogue).items():
+            full = f"{name_of_catalogue}:{name}"
             same = name in shelf and shelf[name].provenance == paint.provenance
-            known[full] = shelf[name] if same else paint.renamed(full)
-    return known
+            shelves[full] = shelf[name] if same else paint.renamed(full)
+    return shelves
 
 
 def choose_rows(
-    file: Path, names: Sequence[str], wanted: Sequence[str], argument: str = "--samples"
+    file: Path, names: Sequence[str], asked: Sequence[str], argument: str = "--samples"
 ) -> list[int]:
     """Rows of the wanted spectra of a file, or all.
 
@@ -702,12 +712,12 @@ def choose_rows(
     """
     from ..io.spectra_table import there_are
 
-    for name in wanted:
+    for name in asked:
         if name not in names:
             raise ValueError(
                 f"{argument}: {file} holds no spectrum {name!r}; {there_are(name, names)}"
             )
-    return [names.index(name) for name in wanted] or list(range(len(names)))
+    return [names.index(name) for name in asked] or list(range(len(names)))
 
 
 def check_outputs(
@@ -735,12 +745,12 @@ def check_outputs(
     from ..io.outputs import check_output
     from ..plots import check_picture
 
-    taken: dict[Path, str] = {}
+    option_of: dict[Path, str] = {}
     read = {path.resolve() for path in inputs if path is not None}
     for option, path in files.items():
         if path is None:
             continue
-        same = taken.setdefault(path.resolve(), option)
+        same = option_of.setdefault(path.resolve(), option)
         if same != option:
             raise ValueError(
                 f"{option} and {same} are both {path}, the same file: give them different names"

@@ -85,12 +85,12 @@ def paints(
 
         start_jax()
         seen_by = options.read_geometry(instrument, _GEOMETRY)
-        said = options.stated(quantity, unit, scale)
-        _lister[0](references, seen_by, Console(highlight=False), csv, overwrite, said)
+        meaning = options.stated(quantity, unit, scale)
+        _lister[0](references, seen_by, Console(highlight=False), csv, overwrite, meaning)
         return
-    known = catalogue.families()
-    if family and family not in known:
-        near = nearest_names(family, known, cutoff=0.4)
+    families = catalogue.families()
+    if family and family not in families:
+        near = nearest_names(family, families, cutoff=0.4)
         hint = f"; nearest: {', '.join(near)}" if near else ""
         raise ValueError(f"no family of pigments is called {family!r}{hint}")
     if out is not None and not family:
@@ -102,36 +102,36 @@ def paints(
         if not family or origin.family == family
     ]
     if family:
-        _print_family(console, known[family], origins)
+        _print_family(console, families[family], origins)
     else:
-        _print_families(console, known, origins)
+        _print_families(console, families, origins)
     if csv is not None:
         _write(csv, origins, overwrite)
         console.print(f"Wrote {len(origins)} exemplars to {csv}")
     if out is not None:
-        _draw(out, known[family], [catalogue.load("pigments")[o.exemplar] for o in origins])
+        _draw(out, families[family], [catalogue.load("pigments")[o.exemplar] for o in origins])
         console.print(f"Drew {len(origins)} exemplars to {out}")
 
 
 def _print_families(
-    console: "Console", known: "dict[str, Family]", origins: "list[Provenance]"
+    console: "Console", families: "dict[str, Family]", origins: "list[Provenance]"
 ) -> None:
     console.print(f"{'family':<23}{'exemplars':>9}  {'nm':<10}{'Colour Index':<23}in use")
-    for name, about in known.items():
-        own = [origin for origin in origins if origin.family == name]
-        if own:
+    for name, about in families.items():
+        exemplars = [origin for origin in origins if origin.family == name]
+        if exemplars:
             numbers = shorten(about.colour_index, 22, placeholder="...")
-            first = min(origin.first_nm for origin in own)
-            last = max(origin.last_nm for origin in own)
+            first = min(origin.first_nm for origin in exemplars)
+            last = max(origin.last_nm for origin in exemplars)
             console.print(
-                f"{name:<23}{len(own):>9}  {f'{first:.0f}-{last:.0f}':<10}{numbers:<23}"
+                f"{name:<23}{len(exemplars):>9}  {f'{first:.0f}-{last:.0f}':<10}{numbers:<23}"
                 f"{about.in_use}",
                 soft_wrap=True,
             )
-    without = [name for name in known if not any(origin.family == name for origin in origins)]
+    without = [name for name in families if not any(origin.family == name for origin in origins)]
     sources = sorted({origin.source for origin in origins})
     console.print(
-        f"{len(origins)} exemplars of {len(known) - len(without)} families, by {len(sources)} "
+        f"{len(origins)} exemplars of {len(families) - len(without)} families, by {len(sources)} "
         f"sources: {', '.join(sources)}."
     )
     console.print(f"[dim]Known by name, without an exemplar: {', '.join(without)}.[/dim]")
@@ -155,8 +155,8 @@ def _print_family(console: "Console", about: "Family", origins: "list[Provenance
             soft_wrap=True,
         )
     for source in dict.fromkeys(origin.source for origin in origins):
-        one = next(origin for origin in origins if origin.source == source)
-        console.print(f"[dim]{source}: {one.citation} ({one.licence})[/dim]", soft_wrap=True)
+        first = next(origin for origin in origins if origin.source == source)
+        console.print(f"[dim]{source}: {first.citation} ({first.licence})[/dim]", soft_wrap=True)
 
 
 def _told(how: str) -> str:

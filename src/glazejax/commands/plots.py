@@ -16,19 +16,20 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.text import Text
 
-_NOTE = """$R_0$: seen with no coat. $R_1$: one
-coat alone on the ground, $R_g$.
+# Signs of Unicode: matplotlib's own grammar of formulas takes a fifth of a second to build.
+_NOTE = """R₀: seen with no coat. R₁: one
+coat on the ground. R: bare ground.
 Mixing: the same paint stirred
 into an opaque one that looks
-like $R_0$, as much of it as brings
+like R₀, as much of it as brings
 one portion nearest to one coat."""
 _CLIPPED = """
 Colours outside sRGB are clipped."""
 # How each way of layering is drawn and explained.
 _WAYS = {
     "glaze": ("glazejax", "light followed through every coat", "-", 3.2),
-    "multiply": ("multiply", "$R_0 (R_1/R_g)^n$, band by band", "--", 2.0),
-    "mixing": ("mixing", "$n$ portions stirred into opaque paint", ":", 2.6),
+    "multiply": ("multiply", "R₀ (R₁/R)ⁿ, band by band", "--", 2.0),
+    "mixing": ("mixing", "n portions stirred into opaque paint", ":", 2.6),
 }
 
 
@@ -125,9 +126,9 @@ class _Paint:
 
 
 def _box(
-    left: float, right: float, *, top: float, bottom: float
+    low: float, high: float, *, top: float, bottom: float
 ) -> tuple[float, float, float, float]:
-    return left, bottom, right - left, top - bottom
+    return low, bottom, high - low, top - bottom
 
 
 def _fit(text: "Text", figure: "Figure", share: float) -> None:
@@ -144,10 +145,10 @@ def _fit(text: "Text", figure: "Figure", share: float) -> None:
     while (width := text.get_window_extent(renderer).width) > room and size > smallest:
         size = max(min(size * room / width, size - 0.25), smallest)
         text.set_fontsize(size)
-    words = text.get_text()
+    shortened = text.get_text()
     while text.get_window_extent(renderer).width > room:
-        words = words[: int(0.97 * len(words))]
-        text.set_text(f"{words.rstrip()}…")
+        shortened = shortened[: int(0.97 * len(shortened))]
+        text.set_text(f"{shortened.rstrip()}…")
 
 
 def _draw_spectra(axes: "Axes", paint: _Paint, names: Sequence[str]) -> None:
@@ -232,13 +233,15 @@ def _draw_strips(axes: "Axes", paint: _Paint, marked: int | None) -> None:
     from matplotlib.patches import Rectangle
 
     ladder = paint.spectra.ladder
-    for row, (key, (name, words, *_)) in enumerate(_WAYS.items()):
+    for row, (key, (name, explanation, *_)) in enumerate(_WAYS.items()):
         shades = paint.rgb(getattr(ladder, key))
         cells = [Rectangle((n - 0.5, -row - 0.92), 1, 0.92) for n in ladder.counts]
         # Edges of its own colour close the hairlines between neighbours.
         axes.add_collection(PatchCollection(cells, facecolor=shades, edgecolor=shades, lw=0.6))
         axes.text(-0.9, -row - 0.33, name, ha="right", va="center", fontsize=16, fontweight="bold")
-        axes.text(-0.9, -row - 0.68, words, ha="right", va="center", fontsize=11.5, color=FAINT)
+        axes.text(
+            -0.9, -row - 0.68, explanation, ha="right", va="center", fontsize=11.5, color=FAINT
+        )
     axes.set(xlim=(-0.5, ladder.counts[-1] + 0.5), ylim=(-2.95, 0))
     if marked is not None and 0 < marked <= ladder.counts[-1]:
         axes.plot(marked, 0.1, marker="v", ms=10, color=INK, clip_on=False)

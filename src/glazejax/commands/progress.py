@@ -32,7 +32,7 @@ def moving() -> bool:
     Rich alone would go by FORCE_COLOR, which is about colour: notebooks and builds set it.
     """
     # Set by Jupyter for its kernels and what they start, which get a terminal of their own that
-    # shows each step anew.
+    # shows each step again.
     if not sys.stderr.isatty() or "JPY_PARENT_PID" in os.environ:
         return False
     from rich.console import Console
@@ -55,7 +55,7 @@ def bar(*columns: "str | ProgressColumn") -> "Bar":
 class _Stage(NamedTuple):
     """Stage of the work, since when, and how much was done before."""
 
-    words: str
+    title: str
     began: float
     first: int
 
@@ -65,44 +65,44 @@ def _share(done: int, total: int) -> str:
 
 
 def _duration(seconds: float) -> str:
-    """A time in the unit that it would be told in."""
+    """A time in its usual unit."""
     if seconds < 100:
         return f"{seconds:.0f} s"
     return f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.1f} h"
 
 
 @contextmanager
-def follow(words: str, total: int | None = 1) -> Iterator[Progress]:
+def follow(stage: str, total: int | None = 1) -> Iterator[Progress]:
     """Show the progress of long work: percent, how much, the time gone and the time left, as a bar
     of the stage on a terminal, else as a line now and then.
 
     Args:
-        words: what is done at first; further stages are told by other words.
+        stage: what is done at first; further stages have other words.
         total: parts of it; 1 where it is one piece.
     """
     if not moving():
         with lines() as note_lines:
-            note_lines(0, total, words)
+            note_lines(0, total, stage)
             yield note_lines
         return
     from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
     columns = TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[count]}")
-    with bar(*columns, TimeElapsedColumn(), TimeRemainingColumn()) as shown:
-        task = shown.add_task(words, total=None if total == 1 else total, count="")
+    with bar(*columns, TimeElapsedColumn(), TimeRemainingColumn()) as progress:
+        task = progress.add_task(stage, total=None if total == 1 else total, count="")
 
-        def note(done: int, total: int | None, words: str, /) -> None:
-            parts = None if total == 1 else total
-            count = "" if parts is None else _share(done, parts)
-            if words != shown.tasks[0].description:
-                shown.reset(task, description=words)
-            shown.update(task, completed=done, total=parts, count=count)
+        def note(done: int, total: int | None, stage: str, /) -> None:
+            steps = None if total == 1 else total
+            count = "" if steps is None else _share(done, steps)
+            if stage != progress.tasks[0].description:
+                progress.reset(task, description=stage)
+            progress.update(task, completed=done, total=steps, count=count)
 
         yield note
 
 
 @contextmanager
-def lines(every: float = 10.0) -> Iterator[Progress]:
+def lines(seconds: float = 10.0) -> Iterator[Progress]:
     """A line on stderr every so many seconds, for long work where no bar may move; what is yielded
     says how far it is.
     """
@@ -111,22 +111,22 @@ def lines(every: float = 10.0) -> Iterator[Progress]:
     stage = _Stage("", began, 0)
     latest = ""
 
-    def note(done: int, total: int | None, words: str, /) -> None:
+    def note(done: int, total: int | None, title: str, /) -> None:
         nonlocal stage, latest
         now = time.monotonic()
-        if words != stage.words:
-            stage = _Stage(words, now, done)
+        if title != stage.title:
+            stage = _Stage(title, now, done)
         # A stage that is one piece has nothing to count.
         count = "" if total == 1 else f" {done:,}" if total is None else f" {_share(done, total)}"
-        left = ""
+        time_left = ""
         if total is not None and total > done > stage.first:
             pace = (now - stage.began) / (done - stage.first)
-            left = f", about {_duration(pace * (total - done))} left"
-        latest = f"{words}{count}, after {{}}{left}"
+            time_left = f", about {_duration(pace * (total - done))} left"
+        latest = f"{title}{count}, after {{}}{time_left}"
 
     def say() -> None:
         # Long pieces pass without a call: the time shows that it is alive.
-        while not ended.wait(every):
+        while not ended.wait(seconds):
             if latest:
                 gone = _duration(time.monotonic() - began)
                 print(latest.format(gone), file=sys.stderr, flush=True)
@@ -163,7 +163,7 @@ def collect(
     Raises:
         KeyboardInterrupt: Ctrl-C before any part was finished.
     """
-    parts: list[Part] = []
+    chunks_done: list[Part] = []
     interrupted = False
     began = time.perf_counter()
     warm = 0.0
@@ -171,26 +171,26 @@ def collect(
     # Parts that are finished are worth waiting for the one that runs.
     with (
         follow(first, total) as note,
-        keeping(lambda: None if parts else "Interrupted: nothing was finished."),
+        keeping(lambda: None if chunks_done else "Interrupted: nothing was finished."),
     ):
         try:
-            for part in chunks:
-                parts.append(part)
+            for chunk in chunks:
+                chunks_done.append(chunk)
                 warm = warm or time.perf_counter() - began
-                done += len(part)
+                done += len(chunk)
                 note(done, total, then)
         except KeyboardInterrupt:
-            if not parts:
+            if not chunks_done:
                 raise
             interrupted = True
-    return parts, Collected(warm, time.perf_counter() - began, interrupted)
+    return chunks_done, Collected(warm, time.perf_counter() - began, interrupted)
 
 
 @contextmanager
-def doing(words: str) -> Iterator[Callable[[str], object]]:
+def doing(stage: str) -> Iterator[Callable[[str], object]]:
     """Say what is being done, in one piece, while it is; what is yielded says it in other words."""
-    with follow(words) as note:
-        yield lambda said: note(0, 1, said)
+    with follow(stage) as note:
+        yield lambda new_stage: note(0, 1, new_stage)
 
 
 @contextmanager
@@ -208,27 +208,27 @@ def reading(path: Path) -> Iterator[Progress]:
     """
     from rich.progress import BarColumn, DownloadColumn, TextColumn, TimeRemainingColumn
 
-    shown = bar(
+    progress = bar(
         TextColumn("{task.description}"),
         BarColumn(),
         DownloadColumn(),
         TimeRemainingColumn(),
     )
     name = path.name.replace("[", "\\[")
-    task = shown.add_task(name, total=None)
+    task = progress.add_task(name, total=None)
     start = time.monotonic()
 
-    def move(done: int, total: int | None, words: str) -> None:
+    def move(done: int, total: int | None, stage: str) -> None:
         if time.monotonic() - start > 1.0:
-            shown.start()
-            shown.update(task, completed=done, total=total, description=f"{words} {name}")
+            progress.start()
+            progress.update(task, completed=done, total=total, description=f"{stage} {name}")
 
     try:
         yield move
     finally:
         # A bar that never began would end with an empty line.
-        if shown.live.is_started:
-            shown.stop()
+        if progress.live.is_started:
+            progress.stop()
 
 
 def print_notes(console: "Console", file: Path | str, notes: Sequence[str]) -> None:

@@ -1,4 +1,4 @@
-"""A glaze beside what it should be compared with: its ground, its layers alone, and a ladder of
+"""A glaze compared with its ground, its layers alone, and a ladder of
 layers.
 
 The ladder repeats one layer of the glaze n times and sets three ways of using the same paint side

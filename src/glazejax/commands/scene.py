@@ -100,27 +100,27 @@ def scene(
     started = time.perf_counter()
     from ..appearance.scene.file import describe, read_scene
 
-    found = read_scene(file)
+    loaded = read_scene(file)
     if size is not None:
-        found = _resize(found, size)
-    typer.echo(f"scene  {file}: {describe(found)}")
-    for note in found.notes:
+        loaded = _resize(loaded, size)
+    typer.echo(f"scene  {file}: {describe(loaded)}")
+    for note in loaded.notes:
         typer.echo(f"note   {note}", err=True)
-    beyond = found.scene.needs_path_tracing() if renderer == "raycast" else None
+    beyond = loaded.scene.needs_path_tracing() if renderer == "raycast" else None
     if beyond is not None:
         raise ValueError(
             f"{file}: the ray caster cannot draw {beyond}: add --renderer mitsuba (pip install "
             "'glazejax[render]')"
         )
-    if renderer == "mitsuba" and (words := _without_llvm(found, samples or _SAMPLES)):
-        typer.echo(f"note   {words}", err=True)
+    if renderer == "mitsuba" and (state := _without_llvm(loaded, samples or _SAMPLES)):
+        typer.echo(f"note   {state}", err=True)
     rendered = _render(
-        found, spectral is not None, _SAMPLES if samples is None else samples, renderer
+        loaded, spectral is not None, _SAMPLES if samples is None else samples, renderer
     )
     if rendered.done == 0:
         typer.echo("stopped before the first pixel: nothing is written", err=True)
         raise typer.Exit(progress.INTERRUPTED)
-    _write(found, rendered, out, spectral)
+    _write(loaded, rendered, out, spectral)
     files = str(out) if spectral is None else f"{out} and {spectral}"
     typer.echo(f"wrote  {files} in {time.perf_counter() - started:.1f} s")
     if rendered.done < 1:
@@ -130,10 +130,10 @@ def scene(
                 err=True,
             )
             raise typer.Exit(progress.INTERRUPTED)
-        words = f"{rendered.done:.0%} of the picture is finished, the rest is grey"
+        state = f"{rendered.done:.0%} of the picture is finished, the rest is grey"
         if rendered.done > 0.99:
-            words = "every pixel is there, but not all edges and highlights are smooth"
-        typer.echo(f"stopped: {words}", err=True)
+            state = "every pixel is there, but not all edges and highlights are smooth"
+        typer.echo(f"stopped: {state}", err=True)
         raise typer.Exit(progress.INTERRUPTED)
 
 
@@ -179,7 +179,7 @@ def _check_output(out: Path, spectral: Path | None, overwrite: bool) -> None:
 def _read_size(text: str) -> tuple[int, int]:
     """Pixels of WIDTHxHEIGHT."""
     try:
-        width, height = (int(part) for part in text.lower().split("x"))
+        width, height = (int(number) for number in text.lower().split("x"))
     except ValueError:
         raise ValueError(
             f"--size {text!r}: write WIDTHxHEIGHT in pixels, such as 160x120"
@@ -187,18 +187,18 @@ def _read_size(text: str) -> tuple[int, int]:
     return width, height
 
 
-def _resize(found: "SceneFile", text: str) -> "SceneFile":
+def _resize(loaded: "SceneFile", text: str) -> "SceneFile":
     """The scene with other numbers of pixels."""
     from dataclasses import replace
 
     width, height = _read_size(text)
     try:
-        return replace(found, scene=replace(found.scene, width=width, height=height))
+        return replace(loaded, scene=replace(loaded.scene, width=width, height=height))
     except ValueError as error:
         raise ValueError(f"--size {text!r}: {error}") from None
 
 
-def _without_llvm(found: "SceneFile", samples: int) -> str:
+def _without_llvm(loaded: "SceneFile", samples: int) -> str:
     """Warning of the time it takes where Mitsuba finds no LLVM that works, and what to do; else
     empty.
     """
@@ -207,7 +207,7 @@ def _without_llvm(found: "SceneFile", samples: int) -> str:
     if not usable_variant().startswith("scalar"):
         return ""
     # Paths a second on two cores; LLVM follows 1.6 million.
-    seconds = samples * found.scene.width * found.scene.height / 3400
+    seconds = samples * loaded.scene.width * loaded.scene.height / 3400
     hours = seconds >= 5400
     size = seconds / (3600 if hours else 60)
     return (
@@ -218,42 +218,44 @@ def _without_llvm(found: "SceneFile", samples: int) -> str:
     )
 
 
-def _render(found: "SceneFile", spectral: bool, samples: int, renderer: str) -> "Rendered":
+def _render(loaded: "SceneFile", spectral: bool, samples: int, renderer: str) -> "Rendered":
     """The picture, with a bar on the terminal, or a line now and then where none may move."""
     with progress.follow("reading") as report:
         if renderer == "mitsuba":
             from ..appearance.scene.path.path_trace import path_trace
 
             return path_trace(
-                found.scene, samples=samples, tolerance=found.tolerance, progress=report
+                loaded.scene, samples=samples, tolerance=loaded.tolerance, progress=report
             )
         from ..appearance.scene.draw.render import render
 
-        return render(found.scene, spectral=spectral, tolerance=found.tolerance, progress=report)
+        return render(loaded.scene, spectral=spectral, tolerance=loaded.tolerance, progress=report)
 
 
-def _write(found: "SceneFile", rendered: "Rendered", out: Path, spectral: Path | None) -> None:
+def _write(loaded: "SceneFile", rendered: "Rendered", out: Path, spectral: Path | None) -> None:
     """Files, and what was left out."""
     from ..appearance.scene.picture import save_png, save_spectral
 
     if spectral is not None:
         save_spectral(spectral, rendered)
-    screen = found.on_screen(rendered)
+    screen = loaded.on_screen(rendered)
     save_png(out, screen.rgb)
     for line in rendered.report.describe().splitlines():
         typer.echo(f"       {line}")
     for note in rendered.report.notes:
         typer.echo(f"note   {note}", err=True)
     if screen.bright > 0:
-        words = (
+        remark = (
             f"{screen.bright:.1%} of the pixels are brighter than the screen's white; a lower "
             "exposure shows them"
         )
-        typer.echo(f"note   {words}", err=True)
+        typer.echo(f"note   {remark}", err=True)
     if screen.colourful > 0:
-        words = (
-            f"{screen.colourful:.1%} of the pixels are more colourful than {found.display} can show"
+        remark = (
+            f"{screen.colourful:.1%} of the pixels are more colourful than {loaded.display} can "
+            "show"
         )
         typer.echo(
-            f"note   {words}: they are brought inside ([picture] gamut = {found.gamut!r})", err=True
+            f"note   {remark}: they are brought inside ([picture] gamut = {loaded.gamut!r})",
+            err=True,
         )

@@ -52,8 +52,8 @@ class Coat(NamedTuple):
     @property
     def size(self) -> str:
         """Thickness in words, such as ``12 µm`` or ``3 x 5 µm``."""
-        one = format_length(self.thickness)
-        return one if self.repeats == 1 else f"{self.repeats} x {one}"
+        coat_size = format_length(self.thickness)
+        return coat_size if self.repeats == 1 else f"{self.repeats} x {coat_size}"
 
 
 def format_length(metres: float) -> str:
@@ -113,23 +113,23 @@ def _size(entry: str, size: str) -> tuple[float, int]:
         raise ValueError(
             f"coat {entry!r}: {size!r} is not a thickness: write a number and a unit, like 12um"
         )
-    number, unit, rest = match.groups()
+    number, unit, repeats_text = match.groups()
     # In '12 x3' the unit is missing, and the x belongs to the repeats.
     if unit.lower().startswith("x") and unit.lower() not in UNITS:
-        unit, rest = "", f"{unit}{rest}"
+        unit, repeats_text = "", f"{unit}{repeats_text}"
     if not unit:
         raise ValueError(
             f"coat {entry!r}: the thickness {number} has no unit: write {number}um, mm or nm"
         )
     if unit not in UNITS and unit.lower().removesuffix("x") in UNITS and unit.lower().endswith("x"):
         unit = unit[:-1]
-        rest = f"x{rest}"
+        repeats_text = f"x{repeats_text}"
     scale = UNITS.get(unit, UNITS.get(unit.lower()))
     if scale is None:
         raise ValueError(
             f"coat {entry!r}: the unit {unit!r} is unknown: use um (or µm), mm, nm or m"
         )
-    repeats = _count(entry, rest) if rest else 1
+    repeats = _count(entry, repeats_text) if repeats_text else 1
     thickness = float(number) * scale
     if thickness < 0:
         raise ValueError(
@@ -143,11 +143,12 @@ def _size(entry: str, size: str) -> tuple[float, int]:
     return thickness, repeats
 
 
-def _count(entry: str, rest: str) -> int:
-    match = _REPEATS.match(rest)
+def _count(entry: str, repeats_text: str) -> int:
+    match = _REPEATS.match(repeats_text)
     if match is None:
         raise ValueError(
-            f"coat {entry!r}: cannot read {rest!r} after the thickness: repeats are written x3"
+            f"coat {entry!r}: cannot read {repeats_text!r} after the thickness: repeats are "
+            "written x3"
         )
     count = match.group(1)
     if not count.isdecimal() or int(count) < 1:
@@ -162,7 +163,7 @@ def _parts(entry: str, paint: str) -> tuple[tuple[float, str], ...]:
     terms = [term.strip() for term in paint.split("+")]
     if len(terms) == 1 and "*" not in paint:
         return ((1.0, paint),)
-    parts = []
+    weighted = []
     for term in terms:
         weight, star, name = (piece.strip() for piece in term.partition("*"))
         if not star or not name or not re.fullmatch(_NUMBER, weight):
@@ -172,13 +173,13 @@ def _parts(entry: str, paint: str) -> tuple[tuple[float, str], ...]:
             )
         if float(weight) < 0:
             raise ValueError(f"coat {entry!r}: the fraction {weight} of {name} is negative")
-        parts.append((float(weight), name))
-    total = sum(weight for weight, _ in parts)
+        weighted.append((float(weight), name))
+    total = sum(weight for weight, _ in weighted)
     if abs(total - 1.0) > 1e-6:
         raise ValueError(
             f"coat {entry!r}: fractions sum to {total:g}, not to 1: divide them by their sum"
         )
-    return tuple(parts)
+    return tuple(weighted)
 
 
 ALL_NAMES = "`glazejax render --list` shows all names"
@@ -191,20 +192,20 @@ def find_name(name: str, names: Iterable[str]) -> str:
     Raises:
         ValueError: none of them; the message lists the nearest.
     """
-    known: dict[str, str] = {}
+    full_names: dict[str, str] = {}
     for full in names:
         if full == name:
             return full
-        known.setdefault(_plain(full), full)
+        full_names.setdefault(_plain(full), full)
     key = _plain(name)
-    if key in known:
-        return known[key]
+    if key in full_names:
+        return full_names[key]
     if re.search(r"\S\s+\d+(\.\d+)?\s+\S", name):
         raise ValueError(
             f"there is no pigment {name!r:.60}: between two paints of a mixture stands a +, such "
             "as 10 Vermillion + 90 ZincWhite"
         )
-    near = nearest_names(name, known.values(), fold=_plain)
+    near = nearest_names(name, full_names.values(), fold=_plain)
     # The same paint of a catalogue, behind that of the shelf.
     near = [full for full in near if full.rpartition(":")[2] not in near or ":" not in full]
     choice = (

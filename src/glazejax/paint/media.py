@@ -58,8 +58,8 @@ def _check_range(name: str, values: Numbers, low: float, high: float, hint: str 
     if array is None:
         return
     if not (jnp.issubdtype(array.dtype, jnp.floating) or jnp.issubdtype(array.dtype, jnp.integer)):
-        given = repr(array.item()) if array.ndim == 0 else f"an array of {array.dtype}"
-        raise ValueError(f"{name} must be real numbers, not {given}")
+        received = repr(array.item()) if array.ndim == 0 else f"an array of {array.dtype}"
+        raise ValueError(f"{name} must be real numbers, not {received}")
     wrong = array[~((array >= low) & (array <= high) & np.isfinite(array))]
     if wrong.size:
         bounds = f"finite and at least {low:g}" if high == np.inf else f"in [{low:g}, {high:g}]"
@@ -78,8 +78,8 @@ def _legal_modes(name: str, modes: Numbers, bands: int) -> Float[Array, "modes 2
         raise ValueError(
             f"error_modes of {name!r} have shape {values.shape}; they must be (modes, 2, {bands})"
         )
-    known = concrete(values)
-    if known is not None and not np.all(np.isfinite(known)):
+    numbers = concrete(values)
+    if numbers is not None and not np.all(np.isfinite(numbers)):
         raise ValueError(f"error_modes of {name!r} must be finite")
     return as_float_array(values)
 
@@ -107,7 +107,16 @@ class _Labels:
         return "labels"
 
 
-class _Labelled(eqx.Module):
+class _PlainModule(eqx.Module):
+    """Base whose attributes are read as those of other objects: Equinox asks of each whether it is
+    a method to bind, and of each that is set whether it may be. That takes a microsecond or two
+    each time, so that Layer and Glaze set theirs at once.
+    """
+
+    __getattribute__ = object.__getattribute__
+
+
+class _Labelled(_PlainModule):
     """Base of what has a name."""
 
     _labels: eqx.AbstractVar[_Labels]
@@ -238,8 +247,8 @@ class Pigment(_Labelled):
     @property
     def identifiable(self) -> Bool[np.ndarray, "bands"] | None:
         """Mask of bands where the data determine both k and s, (bands,), or None if not stated."""
-        known = self._labels.identifiable
-        return None if known is None else np.asarray(known)
+        mask = self._labels.identifiable
+        return None if mask is None else np.asarray(mask)
 
     def resample(self, wavelengths: Grid) -> "Pigment":
         """The same paint on another grid (nm), by linear interpolation.
@@ -261,8 +270,8 @@ class Pigment(_Labelled):
         phase = self.phase
         if phase is not None and phase.ndim == 2 and phase.shape[0] > 1:
             phase = on_numpy_or_jax(matmul, matrix.T.astype(phase.dtype), phase)
-        known = self.identifiable
-        seen = None if known is None else ~np.any(matrix[~known] > 0, axis=0)
+        mask = self.identifiable
+        resampled = None if mask is None else ~np.any(matrix[~mask] > 0, axis=0)
         return type(self)(
             wavelengths=wavelengths,
             absorption=at(self.absorption),
@@ -271,7 +280,7 @@ class Pigment(_Labelled):
             scattering_sd=at(self.scattering_sd),
             error_modes=at(self.error_modes),
             phase=phase,
-            **{**vars(self._labels), "identifiable": seen},
+            **{**vars(self._labels), "identifiable": resampled},
         )
 
     def renamed(
@@ -286,11 +295,11 @@ class Pigment(_Labelled):
         """The same paint under another name, and with another family, source, binder or provenance
         where these are given.
         """
-        given = {"family": family, "source": source, "binder": binder, "provenance": provenance}
-        new = {key: words for key, words in given.items() if words is not None}
-        other = copy(self)
-        object.__setattr__(other, "_labels", replace(self._labels, name=name, **new))
-        return other
+        changes = {"family": family, "source": source, "binder": binder, "provenance": provenance}
+        new = {key: value for key, value in changes.items() if value is not None}
+        renamed = copy(self)
+        object.__setattr__(renamed, "_labels", replace(self._labels, name=name, **new))
+        return renamed
 
     def __repr__(self) -> str:
         return f"Pigment({self.name!r}, {describe_grid(self.wavelengths)})"
@@ -341,10 +350,12 @@ class Mixture(_Labelled):
         values = concrete(fractions)
         if values is not None:
             totals = values.astype(np.float64).sum(axis=-1).ravel()
-            worst = totals[np.abs(totals - 1.0).argmax()] if totals.size else 1.0
-            if abs(worst - 1.0) > 1e-6:
-                fix = "divide them by their sum" if worst > 0 else "at least one must be positive"
-                raise ValueError(f"weights must sum to 1, but sum to {worst:.7g}: {fix}")
+            furthest = totals[np.abs(totals - 1.0).argmax()] if totals.size else 1.0
+            if abs(furthest - 1.0) > 1e-6:
+                fix = (
+                    "divide them by their sum" if furthest > 0 else "at least one must be positive"
+                )
+                raise ValueError(f"weights must sum to 1, but sum to {furthest:.7g}: {fix}")
         self.pigments = pigments
         self.weights = as_float_array(fractions)
         self._labels = _Labels(" + ".join(p.name for p in pigments) if name is None else name)
@@ -373,8 +384,8 @@ class Mixture(_Labelled):
         """Legendre moments of the phase function, (..., bands, terms), or None if all paints
         scatter isotropically.
         """
-        parts = [self.weights[..., i, None] * p.scattering for i, p in enumerate(self.pigments)]
-        return mix_moments([p.phase for p in self.pigments], parts)
+        scattered = [self.weights[..., i, None] * p.scattering for i, p in enumerate(self.pigments)]
+        return mix_moments([p.phase for p in self.pigments], scattered)
 
     def resample(self, wavelengths: Grid) -> "Mixture":
         """The same mixture on another grid (nm); see `Pigment.resample`."""
@@ -384,7 +395,7 @@ class Mixture(_Labelled):
         return f"Mixture({self.name!r}, {describe_grid(self.wavelengths)})"
 
 
-class Layer(eqx.Module):
+class Layer(_PlainModule):
     """A homogeneous coat of paint.
 
     Args:
@@ -415,13 +426,9 @@ class Layer(eqx.Module):
             MAX_THICKNESS,
             ": thickness is in metres (20 micrometres are 20e-6)",
         )
-        self.medium = medium
-        self.thickness = as_float_array(thickness)
-        self._phase = (
-            None
-            if phase is None
-            else legal_phase(f"layer of {medium.name!r}", phase, medium.wavelengths.size)
-        )
+        if phase is not None:
+            phase = legal_phase(f"layer of {medium.name!r}", phase, medium.wavelengths.size)
+        vars(self).update(medium=medium, thickness=as_float_array(thickness), _phase=phase)
 
     @property
     def phase(self) -> Float[Array, "*bands terms"] | None:
@@ -434,7 +441,7 @@ class Layer(eqx.Module):
         return f"Layer({self.medium.name!r}, {_short(self.thickness, 1e6, ' um')})"
 
 
-class Glaze(eqx.Module):
+class Glaze(_PlainModule):
     """Coats of paint on a ground, under one smooth surface.
 
     ::
@@ -472,21 +479,20 @@ class Glaze(eqx.Module):
         _check_grids([coat.medium for coat in coats])
         _check_range("ground", ground, 0.0, 1.0, ", which looks like percent: divide it by 100")
         _check_range("refractive_index", refractive_index, 1.0, 2.5)
-        ground = as_array(ground)
+        below = as_array(ground)
         index = as_array(refractive_index)
         if coats:
             bands = len(coats[0].medium._grid)
-            for name, value in (("ground", ground), ("refractive_index", index)):
+            for name, value in (("ground", below), ("refractive_index", index)):
                 if value.shape[-1:] not in ((), (1,), (bands,)):
                     raise ValueError(
                         f"{name} has shape {value.shape}: its last axis must be the {bands} "
                         "bands of the coats"
                     )
-        _check_batches(coats, ground.shape[:-1])
-        self.coats = coats
-        self.ground = as_float_array(ground)
+        _check_batches(coats, below.shape[:-1])
         constant = index.ndim == 0 and isinstance(index, np.ndarray)
-        self.refractive_index = float(index) if constant else as_float_array(index)
+        index = float(index) if constant else as_float_array(index)
+        vars(self).update(coats=coats, ground=as_float_array(ground), refractive_index=index)
 
     @property
     def wavelengths(self) -> Float[np.ndarray, "bands"]:
@@ -508,12 +514,12 @@ class Glaze(eqx.Module):
         Where k + s = 0 it is 0, with zero gradient: there a layer's derivative with respect to s is
         that with respect to k, since the albedo of nothing has no limit.
         """
-        return jnp.asarray(optics_of(self)[0])
+        return jnp.asarray(stack_of(self)[0])
 
     @property
     def optical_thickness(self) -> Float[Array, "*batch bands layers"]:
         """Optical thickness (k + s) d, (..., bands, layers), top layer first."""
-        return jnp.asarray(optics_of(self)[1])
+        return jnp.asarray(stack_of(self)[1])
 
     @property
     def phase(self) -> Float[Known, "*batch bands layers terms"] | None:
@@ -548,22 +554,26 @@ def amounts(tree: Any) -> Any:
 # still.
 
 
-def optics_of(glaze: Glaze) -> tuple[Float[Known, "..."], Float[Known, "..."]]:
-    """Albedo and optical thickness of all coats, each (..., bands, layers), top layer first."""
-    if "_optics" in vars(glaze):
-        return vars(glaze)["_optics"]
+def stack_of(glaze: Glaze) -> tuple[Float[Known, "..."], Float[Known, "..."], Numbers]:
+    """Albedo and optical thickness of all coats, each (..., bands, layers), top layer first, and
+    the ground.
+    """
+    if "_stack" in vars(glaze):
+        return vars(glaze)["_stack"]
     if not glaze.coats:
         shape = np.broadcast_shapes(np.shape(glaze.ground), np.shape(glaze.refractive_index), (1,))
         nothing = jnp.zeros((*shape, 0))
-        return nothing, nothing
+        return nothing, nothing, glaze.ground
     absorption, scattering = zip(*(_coefficients(coat.medium) for coat in glaze.coats), strict=True)
     # Each for all coats at once; albedo apart, for it is known where only thickness is traced.
     albedo, extinction = numpy_or_jax(_albedo_and_extinction, *absorption, *scattering)
     depth = numpy_or_jax(_depth, extinction, *(coat.thickness for coat in glaze.coats))
+    ground = numpy_or_jax(lambda _, values: values, glaze.ground)
     # What NumPy computed is computed once: no glaze ever changes.
-    if isinstance(depth, np.ndarray):
-        vars(glaze)["_optics"] = albedo, depth
-    return albedo, depth
+    if isinstance(depth, np.ndarray) and isinstance(ground, np.ndarray):
+        ground = ground if ground.ndim else float(ground)
+        vars(glaze)["_stack"] = albedo, depth, ground
+    return albedo, depth, ground
 
 
 def _coefficients(medium: Pigment | Mixture) -> tuple[Float[Known, "..."], Float[Known, "..."]]:
@@ -580,9 +590,9 @@ def _blend(
 ) -> Float[Known, "*batch bands"]:
     """Sum of spectra, weighted."""
 
-    def total(_: Any, weights: Any, *parts: Any) -> Any:
+    def total(_: Any, weights: Any, *spectra: Any) -> Any:
         return functools.reduce(
-            operator.add, [weights[..., i, None] * part for i, part in enumerate(parts)]
+            operator.add, [weights[..., i, None] * spectrum for i, spectrum in enumerate(spectra)]
         )
 
     return numpy_or_jax(total, weights, *spectra)
@@ -604,22 +614,24 @@ def _depth(xp: Any, extinction: Any, *thickness: Any) -> Any:
     return extinction * _side_by_side(xp, *thickness)[..., None, :]
 
 
-def _side_by_side(xp: Any, *each: Any) -> Any:
+def _side_by_side(xp: Any, *arrays: Any) -> Any:
     """Arrays of coats on a last axis."""
-    if len({one.shape for one in each}) > 1:
-        each = xp.broadcast_arrays(*each)
-    return xp.stack(each, axis=-1)
+    if len({array.shape for array in arrays}) > 1:
+        arrays = xp.broadcast_arrays(*arrays)
+    return xp.stack(arrays, axis=-1)
 
 
 def _check_batches(coats: Sequence[Layer], ground: tuple[int, ...]) -> None:
     """Refuse coats, or a ground, that are batches of different sizes."""
     shapes = [np.shape(coat.thickness) for coat in coats]
+    if not any((*shapes, ground)):
+        return
     try:
         np.broadcast_shapes(*shapes, ground)
     except ValueError:
-        said = ", ".join(map(str, shapes))
+        listed = ", ".join(map(str, shapes))
         raise ValueError(
-            f"thicknesses of shapes {said} over grounds of shape {ground} are no one batch: give "
+            f"thicknesses of shapes {listed} over grounds of shape {ground} are no one batch: give "
             "as many of each, or one; thickness[:, None] pairs each with each"
         ) from None
 

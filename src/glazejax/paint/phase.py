@@ -29,10 +29,10 @@ def legal_phase(what: str, phase: Numbers, bands: int) -> Float[Array, "*bands t
             f"phase of {what} has shape {values.shape}: give Legendre moments (terms,) for all "
             f"bands, such as phase.henyey_greenstein(0.8), or ({bands}, terms)"
         )
-    known = concrete(values)
-    if known is not None:
+    numbers = concrete(values)
+    if numbers is not None:
         try:
-            check_moments(known)
+            check_moments(numbers)
         except ValueError as error:
             raise ValueError(f"{what}: {error}") from None
     return as_float_array(values)
@@ -43,8 +43,10 @@ def same_terms(phases: Sequence[Float[Known, "... _"] | None]) -> list[Float[Kno
     is None.
     """
     terms = max(1 if p is None else p.shape[-1] for p in phases)
-    found = [np.ones(1) if p is None else p for p in phases]
-    return [_module(p).pad(p, [(0, 0)] * (p.ndim - 1) + [(0, terms - p.shape[-1])]) for p in found]
+    moments = [np.ones(1) if p is None else p for p in phases]
+    return [
+        _module(p).pad(p, [(0, 0)] * (p.ndim - 1) + [(0, terms - p.shape[-1])]) for p in moments
+    ]
 
 
 def stack_moments(
@@ -53,9 +55,9 @@ def stack_moments(
     """Moments of layers, (..., bands or 1, layers, terms); None if all are isotropic."""
     if all(p is None for p in phases):
         return None
-    each = [p[None] if p.ndim == 1 else p for p in same_terms(phases)]
-    xp = _module(*each)
-    return xp.stack(xp.broadcast_arrays(*each), axis=-2)
+    moments = [p[None] if p.ndim == 1 else p for p in same_terms(phases)]
+    xp = _module(*moments)
+    return xp.stack(xp.broadcast_arrays(*moments), axis=-2)
 
 
 def _module(*arrays: Array | np.ndarray) -> ModuleType:
@@ -85,5 +87,5 @@ def mix_moments(
         jnp.where(clear, 1.0 / len(scattering), s / jnp.where(clear, 1.0, total))
         for s in scattering
     ]
-    parts = [share[..., None] * p for share, p in zip(shares, same_terms(phases), strict=True)]
-    return sum(parts[1:], parts[0])
+    terms = [share[..., None] * p for share, p in zip(shares, same_terms(phases), strict=True)]
+    return sum(terms[1:], terms[0])

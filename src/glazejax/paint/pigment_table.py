@@ -220,13 +220,13 @@ def pigment_rows(
             np.full(k.size, np.nan) if sd is None else np.asarray(sd)
             for sd in (pigment.absorption_sd, pigment.scattering_sd)
         ]
-        known = pigment.identifiable
+        identifiable = pigment.identifiable
         modes = np.full((2, most, k.size), np.nan)
         if pigment.error_modes is not None:
             modes[:, : len(pigment.error_modes)] = np.swapaxes(pigment.error_modes, 0, 1)
         numbers = np.stack([pigment.wavelengths, k, s, *sds], axis=1)
-        for band, own in enumerate(modes.reshape(2 * most, k.size).T.tolist()):
-            known_there = known is None or bool(known[band])
+        for band, band_modes in enumerate(modes.reshape(2 * most, k.size).T.tolist()):
+            known_there = identifiable is None or bool(identifiable[band])
             cells = [cell(value) for value in numbers[band]]
-            rows.append([pigment.name, *cells, known_there, *map(mode_cell, own)])
+            rows.append([pigment.name, *cells, known_there, *map(mode_cell, band_modes)])
     return titles, rows

@@ -264,7 +264,10 @@ class _Inputs(NamedTuple):
 def _evaluate(inputs: _Inputs, tolerance: float, method: str, run: Any) -> Any:
     def evaluate(arguments: Mapping[str, Any]) -> Any:
         stack, settings, batch = _prepare(_Inputs(**arguments), tolerance, method)
-        return jax.tree.map(lambda leaf: _shaped(leaf, batch), run(stack, settings))
+        reflected = run(stack, settings)
+        if isinstance(reflected, Split):
+            return Split(*(_shaped(term, batch) for term in reflected))
+        return _shaped(reflected, batch)
 
     return on_its_devices(evaluate, inputs._asdict(), OF_LAYERS)
 
@@ -380,7 +383,7 @@ def _within_reach(tolerance: float, method: str, *, single: bool) -> float:
             f"tolerance is {tolerance:g}, but {finest:g} is the least there is {limit}",
             stacklevel=7,
         )
-    return max(tolerance, finest)
+    return max(float(tolerance), finest)
 
 
 @functools.partial(Program, fixed=("settings",))

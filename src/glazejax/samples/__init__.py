@@ -4,7 +4,7 @@ them.
 Reflectance as fractions, 400-700 nm step 10, four rows a film: ``06A_b`` and ``06A_w`` are the bare
 black and white card of film 06A, ``06A_ob`` and ``06A_ow`` its paint over them. The numbers are in
 `films.csv`, the recipes in
-`mixtures.tsv`, source and licence (CC0 1.0) in `SOURCE.md`, beside this file::
+`mixtures.tsv`, source and licence (CC0 1.0) in `SOURCE.md`, next to this file::
 
     glazejax identify "$(python -m glazejax.samples)" --catalogue oils
     films = glazefit.read_films(glazejax.samples.path())
@@ -37,9 +37,9 @@ def path(name: str = "films") -> Path:
     """
     if name not in _FILES:
         raise ValueError(f"there are no samples {name!r}; choose from {', '.join(_FILES)}")
-    kept = ExitStack()
-    atexit.register(kept.close)
-    return kept.enter_context(as_file(files(__name__).joinpath(_FILES[name])))
+    resources = ExitStack()
+    atexit.register(resources.close)
+    return resources.enter_context(as_file(files(__name__).joinpath(_FILES[name])))
 
 
 def recipes() -> dict[str, dict[str, float]]:
@@ -50,14 +50,14 @@ def recipes() -> dict[str, dict[str, float]]:
         >>> recipes()["14E"]
         {'ChromeYellow': 0.898, 'BoneBlack': 0.102}
     """
-    found = {}
+    by_film = {}
     for line in path("recipes").read_text(encoding="utf-8").splitlines():
         film, _, recipe = line.partition("\t")
         paints, _, percentages = recipe.partition("|")
         weights = [float(weight) for weight in percentages.split("-")]
         shares = (weight / sum(weights) for weight in weights)
-        found[film] = dict(zip(paints.split("-"), shares, strict=True))
-    return found
+        by_film[film] = dict(zip(paints.split("-"), shares, strict=True))
+    return by_film
 
 
 def names() -> tuple[str, ...]:

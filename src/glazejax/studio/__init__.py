@@ -3,7 +3,7 @@ with, live.
 
 The page is plain ES modules in `page/`, which compute every colour themselves (`page/solver.js`)
 from what `page_data` gives them; `one_file` joins all of it into one text. For what needs Python
-`session` reads messages, `server` guards the door, `jobs` runs searches beside it.
+`session` reads messages, `server` guards the door, `jobs` runs searches in parallel.
 """
 
 from typing import TYPE_CHECKING, Any

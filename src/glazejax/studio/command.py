@@ -75,16 +75,16 @@ def studio(
     from ..commands.main import start_jax
 
     start_jax()
-    own = {} if catalogue is None else _own(catalogue)
+    own_paints = {} if catalogue is None else _own(catalogue)
     if page is None:
-        serve(port, _fragment(begin), open_browser=not no_open, own=own)
+        serve(port, _fragment(begin), open_browser=not no_open, own_paints=own_paints)
         return
     from ..whole_file import whole_file
     from .one_file import one_file
 
-    text = one_file(own, begin)
-    with whole_file(page) as part:
-        part.write_text(text, encoding="utf-8")
+    text = one_file(own_paints, begin)
+    with whole_file(page) as temporary:
+        temporary.write_text(text, encoding="utf-8")
     typer.echo(f"{page}: the studio as one file of {len(text.encode()) / 1e6:.2f} MB.")
 
 
@@ -100,8 +100,8 @@ def _own(path: Path) -> "dict[str, Pigment]":
     from ..paint.pigment_table import read_pigments
     from ..stacks import own_name
 
-    found = {own_name(name): paint for name, paint in read_pigments(path).items()}
-    return {name: paint.renamed(name) for name, paint in found.items()}
+    named = {own_name(name): paint for name, paint in read_pigments(path).items()}
+    return {name: paint.renamed(name) for name, paint in named.items()}
 
 
 def _fragment(stack: dict[str, Any] | None) -> str:
@@ -115,13 +115,17 @@ def _fragment(stack: dict[str, Any] | None) -> str:
 
 
 def serve(
-    port: int, fragment: str, *, open_browser: bool, own: "Mapping[str, Pigment] | None" = None
+    port: int,
+    fragment: str,
+    *,
+    open_browser: bool,
+    own_paints: "Mapping[str, Pigment] | None" = None,
 ) -> None:
     """Start the server, say where it is, and serve until Ctrl-C; then the process ends."""
     from .server import Studio
 
     try:
-        server = Studio(port, own=own)
+        server = Studio(port, own_paints=own_paints)
     except OSError as error:
         raise ValueError(
             f"--port {port} cannot be used ({error.strerror}); leave it out for a free one"

@@ -46,7 +46,7 @@ class Jobs:
         self._took: dict[str, float] = {}
         self._lock = threading.Lock()
 
-    def start(self, name: str, task: str, given: Mapping[str, Any], tell: Tell) -> str:
+    def start(self, name: str, task: str, request: Mapping[str, Any], tell: Tell) -> str:
         """Start a search; `tell` gets its progress, then its result or its error. Returns its name.
 
         Raises:
@@ -66,7 +66,7 @@ class Jobs:
             self._running[name] = process
             self._tells[name] = tell
         threading.Thread(
-            target=self._follow, args=(name, task, given, process), daemon=True
+            target=self._follow, args=(name, task, request, process), daemon=True
         ).start()
         return name
 
@@ -93,13 +93,13 @@ class Jobs:
             names = [
                 name for name in (*self._running, *self._unheard) if name.startswith(f"{page} ")
             ]
-            kept = {name: self._unheard.pop(name) for name in names if name in self._unheard}
+            waiting = {name: self._unheard.pop(name) for name in names if name in self._unheard}
             for name in names:
-                if name not in kept:
+                if name not in waiting:
                     self._tells[name] = tell_for(name)
 
         def hand_over() -> None:
-            for name, message in kept.items():
+            for name, message in waiting.items():
                 tell_for(name)(message)
 
         return names, hand_over
@@ -140,18 +140,18 @@ class Jobs:
             process.wait()
 
     def _follow(
-        self, name: str, task: str, given: Mapping[str, Any], process: subprocess.Popen[str]
+        self, name: str, task: str, request: Mapping[str, Any], process: subprocess.Popen[str]
     ) -> None:
         """Hand a search to its process, and its answers on."""
         began = time.monotonic()
-        words = ["starting"]
+        stage = ["starting"]
         done = threading.Event()
 
         def beat() -> None:
             while not done.wait(0.5):
                 state = {
                     "seconds": time.monotonic() - began,
-                    "words": words[0],
+                    "words": stage[0],
                     "usual": self._took.get(task),
                 }
                 self._tell(name, {"progress": state})
@@ -161,12 +161,12 @@ class Jobs:
         try:
             assert process.stdin is not None
             assert process.stdout is not None
-            process.stdin.write(json.dumps({"target": self.tasks[task], "given": given}) + "\n")
+            process.stdin.write(json.dumps({"target": self.tasks[task], "given": request}) + "\n")
             process.stdin.flush()
             for line in process.stdout:
                 message = json.loads(line)
                 if "words" in message:
-                    words[0] = message["words"]
+                    stage[0] = message["words"]
                 else:
                     answer = message
                     break

@@ -27,8 +27,8 @@ def pack(header: Mapping[str, Any], arrays: Arrays | None = None) -> bytes:
     listed = [[name, list(np.shape(array))] for name, array in (arrays or {}).items()]
     head = json.dumps({**header, "arrays": listed}, ensure_ascii=False).encode()
     head += b" " * (-len(head) % 4)
-    parts = [np.ascontiguousarray(array, "<f4").tobytes() for array in (arrays or {}).values()]
-    return b"".join([struct.pack("<I", len(head)), head, *parts])
+    blocks = [np.ascontiguousarray(array, "<f4").tobytes() for array in (arrays or {}).values()]
+    return b"".join([struct.pack("<I", len(head)), head, *blocks])
 
 
 def unpack(

@@ -54,21 +54,21 @@ def page_text(name: str) -> str:
 @cache
 def bundle(last: str) -> str:
     """The page's modules as one, `last` after all others; its default export stays one."""
-    parts = ["const modules = {};"]
+    scripts = ["const modules = {};"]
     for name in (*_MODULES, last):
         text = page_text(f"{name}.js")
         names = _EXPORT.findall(text)
-        text = _IMPORT.sub(lambda found: _taken(found[1], found[2]), text)
+        text = _IMPORT.sub(lambda import_line: _taken(import_line[1], import_line[2]), text)
         text = _EXPORT.sub("", text)
         if _DEFAULT.search(text):
             text = _DEFAULT.sub("const standard = ", text)
             names.append("default: standard")
-        parts.append(
+        scripts.append(
             f"modules.{name} = (() => {{\n{text}\nreturn {{ {', '.join(names)} }};\n}})();"
         )
-    if "standard" in parts[-1]:
-        parts.append(f"export default modules.{last}.default;")
-    return "\n".join(parts)
+    if "standard" in scripts[-1]:
+        scripts.append(f"export default modules.{last}.default;")
+    return "\n".join(scripts)
 
 
 def _taken(names: str, module: str) -> str:
@@ -76,18 +76,22 @@ def _taken(names: str, module: str) -> str:
     return f"const {{ {names.strip().replace(' as ', ': ')} }} = modules.{module};"
 
 
-def one_file(own: Mapping[str, Pigment] | None = None, begin: dict[str, Any] | None = None) -> str:
+def one_file(
+    own_paints: Mapping[str, Pigment] | None = None, begin: dict[str, Any] | None = None
+) -> str:
     """The whole studio as one HTML file: it opens from a disk and asks no host for anything.
 
     Args:
-        own: paints beside the catalogues', by names that no catalogue has.
+        own_paints: paints in addition to the catalogues', by names that no catalogue has.
         begin: a stack to begin with, as `glazejax.stacks.stack_to_dict` gives it.
     """
     # Nothing in JSON may end the element that holds it.
-    data = json.dumps(page_data(own) | {"begin": begin}, separators=(",", ":"), ensure_ascii=False)
+    data = json.dumps(
+        page_data(own_paints) | {"begin": begin}, separators=(",", ":"), ensure_ascii=False
+    )
     data = data.replace("<", "\\u003c")
     text = page_text("index.html")
-    for given, new in (
+    for original, new in (
         (
             '<link rel="stylesheet" href="style.css">',
             f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">\n'
@@ -100,6 +104,6 @@ def one_file(own: Mapping[str, Pigment] | None = None, begin: dict[str, Any] | N
             f'<script type="module">\n{bundle("main")}\n</script>\n</body>',
         ),
     ):
-        assert given in text, given
-        text = text.replace(given, new)
+        assert original in text, original
+        text = text.replace(original, new)
     return text

@@ -21,19 +21,19 @@ from ..stacks import BLACK, MOST_COATS, MOST_PARTS, WHITE, all_paints, pigment_t
 _EYE = (360, 780)
 
 
-def page_data(own: Mapping[str, Pigment] | None = None) -> dict[str, Any]:
-    """All that the page needs to know, and own paints beside the catalogues'.
+def page_data(own_paints: Mapping[str, Pigment] | None = None) -> dict[str, Any]:
+    """All that the page needs to know, and own paints in addition to the catalogues'.
 
     Args:
-        own: by names that no catalogue has, see `glazejax.stacks.own_name`.
+        own_paints: by names that no catalogue has, see `glazejax.stacks.own_name`.
 
     Returns:
-        `paints`, each as `entry` has it, with its coefficients; `own`, coefficients of own paints,
+        `paints`, each as `entry` has it, with its coefficients; `own`, those of `own_paints`,
         as a stack's file brings them; `lamps`, `eye`, and the stack's limits.
     """
     shelf = all_paints()
     listed = [entry(name, paint) | {"curves": _curves(paint)} for name, paint in shelf.items()]
-    added = own or {}
+    added = own_paints or {}
     return {
         "paints": listed + [entry(name, paint) for name, paint in added.items()],
         "own": {name: pigment_to_dict(paint) for name, paint in added.items()},
@@ -49,13 +49,15 @@ def page_data(own: Mapping[str, Pigment] | None = None) -> dict[str, Any]:
 
 def entry(name: str, paint: Pigment) -> dict[str, Any]:
     """Entry of a paint on the page."""
-    group, slash, own = name.partition("/")
-    known = paint.identifiable
+    group, slash, own_label = name.partition("/")
+    identifiable = paint.identifiable
     bands = paint.wavelengths
-    unknown = "" if known is None or known.all() else describe_bands(bands, ~known)
+    unknown = (
+        "" if identifiable is None or identifiable.all() else describe_bands(bands, ~identifiable)
+    )
     return {
         "name": name,
-        "label": _space_words(own if slash and group in catalogue.names() else name),
+        "label": _space_words(own_label if slash and group in catalogue.names() else name),
         "group": _group(name, paint),
         "provenance": paint.provenance or "no provenance is stated",
         "bands": describe_grid(bands),
@@ -70,24 +72,24 @@ def _space_words(name: str) -> str:
 
 
 def _group(name: str, paint: Pigment) -> str:
-    first, *others = catalogue.names()
+    first, *further = catalogue.names()
     prefix = name.partition("/")[0]
-    if prefix in others:
+    if prefix in further:
         return prefix
     return first if catalogue.assumed_scale(paint) else "own"
 
 
 def _curves(paint: Pigment) -> dict[str, Any]:
     """Coefficients of a shipped paint, with the modes of its errors in 16 bits."""
-    found = pigment_to_dict(paint)
+    columns = pigment_to_dict(paint)
     for key in ("identifiable", "provenance"):
-        found.pop(key, None)
+        columns.pop(key, None)
     if paint.error_modes is None:
-        return found
+        return columns
     modes = np.asarray(paint.error_modes, float)
     step = float(np.abs(modes).max()) / 32767 or 1.0
     packed = base64.b64encode(np.round(modes / step).astype("<i2").tobytes()).decode()
-    return found | {"modes": packed, "step": step}
+    return columns | {"modes": packed, "step": step}
 
 
 def _lamp(curve: cie.Curve) -> dict[str, Any]:
@@ -96,8 +98,8 @@ def _lamp(curve: cie.Curve) -> dict[str, Any]:
 
 def _eye() -> dict[str, Any]:
     """Colour matching functions at every nanometre."""
-    found: dict[str, Any] = {"start": _EYE[0]}
+    eye: dict[str, Any] = {"start": _EYE[0]}
     for name, curve in zip("xyz", cie.observers()[CIE_1931], strict=True):
-        inside = (curve.wavelengths >= _EYE[0]) & (curve.wavelengths <= _EYE[1])
-        found[name] = curve.values[inside].tolist()
-    return found
+        visible = (curve.wavelengths >= _EYE[0]) & (curve.wavelengths <= _EYE[1])
+        eye[name] = curve.values[visible].tolist()
+    return eye

@@ -29,7 +29,7 @@ class Studio:
     Args:
         port: to listen on; 0 for a free one.
         tasks: searches, see `glazejax.studio.jobs`; those installed if left out.
-        own: paints beside the catalogues', by names that no catalogue has.
+        own: paints in addition to the catalogues', by names that no catalogue has.
 
     Raises:
         ModuleNotFoundError: a package of the extra `studio` is not installed.
@@ -40,7 +40,7 @@ class Studio:
         self,
         port: int = 0,
         tasks: dict[str, str] | None = None,
-        own: Mapping[str, Pigment] | None = None,
+        own_paints: Mapping[str, Pigment] | None = None,
     ):
         require("starlette", "uvicorn", "websockets")
         self.token: str = secrets.token_urlsafe(24)
@@ -53,7 +53,7 @@ class Studio:
         self.jobs: Jobs = Jobs(tasks)
         self._hosts = {f"{HOST}:{self.port}", f"localhost:{self.port}"}
         self._server: Any = None
-        self._data = page_data(own)
+        self._data = page_data(own_paints)
 
     @property
     def link(self) -> str:
@@ -130,8 +130,8 @@ class Studio:
         async def guard(request: Request, answer: RequestResponseEndpoint) -> Response:
             """A file of the page, to who has the token."""
             token = request.url.path.split("/")[1]
-            if words := self.refusal(request.headers, token, socket=False):
-                response = PlainTextResponse(words + "\n", 403)
+            if refusal := self.refusal(request.headers, token, socket=False):
+                response = PlainTextResponse(refusal + "\n", 403)
             else:
                 response = await answer(request)
             response.headers.update(guards)
@@ -161,7 +161,7 @@ class Studio:
                     message = await socket.receive()
                     if message["type"] == "websocket.disconnect":
                         break
-                    given = message.get("bytes") or message.get("text") or ""
+                    content = message.get("bytes") or message.get("text") or ""
                     if len(waiting) > 50:
                         send(
                             pack(
@@ -173,7 +173,7 @@ class Studio:
                             )
                         )
                         continue
-                    task = loop.run_in_executor(pool, session.handle, given)
+                    task = loop.run_in_executor(pool, session.handle, content)
                     waiting.add(task)
                     task.add_done_callback(waiting.discard)
             finally:

@@ -29,7 +29,7 @@ class Session:
     """Answers one page's messages.
 
     Args:
-        jobs: searches that run beside, shared by all pages.
+        jobs: searches that run in parallel, shared by all pages.
         send: takes an answer; called from any thread.
         data: what the page knows, see `page_data`; the catalogues if left out.
     """
@@ -48,29 +48,29 @@ class Session:
             self._send(pack(header, arrays))
 
     def handle(self, message: bytes | str) -> None:
-        """Answer a message; what is wrong with it is told, never raised."""
+        """Answer a message; its errors are answered, never raised."""
         about = ""
         try:
-            header, arrays, rest = unpack(message)
+            header, arrays, body = unpack(message)
             about = header["type"]
             answer = getattr(self, f"_on_{about}", None)
             if answer is None:
                 raise ValueError(f"the studio does not know the message {about!r}; reload the page")
-            answer(header, arrays, rest)
+            answer(header, arrays, body)
         except (ValueError, ModuleNotFoundError) as error:
             self.tell({"type": "error", "about": about, "words": shorten(str(error))})
         except Exception as error:  # A page must hear of a fault, whatever it is.
-            words = (
+            fault = (
                 f"the studio failed at this ({type(error).__name__}: {error}); what you made is "
                 "kept"
             )
-            self.tell({"type": "error", "about": about, "words": words})
+            self.tell({"type": "error", "about": about, "words": fault})
 
     def close(self) -> None:
         """The page is gone; it may come back."""
         self.jobs.leave(self._page)
 
-    def _on_hello(self, header: dict[str, Any], arrays: Any, rest: bytes) -> None:
+    def _on_hello(self, header: dict[str, Any], arrays: Any, body: bytes) -> None:
         """Answer with what there is."""
         page = header.get("page")
         if isinstance(page, str) and 0 < len(page) <= 80 and " " not in page:
@@ -86,16 +86,16 @@ class Session:
         self.tell(answer)
         hand_over()
 
-    def _on_file(self, header: dict[str, Any], arrays: Any, rest: bytes) -> None:
+    def _on_file(self, header: dict[str, Any], arrays: Any, body: bytes) -> None:
         """A dropped file: films, or spectra."""
         name = str(header.get("name", "the file"))[:200]
-        if len(rest) > MOST_FILE:
+        if len(body) > MOST_FILE:
             raise ValueError(
-                f"{name} has {len(rest) >> 20} MB; the studio takes files of {MOST_FILE >> 20} "
+                f"{name} has {len(body) >> 20} MB; the studio takes files of {MOST_FILE >> 20} "
                 "MB at most"
             )
-        found = upload.read_upload(name, rest)
-        table = found.table
+        dropped = upload.read_upload(name, body)
+        table = dropped.table
         grid = np.asarray(table.wavelengths, float)
         answer: dict[str, Any] = {
             "type": "file",
@@ -103,7 +103,7 @@ class Session:
             "notes": list(table.notes),
             "names": list(table.names),
             "words": describe_grid(grid),
-            "films": found.films,
+            "films": dropped.films,
         }
         arrays = {"wavelengths": grid, "reflectance": np.asarray(table.reflectance, float)}
         try:
@@ -116,23 +116,23 @@ class Session:
             answer["notes"].append(str(error))
         self.tell(answer, arrays)
 
-    def _on_start(self, header: dict[str, Any], arrays: Any, rest: bytes) -> None:
+    def _on_start(self, header: dict[str, Any], arrays: Any, body: bytes) -> None:
         """A search: recipes for a colour, what is in a film, paints from films."""
         if not isinstance(header.get("options", {}), dict):
             raise ValueError("the options of a search must be an object")
         task = str(header.get("task"))
         name = str(header.get("name"))[:80]
         stack = stack_from_dict(header.get("stack"))
-        given = {"stack": stack_to_dict(stack), "options": header.get("options", {})}
-        given |= {key: array.tolist() for key, array in arrays.items()}
+        request = {"stack": stack_to_dict(stack), "options": header.get("options", {})}
+        request |= {key: array.tolist() for key, array in arrays.items()}
 
-        self.jobs.start(f"{self._page} {name}", task, given, self._teller(f"{self._page} {name}"))
+        self.jobs.start(f"{self._page} {name}", task, request, self._teller(f"{self._page} {name}"))
 
     def _teller(self, name: str) -> Callable[[dict[str, Any]], None]:
-        """Tells the page of its search."""
+        """Informs the page of its search."""
         return lambda message: self.tell({"type": "job", "name": name.partition(" ")[2], **message})
 
-    def _on_stop(self, header: dict[str, Any], arrays: Any, rest: bytes) -> None:
+    def _on_stop(self, header: dict[str, Any], arrays: Any, body: bytes) -> None:
         """End a search."""
         name = str(header.get("name"))[:80]
         self.jobs.stop(f"{self._page} {name}")

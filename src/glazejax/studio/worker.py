@@ -31,7 +31,7 @@ def answer(asked: dict[str, Any], out: TextIO) -> None:
     module, _, name = asked["target"].partition(":")
     try:
         task = getattr(importlib.import_module(module), name)
-        message = {"result": task(asked["given"], lambda words: tell({"words": words}))}
+        message = {"result": task(asked["given"], lambda stage: tell({"words": stage}))}
     except (ValueError, ModuleNotFoundError) as error:
         message = {"error": str(error)}
     except Exception as error:  # The page must hear of it.

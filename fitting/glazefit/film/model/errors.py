@@ -1,11 +1,11 @@
 """How probable a spectrum is: errors of the instrument and of the model, and what is expected
-beforehand.
+a priori.
 
 Measured minus computed reflectance of films that were left out of a fit is ten times what the
 instrument's noise explains, smooth in the wavelength, and much the same over a black and a white
 card. Three things are behind it, all Gaussian here: absorption and scattering of each paint are off
 by a share that varies slowly with the wavelength (as far as the pigment says that it is not known,
-and some more: another batch, an edge that is shifted), the model itself is off by a smooth curve,
+and some more: another batch, an edge that is shifted), the model itself has a smooth error,
 and the surface reflects more or less. The size of the first two is uncertain too: probabilities are
 summed over some scales of it, which gives them the tails that paint needs.
 
@@ -33,7 +33,7 @@ class ModelError:
         coefficient: standard deviation of the log of a paint's k, and of its s, added to what the
             pigment states.
         coefficient_length: distance over which these errors, and those that the pigment states,
-            stay alike, nm.
+            stay similar, nm.
         level: standard deviation of a further error of log k, and of log s, that is the same at all
             wavelengths.
         most: a pigment's relative standard deviation counts as this much at most. Errors are
@@ -41,20 +41,20 @@ class ModelError:
         unstated: relative standard deviation of a pigment that states none.
         amplitude: standard deviation of the model's own smooth error at a reflectance of 0.
         share: by how much that grows for each unit of reflectance.
-        length: distance over which the smooth error stays alike, nm.
+        length: distance over which the smooth error stays similar, nm.
         shared: correlation of the smooth error between grounds, in [0, 1].
         scales, weights: factors by which all of these may be larger, and how probable each is.
         gloss, gloss_sd: share of the surface's reflection that is seen, and how it varies between
             films.
-        haze: least standard deviation of what a surface adds to all readings alike. It is not 0
+        haze: least standard deviation of what a surface adds to all readings. It is not 0
             even where the instrument leaves out the mirror reflection, for it sees some of a matt
             film's.
         freedom: degrees of freedom of Student's t, which a whole spectrum's misfit follows when
             candidates are weighed, since some films are met far worse than others. None takes
             Gaussian errors at each of the scales.
         apart: wavelengths nearer than this count as one reading when candidates are weighed, nm.
-            Residuals at neighbouring bands are alike in ways that no covariance describes, so that
-            a finer grid tells no more.
+            Residuals at neighbouring bands are correlated in ways that no covariance
+            describes, so that a finer grid has no more information.
         trust: power of the likelihood when candidates are weighed (a tempered posterior: Miller and
             Dunson, J. Am. Stat. Assoc. 114 (2019) 1113). Errors are not quite Gaussian: with 1,
             films that were left out of a fit were explained wrongly at a stated 90 % half of the
@@ -140,17 +140,17 @@ class ModelError:
 class Prior:
     """What is expected of a film before the measurement.
 
-    The size of a set, a second coat, extenders and unknown paints matter where paints are sought;
+    The size of a set, a second coat, extenders and unknown paints matter where paints are searched;
     the error where they are known.
 
     Attributes:
         thickness: median, m; the catalogue's own unit if its paints assume one.
         spread: standard deviation of its logarithm.
         concentration: of the fractions' Dirichlet distribution; 1 is uniform, less prefers unequal
-            ones. By default .4 where paints are sought, 1 where they are known.
+            ones. By default .4 where paints are searched, 1 where they are known.
         sizes: how probable films of one, two, three paints are.
         stacked: probability of two coats, where they are tried.
-        extender: how probable a set is beside others for each paint in it that a film of usual
+        extender: how probable a set is relative to others for each paint in it that a film of usual
             thickness hardly shows: such paints meet what others cannot at no cost.
         unknown: probability that paints of the catalogue do not explain the film.
         error: median relative error of the mixture's k and s.
@@ -190,7 +190,7 @@ class Prior:
 
     @property
     def concentration_sought(self) -> float:
-        """Of a film whose paints are sought."""
+        """Of a film whose paints are searched."""
         return 0.4 if self.concentration is None else self.concentration
 
     @property
@@ -338,7 +338,7 @@ def coefficient_covariance(
     """
     grounds = slopes.shape[-1] // wavelengths.size
     kernel = smooth_kernel(wavelengths, discrepancy.coefficient_length)
-    # What is alike at two wavelengths by the kernel is one product for both sources.
+    # Parts that are equal at two wavelengths by the kernel are one product for both sources.
     both = np.concatenate(
         [discrepancy.coefficient * slopes, slopes * np.tile(known, grounds)], axis=-2
     )

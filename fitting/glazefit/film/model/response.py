@@ -50,8 +50,8 @@ from .spline import (
 _NODES = 80
 
 SHIPPED = {"d8": (Hemispherical(), 1.5), "45_0": (Bidirectional(45, 0), 1.5)}
-"""Instruments whose table lies beside this file: those that `glazefit` takes when it is
-told none.
+"""Instruments whose table lies next to this file: the defaults of
+`glazefit`.
 """
 
 
@@ -101,7 +101,7 @@ class FilmResponse(Response):
     and index.
 
     Not `glazejax.interpolated`: the numbers bend along a line of k/s that no product of polynomials
-    follows. With 129 x 129 terms, the most that it takes, it is off by .013 in these same
+    follows. With 129 x 129 terms, the most that it takes, it has an error of .013 in these same
     logarithms where the spline's 80 x 80 nodes give 1e-5, and 100,000 films take it 4 s in place
     of .04 s: 16,641 products a number in place of 16.
     """

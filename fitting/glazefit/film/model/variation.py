@@ -1,8 +1,8 @@
-"""How far a film is from what its recipe says: paint is mixed, weighed and spread anew each time.
+"""How far a film is from what its recipe says: paint is mixed, weighed and spread separately.
 
 Strength, the shape of k and s, and the model itself are off in each film by its own amount. `MIXED`
 says how these errors look; how large they are differs from film to film, so a film's size is one of
-`SIZES`, each with a probability: beforehand as in `PRIOR`, and as films that were left out of a fit
+`SIZES`, each with a probability: a priori as in `PRIOR`, and as films that were left out of a fit
 then teach. The paints of a set differ in that: one that surprised once will again. So films count
 for all paints, and more for their own.
 """
@@ -18,8 +18,8 @@ from jaxtyping import Float
 from .errors import ModelError
 
 MIXED = ModelError(coefficient=0.2, level=0.2, amplitude=0.004, scales=(1.0,), weights=(1.0,))
-"""Errors of k and s that a paint has in one film beside others, and of the model, for a film of
-size one.
+"""Errors of k and s that a paint has in one film relative to others, and of the model, of size
+one.
 """
 SIZES = (0.03, 0.1, 0.3, 0.6, 1.0, 1.7, 3.0)
 """Sizes that a film's errors may have."""
@@ -29,14 +29,14 @@ revigo films lie in their bands with it (`python -m benchmarks.paint.prediction`
 them.
 """
 UNSTEADY = 0.1
-"""How probable it is of a paint, beforehand, that its films are farther off than others."""
+"""How probable it is of a paint, a priori, that its films are farther off than others."""
 
 Weights = Float[np.ndarray, "sizes"]
 
 
 class Spread(NamedTuple):
-    """How far films of a set, and their readings, scatter beside what they are made of, as standard
-    deviations.
+    """How far films of a set, and their readings, scatter around their recipes, as
+    standard deviations.
     """
 
     thickness: float = 0.4
@@ -63,9 +63,9 @@ class Variation:
     Attributes:
         weights: for a film of any paints, summing to 1.
         of_paint: for films of one paint.
-        films: number of films that it was learned from; 0: as expected beforehand.
+        films: number of films that it was learned from; 0: the prior.
         unsteady: of each paint whose films were left out, how probable it is that they are twice as
-            far from their recipes, on average, as films of all paints; beforehand `UNSTEADY`. Such
+            far from their recipes, on average, as films of all paints; a priori `UNSTEADY`. Such
             paint fades, stains, or is hard to weigh.
     """
 
@@ -103,14 +103,14 @@ def learn(
         paint for paints in (mixing or [s.paints for s in evidence]) for paint in paints
     )
     likelihood = np.stack([s.log_likelihood - s.log_likelihood.max() for s in evidence])
-    # The prior counts as twenty films beside those that were left out.
+    # The prior counts as twenty films in addition to those that were left out.
     weights = _weights(np.exp(likelihood), np.array(PRIOR), 20.0)
     rows: dict[str, list[int]] = {}
     for row, size_evidence in enumerate(evidence):
         rows.setdefault(
             min(sorted(size_evidence.paints), key=lambda paint: often[paint]), []
         ).append(row)
-    # All films count as two beside those of a paint.
+    # All films count as two in addition to those of a paint.
     own = {
         paint: _weights(np.exp(likelihood[chosen]), weights, 2.0) for paint, chosen in rows.items()
     }
@@ -174,7 +174,7 @@ def log_likelihood(
             film's own errors of size one.
         wavelengths: (bands,), nm. Bands nearer than 40 nm count as one.
     """
-    # Every so many bands: what is left over is alike at neighbours in ways that no covariance
+    # Every so many bands: residuals of neighbours are correlated in ways that no covariance
     # describes.
     step = (
         max(1, round(40.0 / float(np.median(np.diff(wavelengths))))) if wavelengths.size > 1 else 1

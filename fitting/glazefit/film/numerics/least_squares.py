@@ -7,7 +7,7 @@ JAX traces and compiles that several times faster.
 Its linear algebra is plain XLA: two batched LAPACK calls in one compiled program can hang for ever
 on the CPU (jaxlib 0.10, 0.11.0).
 
-Three loops stay beside it:
+Three loops remain in addition:
 
 - `damped_newton`, a fixed number of steps with slopes in closed form, under `jax.vmap`: optimistix
   takes twice the time.
@@ -280,7 +280,7 @@ def descend(
             here = there
         elif gain <= tolerance**2 * float(here.cost):
             settled = True
-        # Of the damping, as a step is foretold well or badly: the usual rule of a trust region.
+        # Of the damping, by how well a step is predicted: the usual rule of a trust region.
         step *= _LONGER if share > 0.75 else _SHORTER if share < 0.25 else 1.0
     return Descent(point, here, steps, settled)
 

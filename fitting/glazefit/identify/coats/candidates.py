@@ -56,7 +56,8 @@ def log_rarity(task: IdentificationTask) -> Float[np.ndarray, "paints"]:
 def with_coats(
     task: IdentificationTask, measured: Measured, pool: Pool, weighed: Sequence[WeighedSet]
 ) -> Pool:
-    """The candidates with those of two coats, as probable beside one coat as the weighed sets are.
+    """The candidates with those of two coats, as probable relative to one coat as the weighed sets
+    are.
 
     Args:
         task: of the search.
@@ -64,6 +65,7 @@ def with_coats(
         pool: their candidates of one coat.
         weighed: sets for them.
     """
+    # Of each spectrum: the evidence of all weighed mixtures, and the largest of any arrangement.
     count = len(measured)
     flat = np.full(count, -np.inf)
     best = np.full(count, -np.inf)
@@ -74,6 +76,7 @@ def with_coats(
     rare = log_rarity(task)
     scale = np.asarray(logsumexp(pool.log_weight, axis=1)) - flat
 
+    # Arrangements of two coats, on the scale on which the pool weighs the same mixtures.
     rows = []
     pools = []
     for weighed_set in weighed:

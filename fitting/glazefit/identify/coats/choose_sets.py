@@ -28,7 +28,7 @@ def best_sets(
     Args:
         members: paints of the candidates of a spectrum.
         probability: of each candidate.
-        of_paints: probability of each paint, whatever stands beside it.
+        of_paints: probability of each paint, whatever accompanies it.
         max_coats: most coats.
     """
     chances: dict[tuple[int, ...], float] = {}
@@ -43,7 +43,7 @@ def best_sets(
             paint_set: chance for paint_set, chance in chances.items() if len(paint_set) == size
         }
         if not of_size and len(likely) >= size:
-            # None was kept: the paints that are most probable, whatever stands beside them.
+            # None was kept: the paints that are most probable, whatever accompanies them.
             of_size = {tuple(sorted(int(paint) for paint in likely[:size])): 1.0}
         total = sum(of_size.values())
         best = sorted(of_size, key=lambda paint_set: -of_size[paint_set])

@@ -1,7 +1,7 @@
 """Evidence of a reading for a certain arrangement of its paints, whatever their amounts.
 
 A sum over a grid of amounts. At each node the reading errs by: k and s of the library (as far as
-one pure reading tells k/s), a smooth curve of the model's own, the surface, and what amounts
+one pure reading determines k/s), a smooth curve of the model's own, the surface, and what amounts
 between two nodes would change; further by a gain, and by a share of the area in which a part of
 the film is missing: a coat that lies in patches, a mixture that is not stirred well. These two are
 integrated in closed form.
@@ -29,19 +29,19 @@ _RATIO = 2.0 / 0.75
 
 @dataclass(frozen=True, kw_only=True)
 class CoatErrors:
-    """Errors of a reading when coats are told from mixtures.
+    """Errors of a reading when coats are estimated from mixtures.
 
     Attributes:
         amplitude: standard deviation of the model's own smooth error, in reflectance.
-        length: over which that stays alike, nm.
+        length: over which that stays similar, nm.
         noise: of a single band.
         offset: of the surface's part, the same in all bands.
         gains, gain_weights: standard deviations of the relative level, and how probable each is:
             an instrument that rests on the film, and a probe held by hand.
-        coefficient: standard deviation of log k, beside what one reading leaves open.
-        pure_reading: of the pure paint's reading that k/s was told from.
+        coefficient: standard deviation of log k, in addition to what one reading leaves open.
+        pure_reading: of the pure paint's reading that k/s was estimated from.
         most: largest standard deviation of log k that counts.
-        coefficient_length: over which log k errs alike, nm.
+        coefficient_length: over which log k errs together, nm.
         shared: correlation of the model's own error between grounds.
         second_camera: offset of bands beyond 1 micrometre, which have a detector of their own.
         patchy: probability that a part of the film is missing in places.
@@ -92,7 +92,7 @@ def coefficient_sd(
     scattering: Float[np.ndarray, "paints bands"],
     errors: CoatErrors,
 ) -> Float[np.ndarray, "paints bands"]:
-    """Standard deviation of log k where a film that hides its ground told k/s: large where that
+    """Standard deviation of log k where an opaque film gave k/s: large where that
     film is nearly black or nearly white.
 
     By Kubelka and Munk: R = a - sqrt(a^2 - 1), a = 1 + K/S.
@@ -106,7 +106,7 @@ def coefficient_sd(
 
 
 def log_prior(arrangement: Arrangement, spread: float) -> Float[np.ndarray, "nodes block"]:
-    """Log of how probable each place of the finer grid is beforehand: each coat's thickness is
+    """Log prior probability of each place of the finer grid: each coat's thickness is
     log-normal, the fractions of its paints are uniform.
     """
     paints = arrangement.paints
@@ -317,7 +317,7 @@ def _log_patch(
     product: Float[np.ndarray, "nodes block films"],
     deviation: float,
 ) -> Float[np.ndarray, "nodes block films"]:
-    """Log of the integral over a share above 0, half a Gaussian beforehand, of how much better it
+    """Log of the integral over a share above 0, half a Gaussian a priori, of how much better it
     meets a film.
     """
     precision = length + 1.0 / deviation**2

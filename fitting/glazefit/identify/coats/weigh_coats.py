@@ -31,11 +31,11 @@ from .evidence import CoatErrors, Evidence, coefficient_sd, weigh_arrangement
 from .readings import CoatedFilms, grid_readings
 
 STEP = 10.0
-"""Finer spectra are averaged to this, nm: errors are alike over more."""
+"""Finer spectra are averaged to this, nm: errors are correlated over more."""
 # Share of readings whose evidence says nothing of how their paints lie: nearly twice that of the
 # decided answers of `benchmarks.paintbench --coats` that were wrong while it was taken to be none.
 _WORTHLESS = 0.2
-# A library rarely tells k and s of a paint apart: each paint's scattering may also be so much
+# A library rarely separates k and s of a paint: each paint's scattering may also be so much
 # less, with this probability.
 _FAINT = 0.1
 _FAINT_CHANCE = 0.2
@@ -48,7 +48,8 @@ class _CoatSpectra(NamedTuple):
     """Spectra as coats are weighed by them, and all paints of the catalogue.
 
     Attributes:
-        bodies: readings without the outer surface's part, on bands over which errors are alike.
+        bodies: readings without the outer surface's part, on bands over which errors are
+            correlated.
         grounds: internal reflectance under the paint.
         wavelengths: of the bands, nm.
         films: of all paints, over the ground of the first spectrum.
@@ -74,7 +75,7 @@ class _CoatSpectra(NamedTuple):
     ) -> "_CoatSpectra":
         """Arguments as of `weigh_coats`, and whether the films hide their ground."""
         instrument = resolve_instrument(options.instrument)
-        # Errors are alike over more than a band: finer spectra are averaged.
+        # Errors are correlated over more than a band: finer spectra are averaged.
         mean = means_of_steps(measured.wavelengths, STEP)
         to_bands = np.eye(measured.wavelengths.size) if mean is None else mean
         wavelengths = measured.wavelengths @ to_bands
@@ -122,7 +123,7 @@ def weigh_coats(
         pigments: of the catalogue, in the order of its paints.
         options: of the search.
         usual: thickness of a usual coat, m.
-        searched: what paints were sought with, and the candidates.
+        searched: what paints were searched with, and the candidates.
     """
     measured = identification.measured
     sets = _best_sets(identification, options)
@@ -133,7 +134,7 @@ def weigh_coats(
     task, pool = searched
     for rows, films in spectra.by_grounds():
         # A film of two coats may look like no mixture of its paints: the two pairs that come
-        # nearest as coats are weighed beside the best mixture.
+        # nearest as coats are weighed with the best mixture.
         near = nearest_pairs(spectra.bodies[rows], films, spectra.wavelengths, log_rarity(task), 2)
         for row, pairs in zip(rows, near.tolist(), strict=True):
             larger = [paint_set for paint_set in sets[row] if len(paint_set) > 2]
@@ -220,7 +221,7 @@ def _weigh_set(
 def _ways(
     size: int, options: IdentificationOptions
 ) -> tuple[list[Arrangement], Float[np.ndarray, "ways"]]:
-    """Ways in which some of a set's paints may lie, and how probable each is beforehand."""
+    """Ways in which some of a set's paints may lie, and their prior probabilities."""
     prior = options.prior or Prior()
     alone = [Arrangement(((paint,),)) for paint in range(size)]
     together = arrangements(size, min(options.max_coats, size))
@@ -233,7 +234,7 @@ def _ways(
 def coats_of_families(
     identification: Identification, options: IdentificationOptions
 ) -> Identification:
-    """The identification by families with the odds beforehand of the best set of each spectrum:
+    """The identification by families with the prior odds of the best set of each spectrum:
     exemplars are paints by other hands, and how much these scatter decides.
     """
     sets = _best_sets(identification, options)
@@ -281,8 +282,8 @@ def _scattering_factors(
 ) -> list[tuple[Float[np.ndarray, "paints"], float]]:
     """Factors of the paints' scattering that are tried, and how probable each is.
 
-    A thin coat over a ground that shows rarely told k from s; of a film that hides its ground k/s
-    is what was read.
+    A thin coat over a ground that shows rarely separates k from s; of a film that hides its ground
+    k/s is what was read.
     """
     usual = np.ones(count)
     if hides:
@@ -332,8 +333,10 @@ def _odds_of(spectra: _CoatSpectra, weighed: WeighedSet, number: int) -> CoatsOd
     """Odds of one film for one set."""
     names = [spectra.names[member] for member in weighed.members]
     logs = weighed.logs[:, number]
+    # Probability of each arrangement of this set.
     chances = np.exp(logs - np.asarray(logsumexp(logs)))
     best = int(np.argmax(chances))
+    # Amounts in the most probable one, where the ground shows.
     amounts = np.full((len(names), 2), np.nan)
     if not spectra.films.hides:
         evidence = weighed.evidence[best]
@@ -357,7 +360,7 @@ def _odds_of(spectra: _CoatSpectra, weighed: WeighedSet, number: int) -> CoatsOd
 def _reason(
     weighed: WeighedSet, chances: Float[np.ndarray, "ways"], layered: float, number: int
 ) -> str:
-    """Give the reason why a spectrum does not tell whether there is more than one coat; empty where
+    """Give the reason why a spectrum does not show whether there is more than one coat; empty where
     it does.
     """
     if max(layered, 1.0 - layered) >= DECIDED:

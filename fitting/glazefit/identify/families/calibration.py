@@ -1,5 +1,5 @@
-"""Sureness of a search, learnt from its own exemplars: each is sought among those of other sources,
-once with its family and once without.
+"""Sureness of a search, learnt from its own exemplars: each is searched among those of other
+sources, once with its family and once without.
 """
 
 from collections.abc import Callable, Mapping
@@ -23,7 +23,7 @@ FALSE_ALARMS = 0.05
 """Share of paints of a known family that are said to be of none."""
 # The slope of 'none' is pulled to one by a Gaussian of this width.
 _SLOPE_SD = 1.0
-# Exemplars of a source's family that are sought while it is learnt how sure a search may be.
+# Exemplars of a source's family that are searched while it is learnt how sure a search may be.
 _SOUGHT = 4
 
 
@@ -31,7 +31,7 @@ def calibrate(
     search: FamilySearch,
     change: Callable[[Float[np.ndarray, "films bands"]], Float[np.ndarray, "films bands"]],
 ) -> FamilySearch:
-    """The same search, as sure as what is said of its exemplars comes true: each is sought among
+    """The same search, as sure as what is said of its exemplars comes true: each is searched among
     those of other sources, with its family and without.
 
     Args:
@@ -72,7 +72,7 @@ def calibrate(
             pieces[power].append(log_sets + search.log_prior)
     by_power = {power: np.concatenate(chunks) for power, chunks in pieces.items()}
 
-    # First how sure one set is beside others, among paints whose family is there.
+    # First how sure one set is relative to others, among paints whose family is there.
     sureness = learn_power(
         {power: logs[comparable] for power, logs in by_power.items()},
         search.log_prior,
@@ -120,7 +120,7 @@ def learn_none(
     weights: tuple[Float[np.ndarray, "known"], Float[np.ndarray, "readings"]],
 ) -> tuple[float, float, float]:
     """Slope and intercept of the log odds of 'one of the families' over the log evidence, by
-    logistic regression in which both halves count alike; and the evidence that all but a few
+    logistic regression in which both halves count equally; and the evidence that all but a few
     readings of a known family exceed.
 
     Args:
@@ -147,7 +147,7 @@ def learn_none(
 
 def right_sets(search: FamilySearch) -> Bool[np.ndarray, "families sets"]:
     """True for sets that name a pure paint of each family rightly: by its group, whatever
-    colourless family stands beside a coloured one.
+    colourless family accompanies a coloured one.
     """
     groups = [
         {group_of(search.families[member]) for member in row if member >= 0}
@@ -180,7 +180,7 @@ def _weights(
     search: FamilySearch, sources: Int[np.ndarray, "readings"], truth: Int[np.ndarray, "readings"]
 ) -> Float[np.ndarray, "readings"]:
     """Each source counts by the share of the exemplars that are left without it: where most are
-    gone, little is learnt of how sure all of them make. In a source each family counts alike.
+    gone, little is learnt of how sure all of them make. In a source each family counts equally.
     """
     of_family = np.array(
         [

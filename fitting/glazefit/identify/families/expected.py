@@ -1,4 +1,4 @@
-"""Paints that are sought by family, and what is expected of their films."""
+"""Paints that are searched by family, and what is expected of their films."""
 
 from collections.abc import Sequence
 
@@ -11,5 +11,5 @@ EXPECTED = Prior(unknown=0.1)
 
 
 def has_families(pigments: Sequence[Pigment]) -> bool:
-    """True if paints can be sought by family: each has one, and a source."""
+    """True if paints can be searched by family: each has one, and a source."""
     return bool(pigments) and all(paint.family and paint.source for paint in pigments)

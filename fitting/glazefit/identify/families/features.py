@@ -57,7 +57,7 @@ def surface_in(readings: Float[np.ndarray, "n bands"], surface: float) -> Float[
 
 
 def with_one_gloss(readings: Float[np.ndarray, "*n bands"]) -> Float[np.ndarray, "*n bands"]:
-    """Readings less as much as an outer surface may have added to all bands alike, so that a dark
+    """Readings less as much as an outer surface may have added to all bands, so that a dark
     paint is the same to an instrument that sees the surface and to one that does not.
     """
     gloss = np.minimum(readings.min(axis=-1, keepdims=True), _MOST_GLOSS)

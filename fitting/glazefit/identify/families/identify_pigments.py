@@ -192,6 +192,7 @@ def _identification(
     rows = np.arange(len(measured))[:, None]
     gloss = search.gloss(readings)
     thickness = usual_coat(search.exemplars)
+    # The best sets of each spectrum as candidates.
     shape = (len(measured), count)
     members = np.full((*shape, 3), NOBODY)
     amounts = np.zeros((*shape, 3))
@@ -211,6 +212,7 @@ def _identification(
                 covariance=covariance[row, index],
                 fitted=fitted[row, index, 0],
             )
+    # Each paint's probability is the sum over the candidates that hold it.
     probability = odds.sets[rows, best]
     paint_probability = np.zeros((len(measured), len(search.exemplars)))
     for index in range(3):

@@ -118,17 +118,20 @@ def learn_metric(
     project[-1, -1] = 1.0
     points = centred @ project
 
+    # What a varnish, say, adds to the differences between paints.
     besides = np.zeros((points.shape[1], points.shape[1]))
     if disturbances is not None:
         projected = disturbances @ project
         besides = projected.T @ projected / len(projected)
 
+    # The nearest exemplar depends on the metric, and the metric on the nearest ones.
     within = np.cov(points.T) + 1e-9 * np.eye(points.shape[1])
     for _ in range(_ROUNDS):
         whiten = _inverse_root(within)
         within = _within_families(points, points @ whiten, families, paints) + besides
     whiten = _inverse_root(within)
 
+    # All exemplars in that space, against which one family's are weighed.
     white = points @ whiten
     total = _shrink(np.cov(white.T)) + whiten.T @ besides @ whiten
     spread = _inverse_root(total)
@@ -152,6 +155,7 @@ def _within_families(
     total = np.zeros((points.shape[1], points.shape[1]))
     weight = 0.0
     for family in np.unique(families):
+        # Each exemplar and the nearest one of its family from another paint.
         rows = np.flatnonzero(families == family)
         squares = np.sum((white[rows][:, None] - white[rows]) ** 2, axis=-1)
         squares[paints[rows][:, None] == paints[rows]] = np.inf
@@ -160,6 +164,7 @@ def _within_families(
             continue
         nearest = rows[squares.argmin(axis=1)]
         off = (points[rows] - points[nearest])[has]
+        # A large family counts as so many differences at most.
         share = min(1.0, _MOST_OF_A_FAMILY / len(off))
         total += share * off.T @ off
         weight += share * len(off)

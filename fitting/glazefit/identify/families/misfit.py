@@ -1,5 +1,5 @@
 """Usual misfit of the film of a right answer to a reading, learnt from the exemplars: each is
-sought among those of other sources.
+searched among those of other sources.
 
 A film is compared at the reading's gloss and brightness, which say little of a pigment
 (`features.py`).
@@ -47,6 +47,7 @@ def misfit_of_right_answers(search: "FamilySearch") -> UsualMisfit | None:
     correct = right_sets(search)[search.family_of[rows], first]
     if not correct.any():
         return None
+    # Residual of each right answer's film, at the bands where both are known.
     off = np.full(readings.shape, np.nan)
     for row in np.flatnonzero(correct):
         band_range, at = search.locate(int(odds.best[row, first[row]]))
@@ -60,6 +61,7 @@ def misfit_of_right_answers(search: "FamilySearch") -> UsualMisfit | None:
         film[~covered] = np.nan
         off[row] = relative_misfit(readings[row], film)
     off = off[correct & np.isfinite(off).any(axis=1)]
+    # Over the bands of each answer, and over the answers at each band.
     by_answer = np.sqrt(np.nanmean(off**2, axis=1))
     finite = np.isfinite(off).any(axis=0)
     band = np.full(off.shape[1], np.nan)

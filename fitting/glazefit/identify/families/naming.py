@@ -1,9 +1,9 @@
-"""Names of what was found: families, and one name for several that a spectrum cannot tell.
+"""Names of what was found: families, and one name for several that a spectrum cannot separate.
 
 Whites and extenders, blacks, and iron oxides differ from one another by less than one maker's from
 another's. Where none of a group's families has most of the group's probability, the answer is the
-group, with its likeliest families; of the blacks, which a spectrum does not tell, it always is.
-What white or black stands beside a colour changes a spectrum less than the colour does: films of
+group, with its likeliest families; of the blacks, which a spectrum does not separate, it always is.
+What white or black accompanies a colour changes a spectrum less than the colour does: films of
 the same colours are one answer, which names the companion that is most probable.
 """
 
@@ -65,9 +65,10 @@ def _answer(
     total: float,
 ) -> FamilySet:
     """One answer: sets of the same colours, with the companion that is most probable, and families
-    of a group beside one another.
+    of a group relative to one another.
     """
     chosen = chosen & (probabilities > _SMALL * total)
+    # Families of each set that has a chance, with the groups that they are of.
     chances = probabilities[chosen].tolist()
     named = [
         [(group_of(name), name) for name in (search.families[m] for m in row if m >= 0)]

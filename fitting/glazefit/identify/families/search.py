@@ -25,7 +25,7 @@ ANOTHER_COLOUR = 15.0
 """Colour difference (nearly CIE94) beyond which a film is no explanation of a reading."""
 ANOTHER_CHROMA = 7.0
 """The same of chroma alone (10 in CIELAB), for films without a coloured pigment."""
-# Log evidence of a set whose films all have another colour, however alike the slopes are.
+# Log evidence of a set whose films all have another colour, however similar the slopes are.
 _IMPOSSIBLE = -30.0
 # Comparisons of readings with templates that are held at a time.
 _COMPARISONS = 3_000_000
@@ -103,7 +103,7 @@ class FamilySearch:
         source_of: number of each exemplar's source.
         members: families of each set, -1 for none, (sets, 2).
         log_prior: of each set.
-        unknown: probability beforehand that it is none of them.
+        unknown: prior probability that it is none of them.
         ranges: from the narrowest.
         surface: what the outer surface adds to readings.
         sureness: what evidence is worth.
@@ -300,7 +300,7 @@ class FamilySearch:
         )[order]
         totals = np.maximum(sums.sums, 1e-30)
         mean = np.add.reduceat(sums.weights * fraction, starts, axis=1) / totals
-        mean = np.clip(mean, 0.0, 1.0)  # Sums of single precision are off by their last digit.
+        mean = np.clip(mean, 0.0, 1.0)  # Sums of single precision have errors in the last digit.
         square = np.add.reduceat(sums.weights * fraction**2, starts, axis=1) / totals
         ranking = np.where(possible[:, order], sums.tempered, sums.tempered + 10.0 * _IMPOSSIBLE)
         best = np.stack(

@@ -18,7 +18,7 @@ from ..search.pool import NOBODY
 from .calibration import calibrate
 from .expected import EXPECTED
 from .features import colours, views
-from .metric import learn_metric
+from .metric import Metric, learn_metric
 from .search import FamilySearch, Range
 from .sureness import Sureness
 from .templates import Templates, coefficients, mixed_templates, pure_templates
@@ -28,6 +28,8 @@ from .varnish import CONDITIONS, Varnish
 # fewest that teach a range: what fewer know, such as the bands beyond 1000 nm, says less of how far
 # paints of one family are apart than it costs.
 _NARROW, _WIDE, _FEWEST = 0.985, 0.45, 13
+# Films whose features are held at a time.
+_FILMS = 8192
 
 
 def search_families(
@@ -61,7 +63,7 @@ def search_families(
             `opaque`.
     """
     if (ground is None) != opaque:
-        raise ValueError("what is under the paint? Give ground, or opaque=True")
+        raise ValueError("no ground is stated: give ground, or opaque=True")
     seen_by = resolve_instrument(instrument)
     expected = prior or EXPECTED
     return set_up(
@@ -224,7 +226,7 @@ def _set_up_range(
             differences,
             components=components,
         )
-        # The view of one gloss has lost what tells dark paints apart: fewer components hold it.
+        # The view of one gloss has lost what separates dark paints: fewer components hold it.
         for values, differences, components in zip(
             view_features, view_differences, (25, 12), strict=True
         )
@@ -248,13 +250,28 @@ def _set_up_range(
         bands=bands,
         metrics=metrics,
         templates=templates,
-        points=tuple(
-            metric.place(values)
-            for metric, values in zip(metrics, views(wavelengths, templates.readings), strict=True)
-        ),
+        points=_points(wavelengths, templates.readings, metrics),
         colours=colours(wavelengths, templates.readings),
         sets=number_of[families[:, 0], families[:, 1]],
     )
+
+
+def _points(
+    wavelengths: Float[np.ndarray, "bands"],
+    readings: Float[np.ndarray, "films bands"],
+    metrics: Sequence[Metric],
+) -> tuple[Float[np.ndarray, "films components"], ...]:
+    """Points of films in each metric, some films at a time: they have far more features."""
+    chunks = [
+        [
+            metric.place(values)
+            for metric, values in zip(
+                metrics, views(wavelengths, readings[start : start + _FILMS]), strict=True
+            )
+        ]
+        for start in range(0, max(len(readings), 1), _FILMS)
+    ]
+    return tuple(np.concatenate(points) for points in zip(*chunks, strict=True))
 
 
 def _log_prior(
@@ -338,6 +355,7 @@ def _ranges(
     share = taught.mean(axis=0)
     if not share.max() > 0:
         raise ValueError("no exemplar is known at the wavelengths of the spectra")
+    # A narrow range that nearly all exemplars know, and a wide one that many know.
     limits = [_NARROW * share.max(), _WIDE]
     out: list[Bool[np.ndarray, "bands"]] = []
     for limit in limits:
@@ -347,10 +365,11 @@ def _ranges(
             out.append(bands)
     if not out:
         raise ValueError(
-            f"{int(coverage.any(axis=1).sum())} exemplars are known at the spectra's bands, too "
-            "few to learn how paints of one pigment differ: give more, or search them as paints by "
-            "own_films=True (--own-films)"
+            f"{int(coverage.any(axis=1).sum())} exemplars have the spectra's bands, too "
+            "few to learn how paints of one pigment differ: give more bands or exemplars, or "
+            "search them as paints by own_films=True (--own-films)"
         )
+    # Each exemplar belongs to the widest range that it knows.
     covered = [coverage[:, bands].all(axis=1) for bands in out]
     pairs = []
     for number, bands in enumerate(out):

@@ -71,7 +71,7 @@ class Sureness:
 
         Args:
             log_sets: as for `share`.
-            unknown: the same beforehand.
+            unknown: the prior of the same.
         """
         log_odds = np.log(unknown / (1.0 - unknown)) - self.intercept
         return np.asarray(expit(log_odds - self.slope * log_sum(log_sets)))

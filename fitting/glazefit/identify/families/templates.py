@@ -2,7 +2,7 @@
 compared with.
 
 A film that hides its ground depends on k/s alone. Over a ground that is seen, and where a film is
-said to hide its ground but may not, coats of several thicknesses stand beside it.
+said to hide its ground but may not, coats of several thicknesses accompany it.
 """
 
 import itertools
@@ -95,6 +95,20 @@ def usual_thickness(scattering: Float[np.ndarray, "exemplars bands"]) -> float:
     return float(2.0 / np.nanmedian(scattering))
 
 
+def most_films(exemplars: int, families: int, *, opaque: bool, mixed: bool) -> int:
+    """Films that a search among so many exemplars compares with at most.
+
+    Args:
+        exemplars: how many there are.
+        families: that they are of.
+        opaque: whether they are said to hide their ground.
+        mixed: whether films of two families are tried.
+    """
+    pairs = families * (families - 1) // 2 * _MIXED**2 if mixed else 0
+    alone, together = (1 + len(COATS), 1) if opaque else (len(THICKNESSES), len(MIXED_THICKNESSES))
+    return exemplars * alone + pairs * len(FRACTIONS) * together
+
+
 def pure_templates(
     coefficients: Float[np.ndarray, "2 exemplars bands"],
     response: FilmResponse,
@@ -106,7 +120,7 @@ def pure_templates(
         coefficients: of all exemplars.
         response: of the instrument.
         ground: internal reflectance of what is below, or None for films said to hide it: then
-            coats over a light ground stand beside those that do.
+            coats over a light ground accompany those that do.
     """
     count = coefficients.shape[1]
     members = np.column_stack([np.arange(count), np.full(count, -1)])
@@ -175,6 +189,7 @@ def _over(
         np.einsum("fm,fmb->fb", fractions, np.nan_to_num(values, nan=1.0)[members])
         for values in coefficients
     )
+    # A film is not known where one of its exemplars is not.
     missing = np.isnan(coefficients[0])
     absent = missing[members[:, 0]] | ((members[:, 1:] >= 0) & missing[members[:, 1]])
     readings = [

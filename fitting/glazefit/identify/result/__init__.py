@@ -29,8 +29,8 @@ NINETY = np.array([-1.6448536269514722, 1.6448536269514722])
 STRENGTH = float(
     np.hypot(MIXED.level, MIXED.coefficient) * np.sqrt(np.dot(PRIOR, np.square(SIZES)))
 )
-"""Standard deviation of the log of a paint's strength in one film beside others: level and shape of
-its k and s.
+"""Standard deviation of the log of a paint's strength in one film relative to others: level and
+shape of its k and s.
 """
 
 
@@ -49,8 +49,8 @@ class Candidate:
         thickness, thickness_sd: m, of all coats; NaN for films that hide their ground.
         thickness_90: its 90 % interval, (2,).
         probability: posterior.
-        condition: how the film lies if not as told, such as "under a yellowed varnish"; empty if as
-            told.
+        condition: how the film lies if not as stated, such as "under a yellowed varnish"; empty if
+            as stated.
         gloss: share of the surface's reflection in the readings.
         fitted, residual: computed readings and measured minus computed ones, (grounds, bands).
         rmse: of the residual.
@@ -114,11 +114,11 @@ class Candidate:
 
 
 TRACE = 0.001
-"""Share below which a reading does not tell how much of a paint there is."""
+"""Share below which a reading does not show how much of a paint there is."""
 
 
 def percent(fraction: float) -> str:
-    """A fraction with one digit where a part of it is small: a reading tells no more."""
+    """A fraction with one digit where a part of it is small: a reading shows no more."""
     value = 100 * float(fraction)
     smaller = min(value, 100 - value)  # what the digits must show
     if smaller <= 0.0:
@@ -151,11 +151,11 @@ class Identification(Tabulated):
             paints).
         gloss: share of the surface's reflection, (spectra, candidates).
         fitted: readings, (spectra, candidates, grounds, bands).
-        condition: under which each was sought, a number of
-            `search.unstated_conditions.CONDITIONS`; 0 is what was told.
+        condition: under which each was searched, a number of
+            `search.unstated_conditions.CONDITIONS`; 0 is as stated.
         opaque: whether the films were said to hide their ground.
         family_sets: of each spectrum, sets of pigment families, best first, where families were
-            sought; empty where paints were.
+            searched; empty where paints were.
         coats_odds: of each spectrum, how the paints of the best sets may lie, most probable set
             first; empty where one coat alone was tried.
     """
@@ -359,8 +359,8 @@ class Identification(Tabulated):
     def families(self, row: int) -> list[tuple[tuple[str, ...], float]]:
         """Sets of pigments, medium and maker aside, and their probabilities; largest first.
 
-        Where families were sought, names are those of `glazejax.catalogue.families`, coloured ones
-        first, or of a group such as "a white" where the spectrum does not tell which it is
+        Where families were searched, names are those of `glazejax.catalogue.families`, coloured
+        ones first, or of a group such as "a white" where the spectrum does not show which it is
         (``family_sets[row]`` says which it may be).
         """
         if self.family_sets:
@@ -420,14 +420,14 @@ class Identification(Tabulated):
                 f"most probably with {paint} ({share:.0%}), but its companion is open: the "
                 f"most probable single set, {best.words} ({best.probability:.0%}), is without it"
             )
-        more = f"; these pigments {chance:.0%}" if chance > best.probability + 0.05 else ""
+        suffix = f"; these pigments {chance:.0%}" if chance > best.probability + 0.05 else ""
         # The sentence names 'none of these' from a chance of a tenth on.
-        more += f"; none of these paints {self.none[row]:.0%}" if self.none[row] >= 0.1 else ""
-        return f"{best.words} (probability {best.probability:.0%}{more})"
+        suffix += f"; none of these paints {self.none[row]:.0%}" if self.none[row] >= 0.1 else ""
+        return f"{best.words} (probability {best.probability:.0%}{suffix})"
 
     def came_true(self, row: int) -> tuple[int, int] | None:
         """Of answers by family that stated as much of paint by others: how many were right, and
-        how many there were. None where paints were sought, or nothing explains the spectrum.
+        how many there were. None where paints were searched, or nothing explains the spectrum.
         """
         if not (self.family_sets and self.explained[row]):
             return None
@@ -465,7 +465,8 @@ class Identification(Tabulated):
             else f"has an error of Delta E00 {nearest.delta_e:.1f}"
         )
         if self.none[row] < 0.5:
-            # Improbable as it is that nothing does, its films are off by more than an eye forgives.
+            # Improbable as it is that nothing does, its films have visible
+            # errors.
             return f"no film of the catalogue comes near this; the nearest, {nearest.words}, {off}"
         return (
             f"{start} (probability {self.none[row]:.0%}); the nearest of its films, "

@@ -1,5 +1,5 @@
-"""Families that a spectrum often cannot tell from one another, those without colour, and a set of
-families as an answer.
+"""Families that a spectrum often cannot separate, those without colour, and a set of families as
+an answer.
 """
 
 from collections.abc import Iterable, Mapping
@@ -48,7 +48,7 @@ class FamilySet:
         families: names of families or of groups, coloured ones first.
         probability: of its coloured families, whatever whites, extenders and blacks are with them;
             of an answer without a colour, of its groups.
-        within: of each group that is named: its likeliest families and their probabilities beside
+        within: of each group that is named: its likeliest families and their probabilities next to
             one another, best first.
     """
 

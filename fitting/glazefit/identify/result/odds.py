@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 DECIDED = 0.8
-"""Probability from which a verdict counts as told."""
+"""Probability from which a verdict counts as decided."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -20,7 +20,7 @@ class CoatsOdds:
             over Azurite" or "Azurite"; together 1.
         layered: probability of more than one coat.
         share: probability of this set among all that were weighed.
-        reason: why the spectrum does not tell; empty where it does.
+        reason: why the spectrum does not decide, or empty.
         amounts_90: 90 % intervals of the paints' amounts in the most probable arrangement, m; NaN
             for films that hide their ground, and for a paint that is not in it. (paints, 2).
     """

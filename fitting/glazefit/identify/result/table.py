@@ -33,53 +33,61 @@ FAMILY_COLUMNS = (
 """
 
 
-def table_of(found: Any, top: int | None = None) -> tuple[tuple[str, ...], Iterator[list[object]]]:
+def table_of(
+    identification: Any, top: int | None = None
+) -> tuple[tuple[str, ...], Iterator[list[object]]]:
     """Titles, and a row for each of the most probable explanations of an `Identification`, of
-    families where these were sought.
+    families where these were searched.
     """
-    if found.family_sets:
-        return FAMILY_COLUMNS, _family_rows(found, top)
-    return COLUMNS, _rows(found, top)
+    if identification.family_sets:
+        return FAMILY_COLUMNS, _family_rows(identification, top)
+    return COLUMNS, _rows(identification, top)
 
 
-def _rows(found: Any, top: int | None) -> Iterator[list[object]]:
+def _rows(identification: Any, top: int | None) -> Iterator[list[object]]:
     """Cells of `COLUMNS`, a row an explanation."""
-    for row, name in enumerate(found.measured.names):
-        for rank, one in enumerate(found.ranked(row, top), start=1):
-            coats = [coat + 1 for coat in one.coats]
-            each = zip(one.paints, one.fractions, one.fractions_sd, coats, strict=True)
-            paints: list[object] = [*chain.from_iterable(each)]
-            thick = [one.thickness * 1e6, one.thickness_sd * 1e6]
+    for row, name in enumerate(identification.measured.names):
+        for rank, candidate in enumerate(identification.ranked(row, top), start=1):
+            coats = [coat + 1 for coat in candidate.coats]
+            columns = zip(
+                candidate.paints, candidate.fractions, candidate.fractions_sd, coats, strict=True
+            )
+            paints: list[object] = [*chain.from_iterable(columns)]
+            thick = [candidate.thickness * 1e6, candidate.thickness_sd * 1e6]
             yield [
                 name,
                 rank,
-                one.probability,
+                candidate.probability,
                 *paints,
                 *[None] * (12 - len(paints)),
-                *([None, None] if found.opaque else thick),
-                one.rmse,
-                one.angle,
-                None if np.isnan(one.delta_e) else one.delta_e,
-                one.gloss,
-                *_of_spectrum(found, row),
+                *([None, None] if identification.opaque else thick),
+                candidate.rmse,
+                candidate.angle,
+                None if np.isnan(candidate.delta_e) else candidate.delta_e,
+                candidate.gloss,
+                *_of_spectrum(identification, row),
             ]
 
 
-def _family_rows(found: Any, top: int | None) -> Iterator[list[object]]:
+def _family_rows(identification: Any, top: int | None) -> Iterator[list[object]]:
     """Cells of `FAMILY_COLUMNS`, a row an answer."""
-    for row, name in enumerate(found.measured.names):
-        counts = found.came_true(row)
-        for rank, answer in enumerate(found.family_sets[row][:top], start=1):
+    for row, name in enumerate(identification.measured.names):
+        counts = identification.came_true(row)
+        for rank, answer in enumerate(identification.family_sets[row][:top], start=1):
             yield [
                 name,
                 rank,
                 answer.words,
                 answer.probability,
                 f"{counts[0]} of {counts[1]}" if counts and rank == 1 else None,
-                " + ".join(found.ranked(row, 1)[0].paints) if rank == 1 else None,
-                *_of_spectrum(found, row),
+                " + ".join(identification.ranked(row, 1)[0].paints) if rank == 1 else None,
+                *_of_spectrum(identification, row),
             ]
 
 
-def _of_spectrum(found: Any, row: int) -> tuple[object, ...]:
-    return found.none[row], bool(found.explained[row]), found.coats_probability[row]
+def _of_spectrum(identification: Any, row: int) -> tuple[object, ...]:
+    return (
+        identification.none[row],
+        bool(identification.explained[row]),
+        identification.coats_probability[row],
+    )

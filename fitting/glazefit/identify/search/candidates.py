@@ -22,7 +22,7 @@ CHUNK = 64
 def find_candidates(task: IdentificationTask, measured: Measured) -> Pool:
     """Fitted candidates of spectra; `CHUNK` at a time, a few of these side by side.
 
-    Spectra of many bands are gathered at few (`few_bands`), which is told in `FewBands.missed`.
+    Spectra of many bands are gathered at few (`few_bands`), which is stated in `FewBands.missed`.
     """
     on_few = few_bands_of(task)
     if on_few is None or not can_gather(on_few[0], measured):

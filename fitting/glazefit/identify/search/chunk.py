@@ -15,7 +15,7 @@ class Chunk:
     """Some spectra as fits take them: what they are to meet, and how well.
 
     Covariances are (spectra, readings, readings), readings over all grounds in one row. They are
-    worked out anew where they are asked for: kept, they would be what takes most memory.
+    computed again where needed: kept, they would take most of the memory.
     """
 
     task: IdentificationTask

@@ -1,9 +1,9 @@
 """Spectra of many bands, gathered at a few: what films read at these, with their smooth errors,
-tells what they read at all others.
+determines their readings at all others.
 
-Everything that is fitted lies in the span of these few bands, f = G f', up to an error that is told
-(`FewBands.missed`) and counts as noise. Then nothing is lost by gathering: the likelihood of a
-spectrum y with noise of variance D is that of its least squares in the span, z, whose errors have
+Everything that is fitted lies in the span of these few bands, f = G f', up to an error that is
+stated (`FewBands.missed`) and counts as noise. Then nothing is lost by gathering: the likelihood of
+a spectrum y with noise of variance D is that of its least squares in the span, z, whose errors have
 the covariance M^-1 = (G^T D^-1 G)^-1, times what no film changes,
 
     log N(y; G f', D + G S G^T) = log N(z; f', M^-1 + S)
@@ -34,10 +34,10 @@ instrument's noise.
 """
 # So many bands are all taken.
 _MANY = 100
-# Standard deviations of smooth errors that are to be met between the bands beside the films
-# themselves, by the distance over which they stay alike, nm.
+# Standard deviations of smooth errors to be met between the bands in addition to the films, by the
+# distance over which they stay similar, nm.
 _SMOOTH = ((0.003, 100.0), (0.002, 60.0))
-# Films over these grounds show what there is to tell.
+# Films over these grounds hold the information.
 _GROUNDS = (0.03, 0.5, 0.93)
 
 
@@ -47,7 +47,7 @@ class FewBands:
 
     index: Int[np.ndarray, "few"]
     spread: Float[np.ndarray, "bands few"]
-    missed: Float[np.ndarray, "bands"]  # standard deviation by which films are missed, foretold
+    missed: Float[np.ndarray, "bands"]  # standard deviation by which films are missed, as predicted
     rough: Float[np.ndarray, "bands"]  # the same of the model's smooth error, for each unit of it
 
     def weighted_square(
@@ -77,8 +77,8 @@ def choose_bands(
     wavelengths: Float[np.ndarray, "bands"],
     length: float,
 ) -> FewBands:
-    """Bands one after the other, each the one that those before it tell worst, until none is missed
-    by more than `MISSED`; the first and the last are among them.
+    """Bands one after the other, each the one that those before it determine worst, until none is
+    missed by more than `MISSED`; the first and the last are among them.
 
     The best linear prediction, for readings that vary as these films and some smooth errors do: a
     Cholesky decomposition with pivots.
@@ -86,12 +86,14 @@ def choose_bands(
     Args:
         films: what films read.
         wavelengths: (bands,), nm.
-        length: distance over which the model's smooth error stays alike, nm.
+        length: distance over which the model's smooth error stays similar, nm.
     """
+    # Covariance of readings over films, a common level, and smooth errors.
     count = len(wavelengths)
     alike = films.T @ films / len(films) + 1.0
     for sd, reach in _SMOOTH:
         alike += sd**2 * smooth_kernel(wavelengths, reach)
+    # Cholesky's columns, the band of the largest remaining variance next; the ends come first.
     remaining = np.diag(alike).copy()
     factor = np.zeros((count, count))
     index: list[int] = []
@@ -102,6 +104,7 @@ def choose_bands(
         factor[:, len(index)] = column
         remaining = np.maximum(remaining - column**2, 0.0)
         index.append(band)
+    # Regression of all bands on these, and what it misses of films and of the smooth error.
     order = np.sort(index)
     spread = np.linalg.solve(alike[np.ix_(order, order)], alike[order]).T
     smooth = smooth_kernel(wavelengths, length)
@@ -154,7 +157,7 @@ def _choose(task: IdentificationTask) -> tuple[FewBands, FilmTables] | None:
 
 
 def can_gather(few_bands: FewBands, measured: Measured) -> bool:
-    """True if the grounds are told by these bands too."""
+    """True if the grounds are stated by these bands too."""
     grounds = measured.grounds
     # A ground that is missed by more between the bands is taken at all of them.
     return bool(np.abs(grounds - grounds[..., few_bands.index] @ few_bands.spread.T).max() <= 0.005)
@@ -165,12 +168,14 @@ def gather(few_bands: FewBands, measured: Measured, discrepancy: ModelError) -> 
 
     What these bands miss of films and of the model's smooth error counts as noise.
     """
+    # Variance of a reading about what few bands predict of it.
     spectra, grounds, bands = measured.readings.shape
     count = len(few_bands.index)
     rough = (discrepancy.amplitude + discrepancy.share * measured.readings) * few_bands.rough
     variance = measured.noise_sd**2 + few_bands.missed**2 + rough**2
     precise = 1.0 / variance
 
+    # Weighted least squares of the readings at all bands.
     normal = few_bands.weighted_square(precise)
     covariance = np.linalg.inv(normal)
 
@@ -186,6 +191,7 @@ def gather(few_bands: FewBands, measured: Measured, discrepancy: ModelError) -> 
         + np.linalg.slogdet(normal)[1].sum(axis=1)
         + grounds * (bands - count) * np.log(2.0 * np.pi)
     )
+    # What counts as near, gathered in the same way.
     near = few_bands.weighted_square(1.0 / tolerance(measured) ** 2)
     all_bands = AllBands(
         noise=_over_grounds(covariance),

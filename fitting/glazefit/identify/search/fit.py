@@ -28,7 +28,7 @@ from .screen import KEPT_TRIPLES, SetStarts, grow_triples
 from .table import FilmTable, Paints, sets_of
 from .task import IdentificationTask
 
-# Amounts between which a paint is sought, in units of the usual thickness; below the first it is
+# Amounts between which a paint is searched, in units of the usual thickness; below the first it is
 # not there.
 LEAST = 1e-5
 MOST = 60.0

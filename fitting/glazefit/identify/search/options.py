@@ -46,7 +46,7 @@ class IdentificationOptions:
             sphere; by default d:8 with the specular part, index 1.5.
         noise: of a reading; where the spectra themselves are rougher, their roughness counts.
         discrepancy: of the model; by default `ModelError.between_films()`.
-        prior: what is expected beforehand.
+        prior: of the search.
         max_paints: largest set, 1 to 3.
         max_coats: 2 says for the best pairs of paints whether they were mixed or laid one over
             the other, in either order (`Identification.coats_odds`); 3 does so for the best three
@@ -56,13 +56,13 @@ class IdentificationOptions:
             the same first answer in most cases.
         own_films: the catalogue's exemplars are taken to be by the hand that made the films, as
             those of the oils and acrylics are, and compete as paints; by default pigments that
-            have a family are sought by family.
+            have a family are searched by family.
         elements, without_elements: chemical symbols that X-ray fluorescence found, and did not
-            find, such as ("Cu",): change how probable families are beforehand.
+            find, such as ("Cu",): change how probable families are a priori.
         painted: year in which the film was painted: families that were not in use
             are fifty times less probable.
         varnish: what is known of a varnish on the films: "none", "thin", "yellowed" or "unknown".
-            By default "none" where families are sought, and "unknown" where paints are.
+            By default "none" where families are searched, and "unknown" where paints are.
     """
 
     instrument: Instrument | Geometry | str | None = None

@@ -155,7 +155,7 @@ def refine(chunk: Chunk, pool: Pool) -> Pool:
     answers = np.flatnonzero(films.log_weight_lost <= task.effort.show_within)
     films = films.take(answers)
     groups = groups.take(answers)
-    # Amounts that are shown come near the readings; those that are weighed stay beside them.
+    # Amounts that are shown come near the readings, those that are weighed are kept separately.
     near = _nearest(chunk, films)
     nothing = (
         np.full_like(pool.log_weight, -np.inf),
@@ -305,10 +305,11 @@ def _fit(
     """Films fitted with the errors of their groups; `group` numbers the errors of each film.
 
     In single precision evidences are good to a thousandth, and amounts to a hundredth where
-    readings hardly tell them.
+    readings hardly determine them.
     """
     task = chunk.task
     kind = task.precision
+    # All in the precision of the fit.
     response, paints = task.films
     grounds, target, *expected = (
         np.asarray(values, kind)

@@ -34,7 +34,7 @@ from .task import THOROUGH, USUAL, IdentificationTask, Measured
 from .unstated_conditions import search_unstated_conditions
 from .weigh import Odds
 
-# Spectra whose doubtful ones are sought again together: a few in each chunk would cost as much as
+# Spectra whose doubtful ones are searched again together: a few in each chunk would cost as much as
 # all of it.
 _TOGETHER = 4 * CHUNK
 # Above this a reflectance is a mistake, such as percent; below, it may be a highlight or a
@@ -185,12 +185,14 @@ def check_spectra(
             f"spectra of shape {shape} are not (bands,), (spectra, bands) or (spectra, grounds, "
             f"bands) with {grid.size} bands"
         )
+    # A name for each spectrum, and no name twice.
     labels = tuple(names) if names is not None else tuple(str(i + 1) for i in range(len(readings)))
     if len(labels) != len(readings):
         raise ValueError(f"{len(labels)} names were given for {len(readings)} spectra")
     if len(set(labels)) < len(labels):
         twice = next(name for name in labels if labels.count(name) > 1)
         raise ValueError(f"two spectra are called {twice!r}; names must differ")
+    # Readings are fractions.
     wrong = ~(np.isfinite(readings) & (readings >= 0) & (readings <= _TOO_BRIGHT))
     if wrong.any():
         row, _, band = (int(i) for i in np.argwhere(wrong)[0])
@@ -198,6 +200,7 @@ def check_spectra(
             f"the reflectance of {labels[row]!r} at {grid[band]:g} nm is {readings[wrong][0]:g}; "
             f"it must be a fraction from 0 to {_TOO_BRIGHT:g} (divide percent by 100)"
         )
+    # One ground for all, for each ground of a film, or for each spectrum.
     below = np.asarray(UNSEEN_GROUND if ground is None else ground, dtype=np.float64)
     if below.ndim == 1 and below.shape[0] != grid.size:
         raise ValueError(
@@ -213,6 +216,7 @@ def check_spectra(
     if not ((below >= 0) & (below <= 1)).all():
         value = below[~((below >= 0) & (below <= 1))][0]
         raise ValueError(f"a ground's internal reflectance is {value:g}; it must lie in [0, 1]")
+    # Spectra that are rougher than the stated noise are as noisy as they are rough.
     roughness = noise_of_each(readings).max(axis=-1)[:, None, None]
     doubt = np.empty((len(readings), 0, *readings.shape[1:]))
     return Measured(
@@ -255,7 +259,7 @@ def check_pigments(pigments: Pigments, wavelengths: Float[np.ndarray, "bands"]) 
 
 
 def opaque_prior(prior: Prior, pigments: Sequence[Pigment]) -> Prior:
-    """Of films so thick that their ground does not matter: the thickness is set, not sought."""
+    """Of films so thick that their ground does not matter: the thickness is set, not searched."""
     typical = np.median([np.median(np.asarray(p.scattering)) for p in pigments])
     # Scattering optical thickness of a film that hides its ground.
     return replace(

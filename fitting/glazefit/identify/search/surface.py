@@ -47,7 +47,7 @@ class NuisanceMode(NamedTuple):
 
     @classmethod
     def of(cls, chunk: Chunk) -> "NuisanceMode":
-        """Ridge regression on the shapes, each with a standard deviation of 1 beforehand; errors
+        """Ridge regression on the shapes, each with a standard deviation of 1 a priori; errors
         are independent from band to band.
         """
         count, readings = chunk.target.shape

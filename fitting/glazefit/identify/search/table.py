@@ -2,7 +2,7 @@
 them at once.
 
 What films read varies smoothly with the wavelength and with their amounts: in the units of common
-errors some twenty numbers tell two films apart as far as a ranking needs. A spectrum is compared
+errors some twenty numbers separate two films well enough for a ranking. A spectrum is compared
 with all films of a table by one product of matrices in single precision; the best of them are then
 fitted.
 """
@@ -226,7 +226,7 @@ def films_at_random(
     grounds: Float[np.ndarray, "grounds"],
     bands: int,
 ) -> Float[np.ndarray, "films bands"]:
-    """Readings of all pairs of paints at a few amounts each, over grounds alike at all bands; no
+    """Readings of all pairs of paints at a few amounts each, over grounds the same at all bands; no
     more than some million numbers.
 
     Args:

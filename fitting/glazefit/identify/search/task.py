@@ -18,7 +18,7 @@ TYPICAL_READING = 0.3
 
 
 class Effort(NamedTuple):
-    """Effort of a search: what it looks at, and what it takes as alike.
+    """Effort of a search: what it looks at, and what it takes as.
 
     Attributes:
         fitted_pairs: number of pairs of paints that are fitted, the best of all pairs by a coarse
@@ -27,8 +27,8 @@ class Effort(NamedTuple):
             same errors; the second gives each set the errors of its own paints.
         fit_within: a set goes on to the second fit if its log weight after the first is at most
             this much below the best set's.
-        refit_within: a set is fitted a third time, its errors worked out anew, if its log weight
-            after the second fit is at most this much below the best set's.
+        refit_within: a set is fitted a third time, with its errors computed again, if its log
+            weight after the second fit is at most this much below the best set's.
         show_within: a set is an answer if its log weight at the end is at most this much below
             the best set's.
         trace_effect: a paint is a trace if it changes the readings by less than this (root mean

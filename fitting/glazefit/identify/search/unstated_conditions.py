@@ -1,8 +1,8 @@
 """Conditions that nobody may have mentioned: a yellowed varnish on top, another ground than stated,
 a film that hides its ground.
 
-Films are sought as they were said to be. Where the answer may rest on something unstated, they
-are sought again as they would be seen under each of a few other conditions.
+Films are searched as they were said to be. Where the answer may rest on something unstated, they
+are searched again as they would be seen under each of a few other conditions.
 """
 
 from collections.abc import Mapping
@@ -24,7 +24,7 @@ class Condition(NamedTuple):
     """One way in which a film may lie differently from what was stated."""
 
     words: str  # as an answer names it; empty for what was stated
-    chance: float  # beforehand, beside 1 for what was stated
+    chance: float  # prior, relative to 1 for the stated condition
     varnish: float = 0.0  # optical thickness at 400 nm
     ground: float | None = None  # internal reflectance; None is as stated
     opaque: bool | None = None  # None is as stated
@@ -87,7 +87,7 @@ def search_unstated_conditions(
     Args:
         tasks: for films that let the ground through, and for films that hide it.
         opaque: whether they were said to hide it.
-        measured: spectra; those in doubt are sought again.
+        measured: spectra; those in doubt are searched again.
         pool: their candidates as stated.
         varnish: what was stated of it, a key of `CONDITIONS_OF_VARNISH`.
     """

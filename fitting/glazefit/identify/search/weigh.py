@@ -80,7 +80,7 @@ class Smaller(NamedTuple):
 
 
 def odds_of(measured: Measured, pool: Pool, prior: Prior, *, looked_at: int = 40) -> Odds:
-    """Odds of all candidates and of none beside them.
+    """Odds of all candidates and of none.
 
     Args:
         measured: spectra.
@@ -150,7 +150,7 @@ def _judge(
     share: Float[np.ndarray, "spectra candidates"], misfits: Misfits, prior: Prior
 ) -> tuple[Float[np.ndarray, "spectra candidates"], Bool[np.ndarray, "spectra candidates"]]:
     """Odds of candidates by their misfit too, and whether a person would reject each by eye."""
-    # Differences that nobody sees count alike: what fits best is not for that more likely to be
+    # Invisible differences count equally: what fits best is not for that more likely to be
     # there.
     odds = (
         share
@@ -168,7 +168,7 @@ def _beside_none(
     misfits: Misfits,
     prior: Prior,
 ) -> Odds:
-    """Odds with those of none beside them: the smaller the misfit the less probable is none, even
+    """Odds with those of none: the smaller the misfit the less probable is none, even
     where nobody would see the misfit.
     """
     # Geometric mean of the candidates' misfits, each with its odds; those without odds have none.
@@ -203,7 +203,7 @@ def smaller_sets(
     log_weight: Float[np.ndarray, "candidates"],
     possible: Bool[np.ndarray, "candidates"],
 ) -> list[Smaller]:
-    """Candidates of a spectrum that have others of one paint less beside them, largest sets first.
+    """Candidates of a spectrum that have others of one paint less, largest sets first.
 
     Args:
         members, condition, log_weight: as in `Pool`, of one spectrum.

@@ -1,5 +1,5 @@
 """Sentences on what an answer leaves open, and what it rests on: for the screen, the page and the
-record alike.
+record.
 """
 
 import numpy as np
@@ -9,14 +9,14 @@ from glazejax.catalogue import family
 from ...film.model.errors import ModelError
 from ..result import Candidate, Identification, percent
 
-# Probability beside the first's below which another film is not looked at.
+# Probability relative to the first's below which another film is not looked at.
 _LEAST = 1e-3
 # Share of a film from which on it may as well be all of it.
 _ALL = 0.99
 
 
 def describe_ambiguity(identification: Identification, row: int) -> list[str]:
-    """Sentences on what the spectrum does not tell, and on what the answer rests; none where
+    """Sentences on what the spectrum leaves open, and on what the answer rests; none where
     nothing explains it.
     """
     if not identification.explained[row]:
@@ -31,7 +31,7 @@ def describe_ambiguity(identification: Identification, row: int) -> list[str]:
 
 
 def describe_indistinguishable(identification: Identification, row: int) -> str:
-    """Paints of the first film that the spectrum does not tell from others, in words; empty if
+    """Paints of the first film that the spectrum does not separate from others, in words; empty if
     there are none.
     """
     pairs = [
@@ -69,7 +69,7 @@ def describe_undecided(
 
 
 def describe_additions(identification: Identification, row: int) -> str:
-    """Say what the film may hold beside the paints of the first candidate; empty if nothing is
+    """Say what the film may hold next to the paints of the first candidate; empty if nothing is
     known of that.
     """
     shares = sorted(possible_additions(identification, row).items(), key=lambda pair: -pair[1])
@@ -97,7 +97,7 @@ def describe_additions(identification: Identification, row: int) -> str:
 
 def possible_additions(identification: Identification, row: int) -> dict[str, float]:
     """Paints that the first candidate has not -> the largest fraction of each that the spectrum
-    allows beside it.
+    allows in addition.
 
     The upper end of the 90 % interval in the candidate of the same paints and that one, where one
     was kept.

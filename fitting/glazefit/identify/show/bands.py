@@ -118,10 +118,12 @@ def _slopes(
     response = film_response(instrument.geometry, instrument.refractive_index)
     ground = identification.measured.grounds
     row = np.repeat(np.arange(len(identification)), count)
+    # Films of one coat by the table.
     slopes = slopes_of(
         response, paints, sets.reshape(len(row), -1), logs.reshape(len(row), -1), ground, row
     )
     slopes = np.array(slopes).reshape(*sets.shape[:2], *slopes.shape[1:])
+    # Films of two coats by the solver, in the places of their paints.
     optics = Optics.of(instrument.geometry, instrument.refractive_index)
     for spectrum, candidate in np.argwhere((coats > 0).any(axis=-1)):
         at = spectrum, candidate

@@ -1,4 +1,4 @@
-"""Explanations of a reading as they are drawn beside it."""
+"""Explanations of a reading as they are drawn with it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ class Explanation:
         probability: of these.
         paints: names.
         fitted: reflectance factors, (grounds, bands), NaN where they are not known; where families
-            were sought at the gloss and brightness of the reading, as they are compared.
+            were searched at the gloss and brightness of the reading, as they are compared.
         scale: what its brightness was multiplied by.
     """
 
@@ -38,7 +38,7 @@ def explanations(
     identification: Identification, row: int, count: int, families: Mapping[str, str]
 ) -> list[Explanation]:
     """The most probable explanations of one spectrum: sets of paints, or where families were
-    sought sets of these, each with the film that stands for it.
+    searched sets of these, each with the film that stands for it.
 
     Args:
         identification: its result.

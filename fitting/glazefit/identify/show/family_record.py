@@ -1,5 +1,5 @@
-"""All that is filed of pigments that were sought by family, for the page, the table and the JSON
-alike.
+"""All that is filed of pigments that were searched by family, for the page, the table and the
+JSON.
 """
 
 from collections.abc import Iterator, Mapping

@@ -42,7 +42,7 @@ def beside(path: Path) -> tuple[Path, Path]:
 
 
 def write_page(filed: Record, path: Path, *, overwrite: bool = False) -> tuple[Path, Path]:
-    """Write the page, and the same as CSV and JSON beside it: all three, or none.
+    """Write the page, and the same as CSV and JSON next to it: all three, or none.
 
     Returns:
         Paths of the table and of the JSON.
@@ -57,7 +57,7 @@ def write_page(filed: Record, path: Path, *, overwrite: bool = False) -> tuple[P
     text = re.sub(
         r"\[\n(?:[-+\d.eE,\s]|null)*\]", lambda numbers: re.sub(r"\s+", " ", numbers[0]), text
     )
-    # All is made before anything is written, so that no table stands beside an older page.
+    # All is made before anything is written, so that no table accompanies an older page.
     html = "".join(page(filed, table.name, data.name)).encode("utf-8", "xmlcharrefreplace")
     of = family_record if _by_family(filed) else record
     cells = table_bytes(of.COLUMNS, of.table_rows(filed))
@@ -66,7 +66,7 @@ def write_page(filed: Record, path: Path, *, overwrite: bool = False) -> tuple[P
 
 
 def page(filed: Record, table: str, data: str) -> Iterator[str]:
-    """The page, piece by piece; `table` and `data` are names of the files beside it."""
+    """The page, piece by piece; `table` and `data` are names of the files next to it."""
     by_family = _by_family(filed)
     # Of a spot's tables, what is printed on its page; the screen has all.
     return fill_template(

@@ -1,5 +1,5 @@
 """All that is filed of an identification, in plain numbers and words, for the page, the table and
-the JSON alike.
+the JSON.
 """
 
 import platform
@@ -37,7 +37,7 @@ class RunProvenance:
             lengths.
         geometry: of the instrument, in words.
         refractive_index: of the paint.
-        grounds: what is under the paint, a name for each ground.
+        grounds: a name for each ground below the paint.
         notes: what the readers of the files noticed.
         max_paints, max_coats: what was tried.
         settings: of noise, model errors and prior, by name.
@@ -231,7 +231,7 @@ def round_spectra(
     spectra: Float[np.ndarray, "grounds bands"],
 ) -> list[list[float | None]]:
     """Spectra with as many digits as are filed; what is not known at a band is None there."""
-    # Six digits tell spectra in the JSON apart.
+    # Six digits separate spectra in the JSON.
     return [[_number(x) for x in line] for line in np.round(spectra, 6).tolist()]
 
 
@@ -256,7 +256,7 @@ COLUMNS = (
     "amount_low_um",
     "amount_high_um",
 )
-"""Of the table beside a page: a line for each paint of each explanation; low and high end 90 %
+"""Of the table next to a page: a line for each paint of each explanation; low and high end 90 %
 intervals.
 """
 

@@ -16,7 +16,7 @@ from .record import RunProvenance, make_record
 
 
 class ReportBuilder:
-    """Builder of a report's record beside the identification itself.
+    """Builder of a report's record next to the identification itself.
 
     Args:
         pigments: the catalogue.

@@ -18,7 +18,7 @@ LEAST_SHARE = 0.01
 
 
 class RuledOut(NamedTuple):
-    """A paint that is not in a film, as far as the spectrum tells.
+    """A paint that is not in a film by its spectrum.
 
     Attributes:
         paint: its name.

@@ -149,7 +149,7 @@ def _table(identification: Identification, row: int, top: int) -> Table:
     for candidate in identification.ranked(row, top):
         cells = [chance(candidate.probability)]
         if not identification.opaque:
-            # A film that hides its ground has no thickness that could be told.
+            # A film that hides its ground has no thickness to state.
             cells.append(
                 f"{micrometres(candidate.thickness)} ± {micrometres(candidate.thickness_sd)} µm"
                 if np.isfinite(candidate.thickness)

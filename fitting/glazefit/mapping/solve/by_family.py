@@ -13,6 +13,7 @@ from glazejax import Pigment
 
 from ...identify.families.identify_pigments import identify_families
 from ...identify.families.naming import coloured_first
+from ...identify.families.templates import most_films
 from ...identify.result import Identification
 from ...identify.result.groups import GROUPS, group_of
 from ...identify.search.options import IdentificationOptions
@@ -21,6 +22,8 @@ from .update import Answers
 
 # Candidates among which the one that shows a spectrum's first answer is looked for.
 _CANDIDATES = 16
+# What a search holds for each film that it compares with, and for each band of that.
+_BYTES_OF_A_FILM, _BYTES_OF_A_BAND = 1000, 24
 
 
 @dataclass(frozen=True)
@@ -99,6 +102,17 @@ class FamilySearcher:
         families = {pigment.family for pigment in self.pigments}
         groups = [group for group, members in GROUPS.items() if families & set(members)]
         return coloured_first([*families, *groups])
+
+    @property
+    def memory(self) -> int:
+        """Bytes that a search takes, set up or being set up, at most."""
+        films = most_films(
+            len(self.pigments),
+            len({pigment.family for pigment in self.pigments}),
+            opaque=self.opaque,
+            mixed=self.options.max_paints > 1,
+        )
+        return films * (_BYTES_OF_A_FILM + _BYTES_OF_A_BAND * len(self.wavelengths))
 
     @cached_property
     def _numbers(self) -> dict[str, int]:

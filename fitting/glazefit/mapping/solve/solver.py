@@ -16,6 +16,7 @@ from ..store.layout import BY_NAME, STATUS_WORDS, Status, Way
 from ..store.windows import Window
 from .atlas import Atlas, make_atlas, search_for_atlas
 from .by_family import FamilyAtlas, FamilySearcher
+from .pool import AROUND, pooled
 from .process import give_back, one_thread_each
 from .survey import spread_out
 from .unexplained import gather
@@ -90,7 +91,8 @@ class PixelSolver:
         ground: internal reflectance at the working bands; None where films hide it.
         atlas: of the representatives.
         prior: what was expected.
-        reach: how far from a representative its answer is taken.
+        reach: how many times as far as noise and paint's errors reach a representative's answer
+            is taken.
     """
 
     image: Image
@@ -111,7 +113,14 @@ class PixelSolver:
         readings, status = self.image.read(window)
         good = np.flatnonzero(status == Status.MAPPED)
         seen = np.maximum(readings[good], 0.0)
-        found, way = self._answers(seen)
+        mean = pooled(
+            np.where((status == Status.MAPPED)[:, None], readings, np.float32(np.nan)),
+            self.image.noise_sd(readings),
+            self.atlas.features,
+            window.shape,
+            AROUND,
+        )
+        found, way = self._answers(np.maximum(mean.readings[good], 0.0), mean.reach[good])
         arrays = self._arrays(
             window, readings=readings, status=status, good=good, seen=seen, found=found, way=way
         )
@@ -132,15 +141,18 @@ class PixelSolver:
             ),
         )
 
-    def _answers(self, seen: Float[np.ndarray, "spectra bands"]) -> tuple[Answers, np.ndarray]:
+    def _answers(
+        self, seen: Float[np.ndarray, "spectra bands"], reach: Float[np.ndarray, "spectra"]
+    ) -> tuple[Answers, np.ndarray]:
         """Answers for good pixels, and the way of each."""
         found, apart = self.atlas.answers(seen)
         way = np.full(len(seen), int(Way.UPDATED), np.uint8)
-        far = np.flatnonzero(apart > self.reach)
+        reach = self.reach * reach
+        far = np.flatnonzero(apart > reach)
         if far.size:
             features = self.atlas.features(seen[far])
             # Spectra of a window that are searched because no representative is near, at most.
-            chosen, _ = spread_out(features, 64, self.reach)
+            chosen = spread_out(features, 64, reach[far])
             middles = seen[far[chosen]]
             searched = search_for_atlas(
                 self.searcher, middles, self.image.noise_sd(middles), self.ground

@@ -39,11 +39,25 @@ class Features:
         """Features of spectra, single precision."""
         return ((_logs(readings) - self.middle) @ self.directions.T).astype(np.float32)
 
+    def doubt(
+        self, readings: Float[np.ndarray, "spectra bands"], sd: Float[np.ndarray, "spectra bands"]
+    ) -> Float[np.ndarray, "spectra"]:
+        """Mean square of the distance by which noise moves spectra.
+
+        Args:
+            readings: of the spectra.
+            sd: of their noise.
+        """
+        slopes = 1.0 / (_SHARE * (np.maximum(readings, 0.0) + _BLACK))
+        return (sd * slopes) ** 2 @ (self.directions**2).sum(axis=0).astype(readings.dtype)
+
+
+# Readings vary by this share where paints do (`ModelError.between_films`), and near black by this.
+_SHARE = _BLACK = 0.03
+
 
 def _logs(readings: np.ndarray) -> np.ndarray:
-    # Readings vary by this share where paints do (`ModelError.between_films`), and near black by
-    # this.
-    return np.log(np.maximum(readings, 0.0) + 0.03) / 0.03
+    return np.log(np.maximum(readings, 0.0) + _BLACK) / _SHARE
 
 
 def nearest(
@@ -67,74 +81,64 @@ def nearest(
 def spread_out(
     features: Float[np.ndarray, "spectra directions"],
     most: int,
-    reach: float,
+    reach: "float | Float[np.ndarray, 'spectra']",
     progress: Progress = no_progress,
-) -> tuple[Int[np.ndarray, "chosen"], float]:
+) -> Int[np.ndarray, "chosen"]:
     """Spectra near which all others lie: each next one is the farthest from those before (Gonzalez
     1985).
 
     Args:
         features: of the spectra.
         most: spectra at most.
-        reach: no more are taken once all others lie within this.
+        reach: no more are taken once all others lie within this, or each within its own.
         progress: called with spectra taken and their largest number.
 
     Returns:
-        Numbers of the spectra, and how far the farthest other one is from its nearest.
+        Numbers of the spectra.
     """
     chosen = [int(np.argmax(np.sum((features - features.mean(axis=0)) ** 2, axis=1)))]
     apart = np.sum((features - features[chosen[0]]) ** 2, axis=1)
     most = min(most, len(features))
-    while len(chosen) < most and apart.max() > reach**2:
+    while len(chosen) < most and (beyond := apart / reach**2).max() > 1.0:
         progress(len(chosen), most, "surveying")
-        chosen.append(int(np.argmax(apart)))
+        chosen.append(int(np.argmax(beyond)))
         apart = np.minimum(apart, np.sum((features - features[chosen[-1]]) ** 2, axis=1))
-    return np.asarray(chosen), float(np.sqrt(apart.max()))
-
-
-@dataclass(frozen=True)
-class Survey:
-    """Representatives of an image.
-
-    Attributes:
-        features: by which spectra are compared.
-        readings: (representatives, bands), means of the spectra that they stand for.
-        reach: how far from the nearest a spectrum of the sample lies at most.
-    """
-
-    features: Features
-    readings: Float[np.ndarray, "representatives bands"]
-    reach: float
+    return np.asarray(chosen)
 
 
 def survey(
+    features: Features,
     sample: Float[np.ndarray, "spectra bands"],
     most: int,
-    reach: float,
+    reach: "float | Float[np.ndarray, 'spectra']",
     progress: Progress = no_progress,
-) -> Survey:
+) -> tuple[Float[np.ndarray, "representatives bands"], float]:
     """Representatives of a sample of spectra: spread out, then moved to the middles of what they
     stand for.
 
     Args:
+        features: by which spectra are compared.
         sample: readings of good pixels.
         most: representatives at most.
         reach: wanted distance of every spectrum to its representative, in standard deviations of
-            paint's errors.
+            paint's errors, or of each.
         progress: called as they are chosen.
+
+    Returns:
+        Their readings, and how many times its reach a spectrum lies from its representative at
+        most.
     """
     progress(0, 1, "surveying")
-    features = Features.of(sample)
-    found = features(sample)
-    chosen, _ = spread_out(found, most, reach, progress)
-    centres = found[chosen]
-    which, apart = nearest(found, centres)
+    places = features(sample)
+    chosen = spread_out(places, most, reach, progress)
+    centres = places[chosen]
+    which, apart = nearest(places, centres)
     # Rounds of Lloyd's algorithm.
     for _ in range(3):
-        centres = _group_means(found, which).astype(np.float32)
-        which, apart = nearest(found, centres)
+        centres = _group_means(places, which).astype(np.float32)
+        which, apart = nearest(places, centres)
     progress(len(chosen), len(chosen), "surveying")
-    return Survey(features=features, readings=_group_means(sample, which), reach=float(apart.max()))
+    return _group_means(sample, which), float((apart / reach).max())
 
 
 def _group_means(

@@ -44,7 +44,7 @@ def gather(
         return Unexplained.nothing()
     # Groups of a window, and how far spectra of one group lie from its middle, in standard
     # deviations of paint's errors.
-    chosen, _ = spread_out(features, 64, 2.0)
+    chosen = spread_out(features, 64, 2.0)
     which, _ = nearest(features, features[chosen])
     used, which = np.unique(which, return_inverse=True)
     pixels = np.bincount(which)

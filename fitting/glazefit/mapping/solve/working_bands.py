@@ -14,7 +14,7 @@ from glazejax import Pigment
 from glazejax.spectra import describe_grid, lie_between
 
 from ...film.films import Noise
-from ...film.shared_bands import FEWEST
+from ...film.shared_bands import FEWEST, means_of_steps
 from ...identify.families.expected import has_families
 from ...identify.families.identify_pigments import STEP
 from ..store.layout import Status
@@ -64,13 +64,10 @@ class WorkingBands:
                 "needed: use another catalogue, or check the image's wavelengths"
             )
         grid = stored[use]
-        group = np.floor((grid - grid[0]) / width + 1e-9).astype(int)
-        _, group = np.unique(group, return_inverse=True)
-        # A last group of few bands is noise; its neighbour takes it in.
-        if group[-1] > 0 and 2 * np.sum(group == group[-1]) < np.sum(group == 0):
-            group[group == group[-1]] -= 1
-        mean = np.zeros((stored.size, group[-1] + 1))
-        mean[use, group] = 1.0
+        # The bins of a family's search: it would average bands of other bins once more.
+        groups = means_of_steps(grid, width)
+        mean = np.zeros((stored.size, use.size if groups is None else groups.shape[1]))
+        mean[use] = np.eye(use.size) if groups is None else groups > 0
         count = mean.sum(axis=0)
         mean /= count
         return cls(stored @ mean, mean, count)
@@ -111,7 +108,9 @@ class WorkingBands:
                 scale and stray light do to all bands, as much as of a bench instrument (`Noise()`),
                 it does not.
         """
-        return np.hypot(noise.sd(readings) / np.sqrt(self.count), Noise().sd(readings))
+        return np.hypot(
+            noise.sd(readings) / np.sqrt(self.count).astype(readings.dtype), Noise().sd(readings)
+        )
 
 
 def used_range(pigments: Sequence[Pigment]) -> tuple[float, float]:

@@ -2,12 +2,13 @@
 on.
 """
 
-from collections.abc import Callable, Generator, Iterable, Iterator, Sequence, Set
+from collections.abc import Callable, Generator, Iterator, Sequence, Set
 from contextlib import closing, contextmanager
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
 from glazejax.extras import require
 from glazejax.progress import Progress, no_progress
+from glazejax.radiative.common.threads import in_threads
 
 from .chunk import ChunkMaps
 from .windows import Window
@@ -21,6 +22,9 @@ Key = TypeVar("Key")
 Result = TypeVar("Result")
 _Key = TypeVar("_Key")
 _Kept = TypeVar("_Kept", contravariant=True)
+
+AT_ONCE = 2
+"""Windows that are solved side by side in one process."""
 
 
 class Results(Protocol[_Key, _Kept]):
@@ -50,6 +54,7 @@ def finish(
     client: "Client | None" = None,
     progress: Progress = no_progress,
     words: str = "",
+    at_once: int = 1,
 ) -> None:
     """Do the work of every key that has no result yet, and keep each result as soon as it is there.
 
@@ -61,6 +66,7 @@ def finish(
             is tried three times more, one whose worker dies goes to another.
         progress: called first, and each time a result is kept, with the number of all that are.
         words: that it is called with.
+        at_once: pieces that are worked on side by side in this process.
 
     Raises:
         RuntimeError: no worker of the cluster came, or several died over the same piece.
@@ -72,7 +78,7 @@ def finish(
     kept = len(keys) - len(todo)
     progress(kept, len(keys), words)
     if client is None:
-        found = _here(todo, work)
+        found = _here(todo, work, at_once)
     else:
         from .cluster import on_cluster
 
@@ -91,7 +97,15 @@ def run_chunks(
 ) -> None:
     """Solve every window of a map that is not finished yet; see `finish`."""
     with store.writing():
-        finish(store.windows(), solver.solve, store, client, progress, "mapping")
+        finish(
+            keys=store.windows(),
+            work=solver.solve,
+            into=store,
+            client=client,
+            progress=progress,
+            words="mapping",
+            at_once=AT_ONCE,
+        )
 
 
 def client_in_scope() -> "Client | None":
@@ -136,8 +150,10 @@ def connect(address: str | None, seconds: float = 20.0) -> "Iterator[Client | No
 
 
 def _here(
-    todo: Iterable[Key], work: Callable[[Key], Result]
+    todo: Sequence[Key], work: Callable[[Key], Result], at_once: int
 ) -> Generator[tuple[Key, Result], None, None]:
-    """Results of keys, one after another."""
-    for key in todo:
-        yield key, work(key)
+    """Results of keys, in order."""
+    # A result waits for no more than those beside it: it takes memory until it is kept.
+    for start in range(0, len(todo), at_once):
+        keys = todo[start : start + at_once]
+        yield from zip(keys, in_threads(work, keys), strict=True)

@@ -86,8 +86,9 @@ def chunk_shape(
             f"the memory bound is {_mebibytes(memory)}; with {bands} bands it must be at least "
             f"{_mebibytes(needed)}, such as 2GiB"
         )
-    # Larger pieces lose more to an interrupt and are no faster.
-    side = min(512, int(((memory - base) / pixel) ** 0.5))
+    # Larger pieces lose more to an interrupt and are no faster; of a small image there are twenty.
+    twentieth = int((prod(shape) / 20) ** 0.5)
+    side = min(256, max(16, twentieth), int(((memory - base) / pixel) ** 0.5))
     # Windows of one size, as far as the image allows: no thin strip remains at its edges.
     rows, columns = (ceil(length / ceil(length / side)) for length in shape)
     return rows, columns

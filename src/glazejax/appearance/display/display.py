@@ -130,14 +130,14 @@ class Display:
         if PRESETS.get(name.strip().lower()) == "sRGB":
             return cls._srgb(white_luminance)
         colour = colour_science()
-        known = {key.lower(): key for key in colour.RGB_COLOURSPACES}
-        wanted = PRESETS.get(name.strip().lower(), name).lower()
-        if wanted not in known:
+        names = {key.lower(): key for key in colour.RGB_COLOURSPACES}
+        standard = PRESETS.get(name.strip().lower(), name).lower()
+        if standard not in names:
             raise ValueError(
                 f"unknown display {name!r}: there are {', '.join(PRESETS.values())}, or measure "
                 "yours"
             )
-        space = colour.RGB_COLOURSPACES[known[wanted]]
+        space = colour.RGB_COLOURSPACES[names[standard]]
         luminances = (
             colour.normalised_primary_matrix(space.primaries, space.whitepoint)[1] * white_luminance
         )
@@ -190,11 +190,19 @@ class Display:
                 f"{at.size} levels need readings (3, {at.size}, 3), XYZ of each primary, not "
                 f"{xyz.shape}"
             )
-        own = xyz - xyz[:, :1]
+        primaries = xyz - xyz[:, :1]
         # The sum of X, Y and Z, since blue has hardly any Y.
-        light = own.sum(axis=-1)
-        tones = tuple(ToneCurve.from_readings(at, part, highest) for part in light)
-        return cls(own[:, -1, :2] / light[:, -1:], own[:, -1, 1], tones, levels=highest, name=name)
+        light = primaries.sum(axis=-1)
+        tones = tuple(
+            ToneCurve.from_readings(at, readings_of_one, highest) for readings_of_one in light
+        )
+        return cls(
+            primaries[:, -1, :2] / light[:, -1:],
+            primaries[:, -1, 1],
+            tones,
+            levels=highest,
+            name=name,
+        )
 
     @property
     def matrix(self) -> Float[np.ndarray, "3 3"]:
@@ -238,8 +246,8 @@ class Display:
         outside = _outside(light)
         if gamut == "error":
             self._refuse(xyz, outside)
-        inside = bring_inside(light, self.luminances / self.luminances.sum(), gamut)
-        return Digital(xp.round(self.encode(inside)).astype(np.int32), outside)
+        in_gamut = bring_inside(light, self.luminances / self.luminances.sum(), gamut)
+        return Digital(xp.round(self.encode(in_gamut)).astype(np.int32), outside)
 
     def look_up(self, xyz: Numbers, *, fine: bool = True) -> Digital:
         """Digital RGB by correction tables without interpolation, as the hardware of paper B makes
@@ -260,8 +268,8 @@ class Display:
             tone.tables(self.levels) if fine else tone.tables(self.levels)[:1]
             for tone in self.tones
         ]
-        found = [look_up(self.levels * light[..., k], *table) for k, table in enumerate(tables)]
-        return Digital(np.stack(found, axis=-1).astype(np.int32), _outside(light))
+        levels = [look_up(self.levels * light[..., k], *table) for k, table in enumerate(tables)]
+        return Digital(np.stack(levels, axis=-1).astype(np.int32), _outside(light))
 
     def encode(self, light: Numbers) -> Float[Array | np.ndarray, "*batch 3"]:
         """Levels before rounding, (..., 3), of the light of each primary, (..., 3), 0 to 1;

@@ -105,20 +105,20 @@ class ToneCurve:
 
         Source: paper B, section 2B.
         """
-        whole = np.asarray(coarse, float)
+        steps = np.asarray(coarse, float)
         if fine is None:
-            return cls(whole, np.arange(whole.size))
+            return cls(steps, np.arange(steps.size))
         low = np.asarray(fine, float)
         light = np.arange(low.size) * FINE_STEP
         count = int(np.floor(light[-1] + 1e-9))
-        if whole.size <= count + 1 or abs(np.interp(count, light, low) - whole[count]) > 0.5:
+        if steps.size <= count + 1 or abs(np.interp(count, light, low) - steps[count]) > 0.5:
             raise ValueError(
                 f"the fine table ends at light {light[-1]:g}, where it does not meet the coarse one"
             )
         keep = light < count - 1e-9
         return cls(
-            np.concatenate([low[keep], whole[count:]]),
-            np.concatenate([light[keep], np.arange(count, whole.size)]),
+            np.concatenate([low[keep], steps[count:]]),
+            np.concatenate([light[keep], np.arange(count, steps.size)]),
         )
 
     def light(self, level: Numbers) -> Float[Either, "..."]:
@@ -139,8 +139,8 @@ class ToneCurve:
         """
         coarse = np.arange(most + 1.0)
         fine = np.arange(round(FINE_BELOW / FINE_STEP) + 1) * FINE_STEP
-        whole, low = (np.interp(light / most, self.lights, self.levels) for light in (coarse, fine))
-        return whole, low
+        steps, low = (np.interp(light / most, self.lights, self.levels) for light in (coarse, fine))
+        return steps, low
 
 
 def look_up(
@@ -159,11 +159,11 @@ def look_up(
     Source: paper B, section 2B.
     """
     values = np.clip(np.asarray(light, float), 0.0, len(coarse) - 1)
-    found = np.asarray(coarse)[np.rint(values).astype(int)]
+    level = np.asarray(coarse)[np.rint(values).astype(int)]
     if fine is not None:
         below = np.minimum(np.rint(values / FINE_STEP).astype(int), len(fine) - 1)
-        found = np.where(values < FINE_BELOW, np.asarray(fine)[below], found)
-    return np.rint(found).astype(int)
+        level = np.where(values < FINE_BELOW, np.asarray(fine)[below], level)
+    return np.rint(level).astype(int)
 
 
 def _interpolate(x: Numbers, knots: np.ndarray, values: np.ndarray) -> Float[Either, "..."]:

@@ -89,28 +89,28 @@ def angular_colour(
         ValueError: a roughness outside of 0 to 1, an unknown space, or what `glaze_table` and
             `colour_weights` refuse.
     """
-    known = find_space(space)
+    linear_space = find_space(space)
     check_roughness(roughness)
-    made = glaze.glaze() if isinstance(glaze, Stack) else glaze
-    check_glaze(made)
-    grid = validate_wavelengths(made.wavelengths if wavelengths_nm is None else wavelengths_nm)
+    single = glaze.glaze() if isinstance(glaze, Stack) else glaze
+    check_glaze(single)
+    grid = validate_wavelengths(single.wavelengths if wavelengths_nm is None else wavelengths_nm)
     weights = colour_weights(grid, illuminant, observer)
     white = white_point(grid, illuminant, observer)
-    made = on_grid(made, grid)
+    single = on_grid(single, grid)
     # Gauss's cosines of light and eye: integrals over the hemisphere are right to 1e-6 of an
     # albedo.
     nodes, steps = np.polynomial.legendre.leggauss(8)
     cosines = np.concatenate([0.5 * (nodes + 1.0), np.cos(np.deg2rad(VIEWS))])
-    index = float(np.mean(np.asarray(indices(made, grid.size))))
-    spectra, error = body_spectra(made, grid, cosines, roughness, tolerance)
+    index = float(np.mean(np.asarray(indices(single, grid.size))))
+    spectra, error = body_spectra(single, grid, cosines, roughness, tolerance)
     return AngularColour(
         cosines=cosines,
         weights=0.5 * steps,
-        body=rgb_of_xyz(spectra @ weights, white, known),
+        body=rgb_of_xyz(spectra @ weights, white, linear_space),
         surface=surface_share(cosines, index, roughness),
         refractive_index=index,
         roughness=float(roughness),
-        space=known,
+        space=linear_space,
         light=(illuminant, observer),
         error=error,
     )
@@ -126,11 +126,13 @@ def body_spectra(
     """Reflectance factor without the surface's own reflection, light by eye, and its error."""
     if roughness > 0:
         # Paint is the same with light and eye exchanged: half of the pairs are enough.
-        one, other = np.triu_indices(cosines.size)
-        found = np.empty((cosines.size, cosines.size, grid.size))
-        found[one, other] = pair_spectra(glaze, cosines[one], cosines[other], roughness, tolerance)
-        found[other, one] = found[one, other]
-        return found, tolerance
+        first, second = np.triu_indices(cosines.size)
+        spectra = np.empty((cosines.size, cosines.size, grid.size))
+        spectra[first, second] = pair_spectra(
+            glaze, cosines[first], cosines[second], roughness, tolerance
+        )
+        spectra[second, first] = spectra[first, second]
+        return spectra, tolerance
     table: GlazeTable = glaze_table(glaze, grid, tolerance=tolerance)
     return np.asarray(table.reflectance_factor(cosines[:, None], cosines), float), float(
         table.error
@@ -151,7 +153,7 @@ def pair_spectra(
         from ...radiative.rough.reflectance import rough_reflectance_factor
 
         # No finer than this under a rough surface: a fit leaves more.
-        found = rough_reflectance_factor(
+        factor = rough_reflectance_factor(
             glaze.albedo,
             glaze.optical_thickness,
             glaze.ground,
@@ -161,7 +163,7 @@ def pair_spectra(
             cos_viewing=cos_out[batch],
             tolerance=max(tolerance, 1e-4),
         )
-        return np.asarray(found, float)
+        return np.asarray(factor, float)
     return planned_factor(glaze, cos_in[batch], cos_out[batch], tolerance)
 
 

@@ -41,8 +41,8 @@ def diffuse_factor(
         * (1.0 - _fujii_albedo(mu_out, roughness))
         / (1.0 - mean)
     )
-    more = colour**2 * mean / (1.0 - colour * (1.0 - mean))
-    return single[..., None] * colour + missing[..., None] * more
+    interreflected = colour**2 * mean / (1.0 - colour * (1.0 - mean))
+    return single[..., None] * colour + missing[..., None] * interreflected
 
 
 def _fujii_albedo(mu: Float[np.ndarray, "*batch"], roughness: float) -> Float[np.ndarray, "*batch"]:

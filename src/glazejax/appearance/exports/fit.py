@@ -74,8 +74,8 @@ class OpenPBRFit:
 
     def __repr__(self) -> str:
         e = self.errors
-        seen = f"Delta E00 {e.sky:.2g} under a sky, {e.lamp:.2g} at 45 degrees"
-        return f"OpenPBRFit(albedo {e.albedo:.2g}, rms {e.rms:.2g}, {seen})"
+        colours = f"Delta E00 {e.sky:.2g} under a sky, {e.lamp:.2g} at 45 degrees"
+        return f"OpenPBRFit(albedo {e.albedo:.2g}, rms {e.rms:.2g}, {colours})"
 
 
 def fit_openpbr(
@@ -128,14 +128,14 @@ def fit_openpbr(
     cost = np.inf
     material = OpenPBR()
     for coated in (False, True) if coat is None else (coat,):
-        found_cost, found = _best(_LobeFit(truth, layering, coated))
+        trial_cost, trial = _best(_LobeFit(truth, layering, coated))
         # A coat must make the error smaller by 2 % of it, or it is left out; 1.5e-8 is half a sum
         # of squares that no coat is worth: a root mean square of 1e-4 in three channels.
-        if found_cost < cost * (1 - 0.02) ** 2 - 1.5e-8:
-            cost = found_cost
-            material = found
+        if trial_cost < cost * (1 - 0.02) ** 2 - 1.5e-8:
+            cost = trial_cost
+            material = trial
     naive = naive_openpbr(truth)
-    seen = truth.body[truth.views, truth.views]
+    body_colours = truth.body[truth.views, truth.views]
     return OpenPBRFit(
         material=_round_numbers(material),
         layering=layering,
@@ -143,7 +143,7 @@ def fit_openpbr(
         errors=material_errors(_round_numbers(material), truth, layering),
         naive=naive,
         naive_errors=material_errors(naive, truth, layering),
-        outside=float(outside(seen).mean()),
+        outside=float(outside(body_colours).mean()),
     )
 
 
@@ -165,7 +165,7 @@ def material_errors(
 ) -> Errors:
     """Distances of a material of OpenPBR from a computed glaze."""
     cosines = truth.cosines
-    seen = reflectance_factor(
+    factor = reflectance_factor(
         material,
         cosines[:, None, None],
         cosines[:, None],
@@ -174,14 +174,14 @@ def material_errors(
         gloss=False,
     )
     lit = 2.0 * truth.weights * cosines[truth.nodes]
-    missed = (seen - truth.body[:, :, None])[truth.nodes, truth.nodes]
+    missed = (factor - truth.body[:, :, None])[truth.nodes, truth.nodes]
     rms = np.sqrt(np.einsum("ioac,i,o->", missed**2, lit, lit) / missed.shape[2] / 3)
     views = truth.views
     sky = directional_albedo(material, cosines[views], layering=layering)
     true_sky = truth.directional_albedo()[views]
     lamp = truth.weights.size + VIEWS.index(45.0)
     under_sky = delta_e(sky, true_sky, truth.space)
-    under_lamp = delta_e(seen[lamp, views].mean(axis=1), truth.body[lamp, views], truth.space)
+    under_lamp = delta_e(factor[lamp, views].mean(axis=1), truth.body[lamp, views], truth.space)
     return Errors(
         *(
             float(np.max(np.abs(sky - true_sky))),
@@ -233,7 +233,7 @@ class _LobeFit:
         )
 
     def residuals(self, x: Float[np.ndarray, "unknowns"]) -> Float[np.ndarray, "residuals"]:
-        seen = reflectance_factor(
+        factor = reflectance_factor(
             self.material(x),
             self.cos_in,
             self.cos_out,
@@ -241,7 +241,7 @@ class _LobeFit:
             layering=self.layering,
             gloss=False,
         )
-        return ((seen - self.body) * self.share).ravel()
+        return ((factor - self.body) * self.share).ravel()
 
     def starts(self) -> list[Float[np.ndarray, "unknowns"]]:
         """Points to start from, within the bounds."""
@@ -258,11 +258,11 @@ def _best(problem: _LobeFit) -> tuple[float, OpenPBR]:
     """The best of all starts: its cost and material."""
     from scipy.optimize import least_squares
 
-    found = [
+    solutions = [
         least_squares(problem.residuals, start, bounds=(problem.low, np.ones(problem.low.size)))
         for start in problem.starts()
     ]
-    best = min(found, key=lambda one: one.cost)
+    best = min(solutions, key=lambda solution: solution.cost)
     return float(best.cost), problem.material(best.x)
 
 

@@ -34,19 +34,19 @@ def png(values: Float[np.ndarray, "..."], *, encoded: bool = False) -> bytes:
 
     Source: PNG specification, third edition (W3C, 2025).
     """
-    whole = np.round(np.clip(values, 0.0, 1.0) * np.iinfo(np.uint16).max).astype(">u2")
-    height, width = whole.shape[:2]
-    rows = np.ascontiguousarray(whole).view(np.uint8).reshape(height, -1)
+    integers = np.round(np.clip(values, 0.0, 1.0) * np.iinfo(np.uint16).max).astype(">u2")
+    height, width = integers.shape[:2]
+    rows = np.ascontiguousarray(integers).view(np.uint8).reshape(height, -1)
     # Filter 2: what changes from the row above, which is little.
     changes = np.diff(rows, axis=0, prepend=np.zeros((1, rows.shape[1]), np.uint8))
     data = np.concatenate([np.full((height, 1), 2, np.uint8), changes], axis=1)
-    kind = 2 if whole.ndim == 3 else 0
-    parts = [(b"IHDR", struct.pack(">IIBBBBB", width, height, 16, kind, 0, 0, 0))]
-    parts += [(b"sRGB", b"\0")] if encoded else []
-    parts += [(b"IDAT", zlib.compress(data.tobytes(), 6)), (b"IEND", b"")]
+    kind = 2 if integers.ndim == 3 else 0
+    blocks = [(b"IHDR", struct.pack(">IIBBBBB", width, height, 16, kind, 0, 0, 0))]
+    blocks += [(b"sRGB", b"\0")] if encoded else []
+    blocks += [(b"IDAT", zlib.compress(data.tobytes(), 6)), (b"IEND", b"")]
     chunks = (
         struct.pack(">I", len(body)) + name + body + struct.pack(">I", zlib.crc32(name + body))
-        for name, body in parts
+        for name, body in blocks
     )
     return b"\x89PNG\r\n\x1a\n" + b"".join(chunks)
 

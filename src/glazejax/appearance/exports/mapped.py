@@ -82,11 +82,11 @@ class MappedGlaze:
 
     def at(self, points: Float[np.ndarray, "points kinds"]) -> Glaze:
         """The glaze at points, each with its values of `kinds`: a batch."""
-        given = dict(zip(self.kinds, np.asarray(points, float).T, strict=True))
+        values = dict(zip(self.kinds, np.asarray(points, float).T, strict=True))
         glaze = with_variables(
-            self.glaze, self.layer, given.get("thickness"), given.get("fraction")
+            self.glaze, self.layer, values.get("thickness"), values.get("fraction")
         )
-        ground = given["ground"][:, None] if "ground" in given else glaze.ground
+        ground = values["ground"][:, None] if "ground" in values else glaze.ground
         return Glaze(glaze.coats, ground, glaze.refractive_index)
 
 
@@ -128,8 +128,10 @@ def mapped_colours(
         spectra = pair_spectra(inner.at(batch), means.cos_in, means.cos_out, roughness, tolerance)
         return np.einsum("pab,kp,bc->akc", spectra, means.weights, weights, optimize=True)
 
-    def distance(one: Float[np.ndarray, "some means 3"], two: Float[np.ndarray, "some means 3"]):
-        labs = (np.asarray(xyz_to_lab(each, white)) for each in (one, two))
+    def distance(
+        first: Float[np.ndarray, "some means 3"], second: Float[np.ndarray, "some means 3"]
+    ):
+        labs = (np.asarray(xyz_to_lab(xyz, white)) for xyz in (first, second))
         return delta_e_2000(*labs).max(axis=-1)
 
     distinct, where = np.unique(points, axis=0, return_inverse=True)
@@ -142,9 +144,9 @@ def mapped_colours(
         columns = dict(zip(names, distinct[:, varied].T, strict=True))
 
         def function(**batch: Float[np.ndarray, "some"]) -> Float[np.ndarray, "some means 3"]:
-            whole = np.repeat(distinct[:1], len(next(iter(batch.values()))), axis=0)
-            whole[:, varied] = np.stack([batch[name] for name in names], axis=1)
-            return mean_xyz(whole)
+            complete = np.repeat(distinct[:1], len(next(iter(batch.values()))), axis=0)
+            complete[:, varied] = np.stack([batch[name] for name in names], axis=1)
+            return mean_xyz(complete)
 
         table = interpolated(
             function,
@@ -171,7 +173,16 @@ def mapped_colours(
 
 
 class _Means:
-    """The weighted means over angles whose values say which body, and which coat, come nearest."""
+    """Weighted means over angles from which body and coat are fitted by least squares.
+
+    Let R be the glaze's reflectance factor, m_t that of a white body under a coat of tint t, and
+    <.> the sum over pairs of angles of light and eye, weighted by 4 mu mu' w w'. Body b and tint t
+    are those of the least
+
+        <(b m_t - R)^2> = b^2 <m_t^2> - 2 b <m_t R> + <R^2>
+
+    of all tints in a table. Of R this takes only its means <m_t R>/<m_t>.
+    """
 
     def __init__(self, index: float, roughness: float, coat: bool):
         # With 8 cosines in place of 5 the means change by less than 1e-3 of themselves.
@@ -182,18 +193,18 @@ class _Means:
         first, second = np.triu_indices(mu.size)
         self.cos_in = mu[first]
         self.cos_out = mu[second]
-        seen = 1.0 - lobe_albedo(mu, roughness, index)
+        # m_t, (tints, light, eye): the tint along both refracted paths.
+        let_out = 1.0 - lobe_albedo(mu, roughness, index)
         path = 0.5 / cos_refracted(mu, index)
         tints = _TINTS if coat else np.ones(1)
-        # Of a white body below each tint: light by eye.
-        models = seen * tints[:, None, None] ** (path[:, None] + path)
-        share = lit[:, None] * lit
-        full = models * share
-        folded = full + np.swapaxes(full, 1, 2)
+        models = let_out * tints[:, None, None] ** (path[:, None] + path)
+        weighted = models * (lit[:, None] * lit)
+        self.total = weighted.sum(axis=(1, 2))  # <m_t>
+        self.squares = (weighted * models).sum(axis=(1, 2)) / self.total  # <m_t^2>/<m_t>
+        # Weights of R's means: of a pair and of the exchanged pair together, the diagonal once.
+        folded = weighted + np.swapaxes(weighted, 1, 2)
         folded[:, range(mu.size), range(mu.size)] *= 0.5
-        self.total = full.sum(axis=(1, 2))
         self.weights = folded[:, first, second] / self.total[:, None]
-        self.squares = (full * models).sum(axis=(1, 2)) / self.total
 
     def colours(
         self, means: Float[np.ndarray, "points means 3"]
@@ -208,15 +219,19 @@ class _Means:
         coats that are free at every point jump where one gives way to the other, and pictures of
         them may not be blended.
         """
+        # Without a coat (t = 1) the sum is least at b = <m R>/<m^2>.
         plain = means[:, 0] / self.squares[0]
         if not self.coat:
             return plain, np.clip(plain, 0.0, 1.0), None
-        held = np.clip(plain.max(axis=0), 1e-3, 1.0)
-        missed = self.total[:, None] * (held**2 * self.squares[:, None] - 2.0 * held * means)
-        best = np.clip(np.argmin(missed, axis=1), 1, _TINTS.size - 2)[:, None]
-        low, middle, high = (np.take_along_axis(missed, best + k, axis=1)[:, 0] for k in (-1, 0, 1))
+        base = np.clip(plain.max(axis=0), 1e-3, 1.0)
+        # With the body fixed: the sum of squares of each tint, less <R^2>, (points, tints, 3).
+        cost = self.total[:, None] * (base**2 * self.squares[:, None] - 2.0 * base * means)
+        # Between tints of the table: the vertex of the parabola through the least three.
+        least = np.clip(np.argmin(cost, axis=1), 1, _TINTS.size - 2)[:, None]
+        low, middle, high = (np.take_along_axis(cost, least + k, axis=1)[:, 0] for k in (-1, 0, 1))
         bend = low - 2.0 * middle + high
         step = np.where(bend > 0, 0.5 * (low - high) / np.where(bend > 0, bend, 1.0), 0.0)
-        # Where the best is at an end the parabola would leave it.
-        place = np.clip(best[:, 0] + np.clip(step, -1.0, 1.0), 0.0, _TINTS.size - 1.0)
-        return plain, np.broadcast_to(held, plain.shape), np.exp(np.log(_TINTS[1]) * place)
+        # Where the least is at an end of the table the parabola would leave it.
+        index = np.clip(least[:, 0] + np.clip(step, -1.0, 1.0), 0.0, _TINTS.size - 1.0)
+        # Tints are powers of the second one, so that the index counts its exponent.
+        return plain, np.broadcast_to(base, plain.shape), np.exp(np.log(_TINTS[1]) * index)

@@ -61,12 +61,12 @@ def write_materialx(
             f"the material's name is {name!r}; use letters, digits and _, beginning with a letter"
         )
     path = check_output(path, overwrite=overwrite, switch="overwrite=True")
-    material, known, words = (
+    material, colour_space, comment = (
         (fit, find_space(space), "") if isinstance(fit, OpenPBR) else _describe_fit(fit)
     )
-    root = xml.Element("materialx", {"version": VERSION, "colorspace": known})
-    if words:
-        root.set("doc", words)
+    root = xml.Element("materialx", {"version": VERSION, "colorspace": colour_space})
+    if comment:
+        root.set("doc", comment)
     for parameter, image in (images or {}).items():
         _image(root, f"{name}_{parameter}", "color3" if parameter in _COLOURS else "float", image)
     if normal is not None:
@@ -80,14 +80,14 @@ def write_materialx(
     )
     for parameter, value in material.parameters().items():
         kind = "color3" if parameter in _COLOURS else "float"
-        given = {"name": parameter, "type": kind}
+        attributes = {"name": parameter, "type": kind}
         if parameter in (images or {}):
-            given["nodename"] = f"{name}_{parameter}"
+            attributes["nodename"] = f"{name}_{parameter}"
         else:
-            given["value"] = ", ".join(
+            attributes["value"] = ", ".join(
                 f"{number:.6g}" for number in (value if isinstance(value, tuple) else (value,))
             )
-        xml.SubElement(shader, "input", given)
+        xml.SubElement(shader, "input", attributes)
     if normal is not None:
         for parameter in ("geometry_normal", "geometry_coat_normal"):
             xml.SubElement(
@@ -96,8 +96,8 @@ def write_materialx(
                 {"name": parameter, "type": "vector3", "nodename": f"{name}_normal"},
             )
     top = xml.SubElement(root, "surfacematerial", {"name": name, "type": "material"})
-    given = {"name": "surfaceshader", "type": "surfaceshader", "nodename": f"{name}_surface"}
-    xml.SubElement(top, "input", given)
+    attributes = {"name": "surfaceshader", "type": "surfaceshader", "nodename": f"{name}_surface"}
+    xml.SubElement(top, "input", attributes)
     xml.indent(root)
     path.write_text(
         '<?xml version="1.0"?>\n' + xml.tostring(root, encoding="unicode") + "\n", encoding="utf-8"
@@ -109,18 +109,18 @@ def _describe_fit(fit: OpenPBRFit) -> tuple[OpenPBR, str, str]:
     """Material, space, and the errors in words, for the file's doc."""
     errors = fit.errors
     truth = fit.truth
-    words = (
-        f"OpenPBR 1.1 fitted by glazejax to a computed glaze; {SPACES[truth.space].words}, "
+    comment = (
+        f"OpenPBR 1.1 fitted by glazejax to a computed glaze; {SPACES[truth.space].label}, "
         f"{truth.light[0]}; layers as in {fit.layering}. Remaining error: albedo "
         f"{errors.albedo:.4f}, RMS of the reflectance factor {errors.rms:.4f}, mean Delta E 2000 "
         f"{errors.sky:.2f} under an even sky and {errors.lamp:.2f} under a lamp at 45 degrees."
     )
-    return fit.material, truth.space, words
+    return fit.material, truth.space, comment
 
 
 def _image(root: xml.Element, name: str, kind: str, image: ImageNode) -> None:
     node = xml.SubElement(root, "image", {"name": name, "type": kind})
-    given = {"name": "file", "type": "filename", "value": image.file}
+    attributes = {"name": "file", "type": "filename", "value": image.file}
     xml.SubElement(
-        node, "input", given | ({"colorspace": image.colorspace} if image.colorspace else {})
+        node, "input", attributes | ({"colorspace": image.colorspace} if image.colorspace else {})
     )

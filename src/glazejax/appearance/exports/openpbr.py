@@ -119,9 +119,9 @@ def reflectance_factor(
         gloss: with the reflection of rough surfaces; without, the body alone. A smooth surface is a
             mirror, which has no reflectance factor and is never in it.
     """
-    given = np.broadcast_arrays(*(np.asarray(x, float) for x in (cos_in, cos_out, azimuth)))
-    mu_in, mu_out, turn = (np.atleast_1d(x) for x in given)
-    shape = (*given[0].shape, 3)
+    directions = np.broadcast_arrays(*(np.asarray(x, float) for x in (cos_in, cos_out, azimuth)))
+    mu_in, mu_out, turn = (np.atleast_1d(x) for x in directions)
+    shape = (*directions[0].shape, 3)
     alpha, index = _base_surface(material)
     body = diffuse_factor(
         np.asarray(material.base_color, float), material.base_diffuse_roughness, mu_in, mu_out, turn
@@ -133,11 +133,11 @@ def reflectance_factor(
         base = base + lobe_factor(mu_in, mu_out, turn, alpha, index)[..., None]
     if material.coat_weight == 0:
         return np.reshape(base, shape)
-    found = base * _through_coat(material, mu_in, mu_out, layering)
+    factor = base * _through_coat(material, mu_in, mu_out, layering)
     if gloss:
         lobe = lobe_factor(mu_in, mu_out, turn, material.coat_roughness**2, material.coat_ior)
-        found = found + material.coat_weight * lobe[..., None]
-    return np.reshape(found, shape)
+        factor = factor + material.coat_weight * lobe[..., None]
+    return np.reshape(factor, shape)
 
 
 def surface_albedo(
@@ -153,11 +153,11 @@ def surface_albedo(
     """
     shape = (*np.shape(cos_out), 3)
     mu = np.atleast_1d(np.asarray(cos_out, float))
-    found = np.repeat(lobe_albedo(mu, *_base_surface(material))[..., None], 3, axis=-1)
+    albedo = np.repeat(lobe_albedo(mu, *_base_surface(material))[..., None], 3, axis=-1)
     if material.coat_weight > 0:
         coat = material.coat_weight * lobe_albedo(mu, material.coat_roughness**2, material.coat_ior)
-        found = coat[..., None] + found * _through_coat(material, mu, mu, layering)
-    return np.reshape(found, shape)
+        albedo = coat[..., None] + albedo * _through_coat(material, mu, mu, layering)
+    return np.reshape(albedo, shape)
 
 
 def directional_albedo(
@@ -173,8 +173,8 @@ def directional_albedo(
     body = reflectance_factor(
         material, light[:, None], mu[..., None, None], turns, layering=layering, gloss=False
     )
-    found = np.einsum("...iac,i->...c", body, 2.0 * weights * light) / turns.size
-    return found + surface_albedo(material, mu, layering=layering)
+    body_albedo = np.einsum("...iac,i->...c", body, 2.0 * weights * light) / turns.size
+    return body_albedo + surface_albedo(material, mu, layering=layering)
 
 
 def _through_coat(
@@ -207,10 +207,10 @@ def _let_through(
     layering: Layering,
 ) -> Float[np.ndarray, "*batch"]:
     """Factor by which a surface weakens what lies below it."""
-    seen = 1.0 - lobe_albedo(mu_out, alpha, index)
+    let_out = 1.0 - lobe_albedo(mu_out, alpha, index)
     if layering != "reciprocal":
-        return seen
-    return seen * (1.0 - lobe_albedo(mu_in, alpha, index)) / (1.0 - mean_albedo(alpha, index))
+        return let_out
+    return let_out * (1.0 - lobe_albedo(mu_in, alpha, index)) / (1.0 - mean_albedo(alpha, index))
 
 
 def _base_surface(material: OpenPBR) -> tuple[float, float]:
@@ -235,16 +235,16 @@ def _darkening(
     albedo = np.asarray(material.base_color, float)
     if layering == "materialx":
         normal = ((index - 1.0) / (index + 1.0)) ** 2
-        inside = np.broadcast_to(1.0 - (1.0 - normal) / index**2, mu_out.shape)
+        internal = np.broadcast_to(1.0 - (1.0 - normal) / index**2, mu_out.shape)
     else:
         albedo = albedo * material.base_weight
         rough = 1.0 - (1.0 - mean_albedo(0.0, index)) / index**2
         base = dielectric_reflectance(mu_out, material.specular_ior)
         share = 1.0 + material.specular_weight * base * (material.specular_roughness - 1.0)
         smooth = dielectric_reflectance(mu_out, index)
-        inside = np.asarray(smooth + share * (rough - smooth), float)
-    inside = inside[..., None]
-    darker = (1.0 - inside) / (1.0 - albedo * inside)
+        internal = np.asarray(smooth + share * (rough - smooth), float)
+    internal = internal[..., None]
+    darker = (1.0 - internal) / (1.0 - albedo * internal)
     return 1.0 + material.coat_weight * material.coat_darkening * (darker - 1.0)
 
 

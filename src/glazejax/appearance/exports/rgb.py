@@ -17,7 +17,7 @@ Space: TypeAlias = Literal["lin_rec709", "acescg"]
 class _Primaries(NamedTuple):
     points: tuple[tuple[float, float], ...]
     white: tuple[float, float]
-    words: str
+    label: str
 
 
 # S-2014-004 of the Academy (ACEScg): its primaries AP1 and its white, near D60.
@@ -36,17 +36,17 @@ def find_space(name: str) -> Space:
         ValueError: no such space.
     """
     key = name.strip().lower().replace(" ", "").replace("-", "_")
-    known = {
+    aliases = {
         "lin_rec709": "lin_rec709",
         "srgb": "lin_rec709",
         "linearsrgb": "lin_rec709",
         "acescg": "acescg",
     }
-    if key not in known:
+    if key not in aliases:
         raise ValueError(
             f"the colour space {name!r} is not known: choose srgb (linear sRGB) or acescg"
         )
-    return known[key]  # pyright: ignore[reportReturnType]
+    return aliases[key]  # pyright: ignore[reportReturnType]
 
 
 def rgb_of_xyz(
@@ -69,10 +69,10 @@ def lab_of_rgb(rgb: Float[np.ndarray, "*batch 3"], space: Space) -> Float[np.nda
 
 
 def delta_e(
-    one: Float[np.ndarray, "*batch 3"], two: Float[np.ndarray, "*batch 3"], space: Space
+    first: Float[np.ndarray, "*batch 3"], second: Float[np.ndarray, "*batch 3"], space: Space
 ) -> Float[np.ndarray, "*batch"]:
     """CIEDE2000 between linear RGB colours, (...)."""
-    return delta_e_2000(lab_of_rgb(one, space), lab_of_rgb(two, space))
+    return delta_e_2000(lab_of_rgb(first, space), lab_of_rgb(second, space))
 
 
 def outside(rgb: Float[np.ndarray, "*batch 3"], slack: float = 5e-4) -> Float[np.ndarray, "*batch"]:

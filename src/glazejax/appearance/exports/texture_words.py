@@ -19,7 +19,7 @@ _COLOURS = ("base_color", "coat_color")
 
 
 def readme(material: OpenPBR, files: Mapping[str, Path], record: Mapping[str, Any]) -> str:
-    """The text that lies beside the textures.
+    """Text of the README of the textures.
 
     Args:
         material: what has no texture.

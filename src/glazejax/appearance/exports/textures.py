@@ -96,60 +96,66 @@ def texture_set(
         FileExistsError: a file exists.
         ModuleNotFoundError: OpenEXR is not installed.
     """
-    known = find_space(space)
+    linear_space = find_space(space)
     check_roughness(roughness)
     if kind not in FORMATS:
         raise ValueError(f"kind is {kind!r}; choose {' or '.join(FORMATS)}")
-    if kind == "png" and known != "lin_rec709":
+    if kind == "png" and linear_space != "lin_rec709":
         raise ValueError("PNG holds sRGB: write kind='exr' for ACEScg")
     if kind == "exr":
         require("OpenEXR")
     if not 0 < delta_e < 100:
         raise ValueError(f"delta_e is {delta_e}; it must be positive, such as 0.1")
     maps = _checked_maps({"thickness": thickness, "fraction": fraction, "ground": ground}, pixel)
-    made = glaze.glaze() if isinstance(glaze, Stack) else glaze
-    mapped = MappedGlaze(made, layer, tuple(maps))
+    single = glaze.glaze() if isinstance(glaze, Stack) else glaze
+    mapped = MappedGlaze(single, layer, tuple(maps))
     files = _files(Path(folder), name, kind, coat, pixel is not None, overwrite)
     points = np.stack([values.reshape(-1) for values in maps.values()], axis=1)
     light = (illuminant, observer)
-    found = mapped_colours(
-        mapped, points, roughness=roughness, space=known, light=light, coat=coat, delta_e=delta_e
+    colours = mapped_colours(
+        mapped,
+        points,
+        roughness=roughness,
+        space=linear_space,
+        light=light,
+        coat=coat,
+        delta_e=delta_e,
     )
-    base = found.base
-    wrong = outside(found.plain) > 0
+    base = colours.base
+    wrong = outside(colours.plain) > 0
     material = _material(mapped, roughness, coat)
     errors = _errors(
         mapped=mapped,
         points=points,
         base=base,
-        coat=found.coat,
+        coat=colours.coat,
         material=material,
         roughness=roughness,
-        space=known,
+        space=linear_space,
         light=light,
     )
     result = TextureSet(
         files=files,
         material=material,
-        interpolation=found.delta_e,
+        interpolation=colours.delta_e,
         outside=float(wrong.mean()),
         clipped=float(
-            _difference(found.plain[wrong], np.clip(found.plain[wrong], 0.0, 1.0), known).max(
-                initial=0.0
-            )
+            _difference(
+                colours.plain[wrong], np.clip(colours.plain[wrong], 0.0, 1.0), linear_space
+            ).max(initial=0.0)
         ),
         errors=errors,
-        computed=found.computed,
+        computed=colours.computed,
     )
     pictures = {
         "base_color": base,
-        **({"coat_color": found.coat} if found.coat is not None else {}),
+        **({"coat_color": colours.coat} if colours.coat is not None else {}),
     }
     shape = next(iter(maps.values())).shape
     files["base_color"].parent.mkdir(parents=True, exist_ok=True)
     for what, values in pictures.items():
-        shown = encoded_srgb(values) if kind == "png" else values
-        write_image(files[what], shown.reshape(*shape, 3), encoded=True)
+        encoded = encoded_srgb(values) if kind == "png" else values
+        write_image(files[what], encoded.reshape(*shape, 3), encoded=True)
     write_image(files["roughness"], np.full(shape, np.sqrt(roughness)))
     heights: dict[str, Any] = {}
     if pixel is not None:
@@ -159,19 +165,19 @@ def texture_set(
         write_image(files["height"], (maps["thickness"] - low) / span)
         write_image(files["normal"], normals(maps["thickness"], pixel))
         heights["height"] = {"black_m": low, "white_m": high, "pixel_m": pixel}
-    _write_words(result, known, light, kind, heights)
+    _write_words(result, linear_space, light, kind, heights)
     return result
 
 
 def _checked_maps(
-    given: dict[str, Numbers | None], pixel: float | None
+    inputs: dict[str, Numbers | None], pixel: float | None
 ) -> dict[str, Float[np.ndarray, "h w"]]:
     """Maps as arrays, by `KINDS`."""
     maps = {}
     for kind in KINDS:
-        if given[kind] is None:
+        if inputs[kind] is None:
             continue
-        values = concrete(given[kind])  # pyright: ignore[reportArgumentType]
+        values = concrete(inputs[kind])  # pyright: ignore[reportArgumentType]
         if values is None or values.ndim != 2 or values.size == 0:
             raise ValueError(f"the map of {kind} must be a picture of numbers, (h, w)")
         values = np.asarray(values, float)
@@ -259,31 +265,31 @@ def _errors(
     order = np.argsort(base @ np.array([0.3, 0.6, 0.1]))
     # Points of the map at which the whole material is held against the glaze, at all angles.
     chosen = dict.fromkeys(order[np.linspace(0, len(order) - 1, 5).round().astype(int)].tolist())
-    found = []
+    errors = []
     for k in chosen:
-        one = mapped.at(points[k : k + 1])
+        pixel_glaze = mapped.at(points[k : k + 1])
         coats = [
             type(coat)(_plain(coat.medium), np.asarray(coat.thickness).reshape(-1)[0])
-            for coat in one.coats
+            for coat in pixel_glaze.coats
         ]
-        ground = np.asarray(one.ground)
+        ground = np.asarray(pixel_glaze.ground)
         truth = angular_colour(
             Glaze(
                 coats,
                 ground.reshape(-1)[0] if ground.size == 1 else ground.reshape(-1),
-                one.refractive_index,
+                pixel_glaze.refractive_index,
             ),
             roughness=roughness,
             space=space,
             illuminant=light[0],
             observer=light[1],
         )
-        shown = replace(material, base_color=colour_tuple(base[k]))
+        pixel_material = replace(material, base_color=colour_tuple(base[k]))
         if coat is not None:
-            shown = replace(shown, coat_color=colour_tuple(coat[k]))
+            pixel_material = replace(pixel_material, coat_color=colour_tuple(coat[k]))
         layering: Layering = "materialx" if coat is None else "specification"
-        found.append(material_errors(shown, truth, layering))
-    return Errors(*(float(max(column)) for column in zip(*found, strict=True)))
+        errors.append(material_errors(pixel_material, truth, layering))
+    return Errors(*(float(max(column)) for column in zip(*errors, strict=True)))
 
 
 def _plain(medium: Any) -> Any:
@@ -295,9 +301,9 @@ def _plain(medium: Any) -> Any:
 
 
 def _difference(
-    one: Float[np.ndarray, "points 3"], two: Float[np.ndarray, "points 3"], space: Space
+    first: Float[np.ndarray, "points 3"], second: Float[np.ndarray, "points 3"], space: Space
 ) -> Float[np.ndarray, "points"]:
-    return delta_e(one, two, space) if len(one) else np.zeros(0)
+    return delta_e(first, second, space) if len(first) else np.zeros(0)
 
 
 def _write_words(
@@ -333,7 +339,7 @@ def _write_words(
         "glazejax": "textures",
         "version": 1,
         "light": {"illuminant": light[0], "observer": str(light[1])},
-        "space": SPACES[space].words,
+        "space": SPACES[space].label,
         "textures": {
             what: {
                 "file": files[what].name,

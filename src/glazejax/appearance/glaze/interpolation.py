@@ -137,8 +137,8 @@ def interior(table: GlazeTable, xp: ModuleType) -> Any:
     index = table.refractive_index[:, None]
     a, b = (xp.clip(c, 0.0, 1.0) for c in (table.cos_in, table.cos_out))
     through = [1.0 - dielectric_reflectance(c, index) for c in (a, b)]
-    inside = [cos_refracted(c, index) for c in (a, b)]
-    total = inside[0][:, :, None] + inside[1][:, None, :]
+    refracted = [cos_refracted(c, index) for c in (a, b)]
+    total = refracted[0][:, :, None] + refracted[1][:, None, :]
     return table.table * (total / (through[0][:, :, None] * through[1][:, None, :]))[..., None]
 
 
@@ -153,15 +153,15 @@ def evaluate(table: GlazeTable, flat: Any, points: Any, xp: ModuleType) -> Any:
     """
     a, b = (span.clamp(points[k], xp) for k, span in enumerate(table.ranges[:2]))
     weights = _angle_weights(table, 0, a, xp)
-    others = [_angle_weights(table, 1, b, xp)]
+    further_weights = [_angle_weights(table, 1, b, xp)]
     if table.thickness.shape[0] > 1:
         span = table.ranges[2]
-        others.append(
+        further_weights.append(
             _lagrange(span.coordinate(span.clamp(points[2], xp), xp), table.thickness.shape[0], xp)
         )
     # All products at once, and one product of matrices: quicker than axis after axis where there
     # are many bands.
-    for along in others:
+    for along in further_weights:
         weights = (weights[:, :, None] * along[:, None, :]).reshape(points.shape[1], -1)
     index = table.refractive_index
     through = [1.0 - dielectric_reflectance(c[:, None], index) for c in (a, b)]
@@ -179,8 +179,8 @@ def _evaluate(
     flat = interior(table, jnp).reshape(bands, nodes).T
     points = jnp.stack([cos_in.ravel(), cos_out.ravel(), depth.ravel()], axis=1)
     size = _CHUNK_NUMBERS // (nodes + 4 * bands)
-    one = jax.vmap(lambda point: evaluate(table, flat, point[:, None], jnp)[0])
-    values = in_chunks(one, points, max(64, size))
+    at_point = jax.vmap(lambda point: evaluate(table, flat, point[:, None], jnp)[0])
+    values = in_chunks(at_point, points, max(64, size))
     return values.reshape(*cos_in.shape, bands)
 
 

@@ -138,6 +138,6 @@ def on_nodes(
         tolerance: of the solver.
         solve: `factor`, whose result is JAX's, or `planned_factor`, whose result is NumPy's.
     """
-    made = glaze if depths is None else with_variables(glaze, layer, depths)
-    values = solve(made, cos_in[:, None, None, None], cos_out[:, None, None], tolerance)
+    varied = glaze if depths is None else with_variables(glaze, layer, depths)
+    values = solve(varied, cos_in[:, None, None, None], cos_out[:, None, None], tolerance)
     return (np if isinstance(values, np.ndarray) else jnp).moveaxis(values, -1, 0)

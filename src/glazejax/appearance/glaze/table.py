@@ -131,8 +131,8 @@ class _TableBuilder:
         bands = glaze.ground.shape[0]
         self.index = np.asarray(indices(glaze, bands), float)
         self.inside = float(self.index.min())
-        own = float(fixed_thickness(glaze, layer)[0])
-        low, high = depths or (own, own)
+        single = float(fixed_thickness(glaze, layer)[0])
+        low, high = depths or (single, single)
         first, second = (Axis(*pair) for pair in cosines)
         self.ranges = (first, second, Axis(low, high))
         if self.varies:
@@ -192,11 +192,11 @@ class _TableBuilder:
     def measure_error(self, built: GlazeTable, points: np.ndarray, truth: np.ndarray) -> np.ndarray:
         """Error at points, (points, bands), as `GlazeTable.error` counts it."""
         flat = interior(built, np).reshape(truth.shape[1], -1).T
-        found = evaluate(built, flat, points, np)
+        interpolated = evaluate(built, flat, points, np)
         total = cos_refracted(points[0][:, None], self.index) + cos_refracted(
             points[1][:, None], self.index
         )
-        return np.abs(found - truth) * np.minimum(total, 1.0)
+        return np.abs(interpolated - truth) * np.minimum(total, 1.0)
 
     def refine(self, sizes: list[int], built: GlazeTable) -> bool:
         """Add nodes where the last coefficients are largest; False if there are enough already."""

@@ -37,7 +37,7 @@ def _table(
     roughness: float,
     tolerance: float,
 ) -> Body:
-    """The table, made once for all glazes that are alike; always in double precision.
+    """The table, made once for all equal glazes; always in double precision.
 
     `thickness` and `fraction` are a number, a range, or None for the coats' own; `ground` is "own",
     "any", a number or one number a band.
@@ -52,14 +52,14 @@ def _table(
             fixed = [x if isinstance(x, float) else None for x in (thickness, fraction)]
             glaze = with_variables(glaze, layer, *fixed)
         bands = glaze.wavelengths.size
-        level = (
+        ground_spectrum = (
             None
             if ground == "any"
             else ground_of(glaze)
             if ground == "own"
             else np.broadcast_to(ground, (bands,))
         )
-        level = None if level is None else np.asarray(level, float)
+        ground_spectrum = None if ground_spectrum is None else np.asarray(ground_spectrum, float)
         index = index_of(glaze)
         surface = Rough(index, roughness) if roughness > 0 else Smooth(index)
         return body_table(
@@ -67,7 +67,7 @@ def _table(
             glaze=glaze,
             layer=layer,
             axes=axes,
-            ground=level,
+            ground=ground_spectrum,
             mean_ground=mean_ground,
             tolerance=tolerance,
         )
@@ -89,7 +89,7 @@ class _Point(NamedTuple):
     """Which lobes are asked for."""
     share: Any
     """How often the surface's lobe is drawn."""
-    here: table.PointWeights | None
+    weights: table.PointWeights | None
     """The body's table there."""
 
 
@@ -99,29 +99,29 @@ class GlazeBSDF:
     def __init__(self, props: Any):
         self._mi, self._dr = mi, dr = renderer()
         mi.BSDF.__init__(self, props)
-        given = read_parameters(mi, props)
-        self._given = given
+        parameters = read_parameters(mi, props)
+        self._given = parameters
         self._thickness, self._fraction = (
             None if x is None or isinstance(x, float) else x
-            for x in (given.thickness, given.fraction)
+            for x in (parameters.thickness, parameters.fraction)
         )
-        self._ground = self._ground_texture(given)
-        # Room for a texture whose values are all alike: a table wants a range.
+        self._ground = self._ground_texture(parameters)
+        # Room for a texture of one value: a table needs a range.
         self.table: Body = _table(
-            coats=_text_of(given.coats),
-            layer=given.layer,
-            thickness=_span(given.thickness, max(given.thickness_max, 1e-9)),
-            fraction=_span(given.fraction, 1.0),
-            ground=self._ground_key(given),
+            coats=_text_of(parameters.coats),
+            layer=parameters.layer,
+            thickness=_span(parameters.thickness, max(parameters.thickness_max, 1e-9)),
+            fraction=_span(parameters.fraction, 1.0),
+            ground=self._ground_key(parameters),
             mean_ground=self._mean_ground(),
-            refractive_index=given.refractive_index,
-            roughness=given.roughness,
-            tolerance=given.tolerance,
+            refractive_index=parameters.refractive_index,
+            roughness=parameters.roughness,
+            tolerance=parameters.tolerance,
         )
         self._body = DrJit(mi, dr).body(self.table)
         above = self.table.surface
         lobe: Facets | Mirror | None = None
-        if given.gloss:
+        if parameters.gloss:
             lobe = (
                 Facets(mi, dr, above)
                 if isinstance(above, Rough)
@@ -143,13 +143,13 @@ class GlazeBSDF:
         """Names the textures, which may be optimised."""
         kind = self._mi.ParamFlags.Differentiable
         for name in ("thickness", "fraction", "ground"):
-            held = getattr(self, f"_{name}")
-            if held is None or isinstance(held, _Bands):
+            texture = getattr(self, f"_{name}")
+            if texture is None or isinstance(texture, _Bands):
                 continue
             if hasattr(callback, "put"):
-                callback.put(name, held, kind)
+                callback.put(name, texture, kind)
             else:
-                callback.put_object(name, held, int(kind))
+                callback.put_object(name, texture, int(kind))
 
     def sample(
         self, ctx: Any, si: Any, sample1: Any, sample2: Any, active: Any = True
@@ -169,18 +169,18 @@ class GlazeBSDF:
 
     def eval_pdf(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> tuple[Any, Any]:
         """Both of them."""
-        here = self._at(ctx, si, active)
-        return self._value(si, here, wo), self._density(si, here, wo)
+        point = self._at(ctx, si, active)
+        return self._value(si, point, wo), self._density(si, point, wo)
 
     def eval_pdf_sample(
         self, ctx: Any, si: Any, wo: Any, sample1: Any, sample2: Any, active: Any = True
     ) -> tuple[Any, Any, Any, Any]:
         """All three, the table looked up once."""
-        here = self._at(ctx, si, active)
+        point = self._at(ctx, si, active)
         return (
-            self._value(si, here, wo),
-            self._density(si, here, wo),
-            *self._sample(si, here, sample1, sample2),
+            self._value(si, point, wo),
+            self._density(si, point, wo),
+            *self._sample(si, point, sample1, sample2),
         )
 
     def to_string(self) -> str:
@@ -204,17 +204,17 @@ class GlazeBSDF:
         surface = lobe is not None and ctx.is_enabled(lobe.kind, 0)
         ops = DrJit(mi, dr, lit)
         varying = self._varying(si, lit)
-        here = None
+        weights = None
         if body and valued:
             ground = None if self._ground is None else self._ground_at(si, lit)
-            here = table.at_point(ops, self._body, varying, list(si.wavelengths), ground)
+            weights = table.at_point(ops, self._body, varying, list(si.wavelengths), ground)
         if lobe is None or not (surface and body):
             return _Point(
                 lit=lit,
                 surface=surface,
                 body=body,
                 share=mi.Float(1.0 if surface else 0.0),
-                here=here,
+                weights=weights,
             )
         within = dr.maximum(dr.detach(si.wi.z), _LEAST_COSINE)
         below = table.mean_albedo(
@@ -223,17 +223,19 @@ class GlazeBSDF:
         above = lobe.albedo(within)
         # Neither is left out for good.
         share = dr.clip(above / dr.maximum(above + below, 1e-6), 0.02, 0.98)
-        return _Point(lit=lit, surface=surface, body=body, share=share, here=here)
+        return _Point(lit=lit, surface=surface, body=body, share=share, weights=weights)
 
     def _value(self, si: Any, at: "_Point", wo: Any) -> Any:
         mi = self._mi
         dr = self._dr
         lit = at.lit & (wo.z > 0.0)
         value = mi.UnpolarizedSpectrum(0.0)
-        if at.here is not None:
-            one, two = (dr.maximum(cosine, _LEAST_COSINE) for cosine in (si.wi.z, wo.z))
-            found = table.reflectance_factor(DrJit(mi, dr, lit), self._body, at.here, one, two)
-            for k, factor in enumerate(found):
+        if at.weights is not None:
+            cos_in, cos_out = (dr.maximum(cosine, _LEAST_COSINE) for cosine in (si.wi.z, wo.z))
+            factors = table.reflectance_factor(
+                DrJit(mi, dr, lit), self._body, at.weights, cos_in, cos_out
+            )
+            for k, factor in enumerate(factors):
                 value[k] = factor * (wo.z / dr.pi)
         if at.surface and not self._surface.delta:
             value = value + self._surface.value(si.wi, wo)
@@ -277,41 +279,43 @@ class GlazeBSDF:
         return bs, dr.select(bs.pdf > 0.0, weight, 0.0)
 
     def _varying(self, si: Any, lit: Any) -> dict[str, Any]:
-        found = {}
+        coordinates = {}
         if self._thickness is not None:
-            found["thickness"] = self._thickness.eval_1(si, lit) * self._given.thickness_scale
+            coordinates["thickness"] = self._thickness.eval_1(si, lit) * self._given.thickness_scale
         if self._fraction is not None:
-            found["fraction"] = self._fraction.eval_1(si, lit)
-        return found
+            coordinates["fraction"] = self._fraction.eval_1(si, lit)
+        return coordinates
 
     def _ground_at(self, si: Any, lit: Any) -> Any:
         value = self._ground.eval(si, lit)
         return [self._dr.clip(value[k], 0.0, 0.999) for k in range(len(si.wavelengths))]
 
-    def _ground_texture(self, given: Given) -> Any:
+    def _ground_texture(self, parameters: Given) -> Any:
         """Texture that gives the ground at each place; None where it is the same everywhere."""
-        ground = given.ground
+        ground = parameters.ground
         if isinstance(ground, np.ndarray):
-            return _Bands(self._mi, self._dr, ground, bands_of(given.coats, given.refractive_index))
+            return _Bands(
+                self._mi, self._dr, ground, bands_of(parameters.coats, parameters.refractive_index)
+            )
         return (
             None
             if ground is None or isinstance(ground, float) or not ground.is_spatially_varying()
             else ground
         )
 
-    def _ground_key(self, given: Given) -> str | float | tuple[float, ...]:
+    def _ground_key(self, parameters: Given) -> str | float | tuple[float, ...]:
         """The ground as the table takes it."""
         if self._ground is not None:
             return "any"
-        if given.ground is None or isinstance(given.ground, float):
-            return "own" if given.ground is None else given.ground
+        if parameters.ground is None or isinstance(parameters.ground, float):
+            return "own" if parameters.ground is None else parameters.ground
         mi = self._mi
         where = self._dr.zeros(self._mi.SurfaceInteraction3f)
-        found = []
-        for wavelength in bands_of(_text_of(given.coats), given.refractive_index):
+        reflectance = []
+        for wavelength in bands_of(_text_of(parameters.coats), parameters.refractive_index):
             where.wavelengths = mi.UnpolarizedSpectrum(float(wavelength))
-            found.append(float(np.array(given.ground.eval(where)).ravel()[0]))
-        return tuple(float(x) for x in np.clip(found, 0.0, 1.0))
+            reflectance.append(float(np.array(parameters.ground.eval(where)).ravel()[0]))
+        return tuple(float(x) for x in np.clip(reflectance, 0.0, 1.0))
 
     def _mean_ground(self) -> float:
         if self._ground is None:
@@ -347,18 +351,18 @@ class _Bands:
     def eval(self, si: Any, active: Any) -> list[Any]:
         """At each wavelength, linear between bands."""
         low, high = self._ends
-        found = []
+        values = []
         for k in range(len(si.wavelengths)):
             # Texels lie at the middle of their cells.
             band = (si.wavelengths[k] - low) / (high - low) * (self._count - 1)
             where = self._mi.Point3f(si.uv.x, si.uv.y, (band + 0.5) / self._count)
-            found.append(self._texture.eval(where, active)[0])
-        return found
+            values.append(self._texture.eval(where, active)[0])
+        return values
 
 
-def _span(given: Any, most: float) -> float | tuple[float, float] | None:
+def _span(value: Any, most: float) -> float | tuple[float, float] | None:
     """A number, the range of a texture, or None."""
-    return given if given is None or isinstance(given, float) else (0.0, most)
+    return value if value is None or isinstance(value, float) else (0.0, most)
 
 
 def _text_of(coats: str) -> str:

@@ -70,13 +70,13 @@ def glaze_bsdf(
         check_glaze(glaze)
     if not 0 <= roughness <= 1:
         raise ValueError(f"roughness is {roughness}; it must lie between 0 (smooth) and 1")
-    found: dict[str, Any] = {
+    description: dict[str, Any] = {
         "type": "glaze",
         "coats": str(glaze),
         "layer": int(layer),
         "gloss": bool(gloss),
     }
-    found |= {"roughness": float(roughness), "tolerance": float(tolerance)}
+    description |= {"roughness": float(roughness), "tolerance": float(tolerance)}
     if isinstance(glaze, Glaze):
         spectrum = (
             ground
@@ -84,7 +84,7 @@ def glaze_bsdf(
             else None
         )
         ground = ground if spectrum is None else None
-        found["coats"] = _json(glaze, wavelengths, layer, fraction is not None, spectrum)
+        description["coats"] = _json(glaze, wavelengths, layer, fraction is not None, spectrum)
         axes = Axes(fraction=None if fraction is None else (0.0, 1.0))
         if fraction is not None or thickness is not None:
             check_layer(glaze, layer, axes)
@@ -94,12 +94,12 @@ def glaze_bsdf(
             "paints"
         )
     if thickness is not None:
-        found |= _thickness(thickness, thickness_max)
+        description |= _thickness(thickness, thickness_max)
     if fraction is not None:
-        found["fraction"] = _map("fraction", fraction, 0.0, 1.0)
+        description["fraction"] = _map("fraction", fraction, 0.0, 1.0)
     if ground is not None:
-        found["ground"] = _ground(ground)
-    return found
+        description["ground"] = _ground(ground)
+    return description
 
 
 def _json(
@@ -127,46 +127,46 @@ def _json(
     )
     pigments: dict[str, Any] = {}
     coats = []
-    for number, one in enumerate(glaze.coats):
+    for number, coat in enumerate(glaze.coats):
         coats.append(
             {
-                "paint": _parts(one, number, grid, pigments, mixed and number == layer),
-                "um": _um(one),
+                "paint": _parts(coat, number, grid, pigments, mixed and number == layer),
+                "um": _um(coat),
             }
         )
-    level = (
+    reflectance = (
         _on(glaze.wavelengths, glaze.ground, grid) if ground is None else np.asarray(ground, float)
     )
-    if level.shape != grid.shape:
-        raise ValueError(f"the ground has {level.size} bands, but the table has {grid.size}")
+    if reflectance.shape != grid.shape:
+        raise ValueError(f"the ground has {reflectance.size} bands, but the table has {grid.size}")
     stack = {"glazejax": "stack", "version": 1, "refractive_index": index_of(glaze), "coats": coats}
     stack["ground"] = {
         "wavelengths": grid.tolist(),
-        "reflectance": np.clip(level, 0.0, 1.0).tolist(),
+        "reflectance": np.clip(reflectance, 0.0, 1.0).tolist(),
     }
     return json.dumps(stack | {"pigments": pigments})
 
 
 def _parts(
-    layer: Layer, number: int, grid: np.ndarray, pigments: dict[str, Any], apart: bool
+    layer: Layer, number: int, grid: np.ndarray, pigments: dict[str, Any], separate: bool
 ) -> dict[str, float]:
     """Weights of a coat's paints, which are filed among the pigments."""
     medium = layer.medium
     media: list[tuple[Pigment | Mixture, float]] = [(medium, 1.0)]
-    if apart and isinstance(medium, Mixture):
+    if separate and isinstance(medium, Mixture):
         media = [
             (p, float(w))
             for p, w in zip(medium.pigments, np.asarray(medium.weights, float), strict=True)
         ]
-    parts = {}
-    for part, (one, weight) in enumerate(media):
-        name = f"{number}.{part} {one.name}"
+    weights = {}
+    for index, (paint, weight) in enumerate(media):
+        name = f"{number}.{index} {paint.name}"
         pigments[name] = {"wavelengths": grid.tolist()} | {
-            key: np.maximum(_on(one.wavelengths, getattr(one, key), grid), 0.0).tolist()
+            key: np.maximum(_on(paint.wavelengths, getattr(paint, key), grid), 0.0).tolist()
             for key in ("absorption", "scattering")
         }
-        parts[name] = weight
-    return parts
+        weights[name] = weight
+    return weights
 
 
 def _on(old: Numbers, values: Numbers, new: np.ndarray) -> np.ndarray:
@@ -184,9 +184,9 @@ def _um(layer: Layer) -> float:
 
 
 def _thickness(thickness: Surface, most: float | None) -> dict[str, Any]:
-    found: dict[str, Any] = {} if most is None else {"thickness_max": float(most)}
+    description: dict[str, Any] = {} if most is None else {"thickness_max": float(most)}
     if isinstance(thickness, Mapping) or np.ndim(thickness) == 0:  # pyright: ignore[reportArgumentType]
-        return found | {"thickness": _map("thickness", thickness, 0.0, MAX_THICKNESS)}
+        return description | {"thickness": _map("thickness", thickness, 0.0, MAX_THICKNESS)}
     _map("thickness", thickness, 0.0, MAX_THICKNESS)
     largest = float(np.max(np.asarray(thickness)))
     if most is not None and largest > most * (1 + 1e-6):
@@ -194,14 +194,14 @@ def _thickness(thickness: Surface, most: float | None) -> dict[str, Any]:
             f"thickness reaches {largest:g} m, beyond the thickness_max of {most:g} m: raise that"
         )
     scaled = np.asarray(thickness, float) / _MICROMETRE
-    return found | {"thickness": _texture(scaled), "thickness_scale": _MICROMETRE}
+    return description | {"thickness": _texture(scaled), "thickness_scale": _MICROMETRE}
 
 
-def _map(name: str, given: Surface, low: float, high: float) -> Any:
+def _map(name: str, surface: Surface, low: float, high: float) -> Any:
     """A number or texture, checked."""
-    if isinstance(given, Mapping):
-        return dict(given)
-    values = np.asarray(given, float)
+    if isinstance(surface, Mapping):
+        return dict(surface)
+    values = np.asarray(surface, float)
     if values.ndim not in (0, 2) or values.size == 0:
         raise ValueError(
             f"{name} is an array of shape {values.shape}; give a number, a map (rows, columns) "

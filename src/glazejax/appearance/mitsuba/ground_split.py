@@ -13,7 +13,7 @@ from numpy.polynomial import chebyshev
 from ...chebyshev_table import coefficients_from_nodes, roots
 
 
-class Parts(NamedTuple):
+class GroundTerms(NamedTuple):
     """Terms of the reflectance factor over any ground."""
 
     black: Float[np.ndarray, "*batch angles angles"]
@@ -24,14 +24,14 @@ class Parts(NamedTuple):
     """S, thrown back to the ground."""
 
 
-def split(values: Float[np.ndarray, "*batch rows"], angles: int) -> Parts:
-    """Parts from rows of numbers: pairs of angles (the upper triangle) of R0, then T of each angle,
+def split(values: Float[np.ndarray, "*batch rows"], angles: int) -> GroundTerms:
+    """Terms from rows of numbers: pairs of angles (the upper triangle) of R0, then T of each angle,
     then S.
     """
     rows, columns = np.triu_indices(angles)
     black = np.empty((*values.shape[:-1], angles, angles))
     black[..., rows, columns] = black[..., columns, rows] = values[..., : rows.size]
-    return Parts(black, values[..., rows.size : -1], values[..., -1])
+    return GroundTerms(black, values[..., rows.size : -1], values[..., -1])
 
 
 def factor_of(black: Any, through_in: Any, through_out: Any, back: Any, ground: Any) -> Any:

@@ -57,23 +57,23 @@ class Facets:
         """A direction by visible normals, or by the cosine."""
         mi = self._mi
         dr = self._dr
-        lost = self._surface.columns(self._ops, dr.maximum(wi.z, 1e-6))[2]
+        loss = self._surface.columns(self._ops, dr.maximum(wi.z, 1e-6))[2]
         normal, _ = self._facets.sample(wi, sample2)
         return dr.select(
-            sample1 < lost, mi.warp.square_to_cosine_hemisphere(sample2), mi.reflect(wi, normal)
+            sample1 < loss, mi.warp.square_to_cosine_hemisphere(sample2), mi.reflect(wi, normal)
         )
 
     def density(self, wi: Any, wo: Any) -> Any:
         """Of `sample`, in solid angle."""
         mi = self._mi
         dr = self._dr
-        lost = self._surface.columns(self._ops, dr.maximum(wi.z, 1e-6))[2]
+        loss = self._surface.columns(self._ops, dr.maximum(wi.z, 1e-6))[2]
         normal = dr.normalize(wi + wo)
         along = dr.dot(wo, normal)
         single = dr.select(
             along > 0.0, self._facets.pdf(wi, normal) / dr.maximum(4.0 * along, 1e-12), 0.0
         )
-        return lost * mi.warp.square_to_cosine_hemisphere_pdf(wo) + (1.0 - lost) * single
+        return loss * mi.warp.square_to_cosine_hemisphere_pdf(wo) + (1.0 - loss) * single
 
     def value(self, wi: Any, wo: Any) -> Any:
         """BSDF times the cosine of `wo`, both above the surface."""
@@ -87,5 +87,7 @@ class Facets:
             * met
             / dr.maximum(4.0 * wi.z, 1e-12)
         )
-        one, two = (self._surface.columns(self._ops, dr.maximum(w.z, 1e-6))[1] for w in (wi, wo))
-        return single + one * two / self._surface.lost * wo.z
+        missing_in, missing_out = (
+            self._surface.columns(self._ops, dr.maximum(w.z, 1e-6))[1] for w in (wi, wo)
+        )
+        return single + missing_in * missing_out / self._surface.lost * wo.z

@@ -108,31 +108,29 @@ def place_on(ops: Any, axis: Axis | Mirrored, x: Any, count: int) -> Place:
 
 def hermite(t: Any) -> tuple[tuple[Any, Any], tuple[Any, Any]]:
     """Weights of (value, slope) at the lower and at the upper node, slopes in units of a cell."""
-    rest = 1.0 - t
-    return ((1.0 + 2.0 * t) * rest * rest, t * rest * rest), (
+    complement = 1.0 - t
+    return ((1.0 + 2.0 * t) * complement * complement, t * complement * complement), (
         t * t * (3.0 - 2.0 * t),
-        -t * t * rest,
+        -t * t * complement,
     )
 
 
-def nodes_and_weights(
-    places: Sequence[Place], counts: Sequence[int]
-) -> list[tuple[Any, list[Any]]]:
+def nodes_and_weights(spots: Sequence[Place], counts: Sequence[int]) -> list[tuple[Any, list[Any]]]:
     """Nodes around a point, each with the weights of its 2^axes numbers (value, slopes, mixed
     slope).
     """
-    found: list[tuple[Any, list[Any]]] = [(0, [1.0])]
-    for spot, count in zip(places, counts, strict=True):
+    nodes: list[tuple[Any, list[Any]]] = [(0, [1.0])]
+    for spot, count in zip(spots, counts, strict=True):
         sides = hermite(spot.along)
-        found = [
+        nodes = [
             (
                 number * count + (spot.lower + side),
                 [old * new for old in weights for new in sides[side]],
             )
-            for number, weights in found
+            for number, weights in nodes
             for side in (0, 1)
         ]
-    return found
+    return nodes
 
 
 def node_sum(
@@ -172,11 +170,11 @@ def pair_sum(
     out flat.
     """
     total: list[Any] = [0.0] * packets
-    for one, left in ((0, 1.0 - a.along), (1, a.along)):
-        for two, right in ((0, 1.0 - b.along), (1, b.along)):
-            entry = ((a.lower + one) * count + (b.lower + two)) * packets
+    for lower_step, lower_weight in ((0, 1.0 - a.along), (1, a.along)):
+        for upper_step, upper_weight in ((0, 1.0 - b.along), (1, b.along)):
+            entry = ((a.lower + lower_step) * count + (b.lower + upper_step)) * packets
             for p in range(packets):
-                total[p] = total[p] + ops.packet(table, entry + p) * (left * right)
+                total[p] = total[p] + ops.packet(table, entry + p) * (lower_weight * upper_weight)
     return total
 
 

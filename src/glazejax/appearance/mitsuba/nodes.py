@@ -15,7 +15,7 @@ from ...paint.media import Glaze
 from ..glaze.solve import with_variables
 from ..glaze.table import LEAST_COSINE
 from .coats import Axes
-from .ground_split import Parts, factor_of, lagrange
+from .ground_split import GroundTerms, factor_of, lagrange
 from .lookup import NUMPY
 from .surfaces import GlazeSurface, inside
 
@@ -24,7 +24,7 @@ SOLVER = 0.1
 
 
 class Nodes(NamedTuple):
-    """The parts at a few angles, as Chebyshev series over what varies."""
+    """The terms at a few angles, as Chebyshev series over what varies."""
 
     surface: GlazeSurface
     wavelengths: Float[np.ndarray, "bands"]
@@ -33,11 +33,11 @@ class Nodes(NamedTuple):
     axes: dict[str, Axis | Mirrored]
     """Those of "thickness" and "fraction" that vary."""
     coefficients: Float[np.ndarray, "*terms bands rows"]
-    """Of `GlazeSurface.parts`."""
+    """Of `GlazeSurface.terms`."""
     tolerance: float
 
-    def parts(self, coordinates: list[np.ndarray]) -> Parts:
-        """Parts on a tensor grid of coordinates in [-1, 1]: (*grid, bands, angles, angles), ..."""
+    def terms(self, coordinates: list[np.ndarray]) -> GroundTerms:
+        """Terms on a tensor grid of coordinates in [-1, 1]: (*grid, bands, angles, angles), ..."""
         values = self.coefficients
         for k, x in enumerate(coordinates):
             basis = chebyshev.chebvander(x, values.shape[k] - 1)
@@ -46,7 +46,7 @@ class Nodes(NamedTuple):
 
 
 class NodeSolver:
-    """A glaze under a surface, asked for its parts."""
+    """A glaze under a surface, asked for its terms."""
 
     def __init__(self, surface: GlazeSurface, glaze: Glaze, layer: int, tolerance: float):
         self.surface: GlazeSurface = surface
@@ -61,25 +61,28 @@ class NodeSolver:
         stack["substrate_reflectance"] = ground
         return self.surface.factor(stack, cos_in, cos_out, self.tolerance)
 
-    def parts(
+    def terms(
         self, points: dict[str, np.ndarray], cosines: np.ndarray
     ) -> Float[np.ndarray, "points bands rows"]:
-        """Rows of `GlazeSurface.parts`."""
-        return self.surface.parts(self._stack(points), cosines, self.tolerance)
+        """Rows of `GlazeSurface.terms`."""
+        return self.surface.terms(self._stack(points), cosines, self.tolerance)
 
     def _stack(self, points: dict[str, np.ndarray]) -> dict[str, Any]:
-        """Arrays (points or 1, bands, layers)."""
-        made = self._glaze
+        """Albedo and optical thickness of the layers at points, (points or 1, bands, layers)."""
+        glaze = self._glaze
         if points:
-            given = (
+            thickness, fraction = (
                 np.asarray(points[name]) if name in points else None
                 for name in ("thickness", "fraction")
             )
-            made = with_variables(made, self._layer, *given)
-        albedo = np.asarray(made.albedo)
-        depth = np.asarray(made.optical_thickness)
-        both = zip(("albedo", "optical_thickness"), np.broadcast_arrays(albedo, depth), strict=True)
-        return {name: x[None] if x.ndim == 2 else x for name, x in both}
+            glaze = with_variables(glaze, self._layer, thickness, fraction)
+        # Where the thickness alone varies the albedo has no axis of points.
+        albedo, depth = np.broadcast_arrays(
+            np.asarray(glaze.albedo), np.asarray(glaze.optical_thickness)
+        )
+        if albedo.ndim == 2:  # nothing varies: one point
+            albedo, depth = albedo[None], depth[None]
+        return {"albedo": albedo, "optical_thickness": depth}
 
 
 def solve_nodes(
@@ -112,51 +115,53 @@ def solve_nodes(
             wavelengths=bands,
             cosines=cosines,
             axes={},
-            coefficients=solver.parts({}, cosines)[0],
+            coefficients=solver.terms({}, cosines)[0],
             tolerance=tolerance,
         )
-    made = interpolated(
-        lambda **points: solver.parts(points, cosines),
+    interpolant = interpolated(
+        lambda **points: solver.terms(points, cosines),
         ranges,
         tolerance=share,
-        distance=lambda one, two: _distance(solver, cosines, one, two),
+        distance=lambda coarse, fine: _distance(solver, cosines, coarse, fine),
         most_points=most_points,
     )
-    coefficients = np.asarray(made.coefficients).reshape(*made.coefficients.shape[:-1], *made.shape)
+    coefficients = np.asarray(interpolant.coefficients).reshape(
+        *interpolant.coefficients.shape[:-1], *interpolant.shape
+    )
     return Nodes(
         surface=surface,
         wavelengths=bands,
         cosines=cosines,
-        axes=dict(zip(made.names, made.axes, strict=True)),
+        axes=dict(zip(interpolant.names, interpolant.axes, strict=True)),
         coefficients=coefficients,
         tolerance=tolerance,
     )
 
 
 def _distance(
-    solver: NodeSolver, cosines: np.ndarray, one: np.ndarray, two: np.ndarray
+    solver: NodeSolver, cosines: np.ndarray, coarse: np.ndarray, fine: np.ndarray
 ) -> np.ndarray:
     """Largest difference of the reflectance factor over black, grey and white ground, (points,)."""
     weight = error_weight(solver.surface, cosines[:, None], cosines)
-    parts = [solver.surface.expand(values, cosines, solver.tolerance) for values in (one, two)]
-    worst = np.zeros(len(one))
+    terms = [solver.surface.expand(values, cosines, solver.tolerance) for values in (coarse, fine)]
+    largest = np.zeros(len(coarse))
     for ground in (0.0, 0.5, 1.0):
-        a, b = (_over(p, ground) for p in parts)
-        worst = np.maximum(worst, np.max(np.abs(a - b) * weight, axis=(1, 2, 3)))
-    return worst
+        a, b = (_over(p, ground) for p in terms)
+        largest = np.maximum(largest, np.max(np.abs(a - b) * weight, axis=(1, 2, 3)))
+    return largest
 
 
-def _over(parts: Parts, ground: Any) -> np.ndarray:
+def _over(terms: GroundTerms, ground: Any) -> np.ndarray:
     """Reflectance factor (..., angles, angles) over a ground that broadcasts to it."""
-    back = np.clip(parts.back, 0.0, 0.999)[..., None, None]
+    back = np.clip(terms.back, 0.0, 0.999)[..., None, None]
     return factor_of(
-        parts.black, parts.through[..., :, None], parts.through[..., None, :], back, ground
+        terms.black, terms.through[..., :, None], terms.through[..., None, :], back, ground
     )
 
 
-def over(parts: Parts, ground: Any) -> np.ndarray:
+def over(terms: GroundTerms, ground: Any) -> np.ndarray:
     """The same over a number or one for each band."""
-    return _over(parts, np.reshape(ground, (-1, 1, 1)))
+    return _over(terms, np.reshape(ground, (-1, 1, 1)))
 
 
 def error_weight(surface: GlazeSurface, cos_in: np.ndarray, cos_out: np.ndarray) -> np.ndarray:
@@ -186,10 +191,10 @@ def _error_of_nodes(
     def error(cosines: np.ndarray) -> float:
         if not truth:
             truth.append(solver.factor(points, a[:, None], b[:, None], ground[:, None]))
-        parts = solver.surface.expand(solver.parts(points, cosines), cosines, solver.tolerance)
-        found = _at_angles(solver.surface, cosines, parts, a, b, ground)
+        terms = solver.surface.expand(solver.terms(points, cosines), cosines, solver.tolerance)
+        factor = _at_angles(solver.surface, cosines, terms, a, b, ground)
         return SAFETY * float(
-            np.max(np.abs(found - truth[0]) * error_weight(solver.surface, a, b)[:, None])
+            np.max(np.abs(factor - truth[0]) * error_weight(solver.surface, a, b)[:, None])
         )
 
     return error
@@ -198,21 +203,23 @@ def _error_of_nodes(
 def _at_angles(
     surface: GlazeSurface,
     cosines: np.ndarray,
-    parts: Parts,
+    terms: GroundTerms,
     a: np.ndarray,
     b: np.ndarray,
     ground: np.ndarray,
 ) -> np.ndarray:
     """Reflectance factor (points, pairs, bands) at pairs of angles and grounds (pairs,), from the
-    nodes' parts.
+    nodes' terms.
     """
     bases = [lagrange(2.0 * surface.coordinate(NUMPY, x) - 1.0, cosines.size) for x in (a, b)]
-    rho = parts.black / surface.analytic_factor(NUMPY, cosines[:, None], cosines)
+    rho = terms.black / surface.analytic_factor(NUMPY, cosines[:, None], cosines)
     black = np.einsum("pi,...ij,pj->...p", bases[0], rho, bases[1]) * surface.analytic_factor(
         NUMPY, a, b
     )
-    tau = parts.through / surface.let_in(NUMPY, cosines)
-    one, two = (
+    tau = terms.through / surface.let_in(NUMPY, cosines)
+    through_in, through_out = (
         tau @ basis.T * surface.let_in(NUMPY, x) for basis, x in zip(bases, (a, b), strict=True)
     )
-    return np.moveaxis(factor_of(black, one, two, parts.back[..., None], ground), -1, -2)
+    return np.moveaxis(
+        factor_of(black, through_in, through_out, terms.back[..., None], ground), -1, -2
+    )

@@ -154,20 +154,20 @@ def _bands(value: Any) -> Float[np.ndarray, "rows columns bands"]:
 
 def values_of(mi: Any, texture: Any) -> np.ndarray | None:
     """Values that a texture holds, as far as it states them."""
-    held = mi.traverse(texture)
-    for name in held.keys():  # noqa: SIM118
+    entries = mi.traverse(texture)
+    for name in entries.keys():  # noqa: SIM118
         if name.rpartition(".")[2] in ("data", "value"):
-            return np.array(held[name], float)
+            return np.array(entries[name], float)
     return None
 
 
-def _range(mi: Any, given: Any) -> tuple[float, float]:
+def _range(mi: Any, value: Any) -> tuple[float, float]:
     """Smallest and largest value; NaN if there is one."""
-    if given is None:
+    if value is None:
         return 0.0, 0.0
-    if isinstance(given, float):
-        return given, given
-    values = given if isinstance(given, np.ndarray) else values_of(mi, given)
+    if isinstance(value, float):
+        return value, value
+    values = value if isinstance(value, np.ndarray) else values_of(mi, value)
     if values is None or values.size == 0:
         return 0.0, 0.0
     return float(values.min()), float(values.max())

@@ -42,8 +42,8 @@ def _register(mi: Any) -> None:
     """In the current variant: one without spectra gets it too, and says at load what it lacks."""
     # Mitsuba's classes take no second base, so the methods are copied.
     methods = {
-        name: part
-        for name, part in vars(GlazeBSDF).items()
+        name: attribute
+        for name, attribute in vars(GlazeBSDF).items()
         if name not in ("__dict__", "__weakref__")
     }
     kind = type("Glaze", (mi.BSDF,), methods)

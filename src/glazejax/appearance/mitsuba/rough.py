@@ -23,7 +23,7 @@ from ...radiative.rough.body import Surface as Resolved
 from ...radiative.rough.resolution import FINEST, resolve
 from ...spectra import Numbers
 from . import lookup
-from .ground_split import Parts, evenly, lagrange, split
+from .ground_split import GroundTerms, evenly, lagrange, split
 from .lookup import NUMPY, Arithmetic
 from .surfaces import by_blocks, in_blocks
 
@@ -44,21 +44,25 @@ class Rough:
         self.refractive_index: float = refractive_index
         self.roughness: float = roughness
         self._resolved = resolve(refractive_index, roughness, FINEST)
-        made = self._resolved.operators().table
-        assert made is not None
-        self._turn = float(made.turn)
-        given: dict[str, Any] = {"refractive_index": refractive_index, "roughness": roughness}
-        self.lost: float = loss_constant(**given)
+        air_table = self._resolved.operators().table
+        assert air_table is not None
+        self._turn = float(air_table.turn)
+        arguments: dict[str, Any] = {"refractive_index": refractive_index, "roughness": roughness}
+        self.lost: float = loss_constant(**arguments)
         cosines = np.maximum(self.cosine(np.linspace(0.0, 1.0, _STEPS)), 1e-6)
         albedo, loss = (
-            np.asarray(f(cosines, **given), float) for f in (surface_albedo, surface_loss)
+            np.asarray(f(cosines, **arguments), float) for f in (surface_albedo, surface_loss)
         )
         # How much of what single facets lose comes back to the air.
         fine, weights = gauss(64)
         back = (
             float(
                 np.sum(
-                    2.0 * np.pi * weights * fine * np.asarray(surface_loss(fine, **given), float)
+                    2.0
+                    * np.pi
+                    * weights
+                    * fine
+                    * np.asarray(surface_loss(fine, **arguments), float)
                 )
             )
             / self.lost
@@ -102,19 +106,23 @@ class Rough:
         """Nodes between which the functions of the angle are polynomials, which costs no
         solution.
         """
-        made = self._resolved.operators()
+        rough_operators = self._resolved.operators()
         between = self.cosine(np.linspace(0.0, 1.0, 301)[1:])
-        exact = np.asarray(made.enters(between), float)
+        exact = np.asarray(rough_operators.enters(between), float)
         cosines = np.zeros(0)
         for count in _ANGLE_NODES:
             cosines = self.cosine(evenly(count))
             basis = lagrange(2.0 * self.coordinate(NUMPY, between) - 1.0, count)
-            off = np.abs(basis @ np.asarray(made.enters(cosines), float) - exact).sum(axis=1).max()
+            off = (
+                np.abs(basis @ np.asarray(rough_operators.enters(cosines), float) - exact)
+                .sum(axis=1)
+                .max()
+            )
             if off <= tolerance:
                 break
         return cosines
 
-    def parts(self, stack: dict[str, Any], cosines: np.ndarray, tolerance: float) -> np.ndarray:
+    def terms(self, stack: dict[str, Any], cosines: np.ndarray, tolerance: float) -> np.ndarray:
         """R0, T and S on the functions of the angle, one row a stack: (..., rows), see
         `nodes.split`.
         """
@@ -124,25 +132,27 @@ class Rough:
         )
         shape = albedo.shape[:-1]
         rows = [x.reshape(-1, albedo.shape[-1]) for x in (albedo, depth)]
-        found = by_blocks(lambda *batch: _parts(*batch, surface), rows, 256)
-        return np.asarray(found, float).reshape(*shape, -1)
+        solved = by_blocks(lambda *batch: _terms(*batch, surface), rows, 256)
+        return np.asarray(solved, float).reshape(*shape, -1)
 
-    def expand(self, values: np.ndarray, cosines: np.ndarray, tolerance: float) -> Parts:
+    def expand(self, values: np.ndarray, cosines: np.ndarray, tolerance: float) -> GroundTerms:
         """From the functions of the angle to the angles."""
-        made = resolve(self.refractive_index, self.roughness, max(tolerance, FINEST)).operators()
-        enters = np.asarray(made.enters(cosines), float)
-        parts = split(values, made.basis.cosines.size)
-        return Parts(enters @ parts.black @ enters.T, parts.through @ enters.T, parts.back)
+        rough_operators = resolve(
+            self.refractive_index, self.roughness, max(tolerance, FINEST)
+        ).operators()
+        enters = np.asarray(rough_operators.enters(cosines), float)
+        terms = split(values, rough_operators.basis.cosines.size)
+        return GroundTerms(enters @ terms.black @ enters.T, terms.through @ enters.T, terms.back)
 
     def on(self, upload: Callable[[np.ndarray], Any]) -> "Rough":
         """With its table as `Arithmetic.packet` takes it."""
-        other = copy.copy(self)
-        other.table = upload(self.table)
-        return other
+        uploaded = copy.copy(self)
+        uploaded.table = upload(self.table)
+        return uploaded
 
 
 @functools.partial(jax.jit, static_argnums=2)
-def _parts(albedo: Array, depth: Array, surface: Resolved) -> Float[Array, "stacks rows"]:
+def _terms(albedo: Array, depth: Array, surface: Resolved) -> Float[Array, "stacks rows"]:
     """R0 (upper triangle), T and S of stacks, on the functions of the angle; see
     `radiative.rough.ports`.
     """
@@ -169,7 +179,7 @@ def _parts(albedo: Array, depth: Array, surface: Resolved) -> Float[Array, "stac
         from_ground=jnp.stack([white, white], axis=1),
     )
     value, back = jax.vjp(
-        lambda given: reflectance(lit._replace(enters=given), surface), lit.enters
+        lambda enters: reflectance(lit._replace(enters=enters), surface), lit.enters
     )
     (slopes,) = back(jnp.ones_like(value))
     slopes = slopes.reshape(stacks, pairs + 1, 2, n)

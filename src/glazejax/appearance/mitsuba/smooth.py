@@ -9,7 +9,7 @@ from jaxtyping import Float
 from ...radiative.stack import stack_reflectance_factor
 from ...spectra import Numbers
 from ..glaze.interpolation import LEAST_SUM
-from .ground_split import Parts, evenly, split
+from .ground_split import GroundTerms, evenly, split
 from .lookup import Arithmetic
 from .surfaces import in_blocks, inside
 
@@ -73,7 +73,7 @@ class Smooth:
                 break
         return cosines
 
-    def parts(
+    def terms(
         self, stack: dict[str, Any], cosines: np.ndarray, tolerance: float
     ) -> Float[np.ndarray, "*stacks rows"]:
         """R0 of all pairs of angles, T of each and S, from three levels of the ground."""
@@ -83,22 +83,22 @@ class Smooth:
         first = np.concatenate([rows, np.arange(n), [n - 1]])
         second = np.concatenate([columns, np.arange(n), [n - 1]])
         ground = np.concatenate([np.zeros(rows.size), np.ones(n), [0.5]])
-        one = {name: np.asarray(x)[..., None, :] for name, x in stack.items()}
-        one["substrate_reflectance"] = ground
-        found = self.factor(one, cosines[first], cosines[second], tolerance)
-        black = found[..., : rows.size]
+        with_ground = {name: np.asarray(x)[..., None, :] for name, x in stack.items()}
+        with_ground["substrate_reflectance"] = ground
+        factor_values = self.factor(with_ground, cosines[first], cosines[second], tolerance)
+        black = factor_values[..., : rows.size]
         diagonal = black[..., rows == columns]
-        full = np.maximum(found[..., rows.size : -1] - diagonal, 0.0)
-        half = found[..., -1] - diagonal[..., -1]
+        full = np.maximum(factor_values[..., rows.size : -1] - diagonal, 0.0)
+        half = factor_values[..., -1] - diagonal[..., -1]
         # Where no light reaches the ground and comes back, what the ground sees does not matter.
-        known = full[..., -1] > 0.0
+        determined = full[..., -1] > 0.0
         # From T T/(1 - S) and .5 T T/(1 - .5 S).
-        ratio = np.where(known, half, 0.4) / np.where(known, full[..., -1], 1.0)
-        back = np.where(known, np.clip((1.0 - 2.0 * ratio) / (1.0 - ratio), 0.0, 1.0), np.nan)
+        ratio = np.where(determined, half, 0.4) / np.where(determined, full[..., -1], 1.0)
+        back = np.where(determined, np.clip((1.0 - 2.0 * ratio) / (1.0 - ratio), 0.0, 1.0), np.nan)
         back = _fill_unknown(back.reshape(-1, back.shape[-1])).reshape(back.shape)[..., None]
         return np.concatenate([black, np.sqrt(full * (1.0 - back)), back], axis=-1)
 
-    def expand(self, values: np.ndarray, cosines: np.ndarray, tolerance: float) -> Parts:
+    def expand(self, values: np.ndarray, cosines: np.ndarray, tolerance: float) -> GroundTerms:
         """They are those of the nodes as they are."""
         return split(values, cosines.size)
 
@@ -112,11 +112,13 @@ def _fill_unknown(back: Float[np.ndarray, "points bands"]) -> Float[np.ndarray, 
     gets through.
     """
     for band in back.T:
-        known = np.flatnonzero(np.isfinite(band))
+        determined = np.flatnonzero(np.isfinite(band))
         unknown = np.flatnonzero(~np.isfinite(band))
         if unknown.size:
             near = (
-                known[np.abs(known[None] - unknown[:, None]).argmin(axis=1)] if known.size else None
+                determined[np.abs(determined[None] - unknown[:, None]).argmin(axis=1)]
+                if determined.size
+                else None
             )
             band[unknown] = 0.0 if near is None else band[near]
     return back

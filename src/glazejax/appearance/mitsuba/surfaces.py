@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ...spectra import Numbers
-from .ground_split import Parts
+from .ground_split import GroundTerms
 from .lookup import Arithmetic
 
 
@@ -46,17 +46,17 @@ class GlazeSurface(Protocol):
         ...
 
     def angles(self, error: Callable[[np.ndarray], float], tolerance: float) -> np.ndarray:
-        """Cosines in air of as many nodes (`parts.evenly`) as it takes; `error` tries some."""
+        """Cosines in air of as many nodes (`evenly`) as it takes; `error` tries some."""
         ...
 
-    def parts(self, stack: dict[str, Any], cosines: np.ndarray, tolerance: float) -> np.ndarray:
-        """Numbers (*stacks, rows) that hold `Parts`; stacks are albedo and optical_thickness,
+    def terms(self, stack: dict[str, Any], cosines: np.ndarray, tolerance: float) -> np.ndarray:
+        """Numbers (*stacks, rows) that hold `GroundTerms`; stacks are albedo and optical_thickness,
         (*stacks, layers).
         """
         ...
 
-    def expand(self, values: np.ndarray, cosines: np.ndarray, tolerance: float) -> Parts:
-        """`Parts` at the nodes from sums of those numbers."""
+    def expand(self, values: np.ndarray, cosines: np.ndarray, tolerance: float) -> GroundTerms:
+        """`GroundTerms` at the nodes from sums of those numbers."""
         ...
 
     def on(self, upload: Callable[[np.ndarray], Any]) -> "GlazeSurface":
@@ -80,16 +80,16 @@ def in_blocks(
     albedo, depth = np.broadcast_arrays(
         *(np.asarray(stack[k]) for k in ("albedo", "optical_thickness"))
     )
-    others = [np.asarray(x, float) for x in (stack["substrate_reflectance"], cos_in, cos_out)]
-    shape = np.broadcast_shapes(albedo.shape[:-1], *(x.shape for x in others))
+    ends = [np.asarray(x, float) for x in (stack["substrate_reflectance"], cos_in, cos_out)]
+    shape = np.broadcast_shapes(albedo.shape[:-1], *(x.shape for x in ends))
     layers = [
         np.broadcast_to(x, (*shape, x.shape[-1])).reshape(-1, x.shape[-1]) for x in (albedo, depth)
     ]
-    rows = [*layers, *(np.broadcast_to(x, shape).reshape(-1) for x in others)]
-    given = {"refractive_index": refractive_index, "tolerance": tolerance}
+    rows = [*layers, *(np.broadcast_to(x, shape).reshape(-1) for x in ends)]
+    options = {"refractive_index": refractive_index, "tolerance": tolerance}
 
-    def solve_rows(albedo: np.ndarray, depth: np.ndarray, *rest: np.ndarray) -> Any:
-        return solve(albedo, depth, **dict(zip(names, rest, strict=True)), **given)
+    def solve_rows(albedo: np.ndarray, depth: np.ndarray, *ground_and_cosines: np.ndarray) -> Any:
+        return solve(albedo, depth, **dict(zip(names, ground_and_cosines, strict=True)), **options)
 
     return by_blocks(solve_rows, rows, block).reshape(shape)
 
@@ -98,11 +98,11 @@ def by_blocks(
     solve: Callable[..., Any], rows: Sequence[Float[np.ndarray, "rows ..."]], block: int
 ) -> Float[np.ndarray, "rows ..."]:
     """Solutions of rows, in blocks of one size; the first rows fill up the last block."""
-    found = []
+    results = []
     for start in range(0, len(rows[0]), block):
         batch = (np.resize(x[start : start + block], (block, *x.shape[1:])) for x in rows)
-        found.append(np.asarray(solve(*batch)))
-    return np.concatenate(found)[: len(rows[0])]
+        results.append(np.asarray(solve(*batch)))
+    return np.concatenate(results)[: len(rows[0])]
 
 
 def inside(ops: Arithmetic, cosine: Any, refractive_index: float) -> Any:

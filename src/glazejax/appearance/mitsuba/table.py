@@ -84,7 +84,7 @@ class Body:
     @property
     def bytes(self) -> int:
         """Memory of the tables."""
-        kept = (
+        tables = (
             self.pairs,
             self.pair_weights,
             self.lines,
@@ -92,7 +92,7 @@ class Body:
             self.mean_weights,
             self.albedo_shapes,
         )
-        return sum(table.nbytes for table in kept if table is not None)
+        return sum(table.nbytes for table in tables if table is not None)
 
     def __repr__(self) -> str:
         axes = "".join(f", {n} {name}" for n, name in zip(self.counts, self.axes, strict=True))
@@ -104,11 +104,11 @@ class Body:
 
 def nodes_at(ops: Arithmetic, body: Body, varying: dict[str, Any]) -> list[tuple[Any, list[Any]]]:
     """Nodes and weights of `lookup` for the values of the body's axes."""
-    places = [
+    axis_spots = [
         lookup.place_on(ops, axis, varying[name], count)
         for (name, axis), count in zip(body.axes.items(), body.counts, strict=True)
     ]
-    return lookup.nodes_and_weights(places, body.counts)
+    return lookup.nodes_and_weights(axis_spots, body.counts)
 
 
 def band_at(ops: Arithmetic, body: Body, wavelength: Any) -> Place:
@@ -195,11 +195,11 @@ def at_point(
         ground: its reflectance at each of the wavelengths; None for a body that has its own.
     """
     nodes = nodes_at(ops, body, varying)
-    places = [band_at(ops, body, wavelength) for wavelength in wavelengths]
+    bands = [band_at(ops, body, wavelength) for wavelength in wavelengths]
 
     def of_all(weights: Any, packets: int) -> list[list[Any]]:
         return [
-            lookup.spectral_sum(ops, weights, nodes, packets, band, body.bands) for band in places
+            lookup.spectral_sum(ops, weights, nodes, packets, band, body.bands) for band in bands
         ]
 
     lines = None if body.lines is None else of_all(body.line_weights, body.packets[1] + 1)
@@ -207,20 +207,22 @@ def at_point(
 
 
 def reflectance_factor(
-    ops: Arithmetic, body: Body, here: PointWeights, cos_in: Any, cos_out: Any
+    ops: Arithmetic, body: Body, point: PointWeights, cos_in: Any, cos_out: Any
 ) -> list[Any]:
     """Reflectance factor of the body at each wavelength of `at_point`; cosines in air, above 0."""
     a, b = (angle_at(ops, body, cosine) for cosine in (cos_in, cos_out))
     shapes = lookup.pair_sum(ops, body.pairs, a, b, body.angles, body.packets[0])
-    known = body.surface.analytic_factor(ops, cos_in, cos_out)
-    found = [_dots(ops, shapes, weights) * known for weights in here.pairs]
-    if here.lines is not None and here.ground is not None:
-        one, two = (lookup.line_sum(ops, body.lines, angle, body.packets[1]) for angle in (a, b))
+    analytic = body.surface.analytic_factor(ops, cos_in, cos_out)
+    values = [_dots(ops, shapes, weights) * analytic for weights in point.pairs]
+    if point.lines is not None and point.ground is not None:
+        line_in, line_out = (
+            lookup.line_sum(ops, body.lines, angle, body.packets[1]) for angle in (a, b)
+        )
         let_in = body.surface.let_in(ops, cos_in) * body.surface.let_in(ops, cos_out)
-        for k, ((*weights, last), ground) in enumerate(zip(here.lines, here.ground, strict=True)):
-            through = _dots(ops, one, weights) * _dots(ops, two, weights) * let_in
-            found[k] = factor_of(found[k], through, 1.0, last[0], ground)
-    return [ops.maximum(value, 0.0) for value in found]
+        for k, ((*weights, last), ground) in enumerate(zip(point.lines, point.ground, strict=True)):
+            through = _dots(ops, line_in, weights) * _dots(ops, line_out, weights) * let_in
+            values[k] = factor_of(values[k], through, 1.0, last[0], ground)
+    return [ops.maximum(value, 0.0) for value in values]
 
 
 def mean_albedo(ops: Arithmetic, body: Body, cos_in: Any, varying: dict[str, Any]) -> Any:
@@ -232,50 +234,52 @@ def mean_albedo(ops: Arithmetic, body: Body, cos_in: Any, varying: dict[str, Any
     return ops.clip(_dots(ops, shapes, weights) * body.surface.let_in(ops, cos_in), 0.0, 1.0)
 
 
-def _dots(ops: Arithmetic, one: list[Any], two: list[Any]) -> Any:
-    return sum(ops.dot(a, b) for a, b in zip(one, two, strict=True))
+def _dots(ops: Arithmetic, first: list[Any], second: list[Any]) -> Any:
+    return sum(ops.dot(a, b) for a, b in zip(first, second, strict=True))
 
 
 def _compress(nodes: Nodes, ground: np.ndarray | None, mean_ground: float) -> Body:
     """Shapes and their weights, from the solver's nodes."""
     surface = nodes.surface
     n = nodes.cosines.size
-    known = surface.analytic_factor(NUMPY, nodes.cosines[:, None], nodes.cosines) * np.ones((n, n))
+    analytic = surface.analytic_factor(NUMPY, nodes.cosines[:, None], nodes.cosines) * np.ones(
+        (n, n)
+    )
     exact = fold(nodes, ground)
     dim = fold(nodes, mean_ground if ground is None else ground)
     dim = dim.mean(axis=-2, keepdims=True)
     # Shares of the tolerance: shapes left out, distances between angles and between nodes.
     left_out = 0.1 * nodes.tolerance
     limit = 0.05 * nodes.tolerance
-    shapes, onto = _basis([exact, dim], known.ravel(), left_out)
+    shapes, onto = _basis([exact, dim], analytic.ravel(), left_out)
     weights, means = (_series(values @ onto, len(nodes.axes)) for values in (exact, dim))
     squares = shapes.reshape(-1, n, n)
     # Symmetric to the last digit.
     squares = 0.5 * (squares + np.swapaxes(squares, 1, 2))
-    count = _angle_count(squares, known, weights, limit)
+    count = _angle_count(squares, analytic, weights, limit)
     to_grid = lagrange(np.linspace(-1.0, 1.0, count), n)
     lines = through = None
     if ground is None:
         tall = surface.let_in(NUMPY, nodes.cosines) * np.ones(n)
-        tau = nodes.parts(_extrema(nodes)).through / tall
+        tau = nodes.terms(_extrema(nodes)).through / tall
         across, onto_lines = _basis([tau], tall, left_out)
         lines = _pack(to_grid @ across.T)
-        back = nodes.parts(_extrema(nodes)).back[..., None]
+        back = nodes.terms(_extrema(nodes)).back[..., None]
         through = _series(np.concatenate([_pad(tau @ onto_lines), back], axis=-1), len(nodes.axes))
     # All kept series must do between the nodes; what the ground sees counts more, as light goes
     # back and forth.
-    worst = np.max(known) * np.max(np.abs(shapes), axis=-1)
-    counts = tuple(_line_count(weights * worst, k, limit) for k in range(len(nodes.axes)))
+    peak = np.max(analytic) * np.max(np.abs(shapes), axis=-1)
+    counts = tuple(_line_count(weights * peak, k, limit) for k in range(len(nodes.axes)))
     if through is not None:
         counts = tuple(max(c, _line_count(through, k, limit)) for k, c in enumerate(counts))
     cosines, measure = _hemisphere()
     onto_sphere = lagrange(2.0 * surface.coordinate(NUMPY, cosines) - 1.0, n) * measure[:, None]
     # Without what it lets in, which is not straight between nodes where light grazes.
     steps = np.maximum(surface.cosine(np.linspace(0.0, 1.0, count)), 1e-6)
-    rest = surface.analytic_factor(NUMPY, steps[:, None], cosines) / surface.let_in(
+    remainder = surface.analytic_factor(NUMPY, steps[:, None], cosines) / surface.let_in(
         NUMPY, steps[:, None]
     )
-    sphere = (rest * np.ones((count, cosines.size))) @ onto_sphere
+    sphere = (remainder * np.ones((count, cosines.size))) @ onto_sphere
     albedo = np.einsum("ai,aj,kij->ak", to_grid, sphere, squares)
     pairs = np.einsum("ai,bj,kij->abk", to_grid, to_grid, squares)
     return Body(
@@ -298,8 +302,8 @@ def fold(nodes: Nodes, ground: Any) -> Float[np.ndarray, "*nodes bands pairs"]:
     """Remainder of the reflectance factor without its known part, on Chebyshev's nodes; black
     without a ground.
     """
-    parts = nodes.parts(_extrema(nodes))
-    values = over(parts, 0.0 if ground is None else ground) / nodes.surface.analytic_factor(
+    terms = nodes.terms(_extrema(nodes))
+    values = over(terms, 0.0 if ground is None else ground) / nodes.surface.analytic_factor(
         NUMPY, nodes.cosines[:, None], nodes.cosines
     )
     return values.reshape(*values.shape[:-2], -1)
@@ -328,10 +332,10 @@ def _basis(
     weighed = np.concatenate([values.reshape(-1, weights.size) for values in rows]) * weights
     # The matrix of all pairs of angles is large; a glaze that nothing varies has a few rows, one a
     # band.
-    few = len(weighed) < weights.size
+    fewer_rows = len(weighed) < weights.size
     vectors = (
         np.linalg.svd(weighed, full_matrices=False)[2].T
-        if few
+        if fewer_rows
         else np.linalg.eigh(weighed.T @ weighed)[1][:, ::-1]
     )
     vectors = _pad(vectors)
@@ -345,11 +349,11 @@ def _basis(
 
 
 def _angle_count(
-    squares: np.ndarray, known: np.ndarray, weights: np.ndarray, tolerance: float
+    squares: np.ndarray, analytic: np.ndarray, weights: np.ndarray, tolerance: float
 ) -> int:
     """Nodes of an angle, between which shapes are close to straight."""
     n = squares.shape[-1]
-    size = np.abs(weights).reshape(-1, weights.shape[-1]).max(axis=0) * known.max()
+    size = np.abs(weights).reshape(-1, weights.shape[-1]).max(axis=0) * analytic.max()
     for count in _ANGLES:
         nodes = np.linspace(-1.0, 1.0, count)
         ends = lagrange(nodes, n)
@@ -386,22 +390,22 @@ def _hermite_numbers(series: np.ndarray, counts: tuple[int, ...]) -> np.ndarray:
     """Values and slopes (in cells) on even grids, (nodes, bands, 2^axes, channels), from series
     (*terms, bands, ..).
     """
-    found = [series]
+    numbers = [series]
     for k, count in enumerate(counts):
         x = np.linspace(-1.0, 1.0, count)
 
         def along(values: np.ndarray, k: int = k, x: np.ndarray = x, *, slope: bool) -> np.ndarray:
-            moved = np.moveaxis(values, k, 0)
-            flat = moved.reshape(len(moved), -1)
+            swapped = np.moveaxis(values, k, 0)
+            flat = swapped.reshape(len(swapped), -1)
             new = (
                 (_slopes(x, flat) * (x[1] - x[0]))
                 if slope
                 else chebyshev.chebvander(x, len(flat) - 1) @ flat
             )
-            return np.moveaxis(new.reshape(x.size, *moved.shape[1:]), 0, k)
+            return np.moveaxis(new.reshape(x.size, *swapped.shape[1:]), 0, k)
 
-        found = [along(values, slope=slope) for values in found for slope in (False, True)]
-    stacked = np.stack(found, axis=-2)
+        numbers = [along(values, slope=slope) for values in numbers for slope in (False, True)]
+    stacked = np.stack(numbers, axis=-2)
     return stacked.reshape(-1, *stacked.shape[-3:])
 
 
@@ -438,10 +442,12 @@ def _error(body: Body, solver: NodeSolver, ground: np.ndarray | None) -> float:
     drawn = rng.random(count)
     # One stack for all checks, or one for each.
     wide = (slice(None), None, None) if points else (slice(None), None)
-    level = drawn[wide] if ground is None else ground
-    truth = solver.factor(points, a[wide], b[wide], level).reshape(count, -1)
+    ground_values = drawn[wide] if ground is None else ground
+    truth = solver.factor(points, a[wide], b[wide], ground_values).reshape(count, -1)
     waves = [np.full(count, w) for w in body.wavelengths]
-    given = None if ground is not None else [drawn] * body.bands
-    here = at_point(NUMPY, body, points, waves, given)
-    found = np.stack(reflectance_factor(NUMPY, body, here, a, b), axis=-1)
-    return SAFETY * float(np.max(np.abs(found - truth) * error_weight(body.surface, a, b)[:, None]))
+    point_ground = None if ground is not None else [drawn] * body.bands
+    point = at_point(NUMPY, body, points, waves, point_ground)
+    factor = np.stack(reflectance_factor(NUMPY, body, point, a, b), axis=-1)
+    return SAFETY * float(
+        np.max(np.abs(factor - truth) * error_weight(body.surface, a, b)[:, None])
+    )

@@ -55,13 +55,13 @@ def usable_variant() -> str:
     require("mitsuba")
     import mitsuba as mi  # pyright: ignore[reportMissingImports]
 
-    there = [variant for variant in SPECTRAL if variant in mi.variants()]
-    if not there:
-        known = ", ".join(mi.variants())
+    available = [variant for variant in SPECTRAL if variant in mi.variants()]
+    if not available:
+        names = ", ".join(mi.variants())
         raise ValueError(
-            f"this Mitsuba has no spectral variant ({' or '.join(SPECTRAL)}), only {known}"
+            f"this Mitsuba has no spectral variant ({' or '.join(SPECTRAL)}), only {names}"
         )
-    return next((variant for variant in there[:-1] if works(variant)), there[-1])
+    return next((variant for variant in available[:-1] if works(variant)), available[-1])
 
 
 def check_llvm(variant: str | None) -> None:
@@ -105,10 +105,10 @@ def spectral_variant() -> Iterator[str]:
         check_llvm(before)
         yield str(before)
         return
-    found = usable_variant()
-    mi.set_variant(found)
+    variant = usable_variant()
+    mi.set_variant(variant)
     try:
-        yield found
+        yield variant
     finally:
         if before is not None:
             mi.set_variant(before)

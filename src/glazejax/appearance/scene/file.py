@@ -258,7 +258,7 @@ def _build(table: TomlTable, kind: Callable[..., Any], **values: Any) -> Any:
 def _wavelengths(text: str) -> Float[np.ndarray, "bands"]:
     """Bands of the scene: FROM:TO:STEP in nm, both ends included."""
     try:
-        start, end, step = (float(part) for part in text.split(":"))
+        start, end, step = (float(number) for number in text.split(":"))
     except ValueError:
         raise ValueError(f"{text!r} is not FROM:TO:STEP in nm, such as 400:700:10") from None
     if not (0 < start < end < 1e5 and 0.5 <= step <= end - start):
@@ -371,13 +371,13 @@ def _shape(table: TomlTable, materials: Iterable[str], folder: Path) -> Shape:
     return _solid(table, shape, material, relief)
 
 
-def describe(found: SceneFile) -> str:
+def describe(loaded: SceneFile) -> str:
     """One line: what is in it."""
-    scene = found.scene
+    scene = loaded.scene
     counts = ((scene.shapes, "object"), (scene.materials, "material"), (scene.lights, "light"))
-    parts = [
-        *(f"{len(each)} {word}{'s' * (len(each) != 1)}" for each, word in counts),
+    phrases = [
+        *(f"{len(group)} {word}{'s' * (len(group) != 1)}" for group, word in counts),
         f"{scene.width} x {scene.height} pixels",
         describe_grid(np.asarray(scene.wavelengths)),
     ]
-    return ", ".join(parts)
+    return ", ".join(phrases)

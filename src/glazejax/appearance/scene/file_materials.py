@@ -187,8 +187,8 @@ def read_grey(path: Path, *, heights: bool = False) -> Float[np.ndarray, "h w"]:
     from PIL import Image
 
     try:
-        with Image.open(path) as found:
-            width, height = found.size
+        with Image.open(path) as loaded:
+            width, height = loaded.size
     except Exception as error:  # Pillow raises many kinds
         raise refusal(path, f"not a picture that can be read ({type(error).__name__})") from None
     if width * height > _MAX_PIXELS:
@@ -243,18 +243,19 @@ def _measured_material(
 ) -> Float[np.ndarray, "bands"]:
     from ...io import read_sample
 
-    found = read_sample(text, folder=folder)
-    own = found.wavelengths
-    if own[0] > grid[0] + 1e-6 or own[-1] < grid[-1] - 1e-6:
+    sample = read_sample(text, folder=folder)
+    bands = sample.wavelengths
+    if bands[0] > grid[0] + 1e-6 or bands[-1] < grid[-1] - 1e-6:
         raise ValueError(
-            f"{text} is known at {describe_grid(own)} only, but the scene has {describe_grid(grid)}"
+            f"{text} is known at {describe_grid(bands)} only, but the scene has "
+            f"{describe_grid(grid)}"
         )
-    values = np.asarray(resample(own, found.reflectance[0], grid), float)
-    worst = int(values.argmax())
-    most = f"{text} reflects {values[worst]:.4g} at {grid[worst]:g} nm"
+    values = np.asarray(resample(bands, sample.reflectance[0], grid), float)
+    brightest = int(values.argmax())
+    most = f"{text} reflects {values[brightest]:.4g} at {grid[brightest]:g} nm"
     # What a measured white may reach by noise and calibration.
-    if values[worst] > 1.05:
+    if values[brightest] > 1.05:
         raise ValueError(f"{most}, but a material reflects 1 at most: scale the spectrum")
-    if values[worst] > 1:
+    if values[brightest] > 1:
         table.note(key, f"{most}, taken as noise: values above 1 became 1")
     return np.clip(values, 0.0, 1.0)

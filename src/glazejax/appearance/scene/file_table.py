@@ -75,16 +75,16 @@ class TomlTable:
 
     def where(self, key: str = "") -> str:
         """Words for a place in the file."""
-        parts = [self.file, f"[{self.name}]" if self.name else "", key]
-        return " ".join(part for part in parts if part)
+        pieces = [self.file, f"[{self.name}]" if self.name else "", key]
+        return " ".join(piece for piece in pieces if piece)
 
-    def note(self, key: str, words: str) -> None:
+    def note(self, key: str, remark: str) -> None:
         """Say what was changed at a key."""
-        self.notes.append(f"{self.where(key)}: {words}")
+        self.notes.append(f"{self.where(key)}: {remark}")
 
-    def error(self, key: str, words: str) -> ValueError:
+    def error(self, key: str, problem: str) -> ValueError:
         """An error at a key."""
-        return refusal(self.where(key), words)
+        return refusal(self.where(key), problem)
 
     @contextmanager
     def blame(self, key: str = "") -> Iterator[None]:
@@ -105,7 +105,7 @@ class TomlTable:
         kind = kinds[0]
         tag = kind.__struct_config__.tag_field
         if tag is not None:
-            tags = {str(each.__struct_config__.tag): each for each in kinds}
+            tags = {str(kind.__struct_config__.tag): kind for kind in kinds}
             self._require(tag, f"one of {', '.join(tags)}")
             kind = tags[self.choice(tag, self.content[tag], tags)]
         fields = {field.encode_name: field for field in msgspec.structs.fields(kind)}
@@ -126,8 +126,8 @@ class TomlTable:
             value = self.content[key]
             if get_origin(fields[key].type) is Literal:
                 self.choice(key, value, get_args(fields[key].type))
-            words = f"must be {_description(fields[key].type)}, not {value!r}"
-            raise self.error(key, words) from None
+            problem = f"must be {_description(fields[key].type)}, not {value!r}"
+            raise self.error(key, problem) from None
 
     def choice(self, key: str, value: Any, choices: Iterable[str]) -> str:
         """A value that must be one of several texts.

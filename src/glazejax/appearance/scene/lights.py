@@ -153,19 +153,19 @@ def measured_lamp(
             "them",
         )
     table = np.sort(np.atleast_1d(table), order=titles[0])
-    found = {title: table[title] for title in titles[1:]}
-    own = table[titles[0]]
-    if not name and len(found) > 1:
+    lamps = {title: table[title] for title in titles[1:]}
+    bands = table[titles[0]]
+    if not name and len(lamps) > 1:
         raise ValueError(
-            f"{path} holds {len(found)} lamps: choose one, as {path}:{next(iter(found))}"
+            f"{path} holds {len(lamps)} lamps: choose one, as {path}:{next(iter(lamps))}"
         )
-    if name and name not in found:
-        raise ValueError(f"{path} holds no lamp {name!r}; there are {', '.join(list(found)[:6])}")
-    power = found[name or next(iter(found))]
-    wrong = ~(np.isfinite(own) & np.isfinite(power))
+    if name and name not in lamps:
+        raise ValueError(f"{path} holds no lamp {name!r}; there are {', '.join(list(lamps)[:6])}")
+    power = lamps[name or next(iter(lamps))]
+    wrong = ~(np.isfinite(bands) & np.isfinite(power))
     if wrong.any():
-        raise refusal(path, f"the lamp lacks a number at {own[wrong][0]:g} nm, or that is none")
-    return lamp_on_bands(own, power, wavelengths, strength, words=f"the lamp in {path}")
+        raise refusal(path, f"the lamp lacks a number at {bands[wrong][0]:g} nm, or that is none")
+    return lamp_on_bands(bands, power, wavelengths, strength, words=f"the lamp in {path}")
 
 
 def lamp_on_bands(

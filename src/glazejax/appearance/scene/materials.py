@@ -66,10 +66,10 @@ class Material(eqx.Module):
                     f"{what} of material {name!r} has shape {np.shape(spectrum)}, but the scene "
                     f"has {describe_grid(wavelengths)}"
                 )
-            known = concrete(spectrum)
-            if known is not None and not np.all((known >= 0) & np.isfinite(known)):
+            numbers = concrete(spectrum)
+            if numbers is not None and not np.all((numbers >= 0) & np.isfinite(numbers)):
                 raise ValueError(
-                    f"{what} of material {name!r} holds {float(np.min(known)):g}; it must be 0 "
+                    f"{what} of material {name!r} holds {float(np.min(numbers)):g}; it must be 0 "
                     "or more"
                 )
 
@@ -156,10 +156,10 @@ class Phong(Material):
         """
         super().check(name, wavelengths)
         for what, value in (("specular", self.specular), ("exponent", self.exponent)):
-            known = concrete(value)
-            if known is not None and (known.ndim or not 0 <= known < np.inf):
+            number = concrete(value)
+            if number is not None and (number.ndim or not 0 <= number < np.inf):
                 raise ValueError(
-                    f"{what} of material {name!r} is {known}; it must be one number, 0 or more"
+                    f"{what} of material {name!r} is {number}; it must be one number, 0 or more"
                 )
 
     def direct(self, angles: Angles) -> Float[Array, "pairs bands"]:
@@ -205,9 +205,9 @@ class Conductor(Material):
         """The same metal with the bands where `keep` is true; Hall's average metal stays that of
         all of them.
         """
-        found = super().only_bands(keep, bands)
+        reduced = super().only_bands(keep, bands)
         return eqx.tree_at(
-            lambda m: m.mean_extinction, found, self._average(), is_leaf=lambda leaf: leaf is None
+            lambda m: m.mean_extinction, reduced, self._average(), is_leaf=lambda leaf: leaf is None
         )
 
     def _average(self) -> Float[Array, ""]:

@@ -22,7 +22,7 @@ def read_mesh(
     """Read a mesh and put it in its place.
 
     Args:
-        path: the file; its ending tells the format.
+        path: the file; its ending gives the format.
         material: name of its material.
         size: length of the longest side of its bounding box; as in the file if left out.
         centre: where the middle of its bounding box comes to lie; as in the file if left out.
@@ -38,13 +38,13 @@ def read_mesh(
         raise FileNotFoundError(f"there is no mesh {path}")
     trimesh = import_trimesh()
     try:
-        found = trimesh.load(path, force="mesh")
-        vertices = np.asarray(found.vertices, float)
-        faces = np.asarray(found.faces, int)
+        loaded = trimesh.load(path, force="mesh")
+        vertices = np.asarray(loaded.vertices, float)
+        faces = np.asarray(loaded.faces, int)
     except Exception as error:  # trimesh raises whatever its readers do
-        known = ", ".join(sorted(trimesh.available_formats()))
+        formats = ", ".join(sorted(trimesh.available_formats()))
         raise ValueError(
-            f"{path}: trimesh cannot read it ({error}); formats that it knows: {known}"
+            f"{path}: trimesh cannot read it ({error}); formats that it knows: {formats}"
         ) from None
     if len(faces) == 0:
         raise ValueError(f"{path}: there are no triangles in it")
@@ -57,12 +57,12 @@ def read_mesh(
     vertices = (vertices - middle) * scale + (
         middle if centre is None else np.asarray(centre, float)
     )
-    uv = getattr(found.visual, "uv", None)
+    uv = getattr(loaded.visual, "uv", None)
     return Mesh(
         material=material,
         vertices=vertices,
         faces=faces,
-        normals=np.asarray(found.vertex_normals, float) @ about.T if smooth else None,
+        normals=np.asarray(loaded.vertex_normals, float) @ about.T if smooth else None,
         uv=None if uv is None or len(uv) != len(vertices) else np.asarray(uv, float),
     )
 

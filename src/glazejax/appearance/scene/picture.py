@@ -14,7 +14,7 @@ from .render_result import Rendered
 if TYPE_CHECKING:
     from ..display.display import Display, Gamut
 
-# Light beyond the display's range, in parts of it, that the eye cannot tell from the edge.
+# Light beyond the display's range, in parts of it, that the eye cannot distinguish from the edge.
 SPECTRAL_ENDINGS = (".npz", ".exr")
 
 
@@ -95,7 +95,8 @@ def screen_picture(
     rgb = np.array(display.to_rgb(adapted, gamut=gamut).rgb).astype(np.uint8)
     rgb[missing] = 128
     light = np.asarray(display.linear(adapted))[np.logical_not(missing)]
-    # Light beyond the display's range by less, in parts of it, the eye cannot tell from the edge.
+    # Light beyond the display's range by less, in parts of it, the eye cannot distinguish from the
+    # edge.
     bright, colourful = (np.any(wrong, axis=-1) for wrong in (light > 1.002, light < -0.002))
     shares = [
         float(np.mean(wrong)) if wrong.size else 0.0 for wrong in (bright & ~colourful, colourful)

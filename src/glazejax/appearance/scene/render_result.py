@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float
 
 @dataclass
 class RenderReport:
-    """Counts of what was computed, beside what would have been with every pixel, light, band and
+    """Counts of what was computed, compared with every pixel, light, band and
     material in full.
     """
 

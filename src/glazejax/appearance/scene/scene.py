@@ -71,9 +71,9 @@ class Camera:
         """Unit vectors to the right, up and forward in the picture."""
         look = vector("target", self.target) - vector("position", self.position)
         forward = look / np.linalg.norm(look)
-        right = np.cross(forward, vector("up", self.up))
-        right /= np.linalg.norm(right)
-        return right, np.cross(right, forward), forward
+        rightward = np.cross(forward, vector("up", self.up))
+        rightward /= np.linalg.norm(rightward)
+        return rightward, np.cross(rightward, forward), forward
 
 
 @dataclass(frozen=True)
@@ -133,9 +133,9 @@ class Scene:
             raise ValueError("a scene needs at least one light")
         for shape in self.shapes:
             if shape.material not in self.materials:
-                known = ", ".join(self.materials) or "none"
+                names = ", ".join(self.materials) or "none"
                 raise ValueError(
-                    f"a shape has the material {shape.material!r}, but there are: {known}"
+                    f"a shape has the material {shape.material!r}, but there are: {names}"
                 )
         for name, material in self.materials.items():
             material.check(name, validate_wavelengths(self.wavelengths))
@@ -147,10 +147,10 @@ class Scene:
                     f"the spectrum of a {what} has shape {np.shape(spectrum)}, but there are "
                     f"{bands} bands"
                 )
-            known = concrete(spectrum)
-            if known is not None and not np.all((known >= 0) & np.isfinite(known)):
+            names = concrete(spectrum)
+            if names is not None and not np.all((names >= 0) & np.isfinite(names)):
                 raise ValueError(
-                    f"the spectrum of a {what} holds {np.min(known):g}; it must be finite and 0 "
+                    f"the spectrum of a {what} holds {np.min(names):g}; it must be finite and 0 "
                     "or more"
                 )
 
@@ -192,19 +192,19 @@ class Scene:
         """Features of the scene that the ray caster cannot draw, in words; None if it can draw all
         of it.
         """
-        found = []
+        features = []
         if any(isinstance(light, AreaLight) for light in self.lights):
-            found.append("area lights")
+            features.append("area lights")
         if any(isinstance(shape, Plane) and shape.relief is not None for shape in self.shapes):
-            found.append("relief")
+            features.append("relief")
         if any(
             isinstance(material, Glazed) and material.roughness > 0
             for material in self.materials.values()
         ):
-            found.append("glazes with a rough surface")
+            features.append("glazes with a rough surface")
         if self.diffuse_bounces > 0:
-            found.append(f"light between surfaces (diffuse_bounces = {self.diffuse_bounces})")
-        return " and ".join(found) or None
+            features.append(f"light between surfaces (diffuse_bounces = {self.diffuse_bounces})")
+        return " and ".join(features) or None
 
     def rays(self, across: np.ndarray, down: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Rays of the camera through points of the picture.
@@ -216,10 +216,10 @@ class Scene:
         Returns:
             Origins and unit directions, (rays, 3) each.
         """
-        right, up, forward = self.camera.axes()
+        rightward, up, forward = self.camera.axes()
         half = np.tan(np.deg2rad(self.camera.field_of_view) / 2)
         x = (2 * np.asarray(across) / self.width - 1) * half
         y = (1 - 2 * np.asarray(down) / self.height) * half * self.height / self.width
-        direction = forward + x[:, None] * right + y[:, None] * up
+        direction = forward + x[:, None] * rightward + y[:, None] * up
         direction /= np.linalg.norm(direction, axis=1, keepdims=True)
         return np.broadcast_to(vector("position", self.camera.position), direction.shape), direction

@@ -24,19 +24,19 @@ def vector(name: str, values: Numbers, *, direction: bool = False) -> Float[np.n
         ValueError: other than three numbers, numbers beyond 1e30, or a direction of no length.
     """
     try:
-        found = np.asarray(values, dtype=float)
+        numbers = np.asarray(values, dtype=float)
     except (TypeError, ValueError):
         raise ValueError(f"{name} must be three numbers, not {values!r}") from None
-    if found.shape != (3,) or not np.all(np.isfinite(found)):
+    if numbers.shape != (3,) or not np.all(np.isfinite(numbers)):
         raise ValueError(f"{name} must be three finite numbers, not {values!r}")
-    if np.abs(found).max() > _FURTHEST:
+    if np.abs(numbers).max() > _FURTHEST:
         raise ValueError(f"{name} must be numbers up to {_FURTHEST:g}, not {values!r}")
     if not direction:
-        return found
-    length = float(np.linalg.norm(found))
+        return numbers
+    length = float(np.linalg.norm(numbers))
     if length == 0:
         raise ValueError(f"{name} is (0, 0, 0), which is no direction")
-    return found / length
+    return numbers / length
 
 
 def positive(name: str, value: float) -> float:

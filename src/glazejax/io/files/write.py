@@ -16,6 +16,8 @@ from ..spectra_table import SpectraTable, list_names
 from ..words import shield_name
 from ..write import write_files
 
+WIDE_TITLE = "Name (reflectance as fraction, nm)"
+"""First title of a table with a sample a row, which says what it holds."""
 _PIECE = 1 << 20
 _ENDINGS = {
     ".csv": "csv",
@@ -130,7 +132,7 @@ def _format_csv(table: SpectraTable, path: Path, long: bool) -> Iterator[bytes]:
     grid = [int(nm) if nm.is_integer() else nm for nm in table.wavelengths.tolist()]
     values = table.reflectance.T if long else table.reflectance
     names = [shield_name(name) for name in table.names]
-    header = ["wavelength_nm", *names] if long else ["Name", *grid]
+    header = ["wavelength_nm", *names] if long else [WIDE_TITLE, *grid]
     first: Sequence[object] = grid if long else names
 
     def pieces() -> Iterator[bytes]:
@@ -141,7 +143,7 @@ def _format_csv(table: SpectraTable, path: Path, long: bool) -> Iterator[bytes]:
             lineterminator="\n",
             quoting=csv.QUOTE_NONNUMERIC,
         )
-        if table.reflectance.max() > MAX_FRACTION or (long and not all(map(names_sample, names))):
+        if long and (table.reflectance.max() > MAX_FRACTION or not all(map(names_sample, names))):
             # Without it the reader takes what is so bright for percent, and R% for no name.
             text.write("# unit: fraction\n")
         writer.writerow(header)

@@ -110,6 +110,8 @@ def read_cxf(source: Source) -> RawSpectra:
             names.append(name)
             values.append(list(map(read_number, words)))
             specifications.append(specification)
+    if len([*root.iter(_tag("ReflectanceSpectrum"))]) != len(names):
+        raise source.error("not legal CxF3: a spectrum stands outside of the objects")
     if not names:
         raise source.error(f"CxF3 without reflectance spectra ({len(things)} objects)")
     table = np.array(values)

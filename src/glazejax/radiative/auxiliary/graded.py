@@ -60,116 +60,217 @@ class CollocatedSystem(NamedTuple):
     ground_direct: Array  # (batch,), c T_I e^(-h/mu_0)
 
 
-def _system(panels: Panels, light: Stack) -> CollocatedSystem:
-    top, width, albedo, h, rules = panels
-    batch, count = top.shape
-    p = len(rules.nodes)
-    size = count * p
-    dtype = top.dtype
+class _LayerSurface(NamedTuple):
+    """The internal reflectance as the equation needs it."""
+
+    cosines: Array  # (batch, nodes), in the cone
+    weights: Array  # (batch, nodes), R dmu
+    critical: Array  # (batch,), mu_c
+    total: Array  # (batch,), 1 where directions below mu_c are reflected, 0 for an index of one
+
+
+class _Grid(NamedTuple):
+    """Nodes of all panels in depth, (batch, n), and the surface above them."""
+
+    panels: Panels
+    surface: _LayerSurface
+    depth: Array  # (batch, n), tau
+    above_ground: Array  # (batch, n), h - tau
+    panel: np.ndarray  # (n,), number of a node's panel
+    decays: Array  # (batch, cone, n): int e^(-s/mu) l_j(s) ds for directions mu in the cone
+
+    def cone(self, power: int, depth: Array) -> Array:
+        """The cone's part of int R mu^(power - 1) e^(-depth/mu) dmu, (batch, ...)."""
+        mu = self.surface.cosines
+        decay = jnp.exp(-depth.reshape(mu.shape[0], -1, 1) / mu[:, None])
+        weights = self.surface.weights * mu ** (power - 1)
+        return einsum("bnk,bk->bn", decay, weights).reshape(depth.shape)
+
+
+class _Kernels(NamedTuple):
+    """Exponential integrals of depths x, and of x/mu_c for total reflection:
+    int_0^mu_c mu^(k - 2) e^(-x/mu) dmu = mu_c^(k - 1) E_k(x/mu_c).
+
+    Integrals over panels are against each polynomial, from the panel's upper end, or from the end
+    next to the node.
+    """
+
+    e2_top: Array  # (batch, n), E_2(tau)
+    e2_ground: Array  # (batch, n), E_2(h - tau)
+    e2_top_total: Array  # (batch, n), E_2(tau/mu_c)
+    e2_ground_total: Array  # (batch, n), E_2((h + tau)/mu_c)
+    e3: Array  # (batch,), E_3(h)
+    e3_total: Array  # (batch,), E_3(h/mu_c)
+    e3_twice_total: Array  # (batch,), E_3(2 h/mu_c)
+    e1_panels: Array  # (batch, n, panels, p), int E_1(|tau - s|), from the end next to the node
+    e1_panels_total: Array  # (batch, n, panels, p), int E_1((tau + s)/mu_c)
+    e2_panels: Array  # (batch, panels, p), int E_2(h - s), from the lower end
+    e2_panels_total: Array  # (batch, panels, p), int E_2((h + s)/mu_c)
+
+
+class _GroundLight(NamedTuple):
+    """Light of an evenly bright ground of brightness one in the paint."""
+
+    nodes: Array  # (batch, n), M
+    integrals: Array  # (batch, n), int M(s) l_j(s) ds
+    returned: Array  # (batch,), K, that comes back to it
+    reflected: Array  # (batch,), int R mu e^(-h/mu) dmu, that the surface keeps
+
+
+def _columns(array: Array) -> Array:
+    """(..., panels, p) -> (..., n)."""
+    return array.reshape(*array.shape[:-2], -1)
+
+
+def _grid(panels: Panels, refractive_index: Any) -> _Grid:
+    surface = _surface(refractive_index, panels.total)
+    tau = _columns(panels.top[..., None] + panels.width[..., None] * panels.rules.nodes)
+    rates = 1.0 / surface.cosines[..., None]
+    top, width = panels.top[:, None, :], panels.width[:, None, :]
+    return _Grid(
+        panels=panels,
+        surface=surface,
+        depth=tau,
+        above_ground=jnp.maximum(panels.total[:, None] - tau, 0.0),
+        panel=np.repeat(np.arange(panels.top.shape[1]), len(panels.rules.nodes)),
+        decays=_columns(decay_integrals(rates, top, width, panels.rules)),
+    )
+
+
+def _kernels(grid: _Grid) -> _Kernels:
+    """All of them, each kernel for both ways in one stack, so that the program holds it once."""
+    top, width, _, h, rules = grid.panels
+    tau = grid.depth
     bottom = top + width
-    tau = (top[..., None] + width[..., None] * rules.nodes).reshape(batch, size)
-    above_ground = jnp.maximum(h[:, None] - tau, 0.0)
-    owner = np.repeat(np.arange(count), p)
-    below = (
-        np.arange(count) > owner[:, None]
-    )  # (node, panel): whether the panel lies below the node
-    surface = _surface(light.refractive_index, h)
-    mu = surface.cosines
-    critical = surface.critical
-
-    def columns(array: Array) -> Array:  # (..., panels, p) -> (..., n)
-        return array.reshape(*array.shape[:-2], size)
-
-    # What goes through the paint and what the surface reflects, stacked, so that the program holds
-    # each kernel once.
+    critical = grid.surface.critical
     c1 = critical[:, None]
     c2 = critical[:, None, None]
-    e2 = expn(2, jnp.stack([tau, above_ground, tau / c1, (h[:, None] + tau) / c1]))
+    # At the nodes.
+    e2 = expn(2, jnp.stack([tau, grid.above_ground, tau / c1, (h[:, None] + tau) / c1]))
     e3 = expn(3, jnp.stack([h, h / critical, 2.0 * h / critical]))
-    gap = jnp.where(below, top[:, None, :] - tau[..., None], tau[..., None] - bottom[:, None, :])
-    apart = jnp.stack([jnp.maximum(gap, 0.0), (tau[..., None] + top[:, None, :]) / c2])
+    # Over panels, by the distance of a panel's nearer end from a node, or from the ground.
     widths = jnp.stack([width, width / c1])
-    h_integrals, u_integrals = kernel_integrals(1, apart, widths[:, :, None, :], rules)
-    apart = jnp.stack([jnp.maximum(h[:, None] - bottom, 0.0), (h[:, None] + top) / c1])
-    m_integrals = kernel_integrals(2, apart, widths, rules)
-    decays = columns(
-        decay_integrals(1.0 / mu[..., None], top[:, None, :], width[:, None, :], rules)
-    )
+    above = top[:, None, :] - tau[..., None]
+    gap = jnp.where(_below(grid), above, tau[..., None] - bottom[:, None, :])
+    distance = jnp.stack([jnp.maximum(gap, 0.0), (tau[..., None] + top[:, None, :]) / c2])
+    e1_panels = kernel_integrals(1, distance, widths[:, :, None, :], rules)
+    distance = jnp.stack([jnp.maximum(h[:, None] - bottom, 0.0), (h[:, None] + top) / c1])
+    e2_panels = kernel_integrals(2, distance, widths, rules)
+    return _Kernels(*e2, *e3, *e1_panels, *e2_panels)
 
-    def cone(power: int, depth: Array) -> Array:
-        """The cone's part of int R mu^(power - 1) e^(-depth/mu) dmu, (batch, ...)."""
-        decay = jnp.exp(-depth.reshape(batch, -1, 1) / mu[:, None])
-        return einsum("bnk,bk->bn", decay, surface.weights * mu ** (power - 1)).reshape(depth.shape)
 
-    # H.
-    h_integrals = jnp.where(below[..., None], h_integrals, h_integrals[..., ::-1])
-    own = own_integrals(width, rules)[..., None, :] * np.eye(count, dtype=dtype)[:, None, :, None]
-    is_own = np.eye(count, dtype=bool)[owner][..., None]
-    own = own.reshape(batch, size, count, p)
-    through_paint = jax.lax.select(jnp.broadcast_to(is_own, own.shape), own, h_integrals)
-    kernel = columns(through_paint)
-    # U.
-    kernel += (surface.total[:, None, None] * c2) * columns(u_integrals)
-    kernel += matmul(
-        jnp.exp(-tau[..., None] / mu[:, None]), (surface.weights / mu)[..., None] * decays
-    )
-    # M at the nodes and its integrals, K, and the ways out through the surface.
-    ground_to_node = e2[1] + surface.total[:, None] * c1 * e2[3] + cone(1, h[:, None] + tau)
-    node_to_ground = columns(
-        m_integrals[0][..., ::-1] + (surface.total[:, None] * c1**2)[..., None] * m_integrals[1]
-    )
-    node_to_ground += einsum("bk,bkn->bn", surface.weights * jnp.exp(-h[:, None] / mu), decays)
-    returned = 2.0 * (surface.total * critical**2 * e3[2] + cone(2, 2.0 * h))
-    reflected_out = surface.total * critical**2 * e3[1] + cone(2, h)
-    node_to_ground *= _rescale(node_to_ground, 0.5 - e3[0] + reflected_out - 0.5 * returned, h)
-    open_share = light.ground / (1.0 - light.ground * returned)
-    kernel += (
-        (2.0 * open_share)[:, None, None] * ground_to_node[..., None] * node_to_ground[:, None]
+def _below(grid: _Grid) -> np.ndarray:
+    """Mask (n, panels) of panels below a node's own."""
+    return np.arange(grid.panels.top.shape[1]) > grid.panel[:, None]
+
+
+def _straight(grid: _Grid, kernels: _Kernels) -> Array:
+    """H, eq. (9): int E_1(|tau_i - s|) l_j(s) ds, (batch, n, n)."""
+    _, width, _, _, rules = grid.panels
+    count = width.shape[1]
+    # From the upper end of each panel on: those above a node come from their lower end.
+    e1 = kernels.e1_panels
+    e1 = jnp.where(_below(grid)[..., None], e1, e1[..., ::-1])
+    # In a node's own panel the kernel is infinite at the node.
+    own = own_integrals(width, rules)[..., None, :]
+    own = (own * np.eye(count, dtype=width.dtype)[:, None, :, None]).reshape(e1.shape)
+    is_own = np.eye(count, dtype=bool)[grid.panel][..., None]
+    return _columns(jax.lax.select(jnp.broadcast_to(is_own, own.shape), own, e1))
+
+
+def _by_surface(grid: _Grid, kernels: _Kernels) -> Array:
+    """U, eq. (17): int int_0^1 R e^(-(tau_i + s)/mu)/mu dmu l_j(s) ds, (batch, n, n)."""
+    surface = grid.surface
+    mu = surface.cosines
+    # R = 1 beyond the critical angle; a quadrature in the cone.
+    total = surface.total[:, None, None] * surface.critical[:, None, None]
+    decay = jnp.exp(-grid.depth[..., None] / mu[:, None])
+    cone = matmul(decay, (surface.weights / mu)[..., None] * grid.decays)
+    return total * _columns(kernels.e1_panels_total) + cone
+
+
+def _ground_light(grid: _Grid, kernels: _Kernels) -> _GroundLight:
+    """M, eq. (18), and K, eq. (20)."""
+    surface = grid.surface
+    h = grid.panels.total
+    total = surface.total[:, None] * surface.critical[:, None]
+    squared = surface.total * surface.critical**2
+    # Straight from the ground, and by way of the surface.
+    nodes = kernels.e2_ground + total * kernels.e2_ground_total
+    nodes += grid.cone(1, h[:, None] + grid.depth)
+    integrals = kernels.e2_panels[..., ::-1] + squared[:, None, None] * kernels.e2_panels_total
+    decay = surface.weights * jnp.exp(-h[:, None] / surface.cosines)
+    integrals = _columns(integrals) + einsum("bk,bkn->bn", decay, grid.decays)
+    returned = 2.0 * (squared * kernels.e3_twice_total + grid.cone(2, 2.0 * h))
+    reflected = squared * kernels.e3_total + grid.cone(2, h)
+    # Their sum is int M ds in closed form.
+    exact = 0.5 - kernels.e3 + reflected - 0.5 * returned
+    return _GroundLight(nodes, integrals * _rescale(integrals, exact, h), returned, reflected)
+
+
+def _system(panels: Panels, light: Stack) -> CollocatedSystem:
+    grid = _grid(panels, light.refractive_index)
+    kernels = _kernels(grid)
+    ground = _ground_light(grid, kernels)
+    tau = grid.depth
+    h = panels.total
+    size = tau.shape[1]
+    identity = np.eye(size, dtype=tau.dtype)
+    open_share = light.ground / (1.0 - light.ground * ground.returned)  # rho/(1 - rho K)
+    # A = H + U + 2 rho/(1 - rho K) M M'.
+    operator = _straight(grid, kernels) + _by_surface(grid, kernels)
+    operator += (
+        (2.0 * open_share)[:, None, None] * ground.nodes[..., None] * ground.integrals[:, None]
     )
     # A constant is scattered exactly, so that an albedo of one loses nothing however deep the
-    # layer.
-    reflected_up = surface.total[:, None] * c1 * e2[2] + cone(1, tau)
-    constant = 2.0 - e2[0] - e2[1] + reflected_up - (ground_to_node - e2[1])
+    # layer: the diagonal takes up what the rows' sums lack.
+    surface = grid.surface
+    total = surface.total[:, None] * surface.critical[:, None]
+    reflected_up = total * kernels.e2_top_total + grid.cone(1, tau)  # int R e^(-tau/mu) dmu
+    constant = 2.0 - kernels.e2_top - kernels.e2_ground + reflected_up
+    constant -= ground.nodes - kernels.e2_ground
     constant += (
-        2.0 * open_share[:, None] * ground_to_node * jnp.sum(node_to_ground, axis=-1, keepdims=True)
+        2.0 * open_share[:, None] * ground.nodes * jnp.sum(ground.integrals, axis=-1, keepdims=True)
     )
-    kernel += (constant - jnp.sum(kernel, axis=-1))[..., None] * np.eye(size, dtype=dtype)
-    q = albedo.reshape(batch, size)
-    matrix = jnp.asarray(np.eye(size, dtype=dtype)) - 0.5 * kernel * q[:, None, :]
-    # The beam, and the way out.
+    operator += (constant - jnp.sum(operator, axis=-1))[..., None] * identity
+    q = _columns(panels.albedo)
+    matrix = jnp.asarray(identity) - 0.5 * operator * q[:, None, :]
+    # pi g l_j: the beam, on its refracted way, scattered for the first time.
     n = light.refractive_index
     rate = 1.0 / cos_refracted(light.cos_incidence, n)
     enter = 1.0 - dielectric_reflectance(light.cos_incidence, n)
     strength = 0.5 * enter * rate
     arriving = enter * jnp.exp(-rate * h)
+    top, width, rules = panels.top, panels.width, panels.rules
     if light.cos_viewing is None:
-        beam = columns(decay_integrals(rate[:, None], top, width, rules)) * strength[:, None]
+        # V of all directions of view together: E_2 less what the surface reflects back.
+        beam = _columns(decay_integrals(rate[:, None], top, width, rules)) * strength[:, None]
         beam *= _rescale(beam, -0.5 * enter * jnp.expm1(-rate * h), h)
-        exit_weight = e2[0] - reflected_up
-        ground_weight = e3[0] - reflected_out
+        exit_weight = kernels.e2_top - reflected_up
+        ground_weight = kernels.e3 - ground.reflected
         factor = jnp.full_like(h, 2.0)
         once = jnp.sum(q * beam * exit_weight, axis=-1)
     else:
+        # V of one direction; light scattered once is the integral of both decays, exact.
         out = 1.0 / cos_refracted(light.cos_viewing, n)
-        beam, both = columns(
-            decay_integrals(jnp.stack([rate, rate + out])[..., None], top, width, rules)
-        )
+        rates = jnp.stack([rate, rate + out])[..., None]
+        beam, there_and_back = _columns(decay_integrals(rates, top, width, rules))
         beam = beam * strength[:, None]
-        both = both * strength[:, None]
+        there_and_back = there_and_back * strength[:, None]
         exit_weight = jnp.exp(-out[:, None] * tau)
         ground_weight = jnp.exp(-out * h) / out
         factor = (1.0 - dielectric_reflectance(light.cos_viewing, n)) * out / n**2
-        once = jnp.sum(q * both, axis=-1)
-    seen = open_share * ground_weight
+        once = jnp.sum(q * there_and_back, axis=-1)
+    ground_seen = open_share * ground_weight
     return CollocatedSystem(
         matrix=matrix,
         exit=0.5 * exit_weight,
-        ground_seen=seen[:, None] * ground_to_node,
-        beam=q * (beam + (open_share * arriving)[:, None] * node_to_ground),
+        ground_seen=ground_seen[:, None] * ground.nodes,
+        beam=q * (beam + (open_share * arriving)[:, None] * ground.integrals),
         factor=factor,
         single=0.5 * once,
         single_interpolated=0.5 * jnp.sum(q * beam * exit_weight, axis=-1),
-        ground_direct=seen * arriving,
+        ground_direct=ground_seen * arriving,
     )
 
 
@@ -180,15 +281,6 @@ def _rescale(weights: Array, exact: Array, depth: Array) -> Array:
     total = jnp.sum(weights, axis=-1)
     enough = (depth > 1e-3) & (total > 0)
     return jnp.where(enough, exact / jnp.where(enough, total, 1.0), 1.0)[:, None]
-
-
-class _LayerSurface(NamedTuple):
-    """The internal reflectance as the equation needs it."""
-
-    cosines: Array  # (batch, nodes), in the cone
-    weights: Array  # (batch, nodes), R dmu
-    critical: Array  # (batch,), mu_c
-    total: Array  # (batch,), 1 where directions below mu_c are reflected, 0 for an index of one
 
 
 def _surface(refractive_index: Any, like: Array) -> _LayerSurface:

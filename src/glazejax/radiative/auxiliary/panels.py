@@ -211,7 +211,7 @@ def _half_layer(depth: Array, albedo: Array, slant: Array, mesh: PanelMesh) -> A
     half = 0.5 * depth
     # Depth beyond which only the slowest mode of a layer is left, in mean free paths.
     reach = jnp.minimum(half, 22.0) if mesh.interior else half
-    # The first panel is narrow beside the depth at which a grazing beam is gone.
+    # The first panel is narrow compared with the depth at which a grazing beam is gone.
     ratio = jnp.maximum(
         mesh.ratio ** (1 - mesh.graded), reach / jnp.maximum(2.0 * slant**2, 0.05 * slant)
     )
@@ -244,7 +244,7 @@ def layer_panels(thickness: Array, layer_albedo: Array, slant: Array, mesh: Pane
     for i in range(thickness.shape[1]):
         d = thickness[:, i, None]
         fixed = jax.lax.stop_gradient((thickness[:, i], layer_albedo[:, i], slant))
-        # The lower half mirrors the upper one: both faces are alike.
+        # The lower half mirrors the upper one: both faces are the same.
         share = _half_layer(*fixed, mesh)
         inner = share[:, 1:] - share[:, :-1]
         start = [share[:, :-1], 1.0 - share[:, :0:-1]]

@@ -90,7 +90,7 @@ def on_its_devices(
     inner: Collection[str],
 ) -> Any:
     """Apply a function whose results have the shape of the batch that it is given: where arrays
-    say how they are split over devices (axes of an Explicit mesh), results are split alike.
+    say how they are split over devices (axes of an Explicit mesh), results are split the same way.
 
     Args:
         function: of arrays by name, numbers and None among them.

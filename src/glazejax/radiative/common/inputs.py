@@ -58,10 +58,14 @@ def smallest_cosine(*cosines: Any) -> float:
     """Smallest known cosine; one that is traced may be as small as 1e-4, None is a direction not
     asked for.
     """
-    arrays = [concrete(c) for c in cosines if c is not None]
-    return min(
-        (LEAST_COSINE if c is None else float(c.min(initial=1.0)) for c in arrays), default=1.0
-    )
+    return min((_smallest(cosine) for cosine in cosines if cosine is not None), default=1.0)
+
+
+def _smallest(cosine: Any) -> float:
+    if isinstance(cosine, float):
+        return cosine
+    known = concrete(cosine)
+    return LEAST_COSINE if known is None else float(known.min(initial=1.0))
 
 
 def check_choice(name: str, value: str, choices: Any) -> None:
@@ -178,8 +182,12 @@ def batch_shape(shapes: Mapping[str, tuple[int, ...]], last: str = "layers") -> 
     Raises:
         ValueError: they do not; lists them by name.
     """
+    # Few batches are of several shapes, and NumPy takes some microseconds to broadcast.
+    several = {shape for shape in shapes.values() if shape}
+    if len(several) <= 1:
+        return several.pop() if several else ()
     try:
-        return np.broadcast_shapes(*shapes.values())
+        return np.broadcast_shapes(*several)
     except ValueError:
         listing = ", ".join(f"{name} {shape}" for name, shape in shapes.items())
         raise ValueError(
@@ -229,7 +237,7 @@ def batch_of_stacks(
     """
     check_given({name: arguments[name] for name in (*OF_LAYERS, "substrate_reflectance")})
     check_values(arguments)
-    dtype = dtype or jnp.result_type(float)
+    dtype = dtype or jax.dtypes.canonicalize_dtype(float)
     if xp is None:
         xp = np if _known_and_small(arguments) else jnp
     arrays = {

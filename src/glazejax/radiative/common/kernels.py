@@ -89,7 +89,7 @@ def _phi_jvp(primals, tangents):
 def quotient(a: Float[Array, "..."], b: Float[Array, "..."]) -> Float[Array, "..."]:
     """a / b, whose slope ends with a division too.
 
-    What ends with one XLA computes once and keeps. What ends with anything else it computes anew
+    What ends with one XLA computes once and keeps. What ends with anything else it computes again
     for each use, within sums one number at a time.
     """
     return a / b

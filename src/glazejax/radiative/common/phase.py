@@ -197,7 +197,7 @@ def delta_m(
 
 
 def _known_under_jit(*values: Numbers) -> AbstractContextManager:
-    """Computes at once what `jax.jit` would trace although it is known: only known moments tell how
+    """Computes at once what `jax.jit` would trace although it is known: only known moments give how
     many matter.
     """
     traced = any(isinstance(value, Tracer) for value in values)

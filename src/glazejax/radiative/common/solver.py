@@ -45,7 +45,7 @@ class Request(NamedTuple):
 class Solver(Protocol):
     """One method for both reflectances: hemispherical where a stack has no viewing direction.
 
-    `resolve` comes first and is told what is known before a program is compiled. The others are
+    `resolve` comes first and is given what is known before a program is compiled. The others are
     compiled, and take a batch of stacks at the resolution that it gave.
     """
 

@@ -78,7 +78,7 @@ def _tangent(
     product: Bordered, shapes: Array, projection: Array, squared: Array, depth: Array
 ) -> Bordered:
     """t of a bordered operator whose core is shapes diag(squared) projection; depth is (..., 1)."""
-    # Added directions are modes of their own, beside those of the core.
+    # Added directions are modes of their own, in addition to those of the core.
     columns = matmul(projection, product.columns)
     rows = matmul(product.rows, shapes)
     core_modes = tanh_sech(squared, depth)[0]

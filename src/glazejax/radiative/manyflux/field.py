@@ -69,7 +69,7 @@ def manyflux_field(
             layers have different indices they must be known, and a depth between two layers is in
             the lower one.
         cos_direction: cosines in the layer where the light is, (directions,), in (0, 1], for light
-            downwards and upwards alike.
+            downwards and upwards.
         azimuth: degrees, (azimuths,), 0 on the beam's side.
         cos_incidence: in air, ().
 

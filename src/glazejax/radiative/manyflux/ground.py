@@ -18,7 +18,7 @@ class GroundTable(NamedTuple):
     """
 
     cosines: Float[Array, "t"]
-    """Descending from 1, for viewing and incidence alike."""
+    """Descending from 1, for viewing and incidence."""
     modes: Float[Array, "m t t"]
     """Means of factor times cos(m azimuth)."""
 
@@ -27,7 +27,7 @@ def ground_table(cosines: Numbers, factor: Numbers) -> GroundTable:
     """A ground by its reflectance factor over angles, linear in the cosines between them.
 
     Args:
-        cosines: of the angles inside the paint, for viewing and incidence alike, (t,), in [0, 1],
+        cosines: of the angles inside the paint, for viewing and incidence, (t,), in [0, 1],
             descending. Below the last the table goes on as it ends.
         factor: pi L_out/E_in, (viewing, incidence) or (viewing, incidence, azimuths) at equal steps
             of the relative azimuth from 0 (the side of the mirror) to 180 degrees, both included.

@@ -19,7 +19,7 @@ def symmetric_eigen(
     derivatives.
 
     Args:
-        a: (..., n, n), symmetric. It need not be positive definite, nor scaled beforehand.
+        a: (..., n, n), symmetric. It need not be positive definite, nor scaled.
 
     Source: Golub and Van Loan, Matrix Computations, 8.5; rounds as in a tournament (Brent and Luk
     1985).
@@ -42,7 +42,7 @@ def symmetric_eigen(
         diagonal = jnp.diagonal(work, axis1=-2, axis2=-1)
         top = diagonal[..., :half]
         bottom = diagonal[..., half:]
-        # The angle that makes each pair's element beside the diagonal zero, the smaller of the two.
+        # The angle that makes each pair's element off the diagonal zero, the smaller of the two.
         beside = jnp.diagonal(work[..., :half, half:], axis1=-2, axis2=-1)
         gap = bottom - top
         nothing = beside == 0
@@ -60,7 +60,7 @@ def symmetric_eigen(
         work, vectors, _, done = state
         work, vectors = jax.lax.fori_loop(0, size - 1, one_round, (work, vectors))
         diagonal = jnp.abs(jnp.diagonal(work, axis1=-2, axis2=-1))
-        # What is left beside the diagonal counts relative to its own row and column.
+        # What is left off the diagonal counts relative to its own row and column.
         scale = jnp.sqrt(diagonal[..., :, None] * diagonal[..., None, :])
         off = jnp.abs(work) * (1.0 - np.eye(size))
         return work, vectors, jnp.max(off - enough * scale), done + 1

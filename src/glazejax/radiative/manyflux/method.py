@@ -108,5 +108,5 @@ class ManyFlux:
         return factor, back(jnp.ones_like(factor))[0]
 
     def split(self, stack: Stack, resolution: FluxEffort) -> Split:
-        """There is none: the parts are not kept apart. `splits` says so beforehand."""
+        """There is none: the parts are not kept apart. `splits` says so."""
         raise NotImplementedError("the many-flux solver does not split the reflectance")

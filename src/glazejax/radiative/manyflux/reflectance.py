@@ -44,7 +44,7 @@ def manyflux_reflectance_factor(
         phase: Legendre moments of the phase function (`glazejax.radiative.phase`), (terms,) for all
             layers or (..., layers, terms), where layers may be 1. By default scattering is
             isotropic. All functions of a batch share one compiled program; a call of its own with
-            another function is compiled anew where that needs other directions or moments. Traced
+            another function is compiled again where that needs other directions or moments. Traced
             by JAX, all terms are kept, and one program serves every function.
         refractive_index: of all layers, a number in [1, 2.5], or a sequence of one for each layer:
             light is then refracted and reflected between them too.

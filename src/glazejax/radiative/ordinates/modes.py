@@ -104,8 +104,8 @@ class _Table(NamedTuple):
     """Chebyshev coefficients in the albedo for one set of directions.
 
     Not `glazejax.interpolated`, which stands above the solvers, and has one polynomial of 129 terms
-    at most: for 8 to 32 directions it is off by 2e-5 to 2e-4 of the largest value, where two pieces
-    of 32 to 64 terms are off by 2e-11.
+    at most: for 8 to 32 directions it the error is 2e-5 to 2e-4 of the largest value, and that
+    of two pieces of 32 to 64 terms 2e-11.
     """
 
     terms: int
@@ -161,7 +161,7 @@ def _from_table(albedo: Array, table: _Table) -> Array:
     """Offsets, couplings and lambda_0/(1 - q) one below the other, (2 n + 1, ..., batch)."""
     piece = jnp.clip(jnp.floor(albedo * _PIECES), 0, _PIECES - 1)
     polynomials = _chebyshev(2.0 * (albedo * _PIECES - piece) - 1.0, table.terms)
-    # One matrix product for all pieces: a product is not computed anew for each use, as fused
+    # One matrix product for all pieces: a product is not computed again for each use, as fused
     # arithmetic would be.
     rows = table.coefficients.shape[0] // _PIECES
     coefficients = jnp.asarray(table.coefficients, albedo.dtype)

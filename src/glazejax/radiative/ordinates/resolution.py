@@ -40,6 +40,7 @@ _CONE = (1, 2, 3, 4)
 _CROWDING_OFFSETS = (-0.6, -0.45, -0.3, -0.15, 0.0, 0.15)
 
 
+@functools.lru_cache(maxsize=256)
 def resolve_known(
     tolerance: float, refractive_index: float, least_cosine: float = 1.0
 ) -> Resolution:
@@ -145,7 +146,7 @@ def grazing_sums(
     depths = np.append(_DEPTHS[1:], np.inf)
     there_and_back = -0.5 * m * np.expm1(-2.0 * depths / m)
     between = -m * mu / (m + mu) * np.expm1(-depths * (1.0 / m + 1.0 / mu))
-    # Where both are alike, both terms are: a hair beside it.
+    # Where both are equal, both terms are, to a small difference.
     difference = np.where(np.abs(m - mu) < 1e-9 * m, 1e-9 * m, m - mu)
     doubly = (there_and_back - between) / (m * difference)
     return 0.25 * np.sum(weights * doubly, axis=1)

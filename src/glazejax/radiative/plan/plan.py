@@ -394,7 +394,7 @@ def _needed_bands(
     total = magnitude.sum(axis=0)
     share = magnitude / np.where(total > 0, total, 1.0)
     order = np.argsort(share.max(axis=1), kind="stable")
-    # Any value between zero and the ceiling is off by at most the ceiling.
+    # Any value between zero and the ceiling has an error of at most the ceiling.
     fits = np.max(ceiling * np.cumsum(share[order], axis=0), axis=1) <= tolerance
     left_out = min(int(np.count_nonzero(fits)), fits.size - 1)  # the sums only grow; one band stays
     keep[order[:left_out]] = False

@@ -2,7 +2,7 @@ r"""Light between layers of paint and a rough surface: the default solver's laye
 matrix.
 
 With u = sqrt(w mu) L and tau = enters/(2 n^2 sqrt(w mu)) of a beam, light below the surface is
-u_down = tau + P u_up, P being `Operators.back` scaled alike. In the even-parity form of
+u_down = tau + P u_up, P being `Operators.back` scaled the same way. In the even-parity form of
 `ordinates.solver` that is an impedance and a load,
 
     A = mu^-1/2 (I + P)^-1 (I - P) mu^-1/2,     load = 2 mu^-1/2 (I + P)^-1 tau,

@@ -56,7 +56,7 @@ class Hit(NamedTuple):
     """Infinite where the ray meets nothing."""
     shape: Int[Array, "rays"]
     """Number in the order of `Geometry`; -1 where the ray meets nothing."""
-    part: Int[Array, "rays"]
+    triangle: Int[Array, "rays"]
     """Number of the triangle of a mesh; 0 for other shapes."""
 
 
@@ -152,13 +152,13 @@ def nearest(
     if limit is None:
         limit = jnp.full(origin.shape[0], jnp.inf, origin.dtype)
     best, shape = _nearest_solid(geometry.arrays, origin, direction, limit)
-    part = np.zeros(origin.shape[0], np.int32)
+    number = np.zeros(origin.shape[0], np.int32)
     if geometry.caster is not None and geometry.triangles is not None:
         rays = (np.array(a, np.float64) for a in (origin, direction, best))
         best, triangle = geometry.caster.nearest(*rays)
-        part = np.maximum(triangle, 0)
-        shape = np.where(triangle >= 0, geometry.triangles.shape[part], shape)
-    return Hit(jnp.where(shape < 0, jnp.inf, best), jnp.asarray(shape), jnp.asarray(part))
+        number = np.maximum(triangle, 0)
+        shape = np.where(triangle >= 0, geometry.triangles.shape[number], shape)
+    return Hit(jnp.where(shape < 0, jnp.inf, best), jnp.asarray(shape), jnp.asarray(number))
 
 
 @jax.jit
@@ -191,12 +191,12 @@ def _spheres(geometry: Geometry, origin: Array, direction: Array) -> Array | Non
     along = jnp.sum(between * direction[:, None], axis=-1)
     # The distance of the ray from the centre, rather than a difference of large squares.
     aside = between - along[..., None] * direction[:, None]
-    inside = jnp.asarray(geometry.radii) ** 2 - jnp.sum(aside**2, axis=-1)
-    half = jnp.sqrt(jnp.maximum(inside, 0.0))
+    half_square = jnp.asarray(geometry.radii) ** 2 - jnp.sum(aside**2, axis=-1)
+    half = jnp.sqrt(jnp.maximum(half_square, 0.0))
     first = along - half
     second = along + half
     met = jnp.where(first > 0, first, second)
-    return jnp.where((inside >= 0) & (met > 0), met, jnp.inf)
+    return jnp.where((half_square >= 0) & (met > 0), met, jnp.inf)
 
 
 def _planes(geometry: Geometry, origin: Array, direction: Array) -> Array | None:
@@ -208,9 +208,9 @@ def _planes(geometry: Geometry, origin: Array, direction: Array) -> Array | None
     slope = jnp.einsum("rk,pak->rpa", direction, frames)
     parallel = slope[..., 2] == 0
     met = jnp.where(parallel, -1.0, -offset[..., 2] / jnp.where(parallel, 1.0, slope[..., 2]))
-    place = jnp.abs(offset[..., :2] + met[..., None] * slope[..., :2])
+    local = jnp.abs(offset[..., :2] + met[..., None] * slope[..., :2])
     return jnp.where(
-        (met > 0) & jnp.all(place <= jnp.asarray(geometry.halves), axis=-1), met, jnp.inf
+        (met > 0) & jnp.all(local <= jnp.asarray(geometry.halves), axis=-1), met, jnp.inf
     )
 
 
@@ -252,7 +252,7 @@ def surface(geometry: Geometry, hit: Hit, origin: Array, direction: Array) -> Su
             before += count
     if geometry.triangles is not None:
         mine = (hit.shape >= before)[:, None]
-        its_normal, its_face, its_uv = triangle_surface(geometry.triangles, hit.part, point)
+        its_normal, its_face, its_uv = triangle_surface(geometry.triangles, hit.triangle, point)
         normal = jnp.where(mine, its_normal, normal)
         uv = jnp.where(mine, its_uv, uv)
         face = jnp.where(mine, its_face, face)
@@ -272,18 +272,18 @@ def _sphere_surface(geometry: Geometry, point: Array, which: Array) -> tuple[Arr
 
 def _plane_surface(geometry: Geometry, point: Array, which: Array) -> tuple[Array, Array]:
     frame = jnp.asarray(geometry.frames)[which]
-    place = jnp.einsum("rk,rak->ra", point - jnp.asarray(geometry.points)[which], frame[:, :2])
+    local = jnp.einsum("rk,rak->ra", point - jnp.asarray(geometry.points)[which], frame[:, :2])
     half = jnp.asarray(geometry.halves)[which]
     endless = ~jnp.isfinite(half)
-    return frame[:, 2], jnp.where(endless, place, 0.5 + 0.5 * place / jnp.where(endless, 1.0, half))
+    return frame[:, 2], jnp.where(endless, local, 0.5 + 0.5 * local / jnp.where(endless, 1.0, half))
 
 
 def _box_surface(geometry: Geometry, point: Array, which: Array) -> tuple[Array, Array]:
     turn = jnp.asarray(geometry.turns)[which]
-    place = jnp.einsum("rk,rak->ra", point - jnp.asarray(geometry.middles)[which], turn)
-    place = place / jnp.asarray(geometry.sides)[which]
-    axis = jnp.argmax(jnp.abs(place), axis=-1)
-    sign = jnp.sign(jnp.take_along_axis(place, axis[:, None], axis=1))
+    local = jnp.einsum("rk,rak->ra", point - jnp.asarray(geometry.middles)[which], turn)
+    local = local / jnp.asarray(geometry.sides)[which]
+    axis = jnp.argmax(jnp.abs(local), axis=-1)
+    sign = jnp.sign(jnp.take_along_axis(local, axis[:, None], axis=1))
     normal = sign * jnp.take_along_axis(turn, axis[:, None, None], axis=1)[:, 0]
-    others = jnp.asarray([[1, 2], [0, 2], [0, 1]])[axis]
-    return normal, 0.5 + 0.5 * jnp.take_along_axis(place, others, axis=1)
+    across = jnp.asarray([[1, 2], [0, 2], [0, 1]])[axis]
+    return normal, 0.5 + 0.5 * jnp.take_along_axis(local, across, axis=1)

@@ -1,7 +1,7 @@
 """Points that each ray of a picture meets: nearest surfaces, shadows and mirror reflections,
 without any spectrum.
 
-Levels of rays: those of the camera, then those that mirrors send on, and so on. A level keeps of
+Bounces of rays: those of the camera, then those that mirrors send on, and so on. A bounce keeps of
 each point what its colour needs, which is a few cosines and which lights reach it; colours are
 computed from that, for all bands at once and only where there is something to see (`shade`).
 """
@@ -32,16 +32,16 @@ carries; 0 for none.
 class Lamps(NamedTuple):
     """Positions of the light sources."""
 
-    place: Float[np.ndarray, "lights 3"]
+    position: Float[np.ndarray, "lights 3"]
     """Position of a point light; unit vector towards a parallel one."""
     point: tuple[bool, ...]
 
 
-class Level(NamedTuple):
-    """Points that rays of one level meet, (points,) each, in NumPy."""
+class Bounce(NamedTuple):
+    """Points that rays of one bounce meet, (points,) each, in NumPy."""
 
     parent: Int[np.ndarray, "points"]
-    """Number of the point of the level before whose mirror reflection this is; of the camera's ray
+    """Number of the point of the bounce before whose mirror reflection this is; of the camera's ray
     in the first.
     """
     shape: Int[np.ndarray, "points"]
@@ -59,7 +59,7 @@ class Level(NamedTuple):
     """Cosine between view and light."""
     normal: Float[np.ndarray, "points 3"]
     """Of the surface, smooth where a mesh has normals, on the side of the ray."""
-    place: Float[np.ndarray, "points 3"]
+    position: Float[np.ndarray, "points 3"]
     """Where the point is, a little off the surface."""
 
     @property
@@ -70,27 +70,27 @@ class Level(NamedTuple):
 
 def lamps(lights: Sequence[Light]) -> Lamps:
     """Places of the lights of a scene."""
-    place = []
+    positions = []
     for light in lights:
         if isinstance(light, PointLight):
-            place.append(vector("position", light.position))
+            positions.append(vector("position", light.position))
         elif isinstance(light, ParallelLight):
-            place.append(-vector("direction", light.direction, direction=True))
+            positions.append(-vector("direction", light.direction, direction=True))
         else:
             raise ValueError("an area light has no one place: path_trace draws it")
-    return Lamps(np.array(place), tuple(isinstance(light, PointLight) for light in lights))
+    return Lamps(np.array(positions), tuple(isinstance(light, PointLight) for light in lights))
 
 
 @partial(jax.jit, static_argnames=("point",))
 def _meet(
     geometry: Geometry,
     hit: Hit,
-    place: Array,
+    positions: Array,
     origin: Array,
     direction: Array,
     point: tuple[bool, ...],
 ):
-    """Level of points where rays arrive, before anything is in shadow.
+    """Bounce: points where rays arrive, before anything is in shadow.
 
     Returns:
         Numbers of shape and material, cosine of viewing and texture coordinates; then of each
@@ -98,22 +98,24 @@ def _meet(
         vector to it and how far it is (-1 where it is behind); then the normal, the place, and the
         direction in which a mirror there sends the ray on.
     """
-    found = jnp.isfinite(hit.distance)
-    seen = surface(geometry, hit, origin, direction)
+    hits = jnp.isfinite(hit.distance)
+    surfaces = surface(geometry, hit, origin, direction)
     # A step off the face, so that the next ray does not meet it again.
     clearance = jnp.asarray(geometry.clearance, origin.dtype)
-    here = origin + jnp.where(found, hit.distance, 0.0)[:, None] * direction + clearance * seen.face
-    cos_view = jnp.clip(-jnp.sum(seen.normal * direction, axis=-1), 0.0, 1.0)
+    arrival = (
+        origin + jnp.where(hits, hit.distance, 0.0)[:, None] * direction + clearance * surfaces.face
+    )
+    cos_view = jnp.clip(-jnp.sum(surfaces.normal * direction, axis=-1), 0.0, 1.0)
     lights = []
     for k, is_point in enumerate(point):
         # A point light lies at a place, a parallel one in a direction.
-        away = place[k] - here if is_point else jnp.broadcast_to(place[k], here.shape)
+        away = positions[k] - arrival if is_point else jnp.broadcast_to(positions[k], arrival.shape)
         square = jnp.sum(away**2, axis=-1)
         distance = jnp.sqrt(jnp.where(square > 0, square, 1.0))
         towards = away / distance[:, None]
-        cosine = jnp.clip(jnp.sum(seen.normal * towards, axis=-1), -1.0, 1.0)
+        cosine = jnp.clip(jnp.sum(surfaces.normal * towards, axis=-1), -1.0, 1.0)
         # A light behind the smooth normal or behind the face itself gives nothing.
-        lit = found & (square > 0) & (cosine > 0) & (jnp.sum(seen.face * towards, axis=-1) > 0)
+        lit = hits & (square > 0) & (cosine > 0) & (jnp.sum(surfaces.face * towards, axis=-1) > 0)
         strength = jnp.where(lit, 1.0 / distance**2 if is_point else 1.0, 0.0)
         between = jnp.clip(-jnp.sum(direction * towards, axis=-1), -1.0, 1.0)
         lights.append(
@@ -126,82 +128,82 @@ def _meet(
             )
         )
     # The mirror's direction.
-    onward = direction + 2.0 * cos_view[:, None] * seen.normal
+    onward = direction + 2.0 * cos_view[:, None] * surfaces.normal
     # A smooth normal may send a ray into the face.
-    into = jnp.sum(onward * seen.face, axis=-1)
-    onward = onward + jnp.where(into < 0, -2.0 * into, 0.0)[:, None] * seen.face
+    into = jnp.sum(onward * surfaces.face, axis=-1)
+    onward = onward + jnp.where(into < 0, -2.0 * into, 0.0)[:, None] * surfaces.face
     onward = onward / jnp.sqrt(jnp.sum(onward**2, axis=-1, keepdims=True))
-    shape = jnp.where(found, jnp.asarray(geometry.order)[hit.shape], -1)
-    material = jnp.where(found, jnp.asarray(geometry.material)[hit.shape], -1)
+    shape = jnp.where(hits, jnp.asarray(geometry.order)[hit.shape], -1)
+    material = jnp.where(hits, jnp.asarray(geometry.material)[hit.shape], -1)
     return (
         shape,
         material,
         cos_view,
-        seen.uv,
+        surfaces.uv,
         *map(jnp.stack, zip(*lights, strict=True)),
-        seen.normal,
-        here,
+        surfaces.normal,
+        arrival,
         onward,
     )
 
 
 def _cast(
-    geometry: Geometry, places: Lamps, origin: Array, direction: Array
+    geometry: Geometry, sources: Lamps, origin: Array, direction: Array
 ) -> tuple[np.ndarray | Array, ...]:
-    """Fields of a `Level` but the first, the last of them where the rays are; then the rays that
+    """Fields of a `Bounce` but the first, the last of them where the rays are; then the rays that
     mirrors send on.
     """
     hit = nearest(geometry, origin, direction)
-    place = jnp.asarray(places.place, origin.dtype)
-    *seen, strength, cos_light, between, towards, reach, normal, here, onward = _meet(
-        geometry.arrays, hit, place, origin, direction, places.point
+    positions = jnp.asarray(sources.position, origin.dtype)
+    *fields, strength, cos_light, between, towards, reach, normal, points, onward = _meet(
+        geometry.arrays, hit, positions, origin, direction, sources.point
     )
-    free = [nearest(geometry, here, *ray).shape < 0 for ray in zip(towards, reach, strict=True)]
+    free = [nearest(geometry, points, *ray).shape < 0 for ray in zip(towards, reach, strict=True)]
     lights = [
         np.asarray(a).T for a in (jnp.where(jnp.stack(free), strength, 0.0), cos_light, between)
     ]
-    return *seen, *lights, normal, here, onward
+    return *fields, *lights, normal, points, onward
 
 
 def trace(
     geometry: Geometry,
-    places: Lamps,
+    sources: Lamps,
     origin: Float[np.ndarray, "rays 3"],
     direction: Float[np.ndarray, "rays 3"],
     *,
     reflects: Reflects,
-    bounces: int,
-) -> list[Level]:
+    most_bounces: int,
+) -> list[Bounce]:
     """Follow rays to what they meet, and on from mirrors.
 
     Args:
         geometry: shapes of the scene.
-        places: of its lights.
+        sources: of its lights.
         origin, direction: of the rays, unit directions.
         reflects: see `Reflects`.
-        bounces: how many mirror reflections are followed.
+        most_bounces: how many mirror reflections are followed.
 
     Returns:
-        Levels, at least one. Their points are in the order of the rays that led there.
+        Bounces, at least one. Their points are in the order of the rays that led there.
     """
-    levels: list[Level] = []
+    bounces: list[Bounce] = []
     parent = np.arange(len(origin))
     share = np.ones(len(origin))
     while True:
-        *seen, onward = _in_pieces(geometry, places, origin, direction)
-        levels.append(Level(parent, *seen))
-        material = levels[-1].material
-        cos_view = levels[-1].cos_view
-        if len(levels) > bounces:
-            return levels
+        *fields, onward = _in_pieces(geometry, sources, origin, direction)
+        bounces.append(Bounce(parent, *fields))
+        material = bounces[-1].material
+        cos_view = bounces[-1].cos_view
+        if len(bounces) > most_bounces:
+            return bounces
         share = share * mirror_share(material, cos_view, reflects)
         # Rays that could carry less than this share of light to the eye are not followed.
         go = np.flatnonzero(share > 1e-3)
         if go.size == 0:
-            return levels
+            return bounces
         parent = go
         share = share[go]
-        origin = levels[-1].place[go]
+        origin = bounces[-1].position[go]
         direction = onward[go]
 
 
@@ -222,7 +224,7 @@ def filled_size(count: int) -> int:
 
 
 def _in_pieces(
-    geometry: Geometry, places: Lamps, origin: np.ndarray, direction: np.ndarray
+    geometry: Geometry, sources: Lamps, origin: np.ndarray, direction: np.ndarray
 ) -> tuple[np.ndarray, ...]:
     """`_cast` for any number of rays, in pieces of few sizes so that few programs are compiled."""
     pieces = []
@@ -235,6 +237,6 @@ def _in_pieces(
             np.pad(np.asarray(a[piece], float_type), ((0, size - count), (0, 0)), "edge")
             for a in (origin, direction)
         ]
-        out = _cast(geometry, places, *map(jnp.asarray, rays))
+        out = _cast(geometry, sources, *map(jnp.asarray, rays))
         pieces.append([np.asarray(a)[:count] for a in out])
     return tuple(np.concatenate(column) for column in zip(*pieces, strict=True))

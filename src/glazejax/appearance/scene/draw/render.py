@@ -1,12 +1,12 @@
 """A picture of a scene: what is computed, in which order, and what is not.
 
 First geometry alone: one ray through the middle of each pixel, then several where neighbours meet
-different things. That tells which materials, angles and thicknesses the picture shows; their tables
+different things. That gives the materials, angles and thicknesses of the picture; their tables
 are made, and spectra follow tile by tile. Pixels that differ strongly from a neighbour (a
 highlight, a texture) get more rays in the end.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import jax.numpy as jnp
@@ -19,21 +19,21 @@ from ..materials import Material
 from ..render_result import Rendered, RenderReport
 from ..scene import Scene
 from .intersect import scene_geometry
-from .rays import TILE, Lamps, Level, lamps, trace
+from .rays import TILE, Bounce, Lamps, lamps, trace
 from .shade import lit_pairs, pixels_from_samples, radiance
 from .visibility import MaterialsInView, needed_bands
 
-# Levels of rays are kept between the passes up to so many bytes, and traced again beyond.
+# Bounces of rays are kept between the passes up to so many bytes, and traced again beyond.
 _KEPT_BYTES = 2**29
 
 
 @dataclass
 class _Tile:
-    """Rays that are followed together: `each` of them for a pixel, one after another."""
+    """Rays that are followed together: `samples_across` squared for a pixel, one after another."""
 
     pixels: Int[np.ndarray, "pixels"]
-    each: int
-    levels: list[Level] | None = None
+    samples_across: int
+    bounces: list[Bounce] | None = None
 
 
 def render(
@@ -88,6 +88,7 @@ class _Work:
         self.bands = keep
         self.scene = scene.only_bands(keep)
         self.adaptive = adaptive
+        self.refines: bool = adaptive and scene.antialias > 1
         self.tolerance = tolerance
         self.progress = progress
         self.geometry = scene_geometry(self.scene)
@@ -110,39 +111,34 @@ class _Work:
     def run(self) -> Rendered:
         """All passes."""
         scene = self.scene
+        grid = np.asarray(scene.wavelengths)
         pixels = np.arange(scene.width * scene.height)
         image = np.full((pixels.size, int(self.bands.sum()) if self.weights is None else 3), np.nan)
         finished = 0.0
         try:
-            # What is in view, before any spectrum: one ray for a pixel, then more at edges.
-            each = 1 if self.adaptive else scene.antialias
-            tiles = self._tiles(pixels, each)
+            # Geometry before any spectrum: one ray for a pixel, then more where neighbours differ.
+            tiles = self._tiles(pixels, 1 if self.adaptive else scene.antialias)
             signature = self._look(tiles, 0.0, 0.25)
             edges = np.zeros(0, int)
-            if self.adaptive and scene.antialias > 1:
-                edges = np.flatnonzero(
-                    _differing(signature.reshape(scene.height, scene.width)).ravel()
-                )
-                more = self._tiles(edges, scene.antialias)
-                self._look(more, 0.25, 0.35)
-                tiles += more
-            # Tables of what is seen, at the angles at which it is seen; then the spectra.
-            self.prepared = self.in_view.prepare(np.asarray(scene.wavelengths), self.tolerance)
+            if self.refines:
+                edges = np.flatnonzero(_differing(self._as_picture(signature)))
+                edge_tiles = self._tiles(edges, scene.antialias)
+                self._look(edge_tiles, 0.25, 0.35)
+                # Later tiles write over earlier ones: an edge gets the mean of its own rays.
+                tiles += edge_tiles
+            # Tables of the materials in view, for the angles in view; then the spectra.
+            self.prepared = self.in_view.prepare(grid, self.tolerance)
             self._shade(tiles, image, 0.35, 0.85)
             finished = 1.0
-            if self.adaptive and scene.antialias > 1:
+            if self.refines:
                 # More rays for pixels that came out unlike a neighbour.
-                strong = np.flatnonzero(
-                    _contrasting(image.reshape(scene.height, scene.width, -1)).ravel()
-                )
+                strong = np.flatnonzero(_contrasting(self._as_picture(image)))
                 strong = np.setdiff1d(strong, edges)
-                again = self._tiles(strong, scene.antialias)
-                self._look(again, 0.85, 0.87)
-                # A thing so small that only these rays meet it.
-                self.prepared = self.in_view.prepare(
-                    np.asarray(scene.wavelengths), self.tolerance, self.prepared
-                )
-                self._shade(again, image, 0.87, 1.0)
+                strong_tiles = self._tiles(strong, scene.antialias)
+                self._look(strong_tiles, 0.85, 0.87)
+                # Again, as only these rays may meet a thing that is small.
+                self.prepared = self.in_view.prepare(grid, self.tolerance, self.prepared)
+                self._shade(strong_tiles, image, 0.87, 1.0)
                 self.report.refined = edges.size + strong.size
         except KeyboardInterrupt:
             done = np.isfinite(image[:, 0]).mean()
@@ -153,49 +149,52 @@ class _Work:
         scale = self.full * self.report.pixels
         self.report.rays_full = max(int(scale * self.in_view.rays_a_sample), self.report.rays)
         self.report.pairs_full = self.report.rays_full * len(self.places.point)
-        image = image.reshape(scene.height, scene.width, -1)
         return Rendered(
-            values=image,
+            values=self._as_picture(image),
             spectral=self.weights is None,
-            wavelengths=np.asarray(scene.wavelengths, float),
+            wavelengths=grid.astype(float),
             bands=self.bands,
             done=finished,
             report=self.report,
         )
 
-    def _report(self, share: float, words: str) -> None:
+    def _as_picture(self, values: np.ndarray) -> np.ndarray:
+        """Values of pixels in rows and columns, (h, w, ...)."""
+        return values.reshape(self.scene.height, self.scene.width, *values.shape[1:])
+
+    def _report(self, share: float, stage: str) -> None:
         """Say how far the picture is, 0 to 1, and what is being done."""
         # Progress is counted in a thousand parts.
-        self.progress(round(share * 1000), 1000, words)
+        self.progress(round(share * 1000), 1000, stage)
 
-    def _tiles(self, pixels: np.ndarray, each: int) -> list[_Tile]:
-        """Pixels in groups that go through the processor together, `each` times `each` rays for
-        one.
+    def _tiles(self, pixels: np.ndarray, samples_across: int) -> list[_Tile]:
+        """Pixels in groups that go through the processor together, `samples_across` squared
+        rays for one.
         """
-        size = max(1, TILE // each**2)
-        return [_Tile(pixels[k : k + size], each) for k in range(0, pixels.size, size)]
+        size = max(1, TILE // samples_across**2)
+        return [_Tile(pixels[k : k + size], samples_across) for k in range(0, pixels.size, size)]
 
-    def _levels(self, tile: _Tile) -> list[Level]:
-        """Levels of the rays of a tile: kept, or traced."""
-        if tile.levels is not None:
-            return tile.levels
-        steps = (np.arange(tile.each) + 0.5) / tile.each
+    def _bounces(self, tile: _Tile) -> list[Bounce]:
+        """Bounces of the rays of a tile: kept, or traced."""
+        if tile.bounces is not None:
+            return tile.bounces
+        steps = (np.arange(tile.samples_across) + 0.5) / tile.samples_across
         across, down = np.meshgrid(steps, steps)
         x = (tile.pixels % self.scene.width)[:, None] + across.ravel()
         y = (tile.pixels // self.scene.width)[:, None] + down.ravel()
         rays = self.scene.rays(x.ravel(), y.ravel())
-        levels = trace(
+        bounces = trace(
             self.geometry,
             self.places,
             *rays,
             reflects=self.in_view.most_mirrored,
-            bounces=self.scene.bounces,
+            most_bounces=self.scene.bounces,
         )
-        size = sum(level.bytes for level in levels)
+        size = sum(bounce.bytes for bounce in bounces)
         if self.kept + size <= _KEPT_BYTES:
-            tile.levels = levels
+            tile.bounces = bounces
             self.kept += size
-        return levels
+        return bounces
 
     def _look(self, tiles: list[_Tile], start: float, end: float) -> np.ndarray:
         """First pass: what is to be seen, and of each ray a number that differs between different
@@ -204,9 +203,9 @@ class _Work:
         signatures = []
         for k, tile in enumerate(tiles):
             self._report(start + (end - start) * k / len(tiles), "finding visible surfaces")
-            levels = self._levels(tile)
-            self.in_view.add(levels)
-            signatures.append(_signature(levels))
+            bounces = self._bounces(tile)
+            self.in_view.add(bounces)
+            signatures.append(_signature(bounces))
         return np.concatenate(signatures) if signatures else np.zeros(0, int)
 
     def _shade(self, tiles: list[_Tile], image: np.ndarray, start: float, end: float) -> None:
@@ -215,63 +214,60 @@ class _Work:
         background = jnp.asarray(self.scene.background_spectrum(), lights.dtype)
         for k, tile in enumerate(tiles):
             self._report(start + (end - start) * k / len(tiles), "computing spectra")
-            levels = self._levels(tile)
-            self.report.rays += sum(len(level.material) for level in levels)
+            bounces = self._bounces(tile)
+            self.report.rays += sum(len(bounce.material) for bounce in bounces)
             self.report.pairs += sum(
-                lit_pairs(level, np.arange(len(level.material)))[0].size for level in levels
+                lit_pairs(bounce, np.arange(len(bounce.material)))[0].size for bounce in bounces
             )
-            samples = radiance(levels, self.prepared, lights, background)
-            found = np.asarray(pixels_from_samples(samples, tile.each**2))
-            image[tile.pixels] = found if self.weights is None else found @ self.weights
-            tile.levels = None
+            samples = radiance(bounces, self.prepared, lights, background)
+            colours = np.asarray(pixels_from_samples(samples, tile.samples_across**2))
+            image[tile.pixels] = colours if self.weights is None else colours @ self.weights
+            tile.bounces = None
         self._report(end, "computing spectra")
 
 
-def _signature(levels: list[Level]) -> Int[np.ndarray, "rays"]:
+def _signature(bounces: list[Bounce]) -> Int[np.ndarray, "rays"]:
     """A number of each ray that changes with the things it meets and the lights that reach them."""
     total: np.ndarray | None = None
-    for level, child in zip(reversed(levels), [None, *reversed(levels[1:])], strict=True):
-        reached = (level.strength > 0) @ (1 << np.arange(level.strength.shape[1], dtype=np.int64))
-        own = (level.shape.astype(np.int64) + 1) * 1000003 + reached
+    # From the last bounce back: each point's number takes in that of the point seen in its mirror.
+    for bounce, child in zip(reversed(bounces), [None, *reversed(bounces[1:])], strict=True):
+        # The lights that reach a point are bits of one number.
+        reached = (bounce.strength > 0) @ (1 << np.arange(bounce.strength.shape[1], dtype=np.int64))
+        signature = (bounce.shape.astype(np.int64) + 1) * 1000003 + reached
         if child is not None and total is not None:
-            own[child.parent] += 7919 * (total % 1000000007)
-        total = own
+            signature[child.parent] += 7919 * (total % 1000000007)
+        total = signature
     assert total is not None
     return total
 
 
 def _differing(values: np.ndarray) -> Bool[np.ndarray, "h w"]:
-    """Pixels that differ from a neighbour, across corners too."""
-    out = np.zeros(values.shape, bool)
-    for down, across in ((0, 1), (1, 0), (1, 1), (1, -1)):
-        first, second = _neighbours(values.shape, down, across)
-        different = values[first] != values[second]
-        out[first] |= different
-        out[second] |= different
-    return out
+    """Pixels that differ from a neighbour."""
+    return _unlike_neighbour(values, np.not_equal)
 
 
 def _contrasting(image: np.ndarray) -> Bool[np.ndarray, "h w"]:
     """Pixels whose mean over bands, or XYZ, differs strongly from that of a neighbour."""
-    level = np.nan_to_num(image.mean(axis=-1))
-    out = np.zeros(level.shape, bool)
-    for down, across in ((0, 1), (1, 0), (1, 1), (1, -1)):
-        first, second = _neighbours(level.shape, down, across)
-        a = level[first]
-        b = level[second]
-        # Neighbours that differ by more than this share, of the brighter one and a little white,
-        # get more rays.
-        different = np.abs(a - b) > 0.06 * (np.maximum(a, b) + 0.05)
-        out[first] |= different
-        out[second] |= different
+
+    def contrast(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        # By more than this share of the brighter one and a little white.
+        return np.abs(a - b) > 0.06 * (np.maximum(a, b) + 0.05)
+
+    return _unlike_neighbour(np.nan_to_num(image.mean(axis=-1)), contrast)
+
+
+def _unlike_neighbour(
+    values: np.ndarray, unlike: Callable[[np.ndarray, np.ndarray], np.ndarray]
+) -> Bool[np.ndarray, "h w"]:
+    """Pixels that are unlike one of their eight neighbours."""
+    out = np.zeros(values.shape, bool)
+    rows, columns = values.shape
+    # Each pair of neighbours once: to the right, and the three below.
+    for down, across in ((0, 1), (1, -1), (1, 0), (1, 1)):
+        left, right = max(-across, 0), max(across, 0)  # columns that lack a neighbour on that side
+        pixels = slice(0, rows - down), slice(left, columns - right)
+        neighbours = slice(down, rows), slice(right, columns - left)
+        pair = unlike(values[pixels], values[neighbours])
+        out[pixels] |= pair
+        out[neighbours] |= pair
     return out
-
-
-def _neighbours(
-    shape: tuple[int, int], down: int, across: int
-) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
-    """Slices of pixels and of their neighbours."""
-    rows, columns = shape
-    first = (slice(0, rows - down), slice(max(-across, 0), columns - max(across, 0)))
-    second = (slice(down, rows), slice(max(across, 0), columns - max(-across, 0)))
-    return first, second

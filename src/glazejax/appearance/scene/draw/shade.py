@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..materials import Angles, Material
-from .rays import Level, filled_size
+from .rays import Bounce, filled_size
 
 # Pairs that go through the processor together; memory is this times the bands, a few times.
 _CHUNK = 2**13
@@ -69,26 +69,26 @@ def sample_map(
     y = jnp.clip((1.0 - v) * rows - 0.5, 0.0, rows - 1.0)
     a = x - jnp.floor(x)
     b = y - jnp.floor(y)
-    left = jnp.floor(x).astype(int)
+    west = jnp.floor(x).astype(int)
     top = jnp.floor(y).astype(int)
-    right = jnp.minimum(left + 1, columns - 1)
+    east = jnp.minimum(west + 1, columns - 1)
     down = jnp.minimum(top + 1, rows - 1)
-    upper = (1 - a) * values[top, left] + a * values[top, right]
-    lower = (1 - a) * values[down, left] + a * values[down, right]
+    upper = (1 - a) * values[top, west] + a * values[top, east]
+    lower = (1 - a) * values[down, west] + a * values[down, east]
     return (1 - b) * upper + b * lower
 
 
 def radiance(
-    levels: Sequence[Level],
+    bounces: Sequence[Bounce],
     materials: Sequence[Material | None],
     lights: Float[Array, "lights bands"],
     background: Float[Array, "bands"],
 ) -> Float[Array, "rays bands"]:
-    """Spectrum that comes along each ray of the first level.
+    """Spectrum that comes along each ray of the first bounce.
 
     Args:
-        levels: of `rays.trace`.
-        materials: prepared, in the order of the numbers in the levels; None for those that are not
+        bounces: of `rays.trace`.
+        materials: prepared, in the order of the numbers in the bounces; None for those that are not
             seen.
         lights, background: spectra.
 
@@ -96,63 +96,63 @@ def radiance(
         (rays, bands), on the scale of the lights.
     """
     beyond: Array | None = None
-    child: Level | None = None
-    for level in reversed(levels):
+    child: Bounce | None = None
+    for bounce in reversed(bounces):
         # Filled up to few sizes, so that few programs are compiled.
         empty = np.pad(
-            level.material < 0, (0, filled_size(len(level.material)) - len(level.material))
+            bounce.material < 0, (0, filled_size(len(bounce.material)) - len(bounce.material))
         )
-        own = jnp.where(jnp.asarray(empty)[:, None], background, jnp.zeros_like(lights[:1]))
+        spectra = jnp.where(jnp.asarray(empty)[:, None], background, jnp.zeros_like(lights[:1]))
         for number, material in enumerate(materials):
             if material is None:
                 continue
-            mine = np.flatnonzero(level.material == number)
-            own = _add_lights(own, level, mine, material, lights)
+            mine = np.flatnonzero(bounce.material == number)
+            spectra = _add_lights(spectra, bounce, mine, material, lights)
             if child is not None and beyond is not None and material.is_mirror:
-                own = _add_mirror(own, level, child, number, material, beyond)
-        beyond = own
-        child = level
+                spectra = _add_mirror(spectra, bounce, child, number, material, beyond)
+        beyond = spectra
+        child = bounce
     assert beyond is not None
-    return beyond[: len(levels[0].material)]
+    return beyond[: len(bounces[0].material)]
 
 
-def lit_pairs(level: Level, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def lit_pairs(bounce: Bounce, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Numbers of point and light of the pairs that matter among some points."""
-    rows, which = np.nonzero(level.strength[points] > 0)
+    rows, which = np.nonzero(bounce.strength[points] > 0)
     return points[rows], which
 
 
 def _add_lights(
-    own: Array, level: Level, mine: np.ndarray, material: Material, lights: Array
+    spectra: Array, bounce: Bounce, mine: np.ndarray, material: Material, lights: Array
 ) -> Array:
-    rows, which = lit_pairs(level, mine)
+    rows, which = lit_pairs(bounce, mine)
     for piece, size in _pieces(rows.size):
         r = _pad_with_first(rows[piece], size)
         k = _pad_with_first(which[piece], size)
-        strength = np.where(np.arange(size) < len(rows[piece]), level.strength[r, k], 0.0)
+        strength = np.where(np.arange(size) < len(rows[piece]), bounce.strength[r, k], 0.0)
         pairs = (
             k,
             strength,
-            level.cos_view[r],
-            level.cos_light[r, k],
-            level.between[r, k],
-            level.uv[r],
+            bounce.cos_view[r],
+            bounce.cos_light[r, k],
+            bounce.between[r, k],
+            bounce.uv[r],
         )
-        own = own.at[r].add(_lit(material, lights, *map(jnp.asarray, pairs)))
-    return own
+        spectra = spectra.at[r].add(_lit(material, lights, *map(jnp.asarray, pairs)))
+    return spectra
 
 
 def _add_mirror(
-    own: Array, level: Level, child: Level, number: int, material: Material, beyond: Array
+    spectra: Array, bounce: Bounce, child: Bounce, number: int, material: Material, beyond: Array
 ) -> Array:
-    children = np.flatnonzero(level.material[child.parent] == number)
+    children = np.flatnonzero(bounce.material[child.parent] == number)
     for piece, size in _pieces(children.size):
         chosen = _pad_with_first(children[piece], size)
-        there = np.arange(size) < len(children[piece])
+        present = np.arange(size) < len(children[piece])
         rows = child.parent[chosen]
-        shown = _mirror_light(material, jnp.asarray(level.cos_view[rows]), beyond[chosen])
-        own = own.at[rows].add(jnp.where(there[:, None], shown, 0.0))
-    return own
+        mirrored = _mirror_light(material, jnp.asarray(bounce.cos_view[rows]), beyond[chosen])
+        spectra = spectra.at[rows].add(jnp.where(present[:, None], mirrored, 0.0))
+    return spectra
 
 
 def _pieces(count: int) -> list[tuple[slice, int]]:
@@ -169,7 +169,7 @@ def _pad_with_first(values: np.ndarray, size: int) -> np.ndarray:
 
 
 def pixels_from_samples(
-    samples: Float[Array, "rays bands"], each: int
+    samples: Float[Array, "rays bands"], samples_each: int
 ) -> Float[Array, "pixels bands"]:
     """Mean over the samples of each pixel, which follow one another."""
-    return jax.numpy.mean(samples.reshape(-1, each, samples.shape[-1]), axis=1)
+    return jax.numpy.mean(samples.reshape(-1, samples_each, samples.shape[-1]), axis=1)

@@ -124,14 +124,14 @@ class TriangleCaster:
         # meshes; each next is doubled.
         step = 1e-6 * self._radius
         while going.size:
-            found = self._engine.intersects_first(
+            candidate = self._engine.intersects_first(
                 offset[going] + start[going, None] * direction[going], direction[going]
             )
-            going = going[found >= 0]
-            found = found[found >= 0]
-            distance, ahead = self._distance(found, origin[going], direction[going])
+            going = going[candidate >= 0]
+            candidate = candidate[candidate >= 0]
+            distance, ahead = self._distance(candidate, origin[going], direction[going])
             near = ahead & (distance < limit[going])
-            best[going[near]], triangle[going[near]] = distance[near], found[near]
+            best[going[near]], triangle[going[near]] = distance[near], candidate[near]
             going = going[~ahead]
             start[going] += step
             step *= 2
@@ -146,25 +146,25 @@ class TriangleCaster:
         """
         corner, edge1, edge2 = (side[which] for side in self._triangles[:3])
         across = np.cross(direction, edge2)
-        other = np.cross(origin - corner, edge1)
+        normal_to_offset = np.cross(origin - corner, edge1)
         with np.errstate(divide="ignore", invalid="ignore"):
             scale = 1.0 / np.sum(edge1 * across, axis=1)
             u = scale * np.sum((origin - corner) * across, axis=1)
-            v = scale * np.sum(direction * other, axis=1)
-            ahead = ~(scale * np.sum(edge2 * other, axis=1) <= 0)
+            v = scale * np.sum(direction * normal_to_offset, axis=1)
+            ahead = ~(scale * np.sum(edge2 * normal_to_offset, axis=1) <= 0)
         # Rounding may put the point a little outside, and far outside where the triangle is seen
         # edge-on.
-        u, v = (np.clip(np.nan_to_num(part), 0.0, 1.0)[:, None] for part in (u, v))
+        u, v = (np.clip(np.nan_to_num(weight), 0.0, 1.0)[:, None] for weight in (u, v))
         distance = np.sum((corner + u * edge1 + v * edge2 - origin) * direction, axis=1)
         return distance, ahead & (distance > 0)
 
 
 def triangle_surface(
-    triangles: Triangles, part: Int[Array, "rays"], point: Float[Array, "rays 3"]
+    triangles: Triangles, number: Int[Array, "rays"], point: Float[Array, "rays 3"]
 ) -> tuple[Float[Array, "rays 3"], Float[Array, "rays 3"], Float[Array, "rays 2"]]:
     """Smooth normal, normal of the face and texture coordinates at points of triangles."""
     corner, edge1, edge2 = (
-        jnp.asarray(a)[part] for a in (triangles.corner, triangles.edge1, triangles.edge2)
+        jnp.asarray(a)[number] for a in (triangles.corner, triangles.edge1, triangles.edge2)
     )
     across = jnp.cross(edge1, edge2)
     area = jnp.sum(across**2, axis=-1, keepdims=True)
@@ -173,8 +173,8 @@ def triangle_surface(
     v = jnp.sum(jnp.cross(edge1, offset) * across, axis=-1, keepdims=True) / area
     u = jnp.sum(jnp.cross(offset, edge2) * across, axis=-1, keepdims=True) / area
     weights = jnp.stack([1 - u - v, u, v], axis=1)
-    normal = jnp.sum(weights * jnp.asarray(triangles.normals)[part], axis=1)
+    normal = jnp.sum(weights * jnp.asarray(triangles.normals)[number], axis=1)
     length = jnp.sqrt(jnp.sum(normal**2, axis=-1, keepdims=True))
     face = across / jnp.sqrt(area)
     normal = jnp.where(length > 0, normal / jnp.where(length > 0, length, 1.0), face)
-    return normal, face, jnp.sum(weights * jnp.asarray(triangles.uv)[part], axis=1)
+    return normal, face, jnp.sum(weights * jnp.asarray(triangles.uv)[number], axis=1)

@@ -9,7 +9,7 @@ from ....colour import colour_weights
 from ....radiative.common.fresnel import dielectric_reflectance
 from ..materials import Glazed, Material, SeenRanges
 from ..scene import Scene
-from .rays import Level
+from .rays import Bounce
 
 # Share of a tristimulus value of white that the bands left out may make, all together: one step of
 # 8 bits near black.
@@ -53,19 +53,19 @@ class MaterialsInView:
             else np.asarray(dielectric_reflectance(cos_view, index))
         )
 
-    def add(self, levels: list[Level]) -> None:
+    def add(self, bounces: list[Bounce]) -> None:
         """Take in what some rays meet."""
-        self._samples += len(levels[0].material)
-        self._rays += sum(len(level.material) for level in levels)
-        for level in levels:
-            for number in np.unique(level.material[level.material >= 0]):
-                mine = level.material == number
-                lit = mine[:, None] & (level.strength > 0)
+        self._samples += len(bounces[0].material)
+        self._rays += sum(len(bounce.material) for bounce in bounces)
+        for bounce in bounces:
+            for number in np.unique(bounce.material[bounce.material >= 0]):
+                mine = bounce.material == number
+                lit = mine[:, None] & (bounce.strength > 0)
                 key = int(number)
                 self._view[key] = _wider(
-                    self._view.get(key), level.cos_view[mine & lit.any(axis=1)]
+                    self._view.get(key), bounce.cos_view[mine & lit.any(axis=1)]
                 )
-                self._light[key] = _wider(self._light.get(key), level.cos_light[lit])
+                self._light[key] = _wider(self._light.get(key), bounce.cos_light[lit])
 
     def prepare(
         self,
@@ -96,28 +96,28 @@ class MaterialsInView:
             )
             light = _legal(self._light[number])
             view = _legal(self._view[number])
-            seen = SeenRanges(light, view, depths)
-            key = (id(material), seen.light, seen.view)
+            ranges = SeenRanges(light, view, depths)
+            key = (id(material), ranges.light, ranges.view)
             if key not in done:
-                done[key] = material.prepare(wavelengths, seen, tolerance)
+                done[key] = material.prepare(wavelengths, ranges, tolerance)
             prepared.append(done[key])
         return prepared
 
     def describe(self) -> str:
         """Angles of the glazes in view, in words."""
-        words = []
+        lines = []
         for number, material in enumerate(self.materials):
             if isinstance(material, Glazed) and number in self._view:
                 ends = [
                     np.rad2deg(np.arccos(_legal(pair)))[::-1]
                     for pair in (self._light[number], self._view[number])
                 ]
-                words.append("{:.0f}-{:.0f}° lit, {:.0f}-{:.0f}° seen".format(*ends[0], *ends[1]))
-        return "angles of the glazes: " + "; ".join(words) if words else ""
+                lines.append("{:.0f}-{:.0f}° lit, {:.0f}-{:.0f}° seen".format(*ends[0], *ends[1]))
+        return "angles of the glazes: " + "; ".join(lines) if lines else ""
 
 
-def _wider(known: tuple[float, float] | None, values: np.ndarray) -> tuple[float, float]:
-    low, high = known or (np.inf, -np.inf)
+def _wider(span: tuple[float, float] | None, values: np.ndarray) -> tuple[float, float]:
+    low, high = span or (np.inf, -np.inf)
     return (
         (min(low, float(values.min())), max(high, float(values.max())))
         if values.size
@@ -138,15 +138,15 @@ def needed_bands(scene: Scene) -> Bool[np.ndarray, "bands"]:
     spectra = np.concatenate([scene.light_spectra(), scene.background_spectrum()[None]])
     keep = np.zeros(weights.shape[0], bool)
     for spectrum in spectra:
-        parts = weights * spectrum[:, None]
-        total = parts.sum(axis=0)
+        shares = weights * spectrum[:, None]
+        total = shares.sum(axis=0)
         # Red light of long waves alone has no Z; no light at all has nothing.
-        there = total > 0
-        if not np.any(there):
+        lit = total > 0
+        if not np.any(lit):
             continue
-        part = np.max(parts[:, there] / total[there], axis=1)
-        order = np.argsort(part)
-        keep[order[np.cumsum(part[order]) > _BANDS_SHARE]] = True
+        largest = np.max(shares[:, lit] / total[lit], axis=1)
+        order = np.argsort(largest)
+        keep[order[np.cumsum(largest[order]) > _BANDS_SHARE]] = True
     if not np.any(keep):  # A black picture takes a band too.
         keep[np.argmax(weights[:, 1])] = True
     return keep

@@ -66,7 +66,7 @@ def mitsuba_scene(
         target=list(map(float, np.asarray(camera.target))),
         up=list(map(float, np.asarray(camera.up))),
     )
-    found: dict[str, Any] = {
+    description: dict[str, Any] = {
         "type": "scene",
         # Paths without an end need Russian roulette, or they go on between white walls.
         "integrator": {
@@ -92,13 +92,13 @@ def mitsuba_scene(
     }
     # A map lies on a sphere another way round than on the rest, so that a material may be needed in
     # both ways.
-    known: dict[tuple[str, bool], str] = {}
+    materials: dict[tuple[str, bool], str] = {}
     for k, shape in enumerate(scene.shapes):
         material = scene.materials[shape.material]
         mapped = material.thickness_map is not None
         key = (shape.material, mapped and isinstance(shape, Sphere))
-        if key not in known:
-            known[key] = f"m{len(known)}"
+        if key not in materials:
+            materials[key] = f"m{len(materials)}"
             bsdf = _bsdf(
                 name=shape.material,
                 material=material,
@@ -108,31 +108,31 @@ def mitsuba_scene(
                 tolerance=tolerance,
                 notes=notes,
             )
-            found[f"material_{known[key]}"] = bsdf | {"id": known[key]}
+            description[f"material_{materials[key]}"] = bsdf | {"id": materials[key]}
         body = mitsuba_shape(shape, folder / f"mesh_{k}.ply", mapped=mapped)
-        found[f"shape_{k}"] = body | {"bsdf": {"type": "ref", "id": known[key]}}
+        description[f"shape_{k}"] = body | {"bsdf": {"type": "ref", "id": materials[key]}}
     for k, light in enumerate(scene.lights):
-        found[f"light_{k}"] = _light(light, grid, folder / f"light_{k}.ply")
+        description[f"light_{k}"] = _light(light, grid, folder / f"light_{k}.ply")
     if background and np.any(scene.background_spectrum() > 0):
-        found["background"] = {
+        description["background"] = {
             "type": "constant",
             "radiance": spectrum(scene.background_spectrum(), grid),
         }
-    return found
+    return description
 
 
 def spectrum(values: Numbers, wavelengths: Float[np.ndarray, "bands"]) -> dict[str, Any]:
     """A spectrum for Mitsuba: linear between the bands, nothing beyond them."""
     values = np.broadcast_to(np.asarray(values, float), wavelengths.shape)
-    words = ",".join(f"{v:.9g}" for v in values)
+    listed = ",".join(f"{v:.9g}" for v in values)
     steps = np.diff(wavelengths)
     if steps.size and np.ptp(steps) < 1e-9 * steps[0]:
         ends = {"wavelength_min": float(wavelengths[0]), "wavelength_max": float(wavelengths[-1])}
-        return {"type": "regular", "values": words, **ends}
+        return {"type": "regular", "values": listed, **ends}
     return {
         "type": "irregular",
         "wavelengths": ",".join(f"{w:.9g}" for w in wavelengths),
-        "values": words,
+        "values": listed,
     }
 
 

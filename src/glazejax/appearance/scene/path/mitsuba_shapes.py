@@ -31,8 +31,8 @@ def mitsuba_shape(shape: Shape, path: Path, *, mapped: bool = False) -> dict[str
     endless = 100.0
     if isinstance(shape, Plane):
         half = (endless, endless) if shape.size is None else (shape.size[0] / 2, shape.size[1] / 2)
-        right, up, normal = plane_frame(shape)
-        axes = np.stack([right * half[0], up * half[1], normal], axis=1)
+        rightward, up, normal = plane_frame(shape)
+        axes = np.stack([rightward * half[0], up * half[1], normal], axis=1)
         if mapped and shape.size is None:
             return write_ply(
                 path, _quads(shape.material, [(shape.point, axes)], 2 * endless, -endless)
@@ -59,12 +59,12 @@ def relief_mesh(plane: Plane) -> Mesh:
         raise ValueError("this plane has no relief")
     heights = np.asarray(plane.relief, float)
     rows, columns = heights.shape
-    right, up, normal = plane_frame(plane)
+    rightward, up, normal = plane_frame(plane)
     width = float(plane.size[0])
     height = float(plane.size[1])
     u, v = np.meshgrid(np.linspace(0.0, 1.0, columns), np.linspace(1.0, 0.0, rows))
-    places = np.stack([(u - 0.5) * width, (v - 0.5) * height, heights], axis=-1).reshape(-1, 3)
-    frame = np.stack([right, up, normal])
+    points = np.stack([(u - 0.5) * width, (v - 0.5) * height, heights], axis=-1).reshape(-1, 3)
+    frame = np.stack([rightward, up, normal])
     # Slopes by central differences; rows go down, the height goes up.
     down, across = np.gradient(heights, height / (rows - 1), width / (columns - 1))
     steep = np.stack([-across, down, np.ones_like(heights)], axis=-1).reshape(-1, 3)
@@ -78,7 +78,7 @@ def relief_mesh(plane: Plane) -> Mesh:
             np.stack([first + 1, below, below + 1], axis=1),
         ]
     )
-    vertices = places @ frame + np.asarray(plane.point, float)
+    vertices = points @ frame + np.asarray(plane.point, float)
     return Mesh(
         material=plane.material,
         vertices=vertices,
@@ -127,12 +127,14 @@ def _faces(axes: np.ndarray, centre: np.ndarray) -> list[tuple[np.ndarray, np.nd
     """Centre and axes of a box's six faces, with u and v along the axes that are left, in their
     order.
     """
-    found = []
-    for k, others in enumerate([(1, 2), (0, 2), (0, 1)]):
+    faces = []
+    for k, in_plane in enumerate([(1, 2), (0, 2), (0, 1)]):
         for sign in (-1.0, 1.0):
-            frame = np.stack([axes[:, others[0]], axes[:, others[1]], sign * axes[:, k]], axis=1)
-            found.append((centre + sign * axes[:, k], frame))
-    return found
+            frame = np.stack(
+                [axes[:, in_plane[0]], axes[:, in_plane[1]], sign * axes[:, k]], axis=1
+            )
+            faces.append((centre + sign * axes[:, k], frame))
+    return faces
 
 
 def _quads(material: str, quads: list, scale: float = 1.0, start: float = 0.0) -> Mesh:

@@ -2,7 +2,7 @@
 the picture is.
 
 The picture is the mean of several passes that know nothing of each other, so that their differences
-tell the noise.
+show the noise.
 """
 
 import tempfile
@@ -53,11 +53,11 @@ class PathReport(RenderReport):
             f"{self.variant}"
         ]
         if np.isfinite(self.pixel_noise):
-            words = (
+            noise = (
                 f"{self.pixel_noise:.2%} of the mean luminance for a pixel, "
                 f"{self.mean_noise:.3%} for the picture"
             )
-            lines.append(f"noise: {words} (standard error, from the differences between passes)")
+            lines.append(f"noise: {noise} (standard error, from the differences between passes)")
         return "\n".join(lines)
 
 
@@ -113,26 +113,28 @@ def path_trace(
 
         pixels = scene.width * scene.height
         report = PathReport(variant=variant, pixels=pixels, materials=len(scene.materials))
-        each, report.passes_full = passes_of(int(samples), pixels)
+        samples_each, report.passes_full = passes_of(int(samples), pixels)
         progress(0, report.passes_full, "computing glazes")
-        made = mitsuba_scene(
+        description = mitsuba_scene(
             scene,
             folder,
-            samples=each,
+            samples=samples_each,
             max_depth=max_depth,
             background=background,
             tolerance=tolerance,
             notes=report.notes,
         )
-        loaded = mi.load_dict(made)
+        loaded = mi.load_dict(description)
 
         def one(number: int) -> Float[np.ndarray, "h w 3"]:
             return np.array(
-                mi.render(loaded, spp=each, seed=mi.UInt32(seed * report.passes_full + number)),
+                mi.render(
+                    loaded, spp=samples_each, seed=mi.UInt32(seed * report.passes_full + number)
+                ),
                 float,
             )
 
-        return _mean(scene, report, each, one, progress)
+        return _mean(scene, report, samples_each, one, progress)
 
 
 def passes_of(samples: int, pixels: int) -> tuple[int, int]:
@@ -141,15 +143,15 @@ def passes_of(samples: int, pixels: int) -> tuple[int, int]:
     """
     # Passes say how noisy the picture is: four at least, where there are as many samples.
     most = max(1, min(samples // 4, _MOST_RAYS // pixels))
-    each = int(np.sqrt(most)) ** 2
-    return each, max(2, -(-samples // each))
+    samples_each = int(np.sqrt(most)) ** 2
+    return samples_each, max(2, -(-samples // samples_each))
 
 
 def _mean(
     scene: Scene,
     report: PathReport,
-    each: int,
-    one: Callable[[int], Float[np.ndarray, "h w 3"]],
+    samples_each: int,
+    render_pass: Callable[[int], Float[np.ndarray, "h w 3"]],
     progress: Progress,
 ) -> PathTraced:
     """Mean of the passes, and the spread of their luminance."""
@@ -159,15 +161,15 @@ def _mean(
     try:
         for number in range(report.passes_full):
             progress(number, report.passes_full, "following paths")
-            found = one(number)
-            total += found
-            square += found[..., 1] ** 2
-            means.append(float(found[..., 1].mean()))
+            image = render_pass(number)
+            total += image
+            square += image[..., 1] ** 2
+            means.append(float(image[..., 1].mean()))
     except KeyboardInterrupt:
         pass
     count = len(means)
     report.passes = count
-    report.samples = count * each
+    report.samples = count * samples_each
     report.rays = report.samples * report.pixels
     if count:
         total /= count

@@ -1,0 +1,80 @@
+"""Readings pooled with those around them that noise alone makes different.
+
+Noise of a camera moves a dark pixel by more than one paint differs from another. A mean over
+neighbours that are alike within noise keeps edges sharp (the sigma filter: Lee, Computer Vision,
+Graphics, and Image Processing 24 (1983) 255).
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from .survey import Features
+
+AROUND = [(y, x) for y in range(3) for x in range(-2, 3) if (y, x) > (0, 0)]
+"""Steps (y, x) to neighbours in a square of five pixels, one of each two that are opposite."""
+ALONG = [(0, x) for x in range(1, 13)]
+"""As many along a line."""
+REACH = 1.5
+"""Distance at which spectra count as alike, in standard deviations of paint's errors."""
+# Squares of distances are as often beyond this many times their mean as one normal number is beyond
+# three of its standard deviations.
+_TIMES = 2.0
+
+
+class Pooled(NamedTuple):
+    """Readings and how far from each the one that stands for it may be.
+
+    Attributes:
+        readings: (pixels, bands).
+        reach: in the unit of `Features`: errors of paint, and noise that is left.
+    """
+
+    readings: Float[np.ndarray, "pixels bands"]
+    reach: Float[np.ndarray, "pixels"]
+
+
+def pooled(
+    readings: Float[np.ndarray, "pixels bands"],
+    sd: Float[np.ndarray, "pixels bands"],
+    features: Features,
+    shape: tuple[int, int],
+    steps: Sequence[tuple[int, int]],
+) -> Pooled:
+    """Means over each pixel and its neighbours that are alike.
+
+    Args:
+        readings: row by row; NaN where a pixel says nothing.
+        sd: of their noise.
+        features: by which they are compared.
+        shape: rows and columns.
+        steps: to the neighbours, `AROUND` or `ALONG`.
+    """
+    from scipy.sparse import coo_array
+
+    height, width = shape
+    doubt = features.doubt(readings, sd)
+    places = features(readings).reshape(height, width, -1)
+    limit = (0.5 * REACH**2 + _TIMES * doubt).reshape(shape)
+    numbers = np.arange(len(readings), dtype=np.int32).reshape(shape)
+    pairs = [np.stack([numbers.ravel()] * 2)]
+    for y, x in steps:
+        if y >= height or abs(x) >= width:
+            continue
+        here = np.s_[: height - y, max(0, -x) : width - max(0, x)]
+        there = np.s_[y:, max(0, x) : width - max(0, -x)]
+        apart = places[here] - places[there]
+        # Nothing is alike where a number is missing.
+        alike = np.einsum("yxd,yxd->yx", apart, apart) <= limit[here] + limit[there]
+        pair = np.stack([numbers[here][alike], numbers[there][alike]])
+        pairs += [pair, pair[::-1]]
+    rows, columns = np.concatenate(pairs, axis=1)
+    weights = np.ones(len(rows), np.float32)
+    near = coo_array((weights, (rows, columns)), shape=(len(readings),) * 2).tocsr()
+    count = near.sum(axis=1)
+    return Pooled(
+        readings=(near @ readings) / count[:, None],
+        reach=np.sqrt(REACH**2 + _TIMES * doubt / count).astype(np.float32),
+    )
