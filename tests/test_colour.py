@@ -287,7 +287,10 @@ def test_a_lamp_whose_sums_would_overflow_is_refused():
         (lambda: gc.delta_e_2000(3.0, 2.0), "last axis"),
         (lambda: gc.delta_e_2000(np.zeros((4, 3)), np.zeros((5, 3))), r"\(4, 3\) and \(5, 3\)"),
         (lambda: gc.srgb_to_lab([138, 75, 45]), "divide it by 255"),
-        (lambda: gc.lab(np.arange(400.0, 701.0, 10.0), np.full(31, 5.0)), "divide it by 100"),
+        *(
+            (lambda seen=seen: seen(np.arange(400.0, 701.0, 10.0), np.full(31, 5.0)), "by 100")
+            for seen in (gc.lab, gc.xyz, gc.srgb)
+        ),
         (
             lambda: gc.lab(
                 np.arange(400.0, 701.0, 10.0), np.ma.masked_less(np.linspace(0, 1, 31), 0.1)

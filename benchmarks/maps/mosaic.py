@@ -1,7 +1,7 @@
 """Maps of other people's paint: which families they name, by area, and what is said where the
 catalogue lacks the paint; compared with what people use, with the same exemplars.
 
-    python -m benchmarks.maps.mosaic [--pixels 1200] [--noise 0.005] [--sources 7]
+    python -m benchmarks.maps.mosaic [--pixels 800] [--noise 0.005] [--sources 7]
 
 Each source of measured paint is left out in turn and lies on two panels
 (`benchmarks.maps.panel`): twelve flat fields, and fields under brush strokes. Two paints of a panel
@@ -74,7 +74,7 @@ def main() -> None:
         __doc__,
         sources=(len(SOURCES), 1, "sources that are left out in turn"),
         height=(60, 24, "lines of a panel of flat fields; it has four columns for three lines"),
-        pixels=(1200, 200, "pixels of a panel that each method is asked for"),
+        pixels=(800, 200, "pixels of a panel that each method is asked for"),
         noise=(NOISE, NOISE, "standard deviation of a reading"),
     )
     options = parser.parse_args()
@@ -119,7 +119,7 @@ def score_panel(panel: Panel, pixels: int) -> dict[str, Score]:
     progress(f"{panel.group}: map")
     start = time.perf_counter()
     answers = _answers_of_map(panel, drawn)
-    scores = {"the map": _score(panel, drawn, answers, time.perf_counter() - start)}
+    scores = {"the map": score_answers(panel, drawn, answers, time.perf_counter() - start)}
     readings = panel.readings.reshape(height * width, -1)[drawn]
     asked = on_grid(panel.wavelengths, readings, GRID)
     sought = Table(
@@ -136,7 +136,7 @@ def score_panel(panel: Panel, pixels: int) -> dict[str, Score]:
         start = time.perf_counter()
         rival.learn(library)
         answers = rival.answer(sought, [None] * len(drawn), pairs=False)
-        scores[rival.name] = _score(panel, drawn, answers, time.perf_counter() - start)
+        scores[rival.name] = score_answers(panel, drawn, answers, time.perf_counter() - start)
     progress()
     return scores
 
@@ -184,7 +184,9 @@ def _answers_of_map(panel: Panel, drawn: np.ndarray) -> list[Answer]:
     ]
 
 
-def _score(panel: Panel, drawn: np.ndarray, answers: Sequence[Answer], seconds: float) -> Score:
+def score_answers(
+    panel: Panel, drawn: np.ndarray, answers: Sequence[Answer], seconds: float
+) -> Score:
     """Compare answers for some pixels with the truth."""
     labels = panel.labels.ravel()[drawn]
     paints = [panel.paints[label] for label in labels]

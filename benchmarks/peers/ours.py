@@ -129,7 +129,7 @@ def converged(work: Work, index: float) -> np.ndarray:
             for a in (work.ground, work.cos_incidence, work.cos_viewing)
         ]
         ground, incidence, viewing = alike
-        stack = ordinates.Stack(
+        stack = ordinates.StackArrays(
             jnp.asarray(work.albedo),
             jnp.asarray(work.optical_thickness),
             ground,

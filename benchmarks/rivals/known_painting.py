@@ -10,6 +10,7 @@ import functools
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 from jaxtyping import Float
@@ -41,6 +42,34 @@ TRUTH = {
 }
 PLACED = ("members", "coats", "amounts")
 """Arrays of the truth; these three have `PLACES` columns."""
+
+
+class Scenery(Protocol):
+    """What can be written: a `Painting`, or another image that is computed row by row."""
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(y, x) in pixels."""
+        ...
+
+    @property
+    def wavelengths(self) -> Float[np.ndarray, "bands"]:
+        """(bands,), nm."""
+        ...
+
+    @property
+    def ground(self) -> Float[np.ndarray, "bands"]:
+        """Its internal reflectance."""
+        ...
+
+    @property
+    def seed(self) -> int:
+        """Of all that is drawn at random."""
+        ...
+
+    def rows(self, y0: int, y1: int) -> Float[np.ndarray, "rows x bands"]:
+        """Reflectance of some rows, float32."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -256,7 +285,7 @@ def _table(number: int, wavelengths: tuple[float, ...], ground: tuple[float, ...
     )
 
 
-def write_painting(folder: str | Path, painting: Painting) -> Path:
+def write_painting(folder: str | Path, painting: Scenery) -> Path:
     """Write a painting as an ENVI image of ten thousandths (uint16), a block of rows at a time.
 
     Args:
@@ -287,7 +316,7 @@ def write_painting(folder: str | Path, painting: Painting) -> Path:
     return header
 
 
-def _header(painting: Painting) -> str:
+def _header(painting: Scenery) -> str:
     fields = {
         "description": f"{{Painting made by benchmarks.rivals.known_painting, seed {painting.seed}}}",
         "samples": painting.shape[1],

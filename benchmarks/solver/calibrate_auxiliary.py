@@ -19,14 +19,14 @@ from benchmarks.results import Results, command_line
 from benchmarks.solver.calibrate_directions import known, random_stacks
 from glazejax.radiative.auxiliary import graded as auxiliary_graded
 from glazejax.radiative.auxiliary.panels import PanelMesh
-from glazejax.radiative.common.stack_arrays import Stack
+from glazejax.radiative.common.stack_arrays import StackArrays
 
 INDICES = (1.0, 1.02, 1.33, 1.5, 2.5)
 THICKEST = (2.0, 8.0, 40.0, 1e4)
 CHUNK = 10
 
 
-def stacks_of(count: int, thickest: float, layers: int = 2) -> Stack:
+def stacks_of(count: int, thickest: float, layers: int = 2) -> StackArrays:
     """Random stacks whose optical thickness ends at the given value, at which a quarter of the
     first layers are.
     """
@@ -39,7 +39,7 @@ def stacks_of(count: int, thickest: float, layers: int = 2) -> Stack:
 
 
 @functools.partial(jax.jit, static_argnums=(2, 3))
-def auxiliary(stacks: Stack, index, mesh: PanelMesh, fixed: float | None):
+def auxiliary(stacks: StackArrays, index, mesh: PanelMesh, fixed: float | None):
     """Reflectance factor and hemispherical reflectance, (2, stacks)."""
 
     def chunk(piece):

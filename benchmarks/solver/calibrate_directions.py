@@ -28,7 +28,7 @@ FINEST = Resolution(36, 30, crowded=True)
 CHUNK = 50
 
 
-def random_stacks(count: int, seed: int = 0, layers: int = 5) -> ordinates.Stack:
+def random_stacks(count: int, seed: int = 0, layers: int = 5) -> ordinates.StackArrays:
     """Stacks of 1 to 5 layers, D 1e-6 to 1e4, albedo up to 1 - 1e-6, grounds 0-1, cosines .05-1."""
     rng = np.random.default_rng(seed)
     shape = (count, layers)
@@ -40,12 +40,12 @@ def random_stacks(count: int, seed: int = 0, layers: int = 5) -> ordinates.Stack
     cosines = rng.uniform(0.05, 1, (2, count))
     given = (albedo, np.where(present, thickness, 0.0), ground)
     q, d, ground, incidence, viewing = map(jnp.asarray, (*given, *cosines))
-    return ordinates.Stack(q, d, ground, None, incidence, viewing)
+    return ordinates.StackArrays(q, d, ground, None, incidence, viewing)
 
 
 @functools.partial(jax.jit, static_argnums=(2, 3))
 def both(
-    stacks: ordinates.Stack,
+    stacks: ordinates.StackArrays,
     index,
     resolution: Resolution | None,
     fixed: float | None = None,
@@ -69,14 +69,14 @@ def both(
     return jnp.stack([a.reshape(-1) for a in jax.lax.map(chunk, pieces)])
 
 
-def known(stacks: ordinates.Stack, index: float, tolerance: float) -> tuple[jax.Array, int]:
+def known(stacks: ordinates.StackArrays, index: float, tolerance: float) -> tuple[jax.Array, int]:
     """Both reflectances with the directions of a known index, and their number."""
     directions = half_range(index, resolve_known(tolerance, index))
     traced = Directions(*(jnp.asarray(a) for a in directions))
     return both(stacks, index, None, None, traced), directions.cosines.size
 
 
-def spanned(stacks: ordinates.Stack, index: float, tolerance: float) -> tuple[jax.Array, int]:
+def spanned(stacks: ordinates.StackArrays, index: float, tolerance: float) -> tuple[jax.Array, int]:
     """Both reflectances with the directions of a traced index, and their number."""
     resolution = resolve(tolerance, *INDEX_RANGE)
     return both(stacks, index, resolution), resolution.cone + resolution.total

@@ -244,7 +244,8 @@ def xyz(
         illuminant, observer: see `colour_weights`.
 
     Raises:
-        ValueError: as `colour_weights`, or the last axis of `reflectance` is not the bands.
+        ValueError: as `colour_weights`, the last axis of `reflectance` is not the bands, or it is
+            in percent.
     """
     return _compute(matmul, *_band_weights(wavelengths, reflectance, illuminant, observer))
 
@@ -260,11 +261,9 @@ def lab(
 
     The white is that of the same weights, so the perfect diffuser is (100, 0, 0).
 
-    Args and errors as `xyz`, and percent is refused. Source: CIE 15:2018, section 8.2.1.
+    Args and errors as `xyz`. Source: CIE 15:2018, section 8.2.1.
     """
     values, weights = _band_weights(wavelengths, reflectance, illuminant, observer)
-    # Of readings above 1 some are real; half of all bands in percent are above 2 even of blacks.
-    _check_scale("reflectance", values, "like percent: divide it by 100")
     return _compute(
         _lab_of_spectra, values, weights, white_point(wavelengths, illuminant, observer)
     )
@@ -370,6 +369,8 @@ def _band_weights(
             f"reflectance of shape {values.shape} does not end in the {weights.shape[0]} bands "
             "given"
         )
+    # Of readings above 1 some are real; half of all bands in percent are above 2 even of blacks.
+    _check_scale("reflectance", values, "like percent: divide it by 100")
     return values, weights
 
 

@@ -181,9 +181,9 @@ class Program(Generic[Result]):
     def _request(self, *args: Any, **kwargs: Any) -> _ProgramRequest:
         bound = self._signature.bind(*args, **kwargs)
         bound.apply_defaults()
-        given = dict(bound.arguments)
-        fixed = tuple((name, given.pop(name)) for name in self._fixed)
-        leaves, structure = jax.tree.flatten(given)
+        arguments = dict(bound.arguments)
+        fixed = tuple((name, arguments.pop(name)) for name in self._fixed)
+        leaves, structure = jax.tree.flatten(arguments)
         return _ProgramRequest(fixed, structure, leaves)
 
     def _make(self, double: bool, request: _ProgramRequest, *args: Any, **kwargs: Any) -> _Made:

@@ -124,15 +124,15 @@ class Stack:
     def ground_on(
         self, wavelengths: Float[np.ndarray, "bands"], side: str = "white"
     ) -> "float | Float[np.ndarray, 'bands']":
-        """`level` at wavelengths in nm.
+        """The ground's `level` at wavelengths in nm.
 
         Raises:
             ValueError: a measured ground that does not reach so far.
         """
-        level = self.level(side)
-        if isinstance(level, Spectrum):
-            return np.asarray(resample(level.wavelengths, level.reflectance, wavelengths))
-        return level
+        ground = self.level(side)
+        if isinstance(ground, Spectrum):
+            return np.asarray(resample(ground.wavelengths, ground.reflectance, wavelengths))
+        return ground
 
     def media(self) -> list[Pigment | Mixture]:
         """Media of the `shown` coats, all on the wavelengths that all of them share.

@@ -219,7 +219,9 @@ def open_answer():
 def test_the_headline_names_what_is_probable_over_all_sets():
     found = open_answer()
     assert found.likely_paint(0) == ("LeadWhite", pytest.approx(0.6))
-    assert found.words(0).startswith("spot: most probably with LeadWhite (60%), but what is")
+    assert found.words(0).startswith(
+        "spot: most probably with LeadWhite (60%), but its companion is"
+    )
     assert "CobaltBlue (25%), is without it" in found.words(0)
     console = Console(width=200, record=True, file=io.StringIO())
     print_identification(found, console, top=4, detailed=1)

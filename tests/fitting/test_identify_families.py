@@ -561,6 +561,9 @@ def test_anachronisms_are_said():
     assert words == "not of 1620: Prussian blue was in use 1704-"
     assert not evidence.describe_anachronism(["azurite"], known, 1620)
     assert "smalt" in evidence.describe_anachronism(["smalt"], known, 1950)
+    # Of lapis lazuli long before it was made: no spectrum tells one from the other.
+    assert not evidence.describe_anachronism(["ultramarine"], known, 1100)
+    assert "lapis lazuli" in evidence.describe_anachronism(["ultramarine"], known, -100)
 
 
 # ---- what cannot be asked ------------------------------------------------------------------------

@@ -1,5 +1,6 @@
 """How far films of right answers are from readings, and what a report by family draws."""
 
+import csv
 import re
 from dataclasses import replace
 
@@ -9,11 +10,14 @@ import pytest
 from glazefit import identify
 from glazefit.identify.families.identify_pigments import usual_misfit
 from glazefit.identify.families.misfit import at_brightness_of, relative_misfit
+from glazefit.identify.result.groups import answer_of
+from glazefit.identify.result.table import table_of
 from glazefit.identify.search.options import IdentificationOptions
 from glazefit.identify.show.explanation import explanations
 from glazefit.identify.show.family_record import make_family_record, table_rows
 from glazefit.identify.show.figures import fits_to_draw, plot_axes
 from glazefit.identify.show.page import page
+from glazefit.identify.show.terminal import write_residuals
 from glazejax import Pigment, catalogue
 from tests.fitting.test_identify_page import ABOUT, Parsed, plots
 
@@ -95,7 +99,7 @@ def test_each_answer_is_drawn_by_its_nearest_film(shelf, found):
     """At the reading's brightness, and under the answer's probability."""
     of = families(shelf)
     for row in range(2):
-        films = explanations(found, row, 3, of)
+        films = explanations(found, row, 3)
         answers = found.family_sets[row][:3]
         assert [film.probability for film in films] == [one.probability for one in answers]
         for film, answer in zip(films, answers, strict=True):
@@ -108,16 +112,48 @@ def test_each_answer_is_drawn_by_its_nearest_film(shelf, found):
         assert films[0].scale != pytest.approx(1.0, abs=1e-3)
     # A film of paints is drawn as it was fitted.
     own = replace(found, family_sets=())
-    for film, candidate in zip(explanations(own, 0, 3, of), own.ranked(0, 3), strict=True):
+    for film, candidate in zip(explanations(own, 0, 3), own.ranked(0, 3), strict=True):
         np.testing.assert_array_equal(film.fitted, candidate.fitted)
         assert film.words == candidate.words
+
+
+def test_the_nearest_exemplar_is_of_the_answer(shelf, found):
+    """Also where the most probable single set belongs to another answer."""
+    of = families(shelf)
+    first = found.family_sets[0][0]
+    other = next(
+        n
+        for n, one in enumerate(found.ranked(0))
+        if answer_of(of[paint] for paint in one.paints) != answer_of(first.families)
+    )
+    probability = found.probability.copy()
+    probability[0, [0, other]] = probability[0, [other, 0]]
+    order = [other, *(n for n in range(probability.shape[1]) if n != other)]
+    swapped = replace(found, members=found.members[:, order], probability=probability[:, order])
+    named = swapped.nearest_exemplars(0)
+    assert named in swapped.verdict(0)
+    assert answer_of(of[paint] for paint in named.split(" + ")) == answer_of(first.families)
+    assert next(iter(table_of(swapped)[1]))[5] == named
+
+
+def test_residuals_are_of_the_film_that_is_drawn(found, tmp_path):
+    write_residuals(found, tmp_path / "off.csv")
+    with (tmp_path / "off.csv").open(encoding="utf-8") as file:
+        lines = list(csv.DictReader(file))
+    (film,) = explanations(found, 0, 1)
+    fitted = [float(line["fitted at the reading's gloss and brightness"]) for line in lines]
+    bands = film.fitted.shape[1]
+    np.testing.assert_allclose(fitted[:bands], film.fitted[0], rtol=1e-4)
+    measured = np.array([float(line["measured"]) for line in lines[:bands]])
+    off = np.array([float(line["residual"]) for line in lines[:bands]])
+    np.testing.assert_allclose(off, measured - fitted[:bands], atol=1e-5)
 
 
 def test_a_page_by_family_says_how_large_a_misfit_is_usual(shelf, found):
     usual = usual_misfit(found, shelf, OPTIONS)
     assert usual is not None
     about = replace(ABOUT, names=("red", "grey"), subject={"inventory": "SK-A-1"})
-    filed = make_family_record(found, about, 5, painted=None, families=families(shelf), usual=usual)
+    filed = make_family_record(found, about, 5, painted=None, usual=usual)
     assert filed["subject"] == {"inventory": "SK-A-1"}
     text = "".join(page(filed, "report.csv", "report.json"))
     seen = Parsed(text)

@@ -509,11 +509,11 @@ def test_what_a_page_of_paper_has_no_room_for_is_named_there():
     for spot, words in zip(
         filed["spots"], (seen.words["spot-1"], seen.words["spot-2"]), strict=True
     ):
-        said = words[words.index("Also, in the files beside this page: ") :]
+        said = words[words.index("Also, in the files next to this page: ") :]
         assert "2 less probable" in said
         printed = [paint["paint"] for paint in spot["ruled_out"] if f"{paint['paint']}:" in words]
         assert printed == [paint["paint"] for paint in spot["ruled_out"]]
-        assert spot["ruled_out"][-1]["paint"] in said.rpartition("beside this page: ")[2]
+        assert spot["ruled_out"][-1]["paint"] in said.rpartition("next to this page: ")[2]
 
 
 def crowded(filed: dict) -> dict:

@@ -280,8 +280,15 @@ def test_a_film_of_its_own_gloss_and_a_wrong_weight_are_found():
 def test_recovers_paints_within_their_errors():
     films = painted()
     tight = Expectations(model_floor=0.0, model_share=0.0, weight_share=0.003, weight_floor=0.0)
-    result = recover_jointly(films, RECIPES, expectations=tight)
+    told = []
+    result = recover_jointly(
+        films, RECIPES, expectations=tight, progress=lambda *how: told.append(how)
+    )
     assert result.converged
+    # Each step of either stage is told before it is taken.
+    last = [done for done, most, words in told if words.startswith("fitting all together")]
+    assert last == [*range(result.steps)]
+    assert len(last) < len(told)
     assert result.rmse.max() < 0.003
     assert result.delta_e().max() < 0.3
     order = [result.row(paint) for paint in PAINTS]

@@ -173,9 +173,13 @@ def test_numpys_descent_ends_where_the_cost_has_no_slope():
         return jax.tree.map(lambda part: part / (normal[0, 0] + damping), gradient)
 
     start = jax.tree.map(np.zeros_like, target)
-    found = descend(look, solve, start, first_step=1e3, max_steps=60, tolerance=1e-6)
+    told = []
+    found = descend(
+        look, solve, start, first_step=1e3, max_steps=60, tolerance=1e-6, note=told.append
+    )
     assert found.settled
     assert found.steps == len(tries)
+    assert told == list(range(found.steps))
     for name, values in target.items():
         np.testing.assert_allclose(found.point[name], values, atol=1e-5)
 

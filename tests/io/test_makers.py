@@ -235,6 +235,14 @@ def test_blocks_of_their_own_wavelengths_are_read_where_all_have_some(tmp_path):
         read_spectra(put(tmp_path, "nm,a,nm,b\n400,.1,401,.2\n410,.1,411,.2\n420,.1,421,.2\n"))
 
 
+def test_cary_descends_and_says_more_below(tmp_path):
+    text = "Red,,Blue,,\nWavelength (nm),%R,Wavelength (nm),%R,\n"
+    for w, r, b in zip(GRID[::-1], RED[::-1], BLUE[::-1], strict=True):
+        text += f"{w:.6f},{100 * r},{w:.6f},{100 * b},\n"
+    text += "\nRed\nCollection Time: 3/1/2021\nInstrument,Cary 5000\nStart (nm),700.0\n"
+    same(read_spectra(put(tmp_path, text)), GRID, [RED, BLUE], ["Red", "Blue"], atol=1e-9)
+
+
 def test_the_column_of_wavelengths_is_found_where_nothing_titles_it(tmp_path):
     number = np.arange(1, GRID.size + 1)
     text = "Nr;x;red\n" + "".join(

@@ -4,6 +4,7 @@
 """
 
 import io
+import re
 import struct
 import zipfile
 from pathlib import Path
@@ -93,12 +94,15 @@ def test_procspec_is_read(tmp_path):
 
 
 SPC = b"\x00K" + struct.pack("<BBi", 0, 0, 31) + bytes(500)
+OLE = b"\xd0\xcf\x11\xe0" + bytes(99)
 NAMED = {
     "Galactic SPC": (SPC, "JCAMP-DX or as text"),
     "Bruker OPUS": (b"\n\n\xfe\xfe" + bytes(99), r"\.dpt"),
     "Thermo OMNIC": (b"Spectral Data File\r\n" + bytes(99), "CSV or JCAMP-DX"),
     "PerkinElmer": (b"PEPE2D constant interval" + bytes(99), "ASCII or JCAMP-DX"),
     "Renishaw": (b"WDF1" + bytes(99), "text"),
+    "JASCO": (OLE + "Y-Data".encode("utf-16-le") + bytes(99), "ASCII or JCAMP-DX"),
+    "Word": (OLE + "WordDocument".encode("utf-16-le") + bytes(99), "UTF-8 CSV"),
     "CxF 2": (b'<?xml version="1.0"?><CXF xmlns="http://colorexchangeformat.com/v2"/>', "CxF3"),
     "MATLAB": (b"MATLAB 5.0 MAT-file" + bytes(99), "glazejax map"),
 }
@@ -159,9 +163,16 @@ def test_a_folder_of_png_is_a_cube_of_counts(tmp_path, dtype):
 
 
 TRIED = {
-    "Tried on real files:": ["ASD", "SVC", "ECOSTRESS", "USGS", "CGATS", "CxF3"],
-    "Tried on made-up files,": ["QTX", "ProcSpec", "JCAMP-DX", "MATLAB", "SpectraSuite", "Avantes"],
-    "Not read, but named": [maker for maker in NAMED if maker != "MATLAB"],
+    "Tested on real files:": ["ASD", "SVC", "ECOSTRESS", "USGS", "CGATS", "CxF3"],
+    "On files written by their description:": [
+        "QTX",
+        "ProcSpec",
+        "JCAMP-DX",
+        "MATLAB",
+        "SpectraSuite",
+        "Avantes",
+    ],
+    "Not read": [maker for maker in NAMED if maker != "MATLAB"],
 }
 
 
@@ -169,6 +180,6 @@ TRIED = {
 def test_the_page_of_instruments_says_how_each_maker_was_tried(how):
     _, there, words = DOCS.read_text().partition(f"**{how}**")
     assert there
-    sentence = " ".join(words.partition("\n\n")[0].split())
+    sentence = " ".join(re.split(r"\n\n|\*\*", words)[0].split())
     for maker in TRIED[how]:
         assert maker in sentence

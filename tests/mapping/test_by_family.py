@@ -6,10 +6,15 @@ import pytest
 from glazefit import identify, set_labels
 from glazefit.film.shared_bands import means_of_steps
 from glazefit.identify.families.identify_pigments import STEP
+from glazefit.identify.families.references import read_references
 from glazefit.identify.search.options import IdentificationOptions
+from glazefit.mapping.family_facts import describe_sets
 from glazefit.mapping.map_cube import map_cube
+from glazefit.mapping.show.overview import shown_sets
 from glazefit.mapping.solve.by_family import FamilySearcher
 from glazefit.mapping.solve.working_bands import WorkingBands
+from glazefit.mapping.spot_files import write_spots
+from glazefit.mapping.store.store import MapStore
 from glazejax import Glaze, Layer, catalogue, reflectance
 from glazejax.geometry import resolve_instrument
 from tests.mapping import small
@@ -60,9 +65,50 @@ def test_a_map_by_families_says_what_identify_says(cube, paints, tmp_path):
     assert found.attrs["agreement"]["first"] == 1.0
 
 
+def test_a_report_says_what_the_sets_are(cube, paints, tmp_path):
+    """Their families with the nearest exemplars, and what is unexplained as references."""
+    known = {"instrument": "45:0", "painted": 1900, "elements": ("Cu",)}
+    found = map_cube(cube, paints, opaque=True, out=tmp_path / "map.zarr", **known)
+    store = MapStore.open(tmp_path / "map.zarr")
+    assert store.options["elements"] == [["Cu"], []]
+    _, sets = store.sums()
+    asked = IdentificationOptions(**known)
+    facts = describe_sets(found, sets, list(paints.values()), asked, store.options["ground"])
+    assert set(facts) == set(shown_sets({members: one.pixels for members, one in sets.items()}))
+    names = found["paint"].to_numpy()
+    for members, about in facts.items():
+        said = {one["family"] for one in about["pigments"]}
+        assert said & {str(names[n]) for n in members} or len(said) > 1
+        exemplars = [paint["name"] for paint in about["film"]["paints"]]
+        assert any(name.partition("/")[0] in said for name in exemplars)
+    late = {
+        one["family"] for about in facts.values() for one in about["pigments"] if one["anachronism"]
+    }
+    assert late == {"azurite"}
+    reading = sets[next(iter(facts))].spectrum / sets[next(iter(facts))].pixels
+    found.attrs["spots"] = [
+        {"name": "Spot1", "reading": reading},
+        {"name": "Spot2", "reading": reading[::-1]},
+    ]
+    (file,) = write_spots(
+        tmp_path, found, GRID, list(paints.values()), instrument=resolve_instrument("45:0")
+    )
+    file.write_text(file.read_text().replace("Spot1,,", "Spot1,PB29,"))
+    read = read_references(file, "45:0")
+    assert [paint.pigment.family for paint in read.paints] == ["ultramarine"]
+    assert len(read.unclear) == 1
+
+
+def test_elements_are_weighed_for_families_alone(cube, tmp_path):
+    with pytest.raises(ValueError, match="elements and years apply to families"):
+        map_cube(cube, catalogue.load(), opaque=True, out=tmp_path / "map.zarr", elements=("Cu",))
+
+
 def test_noise_makes_no_pigments(cube, paints, tmp_path):
-    """A flat field is one answer, whatever noise does to its pixels."""
+    """A flat field is one answer, whatever noise, relief and light do to its pixels."""
     fields = np.repeat(np.repeat(cube.to_numpy()[:, :1], 14, axis=0), 14, axis=1)
+    light = np.random.default_rng(2).normal(np.linspace(0.97, 1.03, 14), 0.02, fields.shape[:2])
+    fields = fields * light[..., None]
     noise = np.random.default_rng(1).normal(0.0, 1.0, fields.shape)
     noisy = small.image(fields + (0.006 + 0.01 * fields) * noise, GRID)
     found = map_cube(noisy, paints, opaque=True, out=tmp_path / "map.zarr", instrument="45:0")
@@ -70,6 +116,7 @@ def test_noise_makes_no_pigments(cube, paints, tmp_path):
     for name, field in zip(PAINTED, labels, strict=True):
         assert {label.partition(" + ")[0] for label in field} == {name}
         assert len(set(field)) == 1
+    assert found.attrs["representatives"] <= 40
 
 
 def test_uneven_bands_are_those_of_a_search(paints):

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from jinja2 import UndefinedError
 
+from glazefit.mapping.show.overview import shown_sets
 from glazefit.mapping.show.page import _WAYS, Provenance, write_report
 from glazefit.mapping.show.page_sets import small_spectrum
 from glazefit.mapping.store.chunk import SetSum
@@ -132,9 +133,10 @@ def test_sets_stand_with_their_shares_of_the_area(made, report):
     rows = re.findall(r"<tr>(.*?)</tr>", table[: table.index("</table>")], flags=re.DOTALL)[1:]
     names = [str(name) for name in dataset["paint"].values]
     mapped = int(np.sum(dataset["status"].values == Status.MAPPED))
-    ranked = sorted((members for members in sets if members), key=lambda m: (-sets[m].pixels, m))
-    assert len(rows) == len(ranked) + 1
-    for number, (row, members) in enumerate(zip(rows, ranked, strict=False), start=1):
+    shown = shown_sets({members: one.pixels for members, one in sets.items()})
+    others = len(sets) - 1 > len(shown)
+    assert len(rows) == len(shown) + others + 1
+    for number, (row, members) in enumerate(zip(rows, shown, strict=False), start=1):
         text = words(row)
         assert text.split()[0] == str(number)
         assert all(names[member] in text for member in members)
@@ -145,6 +147,66 @@ def test_sets_stand_with_their_shares_of_the_area(made, report):
         assert "<svg" in row
     assert "None of these paints" in rows[-1]
     assert 'class="key none"' in rows[-1]
+
+
+@pytest.fixture(scope="module")
+def by_family(made, tmp_path_factory):
+    """The map with what is to be said of it as of a map by family, and its report."""
+    dataset, tallies, sets = made
+    pigment = {
+        "family": "azurite",
+        "share": 1.0,
+        "formula": "2CuCO3·Cu(OH)2",
+        "in_use": "antiquity-",
+    }
+    pigment |= {"colour_index": "PB30", "anachronism": "not of 1990: azurite"}
+    bands = len(dataset.attrs["working_wavelengths"])
+    film = {
+        "paints": [{"name": "azurite/of a hand", "binder": "egg"}],
+        "fitted": [[None, *([0.25] * (bands - 1))]],
+    }
+    facts = {members: {"pigments": [pigment], "film": film} for members in sets if members}
+    folder = tmp_path_factory.mktemp("by_family")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("glazefit.mapping.show.page.write_pictures", lambda *_, **__: [])
+        return write_report(dataset, tallies, sets, ABOUT, folder, facts=facts)
+
+
+def test_families_stand_with_formula_years_and_nearest_exemplars(made, by_family):
+    *_, sets = made
+    said = words(by_family.read_text(encoding="utf-8"))
+    for each in (
+        "azurite: 2CuCO3·Cu(OH)2, antiquity- (not of 1990: azurite)",
+        "azurite/of a hand, egg",
+        "Nothing is said of amounts",
+    ):
+        assert each in said, each
+    assert "median share by mass" not in said
+    # One map beside the object for each name of a set that is shown.
+    shown = {n for members in shown_sets({m: s.pixels for m, s in sets.items()}) for n in members}
+    assert said.count("Where it is.") == len(shown)
+
+
+def test_sets_of_less_than_a_hundredth_are_summed():
+    pixels = {(0,): 500, (1,): 10, (2,): 9, (): 481}
+    assert shown_sets(pixels) == [(0,), (1,)]
+    assert shown_sets({(n,): 1 for n in range(200)}) == [(0,)]
+
+
+def test_other_programs_open_the_sets_as_classes(made, by_family):
+    envi = pytest.importorskip("spectral.io.envi")
+    dataset, _, sets = made
+    image = envi.open(by_family.with_name("classes.hdr"))
+    classes = np.asarray(image.load())[..., 0].astype(int)
+    names = image.metadata["class names"]
+    assert len(image.metadata["class lookup"]) == 3 * len(names)
+    mapped = dataset["status"].values == Status.MAPPED
+    assert ((classes == 0) == ~mapped).all()
+    none = mapped & (dataset["explained"].values == 0)
+    assert ((classes == names.index("none of these paints")) == none).all()
+    first = shown_sets({members: one.pixels for members, one in sets.items()})[0]
+    assert (classes == 1).sum() == sets[first].pixels
+    assert names[1] == " + ".join(str(dataset["paint"].values[n]) for n in first)
 
 
 def test_each_way_of_an_answer_has_its_words(part):

@@ -22,7 +22,6 @@ from glazefit.mapping.show.pictures import (
     found_paints,
     legend_map,
     legend_places,
-    legend_sets,
     numbers_of,
     own_colours,
     paint_pictures,
@@ -144,9 +143,9 @@ def test_the_legend_map_has_the_colour_of_each_set_and_stripes_for_none(look):
     image = legend_map(look)
     times = image.shape[1] // 128
     small = image[times // 2 :: times, times // 2 :: times]
-    for members, colour in zip(legend_sets(look), set_colours(look), strict=True):
+    for members, colour in zip(look.shown, set_colours(look), strict=True):
         assert (small[look.where(members)] == rgb(colour)).all()
-    rest = np.any([look.where(members) for members in look.ranked[MOST_SETS:]], axis=0)
+    rest = np.any([look.where(members) for members in look.ranked[len(look.shown) :]], axis=0)
     assert (small[rest] == rgb(OTHERS)).all()
     assert rest.any()
     assert (small[look.examples["status"] != Status.MAPPED] == rgb(BLANK)).all()
@@ -158,7 +157,7 @@ def test_the_legend_map_has_the_colour_of_each_set_and_stripes_for_none(look):
 
 def test_numbers_of_sets_stand_within_them(look):
     places = legend_places(look)
-    assert set(places) == set(legend_sets(look))
+    assert set(places) == set(look.shown)
     for members, (x, y) in places.items():
         assert look.where(members)[int(y * 96), int(x * 128)]
 
@@ -196,7 +195,7 @@ def test_colours_of_the_legend_take_after_the_paints(look):
 
 
 def test_own_colours_are_those_of_the_paint(look):
-    own = dict(zip((look.words(m) for m in look.ranked), own_colours(look, 99), strict=True))
+    own = dict(zip((look.words(m) for m in look.shown), own_colours(look), strict=True))
     red, green, blue = rgb(own["Vermillion"])
     assert red > 1.5 * max(green, blue)
     assert min(rgb(own["LeadWhite"])) > 190

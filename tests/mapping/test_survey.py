@@ -60,3 +60,14 @@ def test_features_of_alike_spectra_differ_little():
     # difference of some units.
     brighter = features(spectra * 1.03) - features(spectra)
     assert 1.0 < np.median(np.linalg.norm(brighter, axis=1)) < np.sqrt(20)
+
+
+def test_light_counts_once_where_the_level_of_a_spectrum_says_little():
+    spectra = 0.2 + 0.6 * np.random.default_rng(4).random((300, 20))
+    features = Features.of(spectra, level=False)
+    brighter = features(spectra * 1.03) - features(spectra)
+    assert np.median(np.linalg.norm(brighter, axis=1)) < 1.1
+    # The shape counts in each band as before.
+    shape = np.where(np.arange(20) % 2, 1.03, 1 / 1.03)
+    bent = features(spectra * shape) - features(spectra)
+    assert np.median(np.linalg.norm(bent, axis=1)) > 2.0

@@ -53,6 +53,17 @@ def test_nothing_is_lost_without_absorption():
     assert np.max(np.abs(flux - (1 - dielectric_reflectance(cosines, 1.5)))) < ROUNDING
 
 
+@pytest.mark.parametrize("depth", [1.0, 100.0], ids=["thin", "thick"])
+def test_both_precisions_serve_one_process(depth):
+    """In turn, where tables of the first lie ready as the second is traced."""
+    for double in (True, False, True):
+        with jax.enable_x64(double):
+            found = auxiliary([0.5], [depth], 0.5, tolerance=1e-2)
+            other = stack_reflectance_factor([0.5], [depth], 0.5, tolerance=1e-2)
+            assert found.dtype == (jnp.float64 if double else jnp.float32)
+            assert abs(found - other) < 2e-2
+
+
 @pytest.mark.slow
 def test_edges_are_finite_and_right():
     edges = list(itertools.product(EDGE_ALBEDO, EDGE_THICKNESS, EDGE_GROUND, EDGE_COSINE[1:]))

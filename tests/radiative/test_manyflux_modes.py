@@ -11,7 +11,7 @@ import pytest
 
 from glazejax.radiative.common.phase import henyey_greenstein
 from glazejax.radiative.manyflux.bordered import Bordered, Diagonal
-from glazejax.radiative.manyflux.directions import Spread, spread_directions
+from glazejax.radiative.manyflux.directions import NodeSpread, spread_directions
 from glazejax.radiative.manyflux.doubling import doublings, layer_by_doubling
 from glazejax.radiative.manyflux.eigenmodes import layer_by_modes, layer_modes
 from glazejax.radiative.manyflux.jacobi import symmetric_eigen
@@ -21,7 +21,7 @@ from tests.tolerances import LAST_DIGITS, ROUNDING
 
 from .cases import lapack_calls
 
-RULE = spread_directions(1.5, Spread(5, 5, 2.0))
+RULE = spread_directions(1.5, NodeSpread(5, 5, 2.0))
 MU = jnp.asarray(RULE.cosines)
 # Equal directions of light and eye, one on a node, one at a right angle: where textbook forms
 # divide by zero.

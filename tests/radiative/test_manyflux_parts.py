@@ -9,7 +9,7 @@ from scipy.special import factorial, lpmv
 from glazejax.radiative.common.linalg import inverse, inverse_symmetric
 from glazejax.radiative.common.phase import henyey_greenstein
 from glazejax.radiative.manyflux.bordered import Bordered, Diagonal
-from glazejax.radiative.manyflux.directions import Spread, fewest_directions, spread_directions
+from glazejax.radiative.manyflux.directions import NodeSpread, fewest_directions, spread_directions
 from glazejax.radiative.manyflux.doubling import doublings, layer_by_doubling
 from glazejax.radiative.manyflux.scattering import associated_legendre, rates, scattering
 from glazejax.radiative.manyflux.star_product import (
@@ -93,7 +93,7 @@ def test_legendre_functions():
 @pytest.fixture(scope="module")
 def layers():
     """Three layers' R and U in two azimuth modes, with one added direction, and the ground below."""
-    rule = spread_directions(1.0, Spread(6, 0, 1.0))
+    rule = spread_directions(1.0, NodeSpread(6, 0, 1.0))
 
     @jax.jit
     def make():

@@ -19,7 +19,7 @@ FINE = Resolution(64, 12, reach=12.5)
 INDICES = (1.0, 1 + 1e-9, 1 + 1e-7, 1 + 1e-5, 1 + 1e-4)
 
 
-def grazing_stacks(count: int, least: float) -> ordinates.Stack:
+def grazing_stacks(count: int, least: float) -> ordinates.StackArrays:
     """Two layers, thin to opaque, albedo up to 1 - 1e-6, cosines down to ``least``, evenly in the
     logarithm.
     """
@@ -30,11 +30,11 @@ def grazing_stacks(count: int, least: float) -> ordinates.Stack:
     cosines[:, 0] = least
     ground = rng.choice([0.0, 0.5, 1.0], count)
     albedo, thickness, ground, light, view = map(jnp.asarray, (albedo, thickness, ground, *cosines))
-    return ordinates.Stack(albedo, thickness, ground, None, light, view)
+    return ordinates.StackArrays(albedo, thickness, ground, None, light, view)
 
 
 @jax.jit
-def solved(stacks: ordinates.Stack, index, directions):
+def solved(stacks: ordinates.StackArrays, index, directions):
     stacks = stacks._replace(refractive_index=jnp.broadcast_to(index, stacks.ground.shape))
     return ordinates.reflectance(stacks, directions)
 

@@ -52,6 +52,15 @@ else:
     arrays = [*map(jnp.asarray, layers), jnp.asarray(rng.uniform(0, 1, count))]
 if sys.argv[3] == "value":
     check(function, arrays)
+elif sys.argv[3] == "closed over":
+    first, *arrays = arrays
+    lies_there = split(first)
+
+    def rest(depth, ground):
+        traced = isinstance(depth, jax.core.Tracer)
+        return function(lies_there if traced else first, depth, ground)
+
+    check(rest, arrays)
 else:
     check(jax.grad(lambda *a: jnp.sum(function(*a)), argnums=tuple(range(len(arrays)))), arrays)
 print("done")
@@ -64,6 +73,7 @@ print("done")
     [
         ("stacks", "value"),
         ("glaze", "value"),
+        ("stacks", "closed over"),
         pytest.param("stacks", "gradient", marks=pytest.mark.slow),
         pytest.param("glaze", "gradient", marks=pytest.mark.slow),
     ],

@@ -14,7 +14,7 @@ from benchmarks.peers.ours import CONVERGED
 from glazejax import stack_reflectance_factor
 from glazejax.radiative.common.phase import henyey_greenstein
 from glazejax.radiative.common.rounding import FINEST_SINGLE
-from glazejax.radiative.common.stack_arrays import Stack
+from glazejax.radiative.common.stack_arrays import StackArrays
 from glazejax.radiative.manyflux.reflectance import manyflux_reflectance_factor
 from glazejax.radiative.ordinates import solver
 
@@ -37,7 +37,7 @@ def test_the_finest_tolerance_against_more_directions(index):
 
     @jax.jit
     def converged(albedo, depth, ground, light, view):
-        stack = Stack(
+        stack = StackArrays(
             albedo=albedo,
             optical_thickness=depth,
             ground=ground,

@@ -15,6 +15,7 @@ from glazejax.commands.help_groups import help_groups
 from glazejax.commands.paints import list_references_by
 
 from ..page import subject as head
+from . import facts
 
 if TYPE_CHECKING:
     import numpy as np
@@ -42,12 +43,6 @@ def _list_references(*args: Any) -> None:
     from .show.references import list_references
 
     list_references(*args)
-
-
-def _check_elements(text: str) -> None:
-    from .families.evidence import check_elements
-
-    check_elements(options.split_names(text))
 
 
 @help_groups(
@@ -86,7 +81,7 @@ def identify(
     ] = False,
     pigments: options.Pigments = None,
     catalogue: Annotated[str | None, options.catalogue_option(options.PIGMENTS)] = None,
-    references: Annotated[Path | None, options.REFERENCES] = None,
+    references: facts.References = None,
     only: options.Only = "",
     without: options.Without = "",
     samples: options.Samples = "",
@@ -115,34 +110,9 @@ def identify(
             "pigments.",
         ),
     ] = False,
-    elements: Annotated[
-        str,
-        typer.Option(
-            metavar="SYMBOLS",
-            callback=options.checked(_check_elements),
-            help="Elements found by X-ray fluorescence, such as Cu,Pb: families with them become "
-            "more probable (--catalogue pigments).",
-            show_default=False,
-        ),
-    ] = "",
-    without_elements: Annotated[
-        str,
-        typer.Option(
-            metavar="SYMBOLS",
-            callback=options.checked(_check_elements),
-            help="Elements that X-ray fluorescence did not find, such as Co,Cr.",
-            show_default=False,
-        ),
-    ] = "",
-    painted: Annotated[
-        int | None,
-        typer.Option(
-            metavar="YEAR",
-            help="Year of the painting, such as 1620: pigments not in use then become fifty times "
-            "less probable, and are marked.",
-            show_default=False,
-        ),
-    ] = None,
+    elements: facts.Elements = "",
+    without_elements: facts.WithoutElements = "",
+    painted: facts.Painted = None,
     varnish: Annotated[
         str | None,
         typer.Option(
@@ -279,22 +249,16 @@ def identify(
     paints = options.choose_paints(options.read_shelf(pigments, catalogue), only, without)
     seen_with = Instrument(seen_by, refractive_index)
     by_family = has_families(paints) and not own_films
-    if (elements or without_elements or painted is not None) and not by_family:
-        raise ValueError(
-            "--elements, --without-elements and --painted weigh families of pigments: give "
-            "--catalogue pigments"
-        )
-    if references is not None:
-        if not by_family:
-            raise ValueError(
-                "--references are searched by family: give --catalogue pigments, and neither "
-                "--pigments nor --own-films"
-            )
-        from .families.references import read_references
-
-        library = read_references(references, seen_with, **stated)
-        progress.print_notes(console, references, (*library.notes, *library.unclear))
-        paints += library.pigments
+    evidence = facts.describe_facts(elements, without_elements, painted)
+    paints = facts.add_references(
+        paints,
+        references,
+        evidence,
+        by_family=by_family,
+        instrument=seen_with,
+        console=console,
+        stated=stated,
+    )
     asked = options.say_asked(paints, catalogue, pigments or references, by_family=by_family)
     inputs = input_files(read) if report is not None else []
     task = _read_spectra(
@@ -330,10 +294,8 @@ def identify(
         keep=max(top, 5 if report is None else 40),
         thorough=thorough,
         own_films=own_films,
-        elements=tuple(options.split_names(elements)),
-        without_elements=tuple(options.split_names(without_elements)),
-        painted=painted,
         varnish=varnish,
+        **evidence,
     )
     chunks = identify_chunks(
         task.wavelengths,
@@ -368,7 +330,6 @@ def identify(
         out=out,
         overwrite=overwrite,
         painted=painted,
-        families={paint.name: paint.family for paint in paints},
     )
     if report is not None:
         from .show.page import write_page
@@ -395,7 +356,6 @@ def identify(
                 about,
                 top,
                 painted=painted,
-                families={paint.name: paint.family for paint in paints},
                 usual=usual_misfit(identification, paints, search_options),
             )
         beside = write_page(record, report, overwrite=overwrite)
@@ -609,7 +569,6 @@ def _report(
     out: Path | None,
     overwrite: bool,
     painted: int | None,
-    families: Mapping[str, str],
 ) -> None:
     from .show.plots import plot_identification
     from .show.terminal import (
@@ -632,5 +591,5 @@ def _report(
         write_residuals(identification, residuals, overwrite=overwrite)
         console.print(f"Wrote measured, fitted and residual spectra to {residuals}")
     if out is not None:
-        count = plot_identification(identification, out, families)
+        count = plot_identification(identification, out)
         console.print(f"Drew {'the first ' if count < len(identification) else ''}{count} to {out}")

@@ -62,11 +62,7 @@ def identify_chunks(
                 identification = coats_of_families(identification, options)
             yield identification
         return
-    if options.elements or options.without_elements or options.painted is not None:
-        raise ValueError(
-            "elements and years apply to families of pigments only: use "
-            "catalogue.load('pigments') (--catalogue pigments)"
-        )
+    options.refuse_facts()
     searcher = Searcher.of(wavelengths, pigments, options, opaque=opaque)
     measured = searcher.measure(spectra, ground, names)
     for batch, pool, odds in searcher.search(measured):

@@ -12,6 +12,7 @@ import typer
 from glazejax.commands import options, progress
 from glazejax.commands.help_groups import help_groups
 
+from ..identify import facts
 from ..page import subject as head
 from .options import CUBE
 
@@ -42,7 +43,8 @@ def _ground(text: str) -> None:
     usual="--ground --catalogue --only --out --report",
     given=(
         "--wavelengths --dataset --white --dark --white-reflectance --quantity --unit --scale "
-        "--window --mask --bin --bands --pigments --without --spot --bare --opaque --instrument"
+        "--window --mask --bin --bands --pigments --references --without --spot --bare --opaque "
+        "--elements --without-elements --painted --instrument"
     ),
     tried="--max-paints --example",
     written="--csv --export --object --inventory --operator --overwrite",
@@ -122,6 +124,7 @@ def map_(
     ] = "",
     pigments: options.Pigments = None,
     catalogue: Annotated[str | None, options.catalogue_option(options.PIGMENTS)] = None,
+    references: facts.References = None,
     only: options.Only = "",
     without: options.Without = "",
     spot: Annotated[
@@ -152,6 +155,9 @@ def map_(
     opaque: Annotated[
         bool, typer.Option("--opaque", help="The paint hides its ground everywhere.")
     ] = False,
+    elements: facts.Elements = "",
+    without_elements: facts.WithoutElements = "",
+    painted: facts.Painted = None,
     max_paints: Annotated[
         int,
         typer.Option(
@@ -268,7 +274,13 @@ def map_(
             pigments,
             options.PIGMENTS if catalogue is pigments is None else catalogue,
         )
-    given_files = {"--mask": mask, "--white": white, "--dark": dark, "--pigments": pigments}
+    given_files = {
+        "--mask": mask,
+        "--white": white,
+        "--dark": dark,
+        "--pigments": pigments,
+        "--references": references,
+    }
     _check_outputs(out, {"CUBE": cube, **given_files}, csv, export, report, overwrite)
     if cube is not None:
         options.existing(cube)
@@ -312,6 +324,16 @@ def map_(
     by_family = has_families(paints)
     places = read_spots(spots, [paint.name for paint in paints])
     seen_with = Instrument(seen_by, refractive_index)
+    evidence = facts.describe_facts(elements, without_elements, painted)
+    paints = facts.add_references(
+        paints,
+        references,
+        evidence,
+        by_family=by_family,
+        instrument=seen_with,
+        console=console,
+        stated={},
+    )
     # Workers of a cluster have another folder of their own.
     source = CubeSource(cube.absolute(), **reading)
     opened = source.open()
@@ -344,17 +366,21 @@ def map_(
             else replace(usual_error, amplitude=model_error),
             prior=replace(EXPECTED if by_family else Prior(), thickness=usual),
             max_paints=max_paints,
+            **evidence,
             memory=bound,
             client=client,
             overwrite=overwrite,
             progress=report_progress,
         )
-    asked = options.say_asked(paints, catalogue, pigments, by_family=by_family)
-    facts = {
+    asked = options.say_asked(paints, catalogue, pigments or references, by_family=by_family)
+    about = {
         **{head.TITLES[name]: text for name, text in subject.items()},
         "Catalogue": asked,
         "Ground": words,
         "Instrument": f"{seen_by.describe()}, refractive index {refractive_index:g}",
+        "Elements": ", ".join(evidence["elements"]),
+        "Elements not found": ", ".join(evidence["without_elements"]),
+        "Painted": "" if painted is None else str(painted),
     }
 
     def provenance() -> Any:
@@ -363,7 +389,20 @@ def map_(
         from .provenance import map_provenance
 
         read = {**given_files, "--ground": ground_file(ground)}
-        return map_provenance(command_line(), typed, source.path, read, found, facts)
+        return map_provenance(command_line(), typed, source.path, read, found, about)
+
+    def describe() -> Any:
+        from ..identify.search.options import IdentificationOptions
+        from .family_facts import describe_sets
+
+        asked = IdentificationOptions(
+            instrument=seen_with,
+            prior=replace(EXPECTED, thickness=usual),
+            max_paints=max_paints,
+            **evidence,
+        )
+        store = MapStore.open(out)
+        return describe_sets(found, store.sums()[1], paints, asked, store.options["ground"])
 
     def write_spots(folder: Path) -> list[Path]:
         grid = np.asarray(opened["wavelength"], float)
@@ -389,6 +428,7 @@ def map_(
         report=report,
         overwrite=overwrite,
         provenance=provenance,
+        describe=describe if by_family else None,
         write_spots=write_spots,
     )
     console.print(asked, soft_wrap=True)
@@ -454,13 +494,14 @@ def _write(
     report: Path | None,
     overwrite: bool,
     provenance: Callable[[], Any],
+    describe: Callable[[], Any] | None,
     write_spots: Callable[[Path], list[Path]],
 ) -> None:
     """Print the map, and write what was asked for beside it."""
     from .show.report import print_map, write_sets
 
     tallies, sets = store.sums()
-    print_map(found, sets, console, 12)
+    print_map(found, sets, console)
     if csv is not None:
         write_sets(
             csv, found, sets, found.attrs.get("working_wavelengths", ()), overwrite=overwrite
@@ -477,10 +518,23 @@ def _write(
 
         with progress.doing("writing the report"):
             page = write_report(
-                found, tallies, sets, provenance(), report, cube=opened, overwrite=overwrite
+                found,
+                tallies,
+                sets,
+                provenance(),
+                report,
+                cube=opened,
+                facts=None if describe is None else describe(),
+                overwrite=overwrite,
             )
         console.print(f"Wrote the report to {page}")
-        if files := write_spots(report):
+        files = write_spots(report)
+        if len(files) == 1:
+            console.print(
+                f"Wrote spectra that no family explains to {files[0]}, for --references: fill in "
+                "their families"
+            )
+        elif files:
             console.print(
                 f"Wrote spectra that no paint explains to {files[0]}, and with them as paints "
                 f"{files[1]}, for --pigments"

@@ -1,8 +1,9 @@
 """Which paints are where in an image of spectra, how much, how thick and how sure: `map_cube`.
 
 A sample of the image gives some thousand representatives, each is searched in full
-(`glazefit.identify`), and every pixel is answered in closed form from the representative next to
-it. What that costs is measured on pixels that are searched themselves.
+(`glazefit.identify`). Every pixel is averaged with its neighbours that are alike within noise and
+answered from the representative next to it. What that costs is measured on pixels that are searched
+themselves.
 """
 
 from collections.abc import Mapping
@@ -19,6 +20,7 @@ from ..film.films import Noise
 from ..film.model.mixing import Pigments
 from ..film.noise import spectra_noise
 from ..identify.search.options import SearchKeywords, check_keywords
+from ..identify.search.searcher import Searcher
 from .solve.agreement import compare
 from .solve.atlas import Atlas, make_atlas, search_for_atlas
 from .solve.by_family import Answered, FamilyAtlas, FamilySearcher
@@ -91,15 +93,16 @@ def map_cube(
         spots: further paints by name: spectra of thick, hiding paint, at the image's bands, such as
             a pure stroke in the image itself. What a spectrum alone leaves open of a paint is taken
             as open (`spot_pigment`).
-        memory: bytes that the process is to stay below, at least some 950 MiB.
+        memory: bytes that the process is to stay below, at least some 950 MiB; more where many
+            families are sought over a ground that is seen.
         client: of a dask cluster whose workers do the work; by default the one that this program
             has made, if any. Workers must see the image under the same path.
         overwrite: replace a map that is there.
         progress: called with pieces done, pieces in all and the stage: reading, surveying,
             searching, checking, mapping.
-        search: instrument, noise, discrepancy, prior and max_paints, as for
-            `glazefit.identify`; noise is of one reading of the image, by default told from the
-            roughness of a sample of its spectra.
+        search: instrument, noise, discrepancy, prior, max_paints, elements, without_elements and
+            painted, as for `glazefit.identify`; noise is of one reading of the image, by default
+            told from the roughness of a sample of its spectra.
 
     Returns:
         The map, opened lazily (`glazefit.open_map`); its variables are those of
@@ -176,11 +179,8 @@ def map_cube(
 
 def _spots(store: MapStore, task: MapTask, tallies: Mapping[str, float]) -> list[dict[str, Any]]:
     """Spectra that no paints explain and that may be paints, as the map's attribute holds them."""
-    if isinstance(task.searcher, FamilySearcher):
-        # What is made of them has no family.
-        return []
     bare = np.ones(task.image.bands.wavelengths.size)
-    if task.ground is not None:
+    if task.ground is not None and isinstance(task.searcher, Searcher):
         nothing = np.zeros(len(bare))
         own = task.searcher.task
         bare = np.asarray(own.response.body(nothing, nothing, task.ground)) + own.surface
@@ -221,7 +221,8 @@ def _survey(store: MapStore, task: MapTask, most: int, progress: Progress) -> _S
             raise ValueError(f"the image has no pixel that can be mapped (of a sample: {words})")
         sample = np.concatenate(lines)
         sample[~good] = np.nan
-        features = Features.of(np.maximum(sample[good], 0.0))
+        by_family = isinstance(task.searcher, FamilySearcher)
+        features = Features.of(np.maximum(sample[good], 0.0), level=not by_family)
         ends = np.cumsum([len(line) for line in lines])[:-1]
         parts = [
             pooled(line, sd, features, (1, len(line)), ALONG)

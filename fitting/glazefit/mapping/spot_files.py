@@ -14,7 +14,8 @@ from glazejax.geometry import Instrument
 from glazejax.io.write import write_table
 from glazejax.paint.pigment_table import write_pigments
 
-from .show.page_spots import PAINTS, SPECTRA
+from ..identify.families.expected import has_families
+from .show.page_spots import PAINTS, REFERENCES, SPECTRA
 from .solve.unexplained import spot_paints
 
 if TYPE_CHECKING:
@@ -30,7 +31,8 @@ def write_spots(
     instrument: Instrument,
     overwrite: bool = False,
 ) -> list[Path]:
-    """Write the spectra that no paints explain, and a table of paints that has them too.
+    """Write the spectra that no paints explain, and a table of paints that has them too; of a map
+    by family, a table of references whose families are left open.
 
     Args:
         folder: of the report.
@@ -41,7 +43,7 @@ def write_spots(
         overwrite: whether files that exist may be replaced.
 
     Returns:
-        The two files; none where the map has no such spectra.
+        The files; none where the map has no such spectra.
     """
     spots = {
         str(spot["name"]): np.asarray(spot["reading"], float)
@@ -49,8 +51,13 @@ def write_spots(
     }
     if not spots:
         return []
-    files = [folder / SPECTRA, folder / PAINTS]
     bands = np.asarray(found.attrs["working_wavelengths"], float)
+    if has_families(paints):
+        rows = [[name, "", *np.round(reading, 5)] for name, reading in spots.items()]
+        titles = ["name", "family", *(f"{nm:g}" for nm in bands)]
+        write_table(folder / REFERENCES, titles, rows, overwrite=overwrite)
+        return [folder / REFERENCES]
+    files = [folder / SPECTRA, folder / PAINTS]
     rows = [[nm, *(reading[n] for reading in spots.values())] for n, nm in enumerate(bands)]
     write_table(files[0], ["wavelength_nm", *spots], rows, overwrite=overwrite)
     first = max([grid[0], *(float(p.wavelengths[0]) for p in paints)])

@@ -57,13 +57,14 @@ def say_addition(
     mass = sum(recipe.values()) if batch is None else batch
     among = mixture_paints | {p.name: p for p in paints}
     film = read_film(reading, samples, among, recipe, console, **stated)
-    with progress.doing("compiling, then fitting the reading"):
+    with progress.follow("compiling, then fitting the reading") as report:
         calibrated = calibrate_mixture(
             mixture_paints,
             recipe,
             film,
             instrument=instrument,
             wavelengths=complete_grid(film, [mixture_paints[name] for name in recipe]),
+            progress=report,
         )
         addition = next_addition(
             calibrated,

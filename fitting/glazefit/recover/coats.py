@@ -22,6 +22,7 @@ from jaxtyping import Array, Float
 
 from glazejax.colour import delta_e_of_spectra
 from glazejax.geometry import resolve_instrument
+from glazejax.progress import Progress, no_progress
 from glazejax.spectra import describe_grid
 
 from ..film.films import Films, InstrumentLike, Noise, card_reflectance, cards
@@ -206,6 +207,7 @@ def recover_coats(
     expected: CoatScattering = ANY_FILM,
     spread: float = 0.3,
     response: Response | None = None,
+    progress: Progress = no_progress,
 ) -> CoatRecovery:
     """Absorption and scattering of one coat of each paint, from films of one coat or several.
 
@@ -222,6 +224,7 @@ def recover_coats(
         expected: of the scattering of a coat.
         spread: standard deviation of the log of a film's thickness about its number of coats.
         response: model of one film, by default that of the instrument.
+        progress: called before each paint.
 
     Raises:
         ValueError: no film; a film whose name says no coats, whose ground was not read, or that is
@@ -237,17 +240,17 @@ def recover_coats(
     noise = noise or estimate_noise(films)
     cards(films, instrument, noise)  # refuse bad grounds before the first paint
     response = response or film_response(instrument)
-    fits = {
-        paint: _fit(
-            films.take(
-                [row for row, name in enumerate(films.names) if named_coats[name].paint == paint]
-            ),
+    fits: dict[str, JointRecovery] = {}
+    paint_names = dict.fromkeys(coat.paint for coat in named_coats.values())
+    for paint in paint_names:
+        progress(len(fits), len(paint_names), "fitting the coats of each paint")
+        rows = [row for row, name in enumerate(films.names) if named_coats[name].paint == paint]
+        fits[paint] = _fit(
+            films.take(rows),
             named_coats,
             Expectations(thickness=spread, level_s=(expected.mean, expected.sd)),
             fit_options={"instrument": instrument, "noise": noise, "response": response},
         )
-        for paint in dict.fromkeys(coat.paint for coat in named_coats.values())
-    }
     return CoatRecovery(
         films=films,
         paints=fits,

@@ -55,9 +55,9 @@ def recover_from_coats(films: "Films", fit_options: dict[str, Any], results: "De
     _, metres, plots, overwrite, console = results
     fitted = average(films)
     progress.print_notes(console, "films", fitted.notes[len(films.notes) :])
-    with progress.doing("compiling, then fitting the coats of each paint"):
+    with progress.follow("compiling, then fitting the coats of each paint") as report:
         began = time.perf_counter()
-        recovery = recover_coats(fitted, **fit_options)
+        recovery = recover_coats(fitted, progress=report, **fit_options)
         predictions = []
         for paint in recovery.paints:
             last = recovery.thickest(paint)

@@ -72,9 +72,9 @@ def recover_together(
         fit_options["gloss"] = _measured_gloss(
             knowledge, fitted, fit_options["instrument"], console
         )
-    with progress.doing("compiling, then fitting all films together"):
+    with progress.follow("compiling, then fitting all films together") as report:
         began = time.perf_counter()
-        recovery = recover_jointly(fitted, recipes, **fit_options)
+        recovery = recover_jointly(fitted, recipes, progress=report, **fit_options)
         seconds = time.perf_counter() - began
 
     from .report import print_joint

@@ -309,7 +309,7 @@ def _recover_chunk(films: Films, instrument: Instrument, noise: Noise, chunk: in
     )
     distinct = told_apart(np.asarray(free.optical), np.asarray(free.covariance), contrast)
     identifiable = (distinct & ~np.asarray(free.ambiguous)).reshape(-1, bands)
-    # Elsewhere s follows the known bands beside it, and k the ratio.
+    # Elsewhere s follows the known bands next to it, and k the ratio.
     mean, weight = neighbours_scattering(
         films.wavelengths,
         np.log(np.asarray(free.optical[:, 1])).reshape(-1, bands),

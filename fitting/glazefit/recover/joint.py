@@ -17,6 +17,7 @@ from jaxtyping import Array, Float
 
 from glazejax import Pigment
 from glazejax.geometry import resolve_instrument
+from glazejax.progress import Progress, no_progress
 
 from ..film.films import Films, Instrument, InstrumentLike, Noise, card_readings
 from ..film.gloss import GLOSS_SD, estimate_gloss
@@ -61,6 +62,7 @@ def recover_jointly(
     gauge: Gauge | None = None,
     gloss: Mapping[str, float] | None = None,
     unit: float = UNIT,
+    progress: Progress = no_progress,
 ) -> JointRecovery:
     """Absorption and scattering of all paints in some films, fitted together.
 
@@ -86,6 +88,7 @@ def recover_jointly(
             found.
         unit: thickness of a film of unit relative thickness, m; matters where paints or thicknesses
             are known.
+        progress: called before each step with the steps that are done, and the most there may be.
 
     Raises:
         ValueError: a film without a recipe, no film, cards that are not possible (see
@@ -130,10 +133,24 @@ def recover_jointly(
         )
         # Logarithms of coefficients start far off; undamped first steps would throw some to where
         # nothing has a slope.
-        first = solve_jointly(stiff, response, first_guess(problem), 1e-4, max_steps).point
+        first = solve_jointly(
+            problem=stiff,
+            response=response,
+            start=first_guess(problem),
+            first_step=1e-4,
+            max_steps=max_steps,
+            note=lambda steps: progress(steps, max_steps, "fitting k and s first, steps at most"),
+        ).point
     else:
         first = jax.jit(deviations)(start, problem)
-    solution, factors, steps, settled = solve_jointly(problem, response, first, 1.0, max_steps)
+    solution, factors, steps, settled = solve_jointly(
+        problem=problem,
+        response=response,
+        start=first,
+        first_step=1.0,
+        max_steps=max_steps,
+        note=lambda steps: progress(steps, max_steps, "fitting all together, steps at most"),
+    )
     laplace = spread(problem, factors)
     unknowns, kd, sd, fitted = jax.tree.map(np.asarray, _describe(solution, problem, response))
     fitted = films.where_seen(np.moveaxis(fitted, 0, -1))

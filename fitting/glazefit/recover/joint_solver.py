@@ -62,7 +62,12 @@ class Fit(NamedTuple):
 
 
 def solve_jointly(
-    problem: JointProblem, response: Response, start: Unknowns, first_step: float, max_steps: int
+    problem: JointProblem,
+    response: Response,
+    start: Unknowns,
+    first_step: float,
+    max_steps: int,
+    note: Callable[[int], object] = lambda steps: None,
 ) -> Fit:
     """Levenberg and Marquardt's least squares from a start.
 
@@ -71,6 +76,7 @@ def solve_jointly(
         start: first point.
         first_step: one over the damping of the first step.
         max_steps: that are tried.
+        note: see `descend`.
     """
     descent = descend(
         lambda point: jax.tree.map(np.asarray, look(problem, response, point)),
@@ -80,6 +86,7 @@ def solve_jointly(
         max_steps=max_steps,
         # A thousandth of a coefficient.
         tolerance=1e-3,
+        note=note,
     )
     return Fit(descent.point, factorise(descent.seen.normal), descent.steps, descent.settled)
 

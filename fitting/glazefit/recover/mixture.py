@@ -18,6 +18,7 @@ from jaxtyping import Bool, Float
 from glazejax import Pigment
 from glazejax.geometry import resolve_instrument
 from glazejax.paint.describe import format_length
+from glazejax.progress import Progress, no_progress
 
 from ..film.films import SPECTRA, Films, InstrumentLike, Noise, usual_cards
 from ..film.model.errors import (
@@ -216,6 +217,7 @@ def calibrate_mixture(
     spread: Spread | None = None,
     gauge: Gauge | None = None,
     wavelengths: Float[np.ndarray, "bands"] | None = None,
+    progress: Progress = no_progress,
 ) -> JointRecovery:
     """k and s of one mixture, from its paints and a reading of it: above all how strong it came
     out.
@@ -235,6 +237,7 @@ def calibrate_mixture(
             about `glazefit.recover.joint.UNIT`.
         wavelengths: nm, of the mixture in addition to those of the reading, which may be few:
             filters of a camera, say. By default those of the reading alone.
+        progress: see `recover_jointly`.
 
     Returns:
         A joint recovery whose only paint is the mixture: `pigment` gives its k and s, `thickness`
@@ -258,6 +261,7 @@ def calibrate_mixture(
         use=np.tile(read.astype(float), (len(films), 1)),
         response=response,
         pigments={mixture.name: mixture},
+        progress=progress,
         gauge=gauge,
         unit=UNIT,
     )

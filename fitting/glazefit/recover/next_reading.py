@@ -136,7 +136,7 @@ def rank_next_readings(
     thickness_errors = calibrated.expectations.thickness * np.random.default_rng(2).standard_normal(
         len(off)
     )
-    # Few bands stand for all: neighbours tell the same.
+    # Few bands stand for all: neighbours have the same information.
     bands = reading_bands(grid.size, 8)
 
     def bodies(metres: float, off: np.ndarray) -> np.ndarray:

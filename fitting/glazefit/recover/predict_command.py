@@ -144,7 +144,7 @@ def predict(
         )
         noise = estimate_noise(film)
         gauge = read_gauge(film_thickness, film.names, "--film-thickness")
-        with progress.doing("compiling, then fitting the reading"):
+        with progress.follow("compiling, then fitting the reading") as report:
             calibrated = calibrate_mixture(
                 shelf,
                 recipe,
@@ -153,6 +153,7 @@ def predict(
                 noise=noise,
                 gauge=gauge,
                 wavelengths=complete_grid(film, [shelf[paint] for paint in recipe]),
+                progress=report,
             )
         grid = calibrated.wavelengths
         black, white, _, _ = cards(calibrated.films, seen_with, noise)

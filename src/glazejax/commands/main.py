@@ -131,7 +131,7 @@ def make_app() -> "typer.Typer":
     return app
 
 
-class _Output:
+class _PipeOutput:
     """Standard output that nobody may read to its end, as `head` does: the rest is dropped, and
     files are still written.
     """
@@ -159,7 +159,7 @@ class _Output:
 def run_command() -> None:
     """Entry point: `main` in a process of its own, which ends at once at Ctrl-C."""
     # Closed from the beginning, it is None.
-    sys.stdout = _Output(sys.stdout or open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115
+    sys.stdout = _PipeOutput(sys.stdout or open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115
     interrupts.watch()
     main()
 

@@ -207,7 +207,7 @@ Quantity = Annotated[
     typer.Option(
         "--quantity",
         metavar="NAME",
-        help="Quantity, if the file states another: reflectance.",
+        help="reflectance: what the values are, whatever the file calls them.",
         show_default=False,
     ),
 ]
@@ -226,7 +226,7 @@ Scale = Annotated[
     typer.Option(
         "--scale",
         metavar="NUMBER",
-        help="Number of a reflectance of 1, if the file has none.",
+        help="Number of a reflectance of 1, such as 100 or 10000, overriding the file.",
         show_default=False,
     ),
 ]

@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float
 
 from .finish import DELETED
 from .quantity import nanometres
-from .source import naming, refusal, show_path
+from .source import explain_errors, naming, refusal, show_path
 from .spectra_table import Chosen, Stored
 
 # Bytes of a mapped file that are let go together.
@@ -32,19 +32,21 @@ def whole(path: Path) -> Iterator[None]:
         ValueError: whatever they raised, but for what the system says and for a package that is
             missing.
     """
-    try:
-        yield
-    except ImportError:
-        raise
-    except MemoryError:
-        raise refusal(
-            path, "what is asked for does not fit into this machine's memory; is the file whole?"
-        ) from None
-    except Exception as error:
-        names_path = isinstance(error, ValueError | OSError) and show_path(path) in str(error)
-        if names_path or (isinstance(error, OSError) and error.strerror is not None):
+    with explain_errors(path):
+        try:
+            yield
+        except ImportError:
             raise
-        raise refusal(path, f"cannot be read; is the file whole? {error}") from error
+        except MemoryError:
+            raise refusal(
+                path,
+                "what is asked for does not fit into this machine's memory; is the file whole?",
+            ) from None
+        except Exception as error:
+            named = isinstance(error, ValueError | OSError) and show_path(path) in str(error)
+            if named or (isinstance(error, OSError) and error.strerror is not None):
+                raise
+            raise refusal(path, f"cannot be read; is the file whole? {error}") from error
 
 
 class OnDisk:

@@ -34,7 +34,7 @@ from .common.inputs import (
 )
 from .common.linalg import einsum
 from .common.quadrature import gauss
-from .common.stack_arrays import Stack
+from .common.stack_arrays import StackArrays
 from .stack import Method, stack_hemispherical_reflectance, stack_reflectance_factor
 
 Profile: TypeAlias = Callable[[Array], Array] | Numbers
@@ -85,7 +85,7 @@ def profile_reflectance_factor(
 
     Source: paper A, eqs (3)-(21).
     """
-    profile = _GivenProfile(
+    profile = _ProfileInputs(
         absorption=absorption,
         scattering=scattering,
         thickness=thickness,
@@ -119,7 +119,7 @@ def profile_hemispherical_reflectance(
 
     Source: paper A, eqs (3)-(21).
     """
-    profile = _GivenProfile(
+    profile = _ProfileInputs(
         absorption=absorption,
         scattering=scattering,
         thickness=thickness,
@@ -131,7 +131,7 @@ def profile_hemispherical_reflectance(
     return _evaluate(profile, tolerance, method)
 
 
-class _GivenProfile(NamedTuple):
+class _ProfileInputs(NamedTuple):
     absorption: Profile
     scattering: Profile
     thickness: Numbers
@@ -151,7 +151,7 @@ class _Film(NamedTuple):
     batch: tuple[int, ...]  # of everything
 
 
-def _evaluate(profile: _GivenProfile, tolerance: float, method: str) -> Array:
+def _evaluate(profile: _ProfileInputs, tolerance: float, method: str) -> Array:
     names = ("substrate_reflectance", "refractive_index", "cos_incidence", "cos_viewing")
     arguments = {name: value for name in names if (value := getattr(profile, name)) is not None}
     check_choice("method", method, Method)
@@ -165,7 +165,7 @@ def _evaluate(profile: _GivenProfile, tolerance: float, method: str) -> Array:
     return _solve_on_mesh(film, arguments, tolerance)
 
 
-def _film(inputs: _GivenProfile, arguments: dict[str, Any]) -> _Film:
+def _film(inputs: _ProfileInputs, arguments: dict[str, Any]) -> _Film:
     dtype = jnp.result_type(float)
     thickness = jnp.asarray(inputs.thickness, dtype)
     _refuse("thickness", thickness, "a length in m, >= 0 and finite")
@@ -176,6 +176,7 @@ def _film(inputs: _GivenProfile, arguments: dict[str, Any]) -> _Film:
         profile = getattr(inputs, name)
         if callable(profile):
             functions.append(_of_share(name, cast(Callable[[Array], Array], profile), thickness))
+            # A function shows its batch at some depths.
             shapes[name] = functions[-1](jnp.linspace(0.0, 1.0, 9, dtype=dtype)).shape[:-1]
             continue
         samples = jnp.asarray(profile, dtype)
@@ -189,6 +190,7 @@ def _film(inputs: _GivenProfile, arguments: dict[str, Any]) -> _Film:
         counts[name] = samples.shape[-1] - 1
         shapes[name] = samples.shape[:-1]
         functions.append(_piecewise_linear(samples))
+    # Samples of both at the same depths, so that slices hold no kink.
     several = {count for count in counts.values() if count > 0}
     if len(several) > 1:
         raise ValueError(
@@ -340,7 +342,7 @@ def _solve_on_mesh(film: _Film, arguments: dict[str, Any], tolerance: float) -> 
         def one(piece: tuple[Panels, dict[str, Array]]) -> Array:
             local, light = piece
             index = light["refractive_index"] if fixed is None else fixed
-            stack = Stack(
+            stack = StackArrays(
                 albedo=local.albedo,
                 optical_thickness=local.width,
                 ground=light["substrate_reflectance"],

@@ -35,7 +35,7 @@ from .common.inputs import (
 from .common.rounding import FINEST_SINGLE, warn_of_rounding
 from .common.solver import Request, Solver
 from .common.split import Split
-from .common.stack_arrays import Stack
+from .common.stack_arrays import StackArrays
 from .manyflux.method import ManyFlux
 from .ordinates.method import Ordinates
 
@@ -272,7 +272,7 @@ def _evaluate(inputs: _Inputs, tolerance: float, method: str, run: Any) -> Any:
     return on_its_devices(evaluate, inputs._asdict(), OF_LAYERS)
 
 
-def _reflect(stack: Stack, settings: _StackSettings) -> Array:
+def _reflect(stack: StackArrays, settings: _StackSettings) -> Array:
     # Outside a compiled program the parts of a large batch are programs of their own, one a core.
     return (_run if stack.ground.shape[0] < _MANY else _reflectance)(stack, settings)
 
@@ -297,7 +297,7 @@ def _evaluate_split(inputs: _Inputs, tolerance: float, method: str) -> Split:
 
 def _prepare(
     inputs: _Inputs, tolerance: float, method: str
-) -> tuple[Stack, _StackSettings, tuple[int, ...]]:
+) -> tuple[StackArrays, _StackSettings, tuple[int, ...]]:
     """Checked arguments as a flat batch of stacks, what is fixed in the program, and the batch's
     shape.
     """
@@ -345,7 +345,7 @@ def _prepare(
             inputs=inputs,
         )
     )
-    stack = Stack(
+    stack = StackArrays(
         albedo=flat["albedo"],
         optical_thickness=flat["optical_thickness"],
         ground=flat["substrate_reflectance"],
@@ -387,27 +387,29 @@ def _within_reach(tolerance: float, method: str, *, single: bool) -> float:
 
 
 @functools.partial(Program, fixed=("settings",))
-def _run(stack: Stack, settings: _StackSettings) -> Array:
+def _run(stack: StackArrays, settings: _StackSettings) -> Array:
     return _reflectance(stack, settings)
 
 
 @functools.partial(jax.jit, static_argnums=1)
-def _run_split(stack: Stack, settings: _StackSettings) -> Split:
-    def one(chunk: Stack) -> Split:
+def _run_split(stack: StackArrays, settings: _StackSettings) -> Split:
+    def one(chunk: StackArrays) -> Split:
         return _SOLVERS[settings.method].split(_with_index(chunk, settings), settings.resolution)
 
     return in_chunks(one, stack, settings.chunk)
 
 
 @functools.partial(jax.custom_jvp, nondiff_argnums=(1,))
-def _reflectance(stack: Stack, settings: _StackSettings) -> Array:
+def _reflectance(stack: StackArrays, settings: _StackSettings) -> Array:
     return on_all_cores(_some_stacks, stack, settings, None, least=_MANY)
 
 
-def _some_stacks(stack: Stack, settings: _StackSettings, leaf_names: tuple[str, ...] | None) -> Any:
+def _some_stacks(
+    stack: StackArrays, settings: _StackSettings, leaf_names: tuple[str, ...] | None
+) -> Any:
     """Reflectance of stacks, with its gradient by what is wanted, chunk by chunk."""
 
-    def one(chunk: Stack) -> Any:
+    def one(chunk: StackArrays) -> Any:
         indexed = _with_index(chunk, settings)
         if leaf_names is None:
             return _SOLVERS[settings.method].reflectance(indexed, settings.resolution)
@@ -440,7 +442,7 @@ _reflectance.defjvp(_reflectance_jvp, symbolic_zeros=True)
 
 
 def _with_gradient(
-    stack: Stack, settings: _StackSettings, leaf_names: tuple[str, ...]
+    stack: StackArrays, settings: _StackSettings, leaf_names: tuple[str, ...]
 ) -> tuple[Array, dict[str, Array]]:
     """Reflectance and gradient; but for the default method, slopes by an index of (almost) one are
     those above it.
@@ -470,7 +472,7 @@ def _with_gradient(
     }
 
 
-def _with_index(stack: Stack, settings: _StackSettings) -> Stack:
+def _with_index(stack: StackArrays, settings: _StackSettings) -> StackArrays:
     return (
         stack
         if settings.refractive_index is None

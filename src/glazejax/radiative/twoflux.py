@@ -59,8 +59,8 @@ def saunderson(
 
     Source: Saunderson (1942).
     """
-    r, outside, inside = (jnp.asarray(value) for value in (reflectance, outer, inner))
-    return (1.0 - outside) * (1.0 - inside) * r / (1.0 - inside * r)
+    r, outer_faces, inner_faces = (jnp.asarray(value) for value in (reflectance, outer, inner))
+    return (1.0 - outer_faces) * (1.0 - inner_faces) * r / (1.0 - inner_faces * r)
 
 
 class TwoFluxSlab(NamedTuple):

@@ -236,6 +236,7 @@ def descend(
     first_step: float,
     max_steps: int,
     tolerance: float,
+    note: Callable[[int], object] = lambda steps: None,
 ) -> Descent[Point]:
     """Levenberg and Marquardt's least squares of one problem whose linear algebra is NumPy's.
 
@@ -247,6 +248,7 @@ def descend(
         first_step: one over the damping of the first step.
         max_steps: that are tried.
         tolerance: settled when no unknown moves by more, relative or in its own unit.
+        note: called before each step with the number of those that are done.
     """
     point = jax.tree.map(np.asarray, start)
     step = first_step
@@ -254,6 +256,7 @@ def descend(
     here = look(point)
     steps = 0
     while steps < max_steps and not settled:
+        note(steps)
         steps += 1
         try:
             up = solve(here.normal, 1.0 / step, here.gradient)

@@ -237,6 +237,7 @@ def _identification(
         condition=np.zeros(shape, dtype=int),
         opaque=opaque,
         family_sets=tuple(tuple(name_sets(search, chances)) for chances in odds.sets),
+        paint_families=tuple(paint.family for paint in search.exemplars),
     )
 
 

@@ -16,7 +16,7 @@ from ..search.pool import NOBODY, Pool
 from ..search.task import Measured
 from ..search.unstated_conditions import CONDITIONS
 from ..search.weigh import UNSEEN, Odds
-from .groups import FamilySet
+from .groups import FamilySet, answer_of
 from .in_tests import came_true, has_infrared
 from .odds import CoatsOdds
 from .table import table_of
@@ -156,6 +156,7 @@ class Identification(Tabulated):
         opaque: whether the films were said to hide their ground.
         family_sets: of each spectrum, sets of pigment families, best first, where families were
             searched; empty where paints were.
+        paint_families: of each paint, its family; empty where paints were searched.
         coats_odds: of each spectrum, how the paints of the best sets may lie, most probable set
             first; empty where one coat alone was tried.
     """
@@ -176,6 +177,7 @@ class Identification(Tabulated):
     condition: Int[np.ndarray, "spectra candidates"]
     opaque: bool
     family_sets: tuple[tuple[FamilySet, ...], ...] = ()
+    paint_families: tuple[str, ...] = ()
     coats_odds: tuple[tuple[CoatsOdds, ...], ...] = ()
 
     def __len__(self) -> int:
@@ -376,6 +378,22 @@ class Identification(Tabulated):
             for names in sorted(chances, key=lambda names: -chances[names])
         ]
 
+    def films_of_answers(self, row: int) -> dict[frozenset[str], Candidate]:
+        """The most probable film of each answer by family, under what `groups.answer_of` makes of
+        it; of an improbable answer none may have been kept.
+        """
+        family_of = dict(zip(self.paints, self.paint_families, strict=True))
+        films: dict[frozenset[str], Candidate] = {}
+        for candidate in self.ranked(row):
+            answer = answer_of(family_of[paint] for paint in candidate.paints)
+            films.setdefault(answer, candidate)
+        return films
+
+    def nearest_exemplars(self, row: int) -> str:
+        """Paints of the film that stands for the first answer by family."""
+        film = self.films_of_answers(row).get(answer_of(self.family_sets[row][0].families))
+        return "none that was kept" if film is None else " + ".join(film.paints)
+
     def not_told(self, row: int, least: float = 0.2) -> dict[str, list[str]]:
         """Paints of the first candidate -> others that may stand in their place, most probable
         first.
@@ -407,10 +425,9 @@ class Identification(Tabulated):
             return self.unexplained(row)
         if self.family_sets:
             first = self.family_sets[row][0]
-            near = " + ".join(self.ranked(row, 1)[0].paints)
             return (
                 f"{first.words} ({self.stated_words(row)}; none of these families "
-                f"{self.none[row]:.0%}); nearest exemplar {near}"
+                f"{self.none[row]:.0%}); nearest exemplar {self.nearest_exemplars(row)}"
             )
         best, (_, chance) = self.ranked(row, 1)[0], self.families(row)[0]
         likely = self.likely_paint(row)
@@ -559,7 +576,8 @@ _OF_SPECTRA = ("none", "misfit", "paint_probability")
 _OF_CANDIDATES = tuple(
     field.name
     for field in fields(Identification)
-    if field.name not in ("measured", "paints", "opaque", "family_sets", "coats_odds", *_OF_SPECTRA)
+    if field.name not in ("measured", "paints", "opaque", *_OF_SPECTRA)
+    if field.name not in ("family_sets", "paint_families", "coats_odds")
 )
 """Arrays with a row for each spectrum, and with a place for each of its candidates."""
 

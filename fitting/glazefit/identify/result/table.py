@@ -80,7 +80,7 @@ def _family_rows(identification: Any, top: int | None) -> Iterator[list[object]]
                 answer.words,
                 answer.probability,
                 f"{counts[0]} of {counts[1]}" if counts and rank == 1 else None,
-                " + ".join(identification.ranked(row, 1)[0].paints) if rank == 1 else None,
+                identification.nearest_exemplars(row) if rank == 1 else None,
                 *_of_spectrum(identification, row),
             ]
 

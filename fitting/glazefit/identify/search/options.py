@@ -22,6 +22,9 @@ class SearchKeywords(TypedDict, total=False):
     discrepancy: ModelError | None
     prior: Prior | None
     max_paints: int
+    elements: tuple[str, ...]
+    without_elements: tuple[str, ...]
+    painted: int | None
 
 
 class IdentificationKeywords(SearchKeywords, total=False):
@@ -31,9 +34,6 @@ class IdentificationKeywords(SearchKeywords, total=False):
     keep: int
     thorough: bool
     own_films: bool
-    elements: tuple[str, ...]
-    without_elements: tuple[str, ...]
-    painted: int | None
     varnish: str | None
 
 
@@ -83,6 +83,18 @@ class IdentificationOptions:
         if self.varnish not in (None, *VARNISHES):
             raise ValueError(
                 f"varnish is {self.varnish!r}; say one of {', '.join(VARNISHES)}, or leave it out"
+            )
+
+    def refuse_facts(self) -> None:
+        """Refuse elements and a year where no families are searched.
+
+        Raises:
+            ValueError: there are some.
+        """
+        if self.elements or self.without_elements or self.painted is not None:
+            raise ValueError(
+                "elements and years apply to families of pigments only: use "
+                "catalogue.load('pigments') (--catalogue pigments)"
             )
 
 

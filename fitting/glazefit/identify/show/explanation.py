@@ -1,13 +1,12 @@
 """Explanations of a reading as they are drawn with it."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 
 from ..families.misfit import at_brightness_of
-from ..result import Candidate, Identification
+from ..result import Identification
 from ..result.groups import answer_of
 
 LEAST = 0.001
@@ -34,9 +33,7 @@ class Explanation:
     scale: float
 
 
-def explanations(
-    identification: Identification, row: int, count: int, families: Mapping[str, str]
-) -> list[Explanation]:
+def explanations(identification: Identification, row: int, count: int) -> list[Explanation]:
     """The most probable explanations of one spectrum: sets of paints, or where families were
     searched sets of these, each with the film that stands for it.
 
@@ -44,7 +41,6 @@ def explanations(
         identification: its result.
         row: number of the spectrum.
         count: most explanations.
-        families: of each paint, by its name.
     """
     if not identification.family_sets:
         return [
@@ -57,9 +53,7 @@ def explanations(
             )
             for candidate in identification.ranked(row, count)
         ]
-    films: dict[frozenset[str], Candidate] = {}
-    for candidate in identification.ranked(row):
-        films.setdefault(answer_of(families[paint] for paint in candidate.paints), candidate)
+    films = identification.films_of_answers(row)
     out = []
     for answer in identification.family_sets[row][:count]:
         film = films.get(answer_of(answer.families))

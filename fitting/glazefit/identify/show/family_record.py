@@ -2,7 +2,7 @@
 JSON.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -35,7 +35,6 @@ def make_family_record(
     top: int,
     *,
     painted: int | None,
-    families: Mapping[str, str],
     usual: UsualMisfit | None,
 ) -> dict[str, Any]:
     """All that is filed, as JSON has it.
@@ -45,7 +44,6 @@ def make_family_record(
         about: how it was made.
         top: answers of each spectrum.
         painted: year in which it was painted, if that is known.
-        families: of each paint, by its name.
         usual: how far films of right answers are off, if any is known.
     """
     return {
@@ -55,7 +53,8 @@ def make_family_record(
         "usual_misfit": usual
         and {"answers": usual.answers, "half": usual.half, "nine_tenths": usual.nine_tenths},
         "spots": [
-            _spot(identification, row, top, painted=painted, families=families, usual=usual)
+            _spot(identification, row, top, painted=painted, usual=usual)
+            for row in range(len(identification))
             for row in range(len(identification))
         ],
     }
@@ -67,7 +66,6 @@ def _spot(
     top: int,
     *,
     painted: int | None,
-    families: Mapping[str, str],
     usual: UsualMisfit | None,
 ) -> dict[str, Any]:
     catalogue_families = catalogue.families()
@@ -81,7 +79,7 @@ def _spot(
         )
     )
     reading = identification.measured.readings[row]
-    films = explanations(identification, row, top, families)
+    films = explanations(identification, row, top)
     return {
         "id": f"spot-{row + 1}",
         "name": identification.measured.names[row],
@@ -107,18 +105,8 @@ def _spot(
             }
             for rank, answer in enumerate(answers, start=1)
         ],
-        "pigments": [
-            {
-                "family": family,
-                "formula": catalogue_families[family].formula,
-                "elements": list(catalogue_families[family].elements),
-                "colour_index": catalogue_families[family].colour_index,
-                "in_use": catalogue_families[family].in_use,
-            }
-            for family in named
-            if family in catalogue_families
-        ],
-        "explanations": [_film(film, reading[0]) for film in films],
+        "pigments": describe_pigments(named),
+        "explanations": [describe_film(film, reading[0]) for film in films],
     }
 
 
@@ -127,7 +115,29 @@ def _in_tests(identification: Identification, row: int) -> dict[str, int] | None
     return None if counts is None else {"right": counts[0], "answers": counts[1]}
 
 
-def _film(film: Explanation, reading: np.ndarray) -> dict[str, Any]:
+def describe_pigments(names: Iterable[str]) -> list[dict[str, Any]]:
+    """What some families are; names of groups are left out."""
+    known = catalogue.families()
+    return [
+        {
+            "family": family,
+            "formula": known[family].formula,
+            "elements": list(known[family].elements),
+            "colour_index": known[family].colour_index,
+            "in_use": known[family].in_use,
+        }
+        for family in names
+        if family in known
+    ]
+
+
+def describe_film(film: Explanation, reading: np.ndarray) -> dict[str, Any]:
+    """A film that stands for an answer, and whose paints it is of.
+
+    Args:
+        film: of an answer.
+        reading: beside which it is drawn, (bands,).
+    """
     provenance = catalogue.provenance()
     off = relative_misfit(reading, film.fitted[0])
     return {

@@ -1,6 +1,5 @@
 """Picture of an identification: measured and fitted spectra, residuals and probabilities."""
 
-from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -13,15 +12,12 @@ from .explanation import LEAST, explanations
 _COLOURS = (ABSORPTION, SCATTERING, "#41732b")
 
 
-def plot_identification(
-    identification: Identification, path: Path, families: Mapping[str, str], top: int = 3
-) -> int:
+def plot_identification(identification: Identification, path: Path, top: int = 3) -> int:
     """Draw measured and fitted spectra, residuals and probabilities of the first spectra.
 
     Args:
         identification: its result.
         path: of the picture.
-        families: of each paint, by its name.
         top: explanations that are drawn.
 
     Returns:
@@ -31,23 +27,17 @@ def plot_identification(
     with picture(path, 12, 3.3 * count) as figure:
         axes = figure.subplots(count, 3, squeeze=False, width_ratios=(1.2, 1, 1))
         for row in range(count):
-            _draw(identification, row, families, top, axes[row])
+            _draw(identification, row, top, axes[row])
     return count
 
 
-def _draw(
-    identification: Identification,
-    row: int,
-    families: Mapping[str, str],
-    top: int,
-    axes: np.ndarray,
-) -> None:
+def _draw(identification: Identification, row: int, top: int, axes: np.ndarray) -> None:
     spectra, residuals, chances = axes
     grid = identification.measured.wavelengths
     readings = identification.measured.readings[row]
     for reading in readings:
         spectra.plot(grid, reading, "o", color="0.25", ms=3.5, mfc="none")
-    films = explanations(identification, row, top, families)
+    films = explanations(identification, row, top)
     likely = [film for film in films if film.probability >= LEAST * films[0].probability]
     for n, (film, colour) in enumerate(zip(likely, _COLOURS, strict=False)):
         for ground, fitted in enumerate(film.fitted):

@@ -19,6 +19,7 @@ from ..result.groups import FamilySet
 from ..result.in_tests import has_infrared
 from ..result.table import table_of
 from .ambiguity import describe_ambiguity
+from .explanation import explanations
 
 
 def print_identification(
@@ -177,26 +178,18 @@ def write_candidates(
 
 def write_residuals(identification: Identification, path: Path, *, overwrite: bool = False) -> None:
     """Write measured, fitted and residual spectra of the best explanations, a line a spectrum,
-    ground and band.
+    ground and band; where families were searched, as the report draws them.
     """
-    header = ("spectrum", "ground", "wavelength_nm", "measured", "fitted", "residual")
+    by_family = " at the reading's gloss and brightness" if identification.family_sets else ""
+    fitted = f"fitted{by_family}"
+    header = ("spectrum", "ground", "wavelength_nm", "measured", fitted, "residual")
     lines = (
-        (
-            name,
-            ground + 1,
-            f"{nm:g}",
-            readings[ground, band],
-            fitted[ground, band],
-            off[ground, band],
+        (name, ground + 1, f"{nm:g}", measured[band], film[band], measured[band] - film[band])
+        for row, name in enumerate(identification.measured.names)
+        for best in explanations(identification, row, 1)
+        for ground, (measured, film) in enumerate(
+            zip(identification.measured.readings[row], best.fitted, strict=True)
         )
-        for name, readings, fitted, off in zip(
-            identification.measured.names,
-            identification.measured.readings,
-            identification.fitted[:, 0],
-            identification.residual[:, 0],
-            strict=True,
-        )
-        for ground in range(readings.shape[0])
         for band, nm in enumerate(identification.measured.wavelengths)
     )
     write_table(path, header, lines, overwrite=overwrite)

@@ -18,7 +18,7 @@ from glazejax.colour import (
 from glazejax.plots import hex_colour
 
 MOST_SETS = 15
-"""Sets that have a colour of their own."""
+"""Sets that have a row and a colour of their own, at most."""
 OTHERS = "#b8b3bb"
 """Colour of all further sets."""
 STRIPES = ("#8a8a8a", "#f2f2f2")

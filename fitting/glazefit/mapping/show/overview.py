@@ -12,6 +12,7 @@ from jaxtyping import Bool, Float, Int, UInt8
 
 from ..store.chunk import Members, distinct_sets
 from ..store.layout import STATUS_WORDS, Status, Way
+from .legend import MOST_SETS
 from .names import set_words
 
 if TYPE_CHECKING:
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
 
 MOST = (1600, 1200)
 """Rows and columns of the largest picture that is shown."""
+LEAST = 0.01
+"""Share of the mapped pixels from which a set is shown by itself."""
 
 # Pixels looked at together, for memory.
 _PIXELS = 2**20
@@ -87,9 +90,12 @@ class Overview:
     @cached_property
     def ranked(self) -> list[Members]:
         """Sets by their area, largest first, without the one that is none."""
-        return sorted(
-            (members for members in self.sets if members), key=lambda m: (-self.sets[m], m)
-        )
+        return ranked_sets(self.sets)
+
+    @cached_property
+    def shown(self) -> list[Members]:
+        """Those of them that have a row and a colour of their own."""
+        return shown_sets(self.sets)
 
     def words(self, members: Members) -> str:
         """Names of a set's paints."""
@@ -103,6 +109,18 @@ class Overview:
         if not members:
             return mapped & ~known
         return mapped & known & (self.examples["members"] == np.asarray(wanted)).all(axis=-1)
+
+
+def ranked_sets(pixels: Mapping[Members, int]) -> list[Members]:
+    """Sets by their pixels, largest first, without the one that is none."""
+    return sorted((members for members in pixels if members), key=lambda m: (-pixels[m], m))
+
+
+def shown_sets(pixels: Mapping[Members, int]) -> list[Members]:
+    """The largest of these, as far as each has `LEAST` of all pixels; the first one in any case."""
+    least = LEAST * sum(pixels.values())
+    ranked = ranked_sets(pixels)[:MOST_SETS]
+    return [members for n, members in enumerate(ranked) if not n or pixels[members] >= least]
 
 
 def overview(dataset: "xr.Dataset", most: tuple[int, int] = MOST) -> Overview:

@@ -15,10 +15,12 @@ from glazejax.io.write import write_files
 from ...page.templates import fill_template
 from ..store.chunk import Members, SetSum
 from ..store.layout import STATUS_WORDS, Status, Way
+from .classes import CLASSES, write_classes
 from .legend import OTHERS
 from .overview import Overview, overview
+from .page_families import family_rows
 from .page_sets import set_rows, share_words, small_spectrum
-from .page_spots import PAINTS, spot_rows
+from .page_spots import PAINTS, REFERENCES, spot_rows
 from .pictures import (
     RGB,
     MapPicture,
@@ -28,7 +30,6 @@ from .pictures import (
     found_paints,
     legend_map,
     legend_places,
-    legend_sets,
     numbers_of,
     own_colours,
     paint_pictures,
@@ -91,10 +92,11 @@ def write_report(
     folder: str | Path,
     *,
     cube: "xr.DataArray | None" = None,
+    facts: Mapping[Members, Mapping[str, Any]] | None = None,
     overwrite: bool = False,
 ) -> Path:
-    """Write report.html into a folder, and the pictures beside it as PNG files in its folder
-    pictures.
+    """Write report.html into a folder, the map of classes beside it, and pictures as PNG files in
+    its folder pictures.
 
     Args:
         dataset: the map, with the variables of `layout.VARIABLES` and the coordinate `paint`.
@@ -103,6 +105,7 @@ def write_report(
         provenance: what else is to be said.
         folder: is made.
         cube: the readings (y, x, wavelength) for a picture in false colour; none is made without.
+        facts: of each set of a map by family, by `describe_sets`.
         overwrite: replace an older report.
 
     Returns:
@@ -120,7 +123,10 @@ def write_report(
     grid = np.asarray(dataset.attrs.get("working_wavelengths", ()), float)
     false = None if cube is None else false_colour(cube, look.step)
     numbers = numbers_of(look)
-    paints = [paint_pictures(look, paint) for paint in found_paints(look)]
+    families = None if facts is None else family_rows(look)
+    paints = (
+        [paint_pictures(look, paint) for paint in found_paints(look)] if families is None else []
+    )
     pieces = page(
         look,
         tallies,
@@ -129,19 +135,20 @@ def write_report(
         grid=grid,
         numbers=numbers,
         paints=paints,
+        facts=facts,
+        families=families,
         false=false,
         spots=dataset.attrs.get("spots", ()),
     )
     shown = "".join(pieces).encode("utf-8", "xmlcharrefreplace")
     (folder / "pictures").mkdir(parents=True, exist_ok=True)
     flat = [*numbers, *(each for both in paints for each in both)]
-    write_pictures(
-        look,
-        folder / "pictures",
-        flat,
-        own=own_colours(look),
-        false=None if false is None else false[0],
-    )
+    plain = [] if false is None else [("false_colour", "False colour", false[0])]
+    for family in families or ():
+        flat.append(family["probability"])
+        plain.append((family["key"], f"Where {family['name']} is", family["place"]))
+    write_pictures(look, folder / "pictures", flat, own=own_colours(look), plain=plain)
+    write_classes(dataset, look, folder)
     write_files({path: [shown]}, overwrite=overwrite)
     return path
 
@@ -154,6 +161,8 @@ def page(
     grid: np.ndarray,
     numbers: Sequence[MapPicture],
     paints: Sequence[Sequence[MapPicture]],
+    facts: Mapping[Members, Mapping[str, Any]] | None,
+    families: Sequence[Mapping[str, Any]] | None,
     false: tuple[RGB, str] | None,
     spots: Sequence[Mapping[str, Any]] = (),
 ) -> Iterator[str]:
@@ -184,7 +193,9 @@ def page(
         legend=legend,
         marks=list(_marks(look, legend)),
         false_colour=false,
-        sets=list(set_rows(look, sets, grid)),
+        sets=list(set_rows(look, sets, grid, facts)),
+        families=families,
+        classes=CLASSES,
         others=OTHERS,
         unexplained=small_spectrum(sets.get(()), grid),
         numbers=numbers,
@@ -192,7 +203,7 @@ def page(
         never=[name for n, name in enumerate(look.paints) if n not in order],
         paints=paints,
         spots=spot_rows(spots, grid),
-        paints_file=PAINTS,
+        spots_file=PAINTS if facts is None else REFERENCES,
         chapters=chapters,
         grid=grid,
         share=share_words,
@@ -209,7 +220,7 @@ def _encode(image: RGB) -> str:
 def _marks(look: Overview, legend: RGB) -> Iterator[tuple[int, float, float]]:
     """Number of each set of the legend, and its midst (x, y)."""
     places = legend_places(look)
-    for n, members in enumerate(legend_sets(look), start=1):
+    for n, members in enumerate(look.shown, start=1):
         if members in places:
             x, y = places[members]
             yield n, x * legend.shape[1], y * legend.shape[0]

@@ -9,12 +9,8 @@ from jaxtyping import Float
 from ...page.plot import PlotAxes
 from ...page.words import typeset
 from ..store.chunk import Members, SetSum
-from .legend import OTHERS
 from .overview import Overview
 from .pictures import own_colours, set_colours
-
-SHOWN = 40
-"""Sets that have a row of their own."""
 
 
 def share_words(count: float, of: float) -> str:
@@ -26,7 +22,10 @@ def share_words(count: float, of: float) -> str:
 
 
 def set_rows(
-    look: Overview, sums: Mapping[Members, SetSum], grid: Float[np.ndarray, "bands"]
+    look: Overview,
+    sums: Mapping[Members, SetSum],
+    grid: Float[np.ndarray, "bands"],
+    facts: Mapping[Members, Mapping[str, Any]] | None = None,
 ) -> Iterator[dict[str, Any]]:
     """Rows of the table of sets, the largest first; what is not known is None.
 
@@ -34,23 +33,33 @@ def set_rows(
         look: the map.
         sums: sums over the pixels of each set.
         grid: of their spectra, nm.
+        facts: of each set of a map by family, by `describe_sets`: the film of its nearest exemplars
+            takes the place of the fit, and no amounts are stated.
     """
-    colours = own_colours(look, SHOWN)
+    colours = own_colours(look)
     legend = set_colours(look)
-    for n, members in enumerate(look.ranked[:SHOWN]):
+    for n, members in enumerate(look.shown):
+        about = (facts or {}).get(members, {})
+        film = about.get("film")
         area = look.where(members)
         chances = look.examples["probability"][area]
         chances = chances[np.isfinite(chances)]
         total, number = sums[members].thickness if members in sums else (0.0, 0)
         yield {
             "members": members,
-            "legend": legend[n] if n < len(legend) else OTHERS,
+            "legend": legend[n],
             "colour": colours[n],
-            "paints": _spreads(look, members),
+            "paints": [(look.paints[member], None) for member in members]
+            if facts is not None
+            else _spreads(look, members),
+            "pigments": about.get("pigments", ()),
+            "exemplars": film["paints"] if film else (),
             "pixels": look.sets[members],
             "probability": float(chances.mean()) if chances.size else None,
             "thickness": total / number * 1e6 if number else None,
-            "spectrum": small_spectrum(sums.get(members), grid),
+            "spectrum": small_spectrum(
+                sums.get(members), grid, np.array(film["fitted"][0], float) if film else None
+            ),
         }
 
 
@@ -68,20 +77,25 @@ def _spreads(look: Overview, members: Members) -> list[tuple[str, list[str] | No
     return paints
 
 
-def small_spectrum(sums: SetSum | None, grid: Float[np.ndarray, "bands"]) -> dict[str, Any] | None:
-    """Mean of a set's readings, their spread and the mean of its fits, NaN where it is not known,
-    with axes that hold them; None for a set without pixels.
+def small_spectrum(
+    sums: SetSum | None,
+    grid: Float[np.ndarray, "bands"],
+    film: Float[np.ndarray, "bands"] | None = None,
+) -> dict[str, Any] | None:
+    """Mean of a set's readings, their spread and a film, by default the mean of its fits, NaN where
+    it is not known, with axes that hold them; None for a set without pixels.
     """
     if sums is None or not sums.pixels:
         return None
     mean = np.asarray(sums.spectrum) / sums.pixels
-    fitted = np.asarray(sums.fitted) / sums.pixels
+    fitted = np.asarray(sums.fitted) / sums.pixels if film is None else film
     spread = np.sqrt(np.maximum(np.asarray(sums.square) / sums.pixels - mean**2, 0.0))
     highest = (mean + spread).max()
+    off = (mean - fitted)[np.isfinite(fitted)]
     most = next(level for level in (0.1, 0.2, 0.5, 1.0, 2.0) if highest <= level or level == 2.0)
     return {
         "axes": PlotAxes(grid=grid, low=0.0, high=most, most=4),
-        "off": float(np.sqrt(np.mean((mean - fitted) ** 2))),
+        "off": float(np.sqrt(np.mean(off**2))) if off.size else np.nan,
         "mean": mean,
         "spread": spread,
         "fitted": fitted,

@@ -16,7 +16,7 @@ from glazejax.plots import FAINT, INK, hex_colour, picture
 
 from ..store.chunk import Members
 from ..store.layout import Status
-from .legend import BLANK, MOST_SETS, OTHERS, STRIPES, legend_colours
+from .legend import BLANK, OTHERS, STRIPES, legend_colours
 from .overview import Overview
 
 if TYPE_CHECKING:
@@ -47,11 +47,6 @@ class MapPicture(NamedTuple):
     scale: Scale
 
 
-def legend_sets(look: Overview) -> list[Members]:
-    """The sets that have a colour of their own, largest first."""
-    return look.ranked[:MOST_SETS]
-
-
 def set_colours(look: Overview) -> list[str]:
     """Colours of these sets in the legend, each like the set itself."""
     return legend_colours(own_colours(look))
@@ -62,14 +57,14 @@ def legend_map(look: Overview) -> RGB:
     mapped.
     """
     status = look.examples["status"]
-    found = np.full((*status.shape, 3), _rgb(BLANK), np.uint8)
-    found[(status == Status.MAPPED) & (look.examples["explained"] > 0)] = _rgb(OTHERS)
-    for members, colour in zip(legend_sets(look), set_colours(look), strict=True):
-        found[look.where(members)] = _rgb(colour)
+    found = np.full((*status.shape, 3), rgb(BLANK), np.uint8)
+    found[(status == Status.MAPPED) & (look.examples["explained"] > 0)] = rgb(OTHERS)
+    for members, colour in zip(look.shown, set_colours(look), strict=True):
+        found[look.where(members)] = rgb(colour)
     found = enlarge(found)
     none = enlarge(look.where(()))
     down, across = np.indices(none.shape)
-    stripes = np.array([_rgb(stripe) for stripe in STRIPES], np.uint8)[(down + across) // 4 % 2]
+    stripes = np.array([rgb(stripe) for stripe in STRIPES], np.uint8)[(down + across) // 4 % 2]
     found[none] = stripes[none]
     return found
 
@@ -79,7 +74,7 @@ def legend_places(look: Overview) -> dict[Members, tuple[float, float]]:
     densest part.
     """
     found = {}
-    for members in legend_sets(look):
+    for members in look.shown:
         area = look.where(members)
         if not area.any():
             continue
@@ -160,7 +155,7 @@ def paint_pictures(look: Overview, paint: int) -> list[MapPicture]:
     """
     name = look.paints[paint]
     first = MapPicture(
-        key=f"{_file(name)}_probability",
+        key=f"{file_stem(name)}_probability",
         title=f"{name}: probability",
         words="",
         values=look.paint_probability[..., paint],
@@ -172,7 +167,7 @@ def paint_pictures(look: Overview, paint: int) -> list[MapPicture]:
         unknown = np.sum(np.isnan(amount) & (share > 0)) > 0.5 * np.sum(share > 0)
     top = _top(np.where(amount > 0, amount, np.nan), 98.0, 0.1)
     second = MapPicture(
-        key=f"{_file(name)}_{'share' if unknown else 'amount'}",
+        key=f"{file_stem(name)}_{'share' if unknown else 'amount'}",
         title=f"{name}: {'share by mass' if unknown else 'amount'}",
         words="",
         values=share if unknown else amount,
@@ -203,7 +198,7 @@ def colour_numbers(shown: MapPicture) -> RGB:
     found = (
         (colormaps[scale.colours](np.clip(values, 0, 1))[..., :3] * 255.0).round().astype(np.uint8)
     )
-    found[~np.isfinite(shown.values)] = _rgb(UNKNOWN)
+    found[~np.isfinite(shown.values)] = rgb(UNKNOWN)
     return enlarge(found)
 
 
@@ -266,7 +261,7 @@ def write_pictures(
     numbers: Sequence[MapPicture],
     *,
     own: Sequence[str],
-    false: RGB | None = None,
+    plain: Sequence[tuple[str, str, RGB]] = (),
 ) -> list[Path]:
     """Write each picture as a PNG with its title and scale.
 
@@ -275,12 +270,10 @@ def write_pictures(
         folder: exists.
         numbers: maps of numbers.
         own: colours of the sets of the legend themselves.
-        false: a false-colour picture, or None.
+        plain: further pictures, each with the name of its file and a title.
     """
     written = []
-    plain = [("true_colour", "True colour (D65)", enlarge(look.colour))]
-    plain += [] if false is None else [("false_colour", "False colour", false)]
-    for name, title, image in plain:
+    for name, title, image in (("true_colour", "True colour (D65)", enlarge(look.colour)), *plain):
         written.append(folder / f"{name}.png")
         with _frame(written[-1], title, image):
             pass
@@ -328,7 +321,7 @@ def _write_legend(look: Overview, path: Path, own: Sequence[str]) -> None:
         tall = figure.get_figheight()
         picture_axes = figure.axes[0]
         size = enlarge(look.examples["status"]).shape
-        for n, members in enumerate(legend_sets(look), start=1):
+        for n, members in enumerate(look.shown, start=1):
             if members in places:
                 x, y = places[members]
                 picture_axes.text(
@@ -347,10 +340,10 @@ def _write_legend(look: Overview, path: Path, own: Sequence[str]) -> None:
         rows = [
             (f"{n}  {look.words(m)}", colour, mixed, look.sets[m])
             for n, (m, colour, mixed) in enumerate(
-                zip(legend_sets(look), set_colours(look), own, strict=True), start=1
+                zip(look.shown, set_colours(look), own, strict=True), start=1
             )
         ]
-        rest = sum(look.sets[m] for m in look.ranked[MOST_SETS:])
+        rest = sum(look.sets[m] for m in look.ranked[len(look.shown) :])
         rows += [("further sets", OTHERS, None, rest)] if rest else []
         rows += [("none of these paints", None, None, look.sets[()])] if look.sets.get(()) else []
         high = min(0.34, (tall - 0.3) / max(len(rows), 1))
@@ -370,9 +363,9 @@ def _write_legend(look: Overview, path: Path, own: Sequence[str]) -> None:
             )
 
 
-def own_colours(look: Overview, most: int = MOST_SETS) -> list[str]:
-    """True colour of the largest sets, the mean over the pixels of each."""
-    return [_mean_colour(look, look.where(members)) for members in look.ranked[:most]]
+def own_colours(look: Overview) -> list[str]:
+    """True colour of the sets that are shown, the mean over the pixels of each."""
+    return [_mean_colour(look, look.where(members)) for members in look.shown]
 
 
 def _mean_colour(look: Overview, area: Bool[np.ndarray, "rows columns"]) -> str:
@@ -392,10 +385,11 @@ def _top(values: np.ndarray, percentile: float, least: float) -> float:
     )
 
 
-def _file(name: str) -> str:
+def file_stem(name: str) -> str:
     """A paint's name as part of a file's."""
     return "".join(c if c.isalnum() or c in "-_" else "_" for c in name)
 
 
-def _rgb(colour: str) -> tuple[int, int, int]:
+def rgb(colour: str) -> tuple[int, int, int]:
+    """Red, green and blue of #rrggbb, 0 to 255."""
     return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)

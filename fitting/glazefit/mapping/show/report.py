@@ -12,6 +12,7 @@ from glazejax.report import plain_table
 from ..store.chunk import Members, SetSum
 from ..store.layout import STATUS_WORDS, Status
 from .names import set_words
+from .overview import shown_sets
 
 if TYPE_CHECKING:
     import xarray
@@ -36,43 +37,49 @@ def by_area(sets: Mapping[Members, SetSum]) -> list[tuple[Members, SetSum]]:
 
 
 def print_map(
-    dataset: "xarray.Dataset", sets: Mapping[Members, SetSum], console: "Console", top: int
+    dataset: "xarray.Dataset", sets: Mapping[Members, SetSum], console: "Console"
 ) -> None:
-    """Print what became of the pixels, and the sets that take up most of the area.
+    """Print what became of the pixels, and the sets that the report shows, too.
 
     Args:
         dataset: the map.
         sets: sums over the pixels of each set.
         console: to print to.
-        top: rows of the table.
     """
     counts = statuses(dataset)
     mapped = counts.get(Status.MAPPED, 0)
     lines = dataset.sizes["y"]
     samples = dataset.sizes["x"]
-    others = [
+    unmapped = [
         f"{count:,} {STATUS_WORDS[status]}"
         for status, count in counts.items()
         if status is not Status.MAPPED
     ]
     console.print(
-        f"[bold]{samples} x {lines} pixels: {'; '.join([f'{mapped:,} mapped', *others])}.[/bold]"
+        f"[bold]{samples} x {lines} pixels: {'; '.join([f'{mapped:,} mapped', *unmapped])}.[/bold]"
     )
     if not mapped:
         return
     paints = [str(name) for name in dataset["paint"].values]
-    table = plain_table("paints", "pixels", "area", "thickness", "misfit")
-    ordered = by_area(sets)
-    for members, one in ordered[:top]:
+    # Of families no thickness is known anywhere.
+    thick = any(one.thickness[1] for one in sets.values())
+    table = plain_table("paints", "pixels", "area", *(["thickness"] if thick else []), "misfit")
+    shown = {(), *shown_sets({members: one.pixels for members, one in sets.items()})}
+    for members, one in by_area(sets):
+        if members not in shown:
+            continue
         row = _row(members, one, paints, mapped)
         thickness = "-" if row["thickness_um"] is None else f"{row['thickness_um']:.3g} µm"
-        misfit = "-" if not members else f"{row['rmse_of_mean']:.4f}"
-        table.add_row(row["paints"], f"{one.pixels:,}", f"{row['share']:.1%}", thickness, misfit)
+        off = row["rmse_of_mean"]
+        misfit = f"{off:.4f}" if members and np.isfinite(off) else "-"
+        cells = [*([thickness] if thick else []), misfit]
+        table.add_row(row["paints"], f"{one.pixels:,}", f"{row['share']:.1%}", *cells)
     console.print(table)
-    if len(ordered) > top:
-        rest = sum(one.pixels for _, one in ordered[top:])
+    others = [one.pixels for members, one in sets.items() if members not in shown]
+    if others:
         console.print(
-            f"[dim]and {len(ordered) - top} further sets on {rest / mapped:.1%} of the area[/dim]"
+            f"[dim]Others: {len(others)} further sets on {sum(others) / mapped:.1%} of the "
+            "area[/dim]"
         )
 
 

@@ -23,7 +23,7 @@ from .update import Answers
 # Candidates among which the one that shows a spectrum's first answer is looked for.
 _CANDIDATES = 16
 # What a search holds for each film that it compares with, and for each band of that.
-_BYTES_OF_A_FILM, _BYTES_OF_A_BAND = 1000, 24
+_BYTES_OF_A_FILM, _BYTES_OF_A_BAND = 500, 16
 
 
 @dataclass(frozen=True)

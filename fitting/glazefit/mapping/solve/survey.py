@@ -17,21 +17,29 @@ class Features:
 
     Attributes:
         middle: of the logarithms of the sample's readings, (bands,).
-        directions: in which the sample varies most, (directions, bands).
+        directions: from the bands to the numbers, (directions, bands).
     """
 
     middle: Float[np.ndarray, "bands"]
     directions: Float[np.ndarray, "directions bands"]
 
     @classmethod
-    def of(cls, sample: Float[np.ndarray, "spectra bands"]) -> "Features":
-        """Those in which the spectra of a sample differ."""
+    def of(cls, sample: Float[np.ndarray, "spectra bands"], *, level: bool = True) -> "Features":
+        """Those in which the spectra of a sample differ most.
+
+        Args:
+            sample: of the spectra.
+            level: whether a change of all bands alike counts in each of them; else it counts once,
+                as light and relief make it.
+        """
         logs = _logs(sample)
         middle = logs.mean(axis=0)
-        off = logs - middle
+        bands = len(middle)
+        even = np.eye(bands) - (0.0 if level else (1.0 - bands**-0.5) / bands)
+        off = (logs - middle) @ even
         vectors = np.linalg.eigh(off.T @ off)[1][:, ::-1]
         # Directions in which spectra are compared.
-        return cls(middle, np.ascontiguousarray(vectors[:, :16].T))
+        return cls(middle, np.ascontiguousarray(vectors[:, :16].T @ even))
 
     def __call__(
         self, readings: Float[np.ndarray, "spectra bands"]

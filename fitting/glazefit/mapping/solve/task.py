@@ -106,6 +106,8 @@ def map_task(
             f"the spot {next(iter(spots))!r} has no family, and families are sought: leave it out, "
             "or use the oils or the acrylics (--catalogue oils)"
         )
+    if not by_family:
+        chosen.refuse_facts()
     expected = chosen.prior or (EXPECTED if by_family else Prior())
     errors = chosen.discrepancy or ModelError.between_films()
     noise = chosen.noise
@@ -137,6 +139,8 @@ def map_task(
         "discrepancy": asdict(errors),
         "prior": asdict(expected),
         "max_paints": chosen.max_paints,
+        "elements": [chosen.elements, chosen.without_elements],
+        "painted": chosen.painted,
     }
     coords = {
         axis: (np.asarray(array[axis]), dict(array[axis].attrs))

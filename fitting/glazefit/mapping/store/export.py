@@ -108,7 +108,14 @@ def export_map(
         with _whole(data) as part:
             _write_bands(store, part, len(names), progress)
         with _whole(header) as part:
-            part.write_text(_header(open_map(map), names), encoding="utf-8")
+            bands = {
+                "bands": len(names),
+                "file type": "ENVI Standard",
+                "data type": 4,
+                "data ignore value": "nan",
+                "band names": "{ " + ", ".join(names) + " }",
+            }
+            part.write_text(envi_header(open_map(map), bands), encoding="utf-8")
     return files
 
 
@@ -154,7 +161,7 @@ def _flat(attrs: Mapping[Any, Any]) -> dict[str, Any]:
 
 def _band_names(paints: tuple[str, ...]) -> list[str]:
     of_paints = [
-        f"{words} {_braceless(paint)}"
+        f"{words} {braceless(paint)}"
         for paint in paints
         for words in ("probability of", "fraction of", "fraction standard deviation of")
     ]
@@ -198,21 +205,22 @@ def _bands(
     return np.stack(found).astype(np.float32)
 
 
-def _header(dataset: "xarray.Dataset", names: list[str]) -> str:
-    """The header of an ENVI image, with its place if the map knows it."""
+def envi_header(dataset: "xarray.Dataset", bands: Mapping[str, object]) -> str:
+    """The header of an ENVI image of a map, with its place if the map knows it.
+
+    Args:
+        dataset: the map.
+        bands: fields that say what the numbers are.
+    """
     title = str(dataset.attrs.get("title", "map of paints"))
     fields: dict[str, object] = {
-        "description": f"{{ {_braceless(title)}, by glazejax }}",
+        "description": f"{{ {braceless(title)}, by glazejax }}",
         "samples": dataset.sizes["x"],
         "lines": dataset.sizes["y"],
-        "bands": len(names),
         "header offset": 0,
-        "file type": "ENVI Standard",
-        "data type": 4,
         "interleave": "bsq",
         "byte order": 0,
-        "data ignore value": "nan",
-        "band names": "{ " + ", ".join(names) + " }",
+        **bands,
         **_place(dataset),
     }
     return "ENVI\n" + "".join(f"{title} = {value}\n" for title, value in fields.items())
@@ -245,7 +253,7 @@ def _place(dataset: "xarray.Dataset") -> dict[str, str]:
     return place
 
 
-def _braceless(text: str) -> str:
+def braceless(text: str) -> str:
     """A text without what ends a name in an ENVI header."""
     return re.sub(r"[{},\n]", " ", text).strip()
 

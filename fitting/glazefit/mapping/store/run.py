@@ -152,8 +152,17 @@ def connect(address: str | None, seconds: float = 20.0) -> "Iterator[Client | No
 def _here(
     todo: Sequence[Key], work: Callable[[Key], Result], at_once: int
 ) -> Generator[tuple[Key, Result], None, None]:
-    """Results of keys, in order."""
+    """Results of keys, those of a few at a time as they finish."""
+    results: dict[Key, Result] = {}
+
+    def solve(key: Key) -> None:
+        results[key] = work(key)
+
     # A result waits for no more than those beside it: it takes memory until it is kept.
     for start in range(0, len(todo), at_once):
-        keys = todo[start : start + at_once]
-        yield from zip(keys, in_threads(work, keys), strict=True)
+        try:
+            in_threads(solve, todo[start : start + at_once])
+        finally:
+            # What is finished is kept, also where a piece beside it fails.
+            while results:
+                yield results.popitem()

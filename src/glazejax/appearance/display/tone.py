@@ -159,11 +159,11 @@ def look_up(
     Source: paper B, section 2B.
     """
     values = np.clip(np.asarray(light, float), 0.0, len(coarse) - 1)
-    level = np.asarray(coarse)[np.rint(values).astype(int)]
+    entries = np.asarray(coarse)[np.rint(values).astype(int)]
     if fine is not None:
         below = np.minimum(np.rint(values / FINE_STEP).astype(int), len(fine) - 1)
-        level = np.where(values < FINE_BELOW, np.asarray(fine)[below], level)
-    return np.rint(level).astype(int)
+        entries = np.where(values < FINE_BELOW, np.asarray(fine)[below], entries)
+    return np.rint(entries).astype(int)
 
 
 def _interpolate(x: Numbers, knots: np.ndarray, values: np.ndarray) -> Float[Either, "..."]:

@@ -134,9 +134,11 @@ def mapped_colours(
         labs = (np.asarray(xyz_to_lab(xyz, white)) for xyz in (first, second))
         return delta_e_2000(*labs).max(axis=-1)
 
+    # Points that are equal are computed once.
     distinct, where = np.unique(points, axis=0, return_inverse=True)
     varied = distinct.max(axis=0) > distinct.min(axis=0)
     error = 0.0
+    # Few points are computed each; many by a table over the kinds that vary.
     if len(distinct) <= 64 or not varied.any():
         values = mean_xyz(distinct)
     else:
@@ -161,6 +163,7 @@ def mapped_colours(
             for i in range(0, len(distinct), _AT_ONCE)
         ]
         values = np.concatenate([np.asarray(table(**block), float) for block in blocks])
+    # Colours of the distinct points, and back to all points.
     plain, base, tint = means.colours(rgb_of_xyz(values, white, space))
     where = where.reshape(-1)
     return Colours(

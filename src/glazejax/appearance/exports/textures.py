@@ -96,6 +96,7 @@ def texture_set(
         FileExistsError: a file exists.
         ModuleNotFoundError: OpenEXR is not installed.
     """
+    # Wrong input is refused before anything is computed.
     linear_space = find_space(space)
     check_roughness(roughness)
     if kind not in FORMATS:
@@ -110,6 +111,7 @@ def texture_set(
     single = glaze.glaze() if isinstance(glaze, Stack) else glaze
     mapped = MappedGlaze(single, layer, tuple(maps))
     files = _files(Path(folder), name, kind, coat, pixel is not None, overwrite)
+    # The colour of each pixel; all else of the material is one number.
     points = np.stack([values.reshape(-1) for values in maps.values()], axis=1)
     light = (illuminant, observer)
     colours = mapped_colours(
@@ -124,6 +126,7 @@ def texture_set(
     base = colours.base
     wrong = outside(colours.plain) > 0
     material = _material(mapped, roughness, coat)
+    # How near: some pixels against a computation of all angles.
     errors = _errors(
         mapped=mapped,
         points=points,
@@ -147,6 +150,7 @@ def texture_set(
         errors=errors,
         computed=colours.computed,
     )
+    # Pictures of colours, and the roughness as a picture of one value.
     pictures = {
         "base_color": base,
         **({"coat_color": colours.coat} if colours.coat is not None else {}),
@@ -159,6 +163,7 @@ def texture_set(
     write_image(files["roughness"], np.full(shape, np.sqrt(roughness)))
     heights: dict[str, Any] = {}
     if pixel is not None:
+        # Relief: the thickness from its least to its largest.
         low = float(maps["thickness"].min())
         high = float(maps["thickness"].max())
         span = (high - low) or 1.0

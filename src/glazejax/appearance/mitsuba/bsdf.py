@@ -17,7 +17,7 @@ from . import table
 from .coats import Axes, check_layer, ground_of, index_of, read_coats
 from .device import DrJit, renderer
 from .lobes import Facets, Mirror
-from .parameters import Given, read_parameters
+from .parameters import GlazeParameters, read_parameters
 from .rough import Rough
 from .smooth import Smooth
 from .table import Body, body_table
@@ -216,6 +216,7 @@ class GlazeBSDF:
                 share=mi.Float(1.0 if surface else 0.0),
                 weights=weights,
             )
+        # Body or surface are sampled by the light they send back, which no derivative passes.
         within = dr.maximum(dr.detach(si.wi.z), _LEAST_COSINE)
         below = table.mean_albedo(
             ops, self._body, within, {name: dr.detach(x) for name, x in varying.items()}
@@ -257,6 +258,7 @@ class GlazeBSDF:
         bs = dr.zeros(mi.BSDFSample3f)
         if not (at.surface or at.body):
             return bs, mi.UnpolarizedSpectrum(0.0)
+        # By the surface's share, or the cosine for the body.
         first = at.lit & (sample1 < at.share)
         number = mi.UInt32(self._last)
         bs.eta = mi.Float(1.0)
@@ -268,6 +270,7 @@ class GlazeBSDF:
             bs.sampled_type = dr.select(first, mi.UInt32(self._surface.flag), bs.sampled_type)
             bs.sampled_component = dr.select(first, mi.UInt32(0), number)
         bs.pdf = self._density(si, at, bs.wo)
+        # Both techniques share one density, but for a mirror, whose density is a peak.
         weight = self._value(si, at, bs.wo) / dr.maximum(bs.pdf, 1e-30)
         if at.surface and self._surface.delta:
             mirrored = mi.UnpolarizedSpectrum(
@@ -290,7 +293,7 @@ class GlazeBSDF:
         value = self._ground.eval(si, lit)
         return [self._dr.clip(value[k], 0.0, 0.999) for k in range(len(si.wavelengths))]
 
-    def _ground_texture(self, parameters: Given) -> Any:
+    def _ground_texture(self, parameters: GlazeParameters) -> Any:
         """Texture that gives the ground at each place; None where it is the same everywhere."""
         ground = parameters.ground
         if isinstance(ground, np.ndarray):
@@ -303,7 +306,7 @@ class GlazeBSDF:
             else ground
         )
 
-    def _ground_key(self, parameters: Given) -> str | float | tuple[float, ...]:
+    def _ground_key(self, parameters: GlazeParameters) -> str | float | tuple[float, ...]:
         """The ground as the table takes it."""
         if self._ground is not None:
             return "any"

@@ -24,7 +24,7 @@ KNOWN = (
 )
 
 
-class Given(NamedTuple):
+class GlazeParameters(NamedTuple):
     """The parameters of one glaze; textures are Mitsuba's."""
 
     coats: str
@@ -44,7 +44,7 @@ class Given(NamedTuple):
     tolerance: float
 
 
-def read_parameters(mi: Any, props: Any) -> Given:
+def read_parameters(mi: Any, props: Any) -> GlazeParameters:
     """Parameters of a glaze.
 
     Raises:
@@ -87,7 +87,7 @@ def read_parameters(mi: Any, props: Any) -> Given:
         )
     _check_share("fraction", *_range(mi, fraction))
     _check_share("ground", *_range(mi, ground))
-    return Given(
+    return GlazeParameters(
         coats=props["coats"],
         layer=int(_number(props, names, "layer", 0, 0, 1000)),
         thickness=thickness * scale if isinstance(thickness, float) else thickness,

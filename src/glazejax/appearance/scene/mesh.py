@@ -48,6 +48,7 @@ def read_mesh(
         ) from None
     if len(faces) == 0:
         raise ValueError(f"{path}: there are no triangles in it")
+    # Turned first, then scaled and moved by the box around the turned mesh.
     about = rotation(turn)
     vertices = vertices @ about.T
     low = vertices.min(axis=0)

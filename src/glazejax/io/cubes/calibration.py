@@ -5,6 +5,7 @@ averaged where they are frames of a line camera.
 import contextlib
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 from jaxtyping import Float
@@ -17,25 +18,9 @@ from ..spectra_table import Chosen, Stored
 from .numbers import column, load_npy
 from .opening import raw_cube
 
-
-@dataclass(frozen=True)
-class Reference:
-    """Readings of a white or of no light.
-
-    Attributes:
-        frame: (1, samples or 1, stored bands), averaged over its lines; or a file with a reading
-            for each pixel.
-    """
-
-    frame: Float[np.ndarray, "1 samples stored"] | RawCube
-
-    def part(self, y: slice, x: slice, bands: Chosen) -> np.ndarray:
-        """Readings that belong to a window, ready to be broadcast."""
-        if isinstance(self.frame, RawCube):
-            values = self.frame.values(y, x, bands, mark=True)
-            values[np.isinf(values)] = np.nan
-            return values
-        return self.frame[:, x if self.frame.shape[1] > 1 else slice(None)][..., bands]
+# Readings of a white or of no light: (1, samples or 1, stored bands), averaged over lines; or a
+# file with a reading for each pixel.
+Reference: TypeAlias = Float[np.ndarray, "1 samples stored"] | RawCube
 
 
 @dataclass(frozen=True)
@@ -58,9 +43,9 @@ class Calibration:
 
         A saturated reading (+inf) stays +inf.
         """
-        white = self.white.part(y, x, bands).astype(np.float64)
+        white = _part(self.white, y, x, bands).astype(np.float64)
         if self.dark is not None:
-            dark = self.dark.part(y, x, bands)
+            dark = _part(self.dark, y, x, bands)
             white = white - dark
             values = values - dark.astype(values.dtype)
         with np.errstate(invalid="ignore", divide="ignore"):
@@ -68,12 +53,21 @@ class Calibration:
             return values * gain.astype(values.dtype)
 
 
+def _part(reference: Reference, y: slice, x: slice, bands: Chosen) -> np.ndarray:
+    """Readings that belong to a window, ready to be broadcast."""
+    if isinstance(reference, RawCube):
+        values = reference.values(y, x, bands, mark=True)
+        values[np.isinf(values)] = np.nan
+        return values
+    return reference[:, x if reference.shape[1] > 1 else slice(None)][..., bands]
+
+
 def calibration(
     cube: RawCube,
     wavelengths: Stored,
-    white: Path,
-    dark: Path | None,
-    own: float | Path,
+    white: str | Path,
+    dark: str | Path | None,
+    own: float | str | Path,
     notes: list[str],
 ) -> Calibration:
     """Calibration of a cube.
@@ -92,15 +86,15 @@ def calibration(
             own reflectance is not positive or does not reach over the cube's wavelengths.
     """
     return Calibration(
-        _reference(cube, wavelengths, white, "white", notes),
-        None if dark is None else _reference(cube, wavelengths, dark, "dark", notes),
+        _reference(cube, wavelengths, Path(white), "white", notes),
+        None if dark is None else _reference(cube, wavelengths, Path(dark), "dark", notes),
         _own(wavelengths, own),
     )
 
 
-def _own(wavelengths: Stored, own: float | Path) -> Stored:
+def _own(wavelengths: Stored, own: float | str | Path) -> Stored:
     """The white's own reflectance at each stored band."""
-    if not isinstance(own, Path):
+    if not isinstance(own, str | Path):
         if not (np.isfinite(own) and 0 < own <= 2):
             raise ValueError(
                 f"the white's own reflectance is {own:g}; it must lie above 0 and be a fraction"
@@ -128,7 +122,7 @@ def _reference(
                 path,
                 f"the {what} reference has {spectrum.size} readings; the cube has {count} bands",
             )
-        return Reference(spectrum.reshape(1, 1, -1))
+        return spectrum.reshape(1, 1, -1)
     frame = raw_cube(path, count=count)
     height, width, stored = frame.shape
     if stored != count:
@@ -140,7 +134,7 @@ def _reference(
     if other:
         raise refusal(path, f"the {what} reference has other wavelengths than the cube")
     if (height, width) == (lines, samples) and lines > 1:
-        return Reference(frame)
+        return frame
     if width not in (1, samples):
         raise refusal(
             path,
@@ -149,7 +143,7 @@ def _reference(
         )
     if height > 1:
         notes.append(f"the {what} reference is the mean of its {height} lines")
-    return Reference(_average_lines(frame))
+    return _average_lines(frame)
 
 
 def _spectrum(path: Path) -> Stored | None:

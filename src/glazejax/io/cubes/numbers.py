@@ -11,7 +11,7 @@ from ..spectra_table import Stored
 from ..words import read_number
 
 
-def read_numbers(given: tuple[float, ...] | Path, unit: str = "") -> Stored:
+def read_numbers(given: tuple[float, ...] | str | Path, unit: str = "") -> Stored:
     """Wavelengths in nm, in their own order.
 
     Args:
@@ -22,12 +22,9 @@ def read_numbers(given: tuple[float, ...] | Path, unit: str = "") -> Stored:
         FileNotFoundError: no such file.
         ValueError: not numbers, none, or not wavelengths.
     """
-    if isinstance(given, Path):
-        values = column(given)
-        name = given
-    else:
-        values = np.asarray(given, np.float64)
-        name = Path("wavelengths")
+    listed = not isinstance(given, str | Path)
+    name = Path("wavelengths") if listed else Path(given)
+    values = np.asarray(given, np.float64) if listed else column(name)
     said = "wavelengths must be finite numbers: "
     if not values.size:
         raise refusal(name, f"{said}there are none")

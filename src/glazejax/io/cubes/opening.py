@@ -5,7 +5,7 @@ from pathlib import Path
 
 from ..files.sniff import identify
 from ..raw_cube import RawCube, whole
-from ..source import explain_errors, open_source, refusal
+from ..source import open_source, refusal
 from .arrays import envi_cube, npy_cube
 from .stores import classic_cube, hdf5_cube, matlab_cube, zarr_cube
 from .tiffs import TIFF, picture_folder, tiff_cube
@@ -31,7 +31,7 @@ def raw_cube(path: Path, dataset: str | None = None, count: int | None = None) -
         with open_source(path) as source:
             head = source.head
             known = head.startswith(HEADS) or identify(source) in ("envi header", "envi data")
-    with explain_errors(path), whole(path):
+    with whole(path):
         if stored or (head.startswith(_ZIP) and path.suffix.lower() == ".zip"):
             return zarr_cube(path, dataset, count)
         for heads, reader in _STORES.items():

@@ -55,11 +55,11 @@ class CubeSource:
     """
 
     path: Path
-    wavelengths: tuple[float, ...] | Path | None = None
+    wavelengths: tuple[float, ...] | str | Path | None = None
     dataset: str | None = None
-    white: Path | None = None
-    dark: Path | None = None
-    white_reflectance: float | Path = 1.0
+    white: str | Path | None = None
+    dark: str | Path | None = None
+    white_reflectance: float | str | Path = 1.0
     quantity: str | None = None
     unit: str | None = None
     scale: float | None = None
@@ -163,11 +163,11 @@ def open_cube(
         wavelengths = tuple(float(wavelength) for wavelength in wavelengths)
     return CubeSource(
         path=Path(path),
-        wavelengths=_path(wavelengths),
+        wavelengths=wavelengths,
         dataset=dataset,
-        white=_path(white),
-        dark=_path(dark),
-        white_reflectance=_path(white_reflectance),
+        white=white,
+        dark=dark,
+        white_reflectance=white_reflectance,
         quantity=quantity,
         unit=unit,
         scale=scale,
@@ -175,11 +175,6 @@ def open_cube(
         binning=binning,
         bands=bands,
     ).open()
-
-
-def _path(given: Any) -> Any:
-    """Text as a path; anything else as it is."""
-    return Path(given) if isinstance(given, str) else given
 
 
 def _stored_wavelengths(raw: RawCube, given: Stored | None, unit: str, notes: list[str]) -> Stored:

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...extras import require
 from ..raw_cube import OnDisk, RawCube, whole
-from ..source import explain_errors, refusal
+from ..source import refusal
 from ..spectra_table import Stored, list_names
 from .axes import axes_of
 
@@ -132,7 +132,7 @@ def picture_folder(path: Path, count: int | None) -> RawCube:
     place: dict[str, Any] = {}
     sizes: list[tuple[tuple[int, ...], Any]] = []
     for file in files:
-        with explain_errors(file), whole(file):
+        with whole(file):
             if file.suffix.lower() == ".png":
                 picture = Picture(file)
                 memory.append(False)

@@ -17,6 +17,9 @@ _XML = re.compile(r"\A\s*<[?!A-Za-z]")
 _JSON = re.compile(r"\A\s*(\[\s*[\[{\]]|\{\s*[\"}])")
 _PICTURE = "a picture ({}), which holds no spectra; name a table of spectra"
 _MAKERS = "a {} file, which only its maker's software reads; export it there as {}"
+_OFFICE = "a document of Word or PowerPoint; save the table in it as a workbook or as UTF-8 CSV"
+# Old files of Office and of others hold named parts.
+_OLE = rb"\xd0\xcf\x11\xe0(?s:.*)"
 # How files begin that are not read here, and what they are.
 _OTHERS = {
     rb"\x89PNG": _PICTURE.format("PNG"),
@@ -33,6 +36,9 @@ _OTHERS = {
     ),
     rb"PEPE(?s:.*)\0": _MAKERS.format("PerkinElmer (.sp, .fsm)", "ASCII or JCAMP-DX"),
     rb"WDF1(?s:.*)\0": _MAKERS.format("Renishaw WiRE (.wdf)", "text"),
+    _OLE + rb"Y\0-\0D\0a\0t\0a\0": _MAKERS.format("JASCO (.jws)", "ASCII or JCAMP-DX"),
+    _OLE + rb"(W\0o\0r\0d\0D|P\0o\0w\0e\0r\0P)": _OFFICE,
+    rb"PK\x03\x04(?s:.*)(word|ppt)/": _OFFICE,
 }
 _SPC = "a Galactic SPC file (GRAMS); export it from its software as JCAMP-DX or as text"
 # The archive of SpectraSuite begins with one of these.

@@ -125,35 +125,42 @@ class _Cells:
         """Wavelength in a cell, which may carry its unit, or None."""
         return self.number(_NANOMETRES.sub("", cell).rstrip())
 
-    def quick(
-        self, text: str, pick: Callable[[list[str]], Sequence[str]], *, named: bool
-    ) -> tuple[list[str], array] | None:
-        """Cells of a line that is legal and simple, and the numbers in those that are picked.
 
-        None for the slow way, which says what is wrong.
+def _quick_reader(
+    cells: _Cells, numbers: Sequence[int]
+) -> Callable[[str], tuple[list[str], array] | None]:
+    """What reads a line that is legal and simple: its cells, and the numbers in some of them.
 
-        Args:
-            text: the line.
-            pick: takes the cells of numbers.
-            named: whether the first cell is none of them.
-        """
+    None for the slow way, which says what is wrong.
+    """
+    run = range(numbers[0], numbers[-1] + 1)
+    # A slice is taken sooner than one cell after another, and of one cell is a list, too.
+    in_turn = [*numbers] == [*run]
+    pick = itemgetter(slice(run.start, run.stop)) if in_turn else itemgetter(*numbers)
+    delimiter = cells.delimiter
+    width = len(cells.header)
+    named = 0 not in numbers
+
+    def read(text: str) -> tuple[list[str], array] | None:
         # Python reads 1_0 and other scripts' digits, which no instrument writes.
-        checked = text.partition(self.delimiter)[2] if named else text
+        checked = text.partition(delimiter)[2] if named else text
         if '"' in text or "_" in checked or not checked.isascii():
             return None
-        cells = _plain(text, self.delimiter)
-        while len(cells) > len(self.header) and not cells[-1].strip():
-            cells.pop()
-        if len(cells) != len(self.header):
+        row = _plain(text, delimiter)
+        while len(row) > width and not row[-1].strip():
+            row.pop()
+        if len(row) != width:
             return None
-        words = pick(cells)
-        if self.delimiter != "," and "," in text:
+        words = pick(row)
+        if delimiter != "," and "," in text:
             words = [word.replace(",", ".") for word in words]
         try:
-            row = array("d", map(float, words))
+            values = array("d", map(float, words))
         except ValueError:
             return None
-        return (cells, row) if math.isfinite(sum(row)) else None
+        return (row, values) if math.isfinite(sum(values)) else None
+
+    return read
 
 
 def read_table(source: Source) -> RawSpectra:
@@ -271,7 +278,7 @@ def _open_table(source: Source) -> _Cells:
         raise cells.error(above, f"the header has one column only; {_LAYOUTS}")
     # A title above several columns stands at the first of them.
     rows[:-1] = [
-        list(itertools.accumulate(row + [""] * (width - len(row)), lambda left, own: own or left))
+        list(itertools.accumulate((row + [""] * width)[:width], lambda left, own: own or left))
         for row in rows[:-1]
     ]
     cells.titles.extend(rows if titles else [])
@@ -520,22 +527,19 @@ def _read_rows(
         names: sample of each other one, where columns are samples.
         most: lines that may be read.
     """
-    run = range(numbers[0], numbers[-1] + 1)
-    # A slice is taken sooner than one cell after another, and of one cell is a list, too.
-    in_turn = [*numbers] == [*run]
-    pick = itemgetter(slice(run.start, run.stop)) if in_turn else itemgetter(*numbers)
+    read = _quick_reader(cells, numbers)
     lines = array("q")
     columns: list[list[str]] = [[] for _ in texts]
     values = array("d")
     for line, text in cells.lines:
-        quick = cells.quick(text, pick, named=0 not in numbers)
+        quick = read(text)
         row = cells.split(line, text) if quick is None else quick[0]
         for i, column in zip(texts, columns, strict=True):
             word = row[i].strip()
             if not word and i == texts[0]:
                 raise cells.error(line, "a sample has no name")
             # The same name need not be held again.
-            column.append(column[-1] if column[-1:] == [word] else word)
+            column.append(column[-1] if lines and column[-1] == word else word)
         if quick is not None:
             values.extend(quick[1])
         else:
@@ -649,8 +653,10 @@ def _read_long(cells: _Cells, grids: list[int], names: dict[int, str]) -> tuple[
         cells.source.notes.append(f"spectra share {describe_grid(common)}, and are read there")
     spectra = []
     for at, column in zip(names, values, strict=True):
-        own = checked[sum(start < at for start in grids) - 1]
-        spectra.append(column[np.searchsorted(own, common)])
+        which = sum(start < at for start in grids) - 1
+        order = np.argsort(checked[which])
+        place = order[np.searchsorted(checked[which], common, sorter=order)]
+        spectra.append(column[~np.isnan(columns[which])][place])
     return common, np.array(spectra)
 
 

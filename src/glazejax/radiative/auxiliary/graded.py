@@ -34,7 +34,7 @@ from ..common.exponential_integrals import cone_nodes, critical_cosine, expn
 from ..common.fresnel import cos_refracted, dielectric_reflectance
 from ..common.linalg import einsum, matmul, solve_positive, transpose
 from ..common.split import Split
-from ..common.stack_arrays import Stack
+from ..common.stack_arrays import StackArrays
 from .panels import (
     PanelMesh,
     Panels,
@@ -168,14 +168,14 @@ def _straight(grid: _Grid, kernels: _Kernels) -> Array:
     """H, eq. (9): int E_1(|tau_i - s|) l_j(s) ds, (batch, n, n)."""
     _, width, _, _, rules = grid.panels
     count = width.shape[1]
-    # From the upper end of each panel on: those above a node come from their lower end.
+    # Integrals begin at the end next to the node: for panels above it that is the lower end.
     e1 = kernels.e1_panels
     e1 = jnp.where(_below(grid)[..., None], e1, e1[..., ::-1])
     # In a node's own panel the kernel is infinite at the node.
-    own = own_integrals(width, rules)[..., None, :]
-    own = (own * np.eye(count, dtype=width.dtype)[:, None, :, None]).reshape(e1.shape)
+    singular = own_integrals(width, rules)[..., None, :]
+    singular = (singular * np.eye(count, dtype=width.dtype)[:, None, :, None]).reshape(e1.shape)
     is_own = np.eye(count, dtype=bool)[grid.panel][..., None]
-    return _columns(jax.lax.select(jnp.broadcast_to(is_own, own.shape), own, e1))
+    return _columns(jax.lax.select(jnp.broadcast_to(is_own, singular.shape), singular, e1))
 
 
 def _by_surface(grid: _Grid, kernels: _Kernels) -> Array:
@@ -208,7 +208,7 @@ def _ground_light(grid: _Grid, kernels: _Kernels) -> _GroundLight:
     return _GroundLight(nodes, integrals * _rescale(integrals, exact, h), returned, reflected)
 
 
-def _system(panels: Panels, light: Stack) -> CollocatedSystem:
+def _system(panels: Panels, light: StackArrays) -> CollocatedSystem:
     grid = _grid(panels, light.refractive_index)
     kernels = _kernels(grid)
     ground = _ground_light(grid, kernels)
@@ -351,7 +351,7 @@ def bytes_each(mesh: PanelMesh, layers: int, itemsize: int) -> int:
     return itemsize * (4 * nodes**2 + 2 * nodes * panels * mesh.points)
 
 
-def _stack_panels(stack: Stack, mesh: PanelMesh) -> Panels:
+def _stack_panels(stack: StackArrays, mesh: PanelMesh) -> Panels:
     slant = cos_refracted(stack.cos_incidence, stack.refractive_index)
     if stack.cos_viewing is not None:
         slant = jnp.minimum(slant, cos_refracted(stack.cos_viewing, stack.refractive_index))
@@ -384,7 +384,7 @@ def _value(system: CollocatedSystem, solution: Array) -> Array:
     )
 
 
-def reflectance_on(panels: Panels, light: Stack) -> Array:
+def reflectance_on(panels: Panels, light: StackArrays) -> Array:
     """Reflectance factor, or hemispherical reflectance where there is no viewing direction,
     (batch,).
 
@@ -394,14 +394,14 @@ def reflectance_on(panels: Panels, light: Stack) -> Array:
     return _value(system, _solve(system.matrix, system.exit + system.ground_seen))
 
 
-def reflectance(stack: Stack, mesh: PanelMesh) -> Array:
+def reflectance(stack: StackArrays, mesh: PanelMesh) -> Array:
     """Reflectance factor, or hemispherical reflectance where the stack has no viewing direction,
     (batch,).
     """
     return reflectance_on(_stack_panels(stack, mesh), stack)
 
 
-def split(stack: Stack, mesh: PanelMesh) -> Split:
+def split(stack: StackArrays, mesh: PanelMesh) -> Split:
     """The same by what the light did last, each (batch,)."""
     system = _system(_stack_panels(stack, mesh), stack)
     sources = jnp.stack([system.exit, system.ground_seen], axis=-1)
@@ -415,7 +415,7 @@ def split(stack: Stack, mesh: PanelMesh) -> Split:
 
 
 def reflectance_and_gradient(
-    stack: Stack, mesh: PanelMesh, leaf_names: tuple[str, ...]
+    stack: StackArrays, mesh: PanelMesh, leaf_names: tuple[str, ...]
 ) -> tuple[Array, dict[str, Array]]:
     """Reflectance and its derivative by the wanted leaves of each stack.
 

@@ -7,7 +7,7 @@ from ..common.inputs import concrete
 from ..common.rounding import Rounding
 from ..common.solver import Request
 from ..common.split import Split
-from ..common.stack_arrays import Stack
+from ..common.stack_arrays import StackArrays
 from . import graded
 from .panels import PanelMesh
 
@@ -31,16 +31,16 @@ class Auxiliary:
         bytes_each = graded.bytes_each(mesh, request.layers, request.itemsize)
         return mesh, request.stacks_within(_CHUNK_BYTES, bytes_each)
 
-    def reflectance(self, stack: Stack, resolution: PanelMesh) -> Array:
+    def reflectance(self, stack: StackArrays, resolution: PanelMesh) -> Array:
         """Either reflectance of each stack, (batch,)."""
         return graded.reflectance(stack, resolution)
 
     def reflectance_and_gradient(
-        self, stack: Stack, resolution: PanelMesh, leaf_names: tuple[str, ...]
+        self, stack: StackArrays, resolution: PanelMesh, leaf_names: tuple[str, ...]
     ) -> tuple[Array, dict[str, Array]]:
         """Reflectance and its derivatives from the solution of the transposed equation."""
         return graded.reflectance_and_gradient(stack, resolution, leaf_names)
 
-    def split(self, stack: Stack, resolution: PanelMesh) -> Split:
+    def split(self, stack: StackArrays, resolution: PanelMesh) -> Split:
         """Reflectance by what the light did last."""
         return graded.split(stack, resolution)

@@ -69,8 +69,11 @@ def _lobatto(count: int) -> np.ndarray:
 
 
 @functools.cache
-def rules(count: int, points: int) -> Rules:
-    """Tables for `count` nodes and a fixed rule of `points` points."""
+def rules(count: int, points: int, dtype: np.dtype) -> Rules:
+    """Tables for `count` nodes and a fixed rule of `points` points.
+
+    Each precision has arrays of its own: JAX keeps what it made of an array by its identity.
+    """
     xi = _lobatto(count)
     coefficients = np.linalg.inv(legendre.legvander(xi, count - 1))  # (degree, j)
 
@@ -94,7 +97,7 @@ def rules(count: int, points: int) -> Rules:
         own_points.append(np.r_[up, down])
         shares = np.r_[0.5 * (1 + node) * wx, 0.5 * (1 - node) * wx]
         own_kernel.append(shares[:, None] * values(np.r_[node - 2 * up, node + 2 * down]))
-    return Rules(
+    tables = Rules(
         nodes=0.5 * (1 + xi),
         points=x,
         kernel=wx[:, None] * values(2 * x - 1),
@@ -104,6 +107,7 @@ def rules(count: int, points: int) -> Rules:
         own_kernel=np.array(own_kernel),
         own_derivatives=np.swapaxes(derivatives(xi), 0, 1),
     )
+    return Rules(*(table.astype(dtype) for table in tables))
 
 
 def _orders(first: int, count: int, x: Array) -> Array:
@@ -140,12 +144,12 @@ def kernel_integrals(order: int, distance: Array, width: Array, rules: Rules) ->
     count = len(rules.nodes)
     narrow_width = jnp.where(wide, 1.0, width)
     t = jnp.maximum(distance[..., None] + narrow_width[..., None] * rules.points, _tiny(width))
-    narrow = narrow_width[..., None] * matmul(expn(order, t), jnp.asarray(rules.kernel, t.dtype))
+    narrow = narrow_width[..., None] * matmul(expn(order, t), rules.kernel)
     wide_width = jnp.where(wide, width, _WIDE)
     scale = _powers(2.0 / wide_width, count)
     ends = scale * _orders(order + 1, count, jnp.stack([distance, distance + wide_width]))
-    near = matmul(ends[0], jnp.asarray(rules.near, t.dtype))
-    far = matmul(ends[1], jnp.asarray(rules.far, t.dtype))
+    near = matmul(ends[0], rules.near)
+    far = matmul(ends[1], rules.far)
     return jax.lax.select(jnp.broadcast_to(wide[..., None], narrow.shape), near - far, narrow)
 
 
@@ -158,11 +162,11 @@ def decay_integrals(rate: Array, top: Array, width: Array, rules: Rules) -> Arra
     wide = z > _WIDE
     count = len(rules.nodes)
     decay = jnp.exp(-jnp.where(wide, 1.0, z)[..., None] * rules.points)
-    shares = matmul(decay, jnp.asarray(rules.kernel, z.dtype))
+    shares = matmul(decay, rules.kernel)
     safe = jnp.where(wide, z, _WIDE)
     scale = _powers(2.0 / safe, count)
-    by_parts = matmul(scale, jnp.asarray(rules.near, z.dtype))
-    by_parts -= jnp.exp(-safe)[..., None] * matmul(scale, jnp.asarray(rules.far, z.dtype))
+    by_parts = matmul(scale, rules.near)
+    by_parts -= jnp.exp(-safe)[..., None] * matmul(scale, rules.far)
     integrals = jnp.where(wide[..., None], by_parts / safe[..., None], shares)
     return (jnp.exp(-rate * top) * width)[..., None] * integrals
 
@@ -171,22 +175,19 @@ def own_integrals(width: Array, rules: Rules) -> Array:
     """Integrals of E_1(|tau_i - s|) with each polynomial over the nodes' own panel, (..., p, p)."""
     wide = width > _WIDE
     count = len(rules.nodes)
-    dtype = width.dtype
     narrow_width = jnp.where(wide, 1.0, width)[..., None, None]
     t = jnp.maximum(narrow_width * rules.own_points, _tiny(width))
-    narrow = narrow_width * einsum(
-        "...im,imj->...ij", expn(1, t), jnp.asarray(rules.own_kernel, dtype)
-    )
+    narrow = narrow_width * einsum("...im,imj->...ij", expn(1, t), rules.own_kernel)
     wide_width = jnp.where(wide, width, _WIDE)[..., None]
     scale = _powers(2.0 / wide_width, count)  # (..., 1, k)
     k = np.arange(count)
     at_zero = (1.0 + (-1.0) ** k) / (k + 1)  # E_(k+2)(0) = 1/(k+1), from above and from below
-    middle = einsum("...zk,ikj->...ij", scale * at_zero, jnp.asarray(rules.own_derivatives, dtype))
+    middle = einsum("...zk,ikj->...ij", scale * at_zero, rules.own_derivatives)
     ends = scale * _orders(
         2, count, jnp.stack([wide_width * (1.0 - rules.nodes), wide_width * rules.nodes])
     )
-    below = matmul(ends[0], jnp.asarray(rules.far, dtype))
-    above = matmul(ends[1] * (-1.0) ** k, jnp.asarray(rules.near, dtype))
+    below = matmul(ends[0], rules.far)
+    above = matmul(ends[1] * (-1.0) ** k, rules.near)
     return jnp.where(wide[..., None, None], middle - below - above, narrow)
 
 
@@ -221,7 +222,7 @@ def _half_layer(depth: Array, albedo: Array, slant: Array, mesh: PanelMesh) -> A
         decay = jnp.sqrt(jnp.minimum(3.0 * (1.0 - albedo), 1.0))
         # There it has died away too, in its decay lengths.
         gone = jnp.minimum(half, reach + 30.0 / jnp.maximum(decay, 1e-12))
-        edges.append(reach[:, None] + (gone - reach)[:, None] * _INTERIOR)
+        edges.append(reach[:, None] + (gone - reach)[:, None] * _INTERIOR.astype(half.dtype))
     edges = jnp.concatenate(edges, axis=-1)
     # An empty layer has panels too, of no width.
     shares = 0.5 * edges / jnp.where(half > 0, half, 1.0)[:, None]
@@ -266,7 +267,7 @@ def layer_panels(thickness: Array, layer_albedo: Array, slant: Array, mesh: Pane
         width=width,
         albedo=albedo,
         total=depth[:, -1],
-        rules=rules(mesh.nodes, mesh.points),
+        rules=rules(mesh.nodes, mesh.points, width.dtype),
     )
 
 

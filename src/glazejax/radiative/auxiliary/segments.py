@@ -17,6 +17,16 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 
+class Averaging(NamedTuple):
+    """Factors of a function's values at the edges and faces of segments."""
+
+    edges: Float[Array, "n stacks"]
+    """At left edges, to be subtracted."""
+    next_edges: Float[Array, "n stacks"]
+    """At right edges."""
+    faces: Float[Array, "layers stacks"]
+
+
 class Segments(NamedTuple):
     """Segments of every stack; their left edges, the layers' lower faces and the albedos
     on both.
@@ -36,12 +46,8 @@ class Segments(NamedTuple):
     """int_segment q ds, exactly 0 where negligible."""
     doubled: Float[Array, "n stacks"]
     """int_segment q^2 ds over int_segment q ds."""
-    averaging: tuple[
-        Float[Array, "n stacks"], Float[Array, "n stacks"], Float[Array, "layers stacks"]
-    ]
-    """Factors of a function at left edges, right edges and faces that make its slope's mean over
-    each segment.
-    """
+    averaging: Averaging
+    """Factors of a function that make its slope's mean over each segment."""
 
     @classmethod
     def make(
@@ -75,7 +81,7 @@ class Segments(NamedTuple):
                 drop=drop,
                 scattering=nothing,
                 doubled=nothing,
-                averaging=(nothing, nothing, drop),
+                averaging=Averaging(nothing, nothing, drop),
             )
 
         first = with_albedo(albedo)
@@ -102,7 +108,9 @@ class Segments(NamedTuple):
         at_faces = first.at_faces(share) * jnp.where(first.at_faces(enough), first.drop, end)
         scattering = jnp.where(enough, scattering, 0.0)
         return first._replace(
-            scattering=scattering, doubled=doubled, averaging=(edge_weight, below_weight, at_faces)
+            scattering=scattering,
+            doubled=doubled,
+            averaging=Averaging(edge_weight, below_weight, at_faces),
         )
 
     def integrate(
@@ -123,12 +131,9 @@ class Segments(NamedTuple):
         """Mean of v' over each segment, weighted by the albedo; unweighted where nothing
         scatters.
         """
-        above_weight, below_weight, face = (append_axes(a, at_edges) for a in self.averaging)
-        return (
-            below_weight * _below(at_edges)
-            - above_weight * at_edges
-            + self._spread(face * at_faces)
-        )
+        weights = Averaging(*(append_axes(a, at_edges) for a in self.averaging))
+        mean = weights.next_edges * _below(at_edges) - weights.edges * at_edges
+        return mean + self._spread(weights.faces * at_faces)
 
     def jumps(self, t: Float[Array, "n stacks *cases"]) -> tuple[Array, Array]:
         """By how much q t rises at every edge (n, stacks, *cases) and face (layers, stacks,

@@ -97,14 +97,20 @@ def on_its_devices(
         arguments: they broadcast but for inner axes.
         inner: names of those that have one more axis, the last.
     """
-    arrays = {
-        name: array
+    traced = {
+        name: jax.typeof(array).sharding.mesh.explicit_axes
         for name, array in arguments.items()
         if isinstance(array, Tracer) and concrete(array) is None
     }
-    mesh = next((jax.typeof(array).sharding.mesh for array in arrays.values()), None)
-    if mesh is None or not mesh.explicit_axes:
+    if not any(traced.values()):
         return function(arguments)
+    # What a traced function closes over lies there too.
+    arrays = {
+        name: array
+        for name, array in arguments.items()
+        if name in traced
+        or (isinstance(array, jax.Array) and jax.typeof(array).sharding.mesh.explicit_axes)
+    }
     # Of what kind their sum over inner axes would be.
     finite = {name: jnp.isfinite(array) for name, array in arguments.items() if array is not None}
     outer = [array.all(axis=-1) if name in inner else array for name, array in finite.items()]

@@ -30,12 +30,14 @@ def product(
     return matmul(a, b)
 
 
-def matmul(a: Float[Array, "... m"], b: Float[Array, "... m n"]) -> Float[Array, "... n"]:
+def matmul(
+    a: Float[Array, "... m"], b: Float[Array | np.ndarray, "... m n"]
+) -> Float[Array, "... n"]:
     """Matrix product, or a row times a matrix, in full precision on an accelerator too."""
     return jnp.matmul(a, b, precision="highest")
 
 
-def einsum(subscripts: str, *arrays: Float[Array, "..."]) -> Float[Array, "..."]:
+def einsum(subscripts: str, *arrays: Float[Array | np.ndarray, "..."]) -> Float[Array, "..."]:
     """Einstein's sum, in full precision on an accelerator too."""
     return jnp.einsum(subscripts, *arrays, precision="highest")
 

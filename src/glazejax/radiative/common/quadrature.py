@@ -104,10 +104,12 @@ def split_range(
         # array.
         excess = xp.maximum(excess, 1e-18 if excess.dtype == np.float64 else 1e-11)
     cos_outside, w_outside = outside if reach is None else _along_the_rise(excess, outside, reach)
+    # Snell's law: the cosine inside of each outside, and the weight of its interval there.
     cosines = xp.sqrt(excess + cos_outside**2) / n
     weights = w_outside * cos_outside / (n * n * cosines)
     reflectance = dielectric_reflectance(cos_outside, n)
     if below is not None:
+        # Beyond the critical angle all light is reflected, but for an index of one.
         critical = xp.sqrt(excess) / n
         cosines = xp.concatenate([cosines, critical * below[0]], axis=-1)
         weights = xp.concatenate([weights, critical * below[1]], axis=-1)

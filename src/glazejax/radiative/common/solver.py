@@ -8,7 +8,7 @@ from .chunks import chunk_bytes
 from .inputs import Numbers
 from .rounding import Rounding
 from .split import Split
-from .stack_arrays import Stack
+from .stack_arrays import StackArrays
 
 
 class Request(NamedTuple):
@@ -73,16 +73,16 @@ class Solver(Protocol):
         """The method's own resolution, static, and how many stacks go through at a time."""
         ...
 
-    def reflectance(self, stack: Stack, resolution: Any) -> Array:
+    def reflectance(self, stack: StackArrays, resolution: Any) -> Array:
         """Reflectance factor or hemispherical reflectance, (batch,)."""
         ...
 
     def reflectance_and_gradient(
-        self, stack: Stack, resolution: Any, leaf_names: tuple[str, ...]
+        self, stack: StackArrays, resolution: Any, leaf_names: tuple[str, ...]
     ) -> tuple[Array, dict[str, Array]]:
         """Reflectance and, by name, its derivative by the wanted leaves in their shapes."""
         ...
 
-    def split(self, stack: Stack, resolution: Any) -> Split:
+    def split(self, stack: StackArrays, resolution: Any) -> Split:
         """Reflectance by what the light did last, each (batch,)."""
         ...

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 from jaxtyping import Array
 
 
-class Stack(NamedTuple):
+class StackArrays(NamedTuple):
     """Everything a reflectance depends on. Batch axis first; layers top first."""
 
     albedo: Array  # (batch, layers)

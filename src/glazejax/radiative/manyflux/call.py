@@ -39,7 +39,7 @@ Indices: TypeAlias = Numbers
 """One for all layers, or one for each."""
 
 
-class GivenStack(NamedTuple):
+class StackInputs(NamedTuple):
     """Layers, what lies below them, how well and how to solve them; see
     `manyflux.manyflux_reflectance_factor`.
     """
@@ -55,6 +55,14 @@ class GivenStack(NamedTuple):
     ground: GroundTable | None = None
     index_below: float | None = None
     """Of a medium below, in place of a ground."""
+
+
+class AngleAxes(NamedTuple):
+    """Axes of a table of directions."""
+
+    viewing: Array  # cosines in air
+    incidence: Array  # cosines in air
+    azimuth: Array  # radians
 
 
 class ProgramSettings(NamedTuple):
@@ -76,7 +84,7 @@ class CheckedBatch(NamedTuple):
 
 
 def prepare(
-    stack: GivenStack,
+    stack: StackInputs,
     cosines: dict[str, Any],
     azimuth: Any = None,
     *,
@@ -158,7 +166,7 @@ def prepare(
     )
 
 
-def _media(stack: GivenStack, count: int) -> float | Media:
+def _media(stack: StackInputs, count: int) -> float | Media:
     """One index where one is enough: no interfaces inside, a Lambertian ground."""
     index = stack.refractive_index
     single = plain_number(index)
@@ -187,7 +195,7 @@ def _media(stack: GivenStack, count: int) -> float | Media:
 
 
 def solve_stacks(
-    stack: GivenStack, cosines: dict[str, Any], azimuth: Any = None, *, downward: bool = False
+    stack: StackInputs, cosines: dict[str, Any], azimuth: Any = None, *, downward: bool = False
 ) -> Array:
     """Factor of each stack between its two cosines, or flux that leaves over that of its beam, or,
     without cosines, over that of even light; arguments as for `prepare`.
@@ -207,7 +215,7 @@ def _results(
         if angles:
             lit = angles["cos_incidence"][None]
         if "azimuth" in angles:
-            axes = angles["cos_viewing"][None], lit, angles["azimuth"][None]
+            axes = AngleAxes(angles["cos_viewing"][None], lit, angles["azimuth"][None])
             return _factor(layers, axes, table, settings)[0, 0, 0]
         if not isinstance(media, Media):
             if angles:
@@ -226,7 +234,7 @@ def _results(
 @functools.partial(jax.jit, static_argnums=3)
 def tables(
     layers: Layers,
-    axes: tuple[Array, Array, Array],
+    axes: AngleAxes,
     table: GroundTable | None,
     settings: ProgramSettings,
 ) -> Array:
@@ -235,12 +243,12 @@ def tables(
     def one(layers: Layers, _) -> Array:
         return _factor(layers, axes, table, settings)
 
-    return _map_stacks(one, layers, {}, settings, max(axes[0].size, axes[1].size))
+    return _map_stacks(one, layers, {}, settings, max(axes.viewing.size, axes.incidence.size))
 
 
 def _factor(
     layers: Layers,
-    axes: tuple[Array, Array, Array],
+    axes: AngleAxes,
     table: GroundTable | None,
     settings: ProgramSettings,
 ) -> Array:

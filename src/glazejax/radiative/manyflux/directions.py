@@ -20,7 +20,7 @@ Rule = TypeVar("Rule")
 _CROWDING = (0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0)
 
 
-class Spread(NamedTuple):
+class NodeSpread(NamedTuple):
     """Numbers of nodes that can leave and that are totally reflected, and how these
     crowd; static.
     """
@@ -32,7 +32,7 @@ class Spread(NamedTuple):
 
 
 @functools.lru_cache(maxsize=256)
-def spread_directions(index: float, spread: Spread) -> Directions:
+def spread_directions(index: float, spread: NodeSpread) -> Directions:
     """Nodes inside a medium: Gauss nodes in the cosine outside for the cone of refraction, graded
     ones below.
 
@@ -47,7 +47,7 @@ def spread_directions(index: float, spread: Spread) -> Directions:
 
 
 @functools.lru_cache(maxsize=256)
-def fewest_directions(tolerance: float, index: float, sizes: tuple[float, ...]) -> Spread:
+def fewest_directions(tolerance: float, index: float, sizes: tuple[float, ...]) -> NodeSpread:
     """Fewest directions for an accuracy.
 
     Args:
@@ -71,12 +71,12 @@ def fewest_directions(tolerance: float, index: float, sizes: tuple[float, ...]) 
     return spread
 
 
-def best_directions(index: float, count: int, sizes: tuple[float, ...]) -> Spread:
+def best_directions(index: float, count: int, sizes: tuple[float, ...]) -> NodeSpread:
     """The best way to spread a number of directions."""
     return _best(index, count, sizes)[1]
 
 
-def _work(index: float, spread: Spread) -> float:
+def _work(index: float, spread: NodeSpread) -> float:
     # A matrix product of n nodes takes about n to the power of 2.3, once for each doubling.
     grazing = np.min(spread_directions(index, spread).cosines)
     return (spread.cone + spread.total) ** 2.3 * -np.log2(grazing)
@@ -118,13 +118,13 @@ def _nodes(count: int, crowding: float) -> Nodes:
 @functools.lru_cache(maxsize=256)
 def _best(
     index: float, count: int, sizes: tuple[float, ...], crowdings: tuple[float, ...] = _CROWDING
-) -> tuple[float, Spread]:
+) -> tuple[float, NodeSpread]:
     cones = (
         {count}
         if index == 1.0
         else {min(max(1, round(share * count)), count - 1) for share in (0.3, 0.35, 0.4, 0.5)}
     )
-    spreads = [Spread(cone, count - cone, crowding) for cone in cones for crowding in crowdings]
+    spreads = [NodeSpread(cone, count - cone, crowding) for cone in cones for crowding in crowdings]
     return best_rule(
         spreads, functools.partial(_sums, index, sizes=sizes), _exact_sums(index, sizes)
     )
@@ -132,10 +132,10 @@ def _best(
 
 @functools.lru_cache(maxsize=64)
 def _exact_sums(index: float, sizes: tuple[float, ...]) -> np.ndarray:
-    return _sums(index, Spread(100, 100, _CROWDING[-1]), sizes)
+    return _sums(index, NodeSpread(100, 100, _CROWDING[-1]), sizes)
 
 
-def _sums(index: float, spread: Spread, sizes: tuple[float, ...]) -> np.ndarray:
+def _sums(index: float, spread: NodeSpread, sizes: tuple[float, ...]) -> np.ndarray:
     return scattered_sums(spread_directions(index, spread), np.array(sizes))
 
 

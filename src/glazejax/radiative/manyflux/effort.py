@@ -10,7 +10,7 @@ from jaxtyping import Float
 from ..common.directions import Resolution, half_range
 from ..common.fresnel import cos_refracted
 from ..common.inputs import check_choice
-from .directions import Spread, best_directions, fewest_directions, spread_directions
+from .directions import NodeSpread, best_directions, fewest_directions, spread_directions
 from .doubling import doublings
 from .media import Media, SharedSpread, fewest_shared_directions, in_medium, shared_directions
 
@@ -21,7 +21,7 @@ Solution = Literal["doubling", "modes"]
 class FluxEffort(NamedTuple):
     """Fineness of the solution of a stack; static."""
 
-    directions: Spread | Resolution | SharedSpread
+    directions: NodeSpread | Resolution | SharedSpread
     """A `Resolution` where the refractive index is an array, a `SharedSpread` where media of
     several are joined.
     """
@@ -98,7 +98,7 @@ def _directions(
     tolerance: float,
     streams: int | None,
     least_cosine: float,
-) -> tuple[Spread | SharedSpread, float]:
+) -> tuple[NodeSpread | SharedSpread, float]:
     """Directions and the smallest cosine that light has in any layer."""
     if isinstance(media, Media):
         below = 1.0 if media.below is None else media.below

@@ -21,7 +21,7 @@ from jaxtyping import Array, Float
 from ..common.inputs import Numbers, check_values, concrete
 from ..common.linalg import einsum
 from .bordered import Bordered, Diagonal, diagonal
-from .call import GivenStack, Indices, prepare
+from .call import Indices, StackInputs, prepare
 from .effort import FluxEffort, Solution
 from .joined import opened_stack
 from .media import Media
@@ -86,7 +86,7 @@ def manyflux_field(
     """
     directions = np.atleast_1d(np.asarray(cos_direction, float))
     check_values({"cos_viewing": directions})
-    stack = GivenStack(
+    stack = StackInputs(
         albedo=albedo,
         optical_thickness=optical_thickness,
         substrate_reflectance=substrate_reflectance,

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..common.inputs import Numbers
-from .call import GivenStack, Indices, solve_stacks
+from .call import Indices, StackInputs, solve_stacks
 from .effort import Solution
 
 
@@ -49,7 +49,7 @@ def free_factor(
     Raises:
         ValueError: as there, or an ``index_below`` out of range.
     """
-    stack = GivenStack(
+    stack = StackInputs(
         albedo=albedo,
         optical_thickness=optical_thickness,
         substrate_reflectance=0.0,
@@ -82,7 +82,7 @@ def free_hemispherical(
     All light is in it, straight and mirrored too, but not what the outer surface reflects at once.
     Arguments, result and errors as for `free_factor`.
     """
-    stack = GivenStack(
+    stack = StackInputs(
         albedo=albedo,
         optical_thickness=optical_thickness,
         substrate_reflectance=0.0,
@@ -113,7 +113,7 @@ def free_diffuse(
 
     As `free_hemispherical` otherwise.
     """
-    stack = GivenStack(
+    stack = StackInputs(
         albedo=albedo,
         optical_thickness=optical_thickness,
         substrate_reflectance=0.0,

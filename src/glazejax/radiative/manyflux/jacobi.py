@@ -33,6 +33,7 @@ def symmetric_eigen(
         a = jnp.pad(a, [*edge, (0, 1), (0, 1)])
     size = n + spare
     half = size // 2
+    # Pairs are rows i and i + half: all of a round are turned at once.
     order = _next_round(half)
     vectors = jnp.broadcast_to(jnp.eye(size, dtype=a.dtype), a.shape)
     enough = float(np.finfo(a.dtype).eps)
@@ -71,10 +72,12 @@ def symmetric_eigen(
 
     start = (a, vectors, jnp.asarray(jnp.inf, a.dtype), 0)
     work, vectors, _, _ = jax.lax.while_loop(goes_on, sweep, start)
+    # The matrix is diagonal now.
     values = jnp.diagonal(work, axis1=-2, axis2=-1)
     if spare:  # the row that was added is the eigenvector with its own last component
         padding = jnp.abs(vectors[..., -1, :]) > 0.5
         values = jnp.select([padding], [jnp.full_like(values, jnp.inf)], values)
+    # Ascending; the added row is the last.
     rank = jnp.argsort(values, axis=-1)[..., :n]
     return (
         jnp.take_along_axis(values, rank, axis=-1),

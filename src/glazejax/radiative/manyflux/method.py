@@ -18,7 +18,7 @@ from ..common.inputs import concrete, smallest_cosine
 from ..common.rounding import Rounding
 from ..common.solver import Request
 from ..common.split import Split
-from ..common.stack_arrays import Stack
+from ..common.stack_arrays import StackArrays
 
 if TYPE_CHECKING:
     from .effort import FluxEffort
@@ -71,7 +71,7 @@ class ManyFlux:
         bytes_each = 4 * request.layers * (effort.width + 1) ** 2 * request.itemsize
         return effort, request.stacks_within(_CHUNK_BYTES, bytes_each)
 
-    def reflectance(self, stack: Stack, resolution: FluxEffort) -> Array:
+    def reflectance(self, stack: StackArrays, resolution: FluxEffort) -> Array:
         """Either reflectance of each stack, (batch,)."""
         from .solve import Layers, hemispherical_reflectance, reflectance_factor
 
@@ -97,7 +97,7 @@ class ManyFlux:
         return jax.vmap(one, in_axes=(*axes, viewing_axis))(*stack)
 
     def reflectance_and_gradient(
-        self, stack: Stack, resolution: FluxEffort, leaf_names: tuple[str, ...]
+        self, stack: StackArrays, resolution: FluxEffort, leaf_names: tuple[str, ...]
     ) -> tuple[Array, dict[str, Array]]:
         """Reflectance and its derivatives by reverse differentiation."""
 
@@ -107,6 +107,6 @@ class ManyFlux:
         factor, back = jax.vjp(value, {name: getattr(stack, name) for name in leaf_names})
         return factor, back(jnp.ones_like(factor))[0]
 
-    def split(self, stack: Stack, resolution: FluxEffort) -> Split:
+    def split(self, stack: StackArrays, resolution: FluxEffort) -> Split:
         """There is none: the parts are not kept apart. `splits` says so."""
         raise NotImplementedError("the many-flux solver does not split the reflectance")

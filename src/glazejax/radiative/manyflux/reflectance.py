@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..common.inputs import Numbers, check_values, smallest_cosine
-from .call import GivenStack, Indices, prepare, solve_stacks, tables
+from .call import AngleAxes, Indices, StackInputs, prepare, solve_stacks, tables
 from .effort import Solution
 from .ground import GroundTable
 
@@ -67,7 +67,7 @@ def manyflux_reflectance_factor(
 
     Source: paper C (Shinya et al.), equations (11)-(20), solved as described in the module.
     """
-    stack = GivenStack(
+    stack = StackInputs(
         albedo=albedo,
         optical_thickness=optical_thickness,
         substrate_reflectance=substrate_reflectance,
@@ -101,7 +101,7 @@ def manyflux_hemispherical_reflectance(
 
     Arguments as in `manyflux_reflectance_factor`, result and errors too.
     """
-    stack = GivenStack(
+    stack = StackInputs(
         albedo=albedo,
         optical_thickness=optical_thickness,
         substrate_reflectance=substrate_reflectance,
@@ -132,7 +132,7 @@ def manyflux_diffuse_reflectance(
     Arguments as in `manyflux_reflectance_factor`, result and errors too; the surface's own
     reflection is not included.
     """
-    stack = GivenStack(
+    stack = StackInputs(
         albedo=albedo,
         optical_thickness=optical_thickness,
         substrate_reflectance=substrate_reflectance,
@@ -176,16 +176,16 @@ def brdf_table(
     Raises:
         ValueError: as there, or an axis of angles that is not one-dimensional.
     """
-    axes = {"cos_incidence": cos_incidence, "cos_viewing": cos_viewing, "azimuth": azimuth}
-    for name, values in axes.items():
+    angles = {"cos_incidence": cos_incidence, "cos_viewing": cos_viewing, "azimuth": azimuth}
+    for name, values in angles.items():
         if np.ndim(values) != 1:  # pyright: ignore[reportArgumentType]
             raise ValueError(
                 f"{name} must be one axis of angles, such as [1.0, 0.5], for a table; it is "
                 f"{values}"
             )
-    check_values({name: axes[name] for name in ("cos_incidence", "cos_viewing")})
+    check_values({name: angles[name] for name in ("cos_incidence", "cos_viewing")})
     least = smallest_cosine(cos_incidence, cos_viewing)
-    stack = GivenStack(
+    stack = StackInputs(
         albedo=albedo,
         optical_thickness=optical_thickness,
         substrate_reflectance=substrate_reflectance,
@@ -201,5 +201,6 @@ def brdf_table(
     viewing, incidence, turns = (
         jnp.asarray(a, dtype) for a in (cos_viewing, cos_incidence, azimuth)
     )
-    table = tables(call.layers, (viewing, incidence, jnp.deg2rad(turns)), call.table, call.settings)
+    axes = AngleAxes(viewing, incidence, jnp.deg2rad(turns))
+    table = tables(call.layers, axes, call.table, call.settings)
     return table.reshape(*call.batch, *table.shape[1:]) / np.pi

@@ -63,11 +63,13 @@ def associated_legendre(
     mu = jnp.asarray(cosines)[..., None, :]
     sines = sine(mu)
     m = np.arange(modes)
+    # Lambda_m^m = sqrt((2m - 1)/(2m)) sin Lambda_(m-1)^(m-1).
     steps = np.sqrt((2 * m[1:] - 1) / (2 * m[1:]))
     start = [jnp.ones_like(sines)]
     for factor in steps:
         start.append(start[-1] * sines * factor)
     sectoral = jnp.concatenate(start, axis=-2)  # Lambda_m^m, (..., modes, n)
+    # Lambda_l = a_l mu Lambda_(l-1) - b_l Lambda_(l-2) for each order, from l = m + 1 on.
     degree = np.arange(terms)[:, None]
     above = degree > m
     below = np.sqrt(np.where(above, degree**2 - m**2, 1.0))

@@ -13,7 +13,7 @@ from ..common.directions import half_range
 from ..common.fresnel import cos_refracted, dielectric_reflectance
 from ..common.linalg import einsum
 from .bordered import Bordered, Diagonal
-from .directions import Spread, spread_directions
+from .directions import NodeSpread, spread_directions
 from .doubling import layer_by_doubling
 from .effort import FluxEffort
 from .eigenmodes import layer_by_modes
@@ -49,7 +49,7 @@ def discrete_stack(
     rule = effort.directions
     assert not isinstance(rule, SharedSpread), "media of several indices are joined elsewhere"
     rule_values = (
-        spread_directions(index, rule) if isinstance(rule, Spread) else half_range(index, rule)
+        spread_directions(index, rule) if isinstance(rule, NodeSpread) else half_range(index, rule)
     )
     mu, weights, reflectance = (jnp.asarray(a, dtype) for a in rule_values)
     viewing = cos_viewing if viewed_inside else cos_refracted(cos_viewing, index)

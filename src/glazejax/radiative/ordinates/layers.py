@@ -24,7 +24,7 @@ from jaxtyping import Array, Bool
 
 from ..common.kernels import fading, quotient, tanh_sech, two_decays
 from ..common.side_by_side import product
-from .modes import Modes
+from .modes import LayerModes
 
 # Modes slower than this take the form that is even in kappa; no beam (decay >= 1) resonates with
 # them.
@@ -45,7 +45,7 @@ class Beams(NamedTuple):
     at_ground: Array  # (beams, batch), exp(-tau/mu) at the ground
 
 
-class Ports(NamedTuple):
+class LayerPorts(NamedTuple):
     """Two-ports of a set of layers, and what the beams excite in them."""
 
     restoring: Array  # (layers, n, batch), lambda T
@@ -66,7 +66,7 @@ def two_ports(
     thickness: Array,
     beams: Beams,
     mirrored: Bool[np.ndarray, "l"],
-) -> Ports:
+) -> LayerPorts:
     """Two-ports of layers.
 
     Args:
@@ -102,10 +102,12 @@ def two_ports(
     bottom = jnp.where(slow, rate - bend - a * transmitted, opposed - fade * together)
     divisor = jnp.where(thin, 1.0, jnp.where(slow, a * a - lam, -faded * (1.0 + fade)))
     shallow = jnp.where(thin, depth, 0.0)
+    # In thin layers series in the depth, where those differences have no digits left.
     x = lam * shallow**2
     y = a * shallow
     top = jnp.where(thin, shallow * (1 / 2 - y / 6 + (y * y - x) / 24), top)
     bottom = jnp.where(thin, shallow * (1 / 2 - y / 3 + (3 * y * y - x) / 24), bottom)
+    # The loads of the beams at both faces.
     top = quotient(strength * top, divisor)
     bottom = quotient(strength * bottom, divisor)
     once = direct = jnp.zeros_like(thickness)
@@ -116,6 +118,7 @@ def two_ports(
         slow = slow[:, 0]
         kappa = kappa[:, 0]
         faded = faded[:, 0]
+        # int e^(-(a + b) t), light scattered once from beam to view.
         single = quotient(-(gone[:, 0] + gone[:, 1] + gone[:, 0] * gone[:, 1]), a + b)
         # The mode's answer to the view, zero at both faces, seen along the light.
         lit_bottom = bottom[:, 1]
@@ -127,6 +130,7 @@ def two_ports(
         lesser = jnp.where(below, beside, single)
         area = strength[:, 1] * (lesser - transmitted[:, 1] * opposed[:, 0])
         area = quotient(area, jnp.where(below, a, kappa) + b)
+        # Light scattered more often, mode by mode; slow modes by the form that is even in kappa.
         again = quotient(
             jnp.where(slow, slow_again, area - opposed[:, 0] * lit_bottom),
             jnp.where(slow, a * a - lam, a + kappa),
@@ -134,7 +138,7 @@ def two_ports(
         once = (albedo * survival[:, 0, 0]) * (survival[:, 1, 0] * single[:, 0])
         direct = once + jnp.sum(strength[:, 0] * again, axis=-2)
     flip = mirrored[:, None, None, None]
-    return Ports(
+    return LayerPorts(
         restoring=restoring,
         tanh=tanh,
         sech=sech,
@@ -155,7 +159,7 @@ class Fields(NamedTuple):
     flux: Array  # f, delta at the far face but for the beam's
 
 
-def load_work(ports: Ports, fields: Fields) -> Array:
+def load_work(ports: LayerPorts, fields: Fields) -> Array:
     """b . x of every layer, of each beam with the field of the other, (layers, beams, batch)."""
     partner = slice(None, None, -1) if ports.near.shape[1] == 2 else slice(1, 2)
     return jnp.sum(
@@ -163,7 +167,7 @@ def load_work(ports: Ports, fields: Fields) -> Array:
     )
 
 
-def stored_energy(ports: Ports, fields: Fields) -> Array:
+def stored_energy(ports: LayerPorts, fields: Fields) -> Array:
     """x_F . K x_I of every layer, its far face's continuity included, (layers, batch)."""
     (y0, y1), (u0, u1), (f0, f1) = (jnp.moveaxis(field, 1, 0) for field in fields)
     energy = ports.restoring * y0 * y1 - ports.tanh * f0 * f1 + ports.sech * (y0 * f1 + y1 * f0)
@@ -172,7 +176,7 @@ def stored_energy(ports: Ports, fields: Fields) -> Array:
 
 def by_albedo(
     albedo: Array,
-    modes: Modes,
+    modes: LayerModes,
     turning: Array,
     thickness: Array,
     beams: Beams,
@@ -206,8 +210,8 @@ def by_albedo(
 
 def by_thickness(
     albedo: Array,
-    modes: Modes,
-    ports: Ports,
+    modes: LayerModes,
+    ports: LayerPorts,
     beams: Beams,
     mirrored: Bool[np.ndarray, "l"],
     thickness: Array,

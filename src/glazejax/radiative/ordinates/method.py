@@ -7,7 +7,7 @@ from ..common.inputs import smallest_cosine
 from ..common.rounding import Rounding
 from ..common.solver import Request
 from ..common.split import Split
-from ..common.stack_arrays import Stack
+from ..common.stack_arrays import StackArrays
 from . import sensitivity, solver
 from .resolution import resolve_known
 
@@ -45,16 +45,16 @@ class Ordinates:
         memory = _SPECTRUM_CHUNK_BYTES if request.stacks <= _SPECTRUM else _CHUNK_BYTES
         return resolution, max(_LEAST_CHUNK, request.stacks_within(memory, bytes_each))
 
-    def reflectance(self, stack: Stack, resolution: Resolution) -> Array:
+    def reflectance(self, stack: StackArrays, resolution: Resolution) -> Array:
         """Either reflectance of each stack, (batch,)."""
         return solver.reflectance(stack, resolution)
 
     def reflectance_and_gradient(
-        self, stack: Stack, resolution: Resolution, leaf_names: tuple[str, ...]
+        self, stack: StackArrays, resolution: Resolution, leaf_names: tuple[str, ...]
     ) -> tuple[Array, dict[str, Array]]:
         """Reflectance and its derivatives from the fields of light and view."""
         return sensitivity.reflectance_and_gradient(stack, resolution, leaf_names)
 
-    def split(self, stack: Stack, resolution: Resolution) -> Split:
+    def split(self, stack: StackArrays, resolution: Resolution) -> Split:
         """Reflectance by what the light did last."""
         return sensitivity.split(stack, resolution)

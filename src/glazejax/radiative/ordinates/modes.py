@@ -33,7 +33,7 @@ _TABLE_ACCURACY = 1e-13
 _PIECES = 2
 
 
-class Modes(NamedTuple):
+class LayerModes(NamedTuple):
     """Modes of one layer: sigma = vectors @ y with y'' = decay_squared * y - source."""
 
     decay_squared: Array  # (..., n, batch), lambda_j = kappa_j^2 >= 0, ascending
@@ -76,6 +76,7 @@ def secular_offsets(albedo: Any, poles: Any, strengths: Any, *, xp: Any = jnp) -
     first = (np.arange(n) == 0)[:, None]
     tiny = float(np.finfo(np.dtype(poles.dtype)).tiny)
     limit = gap / xp.maximum(q, tiny)
+    # Start inside of the interval; at q = 0 the root is the strength itself.
     r = xp.where(first, limit, xp.minimum(strengths, 0.5 * limit))
     r = xp.where(q == 0, strengths, r)
     for _ in range(_ITERATIONS):
@@ -89,6 +90,7 @@ def secular_offsets(albedo: Any, poles: Any, strengths: Any, *, xp: Any = jnp) -
         pull = xp.sum(xp.where(upper, slope, 0.0), axis=-3)
         big_s = q * pull * distance * distance
         big_p = q * xp.sum(xp.where(upper, ratio, 0.0), axis=-3) + q * pull * distance
+        # The two-pole model's root in the interval, without cancellation; the first has one pole.
         c = 1.0 - p - big_p
         b = c * gap + s * q + big_s
         product = c * q * s * gap
@@ -123,11 +125,13 @@ def _table(key: bytes) -> _Table:
     strengths = weights[:, None] * poles
     terms = 12
     while True:
+        # More terms until the last two of all pieces are small enough.
         x = np.cos(np.pi * (np.arange(terms) + 0.5) / terms)
         pieces = []
         remainder = 0.0
         for piece in range(_PIECES):
             q = (piece + 0.5 * (x + 1.0)) / _PIECES
+            # Exact values on Chebyshev's nodes of the piece.
             r = secular_offsets(q, poles, strengths, xp=np)
             columns = _columns(q, np.sqrt(strengths), poles, r, xp=np)
             coupling = 1.0 / np.sqrt(np.sum(columns**2, axis=-3))
@@ -203,6 +207,7 @@ def _implicit_jvp(primals, tangents):
     difference = _pole_differences(poles)
     denominator = jnp.where(off_diagonal, difference + (q * r)[..., None, :, :], 1.0)
     slope = jnp.where(off_diagonal, strengths[..., :, None, :] / denominator**2, 0.0)
+    # F(r; q, z^2, d) = z_j^2/r + q sum z_i^2/(d_i - d_j + q r) - 1 = 0: dr = -(dF at fixed r)/F_r.
     by_r = -strengths / r**2 - q * q * jnp.sum(slope, axis=-3)
     residual = jnp.zeros_like(r)
     if not isinstance(d_albedo, SymbolicZero):
@@ -224,7 +229,7 @@ def layer_modes(
     albedo: Float[Array, "*layers batch"],
     cosines: Float[Array, "n #batch"] | Float[np.ndarray, "n"],
     weights: Float[Array, "n #batch"] | Float[np.ndarray, "n"],
-) -> Modes:
+) -> LayerModes:
     """Modes of layers of single-scattering albedo q for half-range directions (cosines descending).
 
     Args:
@@ -234,7 +239,7 @@ def layer_modes(
         weights: quadrature weights, positive, with sum w = 1, in the shape of the cosines.
 
     Returns:
-        `Modes`, arrays (..., n, batch), (..., n, n, batch), (..., n, batch).
+        `LayerModes`, arrays (..., n, batch), (..., n, n, batch), (..., n, batch).
     """
     q = albedo[..., None, :]
     if isinstance(cosines, np.ndarray) and isinstance(weights, np.ndarray):
@@ -247,7 +252,7 @@ def layer_modes(
         smallest = ((1.0 - albedo) * values[-1])[..., None, :]
         eigenvalues = jnp.where((np.arange(n) == 0)[:, None], smallest, poles - q * r)
         vectors = _columns(albedo, z, poles, r, coupling[..., None, :, :])
-        return Modes(eigenvalues, vectors, coupling)
+        return LayerModes(eigenvalues, vectors, coupling)
     cosines = jnp.asarray(cosines, albedo.dtype)
     weights = jnp.asarray(weights, albedo.dtype)
     poles = 1.0 / cosines**2
@@ -258,14 +263,14 @@ def layer_modes(
     # The secular equation says z . column = 1, so the coupling is the column's normalisation
     # itself.
     coupling = 1.0 / jnp.sqrt(jnp.sum(columns**2, axis=-3))
-    return Modes(
+    return LayerModes(
         _decay_squared(albedo, cosines, weights, poles - q * r),
         columns * coupling[..., None, :, :],
         coupling,
     )
 
 
-def turning(modes: Modes) -> Float[Array, "*layers n n batch"]:
+def turning(modes: LayerModes) -> Float[Array, "*layers n n batch"]:
     """Turning of the modes into each other as the albedo grows: d vectors/dq = vectors @ turning,
     (..., n, n, batch).
 

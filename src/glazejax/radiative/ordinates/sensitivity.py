@@ -15,14 +15,14 @@ from ..common.directions import Resolution, half_range
 from ..common.kernels import decay_integral
 from ..common.side_by_side import product, transpose
 from ..common.split import Split
-from ..common.stack_arrays import Stack
+from ..common.stack_arrays import StackArrays
 from .layers import Fields, by_albedo, by_thickness, load_work, stored_energy
 from .modes import turning
 from .solver import SolvedFields, System, assemble, order, solve, upright
 
 
 def reflectance_and_gradient(
-    stack: Stack, resolution: Resolution, leaf_names: tuple[str, ...]
+    stack: StackArrays, resolution: Resolution, leaf_names: tuple[str, ...]
 ) -> tuple[Array, dict[str, Array]]:
     """Reflectance and its derivative by the wanted leaves of each stack.
 
@@ -110,7 +110,7 @@ def _resolved_index(index: Any, resolution: Resolution) -> Any:
 _ONSET = 2.0 * (1.0 / 2.0 + 1.0 / 12.0)
 
 
-def _onset(stack: Stack, system: System, solution: SolvedFields) -> Array:
+def _onset(stack: StackArrays, system: System, solution: SolvedFields) -> Array:
     """Addition by the interface, per unit of the index as that leaves one, but for the factor C,
     (batch,).
 
@@ -155,12 +155,14 @@ def _by_thickness(system: System, solution: SolvedFields) -> Array:
     beams = decay.shape[0]
     works = jnp.sum(load_work(system.ports, solution.fields) * decay, axis=1)
     works += jnp.sum(decay, axis=0) * system.ports.direct
+    # So it dims the beams that reach the ground.
     diffuse = _diffuse_on_ground(system, solution)
     light = system.ends.ground_light[:beams]
     partner = diffuse[::-1] if beams == 2 else diffuse[1:]
     ground = jnp.sum(decay * light * partner, axis=0)
     ground += jnp.sum(decay, axis=0) * jnp.prod(system.ends.ground_light, axis=0)
     works = jnp.concatenate([works[back], (system.ends.ground_factor * ground)[None]])
+    # Each layer's slab counts with all that is dimmed below it.
     from_here_down = jnp.cumsum(works[::-1], axis=0)[::-1]
     upside_down = mirrored[back][:, None]
     return slab[back] - jnp.where(upside_down, from_here_down[:-1], from_here_down[1:])
@@ -176,6 +178,7 @@ def _stationary(system: System, solution: SolvedFields, vectors: Array) -> Array
         for modes in (solution.fields.near, solution.fields.far)
     )
     fields = Fields(near, far, solution.fields.flux)
+    # The layers' part, at fields that their own modes need not solve.
     energy = (
         jnp.sum(load_work(system.ports, fields), axis=1)
         - stored_energy(system.ports, fields)
@@ -185,6 +188,7 @@ def _stationary(system: System, solution: SolvedFields, vectors: Array) -> Array
     top = solution.at_interface
     bottom = solution.at_ground
     total = jnp.sum(energy, axis=0) + jnp.sum(ends.interface_load * top[::-1], axis=(0, 1))
+    # The ends' part: the surface and the ground.
     total -= jnp.sum(
         ends.interface * top[0] * top[1] + ends.ground_diagonal * bottom[0] * bottom[1], axis=0
     )
@@ -192,7 +196,7 @@ def _stationary(system: System, solution: SolvedFields, vectors: Array) -> Array
     return (total + ends.ground_factor * jnp.prod(on_ground, axis=0)) / system.divisor
 
 
-def split(stack: Stack, resolution: Resolution) -> Split:
+def split(stack: StackArrays, resolution: Resolution) -> Split:
     """Reflectance by the last event before the light leaves; see `Split`. Each (batch,)."""
     system = assemble(stack, resolution)
     value, solution = solve(system, with_fields=True)

@@ -40,9 +40,9 @@ from ..common.directions import Resolution, half_range
 from ..common.fresnel import cos_refracted, dielectric_reflectance
 from ..common.quadrature import Directions
 from ..common.side_by_side import diagonal, inverse_positive, product, transpose
-from ..common.stack_arrays import Stack
-from .layers import Beams, Fields, Ports, two_ports
-from .modes import Modes, layer_modes
+from ..common.stack_arrays import StackArrays
+from .layers import Beams, Fields, LayerPorts, two_ports
+from .modes import LayerModes, layer_modes
 
 # More pairs of layers than this are eliminated in a loop, which runs a little slower but compiles
 # once.
@@ -72,9 +72,9 @@ class System(NamedTuple):
 
     albedo: Array  # (layers, batch)
     thickness: Array  # (layers, batch)
-    modes: Modes  # (layers, batch, ...)
+    modes: LayerModes  # (layers, batch, ...)
     beams: Beams
-    ports: Ports
+    ports: LayerPorts
     ends: Ends
     divisor: Array
     """(batch,), 1/C. A division comes last: see `common.kernels.quotient`."""
@@ -104,7 +104,7 @@ def order(count: int) -> Order:
 
 
 @jax.named_scope("assemble")
-def assemble(stack: Stack, resolution: Resolution | Directions) -> System:
+def assemble(stack: StackArrays, resolution: Resolution | Directions) -> System:
     """The discretised problem of each stack; directions that are given may be traced."""
     n = stack.refractive_index
     directions = resolution if isinstance(resolution, Directions) else half_range(n, resolution)
@@ -163,7 +163,7 @@ def upright(directions: Directions, dtype: Any) -> tuple[Array, Array, Array]:
     return mu, weights, reflectance
 
 
-def _beams(stack: Stack, layers: np.ndarray) -> Beams:
+def _beams(stack: StackArrays, layers: np.ndarray) -> Beams:
     cosines_air = [c for c in (stack.cos_incidence, stack.cos_viewing) if c is not None]
     cosines = jnp.stack(cosines_air)
     decay = 1.0 / cos_refracted(cosines, stack.refractive_index)
@@ -182,7 +182,7 @@ class _Half(NamedTuple):
     source: Array  # (halves, 2, n, batch), s
 
 
-class _Layer(NamedTuple):
+class _SweptLayer(NamedTuple):
     """The next layer of each half, (halves, ..., batch)."""
 
     vectors: Array
@@ -203,7 +203,7 @@ class _Memory(NamedTuple):
     passed: Array  # inverse (r s)
 
 
-def _layers(system: System) -> _Layer:
+def _layers(system: System) -> _SweptLayer:
     ports = system.ports
     thickness = system.thickness[:, None]
     empty = thickness == 0
@@ -212,7 +212,7 @@ def _layers(system: System) -> _Layer:
     far = ports.far
     if near.shape[1] == 1:
         near, far = (jnp.concatenate([load, jnp.zeros_like(load)], axis=1) for load in (near, far))
-    return _Layer(
+    return _SweptLayer(
         vectors=system.modes.vectors,
         scale=scale,
         thickness=system.thickness,
@@ -223,7 +223,7 @@ def _layers(system: System) -> _Layer:
     )
 
 
-def _outermost(ends: Ends, layer: _Layer) -> tuple[Array, Array]:
+def _outermost(ends: Ends, layer: _SweptLayer) -> tuple[Array, Array]:
     """Scaled impedance and source of the bare ends in the modes of the layers next to them."""
     vectors = layer.vectors * layer.scale[..., None, :, :]
     shape = layer.scale.shape[1:]
@@ -244,7 +244,7 @@ def _outermost(ends: Ends, layer: _Layer) -> tuple[Array, Array]:
     return impedance - jnp.stack([coupled, rough]), jnp.stack([from_ground, from_above])
 
 
-def _next(half: _Half, layer: _Layer) -> tuple[Array, Array]:
+def _next(half: _Half, layer: _SweptLayer) -> tuple[Array, Array]:
     """Scaled impedance r Y^T Z Y r and source r Y^T s of a half in the modes of its next layer."""
     vectors = layer.vectors * layer.scale[..., None, :, :]
     return product(transpose(vectors), product(half.impedance, vectors)), product(
@@ -252,7 +252,7 @@ def _next(half: _Half, layer: _Layer) -> tuple[Array, Array]:
     )
 
 
-def _eliminate(impedance: Array, source: Array, layer: _Layer) -> tuple[_Half, Array, _Memory]:
+def _eliminate(impedance: Array, source: Array, layer: _SweptLayer) -> tuple[_Half, Array, _Memory]:
     """Take a layer into its half, given as scaled impedance and source in the layer's modes.
 
     Returns:
@@ -275,7 +275,7 @@ def _eliminate(impedance: Array, source: Array, layer: _Layer) -> tuple[_Half, A
     return half, jnp.sum(gain, axis=(0, 1)), _Memory(inverse, admittance, source, passed)
 
 
-def _recover(sigma: Array, layer: _Layer, memory: _Memory) -> tuple[Array, Fields]:
+def _recover(sigma: Array, layer: _SweptLayer, memory: _Memory) -> tuple[Array, Fields]:
     """From sigma at a layer's near face (halves, 2, n, batch) to that at its far face, with the
     layer's fields.
     """
@@ -327,11 +327,11 @@ def solve(system: System, *, with_fields: bool) -> tuple[Array, SolvedFields | N
     first = _at(layers, 0, 2 if pairs else 1)
     half, gain, first_memory = _eliminate(*_outermost(ends, first), first)
     total += gain
-    inner: tuple[_Layer, _Memory] | None = None
-    middle: tuple[_Layer, _Memory] | None = None
+    inner: tuple[_SweptLayer, _Memory] | None = None
+    middle: tuple[_SweptLayer, _Memory] | None = None
     if pairs > 1:
 
-        def step(half: _Half, layer: _Layer) -> tuple[_Half, tuple[Array, _Memory]]:
+        def step(half: _Half, layer: _SweptLayer) -> tuple[_Half, tuple[Array, _Memory]]:
             half, gain, memory = _eliminate(*_next(half, layer), layer)
             return half, (gain, memory)
 
@@ -370,7 +370,7 @@ def solve(system: System, *, with_fields: bool) -> tuple[Array, SolvedFields | N
         recovered.append(fields)
     if inner is not None:
 
-        def back(faces: Array, eliminated: tuple[_Layer, _Memory]) -> tuple[Array, Fields]:
+        def back(faces: Array, eliminated: tuple[_SweptLayer, _Memory]) -> tuple[Array, Fields]:
             return _recover(faces, *eliminated)
 
         faces, fields = jax.lax.scan(
@@ -382,7 +382,7 @@ def solve(system: System, *, with_fields: bool) -> tuple[Array, SolvedFields | N
     return reflectance, SolvedFields(fields, faces[1] if pairs else sigma, faces[0])
 
 
-def reflectance(stack: Stack, resolution: Resolution | Directions) -> Array:
+def reflectance(stack: StackArrays, resolution: Resolution | Directions) -> Array:
     """Reflectance factor, or hemispherical reflectance where the stack has no viewing direction,
     (batch,).
     """

@@ -92,6 +92,7 @@ def hidden_below(
             * _straight(depth[rows, m - 1], incidence, viewing, rows)
             / refractive_index[rows] ** 2
         )
+        # Only where it may be enough is the whole bound computed.
         try_rows = rows[straight <= tolerance]
         below = below[straight <= tolerance]
         if try_rows.size == 0:
@@ -103,6 +104,7 @@ def hidden_below(
             End(*(leaf[try_rows] for leaf in incidence)),
             End(*(leaf[try_rows] for leaf in viewing)),
         )
+        # Stacks that are opaque after m layers are followed no further.
         done = try_rows[(below == 0) | (bound <= tolerance / np.where(below > 0, below, 1.0))]
         visible[done] = m
         hidden[done] = True
@@ -155,6 +157,7 @@ def hidden_change(
     straight = _product(incidence, viewing, depth)
     best = np.full(depth.shape, np.inf)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        # The bound holds for every eta from the brightest albedo to one: the best of some.
         for share in _TRIALS:
             loss = share * (1.0 - brightest)  # 1 - eta
             rates = decay_rate(np.minimum(albedo / (1.0 - loss)[:, None], 1.0))
@@ -164,6 +167,7 @@ def hidden_change(
             spread = np.where(
                 last > 1e-3, (-np.log1p(-last) - last) / np.maximum(last, 1e-3) ** 2, 0.501
             )
+            # lambda, phi and p of the formula above.
             radiance = [end.source * arriving / (1.0 - last) for end in (incidence, viewing)]
             flux = viewing.source * arriving * 2.0 * np.pi * spread
             straight_flux = [end.flux * np.exp(-depth / end.cosine) for end in (incidence, viewing)]

@@ -125,6 +125,7 @@ def _assemble(lit: Lit, surface: Surface, fixed: _Fixed) -> System:
     layers, mirrored, _ = order(count)
     albedo = lit.albedo.T[layers]
     thickness = lit.optical_thickness.T[layers]
+    # Layers in the solver's order: from both ends to the middle.
     modes = layer_modes(albedo, mu, weights)
     nothing = jnp.zeros((2, batch), dtype)
     # No beam enters unscattered: all light begins as radiances just below the surface.
@@ -132,6 +133,7 @@ def _assemble(lit: Lit, surface: Surface, fixed: _Fixed) -> System:
         jnp.ones((2, batch), dtype), nothing, jnp.zeros((2, count, batch), dtype), nothing
     )
     ports = two_ports(albedo, modes.decay_squared, modes.coupling, thickness, beams, mirrored)
+    # The surface drives the top layer, and couples its directions.
     load = jnp.matmul(lit.enters, jnp.asarray(fixed.admits, dtype), precision="highest")
     ends = Ends(
         interface=jnp.zeros((mu.size, 1), dtype),

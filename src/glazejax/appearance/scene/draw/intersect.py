@@ -251,11 +251,13 @@ def surface(geometry: Geometry, hit: Hit, origin: Array, direction: Array) -> Su
             face = jnp.where(mine, its_normal, face)
             before += count
     if geometry.triangles is not None:
+        # Triangles come last.
         mine = (hit.shape >= before)[:, None]
         its_normal, its_face, its_uv = triangle_surface(geometry.triangles, hit.triangle, point)
         normal = jnp.where(mine, its_normal, normal)
         uv = jnp.where(mine, its_uv, uv)
         face = jnp.where(mine, its_face, face)
+    # The face looks towards the eye, and the smooth normal with the face.
     face = jnp.where(jnp.sum(face * direction, axis=-1, keepdims=True) > 0, -face, face)
     normal = jnp.where(jnp.sum(face * normal, axis=-1, keepdims=True) < 0, -normal, normal)
     return SurfacePoints(normal, face, uv)

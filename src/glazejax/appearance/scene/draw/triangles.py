@@ -46,6 +46,7 @@ def make_triangles(meshes: Sequence[Mesh], before: int) -> Triangles:
     for k, mesh in enumerate(meshes):
         faces = np.asarray(mesh.faces)
         points = np.asarray(mesh.vertices, float)[faces]
+        # Normals of the faces; of a corner without one of its own, the face's.
         flat = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
         size = np.linalg.norm(flat, axis=1, keepdims=True)
         flat = flat / np.where(size > 0, size, 1.0)

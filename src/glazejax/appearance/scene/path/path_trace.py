@@ -174,6 +174,7 @@ def _mean(
     if count:
         total /= count
     mean = float(np.mean(means)) if count else 0.0
+    # Standard errors of the mean: of a pixel, and of the picture.
     if count > 1 and mean > 0:
         variance = np.maximum(square / count - total[..., 1] ** 2, 0.0) / (count - 1)
         report.pixel_noise = float(np.sqrt(variance.mean())) / mean

@@ -1,0 +1,103 @@
+"""What a report says of a map by family: what each set's families are, and the exemplars whose film
+looks most like its mean spectrum.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from glazejax import Pigment, catalogue
+
+from ..identify.families.evidence import describe_anachronism
+from ..identify.families.identify_pigments import identify_families
+from ..identify.result import Identification
+from ..identify.result.groups import answer_of
+from ..identify.search.options import IdentificationOptions
+from ..identify.show.explanation import explanations
+from ..identify.show.family_record import describe_film, describe_pigments
+from .show.overview import shown_sets
+from .store.chunk import Members, SetSum
+
+if TYPE_CHECKING:
+    import xarray
+
+# Answers of a mean spectrum among which the one that the map names is looked for.
+_ANSWERS = 20
+# Share of a group from which a family of it is named.
+_NAMED = 0.005
+
+
+def describe_sets(
+    found: "xarray.Dataset",
+    sets: Mapping[Members, SetSum],
+    pigments: Sequence[Pigment],
+    options: IdentificationOptions,
+    ground: Sequence[float] | None,
+) -> dict[Members, dict[str, Any]]:
+    """Facts of each set that a report shows.
+
+    Args:
+        found: the map.
+        sets: sums over the pixels of each set.
+        pigments: exemplars that were searched.
+        options: of the search.
+        ground: at the working bands; None where films hide it.
+
+    Returns:
+        Of each set ``pigments``, its families and the likeliest ones of its groups, each with
+        ``share`` of its group, formula, Colour Index, years and ``anachronism``; and ``film``,
+        computed from the nearest exemplars, or None where no film of the set was kept.
+    """
+    names = [str(name) for name in found["paint"].values]
+    families = {pigment.name: pigment.family for pigment in pigments}
+    shown = shown_sets({members: one.pixels for members, one in sets.items()})
+    if not shown:
+        return {}
+    means = np.stack([sets[members].spectrum / sets[members].pixels for members in shown])
+    single = Identification.join(
+        list(
+            identify_families(
+                np.asarray(found.attrs["working_wavelengths"], float),
+                np.maximum(means, 0.0),
+                pigments,
+                options,
+                ground=None if ground is None else np.asarray(ground, float),
+                opaque=ground is None,
+                names=None,
+            )
+        )
+    )
+    facts = {}
+    for row, members in enumerate(shown):
+        named = answer_of(names[member] for member in members)
+        within = {
+            name: shares
+            for answer in single.family_sets[row]
+            if answer_of(answer.families) == named
+            for name, shares in answer.within.items()
+        }
+        films = [
+            film
+            for film in explanations(single, row, _ANSWERS, families)
+            if answer_of(film.words.split(" + ")) == named
+        ]
+        facts[members] = {
+            "pigments": [
+                {
+                    **one,
+                    "share": share,
+                    "anachronism": _anachronism(one["family"], options.painted),
+                }
+                for name in (names[member] for member in members)
+                for family, share in within.get(name, ((name, 1.0),))
+                if share >= _NAMED
+                for one in describe_pigments([family])
+            ],
+            "film": describe_film(films[0], means[row]) if films else None,
+        }
+    return facts
+
+
+def _anachronism(family: str, year: int | None) -> str:
+    return "" if year is None else describe_anachronism([family], catalogue.families(), year)

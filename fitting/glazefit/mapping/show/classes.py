@@ -1,0 +1,64 @@
+"""The sets that a report shows as classes of an ENVI image, which GIS and image programs open."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from glazejax.io.write import write_files
+
+from ..store.export import braceless, envi_header
+from ..store.layout import Status
+from .legend import BLANK, OTHERS, STRIPES
+from .overview import Overview
+from .pictures import rgb, set_colours
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+CLASSES = "classes.hdr"
+"""File beside the page; its numbers are in classes.img."""
+# Pixels looked at together, for memory.
+_PIXELS = 2**22
+
+
+def write_classes(dataset: "xr.Dataset", look: Overview, folder: Path) -> None:
+    """Write a class for each set that is shown, for all others, for none of the paints and for what
+    was not mapped, number 0, as bytes; older files are replaced.
+
+    Args:
+        dataset: the map.
+        look: of it.
+        folder: of the report.
+    """
+    names = ["not mapped", *map(look.words, look.shown), "others", look.words(())]
+    colours = [BLANK, *set_colours(look), OTHERS, STRIPES[0]]
+    classes = {
+        "bands": 1,
+        "file type": "ENVI Classification",
+        "data type": 1,
+        "classes": len(names),
+        "class names": "{ " + ", ".join(map(braceless, names)) + " }",
+        "class lookup": "{ " + ", ".join(f"{n}" for one in colours for n in rgb(one)) + " }",
+    }
+    header = folder / CLASSES
+    text = envi_header(dataset, classes).encode()
+    files = {header.with_suffix(".img"): _classes(dataset, look), header: [text]}
+    write_files(files, overwrite=True)
+
+
+def _classes(dataset: "xr.Dataset", look: Overview) -> Iterator[bytes]:
+    """Class of each pixel, some lines at a time."""
+    lines, samples = look.shape
+    height = max(1, _PIXELS // samples)
+    for y in range(0, lines, height):
+        block = dataset.isel(y=slice(y, y + height))
+        members = np.sort(block["members"].values, axis=-1)
+        mapped = block["status"].values == Status.MAPPED
+        explained = mapped & (block["explained"].values > 0)
+        classes = np.where(mapped, len(look.shown) + 2 - explained, 0)
+        for number, one in enumerate(look.shown, start=1):
+            wanted = np.array([*([-1] * (members.shape[-1] - len(one))), *one])
+            classes[explained & (members == wanted).all(axis=-1)] = number
+        yield classes.astype(np.uint8).tobytes()
