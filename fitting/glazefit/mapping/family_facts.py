@@ -50,7 +50,6 @@ def describe_sets(
         computed from the nearest exemplars, or None where no film of the set was kept.
     """
     names = [str(name) for name in found["paint"].values]
-    families = {pigment.name: pigment.family for pigment in pigments}
     shown = shown_sets({members: one.pixels for members, one in sets.items()})
     if not shown:
         return {}
@@ -79,7 +78,7 @@ def describe_sets(
         }
         films = [
             film
-            for film in explanations(single, row, _ANSWERS, families)
+            for film in explanations(single, row, _ANSWERS)
             if answer_of(film.words.split(" + ")) == named
         ]
         facts[members] = {
