@@ -316,9 +316,7 @@ def test_a_damaged_window_is_named(tmp_path, monkeypatch, cube, mapped):
             warnings.simplefilter("ignore")
             done = run(cube, "--opaque", *OILS, "--only", "ZincWhite,Eosin")
         assert done.exception is None, done.output
-        words = (
-            "window y4-8_x0-10 of map.zarr is damaged (misfit/c/1/0 is missing), and is mapped anew"
-        )
+        words = "window y4-8_x0-10 of map.zarr is damaged (misfit/c/1/0 is missing), and is mapped again"
         assert " ".join(done.output.split()).count(words) == named
 
 

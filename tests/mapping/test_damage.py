@@ -1,4 +1,4 @@
-"""A map that is not as it was written: what is damaged is named when it is read, and mapped anew."""
+"""A map that is not as it was written: what is damaged is named when it is read, and mapped again."""
 
 import json
 import pickle
@@ -70,7 +70,7 @@ class Counted(Toy):
         ("paint_probability/c/1/1/0", empty, "paint_probability/c/1/1/0 is not as it was written"),
     ],
 )
-def test_a_damaged_window_is_named_and_mapped_anew(
+def test_a_damaged_window_is_named_and_mapped_again(
     tmp_path,
     undisturbed,  # noqa: F811
     place,
@@ -85,7 +85,7 @@ def test_a_damaged_window_is_named_and_mapped_anew(
     # The others can be read.
     assert (open_map(path).status[:16].values == 1).all()
     solver = Counted()
-    with pytest.warns(DamagedWindow, match=named + ", and is mapped anew$") as warned:
+    with pytest.warns(DamagedWindow, match=named + ", and is mapped again$") as warned:
         run_chunks(store_at(path), solver)
     assert len(warned) == 1
     assert solver.asked == [WINDOW]
@@ -93,7 +93,7 @@ def test_a_damaged_window_is_named_and_mapped_anew(
 
 
 @pytest.mark.parametrize("damage", [cut, flip, Path.unlink])
-def test_a_window_whose_sums_are_damaged_is_mapped_anew(
+def test_a_window_whose_sums_are_damaged_is_mapped_again(
     tmp_path,
     undisturbed,  # noqa: F811
     damage,
@@ -103,7 +103,7 @@ def test_a_window_whose_sums_are_damaged_is_mapped_anew(
     words = rf"^window {WINDOW} of .*map\.zarr is damaged \(its sums cannot be read\)"
     with pytest.raises(ValueError, match=words):
         MapStore.open(path).sums()
-    with pytest.warns(DamagedWindow, match=words + ", and is mapped anew$"):
+    with pytest.warns(DamagedWindow, match=words + ", and is mapped again$"):
         run_chunks(store_at(path), Toy())
     same(MapStore.open(path), undisturbed)
 
@@ -121,7 +121,7 @@ def test_a_status_that_is_missing_in_a_complete_map_is_damage(tmp_path, undistur
     same(MapStore.open(path), undisturbed)
 
 
-def test_an_array_that_was_removed_is_made_anew(tmp_path, undisturbed):  # noqa: F811
+def test_an_array_that_was_removed_is_made_again(tmp_path, undisturbed):  # noqa: F811
     path = copy(undisturbed, tmp_path)
     shutil.rmtree(path / "thickness")
     with pytest.raises(ValueError, match=r"is damaged \(thickness/c/./. is missing"):

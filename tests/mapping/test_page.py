@@ -10,7 +10,7 @@ import pytest
 from jinja2 import UndefinedError
 
 from glazefit.mapping.show.overview import shown_sets
-from glazefit.mapping.show.page import _WAYS, Provenance, write_report
+from glazefit.mapping.show.page import _WAYS, MapProvenance, write_report
 from glazefit.mapping.show.page_sets import small_spectrum
 from glazefit.mapping.store.chunk import SetSum
 from glazefit.mapping.store.layout import Status, Way
@@ -20,7 +20,7 @@ from .truth_map import GRID, painting, truth_map
 
 xr = pytest.importorskip("xarray")
 EVIL = '<b>&"'
-ABOUT = Provenance(
+ABOUT = MapProvenance(
     "a <b>painting</b>",
     created="2026-01-02, 03:04",
     command="glazejax map cube.hdr --out 'a & b'",
@@ -259,7 +259,7 @@ def test_a_map_that_is_not_finished_or_empty_says_so(part, tmp_path):
     assert "68.8 % of the map is not done yet" in words(page)
     dark = dataset.copy(deep=True)
     dark["status"][:] = Status.DARK
-    empty = write_report(dark, {}, {}, Provenance("dark"), tmp_path / "dark").read_text(
+    empty = write_report(dark, {}, {}, MapProvenance("dark"), tmp_path / "dark").read_text(
         encoding="utf-8"
     )
     assert "No pixel was mapped" in empty

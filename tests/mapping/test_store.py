@@ -170,7 +170,7 @@ def test_sums_pack_bit_for_bit():
     found = unpack(pack(ChunkMaps({}, {"a": 0.1 + 0.2}, sums, spots)))
     sets = found.sets
     assert found.tallies == {"a": 0.1 + 0.2}
-    for name in ("pixels", "readings", "places"):
+    for name in ("pixels", "readings", "positions"):
         np.testing.assert_array_equal(getattr(found.unexplained, name), getattr(spots, name))
     assert list(sets) == [(), (1, 40, 41)]
     assert sets[1, 40, 41].pixels == 6

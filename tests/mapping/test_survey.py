@@ -64,7 +64,7 @@ def test_features_of_alike_spectra_differ_little():
 
 def test_light_counts_once_where_the_level_of_a_spectrum_says_little():
     spectra = 0.2 + 0.6 * np.random.default_rng(4).random((300, 20))
-    features = Features.of(spectra, level=False)
+    features = Features.of(spectra, brightness=False)
     brighter = features(spectra * 1.03) - features(spectra)
     assert np.median(np.linalg.norm(brighter, axis=1)) < 1.1
     # The shape counts in each band as before.

@@ -55,7 +55,7 @@ def test_groups_hold_every_spectrum_once(unexplained):
 
 def test_each_paint_is_offered_pure(unexplained):
     found, words = unexplained
-    spots = choose_spots(found, BARE, len(words), taken=["Spot2"])
+    spots = choose_spots(found, BARE, len(words), paint_names=["Spot2"])
     assert len(spots) <= SPOTS
     assert [spot.name for spot in spots[:2]] == ["Spot1", "Spot3"]
     assert {words[spot.place[0]] for spot in spots} >= set(FOREIGN)

@@ -206,14 +206,14 @@ def map_(
         ),
     ] = False,
 ) -> None:
-    """Which pigments are in every pixel of an image, with probabilities.
+    """Map the pigments of every pixel of an image, with probabilities.
 
     --catalogue oils or acrylics, or your own --pigments, maps paints by that
     one maker instead, with amounts and thickness.
 
     The map is a zarr folder that fills window by window. A run that was
     interrupted or killed goes on where it stopped if the same command is given
-    again, and maps damaged windows anew; --overwrite begins anew.
+    again, and maps damaged windows again. --overwrite starts over.
 
     Example: glazejax map painting.hdr --ground 0.9 --report report
     """
@@ -308,21 +308,21 @@ def map_(
 
     console = Console(highlight=False)
     if example:
-        made = _example(out, console)
-        cube = made["cube"]
+        example_files = _example(out, console)
+        cube = example_files["cube"]
         if not (opaque or ground):
-            ground = str(made["ground"])
+            ground = str(example_files["ground"])
         if pigments is None:
             # It is painted with these.
             catalogue = catalogue or options.OILS
         if catalogue == options.OILS and not (pigments or only or without):
-            without = made["without"]
+            without = example_files["without"]
     assert cube is not None
     if catalogue is pigments is None:
         catalogue = options.PIGMENTS
     paints = options.choose_paints(options.read_shelf(pigments, catalogue), only, without)
     by_family = has_families(paints)
-    places = read_spots(spots, [paint.name for paint in paints])
+    locations = read_spots(spots, [paint.name for paint in paints])
     seen_with = Instrument(seen_by, refractive_index)
     evidence = facts.describe_facts(elements, without_elements, painted)
     paints = facts.add_references(
@@ -338,10 +338,10 @@ def map_(
     source = CubeSource(cube.absolute(), **reading)
     opened = source.open()
     progress.print_notes(console, cube, opened.attrs.get("notes", ()))
-    measured_spots = read_spectra_of_spots(places, opened)
-    below, words, notes = read_ground_of_cube(ground, bare, opened, paints, seen_with)
+    measured_spots = read_spectra_of_spots(locations, opened)
+    below, ground_words, notes = read_ground_of_cube(ground, bare, opened, paints, seen_with)
     progress.print_notes(console, "--ground", notes)
-    given = {"floor": noise, "share": noise_share}
+    stated_noise = {"floor": noise, "share": noise_share}
     usual_error = ModelError.between_films()
     with (
         say_what_is_kept(out, console, overwrite=overwrite),
@@ -349,7 +349,7 @@ def map_(
         connect(scheduler) as client,
         progress.follow("reading") as report_progress,
     ):
-        found = map_cube(
+        paint_map = map_cube(
             source,
             paints,
             ground=below,
@@ -360,7 +360,7 @@ def map_(
             instrument=seen_with,
             noise=None
             if noise is noise_share is None
-            else Noise(**{k: v for k, v in given.items() if v is not None}),
+            else Noise(**{k: v for k, v in stated_noise.items() if v is not None}),
             discrepancy=usual_error
             if model_error is None
             else replace(usual_error, amplitude=model_error),
@@ -376,7 +376,7 @@ def map_(
     about = {
         **{head.TITLES[name]: text for name, text in subject.items()},
         "Catalogue": asked,
-        "Ground": words,
+        "Ground": ground_words,
         "Instrument": f"{seen_by.describe()}, refractive index {refractive_index:g}",
         "Elements": ", ".join(evidence["elements"]),
         "Elements not found": ", ".join(evidence["without_elements"]),
@@ -389,7 +389,7 @@ def map_(
         from .provenance import map_provenance
 
         read = {**given_files, "--ground": ground_file(ground)}
-        return map_provenance(command_line(), typed, source.path, read, found, about)
+        return map_provenance(command_line(), typed, source.path, read, paint_map, about)
 
     def describe() -> Any:
         from ..identify.search.options import IdentificationOptions
@@ -402,11 +402,11 @@ def map_(
             **evidence,
         )
         store = MapStore.open(out)
-        return describe_sets(found, store.sums()[1], paints, asked, store.options["ground"])
+        return describe_sets(paint_map, store.sums()[1], paints, asked, store.options["ground"])
 
     def write_spots(folder: Path) -> list[Path]:
         grid = np.asarray(opened["wavelength"], float)
-        every = [
+        tried = [
             *paints,
             *(
                 spot_pigment(name, grid, spectrum, paints, seen_with)
@@ -414,13 +414,13 @@ def map_(
             ),
         ]
         return spot_files.write_spots(
-            folder, found, grid, every, instrument=seen_with, overwrite=overwrite
+            folder, paint_map, grid, tried, instrument=seen_with, overwrite=overwrite
         )
 
     console.print(f"Wrote the map to {out}")
     _write(
         MapStore.open(out),
-        found,
+        paint_map,
         opened,
         console,
         csv=csv,
@@ -468,8 +468,8 @@ def _check_outputs(
 
 
 def _example(out: Path, console: "Console") -> dict[str, Any]:
-    """A small painting beside the map: its cube, its ground, and the paints that the map is not
-    given.
+    """Make a small painting next to the map: its cube, its ground, and the paints that the map is
+    not given.
     """
     from .example import FOREIGN, painting, write_painting
 
@@ -477,16 +477,16 @@ def _example(out: Path, console: "Console") -> dict[str, Any]:
     header = folder / "painting.hdr"
     if not header.exists():
         with progress.doing("making a painting"):
-            made = painting()
-            write_painting(folder, made)
-        lines, samples, _ = made.spectra.shape
+            scene = painting()
+            write_painting(folder, scene)
+        lines, samples, _ = scene.spectra.shape
         console.print(f"Made a painting of {samples} x {lines} pixels: {header}")
     return {"cube": header, "ground": folder / "ground.csv", "without": FOREIGN}
 
 
 def _write(
     store: "MapStore",
-    found: "xarray.Dataset",
+    paint_map: "xarray.Dataset",
     opened: "xarray.DataArray",
     console: "Console",
     csv: Path | None,
@@ -497,14 +497,18 @@ def _write(
     describe: Callable[[], Any] | None,
     write_spots: Callable[[Path], list[Path]],
 ) -> None:
-    """Print the map, and write what was asked for beside it."""
+    """Print the map, and write the further files that were asked for."""
     from .show.report import print_map, write_sets
 
     tallies, sets = store.sums()
-    print_map(found, sets, console)
+    print_map(paint_map, sets, console)
     if csv is not None:
         write_sets(
-            csv, found, sets, found.attrs.get("working_wavelengths", ()), overwrite=overwrite
+            csv,
+            paint_map,
+            sets,
+            paint_map.attrs.get("working_wavelengths", ()),
+            overwrite=overwrite,
         )
         console.print(f"Wrote the table of sets to {csv}")
     if export is not None:
@@ -518,7 +522,7 @@ def _write(
 
         with progress.doing("writing the report"):
             page = write_report(
-                found,
+                paint_map,
                 tallies,
                 sets,
                 provenance(),

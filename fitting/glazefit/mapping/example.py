@@ -56,8 +56,8 @@ def painting(shape: tuple[int, int] = (48, 64), bands: int = 31, seed: int = 0) 
     grid = np.linspace(400.0, 700.0, bands)
     paints = {name: paint.resample(grid) for name, paint in load().items()}
     foreign = paints.pop(FOREIGN)
-    known = {**paints, FOREIGN: foreign}
-    number_of = {name: number for number, name in enumerate(known)}
+    available = {**paints, FOREIGN: foreign}
+    number_of = {name: number for number, name in enumerate(available)}
     y, x = np.meshgrid(*((np.arange(size) + 0.5) / size for size in shape), indexing="ij")
     # The first that holds lies on top.
     region = np.select(
@@ -78,14 +78,14 @@ def painting(shape: tuple[int, int] = (48, 64), bands: int = 31, seed: int = 0) 
     for number, coats in enumerate(_REGIONS):
         layers = []
         for shares, least, largest in coats:
-            mixture = Mixture([known[name] for name in shares], list(shares.values()))
+            mixture = Mixture([available[name] for name in shares], list(shares.values()))
             layers.append(Layer(mixture, least * (largest / least) ** height.ravel()))
         # All pixels in each region, so that one program serves all regions of as many coats.
-        seen = reflectance(Glaze(layers, ground, 1.5), Hemispherical(8.0), tolerance=1e-5)
-        here = region == number
-        spectra[here] = np.asarray(seen).reshape(spectra.shape)[here]
+        readings = reflectance(Glaze(layers, ground, 1.5), Hemispherical(8.0), tolerance=1e-5)
+        covered = region == number
+        spectra[covered] = np.asarray(readings).reshape(spectra.shape)[covered]
         names = sorted(number_of[name] for shares, _, _ in coats for name in shares)
-        members[here, : len(names)] = names
+        members[covered, : len(names)] = names
     noise = np.random.default_rng(seed).standard_normal(spectra.shape)
     return Painting(
         spectra=(spectra + 0.003 * noise).astype(np.float32),
@@ -97,18 +97,18 @@ def painting(shape: tuple[int, int] = (48, 64), bands: int = 31, seed: int = 0) 
     )
 
 
-def write_painting(folder: Path, made: Painting) -> Path:
+def write_painting(folder: Path, scene: Painting) -> Path:
     """Write painting.hdr and painting.dat (ENVI), ground.csv and the truth, members.npy.
 
     Returns:
         Path of the header.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    lines, samples, bands = made.spectra.shape
-    made.spectra.astype("<f4").tofile(folder / "painting.dat")
-    np.save(folder / "members.npy", made.members)
-    rows = zip(made.wavelengths, made.ground, strict=True)
-    table = "".join(f"{nm:g},{level:.6f}\n" for nm, level in rows)
+    lines, samples, bands = scene.spectra.shape
+    scene.spectra.astype("<f4").tofile(folder / "painting.dat")
+    np.save(folder / "members.npy", scene.members)
+    rows = zip(scene.wavelengths, scene.ground, strict=True)
+    table = "".join(f"{nm:g},{value:.6f}\n" for nm, value in rows)
     (folder / "ground.csv").write_text(f"wavelength,ground\n{table}", encoding="utf-8")
     # Last, so that a header stands for a whole image.
     header = folder / "painting.hdr"
@@ -116,7 +116,7 @@ def write_painting(folder: Path, made: Painting) -> Path:
         f"ENVI\nsamples = {samples}\nlines = {lines}\nbands = {bands}\nheader offset = 0\n"
         "file type = ENVI Standard\ndata type = 4\ninterleave = bip\nbyte order = 0\n"
         "wavelength units = Nanometers\n"
-        f"wavelength = {{{', '.join(f'{nm:g}' for nm in made.wavelengths)}}}\n",
+        f"wavelength = {{{', '.join(f'{nm:g}' for nm in scene.wavelengths)}}}\n",
         encoding="utf-8",
     )
     return header

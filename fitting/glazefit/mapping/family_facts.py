@@ -1,4 +1,4 @@
-"""What a report says of a map by family: what each set's families are, and the exemplars whose film
+"""Facts for the report of a map by family: the families of each set, and the exemplars whose film
 looks most like its mean spectrum.
 """
 
@@ -29,7 +29,7 @@ _NAMED = 0.005
 
 
 def describe_sets(
-    found: "xarray.Dataset",
+    paint_map: "xarray.Dataset",
     sets: Mapping[Members, SetSum],
     pigments: Sequence[Pigment],
     options: IdentificationOptions,
@@ -38,7 +38,7 @@ def describe_sets(
     """Facts of each set that a report shows.
 
     Args:
-        found: the map.
+        paint_map: the map.
         sets: sums over the pixels of each set.
         pigments: exemplars that were searched.
         options: of the search.
@@ -49,15 +49,15 @@ def describe_sets(
         ``share`` of its group, formula, Colour Index, years and ``anachronism``; and ``film``,
         computed from the nearest exemplars, or None where no film of the set was kept.
     """
-    names = [str(name) for name in found["paint"].values]
-    shown = shown_sets({members: one.pixels for members, one in sets.items()})
-    if not shown:
+    names = [str(name) for name in paint_map["paint"].values]
+    reported = shown_sets({members: sums.pixels for members, sums in sets.items()})
+    if not reported:
         return {}
-    means = np.stack([sets[members].spectrum / sets[members].pixels for members in shown])
+    means = np.stack([sets[members].spectrum / sets[members].pixels for members in reported])
     single = Identification.join(
         list(
             identify_families(
-                np.asarray(found.attrs["working_wavelengths"], float),
+                np.asarray(paint_map.attrs["working_wavelengths"], float),
                 np.maximum(means, 0.0),
                 pigments,
                 options,
@@ -68,7 +68,7 @@ def describe_sets(
         )
     )
     facts = {}
-    for row, members in enumerate(shown):
+    for row, members in enumerate(reported):
         named = answer_of(names[member] for member in members)
         within = {
             name: shares
@@ -84,14 +84,14 @@ def describe_sets(
         facts[members] = {
             "pigments": [
                 {
-                    **one,
+                    **pigment,
                     "share": share,
-                    "anachronism": _anachronism(one["family"], options.painted),
+                    "anachronism": _anachronism(pigment["family"], options.painted),
                 }
                 for name in (names[member] for member in members)
                 for family, share in within.get(name, ((name, 1.0),))
                 if share >= _NAMED
-                for one in describe_pigments([family])
+                for pigment in describe_pigments([family])
             ],
             "film": describe_film(films[0], means[row]) if films else None,
         }

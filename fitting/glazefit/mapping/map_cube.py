@@ -1,8 +1,8 @@
-"""Which paints are where in an image of spectra, how much, how thick and how sure: `map_cube`.
+"""Paints of every pixel of an image of spectra, with amounts, thickness, probability: `map_cube`.
 
 A sample of the image gives some thousand representatives, each is searched in full
-(`glazefit.identify`). Every pixel is averaged with its neighbours that are alike within noise and
-answered from the representative next to it. What that costs is measured on pixels that are searched
+(`glazefit.identify`). Every pixel is averaged with its neighbours that are equal within noise and
+answered from the nearest representative. The cost of that is measured on pixels that are searched
 themselves.
 """
 
@@ -45,14 +45,14 @@ if TYPE_CHECKING:
 
 # Lines in which pixels are sampled.
 _LINES = 96
-# What the process takes beside representatives and windows: Python, JAX, its programs, a search;
-# bytes.
+# Bytes that the process takes besides representatives and windows: Python, JAX, its programs, a
+# search.
 _BASE = 900 * 2**20
 # Representatives at least and at most.
 _REPRESENTATIVES = (256, 4000)
-# At most where families are sought.
+# At most where families are searched.
 _OF_FAMILIES = 1500
-# Representatives that are searched as one piece of work; a fourth where families are sought.
+# Representatives of one piece of work; a fourth of them in a search by family.
 _PIECE = 128
 # Pixels that are searched themselves, to see what the closed form costs, at most; and at most where
 # there are fewer representatives.
@@ -77,14 +77,14 @@ def map_cube(
     """Map the paints of an image of spectra into a zarr store, window by window.
 
     A run that was interrupted goes on where it stopped when it is called again with the same
-    options. Windows of it that are damaged are warned of (`DamagedWindow`) and mapped anew.
+    options. Windows of it that are damaged are warned of (`DamagedWindow`) and mapped again.
 
     Args:
         cube: the image, or where it is; see `glazejax.io.open_cube`.
         pigments: the catalogue, a mapping or a list, on any grids; bands that they do not cover are
             left out. Those with a family and a source, as ``catalogue.load("pigments")`` gives
-            them, are sought by family: the map's paints are families, and groups such as "a white",
-            and it has no thickness.
+            them, are searched by family: the map's paints are families, and groups such as
+            "a white", and it has no thickness.
         ground: internal reflectance of the ground under the paint: a number, or one for each band
             of the image.
         opaque: the paint hides its ground everywhere; its thickness is then unknown.
@@ -94,7 +94,7 @@ def map_cube(
             a pure stroke in the image itself. What a spectrum alone leaves open of a paint is taken
             as open (`spot_pigment`).
         memory: bytes that the process is to stay below, at least some 950 MiB; more where many
-            families are sought over a ground that is seen.
+            families are searched over a ground that is seen.
         client: of a dask cluster whose workers do the work; by default the one that this program
             has made, if any. Workers must see the image under the same path.
         overwrite: replace a map that is there.
@@ -102,7 +102,7 @@ def map_cube(
             searching, checking, mapping.
         search: instrument, noise, discrepancy, prior, max_paints, elements, without_elements and
             painted, as for `glazefit.identify`; noise is of one reading of the image, by default
-            told from the roughness of a sample of its spectra.
+            estimated from the roughness of a sample of its spectra.
 
     Returns:
         The map, opened lazily (`glazefit.open_map`); its variables are those of
@@ -182,8 +182,11 @@ def _spots(store: MapStore, task: MapTask, tallies: Mapping[str, float]) -> list
     bare = np.ones(task.image.bands.wavelengths.size)
     if task.ground is not None and isinstance(task.searcher, Searcher):
         nothing = np.zeros(len(bare))
-        own = task.searcher.task
-        bare = np.asarray(own.response.body(nothing, nothing, task.ground)) + own.surface
+        search_task = task.searcher.task
+        bare = (
+            np.asarray(search_task.response.body(nothing, nothing, task.ground))
+            + search_task.surface
+        )
     spots = choose_spots(
         store.unexplained(),
         bare,
@@ -194,7 +197,7 @@ def _spots(store: MapStore, task: MapTask, tallies: Mapping[str, float]) -> list
 
 
 class _Surveyed(NamedTuple):
-    """What a sample of the image told."""
+    """Results of the survey of a sample of the image."""
 
     noise: Noise
     features: Features
@@ -204,36 +207,36 @@ class _Surveyed(NamedTuple):
 
 
 def _survey(store: MapStore, task: MapTask, most: int, progress: Progress) -> _Surveyed:
-    """The survey of the image: made, or what a run before has kept."""
+    """The survey of the image: made, or kept by an earlier run."""
     work = store.work
     if "survey" not in work.done():
         lines, noise = _sample(task, progress)
         image = task.with_noise(noise).image
         sds = [image.noise_sd(line) for line in lines]
-        status = np.concatenate([classify(*both) for both in zip(lines, sds, strict=True)])
+        status = np.concatenate([classify(*pair) for pair in zip(lines, sds, strict=True)])
         good = status == Status.MAPPED
         if not good.any():
             counts = {STATUS_WORDS[Status(s)]: int(np.sum(status == s)) for s in np.unique(status)}
-            words = (
+            reasons = (
                 ", ".join(f"{count} {word}" for word, count in counts.items())
                 or "the mask leaves none"
             )
-            raise ValueError(f"the image has no pixel that can be mapped (of a sample: {words})")
+            raise ValueError(f"the image has no pixel that can be mapped (of a sample: {reasons})")
         sample = np.concatenate(lines)
         sample[~good] = np.nan
         by_family = isinstance(task.searcher, FamilySearcher)
-        features = Features.of(np.maximum(sample[good], 0.0), level=not by_family)
+        features = Features.of(np.maximum(sample[good], 0.0), brightness=not by_family)
         ends = np.cumsum([len(line) for line in lines])[:-1]
-        parts = [
+        pools = [
             pooled(line, sd, features, (1, len(line)), ALONG)
             for line, sd in zip(np.split(sample, ends), sds, strict=True)
         ]
-        means, reach = (np.concatenate(each)[good] for each in zip(*parts, strict=True))
+        means, reach = (np.concatenate(arrays)[good] for arrays in zip(*pools, strict=True))
         means = np.maximum(means, 0.0)
         readings, beyond = survey(features, means, most, reach, progress)
         count = min(_CHECKED[0], max(_CHECKED[1], len(readings)), len(means))
         checked = means[np.linspace(0, len(means) - 1, count).astype(int)]
-        kept = {
+        saved = {
             "noise": np.array([noise.floor, noise.share]),
             "middle": features.middle,
             "directions": features.directions,
@@ -242,16 +245,16 @@ def _survey(store: MapStore, task: MapTask, most: int, progress: Progress) -> _S
             "reach": np.array(1.15 * max(beyond, 1.0)),
             "checked": checked,
         }
-        work.put("survey", kept)
-    kept = work.get("survey")
-    features = Features(kept["middle"], kept["directions"])
-    noise = Noise(*kept["noise"].tolist())
+        work.put("survey", saved)
+    saved = work.get("survey")
+    features = Features(saved["middle"], saved["directions"])
+    noise = Noise(*saved["noise"].tolist())
     return _Surveyed(
         noise=noise,
         features=features,
-        readings=kept["readings"],
-        reach=float(kept["reach"]),
-        checked=kept["checked"],
+        readings=saved["readings"],
+        reach=float(saved["reach"]),
+        checked=saved["checked"],
     )
 
 
@@ -280,7 +283,7 @@ def _sample(
         # Whole lines: their numbers lie together in a file.
         block = cube[y].to_numpy()[use]
         readings.append(image.bands.means(block, image.saturated))
-        # Some thousand spectra tell the noise.
+        # Some thousand spectra are enough to estimate the noise.
         fine = block[:: max(1, len(use) * len(lines) // 4000)]
         rough.append(fine[np.isfinite(fine).all(axis=1)])
     progress(len(lines), len(lines), "reading")
@@ -307,9 +310,9 @@ def _atlas(
     size = _PIECE // 4 if by_family else _PIECE
     keys = [f"search-{n:04d}" for n in range(-(-len(surveyed.readings) // size))]
 
-    def note(done: int, total: int | None, words: str, /) -> None:
+    def note(done: int, total: int | None, stage: str, /) -> None:
         give_back()
-        progress(done, total, words)
+        progress(done, total, stage)
 
     pieces = _Pieces(
         task=task,
@@ -318,8 +321,8 @@ def _atlas(
     )
     finish(keys, pieces, work, client, note, "searching")
     kind = Answered if by_family else Searched
-    found = kind.from_parts(len(keys), lambda n, name: work.get(keys[n], [name])[name])
-    return make_atlas(surveyed.features, found, task.prior)
+    searched = kind.from_parts(len(keys), lambda n, name: work.get(keys[n], [name])[name])
+    return make_atlas(surveyed.features, searched, task.prior)
 
 
 @dataclass(frozen=True)
@@ -355,16 +358,16 @@ def _most_representatives(task: MapTask, memory: int) -> tuple[int, int]:
     first window.
     """
     # One for 40 pixels.
-    wanted = int(np.clip(task.shape[0] * task.shape[1] // 40, *_REPRESENTATIVES))
+    target = int(np.clip(task.shape[0] * task.shape[1] // 40, *_REPRESENTATIVES))
     if isinstance(task.searcher, FamilySearcher):
-        # A family is told by more than the distance of two representatives.
-        return min(wanted, _OF_FAMILIES), BASE + task.searcher.memory
+        # Families differ by more than the distance of two representatives.
+        return min(target, _OF_FAMILIES), BASE + task.searcher.memory
     bands = task.image.bands.wavelengths.size
     # Bytes of a representative, with about a dozen candidates.
-    each = 4 * 12 * (2 * bands**2 + 24 * bands)
+    bytes_each = 4 * 12 * (2 * bands**2 + 24 * bands)
     # A third of what is left; the windows take the rest.
-    most = int(np.clip((memory - _BASE) // 3 // each, _REPRESENTATIVES[0], wanted))
-    return most, _BASE + most * each
+    most = int(np.clip((memory - _BASE) // 3 // bytes_each, _REPRESENTATIVES[0], target))
+    return most, _BASE + most * bytes_each
 
 
 def _bytes(paints: int, bands: int) -> float:

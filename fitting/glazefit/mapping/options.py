@@ -1,4 +1,4 @@
-"""What the options of `glazejax map` say, read into what the library takes."""
+"""Options of `glazejax map`, read into what the library takes."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -71,13 +71,15 @@ def read_binning(text: str) -> tuple[int, int, int]:
         ValueError: something else.
     """
     match = re.fullmatch(r"\s*(\d+)\s*(?:,\s*(\d+)\s*,\s*(\d+)\s*)?", text)
-    found = None if match is None else tuple(int(each) for each in match.groups() if each)
-    if not found or min(found) < 1:
+    factors = None if match is None else tuple(int(group) for group in match.groups() if group)
+    if not factors or min(factors) < 1:
         raise ValueError(
             f"--bin is {text!r}; write 2 for 2 x 2 pixels, or lines, samples and bands, such as "
             "2,2,4"
         )
-    return (found[0], found[0], 1) if len(found) == 1 else (found[0], found[1], found[2])
+    return (
+        (factors[0], factors[0], 1) if len(factors) == 1 else (factors[0], factors[1], factors[2])
+    )
 
 
 def read_bands(text: str) -> tuple[float, float] | None:
@@ -107,7 +109,7 @@ def read_wavelengths(text: str) -> tuple[float, ...] | Path | None:
     if Path(text).exists():
         return Path(text)
     try:
-        return tuple(float(each) for each in text.split(","))
+        return tuple(float(number) for number in text.split(","))
     except ValueError:
         raise ValueError(
             f"--wavelengths is {text!r}; name a text file of numbers, or write them in nm with "
@@ -123,53 +125,53 @@ def read_white(text: str) -> float | Path:
         FileNotFoundError: neither a number nor a file.
     """
     try:
-        level = float(text)
+        reflectance = float(text)
     except ValueError:
         if not Path(text).exists():
             raise FileNotFoundError(
                 f"--white-reflectance {text}: neither a number nor a file"
             ) from None
         return Path(text)
-    if not 0 < level <= 1.1:
+    if not 0 < reflectance <= 1.1:
         raise ValueError(
             f"--white-reflectance is {text}; write a fraction such as 0.99, or a file of its "
             "spectrum"
         )
-    return level
+    return reflectance
 
 
-def read_spots(texts: Sequence[str], taken: Sequence[str]) -> dict[str, str]:
+def read_spots(texts: Sequence[str], paint_names: Sequence[str]) -> dict[str, str]:
     """Names and places of ``--spot NAME=PLACE``.
 
     Args:
         texts: as typed.
-        taken: names that paints have already.
+        paint_names: names that paints have already.
 
     Raises:
         ValueError: no name or no place, or a name that is there already.
     """
-    found: dict[str, str] = {}
+    locations: dict[str, str] = {}
     for text in texts:
-        name, equals, place = (part.strip() for part in text.partition("="))
-        if not (name and equals and place):
+        name, equals, location = (piece.strip() for piece in text.partition("="))
+        if not (name and equals and location):
             raise ValueError(
                 f"--spot is {text!r}; write NAME=x,y, NAME=x0:x1,y0:y1 or NAME=mask.png"
             )
-        if name in found or name in taken:
+        if name in locations or name in paint_names:
             raise ValueError(
                 f"--spot {text}: there is a paint {name!r} already; choose another name"
             )
-        found[name] = place
-    return found
+        locations[name] = location
+    return locations
 
 
 def read_spectra_of_spots(
-    places: Mapping[str, str], cube: "xarray.DataArray"
+    locations: Mapping[str, str], cube: "xarray.DataArray"
 ) -> "dict[str, Float[np.ndarray, 'bands']]":
     """Mean spectra of spots by name, at all bands of a cube.
 
     Args:
-        places: by name; see `glazejax.io.read_spot`.
+        locations: by name; see `glazejax.io.read_spot`.
         cube: as it was opened.
 
     Raises:
@@ -180,16 +182,16 @@ def read_spectra_of_spots(
 
     from glazejax.io import read_spot
 
-    found = {}
-    for name, place in places.items():
-        spectrum = read_spot(cube, place).reflectance
+    spectra = {}
+    for name, location in locations.items():
+        spectrum = read_spot(cube, location).reflectance
         if (missing := int((~np.isfinite(spectrum)).sum())) > 0:
             raise ValueError(
-                f"--spot {name}={place}: {missing} bands have no reading there; choose another "
+                f"--spot {name}={location}: {missing} bands have no reading there; choose another "
                 "place, or leave those bands out with --bands"
             )
-        found[name] = spectrum
-    return found
+        spectra[name] = spectrum
+    return spectra
 
 
 def read_ground_of_cube(
@@ -225,8 +227,8 @@ def read_ground_of_cube(
         return None, "a ground that is not seen", ()
     grid = np.asarray(cube["wavelength"].values, np.float64)
     first, last = used_range(paints)
-    inside = (grid >= first) & (grid <= last)
-    if not inside.any():
+    within = (grid >= first) & (grid <= last)
+    if not within.any():
         raise ValueError(
             f"{cube.attrs.get('path', 'the cube')}: its bands ({describe_grid(grid)}) lie outside "
             f"of those of the paints, {first:g} to {last:g} nm"
@@ -236,27 +238,27 @@ def read_ground_of_cube(
         from glazejax.io import read_spot
 
         spot = read_spot(cube, text.removeprefix(CUBE))
-        below = spot.reflectance[inside]
+        below = spot.reflectance[within]
         bare = True
         if not np.isfinite(below).all():
             raise ValueError(
                 f"--ground {text}: {int((~np.isfinite(below)).sum())} bands have no reading "
                 "there; choose another place"
             )
-        words = (
+        description = (
             f"measured bare in the cube at {text.removeprefix(CUBE)} ({spot.pixels} pixels, "
             f"mean {below.mean():.2f})"
         )
     else:
-        given = options.read_ground(text, bare=bare)
-        below = given.on(grid[inside])
-        notes = given.notes
+        stated = options.read_ground(text, bare=bare)
+        below = stated.on(grid[within])
+        notes = stated.notes
         how = "measured bare with the same instrument" if bare else "as seen from inside the paint"
-        words = f"{given.words}, {how}"
+        description = f"{stated.words}, {how}"
         if isinstance(below, float | int) and not bare:
-            return below, words, notes
-    level = np.broadcast_to(np.asarray(below, np.float64), (int(inside.sum()),))
+            return below, description, notes
+    spectrum = np.broadcast_to(np.asarray(below, np.float64), (int(within.sum()),))
     if bare:
-        level = ground_from_air(level, instrument)
+        spectrum = ground_from_air(spectrum, instrument)
     # Where no paint is known, no ground is asked for.
-    return np.interp(grid, grid[inside], level), words, notes
+    return np.interp(grid, grid[within], spectrum), description, notes

@@ -1,4 +1,4 @@
-"""How a map was made, in words, for its report."""
+"""Provenance of a map, in words, for its report."""
 
 import platform
 from collections.abc import Mapping
@@ -13,7 +13,7 @@ from glazejax.commands.command_line import option
 from glazejax.io import quick_source_hash
 
 from ..page.inputs import input_files
-from .show.page import Provenance
+from .show.page import MapProvenance
 
 if TYPE_CHECKING:
     import xarray
@@ -26,21 +26,21 @@ def map_provenance(
     typed: Mapping[str, Any],
     cube: Path,
     read: Mapping[str, Path | None],
-    found: "xarray.Dataset",
+    paint_map: "xarray.Dataset",
     facts: Mapping[str, str],
-) -> Provenance:
-    """What the report of a map says beside it.
+) -> MapProvenance:
+    """Collect the provenance of a map for its report.
 
     Args:
         command: the command line.
         typed: all options and their values, by the names of the command's arguments.
         cube: that was mapped.
         read: what else was read, by what it was given as.
-        found: the map.
+        paint_map: the map.
         facts: names and words for the head of the page.
     """
     inputs = [(entry["role"], entry["name"], entry["sha256"]) for entry in input_files(read)]
-    return Provenance(
+    return MapProvenance(
         title=cube.name,
         created=datetime.now().astimezone().isoformat(timespec="seconds"),
         command=command,
@@ -50,37 +50,37 @@ def map_provenance(
         platform=platform.platform(),
         inputs=[("CUBE", str(cube), quick_source_hash(cube)), *inputs],
         hashed="SHA-256 (of the cube: of names, sizes, and samples from all of it)",
-        shortcuts=shortcut_words(found.attrs),
-        agreement=agreement_words(found.attrs),
-        notes=tuple(map(str, found.attrs.get("notes", ()))),
+        shortcuts=shortcut_words(paint_map.attrs),
+        agreement=agreement_words(paint_map.attrs),
+        notes=tuple(map(str, paint_map.attrs.get("notes", ()))),
     )
 
 
 def shortcut_words(attrs: Mapping[str, Any]) -> dict[str, str]:
-    """What was not done in full for every pixel, by name, from the attributes of a map."""
-    found: dict[str, str] = {}
+    """Steps that were not done in full for every pixel, by name, from the attributes of a map."""
+    shortcuts: dict[str, str] = {}
     if "representatives" in attrs:
-        found["Representatives"] = (
+        shortcuts["Representatives"] = (
             f"{attrs['representatives']:,} spectra of the image were searched in full; any other "
             "pixel is answered in closed form from the one nearest to it: a set that only that "
             "pixel shows can be missed"
         )
     if "working_wavelengths" in attrs:
-        found["Bands"] = (
+        shortcuts["Bands"] = (
             f"neighbouring bands were averaged to {len(attrs['working_wavelengths'])}: a feature "
             "narrower than their distance is lost"
         )
-    return found
+    return shortcuts
 
 
 def agreement_words(attrs: Mapping[str, Any]) -> dict[str, str]:
-    """How far answers in closed form agree with full searches of the same pixels, from the
+    """Agreement of answers in closed form with full searches of the same pixels, from the
     attributes of a map.
     """
     agreement = attrs.get("agreement") or {}
     if not agreement:
         return {}
-    found = {
+    comparison = {
         "Pixels compared": f"{int(agreement['pixels']):,}",
         "Same first set": f"{agreement['first']:.1%}",
         "Same answer on whether the paints explain the pixel": f"{agreement['explained']:.1%}",
@@ -90,8 +90,8 @@ def agreement_words(attrs: Mapping[str, Any]) -> dict[str, str]:
         ),
     }
     if np.isfinite(float(agreement["amount"])):
-        found["Difference of thickness, in its standard deviations"] = (
+        comparison["Difference of thickness, in its standard deviations"] = (
             f"{agreement['amount']:.2f} in the median, "
             f"{agreement['amount_90']:.2f} at most in nine of ten"
         )
-    return found
+    return comparison

@@ -1,4 +1,4 @@
-"""Spectra that no paints explain, as files beside the report: their readings, and paints for a
+"""Files of spectra that no paints explain, next to the report: their readings, and paints for a
 second map.
 """
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 def write_spots(
     folder: Path,
-    found: "xarray.Dataset",
+    paint_map: "xarray.Dataset",
     grid: Float[np.ndarray, "stored"],
     paints: Sequence[Pigment],
     *,
@@ -36,7 +36,7 @@ def write_spots(
 
     Args:
         folder: of the report.
-        found: the map.
+        paint_map: the map.
         grid: wavelengths of the image, nm.
         paints: that were tried.
         instrument: that read the image.
@@ -47,11 +47,11 @@ def write_spots(
     """
     spots = {
         str(spot["name"]): np.asarray(spot["reading"], float)
-        for spot in found.attrs.get("spots", ())
+        for spot in paint_map.attrs.get("spots", ())
     }
     if not spots:
         return []
-    bands = np.asarray(found.attrs["working_wavelengths"], float)
+    bands = np.asarray(paint_map.attrs["working_wavelengths"], float)
     if has_families(paints):
         rows = [[name, "", *np.round(reading, 5)] for name, reading in spots.items()]
         titles = ["name", "family", *(f"{nm:g}" for nm in bands)]
@@ -62,10 +62,10 @@ def write_spots(
     write_table(files[0], ["wavelength_nm", *spots], rows, overwrite=overwrite)
     first = max([grid[0], *(float(p.wavelengths[0]) for p in paints)])
     last = min([grid[-1], *(float(p.wavelengths[-1]) for p in paints)])
-    made = spot_paints(spots, bands, (float(first), float(last)), paints, instrument)
+    additions = spot_paints(spots, bands, (float(first), float(last)), paints, instrument)
     comments = [
         f"glazejax map: the paints that were tried, and {', '.join(spots)}: spectra that none of "
         "them explains, taken as thick paint; s is the median of the others."
     ]
-    write_pigments(files[1], [*paints, *made], comments, overwrite=overwrite)
+    write_pigments(files[1], [*paints, *additions], comments, overwrite=overwrite)
     return files

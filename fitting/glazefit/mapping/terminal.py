@@ -1,5 +1,5 @@
-"""What `glazejax map` says while it maps: which windows were damaged, and what is kept where it is
-stopped.
+"""Messages of `glazejax map` while it maps: windows that were damaged, and the state that is kept
+when it is stopped.
 """
 
 import signal
@@ -25,13 +25,15 @@ def name_damage(console: "Console") -> Iterator[None]:
     """Print in a line each the windows that are warned of as damaged."""
     with warnings.catch_warnings():
         warnings.simplefilter("always", DamagedWindow)
-        shown = warnings.showwarning
+        show_warning = warnings.showwarning
 
-        def show(message: Warning | str, category: type[Warning], *rest: Any, **more: Any) -> None:
+        def show(
+            message: Warning | str, category: type[Warning], *args: Any, **kwargs: Any
+        ) -> None:
             if issubclass(category, DamagedWindow):
                 console.print(str(message), style="yellow", markup=False)
             else:
-                shown(message, category, *rest, **more)
+                show_warning(message, category, *args, **kwargs)
 
         warnings.showwarning = show
         yield
@@ -48,7 +50,7 @@ def say_what_is_kept(out: Path, console: "Console", *, overwrite: bool) -> Itera
     Args:
         out: folder of the map.
         console: to print to.
-        overwrite: the command has the option ``--overwrite``, by which it would begin anew.
+        overwrite: the command has the option ``--overwrite``, by which it would start over.
     """
 
     def kept(stopped: str = "Interrupted") -> str:
@@ -69,8 +71,8 @@ def say_what_is_kept(out: Path, console: "Console", *, overwrite: bool) -> Itera
             yield
     except KeyboardInterrupt as stop:
         terminated = isinstance(stop, _Terminated)
-        words = kept("Stopped") if terminated else kept()
-        console.print(words, style="yellow", markup=False)
+        message = kept("Stopped") if terminated else kept()
+        console.print(message, style="yellow", markup=False)
         raise typer.Exit(interrupts.TERMINATED if terminated else interrupts.INTERRUPTED) from None
 
 

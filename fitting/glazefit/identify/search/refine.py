@@ -55,7 +55,7 @@ class CandidateFilms:
     """Candidates of several spectra in one row."""
 
     row: Int[np.ndarray, "films"]  # of the spectrum
-    place: Int[np.ndarray, "films"]  # in the pool
+    column: Int[np.ndarray, "films"]  # in the pool
     sets: Int[np.ndarray, "films size"]
     logs: Float[np.ndarray, "films size"]
     covariance: Float[np.ndarray, "films size size"]
@@ -74,7 +74,7 @@ class CandidateFilms:
         covariance = pool.covariance[at][:, :size, :size]
         return cls(
             row=row,
-            place=candidate,
+            column=candidate,
             sets=sets,
             logs=logs,
             covariance=covariance,
@@ -163,7 +163,7 @@ def refine(chunk: Chunk, pool: Pool) -> Pool:
         pool.readings.copy(),
     )
     out = replace(pool, log_weight=nothing[0], covariance=nothing[1], adjusted=nothing[2])
-    at = films.row, films.place
+    at = films.row, films.column
     out.log_weight[at] = films.log_weight
     out.covariance[(*at, slice(size), slice(size))] = films.covariance
     out.logs[(*at, slice(size))] = np.where(films.sets == NOBODY, -np.inf, near.logs)

@@ -20,7 +20,7 @@ def with_surface(chunk: Chunk, pool: Pool) -> Pool:
     d = task.discrepancy
     nuisance = NuisanceMode.of(chunk)
     off = chunk.target[:, None] - pool.readings
-    estimates = nuisance.found @ np.swapaxes(off, 1, 2)
+    estimates = nuisance.solved @ np.swapaxes(off, 1, 2)
     added = np.maximum(d.gloss * task.surface + d.surface_sd(task.surface) * estimates[:, 0], 0.0)
     # As a share of a smooth surface's; an instrument that sees none of that has no such share.
     gloss = added / task.surface if task.surface > 0 else np.ones_like(added)
@@ -43,7 +43,7 @@ class NuisanceMode(NamedTuple):
     """
 
     shapes: Float[np.ndarray, "spectra shapes readings"]
-    found: Float[np.ndarray, "spectra shapes readings"]
+    solved: Float[np.ndarray, "spectra shapes readings"]
 
     @classmethod
     def of(cls, chunk: Chunk) -> "NuisanceMode":

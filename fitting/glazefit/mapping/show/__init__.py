@@ -1,1 +1,1 @@
-"""What a map looks like: counts, pictures, the page of a report, tables on the screen."""
+"""Views of a map: counts, pictures, the page of a report, tables on the screen."""

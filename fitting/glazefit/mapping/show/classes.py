@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 CLASSES = "classes.hdr"
-"""File beside the page; its numbers are in classes.img."""
+"""File next to the page; its numbers are in classes.img."""
 # Pixels looked at together, for memory.
 _PIXELS = 2**22
 
@@ -40,7 +40,7 @@ def write_classes(dataset: "xr.Dataset", look: Overview, folder: Path) -> None:
         "data type": 1,
         "classes": len(names),
         "class names": "{ " + ", ".join(map(braceless, names)) + " }",
-        "class lookup": "{ " + ", ".join(f"{n}" for one in colours for n in rgb(one)) + " }",
+        "class lookup": "{ " + ", ".join(f"{n}" for colour in colours for n in rgb(colour)) + " }",
     }
     header = folder / CLASSES
     text = envi_header(dataset, classes).encode()
@@ -58,7 +58,7 @@ def _classes(dataset: "xr.Dataset", look: Overview) -> Iterator[bytes]:
         mapped = block["status"].values == Status.MAPPED
         explained = mapped & (block["explained"].values > 0)
         classes = np.where(mapped, len(look.shown) + 2 - explained, 0)
-        for number, one in enumerate(look.shown, start=1):
-            wanted = np.array([*([-1] * (members.shape[-1] - len(one))), *one])
-            classes[explained & (members == wanted).all(axis=-1)] = number
+        for number, members_shown in enumerate(look.shown, start=1):
+            padded = np.array([*([-1] * (members.shape[-1] - len(members_shown))), *members_shown])
+            classes[explained & (members == padded).all(axis=-1)] = number
         yield classes.astype(np.uint8).tobytes()

@@ -58,39 +58,39 @@ CONES = {
 Shades = Float[np.ndarray, "colours 3"]
 
 
-def legend_colours(own: Sequence[str]) -> list[str]:
+def legend_colours(colours: Sequence[str]) -> list[str]:
     """A colour for each set: the one nearest to its own that is `APART` from all before it, as seen
     with three or two kinds of cones; where there is none, the one farthest from all before it.
 
     Args:
-        own: what sets look like, #rrggbb, the most important first.
+        colours: what sets look like, #rrggbb, the most important first.
 
     Returns:
         As many colours, #rrggbb.
     """
-    shades = np.array([_shade(colour) for colour in own]).reshape(-1, 3)
+    shades = np.array([_shade(colour) for colour in colours]).reshape(-1, 3)
     # Levels of red, green and blue that are tried.
     levels = np.linspace(0.0, 1.0, 13)
     grid = np.array(list(itertools.product(levels, levels, levels)))
     tried = np.concatenate([shades, grid])
-    seen = seen_colours(tried)
-    taken = seen_colours(np.array([_shade(colour) for colour in (OTHERS, BLANK, *STRIPES)]))
-    room = delta_e_2000(seen[:, :, None], taken[:, None]).min(axis=(0, 2))
-    found = []
+    tried_lab = seen_colours(tried)
+    reserved_lab = seen_colours(np.array([_shade(colour) for colour in (OTHERS, BLANK, *STRIPES)]))
+    room = delta_e_2000(tried_lab[:, :, None], reserved_lab[:, None]).min(axis=(0, 2))
+    chosen = []
     for shade in seen_colours(shades)[0]:
-        off = delta_e_2000(seen[0], shade)
+        off = delta_e_2000(tried_lab[0], shade)
         best = int(np.where(room >= APART, off, np.inf).argmin())
         best = best if room[best] >= APART else int(room.argmax())
-        found.append(hex_colour(tried[best]))
-        room = np.minimum(room, delta_e_2000(seen, seen[:, best, None]).min(axis=0))
-    return found
+        chosen.append(hex_colour(tried[best]))
+        room = np.minimum(room, delta_e_2000(tried_lab, tried_lab[:, best, None]).min(axis=0))
+    return chosen
 
 
 def seen_colours(shades: Shades) -> Float[np.ndarray, "eyes colours 3"]:
     """L*a*b* of encoded sRGB, as seen with each of `CONES`."""
     linear = linear_srgb(shades)
-    seen = np.stack([np.clip(linear @ cones.T, 0, 1) for cones in CONES.values()])
-    return np.asarray(xyz_to_lab(srgb_to_xyz(encoded_srgb(seen)), srgb_to_xyz(np.ones(3))))
+    perceived = np.stack([np.clip(linear @ cones.T, 0, 1) for cones in CONES.values()])
+    return np.asarray(xyz_to_lab(srgb_to_xyz(encoded_srgb(perceived)), srgb_to_xyz(np.ones(3))))
 
 
 def _shade(colour: str) -> list[float]:

@@ -58,14 +58,14 @@ def set_labels(found: "xarray.Dataset") -> "xarray.DataArray":
             np.nan_to_num(members, nan=-1).astype(np.int64).reshape(-1, members.shape[-1])
         )
         first, which = distinct_sets(numbers)
-        words = np.array([set_words(one.tolist(), paints) for one in numbers[first]], dtype=object)
-        return words[which].reshape(members.shape[:-1])
+        labels = np.array([set_words(row.tolist(), paints) for row in numbers[first]], dtype=object)
+        return labels[which].reshape(members.shape[:-1])
 
-    made: Any = xarray.apply_ufunc(
+    labels: Any = xarray.apply_ufunc(
         name_set,
         found["members"],
         input_core_dims=[["place"]],
         dask="parallelized",
         output_dtypes=[object],
     )
-    return made.rename("set").assign_attrs(long_name="paints of the most probable set")
+    return labels.rename("set").assign_attrs(long_name="paints of the most probable set")

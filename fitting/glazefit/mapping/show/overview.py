@@ -38,7 +38,7 @@ _EXAMPLES = ("members", "fraction", "explained", "probability", "thickness", "st
 
 @dataclass
 class Overview:
-    """What pictures and pages of a map are made from.
+    """Counts and small arrays from which pictures and pages of a map are made.
 
     Attributes:
         shape: (y, x) of the map.
@@ -102,13 +102,13 @@ class Overview:
         return set_words(members, self.paints) or "none of these paints"
 
     def where(self, members: Members) -> Bool[np.ndarray, "rows columns"]:
-        """Which pixels of `examples` have a set."""
-        wanted = (*members, *([-1] * (self.examples["members"].shape[-1] - len(members))))
+        """Pixels of `examples` that have a set."""
+        padded = (*members, *([-1] * (self.examples["members"].shape[-1] - len(members))))
         mapped = self.examples["status"] == Status.MAPPED
-        known = self.examples["explained"] > 0
+        explained = self.examples["explained"] > 0
         if not members:
-            return mapped & ~known
-        return mapped & known & (self.examples["members"] == np.asarray(wanted)).all(axis=-1)
+            return mapped & ~explained
+        return mapped & explained & (self.examples["members"] == np.asarray(padded)).all(axis=-1)
 
 
 def ranked_sets(pixels: Mapping[Members, int]) -> list[Members]:
@@ -149,18 +149,18 @@ def overview(dataset: "xr.Dataset", most: tuple[int, int] = MOST) -> Overview:
     look = Overview((height, width), step, coarse, paints, pixel_area=pixel_area(dataset))
     look.likely = np.zeros(len(paints), int)
     look.in_set = np.zeros(len(paints), int)
-    kept: dict[str, list[np.ndarray]] = {}
+    tiles: dict[str, list[np.ndarray]] = {}
     for block in _blocks(dataset, look.coarse):
         _count(look, block)
-        for name, part in _parts(look, block).items():
-            kept.setdefault(name, []).append(part)
-    whole = {name: np.concatenate(parts) for name, parts in kept.items()}
-    look.means = {name: whole[f"mean_{name}"] for name in _MEANS}
-    look.examples = {name: whole[name] for name in _EXAMPLES}
-    look.colour = np.clip(np.rint(whole["colour"]), 0, 255).astype(np.uint8)
-    look.paint_probability = whole["paint_probability"]
-    look.paint_amount = whole["paint_amount"]
-    look.paint_share = whole["paint_share"]
+        for name, tile in _parts(look, block).items():
+            tiles.setdefault(name, []).append(tile)
+    pictures = {name: np.concatenate(rows) for name, rows in tiles.items()}
+    look.means = {name: pictures[f"mean_{name}"] for name in _MEANS}
+    look.examples = {name: pictures[name] for name in _EXAMPLES}
+    look.colour = np.clip(np.rint(pictures["colour"]), 0, 255).astype(np.uint8)
+    look.paint_probability = pictures["paint_probability"]
+    look.paint_amount = pictures["paint_amount"]
+    look.paint_share = pictures["paint_share"]
     look.status = {status: count for status, count in look.status.items() if count}
     return look
 
@@ -196,8 +196,8 @@ def _blocks(dataset: "xr.Dataset", step: int) -> Iterator[dict[str, np.ndarray]]
     names = {"way", "paint_probability", "true_colour", *_MEANS, *_EXAMPLES}
     rows = max(1, _PIXELS // (step * dataset.sizes["x"])) * step
     for y in range(0, dataset.sizes["y"], rows):
-        part = dataset.isel(y=slice(y, y + rows))
-        block = {name: np.asarray(part[name].values) for name in names}
+        section = dataset.isel(y=slice(y, y + rows))
+        block = {name: np.asarray(section[name].values) for name in names}
         # Paints of a set by number, whatever order the map has them in.
         members = block["members"].astype(np.int64)
         order = np.argsort(
@@ -222,9 +222,9 @@ def _count(look: Overview, block: Mapping[str, np.ndarray]) -> None:
     )
     first, which = distinct_sets(members)
     for at, count in zip(first, np.bincount(which).tolist(), strict=True):
-        found = tuple(int(member) for member in members[at] if member >= 0)
-        look.sets[found] = look.sets.get(found, 0) + count
-        look.in_set[list(found)] += count
+        present = tuple(int(member) for member in members[at] if member >= 0)
+        look.sets[present] = look.sets.get(present, 0) + count
+        look.in_set[list(present)] += count
     look.likely += np.sum(np.nan_to_num(block["paint_probability"])[mapped] > 0.5, axis=0)
 
 
@@ -233,28 +233,28 @@ def _parts(look: Overview, block: Mapping[str, np.ndarray]) -> dict[str, np.ndar
     step = look.step
     coarse = look.coarse
     mapped = block["status"] == Status.MAPPED
-    found = {
+    pictures = {
         f"mean_{name}": square_means(np.where(mapped, block[name], np.nan), step) for name in _MEANS
     }
-    here = mapped & (block["explained"] > 0)
+    explained = mapped & (block["explained"] > 0)
     share = np.zeros((*mapped.shape, len(look.paints)), np.float32)
-    ys, xs, places = np.nonzero((block["members"] >= 0) & here[..., None])
-    share[ys, xs, block["members"][ys, xs, places]] = block["fraction"][ys, xs, places]
-    share[~here] = np.nan
+    ys, xs, slots = np.nonzero((block["members"] >= 0) & explained[..., None])
+    share[ys, xs, block["members"][ys, xs, slots]] = block["fraction"][ys, xs, slots]
+    share[~explained] = np.nan
     # Nothing of a paint is nothing however thick the film is.
     amount = np.where(share == 0, 0.0, share * block["thickness"][..., None])
-    found["paint_share"] = square_means(share, coarse)
-    found["paint_amount"] = square_means(amount, coarse)
-    found["paint_probability"] = square_means(
+    pictures["paint_share"] = square_means(share, coarse)
+    pictures["paint_amount"] = square_means(amount, coarse)
+    pictures["paint_probability"] = square_means(
         np.where(mapped[..., None], block["paint_probability"], np.nan), coarse
     )
-    found["colour"] = square_means(block["true_colour"].astype(np.float32), step)
+    pictures["colour"] = square_means(block["true_colour"].astype(np.float32), step)
     for name in _EXAMPLES:
         # The last square of a row or column may be cut off before its middle.
         rows = np.minimum(np.arange(0, mapped.shape[0], step) + step // 2, mapped.shape[0] - 1)
         columns = np.minimum(np.arange(0, mapped.shape[1], step) + step // 2, mapped.shape[1] - 1)
-        found[name] = block[name][np.ix_(rows, columns)]
-    return found
+        pictures[name] = block[name][np.ix_(rows, columns)]
+    return pictures
 
 
 def square_means(
@@ -265,9 +265,9 @@ def square_means(
     """
     if step == 1:
         return np.asarray(values, np.float32)
-    known = np.isfinite(values)
-    total = np.where(known, values, 0.0).astype(np.float32)
-    counts = known.astype(np.float32)
+    finite = np.isfinite(values)
+    total = np.where(finite, values, 0.0).astype(np.float32)
+    counts = finite.astype(np.float32)
     for axis in (0, 1):
         starts = np.arange(0, values.shape[axis], step)
         total = np.add.reduceat(total, starts, axis=axis)

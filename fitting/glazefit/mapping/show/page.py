@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 _WAYS = {
-    Way.NONE: "not told",
+    Way.NONE: "not answered",
     Way.UPDATED: "from the representative next to it, in closed form",
     Way.SEARCHED: "by a search of its own",
     Way.NEIGHBOUR: "from a pixel nearby that was searched, in closed form",
@@ -49,8 +49,8 @@ _WAYS = {
 
 
 @dataclass(frozen=True)
-class Provenance:
-    """What the report says beside the map; what is left out is not spoken of.
+class MapProvenance:
+    """Provenance that the report states with the map; fields left empty are left out.
 
     Attributes:
         title: of the painting or cube.
@@ -88,15 +88,15 @@ def write_report(
     dataset: "xr.Dataset",
     tallies: Mapping[str, float],
     sets: Mapping[Members, SetSum],
-    provenance: Provenance,
+    provenance: MapProvenance,
     folder: str | Path,
     *,
     cube: "xr.DataArray | None" = None,
     facts: Mapping[Members, Mapping[str, Any]] | None = None,
     overwrite: bool = False,
 ) -> Path:
-    """Write report.html into a folder, the map of classes beside it, and pictures as PNG files in
-    its folder pictures.
+    """Write report.html and the map of classes into a folder, and pictures as PNG files into its
+    folder pictures.
 
     Args:
         dataset: the map, with the variables of `layout.VARIABLES` and the coordinate `paint`.
@@ -140,16 +140,16 @@ def write_report(
         false=false,
         spots=dataset.attrs.get("spots", ()),
     )
-    shown = "".join(pieces).encode("utf-8", "xmlcharrefreplace")
+    html = "".join(pieces).encode("utf-8", "xmlcharrefreplace")
     (folder / "pictures").mkdir(parents=True, exist_ok=True)
-    flat = [*numbers, *(each for both in paints for each in both)]
+    flat = [*numbers, *(picture for pair in paints for picture in pair)]
     plain = [] if false is None else [("false_colour", "False colour", false[0])]
     for family in families or ():
         flat.append(family["probability"])
         plain.append((family["key"], f"Where {family['name']} is", family["place"]))
-    write_pictures(look, folder / "pictures", flat, own=own_colours(look), plain=plain)
+    write_pictures(look, folder / "pictures", flat, colours=own_colours(look), plain=plain)
     write_classes(dataset, look, folder)
-    write_files({path: [shown]}, overwrite=overwrite)
+    write_files({path: [html]}, overwrite=overwrite)
     return path
 
 
@@ -157,7 +157,7 @@ def page(
     look: Overview,
     tallies: Mapping[str, float],
     sets: Mapping[Members, SetSum],
-    provenance: Provenance,
+    provenance: MapProvenance,
     grid: np.ndarray,
     numbers: Sequence[MapPicture],
     paints: Sequence[Sequence[MapPicture]],
@@ -169,7 +169,7 @@ def page(
     """The page, piece by piece."""
     order = found_paints(look, least=0.0)
     legend = legend_map(look)
-    by_count = sorted(look.status.items(), key=lambda each: -each[1])
+    by_count = sorted(look.status.items(), key=lambda item: -item[1])
     chapters = {
         "How pixels were answered": {
             _WAYS[way].capitalize(): f"{count:,} pixels" for way, count in look.ways.items()
@@ -219,10 +219,10 @@ def _encode(image: RGB) -> str:
 
 def _marks(look: Overview, legend: RGB) -> Iterator[tuple[int, float, float]]:
     """Number of each set of the legend, and its midst (x, y)."""
-    places = legend_places(look)
+    positions = legend_places(look)
     for n, members in enumerate(look.shown, start=1):
-        if members in places:
-            x, y = places[members]
+        if members in positions:
+            x, y = positions[members]
             yield n, x * legend.shape[1], y * legend.shape[0]
 
 

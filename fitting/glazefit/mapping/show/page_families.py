@@ -27,6 +27,6 @@ def family_rows(look: Overview) -> list[dict[str, Any]]:
 
 def _place(look: Overview, family: int) -> RGB:
     """The object in true colour where a family is of the most probable set, faded elsewhere."""
-    there = (look.examples["members"] == family).any(axis=-1) & (look.examples["explained"] > 0)
+    present = (look.examples["members"] == family).any(axis=-1) & (look.examples["explained"] > 0)
     faded = 255 - _FADED * (255.0 - look.colour)
-    return enlarge(np.where(there[..., None], look.colour, faded).round().astype(np.uint8))
+    return enlarge(np.where(present[..., None], look.colour, faded).round().astype(np.uint8))

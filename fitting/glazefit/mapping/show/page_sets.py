@@ -1,4 +1,4 @@
-"""Sets of paints on a map's page: shares, thickness, and spectra beside their fits."""
+"""Sets of paints on a map's page: shares, thickness, and spectra with their fits."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -67,11 +67,11 @@ def _spreads(look: Overview, members: Members) -> list[tuple[str, list[str] | No
     """Paints of a set, each with the 10, 50 and 90 % quantiles of its shares, in percent."""
     shares = look.examples["fraction"][look.where(members)]
     paints = []
-    for place, member in enumerate(members):
-        told = shares[:, place][np.isfinite(shares[:, place])]
+    for slot, member in enumerate(members):
+        finite = shares[:, slot][np.isfinite(shares[:, slot])]
         spread = None
-        if len(members) > 1 and told.size:
-            quantiles = 100 * np.percentile(told, (10, 50, 90))
+        if len(members) > 1 and finite.size:
+            quantiles = 100 * np.percentile(finite, (10, 50, 90))
             spread = [f"{value:.{0 if value >= 9.5 else 1}f}" for value in quantiles]
         paints.append((look.paints[member], spread))
     return paints
@@ -92,7 +92,7 @@ def small_spectrum(
     spread = np.sqrt(np.maximum(np.asarray(sums.square) / sums.pixels - mean**2, 0.0))
     highest = (mean + spread).max()
     off = (mean - fitted)[np.isfinite(fitted)]
-    most = next(level for level in (0.1, 0.2, 0.5, 1.0, 2.0) if highest <= level or level == 2.0)
+    most = next(top for top in (0.1, 0.2, 0.5, 1.0, 2.0) if highest <= top or top == 2.0)
     return {
         "axes": PlotAxes(grid=grid, low=0.0, high=most, most=4),
         "off": float(np.sqrt(np.mean(off**2))) if off.size else np.nan,

@@ -14,7 +14,7 @@ from .page_sets import small_spectrum
 
 SPECTRA = "spots.csv"
 PAINTS = "paints_with_spots.csv"
-"""Files beside the page: readings, and paints for a second map."""
+"""Files next to the page: readings, and paints for a second map."""
 REFERENCES = "references.csv"
 """The same of a map by family: readings as references, of which the user says the family."""
 

@@ -29,7 +29,7 @@ RGB = UInt8[np.ndarray, "rows columns 3"]
 
 
 class Scale(NamedTuple):
-    """How a number becomes a colour."""
+    """Scale by which a number becomes a colour."""
 
     colours: str  # a colour map of matplotlib
     low: float
@@ -42,7 +42,7 @@ class MapPicture(NamedTuple):
 
     key: str
     title: str
-    words: str
+    caption: str
     values: Float[np.ndarray, "rows columns"]
     scale: Scale
 
@@ -57,23 +57,23 @@ def legend_map(look: Overview) -> RGB:
     mapped.
     """
     status = look.examples["status"]
-    found = np.full((*status.shape, 3), rgb(BLANK), np.uint8)
-    found[(status == Status.MAPPED) & (look.examples["explained"] > 0)] = rgb(OTHERS)
+    image = np.full((*status.shape, 3), rgb(BLANK), np.uint8)
+    image[(status == Status.MAPPED) & (look.examples["explained"] > 0)] = rgb(OTHERS)
     for members, colour in zip(look.shown, set_colours(look), strict=True):
-        found[look.where(members)] = rgb(colour)
-    found = enlarge(found)
+        image[look.where(members)] = rgb(colour)
+    image = enlarge(image)
     none = enlarge(look.where(()))
     down, across = np.indices(none.shape)
     stripes = np.array([rgb(stripe) for stripe in STRIPES], np.uint8)[(down + across) // 4 % 2]
-    found[none] = stripes[none]
-    return found
+    image[none] = stripes[none]
+    return image
 
 
 def legend_places(look: Overview) -> dict[Members, tuple[float, float]]:
-    """Where the number of each set of the legend stands: x and y from 0 to 1, in the middle of its
-    densest part.
+    """Position of the number of each set of the legend: x and y from 0 to 1, in the middle of the
+    set's densest area.
     """
-    found = {}
+    positions = {}
     for members in look.shown:
         area = look.where(members)
         if not area.any():
@@ -82,8 +82,8 @@ def legend_places(look: Overview) -> dict[Members, tuple[float, float]]:
         size = max(3, min(area.shape) // 12) // 2
         density = np.where(area, _box(area, size) + 1e-3 * _box(area, 3 * size), -1.0)
         y, x = np.unravel_index(int(density.argmax()), area.shape)
-        found[members] = ((x + 0.5) / area.shape[1], (y + 0.5) / area.shape[0])
-    return found
+        positions[members] = ((x + 0.5) / area.shape[1], (y + 0.5) / area.shape[0])
+    return positions
 
 
 def _box(area: Bool[np.ndarray, "rows columns"], half: int) -> Float[np.ndarray, "rows columns"]:
@@ -99,39 +99,41 @@ def numbers_of(look: Overview) -> list[MapPicture]:
     means = look.means
     thick = means["thickness"] * 1e6
     top = _top(thick, 98.0, 1.0)
-    shown = [
+    number_maps = [
         MapPicture(
             key="probability",
             title="How sure: probability of the most probable set",
-            words="Low where several sets explain a pixel about as well.",
+            caption="Low where several sets explain a pixel about as well.",
             values=means["probability"],
             scale=Scale("viridis", 0.0, 1.0),
         ),
         MapPicture(
             key="none",
             title="None of these paints",
-            words="Probability that no paints of the catalogue explain a pixel.",
+            caption="Probability that no paints of the catalogue explain a pixel.",
             values=means["none"],
             scale=Scale("viridis", 0.0, 1.0),
         ),
         MapPicture(
             key="thickness",
             title="Thickness",
-            words="Grey where it is not known: the film hides its ground, or no paints explain it.",
+            caption=(
+                "Grey where it is not known: the film hides its ground, or no paints explain it."
+            ),
             values=thick,
             scale=Scale("viridis", 0.0, top, "µm"),
         ),
         MapPicture(
             key="thickness_sd",
             title="Thickness: its standard deviation",
-            words="How well the thickness is known, if the film is of these paints.",
+            caption="How well the thickness is known, if the film is of these paints.",
             values=means["thickness_sd"] * 1e6,
             scale=Scale("viridis", 0.0, _top(means["thickness_sd"] * 1e6, 98.0, 0.1), "µm"),
         ),
         MapPicture(
             key="misfit",
             title="Misfit",
-            words=(
+            caption=(
                 "Colour difference between what was measured and the best candidates: below 1 "
                 "nobody sees it."
             ),
@@ -141,12 +143,12 @@ def numbers_of(look: Overview) -> list[MapPicture]:
         MapPicture(
             key="rmse",
             title="Misfit of the spectra",
-            words="Root mean square of measured less fitted reflectance.",
+            caption="Root mean square of measured less fitted reflectance.",
             values=means["rmse"],
             scale=Scale("inferno", 0.0, _top(means["rmse"], 99.5, 0.001)),
         ),
     ]
-    return [each for each in shown if np.isfinite(each.values).any()]
+    return [number_map for number_map in number_maps if np.isfinite(number_map.values).any()]
 
 
 def paint_pictures(look: Overview, paint: int) -> list[MapPicture]:
@@ -157,7 +159,7 @@ def paint_pictures(look: Overview, paint: int) -> list[MapPicture]:
     first = MapPicture(
         key=f"{file_stem(name)}_probability",
         title=f"{name}: probability",
-        words="",
+        caption="",
         values=look.paint_probability[..., paint],
         scale=Scale("magma_r", 0.0, 1.0),
     )
@@ -169,7 +171,7 @@ def paint_pictures(look: Overview, paint: int) -> list[MapPicture]:
     second = MapPicture(
         key=f"{file_stem(name)}_{'share' if unknown else 'amount'}",
         title=f"{name}: {'share by mass' if unknown else 'amount'}",
-        words="",
+        caption="",
         values=share if unknown else amount,
         scale=Scale("magma_r", 0.0, 1.0) if unknown else Scale("magma_r", 0.0, top, "µm"),
     )
@@ -188,18 +190,18 @@ def found_paints(look: Overview, least: float = 0.0005) -> list[int]:
     ]
 
 
-def colour_numbers(shown: MapPicture) -> RGB:
+def colour_numbers(number_map: MapPicture) -> RGB:
     """A number as a picture; grey where there is none."""
     require("matplotlib")
     from matplotlib import colormaps
 
-    scale = shown.scale
-    values = np.nan_to_num((shown.values - scale.low) / max(scale.high - scale.low, 1e-30))
-    found = (
+    scale = number_map.scale
+    values = np.nan_to_num((number_map.values - scale.low) / max(scale.high - scale.low, 1e-30))
+    image = (
         (colormaps[scale.colours](np.clip(values, 0, 1))[..., :3] * 255.0).round().astype(np.uint8)
     )
-    found[~np.isfinite(shown.values)] = rgb(UNKNOWN)
-    return enlarge(found)
+    image[~np.isfinite(number_map.values)] = rgb(UNKNOWN)
+    return enlarge(image)
 
 
 def false_colour(cube: "xr.DataArray", step: int = 1) -> tuple[RGB, str]:
@@ -216,13 +218,13 @@ def false_colour(cube: "xr.DataArray", step: int = 1) -> tuple[RGB, str]:
     grid = np.asarray(cube["wavelength"].values, float)
     # Infrared false colour as conservators know it, if the cube has infrared; else the ends and
     # middle of its range.
-    wanted = (
+    centres = (
         (900.0, 650.0, 550.0)
         if grid[-1] >= 800
         else (grid[-1] - 10, 0.5 * (grid[0] + grid[-1]), grid[0] + 30)
     )
-    bands = [int(np.abs(grid - each).argmin()) for each in wanted]
-    found = []
+    bands = [int(np.abs(grid - centre).argmin()) for centre in centres]
+    channels = []
     for band in bands:
         values = np.asarray(
             cube.isel(
@@ -230,12 +232,12 @@ def false_colour(cube: "xr.DataArray", step: int = 1) -> tuple[RGB, str]:
             )
         )
         low, high = np.nanpercentile(values, (1, 99)) if np.isfinite(values).any() else (0.0, 1.0)
-        level = np.nan_to_num(np.clip((values - low) / max(high - low, 1e-6), 0, 1), nan=1.0)
-        found.append((level * 255).round().astype(np.uint8))
-    words = ", ".join(
+        stretched = np.nan_to_num(np.clip((values - low) / max(high - low, 1e-6), 0, 1), nan=1.0)
+        channels.append((stretched * 255).round().astype(np.uint8))
+    description = ", ".join(
         f"{name} {grid[b]:.0f} nm" for name, b in zip(("red", "green", "blue"), bands, strict=True)
     )
-    return enlarge(np.stack(found, axis=-1)), words
+    return enlarge(np.stack(channels, axis=-1)), description
 
 
 def png(image: RGB) -> bytes:
@@ -260,7 +262,7 @@ def write_pictures(
     folder: Path,
     numbers: Sequence[MapPicture],
     *,
-    own: Sequence[str],
+    colours: Sequence[str],
     plain: Sequence[tuple[str, str, RGB]] = (),
 ) -> list[Path]:
     """Write each picture as a PNG with its title and scale.
@@ -269,7 +271,7 @@ def write_pictures(
         look: the map.
         folder: exists.
         numbers: maps of numbers.
-        own: colours of the sets of the legend themselves.
+        colours: colours of the sets of the legend themselves.
         plain: further pictures, each with the name of its file and a title.
     """
     written = []
@@ -278,11 +280,11 @@ def write_pictures(
         with _frame(written[-1], title, image):
             pass
     written.append(folder / "sets.png")
-    _write_legend(look, written[-1], own)
-    for shown in numbers:
-        written.append(folder / f"{shown.key}.png")
-        with _frame(written[-1], shown.title, colour_numbers(shown), 0.9) as figure:
-            _add_scale(figure, shown.scale)
+    _write_legend(look, written[-1], colours)
+    for number_map in numbers:
+        written.append(folder / f"{number_map.key}.png")
+        with _frame(written[-1], number_map.title, colour_numbers(number_map), 0.9) as figure:
+            _add_scale(figure, number_map.scale)
     return written
 
 
@@ -312,18 +314,18 @@ def _add_scale(figure: Any, scale: Scale) -> None:
     bar.ax.set_title(scale.unit, fontsize=8, color=FAINT)
 
 
-def _write_legend(look: Overview, path: Path, own: Sequence[str]) -> None:
+def _write_legend(look: Overview, path: Path, colours: Sequence[str]) -> None:
     from matplotlib.patches import Rectangle
 
     with _frame(path, "Most probable set of paints", legend_map(look), 4.2) as figure:
-        places = legend_places(look)
+        positions = legend_places(look)
         width = figure.get_figwidth()
         tall = figure.get_figheight()
         picture_axes = figure.axes[0]
         size = enlarge(look.examples["status"]).shape
         for n, members in enumerate(look.shown, start=1):
-            if members in places:
-                x, y = places[members]
+            if members in positions:
+                x, y = positions[members]
                 picture_axes.text(
                     x * size[1],
                     y * size[0],
@@ -340,14 +342,14 @@ def _write_legend(look: Overview, path: Path, own: Sequence[str]) -> None:
         rows = [
             (f"{n}  {look.words(m)}", colour, mixed, look.sets[m])
             for n, (m, colour, mixed) in enumerate(
-                zip(look.shown, set_colours(look), own, strict=True), start=1
+                zip(look.shown, set_colours(look), colours, strict=True), start=1
             )
         ]
-        rest = sum(look.sets[m] for m in look.ranked[len(look.shown) :])
-        rows += [("further sets", OTHERS, None, rest)] if rest else []
+        remaining = sum(look.sets[m] for m in look.ranked[len(look.shown) :])
+        rows += [("further sets", OTHERS, None, remaining)] if remaining else []
         rows += [("none of these paints", None, None, look.sets[()])] if look.sets.get(()) else []
         high = min(0.34, (tall - 0.3) / max(len(rows), 1))
-        for row, (words, colour, mixed, count) in enumerate(rows):
+        for row, (label, colour, mixed, count) in enumerate(rows):
             y = 0.25 + row * high
             hatch: dict[str, Any] = (
                 {"hatch": "/////", "fc": STRIPES[1]} if colour is None else {"fc": colour}
@@ -357,9 +359,9 @@ def _write_legend(look: Overview, path: Path, own: Sequence[str]) -> None:
                 axes.add_patch(
                     Rectangle((0.32, y), 0.28, 0.7 * high, fc=mixed, ec=STRIPES[0], lw=0.4)
                 )
-            words = f"{words}  ({count / max(look.mapped, 1):.1%})"
+            label = f"{label}  ({count / max(look.mapped, 1):.1%})"
             axes.text(
-                0.68, y + 0.35 * high, words, fontsize=min(7.5, 24 * high), va="center", color=INK
+                0.68, y + 0.35 * high, label, fontsize=min(7.5, 24 * high), va="center", color=INK
             )
 
 
@@ -377,8 +379,8 @@ def _mean_colour(look: Overview, area: Bool[np.ndarray, "rows columns"]) -> str:
 
 def _top(values: np.ndarray, percentile: float, least: float) -> float:
     """Upper end of a scale: a round number that most values stay below."""
-    known = values[np.isfinite(values)]
-    top = max(float(np.percentile(known, percentile)) if known.size else least, least)
+    finite = values[np.isfinite(values)]
+    top = max(float(np.percentile(finite, percentile)) if finite.size else least, least)
     unit = 10.0 ** np.floor(np.log10(top))
     return float(
         next(unit * step for step in (1, 1.5, 2, 3, 4, 5, 6, 8, 10) if unit * step >= top * 0.999)

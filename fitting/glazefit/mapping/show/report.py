@@ -33,7 +33,7 @@ def statuses(dataset: "xarray.Dataset") -> dict[Status, int]:
 
 def by_area(sets: Mapping[Members, SetSum]) -> list[tuple[Members, SetSum]]:
     """Sets, the most frequent first."""
-    return sorted(sets.items(), key=lambda each: (-each[1].pixels, each[0]))
+    return sorted(sets.items(), key=lambda item: (-item[1].pixels, item[0]))
 
 
 def print_map(
@@ -62,23 +62,23 @@ def print_map(
         return
     paints = [str(name) for name in dataset["paint"].values]
     # Of families no thickness is known anywhere.
-    thick = any(one.thickness[1] for one in sets.values())
+    thick = any(sums.thickness[1] for sums in sets.values())
     table = plain_table("paints", "pixels", "area", *(["thickness"] if thick else []), "misfit")
-    shown = {(), *shown_sets({members: one.pixels for members, one in sets.items()})}
-    for members, one in by_area(sets):
-        if members not in shown:
+    reported = {(), *shown_sets({members: sums.pixels for members, sums in sets.items()})}
+    for members, sums in by_area(sets):
+        if members not in reported:
             continue
-        row = _row(members, one, paints, mapped)
+        row = _row(members, sums, paints, mapped)
         thickness = "-" if row["thickness_um"] is None else f"{row['thickness_um']:.3g} µm"
         off = row["rmse_of_mean"]
         misfit = f"{off:.4f}" if members and np.isfinite(off) else "-"
         cells = [*([thickness] if thick else []), misfit]
-        table.add_row(row["paints"], f"{one.pixels:,}", f"{row['share']:.1%}", *cells)
+        table.add_row(row["paints"], f"{sums.pixels:,}", f"{row['share']:.1%}", *cells)
     console.print(table)
-    others = [one.pixels for members, one in sets.items() if members not in shown]
-    if others:
+    further = [sums.pixels for members, sums in sets.items() if members not in reported]
+    if further:
         console.print(
-            f"[dim]Others: {len(others)} further sets on {sum(others) / mapped:.1%} of the "
+            f"[dim]Others: {len(further)} further sets on {sum(further) / mapped:.1%} of the "
             "area[/dim]"
         )
 
@@ -106,7 +106,7 @@ def write_sets(
             `glazejax.io.outputs.check_output`.
     """
     paints = [str(name) for name in dataset["paint"].values]
-    mapped = sum(one.pixels for one in sets.values())
+    mapped = sum(sums.pixels for sums in sets.values())
     titles = [
         "paints",
         "pixels",
@@ -118,27 +118,29 @@ def write_sets(
     ]
     bands = [f"{kind}_{nm:g}" for kind in ("measured", "fitted") for nm in grid]
     rows = []
-    for members, one in by_area(sets):
-        row = _row(members, one, paints, mapped)
-        means = [*(one.spectrum / one.pixels), *(one.fitted / one.pixels)]
+    for members, sums in by_area(sets):
+        row = _row(members, sums, paints, mapped)
+        means = [*(sums.spectrum / sums.pixels), *(sums.fitted / sums.pixels)]
         rows.append(
             [*("" if row[name] is None else row[name] for name in titles), *map(float, means)]
         )
     write_table(path, [*titles, *bands], rows, overwrite=overwrite)
 
 
-def _row(members: Members, one: SetSum, paints: Sequence[str], mapped: int) -> dict[str, Any]:
+def _row(members: Members, sums: SetSum, paints: Sequence[str], mapped: int) -> dict[str, Any]:
     """Numbers of a set by the titles of its table."""
-    mean = one.spectrum / one.pixels
-    fitted = one.fitted / one.pixels
-    total, count = one.thickness
+    mean = sums.spectrum / sums.pixels
+    fitted = sums.fitted / sums.pixels
+    total, count = sums.thickness
     return {
         "paints": set_words(members, paints) or _NONE,
-        "pixels": one.pixels,
-        "share": one.pixels / mapped,
+        "pixels": sums.pixels,
+        "share": sums.pixels / mapped,
         "thickness_um": total / count * 1e6 if count else None,
         "pixels_with_thickness": count,
         "rmse_of_mean": float(np.sqrt(np.mean((mean - fitted) ** 2))),
         # How far pixels lie about their mean, over all bands.
-        "sd_of_pixels": float(np.sqrt(np.mean(np.maximum(one.square / one.pixels - mean**2, 0.0)))),
+        "sd_of_pixels": float(
+            np.sqrt(np.mean(np.maximum(sums.square / sums.pixels - mean**2, 0.0)))
+        ),
     }

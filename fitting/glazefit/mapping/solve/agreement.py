@@ -1,4 +1,4 @@
-"""What the closed form costs: pixels answered by it beside the same searched in full."""
+"""Cost of the closed form: its answers for pixels, compared with full searches of the same."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
@@ -45,15 +45,17 @@ class Agreement:
 def compare(
     task: MapTask, atlas: Atlas | FamilyAtlas, readings: Float[np.ndarray, "spectra bands"]
 ) -> Agreement:
-    """Answers for spectra in closed form, beside a search of each.
+    """Compare answers for spectra in closed form with a search of each.
 
     Args:
         task, atlas: of the map.
         readings: of good pixels, at the working bands.
     """
-    found, _ = atlas.answers(readings.astype(np.float32))
-    thickness = np.where(found.opaque, np.nan, np.exp(found.amounts.astype(float)).sum(axis=1))
-    arrays = {name: getattr(found, name) for name in ("members", "explained", "paint_probability")}
+    answers, _ = atlas.answers(readings.astype(np.float32))
+    thickness = np.where(answers.opaque, np.nan, np.exp(answers.amounts.astype(float)).sum(axis=1))
+    arrays = {
+        name: getattr(answers, name) for name in ("members", "explained", "paint_probability")
+    }
     return agreement(task, readings, arrays | {"thickness": thickness})
 
 
@@ -62,7 +64,7 @@ def agreement(
     readings: Float[np.ndarray, "spectra bands"],
     mapped: Mapping[str, np.ndarray],
 ) -> Agreement:
-    """A map's answers for pixels beside a search of each.
+    """Compare a map's answers for pixels with a search of each.
 
     Args:
         task: of the map, with its noise.
@@ -71,27 +73,34 @@ def agreement(
     """
     searcher = task.searcher
     if isinstance(searcher, FamilySearcher):
-        own = searcher.search(readings, task.ground).answers
-        return _agreement(mapped, own.members, own.explained, own.paint_probability, np.empty(0))
+        searched = searcher.search(readings, task.ground).answers
+        return _agreement(
+            mapped, searched.members, searched.explained, searched.paint_probability, np.empty(0)
+        )
     measured = as_measured(searcher, readings, task.image.noise_sd(readings), task.ground)
-    parts = [
-        Identification.of(*one, paints=searcher.paints, opaque=searcher.opaque, keep=3)
-        for one in searcher.search(measured)
+    batches = [
+        Identification.of(*batch, paints=searcher.paints, opaque=searcher.opaque, keep=3)
+        for batch in searcher.search(measured)
     ]
-    whole = Identification.join(parts)
-    members = whole.members[:, 0]
+    identification = Identification.join(batches)
+    members = identification.members[:, 0]
     same = _same(mapped["members"], members)
-    fractions = np.where(members != NOBODY, whole.fractions[:, 0], 0.0)
-    spread = log_sds(members, fractions, whole.log_covariance[:, 0])[2]
-    known = same & np.isfinite(mapped["thickness"])
-    moved = np.log(mapped["thickness"][known] / whole.amounts[known, 0].sum(axis=1)) / spread[known]
-    return _agreement(mapped, members, whole.explained, whole.paint_probability, moved)
+    fractions = np.where(members != NOBODY, identification.fractions[:, 0], 0.0)
+    spread = log_sds(members, fractions, identification.log_covariance[:, 0])[2]
+    comparable = same & np.isfinite(mapped["thickness"])
+    shifts = (
+        np.log(mapped["thickness"][comparable] / identification.amounts[comparable, 0].sum(axis=1))
+        / spread[comparable]
+    )
+    return _agreement(
+        mapped, members, identification.explained, identification.paint_probability, shifts
+    )
 
 
 def _same(
-    one: Int[np.ndarray, "spectra 3"], other: Int[np.ndarray, "spectra 3"]
+    first: Int[np.ndarray, "spectra 3"], second: Int[np.ndarray, "spectra 3"]
 ) -> Bool[np.ndarray, "spectra"]:
-    return np.asarray((np.sort(one, axis=1) == np.sort(other, axis=1)).all(axis=1))
+    return np.asarray((np.sort(first, axis=1) == np.sort(second, axis=1)).all(axis=1))
 
 
 def _agreement(
@@ -99,14 +108,16 @@ def _agreement(
     members: Int[np.ndarray, "spectra 3"],
     explained: Bool[np.ndarray, "spectra"],
     paint_probability: Float[np.ndarray, "spectra paints"],
-    moved: Float[np.ndarray, "known"],
+    shifts: Float[np.ndarray, "comparable"],
 ) -> Agreement:
-    """A map's answers beside those of full searches; `moved` is how far the thickness is off, in
-    its standard deviations, where it is known.
+    """Compare a map's answers with those of full searches; `shifts` are errors of the log
+    thickness, in its standard deviations, where it is known.
     """
-    apart = np.abs(mapped["paint_probability"] - paint_probability).max(axis=1)
-    probability, probability_90 = np.quantile(apart, [0.5, 0.9])
-    amount, amount_90 = np.quantile(np.abs(moved), [0.5, 0.9]) if moved.size else np.full(2, np.nan)
+    differences = np.abs(mapped["paint_probability"] - paint_probability).max(axis=1)
+    probability, probability_90 = np.quantile(differences, [0.5, 0.9])
+    amount, amount_90 = (
+        np.quantile(np.abs(shifts), [0.5, 0.9]) if shifts.size else np.full(2, np.nan)
+    )
     return Agreement(
         pixels=np.asarray(len(members)),
         first=_same(mapped["members"], members).mean(),

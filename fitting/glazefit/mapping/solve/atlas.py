@@ -18,54 +18,58 @@ from .update import Answers, Updater
 
 @dataclass(frozen=True)
 class Atlas:
-    """What was found of representatives.
+    """Representatives, and the candidates of each.
 
     Attributes:
         features: by which spectra are compared with them.
         centres: their features.
-        known: their candidates.
+        representatives: readings and candidates.
         prior: what was expected.
     """
 
     features: Features
     centres: Float[np.ndarray, "representatives directions"]
-    known: Searched
+    representatives: Searched
     prior: Prior
 
     @classmethod
-    def of(cls, features: Features, known: Searched, prior: Prior) -> "Atlas":
+    def of(cls, features: Features, representatives: Searched, prior: Prior) -> "Atlas":
         """Of representatives that were searched."""
-        return cls(features, features(known.readings), known, prior)
+        return cls(features, features(representatives.readings), representatives, prior)
 
     @cached_property
     def _candidates(self) -> list[slice]:
         """Of each representative, among all."""
-        ends = np.searchsorted(self.known.local.row, np.arange(len(self.centres) + 1)).tolist()
-        return [slice(*both) for both in itertools.pairwise(ends)]
+        ends = np.searchsorted(
+            self.representatives.local.row, np.arange(len(self.centres) + 1)
+        ).tolist()
+        return [slice(*pair) for pair in itertools.pairwise(ends)]
 
     @cached_property
     def _orders(self) -> list[list[Smaller]]:
-        """What each representative's candidates are without a paint; every window asks for it."""
-        local = self.known.local
+        """Smaller sets of each representative's candidates, each without one paint; used by every
+        window.
+        """
+        local = self.representatives.local
         return [
             smaller_sets(
-                members=local.members[own],
-                condition=local.condition[own],
-                log_weight=local.log_weight[own],
-                possible=np.ones(own.stop - own.start, bool),
+                members=local.members[candidates],
+                condition=local.condition[candidates],
+                log_weight=local.log_weight[candidates],
+                possible=np.ones(candidates.stop - candidates.start, bool),
             )
-            for own in self._candidates
+            for candidates in self._candidates
         ]
 
     def answers(
         self, readings: Float[np.ndarray, "spectra bands"]
     ) -> tuple[Answers, Float[np.ndarray, "spectra"]]:
-        """What is said of spectra, and how far each is from its representative."""
-        paints = self.known.rest_paints.shape[1]
-        found = Answers.empty(len(readings), paints, readings.shape[1])
-        which, apart = nearest(self.features(readings), self.centres)
+        """Answers for spectra, and the distance of each from its representative."""
+        paints = self.representatives.rest_paints.shape[1]
+        answers = Answers.empty(len(readings), paints, readings.shape[1])
+        which, distance = nearest(self.features(readings), self.centres)
         if not len(readings):
-            return found, apart
+            return answers, distance
         order = np.argsort(which, kind="stable")
         used, first = np.unique(which[order], return_index=True)
         groups = zip(used.tolist(), np.split(order, first[1:]), strict=True)
@@ -74,9 +78,11 @@ class Atlas:
 
         # One after another: so few pixels at a time, two threads would only wait for Python's lock.
         for number, rows in groups:
-            own = Updater(self.known, number, candidates[number], orders[number], self.prior)
-            found.put(rows, own.answers(readings[rows]))
-        return found, apart
+            updater = Updater(
+                self.representatives, number, candidates[number], orders[number], self.prior
+            )
+            answers.put(rows, updater.answers(readings[rows]))
+        return answers, distance
 
 
 def search_for_atlas(
@@ -91,8 +97,10 @@ def search_for_atlas(
     return search_locally(searcher, readings, noise_sd, ground)
 
 
-def make_atlas(features: Features, known: Searched | Answered, prior: Prior) -> Atlas | FamilyAtlas:
-    """What spectra that were searched say of any others."""
-    if isinstance(known, Answered):
-        return FamilyAtlas(features, known)
-    return Atlas.of(features, known, prior)
+def make_atlas(
+    features: Features, searched: Searched | Answered, prior: Prior
+) -> Atlas | FamilyAtlas:
+    """Atlas of spectra that were searched, which answers for others."""
+    if isinstance(searched, Answered):
+        return FamilyAtlas(features, searched)
+    return Atlas.of(features, searched, prior)

@@ -28,7 +28,7 @@ _BYTES_OF_A_FILM, _BYTES_OF_A_BAND = 500, 16
 
 @dataclass(frozen=True)
 class Answered:
-    """Spectra that were searched, and what is said of each.
+    """Spectra that were searched, and the answer to each.
 
     Attributes:
         readings: (spectra, bands).
@@ -43,13 +43,13 @@ class Answered:
         return {"readings": self.readings, **vars(self.answers)}
 
     @classmethod
-    def from_parts(cls, count: int, part: Callable[[int, str], np.ndarray]) -> "Answered":
+    def from_parts(cls, count: int, load: Callable[[int, str], np.ndarray]) -> "Answered":
         """Of several that were kept by `arrays`, by number and name."""
-        whole = {
-            name: np.concatenate([part(n, name) for n in range(count)])
+        columns = {
+            name: np.concatenate([load(n, name) for n in range(count)])
             for name in ("readings", *(field.name for field in fields(Answers)))
         }
-        return cls(whole.pop("readings"), Answers(**whole))
+        return cls(columns.pop("readings"), Answers(**columns))
 
 
 @dataclass(frozen=True)
@@ -61,28 +61,28 @@ class FamilyAtlas:
 
     Attributes:
         features: by which spectra are compared.
-        known: that were searched.
+        representatives: that were searched.
     """
 
     features: Features
-    known: Answered
+    representatives: Answered
 
     @cached_property
     def centres(self) -> Float[np.ndarray, "representatives directions"]:
         """Features of what was searched."""
-        return self.features(self.known.readings)
+        return self.features(self.representatives.readings)
 
     def answers(
         self, readings: Float[np.ndarray, "spectra bands"]
     ) -> tuple[Answers, Float[np.ndarray, "spectra"]]:
-        """What is said of spectra, and how far each is from its representative."""
-        which, apart = nearest(self.features(readings), self.centres)
-        return self.known.answers.take(which), apart
+        """Answers for spectra, and the distance of each from its representative."""
+        which, distance = nearest(self.features(readings), self.centres)
+        return self.representatives.answers.take(which), distance
 
 
 @dataclass(frozen=True)
 class FamilySearcher:
-    """Families of pigments, sought in the spectra of an image.
+    """Search for families of pigments in the spectra of an image.
 
     Attributes:
         wavelengths: of the spectra, (bands,), nm.
@@ -131,7 +131,7 @@ class FamilySearcher:
             readings: of the spectra.
             ground: internal reflectance, (bands,); None where films hide it.
         """
-        parts = identify_families(
+        chunks = identify_families(
             self.wavelengths,
             np.maximum(readings, 0.0),
             self.pigments,
@@ -140,26 +140,26 @@ class FamilySearcher:
             opaque=self.opaque,
             names=None,
         )
-        found = Identification.join(list(parts))
-        answers = Answers.empty(len(found), len(self.paints), readings.shape[1])
-        # Families tell no thickness.
+        identification = Identification.join(list(chunks))
+        answers = Answers.empty(len(identification), len(self.paints), readings.shape[1])
+        # A search by family gives no thickness.
         answers.opaque[:] = True
-        answers.none[:] = found.none
-        answers.explained[:] = found.explained
+        answers.none[:] = identification.none
+        answers.explained[:] = identification.explained
         answers.paint_probability[:] = 0.0
-        for row in range(len(found)):
-            self._fill(answers, found, row)
+        for row in range(len(identification)):
+            self._fill(answers, identification, row)
         return Answered(np.asarray(readings, np.float32), answers)
 
-    def _fill(self, answers: Answers, found: Identification, row: int) -> None:
+    def _fill(self, answers: Answers, identification: Identification, row: int) -> None:
         """Write the first answer of one spectrum, and how probable each family is."""
-        sets = found.family_sets[row]
+        sets = identification.family_sets[row]
         if not sets:
             return
         for answer in sets:
             for name in answer.families:
                 shares = dict(answer.within.get(name, ((name, 1.0),)))
-                # The group of a family that was told apart is as probable as that.
+                # The group of a family that was distinguished is as probable as the family.
                 shares.setdefault(group_of(name), 1.0)
                 for family, share in shares.items():
                     if family in self._numbers:
@@ -171,13 +171,13 @@ class FamilySearcher:
         members = [self._numbers[name] for name in first.families]
         answers.members[row, : len(members)] = members
         # The film that is shown has the families of the answer, or some of the groups it names.
-        for place, candidate in enumerate(found.ranked(row)):
+        for rank, candidate in enumerate(identification.ranked(row)):
             families = [self._family_of[name] for name in candidate.paints]
             names = [name if name in first.families else group_of(name) for name in families]
             if sorted(names) == sorted(first.families):
                 order = [names.index(name) for name in first.families]
                 answers.amounts[row, : len(order)] = np.log(candidate.fractions[order])
-                answers.covariance[row] = found.log_covariance[row, place]
+                answers.covariance[row] = identification.log_covariance[row, rank]
                 answers.fitted[row] = candidate.fitted[0]
                 answers.misfit[row] = candidate.delta_e
                 break

@@ -1,5 +1,4 @@
-"""What an identification says of spectra near the one that was searched: every candidate, linear
-about it.
+"""Identification of spectra near one that was searched: every candidate, linear about it.
 
 A search in full costs some milliseconds. Spectra that differ little from one that was searched have
 the same candidates; what changes is how well each meets the spectrum. With a film's readings linear
@@ -47,7 +46,7 @@ class Local:
     Attributes:
         row: representative of each candidate, ascending.
         members, condition: as in `glazefit.Identification`.
-        opaque: whether the film hides its ground as it was sought.
+        opaque: the film hides its ground, as it was searched.
         log_weight: at the representative.
         weight_by: its slopes by the readings, as far as a varnish bends the scale on which they are
             compared.
@@ -115,35 +114,35 @@ class Searched:
     local: Local
 
     @classmethod
-    def join(cls, parts: Sequence["Searched"]) -> "Searched":
+    def join(cls, pieces: Sequence["Searched"]) -> "Searched":
         """Further representatives, in order."""
-        arrays = [part.arrays() for part in parts]
-        return cls.from_parts(len(parts), lambda n, name: arrays[n][name])
+        arrays = [piece.arrays() for piece in pieces]
+        return cls.from_parts(len(pieces), lambda n, name: arrays[n][name])
 
     def arrays(self) -> dict[str, np.ndarray]:
         """All arrays by name, to be kept in a file."""
-        own = {f.name: getattr(self, f.name) for f in fields(self)[:-1]}
-        return own | {f"local_{f.name}": getattr(self.local, f.name) for f in fields(Local)}
+        columns = {f.name: getattr(self, f.name) for f in fields(self)[:-1]}
+        return columns | {f"local_{f.name}": getattr(self.local, f.name) for f in fields(Local)}
 
     @classmethod
-    def from_parts(cls, count: int, part: Callable[[int, str], np.ndarray]) -> "Searched":
+    def from_parts(cls, count: int, load: Callable[[int, str], np.ndarray]) -> "Searched":
         """Of several that were kept by `arrays`; only one array of theirs at a time is held twice.
 
         Args:
             count: how many were kept.
-            part: array of one of them, by its number and name.
+            load: array of one of them, by its number and name.
         """
         columns = {
-            f.name: np.concatenate([part(n, f.name) for n in range(count)])
+            f.name: np.concatenate([load(n, f.name) for n in range(count)])
             for f in fields(cls)[:-1]
         }
-        first = np.cumsum([0, *(len(part(n, "blur")) for n in range(count))])
+        first = np.cumsum([0, *(len(load(n, "blur")) for n in range(count))])
         local = {}
         for f in fields(Local):
-            parts = [part(n, f"local_{f.name}") for n in range(count)]
+            arrays = [load(n, f"local_{f.name}") for n in range(count)]
             if f.name == "row":
-                parts = [rows + start for rows, start in zip(parts, first, strict=False)]
-            local[f.name] = np.concatenate(parts)
+                arrays = [rows + start for rows, start in zip(arrays, first, strict=False)]
+            local[f.name] = np.concatenate(arrays)
         return cls(**columns, local=Local(**local))
 
 
@@ -162,7 +161,7 @@ def search_locally(
         ground: internal reflectance, (bands,); None where films hide it.
     """
     measured = as_measured(searcher, readings, noise_sd, ground)
-    return Searched.join([_local_models(searcher, *part) for part in searcher.search(measured)])
+    return Searched.join([_local_models(searcher, *piece) for piece in searcher.search(measured)])
 
 
 def as_measured(
@@ -172,7 +171,7 @@ def as_measured(
     ground: np.ndarray | None,
 ) -> Measured:
     """Spectra as the search takes them, with noise that is known from the whole image: one spectrum
-    tells it badly.
+    is a poor estimate of it.
     """
     measured = searcher.measure(np.maximum(readings, 0.0), ground)
     return replace(measured, noise_sd=np.asarray(noise_sd, float)[:, None])
@@ -185,37 +184,39 @@ def _local_models(searcher: Searcher, measured: Measured, pool: Pool, odds: Odds
     rank = np.argsort(np.argsort(-share, axis=1, kind="stable"), axis=1, kind="stable")
     # Candidates of a representative that are kept: those with this share of the best explanations,
     # and so many at most.
-    kept = (share > 3e-4) & (rank < 16)
-    row, place = np.nonzero(kept)
+    likely = (share > 3e-4) & (rank < 16)
+    row, column = np.nonzero(likely)
     present = (pool.members[..., None] == np.arange(len(searcher.paints))).any(axis=2)
-    left_out = np.where(kept, 0.0, share)
-    rest = left_out.sum(axis=1)
-    of_rest = left_out / np.maximum(rest, 1e-12)[:, None]
+    left_out = np.where(likely, 0.0, share)
+    remainder = left_out.sum(axis=1)
+    of_rest = left_out / np.maximum(remainder, 1e-12)[:, None]
     rest_paints = np.einsum("sc,scp->sp", of_rest, present)
     # A colour difference is a length in this metric, to first order.
     metric = reading_metric(measured.wavelengths, measured.readings[:, 0])[row]
-    parts: dict[str, np.ndarray] = {}
-    condition = pool.condition[row, place]
+    arrays: dict[str, np.ndarray] = {}
+    condition = pool.condition[row, column]
     size = max(searcher.task.max_paints, 2)
     # One linearization for all candidates under a condition.
     for number in np.unique(condition):
-        seen = films_under(int(number), searcher.tasks, searcher.opaque, measured)
+        films = films_under(int(number), searcher.tasks, searcher.opaque, measured)
         bent = _density_slopes(
-            seen, films_under(int(number), searcher.tasks, searcher.opaque, _brighter(measured))
+            films, films_under(int(number), searcher.tasks, searcher.opaque, _brighter(measured))
         )
-        here = np.flatnonzero(condition == number)
-        found = _linear(seen, pool, row[here], place[here], size) | {"weight_by": bent[row[here]]}
-        for name, values in found.items():
+        rows = np.flatnonzero(condition == number)
+        models = _linear(films, pool, row[rows], column[rows], size) | {
+            "weight_by": bent[row[rows]]
+        }
+        for name, values in models.items():
             room = np.zeros((len(row), *values.shape[1:]), values.dtype)
-            parts.setdefault(name, room)[here] = values
+            arrays.setdefault(name, room)[rows] = values
     # How far each candidate is off, as it is seen and with errors of its paints, and how that
     # moves.
-    at = row, place
+    at = row, column
     read = measured.readings[row, 0]
     eye = np.eye(measured.wavelengths.size)
-    left_by = metric @ (eye - parts.pop("left_by"))
+    left_by = metric @ (eye - arrays.pop("left_by"))
     local = {
-        **parts,
+        **arrays,
         "row": row,
         "members": pool.members[at],
         "condition": condition,
@@ -225,7 +226,7 @@ def _local_models(searcher: Searcher, measured: Measured, pool: Pool, odds: Odds
         "seen": _of_length(
             np.einsum("ncb,nb->nc", metric, read - pool.readings[at]), odds.misfits.delta_e[at]
         ),
-        "seen_by": metric @ (eye - parts["fitted_by"]),
+        "seen_by": metric @ (eye - arrays["fitted_by"]),
         "left": _of_length(
             np.einsum("ncb,nb->nc", metric, read - pool.adjusted[at]),
             odds.misfits.adjusted_delta_e[at],
@@ -240,7 +241,7 @@ def _local_models(searcher: Searcher, measured: Measured, pool: Pool, odds: Odds
     return Searched(
         readings=readings,
         blur=blur,
-        rest=_single(rest),
+        rest=_single(remainder),
         rest_paints=_single(rest_paints),
         local=candidates,
     )
@@ -251,16 +252,16 @@ def _brighter(measured: Measured) -> Measured:
 
 
 def _density_slopes(
-    seen: FilmsUnderCondition, brighter: FilmsUnderCondition
+    films: FilmsUnderCondition, brighter: FilmsUnderCondition
 ) -> Float[np.ndarray, "spectra bands"]:
     """Slopes of what changes of variables add to a log density; see
     `glazefit.identify.search.unstated_conditions`.
     """
     with np.errstate(invalid="ignore", divide="ignore"):
-        slope = (np.log(brighter.slope) - np.log(seen.slope))[:, 0] / _STEP
+        slope = (np.log(brighter.slope) - np.log(films.slope))[:, 0] / _STEP
     # Readings darker than the varnish itself have no film below.
     return (
-        seen.task.independent_readings * np.where(np.isfinite(slope), slope, 0.0) / slope.shape[-1]
+        films.task.independent_readings * np.where(np.isfinite(slope), slope, 0.0) / slope.shape[-1]
     )
 
 
@@ -274,37 +275,37 @@ def _of_length(
     """Vectors as long as they should be; those of candidates that were not looked at stay as they
     are.
     """
-    own = np.linalg.norm(vectors, axis=-1)
-    known = np.isfinite(lengths) & (own > 1e-12)
+    norms = np.linalg.norm(vectors, axis=-1)
+    finite = np.isfinite(lengths) & (norms > 1e-12)
     return (
         vectors
-        * np.where(known, np.where(known, lengths, 1.0) / np.maximum(own, 1e-12), 1.0)[:, None]
+        * np.where(finite, np.where(finite, lengths, 1.0) / np.maximum(norms, 1e-12), 1.0)[:, None]
     )
 
 
 def _linear(
-    seen: FilmsUnderCondition,
+    condition: FilmsUnderCondition,
     pool: Pool,
     row: Int[np.ndarray, "n"],
-    place: Int[np.ndarray, "n"],
+    column: Int[np.ndarray, "n"],
     size: int,
 ) -> dict[str, np.ndarray]:
-    """How candidates under one condition move with the readings that were measured."""
-    task = seen.task
-    chunk = Chunk(task, seen.measured)
-    sets = pool.members[row, place][:, :size]
+    """Slopes of candidates under one condition by the readings that were measured."""
+    task = condition.task
+    chunk = Chunk(task, condition.measured)
+    sets = pool.members[row, column][:, :size]
     logs, weighed_logs = (
-        np.where(sets == NOBODY, 0.0, part[row, place][:, :size] - np.log(task.prior.thickness))
-        for part in (pool.logs, pool.weighed)
+        np.where(sets == NOBODY, 0.0, amounts[row, column][:, :size] - np.log(task.prior.thickness))
+        for amounts in (pool.logs, pool.weighed)
     )
-    readings = pool.readings[row, place]
+    readings = pool.readings[row, column]
     films = CandidateFilms(
         row=row,
-        place=place,
+        column=column,
         sets=sets,
         logs=weighed_logs,
-        covariance=pool.covariance[row, place][:, :size, :size],
-        log_weight=pool.log_weight[row, place],
+        covariance=pool.covariance[row, column][:, :size, :size],
+        log_weight=pool.log_weight[row, column],
         readings=readings,
     )
     weighed_films, groups, errors = fit_with_errors(
@@ -320,7 +321,7 @@ def _linear(
     data = whitened_slopes @ np.swapaxes(whitened_slopes, 1, 2)
     # Gauss-Newton: how the amounts move with the readings, and what of a change they follow.
     gain = np.linalg.solve(data + _prior_curvature(gradient, prior), whitened_slopes @ white)
-    moved = np.einsum("nmi,nmb->nib", whitened_slopes, gain)
+    followed = np.einsum("nmi,nmb->nib", whitened_slopes, gain)
     residual = chunk.target[row] - weighed_films.readings
     # Curvature of the data over that of the prior, for the evidence.
     root = np.linalg.inv(np.linalg.cholesky(prior))
@@ -330,23 +331,23 @@ def _linear(
     by_shown = (shown_slopes[:, :size] + shown_slopes[:, size:]) * (sets != NOBODY)[..., None]
     prior_curvature = _prior_curvature(*_prior_of(task, sets, logs))
     steep = np.einsum("nib,nmb->nmi", close, by_shown)
-    shown = np.linalg.solve(steep @ np.swapaxes(steep, 1, 2) + prior_curvature, steep @ close)
+    shown_gain = np.linalg.solve(steep @ np.swapaxes(steep, 1, 2) + prior_curvature, steep @ close)
     eye = np.eye(readings.shape[1])
     nuisance = NuisanceMode.of(chunk)
     # How the reading that is shown moves: the body, and the surface that takes what is left.
-    body = np.einsum("nma,nmb->nab", by_shown, shown)
+    body = np.einsum("nma,nmb->nab", by_shown, shown_gain)
     missed = eye - body
-    surface = (np.swapaxes(nuisance.shapes, 1, 2) @ nuisance.found)[row]
+    surface = (np.swapaxes(nuisance.shapes, 1, 2) @ nuisance.solved)[row]
     free = coefficient_projection(chunk, groups)[groups.of]
-    slope = seen.slope.reshape(len(chunk), -1)[row]
+    slope = condition.slope.reshape(len(chunk), -1)[row]
     d = task.discrepancy
     numbers = (d.freedom or 0.0, min(task.independent_readings, readings.shape[1]), d.trust)
     unseen = slope[:, :, None]
     return {
-        "opaque": np.full(len(row), seen.opaque),
-        "amounts_by": _wide(shown * slope[:, None, :], 1),
+        "opaque": np.full(len(row), condition.opaque),
+        "amounts_by": _wide(shown_gain * slope[:, None, :], 1),
         "off": np.einsum("nib,nb->ni", white, residual),
-        "off_by": (white - moved) * slope[:, None, :],
+        "off_by": (white - followed) * slope[:, None, :],
         "logs_by": _wide(gain * slope[:, None, :], 1),
         "gradient": _wide(gradient, 1),
         "hessian": _wide(prior, 1, 2),
@@ -363,8 +364,8 @@ def _prior_of(
     """Gradient and Hessian of minus the log prior of films."""
 
     def run(rows: np.ndarray) -> tuple[jax.Array, jax.Array]:
-        given = jnp.asarray(logs[rows]), jnp.asarray(sets[rows] != NOBODY)
-        return _terms(*given, task.prior.spread, task.prior.concentration_sought)
+        arguments = jnp.asarray(logs[rows]), jnp.asarray(sets[rows] != NOBODY)
+        return _terms(*arguments, task.prior.spread, task.prior.concentration_sought)
 
     return by_blocks(len(sets), 256, run)
 
@@ -372,8 +373,8 @@ def _prior_of(
 def _prior_curvature(
     gradient: Float[np.ndarray, "n size"], hessian: Float[np.ndarray, "n size size"]
 ) -> Float[np.ndarray, "n size size"]:
-    """What holds log amounts beside the slopes of the readings: the prior, and the readings'
-    curvature.
+    """Curvature that holds log amounts, besides the slopes of the readings: of the prior and of
+    the readings.
 
     Readings are linear in the amount of a paint of which there is little, so that their second
     derivative by its logarithm is their first; at the best fit that and the residual make up for

@@ -1,7 +1,7 @@
 """Readings pooled with those around them that noise alone makes different.
 
 Noise of a camera moves a dark pixel by more than one paint differs from another. A mean over
-neighbours that are alike within noise keeps edges sharp (the sigma filter: Lee, Computer Vision,
+neighbours that are equal within noise keeps edges sharp (the sigma filter: Lee, Computer Vision,
 Graphics, and Image Processing 24 (1983) 255).
 """
 
@@ -18,7 +18,7 @@ AROUND = [(y, x) for y in range(3) for x in range(-2, 3) if (y, x) > (0, 0)]
 ALONG = [(0, x) for x in range(1, 13)]
 """As many along a line."""
 REACH = 1.5
-"""Distance at which spectra count as alike, in standard deviations of paint's errors."""
+"""Distance at which spectra count as equal, in standard deviations of paint's errors."""
 # Squares of distances are as often beyond this many times their mean as one normal number is beyond
 # three of its standard deviations.
 _TIMES = 2.0
@@ -43,7 +43,7 @@ def pooled(
     shape: tuple[int, int],
     steps: Sequence[tuple[int, int]],
 ) -> Pooled:
-    """Means over each pixel and its neighbours that are alike.
+    """Means over each pixel and its neighbours that are equal within noise.
 
     Args:
         readings: row by row; NaN where a pixel says nothing.
@@ -56,19 +56,19 @@ def pooled(
 
     height, width = shape
     doubt = features.doubt(readings, sd)
-    places = features(readings).reshape(height, width, -1)
+    points = features(readings).reshape(height, width, -1)
     limit = (0.5 * REACH**2 + _TIMES * doubt).reshape(shape)
     numbers = np.arange(len(readings), dtype=np.int32).reshape(shape)
     pairs = [np.stack([numbers.ravel()] * 2)]
     for y, x in steps:
         if y >= height or abs(x) >= width:
             continue
-        here = np.s_[: height - y, max(0, -x) : width - max(0, x)]
-        there = np.s_[y:, max(0, x) : width - max(0, -x)]
-        apart = places[here] - places[there]
-        # Nothing is alike where a number is missing.
-        alike = np.einsum("yxd,yxd->yx", apart, apart) <= limit[here] + limit[there]
-        pair = np.stack([numbers[here][alike], numbers[there][alike]])
+        centre = np.s_[: height - y, max(0, -x) : width - max(0, x)]
+        neighbour = np.s_[y:, max(0, x) : width - max(0, -x)]
+        difference = points[centre] - points[neighbour]
+        # Nothing is equal where a number is missing.
+        equal = np.einsum("yxd,yxd->yx", difference, difference) <= limit[centre] + limit[neighbour]
+        pair = np.stack([numbers[centre][equal], numbers[neighbour][equal]])
         pairs += [pair, pair[::-1]]
     rows, columns = np.concatenate(pairs, axis=1)
     weights = np.ones(len(rows), np.float32)

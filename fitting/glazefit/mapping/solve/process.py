@@ -1,6 +1,4 @@
-"""What the process itself does to a map: the same numbers whatever the cores, and memory given
-back.
-"""
+"""Settings of the process: the same numbers whatever the number of cores, and memory given back."""
 
 import ctypes
 import functools

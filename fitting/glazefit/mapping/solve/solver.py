@@ -41,7 +41,7 @@ class Image:
         bands: that are worked with.
         noise: of one reading of the image.
         mask: pixels that are used; None for all.
-        saturated: reading from which the detector was full, if that is told.
+        saturated: reading from which the detector was full, if that is stated.
     """
 
     source: "CubeSource | xarray.DataArray"
@@ -64,10 +64,10 @@ class Image:
         for y in range(window.y0, window.y1, height):
             block = cube[y : min(y + height, window.y1), window.x0 : window.x1].to_numpy()
             readings.append(self.bands.means(block.reshape(-1, block.shape[-1]), self.saturated))
-        both = np.concatenate(readings)
+        spectra = np.concatenate(readings)
         use = None if self.mask is None else self.mask[window.slices].ravel()
         with np.errstate(invalid="ignore"):
-            return both, classify(both, self.noise_sd(both), use)
+            return spectra, classify(spectra, self.noise_sd(spectra), use)
 
     def noise_sd(self, readings: Float[np.ndarray, "*n bands"]) -> Float[np.ndarray, "*n bands"]:
         """Standard deviation of the noise of readings at the working bands."""
@@ -112,7 +112,7 @@ class PixelSolver:
     def _map(self, window: Window) -> ChunkMaps:
         readings, status = self.image.read(window)
         good = np.flatnonzero(status == Status.MAPPED)
-        seen = np.maximum(readings[good], 0.0)
+        spectra = np.maximum(readings[good], 0.0)
         mean = pooled(
             np.where((status == Status.MAPPED)[:, None], readings, np.float32(np.nan)),
             self.image.noise_sd(readings),
@@ -120,50 +120,58 @@ class PixelSolver:
             window.shape,
             AROUND,
         )
-        found, way = self._answers(np.maximum(mean.readings[good], 0.0), mean.reach[good])
+        answers, way = self._answers(np.maximum(mean.readings[good], 0.0), mean.reach[good])
         arrays = self._arrays(
-            window, readings=readings, status=status, good=good, seen=seen, found=found, way=way
+            window,
+            readings=readings,
+            status=status,
+            good=good,
+            spectra=spectra,
+            answers=answers,
+            way=way,
         )
         tallies: dict[str, float] = {
-            words: float(np.sum(status == s)) for s, words in STATUS_WORDS.items()
+            label: float(np.sum(status == s)) for s, label in STATUS_WORDS.items()
         }
         tallies |= {f"way {w.name.lower()}": float(np.sum(way == w)) for w in Way if w}
-        tallies["explained"] = float(found.explained.sum())
-        own = np.flatnonzero(~found.explained)
+        tallies["explained"] = float(answers.explained.sum())
+        unexplained = np.flatnonzero(~answers.explained)
         corner = window.y0, window.x0
-        places = np.stack(np.unravel_index(good[own], window.shape), axis=1)
+        positions = np.stack(np.unravel_index(good[unexplained], window.shape), axis=1)
         return ChunkMaps(
             arrays=arrays,
             tallies=tallies,
-            sets=_sums(found, seen),
+            sets=_sums(answers, spectra),
             unexplained=gather(
-                seen[own], self.atlas.features(seen[own]), places + np.array(corner)
+                spectra[unexplained],
+                self.atlas.features(spectra[unexplained]),
+                positions + np.array(corner),
             ),
         )
 
     def _answers(
-        self, seen: Float[np.ndarray, "spectra bands"], reach: Float[np.ndarray, "spectra"]
+        self, spectra: Float[np.ndarray, "spectra bands"], reach: Float[np.ndarray, "spectra"]
     ) -> tuple[Answers, np.ndarray]:
         """Answers for good pixels, and the way of each."""
-        found, apart = self.atlas.answers(seen)
-        way = np.full(len(seen), int(Way.UPDATED), np.uint8)
+        answers, separation = self.atlas.answers(spectra)
+        way = np.full(len(spectra), int(Way.UPDATED), np.uint8)
         reach = self.reach * reach
-        far = np.flatnonzero(apart > reach)
+        far = np.flatnonzero(separation > reach)
         if far.size:
-            features = self.atlas.features(seen[far])
+            features = self.atlas.features(spectra[far])
             # Spectra of a window that are searched because no representative is near, at most.
             chosen = spread_out(features, 64, reach[far])
-            middles = seen[far[chosen]]
+            middles = spectra[far[chosen]]
             searched = search_for_atlas(
                 self.searcher, middles, self.image.noise_sd(middles), self.ground
             )
-            own = make_atlas(self.atlas.features, searched, self.prior)
-            more, distance = own.answers(seen[far])
-            better = distance < apart[far]
-            found.put(far[better], more.take(better))
+            window_atlas = make_atlas(self.atlas.features, searched, self.prior)
+            window_answers, distance = window_atlas.answers(spectra[far])
+            better = distance < separation[far]
+            answers.put(far[better], window_answers.take(better))
             way[far[better]] = int(Way.NEIGHBOUR)
             way[far[chosen]] = int(Way.SEARCHED)
-        return found, way
+        return answers, way
 
     def _arrays(
         self,
@@ -171,28 +179,28 @@ class PixelSolver:
         readings: np.ndarray,
         status: np.ndarray,
         good: np.ndarray,
-        seen: np.ndarray,
-        found: Answers,
+        spectra: np.ndarray,
+        answers: Answers,
         way: np.ndarray,
     ) -> dict[str, np.ndarray]:
         """Arrays by the names of `layout.VARIABLES`."""
-        log_fraction_sd, log_thickness_sd = found.spread()
-        fractions = found.fractions
-        present = found.members != NOBODY
-        thickness = np.where(found.opaque, np.nan, np.exp(found.amounts).sum(axis=1))
-        parts = {
-            "members": found.members,
-            "condition": found.condition,
-            "probability": found.probability,
-            "none": found.none,
-            "explained": found.explained,
-            "paint_probability": found.paint_probability,
+        log_fraction_sd, log_thickness_sd = answers.spread()
+        fractions = answers.fractions
+        present = answers.members != NOBODY
+        thickness = np.where(answers.opaque, np.nan, np.exp(answers.amounts).sum(axis=1))
+        columns = {
+            "members": answers.members,
+            "condition": answers.condition,
+            "probability": answers.probability,
+            "none": answers.none,
+            "explained": answers.explained,
+            "paint_probability": answers.paint_probability,
             "fraction": np.where(present, fractions, np.nan),
             "fraction_sd": np.where(present, np.minimum(fractions * log_fraction_sd, 0.3), np.nan),
             "thickness": thickness,
             "thickness_sd": thickness * log_thickness_sd,
-            "misfit": found.misfit,
-            "rmse": _rmse(seen, found.fitted),
+            "misfit": answers.misfit,
+            "rmse": _rmse(spectra, answers.fitted),
             "way": way,
         }
         seen_as = true_colour(self.image.bands.wavelengths, readings)
@@ -200,31 +208,31 @@ class PixelSolver:
             "status": status.reshape(window.shape),
             "true_colour": seen_as.reshape(*window.shape, 3),
         }
-        for name, values in parts.items():
+        for name, values in columns.items():
             variable = BY_NAME[name]
-            whole = np.full((window.pixels, *values.shape[1:]), variable.fill, variable.dtype)
-            whole[good] = values
-            arrays[name] = whole.reshape(*window.shape, *values.shape[1:])
+            full = np.full((window.pixels, *values.shape[1:]), variable.fill, variable.dtype)
+            full[good] = values
+            arrays[name] = full.reshape(*window.shape, *values.shape[1:])
         return arrays
 
 
 def _rmse(
-    seen: Float[np.ndarray, "spectra bands"], fitted: Float[np.ndarray, "spectra bands"]
+    spectra: Float[np.ndarray, "spectra bands"], fitted: Float[np.ndarray, "spectra bands"]
 ) -> Float[np.ndarray, "spectra"]:
     """Root mean square over the bands at which a fit is known."""
-    known = np.isfinite(fitted)
-    square = np.where(known, seen - fitted, 0.0) ** 2
+    finite = np.isfinite(fitted)
+    square = np.where(finite, spectra - fitted, 0.0) ** 2
     with np.errstate(invalid="ignore"):
-        return np.sqrt(square.sum(axis=1) / known.sum(axis=1))
+        return np.sqrt(square.sum(axis=1) / finite.sum(axis=1))
 
 
 def _sums(
-    found: Answers, seen: Float[np.ndarray, "spectra bands"]
+    answers: Answers, spectra: Float[np.ndarray, "spectra bands"]
 ) -> dict[tuple[int, ...], SetSum]:
     """Sums over the pixels of each first set; those that nothing explains are the empty set."""
-    if not len(seen):
+    if not len(spectra):
         return {}
-    members = np.sort(np.where(found.explained[:, None], found.members, NOBODY), axis=1)
+    members = np.sort(np.where(answers.explained[:, None], answers.members, NOBODY), axis=1)
     one_of_each, which = distinct_sets(members)
     sets = members[one_of_each]
     order = np.argsort(which, kind="stable")
@@ -232,16 +240,18 @@ def _sums(
     for number, rows in enumerate(
         np.split(order, np.cumsum(np.bincount(which, minlength=len(sets)))[:-1])
     ):
-        own = seen[rows].astype(np.float64)
-        fitted = found.fitted[rows].astype(np.float64)
-        thickness = np.exp(found.amounts[rows]).sum(axis=1)[~found.opaque[rows]].astype(np.float64)
+        readings = spectra[rows].astype(np.float64)
+        fitted = answers.fitted[rows].astype(np.float64)
+        thickness = (
+            np.exp(answers.amounts[rows]).sum(axis=1)[~answers.opaque[rows]].astype(np.float64)
+        )
         key = tuple(int(m) for m in sets[number] if m != NOBODY)
         total = float(thickness.sum()), len(thickness)
         out[key] = SetSum(
             pixels=len(rows),
-            spectrum=own.sum(axis=0),
+            spectrum=readings.sum(axis=0),
             fitted=fitted.sum(axis=0),
-            square=(own**2).sum(axis=0),
+            square=(readings**2).sum(axis=0),
             thickness=total,
         )
     return out
@@ -253,9 +263,9 @@ def true_colour(
     """sRGB from 0 to 255 under D65, (pixels, 3); grey where the bands give no colour."""
     from glazejax.colour import srgb
 
-    known = np.clip(np.nan_to_num(readings, nan=0.0, posinf=1.0, neginf=0.0), 0.0, 2.0)
+    clipped = np.clip(np.nan_to_num(readings, nan=0.0, posinf=1.0, neginf=0.0), 0.0, 2.0)
     try:
-        encoded = np.asarray(srgb(wavelengths, known))
+        encoded = np.asarray(srgb(wavelengths, clipped))
     except ValueError:
-        encoded = np.repeat(np.sqrt(known.mean(axis=1, keepdims=True)), 3, axis=1)
+        encoded = np.repeat(np.sqrt(clipped.mean(axis=1, keepdims=True)), 3, axis=1)
     return np.rint(255.0 * np.clip(encoded, 0.0, 1.0)).astype(np.uint8)

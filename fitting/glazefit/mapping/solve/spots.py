@@ -23,8 +23,8 @@ def spot_pigment(
 ) -> Pigment:
     """A paint whose thick, hiding film reads a spectrum.
 
-    The spectrum fixes k/s at every wavelength. How strongly the paint scatters it does not tell: s
-    is the median of the catalogue's, the same at all wavelengths, and stands with a standard
+    The spectrum fixes k/s at every wavelength. It does not fix how strongly the paint
+    scatters: s is the median of the catalogue's, the same at all wavelengths, with a standard
     deviation of half of it.
 
     Args:
@@ -51,7 +51,7 @@ def spot_pigment(
             "to 1.2: is the spot in focus, and the image calibrated?"
         )
     response = film_response(instrument.geometry, instrument.refractive_index)
-    # k/s between which a hiding film's is sought.
+    # k/s between which a hiding film's is searched.
     ratios = np.geomspace(1e-5, 1e3, 400)
     # Optical thicknesses s d and k d of which one is enough to hide any ground.
     thick = np.minimum(500.0, 200.0 / ratios)
@@ -66,7 +66,7 @@ def spot_pigment(
         else 1e5
     )
     s = np.full(wavelengths.shape, scattering)
-    # Relative standard deviations: of s, which a hiding film does not tell, .5; of k beside it .05.
+    # Relative standard deviations: .5 of s, which a hiding film leaves open, and .05 more of k.
     return Pigment(
         name,
         wavelengths,

@@ -1,6 +1,4 @@
-"""Which spectra stand for an image's: a sample of its pixels, and representatives near
-all of them.
-"""
+"""Survey of an image: a sample of its pixels, and representatives near all of them."""
 
 from dataclasses import dataclass
 
@@ -24,18 +22,20 @@ class Features:
     directions: Float[np.ndarray, "directions bands"]
 
     @classmethod
-    def of(cls, sample: Float[np.ndarray, "spectra bands"], *, level: bool = True) -> "Features":
+    def of(
+        cls, sample: Float[np.ndarray, "spectra bands"], *, brightness: bool = True
+    ) -> "Features":
         """Those in which the spectra of a sample differ most.
 
         Args:
             sample: of the spectra.
-            level: whether a change of all bands alike counts in each of them; else it counts once,
-                as light and relief make it.
+            brightness: an equal change of all bands counts in each of them; else it counts once, as
+                light and relief make it.
         """
         logs = _logs(sample)
         middle = logs.mean(axis=0)
         bands = len(middle)
-        even = np.eye(bands) - (0.0 if level else (1.0 - bands**-0.5) / bands)
+        even = np.eye(bands) - (0.0 if brightness else (1.0 - bands**-0.5) / bands)
         off = (logs - middle) @ even
         vectors = np.linalg.eigh(off.T @ off)[1][:, ::-1]
         # Directions in which spectra are compared.
@@ -79,11 +79,11 @@ def nearest(
     tree = KDTree(centres)
     size = 8192
     starts = range(0, len(features), size)
-    found = in_threads(lambda start: tree.query(features[start : start + size]), starts)
-    if not found:
+    batches = in_threads(lambda start: tree.query(features[start : start + size]), starts)
+    if not batches:
         return np.empty(0, np.int64), np.empty(0, np.float32)
-    apart, which = (np.concatenate(parts) for parts in zip(*found, strict=True))
-    return which, apart.astype(np.float32)
+    distance, which = (np.concatenate(arrays) for arrays in zip(*batches, strict=True))
+    return which, distance.astype(np.float32)
 
 
 def spread_out(
@@ -105,12 +105,12 @@ def spread_out(
         Numbers of the spectra.
     """
     chosen = [int(np.argmax(np.sum((features - features.mean(axis=0)) ** 2, axis=1)))]
-    apart = np.sum((features - features[chosen[0]]) ** 2, axis=1)
+    squares = np.sum((features - features[chosen[0]]) ** 2, axis=1)
     most = min(most, len(features))
-    while len(chosen) < most and (beyond := apart / reach**2).max() > 1.0:
+    while len(chosen) < most and (beyond := squares / reach**2).max() > 1.0:
         progress(len(chosen), most, "surveying")
         chosen.append(int(np.argmax(beyond)))
-        apart = np.minimum(apart, np.sum((features - features[chosen[-1]]) ** 2, axis=1))
+        squares = np.minimum(squares, np.sum((features - features[chosen[-1]]) ** 2, axis=1))
     return np.asarray(chosen)
 
 
@@ -137,16 +137,16 @@ def survey(
         most.
     """
     progress(0, 1, "surveying")
-    places = features(sample)
-    chosen = spread_out(places, most, reach, progress)
-    centres = places[chosen]
-    which, apart = nearest(places, centres)
+    points = features(sample)
+    chosen = spread_out(points, most, reach, progress)
+    centres = points[chosen]
+    which, distance = nearest(points, centres)
     # Rounds of Lloyd's algorithm.
     for _ in range(3):
-        centres = _group_means(places, which).astype(np.float32)
-        which, apart = nearest(places, centres)
+        centres = _group_means(points, which).astype(np.float32)
+        which, distance = nearest(points, centres)
     progress(len(chosen), len(chosen), "surveying")
-    return _group_means(sample, which), float((apart / reach).max())
+    return _group_means(sample, which), float((distance / reach).max())
 
 
 def _group_means(

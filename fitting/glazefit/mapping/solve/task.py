@@ -1,5 +1,5 @@
-"""What a map is made from, checked: the image, the search for its paints, the ground, all that the
-map depends on.
+"""Inputs of a map, checked: the image, the search for its paints, the ground, all that the map
+depends on.
 """
 
 from collections.abc import Mapping, Sequence
@@ -36,12 +36,13 @@ class MapTask:
     """A map that is to be made.
 
     Attributes:
-        image: and its working bands. Its noise is that of a bench instrument until it is told.
+        image: and its working bands. Its noise is that of a bench instrument until it is
+            estimated.
         shape: rows and columns.
         searcher: of the paints, or of their families.
         prior: what was expected.
         ground: internal reflectance at the working bands; None where films hide it.
-        noise_is_given: whether the noise need not be told from the image.
+        noise_is_given: the noise need not be estimated from the image.
         options: all that the map depends on.
         notes: what the reader of the image noticed.
         coords: numbers along y and x and their attributes.
@@ -97,14 +98,14 @@ def map_task(
     if use is not None and np.shape(use) != shape:
         raise ValueError(f"the mask has {_pixels(np.shape(use))}, the image {_pixels(shape)}")
     use = None if use is None else np.asarray(use, bool)
-    # What is expected, with paints taken from spots beside those of the catalogue.
+    # The expected paints: those of the catalogue, and of spots.
     seen_by = resolve_instrument(chosen.instrument)
-    given = listed_pigments(pigments)
-    by_family = has_families(given)
+    catalogue = listed_pigments(pigments)
+    by_family = has_families(catalogue)
     if by_family and spots:
         raise ValueError(
-            f"the spot {next(iter(spots))!r} has no family, and families are sought: leave it out, "
-            "or use the oils or the acrylics (--catalogue oils)"
+            f"the spot {next(iter(spots))!r} has no family, and families are searched: leave it "
+            "out, or use the oils or the acrylics (--catalogue oils)"
         )
     if not by_family:
         chosen.refuse_facts()
@@ -112,17 +113,17 @@ def map_task(
     errors = chosen.discrepancy or ModelError.between_films()
     noise = chosen.noise
     check_errors(errors)
-    known = given + [
-        spot_pigment(name, stored, spectrum, given, seen_by)
+    paints = catalogue + [
+        spot_pigment(name, stored, spectrum, catalogue, seen_by)
         for name, spectrum in (spots or {}).items()
     ]
     # The search, in the bands that the image is averaged to.
-    bands = WorkingBands.of(stored, known)
+    bands = WorkingBands.of(stored, paints)
     asked = replace(chosen, instrument=seen_by, discrepancy=errors, prior=expected, noise=None)
     searcher = (
-        FamilySearcher(bands.wavelengths, tuple(known), asked, opaque)
+        FamilySearcher(bands.wavelengths, tuple(paints), asked, opaque)
         if by_family
-        else Searcher.of(bands.wavelengths, known, asked, opaque=opaque)
+        else Searcher.of(bands.wavelengths, paints, asked, opaque=opaque)
     )
     below = None if ground is None else _ground(ground, bands, stored)
     # All that decides what a pixel's answer is: a map goes on only where these are the same.
@@ -130,7 +131,7 @@ def map_task(
         # Of what a map's store holds.
         "version": 4,
         "image": _identity(source, array),
-        "catalogue": {p.name: digest(p.absorption, p.scattering) for p in known},
+        "catalogue": {p.name: digest(p.absorption, p.scattering) for p in paints},
         "ground": below,
         "mask": None if use is None else digest(use),
         "geometry": seen_by.geometry.describe(),
@@ -172,16 +173,16 @@ def _ground(
     ground: ArrayLike, bands: WorkingBands, stored: np.ndarray
 ) -> Float[np.ndarray, "bands"]:
     """Internal reflectance of the ground at the working bands."""
-    given = np.asarray(ground, float)
-    if given.ndim > 1 or (given.ndim == 1 and given.size != stored.size):
+    values = np.asarray(ground, float)
+    if values.ndim > 1 or (values.ndim == 1 and values.size != stored.size):
         raise ValueError(
-            f"a ground of shape {given.shape} is neither a number nor one for each of "
+            f"a ground of shape {values.shape} is neither a number nor one for each of "
             f"{stored.size} bands"
         )
-    if not ((given >= 0) & (given <= 1)).all():
-        wrong = given[~((given >= 0) & (given <= 1))].ravel()[0]
+    if not ((values >= 0) & (values <= 1)).all():
+        wrong = values[~((values >= 0) & (values <= 1))].ravel()[0]
         raise ValueError(f"a ground's internal reflectance is {wrong:g}; it must lie in [0, 1]")
-    return np.broadcast_to(given, stored.shape) @ bands.mean
+    return np.broadcast_to(values, stored.shape) @ bands.mean
 
 
 def _check_image(array: "xarray.DataArray") -> "xarray.DataArray":
@@ -206,7 +207,7 @@ def _pixels(shape: Sequence[int]) -> str:
 
 
 def _identity(source: "CubeSource | xarray.DataArray", array: "xarray.DataArray") -> dict[str, Any]:
-    """What says that two images are the same."""
+    """Identity of an image: equal for two images that are the same."""
     from glazejax.io import CubeSource
 
     identity = {
@@ -214,17 +215,17 @@ def _identity(source: "CubeSource | xarray.DataArray", array: "xarray.DataArray"
         "wavelengths": digest(np.asarray(array["wavelength"], float)),
     }
     if not isinstance(source, CubeSource):
-        # So many lines of an image in memory tell it from others.
+        # Some lines distinguish an image in memory from others.
         rows = np.linspace(0, array.shape[0] - 1, min(64, array.shape[0])).astype(int)
         return identity | {"some lines": digest(*(array[int(y)].to_numpy() for y in rows))}
     from glazejax.io.cubes.hashes import quick_source_hash, time_of_change
 
-    given = asdict(source)
-    # What calibrates the image, beside itself.
-    further = {name: path for name, path in given.items() if isinstance(path, Path)}
+    settings = asdict(source)
+    # Further files, which calibrate the image.
+    further = {name: path for name, path in settings.items() if isinstance(path, Path)}
     files = {**further, "path": Path(source.path)}
     return identity | {
-        "source": given,
+        "source": settings,
         "hash": {name: quick_source_hash(path) for name, path in files.items()},
         "time of change": {name: time_of_change(path) for name, path in files.items()},
     }

@@ -31,14 +31,14 @@ _BLACK = 0.01
 def gather(
     readings: Float[np.ndarray, "spectra bands"],
     features: Float[np.ndarray, "spectra directions"],
-    places: Float[np.ndarray, "spectra 2"],
+    positions: Float[np.ndarray, "spectra 2"],
 ) -> Unexplained:
     """Spectra of one window in groups of like ones; the groups' middles reach its extremes.
 
     Args:
         readings: that no set explains.
         features: by which they are compared, `survey.Features`.
-        places: (y, x) of each.
+        positions: (y, x) of each.
     """
     if not len(readings):
         return Unexplained.nothing()
@@ -50,7 +50,9 @@ def gather(
     pixels = np.bincount(which)
     sums = np.stack([np.bincount(which, weights=band) for band in readings.T], axis=1)
     return Unexplained(
-        pixels=pixels, readings=sums / pixels[:, None], places=places[chosen[used]].astype(np.int64)
+        pixels=pixels,
+        readings=sums / pixels[:, None],
+        positions=positions[chosen[used]].astype(np.int64),
     )
 
 
@@ -72,52 +74,52 @@ class UnexplainedSpot:
 
 
 def choose_spots(
-    found: Unexplained,
+    unexplained: Unexplained,
     bare: Float[np.ndarray, "bands"],
     mapped: float,
-    taken: Sequence[str] = (),
+    paint_names: Sequence[str] = (),
     most: int = SPOTS,
 ) -> list[UnexplainedSpot]:
     """The purest of spectra that no paints explain.
 
     Args:
-        found: of all windows.
+        unexplained: of all windows.
         bare: what the ground reads without paint; 1 where films hide it.
         mapped: pixels that were mapped: a spot needs a share of them.
-        taken: names that paints have already.
+        paint_names: names that paints have already.
         most: spots at most.
     """
-    if not len(found.pixels):
+    if not len(unexplained.pixels):
         return []
     # Groups that are compared at a time.
-    some = np.argsort(-found.pixels, kind="stable")[:2000]
-    pixels = found.pixels[some]
-    depth = np.log((bare + _BLACK) / (np.maximum(found.readings[some], 0.0) + _BLACK))
+    largest = np.argsort(-unexplained.pixels, kind="stable")[:2000]
+    pixels = unexplained.pixels[largest]
+    depth = np.log((bare + _BLACK) / (np.maximum(unexplained.readings[largest], 0.0) + _BLACK))
     size = np.linalg.norm(depth, axis=1)
     shape = depth / np.maximum(size, 1e-9)[:, None]
-    alike = shape @ shape.T
+    cosines = shape @ shape.T
     # Share of the mapped pixels, and number, that a spot needs.
-    enough = (alike > _ALIKE) @ pixels >= max(4, 2e-4 * mapped)
-    names = _free_names(taken)
+    enough = (cosines > _ALIKE) @ pixels >= max(4, 2e-4 * mapped)
+    names = _free_names(paint_names)
     spots: list[UnexplainedSpot] = []
     ends = np.zeros((depth.shape[1], 0))
     while len(spots) < most:
-        left = np.array([nnls(ends, one)[1] for one in depth]) if ends.size else size
-        left = np.where(enough, left, 0.0) / np.sqrt(depth.shape[1])
-        purest = int(np.argmax(left))
+        residuals = np.array([nnls(ends, spectrum)[1] for spectrum in depth]) if ends.size else size
+        residuals = np.where(enough, residuals, 0.0) / np.sqrt(depth.shape[1])
+        purest = int(np.argmax(residuals))
         # Root mean square of -log R below which spots before it explain a spectrum.
-        if left[purest] < 0.12:
+        if residuals[purest] < 0.12:
             break
         # Those that are averaged: one shape, and nearly the length of the purest.
-        own = (alike[purest] > 0.995) & (size > 0.9 * size[purest])
-        weight = np.where(own, pixels, 0) / pixels[own].sum()
-        y, x = found.places[some[purest]].tolist()
+        averaged = (cosines[purest] > 0.995) & (size > 0.9 * size[purest])
+        weight = np.where(averaged, pixels, 0) / pixels[averaged].sum()
+        y, x = unexplained.positions[largest[purest]].tolist()
         spots.append(
             UnexplainedSpot(
                 name=names(),
-                pixels=int(pixels[alike[purest] > _ALIKE].sum()),
+                pixels=int(pixels[cosines[purest] > _ALIKE].sum()),
                 place=(y, x),
-                reading=weight @ found.readings[some],
+                reading=weight @ unexplained.readings[largest],
             )
         )
         ends = np.column_stack([ends, weight @ depth])
@@ -143,23 +145,23 @@ def spot_paints(
         instrument: that read the image.
     """
     grid = np.unique(np.clip([ends[0], *wavelengths, ends[1]], *ends))
-    made = []
+    pigments = []
     for name, spot in spots.items():
         # No hiding paint reads less than its surface, or more than all light.
         reading = np.clip(spot, instrument.seen_surface, 1.0)
         reading = np.interp(grid, wavelengths, reading)
-        made.append(spot_pigment(name, grid, reading, paints, instrument))
-    return made
+        pigments.append(spot_pigment(name, grid, reading, paints, instrument))
+    return pigments
 
 
-def _free_names(taken: Sequence[str]) -> Callable[[], str]:
+def _free_names(paint_names: Sequence[str]) -> Callable[[], str]:
     """Spot1, Spot2, ... as far as no paint is called so."""
     number = 0
 
     def next_name() -> str:
         nonlocal number
         number += 1
-        while f"Spot{number}" in taken:
+        while f"Spot{number}" in paint_names:
             number += 1
         return f"Spot{number}"
 

@@ -18,9 +18,7 @@ _FAR = 1.5
 
 @dataclass(frozen=True)
 class Answers:
-    """What is said of spectra: the most probable set of each, and how it stands beside
-    all others.
-    """
+    """Answers for spectra: the most probable set of each, and its odds against all others."""
 
     members: Int[np.ndarray, "spectra 3"]
     condition: Int[np.ndarray, "spectra"]
@@ -34,10 +32,10 @@ class Answers:
     misfit: Float[np.ndarray, "spectra"]
     fitted: Float[np.ndarray, "spectra bands"]
 
-    def put(self, rows: np.ndarray, others: "Answers") -> None:
+    def put(self, rows: np.ndarray, source: "Answers") -> None:
         """Write others' answers into some rows."""
         for f in fields(self):
-            getattr(self, f.name)[rows] = getattr(others, f.name)
+            getattr(self, f.name)[rows] = getattr(source, f.name)
 
     def take(self, rows: np.ndarray) -> "Answers":
         """Some of them."""
@@ -85,68 +83,68 @@ class Updater:
 
     def __init__(
         self,
-        known: Searched,
+        representatives: Searched,
         number: int,
         candidates: slice,
         order: Sequence[Smaller],
         prior: Prior,
     ) -> None:
-        local = known.local.take(candidates)
-        paints = known.rest_paints.shape[1]
+        local = representatives.local.take(candidates)
+        paints = representatives.rest_paints.shape[1]
         self.local = local
         self.prior = prior
-        self.blur = known.blur[number]
-        self.rest = known.rest[number]
-        self.rest_paints = known.rest_paints[number]
-        self.reading = known.readings[number]
+        self.blur = representatives.blur[number]
+        self.rest = representatives.rest[number]
+        self.rest_paints = representatives.rest_paints[number]
+        self.reading = representatives.readings[number]
         self.order = order
         self.present = (
             (local.members[..., None] == np.arange(paints)).any(axis=1).astype(np.float32)
         )
         count, bands = local.off.shape
         # All that is linear in the readings, by one product.
-        parts = [local.off_by, local.logs_by, local.seen_by, local.left_by]
-        self.by = np.concatenate([part.reshape(-1, bands) for part in parts]).T.copy()
-        self.ends = np.cumsum([part.shape[0] * part.shape[1] for part in parts])[:-1]
+        slopes = [local.off_by, local.logs_by, local.seen_by, local.left_by]
+        self.by = np.concatenate([slope.reshape(-1, bands) for slope in slopes]).T.copy()
+        self.ends = np.cumsum([slope.shape[0] * slope.shape[1] for slope in slopes])[:-1]
         self.count = count
 
     def answers(self, readings: Float[np.ndarray, "spectra bands"]) -> Answers:
         """For spectra near the representative."""
         local = self.local
         count = self.count
-        moved = readings - self.reading
+        change = readings - self.reading
         # All that is linear in the change of the reading, in one product.
-        every = moved @ self.by
-        off, logs, seen, left = (
-            part.reshape(len(moved), count, -1) for part in np.split(every, self.ends, axis=1)
+        products = change @ self.by
+        off, logs, colours, adjusted_colours = (
+            block.reshape(len(change), count, -1) for block in np.split(products, self.ends, axis=1)
         )
         # Weights of the candidates at the new reading, and their odds.
         met = log_weight_gain(local, local.off + off, np.clip(logs, -_FAR, _FAR))
-        weight = local.log_weight + moved @ local.weight_by.T + met
+        weight = local.log_weight + change @ local.weight_by.T + met
         distance = (
-            np.linalg.norm(local.seen + seen, axis=-1),
-            np.linalg.norm(local.left + left, axis=-1),
+            np.linalg.norm(local.seen + colours, axis=-1),
+            np.linalg.norm(local.left + adjusted_colours, axis=-1),
         )
         shape = np.broadcast_to(local.shape, weight.shape)
         misfits = Misfits(
             delta_e=distance[0],
             adjusted_delta_e=distance[1],
             residual=shape,
-            noise_delta_e=np.full(len(moved), self.blur),
+            noise_delta_e=np.full(len(change), self.blur),
         )
         odds = odds_of_shared_candidates(weight, misfits, self.order, self.prior)
         # Candidates that were left out keep their share.
         total = odds.candidates.sum(axis=1) / (1.0 - self.rest) + odds.none
         first = np.argmax(odds.candidates, axis=1)
-        rows = np.arange(len(moved))
+        rows = np.arange(len(change))
         none = odds.none / total
         # One product for all spectra of the same first set.
         amounts = local.amounts[first].copy()
         fitted = local.fitted[first].copy()
         for n in np.flatnonzero(np.bincount(first, minlength=count)):
-            own = np.flatnonzero(first == n)
-            amounts[own] += np.clip(moved[own] @ local.amounts_by[n].T, -_FAR, _FAR)
-            fitted[own] += moved[own] @ local.fitted_by[n].T
+            group = np.flatnonzero(first == n)
+            amounts[group] += np.clip(change[group] @ local.amounts_by[n].T, -_FAR, _FAR)
+            fitted[group] += change[group] @ local.fitted_by[n].T
         return Answers(
             members=local.members[first],
             condition=local.condition[first],
@@ -166,7 +164,7 @@ class Updater:
 def log_weight_gain(
     local: Local, off: Float[np.ndarray, "spectra n bands"], logs: Float[np.ndarray, "spectra n 3"]
 ) -> Float[np.ndarray, "spectra n"]:
-    """What the log weights of candidates are more than at their representative; see
+    """Increase of the log weights of candidates over those at their representative; see
     `glazefit.identify.search.fit`.
 
     Args:
@@ -175,7 +173,7 @@ def log_weight_gain(
         logs: how far their log amounts have moved.
     """
     freedom = local.numbers[:, 0]
-    whole = local.numbers[:, :2].sum(axis=1)
+    degrees = local.numbers[:, :2].sum(axis=1)
     trust = local.numbers[:, 2]
     before = np.sum(local.off**2, axis=-1)
     now = np.einsum("snb,snb->sn", off, off)
@@ -183,12 +181,12 @@ def log_weight_gain(
     safe = np.where(heavy, freedom, 1.0)
     met = np.where(
         heavy,
-        -0.5 * whole * (np.log1p(now / safe) - np.log1p(before / safe)),
+        -0.5 * degrees * (np.log1p(now / safe) - np.log1p(before / safe)),
         -0.5 * (now - before),
     )
     # How sharply the data hold the amounts changes with how well all is met.
-    share = np.where(heavy, whole / (safe + now), 1.0)
-    shared = np.where(heavy, whole / (safe + before), 1.0)
+    share = np.where(heavy, degrees / (safe + now), 1.0)
+    shared = np.where(heavy, degrees / (safe + before), 1.0)
     volume = np.log1p(share[..., None] * local.ratios) - np.log1p(shared[:, None] * local.ratios)
     # Half a quadratic form and a linear one, by products of each candidate's own matrices.
     turned = 0.5 * np.matmul(logs.transpose(1, 0, 2), local.hessian).transpose(1, 0, 2)

@@ -27,8 +27,8 @@ _SURE = 4.0
 class WorkingBands:
     """Groups of an image's bands, each averaged to one reading.
 
-    A catalogue known every 10 nm says nothing finer: means over such groups hold all that tells its
-    paints apart, with less noise, at a fraction of the cost.
+    A catalogue known every 10 nm says nothing finer: means over such groups hold all that
+    distinguishes its paints, with less noise, at a fraction of the cost.
 
     Attributes:
         wavelengths: (bands,), nm, means over the groups.
@@ -80,7 +80,7 @@ class WorkingBands:
         Args:
             block: reflectance; a missing band makes all readings of a pixel NaN, a saturated one
                 infinite.
-            saturated: reading from which the detector was full, if that is told.
+            saturated: reading from which the detector was full, if that is stated.
         """
         used = self.mean.any(axis=1)
         first, last = np.flatnonzero(used)[[0, -1]]
@@ -115,7 +115,7 @@ class WorkingBands:
 
 def used_range(pigments: Sequence[Pigment]) -> tuple[float, float]:
     """First and last wavelength that an image is used at, nm: all paints are known there or, where
-    they are sought by family, one of them is.
+    they are searched by family, one of them is.
     """
     ends = np.array([[float(p.wavelengths[0]), float(p.wavelengths[-1])] for p in pigments])
     if has_families(pigments):
@@ -128,7 +128,7 @@ def classify(
     sd: Float[np.ndarray, "*n bands"],
     use: Bool[np.ndarray, "*n"] | None = None,
 ) -> UInt8[np.ndarray, "*n"]:
-    """What can be done with pixels: a number of `layout.Status` for each.
+    """Status of pixels: a number of `layout.Status` for each.
 
     Args:
         readings: at the working bands; a missing band makes them NaN, a saturated one infinite.
@@ -139,9 +139,9 @@ def classify(
     with np.errstate(invalid="ignore"):
         top = readings.max(axis=-1)
         bottom = readings.min(axis=-1)
-        level = sd.mean(axis=-1)
+        mean_sd = sd.mean(axis=-1)
         tests = [
-            (Status.DARK, top < _SURE * level),
+            (Status.DARK, top < _SURE * mean_sd),
             (Status.TOO_BRIGHT, top > 1.5),
             (Status.NEGATIVE, (readings < -(_SURE * sd + 0.01)).any(axis=-1)),
             (Status.SATURATED, np.isposinf(top)),

@@ -18,14 +18,14 @@ _FULL = (errno.ENOSPC, errno.EDQUOT)
 
 
 @contextmanager
-def explain_full_disk(path: Path, kept: Callable[[], str]) -> Iterator[None]:
+def explain_full_disk(path: Path, consequence: Callable[[], str]) -> Iterator[None]:
     """Turn a full disk into one sentence that says what is kept."""
     try:
         yield
     except OSError as error:
         if error.errno not in _FULL:
             raise
-        raise OSError(error.errno, f"the disk is full; {kept()}", str(path)) from error
+        raise OSError(error.errno, f"the disk is full; {consequence()}", str(path)) from error
 
 
 class KeyedResults:
@@ -54,7 +54,7 @@ class KeyedResults:
             path, lambda: "make room, then run the same again: what is finished is kept"
         ):
             self.folder.mkdir(parents=True, exist_ok=True)
-            with whole_file(path) as part, part.open("wb") as file:
+            with whole_file(path) as partial, partial.open("wb") as file:
                 np.savez(file, **named)
 
     def get(self, key: str, names: Sequence[str] | None = None) -> dict[str, np.ndarray]:
@@ -62,18 +62,18 @@ class KeyedResults:
 
         Raises:
             KeyError: there is none.
-            ValueError: the file is damaged; without it the result is made anew.
+            ValueError: the file is damaged; without it the result is made again.
         """
         path = self._path(key)
         try:
             # Of a file that it cannot read NumPy leaves its own open.
-            with path.open("rb") as file, np.load(file, allow_pickle=False) as kept:
-                return {name: kept[name] for name in (kept.files if names is None else names)}
+            with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
+                return {name: archive[name] for name in (archive.files if names is None else names)}
         except FileNotFoundError:
             raise KeyError(key) from None
         except (BadZipFile, EOFError, OSError, ValueError) as error:
             raise ValueError(
-                f"{path} cannot be read ({error}): remove it, and the same run makes it anew"
+                f"{path} cannot be read ({error}): remove it, and the same run makes it again"
             ) from None
 
     def _path(self, key: str) -> Path:

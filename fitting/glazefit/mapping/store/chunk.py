@@ -1,5 +1,5 @@
-"""What is known of a window once it is solved: its arrays, its counts, sums over the pixels of each
-set, and spectra that no set explains.
+"""Results of a solved window: its arrays, its counts, sums over the pixels of each set, and spectra
+that no set explains.
 """
 
 import json
@@ -52,12 +52,12 @@ class Unexplained:
     Attributes:
         pixels: of each group.
         readings: means of the groups, at the working bands.
-        places: (y, x) of the pixel next to each mean.
+        positions: (y, x) of the pixel next to each mean.
     """
 
     pixels: Int[np.ndarray, "groups"]
     readings: Float[np.ndarray, "groups bands"]
-    places: Int[np.ndarray, "groups 2"]
+    positions: Int[np.ndarray, "groups 2"]
 
     @classmethod
     def nothing(cls) -> Self:
@@ -65,19 +65,19 @@ class Unexplained:
         return cls(
             pixels=np.zeros(0, np.int64),
             readings=np.zeros((0, 0)),
-            places=np.zeros((0, 2), np.int64),
+            positions=np.zeros((0, 2), np.int64),
         )
 
     @classmethod
-    def join(cls, parts: Sequence[Self]) -> Self:
+    def join(cls, gathered: Sequence[Self]) -> Self:
         """Groups of all parts."""
-        some = [part for part in parts if len(part.pixels)]
-        if not some:
+        nonempty = [groups for groups in gathered if len(groups.pixels)]
+        if not nonempty:
             return cls.nothing()
         return cls(
-            pixels=np.concatenate([part.pixels for part in some]),
-            readings=np.concatenate([part.readings for part in some]),
-            places=np.concatenate([part.places for part in some]),
+            pixels=np.concatenate([groups.pixels for groups in nonempty]),
+            readings=np.concatenate([groups.readings for groups in nonempty]),
+            positions=np.concatenate([groups.positions for groups in nonempty]),
         )
 
 
@@ -113,10 +113,10 @@ def distinct_sets(
     return first, which
 
 
-def add_sets(into: dict[Members, SetSum], more: Mapping[Members, SetSum]) -> None:
+def add_sets(into: dict[Members, SetSum], sums: Mapping[Members, SetSum]) -> None:
     """Add sums of sets to others."""
-    for members, one in more.items():
-        into[members] = into[members] + one if members in into else one
+    for members, total in sums.items():
+        into[members] = into[members] + total if members in into else total
 
 
 def pack(maps: ChunkMaps) -> dict[str, np.ndarray]:
@@ -124,24 +124,24 @@ def pack(maps: ChunkMaps) -> dict[str, np.ndarray]:
     counts = {"tallies": maps.tallies, "members": [*maps.sets]}
     # A row a set; counts of pixels are whole in float64, too.
     sums = [
-        [one.pixels, *one.thickness, *one.spectrum, *one.fitted, *one.square]
-        for one in maps.sets.values()
+        [total.pixels, *total.thickness, *total.spectrum, *total.fitted, *total.square]
+        for total in maps.sets.values()
     ]
     return {
         "counts": np.frombuffer(json.dumps(counts).encode(), np.uint8),
         "sums": np.array(sums, np.float64),
         "unexplained_pixels": np.asarray(maps.unexplained.pixels, np.int64),
         "unexplained_readings": np.asarray(maps.unexplained.readings, np.float64),
-        "unexplained_places": np.asarray(maps.unexplained.places, np.int64),
+        "unexplained_places": np.asarray(maps.unexplained.positions, np.int64),
     }
 
 
-def unpack(parts: Mapping[str, np.ndarray]) -> ChunkMaps:
-    """What `pack` kept of a window; its arrays are left out."""
-    counts = json.loads(parts["counts"].tobytes())
+def unpack(arrays: Mapping[str, np.ndarray]) -> ChunkMaps:
+    """Restore a window from the arrays of `pack`, without its maps."""
+    counts = json.loads(arrays["counts"].tobytes())
     sets = {}
     for members, (pixels, thickness, with_thickness, *spectra) in zip(
-        counts["members"], parts["sums"], strict=True
+        counts["members"], arrays["sums"], strict=True
     ):
         spectrum, fitted, square = np.split(np.array(spectra), 3)
         sets[tuple(members)] = SetSum(
@@ -156,6 +156,6 @@ def unpack(parts: Mapping[str, np.ndarray]) -> ChunkMaps:
         tallies=counts["tallies"],
         sets=sets,
         unexplained=Unexplained(
-            *(parts[f"unexplained_{name}"] for name in ("pixels", "readings", "places"))
+            *(arrays[f"unexplained_{name}"] for name in ("pixels", "readings", "places"))
         ),
     )

@@ -6,13 +6,13 @@ from pathlib import Path
 from .layout import BY_NAME, Variable
 from .windows import Window
 
-FIX = "; run the same `glazejax map` again, which maps it anew"
-"""What ends an error of a damaged window."""
+FIX = "; run the same `glazejax map` again, which maps the window once more"
+"""End of an error of a damaged window."""
 
 
 @dataclass(frozen=True)
 class Chunks:
-    """Where zarr keeps the chunks of a map.
+    """Chunks of a map, as zarr keeps them.
 
     Attributes:
         path: folder of the map.
@@ -28,19 +28,19 @@ class Chunks:
 
     def key(self, variable: Variable, window: Window) -> str:
         """Of a window's chunk of an array."""
-        place = (window.y0 // self.size[0], window.x0 // self.size[1])
-        return "/".join(map(str, (variable.name, "c", *place, *(0 for _ in variable.further))))
+        index = (window.y0 // self.size[0], window.x0 // self.size[1])
+        return "/".join(map(str, (variable.name, "c", *index, *(0 for _ in variable.further))))
 
     def window(self, key: str) -> Window | None:
         """Whose chunk a key names; None if it is that of no chunk of an array."""
-        name, _, place = key.partition("/c/")
-        if not place or name not in BY_NAME:
+        name, _, index = key.partition("/c/")
+        if not index or name not in BY_NAME:
             return None
-        y, x = (int(at) * size for at, size in zip(place.split("/"), self.size, strict=False))
+        y, x = (int(at) * size for at, size in zip(index.split("/"), self.size, strict=False))
         return Window.at(y, x, self.shape, self.size)
 
     def is_done(self, window: Window) -> bool:
-        """Whether a window is finished: it has its status, which is written last."""
+        """True for a finished window: it has its status, which is written last."""
         return (self.path / self.key(BY_NAME["status"], window)).exists()
 
     def check(self, window: Window, key: str, content: bytes | None) -> None:
@@ -63,6 +63,6 @@ class Chunks:
         except (ValueError, RuntimeError):
             raise self.damage(window, f"{key} is not as it was written") from None
 
-    def damage(self, window: Window, words: str) -> ValueError:
+    def damage(self, window: Window, reason: str) -> ValueError:
         """An error that names a window, what is damaged in it, and the remedy."""
-        return ValueError(f"window {window} of {self.path} is damaged ({words}){FIX}")
+        return ValueError(f"window {window} of {self.path} is damaged ({reason}){FIX}")

@@ -13,7 +13,7 @@ from ...identify.search.unstated_conditions import CONDITIONS
 from .layout import STATUS_WORDS, VARIABLES, Variable, Way
 
 FORMAT = 5
-"""What the attribute `glazejax` of a map says it is."""
+"""Version of the format, in the attribute `glazejax` of a map."""
 
 WORK = ".glazejax"
 """Folder within a map that holds what a run needs to go on."""
@@ -30,7 +30,7 @@ def plain(value: Any) -> Any:
 
 
 def _plainer(value: Any) -> Any:
-    """What JSON has not, by what it has."""
+    """A value that JSON lacks, as one that it has."""
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     if isinstance(value, set | frozenset):
@@ -56,14 +56,14 @@ def lay_out(
     from zarr.codecs import BloscCodec, Crc32cCodec
 
     about = {"format": FORMAT, "run": uuid4().hex, "shape": shape, "chunk": chunk}
-    whole = {
+    metadata = {
         "Conventions": "CF-1.11",
         **attrs,
         "paints": list(paints),
         "options": options,
         "glazejax": about,
     }
-    group = zarr.create_group(path, attributes=plain(whole))
+    group = zarr.create_group(path, attributes=plain(metadata))
     packed = [BloscCodec(cname="zstd", clevel=1, shuffle="shuffle"), Crc32cCodec()]
     for variable in VARIABLES:
         further = variable.further_sizes(len(paints))
@@ -107,18 +107,18 @@ def lay_out(
 
 def _words(variable: Variable, paints: Sequence[str]) -> dict[str, Any]:
     """Attributes of an array, by the conventions CF; numbers that stand for words have a legend."""
-    attributes: dict[str, Any] = {"long_name": variable.words}
+    attributes: dict[str, Any] = {"long_name": variable.meaning}
     if variable.unit:
         attributes["units"] = variable.unit
     legends: dict[str, dict[int, str]] = {
-        "status": {int(flag): words for flag, words in STATUS_WORDS.items()},
+        "status": {int(flag): text for flag, text in STATUS_WORDS.items()},
         "way": {int(flag): flag.name.lower() for flag in Way},
         "members": {-1: "none", **dict(enumerate(paints))},
         "condition": {
-            number: condition.words or "as told" for number, condition in enumerate(CONDITIONS)
+            number: condition.words or "as stated" for number, condition in enumerate(CONDITIONS)
         },
     }
     if legend := legends.get(variable.name):
         attributes["flag_values"] = list(legend)
-        attributes["flag_meanings"] = " ".join("_".join(words.split()) for words in legend.values())
+        attributes["flag_meanings"] = " ".join("_".join(text.split()) for text in legend.values())
     return attributes

@@ -62,9 +62,9 @@ def check_export(path: str | Path, *, overwrite: bool = False, argument: str = "
     elif ending in _ENVI:
         files = [path.with_suffix(".hdr"), path if ending != ".hdr" else path.with_suffix(".img")]
     else:
-        said = f"{argument} {path}" if argument else f"{path}"
+        subject = f"{argument} {path}" if argument else f"{path}"
         raise ValueError(
-            f"{said}: maps are exported as NetCDF (.nc) or ENVI (.hdr or .img); name such a file"
+            f"{subject}: maps are exported as NetCDF (.nc) or ENVI (.hdr or .img); name such a file"
         )
     return [check_output(file, overwrite=overwrite, argument=argument) for file in files]
 
@@ -81,7 +81,7 @@ def export_map(
     NetCDF holds all that the map holds. The ENVI image is float32, band after band: status, way,
     condition, probability, none, thickness, misfit and rmse, then of each paint its probability,
     its share by mass (0 where the pixel's set is without it) and that share's standard deviation;
-    NaN where a pixel was not mapped. So ENVI has its paints by name; `set_labels` tells those of a
+    NaN where a pixel was not mapped. So ENVI has its paints by name; `set_labels` names those of a
     set in NetCDF.
 
     Args:
@@ -100,14 +100,14 @@ def export_map(
     files = check_export(path, overwrite=overwrite)
     store = MapStore.open(map)
     if files[0].suffix.lower() in _NETCDF:
-        with _whole(files[0]) as part:
-            _write_netcdf(store, part)
+        with _whole(files[0]) as partial:
+            _write_netcdf(store, partial)
     else:
         header, data = files
         names = _band_names(store.paints)
-        with _whole(data) as part:
-            _write_bands(store, part, len(names), progress)
-        with _whole(header) as part:
+        with _whole(data) as partial:
+            _write_bands(store, partial, len(names), progress)
+        with _whole(header) as partial:
             bands = {
                 "bands": len(names),
                 "file type": "ENVI Standard",
@@ -115,7 +115,7 @@ def export_map(
                 "data ignore value": "nan",
                 "band names": "{ " + ", ".join(names) + " }",
             }
-            part.write_text(envi_header(open_map(map), bands), encoding="utf-8")
+            partial.write_text(envi_header(open_map(map), bands), encoding="utf-8")
     return files
 
 
@@ -151,21 +151,21 @@ def _write_netcdf(store: MapStore, path: Path) -> None:
 
 def _flat(attrs: Mapping[Any, Any]) -> dict[str, Any]:
     """Attributes as NetCDF has them: numbers, texts and lists of one of them; all else as JSON."""
-    found: dict[str, Any] = {}
+    flat: dict[str, Any] = {}
     for name, value in attrs.items():
-        kinds = {type(each) for each in (value if isinstance(value, list) else [value])}
+        kinds = {type(item) for item in (value if isinstance(value, list) else [value])}
         plain = len(kinds) == 1 and kinds <= {int, float, str}
-        found[str(name)] = value if plain else json.dumps(value)
-    return found
+        flat[str(name)] = value if plain else json.dumps(value)
+    return flat
 
 
 def _band_names(paints: tuple[str, ...]) -> list[str]:
     of_paints = [
-        f"{words} {braceless(paint)}"
+        f"{label} {braceless(paint)}"
         for paint in paints
-        for words in ("probability of", "fraction of", "fraction standard deviation of")
+        for label in ("probability of", "fraction of", "fraction standard deviation of")
     ]
-    return [*(words for _, words, _ in _SINGLE), *of_paints]
+    return [*(label for _, label, _ in _SINGLE), *of_paints]
 
 
 def _write_bands(store: MapStore, path: Path, bands: int, progress: Progress) -> None:
@@ -190,19 +190,19 @@ def _bands(
 ) -> Float[np.ndarray, "bands y x"]:
     """Bands of a window."""
     y, x = window.slices
-    part = {name: dataset[name][y, x].values for name in BY_NAME if name != "true_colour"}
-    mapped = part["status"] == Status.MAPPED
-    found: list[np.ndarray] = []
+    arrays = {name: dataset[name][y, x].values for name in BY_NAME if name != "true_colour"}
+    mapped = arrays["status"] == Status.MAPPED
+    bands: list[np.ndarray] = []
     for name, _, factor in _SINGLE:
-        values = part[name].astype(np.float32) * np.float32(factor)
-        found.append(values if name in ("status", "way") else np.where(mapped, values, np.nan))
+        values = arrays[name].astype(np.float32) * np.float32(factor)
+        bands.append(values if name in ("status", "way") else np.where(mapped, values, np.nan))
     for paint in range(paints):
-        here = part["members"] == paint
-        for values in (part["fraction"], part["fraction_sd"]):
-            share = np.where(here, values, 0).sum(-1)
-            found.append(np.where(mapped, share, np.nan))
-        found.insert(-2, np.where(mapped, part["paint_probability"][..., paint], np.nan))
-    return np.stack(found).astype(np.float32)
+        present = arrays["members"] == paint
+        for values in (arrays["fraction"], arrays["fraction_sd"]):
+            share = np.where(present, values, 0).sum(-1)
+            bands.append(np.where(mapped, share, np.nan))
+        bands.insert(-2, np.where(mapped, arrays["paint_probability"][..., paint], np.nan))
+    return np.stack(bands).astype(np.float32)
 
 
 def envi_header(dataset: "xarray.Dataset", bands: Mapping[str, object]) -> str:
@@ -227,12 +227,12 @@ def envi_header(dataset: "xarray.Dataset", bands: Mapping[str, object]) -> str:
 
 
 def _place(dataset: "xarray.Dataset") -> dict[str, str]:
-    """Where the image lies, from the map's coordinates, which follow windows and bins; nothing for
+    """Position of the image, from the map's coordinates, which follow windows and bins; nothing for
     bare pixels.
     """
     x = dataset["x"]
     y = dataset["y"]
-    sizes = [float(each.attrs.get("pixel_size", 0)) for each in (x, y)]
+    sizes = [float(axis.attrs.get("pixel_size", 0)) for axis in (x, y)]
     unit = str(x.attrs.get("units", "pixel"))
     info = [entry.strip() for entry in str(dataset.attrs.get("map_info", "")).split(",")]
     turned = any(
@@ -247,10 +247,10 @@ def _place(dataset: "xarray.Dataset") -> dict[str, str]:
     east = float(x[0]) - sizes[0] / 2
     north = float(y[0]) + sizes[1] / 2
     placed = [info[0], "1", "1", *(repr(value) for value in (east, north, *sizes)), *info[7:]]
-    place = {"map info": f"{{ {', '.join(placed)} }}"}
+    entries = {"map info": f"{{ {', '.join(placed)} }}"}
     if "crs_wkt" in dataset.attrs:
-        place["coordinate system string"] = f"{{ {dataset.attrs['crs_wkt']} }}"
-    return place
+        entries["coordinate system string"] = f"{{ {dataset.attrs['crs_wkt']} }}"
+    return entries
 
 
 def braceless(text: str) -> str:
@@ -265,6 +265,6 @@ def _whole(path: Path) -> Iterator[Path]:
     """
     with (
         explain_full_disk(path, lambda: "the map itself is kept, without this file"),
-        whole_file(path) as part,
+        whole_file(path) as partial,
     ):
-        yield part
+        yield partial

@@ -1,20 +1,18 @@
-"""What a map of paints holds, by name: the one list that solver, store, pictures and
-report share.
-"""
+"""Arrays of a map of paints, by name: the list that solver, store, pictures and report share."""
 
 from enum import IntEnum
 from typing import NamedTuple
 
 
 class Status(IntEnum):
-    """What became of a pixel."""
+    """Status of a pixel."""
 
     UNDONE = 0  # its chunk has not been solved yet
     MAPPED = 1
     MASKED = 2  # by the user's mask
     NO_DATA = 3  # NaN, the file's mark of missing data, or a dead pixel: one value at all bands
     SATURATED = 4  # a band at the detector's upper end
-    DARK = 5  # so little light that nothing tells paints apart
+    DARK = 5  # too little light to distinguish paints
     NEGATIVE = 6  # readings below 0 by more than noise
     TOO_BRIGHT = 7  # reflectance above 1.5: a highlight, or no calibration
 
@@ -32,7 +30,7 @@ STATUS_WORDS = {
 
 
 class Way(IntEnum):
-    """How a pixel's answer was found."""
+    """Way in which a pixel's answer was found."""
 
     NONE = 0
     UPDATED = 1  # from the representative next to it, in closed form
@@ -44,7 +42,7 @@ class Variable(NamedTuple):
     """One array of a map; all are (y, x) first."""
 
     name: str
-    words: str
+    meaning: str
     dtype: str = "float32"
     fill: float = float("nan")
     unit: str = ""
@@ -60,40 +58,42 @@ PLACES = 3
 """Paints a set can have."""
 
 VARIABLES = (
-    Variable(name="status", words="what became of the pixel", dtype="uint8", fill=0),
-    Variable(name="way", words="how its answer was found", dtype="uint8", fill=0),
+    Variable(name="status", meaning="what became of the pixel", dtype="uint8", fill=0),
+    Variable(name="way", meaning="how its answer was found", dtype="uint8", fill=0),
     Variable(
         name="members",
-        words="paints of the most probable set, by number; -1 for none",
+        meaning="paints of the most probable set, by number; -1 for none",
         dtype="int16",
         fill=-1,
         further=("place",),
     ),
-    Variable(name="condition", words="how it lies if not as told", dtype="int8", fill=0),
-    Variable(name="probability", words="probability of that set", unit="1"),
+    Variable(name="condition", meaning="how it lies if not as stated", dtype="int8", fill=0),
+    Variable(name="probability", meaning="probability of that set", unit="1"),
     Variable(
-        name="none", words="probability that no paints of the catalogue explain the pixel", unit="1"
+        name="none",
+        meaning="probability that no paints of the catalogue explain the pixel",
+        unit="1",
     ),
     Variable(
-        name="explained", words="1 where the catalogue explains the pixel", dtype="uint8", fill=0
+        name="explained", meaning="1 where the catalogue explains the pixel", dtype="uint8", fill=0
     ),
     Variable(
-        name="paint_probability", words="probability of each paint", unit="1", further=("paint",)
+        name="paint_probability", meaning="probability of each paint", unit="1", further=("paint",)
     ),
     Variable(
         name="fraction",
-        words="share by mass of each paint of the set",
+        meaning="share by mass of each paint of the set",
         unit="1",
         further=("place",),
     ),
-    Variable(name="fraction_sd", words="its standard deviation", unit="1", further=("place",)),
-    Variable(name="thickness", words="thickness; NaN where the film hides its ground", unit="m"),
-    Variable(name="thickness_sd", words="its standard deviation", unit="m"),
-    Variable(name="misfit", words="how far off the best candidates are", unit="Delta E00"),
-    Variable(name="rmse", words="root mean square of measured less fitted reflectance", unit="1"),
+    Variable(name="fraction_sd", meaning="its standard deviation", unit="1", further=("place",)),
+    Variable(name="thickness", meaning="thickness; NaN where the film hides its ground", unit="m"),
+    Variable(name="thickness_sd", meaning="its standard deviation", unit="m"),
+    Variable(name="misfit", meaning="how far off the best candidates are", unit="Delta E00"),
+    Variable(name="rmse", meaning="root mean square of measured less fitted reflectance", unit="1"),
     Variable(
         name="true_colour",
-        words="sRGB under D65, 2 degrees",
+        meaning="sRGB under D65, 2 degrees",
         dtype="uint8",
         fill=0,
         further=("rgb",),

@@ -1,4 +1,4 @@
-"""One run at a time on a map: a lock beside its folder, that stays where the folder is replaced."""
+"""One run at a time on a map: a lock next to its folder, which stays if the folder is replaced."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -9,7 +9,7 @@ from pathlib import Path
 def hold(path: Path) -> Iterator[None]:
     """Hold a map, there or to be made, so that no other run replaces or writes it meanwhile.
 
-    The lock is the system's own, on the file ``.NAME.lock`` beside the folder. It ends with the
+    The lock is the system's own, on the file ``.NAME.lock`` next to the folder. It ends with the
     process that has it, however that ends: a file that a killed run left holds nothing. The file is
     taken away in the end.
 
@@ -24,8 +24,8 @@ def hold(path: Path) -> Iterator[None]:
 
     # Two names of one folder have one lock.
     folder = path.resolve()
-    beside = folder.with_name(f".{folder.name}.lock")
-    lock = FileLock(beside)
+    lock_file = folder.with_name(f".{folder.name}.lock")
+    lock = FileLock(lock_file)
     try:
         lock.acquire(timeout=0)
     except Timeout:
@@ -38,5 +38,5 @@ def hold(path: Path) -> Iterator[None]:
         # While it is held: filelock takes no file that was taken away. Windows removes no open
         # file; there it stays.
         with suppress(OSError):
-            beside.unlink()
+            lock_file.unlink()
         lock.release()

@@ -28,7 +28,7 @@ AT_ONCE = 2
 
 
 class Results(Protocol[_Key, _Kept]):
-    """Where results go: `KeyedResults`, or a map, whose keys are its windows."""
+    """Store of results: `KeyedResults`, or a map, whose keys are its windows."""
 
     def done(self) -> Set[_Key]:
         """Keys of what is there."""
@@ -40,7 +40,7 @@ class Results(Protocol[_Key, _Kept]):
 
 
 class WindowSolver(Protocol):
-    """What maps a window; it can be pickled, and what it finds depends on the window alone."""
+    """Solver of one window; it can be pickled, and its result depends on the window alone."""
 
     def solve(self, window: Window) -> ChunkMaps:
         """Maps of a window."""
@@ -53,7 +53,7 @@ def finish(
     into: Results[Key, Result],
     client: "Client | None" = None,
     progress: Progress = no_progress,
-    words: str = "",
+    stage: str = "",
     at_once: int = 1,
 ) -> None:
     """Do the work of every key that has no result yet, and keep each result as soon as it is there.
@@ -65,7 +65,7 @@ def finish(
         client: of a dask cluster, whose workers do the work; None does it here. A piece that fails
             is tried three times more, one whose worker dies goes to another.
         progress: called first, and each time a result is kept, with the number of all that are.
-        words: that it is called with.
+        stage: that it is called with.
         at_once: pieces that are worked on side by side in this process.
 
     Raises:
@@ -75,18 +75,18 @@ def finish(
     """
     done = into.done()
     todo = [key for key in keys if key not in done]
-    kept = len(keys) - len(todo)
-    progress(kept, len(keys), words)
+    finished = len(keys) - len(todo)
+    progress(finished, len(keys), stage)
     if client is None:
-        found = _here(todo, work, at_once)
+        solved = _here(todo, work, at_once)
     else:
         from .cluster import on_cluster
 
-        found = on_cluster(todo, work, client)
-    with closing(found) as results:
-        for number, (key, result) in enumerate(results, start=kept + 1):
+        solved = on_cluster(todo, work, client)
+    with closing(solved) as results:
+        for number, (key, result) in enumerate(results, start=finished + 1):
             into.put(key, result)
-            progress(number, len(keys), words)
+            progress(number, len(keys), stage)
 
 
 def run_chunks(
@@ -103,7 +103,7 @@ def run_chunks(
             into=store,
             client=client,
             progress=progress,
-            words="mapping",
+            stage="mapping",
             at_once=AT_ONCE,
         )
 
@@ -140,9 +140,9 @@ def connect(address: str | None, seconds: float = 20.0) -> "Iterator[Client | No
         client = Client(address, timeout=seconds, set_as_default=False)
     # The last two: TLS without certificates, and a server of another kind, which answers no sense.
     except (OSError, ValueError, TypeError, MemoryError) as error:
-        words = str(error).splitlines()[0] if str(error) else type(error).__name__
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise ValueError(
-            f"--scheduler {address}: no dask scheduler answers there ({words}); start one with "
+            f"--scheduler {address}: no dask scheduler answers there ({reason}); start one with "
             "`dask scheduler`, and workers with `dask worker`"
         ) from None
     with client:
@@ -158,11 +158,11 @@ def _here(
     def solve(key: Key) -> None:
         results[key] = work(key)
 
-    # A result waits for no more than those beside it: it takes memory until it is kept.
+    # A result waits only for those of its batch: it takes memory until it is kept.
     for start in range(0, len(todo), at_once):
         try:
             in_threads(solve, todo[start : start + at_once])
         finally:
-            # What is finished is kept, also where a piece beside it fails.
+            # Finished results are kept, also if another piece of the batch fails.
             while results:
                 yield results.popitem()

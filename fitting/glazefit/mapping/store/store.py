@@ -40,7 +40,7 @@ _short.maxstring = 60
 
 
 class DamagedWindow(UserWarning):
-    """A window that was not as it had been written, and is mapped anew."""
+    """A window that was not as it had been written, and is mapped again."""
 
 
 class MapStore:
@@ -52,7 +52,7 @@ class MapStore:
         chunk: rows and columns of a window.
         paints: names of the paints, in the order of their numbers.
         options: what the map depends on, as plain JSON.
-        run: tells the map from any that it replaced.
+        run: distinguishes the map from any that it replaced.
         work: where a run keeps what it found before the windows.
     """
 
@@ -121,29 +121,29 @@ class MapStore:
         """
         require("zarr")
         path = Path(path)
-        wanted = plain({**options, "shape": shape, "paints": paints})
+        requested = plain({**options, "shape": shape, "paints": paints})
         check_map(path, overwrite=overwrite)
         with hold(path):
             if path.exists() and any(path.iterdir()) and not overwrite:
                 existing = cls(path)
-                if differences := _differences(existing.options, wanted):
+                if differences := _differences(existing.options, requested):
                     raise ValueError(
                         f"{path} was begun with other options ({differences}); name another map, "
                         "or replace it with overwrite=True (--overwrite)"
                     )
                 return existing
-            # Beside the map, so that it is there whole or as it was before.
+            # Made next to the map, so that a map is there whole or as it was before.
             new, old = (path.with_name(f".{path.name}.{state}") for state in ("new", "old"))
             try:
-                for left in (new, old):
-                    shutil.rmtree(left, ignore_errors=True)
+                for leftover in (new, old):
+                    shutil.rmtree(leftover, ignore_errors=True)
                 with explain_full_disk(path, lambda: "nothing of the map was begun"):
                     lay_out(
                         new,
                         shape=shape,
                         chunk=chunk,
                         paints=paints,
-                        options=wanted,
+                        options=requested,
                         attrs=attrs or {},
                         coords=coords or {},
                     )
@@ -151,8 +151,8 @@ class MapStore:
                         path.replace(old)
                     new.replace(path)
             finally:
-                for left in (new, old):
-                    shutil.rmtree(left, ignore_errors=True)
+                for leftover in (new, old):
+                    shutil.rmtree(leftover, ignore_errors=True)
         return cls(path)
 
     @classmethod
@@ -202,9 +202,9 @@ class MapStore:
         tallies: Counter[str] = Counter()
         sets: dict[Members, SetSum] = {}
         for window in sorted(self.done()):
-            kept = self._window_sums(window)
-            tallies.update(kept.tallies)
-            add_sets(sets, kept.sets)
+            maps = self._window_sums(window)
+            tallies.update(maps.tallies)
+            add_sets(sets, maps.sets)
         return tallies, sets
 
     def unexplained(self) -> Unexplained:
@@ -239,8 +239,8 @@ class MapStore:
                     f"another run has replaced {self.path} since this one began; name another map, "
                     "or run the same again"
                 )
-            for left in self.path.rglob("*.part*"):
-                left.unlink(missing_ok=True)
+            for leftover in self.path.rglob("*.part*"):
+                leftover.unlink(missing_ok=True)
             for window in self.windows() if self._chunks.complete else sorted(self.done()):
                 self._remove_damaged(window)
             self._held = True
@@ -252,15 +252,16 @@ class MapStore:
     def _remove_damaged(self, window: Window) -> None:
         """Take a window away, and warn of it, if it is damaged."""
         files = {
-            key: self.path / key for key in (self._chunks.key(each, window) for each in VARIABLES)
+            key: self.path / key
+            for key in (self._chunks.key(variable, window) for variable in VARIABLES)
         }
         try:
             self._window_sums(window)
             for key, file in files.items():
                 self._chunks.check(window, key, file.read_bytes() if file.exists() else None)
         except ValueError as damage:
-            words = f"{str(damage).removesuffix(FIX)}, and is mapped anew"
-            warnings.warn(words, DamagedWindow, stacklevel=5)
+            message = f"{str(damage).removesuffix(FIX)}, and is mapped again"
+            warnings.warn(message, DamagedWindow, stacklevel=5)
             for file in files.values():
                 file.unlink(missing_ok=True)
             self.note(complete=False)
@@ -308,16 +309,16 @@ def open_map(path: str | Path) -> "xarray.Dataset":
     from .partial_store import FinishedWindows
 
     store = MapStore.open(path)
-    shown = FinishedWindows(LocalStore(store.path, read_only=True), store._chunks)
+    finished = FinishedWindows(LocalStore(store.path, read_only=True), store._chunks)
     try:
         # zarr lists arrays as they come.
-        return xarray.open_zarr(shown, chunks=None)[sorted(BY_NAME)]
+        return xarray.open_zarr(finished, chunks=None)[sorted(BY_NAME)]
     except ValueError:
         raise _damaged(store.path, "coordinates cannot be read") from None
 
 
 def check_map(path: str | Path, *, overwrite: bool = False) -> bool:
-    """Whether a map can be made at a path, or goes on there: asked before anything is computed.
+    """Check that a map can be made at a path, or goes on there, before anything is computed.
 
     Returns:
         Whether a map is there.
@@ -332,47 +333,49 @@ def check_map(path: str | Path, *, overwrite: bool = False) -> bool:
     if not path.exists() or (path.is_dir() and not any(path.iterdir())):
         return False
     if not is_map(path):
-        words = ", and is not replaced" if overwrite else ""
+        refusal = ", and is not replaced" if overwrite else ""
         raise FileExistsError(
-            f"{path} exists and is no map of glazejax{words}; choose another name"
+            f"{path} exists and is no map of glazejax{refusal}; choose another name"
         )
     return True
 
 
 def is_map(path: Path) -> bool:
-    """Whether a folder holds a map of glazejax, whole or damaged."""
+    """True for a folder that holds a map of glazejax, whole or damaged."""
     return (path / WORK).is_dir() and (path / "zarr.json").is_file()
 
 
-def _damaged(path: Path, words: str) -> ValueError:
+def _damaged(path: Path, subject: str) -> ValueError:
     return ValueError(
-        f"{path} is a damaged map, whose {words}: make the map again with overwrite=True "
+        f"{path} is a damaged map, whose {subject}: make the map again with overwrite=True "
         "(--overwrite)"
     )
 
 
-def _differences(existing: Mapping[str, Any], wanted: Mapping[str, Any]) -> str:
-    """In words, how options differ; empty if they do not."""
-    return _few("; ", [_difference(name, existing, wanted) for name in _others(existing, wanted)])
+def _differences(existing: Mapping[str, Any], requested: Mapping[str, Any]) -> str:
+    """Differences of options, in words; empty if there are none."""
+    return _few(
+        "; ", [_difference(name, existing, requested) for name in _others(existing, requested)]
+    )
 
 
-def _difference(name: str, existing: Mapping[str, Any], wanted: Mapping[str, Any]) -> str:
-    """How one option differs: both values, or the parts in which they do."""
-    there, now = existing.get(name), wanted.get(name)
-    if not (isinstance(there, Mapping) and isinstance(now, Mapping)):
-        return f"{name}: {_short.repr(there)} there, {_short.repr(now)} now"
-    words = [
-        f"{part} is {'new' if part not in there else 'gone' if part not in now else 'another'}"
-        for part in _others(there, now)
+def _difference(name: str, existing: Mapping[str, Any], requested: Mapping[str, Any]) -> str:
+    """Difference of one option: both values, or the parts in which they differ."""
+    before, now = existing.get(name), requested.get(name)
+    if not (isinstance(before, Mapping) and isinstance(now, Mapping)):
+        return f"{name}: {_short.repr(before)} there, {_short.repr(now)} now"
+    changes = [
+        f"{key} is {'new' if key not in before else 'gone' if key not in now else 'another'}"
+        for key in _others(before, now)
     ]
-    return f"{name}: {_few(', ', words)}"
+    return f"{name}: {_few(', ', changes)}"
 
 
-def _others(existing: Mapping[str, Any], wanted: Mapping[str, Any]) -> list[str]:
+def _others(existing: Mapping[str, Any], requested: Mapping[str, Any]) -> list[str]:
     """Names under which two mappings differ."""
-    return [n for n in {**existing, **wanted} if existing.get(n) != wanted.get(n)]
+    return [n for n in {**existing, **requested} if existing.get(n) != requested.get(n)]
 
 
-def _few(between: str, words: list[str]) -> str:
+def _few(between: str, items: list[str]) -> str:
     """The first three, and how many more there are."""
-    return between.join([*words[:3], *([f"{len(words) - 3} more"] if len(words) > 3 else [])])
+    return between.join([*items[:3], *([f"{len(items) - 3} more"] if len(items) > 3 else [])])

@@ -23,7 +23,7 @@ class Window(NamedTuple):
 
     @property
     def pixels(self) -> int:
-        """How many there are."""
+        """Number of pixels."""
         return prod(self.shape)
 
     @property
