@@ -1,4 +1,4 @@
-"""What else is known of a painting, as options of `glazejax identify` and `glazejax map`: elements,
+"""Further facts of a painting, as options of `glazejax identify` and `glazejax map`: elements,
 the year, and reference paints.
 """
 
@@ -25,11 +25,11 @@ def _check_elements(text: str) -> None:
     check_elements(options.split_names(text))
 
 
-def _symbols(words: str) -> Any:
+def _symbols(text: str) -> Any:
     return typer.Option(
         metavar="SYMBOLS",
         callback=options.checked(_check_elements),
-        help=words,
+        help=text,
         show_default=False,
     )
 

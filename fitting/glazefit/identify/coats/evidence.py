@@ -227,8 +227,8 @@ def _covariance(
     # What errors of each paint's k cause, the same ones over each ground.
     caused = table.slopes * np.tile(deviations, grounds)[:, None]
     paint_covariance = np.einsum("pni,pnj->nij", caused, caused, optimize=True)
-    alike = smooth_kernel(np.tile(wavelengths, grounds), errors.coefficient_length)
-    covariance = fixed + paint_covariance * alike
+    kernel = smooth_kernel(np.tile(wavelengths, grounds), errors.coefficient_length)
+    covariance = fixed + paint_covariance * kernel
 
     # What amounts between the places of the finer grid would change.
     spacing = (LOG_AMOUNTS[1] - LOG_AMOUNTS[0]) / (NODES[count] - 1)

@@ -138,19 +138,21 @@ def _in_use(family: Family, year: int) -> bool:
     return family.first_year <= year and (family.last_year is None or year <= family.last_year)
 
 
-def describe_anachronism(families: Sequence[str], known: Mapping[str, Family], year: int) -> str:
-    """Which of some families were not in use in a year, in a sentence; empty if all were.
+def describe_anachronism(
+    families: Sequence[str], references: Mapping[str, Family], year: int
+) -> str:
+    """Name the families that were not in use in a year, in a sentence; empty if all were.
 
     Args:
         families: names; groups and unknown names are passed over.
-        known: all families by name.
+        references: all families by name.
         year: negative before Christ.
     """
-    words = []
+    periods = []
     for name in families:
-        family = known.get(name)
+        family = references.get(name)
         if family is None:
             continue
         if not _in_use(family, year):
-            words.append(f"{name} was in use {family.in_use}")
-    return f"not of {year}: {'; '.join(words)}" if words else ""
+            periods.append(f"{name} was in use {family.in_use}")
+    return f"not of {year}: {'; '.join(periods)}" if periods else ""

@@ -155,7 +155,7 @@ def _search(
         varnish,
     )
     # How sure a search may be does not hang on the ground: it is learnt over the first one.
-    alike = [search for (*settings, _), search in _SEARCHES.items() if tuple(settings) == key]
+    similar = [search for (*settings, _), search in _SEARCHES.items() if tuple(settings) == key]
     key = (*key, ground)
     if key not in _SEARCHES:
         while len(_SEARCHES) >= _MOST_SEARCHES:
@@ -169,7 +169,7 @@ def _search(
             prior=prior,
             max_paints=min(options.max_paints, 2),
             varnish=varnish,
-            sureness=alike[0].sureness if alike and ground is not None else None,
+            sureness=similar[0].sureness if similar and ground is not None else None,
         )
     return with_facts(
         _SEARCHES[key],

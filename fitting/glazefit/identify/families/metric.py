@@ -54,15 +54,15 @@ class Metric:
 
     def log_evidence(
         self,
-        sought: Float[np.ndarray, "n components"],
+        readings: Float[np.ndarray, "n components"],
         references: Float[np.ndarray, "m components"],
     ) -> Float[np.ndarray, "n m"]:
         """Log of how much more probable each reading is as a paint like each known one than as any
         paint at all.
         """
-        count = sought.shape[1]
-        evidence = _log_t(squares_between(sought, references), count)
-        any_paint = np.sum(((sought - self.middle) @ self.spread) ** 2, axis=1)
+        count = readings.shape[1]
+        evidence = _log_t(squares_between(readings, references), count)
+        any_paint = np.sum(((readings - self.middle) @ self.spread) ** 2, axis=1)
         against = self.log_volume - _log_t(any_paint.astype(np.float32), count)
         evidence += against[:, None]
         return evidence

@@ -51,9 +51,9 @@ class Sureness:
             log_prior: of the sets.
         """
         allowed = np.where(np.isfinite(log_sets), log_prior, -np.inf)
-        beforehand = softmax(np.broadcast_to(allowed, log_sets.shape), axis=1)
+        prior = softmax(np.broadcast_to(allowed, log_sets.shape), axis=1)
         tempered = softmax(self.sharpness * log_sets, axis=1)
-        return np.asarray((1.0 - WORTHLESS) * tempered + WORTHLESS * beforehand)
+        return np.asarray((1.0 - WORTHLESS) * tempered + WORTHLESS * prior)
 
     def is_unlike(self, log_sets: Float[np.ndarray, "spectra sets"]) -> Bool[np.ndarray, "spectra"]:
         """True for readings that look less like the families than nearly all paints that are of

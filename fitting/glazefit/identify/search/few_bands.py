@@ -90,23 +90,23 @@ def choose_bands(
     """
     # Covariance of readings over films, a common level, and smooth errors.
     count = len(wavelengths)
-    alike = films.T @ films / len(films) + 1.0
+    covariance = films.T @ films / len(films) + 1.0
     for sd, reach in _SMOOTH:
-        alike += sd**2 * smooth_kernel(wavelengths, reach)
+        covariance += sd**2 * smooth_kernel(wavelengths, reach)
     # Cholesky's columns, the band of the largest remaining variance next; the ends come first.
-    remaining = np.diag(alike).copy()
+    remaining = np.diag(covariance).copy()
     factor = np.zeros((count, count))
     index: list[int] = []
     while len(index) < 2 or (remaining.max() > MISSED**2 and len(index) < count):
         band = (0, count - 1)[len(index)] if len(index) < 2 else int(np.argmax(remaining))
         chosen = factor[:, : len(index)]
-        column = (alike[:, band] - chosen @ chosen[band]) / np.sqrt(remaining[band])
+        column = (covariance[:, band] - chosen @ chosen[band]) / np.sqrt(remaining[band])
         factor[:, len(index)] = column
         remaining = np.maximum(remaining - column**2, 0.0)
         index.append(band)
     # Regression of all bands on these, and what it misses of films and of the smooth error.
     order = np.sort(index)
-    spread = np.linalg.solve(alike[np.ix_(order, order)], alike[order]).T
+    spread = np.linalg.solve(covariance[np.ix_(order, order)], covariance[order]).T
     smooth = smooth_kernel(wavelengths, length)
     explained = np.sum(
         spread * (2.0 * smooth[:, order] - spread @ smooth[np.ix_(order, order)]), axis=1

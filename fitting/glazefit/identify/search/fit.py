@@ -298,8 +298,8 @@ def trace_curvature(
     q = jnp.maximum(-by_prior, 1e-12)
     ratio = jnp.log(p / q)
     # A ratio whose logarithm is this small is taken as 1.
-    alike = jnp.abs(ratio) < 0.01
-    mean = jnp.where(alike, p, (p - q) / jnp.where(alike, 1.0, ratio))
+    close = jnp.abs(ratio) < 0.01
+    mean = jnp.where(close, p, (p - q) / jnp.where(close, 1.0, ratio))
     return jnp.where(by_data > 0.0, mean, 0.0)
 
 

@@ -115,18 +115,18 @@ def _in_tests(identification: Identification, row: int) -> dict[str, int] | None
 
 
 def describe_pigments(names: Iterable[str]) -> list[dict[str, Any]]:
-    """What some families are; names of groups are left out."""
-    known = catalogue.families()
+    """Describe families; names of groups are left out."""
+    families = catalogue.families()
     return [
         {
             "family": family,
-            "formula": known[family].formula,
-            "elements": list(known[family].elements),
-            "colour_index": known[family].colour_index,
-            "in_use": known[family].in_use,
+            "formula": families[family].formula,
+            "elements": list(families[family].elements),
+            "colour_index": families[family].colour_index,
+            "in_use": families[family].in_use,
         }
         for family in names
-        if family in known
+        if family in families
     ]
 
 
@@ -135,7 +135,7 @@ def describe_film(film: Explanation, reading: np.ndarray) -> dict[str, Any]:
 
     Args:
         film: of an answer.
-        reading: beside which it is drawn, (bands,).
+        reading: with which it is drawn, (bands,).
     """
     provenance = catalogue.provenance()
     off = relative_misfit(reading, film.fitted[0])
