@@ -253,9 +253,9 @@ def recover(
         if are_coats(films, measured):
             recover_from_coats(films, fit_options, results)
             return
-        recipes, beside = _recipes(file, names)
+        recipes, names_file = _recipes(file, names)
         if masstones:
-            films = _masstones(films, recipes, beside)
+            films = _masstones(films, recipes, names_file)
         together = (
             joint or knowledge.any or not films.complete or any(tint(name) for name in films.names)
         )
@@ -263,7 +263,7 @@ def recover(
             if joint and not recipes and not any(tint(name) for name in films.names):
                 raise ValueError(
                     "--joint needs to know what the films are made of: add --names FILE, or "
-                    f"{beside}"
+                    f"{names_file}"
                 )
             from .command_joint import recover_together
 
@@ -364,16 +364,18 @@ def _recipes(file: Path, names: Path | None) -> tuple[dict[str, dict[str, float]
     """Recipes of films as a list says, and the path where a list is looked for."""
     from ..film.readers import NAMES_FILE, read_recipes
 
-    beside = file.parent / NAMES_FILE
-    return read_recipes(names or beside) if names is not None or beside.is_file() else {}, beside
+    names_file = file.parent / NAMES_FILE
+    return read_recipes(
+        names or names_file
+    ) if names is not None or names_file.is_file() else {}, names_file
 
 
-def _masstones(films: "Films", recipes: dict[str, dict[str, float]], beside: Path) -> "Films":
+def _masstones(films: "Films", recipes: dict[str, dict[str, float]], names_file: Path) -> "Films":
     from ..film.readers import is_masstone
 
     if not recipes:
         raise ValueError(
-            f"--masstones needs to know what the films are made of: add --names, or {beside}"
+            f"--masstones needs to know what the films are made of: add --names, or {names_file}"
         )
     pure = [name for name in films.names if is_masstone(recipes.get(name, {}))]
     if not pure:

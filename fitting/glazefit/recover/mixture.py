@@ -145,13 +145,13 @@ def predict_mixture(
         rng = np.random.default_rng(0)
         mode_groups = mixture.modes
         paint_draws, film = (
-            rng.standard_normal((256, len(mode_groups[part]))) for part in ("paint", "film")
+            rng.standard_normal((256, len(mode_groups[source]))) for source in ("paint", "film")
         )
         # Scale and shape are two sides of the same errors.
         normal = {"scale": paint_draws, "paint": paint_draws, "film": film}
         off = {
-            part: np.einsum("dm,mcb->dcb", normal[part], modes)
-            for part, modes in mode_groups.items()
+            source: np.einsum("dm,mcb->dcb", normal[source], modes)
+            for source, modes in mode_groups.items()
         }
         gloss = 1.0
     else:
@@ -178,15 +178,15 @@ def predict_mixture(
             response, k * metres, s * metres, np.zeros((1, 2, grid.size)), grounds
         )[0]
         drawn = {
-            part: film_readings(response, k * metres, s * metres, o, grounds) - mean
-            for part, o in off.items()
+            source: film_readings(response, k * metres, s * metres, o, grounds) - mean
+            for source, o in off.items()
         }
         read = mean + surface
         if errors is not None:
             shift, extra = errors.at(metres / UNIT, read)
             read = read + shift
             drawn["paint"] = drawn["paint"] + extra
-        deviations = {part: drawn.get(part, empty) for part in ("scale", "paint", "film")}
+        deviations = {source: drawn.get(source, empty) for source in ("scale", "paint", "film")}
         over_black, over_white = read
         out.append(
             Prediction(

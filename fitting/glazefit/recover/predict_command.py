@@ -384,8 +384,8 @@ def say_paint_errors(predictions: "Sequence[Prediction]", eye: tuple[str, str]) 
     import numpy as np
 
     scale, shape = (
-        np.mean([p.expected_error(*eye, parts=(part,)) for p in predictions])
-        for part in ("scale", "paint")
+        np.mean([p.expected_error(*eye, parts=(source,)) for p in predictions])
+        for source in ("scale", "paint")
     )
     return f"{scale:.1f} by the level of their k and s, and {shape:.1f} by their shape"
 

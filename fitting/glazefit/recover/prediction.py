@@ -82,7 +82,7 @@ class Prediction(Tabulated):
         """Reflectance over black and white as it may be too."""
         return self._draw(PARTS)
 
-    def _draw(self, parts: tuple[str, ...]) -> Float[np.ndarray, "draws 2 bands"]:
+    def _draw(self, sources: tuple[str, ...]) -> Float[np.ndarray, "draws 2 bands"]:
         count = len(self.deviations["film"])
         # Each size as often as it is probable, in an order that has nothing to do with the other
         # draws'.
@@ -91,7 +91,8 @@ class Prediction(Tabulated):
         sizes = np.asarray(SIZES)[np.minimum(np.searchsorted(chances, ranks), len(SIZES) - 1)]
         size = {"film": sizes[:, None, None]}
         return np.maximum(
-            self.reflectance + sum(size.get(part, 1.0) * self.deviations[part] for part in parts),
+            self.reflectance
+            + sum(size.get(source, 1.0) * self.deviations[source] for source in sources),
             0.0,
         )
 
@@ -245,7 +246,7 @@ def predict_films(
             for paint, paint_share in zip(recovery.paints, share, strict=True)
             if paint_share > 0
         )
-        deviations = {part: spectra - mean for part, spectra in drawn_spectra.items()}
+        deviations = {source: spectra - mean for source, spectra in drawn_spectra.items()}
         out.append(
             Prediction(
                 name=name,

@@ -22,11 +22,11 @@ class ReadingErrors:
     """Errors of readings of a mixture, by their surface, their gain, and the model.
 
     One draw of them holds for films of every thickness. A film that was read, over another card,
-    is off as its reading was, as far as the two are `alike`.
+    is off as its reading was, as far as the two have a `correlation`.
 
     Attributes:
         calibrated: what was found.
-        alike: correlation of errors of one film over two cards.
+        correlation: of errors of one film over two cards.
         was: of what was read, in standard deviations of gain and model, (films, 2, bands).
         drawn: the same for each draw of what is unknown, (draws, films, 2, bands).
         reach: how much of what a reading was off is gain and model, no noise: the ratio of their
@@ -37,7 +37,7 @@ class ReadingErrors:
     """
 
     calibrated: JointRecovery
-    alike: float
+    correlation: float
     was: Float[np.ndarray, "films 2 bands"]
     drawn: Float[np.ndarray, "draws films 2 bands"]
     reach: Float[np.ndarray, "films 2 bands"]
@@ -46,13 +46,15 @@ class ReadingErrors:
     model: Float[np.ndarray, "draws 2 bands"]
 
     @classmethod
-    def of(cls, calibrated: JointRecovery, response: Response, alike: float) -> "ReadingErrors":
+    def of(
+        cls, calibrated: JointRecovery, response: Response, correlation: float
+    ) -> "ReadingErrors":
         """Errors of what was read, and draws for what was not.
 
         Args:
             calibrated: what was found.
             response: model of one film.
-            alike: correlation of errors of one film over two cards.
+            correlation: of errors of one film over two cards.
         """
         films = calibrated.films
         # Readings by the solution and by each draw: what the measured ones differ by is error.
@@ -68,7 +70,7 @@ class ReadingErrors:
         count = len(log_gloss)
         return cls(
             calibrated=calibrated,
-            alike=alike,
+            correlation=correlation,
             was=(read - expected[0]) / all_of_it,
             drawn=(read - several) / all_of_it,
             reach=np.minimum(sd / all_of_it, 1.0) * films.seen[:, :, None],
@@ -97,12 +99,14 @@ class ReadingErrors:
         film = through[distances.argmin()]
         # A film as thick as the one that was read is that film. With thickness a tenth off, as a
         # standard deviation, less and less of the reading's errors goes.
-        same = self.alike * np.exp(-0.5 * (distances.min() / 0.1) ** 2)
+        same = self.correlation * np.exp(-0.5 * (distances.min() / 0.1) ** 2)
         # Simple kriging (Journel, Huijbregts, Mining Geostatistics, 1978), band by band, from what
         # was read over one card or two.
         reach = self.reach[film].T  # (bands, 2)
-        card_covariance = self.alike * reach[:, :, None] * reach[:, None, :]
-        card_covariance = card_covariance + np.eye(2) * (1.0 - self.alike * reach[:, :, None] ** 2)
+        card_covariance = self.correlation * reach[:, :, None] * reach[:, None, :]
+        card_covariance = card_covariance + np.eye(2) * (
+            1.0 - self.correlation * reach[:, :, None] ** 2
+        )
         towards = same * reach
         share = np.linalg.solve(card_covariance, towards[:, :, None])[:, :, 0]
         remaining = np.sqrt(np.maximum(1.0 - np.sum(share * towards, axis=1), 0.0))

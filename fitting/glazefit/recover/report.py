@@ -264,15 +264,17 @@ def print_left_out(out: LeftOut, console: Console) -> None:
         f"at most ({out.names[farthest]}); {out.inside.mean():.0%} of the readings lie in the 90 % "
         "bands."
     )
-    parts = {
-        part: np.mean([prediction.expected_error(parts=(part,)) for prediction in out.predictions])
-        for part in PARTS
+    errors = {
+        source: np.mean(
+            [prediction.expected_error(parts=(source,)) for prediction in out.predictions]
+        )
+        for source in PARTS
     }
     console.print(
         f"What they were expected to be off, ΔE00 {out.expected.mean():.1f} on average, comes "
-        f"from the film ({parts['film']:.1f}, as the other films left out show), from the scale "
-        f"of its paints ({parts['scale']:.1f}) and from the shape of their k and s "
-        f"({parts['paint']:.1f}). Two mixings of one recipe differ by about ΔE00 "
+        f"from the film ({errors['film']:.1f}, as the other films left out show), from the scale "
+        f"of its paints ({errors['scale']:.1f}) and from the shape of their k and s "
+        f"({errors['paint']:.1f}). Two mixings of one recipe differ by about ΔE00 "
         f"{np.mean([prediction.between_mixings() for prediction in out.predictions]):.1f}."
     )
     unsteady = {p: chance for p, chance in out.variation.unsteady.items() if chance >= 0.5}
