@@ -27,8 +27,10 @@ def input_files(files: Mapping[str, Path | None]) -> list[dict[str, Any]]:
 def _with_its_pair(path: Path) -> list[Path]:
     if path.suffix.lower() not in _ENVI[1:]:
         return [path]
-    beside = (path.with_suffix(end) for word in _ENVI for end in {word, word.upper()})
-    companions = [companion for companion in beside if companion != path and companion.is_file()]
+    candidates = (path.with_suffix(end) for word in _ENVI for end in {word, word.upper()})
+    companions = [
+        companion for companion in candidates if companion != path and companion.is_file()
+    ]
     pair = path.suffix.lower() == ".hdr" or any(
         companion.suffix.lower() == ".hdr" for companion in companions
     )
