@@ -23,7 +23,7 @@ from typer.testing import CliRunner
 
 import glazefit
 from glazefit import IdentificationOptions
-from glazefit.posterior.sampling import Sampling
+from glazefit.film.sampling import Sampling
 from glazefit.recipe.task import make_task
 from glazejax.appearance.scene.file import example
 from glazejax.commands.main import make_app

@@ -72,7 +72,7 @@ import numpy as np
 
 glazejax.colour.colour_science()  # which puts an empty stand-in in the place of matplotlib
 from glazejax.appearance.scene.picture import save_png
-from glazefit.posterior.arviz import load_arviz
+from glazefit.film.solve import load_arviz
 
 for extra, call in (
     ("plots", lambda: save_png("a.png", np.zeros((2, 2, 3), np.uint8))),

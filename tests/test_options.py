@@ -215,7 +215,7 @@ def test_a_paint_of_another_catalogue_is_found_by_both(name, capsys):
     np.testing.assert_array_equal(
         white.scattering, catalogue.load("acrylics")["TitaniumWhite"].scattering
     )
-    assert "a length of its own" in capsys.readouterr().err
+    assert "its own scale of length" in capsys.readouterr().err
     (plain,) = options.choose_paints(catalogue.load("acrylics"), f"{name},TitaniumWhite")
     assert plain.name == "TitaniumWhite"
     kept = options.choose_paints(oils, without="oils:ZincWhite")

@@ -62,29 +62,29 @@ class Ranks(NamedTuple):
 
 def films(count: int, rng: np.random.Generator, group: int) -> Posed:
     from glazefit import Instrument, Prior
+    from glazefit.film.solve import solve
     from glazefit.posterior.film import pose_films
-    from glazefit.posterior.film_errors import pose_errors
 
     made, truth = simulate(count, 1 + group % 3, rng, model_error=True, gloss=True)
     problem = pose_films(made, truth.paints, Instrument(), Prior())
-    problem, modes = pose_errors(problem, made, Prior())
+    problem, modes = solve(problem)
     return Posed(problem, tuple(made), modes, truth.quantities)
 
 
 def bands(count: int, rng: np.random.Generator, group: int) -> Posed:
     from glazefit import Instrument, Noise, simulate_films
     from glazefit.film.reading import readings
-    from glazefit.posterior.bands import pose_bands, prior_draws
-    from glazefit.posterior.laplace import find_modes
+    from glazefit.film.solve import solve
+    from glazefit.posterior.bands import BandPrior, pose_bands
 
-    logs = prior_draws(rng, count * BANDS.size).reshape(count, BANDS.size, 2)
+    logs = BandPrior().draws(rng, count * BANDS.size).reshape(count, BANDS.size, 2)
     k, s = np.exp(logs[..., 0] + logs[..., 1]), np.exp(logs[..., 1])
     names = [f"film {n}" for n in range(count)]
     made = simulate_films(BANDS, k, s, names=names, seed=int(rng.integers(2**31)))
     read = readings(made, Instrument(), Noise())
-    problem = pose_bands(read, 1.0, Instrument())
+    problem, modes = solve(pose_bands(read, 1.0, Instrument()))
     truth = {"absorption": k.ravel(), "scattering": s.ravel(), "ratio": (k / s).ravel()}
-    return Posed(problem, tuple(read), find_modes(problem), truth)
+    return Posed(problem, tuple(read), modes, truth)
 
 
 def coats(count: int, rng: np.random.Generator, group: int) -> Posed:
@@ -101,12 +101,12 @@ def one_ground(count: int, rng: np.random.Generator, group: int) -> Posed:
 
 def posed_stack(simulated: Any, rows: slice = slice(None)) -> Posed:
     from glazefit import Instrument, Prior, SpectraPrior
+    from glazefit.film.solve import solve
     from glazefit.posterior.film import pose_stack
-    from glazefit.posterior.film_errors import pose_errors
 
     made = simulated.films[rows]
     problem = pose_stack(made, simulated.coats[rows], Instrument(), Prior(), SpectraPrior())
-    problem, modes = pose_errors(problem, made, Prior())
+    problem, modes = solve(problem)
     truth = {name: values[rows] for name, values in simulated.truth.items()}
     return Posed(problem, tuple(made), modes, truth)
 
@@ -124,7 +124,7 @@ def ranked(posed: Posed, options: Any) -> Ranks:
     """Posteriors of a group, and where the truths lie in them."""
     from glazefit.posterior.posterior import sample
 
-    posterior = sample(posed.problem, posed.films, posed.modes, options)
+    posterior = sample(posed.problem, posed.modes, posed.films, options)
     state = posterior.convergence
     assert state is not None
     blocks = len(posed.problem.blocks)
@@ -211,7 +211,7 @@ def main() -> None:
     parser.add_argument("--kinds", nargs="+", choices=KINDS, default=list(KINDS))
     options = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
-    from glazefit.posterior.sampling import Sampling
+    from glazefit.film.sampling import Sampling
 
     say = Results("calibration_ranks", options.out)
     say(f"Where truths drawn from the prior lie in their posteriors (seed {options.seed})")

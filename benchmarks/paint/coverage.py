@@ -159,17 +159,15 @@ def shares(posterior: Any, truth: dict[str, np.ndarray], opaque: np.ndarray) -> 
 
 def of_paints(films: Sequence[Any], truth: Truth, seed: int) -> tuple[dict[str, Ranks], np.ndarray]:
     from glazefit import Instrument, Prior
+    from glazefit.film.sampling import Sampling
+    from glazefit.film.solve import solve
     from glazefit.posterior.film import pose_films
-    from glazefit.posterior.film_errors import pose_errors
     from glazefit.posterior.posterior import sample
-    from glazefit.posterior.sampling import Sampling
 
     problem = pose_films(films, truth.paints, Instrument(), Prior())
-    problem, modes = pose_errors(problem, films, Prior())
     posterior = sample(
-        problem,
+        *solve(problem),
         tuple(films),
-        modes,
         Sampling(steps=STEPS, walkers=WALKERS, seed=seed),
     )
     assert posterior.convergence is not None
@@ -180,17 +178,16 @@ def of_paints(films: Sequence[Any], truth: Truth, seed: int) -> tuple[dict[str, 
 
 def of_bands(films: Sequence[Any], truth: Truth, seed: int) -> tuple[dict[str, Ranks], np.ndarray]:
     from glazefit import Instrument
+    from glazefit.film.sampling import Sampling
+    from glazefit.film.solve import solve
     from glazefit.posterior.bands import pose_bands
-    from glazefit.posterior.laplace import find_modes
     from glazefit.posterior.posterior import sample
-    from glazefit.posterior.sampling import Sampling
 
     thinned = [every_third(film) for film in films]
     problem = pose_bands(thinned, 1.0, Instrument())
     posterior = sample(
-        problem,
+        *solve(problem),
         tuple(thinned),
-        find_modes(problem),
         Sampling(steps=BAND_STEPS, walkers=WALKERS, seed=seed),
     )
     assert posterior.convergence is not None

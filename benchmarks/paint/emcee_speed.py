@@ -4,7 +4,7 @@
 
 The same sampler, moves and model each time; what differs is how the log-probability is called.
 
-- vectorised: all walkers of all blocks in one compiled call (`glazefit.posterior.problem`).
+- vectorised: all walkers of all blocks in one compiled call (`glazefit.film.problem`).
 - one walker at a time: the same compiled program for one walker with all its blocks, called by
 emcee in turn.
 - one walker and block at a time: the compiled program of a single film or band, as sampling each by
@@ -39,13 +39,13 @@ PATIENCE = 1.0
 
 def problems() -> dict[str, Any]:
     from glazefit import Instrument, Prior
+    from glazefit.film.solve import solve
     from glazefit.posterior.bands import pose_bands
     from glazefit.posterior.film import pose_films
-    from glazefit.posterior.film_errors import pose_errors
 
     films, truth = simulate(30, 2, np.random.default_rng(0), model_error=True, gloss=True)
     instrument, prior = Instrument(), Prior()
-    many, _ = pose_errors(pose_films(films, truth.paints, instrument, prior), films, prior)
+    many, _ = solve(pose_films(films, truth.paints, instrument, prior))
     return {
         "a film of two paints": pick(many, 0),
         "31 bands of a film": pose_bands(films[:1], 1.0, instrument),

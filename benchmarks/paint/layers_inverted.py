@@ -178,18 +178,18 @@ def unknown_paint(count: int, rng: np.random.Generator) -> Simulated:
 def find(simulated: Simulated, steps: int, seed: int) -> tuple[dict[str, Found], Any]:
     """Where the truth lies in each posterior, and the chain's autocorrelation times."""
     from glazefit import Instrument, Prior, SpectraPrior
+    from glazefit.film.sampling import Sampling
+    from glazefit.film.solve import solve
     from glazefit.posterior.film import pose_stack
-    from glazefit.posterior.film_errors import pose_errors
     from glazefit.posterior.posterior import sample
-    from glazefit.posterior.sampling import Sampling
 
     films, prior = simulated.films, Prior()
     problem = pose_stack(films, simulated.coats, Instrument(), prior, SpectraPrior())
-    problem, modes = pose_errors(problem, films, prior)
+    problem, modes = solve(problem)
     posterior = sample(
         problem,
-        tuple(films),
         modes,
+        tuple(films),
         Sampling(steps=steps, walkers=WALKERS, seed=seed),
     )
     before = problem.draws(problem.prior_draws(np.random.default_rng(seed), 4000)[:, None])

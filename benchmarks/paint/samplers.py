@@ -9,7 +9,7 @@ draws are those of the quantity that is worst mixed, over all chains, by ArviZ's
 chain that never met the others lowers; so they can be compared between samplers. Held is the share
 of truths within 90 % intervals, over all quantities: few films, and a hint only.
 
-hmc and importance are `glazefit.posterior`'s, emcee is as it is there. aies is NumPyro's affine
+hmc and importance are `glazefit.film`'s, emcee is as it is there. aies is NumPyro's affine
 invariant ensemble in JAX, where numpyro is installed: from the same draws of Laplace's approximation,
 with emcee's steps, of which the first half is left out; bands as one problem. NumPyro compiles in
 every run: of its seconds those of a run of two steps are taken off.
@@ -74,13 +74,13 @@ def one_of(posed: Posed, film: int) -> Posed:
 
 def measured(posed: Posed, settings: dict[str, Any], seed: int) -> Measured:
     """A film's posterior, sampled twice; the second time counts."""
+    from glazefit.film.sampling import Sampling
     from glazefit.posterior.posterior import sample
-    from glazefit.posterior.sampling import Sampling
 
     # The first run compiles.
-    sample(posed.problem, posed.films, posed.modes, Sampling(seed=seed, **settings))
+    sample(posed.problem, posed.modes, posed.films, Sampling(seed=seed, **settings))
     began = time.perf_counter()
-    posterior = sample(posed.problem, posed.films, posed.modes, Sampling(seed=seed + 1, **settings))
+    posterior = sample(posed.problem, posed.modes, posed.films, Sampling(seed=seed + 1, **settings))
     seconds = time.perf_counter() - began
     held = share_held(posterior.draws, posed.truth)
     if posterior.chain is None:
@@ -126,9 +126,9 @@ def measured_aies(posed: Posed, steps: int, seed: int) -> Measured:
     """NumPyro's affine invariant ensemble on one film; seconds without its compilation."""
     from numpyro.infer import AIES, MCMC  # pyright: ignore[reportMissingImports]
 
+    from glazefit.film.sampling import Sampling
+    from glazefit.film.solve import laplace
     from glazefit.posterior.chain import count_samples
-    from glazefit.posterior.laplace import laplace
-    from glazefit.posterior.sampling import Sampling
 
     problem = posed.problem
     blocks, dims = len(problem.blocks), problem.dims

@@ -77,7 +77,7 @@ def table(tmp_path_factory):
         ),
         (
             ["films.csv", "--pigments", "mine.csv", "--catalogue", "pigments"],
-            "the paints of mine.csv have none: choose --catalogue oils or acrylics",
+            "the paints of mine.csv have none: add --catalogue oils or acrylics",
         ),
     ],
 )

@@ -2,7 +2,7 @@
 
 import os
 import signal
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import jax.numpy as jnp
@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 
 from glazefit import Instrument, Noise, posterior_of_bands, simulate_films
+from glazefit.film.problem import FilmProblem, Quantity
 from glazefit.film.reading import readings
-from glazefit.posterior.bands import pose_bands, prior_draws
+from glazefit.film.sample import draw_chain
+from glazefit.film.sampling import Sampling
+from glazefit.film.solve import find_modes, laplace
+from glazefit.posterior.bands import BandPrior, pose_bands
 from glazefit.posterior.chain import count_samples
-from glazefit.posterior.hamiltonian import run_hamiltonian
-from glazefit.posterior.laplace import find_modes, laplace
 from glazefit.posterior.posterior import sample
-from glazefit.posterior.problem import MeasuredResiduals, Problem, Quantity
-from glazefit.posterior.sampling import Sampling
 
 GRID = np.arange(400.0, 701.0, 50.0)
 WIDE = 10.0
@@ -27,49 +27,59 @@ WHERE = np.array([[1.0, -1.0], [8.0, 8.0], [0.0, 3.0]])
 
 
 def line(free, data, shared):
-    """A Gaussian likelihood and a Gaussian prior."""
+    """A Gaussian likelihood."""
     sharp, where = data
-    return jnp.concatenate([sharp @ (free - where), free / WIDE])
+    return sharp @ (free - where)
 
 
 def ring(free, data, shared):
-    """Two places where the first unknown may be, beyond a high wall; a wide prior about the right
-    one.
-    """
+    """Two places where the first unknown may be, beyond a high wall."""
     del data, shared
-    return jnp.concatenate([(free[:1] ** 2 - 9.0) / 0.5, free - jnp.asarray([0.1, 0.0])])
+    return (free[:1] ** 2 - 9.0) / 0.5
 
 
-def problem_of(residuals: Any, data: Any, blocks: int, centre=(0.0, 0.0), width=WIDE) -> Problem:
-    def draws(rng: np.random.Generator, n: int) -> np.ndarray:
-        return np.asarray(centre) + width * rng.standard_normal((n, 2))
+@dataclass(frozen=True)
+class Normal:
+    """A Gaussian prior."""
 
-    return Problem(
+    centre: tuple[float, float]
+    width: float
+
+    def residuals(self, free, shared):
+        return (free - jnp.asarray(self.centre)) / self.width
+
+    def draws(self, rng, n, shared):
+        return np.asarray(self.centre) + self.width * rng.standard_normal((n, 2))
+
+    def covariance(self, shared):
+        return self.width**2 * np.eye(2)
+
+
+def problem_of(misfit: Any, data: Any, blocks: int, centre=(0.0, 0.0), width=WIDE) -> FilmProblem:
+    return FilmProblem(
         kind="bands",
         blocks=tuple(f"{n} nm" for n in range(blocks)),
         unknowns=("x", "y"),
-        residuals=residuals,
-        fitted=residuals,
-        prior_rows=2,
+        film=None,  # pyright: ignore[reportArgumentType]
+        misfit=misfit,
+        prior=Normal(centre, width),
         data=data,
         shared=None,
         quantities=(
             Quantity("x", False, lambda free: free[..., 0]),
             Quantity("y", False, lambda free: free[..., 1]),
         ),
-        prior_draws=draws,
-        prior_covariance=width**2 * np.eye(2),
         bands=1,
         fingerprint="known",
     )
 
 
-def gaussians() -> Problem:
+def gaussians() -> FilmProblem:
     return problem_of(line, (jnp.asarray(SHARP), jnp.asarray(WHERE)), 3)
 
 
-def sampled(problem: Problem, **options):
-    return run_hamiltonian(problem, laplace(problem, find_modes(problem)), Sampling(**options))
+def sampled(problem: FilmProblem, **options):
+    return draw_chain(problem, laplace(problem, find_modes(problem)), Sampling(**options))
 
 
 def test_gaussian_posteriors_are_met():
@@ -110,7 +120,7 @@ def test_a_chain_thinned_by_three_keeps_every_third_step():
     """A chain is drawn in pieces of fifty steps, which three does not divide."""
     whole = sampled(gaussians(), steps=110, seed=3)
     problem = gaussians()
-    thinned = sample(problem, (), find_modes(problem), Sampling(steps=110, seed=3, thin=3))
+    thinned = sample(problem, find_modes(problem), (), Sampling(steps=110, seed=3, thin=3))
     assert thinned.chain is not None
     np.testing.assert_array_equal(thinned.chain.free, whole.free[2::3])
     np.testing.assert_array_equal(thinned.chain.log_probability, whole.log_probability[2::3])
@@ -126,18 +136,18 @@ THIN = 1e-3
 def funnel(free, data, shared):
     """A reading of y that is the sharper the larger x is: a thousandth wide where x is 0."""
     del data, shared
-    return jnp.concatenate([free[1:] * jnp.exp(free[:1]) / THIN, free])
+    return free[1:] * jnp.exp(free[:1]) / THIN
 
 
 def circle(free, data, shared):
     """A reading of the distance from the middle, good to a thousandth."""
     del data, shared
-    return jnp.concatenate([(jnp.linalg.norm(free, keepdims=True) - 3.0) / THIN, free / WIDE])
+    return (jnp.linalg.norm(free, keepdims=True) - 3.0) / THIN
 
 
-def on_graph(residuals: Any, width: float) -> Problem:
-    problem = problem_of(residuals, jnp.zeros((1, 1)), 1, width=width)
-    return replace(problem, scaled=MeasuredResiduals(residuals, prior_rows=2))
+def on_graph(misfit: Any, width: float) -> FilmProblem:
+    problem = problem_of(misfit, jnp.zeros((1, 1)), 1, width=width)
+    return replace(problem, scaled=misfit)
 
 
 def test_a_sheet_whose_thickness_varies_is_met():
@@ -162,7 +172,7 @@ def test_a_bent_sheet_is_met_all_around():
 
 @pytest.mark.slow
 def test_a_metric_of_the_readings_finds_the_same_gaussians():
-    there = replace(gaussians(), scaled=MeasuredResiduals(line, prior_rows=2))
+    there = replace(gaussians(), scaled=line)
     flat, bent = (sampled(p, steps=100, seed=1).free for p in (gaussians(), there))
     for block in range(3):
         one, other = (free[:, :, block].reshape(-1, 2) for free in (flat, bent))
@@ -238,12 +248,12 @@ def test_nine_of_ten_intervals_hold_the_truth():
     """Band by band, truths drawn from the prior and read with the instrument's noise."""
     films, bands = 40, GRID.size
     rng = np.random.default_rng(5)
-    logs = prior_draws(rng, films * bands).reshape(films, bands, 2)
+    logs = BandPrior().draws(rng, films * bands).reshape(films, bands, 2)
     k, s = np.exp(logs[..., 0] + logs[..., 1]), np.exp(logs[..., 1])
     names = [f"film {n}" for n in range(films)]
     simulated = simulate_films(GRID, k, s, names=names, seed=6)
     problem = pose_bands(readings(simulated, Instrument(), Noise()), 1.0, Instrument())
-    posterior = sample(problem, (), find_modes(problem), Sampling(sampler="hmc", steps=40))
+    posterior = sample(problem, find_modes(problem), (), Sampling(sampler="hmc", steps=40))
     for name, truth in (("absorption", k), ("scattering", s), ("ratio", k / s)):
         ranks = (posterior.draws[name] < truth.reshape(-1)).mean(axis=(0, 1))
         held = (np.abs(ranks - 0.5) < 0.45).reshape(films, bands).mean(axis=1)

@@ -584,7 +584,7 @@ def test_anachronisms_are_said():
                 opaque=False,
                 ground=np.full((2, GRID.size), 0.5),
             ),
-            "from one reading of a film, not 2",
+            "by one reading of a film, not 2",
         ),
     ],
 )

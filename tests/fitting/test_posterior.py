@@ -17,12 +17,12 @@ from glazefit import (
     simulate_films,
 )
 from glazefit.film.numerics.least_squares import root_of_log1p
+from glazefit.film.prior import uniform_residual
+from glazefit.film.problem import log_probability
 from glazefit.film.reading import readings
-from glazefit.posterior.bands import pose_bands, prior_covariance, prior_draws
+from glazefit.film.solve import Laplace, _distinct, climb, find_modes, laplace, solve
+from glazefit.posterior.bands import BandPrior, pose_bands
 from glazefit.posterior.film import pose_films
-from glazefit.posterior.film_errors import pose_errors
-from glazefit.posterior.laplace import Laplace, _distinct, climb, find_modes, laplace
-from glazefit.posterior.problem import log_probability, uniform_residual
 from glazefit.posterior.report import describe_unsettled
 from glazefit.posterior.summary import Numbers, Row, Summary, compare
 from glazejax import Glaze, Hemispherical, Layer, Pigment, reflectance
@@ -254,13 +254,13 @@ def test_prior_is_what_the_log_probability_says():
     rest = np.asarray(
         log_probability(problem.residuals, one, problem.shared, grid[:, None], 20_000)
     )[:, 0]
-    data = np.asarray(
-        log_probability(problem.residuals, one, problem.shared, grid[:, None], 20_000, -2)
-    )[:, 0]
+    data = np.asarray(log_probability(problem.misfit, one, problem.shared, grid[:, None], 20_000))[
+        :, 0
+    ]
     # Free unknowns are log k/s and log s.
     density = np.exp(rest - data)
     density /= density.sum()
-    draws = prior_draws(np.random.default_rng(3), 100_000)
+    draws = problem.prior_draws(np.random.default_rng(3), 100_000)
     for function in (
         lambda f: f[:, 0],
         lambda f: f[:, 1],
@@ -272,7 +272,9 @@ def test_prior_is_what_the_log_probability_says():
         assert values.mean() == pytest.approx(
             expected, abs=5 * values.std() / np.sqrt(len(values)) + 0.02
         )
-    np.testing.assert_allclose(np.cov(draws, rowvar=False), prior_covariance(), rtol=0.03, atol=0.2)
+    np.testing.assert_allclose(
+        np.cov(draws, rowvar=False), problem.prior_covariance, rtol=0.03, atol=0.2
+    )
 
 
 def test_a_band_reads_what_its_film_does():
@@ -287,9 +289,10 @@ def test_a_band_reads_what_its_film_does():
     medium = paint("x", k / 2e-5, s / 2e-5)
     exact = [
         reflectance(Glaze([Layer(medium, 2e-5)], g), Hemispherical(8.0))[3]
-        for g in np.asarray(band.ground)
+        for g in np.asarray(band.ground[0])
     ]
-    np.testing.assert_allclose(problem.fitted(free, band, problem.shared), exact, atol=1e-4)
+    fitted = problem.film.read(free, band, problem.shared)
+    np.testing.assert_allclose(fitted[0], exact, atol=1e-4)
     found = {
         quantity.name: float(quantity.values(np.asarray(free))) for quantity in problem.quantities
     }
@@ -324,25 +327,23 @@ def test_likelihood_is_the_gaussian_it_is_said_to_be():
     """W, b and the offset against the covariance diag(v) + e^2 J K J^T written out."""
     prior = Prior()
     films = readings(film_of(0.3), INSTRUMENT, NOISE)
-    problem, found = pose_errors(
-        pose_films(films, [[BLUE, WHITE]], INSTRUMENT, prior), films, prior
-    )
-    data = problem.data
-    root = np.linalg.inv(np.asarray(data.whiten[0]))
-    part = root * np.asarray(data.spread[0])
+    problem, found = solve(pose_films(films, [[BLUE, WHITE]], INSTRUMENT, prior))
+    data, errors = problem.data, problem.data.expansion
+    root = np.linalg.inv(np.asarray(errors.whiten[0]))
+    part = root * np.asarray(errors.spread[0])
     points = found.points[0, 0] + np.random.default_rng(1).normal(size=(5, 4)) * 0.01
     expected = []
     for point in points:
         shifted = problem.data._replace(
-            absorption=data.absorption * np.exp(data.shift[:, 0])[..., None],
-            scattering=data.scattering * np.exp(data.shift[:, 1])[..., None],
+            absorption=data.absorption * np.exp(errors.shift[:, 0])[..., None],
+            scattering=data.scattering * np.exp(errors.shift[:, 1])[..., None],
         )
         mean = np.asarray(
-            problem.fitted(
+            problem.film.read(
                 jnp.asarray(point), jax.tree.map(lambda a: a[0], shifted), problem.shared
             )
         )
-        off = (films[0].reflectance - mean - np.asarray(data.offset[0])).ravel()
+        off = (films[0].reflectance - mean - np.asarray(errors.offset[0])).ravel()
         covariance = root @ root.T + np.exp(2 * point[-1]) * part @ part.T
         expected.append(
             -0.5 * (off @ np.linalg.solve(covariance, off) + np.linalg.slogdet(covariance)[1])
@@ -413,7 +414,7 @@ def test_blocks_are_independent_of_each_other():
     )
     problems = [pose_bands([film], 1.0, INSTRUMENT) for film in films]
     both = pose_bands(films, 1.0, INSTRUMENT)
-    free = prior_draws(np.random.default_rng(0), len(both.blocks))[None]
+    free = BandPrior().draws(np.random.default_rng(0), len(both.blocks))[None]
     apart = [
         p.log_probability(free[:, part])
         for p, part in zip(problems, (slice(0, 16), slice(16, 32)), strict=True)
@@ -504,7 +505,7 @@ def test_modes_are_apart_and_not_hopelessly_lower():
 @pytest.mark.slow
 def test_least_squares_that_did_not_settle_is_said(banded):
     problem = replace(
-        banded.problem, residuals=far_away, data=jnp.ones((len(banded.problem.blocks), 1))
+        banded.problem, misfit=far_away, data=jnp.ones((len(banded.problem.blocks), 1))
     )
     assert not climb(problem, np.zeros((len(problem.blocks), 1, problem.dims))).settled.any()
 

@@ -9,12 +9,13 @@ import pytest
 from rich.console import Console
 
 from glazefit import Noise, posterior_of_bands, simulate_films
+from glazefit.film.chain_file import Chain
 from glazefit.film.model.errors import Prior
+from glazefit.film.problem import FilmProblem
+from glazefit.film.sample import draw_chain
+from glazefit.film.sampling import Sampling
 from glazefit.posterior import command
-from glazefit.posterior.chain import Convergence, convergence, count_samples, run_chain
-from glazefit.posterior.chain_file import Chain
-from glazefit.posterior.problem import Problem
-from glazefit.posterior.sampling import Sampling
+from glazefit.posterior.chain import Convergence, convergence, count_samples
 from glazejax import catalogue
 from tests.fitting.test_cli_recover import write
 
@@ -42,18 +43,21 @@ class Gaussians:
     def log_probability(self, free):
         return -0.5 * np.sum(((free - self.means) / self.scales[:, None]) ** 2, axis=-1)
 
+    def draws(self, n, rng):
+        return self.means + self.scales[:, None] * rng.standard_normal((n, 3, 3))
 
-def start(problem, walkers=20, seed=0):
-    noise = np.random.default_rng(seed).standard_normal((walkers, 3, 3))
-    return problem.means + problem.scales[:, None] * noise
+
+def sampled(problem: Any, **options) -> Chain:
+    """The stand-in is its own approximation."""
+    settings = Sampling(sampler="emcee", walkers=20, seed=3, **options)
+    return draw_chain(problem, problem, settings)
 
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("unchecked")  # a stand-in is sampled
 def test_blocks_of_very_different_size_are_all_sampled_rightly():
     problem = Gaussians()
-    settings = Sampling(sampler="emcee", steps=12000, thin=4, seed=3)
-    chain = run_chain(problem, start(problem), settings)  # pyright: ignore[reportArgumentType]
+    chain = sampled(problem, steps=12000, thin=4)
     free = chain.free[200:].reshape(-1, 3, 3)
     kept = chain.free[200:]
     samples = count_samples(kept.reshape(*kept.shape[:2], -1))[0].reshape(3, 3)
@@ -68,10 +72,7 @@ def test_blocks_of_very_different_size_are_all_sampled_rightly():
 @pytest.mark.usefixtures("unchecked")  # a stand-in is sampled
 def test_a_chain_thinned_by_three_keeps_every_third_step():
     problem = Gaussians()
-    whole, thinned = (
-        run_chain(problem, start(problem), Sampling(sampler="emcee", steps=31, thin=n, seed=3))  # pyright: ignore[reportArgumentType]
-        for n in (1, 3)
-    )
+    whole, thinned = (sampled(problem, steps=31, thin=n) for n in (1, 3))
     assert (len(whole.free), len(thinned.free)) == (31, 10)
     np.testing.assert_array_equal(thinned.free, whole.free[2::3])
     np.testing.assert_array_equal(thinned.log_probability, whole.log_probability[2::3])
@@ -171,7 +172,7 @@ def test_file_gives_the_chain_that_memory_gives(tmp_path):
 def test_interrupt_keeps_what_is_done_and_the_rest_can_follow(tmp_path, monkeypatch):
     path = tmp_path / "c.h5"
     calls = [0]
-    original = Problem.log_probability
+    original = FilmProblem.log_probability
 
     def counting(self, free):
         calls[0] += free.shape[0] == SHORT["walkers"] // 2
@@ -179,7 +180,7 @@ def test_interrupt_keeps_what_is_done_and_the_rest_can_follow(tmp_path, monkeypa
             os.kill(os.getpid(), signal.SIGINT)
         return original(self, free)
 
-    monkeypatch.setattr(Problem, "log_probability", counting)
+    monkeypatch.setattr(FilmProblem, "log_probability", counting)
     stopped = posterior_of_bands(film(), steps=100, path=path, **SHORT)
     monkeypatch.undo()
     assert stopped.chain is not None

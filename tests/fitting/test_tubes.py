@@ -373,7 +373,7 @@ def test_entries_keep_what_is_there_and_share_the_errors_of_the_white(tmp_path):
     short = mine["White"].resample(GRID[2:])
     for paint in (twice, other, short):
         with pytest.raises(
-            ValueError, match="has another 'White' than the fit was told; tell it the file's own"
+            ValueError, match="has another 'White' than the fit used: give the fit the file's own"
         ):
             add_paints(
                 dataclasses.replace(sky, known_paints={"White": paint}), path, overwrite=True

@@ -487,7 +487,7 @@ def test_command_learns_from_a_reading(run, tmp_path, paints):
     status, out, err = run("10 Vermillion + 90 ZincWhite", "--reading", file)
     assert (status, err) == (0, "")
     assert "Reading mine: met to" in out
-    assert "No further reading of it would tell much more." in out
+    assert "No further reading would improve this much." in out
     white = write_films(tmp_path / "white.tsv", films, ("b", "w", "ow"))
     status, out, err = run("10 Vermillion + 90 ZincWhite", "--reading", white)
     assert (status, err) == (0, "")

@@ -5,30 +5,19 @@ Walkers are ArviZ's chains. Lengths are in m, k d and s d optical thicknesses, r
 fraction.
 """
 
-import warnings
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
-from glazejax.extras import require
-
+from ..film.problem import FilmProblem
 from ..film.reading import Reading
-from .problem import Problem
-
-
-def load_arviz() -> Any:
-    """ArviZ, without the announcement of its next version."""
-    require("arviz")
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", FutureWarning)
-        import arviz
-    return arviz
+from ..film.solve import load_arviz
 
 
 def inference_data(
-    problem: Problem,
+    problem: FilmProblem,
     films: Sequence[Reading],
     draws: Mapping[str, Float[np.ndarray, "steps walkers blocks"]],
     free: Float[np.ndarray, "steps walkers blocks dims"],
@@ -72,26 +61,23 @@ def inference_data(
         return values
 
     variables: dict[str, np.ndarray] = {}
-    fractions = []
-    optical: dict[str, list[np.ndarray]] = {}
+    # What has a further axis: of paints, or of the bands of a spectrum.
+    axes: dict[str, tuple[str, list[np.ndarray]]] = {}
     spectrum = {q.name: q.spectrum for q in problem.quantities}
     for name, values in draws.items():
-        if name.startswith("fraction "):
-            fractions.append((name.removeprefix("fraction "), values))
-        elif spectrum[name]:
-            optical.setdefault(spectrum[name], []).append(by_block(spectrum[name], values))
+        paint = name.startswith("fraction ")
+        key = "fraction" if paint else spectrum[name] or name.replace(" ", "_")
+        values = by_block(key, values)
+        if paint or spectrum[name]:
+            axis = "paint" if paint else "wavelength"
+            axes.setdefault(key, (axis, []))[1].append(values)
         else:
-            key = name.replace(" ", "_")
-            variables[key] = by_block(key, values)
-    if fractions:
-        coords["paint"] = [paint for paint, _ in fractions]
-        variables["fraction"] = np.stack(
-            [by_block("fraction", values) for _, values in fractions], axis=-1
-        )
-        dims["fraction"] = [*dims.get("fraction", []), "paint"]
-    for name, each_band in optical.items():
-        variables[name] = np.stack(each_band, axis=-1)
-        dims[name] = [*dims.get(name, []), "wavelength"]
+            variables[key] = values
+    for key, (axis, each_value) in axes.items():
+        variables[key] = np.stack(each_value, axis=-1)
+        dims[key] = [*dims.get(key, []), axis]
+    if "fraction" in axes:
+        coords["paint"] = [n.removeprefix("fraction ") for n in draws if n.startswith("fraction ")]
 
     flat = free.reshape(-1, *free.shape[2:])
     likelihood = problem.log_likelihood(flat).reshape(free.shape[:3])

@@ -1,8 +1,4 @@
-"""Sampling by emcee: all walkers of all blocks in one compiled call a half step; convergence.
-
-The moves are emcee's own: stretch and differential evolution between two halves of the ensemble.
-A walker is accepted as a whole, so that thirty bands are one problem of sixty unknowns:
-Hamiltonian Monte Carlo (`glazefit.posterior.hamiltonian`) samples each band by itself.
+"""Whether a chain is long enough.
 
 A chain counts as converged in a block if it holds 400 effective samples or more and its R-hat is
 below 1.05, both as ArviZ counts them.
@@ -11,15 +7,11 @@ below 1.05, both as ArviZ counts them.
 import warnings
 from dataclasses import dataclass
 
-import emcee
 import numpy as np
-from emcee.moves import DEMove, StretchMove
 from jaxtyping import Bool, Float
 
-from .arviz import load_arviz
-from .chain_file import Chain, DrawsFile, gentle_interrupt
-from .problem import Problem
-from .sampling import Sampling
+from ..film.chain_file import Chain
+from ..film.solve import load_arviz
 
 ENOUGH_SAMPLES = 400.0
 """Effective samples that it must hold."""
@@ -138,59 +130,3 @@ def count_samples(
         apart = arviz.rhat(draws)["of"].to_numpy()
     known = moves & np.isfinite(samples) & np.isfinite(apart)
     return np.where(known, samples, 0.0), np.where(known, apart, np.inf)
-
-
-def run_chain(
-    problem: Problem, start: Float[np.ndarray, "walkers blocks dims"], options: Sampling
-) -> Chain:
-    """Sample a problem.
-
-    Args:
-        problem: what is sampled.
-        start: of the ensemble, an even number of walkers, at least twice as many as the unknowns of
-            all blocks.
-        options: all but its number of walkers.
-
-    Raises:
-        ValueError, FileExistsError, FileNotFoundError: see `glazefit.posterior.chain_file`.
-    """
-    walkers, blocks, dims = start.shape
-    kept = DrawsFile(problem.fingerprint, start.shape, options)
-
-    def log_prob(points: np.ndarray) -> np.ndarray:
-        parts = problem.log_probability(points.reshape(len(points), blocks, dims))
-        return np.concatenate([parts.sum(axis=1, keepdims=True), parts], axis=1)
-
-    sampler = emcee.EnsembleSampler(
-        walkers,
-        blocks * dims,
-        log_prob,
-        moves=[(StretchMove(), 0.4), (DEMove(), 0.6)],
-        vectorize=True,
-        blobs_dtype=np.float64,
-    )
-    place = emcee.State(start.reshape(walkers, -1))
-    if kept.steps:
-        height = kept.state["height"]
-        place = emcee.State(
-            kept.state["free"], log_prob=height.sum(axis=1), blobs=np.squeeze(height)
-        )
-    with gentle_interrupt() as asked:
-        while kept.steps + options.every <= options.length and not asked.is_set():
-            free = []
-            height = []
-            moved = 0.0
-            for number in range(kept.steps, kept.steps + options.every):
-                before = place.coords
-                # From the seed and the number of the step: a resumed chain is the one that was
-                # never stopped.
-                place.random_state = np.random.RandomState([options.seed, number]).get_state()
-                # Draws of Laplace's approximation are far from each other where a block is open.
-                place = next(sampler.sample(place, store=False, skip_initial_state_check=True))
-                free.append(place.coords.reshape(start.shape))
-                height.append(np.reshape(np.asarray(place.blobs), (walkers, blocks)))
-                moved += float(np.mean(np.any(place.coords != before, axis=1)))
-            state = {"free": place.coords, "height": height[-1]}
-            kept.add(np.stack(free), np.stack(height), moved, state)
-            options.progress(kept.steps, options.length, "sampling")
-    return kept.chain(interrupted=kept.steps + options.every <= options.length)

@@ -183,7 +183,7 @@ def posterior(
 
     Try it without data: glazejax posterior --simulate --paints CobaltBlue,ZincWhite --out demo
     """
-    from .sampling import Sampling, check_sampler
+    from ..film.sampling import Sampling, check_sampler
 
     check_sampler(sampler, "--sampler")
     # Says what is wrong with the numbers.

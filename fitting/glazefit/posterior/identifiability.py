@@ -14,8 +14,8 @@ from jaxtyping import Bool, Float, Int
 
 from glazejax.spectra import ranges
 
+from ..film.problem import FilmProblem, Quantity
 from ..recover.result import ABSOLUTE_LIMIT, RELATIVE_LIMIT
-from .problem import Problem, Quantity
 from .summary import LEVELS
 
 OPEN = 0.25
@@ -92,7 +92,7 @@ def _describe_open(
     return f"the data say little of one direction ({moves}): it keeps {left}"
 
 
-def open_above(problem: Problem, free: Float[np.ndarray, "draws blocks dims"]) -> list[str]:
+def open_above(problem: FilmProblem, free: Float[np.ndarray, "draws blocks dims"]) -> list[str]:
     """Films of paints that hide their ground, in words: they are so thick at least, and may be
     thicker.
 
@@ -116,27 +116,6 @@ def open_above(problem: Problem, free: Float[np.ndarray, "draws blocks dims"]) -
     ]
 
 
-def of_bands(
-    free: Float[np.ndarray, "draws blocks 2"],
-    prior: Float[np.ndarray, "2 2"],
-    spectra: Mapping[str, Float[np.ndarray, "draws blocks"]],
-    wavelengths: Float[np.ndarray, "blocks"],
-) -> Identifiability:
-    """What is open in k d and s d of a film, band by band.
-
-    A value is known if its standard deviation is less than half of it or than .01, the rule of
-    `glazejax recover`.
-
-    Args:
-        free: draws of the free unknowns.
-        prior: their covariance before the measurement.
-        spectra: the same draws as k d, s d and k/s (see `Problem.spectra`).
-        wavelengths: nm.
-    """
-    shares, vectors, correlation = directions(free, prior)
-    return Identifiability(shares, vectors, correlation, tuple(_of_spectra(spectra, wavelengths)))
-
-
 def _of_spectra(
     spectra: Mapping[str, Float[np.ndarray, "draws bands"]], wavelengths: Float[np.ndarray, "bands"]
 ) -> list[str]:
@@ -151,21 +130,27 @@ def _of_spectra(
     return [f"{ranges(wavelengths, where)}: {what}" for where, what in cases if where.any()]
 
 
-def of_films(
-    problem: Problem,
+def identify_open(
+    problem: FilmProblem,
     free: Float[np.ndarray, "draws blocks dims"],
     wavelengths: Float[np.ndarray, "bands"],
 ) -> Identifiability:
-    """What is open in films of coats: of one coat of known paints directions of all unknowns, and a
-    thickness that is open above; else first each unknown by itself, then ties of thicknesses and
-    fractions.
+    """What is open.
+
+    Band by band a value is known if its standard deviation is less than half of it or than .01, the
+    rule of `glazejax recover`. In a film of one coat of known paints directions of all unknowns are
+    open, and a thickness above; in one of several first each unknown by itself, then ties of
+    thicknesses and fractions.
 
     Args:
-        problem: of the films.
+        problem: of films, or of bands.
         free: draws of the free unknowns.
         wavelengths: nm.
     """
     shares, vectors, correlation = directions(free, problem.prior_covariance)
+    if problem.kind == "bands":
+        sentences = _of_spectra(problem.spectra(free), wavelengths)
+        return Identifiability(shares, vectors, correlation, tuple(sentences))
     by_coats = problem.kind == "stack"
     beforehand = problem.prior_draws(np.random.default_rng(0), 4000)
     sentences = [] if by_coats else open_above(problem, free)
@@ -180,7 +165,7 @@ def of_films(
             if not unchanged and " of coat " in quantity.name:
                 ties.append(problem.unknowns.index(quantity.name))
         said += _open_directions(free[:, b], problem, ties, alone=not by_coats)
-        if spectra := problem.spectra(free[:, b]):
+        if spectra := problem.spectra(free[:, b : b + 1]):
             said += [f"unknown paint, {words}" for words in _of_spectra(spectra, wavelengths)]
         where = f"{film}: " if len(problem.blocks) > 1 else ""
         sentences += [where + words for words in said]
@@ -211,7 +196,11 @@ def _compare_with_prior(
 
 
 def _open_directions(
-    free: Float[np.ndarray, "draws dims"], problem: Problem, columns: Sequence[int], *, alone: bool
+    free: Float[np.ndarray, "draws dims"],
+    problem: FilmProblem,
+    columns: Sequence[int],
+    *,
+    alone: bool,
 ) -> list[str]:
     """Open directions of these unknowns, those of a single one `alone` too, and unknowns that move
     together.

@@ -16,6 +16,8 @@ from .summary import LEVELS, Numbers, in_units
 SAMPLED, LAPLACE = "#1f4e9c", "#c8641e"
 _COLOURS = {"black": OVER_BLACK, "white": OVER_WHITE}
 _RATIO = "#2a6f4b"
+_CONTOURS: dict[str, Any] = {"levels": (0.5, 0.9), "smooth": 1.0, "plot_datapoints": False}
+_OUTLINES: dict[str, Any] = {"color": LAPLACE, "plot_density": False, "no_fill_contours": True}
 # Standard deviations on either side that enclose 90 %.
 _NINETY = 1.645
 
@@ -68,26 +70,22 @@ def _corner_of_film(posterior: Posterior, path: str | Path) -> None:
     approximate = np.stack(
         [in_units(n, posterior.laplace_draws[n][:, 0])[1] for n in names], axis=1
     )
-    both = np.concatenate([draws, approximate])
-    limits = [tuple(np.quantile(column, (0.002, 0.995))) for column in both.T]
-    limits = [(low, high) if high > low else (low - 1e-9, high + 1e-9) for low, high in limits]
+    low, high = np.quantile(np.concatenate([draws, approximate]), (0.002, 0.995), axis=0)
+    # What never moves has a width too.
+    still = np.where(high > low, 0.0, 1e-9)
     side = max(2.0 * len(names) + 1.5, 6.5)
     with picture(path, side, side, layout=None) as figure:
         common: dict[str, Any] = {
             "fig": figure,
-            "range": limits,
-            "levels": (0.5, 0.9),
-            "plot_datapoints": False,
+            "range": list(zip(low - still, high + still, strict=True)),
             "bins": 30,
-            "smooth": 1.0,
+            **_CONTOURS,
         }
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             corner.corner(
                 approximate,
-                color=LAPLACE,
-                plot_density=False,
-                no_fill_contours=True,
+                **_OUTLINES,
                 weights=np.full(len(approximate), len(draws) / len(approximate)),
                 hist_kwargs={"lw": 1.2},
                 **common,
@@ -152,26 +150,12 @@ def _corner_of_bands(posterior: Posterior, path: str | Path) -> None:
                 tuple(np.quantile(np.concatenate(both), (0.002, 0.998)))
                 for both in ((x, u), (y, v))
             ]
-            options = {
-                "ax": panel,
-                "bins": 40,
-                "smooth": 1.0,
-                "levels": (0.5, 0.9),
-                "range": limits,
-            }
+            options = {"ax": panel, "bins": 40, "range": limits, **_CONTOURS}
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
-                corner.hist2d(
-                    u,
-                    v,
-                    color=LAPLACE,
-                    plot_datapoints=False,
-                    plot_density=False,
-                    no_fill_contours=True,
-                    **options,
-                )
+                corner.hist2d(u, v, **_OUTLINES, **options)
                 if posterior.chain is not None:
-                    corner.hist2d(x, y, color=SAMPLED, plot_datapoints=False, **options)
+                    corner.hist2d(x, y, color=SAMPLED, **options)
             tail = posterior.laplace.tail[b]
             panel.set_title(
                 f"{posterior.problem.blocks[b]}, Laplace's tail index {tail:.2f}", fontsize=9
@@ -201,36 +185,17 @@ def _spectra_of_film(posterior: Posterior, path: str | Path) -> None:
         for g, ground in enumerate(film.grounds):
             colour = _COLOURS.get(ground, SAMPLED)
             measured = film.reflectance[:, g]
-            spectra.plot(
-                grid,
-                measured,
-                "o",
-                color=colour,
-                ms=4,
-                mfc="none",
-                label=f"over {ground}, measured",
-            )
-            spectra.plot(
-                grid,
-                middle[:, g],
-                "-",
-                color=colour,
-                lw=1.2,
-                label=f"over {ground}, median of the fit",
-            )
+            fit, bound = middle[:, g], _NINETY * allowed[:, g]
+            over, thin = f"over {ground}", {"color": colour, "lw": 1}
+            spectra.plot(grid, measured, "o", c=colour, ms=4, mfc="none", label=f"{over}, measured")
+            spectra.plot(grid, fit, "-", c=colour, lw=1.2, label=f"{over}, median of the fit")
             spectra.fill_between(grid, low[:, g], high[:, g], color=colour, alpha=0.3, lw=0)
             residuals.plot(
-                grid,
-                measured - middle[:, g],
-                "o-",
-                color=colour,
-                ms=3,
-                lw=1,
-                label=f"over {ground}: measured - fit",
+                grid, measured - fit, "o-", ms=3, label=f"{over}: measured - fit", **thin
             )
-            residuals.plot(grid, _NINETY * allowed[:, g], ":", color=colour, lw=1)
-            bound = None if g else "90 % by noise and model error"
-            residuals.plot(grid, -_NINETY * allowed[:, g], ":", color=colour, lw=1, label=bound)
+            residuals.plot(grid, bound, ":", **thin)
+            words = None if g else "90 % by noise and model error"
+            residuals.plot(grid, -bound, ":", label=words, **thin)
         noise = _NINETY * film.sd.max(axis=1)
         residuals.fill_between(
             grid,
@@ -270,9 +235,9 @@ def _reading_sd(
     posterior: Posterior, free: Float[np.ndarray, "draws 1 dims"]
 ) -> Float[np.ndarray, "bands grounds"]:
     """Standard deviation of a reading by noise, grounds and the median model error."""
-    data = posterior.problem.data
-    back = np.linalg.inv(np.asarray(data.whiten[0]))
-    scale = 1.0 + (np.exp(np.median(free[:, 0, -1])) * np.asarray(data.spread[0])) ** 2
+    errors = posterior.problem.data.expansion
+    back = np.linalg.inv(np.asarray(errors.whiten[0]))
+    scale = 1.0 + (np.exp(np.median(free[:, 0, -1])) * np.asarray(errors.spread[0])) ** 2
     return np.sqrt(np.einsum("ij,j,ij->i", back, scale, back)).reshape(
         posterior.films[0].reflectance.shape
     )

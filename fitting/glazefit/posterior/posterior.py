@@ -25,21 +25,20 @@ from glazejax.geometry import resolve_instrument
 from ..film.films import Films, Instrument, InstrumentLike, Noise
 from ..film.gloss import estimate_gloss
 from ..film.model.errors import Prior
+from ..film.problem import FilmProblem
 from ..film.reading import Reading, readings
+from ..film.sampling import Sampling, SamplingOptions
+from ..film.solve import TRUSTED_TAIL, Laplace, Modes, laplace, solve
 from .bands import pose_bands
 from .coats import CoatPrior, check_coats
 from .film import pose_films, pose_stack
-from .film_errors import pose_errors
-from .identifiability import Identifiability, of_bands, of_films
-from .laplace import TRUSTED_TAIL, Laplace, Modes, find_modes, laplace
-from .problem import Problem
-from .sampling import Sampling, SamplingOptions
+from .identifiability import Identifiability, identify_open
 from .spectra import SpectraPrior
 from .summary import Numbers, Row, Summary, compare
 
 if TYPE_CHECKING:
+    from ..film.chain_file import Chain
     from .chain import Convergence
-    from .chain_file import Chain
 
 
 @dataclass(frozen=True)
@@ -54,7 +53,7 @@ class Posterior:
         weighted: whether Laplace's draws, weighted, were asked for in place of a chain.
     """
 
-    problem: Problem
+    problem: FilmProblem
     films: tuple[Reading, ...]
     laplace: Laplace
     chain: "Chain | None"
@@ -100,10 +99,7 @@ class Posterior:
         for known paints.
         """
         draws = self.laplace.sample if laplace else self.free
-        flat = draws.reshape(-1, *draws.shape[-2:])
-        if self.problem.kind == "bands":
-            return self.problem.draws(flat)
-        return self.problem.spectra(flat[:, 0])
+        return self.problem.spectra(draws.reshape(-1, *draws.shape[-2:]))
 
     def summary(self) -> Summary:
         """A row for each quantity of each block: the chain's numbers, Laplace's, and where the two
@@ -122,7 +118,7 @@ class Posterior:
         for quantity in self.problem.quantities:
             chain = Numbers.of(self.draws[quantity.name])
             gaussian = Numbers.of(self.laplace_draws[quantity.name])
-            if self.chain is None:
+            if state is None:
                 words = ["trusted" if good else "not trusted" for good in self.laplace.trusted]
             else:
                 words = compare(
@@ -132,15 +128,16 @@ class Posterior:
                     share=not quantity.logarithmic,
                     many=self.laplace.many,
                 )
+            columns = vars(chain) | {
+                f"laplace_{name}": values
+                for name, values in vars(gaussian).items()
+                if name != "median"
+            }
             rows += [
                 Row(
-                    quantity.name,
-                    block,
-                    **{name: float(values[b]) for name, values in vars(chain).items()},
-                    laplace_mean=float(gaussian.mean[b]),
-                    laplace_sd=float(gaussian.sd[b]),
-                    laplace_lower=float(gaussian.lower[b]),
-                    laplace_upper=float(gaussian.upper[b]),
+                    quantity=quantity.name,
+                    block=block,
+                    **{name: float(values[b]) for name, values in columns.items()},
                     effective_samples=float(samples[b]),
                     autocorrelation_time=float(times[b]),
                     converged=bool(converged[b]),
@@ -155,10 +152,7 @@ class Posterior:
     def identifiability(self) -> Identifiability:
         """Which directions the measurement leaves open, named."""
         free = self.free.reshape(-1, *self.free.shape[2:])
-        grid = self.films[0].wavelengths
-        if self.problem.kind == "bands":
-            return of_bands(free, self.problem.prior_covariance, self.spectra(), grid)
-        return of_films(self.problem, free, grid)
+        return identify_open(self.problem, free, self.films[0].wavelengths)
 
     def words(self) -> str:
         """Convergence, in a sentence."""
@@ -232,20 +226,18 @@ def posterior_of_film(
         noise: of a reading.
         prior: what is likely beforehand.
         sampling: sampler, steps, walkers, thin, seed, path, resume, overwrite and progress, see
-            `glazefit.posterior.sampling.Sampling`.
+            `glazefit.film.sampling.Sampling`.
 
     Raises:
         ValueError: more films than one, paints that do not fit (see `pose_films`), too few walkers
             or steps, or a chain of another problem.
-        FileExistsError, FileNotFoundError: see `glazefit.posterior.chain_file`.
+        FileExistsError, FileNotFoundError: see `glazefit.film.chain_file`.
     """
     options = Sampling(**sampling)
     instrument = resolve_instrument(instrument)
-    prior = prior or Prior()
     reading = one_reading(film, instrument, noise or Noise())
-    problem = pose_films([reading], [pigments], instrument, prior)
-    problem, found = pose_errors(problem, [reading], prior, seed=options.seed)
-    return sample(problem, (reading,), found, options)
+    problem = pose_films([reading], [pigments], instrument, prior or Prior())
+    return sample(*solve(problem, seed=options.seed), (reading,), options)
 
 
 def posterior_of_coats(
@@ -277,12 +269,12 @@ def posterior_of_coats(
     """
     options = Sampling(**sampling)
     instrument = resolve_instrument(instrument)
-    prior = prior or Prior()
     coats = check_coats(coats)
     reading = one_reading(film, instrument, noise or Noise())
-    problem = pose_stack([reading], [coats], instrument, prior, spectra or SpectraPrior())
-    problem, found = pose_errors(problem, [reading], prior, seed=options.seed)
-    return sample(problem, (reading,), found, options)
+    problem = pose_stack(
+        [reading], [coats], instrument, prior or Prior(), spectra or SpectraPrior()
+    )
+    return sample(*solve(problem, seed=options.seed), (reading,), options)
 
 
 def posterior_of_bands(
@@ -314,12 +306,11 @@ def posterior_of_bands(
             float(estimate_gloss(film, instrument, noise)[0]) if isinstance(film, Films) else 1.0
         )
     problem = pose_bands([reading], gloss, instrument)
-    found = find_modes(problem, seed=options.seed)
-    return sample(problem, (reading,), found, options)
+    return sample(*solve(problem, seed=options.seed), (reading,), options)
 
 
 def sample(
-    problem: Problem, films: tuple[Reading, ...], found: Modes, options: Sampling
+    problem: FilmProblem, found: Modes, films: tuple[Reading, ...], options: Sampling
 ) -> Posterior:
     """Sample a problem from draws of its Laplace approximation at the modes found; with no steps
     that is all.
@@ -327,17 +318,9 @@ def sample(
     approximate = laplace(problem, found, seed=options.seed)
     if options.length == 0:
         return Posterior(problem, films, approximate, None, options.sampler == "importance")
-    if options.sampler == "hmc":
-        from .hamiltonian import run_hamiltonian
+    from ..film.sample import draw_chain
 
-        return Posterior(
-            problem, films, approximate, run_hamiltonian(problem, approximate, options)
-        )
-    from .chain import run_chain
-
-    walkers = options.walkers_for(len(problem.blocks) * problem.dims)
-    start = approximate.draws(walkers, np.random.default_rng(options.seed))
-    return Posterior(problem, films, approximate, run_chain(problem, start, options))
+    return Posterior(problem, films, approximate, draw_chain(problem, approximate, options))
 
 
 def one_reading(film: Films | Reading, instrument: Instrument, noise: Noise) -> Reading:

@@ -10,7 +10,7 @@ from rich.table import Table
 from glazejax.io import write_table
 from glazejax.report import plain_table
 
-from .laplace import TRUSTED_TAIL
+from ..film.solve import TRUSTED_TAIL
 from .posterior import Posterior
 from .summary import AGREES, MEDIANS, Numbers, Row, Summary, in_units, interval
 
@@ -70,43 +70,28 @@ def describe_unsettled(posterior: Posterior) -> str:
 
 def _laplace(posterior: Posterior, rows: list[Row]) -> str:
     """One sentence on Laplace's approximation."""
-    many = len(posterior.problem.blocks) > 1
+    bands = len(posterior.problem.blocks)
     if posterior.chain is None:
         bad = int((~posterior.laplace.trusted).sum())
-        if not many:
-            k = posterior.laplace.tail[0]
-            verdict = "can" if posterior.laplace.trusted[0] else "cannot"
+        can = f"Laplace's errors {'cannot' if bad else 'can'} be trusted"
+        if bands == 1:
             return (
-                f"Laplace's errors {verdict} be trusted: tail index {k:.2f}, good below "
-                f"{TRUSTED_TAIL:g}."
+                f"{can}: tail index {posterior.laplace.tail[0]:.2f}, good below {TRUSTED_TAIL:g}."
             )
-        where = (
-            f"in {bad} of {len(posterior.problem.blocks)} bands (tail index {TRUSTED_TAIL:g} or "
-            "more)"
-        )
-        return (
-            "Laplace's errors "
-            f"{'cannot be trusted ' + where if bad else 'can be trusted in every band'}."
-        )
+        where = f"{bad} of {bands} bands (tail index {TRUSTED_TAIL:g} or more)"
+        return f"{can} in {where if bad else 'every band'}."
     off = [row for row in rows if row.laplace != AGREES]
     if not off:
         return "Laplace's 90 % intervals agree with the chain's everywhere."
-    if not many and not posterior.spectra():
-        parts = [
-            f"{in_units(row.quantity, np.zeros(1))[0].split(' (')[0]} ({row.laplace})"
-            for row in off
-        ]
-        return "Laplace's 90 % intervals differ from the chain's for " + ", ".join(parts) + "."
-    if not many:
-        return (
-            f"Laplace's 90 % intervals differ from the chain's for {len(off)} of {len(rows)} "
-            "quantities."
-        )
-    blocks = len({row.block for row in off})
-    return (
-        f"Laplace's 90 % intervals differ from the chain's in {blocks} of "
-        f"{len(posterior.problem.blocks)} bands."
-    )
+    if bands > 1:
+        where = f"in {len({row.block for row in off})} of {bands} bands"
+    elif posterior.spectra():
+        where = f"for {len(off)} of {len(rows)} quantities"
+    else:
+        titles = [in_units(row.quantity, np.zeros(1))[0].split(" (")[0] for row in off]
+        parts = [f"{title} ({row.laplace})" for title, row in zip(titles, off, strict=True)]
+        where = "for " + ", ".join(parts)
+    return f"Laplace's 90 % intervals differ from the chain's {where}."
 
 
 def write_summary(posterior: Posterior, path: Path, *, overwrite: bool = False) -> None:

@@ -47,10 +47,10 @@ class SpectraPrior:
             if not (np.isfinite(value) and value > 0):
                 raise ValueError(f"the spectra's {name} is {value:g}; it must be positive")
 
-    def modes(
-        self, wavelengths: Float[np.ndarray, "bands"]
-    ) -> tuple[Float[np.ndarray, "bands modes"], Float[np.ndarray, "bands others"]]:
-        """Modes of log k d and of log s d, each scaled by its standard deviation, largest first."""
+    def modes(self, wavelengths: Float[np.ndarray, "bands"]) -> Float[np.ndarray, "2 bands modes"]:
+        """Slopes of log k d and of log s d by the weights of all modes: those of k d first, each
+        scaled by its standard deviation, largest first; a mode is of one of the two.
+        """
         apart = np.sqrt(5.0) * np.abs(wavelengths[:, None] - wavelengths) / self.length
         correlation = (1.0 + apart + apart**2 / 3.0) * np.exp(-apart)
 
@@ -61,7 +61,7 @@ class SpectraPrior:
             rest = np.cumsum((scaled**2)[:, ::-1], axis=1)[:, ::-1].max(axis=0)
             return scaled[:, : max(1, int(np.sum(rest > 0.02**2)))]
 
-        return (
-            principal(self.absorption_level, self.absorption_shape),
-            principal(self.scattering_level, self.scattering_shape),
-        )
+        k = principal(self.absorption_level, self.absorption_shape)
+        s = principal(self.scattering_level, self.scattering_shape)
+        none = (np.zeros_like(s), np.zeros_like(k))
+        return np.stack([np.hstack([k, none[0]]), np.hstack([none[1], s])])

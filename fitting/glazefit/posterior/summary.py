@@ -134,15 +134,13 @@ class Summary(list[Row]):
     def __repr__(self) -> str:
         titles, lines = self.cells()
         widths = [max(map(len, column)) for column in zip(titles, *lines, strict=True)]
-
-        def line(cells: list[str]) -> str:
-            first, *figures, last = cells
-            between = [
-                f"{cell:>{width}}" for cell, width in zip(figures, widths[1:-1], strict=True)
-            ]
-            return "  ".join([f"{first:{widths[0]}}", *between, last]).rstrip()
-
-        return "\n".join([MEDIANS, *map(line, [titles, *lines])])
+        # Words stand to the left, figures to the right.
+        sides = ["<", *">" * (len(widths) - 2), "<"]
+        text = [
+            "  ".join(f"{c:{side}{w}}" for c, side, w in zip(cells, sides, widths, strict=True))
+            for cells in (titles, *lines)
+        ]
+        return "\n".join([MEDIANS, *(line.rstrip() for line in text)])
 
     def _repr_html_(self) -> str:
         def row(cells: list[str], kind: str) -> str:

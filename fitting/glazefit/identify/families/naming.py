@@ -35,11 +35,11 @@ def name_sets(
         probabilities: of each of its sets of families.
         least: probability below which an answer is left out.
     """
-    count, group_of_set = _groups_of_sets(search.families, search.sets)
+    count, group_of_set, named = _groups_of_sets(search.families, search.sets)
     totals = np.bincount(group_of_set, weights=probabilities, minlength=count)
     ordered = [int(number) for number in np.argsort(-totals, kind="stable")]
     return [
-        _answer(search, probabilities, group_of_set == number, float(totals[number]))
+        _answer(named, probabilities, group_of_set == number, float(totals[number]))
         for number in ordered
         if totals[number] >= least
     ]
@@ -48,18 +48,21 @@ def name_sets(
 @lru_cache(maxsize=8)
 def _groups_of_sets(
     families: tuple[str, ...], members: tuple[tuple[int, ...], ...]
-) -> tuple[int, Int[np.ndarray, "sets"]]:
-    """Number of different answers, by their colours, and number of each set's."""
+) -> tuple[int, Int[np.ndarray, "sets"], list[list[tuple[str, str]]]]:
+    """Number of different answers, by their colours; of each set its number, and its families
+    after the groups that they are of.
+    """
     number: dict[frozenset[str], int] = {}
     of_set = []
-    for row in members:
-        answer = answer_of(families[member] for member in row if member >= 0)
-        of_set.append(number.setdefault(answer, len(number)))
-    return len(number), np.array(of_set)
+    named = [[families[member] for member in row if member >= 0] for row in members]
+    for names in named:
+        of_set.append(number.setdefault(answer_of(names), len(number)))
+    pairs = [[(group_of(name), name) for name in names] for names in named]
+    return len(number), np.array(of_set), pairs
 
 
 def _answer(
-    search: FamilySearch,
+    named_sets: Sequence[list[tuple[str, str]]],
     probabilities: Float[np.ndarray, "sets"],
     chosen: Bool[np.ndarray, "sets"],
     total: float,
@@ -68,12 +71,8 @@ def _answer(
     of a group relative to one another.
     """
     chosen = chosen & (probabilities > _SMALL * total)
-    # Families of each set that has a chance, with the groups that they are of.
     chances = probabilities[chosen].tolist()
-    named = [
-        [(group_of(name), name) for name in (search.families[m] for m in row if m >= 0)]
-        for row in search.members[chosen].tolist()
-    ]
+    named = [named_sets[number] for number in np.flatnonzero(chosen).tolist()]
     # Which groups together have most of it: a colour alone, or with a white, or with a black.
     of_groups: dict[frozenset[str], float] = {}
     for chance, members in zip(chances, named, strict=True):

@@ -55,7 +55,6 @@ def make_family_record(
         "spots": [
             _spot(identification, row, top, painted=painted, usual=usual)
             for row in range(len(identification))
-            for row in range(len(identification))
         ],
     }
 

@@ -116,9 +116,7 @@ def on_its_devices(
     outer = [array.all(axis=-1) if name in inner else array for name, array in finite.items()]
     alike = jax.typeof(functools.reduce(operator.and_, outer)).sharding
     # The compiler divides the work; what is fixed in the program stays out of it.
-    run = jax.sharding.auto_axes(
-        lambda traced: function({**arguments, **traced}), out_sharding=alike
-    )
+    run = jax.sharding.auto_axes(lambda there: function({**arguments, **there}), out_sharding=alike)
     return run(arrays)
 
 

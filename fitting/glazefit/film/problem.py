@@ -1,5 +1,5 @@
-"""What is sampled: many small posteriors side by side, each the exponential of minus half a sum of
-squares.
+"""What is solved and sampled: many small posteriors side by side, each the exponential of minus
+half a sum of squares.
 
 A block is one posterior of a few unknowns: a film, or one band of a film. Blocks know nothing of
 each other, so that all of them times all walkers are one compiled call, and each block accepts or
@@ -24,6 +24,9 @@ from jaxtyping import Array, Float
 from glazejax.programs import Program
 from glazejax.radiative.common.chunks import in_chunks
 
+from .forward import Film
+from .prior import Law
+
 
 @runtime_checkable
 class Residuals(Protocol):
@@ -37,15 +40,16 @@ class Residuals(Protocol):
 
 
 @dataclass(frozen=True)
-class MeasuredResiduals:
-    """Those residuals of a block that the measurement has; what is left out are the prior's."""
+class PosteriorResiduals:
+    """Misfit and prior of one block."""
 
-    residuals: Residuals
-    prior_rows: int
+    misfit: Residuals
+    prior: Law
 
     def __call__(self, free: Float[Array, "dims"], data: Any, shared: Any) -> Float[Array, "rows"]:
         """Of one block."""
-        return self.residuals(free, data, shared)[: -self.prior_rows]
+        parts = (self.misfit(free, data, shared), self.prior.residuals(free, shared))
+        return jnp.concatenate(parts)
 
 
 class Quantity(NamedTuple):
@@ -70,7 +74,7 @@ class Quantity(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Problem:
+class FilmProblem:
     """Independent posteriors with the same unknowns.
 
     Attributes:
@@ -78,44 +82,60 @@ class Problem:
             is a wavelength).
         blocks: their names.
         unknowns: names of the free unknowns of a block; each may be any real number.
-        residuals: see `Residuals`; a module's function, since compiled programs are kept by it.
-        fitted: what the instrument reads of a block, from the same arguments; (grounds,) or (bands,
-            grounds).
-        prior_rows: how many of the last residuals belong to the prior.
+        film: what the instrument reads.
+        misfit: see `Residuals`; hashable, since compiled programs are kept by it.
+        prior: of the unknowns.
         data: arrays with the blocks as leading axis.
         shared: arrays that all blocks use.
         quantities: what is reported.
-        prior_draws: from a generator and a number, draws of the free unknowns, (n, dims).
-        prior_covariance: of the free unknowns, (dims, dims).
         bands: wavelengths that one evaluation of a block computes.
         fingerprint: of the measurement and the settings; two chains may be joined if theirs are
             equal.
+        starts: points from which modes are looked for.
         scaled: readings in units of their errors, (rows,), from the same arguments as the
             residuals: how far they change is how far apart two places of the posterior are
-            (`glazefit.posterior.hamiltonian`). None where they cost too much, or where the
-            posterior is as wide everywhere. Its method `slopes`, if it has one, gives the slopes by
-            the unknowns, (rows, dims), from the same arguments.
+            (`glazefit.film.hamiltonian`). None where they cost too much, or where the posterior is
+            as wide everywhere. Its method `slopes`, if it has one, gives the slopes by the
+            unknowns, (rows, dims), from the same arguments.
     """
 
     kind: str
     blocks: tuple[str, ...]
     unknowns: tuple[str, ...]
-    residuals: Residuals
-    fitted: Residuals
-    prior_rows: int
+    film: Film
+    misfit: Residuals
+    prior: Law
     data: Any
     shared: Any
     quantities: tuple[Quantity, ...]
-    prior_draws: Callable[[np.random.Generator, int], Float[np.ndarray, "n dims"]]
-    prior_covariance: Float[np.ndarray, "dims dims"]
     bands: int
     fingerprint: str
+    starts: int = 8
     scaled: Residuals | None = None
+
+    def __post_init__(self) -> None:
+        # On the device once, and not for every call of a program.
+        for name in ("data", "shared"):
+            object.__setattr__(self, name, jax.tree.map(jnp.asarray, getattr(self, name)))
 
     @property
     def dims(self) -> int:
         """Unknowns of a block."""
         return len(self.unknowns)
+
+    @property
+    def residuals(self) -> PosteriorResiduals:
+        """Of one block."""
+        return PosteriorResiduals(self.misfit, self.prior)
+
+    @functools.cached_property
+    def prior_covariance(self) -> Float[np.ndarray, "dims dims"]:
+        """Of the free unknowns."""
+        return self.prior.covariance(self.shared)
+
+    def prior_draws(self, rng: np.random.Generator, n: int) -> Float[np.ndarray, "n dims"]:
+        """Of the free unknowns."""
+        return self.prior.draws(rng, n, self.shared)
 
     def log_probability(
         self, free: Float[np.ndarray, "walkers blocks dims"]
@@ -136,16 +156,14 @@ class Problem:
         self, free: Float[np.ndarray, "draws blocks dims"]
     ) -> Float[np.ndarray, "draws blocks"]:
         """The part of `log_probability` that the measurement has, up to a constant."""
-        rows = -self.prior_rows
-        return np.asarray(
-            log_probability(self.residuals, self.data, self.shared, free, self.chunk, rows)
-        )
+        return np.asarray(log_probability(self.misfit, self.data, self.shared, free, self.chunk))
 
     def readings(
         self, free: Float[np.ndarray, "draws blocks dims"]
     ) -> Float[np.ndarray, "draws blocks *reading"]:
-        """What the instrument would read, without noise."""
-        return np.asarray(_readings(self.fitted, self.data, self.shared, free))
+        """What the instrument would read, without noise and errors of the paints."""
+        reading = np.asarray(_readings(self.film, self.data, self.shared, free))
+        return reading[..., 0, :] if self.kind == "bands" else reading
 
     def draws(
         self, free: Float[np.ndarray, "*shape dims"]
@@ -154,47 +172,47 @@ class Problem:
         return {quantity.name: quantity.values(free) for quantity in self.quantities}
 
     def spectra(
-        self, free: Float[np.ndarray, "draws dims"]
+        self, free: Float[np.ndarray, "draws blocks dims"]
     ) -> Mapping[str, Float[np.ndarray, "draws bands"]]:
-        """K d, s d and k/s of a block's unknown paint from its free unknowns; empty without one."""
+        """K d, s d and k/s of all bands, or of the first block's unknown paint; empty without
+        one.
+        """
+        if self.kind == "bands":
+            return self.draws(free)
         spectra: dict[str, list[np.ndarray]] = {}
         for quantity in self.quantities:
             if quantity.spectrum:
-                spectra.setdefault(quantity.spectrum, []).append(quantity.values(free))
+                spectra.setdefault(quantity.spectrum, []).append(quantity.values(free[:, 0]))
         return {name: np.stack(values, axis=-1) for name, values in spectra.items()}
 
 
-@functools.partial(Program, fixed=("residuals", "chunk", "rows"))
+@functools.partial(Program, fixed=("residuals", "chunk"))
 def log_probability(
     residuals: Residuals,
     data: Any,
     shared: Any,
     free: Float[Array, "walkers blocks dims"],
     chunk: int,
-    rows: int | None = None,
 ) -> Float[Array, "walkers blocks"]:
-    """Minus half the sum of squares of the residuals up to `rows`; what overflows, so far out,
-    counts as impossible.
+    """Minus half the sum of squares of the residuals; what overflows, so far out, counts as
+    impossible.
     """
 
     def walker(free: Float[Array, "blocks dims"]) -> Float[Array, "blocks"]:
-        values = jax.vmap(lambda f, d: -0.5 * jnp.sum(residuals(f, d, shared)[:rows] ** 2))(
-            free, data
-        )
+        values = jax.vmap(lambda f, d: -0.5 * jnp.sum(residuals(f, d, shared) ** 2))(free, data)
         return jnp.where(jnp.isnan(values), -jnp.inf, values)
 
     return in_chunks(jax.vmap(walker), free, chunk)
 
 
-@functools.partial(Program, fixed=("fitted",))
+@functools.partial(Program, fixed=("film",))
 def _readings(
-    fitted: Residuals, data: Any, shared: Any, free: Float[Array, "draws blocks dims"]
-) -> Array:
-    return in_chunks(
-        jax.vmap(lambda one: jax.vmap(lambda f, d: fitted(f, d, shared))(one, data)),
-        free,
-        64,
-    )
+    film: Film, data: Any, shared: Any, free: Float[Array, "draws blocks dims"]
+) -> Float[Array, "draws blocks bands grounds"]:
+    def blocks(free: Float[Array, "blocks dims"]) -> Array:
+        return jax.vmap(lambda f, d: film.read(f, d, shared))(free, data)
+
+    return in_chunks(jax.vmap(blocks), free, 64)
 
 
 def fingerprint(*parts: Any) -> str:
@@ -209,8 +227,3 @@ def fingerprint(*parts: Any) -> str:
         )
         digest.update(b"|")
     return digest.hexdigest()
-
-
-def uniform_residual(free: Float[Array, "*n"]) -> Float[Array, "*n"]:
-    """Residual of an unknown whose sigmoid is uniform in [0, 1]: the logistic density."""
-    return jnp.sqrt(-2.0 * (jax.nn.log_sigmoid(free) + jax.nn.log_sigmoid(-free)))

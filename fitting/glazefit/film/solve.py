@@ -1,13 +1,15 @@
-"""Laplace's approximation: a Gaussian at each mode, with the curvature there, and a test of how
-good it is.
+"""Modes of a problem, and Laplace's approximation: a Gaussian at each mode, with the curvature
+there, and a test of how good it is.
 
-Modes are found by least squares from the likeliest of many draws of the prior; a second mode counts
-by its own volume. Where least squares is stopped before it has settled, the mode counts as it
-stands, and is marked (`Laplace.settled`). Draws from the Gaussians are weighted by the true over
-the Gaussian density, the weights smoothed (Pareto-smoothed importance sampling), and drawn again by
-weight. Where the tail index of the weights is 0.7 or more that fails, and with it the
-approximation; there the Gaussians are left as they are and not to be trusted (Vehtari, Simpson,
-Gelman, Yao, Gabry, JMLR 25 (2024) 72).
+Modes are found by least squares from the likeliest of many draws of the prior. Where readings are
+linear in the paints' errors about the likeliest ones (`glazefit.film.errors`), modes and these
+errors depend on each other and are found in turn. A second mode counts by its own volume. Where
+least squares is stopped before it has settled, the mode counts as it stands, and is marked
+(`Laplace.settled`). Draws from the Gaussians are weighted by the true over the Gaussian density,
+the weights smoothed (Pareto-smoothed importance sampling), and drawn again by weight. Where the
+tail index of the weights is 0.7 or more that fails, and with it the approximation; there the
+Gaussians are left as they are and not to be trusted (Vehtari, Simpson, Gelman, Yao, Gabry, JMLR 25
+(2024) 72).
 """
 
 import functools
@@ -21,11 +23,12 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 from scipy.special import logsumexp
 
+from glazejax.extras import require
 from glazejax.programs import Program
 
-from ..film.numerics.least_squares import damped_solution, levenberg_marquardt, normal_solution
-from .arviz import load_arviz
-from .problem import Problem
+from .errors import expand, likeliest_errors, without_errors
+from .numerics.least_squares import damped_solution, levenberg_marquardt, normal_solution
+from .problem import FilmProblem
 
 TRUSTED_TAIL = 0.7
 
@@ -35,6 +38,40 @@ class Modes(NamedTuple):
 
     points: Float[np.ndarray, "blocks starts dims"]
     settled: Bool[np.ndarray, "blocks starts"]  # False where it was stopped
+    height: Float[np.ndarray, "blocks starts"]  # log posterior
+
+
+class Gaussians(NamedTuple):
+    """A mixture of Gaussians for each block."""
+
+    means: Float[Array | np.ndarray, "blocks parts dims"]
+    roots: Float[Array | np.ndarray, "blocks parts dims dims"]
+    inverses: Float[Array | np.ndarray, "blocks parts dims dims"]  # of the roots
+    log_weights: Float[Array | np.ndarray, "blocks parts"]
+
+    @classmethod
+    def of(cls, approximation: "Laplace") -> "Gaussians":
+        """Those of Laplace's approximation."""
+        roots = np.linalg.cholesky(approximation.covariances)
+        log_weights = np.log(np.maximum(approximation.weights, 1e-300))
+        return cls(approximation.modes, roots, np.linalg.inv(roots), log_weights)
+
+    def draw(self, key: Array, chains: int) -> Float[Array, "chains blocks dims"]:
+        """One draw for each chain and block."""
+        which, noise = jax.random.split(key)
+        blocks, _, dims = self.means.shape
+        chosen = jax.random.categorical(which, self.log_weights, shape=(chains, blocks))
+        at = jnp.arange(blocks), chosen
+        steps = jax.random.normal(noise, (chains, blocks, dims))
+        return self.means[at] + jnp.einsum("cbij,cbj->cbi", self.roots[at], steps)
+
+    def log_density(self, xp: Any, free: Float[Any, "n blocks dims"]) -> Any:
+        """Up to a constant, (n, blocks); `xp` is numpy or jax.numpy."""
+        white = xp.einsum("bpij,nbpj->nbpi", self.inverses, free[:, :, None] - self.means)
+        diagonal = xp.diagonal(self.inverses, axis1=-2, axis2=-1)
+        height = self.log_weights + xp.log(diagonal).sum(axis=-1) - 0.5 * (white**2).sum(axis=-1)
+        most = height.max(axis=-1, keepdims=True)
+        return most[..., 0] + xp.log(xp.exp(height - most).sum(axis=-1))
 
 
 @dataclass(frozen=True)
@@ -90,12 +127,7 @@ class Laplace:
         self, free: Float[np.ndarray, "n blocks dims"]
     ) -> Float[np.ndarray, "n blocks"]:
         """Log-density of the Gaussians, up to a constant."""
-        precision = np.linalg.inv(self.covariances)
-        off = free[:, :, None, :] - self.modes
-        square = np.einsum("nbmi,bmij,nbmj->nbm", off, precision, off)
-        logdet = np.linalg.slogdet(self.covariances)[1]
-        with np.errstate(divide="ignore"):
-            return np.asarray(logsumexp(np.log(self.weights) - 0.5 * (square + logdet), axis=-1))
+        return np.asarray(Gaussians.of(self).log_density(np, free))
 
 
 @functools.partial(Program, fixed=("residuals", "batch"))
@@ -136,14 +168,34 @@ def _curvature(
     return jax.lax.map(block, (data, modes), batch_size=batch)
 
 
-def find_modes(problem: Problem, *, starts: int = 8, seed: int = 0) -> Modes:
+def solve(problem: FilmProblem, *, seed: int = 0) -> tuple[FilmProblem, Modes]:
+    """The problem with its readings linear about the likeliest errors of the paints, where they are
+    not linear anyway, and its modes.
+    """
+    found = find_modes(problem, seed=seed)
+    if problem.data.expansion is None:
+        return problem, found
+    film, data, shared = problem.film, problem.data, problem.shared
+    logs, _ = (np.asarray(a) for a in without_errors(film, found.points[:, 0], data, shared))
+    delta = np.zeros_like(logs)
+    # Modes are found after each linearisation, the fifth of which changes little.
+    for turn in range(5):
+        if turn:
+            logs, delta = likeliest_errors(film, found.points[:, 0], data, shared)
+        data = expand(film, logs + delta, delta, data, shared)
+        problem = replace(problem, data=data)
+        found = climb(problem, found.points)
+    return problem, found
+
+
+def find_modes(problem: FilmProblem, *, seed: int = 0) -> Modes:
     """Where each start of each block ends, best first; a start is the likeliest of many draws of
     the prior.
     """
-    return climb(problem, _starts(problem, starts, seed))
+    return climb(problem, _starts(problem, seed))
 
 
-def climb(problem: Problem, first: Float[np.ndarray, "blocks starts dims"]) -> Modes:
+def climb(problem: FilmProblem, first: Float[np.ndarray, "blocks starts dims"]) -> Modes:
     """Where least squares leads from some points, best first."""
     blocks, starts, _ = first.shape
     batch = max(1, problem.chunk * blocks // starts)
@@ -152,21 +204,22 @@ def climb(problem: Problem, first: Float[np.ndarray, "blocks starts dims"]) -> M
     height = problem.log_probability(np.swapaxes(found, 0, 1)).T
     order = np.argsort(-np.nan_to_num(height, nan=-np.inf), axis=1)
     return Modes(
-        np.take_along_axis(found, order[..., None], axis=1),
-        np.take_along_axis(settled, order, axis=1),
+        points=np.take_along_axis(found, order[..., None], axis=1),
+        settled=np.take_along_axis(settled, order, axis=1),
+        height=np.take_along_axis(height, order, axis=1),
     )
 
 
-def _starts(problem: Problem, starts: int, seed: int) -> Float[np.ndarray, "blocks starts dims"]:
+def _starts(problem: FilmProblem, seed: int) -> Float[np.ndarray, "blocks starts dims"]:
     """The likeliest of each group of draws, so that the starts do not all lie in one valley."""
-    blocks = len(problem.blocks)
+    blocks, starts = len(problem.blocks), problem.starts
     tried = problem.prior_draws(np.random.default_rng(seed), starts * 48)
     values = problem.log_probability(np.repeat(tried[:, None], blocks, axis=1))
     best = values.reshape(starts, -1, blocks).argmax(axis=1)
     return np.stack([group[of] for group, of in zip(np.split(tried, starts), best, strict=True)], 1)
 
 
-def laplace(problem: Problem, found: Modes, *, seed: int = 0, draws: int = 4000) -> Laplace:
+def laplace(problem: FilmProblem, found: Modes, *, seed: int = 0, draws: int = 4000) -> Laplace:
     """Laplace's approximation of every block.
 
     Args:
@@ -182,11 +235,12 @@ def laplace(problem: Problem, found: Modes, *, seed: int = 0, draws: int = 4000)
         _curvature(problem.residuals, problem.data, problem.shared, points, batch)
     )
     covariances = _inverse(hessians, problem.prior_covariance)
-    height = problem.log_probability(np.swapaxes(points, 0, 1)).T
-    chosen, real = _distinct(points, covariances, height)
+    chosen, real = _distinct(points, covariances, found.height)
     modes = np.take_along_axis(points, chosen[..., None], axis=1)
     covariances = np.take_along_axis(covariances, chosen[..., None, None], axis=1)
-    volume = np.take_along_axis(height, chosen, axis=1) + 0.5 * np.linalg.slogdet(covariances)[1]
+    volume = (
+        np.take_along_axis(found.height, chosen, axis=1) + 0.5 * np.linalg.slogdet(covariances)[1]
+    )
     volume = np.where(real, volume, -np.inf)
     settled = np.take_along_axis(found.settled, chosen, axis=1) & real
     weights = np.exp(volume - logsumexp(volume, axis=1, keepdims=True))
@@ -239,7 +293,7 @@ def _inverse(hessians: np.ndarray, prior: np.ndarray) -> np.ndarray:
 
 
 def _importance(
-    problem: Problem, gaussian: Laplace, draws: int, seed: int
+    problem: FilmProblem, gaussian: Laplace, draws: int, seed: int
 ) -> tuple[
     Float[np.ndarray, "blocks"],
     Float[np.ndarray, "draws blocks dims"],
@@ -268,3 +322,12 @@ def _importance(
     weights = np.exp(smooth - smooth.max(axis=1, keepdims=True))
     effective = weights.sum(axis=1) ** 2 / (weights**2).sum(axis=1)
     return tail, free, effective
+
+
+def load_arviz() -> Any:
+    """ArviZ, without the announcement of its next version."""
+    require("arviz")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", FutureWarning)
+        import arviz
+    return arviz

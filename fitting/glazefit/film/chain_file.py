@@ -4,11 +4,11 @@ Ctrl-C stops one.
 
 import signal
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -37,6 +37,15 @@ class Chain:
     thin: int
     interrupted: bool = False
     sampler: str = "emcee"
+
+
+class Draws(NamedTuple):
+    """Some steps."""
+
+    free: Float[Any, "steps walkers blocks dims"]
+    height: Float[Any, "steps walkers blocks"]  # log posterior
+    accepted: float  # sum over the steps of the shares that were accepted
+    state: dict[str, Any]  # arrays that the next step goes on from, by name
 
 
 class DrawsFile:
@@ -133,20 +142,15 @@ class DrawsFile:
             self._height = [group["log_prob"][:]]
             self.state = {name: array[()] for name, array in group["state"].items()}
 
-    def add(
-        self,
-        free: Float[Any, "steps walkers blocks dims"],
-        height: Float[Any, "steps walkers blocks"],
-        accepted: float,
-        state: Mapping[str, Any],
-    ) -> None:
-        """Keep some steps; `accepted` is the sum of their shares."""
-        chosen = np.arange(self.steps + 1, self.steps + len(free) + 1) % self._thin == 0
-        self._free.append(np.asarray(free)[chosen])
-        self._height.append(np.asarray(height)[chosen])
-        self._accepted += accepted
-        self.steps += len(free)
-        self.state = {name: np.asarray(array) for name, array in state.items()}
+    def add(self, draws: Draws) -> None:
+        """Keep some steps."""
+        count = len(draws.free)
+        chosen = np.arange(self.steps + 1, self.steps + count + 1) % self._thin == 0
+        self._free.append(np.asarray(draws.free)[chosen])
+        self._height.append(np.asarray(draws.height)[chosen])
+        self._accepted += draws.accepted
+        self.steps += count
+        self.state = {name: np.asarray(array) for name, array in draws.state.items()}
         if self._path is None:
             return
         import h5py

@@ -35,8 +35,8 @@ class Sampling:
 
     Attributes:
         sampler: "hmc", Hamiltonian Monte Carlo, which follows the posterior's slopes
-            (`glazefit.posterior.hamiltonian`); "emcee", an ensemble that needs none
-            (`glazefit.posterior.chain`); or "importance", draws of Laplace's approximation weighted
+            (`glazefit.film.hamiltonian`); "emcee", an ensemble that needs none
+            (`glazefit.film.ensemble`); or "importance", draws of Laplace's approximation weighted
             by the posterior, without a chain: quick, and good where its tail index says so.
         steps: of the whole chain, by default 200 of hmc, its warm-up not counted, and
             5000 of emcee; a resumed one goes on until it has as many; 0 for Laplace's

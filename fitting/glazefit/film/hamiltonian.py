@@ -5,8 +5,8 @@ A posterior may be a bent sheet, a thousandth as thick as long: readings are goo
 an opaque coat tells only k/s, and how far the next place is that reads alike differs by orders of
 magnitude along the sheet. Steps of one size for all directions and places either leave the sheet or
 stand still. So steps are taken on the graph of the scaled readings: a place is the unknowns free,
-together with what would be read there in units of its error, e(free) (`Problem.scaled`), and a root
-of the prior's precision. Distances on that graph have the metric
+together with what would be read there in units of its error, e(free) (`FilmProblem.scaled`), and a
+root of the prior's precision. Distances on that graph have the metric
 
     G = J^T J,   J the slopes of e,
 
@@ -30,9 +30,6 @@ ten trajectories. Chains begin at the modes that least squares found, by their s
 move is a draw from Laplace's Gaussians instead, taken or refused by Metropolis and Hastings: it
 goes between modes that are far apart.
 
-Random numbers follow from the seed and the number of the step, so that a chain that is resumed is
-the one that was never stopped.
-
 Sources: K. X. Au, M. M. Graham and A. H. Thiery, J. R. Stat. Soc. B 85 (2023) 757, for thin
 posteriors as manifolds; E. Zappa, M. Holmes-Cerf and J. Goodman, Comm. Pure Appl. Math. 71 (2018)
 2609, for the check of the way back; M. Girolami and B. Calderhead, J. R. Stat. Soc. B 73 (2011)
@@ -40,6 +37,7 @@ posteriors as manifolds; E. Zappa, M. Holmes-Cerf and J. Goodman, Comm. Pure App
 """
 
 import functools
+import threading
 from typing import Any, NamedTuple
 
 import jax
@@ -50,46 +48,13 @@ from jaxtyping import Array, Bool, Float
 from glazejax.programs import Program
 from glazejax.radiative.common.linalg import solve_positive
 
-from .chain_file import Chain, DrawsFile, gentle_interrupt
-from .laplace import Laplace
-from .problem import Problem
+from .chain_file import Draws
+from .problem import FilmProblem
 from .sampling import Sampling
+from .solve import Gaussians, Laplace
 
 # Steps between two looks at the keyboard and the file.
 _PIECE = 50
-
-
-class Gaussians(NamedTuple):
-    """A mixture of Gaussians for each block."""
-
-    means: Float[Array, "*blocks parts dims"]
-    roots: Float[Array, "*blocks parts dims dims"]
-    inverses: Float[Array, "*blocks parts dims dims"]  # of the roots
-    log_weights: Float[Array, "*blocks parts"]
-
-    @classmethod
-    def of(cls, approximation: Laplace) -> "Gaussians":
-        """Those of Laplace's approximation."""
-        roots = np.linalg.cholesky(approximation.covariances)
-        log_weights = np.log(np.maximum(approximation.weights, 1e-300))
-        parts = (approximation.modes, roots, np.linalg.inv(roots), log_weights)
-        return cls(*map(jnp.asarray, parts))
-
-    def draw(self, key: Array, chains: int) -> Float[Array, "chains blocks dims"]:
-        """One draw for each chain and block."""
-        which, noise = jax.random.split(key)
-        blocks, _, dims = self.means.shape
-        chosen = jax.random.categorical(which, self.log_weights, shape=(chains, blocks))
-        at = jnp.arange(blocks), chosen
-        steps = jax.random.normal(noise, (chains, blocks, dims))
-        return self.means[at] + jnp.einsum("cbij,cbj->cbi", self.roots[at], steps)
-
-    def log_density(self, free: Float[Array, "dims"]) -> Float[Array, ""]:
-        """Of one block, up to a constant."""
-        white = jnp.einsum("pij,pj->pi", self.inverses, free - self.means)
-        diagonal = jnp.diagonal(self.inverses, axis1=-2, axis2=-1)
-        height = jnp.sum(jnp.log(diagonal), axis=-1) - 0.5 * jnp.sum(white**2, axis=-1)
-        return jax.scipy.special.logsumexp(self.log_weights + height)
 
 
 class Here(NamedTuple):
@@ -330,8 +295,6 @@ def _steps(
     def wander(free: Array, data: Any, root: Array, log_step: Array, key: Array) -> Any:
         return _trajectory(graph(data, root), free, log_step, key)
 
-    density = jax.vmap(jax.vmap(Gaussians.log_density), (None, 0))
-
     def trajectory(place: Positions, tuning: Tuning, key: Array) -> tuple[Positions, Array]:
         keys = jax.random.split(key, (chains, blocks))
         end, height, gain = wander(place.free, model.data, *tuning, keys)
@@ -341,8 +304,8 @@ def _steps(
         free = model.laplace.draw(key, chains).astype(place.free.dtype)
         end = Positions(free, height_at(free, model.data, tuning.root))
         # By Metropolis and Hastings: Laplace's density is that of the proposal.
-        gain = end.height - place.height
-        gain = gain + density(model.laplace, place.free) - density(model.laplace, free)
+        now, then = (model.laplace.log_density(jnp, f) for f in (place.free, free))
+        gain = jnp.asarray(end.height - place.height + now - then)
         return end, jnp.where(jnp.isnan(gain), -jnp.inf, gain)
 
     def one(i: Array, state: tuple[Positions, Tuning, Piece]) -> tuple[Positions, Tuning, Piece]:
@@ -376,13 +339,19 @@ def _steps(
     return place.free, tuning, piece
 
 
-class _Sampler:
-    """The chains of one problem."""
+class Hamiltonian:
+    """Chains of one problem, see `glazefit.film.sample.Stepper`."""
 
-    def __init__(self, problem: Problem, approximation: Laplace, options: Sampling) -> None:
+    piece = _PIECE
+
+    def __init__(self, problem: FilmProblem, approximation: Laplace, options: Sampling) -> None:
+        """Of a problem and its approximation, at whose modes chains begin and from which every
+        tenth step is proposed.
+        """
+        self.walkers = options.walkers_for(problem.dims)
         self._problem = problem
         self._approximation = approximation
-        self._seed = options.seed
+        self._options = options
         self._model = Model(
             data=problem.data,
             shared=problem.shared,
@@ -390,38 +359,62 @@ class _Sampler:
             key=jax.random.key(options.seed),
         )
 
-    def steps(self, free: Array, tuning: Tuning, span: Span) -> tuple[Array, Tuning, Piece]:
-        """See `_steps`."""
+    def _steps(self, free: Array, tuning: Tuning, span: Span) -> tuple[Array, Tuning, Piece]:
         problem = self._problem
         compiled = Span(*map(jnp.asarray, span))
         return _steps(problem.residuals, problem.scaled, self._model, free, tuning, compiled)
 
-    def first(self, chains: int) -> tuple[Array, Tuning]:
+    def steps(self, state: dict[str, Any], number: int, count: int) -> Draws:
+        """So many steps after the first `number`."""
+        root, log_step = (jnp.asarray(state[name]) for name in Tuning._fields)
+        # Numbers beyond any step of the warm-up.
+        span = Span(100_000 + number, count, learning=False)
+        free, tuning, piece = self._steps(jnp.asarray(state["free"]), Tuning(root, log_step), span)
+        return Draws(
+            free=piece.free[:count],
+            height=piece.height[:count],
+            accepted=float(piece.accepted),
+            state={"free": free, **tuning._asdict()},
+        )
+
+    def begin(self, asked: threading.Event) -> dict[str, Any]:
+        """Chains after two windows in which steps, and the metric where it is the same everywhere,
+        are learnt.
+        """
+        free, tuning = self._first()
+        for first, count in ((0, 20), (20, 40)):
+            if not asked.is_set():
+                span = Span(first, count, learning=True)
+                free, tuning, piece = self._steps(free, tuning, span)
+                tuning = self._with_metric_of(tuning, np.asarray(piece.free[:count]))
+                self._options.progress(first + count, 60, "warming up")
+        return {"free": free, **tuning._asdict()}
+
+    def _first(self) -> tuple[Array, Tuning]:
         """Chains at the modes, by their shares, with the prior's precision as the metric's own
         part; or, where the metric is the same everywhere, at draws of Laplace's Gaussians, with
         their precision.
         """
-        approximation, problem = self._approximation, self._problem
-        rng = np.random.default_rng(self._seed)
+        approximation = self._approximation
+        rng = np.random.default_rng(self._options.seed)
         blocks, modes, dims = approximation.modes.shape
-        prior = np.linalg.cholesky(np.linalg.inv(problem.prior_covariance)).T
+        prior = np.linalg.cholesky(np.linalg.inv(self._problem.prior_covariance)).T
         tuning = Tuning(
             root=jnp.asarray(np.broadcast_to(prior, (blocks, dims, dims))),
             log_step=jnp.full(blocks, np.log(0.3)),
         )
-        if problem.scaled is None:
-            tuning = self.with_metric_of(tuning, approximation.draws(500, rng))
-            return jnp.asarray(approximation.draws(chains, rng)), tuning
+        if self._problem.scaled is None:
+            tuning = self._with_metric_of(tuning, approximation.draws(500, rng))
+            return jnp.asarray(approximation.draws(self.walkers, rng)), tuning
         # Evenly spaced places in the summed shares: each mode has its part of the chains.
-        places = (np.arange(chains) + rng.random()) / chains
+        places = (np.arange(self.walkers) + rng.random()) / self.walkers
         summed = np.cumsum(approximation.weights, axis=1)
         chosen = np.stack([np.searchsorted(each / each[-1], places) for each in summed], axis=1)
         at = np.minimum(chosen, modes - 1)[..., None]
-        return jnp.asarray(
-            np.take_along_axis(np.swapaxes(approximation.modes, 0, 1), at, 0)
-        ), tuning
+        starts = np.take_along_axis(np.swapaxes(approximation.modes, 0, 1), at, 0)
+        return jnp.asarray(starts), tuning
 
-    def with_metric_of(self, tuning: Tuning, draws: Float[np.ndarray, "*n blocks dims"]) -> Tuning:
+    def _with_metric_of(self, tuning: Tuning, draws: Float[np.ndarray, "*n blocks dims"]) -> Tuning:
         """Where there are no scaled readings, the metric is that in which draws are about round;
         what was taken before counts as a few.
         """
@@ -434,47 +427,3 @@ class _Sampler:
         spread = np.einsum("nbi,nbj->bij", off, off) + few * before @ np.swapaxes(before, 1, 2)
         root = np.linalg.inv(np.linalg.cholesky(spread / (len(flat) + few)))
         return tuning._replace(root=jnp.asarray(root))
-
-
-def run_hamiltonian(problem: Problem, approximation: Laplace, options: Sampling) -> Chain:
-    """Sample a problem.
-
-    Args:
-        problem: what is sampled.
-        approximation: to it, at whose modes chains begin and from which every tenth step is
-            proposed.
-        options: steps of each chain after the warm-up, how many chains, and the rest.
-
-    Raises:
-        ValueError: nothing was kept.
-        ValueError, FileExistsError, FileNotFoundError: see `glazefit.posterior.chain_file`.
-    """
-    chains = options.walkers_for(problem.dims)
-    kept = DrawsFile(problem.fingerprint, (chains, len(problem.blocks), problem.dims), options)
-    sampler = _Sampler(problem, approximation, options)
-    with gentle_interrupt() as asked:
-        # Moves before the first that is kept, in two windows.
-        warm_up = [Span(0, 20, learning=True), Span(20, 40, learning=True)]
-        if kept.steps == 0:
-            free, tuning = sampler.first(chains)
-        else:
-            warm_up = []
-            state = {name: jnp.asarray(array) for name, array in kept.state.items()}
-            free = state.pop("free")
-            tuning = Tuning(**state)
-        while kept.steps < options.length and not asked.is_set():
-            if warm_up:
-                span = warm_up.pop(0)
-                free, tuning, piece = sampler.steps(free, tuning, span)
-                tuning = sampler.with_metric_of(tuning, np.asarray(piece.free[: span.number]))
-                options.progress(int(span.first + span.number), 60, "warming up")
-                continue
-            count = min(_PIECE, options.length - kept.steps)
-            # Numbers beyond any step of the warm-up.
-            span = Span(100_000 + kept.steps, count, learning=False)
-            free, tuning, piece = sampler.steps(free, tuning, span)
-            accepted = float(piece.accepted)
-            state = {"free": free, **tuning._asdict()}
-            kept.add(piece.free[:count], piece.height[:count], accepted, state)
-            options.progress(kept.steps, options.length, "sampling")
-    return kept.chain(interrupted=kept.steps < options.length)

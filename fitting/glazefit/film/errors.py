@@ -1,0 +1,248 @@
+"""How readings err: the instrument's noise, the grounds' own error, and paints that are not quite
+the catalogue's.
+
+A catalogue never fits to the noise. Its error is a relative one: log k and log s of each coat of
+known paints are each off by a smooth random function of wavelength, delta, Gaussian with a
+Matérn-3/2 correlation, K = (1 + x) exp(-x) with x = sqrt(3)|l - l'| / length, which forgives
+sharper errors than a smoother law. Their standard deviation e may itself be unknown.
+
+The errors, two a band and coat, are integrated out. Readings are linear in them, so that a film's
+readings are Gaussian with covariance C = diag(v) + e^2 J K J^T, variances v by noise and grounds.
+
+Where the slopes J come from a table (`Film.tabulated`), they are those of each place. One set of
+slopes for all of a wide posterior would make one end of it too sure: a clear coat shows every error
+of the coat below, an opaque one none.
+
+Elsewhere they are those about the errors' likeliest values delta*. A film 30 % off its catalogue
+has other slopes than the catalogue's film. With f(delta) the readings, their mean is
+f(delta*) - J delta*. With W that makes diag(v) unity and J K J^T diagonal, b, the residuals are
+W (reading - mean) / sqrt(1 + e^2 b) and the determinant is that of 1 + e^2 b: sampling needs no
+factorisation.
+"""
+
+import functools
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from glazejax.programs import Program
+
+from .forward import Expansion, Film, FilmData, FilmShared, Slopes, slopes
+from .numerics.least_squares import root_of_log1p
+
+
+def paint_covariance(
+    xp: Any,
+    by_log: Float[Array | np.ndarray, "*films errors bands grounds"],
+    smooth: Float[Array | np.ndarray, "bands bands"],
+) -> Any:
+    """Covariance J K J^T of readings, (..., rows, rows), for errors of size 1. Errors of log k and
+    log s, and of coats, are independent. `xp` is numpy or jax.numpy.
+    """
+    rows = by_log.shape[-2] * by_log.shape[-1]
+    each = xp.einsum("...ebg,bc,...ech->...bgch", by_log, smooth, by_log)
+    return each.reshape(*by_log.shape[:-3], rows, rows)
+
+
+def _variance(data: FilmData, there: Slopes) -> Any:
+    """Of the readings by the instrument's noise and the grounds' own error."""
+    return data.sd**2 + (there.by_ground * data.ground_sd) ** 2
+
+
+@dataclass(frozen=True)
+class PaintErrors:
+    """Misfit of one film over its errors, and the determinant of their covariance, as residuals."""
+
+    film: Film
+
+    def __call__(
+        self, free: Float[Array, "dims"], data: FilmData, shared: FilmShared
+    ) -> Float[Array, "rows"]:
+        """Of one film."""
+        film = self.film
+        size = _size(film, free)
+        if data.expansion is None:
+            off, there = _look(film, _unknown(film, free, data, shared), free, data, shared)
+            return _misfit(off, there, data, shared, size)
+        expansion = data.expansion
+        shift = jnp.moveaxis(expansion.shift.reshape(len(film.sizes), 2, -1), 0, -1)
+        off = data.reading - film.read(free, data, shared, shift) - expansion.offset
+        root = size * expansion.spread
+        white = expansion.whiten @ off.reshape(-1) / jnp.sqrt(1.0 + root**2)
+        return jnp.concatenate([white, root_of_log1p(root)])
+
+
+def _size(film: Film, free: Float[Array, "dims"]) -> Float[Array, ""]:
+    """Of the paints' errors; of no meaning where there are none."""
+    return jnp.exp(jnp.sum(free[film.places.error]))
+
+
+def _unknown(
+    film: Film, free: Float[Array, "dims"], data: FilmData, shared: FilmShared
+) -> Float[Array, "2 bands"]:
+    """k d and s d of the unknown coat."""
+    return film.optical(free, data, shared)[..., film.unknown_coat]
+
+
+def _look(
+    film: Film,
+    thickness: Float[Array, "2 bands"],
+    free: Float[Array, "dims"],
+    data: FilmData,
+    shared: FilmShared,
+) -> tuple[Float[Array, "bands grounds"], Slopes]:
+    """What the readings are off by, and their slopes, at k d and s d of the unknown coat."""
+    there = film.look_up(thickness, data, shared)
+    return data.reading - film.surface(free, shared) - there.body, there
+
+
+def _misfit(
+    off: Float[Array, "bands grounds"],
+    there: Slopes,
+    data: FilmData,
+    shared: FilmShared,
+    size: Float[Array, ""],
+) -> Float[Array, "rows"]:
+    """Residuals of readings that are off by this, with the slopes of this place."""
+    through = there.by_ground * data.ground_sd / data.sd
+    precision = 1.0 / (data.sd * jnp.sqrt(1.0 + through**2))
+    white = (off * precision).reshape(-1)
+    parts = [root_of_log1p(through).reshape(-1)]
+    if len(there.by_log):
+        caused = paint_covariance(jnp, there.by_log * precision, shared.smooth)
+        root = jnp.linalg.cholesky(jnp.eye(white.size) + size**2 * caused)
+        white = jax.scipy.linalg.solve_triangular(root, white, lower=True)
+        # The diagonal is 1 or more; with a constant added its logarithm has a smooth root.
+        parts.append(jnp.sqrt(1.0 + 2.0 * jnp.log(jnp.diagonal(root))))
+    return jnp.concatenate([white, *parts])
+
+
+@dataclass(frozen=True)
+class ScaledReadings:
+    """Misfits of one film that is tabulated, each over its own standard deviation.
+
+    That the known coats' errors are alike in neighbouring bands is left out, and with it a
+    covariance: as a measure of distance this is as good, and its slopes cost a twentieth.
+    """
+
+    film: Film
+
+    def __call__(
+        self, free: Float[Array, "dims"], data: FilmData, shared: FilmShared
+    ) -> Float[Array, "rows"]:
+        """Of one film."""
+        logs = jnp.log(_unknown(self.film, free, data, shared))
+        return self._at(logs, free, data, shared).reshape(-1)
+
+    def slopes(
+        self, free: Float[Array, "dims"], data: FilmData, shared: FilmShared
+    ) -> Float[Array, "rows dims"]:
+        """By the unknowns: a band's readings hang on its own k d and s d, and these on the paint's
+        unknowns.
+
+        So slopes by k d and s d of all bands at once are enough, and by gloss and error each.
+        """
+        logs = jnp.log(_unknown(self.film, free, data, shared))
+        spectra = self.film.spectra
+
+        def read(step: Float[Array, "2+others"]) -> Float[Array, "bands grounds"]:
+            moved = free.at[spectra:].add(step[2:])
+            return self._at(logs + step[:2, None], moved, data, shared)
+
+        by_step = jax.jacfwd(read)(jnp.zeros(2 + len(free) - spectra, free.dtype))
+        by_spectra = jnp.einsum("bgw,wbm->bgm", by_step[..., :2], shared.modes)
+        whole = jnp.concatenate([by_spectra, by_step[..., 2:]], axis=-1)
+        return whole.reshape(-1, len(free))
+
+    def _at(
+        self,
+        logs: Float[Array, "2 bands"],
+        free: Float[Array, "dims"],
+        data: FilmData,
+        shared: FilmShared,
+    ) -> Float[Array, "bands grounds"]:
+        """From log k d and log s d of the unknown coat; of the unknowns gloss and error count."""
+        off, there = _look(self.film, jnp.exp(logs), free, data, shared)
+        alike = _size(self.film, free) ** 2 * jnp.diagonal(shared.smooth)[:, None]
+        return off / jnp.sqrt(_variance(data, there) + alike * jnp.sum(there.by_log**2, axis=0))
+
+
+@functools.partial(Program, fixed=("film",))
+def without_errors(
+    film: Film, free: Float[Array, "films dims"], data: FilmData, shared: FilmShared
+) -> tuple[Float[Array, "films errors bands"], Float[Array, "films"]]:
+    """Log k d and log s d of the coats without error, and what the surface adds to a reading."""
+    thickness = jax.vmap(lambda f, d: film.optical(f, d, shared))(free, data)
+    logs = jnp.moveaxis(jnp.log(jnp.maximum(thickness, 1e-9)), -1, 1)
+    above = jax.vmap(lambda f: film.surface(f, shared))(free)
+    return logs.reshape(len(logs), -1, logs.shape[-1]), above
+
+
+def usual_errors(data: FilmData, errors: int) -> Expansion:
+    """Before anything is found of the films: each reading is off by itself, by as much as paints of
+    a usual error make it.
+    """
+    films, bands, grounds = data.sd.shape
+    root = 1.0 / np.hypot(data.sd, 0.02).reshape(films, -1, 1)
+    return Expansion(
+        shift=np.zeros((films, errors, bands)),
+        offset=np.zeros((films, bands, grounds)),
+        whiten=root * np.eye(bands * grounds),
+        spread=np.zeros((films, bands * grounds)),
+    )
+
+
+def likeliest_errors(
+    film: Film, free: Float[np.ndarray, "films dims"], data: FilmData, shared: FilmShared
+) -> tuple[Float[np.ndarray, "films errors bands"], Float[np.ndarray, "films errors bands"]]:
+    """Log k d and log s d of the coats, and their likeliest errors, a Gaussian process fitted to
+    what the coats leave unexplained, by Gauss-Newton steps.
+    """
+    assert data.expansion is not None
+    logs, above = map(np.asarray, without_errors(film, free, data, shared))
+    unexplained = np.asarray(data.reading) - above[:, None, None]
+    share = np.exp(2.0 * free[:, -1])[:, None, None]
+    smooth = np.asarray(shared.smooth)
+    delta = np.asarray(data.expansion.shift)
+    for _ in range(8):
+        there = slopes(film, shared.response, logs + delta, data.ground)
+        by_log = np.asarray(there.by_log)
+        left = unexplained - there.body + np.einsum("febg,feb->fbg", by_log, delta)
+        covariance = share * paint_covariance(np, by_log, smooth)
+        variance = np.asarray(_variance(data, there)).reshape(len(delta), -1)
+        covariance += np.eye(variance.shape[1]) * variance[:, None]
+        pull = np.linalg.solve(covariance, left.reshape(len(delta), -1, 1)).reshape(left.shape)
+        step = share * (np.einsum("febg,fbg->feb", by_log, pull) @ smooth) - delta
+        # A step of more than 1 in log k or log s goes beyond where slopes hold.
+        delta = delta + step / np.maximum(1.0, np.abs(step).max(axis=(1, 2), keepdims=True))
+    return logs, delta
+
+
+def expand(
+    film: Film,
+    logs: Float[np.ndarray, "films errors bands"],
+    delta: Float[np.ndarray, "films errors bands"],
+    data: FilmData,
+    shared: FilmShared,
+) -> FilmData:
+    """The films with their readings linear in errors about `delta`, where they have these log k d
+    and log s d.
+    """
+    there = slopes(film, shared.response, logs, data.ground)
+    by_log = np.asarray(there.by_log)
+    root = 1.0 / np.sqrt(np.asarray(_variance(data, there)))
+    caused = paint_covariance(np, by_log * root[:, None], np.asarray(shared.smooth))
+    spread, axes = np.linalg.eigh(caused)
+    whiten = np.swapaxes(axes, 1, 2) * root.reshape(len(root), 1, -1)
+    return data._replace(
+        expansion=Expansion(
+            shift=delta,
+            offset=-np.einsum("febg,feb->fbg", by_log, delta),
+            whiten=whiten,
+            spread=np.sqrt(np.maximum(spread, 0.0)),
+        )
+    )

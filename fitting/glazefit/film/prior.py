@@ -1,0 +1,113 @@
+"""What is likely of a film before it is measured: one prior of fractions, thickness, an unknown
+paint, gloss and the paints' error.
+
+Fractions are Dirichlet beforehand, gloss is uniform in [0, 1], and all else Gaussian: log
+thickness, what the spectra of an unknown paint are made of, and the log size of the paints' error.
+"""
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+from scipy.special import polygamma
+
+from .forward import Film, FilmShared, log_fractions
+from .model.errors import Prior
+
+
+class Law(Protocol):
+    """A law of the free unknowns; hashable, since compiled programs are kept by it."""
+
+    def residuals(self, free: Float[Array, "dims"], shared: Any) -> Float[Array, "rows"]:
+        """Half their squares, summed, are minus the logarithm of the density up to a constant."""
+        ...
+
+    def draws(self, rng: np.random.Generator, n: int, shared: Any) -> Float[np.ndarray, "n dims"]:
+        """Draws of the unknowns."""
+        ...
+
+    def covariance(self, shared: Any) -> Float[np.ndarray, "dims dims"]:
+        """Of the draws."""
+        ...
+
+
+@dataclass(frozen=True)
+class FilmPrior:
+    """Of a film's free unknowns; the numbers of what is Gaussian are in `FilmShared`.
+
+    Attributes:
+        film: whose unknowns they are.
+        concentration: of the fractions' Dirichlet distribution.
+    """
+
+    film: Film
+    concentration: float
+
+    def moments(
+        self, spread: Float[np.ndarray, "coats"], prior: Prior
+    ) -> tuple[Float[np.ndarray, "dims"], Float[np.ndarray, "dims"]]:
+        """Means and standard deviations of the free unknowns.
+
+        Args:
+            spread: standard deviation of each coat's log thickness.
+            prior: of the film.
+        """
+        places = self.film.places
+        mean = np.zeros(self.film.dims)
+        sd = np.ones(self.film.dims)
+        for ratios, thickness, off in zip(places.ratios, places.thickness, spread, strict=True):
+            # Trigamma functions of the concentrations (Aitchison 1986).
+            sd[ratios] = np.sqrt(2.0 * polygamma(1, self.concentration))
+            sd[thickness] = off
+        # Of the logistic distribution, whose sigmoid is uniform.
+        sd[places.gloss] = np.pi / np.sqrt(3.0)
+        mean[places.error] = np.log(prior.error)
+        sd[places.error] = prior.error_spread
+        return mean, sd
+
+    def residuals(self, free: Float[Array, "dims"], shared: FilmShared) -> Float[Array, "rows"]:
+        """One an unknown, and one more for each coat's fractions."""
+        places = self.film.places
+        # Dirichlet's density in the log-ratios is the product of the fractions to their
+        # concentrations.
+        parts = [
+            jnp.sqrt(-2.0 * self.concentration * log_fractions(free[at]))
+            for at, sought in zip(places.ratios, self.film.fractions, strict=True)
+            if sought
+        ]
+        parts.append(uniform_residual(free[places.gloss]))
+        normal = np.delete(np.arange(self.film.dims), np.r_[(*places.ratios, places.gloss)])
+        parts.append((free[normal] - shared.mean[normal]) / shared.sd[normal])
+        return jnp.concatenate(parts)
+
+    def draws(
+        self, rng: np.random.Generator, n: int, shared: FilmShared
+    ) -> Float[np.ndarray, "n dims"]:
+        """Of the free unknowns."""
+        film = self.film
+        places = film.places
+        draws = np.asarray(shared.mean) + shared.sd * rng.standard_normal((n, film.dims))
+        draws = np.array(draws)
+        for at, size, sought in zip(places.ratios, film.sizes, film.fractions, strict=True):
+            if sought:
+                # A fraction of exactly 0 has no logarithm.
+                shares = np.maximum(rng.dirichlet(np.full(size, self.concentration), n), 1e-12)
+                draws[:, at] = np.log(shares[:, :-1] / shares[:, -1:])
+        draws[:, places.gloss] = rng.logistic(size=(n, int(film.gloss)))
+        return draws
+
+    def covariance(self, shared: FilmShared) -> Float[np.ndarray, "dims dims"]:
+        """Of the draws: log-ratios to the same fraction are correlated by a half."""
+        sd = np.asarray(shared.sd)
+        covariance = np.diag(sd**2)
+        for at in self.film.places.ratios:
+            covariance[at, at] = 0.5 * (covariance[at, at] + np.outer(sd[at], sd[at]))
+        return covariance
+
+
+def uniform_residual(free: Float[Array, "*n"]) -> Float[Array, "*n"]:
+    """Residual of an unknown whose sigmoid is uniform in [0, 1]: the logistic density."""
+    return jnp.sqrt(-2.0 * (jax.nn.log_sigmoid(free) + jax.nn.log_sigmoid(-free)))
