@@ -56,13 +56,13 @@ def enable_program_cache(path: str | Path | None = None) -> None:
         if not named:
             _close(folder)
         if (whose := _others(folder)) is not None:
-            _tell(f"{folder} {whose}, and programs are run as they are found")
+            _warn(f"{folder} {whose}, and programs are run as they are found")
             return
         # A folder's permissions do not show whether its disk is read-only or full.
         with tempfile.TemporaryFile(dir=folder) as file:
             file.write(bytes(4096))
     except (OSError, RuntimeError) as error:
-        _tell(str(getattr(error, "strerror", None) or error))
+        _warn(str(getattr(error, "strerror", None) or error))
         return
     jax.config.update("jax_compilation_cache_dir", str(folder))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
@@ -129,7 +129,7 @@ def _listen(folder: Path) -> None:
         if complaint is None:
             show_warning(message, *details, **options)
             return
-        _tell(complaint[3])
+        _warn(complaint[3])
         # JAX never writes an entry again that is there, however short a full disk has left it.
         for path in folder.glob(f"{complaint[2]}-*"):
             try:
@@ -140,7 +140,7 @@ def _listen(folder: Path) -> None:
     warnings.showwarning = show
 
 
-def _tell(reason: str) -> None:
+def _warn(reason: str) -> None:
     global _told
     if not _told:
         print(

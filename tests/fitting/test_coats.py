@@ -145,7 +145,7 @@ def test_what_a_hiding_coat_hides_is_named():
     result = posterior_of_coats(film, [CoatPrior([tar], 60e-6, 0.3), COATS[1]], steps=900, thin=3)
     sentences = result.identifiability.sentences
     for name in ("thickness of coat 2", "fraction blue of coat 2"):
-        assert f"{name}: not told by these readings: its posterior is its prior" in sentences
+        assert f"{name}: not constrained by these readings: its posterior is its prior" in sentences
     low, high = np.quantile(result.draws["thickness of coat 2"], (0.05, 0.95))
     assert np.log(high / low) == pytest.approx(2 * 1.645 * PRIOR.spread, rel=0.15)
 
@@ -191,7 +191,7 @@ def test_a_coat_of_hardly_any_thickness_changes_nothing_and_is_not_told(single):
     result = posterior_of_coats(film, [CoatPrior([RED], 1e-11, 0.5), COATS[1]], steps=0)
     same = {f"{n} of coat 2": n for n in ("fraction blue", "thickness")}
     assert_same(rows(result), rows(expected), same | {"gloss": "gloss"})
-    assert "thickness of coat 1: not told by these readings: its posterior is its prior" in (
+    assert "thickness of coat 1: not constrained by these readings: its posterior is its prior" in (
         result.identifiability.sentences
     )
 

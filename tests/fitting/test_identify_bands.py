@@ -164,7 +164,7 @@ def test_what_an_interrupt_left_over_is_not_filed():
 
 def replace_rows(found: Identification, rows: list[int]) -> Identification:
     """Some of the spectra."""
-    whole = ("measured", "paints", "opaque", "family_sets", "coats_odds")
+    whole = ("measured", "paints", "opaque", "family_sets", "paint_families", "coats_odds")
     parts = {
         field.name: getattr(found, field.name)[rows]
         for field in fields(found)

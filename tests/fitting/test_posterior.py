@@ -228,7 +228,7 @@ def test_how_laplace_fails_is_named():
 
     def words(sampled, laplace, share=False, many=False):
         one, other = (Numbers.of(np.asarray(v)[:, None]) for v in (sampled, laplace))
-        return compare(one, other, logarithmic=False, share=share, many=np.array([many]))[0]
+        return compare(one, other, logarithmic=False, share=share, multimodal=np.array([many]))[0]
 
     assert words(normal, normal + 0.1) == "agrees"
     assert words(normal, normal + 0.8) == "shifted"

@@ -59,6 +59,7 @@ def test_spectra_and_their_components(tmp_path):
         (changed(1, reflectance=[70, "high", 90]), "'white' holds 'high', not a number"),
         (changed(1, reflectance=[70, None, 90]), "'white' holds 'None', not a number"),
         (changed(1, reflectance=[70, float("nan"), 90]), "'white' is not finite at band 2"),
+        (changed(1, reflectance=[70, -float("inf"), 90]), "'white' is not finite at band 2: -inf"),
         (changed(1, reflectance=[]), "'white' has no list of numbers"),
         (changed(1, reflectance=[0.07, 0.8, 0.9]), "mixed"),
     ],

@@ -107,9 +107,9 @@ def test_the_page_says_how_to_add_each(unexplained):
 
 
 def _fill(rows):
-    values = {"spots": rows, "grid": GRID, "mapped": 1000}
+    values = {"spots": rows, "grid": GRID, "mapped": 1000, "families": None}
     template = "mapping/show/spots.html"
-    return "".join(fill_template(template, share=share_words, paints_file=PAINTS, **values))
+    return "".join(fill_template(template, share=share_words, spots_file=PAINTS, **values))
 
 
 def test_paints_of_spots_carry_that_scattering_is_not_told():

@@ -20,7 +20,7 @@ from .sampling import SAMPLERS, Sampling
 
 @dataclass(frozen=True)
 class Chain:
-    """What was sampled.
+    """Samples of a problem.
 
     Attributes:
         free: free unknowns, (steps, walkers, blocks, dims), of every `thin`-th step.
@@ -49,7 +49,7 @@ class Draws(NamedTuple):
 
 
 class DrawsFile:
-    """What was drawn so far.
+    """Draws so far.
 
     Attributes:
         steps: drawn, kept or not.
@@ -104,8 +104,10 @@ class DrawsFile:
             group.create_group("state")
             group.attrs.update({"problem": fingerprint, "thin": self._thin, "steps": 0})
             group.attrs["accepted"] = 0.0
-            for name, each in (("chain", shape), ("log_prob", shape[:2])):
-                group.create_dataset(name, (0, *each), maxshape=(None, *each), dtype="f8")
+            for name, step_shape in (("chain", shape), ("log_prob", shape[:2])):
+                group.create_dataset(
+                    name, (0, *step_shape), maxshape=(None, *step_shape), dtype="f8"
+                )
 
     def _read(self, path: Path, fingerprint: str, walkers: int) -> None:
         import h5py
@@ -119,9 +121,9 @@ class DrawsFile:
             raise ValueError(f"{path}: this file holds no chain of {self._group}")
         with h5py.File(path, "r") as file:
             if self._group not in file:
-                others = [f'; resume it with the sampler "{s}"' for s in SAMPLERS if s in file]
+                hints = [f'; resume it with the sampler "{s}"' for s in SAMPLERS if s in file]
                 raise ValueError(
-                    f"{path}: this file holds no chain of {self._group}{''.join(others)}"
+                    f"{path}: this file holds no chain of {self._group}{''.join(hints)}"
                 )
             group: Any = file[self._group]
             if group.attrs["problem"] != fingerprint:
@@ -130,10 +132,10 @@ class DrawsFile:
                     "differ); resume it with the settings that it was started with, or start "
                     "another chain elsewhere"
                 )
-            kept = group["chain"].shape[1], int(group.attrs["thin"])
-            if kept != (walkers, self._thin):
+            stored = group["chain"].shape[1], int(group.attrs["thin"])
+            if stored != (walkers, self._thin):
                 raise ValueError(
-                    f"{path}: the chain has {kept[0]} walkers and keeps every {kept[1]}. step, "
+                    f"{path}: the chain has {stored[0]} walkers and keeps every {stored[1]}. step, "
                     f"not {walkers} and {self._thin}; ask for the same"
                 )
             self.steps = int(group.attrs["steps"])
@@ -161,12 +163,12 @@ class DrawsFile:
                 group[name].resize(len(group[name]) + len(new), axis=0)
                 group[name][len(group[name]) - len(new) :] = new
             for name, array in self.state.items():
-                kept = group["state"].require_dataset(name, array.shape, array.dtype)
-                kept[...] = array
+                dataset = group["state"].require_dataset(name, array.shape, array.dtype)
+                dataset[...] = array
             group.attrs.update({"steps": self.steps, "accepted": self._accepted})
 
     def chain(self, *, interrupted: bool) -> Chain:
-        """What is kept.
+        """Steps kept.
 
         Raises:
             ValueError: nothing is.

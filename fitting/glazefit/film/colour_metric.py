@@ -25,8 +25,8 @@ def lab_metric(colour: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*bat
     for i in range(3):
         form[..., i, i] = square(unit[i])
     for i, j in ((0, 1), (0, 2), (1, 2)):
-        both = (square(unit[i] + unit[j]) - form[..., i, i] - form[..., j, j]) / 2
-        form[..., i, j] = form[..., j, i] = both
+        cross = (square(unit[i] + unit[j]) - form[..., i, i] - form[..., j, j]) / 2
+        form[..., i, j] = form[..., j, i] = cross
     return np.swapaxes(np.linalg.cholesky(form + 1e-9 * np.eye(3)), -1, -2)
 
 
@@ -43,6 +43,6 @@ def reading_metric(
         base = np.asarray(lab(wavelengths, readings, observer=10))
     except ValueError:
         return np.broadcast_to(100.0 / np.sqrt(bands) * np.eye(bands), (count, bands, bands)).copy()
-    moved = readings[:, None] + 1e-3 * np.eye(bands)
-    by_reading = (np.asarray(lab(wavelengths, moved, observer=10)) - base[:, None]) / 1e-3
+    shifted = readings[:, None] + 1e-3 * np.eye(bands)
+    by_reading = (np.asarray(lab(wavelengths, shifted, observer=10)) - base[:, None]) / 1e-3
     return lab_metric(base) @ np.swapaxes(by_reading, 1, 2)

@@ -33,8 +33,8 @@ class Ensemble:
         self._seed = options.seed
 
         def log_prob(points: np.ndarray) -> np.ndarray:
-            parts = problem.log_probability(points.reshape(len(points), blocks, dims))
-            return np.concatenate([parts.sum(axis=1, keepdims=True), parts], axis=1)
+            by_block = problem.log_probability(points.reshape(len(points), blocks, dims))
+            return np.concatenate([by_block.sum(axis=1, keepdims=True), by_block], axis=1)
 
         self._sampler = emcee.EnsembleSampler(
             self.walkers,
@@ -54,22 +54,24 @@ class Ensemble:
         """So many steps after the first `number`."""
         import emcee
 
-        place = emcee.State(state["free"])
+        ensemble = emcee.State(state["free"])
         if "height" in state:
             height = state["height"]
-            place = emcee.State(
+            ensemble = emcee.State(
                 state["free"], log_prob=height.sum(axis=1), blobs=np.squeeze(height)
             )
         free = []
         heights = []
         accepted = 0.0
         for step in range(number, number + count):
-            before = place.coords
-            place.random_state = np.random.RandomState([self._seed, step]).get_state()
+            before = ensemble.coords
+            ensemble.random_state = np.random.RandomState([self._seed, step]).get_state()
             # Draws of Laplace's approximation are far from each other where a block is open.
-            place = next(self._sampler.sample(place, store=False, skip_initial_state_check=True))
-            free.append(place.coords.reshape(self._shape))
-            heights.append(np.reshape(np.asarray(place.blobs), self._shape[:2]))
-            accepted += float(np.mean(np.any(place.coords != before, axis=1)))
-        after = {"free": place.coords, "height": heights[-1]}
+            ensemble = next(
+                self._sampler.sample(ensemble, store=False, skip_initial_state_check=True)
+            )
+            free.append(ensemble.coords.reshape(self._shape))
+            heights.append(np.reshape(np.asarray(ensemble.blobs), self._shape[:2]))
+            accepted += float(np.mean(np.any(ensemble.coords != before, axis=1)))
+        after = {"free": ensemble.coords, "height": heights[-1]}
         return Draws(np.stack(free), np.stack(heights), accepted, after)

@@ -1,4 +1,4 @@
-"""How readings err: the instrument's noise, the grounds' own error, and paints that are not quite
+"""Errors of readings: the instrument's noise, the grounds' own error, and paints that are not quite
 the catalogue's.
 
 A catalogue never fits to the noise. Its error is a relative one: log k and log s of each coat of
@@ -44,13 +44,13 @@ def paint_covariance(
     log s, and of coats, are independent. `xp` is numpy or jax.numpy.
     """
     rows = by_log.shape[-2] * by_log.shape[-1]
-    each = xp.einsum("...ebg,bc,...ech->...bgch", by_log, smooth, by_log)
-    return each.reshape(*by_log.shape[:-3], rows, rows)
+    covariance = xp.einsum("...ebg,bc,...ech->...bgch", by_log, smooth, by_log)
+    return covariance.reshape(*by_log.shape[:-3], rows, rows)
 
 
-def _variance(data: FilmData, there: Slopes) -> Any:
+def _variance(data: FilmData, linear: Slopes) -> Any:
     """Of the readings by the instrument's noise and the grounds' own error."""
-    return data.sd**2 + (there.by_ground * data.ground_sd) ** 2
+    return data.sd**2 + (linear.by_ground * data.ground_sd) ** 2
 
 
 @dataclass(frozen=True)
@@ -66,8 +66,8 @@ class PaintErrors:
         film = self.film
         size = _size(film, free)
         if data.expansion is None:
-            off, there = _look(film, _unknown(film, free, data, shared), free, data, shared)
-            return _misfit(off, there, data, shared, size)
+            off, linear = _look(film, _unknown(film, free, data, shared), free, data, shared)
+            return _misfit(off, linear, data, shared, size)
         expansion = data.expansion
         shift = jnp.moveaxis(expansion.shift.reshape(len(film.sizes), 2, -1), 0, -1)
         off = data.reading - film.read(free, data, shared, shift) - expansion.offset
@@ -95,37 +95,37 @@ def _look(
     data: FilmData,
     shared: FilmShared,
 ) -> tuple[Float[Array, "bands grounds"], Slopes]:
-    """What the readings are off by, and their slopes, at k d and s d of the unknown coat."""
-    there = film.look_up(thickness, data, shared)
-    return data.reading - film.surface(free, shared) - there.body, there
+    """Errors of the readings, and their slopes, at k d and s d of the unknown coat."""
+    linear = film.look_up(thickness, data, shared)
+    return data.reading - film.surface(free, shared) - linear.body, linear
 
 
 def _misfit(
     off: Float[Array, "bands grounds"],
-    there: Slopes,
+    linear: Slopes,
     data: FilmData,
     shared: FilmShared,
     size: Float[Array, ""],
 ) -> Float[Array, "rows"]:
     """Residuals of readings that are off by this, with the slopes of this place."""
-    through = there.by_ground * data.ground_sd / data.sd
+    through = linear.by_ground * data.ground_sd / data.sd
     precision = 1.0 / (data.sd * jnp.sqrt(1.0 + through**2))
     white = (off * precision).reshape(-1)
-    parts = [root_of_log1p(through).reshape(-1)]
-    if len(there.by_log):
-        caused = paint_covariance(jnp, there.by_log * precision, shared.smooth)
+    log_determinants = [root_of_log1p(through).reshape(-1)]
+    if len(linear.by_log):
+        caused = paint_covariance(jnp, linear.by_log * precision, shared.smooth)
         root = jnp.linalg.cholesky(jnp.eye(white.size) + size**2 * caused)
         white = jax.scipy.linalg.solve_triangular(root, white, lower=True)
         # The diagonal is 1 or more; with a constant added its logarithm has a smooth root.
-        parts.append(jnp.sqrt(1.0 + 2.0 * jnp.log(jnp.diagonal(root))))
-    return jnp.concatenate([white, *parts])
+        log_determinants.append(jnp.sqrt(1.0 + 2.0 * jnp.log(jnp.diagonal(root))))
+    return jnp.concatenate([white, *log_determinants])
 
 
 @dataclass(frozen=True)
 class ScaledReadings:
     """Misfits of one film that is tabulated, each over its own standard deviation.
 
-    That the known coats' errors are alike in neighbouring bands is left out, and with it a
+    That the known coats' errors are similar in neighbouring bands is left out, and with it a
     covariance: as a measure of distance this is as good, and its slopes cost a twentieth.
     """
 
@@ -150,13 +150,13 @@ class ScaledReadings:
         spectra = self.film.spectra
 
         def read(step: Float[Array, "2+others"]) -> Float[Array, "bands grounds"]:
-            moved = free.at[spectra:].add(step[2:])
-            return self._at(logs + step[:2, None], moved, data, shared)
+            shifted = free.at[spectra:].add(step[2:])
+            return self._at(logs + step[:2, None], shifted, data, shared)
 
         by_step = jax.jacfwd(read)(jnp.zeros(2 + len(free) - spectra, free.dtype))
         by_spectra = jnp.einsum("bgw,wbm->bgm", by_step[..., :2], shared.modes)
-        whole = jnp.concatenate([by_spectra, by_step[..., 2:]], axis=-1)
-        return whole.reshape(-1, len(free))
+        by_unknown = jnp.concatenate([by_spectra, by_step[..., 2:]], axis=-1)
+        return by_unknown.reshape(-1, len(free))
 
     def _at(
         self,
@@ -166,9 +166,11 @@ class ScaledReadings:
         shared: FilmShared,
     ) -> Float[Array, "bands grounds"]:
         """From log k d and log s d of the unknown coat; of the unknowns gloss and error count."""
-        off, there = _look(self.film, jnp.exp(logs), free, data, shared)
-        alike = _size(self.film, free) ** 2 * jnp.diagonal(shared.smooth)[:, None]
-        return off / jnp.sqrt(_variance(data, there) + alike * jnp.sum(there.by_log**2, axis=0))
+        off, linear = _look(self.film, jnp.exp(logs), free, data, shared)
+        variance = _size(self.film, free) ** 2 * jnp.diagonal(shared.smooth)[:, None]
+        return off / jnp.sqrt(
+            _variance(data, linear) + variance * jnp.sum(linear.by_log**2, axis=0)
+        )
 
 
 @functools.partial(Program, fixed=("film",))
@@ -209,13 +211,13 @@ def likeliest_errors(
     smooth = np.asarray(shared.smooth)
     delta = np.asarray(data.expansion.shift)
     for _ in range(8):
-        there = slopes(film, shared.response, logs + delta, data.ground)
-        by_log = np.asarray(there.by_log)
-        left = unexplained - there.body + np.einsum("febg,feb->fbg", by_log, delta)
+        linear = slopes(film, shared.response, logs + delta, data.ground)
+        by_log = np.asarray(linear.by_log)
+        target = unexplained - linear.body + np.einsum("febg,feb->fbg", by_log, delta)
         covariance = share * paint_covariance(np, by_log, smooth)
-        variance = np.asarray(_variance(data, there)).reshape(len(delta), -1)
+        variance = np.asarray(_variance(data, linear)).reshape(len(delta), -1)
         covariance += np.eye(variance.shape[1]) * variance[:, None]
-        pull = np.linalg.solve(covariance, left.reshape(len(delta), -1, 1)).reshape(left.shape)
+        pull = np.linalg.solve(covariance, target.reshape(len(delta), -1, 1)).reshape(target.shape)
         step = share * (np.einsum("febg,fbg->feb", by_log, pull) @ smooth) - delta
         # A step of more than 1 in log k or log s goes beyond where slopes hold.
         delta = delta + step / np.maximum(1.0, np.abs(step).max(axis=(1, 2), keepdims=True))
@@ -232,9 +234,9 @@ def expand(
     """The films with their readings linear in errors about `delta`, where they have these log k d
     and log s d.
     """
-    there = slopes(film, shared.response, logs, data.ground)
-    by_log = np.asarray(there.by_log)
-    root = 1.0 / np.sqrt(np.asarray(_variance(data, there)))
+    linear = slopes(film, shared.response, logs, data.ground)
+    by_log = np.asarray(linear.by_log)
+    root = 1.0 / np.sqrt(np.asarray(_variance(data, linear)))
     caused = paint_covariance(np, by_log * root[:, None], np.asarray(shared.smooth))
     spread, axes = np.linalg.eigh(caused)
     whiten = np.swapaxes(axes, 1, 2) * root.reshape(len(root), 1, -1)

@@ -171,11 +171,11 @@ class Films(Tabulated):
 
     @property
     def complete(self) -> bool:
-        """Whether every film was read over both cards, and both cards bare."""
+        """True if every film was read over both cards, and both cards bare."""
         return bool(self.seen.all() and not self.assumed.any() and not self.opaque.any())
 
     def readings(self) -> tuple[Float[np.ndarray, "rows bands"], ...]:
-        """What was measured: bare cards, black and white, and paint over them; rows that there are
+        """Measured spectra: bare cards, black and white, and paint over them; rows that there are
         not are left out.
         """
         return tuple(getattr(self, what)[rows] for what, rows in self._measured().items())
@@ -186,12 +186,12 @@ class Films(Tabulated):
         return dict(zip(SPECTRA, (*bare.T, *self.seen.T), strict=True))
 
     def arrays_and_axes(self) -> Variables:
-        """What was not measured is NaN."""
+        """Arrays and their axes; NaN where nothing was measured."""
         axes = {"film": list(self.names), WAVELENGTH: self.wavelengths}
-        kept = self._measured().items()
+        measured = self._measured().items()
         return {
             what: (tuple(axes), np.where(rows[:, None], getattr(self, what), np.nan))
-            for what, rows in kept
+            for what, rows in measured
         }, axes
 
     def where_seen(
@@ -202,8 +202,8 @@ class Films(Tabulated):
         """
         if self.seen.all():
             return values
-        seen = self.seen.reshape(*self.seen.shape, *[1] * (values.ndim - 2))
-        return np.where(seen, values, values[:, ::-1])
+        mask = self.seen.reshape(*self.seen.shape, *[1] * (values.ndim - 2))
+        return np.where(mask, values, values[:, ::-1])
 
     def select(self, wanted: Sequence[str]) -> "Films":
         """Films of these names, in this order.
@@ -217,19 +217,19 @@ class Films(Tabulated):
         return self.take([self.names.index(name) for name in wanted])
 
 
-def nearest(name: str, known: Sequence[str]) -> str:
+def nearest(name: str, names: Sequence[str]) -> str:
     """'nearest: ...' for an error about a name that is not known, or the known names if none is
     near.
     """
-    close = nearest_names(name, known, cutoff=0.5)
+    close = nearest_names(name, names, cutoff=0.5)
     if close:
         return "nearest: " + ", ".join(map(repr, close))
-    more = f" and {len(known) - 8} more" if len(known) > 8 else ""
-    return "known: " + ", ".join(map(repr, known[:8])) + more
+    ending = f" and {len(names) - 8} more" if len(names) > 8 else ""
+    return "known: " + ", ".join(map(repr, names[:8])) + ending
 
 
 class BareSurface(NamedTuple):
-    """What the surface does to a bare Lambertian ground rho, which reads gain rho/(1 - back rho)
+    """Effect of the surface on a bare Lambertian ground rho, which reads gain rho/(1 - back rho)
     without the mirror.
 
     `back` is the reflectance of the surface for diffuse light from inside, r_i: .5963 at an index
@@ -252,13 +252,15 @@ def bare_surface(instrument: Instrument) -> BareSurface:
     root = 0.5 * (nodes + 1.0)
     index = instrument.refractive_index
     geometry = instrument.geometry
-    seen = [instrument.cos_incidence]
-    seen += [float(np.asarray(geometry.cos_viewing))] if isinstance(geometry, Bidirectional) else []
-    reflected = np.asarray(_fresnel(np.concatenate([root**2, seen]), index))
+    cosines = [instrument.cos_incidence]
+    cosines += (
+        [float(np.asarray(geometry.cos_viewing))] if isinstance(geometry, Bidirectional) else []
+    )
+    reflected = np.asarray(_fresnel(np.concatenate([root**2, cosines]), index))
     outside = float(np.sum(weights * 2.0 * root**3 * reflected[: root.size]))
     enters = (1.0 - outside) / index**2
     through = float(np.prod(1.0 - reflected[root.size :]))
-    return BareSurface(through * (enters if len(seen) == 1 else 1.0 / index**2), 1.0 - enters)
+    return BareSurface(through * (enters if len(cosines) == 1 else 1.0 / index**2), 1.0 - enters)
 
 
 _fresnel = jax.jit(dielectric_reflectance)
@@ -316,19 +318,19 @@ def cards(
     out = []
     errors = []
     for card, (what, bare) in enumerate((("black", films.bare_black), ("white", films.bare_white))):
-        inside, slope = card_reflectance(bare, instrument)
+        internal, slope = card_reflectance(bare, instrument)
         sd = slope * noise.sd(bare)
         # Cards that no reading needs are not judged.
-        given = (films.assumed[:, card] | films.opaque | ~films.seen[:, card])[:, None]
-        inside = np.where(given, bare, inside)
-        sd = np.where(given, USUAL_CARD_SD[card], sd)
+        presumed = (films.assumed[:, card] | films.opaque | ~films.seen[:, card])[:, None]
+        internal = np.where(presumed, bare, internal)
+        sd = np.where(presumed, USUAL_CARD_SD[card], sd)
         for wrong, complaint in (
             (
-                inside < -4 * sd,
+                internal < -4 * sd,
                 "darker than its surface alone ({surface:.4f}); was the specular part excluded?",
             ),
             (
-                inside > 1 + 4 * sd,
+                internal > 1 + 4 * sd,
                 "brighter than a perfect diffuser; is it fluorescent, or the scale wrong?",
             ),
         ):
@@ -339,7 +341,7 @@ def cards(
                     f"{films.wavelengths[j]:g} nm, "
                     f"{complaint.format(surface=instrument.seen_surface)}"
                 )
-        out.append(np.clip(inside, 0.0, 1.0))
+        out.append(np.clip(internal, 0.0, 1.0))
         errors.append(sd)
     return out[0], out[1], errors[0], errors[1]
 

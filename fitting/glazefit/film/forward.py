@@ -48,7 +48,7 @@ class Expansion(NamedTuple):
 
 
 class FilmData(NamedTuple):
-    """What is one film's own."""
+    """Data of one film."""
 
     # k and s times the median thickness of the paint's coat
     absorption: Float[Any, "*blocks bands paints"]
@@ -67,19 +67,19 @@ class FilmData(NamedTuple):
 
 
 class FilmShared(NamedTuple):
-    """What all films have in common."""
+    """Data that all films share."""
 
     response: FilmResponse | None  # of a single coat
     surface: Float[Any, ""]  # what a glossy surface adds to a reading
     smooth: Float[Any, "bands bands"]  # covariance of paints' errors of size 1
-    mean: Float[Any, "dims"]  # of the unknowns beforehand
+    mean: Float[Any, "dims"]  # of the unknowns' prior
     sd: Float[Any, "dims"]
     levels: Float[Any, "2"]  # means of log k d and log s d of an unknown paint
     modes: Float[Any, "2 bands spectra"]  # their slopes by its unknowns
 
 
 class Places(NamedTuple):
-    """Where each unknown stands among the free ones; empty for what is known."""
+    """Slices of each unknown among the free ones; empty for what is known."""
 
     ratios: tuple[slice, ...]
     thickness: tuple[slice, ...]
@@ -90,8 +90,8 @@ class Places(NamedTuple):
 
 @dataclass(frozen=True)
 class Film:
-    """What is unknown of a film: fixed when a program is compiled, alike for all films side by
-    side.
+    """Structure of a film's unknowns: fixed when a program is compiled, the same for all films side
+    by side.
 
     The free unknowns, in order: for each coat the log-ratios of its fractions to the last, where
     they are unknown, and log thickness over its median, where that is; what log k d and log s d of
@@ -122,21 +122,21 @@ class Film:
 
     @property
     def tabulated(self) -> bool:
-        """Whether one coat is unknown and everything is known of all others: readings and slopes
+        """True if one coat is unknown and everything is known of all others: readings and slopes
         then come from a table at every place.
         """
         return self.unknown_coat is not None and not any((*self.fractions, *self.thickness))
 
     @property
     def paints(self) -> tuple[slice, ...]:
-        """Where each coat's paints stand among all."""
+        """Slices of each coat's paints among all."""
         return _slices(self.sizes)
 
     @property
     def places(self) -> Places:
-        """Where each unknown stands."""
-        each = zip(self.sizes, self.fractions, self.thickness, strict=True)
-        counts = [n for size, sought, thick in each for n in (sought * (size - 1), thick)]
+        """Slices of each unknown."""
+        coats = zip(self.sizes, self.fractions, self.thickness, strict=True)
+        counts = [n for size, unknown, thick in coats for n in (unknown * (size - 1), thick)]
         ends = _slices((*counts, self.spectra, self.gloss, self.error))
         return Places(ends[:-3:2], ends[1:-3:2], *ends[-3:])
 
@@ -149,24 +149,24 @@ class Film:
         self, free: Float[Array, "dims"], data: FilmData, shared: FilmShared
     ) -> Float[Array, "2 bands coats"]:
         """Optical thicknesses k d and s d of all coats, top first, without errors of the paints."""
-        places = self.places
+        positions = self.places
         coats = []
         for n, members in enumerate(self.paints):
             if n == self.unknown_coat:
-                logs = shared.levels[:, None] + shared.modes @ free[places.spectra]
+                logs = shared.levels[:, None] + shared.modes @ free[positions.spectra]
                 coats.append(jnp.exp(logs))
                 continue
             amounts = data.shares[members]
             if self.fractions[n]:
-                amounts = jnp.exp(log_fractions(free[places.ratios[n]]))
+                amounts = jnp.exp(log_fractions(free[positions.ratios[n]]))
             # Of no unknown the sum is 0.
-            amounts = amounts * jnp.exp(jnp.sum(free[places.thickness[n]]))
-            both = (data.absorption[:, members], data.scattering[:, members])
-            coats.append(jnp.stack([each @ amounts for each in both]))
+            amounts = amounts * jnp.exp(jnp.sum(free[positions.thickness[n]]))
+            coefficients = (data.absorption[:, members], data.scattering[:, members])
+            coats.append(jnp.stack([coefficient @ amounts for coefficient in coefficients]))
         return jnp.stack(coats, axis=-1)
 
     def surface(self, free: Float[Array, "dims"], shared: FilmShared) -> Float[Array, ""]:
-        """What the surface adds to a reading."""
+        """Reflectance that the surface adds to a reading."""
         return shared.surface * jnp.prod(jax.nn.sigmoid(free[self.places.gloss]))
 
     def body(
@@ -195,7 +195,7 @@ class Film:
         shared: FilmShared,
         errors: Float[Array, "2 #bands #coats"] | float = 0.0,
     ) -> Float[Array, "bands grounds"]:
-        """What the instrument reads where log k and log s of the coats are off by these errors."""
+        """Readings of the instrument where log k and log s of the coats have these errors."""
         coats = self.optical(free, data, shared) * jnp.exp(errors)
         body = self.body(shared.response, coats[:, :, None], data.ground)
         return self.surface(free, shared) + body
@@ -208,10 +208,10 @@ class Film:
         if data.table is None:
             assert shared.response is not None
             black, gain, back = (n[:, None] for n in shared.response.numbers(*thickness))
-            left = 1.0 - back * data.ground
+            denominator = 1.0 - back * data.ground
             return Slopes(
-                body=black + gain / left * data.ground,
-                by_ground=jnp.maximum(gain / left, 0.0) / left,
+                body=black + gain / denominator * data.ground,
+                by_ground=jnp.maximum(gain / denominator, 0.0) / denominator,
                 by_log=jnp.zeros((0, bands, grounds)),
             )
         absorption, scattering, _ = within(jnp, *thickness)
@@ -221,8 +221,8 @@ class Film:
         patch = data.table.at[jnp.arange(bands), cell].get(mode="promise_in_bounds")
         weights = over[:, :, None] * across[:, None, :]
         numbers = jnp.sum(patch * weights[..., None], axis=(1, 2))
-        each = jnp.moveaxis(numbers.reshape(bands, -1, grounds), 1, 0)
-        return Slopes(body=each[0], by_ground=each[1], by_log=each[2:])
+        values = jnp.moveaxis(numbers.reshape(bands, -1, grounds), 1, 0)
+        return Slopes(body=values[0], by_ground=values[1], by_log=values[2:])
 
 
 def _slices(counts: tuple[int, ...]) -> tuple[slice, ...]:
@@ -276,9 +276,9 @@ def tabulate(
         # A coat that does not absorb or scatter at all is one of the nodes.
         stack[unknown] = np.log(np.maximum(nodes, 1e-300))
         wide = np.broadcast_to(below, (1, nodes.shape[1], below.size))
-        there = slopes(film, None, stack[None], wide)
+        linear = slopes(film, None, stack[None], wide)
         # Those of the unknown coat are no errors.
-        by_log = np.delete(np.asarray(there.by_log)[0], unknown, axis=0)
-        solved = np.concatenate([there.body, there.by_ground, by_log])
+        by_log = np.delete(np.asarray(linear.by_log)[0], unknown, axis=0)
+        solved = np.concatenate([linear.body, linear.by_ground, by_log])
         bands.append(patches(np.swapaxes(solved, 1, 2).reshape(-1, _NODES, _NODES)))
     return np.stack(bands)

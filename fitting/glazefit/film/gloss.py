@@ -1,4 +1,4 @@
-"""How much of the outer surface's reflection a reading contains.
+"""Share of the outer surface's reflection that a reading contains.
 
 A smooth film measured with the specular part included adds R_s = 4 % to what comes from the paint.
 Matte paint can read less than that: part of the surface's reflection is then lost to the
@@ -62,16 +62,16 @@ def measure_gloss(films: Films, excluded: Films, instrument: Instrument) -> dict
             f"readings without the specular part are at {describe_grid(excluded.wavelengths)}, "
             f"those with it at {describe_grid(films.wavelengths)}: export both on one grid"
         )
-    found = {}
+    shares = {}
     for row, name in enumerate(films.names):
         if name not in excluded.names:
             continue
-        other = excluded.names.index(name)
-        seen = films.seen[row] & excluded.seen[other]
+        excluded_row = excluded.names.index(name)
+        measured = films.seen[row] & excluded.seen[excluded_row]
         off = [
-            np.mean(getattr(films, over)[row] - getattr(excluded, over)[other])
-            for over, both in zip(("over_black", "over_white"), seen, strict=True)
-            if both
+            np.mean(getattr(films, over)[row] - getattr(excluded, over)[excluded_row])
+            for over, used in zip(("over_black", "over_white"), measured, strict=True)
+            if used
         ]
         share = float(np.mean(off)) / surface if off else np.nan
         if not 0.01 < share < 1.5:
@@ -79,10 +79,10 @@ def measure_gloss(films: Films, excluded: Films, instrument: Instrument) -> dict
                 f"film {name!r} reads {share * surface:+.4f} more with the specular part than "
                 f"without it; a smooth surface adds {surface:.4f}: are the files swapped?"
             )
-        found[name] = share
-    if not found:
+        shares[name] = share
+    if not shares:
         raise ValueError(
             f"no film was read both ways: with the specular part {', '.join(films.names[:5])}; "
             f"without it {', '.join(excluded.names[:5])}"
         )
-    return found
+    return shares

@@ -2,11 +2,11 @@
 program.
 
 A posterior may be a bent sheet, a thousandth as thick as long: readings are good to a thousandth,
-an opaque coat tells only k/s, and how far the next place is that reads alike differs by orders of
-magnitude along the sheet. Steps of one size for all directions and places either leave the sheet or
-stand still. So steps are taken on the graph of the scaled readings: a place is the unknowns free,
-together with what would be read there in units of its error, e(free) (`FilmProblem.scaled`), and a
-root of the prior's precision. Distances on that graph have the metric
+an opaque coat decides only k/s, and how far the next place is that reads the same differs by orders
+of magnitude along the sheet. Steps of one size for all directions and places either leave the sheet
+or stand still. So steps are taken on the graph of the scaled readings: a place is the unknowns
+free, together with what would be read there in units of its error, e(free) (`FilmProblem.scaled`),
+and a root of the prior's precision. Distances on that graph have the metric
 
     G = J^T J,   J the slopes of e,
 
@@ -70,7 +70,7 @@ class Here(NamedTuple):
 
 
 class Positions(NamedTuple):
-    """Where all chains are."""
+    """Points of all chains."""
 
     free: Float[Array, "chains blocks dims"]
     height: Float[Array, "chains blocks"]  # log posterior
@@ -92,7 +92,7 @@ class Piece(NamedTuple):
 
 
 class Model(NamedTuple):
-    """What is sampled, but for its functions."""
+    """Arrays of a sampled problem; its functions are passed separately."""
 
     data: Any
     shared: Any
@@ -101,7 +101,7 @@ class Model(NamedTuple):
 
 
 class Span(NamedTuple):
-    """Which steps are taken, and how; a compiled program's arguments."""
+    """Steps to take, and how; a compiled program's arguments."""
 
     first: int | Array
     number: int | Array
@@ -124,19 +124,19 @@ class Graph(NamedTuple):
 
     def lift(self, free: Float[Array, "dims"]) -> Float[Array, "rows"]:
         """Scaled readings and unknowns: the coordinates in which distances are measured."""
-        own = self.root @ free
+        scaled = self.root @ free
         if self.scaled is None:
-            return own
-        return jnp.concatenate([self.scaled(free, self.data, self.shared), own])
+            return scaled
+        return jnp.concatenate([self.scaled(free, self.data, self.shared), scaled])
 
     def slopes(self, free: Float[Array, "dims"]) -> Float[Array, "rows dims"]:
         """Of `lift`."""
         if self.scaled is None:
             return self.root
-        known = getattr(self.scaled, "slopes", None)
-        if known is None:
+        scaled_slopes = getattr(self.scaled, "slopes", None)
+        if scaled_slopes is None:
             return jax.jacfwd(self.lift)(free)
-        return jnp.concatenate([known(free, self.data, self.shared), self.root])
+        return jnp.concatenate([scaled_slopes(free, self.data, self.shared), self.root])
 
     def at(self, free: Float[Array, "dims"]) -> Here:
         """All that a step needs to know of a place."""
@@ -146,13 +146,13 @@ class Graph(NamedTuple):
         volume = jnp.sum(jnp.log(jnp.diagonal(root)))
         # The slope of log det(J^T J) / 2 is that of the sum of J (J^T J)^-1 times J, the first
         # factor held.
-        held = slopes @ inverse
+        factor = slopes @ inverse
 
         def falling(free: Float[Array, "dims"]) -> tuple[Array, Array]:
             height = self.height(free)
             if self.scaled is None:
                 return -height, height
-            return jnp.sum(held * self.slopes(free)) - height, height
+            return jnp.sum(factor * self.slopes(free)) - height, height
 
         downhill, height = jax.grad(falling, has_aux=True)(free)
         return Here(
@@ -166,13 +166,13 @@ class Graph(NamedTuple):
         )
 
     def move(
-        self, here: Here, push: Float[Array, "dims"], near: Float[Array, ""]
+        self, origin: Here, push: Float[Array, "dims"], near: Float[Array, ""]
     ) -> tuple[Float[Array, "dims"], Bool[Array, ""]]:
         """The place on the graph that a push along it leads to, and whether it was found."""
 
         def left(free: Array) -> tuple[Array, Array]:
-            off = here.slopes.T @ (self.lift(free) - here.scaled) - push
-            return off, jnp.sqrt(off @ here.inverse @ off)
+            off = origin.slopes.T @ (self.lift(free) - origin.scaled) - push
+            return off, jnp.sqrt(off @ origin.inverse @ off)
 
         def search(state: tuple) -> Array:
             _, _, size, before, count = state
@@ -181,17 +181,17 @@ class Graph(NamedTuple):
 
         def newton(state: tuple) -> tuple:
             free, off, size, _, count = state
-            across = here.slopes.T @ self.slopes(free)
+            across = origin.slopes.T @ self.slopes(free)
             free = free - solve_positive(across, off[:, None])[:, 0]
             return free, *left(free), size, count + 1
 
-        first = here.free + here.inverse @ push
+        first = origin.free + origin.inverse @ push
         if self.scaled is None:
             return first, jnp.all(jnp.isfinite(first))
         start = (first, *left(first), jnp.inf, 0)
-        found, _, size, _, _ = jax.lax.while_loop(search, newton, start)
+        solution, _, size, _, _ = jax.lax.while_loop(search, newton, start)
         # What overflows is no number, and no place.
-        return found, size <= near
+        return solution, size <= near
 
     def empty(self, free: Float[Array, "dims"]) -> Here:
         """No place, in the shape of one."""
@@ -205,19 +205,19 @@ class Flight(NamedTuple):
     free: Float[Array, "dims"]  # where it is now
     momentum: Float[Array, "dims"]  # where it was
     first: Float[Array, ""]  # energy at the start
-    sound: Bool[Array, ""]  # whether all of its steps can be reversed
-    taken: Array  # places
+    reversible: Bool[Array, ""]  # whether all of its steps can be reversed
+    visited: Array  # places
 
 
-def _energy(here: Here, momentum: Float[Array, "dims"]) -> Float[Array, ""]:
-    return here.potential + 0.5 * momentum @ here.inverse @ momentum
+def _energy(state: Here, momentum: Float[Array, "dims"]) -> Float[Array, ""]:
+    return state.potential + 0.5 * momentum @ state.inverse @ momentum
 
 
 def _trajectory(
     graph: Graph, free: Float[Array, "dims"], log_step: Float[Array, ""], key: Array
 ) -> tuple[Float[Array, "dims"], Float[Array, ""], Float[Array, ""]]:
-    """Where a trajectory of one chain ends, the log posterior there, and by how much its energy
-    has fallen.
+    """End of a trajectory of one chain, the log posterior there, and by how much its energy has
+    fallen.
     """
     length, shorter, kick = jax.random.split(key, 3)
     dtype = free.dtype
@@ -231,34 +231,34 @@ def _trajectory(
     noise = jax.random.normal(kick, start.scaled.shape, dtype)
 
     def going(flight: Flight) -> Array:
-        return flight.sound & (flight.taken <= number)
+        return flight.reversible & (flight.visited <= number)
 
     def leap(flight: Flight) -> Flight:
         # All is computed once a place: programs take long to compile.
-        before, here = flight.before, graph.at(flight.free)
-        begins, ends = flight.taken == 0, flight.taken == number
+        before, state = flight.before, graph.at(flight.free)
+        begins, ends = flight.visited == 0, flight.visited == number
         # The momentum here: of the step that led here and its second half push; at the start J^T
         # times independent normal numbers, whose covariance is the metric.
-        arriving = here.slopes.T @ (here.scaled - before.scaled)
-        momentum = arriving / step + 0.5 * step * here.pull
-        momentum = jnp.where(begins, here.slopes.T @ noise, momentum)
+        arriving = state.slopes.T @ (state.scaled - before.scaled)
+        momentum = arriving / step + 0.5 * step * state.pull
+        momentum = jnp.where(begins, state.slopes.T @ noise, momentum)
         # The way back from here, and the next step, if there is one.
         back = jnp.where(begins, 0.0, -arriving)
-        ahead = jnp.where(ends, 0.0, step * (momentum + 0.5 * step * here.pull))
+        ahead = jnp.where(ends, 0.0, step * (momentum + 0.5 * step * state.pull))
         # How near Newton's method comes, in standard deviations of the posterior; on the way back
         # it is enough to see that it goes to the same place, within a hundredth.
-        places, found = jax.vmap(graph.move, (None, 0, 0))(
-            here, jnp.stack([back, ahead]), jnp.array([1e-3, 1e-5])
+        points, reached = jax.vmap(graph.move, (None, 0, 0))(
+            state, jnp.stack([back, ahead]), jnp.array([1e-3, 1e-5])
         )
-        missed = before.slopes @ (places[0] - before.free)
+        missed = before.slopes @ (points[0] - before.free)
         same = begins | (jnp.sum(missed**2) < 0.01**2)
         return Flight(
-            before=here,
-            free=jnp.where(found[1], places[1], here.free),
+            before=state,
+            free=jnp.where(reached[1], points[1], state.free),
             momentum=momentum,
-            first=jnp.where(begins, _energy(here, momentum), flight.first),
-            sound=found.all() & same,
-            taken=flight.taken + 1,
+            first=jnp.where(begins, _energy(state, momentum), flight.first),
+            reversible=reached.all() & same,
+            visited=flight.visited + 1,
         )
 
     zero = jnp.zeros((), dtype)
@@ -266,8 +266,8 @@ def _trajectory(
     flight = jax.lax.while_loop(going, leap, flight)
     end = flight.before
     fallen = flight.first - _energy(end, flight.momentum)
-    sound = flight.sound & ~jnp.isnan(fallen)
-    return end.free, end.height, jnp.where(sound, fallen, -jnp.inf)
+    reversible = flight.reversible & ~jnp.isnan(fallen)
+    return end.free, end.height, jnp.where(reversible, fallen, -jnp.inf)
 
 
 @functools.partial(Program, fixed=("residuals", "scaled"))
@@ -295,39 +295,41 @@ def _steps(
     def wander(free: Array, data: Any, root: Array, log_step: Array, key: Array) -> Any:
         return _trajectory(graph(data, root), free, log_step, key)
 
-    def trajectory(place: Positions, tuning: Tuning, key: Array) -> tuple[Positions, Array]:
+    def trajectory(position: Positions, tuning: Tuning, key: Array) -> tuple[Positions, Array]:
         keys = jax.random.split(key, (chains, blocks))
-        end, height, gain = wander(place.free, model.data, *tuning, keys)
+        end, height, gain = wander(position.free, model.data, *tuning, keys)
         return Positions(end, height), gain
 
-    def jump(place: Positions, tuning: Tuning, key: Array) -> tuple[Positions, Array]:
-        free = model.laplace.draw(key, chains).astype(place.free.dtype)
+    def jump(position: Positions, tuning: Tuning, key: Array) -> tuple[Positions, Array]:
+        free = model.laplace.draw(key, chains).astype(position.free.dtype)
         end = Positions(free, height_at(free, model.data, tuning.root))
         # By Metropolis and Hastings: Laplace's density is that of the proposal.
-        now, then = (model.laplace.log_density(jnp, f) for f in (place.free, free))
-        gain = jnp.asarray(end.height - place.height + now - then)
+        now, then = (model.laplace.log_density(jnp, f) for f in (position.free, free))
+        gain = jnp.asarray(end.height - position.height + now - then)
         return end, jnp.where(jnp.isnan(gain), -jnp.inf, gain)
 
     def one(i: Array, state: tuple[Positions, Tuning, Piece]) -> tuple[Positions, Tuning, Piece]:
-        place, tuning, piece = state
+        position, tuning, piece = state
         number = span.first + i
         move, coin = jax.random.split(jax.random.fold_in(model.key, number))
         jumps = number % 10 == 9
-        moved: tuple[Positions, Array] = jax.lax.cond(jumps, jump, trajectory, place, tuning, move)
-        end, gain = moved
+        proposal: tuple[Positions, Array] = jax.lax.cond(
+            jumps, jump, trajectory, position, tuning, move
+        )
+        end, gain = proposal
         chance = jnp.minimum(1.0, jnp.exp(gain))
         takes = jax.random.uniform(coin, chance.shape, chance.dtype) < chance
-        free = jnp.asarray(jnp.where(takes[..., None], end.free, place.free))
-        place = Positions(free, jnp.asarray(jnp.where(takes, end.height, place.height)))
+        free = jnp.asarray(jnp.where(takes[..., None], end.free, position.free))
+        position = Positions(free, jnp.asarray(jnp.where(takes, end.height, position.height)))
         better = tuning.log_step + (chance.mean(axis=0) - 0.7) / (1.0 + 0.1 * i)
         learns = span.learning & ~jumps
         tuning = tuning._replace(log_step=jnp.where(learns, better, tuning.log_step))
         piece = Piece(
-            free=piece.free.at[i].set(place.free),
-            height=piece.height.at[i].set(place.height),
+            free=piece.free.at[i].set(position.free),
+            height=piece.height.at[i].set(position.height),
             accepted=piece.accepted + takes.mean(),
         )
-        return place, tuning, piece
+        return position, tuning, piece
 
     empty = Piece(
         free=jnp.zeros((_PIECE, *free.shape), free.dtype),
@@ -335,8 +337,8 @@ def _steps(
         accepted=jnp.zeros((), free.dtype),
     )
     start = Positions(free, height_at(free, model.data, tuning.root))
-    place, tuning, piece = jax.lax.fori_loop(0, span.number, one, (start, tuning, empty))
-    return place.free, tuning, piece
+    position, tuning, piece = jax.lax.fori_loop(0, span.number, one, (start, tuning, empty))
+    return position.free, tuning, piece
 
 
 class Hamiltonian:
@@ -407,23 +409,27 @@ class Hamiltonian:
             tuning = self._with_metric_of(tuning, approximation.draws(500, rng))
             return jnp.asarray(approximation.draws(self.walkers, rng)), tuning
         # Evenly spaced places in the summed shares: each mode has its part of the chains.
-        places = (np.arange(self.walkers) + rng.random()) / self.walkers
+        quantiles = (np.arange(self.walkers) + rng.random()) / self.walkers
         summed = np.cumsum(approximation.weights, axis=1)
-        chosen = np.stack([np.searchsorted(each / each[-1], places) for each in summed], axis=1)
+        chosen = np.stack(
+            [np.searchsorted(shares / shares[-1], quantiles) for shares in summed], axis=1
+        )
         at = np.minimum(chosen, modes - 1)[..., None]
         starts = np.take_along_axis(np.swapaxes(approximation.modes, 0, 1), at, 0)
         return jnp.asarray(starts), tuning
 
     def _with_metric_of(self, tuning: Tuning, draws: Float[np.ndarray, "*n blocks dims"]) -> Tuning:
-        """Where there are no scaled readings, the metric is that in which draws are about round;
-        what was taken before counts as a few.
+        """Learn the metric in which draws are about round, where there are no scaled readings; the
+        metric before counts as a few draws.
         """
         if self._problem.scaled is not None:
             return tuning
         flat = np.asarray(draws, float).reshape(-1, *draws.shape[-2:])
         off = flat - flat.mean(axis=0)
         before = np.linalg.inv(np.asarray(tuning.root, float))
-        few = 2.0 * flat.shape[-1]
-        spread = np.einsum("nbi,nbj->bij", off, off) + few * before @ np.swapaxes(before, 1, 2)
-        root = np.linalg.inv(np.linalg.cholesky(spread / (len(flat) + few)))
+        prior_count = 2.0 * flat.shape[-1]
+        spread = np.einsum("nbi,nbj->bij", off, off) + prior_count * before @ np.swapaxes(
+            before, 1, 2
+        )
+        root = np.linalg.inv(np.linalg.cholesky(spread / (len(flat) + prior_count)))
         return tuning._replace(root=jnp.asarray(root))

@@ -1,4 +1,4 @@
-"""How noisy readings are, estimated from their own roughness.
+"""Noise of readings, estimated from their own roughness.
 
 Spectra of paint and of cards are smooth over some tens of nanometres; an instrument's noise is not.
 High differences of neighbouring bands take out what is smooth and leave noise of known size. Edges
@@ -58,15 +58,15 @@ def spectra_noise(
         least: what it is at least, by default `Noise()`.
     """
     least = least or Noise()
-    found = _fit_ends(wavelengths, [spectra])
-    return least if found is None else _at_least(found, least)
+    estimate = _fit_ends(wavelengths, [spectra])
+    return least if estimate is None else _at_least(estimate, least)
 
 
-def _at_least(found: tuple[float, float], least: Noise) -> Noise:
+def _at_least(estimate: tuple[float, float], least: Noise) -> Noise:
     """Noise from what it is at both ends."""
     dark, bright = (
         max(value, float(least.sd(np.asarray(end))))
-        for value, end in zip(found, _ENDS, strict=True)
+        for value, end in zip(estimate, _ENDS, strict=True)
     )
     share = max((bright - dark) / (_ENDS[1] - _ENDS[0]), 0.0)
     return Noise(float(min(dark - share * _ENDS[0], MOST)), float(min(share, MOST)))
@@ -80,18 +80,18 @@ def _fit_ends(
     """
     if wavelengths.size < 2 or np.median(np.diff(wavelengths)) > 12.0:
         return None
-    parts = [roughness(wavelengths, rows) for rows in spectra]
-    differences = np.concatenate([part[0].ravel() for part in parts])
+    residuals = [roughness(wavelengths, rows) for rows in spectra]
+    differences = np.concatenate([residual[0].ravel() for residual in residuals])
     if not differences.size:
         return None
-    level = np.concatenate([part[1].ravel() for part in parts])
+    reflectance = np.concatenate([residual[1].ravel() for residual in residuals])
     # So many spectra give the noise to a hundredth, and steps of the search are a tenth.
-    few = np.linspace(0, len(level) - 1, min(len(level), 20_000)).astype(int)
+    chosen = np.linspace(0, len(reflectance) - 1, min(len(reflectance), 20_000)).astype(int)
     floors = np.geomspace(1e-4, MOST, 48)
     shares = np.concatenate([[0.0], np.geomspace(3e-4, MOST, 24)])
     floor, share = min(
         itertools.product(floors, shares),
-        key=lambda noise: _cost(differences[few], noise[0] + noise[1] * level[few]),
+        key=lambda noise: _cost(differences[chosen], noise[0] + noise[1] * reflectance[chosen]),
     )
     return floor + share * _ENDS[0], floor + share * _ENDS[1]
 
@@ -109,10 +109,10 @@ def roughness(
     if order < 2 or not len(spectra):
         return np.zeros((len(spectra), 0)), np.zeros((len(spectra), 0))
     windows = sliding_window_view(wavelengths, order + 1)
-    apart = (windows[:, :, None] - windows[:, None, :]) / (
+    differences = (windows[:, :, None] - windows[:, None, :]) / (
         windows[:, -1:, None] - windows[:, :1, None]
     )
-    weights = 1.0 / np.prod(np.where(np.eye(order + 1, dtype=bool), 1.0, apart), axis=2)
+    weights = 1.0 / np.prod(np.where(np.eye(order + 1, dtype=bool), 1.0, differences), axis=2)
     weights /= np.linalg.norm(weights, axis=1, keepdims=True)
     values = sliding_window_view(spectra, order + 1, axis=1)
     return np.einsum("rwi,wi->rw", values, weights), values.mean(axis=2)
@@ -127,8 +127,8 @@ def noise_of_each(readings: Float[np.ndarray, "*n bands"]) -> Float[np.ndarray, 
     if readings.shape[-1] < 8:
         return np.zeros(readings.shape[:-1])
     third = np.diff(readings, n=3, axis=-1)
-    found = 1.4826 * np.median(np.abs(third), axis=-1) / np.sqrt(20.0)
-    return np.minimum(found, 0.1)
+    sd = 1.4826 * np.median(np.abs(third), axis=-1) / np.sqrt(20.0)
+    return np.minimum(sd, 0.1)
 
 
 def _cost(differences: Float[np.ndarray, "n"], sd: Float[np.ndarray, "n"]) -> float:

@@ -86,8 +86,8 @@ def loose_films(table: SpectraTable) -> Films:
     shared = {}
     for film in [
         film
-        for film, found in rows.items()
-        if film.lower() in _CARDS and not {"ob", "ow"} & set(found)
+        for film, endings in rows.items()
+        if film.lower() in _CARDS and not {"ob", "ow"} & set(endings)
     ]:
         shared.update(rows.pop(film))
     _check_rows(rows)
@@ -100,18 +100,18 @@ def _check_rows(rows: Mapping[str, Mapping[str, int]]) -> None:
             "there are cards but no paint: name its rows NAME_ob (over black) and NAME_ow (over "
             "white)"
         )
-    for film, found in rows.items():
+    for film, endings in rows.items():
         stem, mark, _ = film.rpartition("_")
-        if "opaque" in found and mark and stem in rows:
+        if "opaque" in endings and mark and stem in rows:
             raise ValueError(
                 f"the name {film!r} must end in "
                 + ", ".join(f"_{end} ({what})" for end, what in ROWS.items())
             )
-        if "opaque" in found and len(found) > 1:
+        if "opaque" in endings and len(endings) > 1:
             raise ValueError(
                 f"{film!r} is there with an ending and without: opaque paint has one row, {film!r}"
             )
-        if not {"ob", "ow", "opaque"} & set(found):
+        if not {"ob", "ow", "opaque"} & set(endings):
             raise ValueError(
                 f"film {film!r} has no row '{film}_ob' or '{film}_ow' (paint over black, over "
                 "white); cards of all films are card_b and card_w"
@@ -129,18 +129,18 @@ def _add_notes(films: Films) -> Films:
             f"{list_names(names)}: no ending _ob or _ow, so taken to hide whatever is below"
         )
     needed = films.assumed & films.seen & ~films.opaque[:, None]
-    words = [
+    missing = [
         word
         for word, column in zip(("black", "white"), np.any(needed, axis=0).tolist(), strict=True)
         if column
     ]
-    if words:
+    if missing:
         notes.append(
-            f"the {' and the '.join(words)} card was not measured (card_b, card_w): a usual one "
+            f"the {' and the '.join(missing)} card was not measured (card_b, card_w): a usual one "
             "is assumed, and its level is fitted"
         )
     films = replace(films, notes=tuple(notes))
-    return crop(films, *USUAL_RANGE, "usual cards are known there only") if words else films
+    return crop(films, *USUAL_RANGE, "usual cards are known there only") if missing else films
 
 
 def tint(name: str) -> dict[str, float] | None:
@@ -150,14 +150,14 @@ def tint(name: str) -> dict[str, float] | None:
     match = _TINT.fullmatch(name)
     if match is None:
         return None
-    parts = {match["first"]: float(match["a"]), match["second"]: float(match["b"])}
-    return parts if len(parts) == 2 and sum(parts.values()) > 0 else None
+    weights = {match["first"]: float(match["a"]), match["second"]: float(match["b"])}
+    return weights if len(weights) == 2 and sum(weights.values()) > 0 else None
 
 
 def recipes_from_names(
     names: Sequence[str], listed: Mapping[str, Mapping[str, float]] | None = None
 ) -> dict[str, Mapping[str, float]]:
-    """What films are made of: as listed, or as their names say, or else one paint of that name.
+    """Recipes of films: as listed, or as their names say, or else one paint of that name.
 
     Args:
         names: of films; ``Red 1:10 White`` is a tint by weight.
@@ -180,8 +180,8 @@ def crop(films: Films, low: float, high: float, why: str) -> Films:
     Raises:
         ValueError: fewer than three bands are left.
     """
-    kept, notes = crop_bands(films.wavelengths, low, high, why)
-    return _on(films, np.eye(kept.size)[:, kept], *notes) if notes else films
+    used, notes = crop_bands(films.wavelengths, low, high, why)
+    return _on(films, np.eye(used.size)[:, used], *notes) if notes else films
 
 
 def average(films: Films, step: float = FINEST) -> Films:

@@ -1,7 +1,6 @@
-"""What is likely of a film before it is measured: one prior of fractions, thickness, an unknown
-paint, gloss and the paints' error.
+"""Prior of a film: of fractions, thickness, an unknown paint, gloss and the paints' error.
 
-Fractions are Dirichlet beforehand, gloss is uniform in [0, 1], and all else Gaussian: log
+Fractions are Dirichlet, gloss is uniform in [0, 1], and all else Gaussian: log
 thickness, what the spectra of an unknown paint are made of, and the log size of the paints' error.
 """
 
@@ -55,48 +54,50 @@ class FilmPrior:
             spread: standard deviation of each coat's log thickness.
             prior: of the film.
         """
-        places = self.film.places
+        positions = self.film.places
         mean = np.zeros(self.film.dims)
         sd = np.ones(self.film.dims)
-        for ratios, thickness, off in zip(places.ratios, places.thickness, spread, strict=True):
+        for ratios, thickness, off in zip(
+            positions.ratios, positions.thickness, spread, strict=True
+        ):
             # Trigamma functions of the concentrations (Aitchison 1986).
             sd[ratios] = np.sqrt(2.0 * polygamma(1, self.concentration))
             sd[thickness] = off
         # Of the logistic distribution, whose sigmoid is uniform.
-        sd[places.gloss] = np.pi / np.sqrt(3.0)
-        mean[places.error] = np.log(prior.error)
-        sd[places.error] = prior.error_spread
+        sd[positions.gloss] = np.pi / np.sqrt(3.0)
+        mean[positions.error] = np.log(prior.error)
+        sd[positions.error] = prior.error_spread
         return mean, sd
 
     def residuals(self, free: Float[Array, "dims"], shared: FilmShared) -> Float[Array, "rows"]:
         """One an unknown, and one more for each coat's fractions."""
-        places = self.film.places
+        positions = self.film.places
         # Dirichlet's density in the log-ratios is the product of the fractions to their
         # concentrations.
-        parts = [
+        terms = [
             jnp.sqrt(-2.0 * self.concentration * log_fractions(free[at]))
-            for at, sought in zip(places.ratios, self.film.fractions, strict=True)
-            if sought
+            for at, unknown in zip(positions.ratios, self.film.fractions, strict=True)
+            if unknown
         ]
-        parts.append(uniform_residual(free[places.gloss]))
-        normal = np.delete(np.arange(self.film.dims), np.r_[(*places.ratios, places.gloss)])
-        parts.append((free[normal] - shared.mean[normal]) / shared.sd[normal])
-        return jnp.concatenate(parts)
+        terms.append(uniform_residual(free[positions.gloss]))
+        normal = np.delete(np.arange(self.film.dims), np.r_[(*positions.ratios, positions.gloss)])
+        terms.append((free[normal] - shared.mean[normal]) / shared.sd[normal])
+        return jnp.concatenate(terms)
 
     def draws(
         self, rng: np.random.Generator, n: int, shared: FilmShared
     ) -> Float[np.ndarray, "n dims"]:
         """Of the free unknowns."""
         film = self.film
-        places = film.places
+        positions = film.places
         draws = np.asarray(shared.mean) + shared.sd * rng.standard_normal((n, film.dims))
         draws = np.array(draws)
-        for at, size, sought in zip(places.ratios, film.sizes, film.fractions, strict=True):
-            if sought:
+        for at, size, unknown in zip(positions.ratios, film.sizes, film.fractions, strict=True):
+            if unknown:
                 # A fraction of exactly 0 has no logarithm.
                 shares = np.maximum(rng.dirichlet(np.full(size, self.concentration), n), 1e-12)
                 draws[:, at] = np.log(shares[:, :-1] / shares[:, -1:])
-        draws[:, places.gloss] = rng.logistic(size=(n, int(film.gloss)))
+        draws[:, positions.gloss] = rng.logistic(size=(n, int(film.gloss)))
         return draws
 
     def covariance(self, shared: FilmShared) -> Float[np.ndarray, "dims dims"]:

@@ -1,4 +1,4 @@
-"""What is solved and sampled: many small posteriors side by side, each the exponential of minus
+"""Problems to solve and sample: many small posteriors side by side, each the exponential of minus
 half a sum of squares.
 
 A block is one posterior of a few unknowns: a film, or one band of a film. Blocks know nothing of
@@ -48,12 +48,12 @@ class PosteriorResiduals:
 
     def __call__(self, free: Float[Array, "dims"], data: Any, shared: Any) -> Float[Array, "rows"]:
         """Of one block."""
-        parts = (self.misfit(free, data, shared), self.prior.residuals(free, shared))
-        return jnp.concatenate(parts)
+        terms = (self.misfit(free, data, shared), self.prior.residuals(free, shared))
+        return jnp.concatenate(terms)
 
 
 class Quantity(NamedTuple):
-    """What is reported: a function of the free unknowns.
+    """Reported quantity: a function of the free unknowns.
 
     Attributes:
         name: such as "fraction ZincWhite".
@@ -161,7 +161,7 @@ class FilmProblem:
     def readings(
         self, free: Float[np.ndarray, "draws blocks dims"]
     ) -> Float[np.ndarray, "draws blocks *reading"]:
-        """What the instrument would read, without noise and errors of the paints."""
+        """Readings of the instrument, without noise and errors of the paints."""
         reading = np.asarray(_readings(self.film, self.data, self.shared, free))
         return reading[..., 0, :] if self.kind == "bands" else reading
 
@@ -215,15 +215,15 @@ def _readings(
     return in_chunks(jax.vmap(blocks), free, 64)
 
 
-def fingerprint(*parts: Any) -> str:
+def fingerprint(*items: Any) -> str:
     """A hash of arrays, numbers, strings and dataclasses that print themselves."""
     digest = hashlib.sha256()
-    for part in parts:
-        array = np.asarray(part)
+    for item in items:
+        array = np.asarray(item)
         digest.update(
             np.ascontiguousarray(array).tobytes()
             if array.dtype.kind == "f"
-            else repr(part).encode()
+            else repr(item).encode()
         )
         digest.update(b"|")
     return digest.hexdigest()

@@ -62,12 +62,12 @@ def one_reading(table: SpectraTable, *, specular: bool = True) -> SpectraTable:
     ends = [next((i for i in (0, 1) if name.endswith(kinds[i])), None) for name in table.names]
     if set(ends) != {0, 1}:
         return table
-    kept = [row for row, end in enumerate(ends) if end == (0 if specular else 1)]
+    used = [row for row, end in enumerate(ends) if end == (0 if specular else 1)]
     word = "included (SCI)" if specular else "excluded (SCE)"
     return replace(
         table,
-        names=tuple(table.names[row].rpartition(" ")[0] for row in kept),
-        reflectance=table.reflectance[kept],
+        names=tuple(table.names[row].rpartition(" ")[0] for row in used),
+        reflectance=table.reflectance[used],
         attributes={},
         notes=[
             *table.notes,
@@ -89,8 +89,8 @@ def films_of(table: SpectraTable) -> Films:
             endings = ", ".join(f"_{end} ({what})" for end, what in ROWS.items())
             raise ValueError(f"the name {name!r} must end in {endings}")
         rows.setdefault(film, {})[ending] = number
-    for film, found in rows.items():
-        missing = [end for end in ROWS if end not in found]
+    for film, row_of in rows.items():
+        missing = [end for end in ROWS if end not in row_of]
         if missing:
             raise ValueError(
                 f"film {film!r} has no row '{film}_{missing[0]}' ({ROWS[missing[0]]}); a film "
@@ -114,26 +114,29 @@ def build_films(
     grid = table.wavelengths
     usual = dict(zip("bw", usual_cards(grid), strict=True))
     spectra: dict[str, list[np.ndarray]] = {what: [] for what in SPECTRA}
-    seen = []
+    measured = []
     assumed = []
-    for found in rows.values():
-        has_reading = ["ob" in found or "opaque" in found, "ow" in found]
-        seen.append(has_reading)
-        over = [found.get(end, found.get(other)) for end, other in (("ob", "ow"), ("ow", "ob"))]
+    for row_of in rows.values():
+        has_reading = ["ob" in row_of or "opaque" in row_of, "ow" in row_of]
+        measured.append(has_reading)
+        over = [
+            row_of.get(end, row_of.get(substitute))
+            for end, substitute in (("ob", "ow"), ("ow", "ob"))
+        ]
         for what, row in zip(SPECTRA[2:], over, strict=True):
-            row = found["opaque"] if row is None else row
+            row = row_of["opaque"] if row is None else row
             spectra[what].append(table.reflectance[row])
-        bare = [found.get(end, shared.get(end)) for end in "bw"]
+        bare = [row_of.get(end, shared.get(end)) for end in "bw"]
         assumed.append([row is None for row in bare])
         for what, end, row in zip(SPECTRA[:2], "bw", bare, strict=True):
             spectra[what].append(usual[end] if row is None else table.reflectance[row])
-    opaque = np.array(["opaque" in found for found in rows.values()])
+    opaque = np.array(["opaque" in row_of for row_of in rows.values()])
     arrays: dict[str, Any] = {what: np.stack(spectra[what]) for what in SPECTRA}
     return Films(
         names=tuple(rows),
         wavelengths=grid,
         notes=tuple(table.notes),
-        seen=np.array(seen),
+        seen=np.array(measured),
         assumed=np.array(assumed),
         opaque=opaque,
         **arrays,
@@ -192,7 +195,7 @@ def read_recipes(path: str | Path) -> dict[str, dict[str, float]]:
 
 
 def is_masstone(recipe: dict[str, float]) -> bool:
-    """Whether a film is one paint only."""
+    """True if a film is one paint only."""
     return len(recipe) == 1 and next(iter(recipe.values())) >= 99.95
 
 

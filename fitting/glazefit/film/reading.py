@@ -77,7 +77,7 @@ def readings(films: Films, instrument: Instrument, noise: Noise) -> list[Reading
         ValueError: a card that its surface or a perfect diffuser contradicts (see
             `glazefit.film.films.cards`).
     """
-    seen = card_readings(films, instrument, noise)
+    measured = card_readings(films, instrument, noise)
     return [
         Reading(
             name=name,
@@ -88,7 +88,7 @@ def readings(films: Films, instrument: Instrument, noise: Noise) -> list[Reading
             ground_sd=np.asarray(ground_sd),
             grounds=("black", "white"),
         )
-        for name, reflectance, ground, sd, ground_sd in zip(films.names, *seen, strict=True)
+        for name, reflectance, ground, sd, ground_sd in zip(films.names, *measured, strict=True)
     ]
 
 

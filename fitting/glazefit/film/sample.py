@@ -48,13 +48,13 @@ def draw_chain(problem: FilmProblem, approximation: Laplace, options: Sampling) 
     sampler: type[Hamiltonian | Ensemble] = Hamiltonian if options.sampler == "hmc" else Ensemble
     stepper: Stepper = sampler(problem, approximation, options)
     shape = (stepper.walkers, len(problem.blocks), problem.dims)
-    kept = DrawsFile(problem.fingerprint, shape, options)
+    store = DrawsFile(problem.fingerprint, shape, options)
     with gentle_interrupt() as asked:
-        state = kept.state if kept.steps else stepper.begin(asked)
-        while kept.steps < options.length and not asked.is_set():
-            count = min(stepper.piece, options.length - kept.steps)
-            draws = stepper.steps(state, kept.steps, count)
+        state = store.state if store.steps else stepper.begin(asked)
+        while store.steps < options.length and not asked.is_set():
+            count = min(stepper.piece, options.length - store.steps)
+            draws = stepper.steps(state, store.steps, count)
             state = draws.state
-            kept.add(draws)
-            options.progress(kept.steps, options.length, "sampling")
-    return kept.chain(interrupted=kept.steps < options.length)
+            store.add(draws)
+            options.progress(store.steps, options.length, "sampling")
+    return store.chain(interrupted=store.steps < options.length)

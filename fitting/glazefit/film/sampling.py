@@ -1,4 +1,4 @@
-"""How a posterior is sampled: the options that its functions have in common."""
+"""Options of sampling that all functions of posteriors have in common."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -115,7 +115,7 @@ class Sampling:
 
 
 def check_sampler(word: str, argument: str) -> None:
-    """Whether there is such a sampler.
+    """Check that there is such a sampler.
 
     Raises:
         ValueError: there is none; says which there are.

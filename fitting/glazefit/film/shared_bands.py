@@ -45,18 +45,18 @@ def shared_bands(
         ValueError: fewer than six bands are left.
     """
     first, last = common_range(pigment.wavelengths for pigment in pigments)
-    kept = lie_between(wavelengths, first, last)
-    if kept.sum() < FEWEST:
+    used = lie_between(wavelengths, first, last)
+    if used.sum() < FEWEST:
         raise ValueError(
             f"the spectra have {describe_grid(wavelengths)} and the paints are known from "
-            f"{first:g} to {last:g} nm: {kept.sum()} bands lie there, at least {FEWEST} are "
+            f"{first:g} to {last:g} nm: {used.sum()} bands lie there, at least {FEWEST} are "
             "needed; measure there, or use paints that are known at your wavelengths "
             "(--pigments, --catalogue)"
         )
-    mean = np.eye(wavelengths.size)[:, kept]
+    mean = np.eye(wavelengths.size)[:, used]
     notes = []
-    grid = wavelengths[kept]
-    if not kept.all():
+    grid = wavelengths[used]
+    if not used.all():
         notes.append(f"cropped to {describe_grid(grid)}: {PAINTS_KNOWN}")
     if (coarser := means_of_steps(grid, step)) is not None:
         notes.append(f"{grid.size} bands averaged to steps of {step:g} nm")
@@ -73,15 +73,15 @@ def crop_bands(
     Raises:
         ValueError: fewer than three bands are left.
     """
-    kept = lie_between(wavelengths, low, high)
-    if kept.all():
-        return kept, ()
-    if kept.sum() < 3:
+    used = lie_between(wavelengths, low, high)
+    if used.all():
+        return used, ()
+    if used.sum() < 3:
         raise ValueError(
             f"the films' {describe_grid(wavelengths)} and {low:g}-{high:g} nm have no three bands "
             "in common"
         )
-    return kept, (f"cropped to {describe_grid(wavelengths[kept])}: {why}",)
+    return used, (f"cropped to {describe_grid(wavelengths[used])}: {why}",)
 
 
 def means_of_steps(
@@ -90,8 +90,8 @@ def means_of_steps(
     """Matrix that averages bands to steps, nm; None if they are no finer than that."""
     if grid.size < 3 or np.median(np.diff(grid)) >= 0.99 * step:
         return None
-    _, place = np.unique(np.floor(grid / step + 0.5), return_inverse=True)
-    matrix = (place[:, None] == np.arange(place.max() + 1)).astype(float)
+    _, index = np.unique(np.floor(grid / step + 0.5), return_inverse=True)
+    matrix = (index[:, None] == np.arange(index.max() + 1)).astype(float)
     return matrix / matrix.sum(axis=0)
 
 

@@ -34,7 +34,7 @@ TRUSTED_TAIL = 0.7
 
 
 class Modes(NamedTuple):
-    """Where least squares led from each start of each block, best first."""
+    """Ends of least squares from each start of each block, best first."""
 
     points: Float[np.ndarray, "blocks starts dims"]
     settled: Bool[np.ndarray, "blocks starts"]  # False where it was stopped
@@ -99,17 +99,17 @@ class Laplace:
 
     @property
     def converged(self) -> Bool[np.ndarray, "blocks"]:
-        """Whether least squares came to an end at every mode that has a part of the probability."""
+        """True if least squares came to an end at every mode that has a part of the probability."""
         return np.all(self.settled | (self.weights == 0), axis=1)
 
     @property
     def trusted(self) -> np.ndarray:
-        """Whether the approximation is good enough for standard errors and intervals, (blocks,)."""
+        """True if the approximation is good enough for standard errors and intervals, (blocks,)."""
         return self.tail < TRUSTED_TAIL
 
     @property
     def many(self) -> np.ndarray:
-        """Whether a second mode has a hundredth of the probability or more, (blocks,)."""
+        """True if a second mode has a hundredth of the probability or more, (blocks,)."""
         return np.sort(self.weights, axis=1)[:, -2] >= 0.01
 
     def draws(self, n: int, rng: np.random.Generator) -> Float[np.ndarray, "n blocks dims"]:
@@ -134,14 +134,12 @@ class Laplace:
 def _climb(
     residuals: Any, data: Any, shared: Any, starts: Float[Array, "blocks starts dims"], batch: int
 ) -> Any:
-    """Where each start leads, (blocks, starts, dims), and whether it settled there, (blocks,
-    starts).
-    """
+    """End of each start, (blocks, starts, dims), and whether it settled there, (blocks, starts)."""
 
-    def block(both: tuple[Any, Array]) -> tuple[Array, Array]:
-        one, points = both
+    def block(pair: tuple[Any, Array]) -> tuple[Array, Array]:
+        block_data, points = pair
         return levenberg_marquardt(
-            lambda free: residuals(free, one, shared),
+            lambda free: residuals(free, block_data, shared),
             points,
             rtol=1e-6,
             atol=1e-6,
@@ -159,11 +157,11 @@ def _curvature(
 ) -> Array:
     """Hessian of minus the log-probability at each mode, (blocks, modes, dims, dims)."""
 
-    def block(both: tuple[Any, Array]) -> Array:
-        one, points = both
-        return jax.vmap(jax.hessian(lambda free: 0.5 * jnp.sum(residuals(free, one, shared) ** 2)))(
-            points
-        )
+    def block(pair: tuple[Any, Array]) -> Array:
+        block_data, points = pair
+        return jax.vmap(
+            jax.hessian(lambda free: 0.5 * jnp.sum(residuals(free, block_data, shared) ** 2))
+        )(points)
 
     return jax.lax.map(block, (data, modes), batch_size=batch)
 
@@ -172,39 +170,39 @@ def solve(problem: FilmProblem, *, seed: int = 0) -> tuple[FilmProblem, Modes]:
     """The problem with its readings linear about the likeliest errors of the paints, where they are
     not linear anyway, and its modes.
     """
-    found = find_modes(problem, seed=seed)
+    modes = find_modes(problem, seed=seed)
     if problem.data.expansion is None:
-        return problem, found
+        return problem, modes
     film, data, shared = problem.film, problem.data, problem.shared
-    logs, _ = (np.asarray(a) for a in without_errors(film, found.points[:, 0], data, shared))
+    logs, _ = (np.asarray(a) for a in without_errors(film, modes.points[:, 0], data, shared))
     delta = np.zeros_like(logs)
     # Modes are found after each linearisation, the fifth of which changes little.
     for turn in range(5):
         if turn:
-            logs, delta = likeliest_errors(film, found.points[:, 0], data, shared)
+            logs, delta = likeliest_errors(film, modes.points[:, 0], data, shared)
         data = expand(film, logs + delta, delta, data, shared)
         problem = replace(problem, data=data)
-        found = climb(problem, found.points)
-    return problem, found
+        modes = climb(problem, modes.points)
+    return problem, modes
 
 
 def find_modes(problem: FilmProblem, *, seed: int = 0) -> Modes:
-    """Where each start of each block ends, best first; a start is the likeliest of many draws of
-    the prior.
+    """Modes of each block, one from each start, best first; a start is the likeliest of many draws
+    of the prior.
     """
     return climb(problem, _starts(problem, seed))
 
 
 def climb(problem: FilmProblem, first: Float[np.ndarray, "blocks starts dims"]) -> Modes:
-    """Where least squares leads from some points, best first."""
+    """Ends of least squares from some points, best first."""
     blocks, starts, _ = first.shape
     batch = max(1, problem.chunk * blocks // starts)
     climbed = _climb(problem.residuals, problem.data, problem.shared, first, min(batch, blocks))
-    found, settled = (np.asarray(a) for a in climbed)
-    height = problem.log_probability(np.swapaxes(found, 0, 1)).T
+    points, settled = (np.asarray(a) for a in climbed)
+    height = problem.log_probability(np.swapaxes(points, 0, 1)).T
     order = np.argsort(-np.nan_to_num(height, nan=-np.inf), axis=1)
     return Modes(
-        points=np.take_along_axis(found, order[..., None], axis=1),
+        points=np.take_along_axis(points, order[..., None], axis=1),
         settled=np.take_along_axis(settled, order, axis=1),
         height=np.take_along_axis(height, order, axis=1),
     )
@@ -219,30 +217,31 @@ def _starts(problem: FilmProblem, seed: int) -> Float[np.ndarray, "blocks starts
     return np.stack([group[of] for group, of in zip(np.split(tried, starts), best, strict=True)], 1)
 
 
-def laplace(problem: FilmProblem, found: Modes, *, seed: int = 0, draws: int = 4000) -> Laplace:
+def laplace(problem: FilmProblem, solution: Modes, *, seed: int = 0, draws: int = 4000) -> Laplace:
     """Laplace's approximation of every block.
 
     Args:
         problem: what is sampled.
-        found: its modes, as `find_modes` gives them.
+        solution: its modes, as `find_modes` gives them.
         seed: of the draws.
         draws: how many are weighted and kept.
     """
-    points = found.points
+    points = solution.points
     blocks, starts, _ = points.shape
     batch = min(blocks, max(1, problem.chunk * blocks // (starts * problem.dims)))
     hessians = np.asarray(
         _curvature(problem.residuals, problem.data, problem.shared, points, batch)
     )
     covariances = _inverse(hessians, problem.prior_covariance)
-    chosen, real = _distinct(points, covariances, found.height)
+    chosen, real = _distinct(points, covariances, solution.height)
     modes = np.take_along_axis(points, chosen[..., None], axis=1)
     covariances = np.take_along_axis(covariances, chosen[..., None, None], axis=1)
     volume = (
-        np.take_along_axis(found.height, chosen, axis=1) + 0.5 * np.linalg.slogdet(covariances)[1]
+        np.take_along_axis(solution.height, chosen, axis=1)
+        + 0.5 * np.linalg.slogdet(covariances)[1]
     )
     volume = np.where(real, volume, -np.inf)
-    settled = np.take_along_axis(found.settled, chosen, axis=1) & real
+    settled = np.take_along_axis(solution.settled, chosen, axis=1) & real
     weights = np.exp(volume - logsumexp(volume, axis=1, keepdims=True))
     nothing = np.empty((0, blocks, problem.dims))
     first = Laplace(
@@ -258,29 +257,29 @@ def laplace(problem: FilmProblem, found: Modes, *, seed: int = 0, draws: int = 4
 
 
 def _distinct(
-    found: Float[np.ndarray, "blocks starts dims"],
+    points: Float[np.ndarray, "blocks starts dims"],
     covariances: Float[np.ndarray, "blocks starts dims dims"],
     height: Float[np.ndarray, "blocks starts"],
 ) -> tuple[Int[np.ndarray, "blocks modes"], Bool[np.ndarray, "blocks modes"]]:
     """Numbers of the modes that differ from better ones and are not hopelessly lower, and whether
     there is one.
     """
-    blocks, starts, _ = found.shape
+    blocks, starts, _ = points.shape
     precision = np.linalg.inv(covariances)
     # Six modes a block are kept at most.
     index = np.zeros((blocks, 6), dtype=int)
     real = np.zeros(index.shape, dtype=bool)
     for b in range(blocks):
-        kept: list[int] = []
+        chosen: list[int] = []
         for s in range(starts):
             if not np.isfinite(height[b, s]) or height[b, s] < height[b, 0] - 20.0:
                 continue
-            off = found[b, s] - found[b, kept]
+            off = points[b, s] - points[b, chosen]
             # Modes nearer than two of their standard deviations are one.
-            near = [d @ precision[b, k] @ d < 2.0**2 for d, k in zip(off, kept, strict=True)]
-            if not any(near) and len(kept) < index.shape[1]:
-                kept.append(s)
-        index[b, : len(kept)], real[b, : len(kept)] = kept, True
+            near = [d @ precision[b, k] @ d < 2.0**2 for d, k in zip(off, chosen, strict=True)]
+            if not any(near) and len(chosen) < index.shape[1]:
+                chosen.append(s)
+        index[b, : len(chosen)], real[b, : len(chosen)] = chosen, True
     return index, real
 
 
@@ -315,10 +314,10 @@ def _importance(
     smooth = np.asarray(smooth).reshape(-1, draws)
     tail = np.atleast_1d(np.asarray(tail))
     # Evenly spaced places in the summed weights: less noise than independent draws.
-    places = (np.arange(draws) + rng.random()) / draws
+    quantiles = (np.arange(draws) + rng.random()) / draws
     for b in np.flatnonzero(tail < TRUSTED_TAIL):
         summed = np.cumsum(np.exp(smooth[b] - smooth[b].max()))
-        free[:, b] = free[np.searchsorted(summed / summed[-1], places), b]
+        free[:, b] = free[np.searchsorted(summed / summed[-1], quantiles), b]
     weights = np.exp(smooth - smooth.max(axis=1, keepdims=True))
     effective = weights.sum(axis=1) ** 2 / (weights**2).sum(axis=1)
     return tail, free, effective

@@ -1,1 +1,1 @@
-"""How sure: Laplace and chains on the unknowns of films and bands."""
+"""Posteriors, by Laplace and by chains, of the unknowns of films and bands."""

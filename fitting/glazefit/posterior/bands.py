@@ -1,14 +1,14 @@
 """Optical thicknesses of a measured film, every wavelength a block of its own: a film of one coat
 of unknown paint, whose spectra are two numbers.
 
-Two readings and two unknowns a band. Beforehand any order of magnitude of k d is as likely as
-another, from where a film is clear to where it is opaque: the density of log k d is 1/((1 + c/k
+Two readings and two unknowns a band. By the prior any order of magnitude of k d is as likely
+as another, from where a film is clear to where it is opaque: the density of log k d is 1/((1 + c/k
 d)(1 + k d/h)), level between soft ends c = .01 and h = 100, and that of log s d the same with h =
 400. The free unknowns are log k/s and log s d, because an opaque film knows the first and not the
 second.
 
 The gloss is one number for the whole film; two readings a band leave it open, so it is estimated
-beforehand (`glazefit.film.gloss`).
+in advance (`glazefit.film.gloss`).
 """
 
 import functools
@@ -87,10 +87,10 @@ def pose_bands(films: Sequence[Reading], gloss: float, instrument: Instrument) -
         error=False,
         optics=Optics.of(instrument),
     )
-    readings = join_readings(films, lambda each: np.concatenate(each)[:, None])
+    readings = join_readings(films, lambda columns: np.concatenate(columns)[:, None])
     blocks = tuple(f"{w:g} nm" for film in films for w in film.wavelengths)
     no_paint = np.zeros((len(blocks), 1, 0))
-    parts = [part for film in films for part in reading_parts(film)]
+    measurements = [measurement for film in films for measurement in reading_parts(film)]
     return FilmProblem(
         kind="bands",
         blocks=blocks,
@@ -114,7 +114,7 @@ def pose_bands(films: Sequence[Reading], gloss: float, instrument: Instrument) -
             Quantity("ratio", True, lambda free: np.exp(free[..., 0])),
         ),
         bands=1,
-        fingerprint=fingerprint("bands", *parts, gloss, instrument),
+        fingerprint=fingerprint("bands", *measurements, gloss, instrument),
         # Its determinants count as readings: without them chains mix a third slower.
         scaled=PaintErrors(film),
     )

@@ -1,4 +1,4 @@
-"""Whether a chain is long enough.
+"""Test of a chain's length.
 
 A chain counts as converged in a block if it holds 400 effective samples or more and its R-hat is
 below 1.05, both as ArviZ counts them.
@@ -22,7 +22,7 @@ MOST_APART = 1.05
 
 @dataclass(frozen=True)
 class Convergence:
-    """Whether a chain is long enough.
+    """Effective samples and R-hat, which decide whether a chain is long enough.
 
     Attributes:
         samples: effective samples of each block, (blocks,): of the quantity that has fewest.
@@ -66,12 +66,12 @@ class Convergence:
                 f"({rule})"
             )
         where = "" if good.size == 1 else f" in {np.sum(~good)} of {good.size} blocks"
-        more = int(np.ceil(1.2 * ENOUGH_SAMPLES / least * self.length / 100.0) * 100)
+        needed = int(np.ceil(1.2 * ENOUGH_SAMPLES / least * self.length / 100.0) * 100)
         if np.max(self.apart) >= MOST_APART:
             # Effective samples of walkers that have not met are too many.
-            more = max(more, 4 * self.length)
+            needed = max(needed, 4 * self.length)
         return (
-            f"not converged{where}: {numbers} ({rule}); a chain of about {more + self.discarded} "
+            f"not converged{where}: {numbers} ({rule}); a chain of about {needed + self.discarded} "
             "steps would do"
         )
 
@@ -96,10 +96,10 @@ def convergence(
         samples, _ = count_samples(flat)
         longest = steps * walkers / samples[samples > 0].min(initial=np.inf)
         start = min(steps // 2, max(steps // 10, int(5 * longest)))
-    samples, apart = count_samples(flat[start:])
+    samples, rhat = count_samples(flat[start:])
     return Convergence(
         samples=samples.reshape(blocks, count).min(axis=1),
-        apart=apart.reshape(blocks, count).max(axis=1),
+        apart=rhat.reshape(blocks, count).max(axis=1),
         walkers=walkers,
         length=(steps - start) * chain.thin,
         discarded=start * chain.thin,
@@ -127,6 +127,6 @@ def count_samples(
         warnings.simplefilter("ignore")
         draws = arviz.convert_to_dataset({"of": np.swapaxes(values, 0, 1)})
         samples = arviz.ess(draws)["of"].to_numpy()
-        apart = arviz.rhat(draws)["of"].to_numpy()
-    known = moves & np.isfinite(samples) & np.isfinite(apart)
-    return np.where(known, samples, 0.0), np.where(known, apart, np.inf)
+        rhat = arviz.rhat(draws)["of"].to_numpy()
+    valid = moves & np.isfinite(samples) & np.isfinite(rhat)
+    return np.where(valid, samples, 0.0), np.where(valid, rhat, np.inf)

@@ -1,4 +1,4 @@
-"""What is known of each coat of a film before it is measured, in Python and in a painter's words.
+"""Prior knowledge of each coat of a film, in Python and in a painter's words.
 
 The words are those of `glazejax render`, with marks for what is not known:
 
@@ -6,7 +6,7 @@ The words are those of `glazejax render`, with marks for what is not known:
     Eosin:~5um                      of about that thickness
     Eosin:?                         of any usual thickness
     ZincWhite+CobaltBlue:20um       known paints, unknown fractions
-    ?:10um    or    ?:?             unknown paint: its k and s are sought
+    ?:10um    or    ?:?             unknown paint: its k and s are searched for
 """
 
 from collections.abc import Mapping, Sequence
@@ -25,11 +25,11 @@ ABOUT = "~"
 
 @dataclass(frozen=True, eq=False)
 class CoatPrior:
-    """What is known of one coat beforehand.
+    """Prior knowledge of one coat.
 
     Attributes:
         paints: what it is made of, one to five; none if that is not known, and its k d and s d are
-            sought.
+            searched for.
         thickness: m; None if it is not known: then the film's prior (`glazefit.Prior`) says
             what is usual.
         spread: standard deviation of log thickness; 0 if the thickness is known exactly. Of no
@@ -75,7 +75,7 @@ class CoatPrior:
             )
         if not names and self.spread > 0:
             raise ValueError(
-                f"{where}: only k and s times thickness are told of it; say its thickness "
+                f"{where}: only k and s times thickness can be measured; state its thickness "
                 "exactly, or leave it out"
             )
         self._check_fractions(where, len(names))
@@ -95,17 +95,17 @@ class CoatPrior:
 
     @property
     def unknown(self) -> bool:
-        """Whether the paint is not known."""
+        """True if the paint is not known."""
         return not self.paints
 
     @property
     def open_thickness(self) -> bool:
-        """Whether the thickness is among the unknowns."""
+        """True if the thickness is among the unknowns."""
         return not self.unknown and (self.thickness is None or self.spread > 0)
 
     @property
     def open_fractions(self) -> bool:
-        """Whether fractions are among the unknowns."""
+        """True if fractions are among the unknowns."""
         return self.fractions is None and len(self.paints) > 1
 
     @property
@@ -124,7 +124,7 @@ class CoatPrior:
 
 
 def check_coats(coats: Sequence[CoatPrior]) -> tuple[CoatPrior, ...]:
-    """The coats, top first, if they are a stack that readings may tell something of.
+    """The coats, top first, if they are a stack that readings can constrain.
 
     Raises:
         ValueError: no coat, too many, or more unknown paints than one.
@@ -180,16 +180,16 @@ def _coat(entry: str, shelf: Mapping[str, Pigment], spread: float) -> CoatPrior:
         )
     # Reads the weights of a mixture and all thicknesses, and says what is wrong with them.
     mixed = "+" in paint and "*" not in paint
-    names = [part.strip() for part in paint.split("+")] if mixed else [paint]
+    names = [name.strip() for name in paint.split("+")] if mixed else [paint]
     if not all(names):
         raise ValueError(f"coat {entry!r}: there is a + too many; write ZincWhite+CobaltBlue:20um")
     written = f"{names[0] if mixed else paint}:{'1um' if size == UNKNOWN else size}"
     (read,) = describe.parse_coats(written)
     thickness = None if size == UNKNOWN else read.total
-    given = {"thickness": thickness, "spread": spread if about else 0.0}
+    options = {"thickness": thickness, "spread": spread if about else 0.0}
     if paint == UNKNOWN:
-        return CoatPrior(**given)
+        return CoatPrior(**options)
     if mixed:
-        return CoatPrior([shelf[find_name(name, shelf)] for name in names], **given)
+        return CoatPrior([shelf[find_name(name, shelf)] for name in names], **options)
     paints = [shelf[find_name(name, shelf)] for _, name in read.parts]
-    return CoatPrior(paints, fractions=[weight for weight, _ in read.parts], **given)
+    return CoatPrior(paints, fractions=[weight for weight, _ in read.parts], **options)

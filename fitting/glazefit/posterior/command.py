@@ -1,4 +1,4 @@
-"""The command `glazejax posterior`: one measured film in, what is known of it out."""
+"""The command `glazejax posterior`: from one measured film to its posterior."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -77,7 +77,7 @@ def posterior(
             metavar="NAMES",
             help=(
                 "What the film is made of, such as CobaltBlue,ZincWhite. Default: what "
-                "mixtures.tsv beside FILE says."
+                "mixtures.tsv in the folder of FILE states."
             ),
             show_default=False,
         ),
@@ -150,7 +150,7 @@ def posterior(
         ),
     ] = False,
     overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Start anew in a folder that is not empty.")
+        bool, typer.Option("--overwrite", help="Start again in a folder that is not empty.")
     ] = False,
     paint_error: Annotated[
         float,
@@ -172,11 +172,10 @@ def posterior(
         ),
     ] = False,
 ) -> None:
-    """How well a film is known: its paints and thickness, coat by coat, or its k and s, each with
-    an error.
+    """Estimate a film's paints and thickness, coat by coat, or its k and s, each with an error.
 
-    Prints medians and 90 % intervals of the posterior beside Laplace's
-    standard errors, and says what the measurement cannot tell.
+    Prints medians and 90 % intervals of the posterior with Laplace's
+    standard errors, and states what the measurement leaves open.
 
     Writes chain.h5, posterior.nc (for ArviZ), summary.csv, corner.png, bands.png.
     Ctrl-C keeps the chain; --resume goes on with it.
@@ -219,7 +218,7 @@ def posterior(
         else _read_measured(
             file=file,
             sample=sample,
-            said=options.stated(quantity, unit, scale),
+            stated=options.stated(quantity, unit, scale),
             made_of=made_of,
             ground=ground,
             noise=errors,
@@ -238,10 +237,10 @@ def posterior(
     result = _run(task, folder, {"instrument": seen_with, "noise": errors, **chain})
     _write(result, folder, console)
     if result.chain is not None and result.chain.interrupted:
-        kept = result.chain.free.shape[0] * result.chain.thin
+        count = result.chain.free.shape[0] * result.chain.thin
         total = Sampling(sampler=sampler, steps=steps, thin=thin).length  # pyright: ignore[reportArgumentType]
         console.print(
-            f"[yellow]Interrupted: {kept} of {total} steps are kept in {folder / CHAIN}. To go "
+            f"[yellow]Interrupted: {count} of {total} steps are kept in {folder / CHAIN}. To go "
             "on, give the same command with --resume (and without --overwrite).[/yellow]"
         )
         raise typer.Exit(progress.INTERRUPTED)
@@ -252,7 +251,7 @@ def posterior(
 
 
 class _StatedPaints(NamedTuple):
-    """What was said of the film's paints, and what is usual."""
+    """Paints of the film as the options state them, and the prior."""
 
     names: list[str]
     coats: str
@@ -271,9 +270,9 @@ def _check(
     ground: str | None,
 ) -> None:
     if coats and (paints or bands):
-        other = "--paints" if paints else "--bands"
+        option = "--paints" if paints else "--bands"
         raise ValueError(
-            f"--coats says what each coat is made of; leave out {other}, or leave out --coats"
+            f"--coats says what each coat is made of; leave out {option}, or leave out --coats"
         )
     if simulate and file is not None:
         raise ValueError(f"--simulate needs no data; leave out {file}, or leave out --simulate")
@@ -345,12 +344,12 @@ def _simulate(
         )
         for coat in coats
     ]
-    parts = " over ".join(
+    description = " over ".join(
         f"{mixture}, {format_length(d)} thick," for mixture, d in zip(mixtures, thick, strict=True)
     )
     console.print(
-        f"[bold]Simulated data:[/bold] {parts} with made-up noise (seed {seed}). Nothing here "
-        "was measured."
+        f"[bold]Simulated data:[/bold] {description} with made-up noise (seed {seed}). Nothing "
+        "here was measured."
     )
     return _posterior_of(film, paints, made_of)
 
@@ -358,7 +357,7 @@ def _simulate(
 def _read_measured(
     file: Path | None,
     sample: str,
-    said: "Stated",
+    stated: "Stated",
     made_of: _StatedPaints,
     ground: str | None,
     noise: "Noise",
@@ -376,12 +375,12 @@ def _read_measured(
     # Without a paint nothing bounds the bands.
     reach = common_range(grids) if grids else (0.0, math.inf)
     film = (
-        _film(file, sample, said, reach, console)
+        _film(file, sample, stated, reach, console)
         if ground is None
         else _spectrum(
             file=file,
             sample=sample,
-            said=said,
+            stated=stated,
             ground=ground,
             reach=reach,
             noise=noise,
@@ -416,26 +415,26 @@ def _coats(made_of: _StatedPaints) -> "tuple[CoatPrior, ...]":
 
 
 def _film(
-    file: Path, sample: str, said: "Stated", reach: tuple[float, float], console: "Console"
+    file: Path, sample: str, stated: "Stated", reach: tuple[float, float], console: "Console"
 ) -> "Films":
     from ..film.partial_films import crop
     from ..film.readers import read_films
     from ..film.shared_bands import PAINTS_KNOWN
 
-    films = crop(read_films(file, **said), *reach, PAINTS_KNOWN)
+    films = crop(read_films(file, **stated), *reach, PAINTS_KNOWN)
     progress.print_notes(console, file, films.notes)
     if not sample and len(films) != 1:
-        known = ", ".join(films.names[:8]) + (
+        names = ", ".join(films.names[:8]) + (
             f" and {len(films) - 8} more" if len(films) > 8 else ""
         )
-        raise ValueError(f"{file} holds {len(films)} films; choose one with --sample: {known}")
+        raise ValueError(f"{file} holds {len(films)} films; choose one with --sample: {names}")
     return films.select([sample] if sample else films.names)
 
 
 def _spectrum(
     file: Path,
     sample: str,
-    said: "Stated",
+    stated: "Stated",
     ground: str,
     reach: tuple[float, float],
     noise: "Noise",
@@ -447,48 +446,48 @@ def _spectrum(
     from ..film.shared_bands import PAINTS_KNOWN, crop_bands
 
     below = options.read_ground(ground)
-    table = read_spectra(file, **said)
+    table = read_spectra(file, **stated)
     progress.print_notes(console, file, table.notes)
     progress.print_notes(console, "--ground", below.notes)
     if not sample and len(table) > 1:
         raise ValueError(f"{file} holds {len(table)} spectra; choose one with --sample")
     (row,) = options.choose_rows(file, table.names, [sample or table.names[0]], "--sample")
-    kept, notes = crop_bands(table.wavelengths, *reach, PAINTS_KNOWN)
+    used, notes = crop_bands(table.wavelengths, *reach, PAINTS_KNOWN)
     progress.print_notes(console, file, notes)
-    grid = table.wavelengths[kept]
+    grid = table.wavelengths[used]
     return reading_over(
-        grid, table.reflectance[row][kept], below.on(grid), noise=noise, name=table.names[row]
+        grid, table.reflectance[row][used], below.on(grid), noise=noise, name=table.names[row]
     )
 
 
 def _recipe(file: Path, sample: str) -> list[str]:
     from ..film.readers import NAMES_FILE, read_recipes
 
-    beside = file.parent / NAMES_FILE
-    found = read_recipes(beside).get(sample) if beside.is_file() else None
-    if not found:
+    path = file.parent / NAMES_FILE
+    recipe = read_recipes(path).get(sample) if path.is_file() else None
+    if not recipe:
         where = (
-            f"and {beside} does not say"
-            if beside.is_file()
-            else f"and there is no {NAMES_FILE} beside it"
+            f"and {path} does not say"
+            if path.is_file()
+            else f"and there is no {NAMES_FILE} in its folder"
         )
         raise ValueError(
             "what is the film made of? Name its paints, such as --paints CobaltBlue,ZincWhite "
             f"({file.name} does not say, {where}), or ask for --bands"
         )
-    return list(found)
+    return list(recipe)
 
 
 def _paints(names: list[str], shelf: "Mapping[str, Pigment]") -> "list[Pigment]":
     return list(options.find_paints(names, shelf).values())
 
 
-def _run(task: "_Task", out: Path, given: dict[str, Any]) -> "Posterior":
+def _run(task: "_Task", out: Path, settings: dict[str, Any]) -> "Posterior":
     """Compute the posterior, with a bar that shows how far it is."""
     out.mkdir(parents=True, exist_ok=True)
-    words = "finding the mode (the first run compiles for up to a minute)"
-    with progress.follow(words) as shown:
-        return task(path=out / CHAIN, progress=shown, **given)
+    message = "finding the mode (the first run compiles for up to a minute)"
+    with progress.follow(message) as report:
+        return task(path=out / CHAIN, progress=report, **settings)
 
 
 def _write(result: "Posterior", out: Path, console: "Console") -> None:
@@ -503,12 +502,12 @@ def _write(result: "Posterior", out: Path, console: "Console") -> None:
     print_posterior(result, console)
     write_summary(result, out / SUMMARY, overwrite=True)
     # A notebook may have the old file open: put a new one in its place.
-    with whole_file(out / DATA) as part:
-        result.inference_data.to_netcdf(str(part))
+    with whole_file(out / DATA) as path:
+        result.inference_data.to_netcdf(str(path))
     plot_corner(result, out / CORNER)
     plot_bands(result, out / BANDS)
-    kept = [CHAIN] if result.chain is not None else []
-    console.print(f"Wrote {', '.join([*kept, DATA, SUMMARY, CORNER, BANDS])} to {out}")
+    files = [CHAIN] if result.chain is not None else []
+    console.print(f"Wrote {', '.join([*files, DATA, SUMMARY, CORNER, BANDS])} to {out}")
     if result.problem.kind != "bands":
         console.print(
             "[dim]Thickness is on the scale of the paints; the catalogue's assume films of 25 "

@@ -88,11 +88,11 @@ def pose_stack(
     # What is expected of each coat's thickness; side by side, films must expect the same.
     median = np.array(of_coats(lambda c: prior.thickness if c.thickness is None else c.thickness))
     spread = np.array(of_coats(lambda c: c.spread or prior.spread))
-    apart = film.thickness & np.any((median != median[0]) | (spread != spread[0]), axis=0)
-    if apart.any():
+    differs = film.thickness & np.any((median != median[0]) | (spread != spread[0]), axis=0)
+    if differs.any():
         raise ValueError(
-            f"coat {int(apart.argmax()) + 1} is expected to be of other thickness in one film "
-            "than in another; films that are sampled side by side must be expected alike"
+            f"coat {int(differs.argmax()) + 1} is expected to be of other thickness in one film "
+            "than in another; films that are sampled side by side must have the same prior"
         )
     # k and s of all paints of a film, (films, paints, 2, bands).
     coefficients = np.array(
@@ -100,8 +100,8 @@ def pose_stack(
         float,
     ).reshape(len(films), -1, 2, grid.size)
     depth = coefficients * np.repeat(median, film.sizes, axis=1)[..., None, None]
-    beforehand = FilmPrior(film, prior.concentration_known)
-    mean, sd = beforehand.moments(spread[0], prior)
+    law = FilmPrior(film, prior.concentration_known)
+    mean, sd = law.moments(spread[0], prior)
     levels = np.log([spectra.absorption, spectra.scattering])
     shared = FilmShared(
         response=film_response(instrument) if len(first) == 1 else None,
@@ -123,8 +123,12 @@ def pose_stack(
         data = data._replace(expansion=usual_errors(data, 2 * len(first)))
     elif len(first) > 1:
         logs, _ = without_errors(film, np.zeros((len(films), film.dims)), data, shared)
-        each = zip(np.asarray(logs), data.ground, strict=True)
-        data = data._replace(table=np.stack([tabulate(film, *one) for one in each]))
+        stacks_and_grounds = zip(np.asarray(logs), data.ground, strict=True)
+        data = data._replace(
+            table=np.stack(
+                [tabulate(film, *stack_and_ground) for stack_and_ground in stacks_and_grounds]
+            )
+        )
     unknowns, quantities = name_unknowns(
         film,
         # Paints of several films side by side differ.
@@ -139,22 +143,24 @@ def pose_stack(
         modes=modes,
     )
     # The fingerprint holds all numbers that the posterior rests on.
-    parts = [part for film in films for part in reading_parts(film)]
-    known = repr(of_coats(lambda c: (c.thickness, c.spread, c.fractions)))
+    measurements = [measurement for film in films for measurement in reading_parts(film)]
+    expectation = repr(of_coats(lambda c: (c.thickness, c.spread, c.fractions)))
     return FilmProblem(
         kind=kind,
         blocks=tuple(film.name for film in films),
         unknowns=unknowns,
         film=film,
         misfit=PaintErrors(film),
-        prior=beforehand,
+        prior=law,
         data=data,
         shared=shared,
         quantities=quantities,
         # A band of a solved stack costs some ten times that of a tabulated film.
         bands=grid.size * (1 if len(first) == 1 or film.tabulated else 10),
-        fingerprint=fingerprint(kind, *parts, coefficients, known, prior, spectra, instrument),
-        # An opaque coat and a thin one may read alike, and each is a narrow valley.
+        fingerprint=fingerprint(
+            kind, *measurements, coefficients, expectation, prior, spectra, instrument
+        ),
+        # An opaque coat and a thin one may read the same, and each is a narrow valley.
         starts=24 if film.tabulated else 8,
         scaled=ScaledReadings(film) if film.tabulated else None,
     )
@@ -169,7 +175,7 @@ def join_readings(
 
 
 def reading_parts(reading: Reading) -> tuple[object, ...]:
-    """What of a reading decides the posterior."""
+    """Arrays of a reading that decide the posterior."""
     return reading.wavelengths, reading.reflectance, reading.ground, reading.sd, reading.ground_sd
 
 
@@ -181,11 +187,11 @@ def _fraction(free: Float[np.ndarray, "*n dims"], at: slice, which: int) -> np.n
 
 def _exponential(
     free: Float[np.ndarray, "*n dims"],
-    level: float | np.floating,
+    mean: float | np.floating,
     weights: Float[np.ndarray, "dims"],
 ) -> np.ndarray:
     """A quantity whose logarithm is linear in the unknowns, (...)."""
-    return np.exp(level + free @ weights)
+    return np.exp(mean + free @ weights)
 
 
 def name_unknowns(
@@ -205,47 +211,49 @@ def name_unknowns(
         film: whose unknowns they are.
         paints: names of each coat's paints.
         suffixes: of the names of what a coat has.
-        median: of the thicknesses beforehand, m.
+        median: of the thicknesses' prior, m.
         grid: wavelengths, nm.
         levels, modes: of log k d and log s d of an unknown paint.
     """
-    places = film.places
+    positions = film.places
     reported: list[Quantity] = []
     names: list[str] = []
 
-    def report(name: str, level: float, weights: np.ndarray, spectrum: str = "") -> None:
-        values = functools.partial(_exponential, level=level, weights=weights)
+    def report(name: str, mean: float, weights: np.ndarray, spectrum: str = "") -> None:
+        values = functools.partial(_exponential, mean=mean, weights=weights)
         reported.append(Quantity(name, True, values, spectrum))
 
     unit = np.eye(film.dims)
     for n, suffix in enumerate(suffixes):
         if film.fractions[n]:
-            each = [f"fraction {paint}{suffix}" for paint in paints[n]]
-            names += each[:-1]
+            fractions = [f"fraction {paint}{suffix}" for paint in paints[n]]
+            names += fractions[:-1]
             reported += [
-                Quantity(name, False, functools.partial(_fraction, at=places.ratios[n], which=i))
-                for i, name in enumerate(each)
+                Quantity(name, False, functools.partial(_fraction, at=positions.ratios[n], which=i))
+                for i, name in enumerate(fractions)
             ]
         if film.thickness[n]:
             names.append(f"thickness{suffix}")
-            report(names[-1], np.log(median[n]), unit[places.thickness[n].start])
+            report(names[-1], np.log(median[n]), unit[positions.thickness[n].start])
     if film.spectra:
         # A mode is of k d or of s d alone.
         counts = np.any(modes != 0, axis=1).sum(axis=1)
         for what, count in zip(("k d", "s d"), counts, strict=True):
             names += [f"mode {i + 1} of {what}" for i in range(count)]
         for wavelength, (k, s) in zip(
-            grid, np.swapaxes(modes, 0, 1) @ unit[places.spectra], strict=True
+            grid, np.swapaxes(modes, 0, 1) @ unit[positions.spectra], strict=True
         ):
-            for what, level, weights in (
+            for what, mean, weights in (
                 ("absorption", levels[0], k),
                 ("scattering", levels[1], s),
                 ("ratio", levels[0] - levels[1], k - s),
             ):
-                report(f"{what} at {wavelength:g} nm", level, weights, spectrum=what)
+                report(f"{what} at {wavelength:g} nm", mean, weights, spectrum=what)
     if film.gloss:
         names.append("gloss")
-        reported.append(Quantity("gloss", False, lambda free: expit(free[..., places.gloss.start])))
+        reported.append(
+            Quantity("gloss", False, lambda free: expit(free[..., positions.gloss.start]))
+        )
     names.append("model error")
     report("model error", 0.0, unit[-1])
     return tuple(names), tuple(reported)

@@ -1,5 +1,4 @@
-"""What a posterior leaves open: directions in which it is hardly narrower than the prior, put into
-words.
+"""Directions that a posterior leaves open, hardly narrower than the prior, put into words.
 
 The directions are eigenvectors of the posterior's covariance after the prior has been made round;
 an eigenvalue of 1 is a direction of which the data say nothing, and .01 one that they narrow ten
@@ -62,7 +61,7 @@ def _describe_correlated(
 ) -> list[str]:
     """Pairs of unknowns that move together: known together better than each by itself."""
     return [
-        f"{names[j]} and {names[i]} can hardly be told apart: they move "
+        f"{names[j]} and {names[i]} can hardly be distinguished: they move "
         f"{'against each other' if correlation[i, j] < 0 else 'together'} (correlation "
         f"{correlation[i, j]:.2f})"
         for i in range(len(names))
@@ -71,33 +70,33 @@ def _describe_correlated(
     ]
 
 
-def _parts(vector: Float[np.ndarray, "dims"]) -> Int[np.ndarray, "parts"]:
+def _parts(vector: Float[np.ndarray, "dims"]) -> Int[np.ndarray, "members"]:
     """The unknowns that a direction is made of, largest first."""
-    parts = np.flatnonzero(np.abs(vector) >= 0.3)
-    return parts[np.argsort(-np.abs(vector[parts]))]
+    members = np.flatnonzero(np.abs(vector) >= 0.3)
+    return members[np.argsort(-np.abs(vector[members]))]
 
 
 def _describe_open(
     share: float,
     vector: Float[np.ndarray, "dims"],
-    parts: Int[np.ndarray, "parts"],
+    members: Int[np.ndarray, "members"],
     names: Sequence[str],
 ) -> str:
     """One open direction; signs say which unknowns rise together."""
-    left = f"{min(np.sqrt(share), 1.0):.0%} of the width it had beforehand"
-    if len(parts) == 1:
-        return f"the data say little of {names[parts[0]]}: it keeps {left}"
-    first = np.sign(vector[parts[0]])
-    moves = ", ".join(f"{names[i]} {'up' if vector[i] * first > 0 else 'down'}" for i in parts)
-    return f"the data say little of one direction ({moves}): it keeps {left}"
+    width = f"{min(np.sqrt(share), 1.0):.0%} of its prior's width"
+    if len(members) == 1:
+        return f"the data say little of {names[members[0]]}: it keeps {width}"
+    first = np.sign(vector[members[0]])
+    moves = ", ".join(f"{names[i]} {'up' if vector[i] * first > 0 else 'down'}" for i in members)
+    return f"the data say little of one direction ({moves}): it keeps {width}"
 
 
 def open_above(problem: FilmProblem, free: Float[np.ndarray, "draws blocks dims"]) -> list[str]:
     """Films of paints that hide their ground, in words: they are so thick at least, and may be
     thicker.
 
-    Beforehand a film is hardly so thick, so that the posterior may be narrow: its upper end is then
-    what was expected.
+    The prior hardly allows such thickness, so that the posterior may be narrow: its upper end is
+    then the prior's.
 
     Args:
         problem: of films of known paints.
@@ -106,20 +105,20 @@ def open_above(problem: FilmProblem, free: Float[np.ndarray, "draws blocks dims"
     draws = free[:: max(1, len(free) // 64)]
     thicker = draws.copy()
     thicker[..., problem.unknowns.index("thickness")] += np.log(3.0)
-    lost = np.mean(problem.log_likelihood(draws) - problem.log_likelihood(thicker), axis=0)
+    loss = np.mean(problem.log_likelihood(draws) - problem.log_likelihood(thicker), axis=0)
     return [
         f"{film + ': ' if len(problem.blocks) > 1 else ''}thickness is open above: a film "
         "3 times as thick would read the same, so that its upper end is what was expected, not "
         "what was measured"
-        for film, less in zip(problem.blocks, lost, strict=True)
-        if less < 0.5
+        for film, drop in zip(problem.blocks, loss, strict=True)
+        if drop < 0.5
     ]
 
 
 def _of_spectra(
     spectra: Mapping[str, Float[np.ndarray, "draws bands"]], wavelengths: Float[np.ndarray, "bands"]
 ) -> list[str]:
-    """What is open in k d and s d, band by band."""
+    """Sentences on what is open in k d and s d, band by band."""
     k, s, ratio = (_known_values(spectra[what]) for what in ("absorption", "scattering", "ratio"))
     cases = (
         (only_ratio(spectra), "only k/s is known, not k and s by themselves"),
@@ -135,7 +134,7 @@ def identify_open(
     free: Float[np.ndarray, "draws blocks dims"],
     wavelengths: Float[np.ndarray, "bands"],
 ) -> Identifiability:
-    """What is open.
+    """Open directions, and sentences that name them.
 
     Band by band a value is known if its standard deviation is less than half of it or than .01, the
     rule of `glazejax recover`. In a film of one coat of known paints directions of all unknowns are
@@ -152,45 +151,50 @@ def identify_open(
         sentences = _of_spectra(problem.spectra(free), wavelengths)
         return Identifiability(shares, vectors, correlation, tuple(sentences))
     by_coats = problem.kind == "stack"
-    beforehand = problem.prior_draws(np.random.default_rng(0), 4000)
+    prior = problem.prior_draws(np.random.default_rng(0), 4000)
     sentences = [] if by_coats else open_above(problem, free)
     for b, film in enumerate(problem.blocks):
         ties = [] if by_coats else [*range(problem.dims)]
-        said: list[str] = []
+        block_sentences: list[str] = []
         for quantity in problem.quantities if by_coats else ():
             if quantity.name not in problem.unknowns:
                 continue
-            unchanged, words = _compare_with_prior(quantity, free[:, b], beforehand)
-            said += [words] if words else []
+            unchanged, sentence = _compare_with_prior(quantity, free[:, b], prior)
+            block_sentences += [sentence] if sentence else []
             if not unchanged and " of coat " in quantity.name:
                 ties.append(problem.unknowns.index(quantity.name))
-        said += _open_directions(free[:, b], problem, ties, alone=not by_coats)
+        block_sentences += _open_directions(free[:, b], problem, ties, alone=not by_coats)
         if spectra := problem.spectra(free[:, b : b + 1]):
-            said += [f"unknown paint, {words}" for words in _of_spectra(spectra, wavelengths)]
+            block_sentences += [
+                f"unknown paint, {sentence}" for sentence in _of_spectra(spectra, wavelengths)
+            ]
         where = f"{film}: " if len(problem.blocks) > 1 else ""
-        sentences += [where + words for words in said]
+        sentences += [where + sentence for sentence in block_sentences]
     return Identifiability(shares, vectors, correlation, tuple(sentences))
 
 
 def _compare_with_prior(
     quantity: Quantity,
     free: Float[np.ndarray, "draws dims"],
-    beforehand: Float[np.ndarray, "others dims"],
+    prior: Float[np.ndarray, "others dims"],
 ) -> tuple[bool, str]:
-    """Whether a quantity's posterior is its prior; a sentence if the readings tell little or
-    nothing of it, or none.
+    """True if a quantity's posterior is its prior; a sentence if the readings constrain it little
+    or not at all, else an empty one.
     """
-    after, before = (np.quantile(quantity.scaled(draws), LEVELS) for draws in (free, beforehand))
+    after, before = (np.quantile(quantity.scaled(draws), LEVELS) for draws in (free, prior))
     width = before[-1] - before[0]
     # A posterior is its prior if its median and both ends of 90 % are, nearly.
     if np.abs(after - before).max() <= 0.15 * width:
-        return True, f"{quantity.name}: not told by these readings: its posterior is its prior"
+        return (
+            True,
+            f"{quantity.name}: not constrained by these readings: its posterior is its prior",
+        )
     share = (after[-1] - after[0]) / width
     if share >= np.sqrt(OPEN):
         return (
             False,
-            f"{quantity.name}: hardly told: it keeps {min(share, 1.0):.0%} of the width it had "
-            "beforehand",
+            f"{quantity.name}: hardly constrained: it keeps {min(share, 1.0):.0%} of its prior's "
+            "width",
         )
     return False, ""
 
@@ -212,7 +216,11 @@ def _open_directions(
     shares, vectors, correlation = directions(free[:, None, columns], prior)
     open_ = [(s, v, _parts(v)) for s, v in zip(shares[0], vectors[0], strict=True) if s >= OPEN]
     return [
-        *(_describe_open(*one, names) for one in open_ if alone or len(one[2]) > 1),
+        *(
+            _describe_open(*direction, names)
+            for direction in open_
+            if alone or len(direction[2]) > 1
+        ),
         *_describe_correlated(correlation[0], names),
     ]
 

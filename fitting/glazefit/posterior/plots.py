@@ -56,11 +56,11 @@ def _corner_of_film(posterior: Posterior, path: str | Path) -> None:
 
     names = [q.name for q in posterior.problem.quantities if not q.spectrum]
     # Two fractions are one and its complement; of more, each says something.
-    two = (
+    binary = (
         posterior.problem.dims == len(names) - 1
         and len([n for n in names if n.startswith("fraction ")]) == 2
     )
-    if two or posterior.problem.kind == "stack":
+    if binary or posterior.problem.kind == "stack":
         names = [
             n for n in names if not n.startswith("fraction ") or n in posterior.problem.unknowns
         ]
@@ -139,16 +139,16 @@ def _corner_of_bands(posterior: Posterior, path: str | Path) -> None:
     names = ("absorption", "scattering")
     count = len(posterior.problem.blocks)
     spread = np.linspace(0, count - 1, 5).round().astype(int)[1:-1]
-    worst = [b for b in np.argsort(-posterior.laplace.tail) if b not in spread]
-    chosen = sorted({*spread.tolist(), *(int(b) for b in worst[: 6 - len(set(spread))])})
+    poorest = [b for b in np.argsort(-posterior.laplace.tail) if b not in spread]
+    chosen = sorted({*spread.tolist(), *(int(b) for b in poorest[: 6 - len(set(spread))])})
     with picture(path, 10.5, 7) as figure:
         panels = figure.subplots(2, 3).ravel()
         for panel, b in zip(panels, chosen, strict=False):
             x, y = (np.log10(_thin(posterior.draws[n][..., b])) for n in names)
             u, v = (np.log10(posterior.laplace_draws[n][:, b]) for n in names)
             limits = [
-                tuple(np.quantile(np.concatenate(both), (0.002, 0.998)))
-                for both in ((x, u), (y, v))
+                tuple(np.quantile(np.concatenate(pair), (0.002, 0.998)))
+                for pair in ((x, u), (y, v))
             ]
             options = {"ax": panel, "bins": 40, "range": limits, **_CONTOURS}
             with warnings.catch_warnings():
@@ -171,8 +171,8 @@ def _corner_of_bands(posterior: Posterior, path: str | Path) -> None:
 
 
 def _spectra_of_film(posterior: Posterior, path: str | Path) -> None:
-    """Measured and fitted spectra, and their differences beside what noise and model
-    error allow.
+    """Measured and fitted spectra, and their differences compared with what noise and
+    model error allow.
     """
     film = posterior.films[0]
     grid = posterior.films[0].wavelengths
@@ -194,8 +194,8 @@ def _spectra_of_film(posterior: Posterior, path: str | Path) -> None:
                 grid, measured - fit, "o-", ms=3, label=f"{over}: measured - fit", **thin
             )
             residuals.plot(grid, bound, ":", **thin)
-            words = None if g else "90 % by noise and model error"
-            residuals.plot(grid, -bound, ":", label=words, **thin)
+            label = None if g else "90 % by noise and model error"
+            residuals.plot(grid, -bound, ":", label=label, **thin)
         noise = _NINETY * film.sd.max(axis=1)
         residuals.fill_between(
             grid,
@@ -219,7 +219,7 @@ def _spectra_of_film(posterior: Posterior, path: str | Path) -> None:
 
 
 def _mixture(posterior: Posterior) -> str:
-    parts = [
+    amounts = [
         f"{name.removeprefix('fraction ')} {np.median(draws):.1%}"
         for name, draws in posterior.draws.items()
         if name.startswith("fraction ")
@@ -227,8 +227,8 @@ def _mixture(posterior: Posterior) -> str:
     for name, draws in posterior.draws.items():
         if name.startswith("thickness"):
             coat = name.removeprefix("thickness").removeprefix(" of ")
-            parts.append(f"{coat} {np.median(draws) * 1e6:.3g} µm".strip())
-    return ", ".join(parts)
+            amounts.append(f"{coat} {np.median(draws) * 1e6:.3g} µm".strip())
+    return ", ".join(amounts)
 
 
 def _reading_sd(
@@ -251,17 +251,17 @@ def _optical_bands(posterior: Posterior, path: str | Path) -> None:
     draws = {name: Numbers.of(values) for name, values in drawn.items()}
     rough = {name: Numbers.of(values) for name, values in posterior.spectra(laplace=True).items()}
     with picture(path, 11, 4.4) as figure:
-        left, right = figure.subplots(1, 2)
+        thicknesses, ratios = figure.subplots(1, 2)
         for panel, name, colour, label in (
-            (left, "absorption", ABSORPTION, "k d"),
-            (left, "scattering", SCATTERING, "s d"),
-            (right, "ratio", _RATIO, "k/s"),
+            (thicknesses, "absorption", ABSORPTION, "k d"),
+            (thicknesses, "scattering", SCATTERING, "s d"),
+            (ratios, "ratio", _RATIO, "k/s"),
         ):
-            found = draws[name]
+            numbers = draws[name]
             panel.plot(
-                grid, found.median, "-o", color=colour, ms=3, lw=1.2, label=f"{label}, median"
+                grid, numbers.median, "-o", color=colour, ms=3, lw=1.2, label=f"{label}, median"
             )
-            panel.fill_between(grid, found.lower, found.upper, color=colour, alpha=0.25, lw=0)
+            panel.fill_between(grid, numbers.lower, numbers.upper, color=colour, alpha=0.25, lw=0)
             if posterior.chain is not None:
                 for n, edge in enumerate((rough[name].lower, rough[name].upper)):
                     panel.plot(
@@ -274,16 +274,16 @@ def _optical_bands(posterior: Posterior, path: str | Path) -> None:
                     )
         low = min(draws[n].median.min() for n in ("absorption", "scattering"))
         high = max(draws[n].upper.max() for n in ("absorption", "scattering"))
-        label_spectra(left, "optical thickness", yscale="log", ylim=(low / 10, high * 2))
+        label_spectra(thicknesses, "optical thickness", yscale="log", ylim=(low / 10, high * 2))
         low = draws["ratio"].median.min()
         high = draws["ratio"].median.max()
-        label_spectra(right, "k/s", yscale="log", ylim=(low / 3, high * 3))
+        label_spectra(ratios, "k/s", yscale="log", ylim=(low / 3, high * 3))
         shade = only_ratio(drawn)
-        _shade(left, grid, shade, "only k/s is known")
-        left.legend()
-        right.legend()
-        left.set_title(f"{film.name}: bands of 90 %")
-        right.set_title(_subtitle(posterior))
+        _shade(thicknesses, grid, shade, "only k/s is known")
+        thicknesses.legend()
+        ratios.legend()
+        thicknesses.set_title(f"{film.name}: bands of 90 %")
+        ratios.set_title(_subtitle(posterior))
 
 
 def _shade(panel: Any, grid: np.ndarray, chosen: np.ndarray, label: str) -> None:

@@ -1,10 +1,9 @@
-"""How well a film is known: the posterior of its paints and thickness, or of k d and s d band by
-band.
+"""Posterior of a film's paints and thickness, or of its k d and s d band by band.
 
 `posterior_of_film` asks how much of which known paint a film holds, how thick it is and how far the
 paints' own k and s are off; `posterior_of_bands` asks for k d and s d at every wavelength of a
 measured film, with no paint assumed. Both give Laplace's standard errors at once and, with `steps`,
-a chain beside them, of Hamiltonian Monte Carlo or of emcee.
+a chain with them, of Hamiltonian Monte Carlo or of emcee.
 `posterior_of_coats` asks the first of a film of several coats.
 
 ArviZ, emcee and h5py are loaded when a posterior is computed, not before.
@@ -43,7 +42,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Posterior:
-    """What is known after a measurement.
+    """Distribution of a film's unknowns after a measurement.
 
     Attributes:
         problem: what was sampled.
@@ -64,7 +63,7 @@ class Posterior:
 
     @cached_property
     def convergence(self) -> "Convergence | None":
-        """Whether the chain is long enough; None if nothing was sampled."""
+        """Test of the chain's length; None if nothing was sampled."""
         if self.chain is None:
             return None
         from .chain import convergence
@@ -74,7 +73,7 @@ class Posterior:
 
     @property
     def converged(self) -> bool:
-        """Whether there is a chain and it is long enough in every block."""
+        """True if there is a chain and it is long enough in every block."""
         return self.convergence is not None and bool(self.convergence.converged.all())
 
     @cached_property
@@ -119,14 +118,14 @@ class Posterior:
             chain = Numbers.of(self.draws[quantity.name])
             gaussian = Numbers.of(self.laplace_draws[quantity.name])
             if state is None:
-                words = ["trusted" if good else "not trusted" for good in self.laplace.trusted]
+                verdicts = ["trusted" if good else "not trusted" for good in self.laplace.trusted]
             else:
-                words = compare(
+                verdicts = compare(
                     chain,
                     gaussian,
                     logarithmic=quantity.logarithmic,
                     share=not quantity.logarithmic,
-                    many=self.laplace.many,
+                    multimodal=self.laplace.many,
                 )
             columns = vars(chain) | {
                 f"laplace_{name}": values
@@ -141,7 +140,7 @@ class Posterior:
                     effective_samples=float(samples[b]),
                     autocorrelation_time=float(times[b]),
                     converged=bool(converged[b]),
-                    laplace=words[b],
+                    laplace=verdicts[b],
                 )
                 for b, block in enumerate(self.problem.blocks)
             ]
@@ -150,7 +149,7 @@ class Posterior:
 
     @cached_property
     def identifiability(self) -> Identifiability:
-        """Which directions the measurement leaves open, named."""
+        """Directions that the measurement leaves open, named."""
         free = self.free.reshape(-1, *self.free.shape[2:])
         return identify_open(self.problem, free, self.films[0].wavelengths)
 
@@ -179,7 +178,7 @@ class Posterior:
 
 def _attributes(posterior: Posterior) -> dict[str, Any]:
     """Convergence and where the draws come from, as NetCDF takes it, which knows no booleans."""
-    found: dict[str, Any] = {
+    attributes: dict[str, Any] = {
         "film": ", ".join(film.name for film in posterior.films),
         "inference_library": "Laplace approximation",
         "glazejax": version("glazejax"),
@@ -193,7 +192,7 @@ def _attributes(posterior: Posterior) -> dict[str, Any]:
     chain = posterior.chain
     if state is not None and chain is not None:
         library = "emcee" if chain.sampler == "emcee" else "glazejax"
-        found |= {
+        attributes |= {
             "inference_library": library,
             "inference_library_version": version(library),
             "sampler": chain.sampler,
@@ -205,7 +204,7 @@ def _attributes(posterior: Posterior) -> dict[str, Any]:
             "thin": chain.thin,
             "acceptance": chain.accepted,
         }
-    return found
+    return attributes
 
 
 def posterior_of_film(
@@ -224,7 +223,7 @@ def posterior_of_film(
         pigments: one to five, with k and s in 1/m.
         instrument: by default d:8 with the specular part, refractive index 1.5.
         noise: of a reading.
-        prior: what is likely beforehand.
+        prior: of the film.
         sampling: sampler, steps, walkers, thin, seed, path, resume, overwrite and progress, see
             `glazefit.film.sampling.Sampling`.
 
@@ -254,7 +253,7 @@ def posterior_of_coats(
     unknown paint.
 
     Readings of several coats, and their slopes, come from the solver itself, at an error of 1e-4.
-    `Posterior.identifiability` names what the readings do not tell.
+    `Posterior.identifiability` names what the readings leave open.
 
     Args:
         film: one film over black and white, or a `Reading`, over one ground or more.
@@ -310,12 +309,12 @@ def posterior_of_bands(
 
 
 def sample(
-    problem: FilmProblem, found: Modes, films: tuple[Reading, ...], options: Sampling
+    problem: FilmProblem, modes: Modes, films: tuple[Reading, ...], options: Sampling
 ) -> Posterior:
     """Sample a problem from draws of its Laplace approximation at the modes found; with no steps
     that is all.
     """
-    approximate = laplace(problem, found, seed=options.seed)
+    approximate = laplace(problem, modes, seed=options.seed)
     if options.length == 0:
         return Posterior(problem, films, approximate, None, options.sampler == "importance")
     from ..film.sample import draw_chain

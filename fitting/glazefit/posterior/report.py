@@ -1,4 +1,4 @@
-"""What `glazejax posterior` tells its user: a table, sentences, and summary.csv."""
+"""Output of `glazejax posterior`: a table, sentences, and summary.csv."""
 
 from dataclasses import asdict
 from pathlib import Path
@@ -28,11 +28,11 @@ def print_posterior(posterior: Posterior, console: Console) -> None:
     if not posterior.identifiability.sentences:
         console.print("The measurement narrows every unknown; none is left open.")
     console.print(_laplace(posterior, rows))
-    if words := describe_unsettled(posterior):
-        console.print(f"[yellow]{words}[/yellow]")
+    if message := describe_unsettled(posterior):
+        console.print(f"[yellow]{message}[/yellow]")
     colour = "green" if posterior.converged else "yellow"
-    words = posterior.words()
-    console.print(f"[{colour}]{words[0].upper()}{words[1:]}.[/{colour}]")
+    message = posterior.words()
+    console.print(f"[{colour}]{message[0].upper()}{message[1:]}.[/{colour}]")
 
 
 def _table(posterior: Posterior, rows: Summary) -> Table:
@@ -48,9 +48,9 @@ def _spectra(posterior: Posterior) -> Table:
     """k d and s d of a stack's unknown paint."""
     title = f"{posterior.films[0].name}, unknown paint: {MEDIANS}"
     table = plain_table("band", "k d", "s d", "k/s", title=title)
-    found = {name: Numbers.of(draws) for name, draws in posterior.spectra().items()}
+    numbers = {name: Numbers.of(draws) for name, draws in posterior.spectra().items()}
     for b, wavelength in enumerate(posterior.films[0].wavelengths):
-        cells = [interval(n.median[b], n.lower[b], n.upper[b]) for n in found.values()]
+        cells = [interval(n.median[b], n.lower[b], n.upper[b]) for n in numbers.values()]
         table.add_row(f"{wavelength:g}", *cells)
     return table
 
@@ -89,8 +89,8 @@ def _laplace(posterior: Posterior, rows: list[Row]) -> str:
         where = f"for {len(off)} of {len(rows)} quantities"
     else:
         titles = [in_units(row.quantity, np.zeros(1))[0].split(" (")[0] for row in off]
-        parts = [f"{title} ({row.laplace})" for title, row in zip(titles, off, strict=True)]
-        where = "for " + ", ".join(parts)
+        differences = [f"{title} ({row.laplace})" for title, row in zip(titles, off, strict=True)]
+        where = "for " + ", ".join(differences)
     return f"Laplace's 90 % intervals differ from the chain's {where}."
 
 

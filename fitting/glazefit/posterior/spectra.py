@@ -1,5 +1,4 @@
-"""What is likely of the k and s of a paint that nobody knows: smooth spectra of about the
-catalogue's size.
+"""Prior of an unknown paint's k and s: smooth spectra of about the catalogue's size.
 
 log k d and log s d are each a Gaussian process of the wavelength: a level, and a shape about it
 with the Matern-5/2 correlation (1 + x + x^2/3) exp(-x), x = sqrt(5) |l - l'| / length. As unknowns
@@ -21,7 +20,7 @@ class SpectraPrior:
     -.9 with a standard deviation of 3.6, log s d .4 with 1.9; half the mean square of log k's
     difference between bands 10, 50 and 160 nm apart is .04, 1.0 and 6.4, that of log s .001, .03
     and .22. The prior lets s vary twice as much: few paints are known, and a prior that is too
-    narrow misleads where one too wide only tells less.
+    narrow misleads where one too wide only constrains less.
 
     Attributes:
         absorption, scattering: medians of k d and s d.
@@ -51,15 +50,15 @@ class SpectraPrior:
         """Slopes of log k d and of log s d by the weights of all modes: those of k d first, each
         scaled by its standard deviation, largest first; a mode is of one of the two.
         """
-        apart = np.sqrt(5.0) * np.abs(wavelengths[:, None] - wavelengths) / self.length
-        correlation = (1.0 + apart + apart**2 / 3.0) * np.exp(-apart)
+        distance = np.sqrt(5.0) * np.abs(wavelengths[:, None] - wavelengths) / self.length
+        correlation = (1.0 + distance + distance**2 / 3.0) * np.exp(-distance)
 
-        def principal(level: float, shape: float) -> np.ndarray:
-            values, axes = np.linalg.eigh(level**2 + shape**2 * correlation)
+        def principal(level_sd: float, shape: float) -> np.ndarray:
+            values, axes = np.linalg.eigh(level_sd**2 + shape**2 * correlation)
             scaled = (axes * np.sqrt(np.maximum(values, 0.0)))[:, ::-1]
             # Variance of each band that the modes from the n-th on carry.
-            rest = np.cumsum((scaled**2)[:, ::-1], axis=1)[:, ::-1].max(axis=0)
-            return scaled[:, : max(1, int(np.sum(rest > 0.02**2)))]
+            remainder = np.cumsum((scaled**2)[:, ::-1], axis=1)[:, ::-1].max(axis=0)
+            return scaled[:, : max(1, int(np.sum(remainder > 0.02**2)))]
 
         k = principal(self.absorption_level, self.absorption_shape)
         s = principal(self.scattering_level, self.scattering_shape)

@@ -119,11 +119,11 @@ class Summary(list[Row]):
         for block in blocks:
             mine = {row.quantity: row for row in self if row.block == block}
             cells = [interval(r.median, r.lower, r.upper) for r in mine.values()]
-            words = list(dict.fromkeys(r.laplace for r in mine.values()))
-            others = [w for w in words if w != AGREES]
+            verdicts = list(dict.fromkeys(r.laplace for r in mine.values()))
+            differences = [w for w in verdicts if w != AGREES]
             samples = [f"{next(iter(mine.values())).effective_samples:.0f}"] if self.sampled else []
             lines.append(
-                [block.removesuffix(" nm"), *cells, *samples, ", ".join(others) or words[0]]
+                [block.removesuffix(" nm"), *cells, *samples, ", ".join(differences) or verdicts[0]]
             )
         return [
             "band",
@@ -179,15 +179,15 @@ def compare(
     *,
     logarithmic: bool,
     share: bool,
-    many: Bool[np.ndarray, "blocks"],
+    multimodal: Bool[np.ndarray, "blocks"],
 ) -> list[str]:
-    """How a chain differs from Laplace's approximation, in a word or two a block.
+    """Name the difference between a chain and Laplace's approximation, in a word or two a block.
 
     Args:
         sampled, laplace: numbers of one quantity.
         logarithmic: compare logarithms.
         share: the quantity lies in [0, 1].
-        many: whether the block has more modes than one.
+        multimodal: whether the block has more modes than one.
     """
     look = np.log if logarithmic else np.asarray
     tiny = np.finfo(float).tiny if logarithmic else -np.inf
@@ -204,7 +204,7 @@ def compare(
     # The first that holds is said.
     cases = {
         AGREES: off <= agree,
-        "two modes": many,
+        "two modes": multimodal,
         "against a bound": share & ends,
         "skewed": ~((skew >= 1.0 / 1.5) & (skew <= 1.5)),
         "Laplace too wide": other_high - other_low > width * (1.0 + agree),

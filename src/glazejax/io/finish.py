@@ -120,9 +120,12 @@ def _finish(raw: RawSpectra, stated: Stated) -> SpectraTable:
         values = values[:, order]
     missing = raw.missing
     if values.size and np.fmin.reduce(values, axis=None) < DELETED:
-        notes.append(f"values below {DELETED:g} mark missing data")
-        values = np.where(values < DELETED, np.nan, values)
-        missing = "drop"
+        # Infinity is no mark but damage.
+        marks = (values < DELETED) & np.isfinite(values)
+        if marks.any():
+            notes.append(f"values below {DELETED:g} mark missing data")
+            values = np.where(marks, np.nan, values)
+            missing = "drop"
     rows: Sequence[int] = range(len(names))
     if missing == "drop":
         wavelengths, values, rows = _without_missing(wavelengths, values, names, notes)

@@ -15,7 +15,7 @@ import operator
 from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
 import jax
@@ -113,7 +113,8 @@ class _PlainModule(eqx.Module):
     each time, so that Layer and Glaze set theirs at once.
     """
 
-    __getattribute__ = object.__getattribute__
+    if not TYPE_CHECKING:
+        __getattribute__ = object.__getattribute__
 
 
 class _Labelled(_PlainModule):

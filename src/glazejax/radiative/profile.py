@@ -141,7 +141,7 @@ class _ProfileInputs(NamedTuple):
     cos_viewing: Numbers | None
 
 
-class _Film(NamedTuple):
+class _ProfileFilm(NamedTuple):
     """A profile in the share u of the film's depth, u in [0, 1]."""
 
     absorption: Callable[[Array], Array]  # (..., points) -> (..., points)
@@ -165,7 +165,7 @@ def _evaluate(profile: _ProfileInputs, tolerance: float, method: str) -> Array:
     return _solve_on_mesh(film, arguments, tolerance)
 
 
-def _film(inputs: _ProfileInputs, arguments: dict[str, Any]) -> _Film:
+def _film(inputs: _ProfileInputs, arguments: dict[str, Any]) -> _ProfileFilm:
     dtype = jnp.result_type(float)
     thickness = jnp.asarray(inputs.thickness, dtype)
     _refuse("thickness", thickness, "a length in m, >= 0 and finite")
@@ -199,7 +199,7 @@ def _film(inputs: _ProfileInputs, arguments: dict[str, Any]) -> _Film:
         )
     shapes |= {name: np.shape(value) for name, value in arguments.items()}
     batch = batch_shape(shapes, last="depths")
-    return _Film(
+    return _ProfileFilm(
         absorption=functions[0],
         scattering=functions[1],
         intervals=max(several, default=None),
@@ -258,7 +258,7 @@ def _albedo(absorption: Array, scattering: Array) -> Array:
 
 
 def _solve_sliced(
-    film: _Film, arguments: dict[str, Any], tolerance: float, solve: Callable[..., Array]
+    film: _ProfileFilm, arguments: dict[str, Any], tolerance: float, solve: Callable[..., Array]
 ) -> Array:
     ground = arguments["substrate_reflectance"]
     fixed = {name: value for name, value in arguments.items() if name != "substrate_reflectance"}
@@ -315,7 +315,7 @@ def _error_message(error: float, tolerance: float) -> str:
     )
 
 
-def _solve_on_mesh(film: _Film, arguments: dict[str, Any], tolerance: float) -> Array:
+def _solve_on_mesh(film: _ProfileFilm, arguments: dict[str, Any], tolerance: float) -> Array:
     dtype = film.thickness.dtype
     flat = {
         name: flat_batch(jnp.asarray(value, dtype), film.batch) for name, value in arguments.items()
@@ -378,7 +378,7 @@ def _solve_on_mesh(film: _Film, arguments: dict[str, Any], tolerance: float) -> 
         before = value
 
 
-def _film_panels(film: _Film, mesh: PanelMesh, halvings: int) -> Panels:
+def _film_panels(film: _ProfileFilm, mesh: PanelMesh, halvings: int) -> Panels:
     """Panels whose edges are fixed shares of the depth, with the true albedo at their nodes; batch
     axis flattened.
     """

@@ -22,7 +22,7 @@ MOST = 2
 PATIENCE = 120.0
 """Seconds that a search whose page is gone goes on: connections are lost, and pages come back."""
 
-Tell = Callable[[dict[str, Any]], None]
+Send = Callable[[dict[str, Any]], None]
 
 
 def find_tasks() -> dict[str, str]:
@@ -41,13 +41,13 @@ class Jobs:
         self.tasks: dict[str, str] = dict(find_tasks() if tasks is None else tasks)
         self._running: dict[str, subprocess.Popen[str]] = {}
         self._idle: list[subprocess.Popen[str]] = []
-        self._tells: dict[str, Tell] = {}
+        self._senders: dict[str, Send] = {}
         self._unheard: dict[str, dict[str, Any]] = {}
         self._took: dict[str, float] = {}
         self._lock = threading.Lock()
 
-    def start(self, name: str, task: str, request: Mapping[str, Any], tell: Tell) -> str:
-        """Start a search; `tell` gets its progress, then its result or its error. Returns its name.
+    def start(self, name: str, task: str, request: Mapping[str, Any], send: Send) -> str:
+        """Start a search; `send` gets its progress, then its result or its error. Returns its name.
 
         Raises:
             ValueError: the search is not installed, or enough of them run.
@@ -64,7 +64,7 @@ class Jobs:
                 raise ValueError(f"{MOST} searches run already; stop one first")
             process = self._idle.pop() if self._idle else _process()
             self._running[name] = process
-            self._tells[name] = tell
+            self._senders[name] = send
         threading.Thread(
             target=self._follow, args=(name, task, request, process), daemon=True
         ).start()
@@ -75,16 +75,16 @@ class Jobs:
         kept.
         """
         with self._lock:
-            names = [name for name in self._tells if name.startswith(f"{page} ")]
+            names = [name for name in self._senders if name.startswith(f"{page} ")]
             for name in names:
-                del self._tells[name]
+                del self._senders[name]
         for name in names:
             timer = threading.Timer(PATIENCE, self._give_up, [name])
             timer.daemon = True
             timer.start()
 
     def come_back(
-        self, page: str, tell_for: Callable[[str], Tell]
+        self, page: str, sender_for: Callable[[str], Send]
     ) -> tuple[list[str], Callable[[], None]]:
         """A page is there again: names of its searches, and what hands it the answers that came
         meanwhile.
@@ -96,34 +96,34 @@ class Jobs:
             waiting = {name: self._unheard.pop(name) for name in names if name in self._unheard}
             for name in names:
                 if name not in waiting:
-                    self._tells[name] = tell_for(name)
+                    self._senders[name] = sender_for(name)
 
         def hand_over() -> None:
             for name, message in waiting.items():
-                tell_for(name)(message)
+                sender_for(name)(message)
 
         return names, hand_over
 
     def _give_up(self, name: str) -> None:
-        if name not in self._tells:
+        if name not in self._senders:
             self.stop(name)
 
-    def _tell(self, name: str, message: dict[str, Any]) -> None:
+    def _send(self, name: str, message: dict[str, Any]) -> None:
         """To the page, or kept for it if it is an answer and the page is gone."""
         with self._lock:
-            tell = self._tells.get(name)
+            send = self._senders.get(name)
             if "progress" not in message:
-                self._tells.pop(name, None)
-                if tell is None:
+                self._senders.pop(name, None)
+                if send is None:
                     self._unheard[name] = message
-        if tell is not None:
-            tell(message)
+        if send is not None:
+            send(message)
 
     def stop(self, name: str) -> None:
         """End a search, if it runs, and forget its answer."""
         with self._lock:
             self._unheard.pop(name, None)
-            self._tells.pop(name, None)
+            self._senders.pop(name, None)
             process = self._running.pop(name, None)
         if process is not None:
             process.kill()
@@ -154,7 +154,7 @@ class Jobs:
                     "words": stage[0],
                     "usual": self._took.get(task),
                 }
-                self._tell(name, {"progress": state})
+                self._send(name, {"progress": state})
 
         threading.Thread(target=beat, daemon=True).start()
         answer: dict[str, Any] | None = None
@@ -180,7 +180,7 @@ class Jobs:
         if stopped:
             return
         if answer is None:
-            self._tell(
+            self._send(
                 name,
                 {
                     "error": (
@@ -194,7 +194,7 @@ class Jobs:
             self._took[task] = time.monotonic() - began
         if process not in self._idle:
             process.kill()
-        self._tell(name, answer | {"seconds": time.monotonic() - began})
+        self._send(name, answer | {"seconds": time.monotonic() - began})
 
 
 def _process() -> subprocess.Popen[str]:

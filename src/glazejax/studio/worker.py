@@ -24,19 +24,19 @@ def main() -> None:
 def answer(asked: dict[str, Any], out: TextIO) -> None:
     """One search: its progress and its end, a line each."""
 
-    def tell(message: dict[str, Any]) -> None:
+    def send(message: dict[str, Any]) -> None:
         out.write(json.dumps(message) + "\n")
         out.flush()
 
     module, _, name = asked["target"].partition(":")
     try:
         task = getattr(importlib.import_module(module), name)
-        message = {"result": task(asked["given"], lambda stage: tell({"words": stage}))}
+        message = {"result": task(asked["given"], lambda stage: send({"words": stage}))}
     except (ValueError, ModuleNotFoundError) as error:
         message = {"error": str(error)}
     except Exception as error:  # The page must hear of it.
         message = {"error": f"the search failed ({type(error).__name__}: {error})"}
-    tell(message)
+    send(message)
 
 
 if __name__ == "__main__":

@@ -1,5 +1,4 @@
-"""How probable a spectrum is: errors of the instrument and of the model, and what is expected
-a priori.
+"""Probability of a spectrum: errors of the instrument and of the model, and the prior.
 
 Measured minus computed reflectance of films that were left out of a fit is ten times what the
 instrument's noise explains, smooth in the wavelength, and much the same over a black and a white
@@ -138,7 +137,7 @@ class ModelError:
 
 @dataclass(frozen=True)
 class Prior:
-    """What is expected of a film before the measurement.
+    """Prior of a film.
 
     The size of a set, a second coat, extenders and unknown paints matter where paints are searched;
     the error where they are known.
@@ -208,8 +207,8 @@ def smooth_kernel(
     Once differentiable, no more: an infinitely smooth one would believe every kink, and fit kinks
     at any price.
     """
-    apart = np.sqrt(3.0) * np.abs(wavelengths[:, None] - wavelengths) / length
-    return (1.0 + apart) * np.exp(-apart)
+    distance = np.sqrt(3.0) * np.abs(wavelengths[:, None] - wavelengths) / length
+    return (1.0 + distance) * np.exp(-distance)
 
 
 def smooth_modes(
@@ -323,7 +322,7 @@ def modes_covariance(
 
 def coefficient_covariance(
     slopes: Float[np.ndarray, "*n errors readings"],
-    known: Float[np.ndarray, "*n errors bands"],
+    relative: Float[np.ndarray, "*n errors bands"],
     wavelengths: Float[np.ndarray, "bands"],
     discrepancy: ModelError,
 ) -> Float[np.ndarray, "*n readings readings"]:
@@ -332,17 +331,17 @@ def coefficient_covariance(
 
     Args:
         slopes: of the readings by the log of each coefficient, band by band.
-        known: what each pigment says its own standard deviations are, relative (`relative_errors`).
+        relative: standard deviations that each pigment states, relative (`relative_errors`).
         wavelengths: (bands,), nm.
         discrepancy: size and length of the further errors.
     """
     grounds = slopes.shape[-1] // wavelengths.size
     kernel = smooth_kernel(wavelengths, discrepancy.coefficient_length)
     # Parts that are equal at two wavelengths by the kernel are one product for both sources.
-    both = np.concatenate(
-        [discrepancy.coefficient * slopes, slopes * np.tile(known, grounds)], axis=-2
+    scaled = np.concatenate(
+        [discrepancy.coefficient * slopes, slopes * np.tile(relative, grounds)], axis=-2
     )
-    caused = np.swapaxes(both, -1, -2) @ both
+    caused = np.swapaxes(scaled, -1, -2) @ scaled
     caused *= np.tile(kernel, (grounds, grounds)).astype(caused.dtype)
     if discrepancy.level:
         caused += discrepancy.level**2 * (np.swapaxes(slopes, -1, -2) @ slopes)
@@ -352,7 +351,7 @@ def coefficient_covariance(
 def paints_covariance(
     slopes: Float[np.ndarray, "*n errors readings"],
     members: Int[np.ndarray, "*n size"],
-    own: Float[np.ndarray, "paints 2 bands"],
+    relative: Float[np.ndarray, "paints 2 bands"],
     modes: Float[np.ndarray, "paints 2 bands modes"],
     wavelengths: Float[np.ndarray, "bands"],
     discrepancy: ModelError,
@@ -364,20 +363,20 @@ def paints_covariance(
         slopes: of the readings by the log of k of the films' paints, then of s, band by band; 0 for
             no paint.
         members: paints of each film by number, negative for none.
-        own, modes: of all paints (`relative_errors`, `error_modes`).
+        relative, modes: of all paints (`relative_errors`, `error_modes`).
         wavelengths: (bands,), nm.
         discrepancy: size and length of further errors.
     """
     at = np.maximum(members, 0)
     caused = coefficient_covariance(
         slopes,
-        np.concatenate([own[at, part] for part in (0, 1)], axis=-2),
+        np.concatenate([relative[at, coefficient] for coefficient in (0, 1)], axis=-2),
         wavelengths,
         discrepancy,
     )
     if modes.shape[-1]:
         caused = caused + modes_covariance(
-            slopes, np.concatenate([modes[at, part] for part in (0, 1)], axis=-3)
+            slopes, np.concatenate([modes[at, coefficient] for coefficient in (0, 1)], axis=-3)
         )
     return caused
 
@@ -394,9 +393,9 @@ def draw_coefficient_errors(
     smooth = discrepancy.coefficient * _draw_gaussian(
         rng, shape, smooth_kernel(wavelengths, discrepancy.coefficient_length)
     )
-    level = discrepancy.level * rng.standard_normal((*shape, 1))
+    offset = discrepancy.level * rng.standard_normal((*shape, 1))
     return _draw_scale(rng, shape[:1], discrepancy).reshape(-1, *[1] * len(shape)) * (
-        smooth + level
+        smooth + offset
     )
 
 

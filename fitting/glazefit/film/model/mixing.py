@@ -1,5 +1,4 @@
-"""How the coefficients of paints combine in a mixture: from weights to the shares that k and s are
-summed with.
+"""Mixing of the coefficients of paints: from weights to the shares that k and s are summed with.
 
 k = sum_p c_p k_p and s = sum_p c_p s_p with shares c. By mass the shares are the mass fractions
 (Duncan 1940). By volume they are mass fractions over densities, normalised; a film's thickness
@@ -63,11 +62,11 @@ class MixingLaw:
         """
         fractions = weights / weights.sum(axis=1, keepdims=True)
         if self.name == "volume":
-            known = self.densities or {}
-            missing = [paint for paint in paints if paint not in known]
+            densities = self.densities or {}
+            missing = [paint for paint in paints if paint not in densities]
             if missing:
                 raise ValueError(f"no density was given for {', '.join(map(repr, missing))}")
-            fractions = fractions / np.array([known[paint] for paint in paints])
+            fractions = fractions / np.array([densities[paint] for paint in paints])
         return fractions / fractions.sum(axis=1, keepdims=True)
 
 
@@ -100,7 +99,7 @@ def weight_table(
 
 def digest(*arrays: ArrayLike) -> str:
     """Sixteen hexadecimal digits of what arrays hold."""
-    whole = sha256()
+    hasher = sha256()
     for array in arrays:
-        whole.update(np.ascontiguousarray(array).tobytes())
-    return whole.hexdigest()[:16]
+        hasher.update(np.ascontiguousarray(array).tobytes())
+    return hasher.hexdigest()[:16]

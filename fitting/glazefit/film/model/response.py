@@ -77,8 +77,8 @@ def ground_below(
 def hiding_factor(
     absorption: Float[Array | np.ndarray, "*films"], scattering: Float[Array | np.ndarray, "*films"]
 ) -> Any:
-    """How many times as thick films of k d and s d, (...), are where a table of films ends: thick
-    enough to hide whatever is below. In the kind of the arguments (numpy or JAX).
+    """Factor by which films of k d and s d, (...), are thinner than where a table of films ends,
+    thick enough to hide whatever is below. In the kind of the arguments (numpy or JAX).
     """
     minimum = jnp.minimum if isinstance(absorption, Array) else np.minimum
     return 0.999 * minimum(HIGHEST[0] / absorption, HIGHEST[1] / scattering)
@@ -117,8 +117,8 @@ class FilmResponse(Response):
         if small(as_array(absorption), as_array(scattering)) and not isinstance(
             self.patches, Tracer
         ):
-            known = map(np.asarray, (self.patches, absorption, scattering))
-            black, gain, back = map(jnp.asarray, _numbers(np, *known))
+            arrays = map(np.asarray, (self.patches, absorption, scattering))
+            black, gain, back = map(jnp.asarray, _numbers(np, *arrays))
         else:
             black, gain, back = _numbers(jnp, self.patches, absorption, scattering)
         return black, gain, back
@@ -143,13 +143,13 @@ class FilmResponse(Response):
         along, along_slope = (
             jnp.sum(patch * a[..., None, :, None], axis=-2) for a in (across, across_slope)
         )
-        parts = ((along, over), (along, over_slope), (along_slope, over))
-        values, by_k, by_s = (jnp.sum(a * b[..., None], axis=-2) for a, b in parts)
+        factors = ((along, over), (along, over_slope), (along_slope, over))
+        values, by_k, by_s = (jnp.sum(a * b[..., None], axis=-2) for a, b in factors)
         black, gain, back = (values[..., n] for n in range(3))
-        seen = ground / (1.0 - back * ground)
+        ground_gain = ground / (1.0 - back * ground)
 
         def slope(off: Array) -> Array:
-            return off[..., 0] + off[..., 1] * seen + gain * seen**2 * off[..., 2]
+            return off[..., 0] + off[..., 1] * ground_gain + gain * ground_gain**2 * off[..., 2]
 
         slope_k, slope_s = slope(by_k), slope(by_s)
         # Beyond the table nothing changes with the thickness: that part of both slopes goes.
@@ -157,7 +157,7 @@ class FilmResponse(Response):
         ends_by_k = absorption * HIGHEST[1] > scattering * HIGHEST[0]
         slope_k = (slope_k - ends_by_k * thicker / HIGHEST[0]) / beyond
         slope_s = (slope_s - ~ends_by_k * thicker / HIGHEST[1]) / beyond
-        return black + gain * seen, slope_k, slope_s
+        return black + gain * ground_gain, slope_k, slope_s
 
     def body(
         self, absorption: ArrayLike, scattering: ArrayLike, ground: ArrayLike
@@ -240,8 +240,8 @@ def film_response(
         geometry.cos_incidence,
         *([geometry.cos_viewing] if isinstance(geometry, Bidirectional) else []),
     ]
-    known = [concrete(cosine) for cosine in cosines]
-    if any(value is None or value.ndim for value in known):
+    values = [concrete(cosine) for cosine in cosines]
+    if any(value is None or value.ndim for value in values):
         raise ValueError(
             "a film's table is made for one pair of angles: give them as numbers, not as arrays"
         )
@@ -256,7 +256,7 @@ def _patches(optics: Optics) -> Float[np.ndarray, "cells 4 4 3"]:
 
 
 def _load_shipped(optics: Optics) -> Float[np.ndarray, "3 nodes nodes"] | None:
-    """What `python -m benchmarks.make.film_tables` wrote for these optics, if it did."""
+    """Load what `python -m benchmarks.make.film_tables` wrote for these optics, if it did."""
     for name, (geometry, index) in SHIPPED.items():
         if Optics.of(geometry, index) == optics:
             with files("glazefit.film").joinpath("tables.npz").open("rb") as file:

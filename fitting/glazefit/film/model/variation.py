@@ -1,4 +1,4 @@
-"""How far a film is from what its recipe says: paint is mixed, weighed and spread separately.
+"""Distance of a film from its recipe: paint is mixed, weighed and spread separately.
 
 Strength, the shape of k and s, and the model itself are off in each film by its own amount. `MIXED`
 says how these errors look; how large they are differs from film to film, so a film's size is one of
@@ -35,8 +35,8 @@ Weights = Float[np.ndarray, "sizes"]
 
 
 class Spread(NamedTuple):
-    """How far films of a set, and their readings, scatter around their recipes, as
-    standard deviations.
+    """Scatter of films of a set, and of their readings, around their recipes, as standard
+    deviations.
     """
 
     thickness: float = 0.4
@@ -49,7 +49,7 @@ class Spread(NamedTuple):
 
 
 class SizeEvidence(NamedTuple):
-    """What one film that was left out showed."""
+    """Evidence of one film that was left out."""
 
     film: str
     paints: frozenset[str]
@@ -58,7 +58,7 @@ class SizeEvidence(NamedTuple):
 
 @dataclass(frozen=True)
 class Variation:
-    """How probable each of `SIZES` is.
+    """Probability of each of `SIZES`.
 
     Attributes:
         weights: for a film of any paints, summing to 1.
@@ -76,8 +76,8 @@ class Variation:
 
     def of(self, paints: Sequence[str]) -> Weights:
         """For a film of these paints: that of its paint that varies most."""
-        known = [self.of_paint[paint] for paint in paints if paint in self.of_paint]
-        return max(known, key=lambda weights: float(weights @ SIZES)) if known else self.weights
+        weights = [self.of_paint[paint] for paint in paints if paint in self.of_paint]
+        return max(weights, key=lambda weights: float(weights @ SIZES)) if weights else self.weights
 
     def size_of(self, paints: Sequence[str]) -> float:
         """Mean size, for a film of these paints."""
@@ -111,7 +111,7 @@ def learn(
             min(sorted(size_evidence.paints), key=lambda paint: often[paint]), []
         ).append(row)
     # All films count as two in addition to those of a paint.
-    own = {
+    of_paint = {
         paint: _weights(np.exp(likelihood[chosen]), weights, 2.0) for paint, chosen in rows.items()
     }
     farther = _twice_as_far(weights)
@@ -119,7 +119,7 @@ def learn(
         paint: _probability(np.exp(likelihood[chosen]), farther, weights)
         for paint, chosen in rows.items()
     }
-    return Variation(weights, own, len(evidence), unsteady)
+    return Variation(weights, of_paint, len(evidence), unsteady)
 
 
 def _twice_as_far(weights: Weights) -> Weights:
@@ -131,20 +131,20 @@ def _twice_as_far(weights: Weights) -> Weights:
 
     sizes = np.array(SIZES)
     mean = float(weights @ sizes)
-    wanted = mean + min(mean, 0.9 * (sizes[-1] - mean))
+    target = mean + min(mean, 0.9 * (sizes[-1] - mean))
 
     def tilt(power: float) -> Weights:
-        moved = weights * sizes**power
-        return moved / moved.sum()
+        tilted = weights * sizes**power
+        return tilted / tilted.sum()
 
-    found = root_scalar(lambda power: float(tilt(power) @ sizes) - wanted, bracket=(0.0, 60.0))
-    return tilt(float(found.root))
+    solution = root_scalar(lambda power: float(tilt(power) @ sizes) - target, bracket=(0.0, 60.0))
+    return tilt(float(solution.root))
 
 
 def _probability(
     likelihood: Float[np.ndarray, "films sizes"], farther: Weights, usual: Weights
 ) -> float:
-    """That films are farther off than usual."""
+    """Probability that films are farther off than usual."""
     log_odds = np.sum(np.log(likelihood @ farther) - np.log(likelihood @ usual))
     log_odds += np.log(UNSTEADY / (1.0 - UNSTEADY))
     return float(1.0 / (1.0 + np.exp(-log_odds)))

@@ -36,8 +36,7 @@ def under_varnish(
     body: Float[np.ndarray, "*n bands"],
     thickness: Float[np.ndarray, "bands"],
 ) -> Float[np.ndarray, "*n bands"]:
-    """What a paint reads under a varnish, from what it reads without; both without the surface's
-    part.
+    """Reading of a paint under a varnish, from that without it; both without the surface's part.
 
     Args:
         response: of the instrument.
@@ -65,8 +64,8 @@ def without_varnish(
 def limits_under(
     response: FilmResponse, thickness: Float[np.ndarray, "bands"]
 ) -> tuple[Float[np.ndarray, "bands"], Float[np.ndarray, "bands"]]:
-    """What paint reads under a varnish at least and at most, outer surface aside: beyond, the
-    inverse of `under_varnish` makes any number.
+    """Least and largest reading of paint under a varnish, outer surface aside: beyond, the inverse
+    of `under_varnish` makes any number.
     """
     dark, gain, back = _through(response, thickness)
     low, high = (dark + gain * below / (1.0 - back * below) for below in _PAINT)

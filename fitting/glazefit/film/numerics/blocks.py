@@ -13,8 +13,10 @@ def by_blocks(count: int, block: int, run: Callable[[Int[np.ndarray, "block"]], 
 
     The last block is filled up with rows that were there before: one shape, one program.
     """
-    parts = []
+    results = []
     for first in range(0, count, block):
         rows = np.arange(first, min(first + block, count))
-        parts.append(run(np.resize(rows, block)))
-    return jax.tree.map(lambda *a: np.concatenate([np.asarray(one) for one in a])[:count], *parts)
+        results.append(run(np.resize(rows, block)))
+    return jax.tree.map(
+        lambda *a: np.concatenate([np.asarray(result) for result in a])[:count], *results
+    )

@@ -36,7 +36,7 @@ _SHORTER = 0.25
 def levenberg_marquardt(
     residuals: Callable[..., Float[Array, "rows"]],
     start: Float[Array, "n m"],
-    *given: Any,
+    *problem_data: Any,
     rtol: float,
     atol: float,
     max_steps: int,
@@ -45,10 +45,10 @@ def levenberg_marquardt(
     """The points of least squares nearest to some starts, and whether each settled.
 
     Args:
-        residuals: of one problem, (rows,), from its unknowns, (m,), and from its own part of what
-            is `given`.
+        residuals: of one problem, (rows,), from its unknowns, (m,), and from its own part of
+            `problem_data`.
         start: (n, m), a problem a row.
-        given: trees of arrays (n, ...), a problem a row.
+        problem_data: trees of arrays (n, ...), a problem a row.
         rtol, atol: see `side_by_side.SideBySide`.
         max_steps: after these a problem keeps the best point it has seen.
         damped: the linear step, by default `damped_solution`.
@@ -59,9 +59,9 @@ def levenberg_marquardt(
     from .side_by_side import SideBySide
 
     # A start without a number must not stop the others.
-    sound = jnp.all(jnp.isfinite(start), axis=1)
-    found = optx.least_squares(
-        lambda point, own: jax.vmap(residuals)(point, *own),
+    finite = jnp.all(jnp.isfinite(start), axis=1)
+    solution = optx.least_squares(
+        lambda point, problem: jax.vmap(residuals)(point, *problem),
         SideBySide(
             rtol=rtol,
             atol=atol,
@@ -69,16 +69,16 @@ def levenberg_marquardt(
             shorter=_SHORTER,
             damped=damped or damped_solution,
         ),
-        jnp.where(sound[:, None], start, 0.0),
-        given,
+        jnp.where(finite[:, None], start, 0.0),
+        problem_data,
         max_steps=max_steps,
         throw=False,
     )
-    return jnp.where(sound[:, None], found.value, start), found.stats["settled"] & sound
+    return jnp.where(finite[:, None], solution.value, start), solution.stats["settled"] & finite
 
 
 def damped_solution(
-    matrix: Float[Array, "n rows m"], right: Float[Array, "n rows"], damping: Float[Array, "n"]
+    matrix: Float[Array, "n rows m"], target: Float[Array, "n rows"], damping: Float[Array, "n"]
 ) -> Float[Array, "n m"]:
     """x of least |A x - b|^2 + damping |x|^2, side by side; in plain operations, for a few unknowns
     each.
@@ -89,30 +89,34 @@ def damped_solution(
     """
     count = matrix.shape[2]
     below = jnp.sqrt(damping)[:, None, None] * jnp.eye(count, count + 1, dtype=matrix.dtype)
-    rest = jnp.concatenate([jnp.concatenate([matrix, right[..., None]], axis=2), below], axis=1)
+    remainder = jnp.concatenate(
+        [jnp.concatenate([matrix, target[..., None]], axis=2), below], axis=1
+    )
     rows = []
     for _ in range(count):
-        column = rest[..., 0]
-        rest = rest[..., 1:]
+        column = remainder[..., 0]
+        remainder = remainder[..., 1:]
         norm = jnp.sqrt(jnp.sum(column**2, axis=1))
         unit = column / jnp.where(norm > 0, norm, 1.0)[:, None]
-        row = jnp.sum(unit[..., None] * rest, axis=1)
-        rest = rest - unit[..., None] * row[:, None, :]
+        row = jnp.sum(unit[..., None] * remainder, axis=1)
+        remainder = remainder - unit[..., None] * row[:, None, :]
         rows.append((norm, row))
     # From the last unknown up; the last column of a row is what b has of its direction.
-    found: list[Array] = []
+    solution: list[Array] = []
     for norm, row in reversed(rows):
-        known = sum((row[:, i] * value for i, value in enumerate(found)), jnp.zeros_like(norm))
-        value = (row[:, -1] - known) / jnp.where(norm > 0, norm, 1.0)
+        substituted = sum(
+            (row[:, i] * value for i, value in enumerate(solution)), jnp.zeros_like(norm)
+        )
+        value = (row[:, -1] - substituted) / jnp.where(norm > 0, norm, 1.0)
         # A column of nothing says nothing of its unknown.
-        found = [value * (norm > 0).astype(value.dtype), *found]
-    return jnp.stack(found, axis=1)
+        solution = [value * (norm > 0).astype(value.dtype), *solution]
+    return jnp.stack(solution, axis=1)
 
 
 def normal_solution(
-    matrix: Float[Array, "n rows m"], right: Float[Array, "n rows"], damping: Float[Array, "n"]
+    matrix: Float[Array, "n rows m"], target: Float[Array, "n rows"], damping: Float[Array, "n"]
 ) -> Float[Array, "n m"]:
-    """As `damped_solution`, for any number of unknowns: the normal equations, by elimination.
+    """Solve as `damped_solution`, for any number of unknowns: the normal equations, by elimination.
 
     They square the condition, so columns should be of like size and well apart, as those of a
     damped step are.
@@ -121,7 +125,7 @@ def normal_solution(
     square = matmul(flipped, matrix) + damping[:, None, None] * jnp.eye(
         matrix.shape[2], dtype=matrix.dtype
     )
-    return solve_positive(square, matmul(flipped, right[..., None]))[..., 0]
+    return solve_positive(square, matmul(flipped, target[..., None]))[..., 0]
 
 
 def inverse_small(matrix: Float[Array, "n n"]) -> tuple[Float[Array, "n n"], Float[Array, ""]]:
@@ -132,8 +136,8 @@ def inverse_small(matrix: Float[Array, "n n"]) -> tuple[Float[Array, "n n"], Flo
     lower = [[jnp.zeros_like(matrix[0, 0])] * n for _ in range(n)]
     for i in range(n):
         for j in range(i + 1):
-            rest = matrix[i, j] - sum(lower[i][p] * lower[j][p] for p in range(j))
-            lower[i][j] = jnp.sqrt(jnp.maximum(rest, 1e-12)) if i == j else rest / lower[j][j]
+            pivot = matrix[i, j] - sum(lower[i][p] * lower[j][p] for p in range(j))
+            lower[i][j] = jnp.sqrt(jnp.maximum(pivot, 1e-12)) if i == j else pivot / lower[j][j]
     unit = []
     for column in range(n):
         x: list[Array] = []
@@ -180,17 +184,17 @@ def damped_newton(
     """
 
     def step(_: int | Array, state: tuple) -> tuple:
-        here, seen, damping = state
-        _, gradient, hessian, _ = seen
+        point, values, damping = state
+        _, gradient, hessian, _ = values
         damped = hessian + damping * (
-            jnp.diag(jnp.diagonal(hessian)) + 1e-6 * jnp.eye(here.shape[0], dtype=here.dtype)
+            jnp.diag(jnp.diagonal(hessian)) + 1e-6 * jnp.eye(point.shape[0], dtype=point.dtype)
         )
         move = jnp.clip(-inverse_small(damped)[0] @ gradient, -longest, longest)
-        tried = jnp.clip(here + move, *limits)
+        tried = jnp.clip(point + move, *limits)
         new = look(tried)
-        better = new[0] < seen[0]
-        kept = jax.tree.map(lambda a, b: jnp.where(better, a, b), (tried, new), (here, seen))
-        return (*kept, jnp.where(better, damping * 0.2, jnp.maximum(damping, 1e-3) * 6.0))
+        better = new[0] < values[0]
+        best = jax.tree.map(lambda a, b: jnp.where(better, a, b), (tried, new), (point, values))
+        return (*best, jnp.where(better, damping * 0.2, jnp.maximum(damping, 1e-3) * 6.0))
 
     # The first round looks at the start itself: `look` stands in the program once, which compiles
     # in half the time.
@@ -202,10 +206,10 @@ def damped_newton(
         jnp.eye(start.shape[0], dtype=start.dtype),
         nothing[3],
     )
-    there, seen, _ = jax.lax.fori_loop(
+    point, values, _ = jax.lax.fori_loop(
         0, steps + 1, step, (start, unseen, jnp.asarray(0.1, start.dtype))
     )
-    return there, seen
+    return point, values
 
 
 Point = TypeVar("Point")
@@ -220,7 +224,7 @@ class Surroundings(NamedTuple, Generic[Point]):
 
 
 class Descent(NamedTuple, Generic[Point]):
-    """Where `descend` ended, what was seen there, the number of steps, and whether they settled."""
+    """End of `descend`, what was seen there, the number of steps, and whether they settled."""
 
     point: Point
     seen: Surroundings[Point]
@@ -253,23 +257,23 @@ def descend(
     point = jax.tree.map(np.asarray, start)
     step = first_step
     settled = False
-    here = look(point)
+    values = look(point)
     steps = 0
     while steps < max_steps and not settled:
         note(steps)
         steps += 1
         try:
-            up = solve(here.normal, 1.0 / step, here.gradient)
+            up = solve(values.normal, 1.0 / step, values.gradient)
         except np.linalg.LinAlgError:
             step *= _SHORTER
             continue
         move = jax.tree.map(np.negative, up)
         # The normal equations give m' N m = -slope - square/step.
-        slope = _inner(here.gradient, move)
+        slope = _inner(values.gradient, move)
         gain = -slope - 0.5 * (-slope - _inner(move, move) / step)
         tried = jax.tree.map(np.add, point, move)
-        there = look(tried)
-        reached = float(here.cost) - float(there.cost)
+        trial_values = look(tried)
+        reached = float(values.cost) - float(trial_values.cost)
         share = reached / gain if np.isfinite(reached) and gain > 0 else -1.0
         if share > 0:
             # One over the damping above which a small step says that the fit is done; damped more,
@@ -277,21 +281,21 @@ def descend(
             settled = (
                 step >= 1.0
                 and _all_small(move, tried, tolerance)
-                and reached < tolerance * (1.0 + float(there.cost))
+                and reached < tolerance * (1.0 + float(trial_values.cost))
             )
             point = tried
-            here = there
-        elif gain <= tolerance**2 * float(here.cost):
+            values = trial_values
+        elif gain <= tolerance**2 * float(values.cost):
             settled = True
         # Of the damping, by how well a step is predicted: the usual rule of a trust region.
         step *= _LONGER if share > 0.75 else _SHORTER if share < 0.25 else 1.0
-    return Descent(point, here, steps, settled)
+    return Descent(point, values, steps, settled)
 
 
-def _inner(one: Any, other: Any) -> float:
+def _inner(first: Any, second: Any) -> float:
     return sum(
         float(np.sum(a * b))
-        for a, b in zip(jax.tree.leaves(one), jax.tree.leaves(other), strict=True)
+        for a, b in zip(jax.tree.leaves(first), jax.tree.leaves(second), strict=True)
     )
 
 
@@ -325,7 +329,7 @@ class Bounds(NamedTuple):
 
 
 class BoundedDescent(NamedTuple):
-    """Where `descend_within` ended, with the cost there, whether each problem settled, and the
+    """End of `descend_within`, with the cost there, whether each problem settled, and the
     number of its steps that counted.
     """
 
@@ -338,7 +342,7 @@ class BoundedDescent(NamedTuple):
 def descend_within(
     look: Callable[[Int[np.ndarray, "rows"], Float[np.ndarray, "rows m"]], Looks],
     start: Float[np.ndarray, "n m"],
-    seen: Looks,
+    start_values: Looks,
     bounds: Bounds,
     *,
     promise: float,
@@ -351,39 +355,39 @@ def descend_within(
 
     Args:
         look: costs of some problems, by number, at points.
-        start, seen: first points, and what `look` gives there.
+        start, start_values: first points, and what `look` gives there.
         bounds: of every problem's unknowns.
         promise: in the unit of a residual.
         max_steps: that are tried.
     """
     point = start.copy()
-    here = Looks(*map(np.copy, seen))
-    damping = 1e-3 * _largest(here.curvature)
+    values = Looks(*map(np.copy, start_values))
+    damping = 1e-3 * _largest(values.curvature)
     steps = np.zeros(len(point), int)
     settled = np.zeros(len(point), bool)
-    going = np.flatnonzero(np.isfinite(here.cost))
+    going = np.flatnonzero(np.isfinite(values.cost))
     for _ in range(max_steps):
-        own = here.take(going)
+        local = values.take(going)
         # So little damping leaves a step as good as full, and its matrix regular.
-        least = 1e-9 * _largest(own.curvature)
-        promised = bounded_step(point[going], own, bounds, least)[1]
+        least = 1e-9 * _largest(local.curvature)
+        promised = bounded_step(point[going], local, bounds, least)[1]
         settled[going] = promised < promise
-        rest = promised >= promise
-        going = going[rest]
+        unsettled = promised >= promise
+        going = going[unsettled]
         if going.size == 0:
             break
-        damping[going] = np.maximum(damping[going], least[rest])
-        moved, _ = bounded_step(point[going], own.take(rest), bounds, damping[going])
-        there = look(going, moved)
+        damping[going] = np.maximum(damping[going], least[unsettled])
+        trial_point, _ = bounded_step(point[going], local.take(unsettled), bounds, damping[going])
+        trial = look(going, trial_point)
         # A cost that is no number is no better.
-        better = there.cost < here.cost[going]
+        better = trial.cost < values.cost[going]
         damping[going] *= np.where(better, 0.2, 5.0)
         rows = going[better]
-        point[rows] = moved[better]
+        point[rows] = trial_point[better]
         steps[rows] += 1
-        for old, new in zip(here, there, strict=True):
+        for old, new in zip(values, trial, strict=True):
             old[rows] = new[better]
-    return BoundedDescent(point, here.cost, settled, steps)
+    return BoundedDescent(point, values.cost, settled, steps)
 
 
 def _largest(curvature: Float[np.ndarray, "n m m"]) -> Float[np.ndarray, "n"]:
@@ -392,41 +396,41 @@ def _largest(curvature: Float[np.ndarray, "n m m"]) -> Float[np.ndarray, "n"]:
 
 def bounded_step(
     point: Float[np.ndarray, "n m"],
-    seen: Looks,
+    values: Looks,
     bounds: Bounds,
     damping: Float[np.ndarray, "n"],
 ) -> tuple[Float[np.ndarray, "n m"], Float[np.ndarray, "n"]]:
-    """Where a damped step within bounds leads, and by how much it should lower the cost's root."""
+    """End of a damped step within bounds, and by how much it should lower the cost's root."""
     # What is not there has no slope, and stays; so does what is at a bound and drawn beyond it.
     fixed = (
-        (seen.slope == 0)
-        | ((point <= bounds.low) & (seen.slope > 0))
-        | ((point >= bounds.high) & (seen.slope < 0))
+        (values.slope == 0)
+        | ((point <= bounds.low) & (values.slope > 0))
+        | ((point >= bounds.high) & (values.slope < 0))
     )
     least = np.clip(bounds.low - point, -bounds.longest, 0.0)
     most = np.clip(bounds.high - point, 0.0, bounds.longest)
     step = np.zeros(point.shape)
     for _ in range(point.shape[1]):
         # The rest follows what stops at a bound, or it would end where neither is best.
-        pull = (seen.curvature @ np.where(fixed, step, 0.0)[..., None])[..., 0]
-        slope = np.where(fixed, 0.0, seen.slope + pull)
-        matrix = np.where(fixed[:, :, None] | fixed[:, None, :], 0.0, seen.curvature)
+        pull = (values.curvature @ np.where(fixed, step, 0.0)[..., None])[..., 0]
+        slope = np.where(fixed, 0.0, values.slope + pull)
+        matrix = np.where(fixed[:, :, None] | fixed[:, None, :], 0.0, values.curvature)
         matrix = matrix + damping[:, None, None] * np.eye(point.shape[1])
         step = np.where(fixed, step, -np.linalg.solve(matrix, slope[..., None])[..., 0])
-        inside = np.clip(step, least, most)
+        clipped = np.clip(step, least, most)
         # One stops at a time: where a valley is narrow, the others must follow it along.
-        beyond = np.abs(step - inside)
+        beyond = np.abs(step - clipped)
         rows = np.flatnonzero(beyond.any(axis=1))
         if rows.size == 0:
             break
         farthest = beyond[rows].argmax(axis=1)
-        step[rows, farthest] = inside[rows, farthest]
+        step[rows, farthest] = clipped[rows, farthest]
         fixed[rows, farthest] = True
     step = np.clip(step, least, most)
-    gain = -2.0 * np.sum(seen.slope * step, axis=1)
-    gain -= np.einsum("ni,nij,nj->n", step, seen.curvature, step)
-    left = np.maximum(seen.cost - np.maximum(gain, 0.0), 0.0)
-    return point + step, np.sqrt(seen.cost) - np.sqrt(left)
+    gain = -2.0 * np.sum(values.slope * step, axis=1)
+    gain -= np.einsum("ni,nij,nj->n", step, values.curvature, step)
+    cost = np.maximum(values.cost - np.maximum(gain, 0.0), 0.0)
+    return point + step, np.sqrt(values.cost) - np.sqrt(cost)
 
 
 def root_of_log1p(root: Float[Array, "*n"]) -> Float[Array, "*n"]:

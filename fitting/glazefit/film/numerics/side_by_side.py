@@ -83,22 +83,24 @@ class SideBySide(optx.AbstractLeastSquaresSolver):
             first=state.first,
             done=counts & still,
         )
-        kept = _State(*(_where(state.done, old, now) for old, now in zip(state, new, strict=True)))
+        frozen = _State(
+            *(_where(state.done, old, now) for old, now in zip(state, new, strict=True))
+        )
         return (
             _where(state.done, y, point),
-            kept._replace(first=jnp.zeros((), bool), done=state.done | new.done),
+            frozen._replace(first=jnp.zeros((), bool), done=state.done | new.done),
             aux,
         )
 
     def terminate(self, fn, y, args, options, state, tags) -> tuple[Array, optx.RESULTS]:
-        """Whether all have settled."""
+        """True if all have settled."""
         del fn, y, args, options, tags
         return jnp.all(state.done), optx.RESULTS.successful
 
     def postprocess(
         self, fn, y, aux, args, options, state, tags, result
     ) -> tuple[Array, Any, dict[str, Any]]:
-        """Which have settled, as a statistic."""
+        """Flags of those that have settled, as a statistic."""
         del fn, args, options, tags, result
         return y, aux, {"settled": state.done}
 
@@ -113,16 +115,16 @@ def _look(fn: Callable, point: Float[Array, "n m"], args: Any) -> tuple[Array, A
         return jax.jvp(lambda free: fn(free, args), (point,), (direction,), has_aux=True)
 
     # Along one unknown of all problems at a time: each knows its own alone.
-    every = jnp.broadcast_to(
+    directions = jnp.broadcast_to(
         jnp.eye(point.shape[1], dtype=point.dtype)[:, None], (point.shape[1], *point.shape)
     )
-    return jax.vmap(along, out_axes=(None, -1, None))(every)
+    return jax.vmap(along, out_axes=(None, -1, None))(directions)
 
 
-def _where(chosen: Bool[Array, "n"], one: Array, other: Array) -> Array:
-    if one.ndim == 0:
-        return one
-    return jnp.where(chosen.reshape(-1, *[1] * (one.ndim - 1)), one, other)
+def _where(chosen: Bool[Array, "n"], value: Array, alternative: Array) -> Array:
+    if value.ndim == 0:
+        return value
+    return jnp.where(chosen.reshape(-1, *[1] * (value.ndim - 1)), value, alternative)
 
 
 def _times(matrix: Float[Array, "n rows m"], vector: Float[Array, "n m"]) -> Float[Array, "n rows"]:

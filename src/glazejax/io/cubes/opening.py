@@ -61,7 +61,7 @@ _STORES = {
 }
 _NPY = b"\x93NUMPY"
 _ZIP = b"PK\x03\x04"
-HEADS = (*chain(*_STORES), _NPY, _ZIP, *TIFF)
+HEADS: tuple[bytes, ...] = (*chain(*_STORES), _NPY, _ZIP, *TIFF)
 """What images of known kinds begin with, whatever lies beside them."""
 # Files that a store of zarr has.
 _ZARR = ("zarr.json", ".zgroup", ".zarray", ".zmetadata")

@@ -114,9 +114,11 @@ def on_its_devices(
     # Of what kind their sum over inner axes would be.
     finite = {name: jnp.isfinite(array) for name, array in arguments.items() if array is not None}
     outer = [array.all(axis=-1) if name in inner else array for name, array in finite.items()]
-    alike = jax.typeof(functools.reduce(operator.and_, outer)).sharding
+    sharding = jax.typeof(functools.reduce(operator.and_, outer)).sharding
     # The compiler divides the work; what is fixed in the program stays out of it.
-    run = jax.sharding.auto_axes(lambda there: function({**arguments, **there}), out_sharding=alike)
+    run = jax.sharding.auto_axes(
+        lambda there: function({**arguments, **there}), out_sharding=sharding
+    )
     return run(arrays)
 
 

@@ -44,11 +44,11 @@ def symmetric_eigen(
         top = diagonal[..., :half]
         bottom = diagonal[..., half:]
         # The angle that makes each pair's element off the diagonal zero, the smaller of the two.
-        beside = jnp.diagonal(work[..., :half, half:], axis1=-2, axis2=-1)
+        coupling = jnp.diagonal(work[..., :half, half:], axis1=-2, axis2=-1)
         gap = bottom - top
-        nothing = beside == 0
-        root = jnp.abs(gap) + jnp.hypot(gap, 2.0 * beside)
-        tangent = jnp.where(gap < 0, -2.0, 2.0) * beside / jnp.where(nothing, 1.0, root)
+        nothing = coupling == 0
+        root = jnp.abs(gap) + jnp.hypot(gap, 2.0 * coupling)
+        tangent = jnp.where(gap < 0, -2.0, 2.0) * coupling / jnp.where(nothing, 1.0, root)
         cosine = 1.0 / jnp.sqrt(1.0 + tangent * tangent)
         sine = cosine * tangent
         # Both sides of the matrix are turned, and the pairs change as in a tournament.

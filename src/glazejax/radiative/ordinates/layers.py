@@ -126,8 +126,8 @@ def two_ports(
         # One choice for both, so that slopes are right at kappa = a too; of equals `maximum` would
         # take half of each.
         below = kappa < a
-        beside = quotient(-(faded + gone[:, 1] + faded * gone[:, 1]), kappa + b)
-        lesser = jnp.where(below, beside, single)
+        by_mode = quotient(-(faded + gone[:, 1] + faded * gone[:, 1]), kappa + b)
+        lesser = jnp.where(below, by_mode, single)
         area = strength[:, 1] * (lesser - transmitted[:, 1] * opposed[:, 0])
         area = quotient(area, jnp.where(below, a, kappa) + b)
         # Light scattered more often, mode by mode; slow modes by the form that is even in kappa.

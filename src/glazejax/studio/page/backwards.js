@@ -1,4 +1,4 @@
-// Backwards: recipes for a colour, what is in a spectrum, paints from films; searches run beside, and can be stopped.
+// Backwards: recipes for a colour, what is in a spectrum, paints from films; searches run in the background, and can be stopped.
 import { el, hex } from "./dom.js";
 import { Recipes, allowed, labOf } from "./search.js";
 

@@ -102,12 +102,12 @@ export function coatsPanel(store) {
   }
   // Where a coat was brushed, as a photo app's layers show it.
   const pictured = new WeakMap();
-  function showBrushed(anew) {
+  function showBrushed(again) {
     for (const coat of store.stack.coats) {
       const canvas = list.querySelector(`[data-coat="${coat.id}"] .chip canvas`), map = store.maps.get(coat.id);
       if (!canvas) continue;
       canvas.hidden = !map;
-      if (!map || (!anew && pictured.get(canvas) === map)) continue;
+      if (!map || (!again && pictured.get(canvas) === map)) continue;
       pictured.set(canvas, map);
       const pen = canvas.getContext("2d"), image = pen.createImageData(LITTLE, LITTLE), apart = SIZE / LITTLE;
       const rgb = store.swatches.get(Object.keys(coat.paint)[0])?.[0] ?? [128, 128, 128];
@@ -223,7 +223,7 @@ export function coatsPanel(store) {
     ground.replaceChildren(el("span.label", {}, "Ground"), choose, ...more);
   }
 
-  // While a slider is dragged only numbers follow: the list is not built anew under the hand.
+  // While a slider is dragged only numbers follow: the list is not built again under the hand.
   function show() {
     const { coats } = store.stack;
     const shape = JSON.stringify([coats.map((coat) => [coat.id, Object.keys(coat.paint), !!coat.hidden]), store.entries.size]);

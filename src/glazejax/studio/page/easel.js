@@ -143,7 +143,7 @@ export function easelPanel(store) {
       said(table.error(), lacking);
     }
   }
-  // The table's range, as far as a stroke will reach: powers of two, so that it is seldom made anew.
+  // The table's range, as far as a stroke will reach: powers of two, so that it is seldom made again.
   const top = (coat) => Math.min(1000, 2 ** Math.ceil(Math.log2(Math.max(0.5, tallest(coat) || coat.um))));
   const heights = new WeakMap();
   function tallest(coat) {
@@ -195,7 +195,7 @@ export function easelPanel(store) {
     edit((map) => map.slice());
     stroke = { coat, map: store.maps.get(coat.id), at };
     heights.set(stroke.map, before && heights.has(before) ? heights.get(before) : 0);
-    // The map before has its steps counted anew where it comes back.
+    // The map before has its steps counted again where it comes back.
     const known = before && stepped.get(before);
     if (known) {
       stepped.delete(before);

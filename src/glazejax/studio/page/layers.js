@@ -39,7 +39,7 @@ export class Layers {
     return found;
   }
 
-  // XYZ of the coats at `places` of their thicknesses, on one of the grounds; in an array that the next call writes anew.
+  // XYZ of the coats at `places` of their thicknesses, on one of the grounds; in an array that the next call overwrites.
   colour(places, side) {
     const { layers, bands, coats, rates, grounds, weights, xyz, factor, mirror } = this, [x, y, z] = weights;
     for (let i = 0; i < coats; i++) if (!layers[i].there[places[i]]) layers[i].fill(places[i]);

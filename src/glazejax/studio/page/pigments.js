@@ -76,7 +76,7 @@ export function readPigments(text, file, data) {
     const name = taken.has(given) || given.includes("/") ? `${given} (own)` : given, grid = columns.wavelength_nm;
     if (grid[0] > 420 || grid.at(-1) < 680) throw new Sentence(`${file}, line ${from}: '${given}' is known from ${grid[0]} to ${grid.at(-1)} nm; a colour needs 420 to 680 nm of it at least`);
     const paint = { wavelengths: grid, absorption: columns.absorption, scattering: columns.scattering };
-    // An error may be missing where a coefficient is not told; such a paint has none.
+    // An error may be missing where a coefficient is not identifiable; such a paint has none.
     for (const title of MAYBE) if (columns[title].length && columns[title].every((sd) => sd >= 0 && sd < HUGE)) paint[title] = columns[title];
     if (columns.identifiable.length) paint.identifiable = columns.identifiable;
     pigments[name] = checkPaint(name, { ...paint, provenance });

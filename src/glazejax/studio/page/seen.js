@@ -10,7 +10,7 @@ const THIN = 5;
 // Relative step of k and s for their slopes.
 const STEP = 0.01;
 
-// Something that a person can mend: one sentence.
+// An error that a person can correct: one sentence.
 export class Sentence extends Error {}
 
 const curves = ["absorption", "scattering"];

@@ -1,4 +1,4 @@
-// The shelf: every paint as a tube beside its drawdown, thick to thin, with search, provenance and a mark where k or s is not known.
+// The shelf: every paint as a tube next to its drawdown, thick to thin, with search, provenance and a mark where k or s is not known.
 import { el, hex } from "./dom.js";
 
 const TITLES = { own: "Your own", oils: "Oils", acrylics: "Acrylics" };

@@ -92,7 +92,7 @@ export function fresnel(cosine, index) {
   return 0.5 * (s * s + p * p);
 }
 
-// Light that is stronger the steeper it falls, beside light that is even: orthogonal to it, and of as much flux. By the
+// Light that is stronger the steeper it falls, with light that is even: orthogonal to it, and of as much flux. By the
 // cube of the cosine both what is left by clear paint and what the surface lets out are followed best.
 function steepLight(mu, w) {
   const moment = (power) => w.reduce((sum, weight, i) => sum + 2 * weight * mu[i] ** (1 + power), 0), mean = moment(3);

@@ -204,11 +204,11 @@ export class Store {
     this.pinned = { lab, css: hex(shown) };
     this.tell("pinned");
   }
-  // What can be mended is said in a sentence; all else is a fault of the page.
+  // What a person can correct is said in a sentence; all else is a fault of the page.
   attempt(about, call) {
     try {
       call();
-      this.tell("mended", about);
+      this.tell("corrected", about);
     } catch (error) {
       if (!(error instanceof Sentence)) throw error;
       this.tell("refused", error.message, about);

@@ -113,7 +113,7 @@ export function mount(root, wire, { begin = null, remember = null, data = null }
   }
   store.on("refused", refuse);
   // What was wrong with the last stack is over with the next that is seen.
-  store.on("mended", (about) => { if (line.dataset.about === about) store.say(""); });
+  store.on("corrected", (about) => { if (line.dataset.about === about) store.say(""); });
   let number = 0;
   store.on("seen", (ms) => {
     if (ms === undefined) return;

@@ -20,7 +20,7 @@ const COARSE = 4;
 const CHECKS = 6;
 // Combinations that are kept at most, a power of two: about 60 MB.
 const KEPT = 1 << 22;
-// Milliseconds that a page may stand still while a table is made beside it.
+// Milliseconds that a page may stand still while a table is made in the background.
 const SLICE = 12;
 
 /* Steps of a box of a map of thickness in µm, none above `top`, written into `levels`; both are `width` wide. */
@@ -115,7 +115,7 @@ export function* tableSteps(eye, stack, brushed, lamp, quick) {
   const { rule, points } = polynomialsOf(count, smooth), values = new Float32Array(count ** axes * channels);
   const ranges = brushed.map(([, top]) => rule.nodes.map((node) => top * node ** 2)), below = count ** (axes - 1);
   const mixed = quick ? layersOf(scene, stack, new Map(brushed.map(([at], axis) => [at, ranges[axis]]))) : null;
-  // Cube roots: even steps look alike in the dark and in the light.
+  // Cube roots: even steps look equal in the dark and in the light.
   for (let first = 0, to = 0, begun = performance.now(); first < count; first++) {
     if (performance.now() - begun > SLICE) {
       yield;
@@ -294,7 +294,7 @@ export class Combinations {
         for (let i = 0; i < w; i++) words[i] |= steps[level[from + i]] << shift;
       });
       for (let i = 0, before = -1; i < w; i++) {
-        // Neighbours are often alike.
+        // Neighbours are often equal.
         if (before >= 0 && this.low[before] === lows[i] && this.high[before] === highs[i]) {
           pixels[from + i] = this.colours[before];
           outside += this.beyond[before];
