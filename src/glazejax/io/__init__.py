@@ -1,5 +1,5 @@
 """Files of spectra in and out: tables, Excel, ENVI, CGATS, CxF3, JCAMP-DX, ASD, SVC; each format is
-told by its content.
+recognised by its content.
 
 Images of any size and kind are opened by `open_cube`.
 """

@@ -1,7 +1,7 @@
 """From a reader's raw numbers to a table of reflectance: one place for the rules that all formats
 share.
 
-Quantity and units: what the user says, else what the file says (`quantity`), else what sizes tell:
+Quantity and units: what the user says, else what the file says (`quantity`), else what sizes show:
 a file has one unit, percent if its brightest spectrum exceeds 2. A few highlights of 2 in a library
 of fractions do not pass for percent, and dark spectra of percent are named. Values above 1 stay,
 with a note: fluorescence, highlights and calibration against a grey white all give them. Negative
@@ -110,10 +110,10 @@ def _finish(raw: RawSpectra, stated: Stated) -> SpectraTable:
             [plain_name(name) or f"spectrum {i + 1}" for i, name in enumerate(names)], notes
         )
     values = np.asarray(raw.values, np.float64)
-    wavelengths, told = nanometres(
+    wavelengths, remarks = nanometres(
         np.asarray(raw.wavelengths, np.float64), length or raw.wavelength_unit
     )
-    notes += told
+    notes += remarks
     if np.isfinite(wavelengths).all() and (np.diff(wavelengths) < 0).any():
         order = one_detector_each(wavelengths, notes)
         wavelengths = wavelengths[order]
@@ -169,7 +169,9 @@ def _runs(wavelengths: Bands) -> list[np.ndarray]:
 
 
 def detectors_overlap(wavelengths: Bands) -> bool:
-    """Whether wavelengths ascend in a few runs, each of which begins within the one before."""
+    """Return whether wavelengths ascend in a few runs, each of which begins within the one
+    before.
+    """
     runs = _runs(wavelengths)
     # Two readings that changed places overlap by one.
     return 1 < len(runs) < 6 and all(
@@ -313,7 +315,7 @@ def _detected_scale(
     names: Sequence[str],
     notes: list[str],
 ) -> float:
-    """100 for values in percent, 1 for fractions, told from the brightest spectrum; a note names
+    """100 for values in percent, 1 for fractions, judged by the brightest spectrum; a note names
     what is dark in percent.
     """
     brightest = float(peaks.max())

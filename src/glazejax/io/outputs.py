@@ -1,5 +1,5 @@
-"""Where results may be written: asked before anything is computed, and no file is replaced unless
-that is wished.
+"""Places where results may be written: asked before anything is computed, and no file is replaced
+unless that is wished.
 """
 
 from pathlib import Path

@@ -1,4 +1,6 @@
-"""What an image does not say, told from few pixels: its mark of missing data, and its unit."""
+"""Facts that an image does not state, estimated from few pixels: its mark of missing data, and its
+unit.
+"""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -107,7 +109,7 @@ def scale_of(
 
 
 def _detected_scale(raw: RawCube, level: float | None, cure: str) -> float:
-    """100 for percent, 1 for fractions, told from what bright pixels reach."""
+    """100 for percent, 1 for fractions, judged by what bright pixels reach."""
     if level is None:
         raise ValueError("no pixel that was looked at has data: give the scale, 1 for fractions")
     if raw.dtype.kind in "iu" and not raw.converts:

@@ -1,5 +1,5 @@
-"""What the numbers of a file are, and in what unit: one vocabulary for titles, rows of units and
-keywords, of all formats.
+"""Quantity and unit of the numbers of a file, and in what unit: one vocabulary for titles, rows of
+units and keywords, of all formats.
 
 What a file says comes before the size of its numbers. Reflectance is read; any other quantity is
 refused by its name, unless the user says that it is reflectance. What nobody says is taken as nm,
@@ -72,7 +72,8 @@ _NOT_SAID = {"", "unknown", "<unspecified>", "none"}
 
 
 class Stated(TypedDict, total=False):
-    """What a user says of a file, before what the file says: arguments of all readers of spectra.
+    """Statements of a user about a file, before what the file says: arguments of all readers of
+    spectra.
 
     Attributes:
         quantity: ``reflectance``, where that is what the values are, whatever the file calls them.
@@ -87,7 +88,8 @@ class Stated(TypedDict, total=False):
 
 
 class Meaning(NamedTuple):
-    """What words say of the numbers they stand at; each is empty where they say nothing of it.
+    """Meaning that words give to the numbers they stand at; each is empty where they say nothing of
+    it.
 
     Attributes:
         quantity: ``reflectance``, ``absorbance``, ...
@@ -120,12 +122,12 @@ def first_quantity(said: Iterable[str]) -> str:
 
 
 def is_no_name(title: str) -> bool:
-    """Whether a title names a quantity or a unit and no sample, such as ``Reflectance (%)``."""
+    """Return whether a title names a quantity or a unit and no sample: ``Reflectance (%)``."""
     return len(title) <= 100 and bool(_NO_NAME.fullmatch(title))
 
 
 def names_sample(title: str) -> bool:
-    """Whether a title can only be a sample's name, and says nothing of its numbers."""
+    """Return whether a title can only be a sample's name, and says nothing of its numbers."""
     said = is_no_name(title) or any(meaning(title)[:2]) or title.lower() in READINGS
     return not said
 

@@ -1,4 +1,4 @@
-"""What every kind of file gives: its own numbers on disk, and what it says of them."""
+"""Base of every kind of file: its own numbers on disk, and what it says of them."""
 
 import mmap
 import threading
@@ -25,8 +25,8 @@ _AROUND = 1 << 16
 
 @contextmanager
 def whole(path: Path) -> Iterator[None]:
-    """What other packages say of a damaged file, each in its own way, as one sentence that names
-    the file.
+    """Errors of other packages about a damaged file, each in its own way, as one sentence that
+    names the file.
 
     Raises:
         ValueError: whatever they raised, but for what the system says and for a package that is
@@ -174,7 +174,7 @@ class RawCube:
 
     @property
     def converts(self) -> bool:
-        """Whether the file says how its numbers become values."""
+        """Return whether the file says how its numbers become values."""
         return np.ndim(self.gain) > 0 or self.gain != 1.0 or self.offset != 0.0
 
     def nanometres(self, unit: str = "") -> tuple[Stored, list[str]]:
@@ -267,7 +267,7 @@ def _of(number: Any, bands: Chosen) -> Any:
 
 
 def is_mark(raw: np.ndarray, mark: float) -> Bool[np.ndarray, "..."]:
-    """Where numbers of a file are its mark of missing data; one such as -1.23e34 is rounded as the
-    data are.
+    """Find where numbers of a file are its mark of missing data; one such as -1.23e34 is rounded as
+    the data are.
     """
     return raw == (raw.dtype.type(mark) if raw.dtype.kind == "f" else mark)

@@ -43,7 +43,7 @@ class Source:
     """An open file of a user. Made by `open_source`; its content can be taken once.
 
     Attributes:
-        path: its name, for errors and for files beside it.
+        path: its name, for errors and for files next to it.
         size: bytes, or None for a pipe.
         head: its first 65536 bytes, or all if there are fewer; they are still part of the content.
         is_cut: whether there are more.
@@ -172,11 +172,11 @@ class Source:
         return lines[:-1] if self.is_cut else lines
 
     def error(self, complaint: object, line: int | None = None) -> ValueError:
-        """What is wrong with the file, and on which line."""
+        """Error that says what is wrong with the file, and on which line."""
         return refusal(self.path, complaint, line)
 
     def _is_old_text(self) -> bool:
-        """Whether the head is text of one byte a letter, and not UTF-8."""
+        """Return whether the head is text of one byte a letter, and not UTF-8."""
         try:
             # A letter of several bytes may be cut at the end.
             codecs.getincrementaldecoder("utf-8")().decode(self.head)
@@ -214,8 +214,8 @@ class Source:
 
 
 def _from_utf16(head: bytes) -> Callable[[bytes], bytes]:
-    """What turns a file's bytes into UTF-8: those of UTF-16, as spreadsheets save Unicode text, by
-    the mark they begin with; all others stay.
+    """Converter of a file's bytes into UTF-8: those of UTF-16, as spreadsheets save Unicode text,
+    by the mark they begin with; all others stay.
     """
     if head[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE):
         text = head.decode("utf-16", "replace").encode("ascii", "replace")
@@ -263,7 +263,7 @@ def open_source(
 
 @contextmanager
 def explain_errors(path: Path, missing: str = "") -> Iterator[None]:
-    """What goes wrong with a file in one sentence that names it, whatever the system or Python
+    """Say what goes wrong with a file in one sentence that names it, whatever the system or Python
     calls it.
 
     Args:
@@ -301,8 +301,8 @@ def naming(path: Path) -> Iterator[None]:
 
 
 def is_there(path: str | Path) -> bool:
-    """Whether there is a file, pipe or device of this name, and no folder; False for a name that
-    cannot be.
+    """Return whether there is a file, pipe or device of this name, and no folder; False for a name
+    that cannot be.
     """
     try:
         return not stat.S_ISDIR(os.stat(path).st_mode)
@@ -311,8 +311,8 @@ def is_there(path: str | Path) -> bool:
 
 
 def refusal(path: str | Path, complaint: object, line: int | None = None) -> ValueError:
-    """What is wrong with a file, on which line, in one line of bearable length whatever the file
-    holds.
+    """Error that says what is wrong with a file, on which line, in one line of bearable length
+    whatever the file holds.
     """
     where = show_path(path) if line is None else f"{show_path(path)}, line {line}"
     return ValueError(f"{shorten(where)}: {shorten(str(complaint))}")

@@ -58,7 +58,7 @@ class SpectraTable:
 
 
 def there_are(wanted: str, names: Sequence[str]) -> str:
-    """What to say where no spectrum is called so: the nearest names if there are such, else the
+    """Sentence for where no spectrum is called so: the nearest names if there are such, else the
     first few.
     """
     near = nearest_names(wanted, names)

@@ -1,4 +1,4 @@
-"""Words of tables: numbers told strictly, and names that no spreadsheet takes for a formula."""
+"""Words of tables: numbers read strictly, and names that no spreadsheet takes for a formula."""
 
 import re
 
@@ -18,7 +18,7 @@ def read_number(word: str) -> float:
 
 
 def is_number(word: str) -> bool:
-    """Whether `read_number` reads it."""
+    """Return whether `read_number` reads it."""
     try:
         read_number(word)
     except ValueError:

@@ -25,7 +25,7 @@ class FinishedWindows(WrapperStore[LocalStore]):
         return type(self)(store, self._chunks)
 
     async def get(self, key: str, prototype: Any, byte_range: Any = None) -> Any:
-        """What is stored under a key; nothing of a window that is not finished.
+        """The bytes stored under a key; nothing of a window that is not finished.
 
         Raises:
             ValueError: a window that is damaged.

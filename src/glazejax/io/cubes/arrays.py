@@ -81,7 +81,7 @@ def npy_cube(path: Path, count: int | None) -> RawCube:
 
     Args:
         path: of the .npy file.
-        count: bands, if they are known; they tell which axis is the wavelength.
+        count: bands, if they are known; they show which axis is the wavelength.
 
     Raises:
         ValueError: not three axes of real numbers.

@@ -1,4 +1,4 @@
-"""Which axis of an array is y, which x and which the wavelength."""
+"""Axes of an array: which is y, which x and which the wavelength."""
 
 import re
 from collections.abc import Sequence

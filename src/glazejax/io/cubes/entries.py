@@ -1,6 +1,4 @@
-"""Which of many named arrays is the image, which its wavelengths, and what their
-attributes mean.
-"""
+"""Choice among many named arrays: the image, its wavelengths, and what their attributes mean."""
 
 import base64
 import binascii

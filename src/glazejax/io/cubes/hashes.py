@@ -1,4 +1,4 @@
-"""A quick hash of an image, and its time of change: enough to tell that it is not the one that was
+"""A quick hash of an image, and its time of change: enough to see that it is not the one that was
 mapped, without reading all of it.
 """
 
@@ -65,7 +65,7 @@ def _parts(path: Path) -> tuple[list[Path], list[Path]]:
         metadata = [file for file in files if file.suffix == ".json" or file.name.startswith(".z")]
         return metadata, [file for file in files if file not in set(metadata)]
     with open_source(path) as source:
-        # A header beside an image of another kind belongs to other data.
+        # A header next to an image of another kind belongs to other data.
         other = source.head.startswith(HEADS)
     if path.suffix.lower() == ".hdr" or (not other and header_beside(path) is not None):
         from ..files.read import envi_file

@@ -54,7 +54,7 @@ class CubeReading:
 
     @property
     def marks(self) -> bool:
-        """Whether a saturated reading becomes +inf, as it has no one value."""
+        """Return whether a saturated reading becomes +inf, as it has no one value."""
         binned = self.binning != (1, 1) or self.bands.shape[1] > 1
         return binned or self.calibration is not None or np.ndim(self.raw.gain) > 0
 
@@ -151,7 +151,7 @@ def _sums(values: np.ndarray, dtype: Any) -> np.ndarray:
 
 
 class LazyReflectance(BackendArray):
-    """What xarray indexes: reads when its values are asked for."""
+    """Array for xarray's indexing: reads when its values are asked for."""
 
     def __init__(self, reading: CubeReading):
         self.reading = reading

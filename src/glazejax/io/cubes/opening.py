@@ -1,4 +1,4 @@
-"""Which kind of image a path is, and the reader of that kind."""
+"""The kind of image that a path is, and the reader of that kind."""
 
 from itertools import chain
 from pathlib import Path
@@ -12,12 +12,12 @@ from .tiffs import TIFF, picture_folder, tiff_cube
 
 
 def raw_cube(path: Path, dataset: str | None = None, count: int | None = None) -> RawCube:
-    """Open an image of any kind that is known, told by its content.
+    """Open an image of any known kind, recognised by its content.
 
     Args:
         path: of the file or folder.
         dataset: of a file that holds several.
-        count: wavelengths, if they are known; they tell which axis of an array is the wavelength.
+        count: wavelengths, if they are known; they show which axis of an array is the wavelength.
 
     Raises:
         FileNotFoundError: no such file.
@@ -62,6 +62,6 @@ _STORES = {
 _NPY = b"\x93NUMPY"
 _ZIP = b"PK\x03\x04"
 HEADS: tuple[bytes, ...] = (*chain(*_STORES), _NPY, _ZIP, *TIFF)
-"""What images of known kinds begin with, whatever lies beside them."""
+"""What images of known kinds begin with, whatever files lie next to them."""
 # Files that a store of zarr has.
 _ZARR = ("zarr.json", ".zgroup", ".zarray", ".zmetadata")

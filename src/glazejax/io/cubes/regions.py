@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def read_mask(path: str | Path, image: Any) -> Mask:
-    """Which pixels are used, from a picture or from polygons.
+    """Read which pixels are used, from a picture or from polygons.
 
     A picture (PNG or what Pillow reads) uses the pixels that are not black and not transparent.
     Polygons are GeoJSON (Polygon, MultiPolygon, or features of them) or a CSV of x, y vertices, an

@@ -157,7 +157,7 @@ def open_cube(
         FileNotFoundError: no such file.
         OSError: the system cannot read it.
         ValueError: the file is not legal, or does not fit what is asked for; one line that says
-        what would mend it. ModuleNotFoundError: a package of the extra ``cube`` is missing.
+        how to correct it. ModuleNotFoundError: a package of the extra ``cube`` is missing.
     """
     if wavelengths is not None and not isinstance(wavelengths, str | Path):
         wavelengths = tuple(float(wavelength) for wavelength in wavelengths)
@@ -180,8 +180,8 @@ def open_cube(
 def _stored_wavelengths(raw: RawCube, given: Stored | None, unit: str, notes: list[str]) -> Stored:
     """Wavelengths of the stored bands, nm, in the file's order."""
     if given is None:
-        wavelengths, told = raw.nanometres(unit)
-        notes += told
+        wavelengths, remarks = raw.nanometres(unit)
+        notes += remarks
         return wavelengths
     count = raw.shape[2]
     if given.size != count:

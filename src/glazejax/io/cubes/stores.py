@@ -135,7 +135,7 @@ def _classic_array(path: Path, name: str) -> Any:
 
 
 def _classic(path: Path, take: Callable[[Any], Any]) -> Any:
-    """What is taken from a classic file; arrays stay mapped after it is closed."""
+    """Contents of a classic file; arrays stay mapped after it is closed."""
     from scipy.io import netcdf_file
 
     with warnings.catch_warnings():

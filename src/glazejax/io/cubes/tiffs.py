@@ -84,7 +84,7 @@ def tiff_cube(path: Path, count: int | None) -> RawCube:
     )
 
 
-class Picture:
+class TiffPages:
     """A PNG, read as a whole whenever a part is asked for."""
 
     def __init__(self, path: Path):
@@ -134,7 +134,7 @@ def picture_folder(path: Path, count: int | None) -> RawCube:
     for file in files:
         with whole(file):
             if file.suffix.lower() == ".png":
-                picture = Picture(file)
+                picture = TiffPages(file)
                 memory.append(False)
             else:
                 with tifffile.TiffFile(file) as tiff:
@@ -183,7 +183,7 @@ def _array(path: Path, page: int | None) -> Any:
     import tifffile
 
     if path.suffix.lower() == ".png":
-        return Picture(path)
+        return TiffPages(path)
     try:
         return tifffile.memmap(path, page=page, mode="r")
     except ValueError:
@@ -204,7 +204,7 @@ def _files(*paths: Path) -> Planes:
 
 
 def _piece(array: Any, order: tuple[int, int, int]) -> tuple[int, int, int]:
-    """What is read together, along y, x and wavelength."""
+    """Extent of what is read together, along y, x and wavelength."""
     chunks = getattr(array, "chunks", None)
     return (1, 1, 1) if chunks is None else (chunks[order[0]], chunks[order[1]], chunks[order[2]])
 

@@ -1,4 +1,4 @@
-"""The one entry to read spectra: tells the format by the content and calls its reader."""
+"""The one entry to read spectra: recognises the format by the content and calls its reader."""
 
 from importlib import import_module
 from pathlib import Path
@@ -30,7 +30,7 @@ def read_spectra(
     CSV or TSV, wide, long or longest, also below lines of an instrument's own; columns of numbers
     without a header; workbooks (the first sheet, or FILE.xlsx:SHEET); ENVI spectral libraries and
     images (header or data file named; of an image every pixel); CGATS text; CxF3; JCAMP-DX; QTX;
-    ASD; SVC; ProcSpec; and JSON lists of wavelengths and spectra, as Kimera's. The content tells
+    ASD; SVC; ProcSpec; and JSON lists of wavelengths and spectra, as Kimera's. The content says
     which, not the name. Of readings with the specular component (SCI) and without (SCE) each is a
     spectrum, ``NAME SCI`` and ``NAME SCE``. Wavelengths that descend are sorted. Values are
     fractions or percent, as the file says, else percent if any exceeds 2; a file that says another
@@ -38,8 +38,8 @@ def read_spectra(
     granted. A pipe such as ``/dev/stdin`` reads as a file does. Tables are read in pieces and may
     be large.
 
-    Two samples of one name are an error in a text table, which can be mended by hand; in the other
-    formats the second becomes ``name (2)``, with a note.
+    Two samples of one name are an error in a text table, which can be corrected by hand; in the
+    other formats the second becomes ``name (2)``, with a note.
 
     Args:
         path: of the file, or FILE.xlsx:SHEET.
@@ -54,7 +54,7 @@ def read_spectra(
         FileNotFoundError: no such file, or an ENVI header without its data.
         OSError: the system cannot read it.
         ValueError: the file is not legal; the message is one line that says where and what would
-            mend it.
+            correct it.
     """
     path = Path(path)
     stated = Stated(quantity=quantity, unit=unit, scale=scale)
@@ -115,5 +115,5 @@ def _envi(source: Source, kind: str) -> "EnviFile":
         return EnviFile(source)
     header = header_beside(source.path)
     assert header is not None
-    with open_source(header) as beside:
-        return EnviFile(beside, source.path)
+    with open_source(header) as header_source:
+        return EnviFile(header_source, source.path)

@@ -1,4 +1,4 @@
-"""Which format a file has, told by its content and never by its name."""
+"""Format of a file, recognised by its content and never by its name."""
 
 import re
 from pathlib import Path
@@ -49,7 +49,7 @@ _ASD = (b"ASD", b"as2", b"as3", b"as4", b"as5", b"as6", b"as7", b"as8")
 
 def identify(source: Source) -> str:
     """Format of a file, by the name of its module, ``envi header`` or ``envi data``; ``table``
-    if its content tells none.
+    if its content shows none.
 
     Raises:
         ValueError: it is a file of a maker's own, a picture, an archive or a PDF.
@@ -105,8 +105,8 @@ def header_beside(path: Path) -> Path | None:
 
 
 def _is_jcamp(text: str) -> bool:
-    """Whether the text begins with labels of JCAMP-DX; a table may begin with comments such as ##
-    date = today.
+    """Return whether the text begins with labels of JCAMP-DX; a table may begin with comments such
+    as ## date = today.
     """
     for line in text.splitlines():
         start = line.lstrip()

@@ -1,8 +1,8 @@
-"""Where the table begins in a text file as an instrument's software exports it: below its own lines
-on the instrument, the date and the like.
+"""Search for the beginning of the table in a text file as an instrument's software exports it:
+below its own lines on the instrument, the date and the like.
 
-Titles of bands are told here, too, as software writes them: ``400``, ``400 nm``, ``R 400 nm``,
-``SPECTRAL_NM400``, ``SCI_400nm``, ``400nm(SCE)``.
+Titles of bands are recognised here, too, as software writes them: ``400``, ``400 nm``,
+``R 400 nm``, ``SPECTRAL_NM400``, ``SCI_400nm``, ``400nm(SCE)``.
 """
 
 import re
@@ -37,7 +37,7 @@ _FEW = 4
 
 
 class BandTitle(NamedTuple):
-    """What a column's title says: its wavelength in nm, and whether the specular component is in
+    """Meaning of a column's title: its wavelength in nm, and whether the specular component is in
     it (SCI, SCE, SPIN, SPEX; empty where it does not say).
     """
 
@@ -57,7 +57,7 @@ def band(title: str) -> BandTitle | None:
 
 
 class TablePlace(NamedTuple):
-    """Where a table stands in a file.
+    """Position of a table in a file.
 
     Attributes:
         above: how many lines stand above its titles, or its numbers.
@@ -72,7 +72,7 @@ class TablePlace(NamedTuple):
 
 
 def find_table(source: Source) -> TablePlace:
-    """Where the table of a file stands.
+    """Find the table of a file.
 
     A header is a line with two wavelengths or more, or with a title of wavelengths, and numbers
     below; or any line of titles above three rows of numbers, which need none. Where a header has
@@ -108,8 +108,8 @@ def _place(lines: list[str]) -> TablePlace:
 
 
 def _first(texts: list[str]) -> tuple[int, bool, bool]:
-    """Which line is the header or the first of the numbers, whether it is a header, and whether
-    that is sure.
+    """Find which line is the header or the first of the numbers, whether it is a header, and
+    whether that is sure.
     """
     # A header on the first line is looked at no further, however wrong the line below it is.
     if _names_bands(texts[0]) and len(_cells(texts[0])) > _FEW:
@@ -157,7 +157,7 @@ def not_read(above: int) -> str:
 
 
 def is_data(line: str) -> bool:
-    """Whether a line is neither blank nor a comment."""
+    """Return whether a line is neither blank nor a comment."""
     return bool(line.strip(" \t,;")) and not line.lstrip().startswith("#")
 
 
@@ -181,12 +181,12 @@ def delimiter_of_numbers(line: str) -> str:
 
 
 def is_mark(line: str) -> bool:
-    """Whether a line begins or ends the numbers, in any language: ``>>>>>Begin ...<<<<<``."""
+    """Return whether a line begins or ends the numbers, in any language: ``>>>>>Begin ...<<<<<``."""
     return ">>>" in line and "<<<" in line
 
 
 def is_wavelength_title(title: str) -> bool:
-    """Whether a title is that of wavelengths, or a unit of them that is no single letter."""
+    """Return whether a title is that of wavelengths, or a unit of them that is no single letter."""
     unit = title.strip("[]() .")
     return bool(WAVELENGTH_TITLE.match(title)) or (
         unit[1:].isalpha() and length_unit(unit) in ("nm", "um", "angstrom")
@@ -201,7 +201,7 @@ def _cells(line: str) -> list[str]:
 
 
 def _names_bands(line: str) -> bool:
-    """Whether a line's first cell is a word, and two others are bands in order."""
+    """Return whether a line's first cell is a word, and two others are bands in order."""
     first, *others = _cells(line)
     bands = [found for title in others if (found := band(title)) is not None]
     if is_number(first) or len(bands) < 2:
@@ -211,7 +211,9 @@ def _names_bands(line: str) -> bool:
 
 
 def _is_header(line: str, below: str) -> bool:
-    """Whether a line names bands or wavelengths, and the line below it has values for them."""
+    """Return whether a line names bands or wavelengths, and the line below it has values for
+    them.
+    """
     titles, values = _cells(line), _cells(below)
     # Spreadsheets leave out empty cells at the end.
     if len(titles) < 2 or len(values) > len(titles):
@@ -229,7 +231,7 @@ def _is_header(line: str, below: str) -> bool:
 
 
 def _may_be_titles(line: str, below: str) -> bool:
-    """Whether a line above numbers may be their header."""
+    """Return whether a line above numbers may be their header."""
     titles = _cells(line)
     if any(map(is_wavelength_title, titles)):
         return True
@@ -237,8 +239,8 @@ def _may_be_titles(line: str, below: str) -> bool:
 
 
 def _are_titles(line: str, below: str) -> bool:
-    """Whether a line holds the titles of a line of units: it leaves out or names wavelengths where
-    that does, or names what each wavelength column begins.
+    """Return whether a line holds the titles of a line of units: it leaves out or names wavelengths
+    where that does, or names what each wavelength column begins.
     """
     titles, units = _cells(line), _cells(below)
     grids = [i for i, unit in enumerate(units) if is_wavelength_title(unit)]
@@ -256,7 +258,9 @@ def _is_value(cell: str) -> bool:
 
 
 def _are_numbers(lines: list[str]) -> bool:
-    """Whether lines are rows as long as each other that begin with a number, and have others."""
+    """Return whether lines are rows as long as each other that begin with a number, and have
+    others.
+    """
     rows = [line.split(None if (by := delimiter_of_numbers(line)) == " " else by) for line in lines]
     return all(
         len(row) == len(rows[0])

@@ -140,7 +140,7 @@ def _sheets(source: Source) -> list[_CgatsTable]:
         elif len(cells) > 1:
             keywords[first] = cells[1]
     if sheets:
-        # Below the last table a keyword can only tell of that.
+        # Below the last table a keyword can only be about that.
         sheets[-1].keywords.update(keywords)
     return sheets
 

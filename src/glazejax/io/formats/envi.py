@@ -86,10 +86,10 @@ class EnviFile:
 
     Args:
         source: header.
-        data: file of numbers, if it is known; else the file of the header's name beside it.
+        data: file of numbers, if it is known; else the file of the header's name next to it.
 
     Raises:
-        FileNotFoundError: no data beside the header.
+        FileNotFoundError: no data next to the header.
         ValueError: the header is not legal, or the data are not as long as it promises.
     """
 
@@ -137,7 +137,7 @@ class EnviFile:
             )
 
     def error(self, complaint: object) -> ValueError:
-        """What is wrong with the header."""
+        """Error that says what is wrong with the header."""
         return refusal(self.path, complaint)
 
     def entries(self, title: str) -> list[str]:
@@ -149,7 +149,7 @@ class EnviFile:
 
     @property
     def is_library(self) -> bool:
-        """Whether the header is that of a spectral library."""
+        """Return whether the header is that of a spectral library."""
         return str(self.header.get("file type", "")).strip().lower() == _LIBRARY.lower()
 
     def library(self) -> RawSpectra:
@@ -208,7 +208,7 @@ class EnviFile:
         )
 
     def cube(self, **stated: Unpack[Stated]) -> SpectraCube:
-        """An image, not read. Its unit is its scale factor, or told from pixels all over it.
+        """An image, not read. Its unit is its scale factor, or estimated from pixels all over it.
 
         That is percent if the brightest of 99 % of them exceed 2, else fractions; a few pixels of
         glare do not decide.
@@ -222,8 +222,8 @@ class EnviFile:
         """
         notes: list[str] = []
         raw = with_usual_mark(self.raw(self.wavelengths(), notes), notes)
-        wavelengths, told = raw.nanometres(read_units(stated)[0])
-        notes += told
+        wavelengths, remarks = raw.nanometres(read_units(stated)[0])
+        notes += remarks
         grid, bands = in_order(wavelengths, raw.good, notes)
         with naming(self.path):
             grid = validate_wavelengths(grid)

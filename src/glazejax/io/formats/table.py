@@ -129,7 +129,7 @@ class _Cells:
 def _quick_reader(
     cells: _Cells, numbers: Sequence[int]
 ) -> Callable[[str], tuple[list[str], array] | None]:
-    """What reads a line that is legal and simple: its cells, and the numbers in some of them.
+    """Reader of a line that is legal and simple: its cells, and the numbers in some of them.
 
     None for the slow way, which says what is wrong.
     """
@@ -166,17 +166,18 @@ def _quick_reader(
 def read_table(source: Source) -> RawSpectra:
     """Read reflectance spectra from a text table.
 
-    Layouts are told apart by their header: wide, ``Name,400,410,...`` with a sample a row; long,
+    Layouts are distinguished by their header: wide, ``Name,400,410,...`` with a sample a row; long,
     ``wavelength,sample A,sample B,...`` with a sample a column; and longest,
-    ``name,wavelength,reflectance`` with a value a row. Below any line of titles, or none,
-    three rows of numbers of which a column runs through wavelengths make a long table. A row
-    of units may stand below the titles; a further column of wavelengths begins further spectra;
-    columns without numbers, and what an instrument reads beside reflectance, are left out. Cells
-    are separated by tabs, commas, semicolons or blanks; wavelengths may carry "nm" and values "%";
-    a decimal comma is understood unless commas separate; empty lines and lines that start with #
-    are skipped, but lines above such as ``# unit: percent`` or ``YUNITS %R`` say what values are.
+    ``name,wavelength,reflectance`` with a value a row. Below any line of titles, or none, three
+    rows of numbers of which a column runs through wavelengths make a long table. A row of units may
+    stand below the titles; a further column of wavelengths begins further spectra; columns without
+    numbers, and what an instrument reads in addition to reflectance, are left out. Cells are
+    separated by tabs, commas, semicolons or blanks; wavelengths may carry "nm" and values "%"; a
+    decimal comma is understood unless commas separate; empty lines and lines that start with # are
+    skipped, but lines above such as ``# unit: percent`` or ``YUNITS %R`` say what values are.
 
-    The file is read line by line: beside the numbers themselves (8 bytes each) it takes only names.
+    The file is read line by line: except for the numbers themselves (8 bytes each) it takes only
+    names.
 
     Raises:
         ValueError: the file is empty, not text, has no wavelengths in its header, wavelengths that
@@ -287,7 +288,7 @@ def _open_table(source: Source) -> _Cells:
 
 
 def _stated(line: str) -> str:
-    """What a line above a table may say of its values: a unit alone, or behind a keyword."""
+    """Words that a line above a table may say of its values: a unit alone, or behind a keyword."""
     keyword = _KEYWORD.match(line[:200])
     return keyword[1].strip() if keyword else line.strip() if is_no_name(line) else ""
 
@@ -347,13 +348,13 @@ def _columns(cells: _Cells) -> list[list[float]]:
 
 
 def _runs(values: list[float]) -> bool:
-    """Whether numbers run through wavelengths in nm."""
+    """Return whether numbers run through wavelengths in nm."""
     steps = np.diff(values)
     return len(values) > 2 and min(values) >= 100 and bool((steps > 0).all() or (steps < 0).all())
 
 
 def _is_wide(cells: _Cells, row: list[str]) -> bool:
-    """Whether samples are rows: titles are bands, and do not number samples."""
+    """Return whether samples are rows: titles are bands, and do not number samples."""
     titles = [_band_of(cells, title) for title in cells.header[1:]]
     numeric = [found.wavelength for found in titles if found is not None]
     if not numeric:
@@ -368,14 +369,14 @@ def _is_wide(cells: _Cells, row: list[str]) -> bool:
         for title, cell in zip(cells.titles[-1], row, strict=False)
     )
     # Samples may be numbered 1, 2, 3; a wavelength in nm has three digits at least. Colours may
-    # stand beside few bands.
+    # stand next to few bands.
     if 2 * len(numeric) > len(titles):
         return not titled or max(numeric) >= 100
     return not titled and len(numeric) > 1 and min(numeric) >= 100
 
 
 def _choose_columns(cells: _Cells) -> tuple[list[int], list[int]]:
-    """Columns of wavelengths, and of numbers beside them.
+    """Columns of wavelengths, and of numbers next to them.
 
     Wavelengths are the first column so titled, else the first that runs through them. A further
     one begins further spectra.
@@ -430,8 +431,8 @@ def _reflectances(cells: _Cells, columns: list[int]) -> tuple[list[int], str]:
     others = [quantity for quantity in said.values() if quantity != "counts"]
     best = next(one for one in (REFLECTANCE, "", *others, "counts") if one in said.values())
     # A title that says nothing is a sample's name, if all others say reflectance.
-    alike = {*said.values()} <= {REFLECTANCE, ""}
-    kept = columns if alike else [i for i in columns if said[i] == best]
+    same_quantity = {*said.values()} <= {REFLECTANCE, ""}
+    kept = columns if same_quantity else [i for i in columns if said[i] == best]
     if len(kept) < len(columns):
         left = ", ".join(cells.header[i] for i in sorted({*columns}.difference(kept)))
         taken = ", ".join(cells.header[i] for i in kept)
@@ -482,7 +483,7 @@ def _check_grid(cells: _Cells, grid: Bands) -> Bands:
     that overlap.
     """
     with naming(cells.source.path):
-        # Those in micrometres are told by their unit, or later.
+        # Those in micrometres are recognised by their unit, or later.
         if grid.size and 0.1 <= grid.min() <= grid.max() < 100:
             validate_wavelengths(np.sort(1e3 * grid))
             return grid
@@ -562,7 +563,7 @@ def _read_rows(
 def _read_wide(cells: _Cells, attributes: dict[str, list[str]]) -> tuple[list[str], Bands, Rows]:
     """Names, wavelengths and values of a table with a sample a row.
 
-    What stands beside the bands, such as L*a*b*, fills the attributes. Bands with the specular
+    Other columns than bands, such as L*a*b*, fill the attributes. Bands with the specular
     component (SCI) and without (SCE) become rows of their own, NAME SCI and NAME SCE.
 
     Raises:
@@ -597,8 +598,8 @@ def _read_wide(cells: _Cells, attributes: dict[str, list[str]]) -> tuple[list[st
     # A column may say of each line which kind of reading it is.
     kind_at = next((i for i in others if _KIND_TITLE.search(header[i])), None)
     if others:
-        beside = shorten(", ".join(header[i] for i in others))
-        notes.append(f"columns that are no bands are kept beside the spectra: {beside}")
+        other_titles = shorten(", ".join(header[i] for i in others))
+        notes.append(f"columns that are no bands are kept beside the spectra: {other_titles}")
     if more:
         words = ", ".join(f"NAME {word} ({MODES[word]})" for word in bands if word)
         notes.append(f"each line gives a spectrum for each kind of reading: {words}")
