@@ -181,7 +181,7 @@ def delimiter_of_numbers(line: str) -> str:
 
 
 def is_mark(line: str) -> bool:
-    """Return whether a line begins or ends the numbers, in any language: ``>>>>>Begin ...<<<<<``."""
+    """Return whether a line begins or ends the numbers, as ``>>>>>Begin ...<<<<<`` does."""
     return ">>>" in line and "<<<" in line
 
 
