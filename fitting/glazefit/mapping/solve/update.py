@@ -61,9 +61,10 @@ class Answers:
 
     @property
     def fractions(self) -> Float[np.ndarray, "spectra 3"]:
-        """Share of each paint."""
+        """Share of each paint; NaN where the answer has no amounts."""
         amounts = np.exp(self.amounts)
-        return amounts / amounts.sum(axis=-1, keepdims=True)
+        total = amounts.sum(axis=-1, keepdims=True)
+        return np.divide(amounts, total, out=np.full_like(amounts, np.nan), where=total > 0.0)
 
     def spread(self) -> tuple[Float[np.ndarray, "spectra 3"], Float[np.ndarray, "spectra"]]:
         """Standard deviations of the logs of the fractions and of the thickness."""
