@@ -429,7 +429,7 @@ def test_words_for_coats():
         ("0.5*blue+0.6*white:5um", "fractions sum to 1.1"),
         ("reed:5um", "no pigment 'reed'"),
         ("?:?,?:?", "paints of coats 1 and 2 are unknown"),
-        ("?:~5um", "say its thickness exactly"),
+        ("?:~5um", "state its thickness exactly"),
         ("red:5um," * 6 + "red:5um", "7 coats"),
         ("blue+blue:5um", "'blue' is listed twice"),
     ],
