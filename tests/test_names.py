@@ -1,6 +1,7 @@
 """Names say what they hold, within a budget: CONTRIBUTING.md says why."""
 
 import ast
+import functools
 import re
 from collections import Counter, defaultdict
 from collections.abc import Iterator
@@ -23,15 +24,20 @@ DIALECT = re.findall(
     "mend mended amiss",
 )
 DOCUMENTED = ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
-NODES = [
-    (module, node)
-    for module, path in FILES.items()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
-]
+
+
+@functools.cache
+def nodes() -> list[tuple[str, ast.AST]]:
+    """Syntax of all files with the module of each node; read when a test asks for it."""
+    return [
+        (module, node)
+        for module, path in FILES.items()
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+    ]
 
 
 def bindings() -> Iterator[str]:
-    for _, node in NODES:
+    for _, node in nodes():
         if isinstance(node, ast.arg):
             yield node.arg
         elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
@@ -39,7 +45,7 @@ def bindings() -> Iterator[str]:
 
 
 def docstrings() -> Iterator[tuple[str, list[str]]]:
-    for module, node in NODES:
+    for module, node in nodes():
         if isinstance(node, DOCUMENTED) and (text := ast.get_docstring(node)):
             yield module, text.split()
 
@@ -53,7 +59,7 @@ def test_bindings_say_what_they_hold():
 
 def test_no_class_name_stands_twice():
     modules = defaultdict(set)
-    for module, node in NODES:
+    for module, node in nodes():
         if isinstance(node, ast.ClassDef):
             modules[node.name.lstrip("_")].add(module)
     assert not {name: where for name, where in modules.items() if len(where) > 1}

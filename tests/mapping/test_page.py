@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from jinja2 import UndefinedError
 
+from glazefit.mapping.show.classes import CLASSES
 from glazefit.mapping.show.overview import shown_sets
 from glazefit.mapping.show.page import _WAYS, MapProvenance, write_report
 from glazefit.mapping.show.page_sets import small_spectrum
@@ -250,6 +251,15 @@ def test_a_report_is_replaced_only_if_asked_for(made, report):
     with pytest.raises(FileExistsError, match="--overwrite replaces it"):
         write_report(dataset, tallies, sets, ABOUT, report.parent)
     assert report.read_bytes() == before
+
+
+def test_a_users_file_next_to_the_report_stays(made, tmp_path):
+    dataset, tallies, sets = made
+    classes = tmp_path / CLASSES
+    classes.write_text("mine")
+    with pytest.raises(FileExistsError, match=CLASSES):
+        write_report(dataset, tallies, sets, ABOUT, tmp_path)
+    assert classes.read_text() == "mine"
 
 
 def test_a_map_that_is_not_finished_or_empty_says_so(part, tmp_path):

@@ -49,7 +49,7 @@ from glazejax.programs import Program
 from glazejax.radiative.common.linalg import solve_positive
 
 from .chain_file import Draws
-from .problem import FilmProblem
+from .problem import FilmProblem, block_log_probability
 from .sampling import Sampling
 from .solve import Gaussians, Laplace
 
@@ -118,9 +118,8 @@ class Graph(NamedTuple):
     root: Float[Array, "dims dims"]
 
     def height(self, free: Float[Array, "dims"]) -> Float[Array, ""]:
-        """Log posterior, up to a constant; what overflows is impossible."""
-        height = -0.5 * jnp.sum(self.residuals(free, self.data, self.shared) ** 2)
-        return jnp.where(jnp.isnan(height), -jnp.inf, height)
+        """Log posterior, up to a constant."""
+        return block_log_probability(self.residuals, free, self.data, self.shared)
 
     def lift(self, free: Float[Array, "dims"]) -> Float[Array, "rows"]:
         """Scaled readings and unknowns: the coordinates in which distances are measured."""

@@ -186,6 +186,16 @@ class FilmProblem:
         return {name: np.stack(values, axis=-1) for name, values in spectra.items()}
 
 
+def block_log_probability(
+    residuals: Residuals, free: Float[Array, "dims"], data: Any, shared: Any
+) -> Float[Array, ""]:
+    """Log-probability of one block up to a constant, minus half the sum of squares of the
+    residuals; what overflows, so far out, counts as impossible.
+    """
+    value = -0.5 * jnp.sum(residuals(free, data, shared) ** 2)
+    return jnp.where(jnp.isnan(value), -jnp.inf, value)
+
+
 @functools.partial(Program, fixed=("residuals", "chunk"))
 def log_probability(
     residuals: Residuals,
@@ -194,13 +204,10 @@ def log_probability(
     free: Float[Array, "walkers blocks dims"],
     chunk: int,
 ) -> Float[Array, "walkers blocks"]:
-    """Minus half the sum of squares of the residuals; what overflows, so far out, counts as
-    impossible.
-    """
+    """Log-probabilities of all walkers and blocks, see `block_log_probability`."""
 
     def walker(free: Float[Array, "blocks dims"]) -> Float[Array, "blocks"]:
-        values = jax.vmap(lambda f, d: -0.5 * jnp.sum(residuals(f, d, shared) ** 2))(free, data)
-        return jnp.where(jnp.isnan(values), -jnp.inf, values)
+        return jax.vmap(lambda f, d: block_log_probability(residuals, f, d, shared))(free, data)
 
     return in_chunks(jax.vmap(walker), free, chunk)
 

@@ -23,14 +23,20 @@ CLASSES = "classes.hdr"
 _PIXELS = 2**22
 
 
-def write_classes(dataset: "xr.Dataset", look: Overview, folder: Path) -> None:
+def write_classes(
+    dataset: "xr.Dataset", look: Overview, folder: Path, *, overwrite: bool = False
+) -> None:
     """Write a class for each set that is shown, for all others, for none of the paints and for what
-    was not mapped, number 0, as bytes; older files are replaced.
+    was not mapped, number 0, as bytes.
 
     Args:
         dataset: the map.
         look: of it.
         folder: of the report.
+        overwrite: whether older files may be replaced.
+
+    Raises:
+        FileExistsError: there are such files, and `overwrite` is false.
     """
     names = ["not mapped", *map(look.words, look.shown), "others", look.words(())]
     colours = [BLANK, *set_colours(look), OTHERS, STRIPES[0]]
@@ -45,7 +51,7 @@ def write_classes(dataset: "xr.Dataset", look: Overview, folder: Path) -> None:
     header = folder / CLASSES
     text = envi_header(dataset, classes).encode()
     files = {header.with_suffix(".img"): _classes(dataset, look), header: [text]}
-    write_files(files, overwrite=True)
+    write_files(files, overwrite=overwrite)
 
 
 def _classes(dataset: "xr.Dataset", look: Overview) -> Iterator[bytes]:

@@ -148,7 +148,7 @@ def write_report(
         flat.append(family["probability"])
         plain.append((family["key"], f"Where {family['name']} is", family["place"]))
     write_pictures(look, folder / "pictures", flat, colours=own_colours(look), plain=plain)
-    write_classes(dataset, look, folder)
+    write_classes(dataset, look, folder, overwrite=overwrite)
     write_files({path: [html]}, overwrite=overwrite)
     return path
 

@@ -78,7 +78,8 @@ def print_map(
     further = [sums.pixels for members, sums in sets.items() if members not in reported]
     if further:
         console.print(
-            f"[dim]Others: {len(further)} further sets on {sum(further) / mapped:.1%} of the "
+            f"[dim]Others: {len(further)} further {'set' if len(further) == 1 else 'sets'} on "
+            f"{sum(further) / mapped:.1%} of the "
             "area[/dim]"
         )
 
