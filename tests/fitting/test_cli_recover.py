@@ -8,7 +8,8 @@ import pytest
 from glazefit import Instrument, Noise, recover_films, simulate_films
 from glazefit.recover.command_joint import _lengths
 from glazefit.recover.film_by_film import recover_chunks
-from glazefit.recover.report import ranges, slug
+from glazefit.recover.settings import slug
+from glazejax.spectra import ranges
 
 from .tables import write_films
 

@@ -13,6 +13,7 @@ from glazejax.plots import ABSORPTION, OVER_BLACK, OVER_WHITE, SCATTERING, label
 
 from .crossvalidation import LeftOut
 from .joint_result import JointRecovery
+from .report import describe_recipe
 from .result import Recovery
 
 if TYPE_CHECKING:
@@ -75,7 +76,7 @@ def plot_joint_paint(recovery: JointRecovery, row: int, thickness: float, path: 
     with picture(path, 11, 4.4) as figure:
         spectra, coefficients = figure.subplots(1, 2)
         for film, colour in zip(drawn, colours, strict=False):
-            label = _recipe(recovery, int(film))
+            label = f"{films.names[film]}: {describe_recipe(recovery, int(film))}"
             spectra.plot(
                 grid, films.over_white[film], "o", color=colour, ms=3.5, mfc="none", label=label
             )
@@ -165,10 +166,10 @@ def plot_left_out(recovery: JointRecovery, out: LeftOut, path: Path) -> None:
                     mfc="none",
                     mew=0.7,
                 )
-            recipe = _recipe(recovery, recovery.films.names.index(prediction.name)).replace(
-                " + ", "\n+ "
-            )
-            axis.set_title(f"{recipe}\nΔE00 {out.predicted[i].mean():.1f}", fontsize=7, loc="left")
+            row = recovery.films.names.index(prediction.name)
+            recipe = describe_recipe(recovery, row).replace(" + ", "\n+ ")
+            title = f"{prediction.name}: {recipe}\nΔE00 {out.predicted[i].mean():.1f}"
+            axis.set_title(title, fontsize=7, loc="left")
             axis.set_ylim(0, 1)
             axis.tick_params(labelsize=7)
         figure.supxlabel("wavelength (nm)", fontsize=8)
@@ -178,13 +179,3 @@ def plot_left_out(recovery: JointRecovery, out: LeftOut, path: Path) -> None:
             "(lines), 90 % bands"
         )
         figure.suptitle(textwrap.fill(caption, 40 * columns), fontsize=9)
-
-
-def _recipe(recovery: JointRecovery, film: int) -> str:
-    """Recipe of a film in short."""
-    shares = sorted(recovery.recipe(film).items(), key=lambda entry: -entry[1])
-    if len(shares) == 1:
-        return f"{recovery.films.names[film]} pure"
-    return f"{recovery.films.names[film]} " + " + ".join(
-        f"{share:.3g} {paint}" for paint, share in shares
-    )

@@ -1,13 +1,8 @@
 """Report of a recovery, film by film or joint: tables on the screen, and the files it leaves."""
 
-import re
-from collections.abc import Callable, Sequence
-from pathlib import Path
-
 import numpy as np
 from rich.console import Console
 
-from glazejax.io import write_table
 from glazejax.report import plain_table
 from glazejax.spectra import ranges
 
@@ -16,6 +11,7 @@ from .joint_result import RULE as JOINT_RULE
 from .joint_result import JointRecovery
 from .prediction import PARTS
 from .result import RELATIVE_LIMIT, RULE, Recovery
+from .settings import Table
 
 FILM_COLUMNS = (
     "film",
@@ -110,10 +106,8 @@ def _with_error(value: float, sd: float) -> str:
     return f"{value:.{digits}f}±{sd:.{digits}f}"
 
 
-def write_fits(recovery: Recovery, path: Path, *, overwrite: bool = False) -> None:
-    """Write the ratio k/s and the fitted spectra, a line a paint and wavelength; none needs a
-    thickness.
-    """
+def fit_table(recovery: Recovery) -> Table:
+    """Ratio k/s and fitted spectra, a line a paint and wavelength; none needs a thickness."""
     header = (
         "pigment",
         "wavelength_nm",
@@ -128,31 +122,7 @@ def write_fits(recovery: Recovery, path: Path, *, overwrite: bool = False) -> No
         for film, name in enumerate(recovery.films.names)
         for band, wavelength in enumerate(recovery.films.wavelengths)
     )
-    write_table(path, header, rows, overwrite=overwrite)
-
-
-def slug(name: str) -> str:
-    """A name that any file system takes."""
-    return re.sub(r"[^A-Za-z0-9.]+", "_", name).strip("_.") or "paint"
-
-
-def draw_each(
-    names: Sequence[str],
-    folder: Path,
-    draw: Callable[[int, Path], None],
-    step: Callable[[], object] = lambda: None,
-) -> None:
-    """Draw a picture for each name, by number, to its own file in a folder, and call `step` after
-    each. Files differ also where the file system takes capitals for small letters.
-    """
-    stems: set[str] = set()
-    for number, name in enumerate(names):
-        stem = slug(name)
-        while stem.lower() in stems:
-            stem += "_"
-        stems.add(stem.lower())
-        draw(number, folder / f"{stem}.png")
-        step()
+    return header, rows
 
 
 def print_joint(recovery: JointRecovery, console: Console, seconds: float) -> None:
@@ -224,15 +194,15 @@ def find_suspect_weights(recovery: JointRecovery) -> list[tuple[int, str, float]
     return suspects
 
 
-def write_joint_films(recovery: JointRecovery, path: Path, *, overwrite: bool = False) -> None:
-    """Write what the fit says of each film: thickness, gloss, errors of weights and how well it is
+def film_table(recovery: JointRecovery) -> Table:
+    """Thickness, gloss and errors of weights that the fit says of each film, and how well it is
     met.
     """
     difference = recovery.delta_e()
     rows = (
         (
             name,
-            _recipe(recovery, row),
+            describe_recipe(recovery, row),
             f"{recovery.thickness[row]:.4g}",
             f"{recovery.thickness_sd[row]:.2g}",
             f"{recovery.gloss[row]:.3f}",
@@ -245,10 +215,11 @@ def write_joint_films(recovery: JointRecovery, path: Path, *, overwrite: bool = 
         )
         for row, name in enumerate(recovery.films.names)
     )
-    write_table(path, FILM_COLUMNS, rows, overwrite=overwrite)
+    return FILM_COLUMNS, rows
 
 
-def _recipe(recovery: JointRecovery, row: int) -> str:
+def describe_recipe(recovery: JointRecovery, row: int) -> str:
+    """Paints of a film and the share of each, such as "Red 40% + White 60%"."""
     return " + ".join(
         f"{paint} {100 * share:.3g}%" for paint, share in recovery.recipe(row).items()
     )
@@ -289,14 +260,12 @@ def print_left_out(out: LeftOut, console: Console) -> None:
         console.print("[yellow]Interrupted: the mixtures that follow were not left out.[/yellow]")
 
 
-def write_left_out(
-    recovery: JointRecovery, out: LeftOut, path: Path, *, overwrite: bool = False
-) -> None:
-    """Write how well each film was predicted by the others, and how well it said it would be."""
+def left_out_table(recovery: JointRecovery, out: LeftOut) -> Table:
+    """Colour differences of each film as the others predict it, and as they were expected."""
     rows = (
         (
             name,
-            _recipe(recovery, recovery.films.names.index(name)),
+            describe_recipe(recovery, recovery.films.names.index(name)),
             *(f"{value:.3f}" for value in out.predicted[i]),
             f"{out.expected[i]:.3f}",
             f"{out.inside[i]:.3f}",
@@ -304,4 +273,4 @@ def write_left_out(
         )
         for i, name in enumerate(out.names)
     )
-    write_table(path, LEFT_OUT_COLUMNS, rows, overwrite=overwrite)
+    return LEFT_OUT_COLUMNS, rows
