@@ -28,13 +28,13 @@ from glazefit.film.films import Films, cards
 from glazefit.film.model.errors import draw_model_errors
 from glazefit.film.model.response import Response, film_response
 from glazefit.film.model.variation import Spread
-from glazefit.recover.crossvalidation import without
-from glazefit.recover.joint import UNIT, recover_jointly
-from glazefit.recover.joint_problem import model_deviation
-from glazefit.recover.joint_result import JointRecovery
-from glazefit.recover.mixture import CLOSE, calibrate_mixture, mix, predict_mixture
-from glazefit.recover.prediction import Prediction, predict_films
-from glazefit.recover.reading_errors import SMOOTH, film_readings
+from glazefit.recover.joint.joint import UNIT, recover_jointly
+from glazefit.recover.joint.problem import model_deviation
+from glazefit.recover.joint.result import JointRecovery
+from glazefit.recover.predict.crossvalidation import without
+from glazefit.recover.predict.mixture import CLOSE, calibrate_mixture, mix, predict_mixture
+from glazefit.recover.predict.prediction import Prediction, predict_films
+from glazefit.recover.predict.reading_errors import SMOOTH, film_readings
 from glazejax import Pigment, colour
 
 Recipes = dict[str, dict[str, float]]

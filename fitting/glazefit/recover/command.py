@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from glazejax.io.quantity import Stated
 
     from ..film.films import Films, Noise
-    from .result import Recovery
+    from .films.result import Recovery
 
 _GEOMETRY = "d:8"
 
@@ -280,8 +280,8 @@ def recover(
             return
         films = replace(films, names=readable_names(films.names, recipes))
 
-    from .film_by_film import recover_chunks
-    from .result import Recovery
+    from .films.film_by_film import recover_chunks
+    from .films.result import Recovery
 
     chunks = recover_chunks(films, **fit_options)
     chunk_recoveries, how = progress.collect(
@@ -410,8 +410,8 @@ def _simulate(
 def _report(recovery: "Recovery", how: progress.Collected, results: Destination) -> None:
     from glazejax.paint.describe import format_length
 
-    from .plots import plot_paint
-    from .report import fit_table, print_summary
+    from .films.plots import plot_paint
+    from .films.report import fit_table, print_summary
 
     metres = results.thickness
     print_summary(recovery, results.console, how.seconds, how.first)

@@ -23,7 +23,7 @@ def are_coats(films: "Films", refused: dict[str, Any]) -> bool:
     Raises:
         ValueError: some are and some are not, or an option was given that is not for coats.
     """
-    from .coats import coat_of
+    from .coats.coats import coat_of
 
     named = [name for name in films.names if coat_of(name)]
     if not named:
@@ -51,8 +51,8 @@ def recover_from_coats(films: "Films", fit_options: dict[str, Any], results: "De
     import equinox as eqx
 
     from ..film.partial_films import average
-    from . import coats_report as report
-    from .coats import predict_next_coat, recover_coats
+    from .coats import report
+    from .coats.coats import predict_next_coat, recover_coats
 
     metres = results.thickness
     console = results.console

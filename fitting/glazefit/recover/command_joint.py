@@ -17,9 +17,9 @@ if TYPE_CHECKING:
     from glazejax import Pigment
 
     from ..film.films import Films, Instrument
-    from .constraints import Gauge
-    from .entries import PaintFile
-    from .joint_result import JointRecovery
+    from .joint.constraints import Gauge
+    from .joint.entries import PaintFile
+    from .joint.result import JointRecovery
     from .settings import Destination, PriorKnowledge
 
 
@@ -42,9 +42,9 @@ def recover_together(
         results: where they go.
     """
     from ..film.partial_films import average, crop, recipes_from_names
-    from .entries import PaintFile
-    from .joint import recover_jointly
-    from .joint_problem import Expectations
+    from .joint.entries import PaintFile
+    from .joint.joint import recover_jointly
+    from .joint.problem import Expectations
 
     out, metres, _, overwrite, console = results
     recipes = recipes_from_names(films.names, listed)
@@ -77,8 +77,8 @@ def recover_together(
         recovery = recover_jointly(fitted, recipes, progress=report, **fit_options)
         seconds = time.perf_counter() - began
 
-    from .plots import plot_joint_paint
-    from .report import film_table, print_joint
+    from .joint.plots import plot_joint_paint
+    from .joint.report import film_table, print_joint
 
     print_joint(recovery, console, seconds)
     if out is not None:
@@ -195,7 +195,7 @@ def read_gauge(text: str, films: Sequence[str], option: str = "--wet-film") -> "
     """
     if text in ("", "same"):
         return None
-    from .constraints import Gauge
+    from .joint.constraints import Gauge
 
     lengths: dict[str, float] = {}
     errors: list[float] = []
@@ -220,9 +220,8 @@ def _leave_out(
 ) -> None:
     from glazejax.io import write_table
 
-    from .crossvalidation import cross_validate
-    from .plots import plot_left_out
-    from .report import left_out_table, print_left_out
+    from .predict.crossvalidation import cross_validate
+    from .predict.left_out import left_out_table, plot_left_out, print_left_out
 
     out = results.make_folder()
     with progress.follow("leaving films out") as report:
@@ -271,7 +270,7 @@ def _lengths(metres: Any) -> str:
 
 
 def _write_entries(recovery: "JointRecovery", file: "PaintFile", results: "Destination") -> None:
-    from .entries import add_paints
+    from .joint.entries import add_paints
 
     new = add_paints(recovery, file.path, overwrite=results.overwrite)
     replaced = sorted(set(new) & set(file.paints))
@@ -286,7 +285,7 @@ def _print_next_films(recovery: "JointRecovery", catalogue: str, console: "Conso
     """Say of the first few new paints what would teach most."""
     from glazejax.catalogue import load
 
-    from .experimental_design import rank_next_films
+    from .predict.experimental_design import rank_next_films
 
     new = [paint for paint in recovery.paints if paint not in recovery.known]
     shelf = load(catalogue)

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple
 
 from glazejax.commands import options, progress
 
@@ -13,9 +13,7 @@ if TYPE_CHECKING:
     from glazejax import Pigment
     from glazejax.io.quantity import Stated
 
-
-Table: TypeAlias = tuple[Sequence[str], Iterable[Sequence[object]]]
-"""Titles of columns, and rows."""
+    from .films.report import Table
 
 
 class Destination(NamedTuple):
@@ -38,7 +36,7 @@ class Destination(NamedTuple):
     def write(
         self,
         pigments: "Iterable[Pigment]",
-        tables: Mapping[str, Table],
+        tables: "Mapping[str, Table]",
         names: Sequence[str],
         draw: Callable[[int, Path], object],
     ) -> None:

@@ -25,14 +25,14 @@ from glazejax.geometry import resolve_instrument
 from glazejax.programs import Program
 from glazejax.radiative.common.linalg import inverse_positive
 
-from ..film.errors import ScaledReadings
-from ..film.films import Films, Instrument, InstrumentLike, Noise, card_readings, cards
-from ..film.forward import Film, FilmData, FilmShared, pose_each_band
-from ..film.gloss import estimate_gloss
-from ..film.model.body import HIGHEST
-from ..film.model.response import FilmResponse
-from ..film.noise import estimate_noise
-from ..film.numerics.least_squares import levenberg_marquardt
+from ...film.errors import ScaledReadings
+from ...film.films import Films, Instrument, InstrumentLike, Noise, card_readings, cards
+from ...film.forward import Film, FilmData, FilmShared, pose_each_band
+from ...film.gloss import estimate_gloss
+from ...film.model.body import HIGHEST
+from ...film.model.response import FilmResponse
+from ...film.noise import estimate_noise
+from ...film.numerics.least_squares import levenberg_marquardt
 from .result import Recovery, told_apart
 
 CHUNK = 8

@@ -18,13 +18,13 @@ from jaxtyping import Array, Float
 from glazejax.colour import delta_e_of_spectra
 from glazejax.spectra import describe_grid
 
-from ..film.films import Films, Noise, card_readings
-from ..film.model.errors import ModelError, draw_coefficient_errors, draw_model_errors
-from ..film.model.response import Response, film_response
-from ..film.model.variation import MIXED, SIZES, SizeEvidence, Variation, log_likelihood
-from ..film.tables import WAVELENGTH, Tabulated, Variables
-from .joint_problem import model_deviation
-from .joint_result import JointRecovery
+from ...film.films import Films, Noise, card_readings
+from ...film.model.errors import ModelError, draw_coefficient_errors, draw_model_errors
+from ...film.model.response import Response, film_response
+from ...film.model.variation import MIXED, SIZES, SizeEvidence, Variation, log_likelihood
+from ...film.tables import WAVELENGTH, Tabulated, Variables
+from ..joint.problem import model_deviation
+from ..joint.result import JointRecovery
 
 PARTS = ("scale", "paint", "film")
 

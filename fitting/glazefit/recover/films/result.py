@@ -11,8 +11,8 @@ from glazejax.colour import delta_e_of_spectra
 from glazejax.io.spectra_table import list_names
 from glazejax.spectra import describe_grid
 
-from ..film.films import SPECTRA, Films
-from ..film.tables import Tabulated, Variables
+from ...film.films import SPECTRA, Films
+from ...film.tables import Tabulated, Variables
 
 _IN_TABLES = (
     "absorption",

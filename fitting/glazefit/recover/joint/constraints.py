@@ -17,9 +17,9 @@ from jaxtyping import Float
 from glazejax import Pigment
 from glazejax.spectra import describe_grid
 
-from ..film.films import Films
-from ..film.model.errors import ModelError, relative_errors, smooth_modes
-from .joint_problem import Expectations
+from ...film.films import Films
+from ...film.model.errors import ModelError, relative_errors, smooth_modes
+from .problem import Expectations
 
 MOST_ERROR = 0.5
 """Largest standard deviation of log k or log s that error modes state: errors are propagated by

@@ -25,15 +25,15 @@ from glazejax.geometry import resolve_instrument
 from glazejax.progress import Progress, no_progress
 from glazejax.spectra import describe_grid
 
-from ..film.films import Films, InstrumentLike, Noise, card_reflectance, cards
-from ..film.model.errors import smooth_kernel
-from ..film.model.response import Response, film_response
-from ..film.noise import estimate_noise
-from .constraints import Gauge
-from .joint import UNIT, recover_jointly
-from .joint_problem import Expectations, JointProblem
-from .joint_result import JointRecovery
-from .prediction import interval_of, least_by_scanning
+from ...film.films import Films, InstrumentLike, Noise, card_reflectance, cards
+from ...film.model.errors import smooth_kernel
+from ...film.model.response import Response, film_response
+from ...film.noise import estimate_noise
+from ..joint.constraints import Gauge
+from ..joint.joint import UNIT, recover_jointly
+from ..joint.problem import Expectations, JointProblem
+from ..joint.result import JointRecovery
+from ..predict.prediction import interval_of, least_by_scanning
 
 _NAME = re.compile(
     r"(?P<paint>\S.*?)\s+(?P<coats>\d+(?:\.\d+)?)\s+coats?(?:\s+(?P<square>\S.*))?", re.IGNORECASE
