@@ -139,7 +139,7 @@ def prepare(folder: Path) -> None:
     from benchmarks.paint.tubes import CASES, WHITE, tube, written
     from glazefit import Instrument, Noise
     from glazefit.film.simulate import simulate_paints
-    from glazefit.recover.joint import UNIT
+    from glazefit.recover.joint.joint import UNIT
 
     paints = list(catalogue.load().values())[:12]
     (folder / "films.csv").write_text(

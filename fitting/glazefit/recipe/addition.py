@@ -1,8 +1,8 @@
 """A mixture that was made and read: what to add to it, by weight, so that it comes nearer to a
 colour.
 
-What was read is a paint of its own (`glazefit.recover.mixture.calibrate_mixture`), as strong as it
-came out. Paints are added to it, one or two, and nothing can be taken away.
+What was read is a paint of its own (`glazefit.recover.predict.mixture.calibrate_mixture`), as
+strong as it came out. Paints are added to it, one or two, and nothing can be taken away.
 """
 
 import itertools
@@ -20,11 +20,11 @@ from glazejax.spectra import describe_grid
 from ..film.films import InstrumentLike
 from ..film.model.response import Response, film_response
 from ..film.model.variation import SIZES, Variation
-from ..recover.joint import UNIT
-from ..recover.joint_result import JointRecovery
-from ..recover.mixture import mix, predict_mixture
-from ..recover.prediction import Prediction
-from ..recover.reading_errors import film_readings
+from ..recover.joint.joint import UNIT
+from ..recover.joint.result import JointRecovery
+from ..recover.predict.mixture import mix, predict_mixture
+from ..recover.predict.prediction import Prediction
+from ..recover.predict.reading_errors import film_readings
 from .targets import Target
 
 
@@ -69,7 +69,7 @@ def next_addition(
     """Choose what to add to a mixture that was read, for a film as thick as that one.
 
     Args:
-        calibrated: what `glazefit.recover.mixture.calibrate_mixture` found by the reading.
+        calibrated: what `glazefit.recover.predict.mixture.calibrate_mixture` found by the reading.
         target: colour or spectrum to search for; its colour under the illuminant counts.
         pigments: that may be added.
         batch: grams of the mixture that are there.
