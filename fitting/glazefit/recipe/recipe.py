@@ -9,7 +9,7 @@ slopes. Then it is rounded to what a painter can weigh and measure, and put in o
 """
 
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Unpack, overload
 
@@ -18,8 +18,10 @@ from jaxtyping import Float
 
 from glazejax import Glaze, Layer, Mixture, catalogue, colour
 from glazejax.paint.describe import Coat
+from glazejax.progress import Progress, counted, no_progress
 
 from ..film.model.mixing import Pigments
+from ..film.model.optics import Optics
 from ..film.model.variation import MIXED, Variation
 from ..film.tables import WAVELENGTH, Tabulated, Variables, as_frame
 from .model import read, read_ahead
@@ -206,14 +208,18 @@ def find_recipes(
     return recipe_lists if batch else recipe_lists[0]
 
 
-def recipe_chunks(task: RecipeTask, group: int = 8) -> Iterator[list[list[Recipe]]]:
-    """Recipes for a few targets at a time, so that progress can be shown and an interrupt loses
-    little.
+def recipe_chunks(
+    task: RecipeTask, group: int = 8, progress: Progress = no_progress
+) -> Iterator[list[list[Recipe]]]:
+    """Recipes for a few targets at a time, so that an interrupt loses little.
+
+    `progress` is called with the parts of each stage: blocks of sets of paints, then refinements.
     """
     if not task.glazes:
-        yield from _search(task, group)
+        yield from _search(task, group, progress)
         return
-    for pure, mixed in zip(_search(task, group), _search(task.mixed, group), strict=True):
+    searches = (_search(each, group, progress) for each in (task, task.mixed))
+    for pure, mixed in zip(*searches, strict=True):
         nearest = [min(recipes, key=lambda recipe: recipe.distance) for recipes in mixed]
         yield [
             [replace(recipe, mixed=best) for recipe in recipes]
@@ -221,38 +227,54 @@ def recipe_chunks(task: RecipeTask, group: int = 8) -> Iterator[list[list[Recipe
         ]
 
 
-def _search(task: RecipeTask, group: int) -> Iterator[list[list[Recipe]]]:
+def _search(task: RecipeTask, group: int, progress: Progress) -> Iterator[list[list[Recipe]]]:
     """Recipes for a few targets at a time, of mixed coats or of unmixed ones."""
     # While the first look is compiled and taken, another thread compiles what comes after it.
     read_ahead(task.model, task.max_coats, task.optics)
-    rough = screen(task)
-    for first in range(0, len(task.targets), group):
+    rough = screen(task, progress=progress)
+    firsts = range(0, len(task.targets), group)
+    # Of each group: every refinement, and the rounding.
+    total = len(firsts) * (2 * _growths(task) + 5)
+    note = counted(progress, total, f"refining {'glazes' if task.glazes else 'recipes'}")
+    for first in firsts:
         in_group = (rough.target >= first) & (rough.target < first + group)
-        stacks = _refine(task, rough.take(np.flatnonzero(in_group)))
+        stacks = _refine(task, rough.take(np.flatnonzero(in_group)), note)
         # More than asked for are rounded, because a few lose their colour by it.
         exact = [select(scored, 3 * task.count, task.simplicity) for scored in score(task, stacks)]
         chosen = [
             select(scored, task.count, task.simplicity) for scored in round_recipes(task, exact)
         ]
+        note()
         yield _describe(task, chosen)
 
 
-def _refine(task: RecipeTask, rough: Stacks) -> Stacks:
-    """The best stacks that come of a first look."""
+def _growths(task: RecipeTask) -> int:
+    """Paints and coats that are added, one at a time, to what a first look finds."""
+    extra_paints = 0 if task.glazes else max(0, task.max_paints - MOST_SCREENED)
+    return extra_paints + max(0, task.max_coats - 2)
+
+
+def _refine(task: RecipeTask, rough: Stacks, note: Callable[[], object]) -> Stacks:
+    """The best stacks that come of a first look; `note` is called after each refinement."""
+
+    def improve(stacks: Stacks, optics: Optics | None = None, max_steps: int = 40) -> Stacks:
+        improved = refine(task, stacks, optics, max_steps)
+        note()
+        return improved
+
     # A few steps show which are worth more.
     count = 8
-    stacks = refine(task, refine(task, rough, None, 12).best(count), None)
-    extra_paints = 0 if task.glazes else max(0, task.max_paints - MOST_SCREENED)
-    for number in range(extra_paints + max(0, task.max_coats - 2)):
+    stacks = improve(improve(rough, max_steps=12).best(count))
+    for number in range(_growths(task)):
         # Of unmixed stacks those of one coat less are the only ones to which a coat can be added.
         last = stacks.take(np.flatnonzero(stacks.coats == number + 2)) if task.glazes else stacks
         # A few grow, into very many: most of these are dropped before a refinement.
-        children = refine(task, grown(task, last.best(4)).best(24), None, 12)
-        stacks = Stacks.join([stacks, refine(task, children.best(count), None)])
-    pool = Stacks.join([stacks, refine(task, simplify(task, stacks), None)])
+        children = improve(grown(task, last.best(4)).best(24), max_steps=12)
+        stacks = Stacks.join([stacks, improve(children.best(count))])
+    pool = Stacks.join([stacks, improve(simplify(task, stacks))])
     # What the table puts first, at the best amounts by the solver itself. Unmixed stacks are of
     # more kinds.
-    return refine(task, pool.best(4 if task.glazes else count), task.optics)
+    return improve(pool.best(4 if task.glazes else count), task.optics)
 
 
 def _describe(task: RecipeTask, chosen: list[list[Scored]]) -> list[list[Recipe]]:
