@@ -22,7 +22,6 @@ from ..recover.joint.joint import UNIT
 from ..recover.joint.result import JointRecovery
 from ..recover.predict.mixture import mix, predict_mixture
 from ..recover.predict.prediction import Prediction
-from ..recover.predict.reading_errors import film_readings
 from .model import make_model, read
 from .targets import Target
 

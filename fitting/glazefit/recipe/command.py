@@ -326,10 +326,9 @@ def recipe(
     from .recipe import recipe_chunks
 
     groups, how = progress.collect(
-        recipe_chunks(task),
+        lambda report: recipe_chunks(task, progress=report),
         len(targets),
         "compiling, then looking through all sets of paints",
-        "recipes",
     )
     recipe_lists = [recipes for group in groups for recipes in group]
     seconds = time.perf_counter() - started

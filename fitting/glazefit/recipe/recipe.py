@@ -18,13 +18,14 @@ from jaxtyping import Float
 from glazejax import Glaze, Layer, Mixture, catalogue, colour
 from glazejax.paint.describe import Coat
 from glazejax.paint.media import make_media
+from glazejax.progress import Progress, counted, no_progress
 
 from ..film.model.mixing import Pigments
 from ..film.model.variation import MIXED, Variation
 from ..film.tables import WAVELENGTH, Tabulated, Variables, as_frame
 from .model import read, read_ahead
 from .parts import whole_parts
-from .refine import improve
+from .refine import growths, improve
 from .screen import Stacks, screen
 from .selection import IN_GAMUT, choose
 from .targets import Target, TargetLike, as_targets
@@ -208,14 +209,18 @@ def find_recipes(
     return recipe_lists if batch else recipe_lists[0]
 
 
-def recipe_chunks(task: RecipeTask, group: int = 8) -> Iterator[list[list[Recipe]]]:
-    """Recipes for a few targets at a time, so that progress can be shown and an interrupt loses
-    little.
+def recipe_chunks(
+    task: RecipeTask, group: int = 8, progress: Progress = no_progress
+) -> Iterator[list[list[Recipe]]]:
+    """Recipes for a few targets at a time, so that an interrupt loses little.
+
+    `progress` is called with the parts of each stage: blocks of sets of paints, then refinements.
     """
     if task.mixed is None:
-        yield from _search(task, group)
+        yield from _search(task, group, progress)
         return
-    for pure, mixed in zip(_search(task, group), _search(task.mixed, group), strict=True):
+    searches = (_search(each, group, progress) for each in (task, task.mixed))
+    for pure, mixed in zip(*searches, strict=True):
         nearest = [min(recipes, key=lambda recipe: recipe.distance) for recipes in mixed]
         yield [
             [replace(recipe, mixed=best) for recipe in recipes]
@@ -223,15 +228,20 @@ def recipe_chunks(task: RecipeTask, group: int = 8) -> Iterator[list[list[Recipe
         ]
 
 
-def _search(task: RecipeTask, group: int) -> Iterator[list[list[Recipe]]]:
+def _search(task: RecipeTask, group: int, progress: Progress) -> Iterator[list[list[Recipe]]]:
     """Recipes for a few targets at a time, of mixed coats or of unmixed ones."""
     # While the first look is compiled and taken, another thread compiles what comes after it.
     read_ahead(task.model, task.max_coats, task.optics)
-    rough = screen(task)
-    for first in range(0, len(task.targets), group):
+    rough = screen(task, progress=progress)
+    firsts = range(0, len(task.targets), group)
+    # Of each group: every refinement, and the rounding.
+    total = len(firsts) * (2 * growths(task) + 5)
+    note = counted(progress, total, f"refining {'glazes' if task.glazes else 'recipes'}")
+    for first in firsts:
         in_group = (rough.target >= first) & (rough.target < first + group)
-        stacks = improve(task, rough.take(np.flatnonzero(in_group)))
-        yield _describe(task, choose(task, stacks))
+        chosen = choose(task, improve(task, rough.take(np.flatnonzero(in_group)), note))
+        note()
+        yield _describe(task, chosen)
 
 
 def _describe(task: RecipeTask, chosen: Stacks) -> list[list[Recipe]]:

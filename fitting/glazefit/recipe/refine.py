@@ -10,7 +10,7 @@ that fades away changes nothing any more and keeps no solve from its end.
 """
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -56,22 +56,35 @@ class Amounts(NamedTuple):
         return sizes.reshape(rows, coats, paints)
 
 
-def improve(task: RecipeTask, rough: Stacks) -> Stacks:
-    """The best stacks that come of a first look, at their best amounts by the solver."""
+def growths(task: RecipeTask) -> int:
+    """Paints and coats that are added, one at a time, to what a first look finds."""
+    extra_paints = 0 if task.glazes else max(0, task.max_paints - MOST_SCREENED)
+    return extra_paints + max(0, task.max_coats - 2)
+
+
+def improve(task: RecipeTask, rough: Stacks, note: Callable[[], object]) -> Stacks:
+    """The best stacks that come of a first look, at their best amounts by the solver; `note` is
+    called after each refinement.
+    """
+
+    def refined(stacks: Stacks, optics: Optics | None = None, max_steps: int = 40) -> Stacks:
+        better = refine(task, stacks, optics, max_steps)
+        note()
+        return better
+
     # A few steps show which are worth more.
     count = 8
-    stacks = refine(task, refine(task, rough, None, 12).best(count), None)
-    extra_paints = 0 if task.glazes else max(0, task.max_paints - MOST_SCREENED)
-    for number in range(extra_paints + max(0, task.max_coats - 2)):
+    stacks = refined(refined(rough, max_steps=12).best(count))
+    for number in range(growths(task)):
         # Of unmixed stacks those of one coat less are the only ones to which a coat can be added.
         last = stacks.take(np.flatnonzero(stacks.coats == number + 2)) if task.glazes else stacks
         # A few grow, into very many: most of these are dropped before a refinement.
-        children = refine(task, grown(task, last.best(4)).best(24), None, 12)
-        stacks = Stacks.join([stacks, refine(task, children.best(count), None)])
-    pool = Stacks.join([stacks, refine(task, simplify(task, stacks), None)])
+        children = refined(grown(task, last.best(4)).best(24), max_steps=12)
+        stacks = Stacks.join([stacks, refined(children.best(count))])
+    pool = Stacks.join([stacks, refined(simplify(task, stacks))])
     # What the table puts first, at the best amounts by the solver itself. Unmixed stacks are of
     # more kinds.
-    solved = refine(task, pool.best(4 if task.glazes else count), task.optics)
+    solved = refined(pool.best(4 if task.glazes else count), task.optics)
     readings = read(task.model, solved.sizes, task.optics)
     return score(task, solved, readings.spectrum, readings.lab)
 

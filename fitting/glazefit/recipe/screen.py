@@ -10,7 +10,7 @@ the Lambertian ground that would read the same when bare. One coat lies over one
 import functools
 import itertools
 from collections import Counter
-from collections.abc import Hashable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from typing import Any, NamedTuple
 
 import jax
@@ -19,6 +19,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from glazejax.programs import Program
+from glazejax.progress import Progress, counted, no_progress
 from glazejax.radiative.common.threads import in_threads
 
 from .model import StackModel, internal, lab_of
@@ -119,19 +120,25 @@ class Coats(NamedTuple):
         return Coats(self.paints[rows], self.amounts[rows])
 
 
-def screen(task: RecipeTask, keep: tuple[int, ...] = (3, 24, 40)) -> Stacks:
+def screen(
+    task: RecipeTask, keep: tuple[int, ...] = (3, 24, 40), progress: Progress = no_progress
+) -> Stacks:
     """The best sets of paints of a kind for each target, each at its best point of the grid; of a
     kind, which has so many coats and so many paints, `keep[paints - 1]` are kept.
+
+    `progress` is called after each block of coats.
     """
     count = 1 if task.glazes else min(task.max_paints, MOST_SCREENED)
     coats = {n: coats_of(task.model, n, task.seed) for n in range(1, count + 1)}
     nothing = Coats(np.zeros((1, 3), int), np.zeros((1, 1, 3)))
-    stacks = [_nearest(task, coats[n], nothing, keep[n - 1]) for n in coats]
+    pairs = [(coats[n], nothing, keep[n - 1]) for n in coats]
     for n, m in itertools.product(coats, repeat=2) if task.max_coats > 1 else ():
         # The wide grid of three paints in a coat is for single coats.
         if n + m <= MOST_SCREENED:
-            stacks.append(_nearest(task, coats[n], coats[m], keep[n + m - 1]))
-    return Stacks.join(stacks).best(keep[-1])
+            pairs.append((coats[n], coats[m], keep[n + m - 1]))
+    total = sum(len(_corners(top, bottom)) for top, bottom, _ in pairs)
+    note = counted(progress, total, "looking through all sets of paints")
+    return Stacks.join([_nearest(task, *pair, note) for pair in pairs]).best(keep[-1])
 
 
 def coats_of(model: StackModel, n: int, seed: int) -> Coats:
@@ -163,10 +170,14 @@ def coats_of(model: StackModel, n: int, seed: int) -> Coats:
     )
 
 
-def _nearest(task: RecipeTask, top: Coats, bottom: Coats, keep: int) -> Stacks:
-    """The best sets of some coats over others, for each target."""
+def _nearest(
+    task: RecipeTask, top: Coats, bottom: Coats, keep: int, note: Callable[[], object]
+) -> Stacks:
+    """The best sets of some coats over others, for each target; `note` is called after each
+    block.
+    """
     count = len(task.model.absorption)
-    cost, point = _all_distances(task, top, bottom)
+    cost, point = _all_distances(task, top, bottom, note)
     upper, lower = (
         sizes_of(coats.paints, coats.amounts[:, 0], count) > 0 for coats in (top, bottom)
     )
@@ -209,17 +220,28 @@ def sizes_of(
     return sizes
 
 
+def _block(bottom: Coats) -> tuple[int, int, int]:
+    """Upper and lower coats that are looked at in one program, so that one serves all, and how
+    many of the upper ones side by side.
+    """
+    return (640, 1, 32) if len(bottom.paints) == 1 else (40, 40, 1)
+
+
+def _corners(top: Coats, bottom: Coats) -> list[tuple[int, int]]:
+    """First upper and lower coat of each block."""
+    height, width, _ = _block(bottom)
+    rows = range(0, len(top.paints), height)
+    return list(itertools.product(rows, range(0, len(bottom.paints), width)))
+
+
 def _all_distances(
-    task: RecipeTask, top: Coats, bottom: Coats
+    task: RecipeTask, top: Coats, bottom: Coats, note: Callable[[], object]
 ) -> tuple[Float[np.ndarray, "upper lower targets"], Int[np.ndarray, "upper lower targets"]]:
     """Least cost of each coat over each other coat, and the thicknesses of both where it is."""
     targets = task.target_arrays
     cost = np.empty((len(top.paints), len(bottom.paints), len(targets.spectral)), np.float32)
     point = np.empty(cost.shape, np.int8)
-    single = len(bottom.paints) == 1
-    # A block of as many coats each time, so that one program serves all; coats over nothing are
-    # looked at some at a time.
-    height, width, together = (640, 1, 32) if single else (40, 40, 1)
+    height, width, together = _block(bottom)
 
     def look(corner: tuple[int, int]) -> None:
         rows, columns = (
@@ -230,9 +252,9 @@ def _all_distances(
         # Where a block reaches beyond the last coat, that one is written again.
         at = np.ix_(rows, columns)
         cost[at], point[at] = _distances(task.model, targets, *block, together=together)
+        note()
 
-    rows = range(0, len(cost), height)
-    in_threads(look, list(itertools.product(rows, range(0, cost.shape[1], width))))
+    in_threads(look, _corners(top, bottom))
     return cost, point
 
 

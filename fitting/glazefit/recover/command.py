@@ -285,7 +285,7 @@ def recover(
 
     chunks = recover_chunks(films, **fit_options)
     chunk_recoveries, how = progress.collect(
-        chunks, len(films), "compiling, then recovering", "recovering"
+        lambda _: chunks, len(films), "compiling, then recovering", "recovering"
     )
     recovery = Recovery.join(chunk_recoveries)
     _report(recovery, how, results)
