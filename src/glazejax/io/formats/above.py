@@ -9,7 +9,7 @@ import re
 from itertools import pairwise, takewhile
 from typing import NamedTuple
 
-from ..quantity import MODES, is_no_name, length_unit
+from ..quantity import MODES, is_no_name, length_unit, meaning
 from ..source import Source
 from ..words import is_number, read_number
 
@@ -24,13 +24,16 @@ WAVELENGTH_TITLE = re.compile(
 _UNIT = r"[\[(]?(?:nm)?[\])]?"
 _SPECULAR = "|".join(MODES)
 _BAND = re.compile(
-    rf"(?:(?P<before>{_SPECULAR})|spectral|spec|refl\w*|%?r|%t|abs\w*|k/s)?[\s_.:-]*{_UNIT}[\s_.:-]*"
+    rf"(?:(?P<before>{_SPECULAR})|spec(?:tral)?(?:_pct|_dec)?|refl\w*|%?r%?|%t|abs\w*|k/s)?[\s_.:-]*"
+    rf"{_UNIT}[\s_.:-]*"
     rf"(?P<nm>\d{{3,4}}(?:[.,]\d+)?)\s*{_UNIT}[\s_-]*[\[(]?(?P<after>{_SPECULAR})?[\])]?"
-    r"(?:\s*[\[(]?%[\])]?)?",
+    r"(?:[\s,_]*[\[(]?%[\])]?)?",
     re.IGNORECASE,
 )
 # Rows of numbers below each other that make a table without a header.
 _ROWS = 3
+# A row of numbers, in which decimal commas may outnumber what separates.
+_DECIMAL = re.compile(r"\s*[\d.,]+\s*[;\t]")
 _END_OF_ELEMENT = re.compile(r"</[A-Za-z][\w.:-]*>")
 # A first line of more cells is a header, not a line on the instrument.
 _FEW = 4
@@ -195,7 +198,7 @@ def is_wavelength_title(title: str) -> bool:
 
 def _cells(line: str) -> list[str]:
     """Cells of a line that may be a header, without quotes."""
-    delimiter = delimiter_of(line)
+    delimiter = delimiter_of_numbers(line) if _DECIMAL.match(line) else delimiter_of(line)
     cells = line.split() if delimiter == " " else line.split(delimiter)
     return [cell.strip().strip('"').strip() for cell in cells]
 
@@ -235,22 +238,27 @@ def _may_be_titles(line: str, below: str) -> bool:
     titles = _cells(line)
     if any(map(is_wavelength_title, titles)):
         return True
-    return delimiter_of(line) == delimiter_of(below) and len(titles) == len(_cells(below))
+    same = delimiter_of(line) == delimiter_of_numbers(below)
+    return same and len(titles) == len(_cells(below))
 
 
 def _are_titles(line: str, below: str) -> bool:
-    """Return whether a line holds the titles of a line of units: it leaves out or names wavelengths
-    where that does, or names what each wavelength column begins.
+    """Return whether a line holds the titles of a line of units or numbers: it names wavelengths,
+    or leaves them out where that names them, or names what each wavelength column begins.
     """
     titles, units = _cells(line), _cells(below)
-    grids = [i for i, unit in enumerate(units) if is_wavelength_title(unit)]
-    if not grids or not all(
-        not unit or is_no_name(unit) for i, unit in enumerate(units) if i not in grids
-    ):
+    if not 1 < len(titles) <= len(units) or delimiter_of(line) != delimiter_of(below):
         return False
-    fits = 1 < len(titles) <= len(units) and delimiter_of(line) == delimiter_of(below)
-    first = titles[grids[0]] if grids[0] < len(titles) else ""
-    return fits and (not first or is_wavelength_title(first) or len(grids) > 1)
+    grids = [i for i, unit in enumerate(units) if is_wavelength_title(unit)]
+    others = [unit for i, unit in enumerate(units) if unit and i not in grids]
+    named = next((i for i, title in enumerate(titles) if is_wavelength_title(title)), None)
+    if named is None:
+        begins = len(grids) > 1 or (grids and not "".join(titles[grids[0] : grids[0] + 1]))
+    else:
+        begins = named in grids or not units[named]
+    return bool(begins) and all(
+        is_no_name(unit) or is_number(unit) or any(meaning(unit)[:2]) for unit in others
+    )
 
 
 def _is_value(cell: str) -> bool:

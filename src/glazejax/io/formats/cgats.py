@@ -26,7 +26,7 @@ _SCALES = {"PCT": 100.0, "PERCENT": 100.0, "DEC": 1.0}
 _PAIR = ("SPECTRAL_NM", "SPECTRAL_PCT", "SPECTRAL_DEC")
 _NAMES = ("SAMPLE_NAME", "SAMPLENAME", "NAME", "SAMPLE_LOC", "SAMPLE_ID", "SAMPLEID", "STRING")
 # Keywords that say what was measured.
-_SAYING = ("MEAS_TYPE", "MEASUREMENT_TYPE", "DEVICE_CLASS", "DISPLAY")
+_SAYING = re.compile(r"MEAS\w*_(TYPE|MODE)|DEVICE_CLASS|DISPLAY\w*|LUMINANCE\w*")
 
 
 @dataclass
@@ -83,7 +83,7 @@ def read_cgats(source: Source) -> RawSpectra:
     titles = [title.upper() for title in sheet.fields]
     name_at = next((titles.index(name) for name in _NAMES if name in titles), None)
     others = [at for at in range(len(titles)) if at not in bands and at != name_at]
-    said = [f'{title} "{sheet.keywords[title]}"' for title in _SAYING if title in sheet.keywords]
+    said = [f'{title} "{word}"' for title, word in sheet.keywords.items() if _SAYING.match(title)]
     return RawSpectra(
         wavelengths=np.array(list(bands.values())),
         names=[

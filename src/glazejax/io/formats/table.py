@@ -17,7 +17,7 @@ from jaxtyping import Float
 
 from ...spectra import describe_grid, validate_wavelengths
 from ..finish import DETECTED, SPECTROMETER, RawSpectra, detectors_overlap, different
-from ..quantity import MODES, READINGS, REFLECTANCE, is_no_name, length_unit, meaning
+from ..quantity import MODES, READING, REFLECTANCE, is_no_name, length_unit, meaning
 from ..source import Source, naming, shorten
 from ..spectra_table import Bands, Rows
 from ..words import is_number, read_number, unshield_name
@@ -38,7 +38,8 @@ _VALUE_TITLE = re.compile(r"^(reflectance|refl\b|r\b|%r\b|value|intensity)", re.
 _NAME_TITLE = re.compile(r"^(name|sample|id\b|paint|pigment|patch|label|spectrum)", re.IGNORECASE)
 # Lines above a table, or comments, that say what its values are.
 _KEYWORD = re.compile(
-    r"\W*(?:y\W*(?:units?|axis)|(?:data|photometric|measurement|meas)\W*(?:units?|mode|type)|"
+    r"\W*(?:[xy]\W*(?:units?|axis)|(?:data|photometric|measurement|meas|processing|spectrum)\W*"
+    r"(?:units?|mode|type)|"
     r"measurement|quantity|units?)[\s:=,;\"]+(.+)",
     re.IGNORECASE,
 )
@@ -113,10 +114,9 @@ class _Cells:
 
     def number(self, cell: str) -> float | None:
         """Number in a cell, or None; NaN and infinity count as none here."""
-        if self.delimiter != ",":
-            cell = cell.replace(",", ".")
+        # Where commas separate, one in a cell stood in quotes.
         try:
-            value = read_number(cell)
+            value = read_number(cell.replace(",", ".").strip())
         except ValueError:
             return None
         return value if math.isfinite(value) else None
@@ -199,8 +199,10 @@ def read_table(source: Source) -> RawSpectra:
     elif _is_wide(cells, row):
         names, wavelengths, values = _read_wide(cells, attributes)
         layout = "a sample a row"
-        ends = (cells.header[-1], cells.header[0])
-        title = next((title for title in ends if any(meaning(title)[:2])), "")
+        # R400% without its wavelength; or a column such as Unit.
+        said = [re.sub(r"\d{3,4}(nm)?", " ", cells.header[-1]), cells.header[0]]
+        said += [_stated(f"{title}: {column[0]}") for title, column in attributes.items()]
+        title = next((title for title in said if any(meaning(title)[:2])), "")
         unit = length_unit(cells.header[0]) or "nm" * ("nm" in cells.header[-1].lower())
     else:
         grids, columns = _choose_columns(cells)
@@ -283,7 +285,14 @@ def _open_table(source: Source) -> _Cells:
         for row in rows[:-1]
     ]
     cells.titles.extend(rows if titles else [])
-    cells.header.extend(" ".join(filter(None, column)) for column in zip(*rows, strict=True))
+    # In brackets, as 'black' and '%' say no unit together, and 'spot 1' and '%R' say 1 %.
+    units = [
+        [f"[{cell.strip('[]')}]" if any(meaning(cell)[:2]) else cell for cell in row]
+        for row in rows[1:]
+    ]
+    cells.header.extend(
+        " ".join(filter(None, column)) for column in zip(rows[0], *units, strict=True)
+    )
     return cells
 
 
@@ -399,11 +408,11 @@ def _choose_columns(cells: _Cells) -> tuple[list[int], list[int]]:
         raise cells.source.error(wrong, cells.header_line or None)
     grid = next(iter([*titled, *runs]), 0)
     named = {*titled}
-    further = [i for i in runs if i > grid and (i in named or numbers[i] == numbers[grid])]
-    right = (i for i in range(grid + 1, width) if not numbers or numbers[i])
+    right = [i for i in range(grid + 1, width) if not numbers or numbers[i]]
+    further = [i for i in right if i in named or (i in runs and numbers[i] == numbers[grid])]
     columns = sorted({*right}.difference(further))
     if not columns:
-        raise cells.error(cells.header_line, "no column of numbers beside the wavelengths")
+        raise cells.error(cells.header_line, "no column of numbers but the wavelengths")
     grids = [grid, *further]
     if left := sorted({*range(width)}.difference(grids, columns)):
         last = cells.titles[-1] if cells.titles else cells.header
@@ -422,7 +431,7 @@ def _reflectances(cells: _Cells, columns: list[int]) -> tuple[list[int], str]:
     if set(words) >= set(_LETTERS):
         words = [_LETTERS.get(word, word) for word in words]
     said = {i: meaning(cells.header[i]).quantity for i in columns}
-    readings = [i for i in columns if words[i] in READINGS]
+    readings = [i for i in columns if READING.fullmatch(words[i]) and said[i] != REFLECTANCE]
     computed = [i for i in columns if words[i] == "processed"]
     if cells.declared:
         return columns, ""
@@ -473,7 +482,9 @@ def _column_names(cells: _Cells, columns: list[int]) -> list[str]:
         name = name or cells.header[i]
         if name or not names:
             _check_name(cells, cells.header_line, name, lines)
-            lines[name] = cells.header_line
+            # One title may stand above several columns.
+            if len(cells.titles) == 1:
+                lines[name] = cells.header_line
         names.append(unshield_name(name) or names[-1])
     return different(names, notes)
 
@@ -483,9 +494,9 @@ def _check_grid(cells: _Cells, grid: Bands) -> Bands:
     that overlap.
     """
     with naming(cells.source.path):
-        # Those in micrometres are recognised by their unit, or later.
-        if grid.size and 0.1 <= grid.min() <= grid.max() < 100:
-            validate_wavelengths(np.sort(1e3 * grid))
+        # Those in micrometres or metres are recognised by their unit, or later.
+        if grid.size and 0 < grid.min() <= grid.max() < 100:
+            validate_wavelengths(np.sort(grid * (1e9 if grid.max() < 1e-4 else 1e3)))
             return grid
         if np.all(np.diff(grid) < 0):
             return validate_wavelengths(grid[::-1])[::-1]
@@ -501,7 +512,7 @@ def _value(cells: _Cells, line: int, name: str, column: str, cell: str) -> float
         problem = (
             "the cell is empty; fill it, or leave its wavelength or sample out"
             if not cell
-            else f"{cell!r} is not a finite number"
+            else f"{cell!r} is not a finite number; write one, or leave out its sample"
         )
         raise cells.error(line, f"sample {name!r}, column {column!r}: {problem}")
     if cell.endswith("%"):
