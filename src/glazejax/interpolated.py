@@ -121,6 +121,7 @@ class Interpolated(eqx.Module):
         columns = [
             as_float_array(parameters[name]).astype(self.coefficients.dtype) for name in self.names
         ]
+        # In the coefficients' type, so that a table of single precision computes in it.
         batch = jnp.broadcast_shapes(*(column.shape for column in columns))
         flat = tuple(jnp.broadcast_to(column, batch).reshape(-1) for column in columns)
         values_flat = on_all_cores(
@@ -269,6 +270,7 @@ def _interpolate(axes: tuple, coefficients: Array, columns: tuple[Array, ...]) -
 def _interpolate_jvp(axes: tuple, primals, tangents):
     """Slopes come with the values, piece by piece: nothing else is kept for a reverse pass."""
     (coefficients, columns), (d_coefficients, d_columns) = primals, tangents
+    # Slopes only by the parameters that change.
     changing = [k for k, change in enumerate(d_columns) if not isinstance(change, SymbolicZero)]
 
     def with_slopes(*points: Array) -> tuple[Array, ...]:

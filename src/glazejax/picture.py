@@ -265,6 +265,7 @@ def _directions(
         raise ValueError(
             "a picture has one angle of incidence and one of viewing, not an array of them"
         )
+    # The outer surface's own reflection is seen in the mirror direction only.
     specular = geometry.specular and bool(mirror)
     surface = (
         np.asarray(dielectric_reflectance(float(incidence), index)) if specular else np.zeros(())

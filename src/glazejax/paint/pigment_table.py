@@ -146,6 +146,7 @@ def _modes(columns: _Columns) -> np.ndarray | None:
 def _pigment(source: Source, name: str, columns: _Columns, provenance: str) -> Pigment:
     def find_column(title: str) -> list[float] | None:
         values = columns.get(title, [])
+        # A standard deviation that is missing or infinite in one band is left out for all.
         return values if values and all(abs(value) < 1e30 for value in values) else None
 
     try:

@@ -337,7 +337,7 @@ def _solve_on_mesh(film: _ProfileFilm, arguments: dict[str, Any], tolerance: flo
     deeper = int(np.ceil(np.log2(min(max(thickest / 40.0, 1.0), 1e6))))
     mesh = mesh._replace(graded=mesh.graded + deeper)
 
-    table = rules(mesh.nodes, mesh.points)
+    table = rules(mesh.nodes, mesh.points, dtype)
 
     def reflectance(halvings: int) -> Array:
         panels = _film_panels(film, mesh, halvings)
@@ -396,7 +396,7 @@ def _film_panels(film: _ProfileFilm, mesh: PanelMesh, halvings: int) -> Panels:
     pieces = 2**halvings
     inner = np.linspace(edges[:-1], edges[1:], pieces, endpoint=False).T.ravel()
     edges = np.r_[inner, 1.0]
-    table = rules(mesh.nodes, mesh.points)
+    table = rules(mesh.nodes, mesh.points, film.thickness.dtype)
     start = edges[:-1]
     span = np.diff(edges)
     x, w = gauss(10)

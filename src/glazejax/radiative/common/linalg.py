@@ -61,6 +61,7 @@ def inverse_positive(a: Float[Array, "*batch n n"]) -> Float[Array, "*batch n n"
         second = jnp.stack([-a[..., 1, 0], a[..., 0, 0]], axis=-1)
         return jnp.stack([first, second], axis=-2) / determinant[..., None, None]
     half = n // 2
+    # With the blocks A, B, C: A^-1, A^-1 B, and the inverse of Schur's complement C - B^T A^-1 B.
     corner = inverse_positive(a[..., :half, :half])
     across = product(corner, a[..., :half, half:])
     complement = inverse_positive(a[..., half:, half:] - product(a[..., half:, :half], across))

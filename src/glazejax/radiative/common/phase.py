@@ -227,4 +227,5 @@ def _terms(cosines: dict[str, Numbers], terms: int | None) -> int:
         return terms
     if largest == 0.0:
         return 1
+    # Moments g^l are negligible from this degree on.
     return min(_MOST_TERMS, 1 + int(np.ceil(np.log(_NEGLIGIBLE) / np.log(largest))))

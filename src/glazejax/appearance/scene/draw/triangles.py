@@ -88,6 +88,7 @@ class TriangleCaster:
             [0 * triangles.edge1, triangles.edge1, triangles.edge2], axis=1
         )
         points = corners.reshape(-1, 3)
+        # About their middle, where single precision has most of its digits.
         self._middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
         points = points - self._middle
         self._radius = 1.001 * float(np.linalg.norm(points, axis=1).max())

@@ -100,6 +100,7 @@ def write_ply(path: Path, mesh: Mesh) -> dict[str, Any]:
     if mesh.uv is not None:
         columns += zip(("u", "v"), np.asarray(mesh.uv, float).T, strict=True)
     names = [name for name, _ in columns]
+    # Mitsuba keeps meshes in single precision.
     vertices = np.empty(len(mesh.vertices), [(name, "<f4") for name in names])
     for name, values in columns:
         vertices[name] = values
