@@ -250,7 +250,9 @@ def pose_each_band(
         optics=Optics.of(instrument),
     )
     no_paint = np.zeros((len(readings["reading"]), 1, 0))
-    columns = {name: np.asarray(values)[:, None] for name, values in readings.items()}
+    columns: dict[str, Any] = {
+        name: np.asarray(values)[:, None] for name, values in readings.items()
+    }
     shared = FilmShared(
         response=film_response(instrument),
         surface=np.array(surface),

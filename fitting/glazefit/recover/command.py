@@ -230,26 +230,25 @@ def recover(
     from ..film.readers import readable_names
 
     console = Console()
-    stated_noise = None
-    if noise is not None or noise_share is not None:
-        usual = Noise()
-        stated_noise = Noise(
-            usual.floor if noise is None else noise,
-            usual.share if noise_share is None else noise_share,
-        )
+    stated_noise = {
+        name: value
+        for name, value in (("floor", noise), ("share", noise_share))
+        if value is not None
+    }
+    usual_noise = Noise(**stated_noise)
     fit_options: dict[str, Any] = {"instrument": Instrument(seen_by, refractive_index)}
     results = Destination(
         out=folder, thickness=metres, plots=plots, overwrite=overwrite, console=console
     )
     if simulate:
-        fit_options["noise"] = stated_noise or Noise()
+        fit_options["noise"] = usual_noise
         films = _simulate(
             samples, metres, fit_options=fit_options, seed=seed, shelf=shelf, console=console
         )
     else:
         assert file is not None
         films = _films(file, samples, stated, console)
-        fit_options["noise"] = stated_noise or _noise(films, console)
+        fit_options["noise"] = usual_noise if stated_noise else _noise(films, console)
         from .command_coats import are_coats, recover_from_coats
 
         if are_coats(films, measured):

@@ -155,14 +155,15 @@ def known_paints(
     in_file = dict(file.paints) if file is not None else {}
     pure = {p for recipe in recipes.values() if len(recipe) == 1 for p in recipe}
     references = {p: in_file[p] for p in paints if p in in_file}
+    chosen = ""
     if white:
         paint = _white(white, in_file, catalogue)
-        if paint.name not in paints:
+        chosen = paint.name
+        if chosen not in paints:
             raise ValueError(
-                f"--white {white}: no film holds {paint.name}; the films are of {', '.join(paints)}"
+                f"--white {white}: no film holds {chosen}; the films are of {', '.join(paints)}"
             )
-        references[paint.name] = paint
-    chosen = _white(white, in_file, catalogue).name if white else ""
+        references[chosen] = paint
     if overwrite:
         references = {p: paint for p, paint in references.items() if p not in pure or p == chosen}
     if paints and len(references) == len(paints):

@@ -125,6 +125,7 @@ def solve(film: Film, data: FilmData, shared: FilmShared, prior: ScatteringPrior
     The covariance is the inverse of the Fisher information, J^T W J, plus a vague prior: a value is
     known to 1 + 5 times itself, so that what the data leave open comes out large, not infinite.
     """
+    assert shared.response is not None
     scaled = ScaledReadings(film)
     start = jax.vmap(starts, in_axes=(0, None, 0))(data, shared.response, prior)
 

@@ -140,24 +140,25 @@ def gather_constraints(
     thickness, thickness_sd, factor = _thicknesses(
         films, gauge, unit, expected.thickness, expected.scale if flags.any() else 0.0
     )
-    mode_groups = (band_modes, _card_levels(films), factor, _gains(films, expected.gain))
-    ends = np.cumsum([0, *map(len, mode_groups)])
-
-    def among_others(number: int) -> np.ndarray:
-        """A part's modes, where they stand among the others."""
-        modes = np.zeros((ends[-1], *mode_groups[number].shape[1:]))
-        modes[ends[number] : ends[number + 1]] = mode_groups[number]
-        return modes
-
+    mode_groups = {
+        "band_modes": band_modes,
+        "ground_modes": _card_levels(films),
+        "thickness_modes": factor,
+        "gain_modes": _gains(films, expected.gain),
+    }
+    first = 0
+    count_of_others = sum(map(len, mode_groups.values()))
+    # Each group where it stands among the others.
+    for name, modes in mode_groups.items():
+        mode_groups[name] = np.zeros((count_of_others, *modes.shape[1:]))
+        mode_groups[name][first : first + len(modes)] = modes
+        first += len(modes)
     return Constraints(
         logs=logs,
         known=flags,
         thickness=thickness,
         thickness_sd=thickness_sd,
-        band_modes=among_others(0),
-        ground_modes=among_others(1),
-        thickness_modes=among_others(2),
-        gain_modes=among_others(3),
+        **mode_groups,
         modes_of=modes_of,
     )
 

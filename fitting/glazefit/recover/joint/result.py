@@ -167,6 +167,15 @@ class JointRecovery(FittedFilms):
             * np.sqrt(np.diagonal(self.shared_covariance))[: films * per_film : per_film]
         )
 
+    def depth(
+        self, films: Float[np.ndarray, "*draws films 2+parts"]
+    ) -> Float[np.ndarray | np.floating, "*draws"]:
+        """Mean over the films that do not hide their ground of the log of thickness, by unknowns of
+        the films; 0 where all hide it.
+        """
+        through = ~self.films.opaque
+        return films[..., through, 0].mean(axis=-1) if through.any() else np.zeros(films.shape[:-2])
+
     @property
     def gloss(self) -> Float[np.ndarray, "films"]:
         """Share of the smooth surface's reflection that each film shows."""

@@ -157,11 +157,12 @@ def predict_mixture(
     else:
         grid = calibrated.wavelengths
         k, s = calibrated.absorption[0] / UNIT, calibrated.scattering[0] / UNIT
-        off = {"paint": drawn_mixture(calibrated)}
+        # It is that mixing, and errors of its paints are errors of it.
+        drawn = drawn_mixture(calibrated)
+        off = {"scale": np.zeros_like(drawn), "paint": drawn, "film": np.zeros_like(drawn)}
         gloss = float(calibrated.gloss[0])
         errors = ReadingErrors.of(calibrated, response, (spread or Spread()).alike)
     # Film by film: the mean reading, and the deviations of each draw from it.
-    empty = np.zeros((len(next(iter(off.values()))), 2, grid.size))
     grounds = (
         usual_cards(grid)
         if ground is None
@@ -177,7 +178,7 @@ def predict_mixture(
         mean = film_readings(
             response, k * metres, s * metres, np.zeros((1, 2, grid.size)), grounds
         )[0]
-        drawn = {
+        deviations = {
             source: film_readings(response, k * metres, s * metres, o, grounds) - mean
             for source, o in off.items()
         }
@@ -185,8 +186,7 @@ def predict_mixture(
         if errors is not None:
             shift, extra = errors.at(metres / UNIT, read)
             read = read + shift
-            drawn["paint"] = drawn["paint"] + extra
-        deviations = {source: drawn.get(source, empty) for source in ("scale", "paint", "film")}
+            deviations["paint"] += extra
         over_black, over_white = read
         out.append(
             Prediction(
@@ -299,9 +299,7 @@ def drawn_mixture(calibrated: JointRecovery) -> Float[np.ndarray, "draws 2 bands
     A stronger mixture goes with a thinner film: their product is known better than either.
     """
     bands = calibrated.draws.bands - calibrated.unknowns.bands
-    films = calibrated.draws.films - calibrated.unknowns.films
-    through = ~calibrated.films.opaque
-    depth = films[:, through, 0].mean(axis=1) if through.any() else np.zeros(len(films))
+    depth = calibrated.depth(calibrated.draws.films - calibrated.unknowns.films)
     return np.swapaxes(bands, 1, 2) + depth[:, None, None]
 
 

@@ -8,7 +8,6 @@ paint.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -135,8 +134,8 @@ class Prediction(Tabulated):
         self, illuminant: str = "D65", observer: str | int = 10, parts: tuple[str, ...] = PARTS
     ) -> Float[np.ndarray, "2"]:
         """The same over the black and over the white card."""
-        over_cards = np.moveaxis(self._draw(parts), 1, 0)
-        return self.delta_e(*over_cards, illuminant, observer).mean(axis=0)
+        over_black, over_white = np.moveaxis(self._draw(parts), 1, 0)
+        return self.delta_e(over_black, over_white, illuminant, observer).mean(axis=0)
 
     def between_mixings(self, illuminant: str = "D65", observer: str | int = 10) -> float:
         """Mean CIEDE2000 between two films of the recipe, over both cards, by the films' own
@@ -221,45 +220,48 @@ def predict_films(
     response = response or film_response(instrument)
     card_data = card_readings(films, instrument, noise)
     # Errors of the paints as the recovery has them: their level over the bands, and their shape.
-    best = np.asarray(recovery.unknowns.paints)[None]
-    drawn = np.asarray(recovery.draws.paints)
     off = np.asarray(recovery.draws.bands - recovery.unknowns.bands)
-    scale_off = np.broadcast_to(off.mean(axis=1, keepdims=True), off.shape)
+    count = len(off)
+    level = np.broadcast_to(off.mean(axis=1, keepdims=True), off.shape)
     # The same draws for every film, so that films compare.
     rng = np.random.default_rng(0)
-    count = len(off)
-    film_draws = draw_coefficient_errors(rng, (count, 2 * paints), films.wavelengths, discrepancy)
+    varied = draw_coefficient_errors(rng, (count, 2 * paints), films.wavelengths, discrepancy)
     model = draw_model_errors(rng, count, 2, films.wavelengths, discrepancy)
+    # The film as it is expected, then draws of the errors of each of `PARTS`.
+    errors = np.concatenate([np.zeros_like(off[:1]), level, off - level, np.swapaxes(varied, 1, 2)])
+    ends = 1 + count * np.arange(len(PARTS))
+    coefficients = np.exp(recovery.unknowns.bands + errors)
+    log_gloss = np.tile(recovery.unknowns.paints, (len(errors), 1))
+    log_gloss[ends[1] : ends[2]] = recovery.draws.paints
     out = []
     for row, name in enumerate(films.names):
         measured = np.asarray(card_data.reflectance[row])
         share = _shares(recovery, name, recipes)
-        film = _MeasuredFilm(
-            share,
+        gloss = np.exp(log_gloss @ share)
+        surface = (gloss * instrument.seen_surface)[:, None, None]
+        logs, body = _fit_thickness(
+            coefficients[..., :paints] @ share,
+            coefficients[..., paints:] @ share,
             np.asarray(card_data.ground[row]),
-            measured,
+            measured - surface,
             model_deviation(measured, noise, recovery.expectations),
+            recovery.expectations.thickness,
+            response=response,
         )
-        thickness, surface, (mean,) = _spectra(recovery, response, film, np.zeros((1, 1, 1)), best)
-        drawn_spectra = {
-            "scale": _spectra(recovery, response, film, scale_off, best)[2],
-            "paint": _spectra(recovery, response, film, off - scale_off, drawn)[2],
-            "film": _spectra(recovery, response, film, np.swapaxes(film_draws, 1, 2), best)[2]
-            + model,
-        }
-        gloss = float(surface[0] / instrument.seen_surface) if instrument.seen_surface else 0.0
+        (mean,), *drawn = np.split(np.moveaxis(np.asarray(body), -1, 1) + surface, ends)
+        deviations = {source: spectra - mean for source, spectra in zip(PARTS, drawn, strict=True)}
+        deviations["film"] += model
         present = tuple(
             paint
             for paint, paint_share in zip(recovery.paints, share, strict=True)
             if paint_share > 0
         )
-        deviations = {source: spectra - mean for source, spectra in drawn_spectra.items()}
         out.append(
             Prediction(
                 name=name,
                 wavelengths=films.wavelengths,
-                thickness=float(thickness[0]),
-                gloss=gloss,
+                thickness=float(np.exp(logs[0])),
+                gloss=float(gloss[0]) if instrument.seen_surface else 0.0,
                 over_black=mean[0],
                 over_white=mean[1],
                 paints=present,
@@ -268,15 +270,6 @@ def predict_films(
             )
         )
     return out
-
-
-class _MeasuredFilm(NamedTuple):
-    """One film."""
-
-    share: Float[np.ndarray, "paints"]
-    ground: Float[np.ndarray, "bands 2"]  # internal reflectance
-    measured: Float[np.ndarray, "bands 2"]
-    deviation: Float[np.ndarray, "bands 2"]  # expected of a reading
 
 
 def _shares(
@@ -290,34 +283,6 @@ def _shares(
     for paint, weight in recipes[name].items():
         weights[0, recovery.row(paint)] = weight
     return recovery.law.shares(weights, recovery.paints)[0]
-
-
-def _spectra(
-    recovery: JointRecovery,
-    response: Response,
-    film: _MeasuredFilm,
-    off: Float[np.ndarray, "draws #bands #coefficients"],
-    gloss: Float[np.ndarray, "#draws paints"],
-) -> tuple[
-    Float[np.ndarray, "draws"], Float[np.ndarray, "#draws"], Float[np.ndarray, "draws 2 bands"]
-]:
-    """Thickness, reflection of the surface, and reflectance over both cards, for each draw of what
-    is added to the logs of k and s, and of the log of the paints' gloss.
-    """
-    surface = np.exp(gloss @ film.share) * recovery.instrument.seen_surface
-    coefficients = np.exp(recovery.unknowns.bands + off)
-    paints = film.share.size
-    target = film.measured - surface[:, None, None]
-    logs, body = _fit_thickness(
-        coefficients[..., :paints] @ film.share,
-        coefficients[..., paints:] @ film.share,
-        film.ground,
-        np.broadcast_to(target, (len(off), *film.measured.shape)),
-        film.deviation,
-        recovery.expectations.thickness,
-        response=response,
-    )
-    return np.exp(logs), surface, np.moveaxis(np.asarray(body), -1, 1) + surface[:, None, None]
 
 
 def least_by_scanning(
