@@ -12,7 +12,7 @@ from glazefit.recipe.model import read
 from glazefit.recipe.parts import whole_parts
 from glazefit.recipe.refine import pack_coats, start
 from glazefit.recipe.report import describe_coat, print_best, print_recipes, write_json
-from glazefit.recipe.screen import Stacks, coats_of, screen, sizes_of
+from glazefit.recipe.screen import Stacks, coats_of, screen, spread
 from glazefit.recipe.selection import by_effort, roundings, select
 from glazefit.recipe.targets import colourchecker_targets, lab_target, spectral_target, srgb_target
 from glazefit.recipe.task import RecipeTask, make_task
@@ -212,7 +212,7 @@ def test_the_grid_has_every_set_within_the_bounds(task):
     for n, count in ((1, 5 * 2), (2, 10 * 7), (3, 10 * 20)):
         coats = coats_of(task.model, n, 0)
         assert len(coats.paints) == count
-        assert ((sizes_of(coats.paints, coats.amounts[:, 0], 5) > 0).sum(axis=1) == n).all()
+        assert (spread(coats.paints, coats.amounts[:, 0] > 0, 5).sum(axis=1) == n).all()
         thickness = coats.amounts.sum(axis=2)
         assert thickness.min() == pytest.approx(1.0)
         assert thickness.max() == pytest.approx(50.0)

@@ -303,23 +303,25 @@ def recipe(
             console=Console(highlight=False),
         )
         return
-    task = make_task(
-        targets,
-        paints,
-        ground=base.on(paints[0].wavelengths),
-        instrument=seen_by,
-        refractive_index=refractive_index,
-        illuminants=lights,
-        test_illuminant=test_illuminant,
-        observer=observer,
-        max_paints=max_paints,
-        max_coats=max_coats,
-        glazes=glazes,
-        thickness=bounds,
-        count=count,
-        metamerism=metamerism,
-        seed=seed,
-    )
+    # Films of an instrument that has no table yet are solved: some seconds.
+    with progress.doing("solving films"):
+        task = make_task(
+            targets,
+            paints,
+            ground=base.on(paints[0].wavelengths),
+            instrument=seen_by,
+            refractive_index=refractive_index,
+            illuminants=lights,
+            test_illuminant=test_illuminant,
+            observer=observer,
+            max_paints=max_paints,
+            max_coats=max_coats,
+            glazes=glazes,
+            thickness=bounds,
+            count=count,
+            metamerism=metamerism,
+            seed=seed,
+        )
     console = Console(highlight=False)
     for file, file_notes in ((spectrum, notes), ("--ground", base.notes)):
         progress.print_notes(console, str(file), file_notes)

@@ -24,7 +24,7 @@ from ..film.model.mixing import Pigments
 from ..film.model.variation import MIXED, Variation
 from ..film.tables import WAVELENGTH, Tabulated, Variables, as_frame
 from .model import read, read_ahead
-from .parts import whole_parts
+from .parts import parts_by_paint
 from .refine import growths, improve
 from .screen import Stacks, screen
 from .selection import IN_GAMUT, choose
@@ -124,9 +124,9 @@ class Recipe(Tabulated):
         """`PAINT_COLUMNS` of each paint in each coat, top first."""
         coats = zip(self.coats, self.sensitivity, strict=True)
         for number, (coat, change) in enumerate(coats, 1):
-            proportions = whole_parts([share for share, _ in coat.parts])
-            for (share, paint), proportion in zip(coat.parts, proportions, strict=True):
-                yield number, coat.thickness * 1e6, paint, share, proportion, change
+            parts = parts_by_paint(coat)
+            for share, paint in coat.parts:
+                yield number, coat.thickness * 1e6, paint, share, parts[paint], change
 
     def to_dataframe(self) -> Any:
         """A pandas.DataFrame with a row for each paint in each coat, top first; thickness in

@@ -288,7 +288,7 @@ def grown(task: RecipeTask, parents: Stacks) -> Stacks:
     target = np.repeat(parents.target, [len(offspring) for offspring in children])
     if target.size == 0:
         return parents.take(target)
-    sizes = pack_coats(np.stack(list(itertools.chain.from_iterable(children))))
+    sizes = np.stack(list(itertools.chain.from_iterable(children)))
     readings = read(task.model, sizes, None)
     stacks = Stacks.before_refinement(sizes, target, np.zeros(len(target)))
     return score(task, stacks, readings.spectrum, readings.lab)
@@ -319,10 +319,6 @@ def enlargements(
             coat[paint] = np.exp(task.model.span @ [1.0 - fraction, fraction])
             for at in positions:
                 # The same paint twice in a row would be one thicker coat.
-                if not any(_only(near, paint) for near in stack[max(at - 1, 0) : at + 1]):
+                near = stack[max(at - 1, 0) : at + 1]
+                if not ((near > 0) == (coat > 0)).all(axis=1).any():
                     yield np.concatenate([stack[:at], coat[None], stack[at:-1]])
-
-
-def _only(coat: Float[np.ndarray, "paints"], paint: int) -> bool:
-    """True if a coat is of this paint and of no other."""
-    return bool(coat[paint] > 0 and (coat > 0).sum() == 1)

@@ -15,7 +15,7 @@ from glazejax.paint.describe import Coat
 from glazejax.plots import hex_colour
 from glazejax.report import leave_out, plain_table, swatch
 
-from .parts import describe_parts, whole_parts
+from .parts import describe_parts, parts_by_paint
 from .recipe import PAINT_COLUMNS, Recipe
 from .selection import IN_GAMUT
 from .targets import Target
@@ -302,13 +302,7 @@ def _plain(recipe: Recipe) -> dict:
             {
                 "thickness_um": round(coat.thickness * 1e6, 6),
                 "paints": {name: share for share, name in coat.parts},
-                "parts": dict(
-                    zip(
-                        (name for _, name in coat.parts),
-                        whole_parts([share for share, _ in coat.parts]),
-                        strict=True,
-                    )
-                ),
+                "parts": parts_by_paint(coat),
                 "delta_e_per_10_percent": change,
             }
             for coat, change in zip(recipe.coats, recipe.sensitivity, strict=True)

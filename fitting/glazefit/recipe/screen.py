@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float, Int, Shaped
 
 from glazejax.programs import Program
 from glazejax.progress import Progress, counted, no_progress
@@ -178,9 +178,7 @@ def _nearest(
     """
     count = len(task.model.absorption)
     cost, point = _all_distances(task, top, bottom, note)
-    upper, lower = (
-        sizes_of(coats.paints, coats.amounts[:, 0], count) > 0 for coats in (top, bottom)
-    )
+    upper, lower = (spread(coats.paints, coats.amounts[:, 0] > 0, count) for coats in (top, bottom))
     # Not the same paint over itself, and no more paints than allowed.
     sensible = ((upper[:, None] | lower).sum(axis=2) <= task.max_paints) & (
         upper[:, None] != lower
@@ -202,8 +200,8 @@ def _nearest(
         rows, columns = np.divmod(once, len(lower))
         points = np.divmod(point[rows, columns, target], bottom.amounts.shape[1])
         sizes = np.zeros((len(once), max(2, task.max_coats), count))
-        sizes[:, 0] = sizes_of(top.paints[rows], top.amounts[rows, points[0]], count)
-        sizes[:, 1] = sizes_of(bottom.paints[columns], bottom.amounts[columns, points[1]], count)
+        sizes[:, 0] = spread(top.paints[rows], top.amounts[rows, points[0]], count)
+        sizes[:, 1] = spread(bottom.paints[columns], bottom.amounts[columns, points[1]], count)
         numbers = np.full(len(once), target)
         stacks.append(
             Stacks.before_refinement(sizes[:, : task.max_coats], numbers, flat[once, target])
@@ -211,13 +209,13 @@ def _nearest(
     return Stacks.join(stacks)
 
 
-def sizes_of(
-    paints: Int[np.ndarray, "n 3"], amounts: Float[np.ndarray, "n 3"], count: int
-) -> Float[np.ndarray, "n paints"]:
-    """What each of all paints takes of coats, um."""
-    sizes = np.zeros((len(paints), count))
-    np.add.at(sizes, (np.arange(len(paints))[:, None], paints), amounts)
-    return sizes
+def spread(
+    paints: Int[np.ndarray, "n 3"], amounts: np.ndarray, count: int
+) -> Shaped[np.ndarray, "n paints"]:
+    """Amounts, (n, 3), as columns of all paints: sums, or of booleans whether any is true."""
+    columns = np.zeros((len(paints), count), amounts.dtype)
+    np.add.at(columns, (np.arange(len(paints))[:, None], paints), amounts)
+    return columns
 
 
 def _block(bottom: Coats) -> tuple[int, int, int]:

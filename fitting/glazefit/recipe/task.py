@@ -125,11 +125,9 @@ def make_task(
         )
     # The mirror reflection is out of view, as a painter looks at a picture.
     seen_by = resolve_instrument(instrument or Bidirectional(45, 0), float(refractive_index))
-    names = (
-        tuple(dict.fromkeys(map(colour.find_illuminant, illuminants)))
-        if illuminants
-        else _stated_illuminants(targets)
-    )
+    # Those that the colours are given under; D65 if all targets are spectra.
+    lights = illuminants or [name for target in targets for name in target.labs] or ["D65"]
+    names = tuple(dict.fromkeys(map(colour.find_illuminant, lights)))
     full_observer = colour.find_observer(observer)
     paints, base = _on_one_grid(_list_pigments(pigments), ground, targets)
     grid = paints[0].wavelengths
@@ -157,12 +155,6 @@ def make_task(
         return task
     limits = {name: min(getattr(task, name), most) for name, most in _USUAL.items()}
     return replace(task, mixed=replace(task, glazes=False, **limits))
-
-
-def _stated_illuminants(targets: Sequence[Target]) -> tuple[str, ...]:
-    """The illuminants that the colours are given under; D65 if all targets are spectra."""
-    illuminants = dict.fromkeys(name for target in targets for name in target.labs)
-    return tuple(illuminants) or (colour.find_illuminant("D65"),)
 
 
 def _list_pigments(pigments: Pigments | None) -> list[Pigment]:
