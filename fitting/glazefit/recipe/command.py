@@ -439,12 +439,12 @@ def _read_lab(text: str, light: str) -> "Target":
     from .targets import lab_target
 
     try:
-        values = [float(value) for value in text.split(",")]
+        lightness, a, b = map(float, text.split(","))
     except ValueError:
         raise ValueError(
             f"--lab is {text!r}: write three numbers with commas, such as 50,20,30"
         ) from None
-    return lab_target({light: values})
+    return lab_target({light: [lightness, a, b]})
 
 
 def _targets(

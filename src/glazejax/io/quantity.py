@@ -9,11 +9,12 @@ as fractions, with a note.
 import re
 from collections.abc import Iterable
 from functools import lru_cache
-from typing import NamedTuple, TypedDict
+from typing import TYPE_CHECKING, NamedTuple, TypedDict
 
 import numpy as np
 
-from .spectra_table import Bands
+if TYPE_CHECKING:
+    from .spectra_table import Bands
 
 MODES = {
     "SCI": "specular component included, d:8",
@@ -219,7 +220,7 @@ def length_unit(words: str) -> str:
     return ""
 
 
-def nanometres(wavelengths: Bands, unit: str | None) -> tuple[Bands, list[str]]:
+def nanometres(wavelengths: "Bands", unit: str | None) -> tuple["Bands", list[str]]:
     """Wavelengths in nm from what a file calls their unit, with notes.
 
     A unit that is not named is micrometres if all are below 100, as no spectrum of paint reaches so
@@ -249,8 +250,8 @@ def nanometres(wavelengths: Bands, unit: str | None) -> tuple[Bands, list[str]]:
 
 
 def _without_unit(
-    wavelengths: Bands,
-) -> tuple[Bands, list[str]]:
+    wavelengths: "Bands",
+) -> tuple["Bands", list[str]]:
     """Wavelengths in nm where nobody says their unit."""
     low = np.fmin.reduce(wavelengths, initial=np.inf)
     high = np.fmax.reduce(wavelengths, initial=-np.inf)
@@ -278,7 +279,7 @@ def not_stated(*units: str) -> str:
     return f"no unit is stated: taken as {', as '.join(units)}"
 
 
-def _whole(wavenumbers: Bands) -> Bands:
+def _whole(wavenumbers: "Bands") -> "Bands":
     """Wavelengths in nm of wavenumbers in 1/cm; whole ones if all are, to the digits of the file.
 
     14285.7 is 700.0007 nm, and would lie beyond a paint that is known up to 700 nm.
