@@ -38,7 +38,7 @@ _QUANTITIES = {
         _EXPORT,
     ),
     "absorbance": (
-        r"\ba[bs]sor[bpvc]|\babs\b(?!\W*irr)|\boptical densit|\bextin[ck]tion|"
+        r"\ba[bs]sor(?!be[nrd])[bpvc]|\babs\b(?!\W*irr)|\boptical densit|\bextin[ck]tion|"
         r"\b(log|lg|ln)\w*\W*[1rt]\b|(^|[\[(]\s*)(a\.?u|o\.?d)\.?\s*([\])]|$)",
         _EXPORT,
     ),
@@ -53,7 +53,8 @@ _QUANTITIES = {
         _LIGHT,
     ),
     "emission": (
-        r"\bemi(s|ttan)|(^|\")(ambient|display|flash|monitor)\b|\bluminan|cd/m|\bspd\b|"
+        r"\bemi(s|ttan)|(\"|^(?=\w+\W*$))(ambient|display|flash|monitor)\b|^display (type|\")|"
+        r"\bluminan|cd/m|\bspd\b|"
         r"\b(fluorescence\b|photolum)|\b(spectral|relative|optical) power",
         _LIGHT,
     ),
@@ -81,7 +82,8 @@ _SCALES = tuple(
 # Titles that say what is measured and of what nothing more.
 _NO_NAME = re.compile(
     r"[\W_]*(?:(?:r|in|rfl|refl\w*|réfl\w*|rifl\w*|remission\w*|factor|percent|pct|fractions?|values?|"
-    r"intensity|processed|1\.0|counts?|sc[ie]|spin|spex|transm\w*|t|abs\w*)\b[\W_]*)+|\W*%\W*",
+    r"intensity|processed|1\.0|counts?|sc[ie]|spin|spex|transm\w*|t|abs\w*|k\s*/\s*s|kubelka|munk|"
+    r"(ir)?radiance)\b[\W_]*)+|\W*%\W*",
     re.IGNORECASE,
 )
 # What an instrument reads and computes reflectance from.

@@ -38,9 +38,8 @@ _VALUE_TITLE = re.compile(r"^(reflectance|refl\b|r\b|%r\b|value|intensity)", re.
 _NAME_TITLE = re.compile(r"^(name|sample|id\b|paint|pigment|patch|label|spectrum)", re.IGNORECASE)
 # Lines above a table, or comments, that say what its values are.
 _KEYWORD = re.compile(
-    r"\W*(?:[xy]\W*(?:units?|axis)|(?:data|photometric|measurement|meas|processing|spectrum)\W*"
-    r"(?:units?|mode|type)|"
-    r"measurement|quantity|units?)[\s:=,;\"]+(.+)",
+    r"\W*(?:[xy]\W*(?:units?|axis)|(?:(?:data|photometric|meas\w*|mess|processing|spectrum|display|"
+    r"ordinate)\W*)?(?:units?|modus|mode|type)|measurement|quantity|ordinate)[\s:=,;\"]+(.+)",
     re.IGNORECASE,
 )
 _LAYOUTS = (
@@ -49,6 +48,8 @@ _LAYOUTS = (
 )
 # Without the blanks before it: by the thousand they would take hours to search.
 _NANOMETRES = re.compile(r"\[?\(?nm\)?\]?$", re.IGNORECASE)
+# What spectra run over that is no wavelength.
+_NO_WAVELENGTH = re.compile(r"\bfrequen|\b[tgm]?hz\b|\benerg|\bev\b", re.IGNORECASE)
 _NAMES = {"name", "data name", "sample name", "sample", "sample id"}
 _KIND_TITLE = re.compile(r"SCI\W*SCE|specular", re.IGNORECASE)
 # Letters by which software calls what an instrument reads.
@@ -393,22 +394,31 @@ def _choose_columns(cells: _Cells) -> tuple[list[int], list[int]]:
     notes = cells.source.notes
     width = len(cells.header)
     numbers = _columns(cells)
-    runs = [i for i in range(width) if numbers and _runs(numbers[i])]
+    barred = [
+        i
+        for i, title in enumerate(cells.header)
+        if (length_unit(title) == "1/cm" or _NO_WAVELENGTH.search(title))
+        and not meaning(title).quantity
+    ]
+    runs = [i for i in range(width) if i not in barred and numbers and _runs(numbers[i])]
     titled = [i for i in range(width) if any(is_wavelength_title(row[i]) for row in cells.titles)]
     in_um = numbers and not cells.titles and [0.1] < numbers[0][:1] < numbers[0][1:2] < [100.0]
-    wavenumbers = bool(cells.titles) and length_unit(cells.header[0]) == "1/cm"
-    if numbers and (wavenumbers or not (titled or runs or in_um)):
+    if numbers and not (titled or runs or in_um):
         wrong = f"numbers only, and the first column does not run through wavelengths; {_LAYOUTS}"
-        if wavenumbers:
-            wrong = (
-                f"{cells.header[0]!r} are wavenumbers; write wavelengths in nm, 1e7 / wavenumber"
-            )
+        if barred:
+            title = cells.header[barred[0]]
+            wrong = f"{title!r} is no wavelength; write wavelengths in nm, 1e7 / wavenumber"
         elif cells.titles:
             wrong = f"no wavelengths in the header; {_LAYOUTS}"
         raise cells.source.error(wrong, cells.header_line or None)
     grid = next(iter([*titled, *runs]), 0)
     named = {*titled}
-    right = [i for i in range(grid + 1, width) if not numbers or numbers[i]]
+    if _NO_WAVELENGTH.search(cells.header[grid]):
+        raise cells.error(
+            cells.header_line,
+            f"{cells.header[grid]!r} is no wavelength; write wavelengths in nm, 1e7 / wavenumber",
+        )
+    right = [i for i in range(grid + 1, width) if i not in barred and (not numbers or numbers[i])]
     further = [i for i in right if i in named or (i in runs and numbers[i] == numbers[grid])]
     columns = sorted({*right}.difference(further))
     if not columns:
