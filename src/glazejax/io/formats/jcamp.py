@@ -65,9 +65,11 @@ class _Block:
         """Refuse a file that was cut short."""
         promised = self.number("NPOINTS", count)
         if promised != count:
+            cause = "the file was cut short"
+            if count > promised:
+                cause = "are its decimal points commas? write points"
             raise self.source.error(
-                f"{self.name!r} promises {promised:.10g} points and holds {count}; the file was "
-                "cut short"
+                f"{self.name!r} promises {promised:.10g} points and holds {count}; {cause}"
             )
 
 
