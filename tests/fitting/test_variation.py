@@ -22,10 +22,10 @@ from glazefit.film.model.variation import (
     learn,
     log_likelihood,
 )
-from glazefit.recover.constraints import Gauge
-from glazefit.recover.joint import UNIT
-from glazefit.recover.mixture import calibrate_mixture, drawn_mixture, mix, predict_mixture
-from glazefit.recover.next_reading import rank_next_readings
+from glazefit.recover.joint.constraints import Gauge
+from glazefit.recover.joint.joint import UNIT
+from glazefit.recover.predict.mixture import calibrate_mixture, drawn_mixture, mix, predict_mixture
+from glazefit.recover.predict.next_reading import rank_next_readings
 from glazefit.recover.predict_command import read_mixture, read_recipe
 from glazejax import Instrument, Pigment, catalogue, colour
 

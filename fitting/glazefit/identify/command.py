@@ -319,7 +319,7 @@ def identify(
         )
         chunks = report_builder.watch(chunks)
     finished, how = progress.collect(
-        chunks, len(task.spectra), "compiling, then searching", "searching"
+        lambda _: chunks, len(task.spectra), "compiling, then searching", "searching"
     )
     identification = Identification.join(finished)
     _report(

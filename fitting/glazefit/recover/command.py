@@ -1,5 +1,6 @@
 """The command `glazejax recover`: films over black and white in, pigments out."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from glazejax.io.quantity import Stated
 
     from ..film.films import Films, Noise
-    from .result import Recovery
+    from .films.result import Recovery
 
 _GEOMETRY = "d:8"
 
@@ -228,6 +229,7 @@ def recover(
 
     from ..film.films import Instrument, Noise
     from ..film.partial_films import tint
+    from ..film.readers import readable_names
 
     console = Console()
     stated_noise = None
@@ -278,14 +280,14 @@ def recover(
                 results=results,
             )
             return
-        films = _readable(films, recipes)
+        films = replace(films, names=readable_names(films.names, recipes))
 
-    from .film_by_film import recover_chunks
-    from .result import Recovery
+    from .films.film_by_film import recover_chunks
+    from .films.result import Recovery
 
     chunks = recover_chunks(films, **fit_options)
     chunk_recoveries, how = progress.collect(
-        chunks, len(films), "compiling, then recovering", "recovering"
+        lambda _: chunks, len(films), "compiling, then recovering", "recovering"
     )
     recovery = Recovery.join(chunk_recoveries)
     _report(recovery, how, results)
@@ -385,14 +387,6 @@ def _masstones(films: "Films", recipes: dict[str, dict[str, float]], names_file:
     return films.select(pure)
 
 
-def _readable(films: "Films", recipes: dict[str, dict[str, float]]) -> "Films":
-    from dataclasses import replace
-
-    from ..film.readers import readable_names
-
-    return replace(films, names=readable_names(films.names, recipes))
-
-
 def _simulate(
     samples: str,
     thickness: float,
@@ -417,31 +411,22 @@ def _simulate(
 
 def _report(recovery: "Recovery", how: progress.Collected, results: Destination) -> None:
     from glazejax.paint.describe import format_length
-    from glazejax.paint.pigment_table import write_pigments
 
-    from .plots import plot_paint
-    from .report import draw_each, print_summary, write_fits
+    from .films.plots import plot_paint
+    from .films.report import fit_table, print_summary
 
-    _, metres, plots, overwrite, console = results
-    out = results.make_folder()
-    paints = [recovery.pigment(row, metres) for row in range(len(recovery))]
-    write_pigments(out / "pigments.csv", paints, digits=6, overwrite=overwrite)
-    write_fits(recovery, out / "fits.csv", overwrite=overwrite)
-    print_summary(recovery, console, how.seconds, how.first)
-    console.print(
+    metres = results.thickness
+    print_summary(recovery, results.console, how.seconds, how.first)
+    results.console.print(
         f"[bold]Thickness: {format_length(metres)} is assumed, not measured.[/bold] Only k d and "
         "s d are known: a film of twice that has half the k and s."
     )
-    if plots:
-        with progress.drawing(len(recovery)) as step:
-            draw_each(
-                recovery.films.names,
-                out,
-                lambda row, path: plot_paint(recovery, row, metres, path),
-                step,
-            )
-    pictures = f", fits.csv and {len(recovery)} pictures" if plots else " and fits.csv"
-    console.print(f"Wrote pigments.csv{pictures} to {out}")
+    results.write(
+        [recovery.pigment(row, metres) for row in range(len(recovery))],
+        {"fits.csv": fit_table(recovery)},
+        recovery.films.names,
+        lambda row, path: plot_paint(recovery, row, metres, path),
+    )
 
 
 def _compare(recovery: "Recovery", thickness: float, shelf: str, console: "Console") -> None:
@@ -451,13 +436,10 @@ def _compare(recovery: "Recovery", thickness: float, shelf: str, console: "Conso
     from glazejax import catalogue
 
     paints = options.find_paints(recovery.films.names, catalogue.load(shelf))
-    truth = np.stack(
-        [
-            np.stack([paints[name].absorption, paints[name].scattering], axis=-1) * thickness
-            for name in recovery.films.names
-        ]
-    )
+    named = [paints[name] for name in recovery.films.names]
+    truth = thickness * np.array([[paint.absorption, paint.scattering] for paint in named])
     lower, upper = recovery.interval()
+    truth = np.moveaxis(truth, 1, -1)
     covered = (truth >= lower) & (truth <= upper)
     bands = recovery.identifiable
     if bands.any():

@@ -205,7 +205,7 @@ def export(
     start_jax()
     from ..colour import find_illuminant, find_observer
     from . import export_report as report
-    from .progress import doing
+    from .progress import follow
 
     illuminant = find_illuminant(illuminant)
     observer = find_observer(observer)
@@ -217,7 +217,7 @@ def export(
         from ..appearance.exports.fit import fit_openpbr
         from ..appearance.exports.materialx import write_materialx
 
-        with doing("computing all angles, then fitting"):
+        with follow("computing all angles, then fitting") as note:
             fit = fit_openpbr(
                 glaze,
                 roughness=roughness,
@@ -225,6 +225,7 @@ def export(
                 layering=layering,  # pyright: ignore[reportArgumentType]
                 coat=coat,
                 tolerance=tolerance,
+                progress=note,
                 **light,
             )
         write_materialx(fit, path, overwrite=overwrite)
@@ -235,7 +236,7 @@ def export(
 
         maps = _maps(glaze, layer, thickness_map, thickness_range, fraction_map, ground_map)
         width = None if pixel is None else options.read_length(pixel, "--pixel")
-        with doing("computing colours where they are needed"):
+        with follow("computing colours where they are needed") as note:
             textures = texture_set(
                 glaze,
                 path,
@@ -248,6 +249,7 @@ def export(
                 delta_e=delta_e,
                 kind=format,
                 overwrite=overwrite,
+                progress=note,
                 **light,
             )
         report.print_stack(console, exported, roughness)

@@ -137,6 +137,7 @@ def solve_positive(
         start = block * _BLOCK
         rows = jax.lax.dynamic_slice_in_dim(work, start, _BLOCK, axis)
         columns = jax.lax.dynamic_slice_in_dim(work, start, _BLOCK, axis + 1)
+        # The block's rows over its pivot block; then they are taken off all others.
         rows = product(
             _small_inverse(jax.lax.dynamic_slice_in_dim(rows, start, _BLOCK, axis + 1)), rows
         )

@@ -9,12 +9,12 @@ from jaxtyping import Array, Bool, Float
 
 from glazejax import Pigment
 
-from ..film.films import Films, Instrument, Noise
-from ..film.model.mixing import MixingLaw
+from ...film.films import Films, Instrument, Noise
+from ...film.model.mixing import MixingLaw
+from ..films.result import RELATIVE_LIMIT, FittedFilms
 from .constraints import MOST_ERROR, PaintModes
-from .joint_covariance import JointCovariance
-from .joint_problem import Expectations, JointProblem, Unknowns
-from .result import RELATIVE_LIMIT, FittedFilms
+from .covariance import JointCovariance
+from .problem import Expectations, JointProblem, Unknowns
 
 RULE = (
     f"k and s count as separable where the joint fit knows each to {RELATIVE_LIMIT:.0%} of its "
@@ -42,7 +42,7 @@ class JointRecovery(FittedFilms):
         paints: names.
         shares: of each paint in each film, (films, paints), as the mixing law gives them.
         law: mixing law.
-        unknowns: solution of `glazefit.recover.joint_problem`; starts another fit of the same
+        unknowns: solution of `glazefit.recover.joint.problem`; starts another fit of the same
             films.
         log_covariance: of log k of all paints, then log s, at each band, (bands, 2 paints, 2
             paints).

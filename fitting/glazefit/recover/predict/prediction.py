@@ -15,16 +15,16 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from glazejax.colour import delta_e_of_spectra
 from glazejax.spectra import describe_grid
 
-from ..film.films import Films, Noise, card_readings
-from ..film.model.errors import ModelError, draw_coefficient_errors, draw_model_errors
-from ..film.model.response import Response, film_response
-from ..film.model.variation import MIXED, SIZES, SizeEvidence, Variation, log_likelihood
-from ..film.tables import WAVELENGTH, Tabulated, Variables
-from .joint_problem import model_deviation
-from .joint_result import JointRecovery
-from .result import delta_e_over_cards
+from ...film.films import Films, Noise, card_readings
+from ...film.model.errors import ModelError, draw_coefficient_errors, draw_model_errors
+from ...film.model.response import Response, film_response
+from ...film.model.variation import MIXED, SIZES, SizeEvidence, Variation, log_likelihood
+from ...film.tables import WAVELENGTH, Tabulated, Variables
+from ..joint.problem import model_deviation
+from ..joint.result import JointRecovery
 
 PARTS = ("scale", "paint", "film")
 
@@ -114,9 +114,14 @@ class Prediction(Tabulated):
         observer: str | int = 10,
     ) -> Float[np.ndarray, "*n 2"]:
         """CIEDE2000 between the prediction and other spectra, over black and over white."""
-        predicted = (self.over_black, self.over_white)
-        measured = (over_black, over_white)
-        return delta_e_over_cards(self.wavelengths, predicted, measured, illuminant, observer)
+        measured = np.stack([over_black, over_white], axis=-2)
+        return delta_e_of_spectra(
+            self.wavelengths,
+            self.reflectance,
+            measured,
+            illuminant=illuminant,
+            observer=observer,
+        )
 
     def expected_error(
         self, illuminant: str = "D65", observer: str | int = 10, parts: tuple[str, ...] = PARTS
@@ -130,8 +135,8 @@ class Prediction(Tabulated):
         self, illuminant: str = "D65", observer: str | int = 10, parts: tuple[str, ...] = PARTS
     ) -> Float[np.ndarray, "2"]:
         """The same over the black and over the white card."""
-        over_black, over_white = np.moveaxis(self._draw(parts), 1, 0)
-        return self.delta_e(over_black, over_white, illuminant, observer).mean(axis=0)
+        over_cards = np.moveaxis(self._draw(parts), 1, 0)
+        return self.delta_e(*over_cards, illuminant, observer).mean(axis=0)
 
     def between_mixings(self, illuminant: str = "D65", observer: str | int = 10) -> float:
         """Mean CIEDE2000 between two films of the recipe, over both cards, by the films' own
@@ -139,12 +144,14 @@ class Prediction(Tabulated):
         """
         drawn = self._draw(("film",))
         half = len(drawn) // 2
-        first, second = (
-            tuple(np.moveaxis(draws, 1, 0)) for draws in (drawn[:half], drawn[half : 2 * half])
+        off = delta_e_of_spectra(
+            self.wavelengths,
+            drawn[:half],
+            drawn[half : 2 * half],
+            illuminant=illuminant,
+            observer=observer,
         )
-        return float(
-            np.mean(delta_e_over_cards(self.wavelengths, first, second, illuminant, observer))
-        )
+        return float(off.mean())
 
     def size_evidence(self, measured: Float[np.ndarray, "2 bands"]) -> SizeEvidence:
         """Evidence of the film on how large films' own errors are, now that it was measured over

@@ -13,8 +13,8 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
-from .joint_problem import Unknowns
-from .joint_solver import Factors, covariance_times, draws
+from .problem import Unknowns
+from .solver import Factors, covariance_times, draws
 
 Columns = Float[np.ndarray, "bands local columns"]
 

@@ -17,11 +17,11 @@ from jaxtyping import Array, Float
 from glazejax import Pigment
 from glazejax.spectra import lie_between
 
-from ..film.films import card_readings
-from ..film.model.response import Response, film_response, hiding_factor
-from .constraints import error_modes
-from .joint_problem import model_deviation
-from .joint_result import JointRecovery
+from ...film.films import card_readings
+from ...film.model.response import Response, film_response, hiding_factor
+from ..joint.constraints import error_modes
+from ..joint.problem import model_deviation
+from ..joint.result import JointRecovery
 from .next_reading import CandidateReading, NextFilms, rank_candidates, reading_bands
 
 
