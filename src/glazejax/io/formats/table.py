@@ -377,7 +377,7 @@ def _choose_columns(cells: _Cells) -> tuple[list[int], list[int]]:
         i
         for i, title in enumerate(cells.header)
         if (length_unit(title) == "1/cm" or _NO_WAVELENGTH.search(title))
-        and not meaning(title).quantity
+        and meaning(title).quantity in ("", "a Raman spectrum")
     ]
     runs = [i for i in range(width) if i not in barred and numbers and _runs(numbers[i])]
     titled = [i for i in range(width) if any(is_wavelength_title(row[i]) for row in cells.titles)]
