@@ -245,6 +245,11 @@ def recipe(
         raise ValueError("--samples names spectra of a file: add --spectrum FILE")
     if spectra is not None and (lab is not None or srgb is not None):
         raise ValueError("--spectra: the target is a colour and has no spectrum; leave it out")
+    if catalogue == options.PIGMENTS and not only:
+        raise ValueError(
+            "--catalogue pigments has hundreds of paints by many makers, of films of unknown "
+            "thickness: name some by --only, or take oils, acrylics or your own --pigments"
+        )
     options.check_names(options.split_names(f"{only},{without}"), pigments, catalogue)
     options.check_outputs(outputs, overwrite)
     # The colours of spectra are computed in double precision too.
