@@ -518,6 +518,9 @@ def _ground(content: Any, shelf: Mapping[str, Pigment]) -> Ground:
 def _own(content: Any) -> dict[str, Pigment]:
     if not isinstance(content, dict) or len(content) > MOST_COATS:
         raise ValueError(f'"pigments" must be {MOST_COATS} own paints at most, by name')
+    for name in content:
+        if len(name) > 200:
+            raise ValueError(f"paint {name!r:.60} has a name of more than 200 characters")
     return {name: pigment_from_dict(name, columns) for name, columns in content.items()}
 
 

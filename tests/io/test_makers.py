@@ -142,7 +142,17 @@ def test_other_quantities_are_refused_by_name_unless_the_user_says_so(tmp_path, 
         read_spectra(path, quantity="colour")
 
 
-@pytest.mark.parametrize("line", ["YUNITS\tABSORBANCE", "%T", "Data units; Radiance"])
+@pytest.mark.parametrize(
+    "line",
+    [
+        "YUNITS\tABSORBANCE",
+        "%T",
+        "Data units; Radiance",
+        "K/S values",
+        "Ordinate mode: %T",
+        "Mode: Abs",
+    ],
+)
 def test_lines_above_say_what_the_values_are(tmp_path, line):
     path = put(tmp_path, f"An instrument\n{line}\n" + rows(RED, by="\t"))
     with pytest.raises(ValueError, match="and only reflectance can be read"):
@@ -390,6 +400,7 @@ def test_quantities_in_a_title_a_row_of_units_and_a_line_above(tmp_path, title, 
 
 def test_names_of_paints_with_letters_of_quantities(tmp_path):
     names = ["DB 703", "OD green", "Std 1", "STD", "Fluorescent Red", "Trans. Oxide"]
+    names += ["Flash green", "Display 3", "Absorbent ground"]
     text = f"nm;{';'.join(names)}\n" + rows(*[RED] * len(names), by=";")
     assert read_spectra(put(tmp_path, text)).names == tuple(names)
     text = "nm;white (%R);red (%R)\n" + rows(DARK, DARK, by=";")
@@ -413,9 +424,20 @@ def test_titles_stand_above_decimal_commas_and_numbers(tmp_path):
     same(read_spectra(put(tmp_path, text)), GRID, [RED, RED, BLUE, BLUE], names)
 
 
+def test_what_is_no_wavelength_is_refused_or_left_out(tmp_path):
+    for title in ("Frequency (THz)", "Raman shift (cm-1)"):
+        with pytest.raises(ValueError, match=r"'(Freq|Raman).* is no wavelength; write"):
+            read_spectra(put(tmp_path, f"{title};red\n" + rows(RED, by=";")))
+    text = "Wavenumber (cm-1);nm;Energy (eV);red\n"
+    text += "".join(f"{1e7 / w};{w};{1240 / w};{r}\n" for w, r in zip(GRID, RED, strict=True))
+    table = read_spectra(put(tmp_path, text))
+    same(table, GRID, [RED], ["red"])
+    assert "left out, as they hold no spectra: Wavenumber (cm-1), Energy (eV)" in table.notes
+
+
 @pytest.mark.parametrize("ends", [(100, 3500), (4000, 10_000), (650, 4000)])
 def test_wavenumbers_of_any_instrument_are_asked_about(tmp_path, ends):
-    grid = np.linspace(*ends, GRID.size)
+    grid = np.linspace(ends[0], ends[1], GRID.size)
     with pytest.raises(ValueError, match="without a unit may be wavenumbers"):
         read_spectra(put(tmp_path, rows(RED, grid=grid)))
 

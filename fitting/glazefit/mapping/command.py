@@ -54,6 +54,7 @@ def map_(
         Path | None,
         typer.Argument(
             metavar="CUBE",
+            callback=options.there,
             help=(
                 "Image of spectra: ENVI (header or data), zarr, NetCDF, HDF5, TIFF or a folder "
                 "of TIFFs or PNGs, MATLAB, .npy."
@@ -165,11 +166,17 @@ def map_(
     refractive_index: options.RefractiveIndex = 1.5,
     noise: Annotated[
         float | None,
-        _option("Noise of a reading near black, in reflectance. Default: estimated from the cube."),
+        _option(
+            "Noise of a reading near black, in reflectance. Default: estimated from the cube.",
+            callback=options.between(0.0),
+        ),
     ] = None,
     noise_share: Annotated[
         float | None,
-        _option("Noise that grows with the reading: added to --noise per unit of reflectance."),
+        _option(
+            "Noise that grows with the reading: added to --noise per unit of reflectance.",
+            callback=options.between(0.0),
+        ),
     ] = None,
     model_error: options.ModelError = None,
     thickness: options.Thickness = "25um",
@@ -252,6 +259,7 @@ def map_(
     usual = options.read_length(thickness)
     bound = read_memory(memory)
     spots = spot or []
+    read_spots(spots, [])
     reading = {
         "wavelengths": read_wavelengths(wavelengths),
         "dataset": dataset or None,

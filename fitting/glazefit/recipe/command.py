@@ -245,6 +245,11 @@ def recipe(
         raise ValueError("--samples names spectra of a file: add --spectrum FILE")
     if spectra is not None and (lab is not None or srgb is not None):
         raise ValueError("--spectra: the target is a colour and has no spectrum; leave it out")
+    if catalogue == options.PIGMENTS and not only:
+        raise ValueError(
+            "--catalogue pigments has hundreds of paints by many makers, of films of unknown "
+            "thickness: name some by --only, or take oils, acrylics or your own --pigments"
+        )
     options.check_names(options.split_names(f"{only},{without}"), pigments, catalogue)
     options.check_outputs(outputs, overwrite)
     # The colours of spectra are computed in double precision too.
@@ -409,12 +414,12 @@ def _read_lab(text: str, light: str) -> "Target":
     from .targets import lab_target
 
     try:
-        values = [float(value) for value in text.split(",")]
+        lightness, a, b = map(float, text.split(","))
     except ValueError:
         raise ValueError(
             f"--lab is {text!r}: write three numbers with commas, such as 50,20,30"
         ) from None
-    return lab_target({light: values})
+    return lab_target({light: [lightness, a, b]})
 
 
 def _check_srgb(text: str) -> None:

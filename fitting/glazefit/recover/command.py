@@ -118,6 +118,7 @@ def recover(
         float | None,
         typer.Option(
             "--noise",
+            callback=options.between(0.0),
             help="Noise of the instrument near black: standard deviation of a reflectance. "
             "Default: estimated from the roughness of the spectra, 0.0005 or more.",
             show_default=False,
@@ -127,6 +128,7 @@ def recover(
         float | None,
         typer.Option(
             "--noise-share",
+            callback=options.between(0.0),
             help="Noise proportional to the reading, added to --noise per unit of reflectance. "
             "Default: 0.002, or estimated from the spectra.",
             show_default=False,

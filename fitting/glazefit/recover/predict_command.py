@@ -235,6 +235,12 @@ def read_mixture(
         ValueError: as `read_recipe`, or a name that is not known.
     """
     recipe = read_recipe(text)
+    for name in recipe:
+        if len(paints := options.find_paints([name], shelf)) > 1:
+            raise ValueError(
+                f"{name!r} is a family of {len(paints)} paints: name one, such as "
+                f"{next(iter(paints))!r}"
+            )
     mixed = options.find_paints(recipe, shelf)
     if len(mixed) < len(recipe):
         raise ValueError(f"a paint is named twice in {text!r}; add its weights up")

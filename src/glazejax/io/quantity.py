@@ -9,11 +9,12 @@ as fractions, with a note.
 import re
 from collections.abc import Iterable
 from functools import lru_cache
-from typing import NamedTuple, TypedDict
+from typing import TYPE_CHECKING, NamedTuple, TypedDict
 
 import numpy as np
 
-from .spectra_table import Bands
+if TYPE_CHECKING:
+    from .spectra_table import Bands
 
 MODES = {
     "SCI": "specular component included, d:8",
@@ -37,7 +38,7 @@ _QUANTITIES = {
         _EXPORT,
     ),
     "absorbance": (
-        r"\ba[bs]sor[bpvc]|\babs\b(?!\W*irr)|\boptical densit|\bextin[ck]tion|"
+        r"\ba[bs]sor(?!be[nrd])[bpvc]|\babs\b(?!\W*irr)|\boptical densit|\bextin[ck]tion|"
         r"\b(log|lg|ln)\w*\W*[1rt]\b|(^|[\[(]\s*)(a\.?u|o\.?d)\.?\s*([\])]|$)",
         _EXPORT,
     ),
@@ -52,7 +53,8 @@ _QUANTITIES = {
         _LIGHT,
     ),
     "emission": (
-        r"\bemi(s|ttan)|(^|\")(ambient|display|flash|monitor)\b|\bluminan|cd/m|\bspd\b|"
+        r"\bemi(s|ttan)|(\"|^(?=\w+\W*$))(ambient|display|flash|monitor)\b|^display (type|\")|"
+        r"\bluminan|cd/m|\bspd\b|"
         r"\b(fluorescence\b|photolum)|\b(spectral|relative|optical) power",
         _LIGHT,
     ),
@@ -80,7 +82,8 @@ _SCALES = tuple(
 # Titles that say what is measured and of what nothing more.
 _NO_NAME = re.compile(
     r"[\W_]*(?:(?:r|in|rfl|refl\w*|réfl\w*|rifl\w*|remission\w*|factor|percent|pct|fractions?|values?|"
-    r"intensity|processed|1\.0|counts?|sc[ie]|spin|spex|transm\w*|t|abs\w*)\b[\W_]*)+|\W*%\W*",
+    r"intensity|processed|1\.0|counts?|sc[ie]|spin|spex|transm\w*|t|abs\w*|k\s*/\s*s|kubelka|munk|"
+    r"(ir)?radiance)\b[\W_]*)+|\W*%\W*",
     re.IGNORECASE,
 )
 # What an instrument reads and computes reflectance from.
@@ -219,7 +222,7 @@ def length_unit(words: str) -> str:
     return ""
 
 
-def nanometres(wavelengths: Bands, unit: str | None) -> tuple[Bands, list[str]]:
+def nanometres(wavelengths: "Bands", unit: str | None) -> tuple["Bands", list[str]]:
     """Wavelengths in nm from what a file calls their unit, with notes.
 
     A unit that is not named is micrometres if all are below 100, as no spectrum of paint reaches so
@@ -249,8 +252,8 @@ def nanometres(wavelengths: Bands, unit: str | None) -> tuple[Bands, list[str]]:
 
 
 def _without_unit(
-    wavelengths: Bands,
-) -> tuple[Bands, list[str]]:
+    wavelengths: "Bands",
+) -> tuple["Bands", list[str]]:
     """Wavelengths in nm where nobody says their unit."""
     low = np.fmin.reduce(wavelengths, initial=np.inf)
     high = np.fmax.reduce(wavelengths, initial=-np.inf)
@@ -278,7 +281,7 @@ def not_stated(*units: str) -> str:
     return f"no unit is stated: taken as {', as '.join(units)}"
 
 
-def _whole(wavenumbers: Bands) -> Bands:
+def _whole(wavenumbers: "Bands") -> "Bands":
     """Wavelengths in nm of wavenumbers in 1/cm; whole ones if all are, to the digits of the file.
 
     14285.7 is 700.0007 nm, and would lie beyond a paint that is known up to 700 nm.

@@ -54,7 +54,7 @@ class Jobs:
         """
         if task not in self.tasks:
             raise ValueError(
-                f"{task!r} is not installed here; there are "
+                f"{task!r:.60} is not installed here; there are "
                 f"{', '.join(sorted(self.tasks)) or 'none'}"
             )
         with self._lock:

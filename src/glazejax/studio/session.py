@@ -55,7 +55,9 @@ class Session:
             about = header["type"]
             answer = getattr(self, f"_on_{about}", None)
             if answer is None:
-                raise ValueError(f"the studio does not know the message {about!r}; reload the page")
+                raise ValueError(
+                    f"the studio does not know the message {about!r:.60}; reload the page"
+                )
             answer(header, arrays, body)
         except (ValueError, ModuleNotFoundError) as error:
             self.tell({"type": "error", "about": about, "words": shorten(str(error))})
