@@ -6,6 +6,7 @@ Titles of bands are recognised here, too, as software writes them: ``400``, ``40
 """
 
 import re
+from collections.abc import Iterable, Iterator
 from itertools import pairwise, takewhile
 from typing import NamedTuple
 
@@ -91,9 +92,8 @@ def _place(lines: list[str]) -> TablePlace:
     """The same of a file's first lines."""
     # More lines than this above its table no software writes.
     most = 200
-    begun = next((i for i, line in enumerate(lines[:most], start=1) if is_mark(line)), 0)
-    below = takewhile(lambda pair: not is_mark(pair[1]), enumerate(lines[begun:], start=begun + 1))
-    data = [(i, line) for i, line in below if is_data(line)]
+    begun = next((i for i, line in enumerate(lines[:most], start=1) if _is_mark(line)), 0)
+    data = [*data_lines(enumerate(lines[begun:], start=begun + 1))]
     texts = [line for _, line in data[: most + _ROWS]]
     if not texts:
         return TablePlace(begun, int(not begun), False)
@@ -136,10 +136,9 @@ def _check_above(source: Source, start: int) -> None:
         raise source.error(
             "it looks like XML, such as CxF, whose beginning is missing; export it again"
         )
-    table = next((line for line in lines[start:] if is_data(line)), "")
-    width = len(_cells(table))
+    width = len(_cells(next(filter(_is_data, lines[start:]), "")))
     for number, line in enumerate(lines[:start], start=1):
-        if not is_data(line):
+        if not _is_data(line):
             continue
         first, *others = _cells(line)
         # Two or three numbers may be the instrument's own.
@@ -156,8 +155,13 @@ def not_read(above: int) -> str:
     return f"{above} lines above the table are not read" if above > 1 else "line 1 is not read"
 
 
-def is_data(line: str) -> bool:
-    """Return whether a line is neither blank nor a comment."""
+def data_lines(lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
+    """Numbered lines that are neither blank nor comments, up to a mark that ends the numbers."""
+    before = takewhile(lambda pair: not _is_mark(pair[1]), lines)
+    return (pair for pair in before if _is_data(pair[1]))
+
+
+def _is_data(line: str) -> bool:
     return bool(line.strip(" \t,;")) and not line.lstrip().startswith("#")
 
 
@@ -180,7 +184,7 @@ def delimiter_of_numbers(line: str) -> str:
     return " " if len(line.split()) > 1 and not re.search(r",\s", line) else ","
 
 
-def is_mark(line: str) -> bool:
+def _is_mark(line: str) -> bool:
     """Return whether a line begins or ends the numbers, as ``>>>>>Begin ...<<<<<`` does."""
     return ">>>" in line and "<<<" in line
 
@@ -195,9 +199,14 @@ def is_wavelength_title(title: str) -> bool:
 
 def _cells(line: str) -> list[str]:
     """Cells of a line that may be a header, without quotes."""
-    delimiter = delimiter_of(line)
-    cells = line.split() if delimiter == " " else line.split(delimiter)
-    return [cell.strip().strip('"').strip() for cell in cells]
+    return [cell.strip().strip('"').strip() for cell in plain_cells(line, delimiter_of(line))]
+
+
+def plain_cells(line: str, delimiter: str) -> list[str]:
+    """Cells of a line without quotes, with the blanks around them unless blanks separate."""
+    if delimiter != " ":
+        return line.split(delimiter)
+    return [cell for cell in line.replace("\t", " ").split(" ") if cell.strip()]
 
 
 def _names_bands(line: str) -> bool:
@@ -261,7 +270,7 @@ def _are_numbers(lines: list[str]) -> bool:
     """Return whether lines are rows as long as each other that begin with a number, and have
     others.
     """
-    rows = [line.split(None if (by := delimiter_of_numbers(line)) == " " else by) for line in lines]
+    rows = [plain_cells(line, delimiter_of_numbers(line)) for line in lines]
     return all(
         len(row) == len(rows[0])
         and _is_value(row[0])

@@ -2,7 +2,6 @@
 after BEGIN_DATA.
 """
 
-import math
 import re
 from dataclasses import dataclass, field
 
@@ -11,7 +10,7 @@ import numpy as np
 from ..finish import RawSpectra
 from ..quantity import first_quantity
 from ..source import Source
-from ..words import is_number, read_number, unshield_name
+from ..words import finite_number, unshield_name
 
 _CELL = re.compile(r'"([^"]*)"|(\S+)')
 # SPECTRAL_NM_380, SPECTRAL_NM380, SPECTRAL_380, SPEC_380, R_380, nm380, 380nm, 380; with the unit
@@ -47,8 +46,8 @@ class _CgatsTable:
 
     def number(self, title: str, cell: str, line: int | None = None) -> float:
         """Number in a cell; a decimal comma is understood."""
-        word = cell.replace(",", ".")
-        if not (is_number(word) and math.isfinite(value := read_number(word))):
+        value = finite_number(cell.replace(",", "."))
+        if value is None:
             raise self.source.error(f"field {title}: {cell[:30]!r} is not a finite number", line)
         return value
 
