@@ -8,10 +8,7 @@ Each painting is written to disk first (10 megapixels of 200 bands take 4 GB as 
 then mapped by a process of its own, as `glazejax map` does, whose time and peak memory are taken.
 """
 
-import argparse
 import json
-import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Sequence
@@ -31,7 +28,7 @@ from benchmarks.rivals.painting_rivals import (
     sampled,
     table,
 )
-from benchmarks.timing import time_call
+from benchmarks.timing import in_a_process, peak_memory, time_call
 
 NEEDS = ("zarr",)
 
@@ -50,11 +47,7 @@ def main() -> None:
         checked=(2000, 100, "pixels that are searched in full"),
     )
     parser.add_argument("--megapixels", type=float, nargs="+", default=[0.1, 1.0, 10.0])
-    parser.add_argument("--child", type=Path, help=argparse.SUPPRESS)
     options = parser.parse_args()
-    if options.child is not None:
-        _child(options.child)
-        return
     results = Results("painting", options.out, "zarr")
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
@@ -124,24 +117,20 @@ def _size(results: Results, folder: Path, side: int, bands: int, number: int) ->
 
 def map_painting(where: Path) -> dict:
     """Map a painting in a process of its own, into map.zarr."""
-    words = [sys.executable, "-m", "benchmarks.maps.painting", "--child", str(where)]
-    done = subprocess.run(words, capture_output=True, text=True, check=False)
-    if done.returncode:
-        raise RuntimeError(done.stderr[-2000:])
-    return json.loads(done.stdout.splitlines()[-1])
+    code = f"from benchmarks.maps.painting import child; child({str(where)!r})"
+    return in_a_process("-c", code)[-1]
 
 
 _STAGES = {"reading": "survey", "surveying": "survey", "searching": "search"}
 _STAGES |= {"checking": "check", "mapping": "map"}
 
 
-def _child(where: Path) -> None:
+def child(folder: str) -> None:
     """What `glazejax map` does, with the times of its stages as one line of JSON."""
+    where = Path(folder)
     from glazefit.mapping.solve.process import few_arenas
 
     few_arenas()
-    import resource
-
     from glazejax import catalogue
     from glazejax.commands.main import start_jax
 
@@ -174,7 +163,7 @@ def _child(where: Path) -> None:
     done = {
         "seconds": time.perf_counter() - start,
         "stages": stages,
-        "gib": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20,
+        "gib": peak_memory() / 2**30,
         "tallies": found.attrs["tallies"],
         "representatives": found.attrs["representatives"],
     }
@@ -245,8 +234,11 @@ def _truth(
     for line in table(rows):
         results(line)
     for key, row in zip(METHODS, rows[1:], strict=True):
-        results.record(**row.quantities(key, 1, "right", "main", "false", "found"))
-        results.record(**{f"{key}_shares": quantity(row.score.share_error, digits=3)})
+        shares = {name: 100.0 * getattr(row.score, score) for name, score in QUOTED.items()}
+        results.record(
+            **{f"{key}_{name}": each for name, each in quantities(shares, "%", 1).items()},
+            **{f"{key}_shares": quantity(row.score.share_error, digits=3)},
+        )
     results.record(
         map_two_coats=percent(rows[-1].by_coats[1]),
         angle_rate=quantity(1.0 / rows[1].seconds, "pixels/s", 3, form="s"),
@@ -256,6 +248,13 @@ def _truth(
 
 METHODS = ("angle", "nnls", "nnls_log", "opaque", "film", "map")
 """What texts call all methods but the angle to pure paints alone, in the order of `rivals`."""
+QUOTED = {
+    "right": "right_set",
+    "main": "right_main",
+    "false": "false_none",
+    "found": "none_found",
+}
+"""Shares of a score by the names that texts quote them by."""
 
 
 def _checked(

@@ -11,8 +11,6 @@ film, read from the same file, and unmixing by these (scipy's NNLS), of a share 
 
 import argparse
 import json
-import subprocess
-import sys
 import tempfile
 import time
 from collections import Counter
@@ -23,7 +21,9 @@ import numpy as np
 from jaxtyping import Float
 
 from benchmarks.results import Results, command_line, progress, quantities, quantity
+from benchmarks.rivals.baselines import unmix
 from benchmarks.rivals.known_painting import write_painting
+from benchmarks.timing import in_a_process, peak_memory, time_call
 from glazejax import Glaze, Layer, Pigment, catalogue, reflectance
 
 NEEDS = ("zarr",)
@@ -89,11 +89,7 @@ def main() -> None:
         parser.add_argument(
             f"--{name}", type=int, nargs=3, default=usual, help="lines, samples and bands"
         )
-    parser.add_argument("--child", type=Path, help=argparse.SUPPRESS)
     options = parser.parse_args()
-    if options.child is not None:
-        _child(options.child)
-        return
     results = Results("map_speed", options.out, "zarr", "scipy")
     results(
         f"{'pixels':>12}{'bands':>7}{'map, s':>9}{'GiB':>7}{'sets':>6}{'in small':>10}"
@@ -184,22 +180,17 @@ def _thick_films(
 
 def _mapped(where: Path) -> dict:
     """Map an image in a process of its own; what that said, and the seconds from its start."""
-    words = [sys.executable, "-m", "benchmarks.maps.speed", "--child", str(where)]
-    start = time.perf_counter()
-    done = subprocess.run(words, capture_output=True, text=True, check=False)
-    seconds = time.perf_counter() - start
-    if done.returncode:
-        raise RuntimeError(done.stderr[-2000:])
-    return json.loads(done.stdout.splitlines()[-1]) | {"seconds": seconds}
+    code = f"from benchmarks.maps.speed import child; child({str(where)!r})"
+    done, seconds = time_call(lambda: in_a_process("-c", code))
+    return done[-1] | {"seconds": seconds}
 
 
-def _child(where: Path) -> None:
+def child(folder: str) -> None:
     """What `glazejax map` does; memory and sets as one line of JSON."""
+    where = Path(folder)
     from glazefit.mapping.solve.process import few_arenas
 
     few_arenas()
-    import resource
-
     from glazejax.commands.main import start_jax
 
     start_jax(optimisation=3)
@@ -217,7 +208,7 @@ def _child(where: Path) -> None:
     tallies, sets = MapStore.open(where / "map.zarr").sums()
     large = [one.pixels for one in sets.values() if one.pixels >= 0.01 * tallies["mapped"]]
     done = {
-        "gib": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20,
+        "gib": peak_memory() / 2**30,
         "sets": len(large),
         "small": 1.0 - sum(large) / tallies["mapped"],
     }
@@ -244,16 +235,11 @@ def _angle_seconds(header: Path, known: Float[np.ndarray, "paints bands"], most:
 
 def _nnls_seconds(scene: Fields, known: Float[np.ndarray, "paints bands"], count: int) -> float:
     """Seconds a pixel of unmixing by all exemplars, from pixels all over an image."""
-    from scipy.optimize import nnls
-
     rows = np.linspace(0, scene.shape[0] - 1, min(count, scene.shape[0])).astype(int)
     each = -(-count // len(rows))
     columns = np.linspace(0, scene.shape[1] - 1, each).astype(int)
     readings = np.concatenate([scene.rows(y, y + 1)[0, columns] for y in rows.tolist()])
-    start = time.perf_counter()
-    for reading in readings.astype(np.float64):
-        nnls(known.T, reading)
-    return (time.perf_counter() - start) / len(readings)
+    return time_call(lambda: unmix(known.T, readings.astype(np.float64)))[1] / len(readings)
 
 
 if __name__ == "__main__":

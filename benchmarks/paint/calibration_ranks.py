@@ -22,11 +22,17 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
-from benchmarks.paint.coverage import simulate
-from benchmarks.paint.layers_inverted import held, known_paints, unknown_paint
+from benchmarks.paint.layers_inverted import (
+    held,
+    known_paints,
+    smooth_errors,
+    unknown_paint,
+)
 from benchmarks.results import Results, command_line, percent, progress, quantity
+from benchmarks.rivals.baselines import spectra_of
 
 NEEDS = ("matplotlib",)
 NEEDS_SIZE = ("one_ground_apart",)
@@ -54,10 +60,62 @@ class Posed(NamedTuple):
 
 
 class Ranks(NamedTuple):
-    """Of one group: shares of draws below the truth, by quantity, (films,), and R-hat, (films,)."""
+    """Of one group: shares of draws below the truth, by quantity, (films,), and R-hat, (films,); and
+    of Laplace's draws, (films, quantities), NaN where it does not trust itself.
+    """
 
     below: dict[str, np.ndarray]
     apart: np.ndarray
+    laplace: np.ndarray
+
+
+def simulate(
+    count: int, paints: int, rng: np.random.Generator
+) -> tuple[list[Any], list[list[Any]], dict[str, np.ndarray]]:
+    """Readings of films of this many paints of the catalogue over both cards, by the solver; the
+    paints of each, and the truth by quantity, (films,) or (films, bands).
+    """
+    from glazefit import Films, Instrument, Noise, Prior
+    from glazefit.film.films import usual_cards
+    from glazefit.film.model.optics import Optics
+    from glazefit.film.reading import readings
+    from glazejax import catalogue
+
+    prior, instrument, noise = Prior(), Instrument(), Noise()
+    known = list(catalogue.load().values())
+    grid = known[0].wavelengths
+    chosen = [
+        [known[i] for i in rng.choice(len(known), paints, replace=False)] for _ in range(count)
+    ]
+    fractions = rng.dirichlet(np.full(paints, prior.concentration_known), count)
+    thickness = prior.thickness * np.exp(prior.spread * rng.standard_normal(count))
+    shine = rng.uniform(size=count)
+    error = prior.error * np.exp(prior.error_spread * rng.standard_normal(count))
+    off = smooth_errors(rng, error, 1, prior.error_length, grid)[:, 0]
+    mixed = [
+        np.tensordot(shares, spectra_of(own), 1)
+        for shares, own in zip(fractions, chosen, strict=True)
+    ]
+    optical = np.stack(mixed) * thickness[:, None, None] * off
+    ground = np.broadcast_to(np.stack(usual_cards(grid), axis=-1), (count, grid.size, 2))
+
+    def read(k: np.ndarray, s: np.ndarray, shine: np.ndarray) -> np.ndarray:
+        body = Optics.of(instrument).body(
+            jnp.asarray(k)[..., None, None],
+            jnp.asarray(s)[..., None, None],
+            jnp.asarray(ground),
+            1e-5,
+        )
+        exact = np.asarray(body) + shine[:, None, None] * instrument.seen_surface
+        return np.maximum(exact + noise.sd(exact) * rng.standard_normal(exact.shape), 0.0)
+
+    empty = np.full((count, grid.size), 1e-12)
+    bare, over = read(empty, empty, np.ones(count)), read(optical[:, 0], optical[:, 1], shine)
+    names = tuple(f"film {i}" for i in range(count))
+    cards = (bare[..., 0], bare[..., 1], over[..., 0], over[..., 1])
+    films = readings(Films(names, grid, *cards), instrument, noise)
+    truth = {f"fraction {i + 1}": fractions[:, i] for i in range(paints if paints > 1 else 0)}
+    return films, chosen, truth | {"thickness": thickness, "gloss": shine, "model error": error}
 
 
 def films(count: int, rng: np.random.Generator, group: int) -> Posed:
@@ -65,10 +123,9 @@ def films(count: int, rng: np.random.Generator, group: int) -> Posed:
     from glazefit.film.solve import solve
     from glazefit.posterior.film import pose_films
 
-    made, truth = simulate(count, 1 + group % 3, rng, model_error=True, gloss=True)
-    problem = pose_films(made, truth.paints, Instrument(), Prior())
-    problem, modes = solve(problem)
-    return Posed(problem, tuple(made), modes, truth.quantities)
+    made, paints, truth = simulate(count, 1 + group % 3, rng)
+    problem, modes = solve(pose_films(made, paints, Instrument(), Prior()))
+    return Posed(problem, tuple(made), modes, truth)
 
 
 def bands(count: int, rng: np.random.Generator, group: int) -> Posed:
@@ -130,14 +187,18 @@ def ranked(posed: Posed, options: Any) -> Ranks:
     blocks = len(posed.problem.blocks)
     films = len(posed.films)
     below = {}
+    laplace = []
     for name, draws in posterior.draws.items():
         if name in posed.truth:
+            rough = (posterior.laplace_draws[name] < posed.truth[name]).mean(axis=0)
+            rough = np.where(posterior.laplace.trusted, rough, np.nan)
+            laplace.append(rough.reshape(films, -1))
             shares = (draws < posed.truth[name]).mean(axis=(0, 1))
             # Bands of a film, where each is a block, are quantities that hang together.
             for n, one in enumerate(shares.reshape(films, blocks // films).T):
                 below[f"{name} {n}" if blocks > films else name] = one
     apart = np.broadcast_to(state.apart, blocks).reshape(films, -1).max(axis=1)
-    return Ranks(below, apart)
+    return Ranks(below, apart, np.concatenate(laplace, axis=1))
 
 
 def gathered(groups: list[Ranks]) -> dict[str, np.ndarray]:
@@ -231,6 +292,10 @@ def main() -> None:
         apart = np.concatenate([group.apart for group in groups])
         say(f"\n{kind}: {count} films, 90 % intervals")
         table(say, kind, found[kind])
+        trusted = padded([group.laplace for group in groups])
+        there = np.isfinite(trusted)
+        share = held(np.where(there, trusted, 0.5), there)
+        say(f"Laplace holds {share} of {there.sum()} values where it trusts itself")
         met, middle = np.mean(apart < 1.05), np.median(apart)
         say(
             f"R-hat: below 1.05 in {met:.0%} of films, median {middle:.2f}; "

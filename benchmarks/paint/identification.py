@@ -14,6 +14,7 @@ import numpy as np
 from benchmarks import device
 from benchmarks.paint.identification_sets import hyppigments, hyppigments_across_cards
 from benchmarks.results import Results, command_line, quantities, quantity
+from benchmarks.rivals.baselines import spectra_of
 from benchmarks.timing import time_call
 from glazefit import Identification, Noise, identify
 from glazefit.film.model.response import film_response
@@ -48,10 +49,7 @@ def simulated(
     real paint.
     """
     rng = np.random.default_rng(seed)
-    k, s = (
-        np.stack([np.asarray(getattr(p, what)) for p in paints]) * UNIT
-        for what in ("absorption", "scattering")
-    )
+    k, s = np.moveaxis(spectra_of(paints), 1, 0) * UNIT
     weights = rng.dirichlet(np.ones(2), count)
     pair = np.array([rng.choice(len(paints), 2, replace=False) for _ in range(count)])
     kd, sd = (np.einsum("nm,nmb->nb", weights, a[pair]) for a in (k, s))

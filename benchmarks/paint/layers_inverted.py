@@ -17,7 +17,6 @@ of their shares over the root of their number.
 """
 
 import time
-from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import jax
@@ -25,6 +24,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from benchmarks.results import Quantity, Results, command_line, ends, quantities, quantity
+from benchmarks.rivals.baselines import spectra_of
 
 # Laplace is trusted of few stacks, of a small run's of none.
 NEEDS_SIZE = ("trusted",)
@@ -33,7 +33,6 @@ GRID = np.arange(400.0, 701.0, 50.0)
 GROUNDS = np.array([0.03, 0.93])
 GLAZE, BODY = 8e-6, 30e-6
 STEPS, UNKNOWN_STEPS, WALKERS = 200, 200, 16
-COEFFICIENTS = ("absorption", "scattering")
 # Kinds of stacks of an unknown paint, by the names of what is recorded of them.
 UNKNOWN = {
     "two_grounds": "two grounds",
@@ -63,20 +62,19 @@ class Found(NamedTuple):
     trusted: np.ndarray
 
 
-def spectra_of(paints: Sequence[Any]) -> np.ndarray:
-    """k and s of paints, (paints, 2, bands)."""
-    return np.array([[np.asarray(getattr(p, what)) for what in COEFFICIENTS] for p in paints])
-
-
 def smooth_errors(
-    rng: np.random.Generator, size: np.ndarray, coats: int, length: float
+    rng: np.random.Generator,
+    size: np.ndarray,
+    coats: int,
+    length: float,
+    grid: np.ndarray = GRID,
 ) -> np.ndarray:
     """Factors of k and s, (films, coats, 2, bands), off by these shares."""
     from glazefit.film.model.errors import smooth_kernel
 
-    root = np.linalg.cholesky(smooth_kernel(GRID, length) + 1e-9 * np.eye(GRID.size))
+    root = np.linalg.cholesky(smooth_kernel(grid, length) + 1e-9 * np.eye(grid.size))
     return np.exp(
-        size[:, None, None, None] * (rng.standard_normal((size.size, coats, 2, GRID.size)) @ root.T)
+        size[:, None, None, None] * (rng.standard_normal((size.size, coats, 2, grid.size)) @ root.T)
     )
 
 

@@ -8,14 +8,9 @@ white that is the catalogue's but for its own errors, thicknesses unknown, noise
 entry's 90 % intervals hold k and s, and how far off is a 1:3 tint that was not fitted? Tubes,
 measured (revigo): the masstone and the white tint of one paint, with zinc white and bone black as a
 fit of all other paints' films knows them; the paint's other tints and shades are predicted, and by
-the joint fit of all films but that one. Times are those of this process, and of the command in
-processes of its own.
+the joint fit of all films but that one. Times are those of this process.
 """
 
-import os
-import subprocess
-import sys
-import tempfile
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -45,9 +40,8 @@ NEEDS = ("data/revigo",)
 
 NOISE = Noise(0.002, 0.0)
 LEVEL = 1.645
-# Simulations of each paint, its instruments, measured paints at most, and how often the command is
-# run.
-SEEDS, INSTRUMENTS, MEASURED, RUNS = 3, ("d:8", "45:0"), 100, 3
+# Simulations of each paint, its instruments, and measured paints at most.
+SEEDS, INSTRUMENTS, MEASURED = 3, ("d:8", "45:0"), 100
 # Measured films are those of these paints, of all if none is named.
 SHELF: tuple[str, ...] = ()
 WHITE, BLACK = "ZincWhite", "BoneBlack"
@@ -306,9 +300,9 @@ def paints_with_a_tint(films: Films, recipes: dict[str, dict[str, float]]) -> di
 
 
 def seconds(say: Results) -> None:
-    """Time of an entry with its errors: in this process, and the command, first and again."""
+    """Time of an entry with its errors; that of the command: `benchmarks.cold_start`."""
     made = tube(catalogue.pigment("CobaltBlue"), catalogue.pigment(WHITE), CASES[0], 1)
-    films, known = made.films.take([0, 1]), {WHITE: catalogue.pigment(WHITE)}
+    known = {WHITE: catalogue.pigment(WHITE)}
     (found, _), fit = time_call(lambda: recovered(made, known))
     rank_next_films(found, "CobaltBlue")
     taught, after = time_call(lambda: rank_next_films(found, "CobaltBlue"))
@@ -319,30 +313,6 @@ def seconds(say: Results) -> None:
     )
     say.record(**quantities({"entry_seconds": fit, "advice_seconds": after}, "s"))
     say(f"   ({best.film}: dE00 {taught.now:.2f} -> {best.expected:.2f})")
-    with tempfile.TemporaryDirectory() as folder:
-        table = Path(folder) / "blue.csv"
-        table.write_text(written(films))
-        words = [
-            sys.executable,
-            "-m",
-            "glazejax",
-            "recover",
-            str(table),
-            "--white",
-            WHITE,
-            "--into",
-            f"{folder}/mine.csv",
-            "--overwrite",
-        ]
-        for title in ("first, all to be compiled", "again", "again")[:RUNS]:
-            environment = {**os.environ, "GLAZEJAX_CACHE": f"{folder}/cache"}
-            _, took = time_call(
-                lambda e=environment: subprocess.run(words, check=True, capture_output=True, env=e)
-            )
-            say(
-                f"The command glazejax recover blue.csv --white {WHITE} --into mine.csv, "
-                f"{title}: {took:.1f} s"
-            )
 
 
 def written(films: Films) -> str:
@@ -369,7 +339,6 @@ def main() -> None:
             SEEDS=1,
             INSTRUMENTS=("d:8",),
             MEASURED=1,
-            RUNS=2,
             CASES=(CASES[0], *CASES[3:]),
             SHELF=FEW,
         )

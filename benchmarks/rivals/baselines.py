@@ -1,18 +1,25 @@
-"""What several rivals compute: unmixing by non-negative least squares, Kubelka-Munk's film under a
+"""What several benchmarks compute: k and s of paints, unmixing by non-negative least squares, Kubelka-Munk's film under a
 surface, and least squares for many small problems side by side.
 
 Features of spectra, such as slopes of -log R and angles between spectra, are those of
 `benchmarks.paintbench.spectra`.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 from scipy.optimize import nnls
 
+from glazejax import Pigment
+
 _TINY = 1e-12
+
+
+def spectra_of(paints: Sequence[Pigment]) -> Float[np.ndarray, "paints 2 bands"]:
+    """k and s of paints, 1/m."""
+    return np.array([[np.asarray(p.absorption), np.asarray(p.scattering)] for p in paints])
 
 
 def unmix(

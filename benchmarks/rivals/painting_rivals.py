@@ -18,7 +18,6 @@ from benchmarks.paintbench.spectra import (
     hiding_ratio,
     hiding_reflectance,
 )
-from benchmarks.results import Quantity, quantities
 from benchmarks.rivals.baselines import Surface, film_reflectance, least_squares, shares_of, unmix
 from benchmarks.rivals.known_painting import PLACES, Painting
 from benchmarks.timing import time_call
@@ -465,21 +464,6 @@ class Row(NamedTuple):
             seconds=seconds,
             by_coats=by_coats(truth, answer, names),
         )
-
-    def quantities(self, key: str, digits: int, *names: str) -> dict[str, Quantity]:
-        """Shares of `QUOTED` names in per cent, as KEY_NAME."""
-        shares = {f"{key}_{name}": 100.0 * getattr(self.score, QUOTED[name]) for name in names}
-        return quantities(shares, "%", digits)
-
-
-QUOTED = {
-    "right": "right_set",
-    "pigments": "right_pigments",
-    "main": "right_main",
-    "false": "false_none",
-    "found": "none_found",
-}
-"""Shares of a score by the names that texts quote them by."""
 
 
 def compared(scene: Painting, other: Painting, pixels: int = 2000) -> list[Row]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from benchmarks.paint.identification import UNIT, family
 from benchmarks.paintbench.spectra import absorbance, cosine_distance, slopes
-from benchmarks.rivals.baselines import Surface, film_reflectance, shares_of, unmix
+from benchmarks.rivals.baselines import Surface, film_reflectance, shares_of, spectra_of, unmix
 from glazefit import Films, ground_from_air
 from glazejax import Pigment
 
@@ -95,10 +95,7 @@ def kubelka_munk(query: Query) -> Found:
     where it halves it.
     """
     films, row, paints = query.films, query.row, query.paints
-    k, s = (
-        np.stack([np.asarray(getattr(p, what)) for p in paints]) * UNIT
-        for what in ("absorption", "scattering")
-    )
+    k, s = np.moveaxis(spectra_of(paints), 1, 0) * UNIT
     cards = ground_from_air(np.stack([films.bare_black[row], films.bare_white[row]]))
     seen = np.stack([films.over_black[row], films.over_white[row]])
     totals = np.geomspace(0.1, 12.0, 25)

@@ -136,7 +136,7 @@ def screen(
         # The wide grid of three paints in a coat is for single coats.
         if n + m <= MOST_SCREENED:
             pairs.append((coats[n], coats[m], keep[n + m - 1]))
-    total = sum(len(_corners(top, bottom)) for top, bottom, _ in pairs)
+    total = sum(len(_blocks(top, bottom)) for top, bottom, _ in pairs)
     note = counted(progress, total, "looking through all sets of paints")
     return Stacks.join([_nearest(task, *pair, note) for pair in pairs]).best(keep[-1])
 
@@ -218,18 +218,17 @@ def spread(
     return columns
 
 
-def _block(bottom: Coats) -> tuple[int, int, int]:
-    """Upper and lower coats that are looked at in one program, so that one serves all, and how
-    many of the upper ones side by side.
+def _blocks(top: Coats, bottom: Coats) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Upper and lower coats that are looked at together: as many each time, so that one program
+    serves all. Where a block reaches beyond the last coat, that one stands there again.
     """
-    return (640, 1, 32) if len(bottom.paints) == 1 else (40, 40, 1)
 
+    def parts(coats: Coats, size: int) -> list[np.ndarray]:
+        count = len(coats.paints)
+        return [np.arange(n, n + size).clip(max=count - 1) for n in range(0, count, size)]
 
-def _corners(top: Coats, bottom: Coats) -> list[tuple[int, int]]:
-    """First upper and lower coat of each block."""
-    height, width, _ = _block(bottom)
-    rows = range(0, len(top.paints), height)
-    return list(itertools.product(rows, range(0, len(bottom.paints), width)))
+    height, width = (640, 1) if len(bottom.paints) == 1 else (40, 40)
+    return list(itertools.product(parts(top, height), parts(bottom, width)))
 
 
 def _all_distances(
@@ -239,20 +238,17 @@ def _all_distances(
     targets = task.target_arrays
     cost = np.empty((len(top.paints), len(bottom.paints), len(targets.spectral)), np.float32)
     point = np.empty(cost.shape, np.int8)
-    height, width, together = _block(bottom)
+    # Coats over nothing are looked at some at a time.
+    together = 32 if len(bottom.paints) == 1 else 1
 
-    def look(corner: tuple[int, int]) -> None:
-        rows, columns = (
-            np.arange(begin, begin + size).clip(max=len(coats.paints) - 1)
-            for begin, size, coats in zip(corner, (height, width), (top, bottom), strict=True)
-        )
-        block = top.take(rows), bottom.take(columns)
-        # Where a block reaches beyond the last coat, that one is written again.
+    def look(block: tuple[np.ndarray, np.ndarray]) -> None:
+        rows, columns = block
         at = np.ix_(rows, columns)
-        cost[at], point[at] = _distances(task.model, targets, *block, together=together)
+        pair = top.take(rows), bottom.take(columns)
+        cost[at], point[at] = _distances(task.model, targets, *pair, together=together)
         note()
 
-    in_threads(look, _corners(top, bottom))
+    in_threads(look, _blocks(top, bottom))
     return cost, point
 
 
