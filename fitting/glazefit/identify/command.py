@@ -306,17 +306,6 @@ def identify(
         opaque=opaque,
         names=task.names,
     )
-    report_builder = None
-    if report is not None and not by_family:
-        from .show.reporting import ReportBuilder
-
-        report_builder = ReportBuilder(
-            paints,
-            seen_with,
-            discrepancy=settings["discrepancy"],
-            prior=settings["prior"],
-        )
-        chunks = report_builder.watch(chunks)
     finished, how = progress.collect(
         chunks, len(task.spectra), "compiling, then searching", "searching"
     )
@@ -345,8 +334,14 @@ def identify(
             inputs=inputs,
             subject=subject,
         )
-        if report_builder is not None:
-            record = report_builder.record(identification, about, top)
+        if not by_family:
+            from .search.searcher import Searcher
+            from .show.bands import expected_bands
+            from .show.record import make_record
+
+            searcher = Searcher.of(task.wavelengths, paints, search_options, opaque=opaque)
+            bands = expected_bands(identification, searcher.task)
+            record = make_record(identification, bands, about, top)
         else:
             from .families.identify_pigments import usual_misfit
             from .show.family_record import make_family_record

@@ -95,7 +95,7 @@ def identify_families(
             identifications.append(
                 _identification(search, measured.take(film_rows), options, opaque)
             )
-        yield _in_order(Identification.join(identifications), np.argsort(order))
+        yield Identification.join(identifications).take(np.argsort(order))
 
 
 def usual_misfit(
@@ -271,18 +271,3 @@ def _fill_candidate(
     near = (search.wavelengths >= grid[0] - _EDGE) & (search.wavelengths <= grid[-1] + _EDGE)
     computed = np.interp(search.wavelengths, grid, templates.readings[at] + surface)
     fitted[near] = computed[near]
-
-
-def _in_order(identification: Identification, order: np.ndarray) -> Identification:
-    """Rows of an identification in another order."""
-    arrays = {
-        name: getattr(identification, name)[order]
-        for name, value in vars(identification).items()
-        if isinstance(value, np.ndarray)
-    }
-    return replace(
-        identification,
-        measured=identification.measured.take(order),
-        family_sets=tuple(identification.family_sets[int(row)] for row in order),
-        **arrays,
-    )

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float, Int
 
-from ...film.model.errors import model_covariance
+from ...film.model.errors import model_correlation
 from .task import TYPICAL_READING, IdentificationTask, Measured
 
 
@@ -100,7 +100,6 @@ class Chunk:
     @property
     def ranking_covariance(self) -> Float[np.ndarray, "spectra readings readings"]:
         """Covariance of one smooth error that stands for all while candidates are looked for."""
-        # Smaller on dark films, whose readings differ by little.
         # Smaller on dark films, whose readings differ by little: at 0 a tenth of the error at a
         # middling reading.
         dark = 0.1 + self.spectra.flat / TYPICAL_READING
@@ -109,8 +108,10 @@ class Chunk:
     def _smooth(
         self, amplitude: Float[np.ndarray, "spectra readings"]
     ) -> Float[np.ndarray, "spectra readings readings"]:
+        d = self.task.discrepancy
         grounds = self.spectra.readings.shape[1]
-        return model_covariance(self.task.wavelengths, grounds, self.task.discrepancy, amplitude)
+        correlation = model_correlation(self.task.wavelengths, grounds, d.length, d.shared)
+        return amplitude[:, :, None] * amplitude[:, None] * correlation
 
 
 def _diagonal(

@@ -19,7 +19,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from glazejax.programs import Program
 
-from ...film.model.errors import whiten
+from ...film.model.errors import whitening
 from ...film.model.response import FilmResponse
 from ...film.numerics.least_squares import damped_newton, inverse_small
 from .chunk import Chunk
@@ -32,7 +32,6 @@ from .task import IdentificationTask
 # not there.
 LEAST = 1e-5
 MOST = 60.0
-# Gradients below which nothing pulls, and logarithms of a ratio that are taken as 0.
 FEW_SPECTRA = 16
 """So many at most are fitted by fewer programs."""
 Number = Float[Array | np.ndarray, ""]
@@ -43,9 +42,9 @@ class Weights(NamedTuple):
 
     target: Float[Array | np.ndarray, "readings"]  # without the mean surface
     basis: Float[
-        Array | np.ndarray, "scales components readings"
+        Array | np.ndarray, "components readings"
     ]  # components: as many as readings, or few that rank
-    height: Float[Array | np.ndarray, "scales"]
+    height: Number
     spread: Number
     concentration: Number
     freedom: Number  # of Student's t; 0 for Gaussian errors
@@ -74,9 +73,7 @@ def rank(chunk: Chunk, starts: SetStarts, table: FilmTable) -> Pool:
     """
     task = chunk.task
     project = table.project
-    fixed = project @ chunk.noise_covariance @ project.T
-    model = project @ chunk.ranking_covariance @ project.T
-    errors = whiten(fixed, model, task.discrepancy)
+    errors = whitening(project @ (chunk.noise_covariance + chunk.ranking_covariance) @ project.T)
     weights = Weights(chunk.target, errors.basis @ project, errors.height, *chunk.expectation)
     # What is left out of these components counts for nothing while sets are ranked.
     none = np.zeros(len(chunk))
@@ -93,7 +90,6 @@ def rank(chunk: Chunk, starts: SetStarts, table: FilmTable) -> Pool:
             jnp.asarray(logs),
             ground,
             weights,
-            task.middle,
             steps=task.effort.ranking_steps,
         )
         return jax.tree.map(np.asarray, fitted)
@@ -158,8 +154,7 @@ def pool_of(
         logs=logs,
         weighed=logs,
         covariance=np.pad(np.asarray(fitted.covariance, float), (*room, (0, 3 - size))),
-        log_weight=task.discrepancy.trust * np.asarray(fitted.log_evidence, float)
-        + log_set_prior(task, sets),
+        log_weight=np.asarray(fitted.log_evidence, float) + log_set_prior(task, sets),
         readings=np.asarray(fitted.readings, float),
         adjusted=np.asarray(fitted.readings, float),
         gloss=np.zeros(sets.shape[:2]),
@@ -185,7 +180,7 @@ def log_set_prior(
         return np.log(np.asarray([0.0, *by_size]))[count] + hardly * np.log(task.prior.extender)
 
 
-@functools.partial(Program, fixed=("middle", "steps"))
+@functools.partial(Program, fixed=("steps",))
 def fit_sets(
     response: FilmResponse,
     paints: Paints,
@@ -193,7 +188,6 @@ def fit_sets(
     starts: Array,
     ground: Array,
     weights: Weights,
-    middle: int,
     steps: int = 14,
 ) -> Fitted:
     """Fit candidates of one coat, as many for each spectrum.
@@ -205,7 +199,6 @@ def fit_sets(
         starts: log amounts, (spectra, sets, size).
         ground: internal reflectance, (spectra, grounds, bands).
         weights: of each spectrum.
-        middle: scale of the discrepancy that is fitted with.
         steps: of Newton's method; many where the start is far.
     """
 
@@ -220,7 +213,6 @@ def fit_sets(
                 start,
                 ground=ground,
                 weights=weights,
-                middle=middle,
                 steps=steps,
             )
 
@@ -236,7 +228,6 @@ def fit_film(
     start: Array,
     ground: Array,
     weights: Weights,
-    middle: int,
     steps: int | Array,
 ) -> Fitted:
     """Most probable log amounts of one candidate of one coat, and its evidence.
@@ -248,13 +239,12 @@ def fit_film(
         start: log amounts.
         ground: internal reflectance, (grounds, bands).
         weights: of the spectrum.
-        middle: scale of the discrepancy that is fitted with.
         steps: of Newton's method.
     """
     present = members >= 0
     k = paints.absorption[members]
     s = paints.scattering[members]
-    white = weights.basis[middle]
+    white = weights.basis
 
     def look(logs: Array) -> tuple[Array, Array, Array, tuple[Array, Array]]:
         amounts = jnp.where(present, jnp.exp(logs), 0.0)
@@ -332,23 +322,22 @@ def log_prior(
 def _evidence(
     logs: Array, present: Array, hessian: tuple[Array, Array], readings: Array, weights: Weights
 ) -> tuple[Array, Array]:
-    """Laplace's log evidence of one candidate, summed over the scales of the discrepancy; and the
-    covariance of u.
+    """Laplace's log evidence of one candidate, and the covariance of u.
 
     The misfit of a whole spectrum follows a Gaussian, or Student's t of `independent` readings in
     all: then each weighs the less the worse all are met.
     """
-    off = jnp.einsum("srt,t->sr", weights.basis, weights.target - readings)
-    square = jnp.sum(off**2, axis=-1) + weights.outside
+    off = weights.basis @ (weights.target - readings)
+    square = off @ off + weights.outside
     heavy = weights.freedom > 0
     freedom = jnp.where(heavy, weights.freedom, 1.0)
     total_freedom = weights.freedom + weights.independent
     tail = weights.independent / weights.in_all * weights.height - 0.5 * total_freedom * jnp.log1p(
         square / freedom
     )
-    likelihood = jax.nn.logsumexp(jnp.where(heavy, tail, weights.height - 0.5 * square))
+    likelihood = jnp.where(heavy, tail, weights.height - 0.5 * square)
     data, prior_part = hessian
-    share = jnp.where(heavy, total_freedom / (freedom + jnp.min(square)), 1.0)
+    share = jnp.where(heavy, total_freedom / (freedom + square), 1.0)
     spread, log_det = inverse_small(share * data + prior_part)
     prior = log_prior(logs, present, weights.spread, weights.concentration)
     volume = 0.5 * present.sum(dtype=logs.dtype) * jnp.log(2.0 * jnp.pi) - 0.5 * log_det

@@ -6,7 +6,6 @@ right paint with a trace of another. So errors are worked out once for each grou
 candidate stands, and again where that has moved to.
 """
 
-import functools
 from dataclasses import dataclass, fields, replace
 from typing import NamedTuple
 
@@ -17,7 +16,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from glazejax.programs import Program
 
-from ...film.model.errors import Whitening, paints_covariance, whiten, whitening
+from ...film.model.errors import Whitening, paints_covariance, whitening
 from ...film.model.response import FilmResponse
 from ...film.numerics.blocks import by_blocks
 from .chunk import Chunk
@@ -36,18 +35,16 @@ def compile_ahead(task: IdentificationTask, grounds: int) -> None:
     """
     shape = (grounds, task.wavelengths.size)
     readings = shape[0] * shape[1]
-    scales = len(task.discrepancy.scales)
     count = block_size(readings)
     members = np.zeros((count, max(task.max_paints, 2)), np.int32)
     logs = np.zeros(members.shape)
     film_slopes.ahead(task.response, task.paints, members, logs, np.zeros((count, *shape)))
     kind = task.precision
-    matrix = (count, scales, readings, readings)
-    sizes = ((count, readings), matrix, (count, scales), *[(count,)] * 6)
+    sizes = ((count, readings), (count, readings, readings), *[(count,)] * 7)
     weights = Weights(*(np.broadcast_to(kind(0), size) for size in sizes))
     ground = np.zeros((count, *shape), kind)
     logs = logs.astype(kind)
-    fit_films.ahead(*task.films, members, logs, ground, weights, task.middle, steps=np.asarray(0))
+    fit_films.ahead(*task.films, members, logs, ground, weights, steps=np.asarray(0))
 
 
 @dataclass(frozen=True)
@@ -235,7 +232,7 @@ def fit_with_errors(
     groups = _group(task, films, slopes)
     errors = coefficient_errors(chunk, groups.row, groups.sets, groups.slopes)
     fitted = _fit(chunk, films, errors, groups.of, steps)
-    log_weight = task.discrepancy.trust * fitted.log_evidence + log_set_prior(task, films.sets)
+    log_weight = fitted.log_evidence + log_set_prior(task, films.sets)
     # Nothing is known together with a paint that is not there.
     absent = films.sets == NOBODY
     spread = np.where(absent[:, :, None] | absent[:, None, :], 0.0, fitted.covariance)
@@ -286,8 +283,8 @@ def coefficient_errors(
 
     def some(n: Int[np.ndarray, "block"]) -> tuple[np.ndarray, np.ndarray]:
         caused = paints_covariance(by[n], sets[n], paint_errors, task.modes, task.wavelengths, d)
-        white = whiten(noise[row[n]], smooth[row[n]] + caused, d)
-        return white.basis.astype(kind), white.height + chunk.height[row[n], None]
+        white = whitening(noise[row[n]] + (smooth[row[n]] + caused))
+        return white.basis.astype(kind), white.height + chunk.height[row[n]]
 
     # A few at a time: matrices that stay in a core's cache.
     blocks = np.split(np.arange(len(row)), range(_ERRORS, len(row), _ERRORS))
@@ -326,13 +323,13 @@ def _fit(
             target[row], basis[own_group], height[own_group], *(values[row] for values in expected)
         )
         start = films.sets[n], logs[n], grounds[row]
-        return fit_films(response, paints, *start, weights, task.middle, steps=np.asarray(steps))
+        return fit_films(response, paints, *start, weights, steps=np.asarray(steps))
 
     fitted = by_blocks(len(films.row), block_size(basis.shape[-1]), run)
     return Fitted(*(np.asarray(values, np.float64) for values in fitted))
 
 
-@functools.partial(Program, fixed=("middle",))
+@Program
 def fit_films(
     response: FilmResponse,
     paints: Paints,
@@ -340,7 +337,6 @@ def fit_films(
     starts: Array,
     ground: Array,
     weights: Weights,
-    middle: int,
     steps: Array,
 ) -> Fitted:
     """Fit candidates of one coat, each with a ground and weights of its own: arguments as of
@@ -355,7 +351,6 @@ def fit_films(
             start,
             ground=ground,
             weights=weights,
-            middle=middle,
             steps=steps,
         )
 
@@ -397,8 +392,7 @@ def _nearest(chunk: Chunk, films: CandidateFilms) -> CandidateFilms:
 
 def near_errors(chunk: Chunk) -> Whitening:
     """Errors of each spectrum that count when the amounts to be shown are fitted."""
-    fixed = chunk.tolerance_covariance
-    return whiten(fixed, np.zeros_like(fixed), chunk.task.discrepancy)
+    return whitening(chunk.tolerance_covariance)
 
 
 def move_readings(
@@ -460,4 +454,4 @@ def _near_and_whitening(
     )
     used, inverse = np.unique(groups.row, return_inverse=True)
     spectra = chunk.take(used)
-    return spectra.near[inverse], whitening(spectra.tolerance_covariance[inverse] + free)[0]
+    return spectra.near[inverse], whitening(spectra.tolerance_covariance[inverse] + free).basis

@@ -16,7 +16,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from glazejax.programs import Program
 
-from ...film.model.errors import model_covariance, noise_covariance, whitening
+from ...film.model.errors import model_correlation, whitening
 from ...film.model.response import FilmResponse
 from .chunk import Chunk
 from .pool import NOBODY
@@ -96,11 +96,10 @@ def common_whitening(
     task: IdentificationTask, grounds: int
 ) -> Float[np.ndarray, "readings readings"]:
     """Of a reading of middling size over so many grounds, for the searches that only rank."""
-    sd = task.noise.sd(np.full((grounds, task.wavelengths.size), TYPICAL_READING))
-    model = model_covariance(
-        task.wavelengths, grounds, task.discrepancy, task.discrepancy.screening
-    )
-    return whitening(noise_covariance(sd, task.surface, task.discrepancy) + model)[0]
+    d = task.discrepancy
+    sd = task.noise.sd(np.full(grounds * task.wavelengths.size, TYPICAL_READING))
+    smooth = d.screening**2 * model_correlation(task.wavelengths, grounds, d.length, d.shared)
+    return whitening(np.diag(sd**2) + d.surface_sd(task.surface) ** 2 + smooth).basis
 
 
 def grow_triples(

@@ -221,11 +221,6 @@ class IdentificationTask(NamedTuple):
         return self.tables.single if self.effort.single_precision else (self.response, self.paints)
 
     @property
-    def middle(self) -> int:
-        """Scale of the discrepancy that is fitted with: the one nearest to 1."""
-        return int(np.argmin(np.abs(np.log(self.discrepancy.scales))))
-
-    @property
     def mean_surface(self) -> float:
         """Reflectance that the surface adds to a reading in the mean of films."""
         return self.discrepancy.gloss * self.surface

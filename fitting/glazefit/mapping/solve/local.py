@@ -16,7 +16,6 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ...film.colour_metric import reading_metric
-from ...film.model.errors import ModelError
 from ...film.numerics.blocks import by_blocks
 from ...identify.search.chunk import Chunk
 from ...identify.search.fit import prior_terms
@@ -31,7 +30,7 @@ from ...identify.search.refine import (
 from ...identify.search.searcher import Searcher
 from ...identify.search.surface import NuisanceMode
 from ...identify.search.task import IdentificationTask, Measured
-from ...identify.search.unstated_conditions import FilmsUnderCondition, films_under
+from ...identify.search.unstated_conditions import CONDITIONS, FilmsUnderCondition, films_under
 from ...identify.search.weigh import Odds
 
 _STEP = 1e-3
@@ -58,8 +57,8 @@ class Local:
         logs_by: slopes of the log amounts that are weighed.
         gradient, hessian: of minus the log prior in these.
         ratios: eigenvalues of the data's part of the posterior's Hessian relative to the prior's.
-        numbers: Student's degrees of freedom (0 for Gaussian errors), readings that count as
-            independent, the power of the likelihood.
+        numbers: Student's degrees of freedom (0 for Gaussian errors), and readings that count as
+            independent.
         seen, seen_by: Delta E00 to the fit as a vector of some coordinates, and its slopes.
         left, left_by: the same with errors of the paints allowed for.
         shape: root mean square of that residual, noise aside.
@@ -81,7 +80,7 @@ class Local:
     gradient: Float[np.ndarray, "n 3"]
     hessian: Float[np.ndarray, "n 3 3"]
     ratios: Float[np.ndarray, "n 3"]
-    numbers: Float[np.ndarray, "n 3"]
+    numbers: Float[np.ndarray, "n 2"]
     seen: Float[np.ndarray, "n colours"]
     seen_by: Float[np.ndarray, "n colours bands"]
     left: Float[np.ndarray, "n colours"]
@@ -198,9 +197,10 @@ def _local_models(searcher: Searcher, measured: Measured, pool: Pool, odds: Odds
     size = max(searcher.task.max_paints, 2)
     # One linearization for all candidates under a condition.
     for number in np.unique(condition):
-        films = films_under(int(number), searcher.tasks, searcher.opaque, measured)
+        under = CONDITIONS[number]
+        films = films_under(under, searcher.tasks, searcher.opaque, measured)
         bent = _density_slopes(
-            films, films_under(int(number), searcher.tasks, searcher.opaque, _brighter(measured))
+            films, films_under(under, searcher.tasks, searcher.opaque, _brighter(measured))
         )
         rows = np.flatnonzero(condition == number)
         models = _linear(films, pool, row[rows], column[rows], size) | {
@@ -314,7 +314,7 @@ def _linear(
     weighed_slopes = slopes_at(chunk, weighed_films)
     shown_slopes = slopes_at(chunk, replace(films, logs=logs))
     # Whitened slopes by the log amounts: k and s grow together with the amount.
-    white = errors.basis[groups.of, 0]
+    white = errors.basis[groups.of]
     by = (weighed_slopes[:, :size] + weighed_slopes[:, size:]) * (sets != NOBODY)[..., None]
     gradient, prior = _prior_of(task, sets, weighed_films.logs)
     whitened_slopes = np.einsum("nib,nmb->nmi", white, by)
@@ -327,7 +327,7 @@ def _linear(
     root = np.linalg.inv(np.linalg.cholesky(prior))
     ratios = np.maximum(np.linalg.eigvalsh(root @ data @ np.swapaxes(root, 1, 2)), 0.0)
     # What is shown is fitted with errors of its own: how near it comes to each reading.
-    close = near_errors(chunk).basis[row, 0]
+    close = near_errors(chunk).basis[row]
     by_shown = (shown_slopes[:, :size] + shown_slopes[:, size:]) * (sets != NOBODY)[..., None]
     prior_curvature = _prior_curvature(*_prior_of(task, sets, logs))
     steep = np.einsum("nib,nmb->nmi", close, by_shown)
@@ -341,7 +341,7 @@ def _linear(
     free = coefficient_projection(chunk, groups)[groups.of]
     slope = condition.slope.reshape(len(chunk), -1)[row]
     d = task.discrepancy
-    numbers = (d.freedom or 0.0, min(task.independent_readings, readings.shape[1]), d.trust)
+    numbers = (d.freedom or 0.0, min(task.independent_readings, readings.shape[1]))
     unseen = slope[:, :, None]
     return {
         "opaque": np.full(len(row), condition.opaque),
@@ -352,7 +352,7 @@ def _linear(
         "gradient": _wide(gradient, 1),
         "hessian": _wide(prior, 1, 2),
         "ratios": _wide(ratios, 1),
-        "numbers": np.broadcast_to(numbers, (len(row), 3)),
+        "numbers": np.broadcast_to(numbers, (len(row), 2)),
         "fitted_by": (body + surface @ missed) * slope[:, None, :] / unseen,
         "left_by": (body + free @ missed) * slope[:, None, :] / unseen,
     }
@@ -387,16 +387,3 @@ def _wide(values: np.ndarray, *axes: int) -> np.ndarray:
     """With room for three paints along some axes."""
     room = [(0, 3 - values.shape[axis]) if axis in axes else (0, 0) for axis in range(values.ndim)]
     return np.pad(values, room)
-
-
-def check_errors(discrepancy: ModelError) -> None:
-    """Refuse errors of several scales: near a representative one Gaussian follows the spectrum.
-
-    Raises:
-        ValueError: there are several.
-    """
-    if len(discrepancy.scales) > 1:
-        raise ValueError(
-            f"a map takes a discrepancy of one scale; this one has {len(discrepancy.scales)}: "
-            f"{discrepancy.scales}"
-        )

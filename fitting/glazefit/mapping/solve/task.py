@@ -20,7 +20,6 @@ from ...identify.families.expected import EXPECTED, has_families
 from ...identify.search.options import IdentificationOptions, SearchKeywords, check_keywords
 from ...identify.search.searcher import Searcher
 from .by_family import FamilySearcher
-from .local import check_errors
 from .solver import Image
 from .spots import spot_pigment
 from .working_bands import WorkingBands
@@ -112,7 +111,6 @@ def map_task(
     expected = chosen.prior or (EXPECTED if by_family else Prior())
     errors = chosen.discrepancy or ModelError.between_films()
     noise = chosen.noise
-    check_errors(errors)
     paints = catalogue + [
         spot_pigment(name, stored, spectrum, catalogue, seen_by)
         for name, spectrum in (spots or {}).items()
