@@ -11,11 +11,8 @@ from jaxtyping import Float, Int
 from scipy.special import logsumexp
 
 from glazejax import Pigment
-from glazejax.geometry import resolve_instrument
 
 from ...film.model.errors import Prior
-from ...film.model.optics import Optics
-from ...film.model.response import film_response
 from ...film.shared_bands import means_of_steps
 from ..families.templates import coefficients
 from ..result import NINETY, Identification
@@ -69,26 +66,25 @@ class _CoatSpectra(NamedTuple):
         cls,
         measured: Measured,
         pigments: Sequence[Pigment],
-        options: IdentificationOptions,
+        task: IdentificationTask,
         usual: float,
         opaque: bool,
     ) -> "_CoatSpectra":
         """Arguments as of `weigh_coats`, and whether the films hide their ground."""
-        instrument = resolve_instrument(options.instrument)
         # Errors are correlated over more than a band: finer spectra are averaged.
         mean = means_of_steps(measured.wavelengths, STEP)
         to_bands = np.eye(measured.wavelengths.size) if mean is None else mean
         wavelengths = measured.wavelengths @ to_bands
         grounds = measured.grounds @ to_bands
         return cls(
-            bodies=measured.readings @ to_bands - instrument.seen_surface,
+            bodies=measured.readings @ to_bands - task.surface,
             grounds=grounds,
             wavelengths=wavelengths,
             films=CoatedFilms(
                 coefficients=coefficients(pigments, wavelengths) * usual,
                 grounds=grounds[0],
-                optics=Optics.of(instrument.geometry, instrument.refractive_index),
-                response=film_response(instrument.geometry, instrument.refractive_index),
+                optics=task.optics,
+                response=task.response,
                 hides=opaque,
             ),
             names=tuple(pigment.name for pigment in pigments),
@@ -127,11 +123,11 @@ def weigh_coats(
     """
     measured = identification.measured
     sets = _best_sets(identification, options)
-    spectra = _CoatSpectra.of(measured, pigments, options, usual, identification.opaque)
+    task, pool = searched
+    spectra = _CoatSpectra.of(measured, pigments, task, usual, identification.opaque)
     if identification.opaque or options.max_paints == 1 or len(pigments) == 1:
         return replace(identification, coats_odds=_odds(spectra, _weigh(spectra, sets, options)))
 
-    task, pool = searched
     for rows, films in spectra.by_grounds():
         # A film of two coats may look like no mixture of its paints: the two pairs that come
         # nearest as coats are weighed with the best mixture.

@@ -69,14 +69,7 @@ def identify_families(
         )
     mean = means_of_steps(grid, STEP)
     if mean is not None:
-        measured = replace(
-            measured,
-            wavelengths=grid @ mean,
-            readings=measured.readings @ mean,
-            grounds=measured.grounds @ mean,
-            doubt=measured.doubt @ mean,
-            noise_sd=measured.noise_sd @ mean,
-        )
+        measured = measured.averaged(mean)
     below = measured.grounds[:, 0]
     for start in range(0, len(measured), _CHUNK):
         rows = np.arange(start, min(start + _CHUNK, len(measured)))

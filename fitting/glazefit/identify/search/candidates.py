@@ -6,7 +6,6 @@ from jaxtyping import Int
 from glazejax.radiative.common.threads import in_threads
 
 from .chunk import Chunk
-from .few_bands import can_gather, few_bands_of, gather, spread_out
 from .fit import FEW_SPECTRA, rank
 from .pool import Pool
 from .refine import refine
@@ -20,19 +19,7 @@ CHUNK = 64
 
 
 def find_candidates(task: IdentificationTask, measured: Measured) -> Pool:
-    """Fitted candidates of spectra; `CHUNK` at a time, a few of these side by side.
-
-    Spectra of many bands are gathered at few (`few_bands`), which is stated in `FewBands.missed`.
-    """
-    on_few = few_bands_of(task)
-    if on_few is None or not can_gather(on_few[0], measured):
-        return _find(task, measured)
-    few_bands, smaller = on_few
-    pool = _find(smaller, gather(few_bands, measured, task.discrepancy))
-    return spread_out(few_bands, pool.possible)
-
-
-def _find(task: IdentificationTask, measured: Measured) -> Pool:
+    """Fitted candidates of spectra; `CHUNK` at a time, a few of these side by side."""
     screened = screen(task, measured)
 
     def fit(rows: Int[np.ndarray, "rows"]) -> Pool:

@@ -35,47 +35,30 @@ class Chunk:
 
     @cached_property
     def expectation(self) -> tuple[Float[np.ndarray, "spectra"], ...]:
-        """Expectations of each film, and how its misfit counts: the last six of `Weights`."""
+        """Expectations of each film, and how its misfit counts: the last four of `Weights`."""
         prior = self.task.prior
         freedom = self.task.discrepancy.freedom or 0.0
         independent = min(self.task.independent_readings, self.target.shape[1])
-        all_bands = self.spectra.all_bands
-        in_all = self.target.shape[1] if all_bands is None else all_bands.in_all
-        outside = 0.0 if all_bands is None else all_bands.outside
-        numbers = (prior.spread, prior.concentration_sought, freedom, independent, in_all, outside)
+        numbers = (prior.spread, prior.concentration_sought, freedom, independent)
         return tuple(np.broadcast_to(number, len(self)).astype(float) for number in numbers)
-
-    @property
-    def height(self) -> Float[np.ndarray, "spectra"]:
-        """Log density that every film shares: of the bands that were gathered."""
-        all_bands = self.spectra.all_bands
-        return np.zeros(len(self)) if all_bands is None else all_bands.height
 
     @cached_property
     def tolerance(self) -> Float[np.ndarray, "spectra grounds bands"]:
         """Distance that counts as near to each reading when amounts and gloss are shown."""
-        return tolerance(self.spectra)
+        # Near black .005, and .02 for each unit of reflectance.
+        return np.hypot(self.spectra.noise_sd, 0.005 + 0.02 * self.spectra.readings)
 
     @property
     def noise_covariance(self) -> Float[np.ndarray, "spectra readings readings"]:
         """Covariance of the readings' errors that come from noise, from the unknown gloss, and from
         other unknowns such as the amount of a varnish (`Measured.doubt`).
         """
-        all_bands = self.spectra.all_bands
-        noise = _diagonal(self.spectra.noise_sd) if all_bands is None else all_bands.noise
-        return noise + self.noiseless_covariance
+        return _diagonal(self.spectra.noise_sd) + self.noiseless_covariance
 
     @property
     def near(self) -> Float[np.ndarray, "spectra readings readings"]:
         """Covariance of what counts as near to the readings when amounts and gloss are shown."""
-        all_bands = self.spectra.all_bands
-        return _diagonal(self.tolerance) if all_bands is None else all_bands.near
-
-    @property
-    def near_precision(self) -> Float[np.ndarray, "spectra readings readings"]:
-        """The inverse of `near`."""
-        all_bands = self.spectra.all_bands
-        return _diagonal(1.0 / self.tolerance) if all_bands is None else all_bands.near_precision
+        return _diagonal(self.tolerance)
 
     @property
     def tolerance_covariance(self) -> Float[np.ndarray, "spectra readings readings"]:
@@ -120,9 +103,3 @@ def _diagonal(
     """Covariance of independent errors."""
     flat = sd.reshape(len(sd), -1)
     return flat[..., None] ** 2 * np.eye(flat.shape[-1])
-
-
-def tolerance(measured: Measured) -> Float[np.ndarray, "spectra grounds bands"]:
-    """Distance that counts as near to each reading when amounts and gloss are shown."""
-    # Near black .005, and .02 for each unit of reflectance.
-    return np.hypot(measured.noise_sd, 0.005 + 0.02 * measured.readings)

@@ -49,8 +49,6 @@ class Weights(NamedTuple):
     concentration: Number
     freedom: Number  # of Student's t; 0 for Gaussian errors
     independent: Number  # readings that count as independent where errors follow Student's t
-    in_all: Number  # readings that there are
-    outside: Number  # squared misfit that no film takes away (`few_bands`)
 
 
 class Fitted(NamedTuple):
@@ -75,9 +73,6 @@ def rank(chunk: Chunk, starts: SetStarts, table: FilmTable) -> Pool:
     project = table.project
     errors = whitening(project @ (chunk.noise_covariance + chunk.ranking_covariance) @ project.T)
     weights = Weights(chunk.target, errors.basis @ project, errors.height, *chunk.expectation)
-    # What is left out of these components counts for nothing while sets are ranked.
-    none = np.zeros(len(chunk))
-    weights = weights._replace(in_all=none + len(project), outside=none)
     ground, weights = jax.tree.map(
         lambda a: jnp.asarray(np.asarray(a, np.float32)), (chunk.spectra.grounds, weights)
     )
@@ -328,13 +323,13 @@ def _evidence(
     all: then each weighs the less the worse all are met.
     """
     off = weights.basis @ (weights.target - readings)
-    square = off @ off + weights.outside
+    square = off @ off
     heavy = weights.freedom > 0
     freedom = jnp.where(heavy, weights.freedom, 1.0)
     total_freedom = weights.freedom + weights.independent
-    tail = weights.independent / weights.in_all * weights.height - 0.5 * total_freedom * jnp.log1p(
-        square / freedom
-    )
+    # What is left out of few components counts for nothing while sets are ranked.
+    height = weights.independent / off.size * weights.height
+    tail = height - 0.5 * total_freedom * jnp.log1p(square / freedom)
     likelihood = jnp.where(heavy, tail, weights.height - 0.5 * square)
     data, prior_part = hessian
     share = jnp.where(heavy, total_freedom / (freedom + square), 1.0)

@@ -1,7 +1,7 @@
 """Candidates of spectra while they are searched for."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -64,6 +64,15 @@ class Pool:
     def of(self, rows: Int[np.ndarray, "rows"]) -> "Pool":
         """Candidates of some of the spectra, by number."""
         return Pool(*(values[rows] for values in self.parts))
+
+    def at_bands(self, to_bands: Float[np.ndarray, "bands new"]) -> "Pool":
+        """The candidates with their readings at other bands, by a matrix."""
+
+        def moved(readings: Float[np.ndarray, "spectra candidates readings"]) -> np.ndarray:
+            by_ground = readings.reshape(*readings.shape[:2], -1, len(to_bands))
+            return (by_ground @ to_bands).reshape(*readings.shape[:2], -1)
+
+        return replace(self, readings=moved(self.readings), adjusted=moved(self.adjusted))
 
     def spread(self, rows: Int[np.ndarray, "rows"], count: int) -> "Pool":
         """This pool as rows of `count` spectra, side by side where a spectrum comes more than once;

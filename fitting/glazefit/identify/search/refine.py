@@ -40,7 +40,7 @@ def compile_ahead(task: IdentificationTask, grounds: int) -> None:
     logs = np.zeros(members.shape)
     film_slopes.ahead(task.response, task.paints, members, logs, np.zeros((count, *shape)))
     kind = task.precision
-    sizes = ((count, readings), (count, readings, readings), *[(count,)] * 7)
+    sizes = ((count, readings), (count, readings, readings), *[(count,)] * 5)
     weights = Weights(*(np.broadcast_to(kind(0), size) for size in sizes))
     ground = np.zeros((count, *shape), kind)
     logs = logs.astype(kind)
@@ -136,7 +136,7 @@ def refine(chunk: Chunk, pool: Pool) -> Pool:
     # First with the errors of groups of like films, all that may still matter.
     close = np.isfinite(pool.log_weight) & (deficit <= task.effort.fit_within)
     films = CandidateFilms.of(pool, close, size)
-    films, groups, _ = fit_with_errors(chunk, films, slopes_at(chunk, films), task.effort.fit_steps)
+    films, groups, _ = fit_with_errors(chunk, films, slopes_at(chunk, films), task.effort.steps)
     # Those that came near, but have moved away from where the errors were worked out, again.
     slopes = slopes_at(chunk, films)
     drifted = np.flatnonzero(
@@ -145,7 +145,7 @@ def refine(chunk: Chunk, pool: Pool) -> Pool:
     )
     if drifted.size:
         refitted, refitted_groups, _ = fit_with_errors(
-            chunk, films.take(drifted), slopes[drifted], task.effort.refit_steps
+            chunk, films.take(drifted), slopes[drifted], task.effort.steps
         )
         films = films.substitute(drifted, refitted)
         groups = groups.substitute(drifted, refitted_groups)
@@ -284,7 +284,7 @@ def coefficient_errors(
     def some(n: Int[np.ndarray, "block"]) -> tuple[np.ndarray, np.ndarray]:
         caused = paints_covariance(by[n], sets[n], paint_errors, task.modes, task.wavelengths, d)
         white = whitening(noise[row[n]] + (smooth[row[n]] + caused))
-        return white.basis.astype(kind), white.height + chunk.height[row[n]]
+        return white.basis.astype(kind), white.height
 
     # A few at a time: matrices that stay in a core's cache.
     blocks = np.split(np.arange(len(row)), range(_ERRORS, len(row), _ERRORS))
@@ -386,7 +386,7 @@ def _slope_change(
 
 def _nearest(chunk: Chunk, films: CandidateFilms) -> CandidateFilms:
     """The films with amounts that come near the readings."""
-    fitted = _fit(chunk, films, near_errors(chunk), films.row, chunk.task.effort.amount_steps)
+    fitted = _fit(chunk, films, near_errors(chunk), films.row, chunk.task.effort.steps)
     return replace(films, logs=fitted.logs, readings=fitted.readings)
 
 

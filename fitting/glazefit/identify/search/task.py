@@ -1,7 +1,7 @@
 """Task that the search for all spectra shares, and the spectra as it takes them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -37,9 +37,7 @@ class Effort(NamedTuple):
         refit_beyond: a set is fitted a third time only if the effect of a paint has changed by more
             than this since its errors were worked out.
         ranking_steps: damped steps of the first fit.
-        fit_steps: those of the second.
-        refit_steps: those of the third.
-        amount_steps: those of the fit that finds the amounts to show.
+        steps: those of the others, and of the fit that finds the amounts to show.
         single_precision: whether candidates are fitted in single precision.
     """
 
@@ -51,9 +49,7 @@ class Effort(NamedTuple):
     trace_effect: float
     refit_beyond: float
     ranking_steps: int
-    fit_steps: int
-    refit_steps: int
-    amount_steps: int
+    steps: int
     single_precision: bool
 
 
@@ -66,9 +62,7 @@ USUAL = Effort(
     trace_effect=0.005,
     refit_beyond=0.0005,
     ranking_steps=4,
-    fit_steps=6,
-    refit_steps=6,
-    amount_steps=6,
+    steps=6,
     single_precision=True,
 )
 """What is used unless more is asked for. In one or two films of a hundred, which several sets
@@ -83,32 +77,10 @@ THOROUGH = Effort(
     trace_effect=0.0,
     refit_beyond=0.0,
     ranking_steps=14,
-    fit_steps=14,
-    refit_steps=14,
-    amount_steps=14,
+    steps=14,
     single_precision=False,
 )
 """Every pair is fitted, and every set that may matter with the errors of its own paints."""
-
-
-class AllBands(NamedTuple):
-    """Statistics of spectra that were gathered at a few bands (`few_bands`), over all grounds.
-
-    Attributes:
-        noise: covariance of the noise.
-        near: the same of what counts as near when amounts and gloss are shown,
-        near_precision: and its inverse.
-        outside: squared misfit, in units of the noise, that no film takes away.
-        height: what the bands that were left add to every film's log density.
-        in_all: readings before they were gathered.
-    """
-
-    noise: Float[np.ndarray, "spectra readings readings"]
-    near: Float[np.ndarray, "spectra readings readings"]
-    near_precision: Float[np.ndarray, "spectra readings readings"]
-    outside: Float[np.ndarray, "spectra"]
-    height: Float[np.ndarray, "spectra"]
-    in_all: Float[np.ndarray, "spectra"]
 
 
 @dataclass(frozen=True)
@@ -124,7 +96,6 @@ class Measured:
             spectra show.
         doubt: further errors of known shapes, independent and of standard deviation 1, (spectra,
             shapes, grounds, bands).
-        all_bands: of spectra whose bands are few in place of many.
     """
 
     names: tuple[str, ...]
@@ -133,23 +104,30 @@ class Measured:
     grounds: Float[np.ndarray, "spectra grounds bands"]
     noise_sd: Float[np.ndarray, "spectra grounds bands"]
     doubt: Float[np.ndarray, "spectra shapes grounds bands"]
-    all_bands: AllBands | None = None
 
     def __len__(self) -> int:
         return len(self.names)
 
     def take(self, rows: Int[np.ndarray, "rows"]) -> "Measured":
         """Some of the spectra, by number."""
-        names = tuple(self.names[i] for i in rows)
-        all_bands = self.all_bands
-        return type(self)(
-            names=names,
-            wavelengths=self.wavelengths,
+        return replace(
+            self,
+            names=tuple(self.names[row] for row in rows),
             readings=self.readings[rows],
             grounds=self.grounds[rows],
             noise_sd=self.noise_sd[rows],
             doubt=self.doubt[rows],
-            all_bands=all_bands and AllBands(*(values[rows] for values in all_bands)),
+        )
+
+    def averaged(self, mean: Float[np.ndarray, "bands new"]) -> "Measured":
+        """Means over bands, by a matrix; their noise counts as that of one band."""
+        return replace(
+            self,
+            wavelengths=self.wavelengths @ mean,
+            readings=self.readings @ mean,
+            grounds=self.grounds @ mean,
+            noise_sd=self.noise_sd @ mean,
+            doubt=self.doubt @ mean,
         )
 
     @property

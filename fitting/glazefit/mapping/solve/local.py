@@ -309,7 +309,7 @@ def _linear(
         readings=readings,
     )
     weighed_films, groups, errors = fit_with_errors(
-        chunk, films, slopes_at(chunk, films), task.effort.fit_steps
+        chunk, films, slopes_at(chunk, films), task.effort.steps
     )
     weighed_slopes = slopes_at(chunk, weighed_films)
     shown_slopes = slopes_at(chunk, replace(films, logs=logs))
