@@ -24,11 +24,14 @@ INSTRUMENT = Instrument(SPHERE, 1.5)
 GROUNDS = np.array([0.05, 0.9])[:, None] * np.ones(GRID.size)
 # The surface's share known, so that films can be computed by the forward package alone.
 NEAT = ModelError(
+    freedom=1e9,
     gloss_sd=0.0,
     coefficient=0.0,
     unstated=0.0,
     level=0.0,
     amplitude=0.0,
+    share=0.0,
+    haze=0.0,
 )
 
 
@@ -139,8 +142,8 @@ def test_bands_hold_the_errors_that_are_stated():
     usual = mean()
     assert mean(coefficient=0.2) > 1.2 * usual
     assert mean(amplitude=0.05) > 2 * usual
-    # Quantiles of Student's t at .95: 2.015 for 5, 1.645 for none.
-    assert mean(freedom=5.0) == pytest.approx(usual * 2.0150484 / 1.6448536)
+    # Quantiles of Student's t at .95: 2.015 for 5, 2.132 for 4.
+    assert mean(freedom=4.0) == pytest.approx(usual * 2.1318468 / 2.0150484)
 
 
 def test_bands_of_many_spectra_are_those_of_each():

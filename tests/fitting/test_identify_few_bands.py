@@ -7,7 +7,7 @@ import pytest
 
 from glazefit import Identification, identify
 from glazefit.film.model.response import film_response
-from glazefit.film.shared_bands import shared_bands
+from glazefit.film.shared_bands import FINEST, shared_bands
 from glazefit.identify.search.options import IdentificationOptions
 from glazefit.identify.search.searcher import Searcher
 from glazejax import Hemispherical, Pigment, catalogue
@@ -28,9 +28,9 @@ def test_many_bands_are_averaged_as_the_command_does():
     grid, paints = _paints(301)
     searcher = Searcher.of(grid, paints, IdentificationOptions(max_paints=2))
     assert searcher.averaged is not None
-    few, mean = searcher.averaged
+    few, step = searcher.averaged
+    assert step == FINEST
     np.testing.assert_array_equal(few.task.wavelengths, shared_bands(grid, paints).wavelengths)
-    np.testing.assert_array_equal(few.task.wavelengths, grid @ mean)
     thorough = IdentificationOptions(max_paints=2, thorough=True)
     assert Searcher.of(grid, paints, thorough).averaged is None
     grid, paints = _paints(100)

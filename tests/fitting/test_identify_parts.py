@@ -27,7 +27,7 @@ from glazefit.film.numerics.least_squares import inverse_small
 from glazefit.identify.search.fit import (
     Fitted,
     Weights,
-    fit_sets,
+    fit_films,
     log_prior,
     log_set_prior,
     pool_of,
@@ -37,6 +37,7 @@ from glazefit.identify.search.options import IdentificationOptions
 from glazefit.identify.search.screen import grow, score
 from glazefit.identify.search.searcher import Searcher
 from glazefit.identify.search.table import FilmTables, Paints, amounts_grid, film_table, sets_of
+from glazefit.identify.search.task import Expected
 from glazefit.mapping.solve.local import as_measured
 from glazejax import Hemispherical, Pigment
 from glazejax.io import read_spectra
@@ -67,7 +68,7 @@ def test_whitened_density_is_that_of_the_gaussian():
 
 def test_errors_of_coefficients_are_the_pigments_own_and_some_more():
     rng = np.random.default_rng(1)
-    d = ModelError()
+    d = ModelError(coefficient=0.1, level=0.1)
     slopes = rng.standard_normal((4, 2 * GRID.size))  # k of two paints, then s, over two grounds
     known = rng.uniform(0.05, 0.4, (3, 2, GRID.size))
     members, none = np.array([2, 0]), np.zeros((3, 2, GRID.size, 0))
@@ -176,28 +177,20 @@ def problem():
     smooth = 0.005**2 * model_correlation(GRID, 2, 100.0, 0.8)
     errors = whitening((smooth + 0.004**2 * np.eye(2 * GRID.size))[None])
     target = body.reshape(1, -1)
-    # Log-normal total, uniform fractions, Gaussian errors.
-    parts = (
-        target,
-        errors.basis,
-        errors.height,
-        np.full(1, 0.7),
-        np.full(1, 1.0),
-        np.zeros(1),
-        np.ones(1),
-        np.full(1, 1.0 * target.size),
-        np.zeros(1),
-    )
-    return response, paints, jnp.asarray(ground)[None], Weights(*(jnp.asarray(p) for p in parts))
+    # Log-normal total, uniform fractions, errors next to Gaussian.
+    expected = Expected(spread=0.7, concentration=1.0, freedom=1e9, independent=1.0 * target.size)
+    weights = Weights(jnp.asarray(target), *map(jnp.asarray, errors), expected=expected)
+    return response, paints, jnp.asarray(ground)[None], weights
 
 
 def test_evidence_is_the_integral_of_the_posterior(problem):
     response, paints, ground, weights = problem
-    sets = jnp.asarray([[[0, 1]]], dtype=jnp.int32)
-    fitted = fit_sets(response, paints, sets, jnp.zeros((1, 1, 2)), ground, weights)
-    np.testing.assert_allclose(np.exp(fitted.logs[0, 0]), [0.7, 0.5], rtol=0.03)
-    sd = np.sqrt(np.diagonal(fitted.covariance[0, 0]))
-    centre = np.asarray(fitted.logs[0, 0])
+    sets = jnp.asarray([[0, 1]], dtype=jnp.int32)
+    steps = jnp.asarray(14)
+    fitted = fit_films(response, paints, sets, jnp.zeros((1, 2)), ground, weights, steps=steps)
+    np.testing.assert_allclose(np.exp(fitted.logs[0]), [0.7, 0.5], rtol=0.03)
+    sd = np.sqrt(np.diagonal(fitted.covariance[0]))
+    centre = np.asarray(fitted.logs[0])
     offsets = np.linspace(-6.0, 6.0, 81)
     points = centre + sd * np.stack(np.meshgrid(offsets, offsets, indexing="ij"), axis=-1).reshape(
         -1, 2
@@ -206,7 +199,7 @@ def test_evidence_is_the_integral_of_the_posterior(problem):
         jax.jit(jax.vmap(lambda logs: _log_joint(logs, problem)))(jnp.asarray(points))
     )
     volume = np.log(np.prod(sd) * (offsets[1] - offsets[0]) ** 2)
-    assert float(fitted.log_evidence[0, 0]) == pytest.approx(logsumexp(total) + volume, abs=0.05)
+    assert float(fitted.log_evidence[0]) == pytest.approx(logsumexp(total) + volume, abs=0.05)
 
 
 def _log_joint(logs, problem):
@@ -239,12 +232,13 @@ def test_a_paint_that_is_not_there_is_let_go_in_few_steps(problem):
     response, paints, ground, weights = problem
     k, s = (0.9 * part[0] for part in paints)
     alone = weights._replace(target=response.body(k, s, ground[0]).reshape(1, -1))
-    sets = jnp.asarray([[[0, 1]]], dtype=jnp.int32)
-    start = jnp.full((1, 1, 2), np.log(0.45))
+    sets = jnp.asarray([[0, 1]], dtype=jnp.int32)
+    start = jnp.full((1, 2), np.log(0.45))
     few, many = (
-        fit_sets(response, paints, sets, start, ground, alone, steps=steps) for steps in (8, 60)
+        fit_films(response, paints, sets, start, ground, alone, steps=jnp.asarray(steps))
+        for steps in (8, 60)
     )
-    assert np.exp(many.logs[0, 0, 1]) < 0.02
+    assert np.exp(many.logs[0, 1]) < 0.02
     np.testing.assert_allclose(few.log_evidence, many.log_evidence, atol=0.01)
     np.testing.assert_allclose(few.logs, many.logs, atol=0.01)
 

@@ -13,7 +13,7 @@ from ..film.model.response import Response
 from .joint_problem import Expectations, Unknowns, readings_of_draws
 from .joint_result import JointRecovery
 
-SMOOTH = ModelError(amplitude=1.0, length=60.0)
+SMOOTH = ModelError(amplitude=1.0, length=60.0, shared=0.8)
 """Errors of the model, of size one: similar at neighbouring bands."""
 
 

@@ -24,7 +24,7 @@ from glazejax import Pigment
 
 @dataclass(frozen=True)
 class ModelError:
-    """Errors of the model; `ModelError.between_films()` has those that films showed.
+    """Errors of the model, by default those that films showed.
 
     Its fields may change between versions. Their sizes are those of films that were left out of a
     joint fit (`benchmarks/paint/identification.py`), and are far from small.
@@ -49,8 +49,7 @@ class ModelError:
             even where the instrument leaves out the mirror reflection, for it sees some of a matt
             film's.
         freedom: degrees of freedom of Student's t, which a whole spectrum's misfit follows when
-            candidates are weighed, since some films are met far worse than others. None takes
-            Gaussian errors.
+            candidates are weighed, since some films are met far worse than others.
         apart: wavelengths nearer than this count as one reading when candidates are weighed, nm.
             Residuals at neighbouring bands are correlated in ways that no covariance
             describes, so that a finer grid has no more information.
@@ -60,19 +59,19 @@ class ModelError:
         ValueError: a value out of range.
     """
 
-    coefficient: float = 0.1
+    coefficient: float = 0.03
     coefficient_length: float = 100.0
-    level: float = 0.1
-    most: float = 0.4
+    level: float = 0.0
+    most: float = 0.5
     unstated: float = 0.25
-    amplitude: float = 0.005
-    share: float = 0.0
-    length: float = 100.0
-    shared: float = 0.8
+    amplitude: float = 0.001
+    share: float = 0.01
+    length: float = 60.0
+    shared: float = 0.6
     gloss: float = 1.0
     gloss_sd: float = 0.35
-    haze: float = 0.0
-    freedom: float | None = None
+    haze: float = 0.01
+    freedom: float = 5.0
     apart: float = 30.0
     screening: float = 0.035
 
@@ -80,8 +79,6 @@ class ModelError:
         for field in fields(self):
             name = field.name
             value = getattr(self, name)
-            if value is None:
-                continue
             needed = name in ("freedom", "apart") or "length" in name
             if not (np.isfinite(value) and value >= 0 and (value > 0 or not needed)):
                 raise ValueError(
@@ -95,20 +92,8 @@ class ModelError:
 
     @classmethod
     def between_films(cls) -> "ModelError":
-        """Errors with which candidates are weighed by default: what films left out of a fit of
-        their paints showed.
-        """
-        return cls(
-            coefficient=0.03,
-            level=0.0,
-            most=0.5,
-            amplitude=0.001,
-            share=0.01,
-            length=60.0,
-            shared=0.6,
-            freedom=5.0,
-            haze=0.01,
-        )
+        """The errors that films left out of a fit of their paints showed."""
+        return cls()
 
     def surface_sd(self, surface: float) -> float:
         """Standard deviation of what the surface adds to a reading.

@@ -13,7 +13,6 @@ from scipy.special import logsumexp
 from glazejax import Pigment
 
 from ...film.model.errors import Prior
-from ...film.shared_bands import means_of_steps
 from ..families.templates import coefficients
 from ..result import NINETY, Identification
 from ..result.odds import DECIDED, CoatsOdds
@@ -52,6 +51,7 @@ class _CoatSpectra(NamedTuple):
         films: of all paints, over the ground of the first spectrum.
         names: of the paints.
         usual: amount that the optical thicknesses are of, m.
+        groups: numbers of the spectra over each ground.
     """
 
     bodies: Float[np.ndarray, "spectra grounds bands"]
@@ -60,6 +60,7 @@ class _CoatSpectra(NamedTuple):
     films: CoatedFilms
     names: tuple[str, ...]
     usual: float
+    groups: list[Int[np.ndarray, "rows"]]
 
     @classmethod
     def of(
@@ -72,33 +73,26 @@ class _CoatSpectra(NamedTuple):
     ) -> "_CoatSpectra":
         """Arguments as of `weigh_coats`, and whether the films hide their ground."""
         # Errors are correlated over more than a band: finer spectra are averaged.
-        mean = means_of_steps(measured.wavelengths, STEP)
-        to_bands = np.eye(measured.wavelengths.size) if mean is None else mean
-        wavelengths = measured.wavelengths @ to_bands
-        grounds = measured.grounds @ to_bands
+        few = measured.in_steps(STEP)
         return cls(
-            bodies=measured.readings @ to_bands - task.surface,
-            grounds=grounds,
-            wavelengths=wavelengths,
+            bodies=few.readings - task.surface,
+            grounds=few.grounds,
+            wavelengths=few.wavelengths,
             films=CoatedFilms(
-                coefficients=coefficients(pigments, wavelengths) * usual,
-                grounds=grounds[0],
+                coefficients=coefficients(pigments, few.wavelengths) * usual,
+                grounds=few.grounds[0],
                 optics=task.optics,
                 response=task.response,
                 hides=opaque,
             ),
             names=tuple(pigment.name for pigment in pigments),
             usual=usual,
+            groups=few.by_grounds(),
         )
 
-    def by_grounds(self) -> list[tuple[list[int], CoatedFilms]]:
-        """Spectra by their grounds, each with films over these: they share what is computed."""
-        rows: dict[bytes, list[int]] = {}
-        for row, ground in enumerate(self.grounds):
-            rows.setdefault(ground.tobytes(), []).append(row)
-        return [
-            (group, self.films._replace(grounds=self.grounds[group[0]])) for group in rows.values()
-        ]
+    def by_grounds(self) -> list[tuple[Int[np.ndarray, "rows"], CoatedFilms]]:
+        """Spectra by their grounds, each with films over these."""
+        return [(rows, self.films._replace(grounds=self.grounds[rows[0]])) for rows in self.groups]
 
 
 def weigh_coats(

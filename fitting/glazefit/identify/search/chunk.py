@@ -34,15 +34,6 @@ class Chunk:
         return self.spectra.flat - self.task.mean_surface
 
     @cached_property
-    def expectation(self) -> tuple[Float[np.ndarray, "spectra"], ...]:
-        """Expectations of each film, and how its misfit counts: the last four of `Weights`."""
-        prior = self.task.prior
-        freedom = self.task.discrepancy.freedom or 0.0
-        independent = min(self.task.independent_readings, self.target.shape[1])
-        numbers = (prior.spread, prior.concentration_sought, freedom, independent)
-        return tuple(np.broadcast_to(number, len(self)).astype(float) for number in numbers)
-
-    @cached_property
     def tolerance(self) -> Float[np.ndarray, "spectra grounds bands"]:
         """Distance that counts as near to each reading when amounts and gloss are shown."""
         # Near black .005, and .02 for each unit of reflectance.
@@ -56,16 +47,11 @@ class Chunk:
         return _diagonal(self.spectra.noise_sd) + self.noiseless_covariance
 
     @property
-    def near(self) -> Float[np.ndarray, "spectra readings readings"]:
-        """Covariance of what counts as near to the readings when amounts and gloss are shown."""
-        return _diagonal(self.tolerance)
-
-    @property
     def tolerance_covariance(self) -> Float[np.ndarray, "spectra readings readings"]:
         """`noise_covariance` with what counts as near in place of noise, for the amounts that are
         shown: these must not put a residual down to smooth errors of the paints.
         """
-        return self.near + self.noiseless_covariance
+        return _diagonal(self.tolerance) + self.noiseless_covariance
 
     @property
     def noiseless_covariance(self) -> Float[np.ndarray, "spectra readings readings"]:

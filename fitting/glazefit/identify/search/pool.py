@@ -47,11 +47,6 @@ class Pool:
         """All arrays."""
         return tuple(getattr(self, field.name) for field in fields(self))
 
-    @property
-    def possible(self) -> "Pool":
-        """Without the places that no spectrum needs: what is impossible has a weight of -inf."""
-        return self.best(int(max(np.isfinite(self.log_weight).sum(axis=1).max(), 1)))
-
     def best(self, count: int) -> "Pool":
         """The most probable candidates of each spectrum."""
         return self.take(np.argsort(-self.log_weight, axis=1, kind="stable")[:, :count])
@@ -60,10 +55,6 @@ class Pool:
         """Some candidates of each spectrum, by number."""
         rows = np.arange(len(chosen))[:, None]
         return Pool(*(values[rows, chosen] for values in self.parts))
-
-    def of(self, rows: Int[np.ndarray, "rows"]) -> "Pool":
-        """Candidates of some of the spectra, by number."""
-        return Pool(*(values[rows] for values in self.parts))
 
     def at_bands(self, to_bands: Float[np.ndarray, "bands new"]) -> "Pool":
         """The candidates with their readings at other bands, by a matrix."""

@@ -54,14 +54,14 @@ class Searcher(NamedTuple):
         opaque: whether films are said to hide their ground.
         paints: names of the catalogue's paints.
         varnish: what was stated of it.
-        averaged: of many bands, a search at fewer, and the means over bands that it takes.
+        averaged: of many bands, a search at fewer, and the steps that it averages to, nm.
     """
 
     tasks: Mapping[bool, IdentificationTask]
     opaque: bool
     paints: tuple[str, ...]
     varnish: str = "unknown"
-    averaged: "tuple[Searcher, Float[np.ndarray, 'bands new']] | None" = None
+    averaged: "tuple[Searcher, float] | None" = None
 
     @classmethod
     def of(
@@ -76,15 +76,9 @@ class Searcher(NamedTuple):
 
         Raises:
             ValueError: an empty catalogue, repeated names, pigments that do not cover the
-                wavelengths, numbers of paints or coats that cannot be tried.
+                wavelengths.
         """
         options = options or IdentificationOptions()
-        if options.max_paints not in (1, 2, 3):
-            raise ValueError(
-                f"max_paints is {options.max_paints}; sets of 1, 2 or 3 paints can be tried"
-            )
-        if options.max_coats not in (1, 2, 3):
-            raise ValueError(f"max_coats is {options.max_coats}; 1, 2 or 3 coats can be tried")
         instrument = resolve_instrument(options.instrument)
         discrepancy = options.discrepancy or ModelError.between_films()
         prior = options.prior or Prior()
@@ -131,9 +125,10 @@ class Searcher(NamedTuple):
             )
         averaged = None
         if grid.size > _MANY and not options.thorough:
-            mean = means_of_steps(grid, max(FINEST, float(np.ptp(grid)) / _MANY))
+            step = max(FINEST, float(np.ptp(grid)) / _MANY)
+            mean = means_of_steps(grid, step)
             if mean is not None:
-                averaged = cls.of(grid @ mean, pigments, options, opaque=opaque), mean
+                averaged = cls.of(grid @ mean, pigments, options, opaque=opaque), step
         return cls(
             tasks=tasks,
             opaque=opaque,
@@ -159,22 +154,20 @@ class Searcher(NamedTuple):
 
     def search(self, measured: Measured) -> Iterator[tuple[Measured, Pool, Odds]]:
         """Candidates and their odds, some hundred spectra at a time."""
-        searcher, mean = self.averaged or (self, None)
+        searcher, step = self.averaged or (self, 0.0)
         compile_ahead(searcher.task, measured.readings.shape[1])
         for first in range(0, len(measured), _TOGETHER):
             rows = np.arange(first, min(first + _TOGETHER, len(measured)))
             batch = measured.take(rows)
-            few = batch if mean is None else batch.averaged(mean)
+            few = batch.in_steps(step)
             pool = find_candidates(searcher.task, few)
             pool, odds = search_unstated_conditions(
                 searcher.tasks, self.opaque, few, pool, self.varnish
             )
-            if mean is not None:
+            if few is not batch:
                 # Between the means, lines.
-                lines = [
-                    np.interp(batch.wavelengths, few.wavelengths, one)
-                    for one in np.eye(mean.shape[1])
-                ]
+                unit = np.eye(few.wavelengths.size)
+                lines = [np.interp(batch.wavelengths, few.wavelengths, one) for one in unit]
                 pool = pool.at_bands(np.stack(lines))
             yield batch, pool, odds
 

@@ -5,16 +5,18 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from ...film.films import Noise
 from ...film.model.errors import ModelError, Prior
 from ...film.model.optics import Optics
 from ...film.model.response import FilmResponse
+from ...film.shared_bands import means_of_steps
 from .table import FilmTables, Paints
 
 # A middling reflectance: errors that rank sets of paints are stated for it.
 TYPICAL_READING = 0.3
+Number = Float[Array | np.ndarray, ""] | float
 
 
 class Effort(NamedTuple):
@@ -27,43 +29,32 @@ class Effort(NamedTuple):
             same errors; the second gives each set the errors of its own paints.
         fit_within: a set goes on to the second fit if its log weight after the first is at most
             this much below the best set's.
-        refit_within: a set is fitted a third time, with its errors computed again, if its log
-            weight after the second fit is at most this much below the best set's.
-        show_within: a set is an answer if its log weight at the end is at most this much below
-            the best set's.
+        show_within: a set is fitted a third time, with its errors computed again, if its log
+            weight is at most this much below the best set's, and is then an answer.
         trace_effect: a paint is a trace if it changes the readings by less than this (root mean
             square, per unit of the logarithm of its k and s). Sets that differ only by traces
             share their errors.
-        refit_beyond: a set is fitted a third time only if the effect of a paint has changed by more
-            than this since its errors were worked out.
         ranking_steps: damped steps of the first fit.
         steps: those of the others, and of the fit that finds the amounts to show.
-        single_precision: whether candidates are fitted in single precision.
     """
 
     fitted_pairs: int
     kept_sets: int
     fit_within: float
-    refit_within: float
     show_within: float
     trace_effect: float
-    refit_beyond: float
     ranking_steps: int
     steps: int
-    single_precision: bool
 
 
 USUAL = Effort(
     fitted_pairs=48,
     kept_sets=40,
     fit_within=8.0,
-    refit_within=6.0,
     show_within=8.0,
     trace_effect=0.005,
-    refit_beyond=0.0005,
     ranking_steps=4,
     steps=6,
-    single_precision=True,
 )
 """What is used unless more is asked for. In one or two films of a hundred, which several sets
 explain about equally well, `THOROUGH` puts another set first (`python -m
@@ -72,13 +63,10 @@ THOROUGH = Effort(
     fitted_pairs=10_000,
     kept_sets=120,
     fit_within=20.0,
-    refit_within=20.0,
     show_within=20.0,
     trace_effect=0.0,
-    refit_beyond=0.0,
     ranking_steps=14,
     steps=14,
-    single_precision=False,
 )
 """Every pair is fitted, and every set that may matter with the errors of its own paints."""
 
@@ -119,8 +107,13 @@ class Measured:
             doubt=self.doubt[rows],
         )
 
-    def averaged(self, mean: Float[np.ndarray, "bands new"]) -> "Measured":
-        """Means over bands, by a matrix; their noise counts as that of one band."""
+    def in_steps(self, step: float) -> "Measured":
+        """The spectra averaged to steps, nm, where their bands are finer; a mean is as noisy as one
+        band.
+        """
+        mean = means_of_steps(self.wavelengths, step)
+        if mean is None:
+            return self
         return replace(
             self,
             wavelengths=self.wavelengths @ mean,
@@ -129,6 +122,13 @@ class Measured:
             noise_sd=self.noise_sd @ mean,
             doubt=self.doubt @ mean,
         )
+
+    def by_grounds(self) -> list[Int[np.ndarray, "rows"]]:
+        """Numbers of the spectra over each ground: they share what is computed."""
+        rows: dict[bytes, list[int]] = {}
+        for row, ground in enumerate(self.grounds):
+            rows.setdefault(ground.tobytes(), []).append(row)
+        return [np.array(group) for group in rows.values()]
 
     @property
     def flat(self) -> Float[np.ndarray, "spectra readings"]:
@@ -165,6 +165,15 @@ class Measured:
         )
 
 
+class Expected(NamedTuple):
+    """Expectation of every film, and how its misfit counts."""
+
+    spread: Number  # of the log of the total amount
+    concentration: Number  # of the fractions
+    freedom: Number  # of Student's t
+    independent: Number  # readings that count as independent
+
+
 class IdentificationTask(NamedTuple):
     """Task that all spectra of an identification share."""
 
@@ -189,14 +198,14 @@ class IdentificationTask(NamedTuple):
         return self.paints.absorption.shape[0]
 
     @property
-    def precision(self) -> type[np.floating]:
-        """In which candidates are fitted."""
-        return np.float32 if self.effort.single_precision else np.float64
-
-    @property
-    def films(self) -> tuple[FilmResponse, Paints]:
-        """Response and paints that candidates are fitted with, in that precision."""
-        return self.tables.single if self.effort.single_precision else (self.response, self.paints)
+    def expected(self) -> Expected:
+        """Expectation of its films."""
+        return Expected(
+            spread=self.prior.spread,
+            concentration=self.prior.concentration_sought,
+            freedom=self.discrepancy.freedom,
+            independent=self.independent_readings,
+        )
 
     @property
     def mean_surface(self) -> float:

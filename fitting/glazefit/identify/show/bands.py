@@ -8,7 +8,7 @@ measured and fitted spectra differ where an explanation is right and the errors 
 
 import numpy as np
 from jaxtyping import Float
-from scipy.stats import norm, t
+from scipy.stats import t
 
 from ...film.model.errors import paints_covariance
 from ..coats.arrangement import Arrangement
@@ -27,7 +27,7 @@ def expected_bands(
     """Half the width of the 90 % band of the readings about the most probable explanations,
     (spectra, count, ...).
 
-    Where a whole spectrum's misfit follows Student's t, the band is its.
+    A whole spectrum's misfit follows Student's t, and so does the band.
 
     Args:
         identification: of the spectra.
@@ -77,7 +77,7 @@ def _bands(
     remaining = np.diagonal(covariance, axis1=-2, axis2=-1) - np.diagonal(
         fitted, axis1=-2, axis2=-1
     )
-    ends = norm.ppf(0.95) if d.freedom is None else t.ppf(0.95, d.freedom)
+    ends = t.ppf(0.95, d.freedom)
     return (float(ends) * np.sqrt(np.maximum(remaining, 0.0))).reshape(
         *members.shape[:2], *measured.readings.shape[1:]
     )
