@@ -22,7 +22,7 @@ from benchmarks.paint.identification import UNIT, family
 from benchmarks.paintbench.tasks import area_under_curve
 from benchmarks.results import Quantity, Results, command_line, percent, quantities, quantity
 from benchmarks.rivals.truth_peers import PEERS, Query
-from glazefit import Films, Identification, ModelError, ground_from_air, identify, identify_films
+from glazefit import Films, Identification, ground_from_air, identify, identify_films
 from glazefit.film.readers import read_films, read_recipes
 from glazefit.recover.joint.joint import recover_jointly
 from glazefit.recover.predict.crossvalidation import without
@@ -33,8 +33,8 @@ NEEDS = ("data/revigo",)
 # Bins of probabilities that a small run may leave empty.
 NEEDS_SIZE = ("stated_", "count_", "true_")
 
-# What identification did with errors of each band by itself.
-BEFORE = "errors band by band, as before"
+# Identification with errors of each band by itself.
+BEFORE = "errors band by band"
 # Methods by the names of what is recorded of them.
 MIXTURES = {
     BEFORE: "bands",
@@ -162,10 +162,7 @@ def main_table(
             case, identify_films(films.take([case.row]), paints)
         ),
         BEFORE: lambda case, paints: answer(
-            case,
-            identify_films(
-                films.take([case.row]), [_bare(p) for p in paints], discrepancy=ModelError()
-            ),
+            case, identify_films(films.take([case.row]), [_bare(p) for p in paints])
         ),
         **{words: _peer(films, recipes, method) for words, method in PEERS.items()},
     }

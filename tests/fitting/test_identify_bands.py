@@ -1,22 +1,21 @@
 """What a report adds to an identification: the bands about a fit."""
 
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import jax
 import numpy as np
 import pytest
 
 from glazefit.film.films import Instrument, Noise
-from glazefit.film.model.errors import ModelError, Prior
+from glazefit.film.model.errors import ModelError
 from glazefit.film.model.response import film_response
 from glazefit.identify.result import Identification
+from glazefit.identify.search.options import IdentificationOptions
 from glazefit.identify.search.pool import NOBODY
-from glazefit.identify.search.searcher import check_spectra
+from glazefit.identify.search.searcher import Searcher, check_spectra
 from glazefit.identify.show.bands import expected_bands
-from glazefit.identify.show.reporting import ReportBuilder
 from glazejax import Glaze, Hemispherical, Layer, Mixture, reflectance
 from tests.fitting.palette import GRID, palette
-from tests.fitting.test_identify_page import ABOUT
 
 PAINTS = palette()
 NAMES = [paint.name for paint in PAINTS]
@@ -25,13 +24,14 @@ INSTRUMENT = Instrument(SPHERE, 1.5)
 GROUNDS = np.array([0.05, 0.9])[:, None] * np.ones(GRID.size)
 # The surface's share known, so that films can be computed by the forward package alone.
 NEAT = ModelError(
+    freedom=1e9,
     gloss_sd=0.0,
     coefficient=0.0,
     unstated=0.0,
     level=0.0,
     amplitude=0.0,
-    scales=(1.0,),
-    weights=(1.0,),
+    share=0.0,
+    haze=0.0,
 )
 
 
@@ -70,6 +70,12 @@ def explained(
     )
 
 
+def bands(found: Identification, discrepancy: ModelError) -> np.ndarray:
+    """About the explanations, in a search with these errors."""
+    options = IdentificationOptions(instrument=INSTRUMENT, discrepancy=discrepancy)
+    return expected_bands(found, Searcher.of(GRID, PAINTS, options).task)
+
+
 def test_bands_lose_what_a_fit_takes_away():
     """With noise alone the variance that is left adds up to the readings less the unknowns."""
     spectra = film({"Red": 0.1, "White": 0.9}, 30e-6)[None]
@@ -77,9 +83,7 @@ def test_bands_lose_what_a_fit_takes_away():
     gloss = replace(NEAT, gloss_sd=1e3)
     noise = found.measured.noise_sd[0]
     half = {
-        name: expected_bands(found, PAINTS, INSTRUMENT, prior=Prior(), discrepancy=d)[0, 0]
-        / 1.6448536
-        for name, d in (("known", NEAT), ("free", gloss))
+        name: bands(found, d)[0, 0] / 1.6448536 for name, d in (("known", NEAT), ("free", gloss))
     }
     count = spectra.size
     assert found.measured.noise_sd.shape == spectra.shape
@@ -122,9 +126,7 @@ def test_bands_are_what_a_linear_fit_of_the_amounts_leaves(level: float):
     lever = by_k + by_s
     solved = np.linalg.solve(covariance, lever)
     left = covariance - lever @ np.linalg.solve(lever.T @ solved, lever.T)
-    band = expected_bands(
-        found, PAINTS, INSTRUMENT, prior=Prior(), discrepancy=replace(NEAT, level=level)
-    )
+    band = bands(found, replace(NEAT, level=level))
     np.testing.assert_allclose(
         band[0, 0].ravel(), 1.6448536 * np.sqrt(np.diagonal(left)), rtol=0.01
     )
@@ -135,39 +137,20 @@ def test_bands_hold_the_errors_that_are_stated():
     found = explained(spectra, ["White", "Red"], [0.9, 0.1], 30e-6)
 
     def mean(**changed) -> float:
-        d = ModelError(**{"unstated": 0.05, "scales": (1.0,), "weights": (1.0,), **changed})
-        return float(expected_bands(found, PAINTS, INSTRUMENT, prior=Prior(), discrepancy=d).mean())
+        return float(bands(found, ModelError(**{"unstated": 0.05, **changed})).mean())
 
     usual = mean()
     assert mean(coefficient=0.2) > 1.2 * usual
     assert mean(amplitude=0.05) > 2 * usual
-    # Quantiles of Student's t at .95: 2.015 for 5, 1.645 for none.
-    assert mean(freedom=5.0) == pytest.approx(usual * 2.0150484 / 1.6448536)
+    # Quantiles of Student's t at .95: 2.015 for 5, 2.132 for 4.
+    assert mean(freedom=4.0) == pytest.approx(usual * 2.1318468 / 2.0150484)
 
 
-def test_what_an_interrupt_left_over_is_not_filed():
-    spectra = np.stack(
-        [film({"Red": 0.1, "White": 0.9}, 30e-6), film({"Blue": 0.3, "Yellow": 0.7}, 15e-6)]
+def test_bands_of_many_spectra_are_those_of_each():
+    """They are computed some spectra at a time."""
+    spectra = np.stack([film({"Red": 0.1, "White": 0.9}, depth) for depth in (20e-6, 40e-6)])
+    many = explained(
+        np.resize(spectra, (70, *spectra.shape[1:])), ["White", "Red"], [0.9, 0.1], 30e-6
     )
-    found = explained(spectra, ["White", "Red"], [0.9, 0.1], 30e-6)
-    halves = [replace_rows(found, rows) for rows in ([0], [1])]
-    report_builder = ReportBuilder(PAINTS, INSTRUMENT, discrepancy=NEAT, prior=Prior())
-    parts = []
-    for part in report_builder.watch(iter(halves)):
-        parts.append(part)
-        if len(parts) == 2:
-            break
-    filed = report_builder.record(halves[0], replace(ABOUT, names=("1", "2")), 2)
-    assert [spot["name"] for spot in filed["spots"]] == ["1"]
-    assert filed["not_done"] == ["2"]
-
-
-def replace_rows(found: Identification, rows: list[int]) -> Identification:
-    """Some of the spectra."""
-    whole = ("measured", "paints", "opaque", "family_sets", "paint_families", "coats_odds")
-    parts = {
-        field.name: getattr(found, field.name)[rows]
-        for field in fields(found)
-        if field.name not in whole
-    }
-    return replace(found, measured=found.measured.take(np.array(rows)), **parts)
+    one = bands(many.take(np.array([69])), NEAT)
+    np.testing.assert_allclose(bands(many, NEAT)[69:], one, rtol=1e-6)

@@ -143,8 +143,8 @@ def test_the_metric_finds_the_covariance_within_families():
     white = found.place(points)
     apart = white - np.repeat([white[families == f].mean(axis=0) for f in range(40)], 6, 0)
     assert np.std(apart, axis=0) == pytest.approx(np.full(3, np.std(apart)), rel=0.3)
-    same = found.log_evidence(white[:1], white[1:2])[0, 0]
-    far = found.log_evidence(white[:1], white[-1:])[0, 0]
+    same = found.log_evidence(white[:1], metric.as_columns(white[1:2]))[0, 0]
+    far = found.log_evidence(white[:1], metric.as_columns(white[-1:]))[0, 0]
     assert same > far
 
 

@@ -197,7 +197,7 @@ def test_the_table_and_the_json_hold_the_numbers_exactly(tmp_path):
     assert filed == record(found)
     lines = list(csv.DictReader(table.open(encoding="utf-8")))
     assert len(lines) == 2 * 2 * 2
-    assert [[str(cell) for cell in row] for row in table_rows(filed)] == [
+    assert [["" if cell is None else str(cell) for cell in row] for row in table_rows(filed)] == [
         list(line.values()) for line in lines
     ]
     best = found.ranked(1, 1)[0]

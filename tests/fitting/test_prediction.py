@@ -14,7 +14,7 @@ from glazefit.recover.predict.prediction import Prediction, predict_films
 from tests.fitting.test_joint import GRID, RECIPES, painted
 
 OF_SIZE_ONE = Variation(np.array([float(size == 1.0) for size in SIZES]))
-NONE = ModelError(coefficient=0.0, level=0.0, amplitude=0.0, scales=(1.0,), weights=(1.0,))
+NONE = ModelError(coefficient=0.0, level=0.0, amplitude=0.0)
 
 
 def flat(draws: np.ndarray) -> Prediction:

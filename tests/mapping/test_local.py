@@ -6,13 +6,13 @@ import functools
 import numpy as np
 import pytest
 
-from glazefit import ModelError, Noise
+from glazefit import Noise
 from glazefit.film.colour_metric import reading_metric
 from glazefit.identify.result import Identification
 from glazefit.identify.search.options import IdentificationOptions
 from glazefit.identify.search.searcher import Searcher
 from glazefit.mapping.solve.atlas import Atlas
-from glazefit.mapping.solve.local import Searched, as_measured, check_errors, search_locally
+from glazefit.mapping.solve.local import Searched, as_measured, search_locally
 from glazefit.mapping.solve.survey import Features
 from glazefit.mapping.solve.update import log_weight_gain
 from glazefit.mapping.solve.working_bands import WorkingBands
@@ -210,8 +210,3 @@ def test_colours_differ_as_the_metric_says():
     few = np.linspace(900.0, 1000.0, 11)
     flat = reading_metric(few, np.full((1, 11), 0.4))
     assert np.linalg.norm(flat[0] @ np.full(11, 0.01)) == pytest.approx(1.0)
-
-
-def test_errors_of_several_scales_are_refused():
-    with pytest.raises(ValueError, match="one scale; this one has 4"):
-        check_errors(ModelError())

@@ -32,20 +32,19 @@ from jaxtyping import Array, Float
 from glazejax.programs import Program
 
 from .forward import Expansion, Film, FilmData, FilmShared, Slopes, slopes
+from .model.errors import paint_covariance
 from .numerics.least_squares import root_of_log1p
 
 
-def paint_covariance(
-    xp: Any,
-    by_log: Float[Array | np.ndarray, "*films errors bands grounds"],
-    smooth: Float[Array | np.ndarray, "bands bands"],
-) -> Any:
-    """Covariance J K J^T of readings, (..., rows, rows), for errors of size 1. Errors of log k and
-    log s, and of coats, are independent. `xp` is numpy or jax.numpy.
+def _caused(
+    by_log: Float[Any, "*films errors bands grounds"], smooth: Float[Any, "bands bands"]
+) -> Float[Any, "*films rows rows"]:
+    """Covariance J K J^T of readings, band after band and ground after ground, for errors of size
+    1 (`paint_covariance`).
     """
-    rows = by_log.shape[-2] * by_log.shape[-1]
-    covariance = xp.einsum("...ebg,bc,...ech->...bgch", by_log, smooth, by_log)
-    return covariance.reshape(*by_log.shape[:-3], rows, rows)
+    rows = by_log.reshape(*by_log.shape[:-2], -1)
+    grounds = by_log.shape[-1]
+    return paint_covariance(rows, smooth.repeat(grounds, axis=0).repeat(grounds, axis=1))
 
 
 def _variance(data: FilmData, linear: Slopes) -> Any:
@@ -113,7 +112,7 @@ def _misfit(
     white = (off * precision).reshape(-1)
     log_determinants = [root_of_log1p(through).reshape(-1)]
     if len(linear.by_log):
-        caused = paint_covariance(jnp, linear.by_log * precision, shared.smooth)
+        caused = _caused(linear.by_log * precision, shared.smooth)
         root = jnp.linalg.cholesky(jnp.eye(white.size) + size**2 * caused)
         white = jax.scipy.linalg.solve_triangular(root, white, lower=True)
         # The diagonal is 1 or more; with a constant added its logarithm has a smooth root.
@@ -214,7 +213,7 @@ def likeliest_errors(
         linear = slopes(film, shared.response, logs + delta, data.ground)
         by_log = np.asarray(linear.by_log)
         target = unexplained - linear.body + np.einsum("febg,feb->fbg", by_log, delta)
-        covariance = share * paint_covariance(np, by_log, smooth)
+        covariance = share * _caused(by_log, smooth)
         variance = np.asarray(_variance(data, linear)).reshape(len(delta), -1)
         covariance += np.eye(variance.shape[1]) * variance[:, None]
         pull = np.linalg.solve(covariance, target.reshape(len(delta), -1, 1)).reshape(target.shape)
@@ -237,7 +236,7 @@ def expand(
     linear = slopes(film, shared.response, logs, data.ground)
     by_log = np.asarray(linear.by_log)
     root = 1.0 / np.sqrt(np.asarray(_variance(data, linear)))
-    caused = paint_covariance(np, by_log * root[:, None], np.asarray(shared.smooth))
+    caused = _caused(by_log * root[:, None], np.asarray(shared.smooth))
     spread, axes = np.linalg.eigh(caused)
     whiten = np.swapaxes(axes, 1, 2) * root.reshape(len(root), 1, -1)
     return data._replace(

@@ -307,17 +307,6 @@ def identify(
         opaque=opaque,
         names=task.names,
     )
-    report_builder = None
-    if report is not None and not by_family:
-        from .show.reporting import ReportBuilder
-
-        report_builder = ReportBuilder(
-            paints,
-            seen_with,
-            discrepancy=settings["discrepancy"],
-            prior=settings["prior"],
-        )
-        chunks = report_builder.watch(chunks)
     finished, how = progress.collect(
         lambda _: chunks, len(task.spectra), "compiling, then searching", "searching"
     )
@@ -346,8 +335,14 @@ def identify(
             inputs=inputs,
             subject=subject,
         )
-        if report_builder is not None:
-            record = report_builder.record(identification, about, top)
+        if not by_family:
+            from .search.searcher import Searcher
+            from .show.bands import expected_bands
+            from .show.record import make_record
+
+            searcher = Searcher.of(task.wavelengths, paints, search_options, opaque=opaque)
+            bands = expected_bands(identification, searcher.task)
+            record = make_record(identification, bands, about, top)
         else:
             from .families.identify_pigments import usual_misfit
             from .show.family_record import make_family_record
@@ -433,76 +428,58 @@ def _read_spectra(
         if by_family
         else shared_bands(table.wavelengths, paints)
     )
-    notes = (*table.notes, *changes)
+    below = None
+    ground_names = ("a ground that is not seen",)
     if ground is None and not opaque and _over_cards(table.names):
         films = read_films(file, **stated)
         films = films.select(chosen) if chosen else films
+        names = films.names
         if by_family:
             changes = (
                 "families are searched by the readings over the white cards, of which the mean is "
                 "taken; those over black are not used",
             )
-        progress.print_notes(console, file, changes)
-        if by_family:
-            return _Spectra(
-                names=films.names,
-                wavelengths=films.wavelengths,
-                spectra=films.over_white,
-                # One ground for all: each other one is a search that is set up again.
-                ground=internal(films.bare_white.mean(axis=0)),
-                ground_names=("white card, measured bare, the mean of all",),
-                notes=(*notes, *changes),
+            spectra = films.over_white
+            # One ground for all: each other one is a search that is set up again.
+            below = internal(films.bare_white.mean(axis=0))
+            ground_names = ("white card, measured bare, the mean of all",)
+        else:
+            spectra = np.stack([films.over_black, films.over_white], axis=1) @ mean
+            below = internal(np.stack([films.bare_black, films.bare_white], axis=1) @ mean)
+            ground_names = ("black card, measured bare", "white card, measured bare")
+    else:
+        rows = options.choose_rows(file, table.names, chosen)
+        if len(rows) > _MANY and not by_family:
+            note = (
+                f"{len(rows)} spectra are searched one by one: an image is much faster with "
+                "glazejax map, and --samples chooses some (Ctrl-C keeps finished ones)"
             )
-        cards = np.stack([films.bare_black, films.bare_white], axis=1) @ mean
-        spectra = np.stack([films.over_black, films.over_white], axis=1) @ mean
-        ground_names = ("black card, measured bare", "white card, measured bare")
-        return _Spectra(
-            names=films.names,
-            wavelengths=grid,
-            spectra=spectra,
-            ground=internal(cards),
-            ground_names=ground_names,
-            notes=notes,
-        )
-    rows = options.choose_rows(file, table.names, chosen)
-    if len(rows) > _MANY and not by_family:
-        note = (
-            f"{len(rows)} spectra are searched one by one: an image is much faster with glazejax "
-            "map, and --samples chooses some (Ctrl-C keeps finished ones)"
-        )
-        progress.print_notes(console, file, (note,))
-    spectra = table.reflectance[rows] @ mean
-    names = tuple(table.names[i] for i in rows)
-    if ground is None and not opaque:
-        raise ValueError(
-            f"{file}: no ground is stated: give --ground, its reflectance such as 0.9 or a table, "
-            f"or --opaque, or rows in fours, such as {names[0]}_b, {names[0]}_w, "
-            f"{names[0]}_ob and {names[0]}_ow"
-        )
+            progress.print_notes(console, file, (note,))
+        spectra = table.reflectance[rows] @ mean
+        names = tuple(table.names[i] for i in rows)
+        if ground is None and not opaque:
+            raise ValueError(
+                f"{file}: no ground is stated: give --ground, its reflectance such as 0.9 or a "
+                f"table, or --opaque, or rows in fours, such as {names[0]}_b, {names[0]}_w, "
+                f"{names[0]}_ob and {names[0]}_ow"
+            )
     progress.print_notes(console, file, changes)
-    if ground is None:
-        return _Spectra(
-            names=names,
-            wavelengths=grid,
-            spectra=spectra,
-            ground=None,
-            ground_names=("a ground that is not seen",),
-            notes=notes,
-        )
-    stated_ground = options.read_ground(ground, bare=bare)
-    progress.print_notes(console, "--ground", stated_ground.notes)
-    below = np.broadcast_to(stated_ground.on(grid), grid.shape)
-    ground_name = (
-        f"{stated_ground.words}, "
-        f"{'measured bare with the same instrument' if bare else 'as seen from inside the paint'}"
-    )
+    notes = (*table.notes, *changes)
+    if ground is not None:
+        stated_ground = options.read_ground(ground, bare=bare)
+        progress.print_notes(console, "--ground", stated_ground.notes)
+        notes = (*notes, *stated_ground.notes)
+        below = np.broadcast_to(stated_ground.on(grid), grid.shape)
+        below = internal(below) if bare else below
+        seen = "measured bare with the same instrument" if bare else "as seen from inside the paint"
+        ground_names = (f"{stated_ground.words}, {seen}",)
     return _Spectra(
         names=names,
         wavelengths=grid,
         spectra=spectra,
-        ground=internal(below) if bare else below,
-        ground_names=(ground_name,),
-        notes=(*notes, *stated_ground.notes),
+        ground=below,
+        ground_names=ground_names,
+        notes=notes,
     )
 
 

@@ -5,8 +5,8 @@ instrument's noise explains, smooth in the wavelength, and much the same over a 
 card. Three things are behind it, all Gaussian here: absorption and scattering of each paint are off
 by a share that varies slowly with the wavelength (as far as the pigment says that it is not known,
 and some more: another batch, an edge that is shifted), the model itself has a smooth error,
-and the surface reflects more or less. The size of the first two is uncertain too: probabilities are
-summed over some scales of it, which gives them the tails that paint needs.
+and the surface reflects more or less. A whole spectrum's misfit follows Student's t, which has the
+tails that paint needs.
 
 `Nothing in the catalogue` competes on the same terms: any smooth spectrum, without a paint behind
 it.
@@ -14,6 +14,7 @@ it.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Array, Float, Int
@@ -23,7 +24,7 @@ from glazejax import Pigment
 
 @dataclass(frozen=True)
 class ModelError:
-    """Errors of the model; `ModelError.between_films()` has those that films showed.
+    """Errors of the model, by default those that films showed.
 
     Its fields may change between versions. Their sizes are those of films that were left out of a
     joint fit (`benchmarks/paint/identification.py`), and are far from small.
@@ -42,54 +43,43 @@ class ModelError:
         share: by how much that grows for each unit of reflectance.
         length: distance over which the smooth error stays similar, nm.
         shared: correlation of the smooth error between grounds, in [0, 1].
-        scales, weights: factors by which all of these may be larger, and how probable each is.
         gloss, gloss_sd: share of the surface's reflection that is seen, and how it varies between
             films.
         haze: least standard deviation of what a surface adds to all readings. It is not 0
             even where the instrument leaves out the mirror reflection, for it sees some of a matt
             film's.
         freedom: degrees of freedom of Student's t, which a whole spectrum's misfit follows when
-            candidates are weighed, since some films are met far worse than others. None takes
-            Gaussian errors at each of the scales.
+            candidates are weighed, since some films are met far worse than others.
         apart: wavelengths nearer than this count as one reading when candidates are weighed, nm.
             Residuals at neighbouring bands are correlated in ways that no covariance
             describes, so that a finer grid has no more information.
-        trust: power of the likelihood when candidates are weighed (a tempered posterior: Miller and
-            Dunson, J. Am. Stat. Assoc. 114 (2019) 1113). Errors are not quite Gaussian: with 1,
-            films that were left out of a fit were explained wrongly at a stated 90 % half of the
-            time; with .35 the stated probabilities came true.
         screening: amplitude that stands for all errors while candidates are looked for.
 
     Raises:
         ValueError: a value out of range.
     """
 
-    coefficient: float = 0.1
+    coefficient: float = 0.03
     coefficient_length: float = 100.0
-    level: float = 0.1
-    most: float = 0.4
+    level: float = 0.0
+    most: float = 0.5
     unstated: float = 0.25
-    amplitude: float = 0.005
-    share: float = 0.0
-    length: float = 100.0
-    shared: float = 0.8
-    scales: tuple[float, ...] = (0.25, 0.5, 1.0, 2.0)
-    weights: tuple[float, ...] = (0.1, 0.3, 0.4, 0.2)
+    amplitude: float = 0.001
+    share: float = 0.01
+    length: float = 60.0
+    shared: float = 0.6
     gloss: float = 1.0
     gloss_sd: float = 0.35
-    haze: float = 0.0
-    freedom: float | None = None
+    haze: float = 0.01
+    freedom: float = 5.0
     apart: float = 30.0
-    trust: float = 0.35
     screening: float = 0.035
 
     def __post_init__(self) -> None:
         for field in fields(self):
             name = field.name
-            value = getattr(self, field.name)
-            if isinstance(value, tuple) or value is None:
-                continue
-            needed = name in ("trust", "freedom", "apart") or "length" in name
+            value = getattr(self, name)
+            needed = name in ("freedom", "apart") or "length" in name
             if not (np.isfinite(value) and value >= 0 and (value > 0 or not needed)):
                 raise ValueError(
                     f"the discrepancy's {name} is {value:g}; it must be "
@@ -99,32 +89,11 @@ class ModelError:
             raise ValueError(
                 f"the discrepancy's shared is {self.shared:g}; a correlation lies in [0, 1]"
             )
-        if (
-            len(self.scales) != len(self.weights)
-            or not self.scales
-            or min(*self.scales, *self.weights) <= 0
-        ):
-            raise ValueError("the discrepancy needs as many weights as scales, all positive")
 
     @classmethod
     def between_films(cls) -> "ModelError":
-        """Errors with which candidates are weighed by default: what films left out of a fit of
-        their paints showed.
-        """
-        return cls(
-            coefficient=0.03,
-            level=0.0,
-            most=0.5,
-            amplitude=0.001,
-            share=0.01,
-            length=60.0,
-            shared=0.6,
-            scales=(1.0,),
-            weights=(1.0,),
-            freedom=5.0,
-            trust=1.0,
-            haze=0.01,
-        )
+        """The errors that films left out of a fit of their paints showed."""
+        return cls()
 
     def surface_sd(self, surface: float) -> float:
         """Standard deviation of what the surface adds to a reading.
@@ -222,23 +191,19 @@ def smooth_modes(
     return (shapes[:, largest] * np.sqrt(np.maximum(values[largest], 0.0))).T
 
 
-def model_covariance(
-    wavelengths: Float[np.ndarray, "bands"],
-    grounds: int,
-    discrepancy: ModelError,
-    amplitude: float | Float[np.ndarray, "*n readings"],
-) -> Float[np.ndarray, "*n readings readings"]:
-    """Covariance of the model's own smooth error, ground by ground; one amplitude, or one for each
-    reading.
+def model_correlation(
+    wavelengths: Float[np.ndarray, "bands"], grounds: int, length: float, shared: float
+) -> Float[np.ndarray, "readings readings"]:
+    """Correlation of the model's own smooth error, ground by ground.
+
+    Args:
+        wavelengths: (bands,), nm.
+        grounds: how many there are.
+        length: distance over which the error stays similar, nm.
+        shared: its correlation between grounds.
     """
-    cards = discrepancy.shared + (1.0 - discrepancy.shared) * np.eye(grounds)
-    correlation = np.kron(cards, smooth_kernel(wavelengths, discrepancy.length))
-    size = np.asarray(amplitude)
-    return (
-        size**2 * correlation
-        if size.ndim == 0
-        else size[..., :, None] * size[..., None, :] * correlation
-    )
+    cards = shared + (1.0 - shared) * np.eye(grounds)
+    return np.kron(cards, smooth_kernel(wavelengths, length))
 
 
 def relative_errors(
@@ -309,7 +274,7 @@ def modes_covariance(
     modes: Float[np.ndarray, "*n errors bands modes"],
 ) -> Float[np.ndarray, "*n readings readings"]:
     """Covariance of the readings that error modes of the coefficients cause; slopes as for
-    `coefficient_covariance`.
+    `paints_covariance`.
     """
     # In the modes' own precision: single does, and takes half the time.
     by_ground = slopes.astype(modes.dtype).reshape(*slopes.shape[:-1], -1, modes.shape[-2])
@@ -320,32 +285,18 @@ def modes_covariance(
     return caused @ np.swapaxes(caused, -1, -2)
 
 
-def coefficient_covariance(
-    slopes: Float[np.ndarray, "*n errors readings"],
-    relative: Float[np.ndarray, "*n errors bands"],
-    wavelengths: Float[np.ndarray, "bands"],
-    discrepancy: ModelError,
-) -> Float[np.ndarray, "*n readings readings"]:
-    """Covariance that errors of paints' k and s cause, each smooth in the wavelength and
-    independent of the others.
+def paint_covariance(
+    by_log: Any, smooth: Float[Array | np.ndarray, "readings readings"] | float
+) -> Any:
+    """Covariance J K J^T of readings that errors of log k and log s cause, each independent of the
+    others; arrays of NumPy or of JAX.
 
     Args:
-        slopes: of the readings by the log of each coefficient, band by band.
-        relative: standard deviations that each pigment states, relative (`relative_errors`).
-        wavelengths: (bands,), nm.
-        discrepancy: size and length of the further errors.
+        by_log: slopes of the readings by each error, times its standard deviation, (..., errors,
+            readings).
+        smooth: correlation of an error at the readings' wavelengths.
     """
-    grounds = slopes.shape[-1] // wavelengths.size
-    kernel = smooth_kernel(wavelengths, discrepancy.coefficient_length)
-    # Parts that are equal at two wavelengths by the kernel are one product for both sources.
-    scaled = np.concatenate(
-        [discrepancy.coefficient * slopes, slopes * np.tile(relative, grounds)], axis=-2
-    )
-    caused = np.swapaxes(scaled, -1, -2) @ scaled
-    caused *= np.tile(kernel, (grounds, grounds)).astype(caused.dtype)
-    if discrepancy.level:
-        caused += discrepancy.level**2 * (np.swapaxes(slopes, -1, -2) @ slopes)
-    return caused
+    return (by_log.swapaxes(-1, -2) @ by_log) * smooth
 
 
 def paints_covariance(
@@ -356,8 +307,7 @@ def paints_covariance(
     wavelengths: Float[np.ndarray, "bands"],
     discrepancy: ModelError,
 ) -> Float[np.ndarray, "*n readings readings"]:
-    """Covariance that all errors of films' paints cause: `coefficient_covariance` and
-    `modes_covariance`.
+    """Covariance that all errors of films' paints cause.
 
     Args:
         slopes: of the readings by the log of k of the films' paints, then of s, band by band; 0 for
@@ -367,15 +317,18 @@ def paints_covariance(
         wavelengths: (bands,), nm.
         discrepancy: size and length of further errors.
     """
+    d = discrepancy
     at = np.maximum(members, 0)
-    caused = coefficient_covariance(
-        slopes,
-        np.concatenate([relative[at, coefficient] for coefficient in (0, 1)], axis=-2),
-        wavelengths,
-        discrepancy,
-    )
+    grounds = slopes.shape[-1] // wavelengths.size
+    kernel = smooth_kernel(np.tile(wavelengths, grounds), d.coefficient_length)
+    stated = np.concatenate([relative[at, coefficient] for coefficient in (0, 1)], axis=-2)
+    # What the pigments state, and some more: alike over the same distance.
+    scaled = np.concatenate([d.coefficient * slopes, slopes * np.tile(stated, grounds)], axis=-2)
+    caused = paint_covariance(scaled, kernel.astype(scaled.dtype))
+    if d.level:
+        caused += paint_covariance(d.level * slopes, 1.0)
     if modes.shape[-1]:
-        caused = caused + modes_covariance(
+        caused += modes_covariance(
             slopes, np.concatenate([modes[at, coefficient] for coefficient in (0, 1)], axis=-3)
         )
     return caused
@@ -387,16 +340,10 @@ def draw_coefficient_errors(
     wavelengths: Float[np.ndarray, "bands"],
     discrepancy: ModelError,
 ) -> Float[np.ndarray, "*shape bands"]:
-    """Random errors of the log of coefficients: smooth, with a level, each of one of the
-    discrepancy's scales.
-    """
-    smooth = discrepancy.coefficient * _draw_gaussian(
-        rng, shape, smooth_kernel(wavelengths, discrepancy.coefficient_length)
-    )
-    offset = discrepancy.level * rng.standard_normal((*shape, 1))
-    return _draw_scale(rng, shape[:1], discrepancy).reshape(-1, *[1] * len(shape)) * (
-        smooth + offset
-    )
+    """Random errors of the log of coefficients: smooth, with a level."""
+    kernel = smooth_kernel(wavelengths, discrepancy.coefficient_length)
+    smooth = discrepancy.coefficient * _draw_gaussian(rng, shape, kernel)
+    return smooth + discrepancy.level * rng.standard_normal((*shape, 1))
 
 
 def draw_model_errors(
@@ -406,11 +353,9 @@ def draw_model_errors(
     wavelengths: Float[np.ndarray, "bands"],
     discrepancy: ModelError,
 ) -> Float[np.ndarray, "count grounds bands"]:
-    """Random errors of the model itself, as `model_covariance` has them."""
-    matrix = model_covariance(wavelengths, grounds, discrepancy, discrepancy.amplitude)
-    errors = _draw_scale(rng, (count,), discrepancy)[:, None] * _draw_gaussian(
-        rng, (count,), matrix
-    )
+    """Random errors of the model itself, at a reflectance of 0."""
+    correlation = model_correlation(wavelengths, grounds, discrepancy.length, discrepancy.shared)
+    errors = discrepancy.amplitude * _draw_gaussian(rng, (count,), correlation)
     return errors.reshape(count, grounds, -1)
 
 
@@ -420,21 +365,6 @@ def _draw_gaussian(
     """Random Gaussian vectors of this covariance."""
     root = np.linalg.cholesky(covariance + 1e-9 * np.eye(len(covariance)))
     return rng.standard_normal((*shape, len(covariance))) @ root.T
-
-
-def _draw_scale(
-    rng: np.random.Generator, shape: tuple[int, ...], discrepancy: ModelError
-) -> Float[np.ndarray, "*shape"]:
-    weights = np.asarray(discrepancy.weights)
-    return rng.choice(np.asarray(discrepancy.scales), size=shape, p=weights / weights.sum())
-
-
-def noise_covariance(
-    noise_sd: Float[np.ndarray, "*n grounds bands"], surface: float, discrepancy: ModelError
-) -> Float[np.ndarray, "*n readings readings"]:
-    """Covariance of the errors that `ModelError.scales` leaves alone: noise, and gloss."""
-    variance = noise_sd.reshape(*noise_sd.shape[:-2], -1) ** 2
-    return variance[..., None] * np.eye(variance.shape[-1]) + discrepancy.surface_sd(surface) ** 2
 
 
 def _inverse_of_lower(factor: Float[np.ndarray, "*n r r"]) -> Float[np.ndarray, "*n r r"]:
@@ -457,43 +387,23 @@ def _inverse_of_lower(factor: Float[np.ndarray, "*n r r"]) -> Float[np.ndarray, 
     return out
 
 
-@dataclass(frozen=True)
-class Whitening:
-    """Gaussian errors at every scale: height - |B r|^2 / 2 is the log density of residuals r.
+class Whitening(NamedTuple):
+    """Gaussian errors: height - |B r|^2 / 2 is the log density of residuals r.
 
     Attributes:
-        basis: B, (..., scales, readings, readings).
-        height: log of the Gaussian's height and of the scale's probability, (..., scales).
+        basis: B, (..., readings, readings), with B^T B the inverse of their covariance.
+        height: log of the Gaussian's height, (...).
     """
 
-    basis: np.ndarray
-    height: np.ndarray
+    basis: Float[np.ndarray, "*n r r"]
+    height: Float[np.ndarray, "*n"]
 
 
-def whiten(
-    fixed: Float[np.ndarray, "*n readings readings"],
-    scaled: Float[np.ndarray, "*n readings readings"],
-    discrepancy: ModelError,
-) -> Whitening:
-    """Whitening of fixed + scale^2 scaled for every scale.
-
-    Cholesky factors, scale by scale: one eigenvalue problem for all scales takes thirty times as
-    long.
-    """
-    scales = np.asarray(discrepancy.scales)
-    weights = np.asarray(discrepancy.weights)
-    matrix = fixed[..., None, :, :] + scales[:, None, None] ** 2 * scaled[..., None, :, :]
-    white, height = whitening(matrix)
-    return Whitening(white, height + np.log(weights / weights.sum()))
-
-
-def whitening(
-    matrix: Float[np.ndarray, "*n r r"],
-) -> tuple[Float[np.ndarray, "*n r r"], Float[np.ndarray | np.floating, "*n"]]:
-    """W with W^T W the inverse of a covariance, and log det W - (r/2) log 2 pi, the height of the
-    Gaussian.
-    """
+def whitening(matrix: Float[np.ndarray, "*n r r"]) -> Whitening:
+    """Whitening of errors of this covariance."""
     factor = np.linalg.cholesky(matrix)
-    inverse = _inverse_of_lower(factor)
     height = -np.log(np.diagonal(factor, axis1=-2, axis2=-1)).sum(axis=-1)
-    return inverse, height - 0.5 * matrix.shape[-1] * np.log(2.0 * np.pi)
+    return Whitening(
+        basis=_inverse_of_lower(factor),
+        height=height - 0.5 * matrix.shape[-1] * np.log(2.0 * np.pi),
+    )

@@ -17,7 +17,7 @@ from jaxtyping import Float
 
 from .errors import ModelError
 
-MIXED = ModelError(coefficient=0.2, level=0.2, amplitude=0.004, scales=(1.0,), weights=(1.0,))
+MIXED = ModelError(coefficient=0.2, level=0.2, amplitude=0.004, length=100.0, shared=0.8)
 """Errors of k and s that a paint has in one film relative to others, and of the model, of size
 one.
 """

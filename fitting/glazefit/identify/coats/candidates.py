@@ -8,11 +8,10 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.special import logsumexp
 
-from ...film.model.errors import whitening
 from ..search.chunk import Chunk
 from ..search.fit import Fitted, pool_of
 from ..search.pool import Pool
-from ..search.refine import Groups, move_readings
+from ..search.refine import Groups, move_readings, near_errors
 from ..search.surface import with_surface
 from ..search.task import IdentificationTask, Measured
 from .arrangement import Arrangement
@@ -128,7 +127,7 @@ def _candidates(
 
     # Three of Gauss and Newton's steps from the most probable place of the grid, each of at most .3
     # in a log amount.
-    white = whitening(chunk.tolerance_covariance)[0]
+    white = near_errors(chunk).basis
     logs = evidence.nearest[films]
     for _ in range(3):
         readings, slopes = coated.read_and_slopes(arrangement, np.exp(logs))

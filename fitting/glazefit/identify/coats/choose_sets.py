@@ -78,7 +78,7 @@ def nearest_pairs(
     amounts = np.exp(logs)[:, None]
     depths = (films.coefficients[:, :, None] * amounts).reshape(2, -1, wavelengths.size)
     black, gain, back = (np.asarray(a)[:, None] for a in films.response.numbers(*depths))
-    white = whitening(fixed_covariance(wavelengths, len(grounds), errors))[0].astype(np.float32)
+    white = whitening(fixed_covariance(wavelengths, len(grounds), errors)).basis.astype(np.float32)
     target = (bodies.reshape(len(bodies), -1) @ white.T).astype(np.float32)
 
     # Lower coats as grounds of the upper ones.

@@ -16,7 +16,7 @@ from jaxtyping import Float
 from scipy.interpolate import make_interp_spline
 from scipy.special import log_ndtr, logsumexp
 
-from ...film.model.errors import smooth_kernel
+from ...film.model.errors import model_correlation, paint_covariance, smooth_kernel
 from .arrangement import Arrangement
 from .readings import LOG_AMOUNTS, NODES, GridReadings
 
@@ -226,9 +226,8 @@ def _covariance(
 
     # What errors of each paint's k cause, the same ones over each ground.
     caused = table.slopes * np.tile(deviations, grounds)[:, None]
-    paint_covariance = np.einsum("pni,pnj->nij", caused, caused, optimize=True)
     kernel = smooth_kernel(np.tile(wavelengths, grounds), errors.coefficient_length)
-    covariance = fixed + paint_covariance * kernel
+    covariance = fixed + paint_covariance(caused.swapaxes(0, 1), kernel)
 
     # What amounts between the places of the finer grid would change.
     spacing = (LOG_AMOUNTS[1] - LOG_AMOUNTS[0]) / (NODES[count] - 1)
@@ -245,8 +244,8 @@ def fixed_covariance(
 ) -> Float[np.ndarray, "readings readings"]:
     """Of readings over some grounds, whatever the film: the model's own error, noise, surface."""
     bands = grounds * wavelengths.size
-    cards = errors.shared + (1.0 - errors.shared) * np.eye(grounds)
-    fixed = errors.amplitude**2 * np.kron(cards, smooth_kernel(wavelengths, errors.length))
+    correlation = model_correlation(wavelengths, grounds, errors.length, errors.shared)
+    fixed = errors.amplitude**2 * correlation
     fixed += errors.noise**2 * np.eye(bands) + errors.offset**2
     # Bands beyond this, nm, are another detector's.
     beyond = np.tile(wavelengths > 1005.0, grounds)

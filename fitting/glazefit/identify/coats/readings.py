@@ -10,12 +10,13 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from glazejax.programs import Program
 
 from ...film.model.optics import Optics
 from ...film.model.response import FilmResponse
+from ...film.numerics.blocks import by_blocks
 from ..families.templates import coat_body
 from .arrangement import Arrangement
 
@@ -173,18 +174,15 @@ def _solve(
     ground: Float[np.ndarray, "bands"],
     optics: Optics,
 ) -> Float[np.ndarray, "films bands"]:
-    """Reflectance of stacks, k d and s d of their coats, in pieces of one shape."""
+    """Reflectance of stacks, k d and s d of their coats."""
     shape = depths.shape[1:3]
     flat = depths.reshape(2, -1, depths.shape[-1])
     below = np.broadcast_to(ground, shape).reshape(-1)
-    count = flat.shape[1]
-    # The first films fill up the last piece.
-    padded = np.resize(np.arange(count), -(-count // _CHUNK) * _CHUNK)
-    pieces = [
-        np.asarray(_body(*flat[:, piece], below[piece], optics))
-        for piece in np.split(padded, len(padded) // _CHUNK)
-    ]
-    return np.concatenate(pieces)[:count].reshape(shape).astype(np.float64)
+
+    def run(rows: Int[np.ndarray, "block"]) -> Array:
+        return _body(*flat[:, rows], below[rows], optics)
+
+    return by_blocks(len(below), _CHUNK, run).reshape(shape).astype(np.float64)
 
 
 @functools.partial(Program, fixed=("optics",))

@@ -11,12 +11,8 @@ from jaxtyping import Float, Int
 from scipy.special import logsumexp
 
 from glazejax import Pigment
-from glazejax.geometry import resolve_instrument
 
 from ...film.model.errors import Prior
-from ...film.model.optics import Optics
-from ...film.model.response import film_response
-from ...film.shared_bands import means_of_steps
 from ..families.templates import coefficients
 from ..result import NINETY, Identification
 from ..result.odds import DECIDED, CoatsOdds
@@ -55,6 +51,7 @@ class _CoatSpectra(NamedTuple):
         films: of all paints, over the ground of the first spectrum.
         names: of the paints.
         usual: amount that the optical thicknesses are of, m.
+        groups: numbers of the spectra over each ground.
     """
 
     bodies: Float[np.ndarray, "spectra grounds bands"]
@@ -63,46 +60,39 @@ class _CoatSpectra(NamedTuple):
     films: CoatedFilms
     names: tuple[str, ...]
     usual: float
+    groups: list[Int[np.ndarray, "rows"]]
 
     @classmethod
     def of(
         cls,
         measured: Measured,
         pigments: Sequence[Pigment],
-        options: IdentificationOptions,
+        task: IdentificationTask,
         usual: float,
         opaque: bool,
     ) -> "_CoatSpectra":
         """Arguments as of `weigh_coats`, and whether the films hide their ground."""
-        instrument = resolve_instrument(options.instrument)
         # Errors are correlated over more than a band: finer spectra are averaged.
-        mean = means_of_steps(measured.wavelengths, STEP)
-        to_bands = np.eye(measured.wavelengths.size) if mean is None else mean
-        wavelengths = measured.wavelengths @ to_bands
-        grounds = measured.grounds @ to_bands
+        few = measured.in_steps(STEP)
         return cls(
-            bodies=measured.readings @ to_bands - instrument.seen_surface,
-            grounds=grounds,
-            wavelengths=wavelengths,
+            bodies=few.readings - task.surface,
+            grounds=few.grounds,
+            wavelengths=few.wavelengths,
             films=CoatedFilms(
-                coefficients=coefficients(pigments, wavelengths) * usual,
-                grounds=grounds[0],
-                optics=Optics.of(instrument.geometry, instrument.refractive_index),
-                response=film_response(instrument.geometry, instrument.refractive_index),
+                coefficients=coefficients(pigments, few.wavelengths) * usual,
+                grounds=few.grounds[0],
+                optics=task.optics,
+                response=task.response,
                 hides=opaque,
             ),
             names=tuple(pigment.name for pigment in pigments),
             usual=usual,
+            groups=few.by_grounds(),
         )
 
-    def by_grounds(self) -> list[tuple[list[int], CoatedFilms]]:
-        """Spectra by their grounds, each with films over these: they share what is computed."""
-        rows: dict[bytes, list[int]] = {}
-        for row, ground in enumerate(self.grounds):
-            rows.setdefault(ground.tobytes(), []).append(row)
-        return [
-            (group, self.films._replace(grounds=self.grounds[group[0]])) for group in rows.values()
-        ]
+    def by_grounds(self) -> list[tuple[Int[np.ndarray, "rows"], CoatedFilms]]:
+        """Spectra by their grounds, each with films over these."""
+        return [(rows, self.films._replace(grounds=self.grounds[rows[0]])) for rows in self.groups]
 
 
 def weigh_coats(
@@ -127,11 +117,11 @@ def weigh_coats(
     """
     measured = identification.measured
     sets = _best_sets(identification, options)
-    spectra = _CoatSpectra.of(measured, pigments, options, usual, identification.opaque)
+    task, pool = searched
+    spectra = _CoatSpectra.of(measured, pigments, task, usual, identification.opaque)
     if identification.opaque or options.max_paints == 1 or len(pigments) == 1:
         return replace(identification, coats_odds=_odds(spectra, _weigh(spectra, sets, options)))
 
-    task, pool = searched
     for rows, films in spectra.by_grounds():
         # A film of two coats may look like no mixture of its paints: the two pairs that come
         # nearest as coats are weighed with the best mixture.

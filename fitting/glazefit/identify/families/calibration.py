@@ -29,7 +29,7 @@ _SOUGHT = 4
 
 def calibrate(
     search: FamilySearch,
-    change: Callable[[Float[np.ndarray, "films bands"]], Float[np.ndarray, "films bands"]],
+    change: Callable[[Float[np.ndarray, "films bands"]], Float[np.ndarray, "films bands"]] | None,
 ) -> FamilySearch:
     """The same search, as sure as what is said of its exemplars comes true: each is searched among
     those of other sources, with its family and without.
@@ -37,10 +37,11 @@ def calibrate(
     Args:
         search: with all that it compares.
         change: of readings without the surface's part, by what varies from film to film, such as a
-            varnish.
+            varnish; None where nothing does.
     """
     readings, rows = exemplars_as_readings(search)
-    readings = change(readings - search.surface) + search.surface
+    if change is not None:
+        readings = change(readings - search.surface) + search.surface
     chosen = _few_of_each(search.source_of[rows], search.family_of[rows])
     readings = readings[chosen]
     rows = rows[chosen]

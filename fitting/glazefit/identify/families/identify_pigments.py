@@ -14,7 +14,6 @@ from glazejax.spectra import describe_grid, validate_wavelengths
 
 from ...film.films import Noise
 from ...film.model.mixing import digest
-from ...film.shared_bands import means_of_steps
 from ..result import Identification
 from ..search.options import IdentificationOptions
 from ..search.pool import NOBODY
@@ -24,7 +23,7 @@ from .evidence import log_odds_of_elements, with_facts
 from .expected import EXPECTED
 from .misfit import UsualMisfit, misfit_of_right_answers
 from .naming import name_sets
-from .search import FamilyOdds, FamilySearch
+from .search import FamilySearch
 from .set_up import search_families
 from .templates import usual_coat
 
@@ -50,12 +49,6 @@ def identify_families(
 
     Args and errors are those of `glazefit.identify`; each film is read over one ground.
     """
-    if options.max_coats not in (1, 2, 3):
-        raise ValueError(f"max_coats is {options.max_coats}; 1, 2 or 3 coats can be tried")
-    if options.max_paints not in (1, 2, 3):
-        raise ValueError(
-            f"max_paints is {options.max_paints}; sets of 1 or 2 families can be tried"
-        )
     # A wrong symbol is said before a search is set up, which takes some seconds.
     log_odds_of_elements([], options.elements, options.without_elements)
     grid = validate_wavelengths(np.asarray(wavelengths, dtype=np.float64))
@@ -67,35 +60,17 @@ def identify_families(
             f"families of pigments are searched by one reading of a film, not {grounds}: give the "
             "reading over one ground, or own_films=True"
         )
-    mean = means_of_steps(grid, STEP)
-    if mean is not None:
-        measured = replace(
-            measured,
-            wavelengths=grid @ mean,
-            readings=measured.readings @ mean,
-            grounds=measured.grounds @ mean,
-            doubt=measured.doubt @ mean,
-            noise_sd=measured.noise_sd @ mean,
-        )
-    below = measured.grounds[:, 0]
+    measured = measured.in_steps(STEP)
     for start in range(0, len(measured), _CHUNK):
-        rows = np.arange(start, min(start + _CHUNK, len(measured)))
-        # Films over one ground share what is computed.
-        different = [None] if opaque else list(dict.fromkeys(map(tuple, below[rows].tolist())))
+        batch = measured.take(np.arange(start, min(start + _CHUNK, len(measured))))
+        groups = [np.arange(len(batch))] if opaque else batch.by_grounds()
         identifications = []
-        order: list[int] = []
-        for film_ground in different:
-            film_rows = (
-                rows
-                if film_ground is None
-                else rows[(below[rows] == np.array(film_ground)).all(axis=1)]
-            )
-            search = _search(measured.wavelengths, pigments, options, film_ground)
-            order += film_rows.tolist()
-            identifications.append(
-                _identification(search, measured.take(film_rows), options, opaque)
-            )
-        yield _in_order(Identification.join(identifications), np.argsort(order))
+        for rows in groups:
+            below = None if opaque else tuple(batch.grounds[rows[0], 0].tolist())
+            search = _search(batch.wavelengths, pigments, options, below)
+            identifications.append(_identification(search, batch.take(rows), options, opaque))
+        order = np.argsort(np.concatenate(groups))
+        yield Identification.join(identifications).take(order)
 
 
 def usual_misfit(
@@ -198,20 +173,25 @@ def _identification(
     amounts = np.zeros((*shape, 3))
     covariance = np.zeros((*shape, 3, 3))
     fitted = np.full((*shape, 1, readings.shape[1]), np.nan)
-    for row in range(len(measured)):
-        for index, number in enumerate(best[row]):
-            _fill_candidate(
-                search,
-                odds,
-                row,
-                int(number),
-                usual=thickness,
-                surface=search.surface * float(gloss[row]),
-                members=members[row, index],
-                amounts=amounts[row, index],
-                covariance=covariance[row, index],
-                fitted=fitted[row, index, 0],
-            )
+    for row, index in np.ndindex(shape):
+        number = best[row, index]
+        band_range, template = search.locate(int(odds.best[row, number]))
+        templates = band_range.templates
+        paints = templates.members[template][templates.members[template] != NOBODY]
+        own = slice(len(paints))
+        members[row, index, own] = paints
+        coat = float(templates.thickness[template])
+        depth = thickness * (1.0 if np.isinf(coat) else coat)
+        share = float(odds.fraction[row, number]) if len(paints) > 1 else 1.0
+        amounts[row, index, own] = depth * np.array([share, 1.0 - share])[own]
+        if len(paints) > 1:
+            # Half of the variance of the log odds of the fractions to each log amount.
+            spread = float(odds.fraction_sd[row, number]) / max(share * (1.0 - share), 1e-6)
+            covariance[row, index, own, own] = 0.5 * spread**2 * np.eye(2)
+        grid = search.wavelengths[band_range.bands]
+        near = (search.wavelengths >= grid[0] - _EDGE) & (search.wavelengths <= grid[-1] + _EDGE)
+        film = templates.readings[template] + search.surface * float(gloss[row])
+        fitted[row, index, 0, near] = np.interp(search.wavelengths[near], grid, film)
     # Each paint's probability is the sum over the candidates that hold it.
     probability = odds.sets[rows, best]
     paint_probability = np.zeros((len(measured), len(search.exemplars)))
@@ -238,51 +218,4 @@ def _identification(
         opaque=opaque,
         family_sets=tuple(tuple(name_sets(search, chances)) for chances in odds.sets),
         paint_families=tuple(paint.family for paint in search.exemplars),
-    )
-
-
-def _fill_candidate(
-    search: FamilySearch,
-    odds: FamilyOdds,
-    row: int,
-    number: int,
-    *,
-    usual: float,
-    surface: float,
-    members: np.ndarray,
-    amounts: np.ndarray,
-    covariance: np.ndarray,
-    fitted: np.ndarray,
-) -> None:
-    """Write one set of families of one spectrum into its places of a candidate's arrays."""
-    band_range, at = search.locate(int(odds.best[row, number]))
-    templates = band_range.templates
-    mixed = templates.members[at, 1] >= 0
-    members[: 1 + mixed] = templates.members[at, : 1 + mixed]
-    coat = float(templates.thickness[at])
-    depth = usual * (1.0 if np.isinf(coat) else coat)
-    share = float(odds.fraction[row, number]) if mixed else 1.0
-    amounts[: 1 + mixed] = depth * np.array([share, 1.0 - share])[: 1 + mixed]
-    if mixed:
-        # Half of the variance of the log odds of the fractions to each log amount.
-        spread = float(odds.fraction_sd[row, number]) / max(share * (1.0 - share), 1e-6)
-        covariance[:2, :2] = 0.5 * spread**2 * np.eye(2)
-    grid = search.wavelengths[band_range.bands]
-    near = (search.wavelengths >= grid[0] - _EDGE) & (search.wavelengths <= grid[-1] + _EDGE)
-    computed = np.interp(search.wavelengths, grid, templates.readings[at] + surface)
-    fitted[near] = computed[near]
-
-
-def _in_order(identification: Identification, order: np.ndarray) -> Identification:
-    """Rows of an identification in another order."""
-    arrays = {
-        name: getattr(identification, name)[order]
-        for name, value in vars(identification).items()
-        if isinstance(value, np.ndarray)
-    }
-    return replace(
-        identification,
-        measured=identification.measured.take(order),
-        family_sets=tuple(identification.family_sets[int(row)] for row in order),
-        **arrays,
     )

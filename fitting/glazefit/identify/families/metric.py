@@ -55,10 +55,10 @@ class Metric:
     def log_evidence(
         self,
         readings: Float[np.ndarray, "n components"],
-        references: Float[np.ndarray, "m components"],
+        references: Float[np.ndarray, "components+2 m"],
     ) -> Float[np.ndarray, "n m"]:
-        """Log of how much more probable each reading is as a paint like each known one than as any
-        paint at all.
+        """Log of how much more probable each reading is as a paint like each known one, than as any
+        paint at all; `references` by `as_columns`.
         """
         count = readings.shape[1]
         evidence = _log_t(squares_between(readings, references), count)
@@ -68,15 +68,20 @@ class Metric:
         return evidence
 
 
+def as_columns(points: Float[np.ndarray, "m axes"]) -> Float[np.ndarray, "axes+2 m"]:
+    """Points that others are compared with (`squares_between`); computed once for all of these."""
+    terms = np.column_stack([points, np.ones(len(points)), np.sum(points**2, axis=1)])
+    return terms.astype(np.float32).T
+
+
 def squares_between(
-    first: Float[np.ndarray, "n axes"], second: Float[np.ndarray, "m axes"]
+    first: Float[np.ndarray, "n axes"], columns: Float[np.ndarray, "axes+2 m"]
 ) -> Float[np.ndarray, "n m"]:
     """Squares of the distances between points, in single precision and one product of matrices: of
     thousands of films this is most of a search's time.
     """
     row_terms = np.column_stack([-2.0 * first, np.sum(first**2, axis=1), np.ones(len(first))])
-    column_terms = np.column_stack([second, np.ones(len(second)), np.sum(second**2, axis=1)])
-    squares = row_terms.astype(np.float32) @ column_terms.astype(np.float32).T
+    squares = row_terms.astype(np.float32) @ columns
     return np.maximum(squares, 0.0, out=squares)
 
 

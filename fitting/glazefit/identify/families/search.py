@@ -17,7 +17,7 @@ from glazejax import Pigment
 from ..result.groups import COLOURLESS
 from ..search.pool import NOBODY
 from .features import colours, surface_in, views
-from .metric import Metric, squares_between
+from .metric import Metric, as_columns, squares_between
 from .sureness import Sureness
 from .templates import Templates
 
@@ -39,7 +39,7 @@ class Range:
         bands: of the readings.
         metrics: of each view of a spectrum, learnt from the exemplars that know all of these bands.
         templates: films of exemplars whose widest range this is.
-        points: of the templates in each metric.
+        points: of the templates in each metric (`metric.as_columns`).
         colours: of the templates; None where the range does not hold the visible.
         sets: number of each template's set of families.
     """
@@ -47,7 +47,7 @@ class Range:
     bands: Bool[np.ndarray, "bands"]
     metrics: tuple[Metric, ...]
     templates: Templates
-    points: tuple[Float[np.ndarray, "templates components"], ...]
+    points: tuple[Float[np.ndarray, "components+2 templates"], ...]
     colours: Float[np.ndarray, "templates 3"] | None
     sets: Int[np.ndarray, "templates"]
 
@@ -216,12 +216,13 @@ class FamilySearch:
         read = colours(self.wavelengths[band_range.bands], body[:, band_range.bands])
         if read is None or band_range.colours is None:
             return np.zeros((len(body), len(band_range.templates)), dtype=bool)
-        another = squares_between(read, band_range.colours) > ANOTHER_COLOUR**2
+        another = squares_between(read, as_columns(band_range.colours)) > ANOTHER_COLOUR**2
         # Whites, extenders and blacks have hardly a chroma of their own, and one that shows is not
         # theirs.
         families = np.append([name in COLOURLESS for name in self.families], True)
         colourless = families[self.members[band_range.sets]].all(axis=1)
-        squares = squares_between(read[:, 1:], band_range.colours[colourless, 1:])
+        chromas = as_columns(band_range.colours[colourless, 1:])
+        squares = squares_between(read[:, 1:], chromas)
         another[:, colourless] |= squares > ANOTHER_CHROMA**2
         return np.asarray(another)
 

@@ -2,6 +2,7 @@
 bands of the readings, and how far paints of one family are apart.
 """
 
+import functools
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -18,7 +19,7 @@ from ..search.pool import NOBODY
 from .calibration import calibrate
 from .expected import EXPECTED
 from .features import colours, views
-from .metric import Metric, learn_metric
+from .metric import Metric, as_columns, learn_metric
 from .search import FamilySearch, Range
 from .sureness import Sureness
 from .templates import Templates, coefficients, mixed_templates, pure_templates
@@ -44,7 +45,8 @@ def search_families(
     varnish: str = "none",
     sureness: Sureness | None = None,
 ) -> FamilySearch:
-    """A search among the families of some exemplars, for an instrument and a kind of film.
+    """A search among the families of some exemplars, for an instrument and a kind of film, that
+    knows how much paints of one family differ, and how sure it may be.
 
     Args:
         wavelengths: of the readings, (bands,), nm, ascending; there may be gaps.
@@ -65,51 +67,9 @@ def search_families(
     if (ground is None) != opaque:
         raise ValueError("no ground is stated: give ground, or opaque=True")
     seen_by = resolve_instrument(instrument)
+    response = film_response(seen_by.geometry, seen_by.refractive_index)
     expected = prior or EXPECTED
-    return set_up(
-        wavelengths,
-        pigments,
-        film_response(seen_by.geometry, seen_by.refractive_index),
-        surface=seen_by.seen_surface,
-        ground=ground,
-        sizes=expected.sizes,
-        unknown=expected.unknown,
-        max_paints=max_paints,
-        varnish=CONDITIONS[varnish],
-        sureness=sureness,
-    )
-
-
-def set_up(
-    wavelengths: Float[np.ndarray, "bands"],
-    pigments: Sequence[Pigment],
-    response: FilmResponse,
-    *,
-    surface: float,
-    ground: Float[np.ndarray, "bands"] | None,
-    sizes: Sequence[float],
-    unknown: float,
-    max_paints: int = 2,
-    varnish: Varnish | None = None,
-    sureness: Sureness | None = None,
-) -> FamilySearch:
-    """A search that knows how much paints of one family differ, and how sure it may be.
-
-    Args:
-        wavelengths: of the readings, (bands,), nm.
-        pigments: exemplars, each with a family and a source.
-        response: of the instrument.
-        surface: what the outer surface adds to its readings.
-        ground: internal reflectance below the films, (bands,), or None for films that hide it.
-        sizes: how probable films of one and of two pigments are.
-        unknown: how probable it is that it is none of the families.
-        max_paints: 1 or 2.
-        varnish: that may lie on the films.
-        sureness: by default learnt (`calibrate`).
-
-    Raises:
-        ValueError: no two exemplars of a family cover the readings' bands.
-    """
+    cover = CONDITIONS[varnish]
     families = tuple(sorted({pigment.family for pigment in pigments}, key=str.casefold))
     sources = tuple(sorted({pigment.source for pigment in pigments}))
     family_of = np.array([families.index(pigment.family) for pigment in pigments])
@@ -137,7 +97,7 @@ def set_up(
             response=response,
             ground=None if ground is None else ground[bands],
             mixed=max_paints > 1,
-            varnish=varnish,
+            varnish=cover,
         )
         for bands, widest in shared
     ]
@@ -153,22 +113,17 @@ def set_up(
         family_of=family_of,
         source_of=source_of,
         members=members[used],
-        log_prior=_log_prior(members[used], sizes[:max_paints], families),
-        unknown=unknown,
+        log_prior=_log_prior(members[used], expected.sizes[:max_paints], families),
+        unknown=expected.unknown,
         ranges=tuple(
             replace(band_range, sets=renumbered[band_range.sets]) for band_range in ranges
         ),
-        surface=surface,
+        surface=seen_by.seen_surface,
         sureness=sureness or Sureness(),
     )
     if sureness is not None:
         return search
-
-    def change(bodies: Float[np.ndarray, "films bands"]) -> Float[np.ndarray, "films bands"]:
-        if varnish is None:
-            return bodies
-        return varnish.exchange_at_random(response, wavelengths, bodies)
-
+    change = cover and functools.partial(cover.exchange_at_random, response, wavelengths)
     return calibrate(search, change)
 
 
@@ -244,7 +199,7 @@ def _set_up_range(
         mixtures = replace(mixtures, members=exemplars[mixtures.members])
         # Where both know more bands their mixture is a wider range's.
         groups.append(cover(mixtures.take(np.flatnonzero(widest[mixtures.members].any(axis=1)))))
-    templates = _joined(groups)
+    templates = Templates.join(groups)
     families = np.sort(np.append(family_of, NOBODY)[templates.members], axis=1)
     return Range(
         bands=bands,
@@ -260,8 +215,10 @@ def _points(
     wavelengths: Float[np.ndarray, "bands"],
     readings: Float[np.ndarray, "films bands"],
     metrics: Sequence[Metric],
-) -> tuple[Float[np.ndarray, "films components"], ...]:
-    """Points of films in each metric, some films at a time: they have far more features."""
+) -> tuple[Float[np.ndarray, "components+2 films"], ...]:
+    """Points of films in each metric (`as_columns`), some films at a time: they have far more
+    features.
+    """
     chunks = [
         [
             metric.place(values)
@@ -271,7 +228,7 @@ def _points(
         ]
         for start in range(0, max(len(readings), 1), _FILMS)
     ]
-    return tuple(np.concatenate(points) for points in zip(*chunks, strict=True))
+    return tuple(as_columns(np.concatenate(points)) for points in zip(*chunks, strict=True))
 
 
 def _log_prior(
@@ -296,15 +253,6 @@ def _log_prior(
         if kind.any():
             weights[kind] *= share / weights[kind].sum()
     return np.log(weights / weights.sum())
-
-
-def _joined(groups: Sequence[Templates]) -> Templates:
-    return Templates(
-        members=np.concatenate([templates.members for templates in groups]),
-        fractions=np.concatenate([templates.fractions for templates in groups]),
-        thickness=np.concatenate([templates.thickness for templates in groups]),
-        readings=np.concatenate([templates.readings for templates in groups]),
-    )
 
 
 def _sets(

@@ -7,7 +7,7 @@ said to hide its ground but may not, coats of several thicknesses accompany it.
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import jax
 import numpy as np
@@ -17,6 +17,7 @@ from glazejax import Pigment
 from glazejax.spectra import lie_between
 
 from ...film.model.response import FilmResponse
+from ...film.numerics.blocks import by_blocks
 
 FRACTIONS = (0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 0.95, 0.98)
 """Mass fractions of the first of two paints."""
@@ -59,12 +60,13 @@ class Templates:
 
     def take(self, rows: Int[np.ndarray, "rows"]) -> "Templates":
         """Some of them, by number."""
-        return Templates(
-            members=self.members[rows],
-            fractions=self.fractions[rows],
-            thickness=self.thickness[rows],
-            readings=self.readings[rows],
-        )
+        return Templates(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
+
+    @classmethod
+    def join(cls, groups: Sequence["Templates"]) -> "Templates":
+        """Those of several groups."""
+        arrays = {f.name: [getattr(group, f.name) for group in groups] for f in fields(cls)}
+        return cls(**{name: np.concatenate(values) for name, values in arrays.items()})
 
 
 def coefficients(
@@ -241,17 +243,13 @@ def coat_body(
     ground: Float[np.ndarray, "bands"],
 ) -> Float[np.ndarray, "films bands"]:
     """Readings of coats of one thickness (m) over a ground."""
-    kd = absorption * thickness
-    sd = scattering * thickness
-    # Pieces of one size, so that one program does.
-    rows = len(kd)
-    padded = -(-rows // _CHUNK) * _CHUNK
-    order = np.resize(np.arange(rows), padded)
-    pieces = [
-        np.asarray(_body(response, kd[piece], sd[piece], np.broadcast_to(ground, kd[piece].shape)))
-        for piece in np.split(order, padded // _CHUNK)
-    ]
-    return np.concatenate(pieces)[:rows]
+
+    def run(rows: Int[np.ndarray, "block"]) -> Array:
+        kd = absorption[rows] * thickness
+        sd = scattering[rows] * thickness
+        return _body(response, kd, sd, np.broadcast_to(ground, kd.shape))
+
+    return by_blocks(len(absorption), _CHUNK, run)
 
 
 @jax.jit

@@ -536,6 +536,16 @@ class Identification(Tabulated):
             opaque=opaque,
         )
 
+    def take(self, rows: Int[np.ndarray, "rows"]) -> "Identification":
+        """Some of the spectra, by number."""
+        arrays = {name: getattr(self, name)[rows] for name in (*_OF_SPECTRA, *_OF_CANDIDATES)}
+        answers = {
+            name: tuple(getattr(self, name)[row] for row in rows)
+            for name in ("family_sets", "coats_odds")
+            if getattr(self, name)
+        }
+        return replace(self, measured=self.measured.take(rows), **arrays, **answers)
+
     @classmethod
     def join(cls, parts: Sequence["Identification"]) -> "Identification":
         """Identifications of several batches with the same catalogue as one.

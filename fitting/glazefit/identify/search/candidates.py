@@ -6,8 +6,7 @@ from jaxtyping import Int
 from glazejax.radiative.common.threads import in_threads
 
 from .chunk import Chunk
-from .few_bands import can_gather, few_bands_of, gather, spread_out
-from .fit import FEW_SPECTRA, rank
+from .fit import rank
 from .pool import Pool
 from .refine import refine
 from .screen import screen
@@ -20,36 +19,13 @@ CHUNK = 64
 
 
 def find_candidates(task: IdentificationTask, measured: Measured) -> Pool:
-    """Fitted candidates of spectra; `CHUNK` at a time, a few of these side by side.
-
-    Spectra of many bands are gathered at few (`few_bands`), which is stated in `FewBands.missed`.
-    """
-    on_few = few_bands_of(task)
-    if on_few is None or not can_gather(on_few[0], measured):
-        return _find(task, measured)
-    few_bands, smaller = on_few
-    pool = _find(smaller, gather(few_bands, measured, task.discrepancy))
-    return spread_out(few_bands, pool.possible)
-
-
-def _find(task: IdentificationTask, measured: Measured) -> Pool:
+    """Fitted candidates of spectra; `CHUNK` at a time, a few of these side by side."""
     screened = screen(task, measured)
 
     def fit(rows: Int[np.ndarray, "rows"]) -> Pool:
-        # Few sizes, so that little is compiled.
-        padded = np.resize(rows, padded_size(len(rows)))
-        real = np.arange(len(rows))
-        filled_up = Chunk(task, measured.take(padded))
-        chunk = filled_up.take(real)
-        table = screened.tables[rows[0]]
-        ranked = rank(filled_up, screened.starts.take(padded), table)
-        pool = with_surface(chunk, refine(chunk, ranked.of(real)))
-        return weigh_traces(pool, task.extenders)
+        chunk = Chunk(task, measured.take(rows))
+        ranked = rank(chunk, screened.starts.take(rows), screened.tables[rows[0]])
+        return weigh_traces(with_surface(chunk, refine(chunk, ranked)), task.extenders)
 
     chunks = np.split(np.arange(len(measured)), range(CHUNK, len(measured), CHUNK))
     return Pool.join(in_threads(fit, chunks))
-
-
-def padded_size(count: int) -> int:
-    """To how many spectra a batch is filled up before it is fitted: 16, or whole chunks."""
-    return FEW_SPECTRA if count <= FEW_SPECTRA else CHUNK * -(-count // CHUNK)

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float, Int
 
-from ...film.model.errors import model_covariance
+from ...film.model.errors import model_correlation
 from .task import TYPICAL_READING, IdentificationTask, Measured
 
 
@@ -34,55 +34,24 @@ class Chunk:
         return self.spectra.flat - self.task.mean_surface
 
     @cached_property
-    def expectation(self) -> tuple[Float[np.ndarray, "spectra"], ...]:
-        """Expectations of each film, and how its misfit counts: the last six of `Weights`."""
-        prior = self.task.prior
-        freedom = self.task.discrepancy.freedom or 0.0
-        independent = min(self.task.independent_readings, self.target.shape[1])
-        all_bands = self.spectra.all_bands
-        in_all = self.target.shape[1] if all_bands is None else all_bands.in_all
-        outside = 0.0 if all_bands is None else all_bands.outside
-        numbers = (prior.spread, prior.concentration_sought, freedom, independent, in_all, outside)
-        return tuple(np.broadcast_to(number, len(self)).astype(float) for number in numbers)
-
-    @property
-    def height(self) -> Float[np.ndarray, "spectra"]:
-        """Log density that every film shares: of the bands that were gathered."""
-        all_bands = self.spectra.all_bands
-        return np.zeros(len(self)) if all_bands is None else all_bands.height
-
-    @cached_property
     def tolerance(self) -> Float[np.ndarray, "spectra grounds bands"]:
         """Distance that counts as near to each reading when amounts and gloss are shown."""
-        return tolerance(self.spectra)
+        # Near black .005, and .02 for each unit of reflectance.
+        return np.hypot(self.spectra.noise_sd, 0.005 + 0.02 * self.spectra.readings)
 
     @property
     def noise_covariance(self) -> Float[np.ndarray, "spectra readings readings"]:
         """Covariance of the readings' errors that come from noise, from the unknown gloss, and from
         other unknowns such as the amount of a varnish (`Measured.doubt`).
         """
-        all_bands = self.spectra.all_bands
-        noise = _diagonal(self.spectra.noise_sd) if all_bands is None else all_bands.noise
-        return noise + self.noiseless_covariance
-
-    @property
-    def near(self) -> Float[np.ndarray, "spectra readings readings"]:
-        """Covariance of what counts as near to the readings when amounts and gloss are shown."""
-        all_bands = self.spectra.all_bands
-        return _diagonal(self.tolerance) if all_bands is None else all_bands.near
-
-    @property
-    def near_precision(self) -> Float[np.ndarray, "spectra readings readings"]:
-        """The inverse of `near`."""
-        all_bands = self.spectra.all_bands
-        return _diagonal(1.0 / self.tolerance) if all_bands is None else all_bands.near_precision
+        return _diagonal(self.spectra.noise_sd) + self.noiseless_covariance
 
     @property
     def tolerance_covariance(self) -> Float[np.ndarray, "spectra readings readings"]:
         """`noise_covariance` with what counts as near in place of noise, for the amounts that are
         shown: these must not put a residual down to smooth errors of the paints.
         """
-        return self.near + self.noiseless_covariance
+        return _diagonal(self.tolerance) + self.noiseless_covariance
 
     @property
     def noiseless_covariance(self) -> Float[np.ndarray, "spectra readings readings"]:
@@ -100,7 +69,6 @@ class Chunk:
     @property
     def ranking_covariance(self) -> Float[np.ndarray, "spectra readings readings"]:
         """Covariance of one smooth error that stands for all while candidates are looked for."""
-        # Smaller on dark films, whose readings differ by little.
         # Smaller on dark films, whose readings differ by little: at 0 a tenth of the error at a
         # middling reading.
         dark = 0.1 + self.spectra.flat / TYPICAL_READING
@@ -109,8 +77,10 @@ class Chunk:
     def _smooth(
         self, amplitude: Float[np.ndarray, "spectra readings"]
     ) -> Float[np.ndarray, "spectra readings readings"]:
+        d = self.task.discrepancy
         grounds = self.spectra.readings.shape[1]
-        return model_covariance(self.task.wavelengths, grounds, self.task.discrepancy, amplitude)
+        correlation = model_correlation(self.task.wavelengths, grounds, d.length, d.shared)
+        return amplitude[:, :, None] * amplitude[:, None] * correlation
 
 
 def _diagonal(
@@ -119,9 +89,3 @@ def _diagonal(
     """Covariance of independent errors."""
     flat = sd.reshape(len(sd), -1)
     return flat[..., None] ** 2 * np.eye(flat.shape[-1])
-
-
-def tolerance(measured: Measured) -> Float[np.ndarray, "spectra grounds bands"]:
-    """Distance that counts as near to each reading when amounts and gloss are shown."""
-    # Near black .005, and .02 for each unit of reflectance.
-    return np.hypot(measured.noise_sd, 0.005 + 0.02 * measured.readings)

@@ -8,8 +8,7 @@ candidate's evidence.
 """
 
 import functools
-from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -19,39 +18,34 @@ from jaxtyping import Array, Bool, Float, Int
 
 from glazejax.programs import Program
 
-from ...film.model.errors import whiten
+from ...film.model.errors import whitening
 from ...film.model.response import FilmResponse
+from ...film.numerics.blocks import by_blocks
 from ...film.numerics.least_squares import damped_newton, inverse_small
 from .chunk import Chunk
 from .pool import NOBODY, Pool
-from .screen import KEPT_TRIPLES, SetStarts, grow_triples
+from .screen import SetStarts, grow_triples
 from .table import FilmTable, Paints, sets_of
-from .task import IdentificationTask
+from .task import Expected, IdentificationTask, Number
 
 # Amounts between which a paint is searched, in units of the usual thickness; below the first it is
 # not there.
 LEAST = 1e-5
 MOST = 60.0
-# Gradients below which nothing pulls, and logarithms of a ratio that are taken as 0.
-FEW_SPECTRA = 16
-"""So many at most are fitted by fewer programs."""
-Number = Float[Array | np.ndarray, ""]
+# Films that are ranked at a time.
+_BLOCK = 512
 
 
 class Weights(NamedTuple):
-    """Errors and prior of one spectrum, or of one candidate for it."""
+    """Errors and prior of one spectrum, or of one candidate for it; of several, what is expected
+    is the same.
+    """
 
-    target: Float[Array | np.ndarray, "readings"]  # without the mean surface
-    basis: Float[
-        Array | np.ndarray, "scales components readings"
-    ]  # components: as many as readings, or few that rank
-    height: Float[Array | np.ndarray, "scales"]
-    spread: Number
-    concentration: Number
-    freedom: Number  # of Student's t; 0 for Gaussian errors
-    independent: Number  # readings that count as independent where errors follow Student's t
-    in_all: Number  # readings that there are
-    outside: Number  # squared misfit that no film takes away (`few_bands`)
+    target: Float[Any, "readings"]  # without the mean surface
+    # Components are as many as readings, or few that rank.
+    basis: Float[Any, "components readings"]
+    height: Float[Any, ""]
+    expected: Expected
 
 
 class Fitted(NamedTuple):
@@ -74,37 +68,35 @@ def rank(chunk: Chunk, starts: SetStarts, table: FilmTable) -> Pool:
     """
     task = chunk.task
     project = table.project
-    fixed = project @ chunk.noise_covariance @ project.T
-    model = project @ chunk.ranking_covariance @ project.T
-    errors = whiten(fixed, model, task.discrepancy)
-    weights = Weights(chunk.target, errors.basis @ project, errors.height, *chunk.expectation)
-    # What is left out of these components counts for nothing while sets are ranked.
-    none = np.zeros(len(chunk))
-    weights = weights._replace(in_all=none + len(project), outside=none)
+    errors = whitening(project @ (chunk.noise_covariance + chunk.ranking_covariance) @ project.T)
+    weights = Weights(chunk.target, errors.basis @ project, errors.height, task.expected)
     ground, weights = jax.tree.map(
-        lambda a: jnp.asarray(np.asarray(a, np.float32)), (chunk.spectra.grounds, weights)
+        lambda a: np.asarray(a, np.float32), (chunk.spectra.grounds, weights)
     )
 
     def fit(starts: SetStarts) -> Fitted:
+        spectra, count, size = starts.sets.shape
+        sets = starts.sets.reshape(-1, size)
         logs = np.clip(starts.logs, np.log(LEAST), np.log(MOST)).astype(np.float32)
-        fitted = fit_sets(
-            *task.tables.single,
-            jnp.asarray(starts.sets),
-            jnp.asarray(logs),
-            ground,
-            weights,
-            task.middle,
-            steps=task.effort.ranking_steps,
-        )
-        return jax.tree.map(np.asarray, fitted)
+        logs = logs.reshape(-1, size)
 
-    threes = task.max_paints > 2 and task.paint_count > 2
-    if threes and len(chunk) <= FEW_SPECTRA:
-        # A program takes longer to compile than few spectra to fit: one for all sizes of sets.
-        fit = functools.partial(_fit_by_blocks, fit)
+        def run(n: Int[np.ndarray, "block"]) -> Fitted:
+            *errors, row_ground = (values[n // count] for values in (*weights[:3], ground))
+            return fit_films(
+                *task.tables.single,
+                sets[n],
+                logs[n],
+                row_ground,
+                Weights(*errors, expected=weights.expected),
+                steps=np.asarray(task.effort.ranking_steps),
+            )
+
+        fitted = by_blocks(len(sets), _BLOCK, run)
+        return jax.tree.map(lambda a: a.reshape(spectra, count, *a.shape[1:]), fitted)
+
     fitted = fit(starts)
     pool = pool_of(task, starts.sets, fitted)
-    if not threes:
+    if task.max_paints < 3 or task.paint_count < 3:
         return pool
     pairs = slice(task.paint_count, None)
     grown, new = grow_triples(
@@ -117,28 +109,6 @@ def rank(chunk: Chunk, starts: SetStarts, table: FilmTable) -> Pool:
     triples = pool_of(task, grown.sets, fit(grown))
     triples.log_weight[~new] = -np.inf
     return pool.merge(triples)
-
-
-def _fit_by_blocks(fit: Callable[[SetStarts], Fitted], starts: SetStarts) -> Fitted:
-    """Sets of up to three paints fitted as sets of three, as many at a time as there are threes."""
-    count, size = starts.sets.shape[1:]
-    room = ((0, 0), (0, 0), (0, 3 - size))
-    sets = np.pad(starts.sets, room, constant_values=NOBODY)
-    logs = np.pad(starts.logs, room)
-    blocks = []
-    for first in range(0, count, KEPT_TRIPLES):
-        # The last block is filled up with sets from the first.
-        block = np.arange(first, first + KEPT_TRIPLES) % count
-        blocks.append(fit(SetStarts(sets[:, block], logs[:, block])))
-    joined = Fitted(
-        *(np.concatenate(arrays, axis=1)[:, :count] for arrays in zip(*blocks, strict=True))
-    )
-    return Fitted(
-        logs=joined.logs[..., :size],
-        covariance=joined.covariance[..., :size, :size],
-        log_evidence=joined.log_evidence,
-        readings=joined.readings,
-    )
 
 
 def pool_of(
@@ -158,8 +128,7 @@ def pool_of(
         logs=logs,
         weighed=logs,
         covariance=np.pad(np.asarray(fitted.covariance, float), (*room, (0, 3 - size))),
-        log_weight=task.discrepancy.trust * np.asarray(fitted.log_evidence, float)
-        + log_set_prior(task, sets),
+        log_weight=np.asarray(fitted.log_evidence, float) + log_set_prior(task, sets),
         readings=np.asarray(fitted.readings, float),
         adjusted=np.asarray(fitted.readings, float),
         gloss=np.zeros(sets.shape[:2]),
@@ -185,76 +154,47 @@ def log_set_prior(
         return np.log(np.asarray([0.0, *by_size]))[count] + hardly * np.log(task.prior.extender)
 
 
-@functools.partial(Program, fixed=("middle", "steps"))
-def fit_sets(
+@Program
+def fit_films(
     response: FilmResponse,
     paints: Paints,
     sets: Array,
     starts: Array,
     ground: Array,
     weights: Weights,
-    middle: int,
-    steps: int = 14,
+    steps: Array,
 ) -> Fitted:
-    """Fit candidates of one coat, as many for each spectrum.
+    """Fit candidates of one coat, each with a ground and weights of its own.
 
     Args:
         response: of the instrument.
         paints: of the catalogue.
-        sets: paints of each candidate, (spectra, sets, size); a negative number is none.
-        starts: log amounts, (spectra, sets, size).
-        ground: internal reflectance, (spectra, grounds, bands).
-        weights: of each spectrum.
-        middle: scale of the discrepancy that is fitted with.
-        steps: of Newton's method; many where the start is far.
+        sets: paints of each candidate, (films, size); a negative number is none.
+        starts: log amounts, (films, size).
+        ground: internal reflectance, (films, grounds, bands).
+        weights: of each candidate.
+        steps: of Newton's method; many where the start is far. One program serves any number.
     """
-
-    def one(spectrum: tuple) -> Fitted:
-        sets, starts, ground, weights = spectrum
-
-        def candidate(members: Array, start: Array) -> Fitted:
-            return fit_film(
-                response,
-                paints,
-                members,
-                start,
-                ground=ground,
-                weights=weights,
-                middle=middle,
-                steps=steps,
-            )
-
-        return jax.vmap(candidate)(sets, starts)
-
-    return jax.lax.map(one, (sets, starts, ground, weights))
+    each = functools.partial(_fit_film, response, paints, steps=steps)
+    axes = weights._replace(target=0, basis=0, height=0, expected=None)
+    return jax.vmap(each, in_axes=(0, 0, 0, axes))(sets, starts, ground, weights)
 
 
-def fit_film(
+def _fit_film(
     response: FilmResponse,
     paints: Paints,
     members: Array,
     start: Array,
     ground: Array,
     weights: Weights,
-    middle: int,
-    steps: int | Array,
+    steps: Array,
 ) -> Fitted:
-    """Most probable log amounts of one candidate of one coat, and its evidence.
-
-    Args:
-        response: of the instrument.
-        paints: of the catalogue.
-        members: of the candidate; a negative number fills up one of fewer paints.
-        start: log amounts.
-        ground: internal reflectance, (grounds, bands).
-        weights: of the spectrum.
-        middle: scale of the discrepancy that is fitted with.
-        steps: of Newton's method.
-    """
+    """Most probable log amounts of one candidate, and its evidence."""
     present = members >= 0
     k = paints.absorption[members]
     s = paints.scattering[members]
-    white = weights.basis[middle]
+    white = weights.basis
+    law = weights.expected.spread, weights.expected.concentration
 
     def look(logs: Array) -> tuple[Array, Array, Array, tuple[Array, Array]]:
         amounts = jnp.where(present, jnp.exp(logs), 0.0)
@@ -266,8 +206,8 @@ def fit_film(
         slopes = (white @ slopes.reshape(amounts.shape[0], -1).T).T
         by_data = -slopes @ off
         of_data = slopes @ slopes.T
-        by_prior, of_prior = prior_terms(logs, present, weights.spread, weights.concentration)
-        cost = 0.5 * off @ off - log_prior(logs, present, weights.spread, weights.concentration)
+        by_prior, of_prior = prior_terms(logs, present, *law)
+        cost = 0.5 * off @ off - log_prior(logs, present, *law)
         hessian = of_prior + of_data + jnp.diag(trace_curvature(by_data, by_prior))
         return cost, by_prior + by_data, hessian, (readings, of_data)
 
@@ -275,7 +215,7 @@ def fit_film(
     logs, (_, _, _, (readings, of_data)) = damped_newton(
         look, start, limits, steps=steps, longest=2.0
     )
-    _, of_prior = prior_terms(logs, present, weights.spread, weights.concentration)
+    _, of_prior = prior_terms(logs, present, *law)
     log_evidence, spread = _evidence(logs, present, (of_data, of_prior), readings, weights)
     return Fitted(logs, spread, log_evidence, readings)
 
@@ -332,24 +272,22 @@ def log_prior(
 def _evidence(
     logs: Array, present: Array, hessian: tuple[Array, Array], readings: Array, weights: Weights
 ) -> tuple[Array, Array]:
-    """Laplace's log evidence of one candidate, summed over the scales of the discrepancy; and the
-    covariance of u.
+    """Laplace's log evidence of one candidate, and the covariance of u.
 
-    The misfit of a whole spectrum follows a Gaussian, or Student's t of `independent` readings in
-    all: then each weighs the less the worse all are met.
+    The misfit of a whole spectrum follows Student's t of `independent` readings in all: each weighs
+    the less the worse all are met.
     """
-    off = jnp.einsum("srt,t->sr", weights.basis, weights.target - readings)
-    square = jnp.sum(off**2, axis=-1) + weights.outside
-    heavy = weights.freedom > 0
-    freedom = jnp.where(heavy, weights.freedom, 1.0)
-    total_freedom = weights.freedom + weights.independent
-    tail = weights.independent / weights.in_all * weights.height - 0.5 * total_freedom * jnp.log1p(
-        square / freedom
-    )
-    likelihood = jax.nn.logsumexp(jnp.where(heavy, tail, weights.height - 0.5 * square))
+    off = weights.basis @ (weights.target - readings)
+    square = off @ off
+    expected = weights.expected
+    independent = jnp.minimum(expected.independent, weights.target.size)
+    freedom = expected.freedom + independent
+    # What is left out of few components counts for nothing while sets are ranked.
+    height = independent / off.size * weights.height
+    likelihood = height - 0.5 * freedom * jnp.log1p(square / expected.freedom)
     data, prior_part = hessian
-    share = jnp.where(heavy, total_freedom / (freedom + jnp.min(square)), 1.0)
+    share = freedom / (expected.freedom + square)
     spread, log_det = inverse_small(share * data + prior_part)
-    prior = log_prior(logs, present, weights.spread, weights.concentration)
+    prior = log_prior(logs, present, expected.spread, expected.concentration)
     volume = 0.5 * present.sum(dtype=logs.dtype) * jnp.log(2.0 * jnp.pi) - 0.5 * log_det
     return likelihood + prior + volume, spread

@@ -80,6 +80,10 @@ class IdentificationOptions:
     varnish: str | None = None
 
     def __post_init__(self) -> None:
+        tried = {"max_paints": "sets of 1, 2 or 3 paints", "max_coats": "1, 2 or 3 coats"}
+        for name, things in tried.items():
+            if getattr(self, name) not in (1, 2, 3):
+                raise ValueError(f"{name} is {getattr(self, name)}; {things} can be tried")
         if self.varnish not in (None, *VARNISHES):
             raise ValueError(
                 f"varnish is {self.varnish!r}; say one of {', '.join(VARNISHES)}, or leave it out"

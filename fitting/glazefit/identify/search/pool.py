@@ -1,7 +1,7 @@
 """Candidates of spectra while they are searched for."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -47,11 +47,6 @@ class Pool:
         """All arrays."""
         return tuple(getattr(self, field.name) for field in fields(self))
 
-    @property
-    def possible(self) -> "Pool":
-        """Without the places that no spectrum needs: what is impossible has a weight of -inf."""
-        return self.best(int(max(np.isfinite(self.log_weight).sum(axis=1).max(), 1)))
-
     def best(self, count: int) -> "Pool":
         """The most probable candidates of each spectrum."""
         return self.take(np.argsort(-self.log_weight, axis=1, kind="stable")[:, :count])
@@ -61,9 +56,14 @@ class Pool:
         rows = np.arange(len(chosen))[:, None]
         return Pool(*(values[rows, chosen] for values in self.parts))
 
-    def of(self, rows: Int[np.ndarray, "rows"]) -> "Pool":
-        """Candidates of some of the spectra, by number."""
-        return Pool(*(values[rows] for values in self.parts))
+    def at_bands(self, to_bands: Float[np.ndarray, "bands new"]) -> "Pool":
+        """The candidates with their readings at other bands, by a matrix."""
+
+        def moved(readings: Float[np.ndarray, "spectra candidates readings"]) -> np.ndarray:
+            by_ground = readings.reshape(*readings.shape[:2], -1, len(to_bands))
+            return (by_ground @ to_bands).reshape(*readings.shape[:2], -1)
+
+        return replace(self, readings=moved(self.readings), adjusted=moved(self.adjusted))
 
     def spread(self, rows: Int[np.ndarray, "rows"], count: int) -> "Pool":
         """This pool as rows of `count` spectra, side by side where a spectrum comes more than once;

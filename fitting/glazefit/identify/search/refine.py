@@ -6,7 +6,6 @@ right paint with a trace of another. So errors are worked out once for each grou
 candidate stands, and again where that has moved to.
 """
 
-import functools
 from dataclasses import dataclass, fields, replace
 from typing import NamedTuple
 
@@ -17,11 +16,11 @@ from jaxtyping import Array, Bool, Float, Int
 
 from glazejax.programs import Program
 
-from ...film.model.errors import Whitening, paints_covariance, whiten, whitening
+from ...film.model.errors import Whitening, paints_covariance, whitening
 from ...film.model.response import FilmResponse
 from ...film.numerics.blocks import by_blocks
 from .chunk import Chunk
-from .fit import Fitted, Weights, fit_film, log_set_prior
+from .fit import Fitted, Weights, fit_films, log_set_prior
 from .pool import NOBODY, Pool
 from .table import Paints
 from .task import IdentificationTask
@@ -36,18 +35,19 @@ def compile_ahead(task: IdentificationTask, grounds: int) -> None:
     """
     shape = (grounds, task.wavelengths.size)
     readings = shape[0] * shape[1]
-    scales = len(task.discrepancy.scales)
     count = block_size(readings)
     members = np.zeros((count, max(task.max_paints, 2)), np.int32)
     logs = np.zeros(members.shape)
     film_slopes.ahead(task.response, task.paints, members, logs, np.zeros((count, *shape)))
-    kind = task.precision
-    matrix = (count, scales, readings, readings)
-    sizes = ((count, readings), matrix, (count, scales), *[(count,)] * 6)
-    weights = Weights(*(np.broadcast_to(kind(0), size) for size in sizes))
-    ground = np.zeros((count, *shape), kind)
-    logs = logs.astype(kind)
-    fit_films.ahead(*task.films, members, logs, ground, weights, task.middle, steps=np.asarray(0))
+    weights = Weights(
+        target=np.zeros((count, readings), np.float32),
+        basis=np.zeros((count, readings, readings), np.float32),
+        height=np.zeros(count, np.float32),
+        expected=jax.tree.map(np.float32, task.expected),
+    )
+    ground = np.zeros((count, *shape), np.float32)
+    logs = logs.astype(np.float32)
+    fit_films.ahead(*task.tables.single, members, logs, ground, weights, steps=np.asarray(0))
 
 
 @dataclass(frozen=True)
@@ -86,13 +86,6 @@ class CandidateFilms:
         """Some of them."""
         return type(self)(*(getattr(self, f.name)[films] for f in fields(self)))
 
-    def substitute(self, films: np.ndarray, substitutes: "CandidateFilms") -> "CandidateFilms":
-        """These, with others in the place of some."""
-        columns = [getattr(self, f.name).copy() for f in fields(self)]
-        for column, f in zip(columns, fields(self), strict=True):
-            column[films] = getattr(substitutes, f.name)
-        return type(self)(*columns)
-
     @property
     def log_weight_lost(self) -> Float[np.ndarray, "films"]:
         """Deficit of the log weight of each compared with the best of its spectrum."""
@@ -109,19 +102,6 @@ class Groups(NamedTuple):
     sets: Int[np.ndarray, "groups size"]
     slopes: Float[np.ndarray, "groups errors readings"]
 
-    def take(self, films: np.ndarray) -> "Groups":
-        """Those of some films."""
-        used, of = np.unique(self.of[films], return_inverse=True)
-        return Groups(of, *(values[used] for values in self[1:]))
-
-    def substitute(self, films: np.ndarray, substitutes: "Groups") -> "Groups":
-        """These, with others for some films."""
-        of = self.of.copy()
-        of[films] = substitutes.of + len(self.row)
-        return Groups(
-            of, *(np.concatenate(pair) for pair in zip(self[1:], substitutes[1:], strict=True))
-        )
-
 
 def refine(chunk: Chunk, pool: Pool) -> Pool:
     """The best of a pool with errors of their own, and with amounts that come near the readings, as
@@ -136,33 +116,21 @@ def refine(chunk: Chunk, pool: Pool) -> Pool:
     pool = pool.best(task.effort.kept_sets)
     size = max(task.max_paints, 2)
     deficit = pool.log_weight.max(axis=1, keepdims=True) - pool.log_weight
-    # First with the errors of groups of like films, all that may still matter.
     close = np.isfinite(pool.log_weight) & (deficit <= task.effort.fit_within)
     films = CandidateFilms.of(pool, close, size)
-    films, groups, _ = fit_with_errors(chunk, films, slopes_at(chunk, films), task.effort.fit_steps)
-    # Those that came near, but have moved away from where the errors were worked out, again.
-    slopes = slopes_at(chunk, films)
-    drifted = np.flatnonzero(
-        (films.log_weight_lost <= task.effort.refit_within)
-        & (_slope_change(films.sets, slopes, groups) > task.effort.refit_beyond)
-    )
-    if drifted.size:
-        refitted, refitted_groups, _ = fit_with_errors(
-            chunk, films.take(drifted), slopes[drifted], task.effort.refit_steps
-        )
-        films = films.substitute(drifted, refitted)
-        groups = groups.substitute(drifted, refitted_groups)
-    answers = np.flatnonzero(films.log_weight_lost <= task.effort.show_within)
-    films = films.take(answers)
-    groups = groups.take(answers)
+    # With the errors of groups of like films; then those that came near, with errors where they
+    # are now.
+    films, _, _ = fit_with_errors(chunk, films, slopes_at(chunk, films), task.effort.steps)
+    films = films.take(films.log_weight_lost <= task.effort.show_within)
+    films, groups, _ = fit_with_errors(chunk, films, slopes_at(chunk, films), task.effort.steps)
     # Amounts that are shown come near the readings, those that are weighed are kept separately.
     near = _nearest(chunk, films)
-    nothing = (
-        np.full_like(pool.log_weight, -np.inf),
-        np.zeros_like(pool.covariance),
-        pool.readings.copy(),
+    out = replace(
+        pool,
+        log_weight=np.full_like(pool.log_weight, -np.inf),
+        covariance=np.zeros_like(pool.covariance),
+        adjusted=pool.readings.copy(),
     )
-    out = replace(pool, log_weight=nothing[0], covariance=nothing[1], adjusted=nothing[2])
     at = films.row, films.column
     out.log_weight[at] = films.log_weight
     out.covariance[(*at, slice(size), slice(size))] = films.covariance
@@ -235,7 +203,7 @@ def fit_with_errors(
     groups = _group(task, films, slopes)
     errors = coefficient_errors(chunk, groups.row, groups.sets, groups.slopes)
     fitted = _fit(chunk, films, errors, groups.of, steps)
-    log_weight = task.discrepancy.trust * fitted.log_evidence + log_set_prior(task, films.sets)
+    log_weight = fitted.log_evidence + log_set_prior(task, films.sets)
     # Nothing is known together with a paint that is not there.
     absent = films.sets == NOBODY
     spread = np.where(absent[:, :, None] | absent[:, None, :], 0.0, fitted.covariance)
@@ -280,14 +248,13 @@ def coefficient_errors(
     d = task.discrepancy
     noise, smooth = chunk.noise_covariance, chunk.smooth_covariance
     # Single precision does for what is added to the noise, and takes a third of the time.
-    kind = task.precision
-    by = slopes.astype(kind)
-    paint_errors = task.errors.astype(kind)
+    by = slopes.astype(np.float32)
+    paint_errors = task.errors.astype(np.float32)
 
     def some(n: Int[np.ndarray, "block"]) -> tuple[np.ndarray, np.ndarray]:
         caused = paints_covariance(by[n], sets[n], paint_errors, task.modes, task.wavelengths, d)
-        white = whiten(noise[row[n]], smooth[row[n]] + caused, d)
-        return white.basis.astype(kind), white.height + chunk.height[row[n], None]
+        white = whitening(noise[row[n]] + (smooth[row[n]] + caused))
+        return white.basis.astype(np.float32), white.height
 
     # A few at a time: matrices that stay in a core's cache.
     blocks = np.split(np.arange(len(row)), range(_ERRORS, len(row), _ERRORS))
@@ -308,58 +275,21 @@ def _fit(
     readings hardly determine them.
     """
     task = chunk.task
-    kind = task.precision
-    # All in the precision of the fit.
-    response, paints = task.films
-    grounds, target, *expected = (
-        np.asarray(values, kind)
-        for values in (chunk.spectra.grounds, chunk.target, *chunk.expectation)
+    grounds, target, basis, height, logs = (
+        np.asarray(values, np.float32)
+        for values in (chunk.spectra.grounds, chunk.target, *errors, films.logs)
     )
-    basis = np.asarray(errors.basis, kind)
-    height = np.asarray(errors.height, kind)
-    logs = np.array(films.logs, kind)
+    expected = jax.tree.map(np.float32, task.expected)
 
     def run(n: np.ndarray) -> Fitted:
         row = films.row[n]
         own_group = group[n]
-        weights = Weights(
-            target[row], basis[own_group], height[own_group], *(values[row] for values in expected)
-        )
+        weights = Weights(target[row], basis[own_group], height[own_group], expected)
         start = films.sets[n], logs[n], grounds[row]
-        return fit_films(response, paints, *start, weights, task.middle, steps=np.asarray(steps))
+        return fit_films(*task.tables.single, *start, weights, steps=np.asarray(steps))
 
     fitted = by_blocks(len(films.row), block_size(basis.shape[-1]), run)
     return Fitted(*(np.asarray(values, np.float64) for values in fitted))
-
-
-@functools.partial(Program, fixed=("middle",))
-def fit_films(
-    response: FilmResponse,
-    paints: Paints,
-    sets: Array,
-    starts: Array,
-    ground: Array,
-    weights: Weights,
-    middle: int,
-    steps: Array,
-) -> Fitted:
-    """Fit candidates of one coat, each with a ground and weights of its own: arguments as of
-    `fit_sets` without the spectra's axis, and each number of steps by the same program.
-    """
-
-    def candidate(members: Array, start: Array, ground: Array, weights: Weights) -> Fitted:
-        return fit_film(
-            response,
-            paints,
-            members,
-            start,
-            ground=ground,
-            weights=weights,
-            middle=middle,
-            steps=steps,
-        )
-
-    return jax.vmap(candidate)(sets, starts, ground, weights)
 
 
 def block_size(readings: int) -> int:
@@ -367,38 +297,15 @@ def block_size(readings: int) -> int:
     return int(np.clip(2**22 // readings**2, 4, 128))
 
 
-def _slope_change(
-    sets: Int[np.ndarray, "films size"],
-    slopes: Float[np.ndarray, "films errors readings"],
-    groups: Groups,
-) -> Float[np.ndarray, "films"]:
-    """Distance of films' slopes from those of their groups, root mean square of the largest."""
-    size = sets.shape[1]
-    theirs = groups.sets[groups.of]
-    group_slopes = groups.slopes[groups.of]
-    most = np.zeros(len(sets))
-    for paint in range(size):
-        matches = sets[:, paint, None] == theirs
-        same = (matches & (theirs != NOBODY)).any(axis=1)[:, None]
-        at = np.argmax(matches, axis=1)
-        for offset in (0, size):
-            off = slopes[:, paint + offset] - np.where(
-                same, group_slopes[np.arange(len(sets)), at + offset], 0.0
-            )
-            most = np.maximum(most, np.sqrt(np.mean(off**2, axis=-1)))
-    return most
-
-
 def _nearest(chunk: Chunk, films: CandidateFilms) -> CandidateFilms:
     """The films with amounts that come near the readings."""
-    fitted = _fit(chunk, films, near_errors(chunk), films.row, chunk.task.effort.amount_steps)
+    fitted = _fit(chunk, films, near_errors(chunk), films.row, chunk.task.effort.steps)
     return replace(films, logs=fitted.logs, readings=fitted.readings)
 
 
 def near_errors(chunk: Chunk) -> Whitening:
     """Errors of each spectrum that count when the amounts to be shown are fitted."""
-    fixed = chunk.tolerance_covariance
-    return whiten(fixed, np.zeros_like(fixed), chunk.task.discrepancy)
+    return whitening(chunk.tolerance_covariance)
 
 
 def move_readings(
@@ -427,10 +334,8 @@ def move_readings(
         subset = Groups(
             groups.of[n] - first, *(values[first : first + _ERRORS] for values in groups[1:])
         )
-        near, basis = _near_and_whitening(chunk, subset)
-        white = np.einsum("fij,fj->fi", basis[subset.of], off[n])
-        weighted = np.einsum("fij,fi->fj", basis[subset.of], white)
-        out[n] = chunk.target[row[n]] - np.einsum("fij,fj->fi", near[subset.of], weighted)
+        free = coefficient_projection(chunk, subset)[subset.of]
+        out[n] = readings[n] + np.einsum("fij,fj->fi", free, off[n])
     return out
 
 
@@ -440,18 +345,6 @@ def coefficient_projection(
     """Matrix from a film's residual to the part of it that errors of its paints' k and s most
     probably cause.
     """
-    near, basis = _near_and_whitening(chunk, groups)
-    return np.eye(near.shape[-1]) - near @ np.swapaxes(basis, 1, 2) @ basis
-
-
-def _near_and_whitening(
-    chunk: Chunk, groups: Groups
-) -> tuple[
-    Float[np.ndarray, "groups readings readings"], Float[np.ndarray, "groups readings readings"]
-]:
-    """Covariance of what counts as near, and W with W^T W the inverse of all by which a film may be
-    off: that, and what the errors cause that the pigments state.
-    """
     task = chunk.task
     # What the pigments say of their errors, and no more.
     stated = replace(task.discrepancy, coefficient=0.0, level=0.0)
@@ -460,4 +353,7 @@ def _near_and_whitening(
     )
     used, inverse = np.unique(groups.row, return_inverse=True)
     spectra = chunk.take(used)
-    return spectra.near[inverse], whitening(spectra.tolerance_covariance[inverse] + free)[0]
+    white = whitening(spectra.tolerance_covariance[inverse] + free).basis
+    # All by which a film may be off, but for what counts as near.
+    near = spectra.tolerance.reshape(len(used), -1, 1)[inverse] ** 2
+    return np.eye(near.shape[1]) - near * (np.swapaxes(white, 1, 2) @ white)

@@ -16,8 +16,9 @@ from jaxtyping import Array, Bool, Float, Int
 
 from glazejax.programs import Program
 
-from ...film.model.errors import model_covariance, noise_covariance, whitening
+from ...film.model.errors import model_correlation, whitening
 from ...film.model.response import FilmResponse
+from ...film.numerics.blocks import by_blocks
 from .chunk import Chunk
 from .pool import NOBODY
 from .table import ALIKE, FilmTable, NearestSets, Paints, film_readings, sets_of
@@ -25,6 +26,8 @@ from .task import TYPICAL_READING, IdentificationTask, Measured
 
 # Amounts of a third paint, as a share of the pair's.
 _THIRDS = np.array([0.003, 0.02, 0.1, 0.4, 1.5])
+# Spectra whose sets of three are scored at a time.
+_SCORED = 16
 KEPT_TRIPLES = 40
 """Sets of three that are fitted, of as many."""
 
@@ -96,11 +99,10 @@ def common_whitening(
     task: IdentificationTask, grounds: int
 ) -> Float[np.ndarray, "readings readings"]:
     """Of a reading of middling size over so many grounds, for the searches that only rank."""
-    sd = task.noise.sd(np.full((grounds, task.wavelengths.size), TYPICAL_READING))
-    model = model_covariance(
-        task.wavelengths, grounds, task.discrepancy, task.discrepancy.screening
-    )
-    return whitening(noise_covariance(sd, task.surface, task.discrepancy) + model)[0]
+    d = task.discrepancy
+    sd = task.noise.sd(np.full(grounds * task.wavelengths.size, TYPICAL_READING))
+    smooth = d.screening**2 * model_correlation(task.wavelengths, grounds, d.length, d.shared)
+    return whitening(np.diag(sd**2) + d.surface_sd(task.surface) ** 2 + smooth).basis
 
 
 def grow_triples(
@@ -127,10 +129,12 @@ def grow_triples(
     sets, tries = grow(pairs[rows, best], amounts, task.paint_count)
     # Each at a few amounts of the third paint.
     target = chunk.target @ white.T
-    arrays = (jnp.asarray(a, float) for a in (tries, chunk.spectra.grounds, target, white))
-    cost, where = (
-        np.asarray(a) for a in score(task.response, task.paints, jnp.asarray(sets), *arrays)
-    )
+    arrays = sets, tries, chunk.spectra.grounds, target
+
+    def run(n: Int[np.ndarray, "block"]) -> tuple[Array, Array]:
+        return score(task.response, task.paints, *(values[n] for values in arrays), white)
+
+    cost, where = by_blocks(len(sets), _SCORED, run)
     keep = min(KEPT_TRIPLES, len(sets_of(task.paint_count, 3)))
     # Pairs that overlap can give fewer sets than wanted: then some come twice.
     unique = [unique_best(s, c, keep) for s, c in zip(sets, cost, strict=True)]

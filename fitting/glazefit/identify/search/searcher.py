@@ -24,8 +24,8 @@ from ...film.model.mixing import Pigments, listed_pigments
 from ...film.model.optics import Optics
 from ...film.model.response import film_response
 from ...film.noise import noise_of_each
+from ...film.shared_bands import FINEST, means_of_steps
 from .candidates import CHUNK, find_candidates
-from .few_bands import few_bands_of
 from .options import IdentificationOptions
 from .pool import Pool
 from .refine import compile_ahead
@@ -37,6 +37,8 @@ from .weigh import Odds
 # Spectra whose doubtful ones are searched again together: a few in each chunk would cost as much as
 # all of it.
 _TOGETHER = 4 * CHUNK
+# More bands than this are averaged, but for a thorough search.
+_MANY = 100
 # Above this a reflectance is a mistake, such as percent; below, it may be a highlight or a
 # calibration.
 _TOO_BRIGHT = 1.5
@@ -52,12 +54,14 @@ class Searcher(NamedTuple):
         opaque: whether films are said to hide their ground.
         paints: names of the catalogue's paints.
         varnish: what was stated of it.
+        averaged: of many bands, a search at fewer, and the steps that it averages to, nm.
     """
 
     tasks: Mapping[bool, IdentificationTask]
     opaque: bool
     paints: tuple[str, ...]
     varnish: str = "unknown"
+    averaged: "tuple[Searcher, float] | None" = None
 
     @classmethod
     def of(
@@ -72,15 +76,9 @@ class Searcher(NamedTuple):
 
         Raises:
             ValueError: an empty catalogue, repeated names, pigments that do not cover the
-                wavelengths, numbers of paints or coats that cannot be tried.
+                wavelengths.
         """
         options = options or IdentificationOptions()
-        if options.max_paints not in (1, 2, 3):
-            raise ValueError(
-                f"max_paints is {options.max_paints}; sets of 1, 2 or 3 paints can be tried"
-            )
-        if options.max_coats not in (1, 2, 3):
-            raise ValueError(f"max_coats is {options.max_coats}; 1, 2 or 3 coats can be tried")
         instrument = resolve_instrument(options.instrument)
         discrepancy = options.discrepancy or ModelError.between_films()
         prior = options.prior or Prior()
@@ -125,11 +123,18 @@ class Searcher(NamedTuple):
                 effort=THOROUGH if options.thorough else USUAL,
                 tables=tables,
             )
+        averaged = None
+        if grid.size > _MANY and not options.thorough:
+            step = max(FINEST, float(np.ptp(grid)) / _MANY)
+            mean = means_of_steps(grid, step)
+            if mean is not None:
+                averaged = cls.of(grid @ mean, pigments, options, opaque=opaque), step
         return cls(
             tasks=tasks,
             opaque=opaque,
             paints=tuple(p.name for p in resampled),
             varnish=options.varnish or "unknown",
+            averaged=averaged,
         )
 
     @property
@@ -149,16 +154,22 @@ class Searcher(NamedTuple):
 
     def search(self, measured: Measured) -> Iterator[tuple[Measured, Pool, Odds]]:
         """Candidates and their odds, some hundred spectra at a time."""
-        on_few = few_bands_of(self.task)
-        compile_ahead(on_few[1] if on_few else self.task, measured.readings.shape[1])
+        searcher, step = self.averaged or (self, 0.0)
+        compile_ahead(searcher.task, measured.readings.shape[1])
         for first in range(0, len(measured), _TOGETHER):
             rows = np.arange(first, min(first + _TOGETHER, len(measured)))
             batch = measured.take(rows)
-            pool = find_candidates(self.task, batch)
-            yield (
-                batch,
-                *search_unstated_conditions(self.tasks, self.opaque, batch, pool, self.varnish),
+            few = batch.in_steps(step)
+            pool = find_candidates(searcher.task, few)
+            pool, odds = search_unstated_conditions(
+                searcher.tasks, self.opaque, few, pool, self.varnish
             )
+            if few is not batch:
+                # Between the means, lines.
+                unit = np.eye(few.wavelengths.size)
+                lines = [np.interp(batch.wavelengths, few.wavelengths, one) for one in unit]
+                pool = pool.at_bands(np.stack(lines))
+            yield batch, pool, odds
 
 
 def check_spectra(

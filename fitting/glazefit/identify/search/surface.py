@@ -57,6 +57,6 @@ class NuisanceMode(NamedTuple):
             [np.full((count, 1, readings), surface), doubt.reshape(*doubt.shape[:2], readings)],
             axis=1,
         )
-        precise = shapes @ chunk.near_precision
+        precise = shapes / chunk.tolerance.reshape(count, 1, readings) ** 2
         normal = precise @ np.swapaxes(shapes, 1, 2) + np.eye(shapes.shape[1])
         return cls(shapes, np.linalg.solve(normal, precise))

@@ -31,8 +31,6 @@ ALIKE = 0.04
 with its own.
 """
 _FILMS_AT_A_TIME = 4096
-# Numbers in all, by which it is chosen at which bands films are read.
-_NUMBERS = 2**21
 # Fractions of the first paint of a pair: strong paints show at a thousandth, weak ones drown at
 # nine tenths.
 _FRACTIONS = np.array([0.002, 0.008, 0.03, 0.1, 0.25, 0.5, 0.75, 0.9, 0.97, 0.992, 0.998])
@@ -217,35 +215,6 @@ def film_table(
         half = -0.5 * np.sum(films**2, axis=0)
         tables.append(TableOfSize(sets, grid, np.concatenate([films, half[None]])))
     return FilmTable(to_components, middle, white, tuple(tables))
-
-
-def films_at_random(
-    response: FilmResponse,
-    paints: Paints,
-    spread: float,
-    grounds: Float[np.ndarray, "grounds"],
-    bands: int,
-) -> Float[np.ndarray, "films bands"]:
-    """Readings of all pairs of paints at a few amounts each, over grounds the same at all bands; no
-    more than some million numbers.
-
-    Args:
-        response, paints: of the instrument and of the catalogue, in single precision.
-        spread: standard deviation of the log of a film's total.
-        grounds: internal reflectances.
-        bands: of the paints.
-    """
-    count = len(paints.absorption)
-    sets = sets_of(count, min(count, 2))
-    # Amounts of each pair.
-    tries = 3
-    most = max(_NUMBERS // (tries * len(grounds) * bands), 1)
-    sets = sets[np.linspace(0, len(sets) - 1, min(len(sets), most)).astype(int)]
-    grid = amounts_grid(sets.shape[1], spread)
-    tried = grid[np.random.default_rng(0).integers(0, len(grid), (len(sets), tries))]
-    below = jnp.asarray(np.broadcast_to(grounds[:, None], (len(grounds), bands)), np.float32)
-    read = _read(response, paints, jnp.asarray(sets), jnp.asarray(tried, np.float32), below)
-    return np.asarray(read, np.float64).reshape(-1, bands)
 
 
 def _spaced_numbers(

@@ -1,20 +1,22 @@
 """Task that the search for all spectra shares, and the spectra as it takes them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from ...film.films import Noise
 from ...film.model.errors import ModelError, Prior
 from ...film.model.optics import Optics
 from ...film.model.response import FilmResponse
+from ...film.shared_bands import means_of_steps
 from .table import FilmTables, Paints
 
 # A middling reflectance: errors that rank sets of paints are stated for it.
 TYPICAL_READING = 0.3
+Number = Float[Array | np.ndarray, ""] | float
 
 
 class Effort(NamedTuple):
@@ -27,49 +29,32 @@ class Effort(NamedTuple):
             same errors; the second gives each set the errors of its own paints.
         fit_within: a set goes on to the second fit if its log weight after the first is at most
             this much below the best set's.
-        refit_within: a set is fitted a third time, with its errors computed again, if its log
-            weight after the second fit is at most this much below the best set's.
-        show_within: a set is an answer if its log weight at the end is at most this much below
-            the best set's.
+        show_within: a set is fitted a third time, with its errors computed again, if its log
+            weight is at most this much below the best set's, and is then an answer.
         trace_effect: a paint is a trace if it changes the readings by less than this (root mean
             square, per unit of the logarithm of its k and s). Sets that differ only by traces
             share their errors.
-        refit_beyond: a set is fitted a third time only if the effect of a paint has changed by more
-            than this since its errors were worked out.
         ranking_steps: damped steps of the first fit.
-        fit_steps: those of the second.
-        refit_steps: those of the third.
-        amount_steps: those of the fit that finds the amounts to show.
-        single_precision: whether candidates are fitted in single precision.
+        steps: those of the others, and of the fit that finds the amounts to show.
     """
 
     fitted_pairs: int
     kept_sets: int
     fit_within: float
-    refit_within: float
     show_within: float
     trace_effect: float
-    refit_beyond: float
     ranking_steps: int
-    fit_steps: int
-    refit_steps: int
-    amount_steps: int
-    single_precision: bool
+    steps: int
 
 
 USUAL = Effort(
     fitted_pairs=48,
     kept_sets=40,
     fit_within=8.0,
-    refit_within=6.0,
     show_within=8.0,
     trace_effect=0.005,
-    refit_beyond=0.0005,
     ranking_steps=4,
-    fit_steps=6,
-    refit_steps=6,
-    amount_steps=6,
-    single_precision=True,
+    steps=6,
 )
 """What is used unless more is asked for. In one or two films of a hundred, which several sets
 explain about equally well, `THOROUGH` puts another set first (`python -m
@@ -78,37 +63,12 @@ THOROUGH = Effort(
     fitted_pairs=10_000,
     kept_sets=120,
     fit_within=20.0,
-    refit_within=20.0,
     show_within=20.0,
     trace_effect=0.0,
-    refit_beyond=0.0,
     ranking_steps=14,
-    fit_steps=14,
-    refit_steps=14,
-    amount_steps=14,
-    single_precision=False,
+    steps=14,
 )
 """Every pair is fitted, and every set that may matter with the errors of its own paints."""
-
-
-class AllBands(NamedTuple):
-    """Statistics of spectra that were gathered at a few bands (`few_bands`), over all grounds.
-
-    Attributes:
-        noise: covariance of the noise.
-        near: the same of what counts as near when amounts and gloss are shown,
-        near_precision: and its inverse.
-        outside: squared misfit, in units of the noise, that no film takes away.
-        height: what the bands that were left add to every film's log density.
-        in_all: readings before they were gathered.
-    """
-
-    noise: Float[np.ndarray, "spectra readings readings"]
-    near: Float[np.ndarray, "spectra readings readings"]
-    near_precision: Float[np.ndarray, "spectra readings readings"]
-    outside: Float[np.ndarray, "spectra"]
-    height: Float[np.ndarray, "spectra"]
-    in_all: Float[np.ndarray, "spectra"]
 
 
 @dataclass(frozen=True)
@@ -124,7 +84,6 @@ class Measured:
             spectra show.
         doubt: further errors of known shapes, independent and of standard deviation 1, (spectra,
             shapes, grounds, bands).
-        all_bands: of spectra whose bands are few in place of many.
     """
 
     names: tuple[str, ...]
@@ -133,24 +92,43 @@ class Measured:
     grounds: Float[np.ndarray, "spectra grounds bands"]
     noise_sd: Float[np.ndarray, "spectra grounds bands"]
     doubt: Float[np.ndarray, "spectra shapes grounds bands"]
-    all_bands: AllBands | None = None
 
     def __len__(self) -> int:
         return len(self.names)
 
     def take(self, rows: Int[np.ndarray, "rows"]) -> "Measured":
         """Some of the spectra, by number."""
-        names = tuple(self.names[i] for i in rows)
-        all_bands = self.all_bands
-        return type(self)(
-            names=names,
-            wavelengths=self.wavelengths,
+        return replace(
+            self,
+            names=tuple(self.names[row] for row in rows),
             readings=self.readings[rows],
             grounds=self.grounds[rows],
             noise_sd=self.noise_sd[rows],
             doubt=self.doubt[rows],
-            all_bands=all_bands and AllBands(*(values[rows] for values in all_bands)),
         )
+
+    def in_steps(self, step: float) -> "Measured":
+        """The spectra averaged to steps, nm, where their bands are finer; a mean is as noisy as one
+        band.
+        """
+        mean = means_of_steps(self.wavelengths, step)
+        if mean is None:
+            return self
+        return replace(
+            self,
+            wavelengths=self.wavelengths @ mean,
+            readings=self.readings @ mean,
+            grounds=self.grounds @ mean,
+            noise_sd=self.noise_sd @ mean,
+            doubt=self.doubt @ mean,
+        )
+
+    def by_grounds(self) -> list[Int[np.ndarray, "rows"]]:
+        """Numbers of the spectra over each ground: they share what is computed."""
+        rows: dict[bytes, list[int]] = {}
+        for row, ground in enumerate(self.grounds):
+            rows.setdefault(ground.tobytes(), []).append(row)
+        return [np.array(group) for group in rows.values()]
 
     @property
     def flat(self) -> Float[np.ndarray, "spectra readings"]:
@@ -187,6 +165,15 @@ class Measured:
         )
 
 
+class Expected(NamedTuple):
+    """Expectation of every film, and how its misfit counts."""
+
+    spread: Number  # of the log of the total amount
+    concentration: Number  # of the fractions
+    freedom: Number  # of Student's t
+    independent: Number  # readings that count as independent
+
+
 class IdentificationTask(NamedTuple):
     """Task that all spectra of an identification share."""
 
@@ -211,19 +198,14 @@ class IdentificationTask(NamedTuple):
         return self.paints.absorption.shape[0]
 
     @property
-    def precision(self) -> type[np.floating]:
-        """In which candidates are fitted."""
-        return np.float32 if self.effort.single_precision else np.float64
-
-    @property
-    def films(self) -> tuple[FilmResponse, Paints]:
-        """Response and paints that candidates are fitted with, in that precision."""
-        return self.tables.single if self.effort.single_precision else (self.response, self.paints)
-
-    @property
-    def middle(self) -> int:
-        """Scale of the discrepancy that is fitted with: the one nearest to 1."""
-        return int(np.argmin(np.abs(np.log(self.discrepancy.scales))))
+    def expected(self) -> Expected:
+        """Expectation of its films."""
+        return Expected(
+            spread=self.prior.spread,
+            concentration=self.prior.concentration_sought,
+            freedom=self.discrepancy.freedom,
+            independent=self.independent_readings,
+        )
 
     @property
     def mean_surface(self) -> float:

@@ -25,7 +25,7 @@ class Condition(NamedTuple):
 
     words: str  # as an answer names it; empty for what was stated
     chance: float  # prior, relative to 1 for the stated condition
-    varnish: float = 0.0  # optical thickness at 400 nm
+    varnish: str = ""  # a name of `AMOUNTS`; empty for none
     ground: float | None = None  # internal reflectance; None is as stated
     opaque: bool | None = None  # None is as stated
 
@@ -37,11 +37,13 @@ _DARK = 0.04
 
 
 class Conditions(NamedTuple):
-    """All conditions that are tried, by name and by number; the first is what was stated."""
+    """All conditions that are tried; the first is what was stated. Pools and maps hold their
+    places here as numbers.
+    """
 
     as_stated: Condition = Condition("", 1.0)
-    thin_varnish: Condition = Condition(_VARNISHED, 0.08, varnish=AMOUNTS["thin"][0])
-    yellowed_varnish: Condition = Condition(_VARNISHED, 0.08, varnish=AMOUNTS["yellowed"][0])
+    thin_varnish: Condition = Condition(_VARNISHED, 0.08, varnish="thin")
+    yellowed_varnish: Condition = Condition(_VARNISHED, 0.08, varnish="yellowed")
     light_ground: Condition = Condition("over a light ground", 0.4, ground=_LIGHT, opaque=False)
     hiding: Condition = Condition("hiding its ground", 0.05, opaque=True)
     lighter_ground: Condition = Condition("over a lighter ground than stated", 0.03, ground=_LIGHT)
@@ -51,24 +53,13 @@ class Conditions(NamedTuple):
 CONDITIONS = Conditions()
 
 
-def _numbers(*names: str) -> tuple[int, ...]:
-    """Numbers of conditions, as pools and maps hold them."""
-    return tuple(map(Conditions._fields.index, names))
-
-
-CONDITIONS_OF_VARNISH: dict[str, tuple[int, ...]] = {
+CONDITIONS_OF_VARNISH: dict[str, tuple[Condition, ...]] = {
     "none": (),
-    "thin": _numbers("thin_varnish"),
-    "yellowed": _numbers("yellowed_varnish"),
-    "unknown": _numbers("thin_varnish", "yellowed_varnish"),
+    "thin": (CONDITIONS.thin_varnish,),
+    "yellowed": (CONDITIONS.yellowed_varnish,),
+    "unknown": (CONDITIONS.thin_varnish, CONDITIONS.yellowed_varnish),
 }
-"""What was stated of a varnish -> numbers of the conditions that are tried for it."""
-_STATED = ("thin", "yellowed")
-NOT_OPAQUE = _numbers("light_ground")
-OTHER_GROUNDS = _numbers("hiding", "lighter_ground", "darker_ground")
-"""Numbers of those for films said to be opaque, and of those for one reading over a ground."""
-_LEVELS = dict(AMOUNTS.values())
-"""Optical thickness at 400 nm -> its standard deviation."""
+"""What was stated of a varnish -> the conditions that are tried for it."""
 
 
 def search_unstated_conditions(
@@ -93,24 +84,29 @@ def search_unstated_conditions(
     """
     prior = tasks[opaque].prior
 
-    def try_under(pool: Pool, numbers: tuple[int, ...], rows: Int[np.ndarray, "rows"]) -> Pool:
+    def try_under(
+        pool: Pool, conditions: tuple[Condition, ...], rows: Int[np.ndarray, "rows"]
+    ) -> Pool:
         """The pool with candidates of some of the spectra under further conditions."""
         pools = []
-        for number in numbers:
-            films = films_under(number, tasks, opaque, measured.take(rows))
+        for condition in conditions:
+            films = films_under(condition, tasks, opaque, measured.take(rows))
             # What no paint reads under a varnish has no candidates there.
             possible = np.flatnonzero(np.isfinite(films.slope).all(axis=(1, 2)))
             if possible.size:
                 films = films.take(possible)
-                candidates = pool_under(number, films, find_candidates(films.task, films.measured))
+                candidates = pool_under(
+                    condition, films, find_candidates(films.task, films.measured)
+                )
                 pools.append(candidates.spread(rows[possible], len(measured)))
         return pool.merge(*pools)
 
     # Conditions that are tried for every spectrum.
     everything = np.arange(len(measured))
     if opaque:
-        pool = try_under(pool, NOT_OPAQUE, everything)
-    if varnish in _STATED:
+        pool = try_under(pool, (CONDITIONS.light_ground,), everything)
+    stated = varnish in AMOUNTS
+    if stated:
         pool = try_under(pool, CONDITIONS_OF_VARNISH[varnish], everything)
         pool = replace(pool, log_weight=pool.log_weight + _weight_of_stated(varnish, pool))
     odds = odds_of(measured, pool, prior)
@@ -119,8 +115,9 @@ def search_unstated_conditions(
     if not len(doubtful):
         return pool, odds
     if measured.readings.shape[1] == 1 and not opaque:
-        pool = try_under(pool, OTHER_GROUNDS, doubtful)
-    if varnish not in _STATED:
+        grounds = (CONDITIONS.hiding, CONDITIONS.lighter_ground, CONDITIONS.darker_ground)
+        pool = try_under(pool, grounds, doubtful)
+    if not stated:
         pool = try_under(pool, CONDITIONS_OF_VARNISH[varnish], doubtful)
     return pool, odds_of(measured, pool, prior)
 
@@ -129,10 +126,10 @@ def _weight_of_stated(varnish: str, pool: Pool) -> Float[np.ndarray, "spectra ca
     """Term to add to log weights where a varnish was stated: its own condition weighs as what was
     stated does, and all others, without it, little.
     """
-    (number,) = CONDITIONS_OF_VARNISH[varnish]
-    weight = -np.log(CONDITIONS[number].chance)
+    (condition,) = CONDITIONS_OF_VARNISH[varnish]
+    under = pool.condition == CONDITIONS.index(condition)
     # Without it: the probability that a varnish which was stated is not there.
-    return np.where(pool.condition == number, weight, np.log(0.05))
+    return np.where(under, -np.log(condition.chance), np.log(0.05))
 
 
 class FilmsUnderCondition(NamedTuple):
@@ -151,17 +148,19 @@ class FilmsUnderCondition(NamedTuple):
 
 
 def films_under(
-    number: int, tasks: Mapping[bool, IdentificationTask], stated_opaque: bool, measured: Measured
+    condition: Condition,
+    tasks: Mapping[bool, IdentificationTask],
+    stated_opaque: bool,
+    measured: Measured,
 ) -> FilmsUnderCondition:
-    """Films under one condition, by its number.
+    """Films under one condition.
 
     Args:
-        number: of `CONDITIONS`.
+        condition: one of `CONDITIONS`.
         tasks: for films that let the ground through, and for films that hide it.
         stated_opaque: whether they were said to hide it.
         measured: the spectra as they were measured.
     """
-    condition = CONDITIONS[number]
     opaque = stated_opaque if condition.opaque is None else condition.opaque
     task = tasks[opaque]
     changed = measured
@@ -174,7 +173,7 @@ def films_under(
 
 
 def remove_varnish(
-    measured: Measured, response: FilmResponse, surface: float, optical_thickness: float
+    measured: Measured, response: FilmResponse, surface: float, varnish: str
 ) -> tuple[Measured, Float[np.ndarray, "spectra grounds bands"]]:
     """Spectra as they would be without a varnish, and their slopes by the readings under it; NaN
     for spectra that no paint reads under it.
@@ -185,14 +184,14 @@ def remove_varnish(
         measured: under the varnish.
         response: of the instrument.
         surface: what the outer surface adds to a reading.
-        optical_thickness: of the varnish at 400 nm, one of those that are tried.
+        varnish: a name of `AMOUNTS`.
     """
     absorption = yellow(measured.wavelengths)
+    optical_thickness, spread = AMOUNTS[varnish]
     read = measured.readings - surface
     body = np.clip(read, *limits_under(response, optical_thickness * absorption))
     # Readings that are farther beyond what paint reads under a varnish are no noise.
     possible = (np.abs(read - body) <= 4.0 * measured.noise_sd).all(axis=(1, 2), keepdims=True)
-    spread = _LEVELS[optical_thickness]
     # At this level, at slightly more varnish, and for slightly higher readings.
     bare = without_varnish(response, body, optical_thickness * absorption)
     more_varnish = without_varnish(response, body, (optical_thickness + 0.01) * absorption)
@@ -206,21 +205,20 @@ def remove_varnish(
     return changed, np.where(possible, slope, np.nan)
 
 
-def pool_under(number: int, films: FilmsUnderCondition, pool: Pool) -> Pool:
+def pool_under(condition: Condition, films: FilmsUnderCondition, pool: Pool) -> Pool:
     """Candidates under one condition as they compete with those of films that lie as stated.
 
     Args:
-        number: of `CONDITIONS`.
+        condition: one of `CONDITIONS`.
         films: the films under it.
         pool: their candidates.
     """
-    condition = CONDITIONS[number]
     task = films.task
 
     def add_varnish(readings: np.ndarray) -> np.ndarray:
         shape = films.measured.readings.shape[1:]
         body = readings.reshape(*readings.shape[:2], *shape) - task.surface
-        thickness = condition.varnish * yellow(films.measured.wavelengths)
+        thickness = AMOUNTS[condition.varnish][0] * yellow(films.measured.wavelengths)
         return (under_varnish(task.response, body, thickness) + task.surface).reshape(
             readings.shape
         )
@@ -237,4 +235,6 @@ def pool_under(number: int, films: FilmsUnderCondition, pool: Pool) -> Pool:
         # seen.
         clear = np.append(task.extenders, True)[pool.members].all(axis=-1)
         weight = np.where(clear, -np.inf, weight)
-    return replace(pool, log_weight=weight, condition=np.full_like(pool.condition, number))
+    return replace(
+        pool, log_weight=weight, condition=np.full_like(pool.condition, CONDITIONS.index(condition))
+    )

@@ -13,7 +13,7 @@ from ..families.evidence import describe_anachronism
 from ..families.misfit import UsualMisfit, brightest, relative_misfit
 from ..result import Identification
 from .explanation import Explanation, explanations
-from .record import RunProvenance, describe_colours, describe_run, round_spectra
+from .record import RunProvenance, describe_run, describe_spot, round_spectra
 
 SCHEMA = {"name": "glazejax identify families report", "version": 2}
 COLUMNS = (
@@ -80,16 +80,8 @@ def _spot(
     reading = identification.measured.readings[row]
     films = explanations(identification, row, top)
     return {
-        "id": f"spot-{row + 1}",
-        "name": identification.measured.names[row],
-        "explained": bool(identification.explained[row]),
-        "words": identification.verdict(row),
-        "none_of_these": float(identification.none[row]),
+        **describe_spot(identification, row),
         "in_tests": _in_tests(identification, row),
-        "coats_probability": float(identification.coats_probability[row]),
-        "coats": identification.coats_words(row),
-        "colours": describe_colours(identification, row),
-        "measured": round_spectra(reading),
         "usual_band": usual and round_spectra(usual.band[None] * brightest(reading[0])),
         "families": [
             {

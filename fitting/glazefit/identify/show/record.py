@@ -121,26 +121,35 @@ def describe_run(identification: Identification, about: RunProvenance) -> dict[s
     }
 
 
-def _spot(identification: Identification, bands: np.ndarray, row: int, top: int) -> dict[str, Any]:
-    chances = identification.paint_probability[row]
-    ranked = identification.ranked(row, top)
-    explained = bool(identification.explained[row])
+def describe_spot(identification: Identification, row: int) -> dict[str, Any]:
+    """Describe a spectrum and its answer, as the records of paints and of families have it."""
     return {
         "id": f"spot-{row + 1}",
         "name": identification.measured.names[row],
-        "explained": explained,
-        "words": ranked[0].words if explained else identification.unexplained(row),
+        "explained": bool(identification.explained[row]),
+        "words": identification.verdict(row),
         "none_of_these": float(identification.none[row]),
         "coats_probability": float(identification.coats_probability[row]),
         "coats": identification.coats_words(row),
+        "colours": describe_colours(identification, row),
+        "measured": round_spectra(identification.measured.readings[row]),
+    }
+
+
+def _spot(identification: Identification, bands: np.ndarray, row: int, top: int) -> dict[str, Any]:
+    chances = identification.paint_probability[row]
+    ranked = identification.ranked(row, top)
+    spot = describe_spot(identification, row)
+    if spot["explained"]:
+        spot["words"] = ranked[0].words
+    return {
+        **spot,
         "paint_probability": {
             identification.paints[i]: float(chances[i]) for i in np.argsort(-chances, kind="stable")
         },
         "not_settled": describe_undecided(identification, row),
         "doubts": [*_open_words(identification, row), *describe_ambiguity(identification, row)],
-        "colours": describe_colours(identification, row),
         "noise_sd": float(np.median(identification.measured.noise_sd[row])),
-        "measured": round_spectra(identification.measured.readings[row]),
         "explanations": [
             _explanation(candidate, rank, bands[row, rank - 1] if rank <= bands.shape[1] else None)
             for rank, candidate in enumerate(ranked, start=1)
@@ -262,34 +271,28 @@ intervals.
 
 
 def table_rows(record: Mapping[str, Any]) -> Iterator[list[object]]:
-    """Cells of `COLUMNS`; empty where there is no number."""
-
-    def cell(value: float | None) -> object:
-        return "" if value is None else value
-
+    """Cells of `COLUMNS`; None where there is no number."""
     for spot in record["spots"]:
-        for explanation in spot["explanations"]:
+        for film in spot["explanations"]:
             lead = [
                 spot["name"],
                 spot["explained"],
                 spot["none_of_these"],
-                explanation["rank"],
-                explanation["probability"],
+                film["rank"],
+                film["probability"],
+                film["words"],
+                film["delta_e_2000"],
+                film["rmse"],
+                film["thickness_um"],
+                *(film["thickness_90_um"] or (None, None)),
             ]
-            lead += [
-                explanation["words"],
-                cell(explanation["delta_e_2000"]),
-                explanation["rmse"],
-                cell(explanation["thickness_um"]),
-            ]
-            lead += explanation["thickness_90_um"] or ["", ""]
-            for paint in explanation["paints"]:
-                amounts = [cell(paint["amount_um"]), *(paint["amount_90_um"] or ["", ""])]
+            for paint in film["paints"]:
                 yield [
                     *lead,
                     paint["coat"],
                     paint["name"],
                     paint["fraction"],
                     *paint["fraction_90"],
-                    *amounts,
+                    paint["amount_um"],
+                    *(paint["amount_90_um"] or (None, None)),
                 ]

@@ -17,7 +17,6 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ...film.colour_metric import reading_metric
-from ...film.model.errors import ModelError
 from ...film.numerics.blocks import by_blocks
 from ...identify.search.chunk import Chunk
 from ...identify.search.fit import prior_terms
@@ -32,7 +31,7 @@ from ...identify.search.refine import (
 from ...identify.search.searcher import Searcher
 from ...identify.search.surface import NuisanceMode
 from ...identify.search.task import IdentificationTask, Measured
-from ...identify.search.unstated_conditions import FilmsUnderCondition, films_under
+from ...identify.search.unstated_conditions import CONDITIONS, FilmsUnderCondition, films_under
 from ...identify.search.weigh import Odds
 from ..store.columns import Columns
 
@@ -58,8 +57,8 @@ class Local(Columns):
         logs_by: slopes of the log amounts that are weighed.
         gradient, hessian: of minus the log prior in these.
         ratios: eigenvalues of the data's part of the posterior's Hessian relative to the prior's.
-        numbers: Student's degrees of freedom (0 for Gaussian errors), readings that count as
-            independent, the power of the likelihood.
+        numbers: Student's degrees of freedom (0 for Gaussian errors), and readings that count as
+            independent.
         seen, seen_by: Delta E00 to the fit as a vector of some coordinates, and its slopes.
         left, left_by: the same with errors of the paints allowed for.
         shape: root mean square of that residual, noise aside.
@@ -80,7 +79,7 @@ class Local(Columns):
     gradient: Float[np.ndarray, "n 3"]
     hessian: Float[np.ndarray, "n 3 3"]
     ratios: Float[np.ndarray, "n 3"]
-    numbers: Float[np.ndarray, "n 3"]
+    numbers: Float[np.ndarray, "n 2"]
     seen: Float[np.ndarray, "n colours"]
     seen_by: Float[np.ndarray, "n colours bands"]
     left: Float[np.ndarray, "n colours"]
@@ -176,7 +175,7 @@ def _local_models(
     # One linearization for all candidates under a condition.
     for number in np.unique(condition):
         films, brighter_films = (
-            films_under(int(number), searcher.tasks, searcher.opaque, spectra)
+            films_under(CONDITIONS[number], searcher.tasks, searcher.opaque, spectra)
             for spectra in (measured, brighter)
         )
         bent = _density_slopes(films, brighter_films)
@@ -273,11 +272,11 @@ def _linear(
         readings=readings,
     )
     weighed_films, groups, errors = fit_with_errors(
-        chunk, films, slopes_at(chunk, films), task.effort.fit_steps
+        chunk, films, slopes_at(chunk, films), task.effort.steps
     )
     weighed_slopes = slopes_at(chunk, weighed_films)
     shown_slopes = slopes_at(chunk, replace(films, logs=logs))
-    white = errors.basis[groups.of, 0]
+    white = errors.basis[groups.of]
     gradient, prior = _prior_of(task, sets, weighed_films.logs)
     _, whitened_slopes, data, gain = _follow(weighed_slopes, sets, white, gradient, prior)
     followed = np.einsum("nmi,nmb->nib", whitened_slopes, gain)
@@ -286,7 +285,7 @@ def _linear(
     root = np.linalg.inv(np.linalg.cholesky(prior))
     ratios = np.maximum(np.linalg.eigvalsh(root @ data @ np.swapaxes(root, 1, 2)), 0.0)
     # What is shown is fitted with errors of its own: how near it comes to each reading.
-    close = near_errors(chunk).basis[row, 0]
+    close = near_errors(chunk).basis[row]
     by_shown, _, _, shown_gain = _follow(shown_slopes, sets, close, *_prior_of(task, sets, logs))
     eye = np.eye(readings.shape[1])
     nuisance = NuisanceMode.of(chunk)
@@ -297,7 +296,7 @@ def _linear(
     free = coefficient_projection(chunk, groups)[groups.of]
     slope = condition.slope.reshape(len(chunk), -1)[row]
     d = task.discrepancy
-    numbers = (d.freedom or 0.0, min(task.independent_readings, readings.shape[1]), d.trust)
+    numbers = (d.freedom or 0.0, min(task.independent_readings, readings.shape[1]))
     unseen = slope[:, :, None]
     return {
         "opaque": np.full(len(row), condition.opaque),
@@ -308,7 +307,7 @@ def _linear(
         "gradient": _wide(gradient, 1),
         "hessian": _wide(prior, 1, 2),
         "ratios": _wide(ratios, 1),
-        "numbers": np.broadcast_to(numbers, (len(row), 3)),
+        "numbers": np.broadcast_to(numbers, (len(row), 2)),
         "fitted_by": (body + surface @ missed) * slope[:, None, :] / unseen,
         "left_by": (body + free @ missed) * slope[:, None, :] / unseen,
     }
@@ -360,16 +359,3 @@ def _wide(values: np.ndarray, *axes: int) -> np.ndarray:
     """With room for three paints along some axes."""
     room = [(0, 3 - values.shape[axis]) if axis in axes else (0, 0) for axis in range(values.ndim)]
     return np.pad(values, room)
-
-
-def check_errors(discrepancy: ModelError) -> None:
-    """Refuse errors of several scales: near a representative one Gaussian follows the spectrum.
-
-    Raises:
-        ValueError: there are several.
-    """
-    if len(discrepancy.scales) > 1:
-        raise ValueError(
-            f"a map takes a discrepancy of one scale; this one has {len(discrepancy.scales)}: "
-            f"{discrepancy.scales}"
-        )

@@ -21,7 +21,6 @@ from ...identify.search.options import IdentificationOptions, SearchKeywords, ch
 from ...identify.search.searcher import Searcher
 from .by_family import FamilySearcher
 from .image import Image
-from .local import check_errors
 from .spots import spot_pigment
 from .working_bands import WorkingBands
 
@@ -112,7 +111,6 @@ def map_task(
     expected = chosen.prior or (EXPECTED if by_family else Prior())
     errors = chosen.discrepancy or ModelError.between_films()
     noise = chosen.noise
-    check_errors(errors)
     paints = catalogue + [
         spot_pigment(name, stored, spectrum, catalogue, seen_by)
         for name, spectrum in (spots or {}).items()

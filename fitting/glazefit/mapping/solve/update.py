@@ -165,8 +165,7 @@ def log_weight_gain(
         logs: how far their log amounts have moved.
     """
     freedom = local.numbers[:, 0]
-    degrees = local.numbers[:, :2].sum(axis=1)
-    trust = local.numbers[:, 2]
+    degrees = local.numbers.sum(axis=1)
     before = np.sum(local.off**2, axis=-1)
     now = np.einsum("snb,snb->sn", off, off)
     heavy = freedom > 0
@@ -183,4 +182,4 @@ def log_weight_gain(
     # Half a quadratic form and a linear one, by products of each candidate's own matrices.
     turned = 0.5 * np.matmul(logs.transpose(1, 0, 2), local.hessian).transpose(1, 0, 2)
     prior = np.einsum("snm,snm->sn", logs, turned + local.gradient)
-    return trust * (met - prior - 0.5 * volume.sum(axis=-1))
+    return met - prior - 0.5 * volume.sum(axis=-1)

@@ -13,7 +13,7 @@ from ...film.model.response import Response
 from ..joint.problem import Expectations, Unknowns, readings_of_draws
 from ..joint.result import JointRecovery
 
-SMOOTH = ModelError(amplitude=1.0, length=60.0, scales=(1.0,), weights=(1.0,))
+SMOOTH = ModelError(amplitude=1.0, length=60.0, shared=0.8)
 """Errors of the model, of size one: similar at neighbouring bands."""
 
 
