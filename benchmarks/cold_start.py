@@ -25,7 +25,7 @@ import time
 from pathlib import Path
 from typing import NamedTuple
 
-from benchmarks.results import Results, command_line, quantity
+from benchmarks.results import Results, command_line, git, quantity
 from glazejax import catalogue, samples
 from glazejax.appearance.scene.file import example
 
@@ -139,7 +139,7 @@ def prepare(folder: Path) -> None:
     from benchmarks.paint.tubes import CASES, WHITE, tube, written
     from glazefit import Instrument, Noise
     from glazefit.film.simulate import simulate_paints
-    from glazefit.recover.joint import UNIT
+    from glazefit.recover.joint.joint import UNIT
 
     paints = list(catalogue.load().values())[:12]
     (folder / "films.csv").write_text(
@@ -204,8 +204,7 @@ def record(say: Results, key: str, first: Timing, warm: Timing) -> None:
 
 def commit(checkout: Path) -> str:
     """Short name of the commit that a checkout is at."""
-    line = ["git", "-C", str(checkout), "rev-parse", "--short", "HEAD"]
-    return subprocess.run(line, capture_output=True, text=True, check=True).stdout.strip()
+    return git("-C", str(checkout), "rev-parse", "--short", "HEAD")
 
 
 def main() -> None:

@@ -2,9 +2,12 @@
 all.
 """
 
+import json
 import os
 import platform
 import statistics
+import subprocess
+import sys
 import time
 from collections.abc import Callable
 from importlib.metadata import PackageNotFoundError, version
@@ -74,6 +77,26 @@ def time_call(program: Callable[[], Result]) -> tuple[Result, float]:
     began = time.perf_counter()
     result = jax.block_until_ready(program())
     return result, time.perf_counter() - began
+
+
+def in_a_process(*words: str) -> list[Any]:
+    """Lines of JSON that Python prints in a process of its own, run with these words.
+
+    Raises:
+        RuntimeError: it failed; says what it printed last.
+    """
+    done = subprocess.run([sys.executable, *words], capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise RuntimeError(f"{' '.join(words)} failed:\n{done.stderr[-3000:]}")
+    return [json.loads(line) for line in done.stdout.splitlines() if line[:1] in ("{", "[")]
+
+
+def peak_memory() -> int:
+    """Bytes that this process has had at most."""
+    # No part of Python on every system.
+    import resource
+
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
 
 
 def processor() -> str:

@@ -198,7 +198,6 @@ def test_names_in_short():
     [
         (gc.find_illuminant, "D66", "D65"),
         (gc.find_illuminant, "LED", "LED-B1"),
-        (gc.find_illuminant, "!", "D50"),
         (gc.find_observer, "3", "CIE 1931 2 Degree"),
         (gc.find_observer, "1932", "1931"),
     ],
@@ -206,6 +205,14 @@ def test_names_in_short():
 def test_unknown_names_list_the_nearest(call, name, near):
     with pytest.raises(ValueError, match=f"unknown .*{name}.*nearest are .*{near}"):
         call(name)
+
+
+@pytest.mark.parametrize("name", ["X", "!"])
+def test_a_name_like_none_is_answered_by_some(name):
+    with pytest.raises(
+        ValueError, match=f"^unknown illuminant '{name}'; some are A, .*D50.{{,20}}$"
+    ):
+        gc.find_illuminant(name)
 
 
 def test_every_lamp_and_observer_works():

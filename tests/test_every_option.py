@@ -46,9 +46,9 @@ ENGINES = {
     "glazefit.posterior.posterior": "posterior_of_film posterior_of_bands posterior_of_coats",
     "glazefit.recipe.command_after": "say_addition",
     "glazefit.recipe.task": "make_task",
-    "glazefit.recover.film_by_film": "recover_chunks",
-    "glazefit.recover.joint": "recover_jointly",
-    "glazefit.recover.mixture": "predict_mixture calibrate_mixture",
+    "glazefit.recover.films.film_by_film": "recover_chunks",
+    "glazefit.recover.joint.joint": "recover_jointly",
+    "glazefit.recover.predict.mixture": "predict_mixture calibrate_mixture",
 }
 USUAL = {
     "render": "--coats ZincWhite:5um,CobaltBlue:9um",

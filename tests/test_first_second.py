@@ -259,6 +259,29 @@ def test_a_wrong_line_imports_nothing_that_computes(tmp_path):
         ["studio", "none.json"],
         ["studio", "--port", "70000"],
     ]
+    lines += [
+        [*start, *words]
+        for start in (["identify", table], ["recover", table], ["posterior", table])
+        for words in (("--noise", "-1"), ("--noise-share", "-1"), ("--unit", "furlong"))
+    ]
+    lines += [
+        ["identify", table, "--varnish", "glossy"],
+        ["identify", table, "--quantity", "radiance"],
+        ["identify", table, "--report", "r.pdf"],
+        ["identify", table, "--out", "x.bmp"],
+        ["map", "none.hdr", "--opaque"],
+        ["map", table, "--opaque", "--noise", "-1"],
+        ["map", table, "--opaque", "--spot", "x"],
+        ["convert", table, "x.csv", "--to", "pdf"],
+        ["convert", table, "x.csv", "--scale", "0"],
+        ["recipe", "--lab", "50"],
+        ["recipe", "--lab", "50,20,30", "--catalogue", "pigments"],
+        ["recipe", "--lab", "50,20,30", "--seed", "-1"],
+        ["export", "Eosin:2um", "--roughness", "2"],
+        ["export", "Eosin:2um", "--out", "x.obj"],
+        ["export", "Eosin:2um", "--space", "rgb"],
+        ["export", "Eosin:2um", "--tolerance", "0"],
+    ]
     done = subprocess.run(
         [sys.executable, "-c", _WRONG.format(lines=lines)],
         cwd=tmp_path,

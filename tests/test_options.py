@@ -268,13 +268,13 @@ def test_an_interrupt_keeps_what_is_finished():
             raise KeyboardInterrupt
         yield [3]
 
-    parts, how = progress.collect(chunks(2), 3, "a", "b")
+    parts, how = progress.collect(lambda _: chunks(2), 3, "a", "b")
     assert (parts, how.interrupted) == ([[1, 2], [3]], False)
     assert 0 < how.first <= how.seconds
-    parts, how = progress.collect(chunks(1), 3, "a", "b")
+    parts, how = progress.collect(lambda _: chunks(1), 3, "a", "b")
     assert (parts, how.interrupted) == ([[1, 2]], True)
     with pytest.raises(KeyboardInterrupt):
-        progress.collect(chunks(0), 3, "a", "b")
+        progress.collect(lambda _: chunks(0), 3, "a", "b")
 
 
 def test_no_typer_is_one_sentence(monkeypatch, run):

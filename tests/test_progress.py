@@ -34,7 +34,7 @@ def terminal(monkeypatch) -> Iterator[int]:
 
 def work() -> None:
     """All that a command may show while it works."""
-    progress.collect([[1], [2]], 2, "compiling", "searching")
+    progress.collect(lambda _: [[1], [2]], 2, "compiling", "searching")
     with progress.doing("fitting") as say:
         say("leaving out")
     with progress.drawing(2) as step:

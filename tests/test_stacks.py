@@ -222,7 +222,8 @@ def test_what_no_file_holds_is_said(tmp_path, glaze, words):
 
 
 @pytest.mark.parametrize(
-    "place", ["version", "ground", "geometry", "refractive_index", "coats", "x" * 300_000]
+    "place",
+    ["version", "ground", "geometry", "refractive_index", "coats", "pigments", "x" * 300_000],
 )
 @pytest.mark.parametrize("kind", [str, list, dict])
 def test_a_long_value_is_not_echoed_whole(place, kind):

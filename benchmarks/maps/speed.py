@@ -135,12 +135,11 @@ def _size(
         f"{pixels:>12,}{bands:>7}{done['seconds']:>9.1f}{done['gib']:>7.2f}{done['sets']:>6}"
         f"{done['small']:>10.1%}{angle:>10.1f}{nnls:>10.0f}"
     )
-    seconds = {"seconds": done["seconds"], "angle": angle}
+    seconds = {f"{name}_seconds": done["seconds"], f"{name}_angle": angle, f"{name}_nnls": nnls}
     results.record(
-        **{f"{name}_{key}": each for key, each in quantities(seconds, "s", 0).items()},
+        **quantities(seconds, "s", 2, form="g"),
         **{
             f"{name}_memory": quantity(done["gib"], "GiB", 2),
-            f"{name}_nnls": quantity(nnls / 60.0, "min", 2, form="s"),
             f"{name}_sets": quantity(done["sets"], digits=0),
         },
     )

@@ -29,8 +29,8 @@ from benchmarks.results import Quantity, Results, command_line, progress, quanti
 from glazefit import Films
 from glazefit.film.films import Noise, card_reflectance
 from glazefit.film.model.response import Response, film_response
-from glazefit.recover.coats import predict_next_coat, recover_coats
-from glazefit.recover.joint_problem import Expectations
+from glazefit.recover.coats.coats import predict_next_coat, recover_coats
+from glazefit.recover.joint.problem import Expectations
 from glazejax import catalogue
 from glazejax.colour import delta_e_of_spectra
 from glazejax.commands.main import start_jax

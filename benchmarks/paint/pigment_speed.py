@@ -1,5 +1,4 @@
-"""How long it takes to name pigments: first use, many spectra, fine spectra; compared with the
-search among the oils' own films.
+"""How long it takes to name pigments: first use, many spectra, fine spectra.
 
     python -m benchmarks.paint.pigment_speed [--out FOLDER]
 
@@ -7,14 +6,11 @@ Spectra are films of mixtures of exemplars, with noise, said to hide their groun
 in a process of its own, with the import of the program and all that is set up and compiled.
 """
 
-import subprocess
-import sys
-
 import numpy as np
 from jaxtyping import Float
 
 from benchmarks.results import Results, command_line, progress, quantity
-from benchmarks.timing import time_call
+from benchmarks.timing import in_a_process, time_call
 
 _SEED = 33
 
@@ -48,25 +44,14 @@ def seek(wavelengths: Float[np.ndarray, "bands"], readings: Float[np.ndarray, "n
     identify(wavelengths, readings, pigments, opaque=True, instrument="45:0")
 
 
-def seek_among_oils(
-    wavelengths: Float[np.ndarray, "bands"], readings: Float[np.ndarray, "n bands"]
-) -> None:
-    """The oils' own films, singles and pairs."""
-    from glazefit import identify
-    from glazejax import catalogue
-
-    oils = catalogue.load("oils")
-    identify(wavelengths, readings, oils, opaque=True, instrument="45:0", max_paints=2)
-
-
-def first_use(name: str) -> float:
+def first_use() -> float:
     """Seconds of a new process that names the pigments of one spectrum of 31 bands."""
     code = (
         "import numpy as np; from benchmarks.paint import pigment_speed as p; "
         "grid = np.arange(400.0, 701.0, 10.0); "
-        f"p.{name}(grid, np.full((1, 31), 0.4) + 0.2 * (grid > 550))"
+        "p.seek(grid, np.full((1, 31), 0.4) + 0.2 * (grid > 550))"
     )
-    return time_call(lambda: subprocess.run([sys.executable, "-c", code], check=True))[1]
+    return time_call(lambda: in_a_process("-c", code))[1]
 
 
 def main() -> None:
@@ -75,17 +60,14 @@ def main() -> None:
         __doc__,
         count=(1000, 20, "spectra of 61 bands"),
         fine=(10, 2, "spectra of 2151 bands"),
-        oils=(100, 5, "spectra that are sought among the oils' own films"),
     ).parse_args()
     results = Results("pigment_speed", options.out, "numpy")
     results("SECONDS, one run each")
 
     progress("first use")
-    for words, name in (("all pigments", "seek"), ("the oils' own films", "seek_among_oils")):
-        took = first_use(name)
-        results(f"first use, one spectrum of 31 bands, {words:<21}{took:8.1f}")
-        if name == "seek":
-            results.record(first_use=quantity(took, "s", digits=1))
+    took = first_use()
+    results(f"first use, one spectrum of 31 bands, all pigments {took:8.1f}")
+    results.record(first_use=quantity(took, "s", digits=1))
 
     visible = np.linspace(400.0, 1000.0, 61)
     fine = np.arange(350.0, 2501.0)
@@ -102,17 +84,6 @@ def main() -> None:
         )
         results.record(**{key: quantity(cold, "s", digits=1, n=count)})
 
-    progress("oils")
-    grid = np.arange(400.0, 701.0, 10.0)
-    readings = spectra(grid, options.oils)
-    seek_among_oils(grid, readings)
-    oils = time_call(lambda: seek_among_oils(grid, readings))[1] / options.oils
-    seek(grid, readings)
-    ours = time_call(lambda: seek(grid, readings))[1] / options.oils
-    results(
-        f"a spectrum of 31 bands, warm: all pigments {1e3 * ours:.1f} ms, the oils' own films "
-        f"{1e3 * oils:.1f} ms: {ours / oils:.2f} times as long"
-    )
     progress()
     results.save()
 

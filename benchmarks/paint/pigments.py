@@ -27,9 +27,9 @@ from benchmarks.paintbench.sources import FOREIGN, UNCLEAR, Source, read_sources
 from benchmarks.results import Results, command_line, progress
 from glazefit import Films, recover_jointly
 from glazefit.identify.families.references import log_scattering
-from glazefit.recover.joint import UNIT
-from glazefit.recover.joint_problem import Expectations
-from glazefit.recover.joint_result import JointRecovery
+from glazefit.recover.joint.joint import UNIT
+from glazefit.recover.joint.problem import Expectations
+from glazefit.recover.joint.result import JointRecovery
 from glazejax.commands.main import start_jax
 
 NEEDS = tuple(

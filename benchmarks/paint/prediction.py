@@ -25,9 +25,9 @@ from benchmarks.results import Results, command_line, percent, progress, quantit
 from benchmarks.timing import time_call
 from glazefit.film.films import Films, Instrument, Noise
 from glazefit.film.simulate import simulate_films
-from glazefit.recover.crossvalidation import LeftOut, cross_validate
-from glazefit.recover.joint import UNIT, recover_jointly
-from glazefit.recover.joint_problem import Expectations
+from glazefit.recover.joint.joint import UNIT, recover_jointly
+from glazefit.recover.joint.problem import Expectations
+from glazefit.recover.predict.crossvalidation import LeftOut, cross_validate
 from glazejax import catalogue
 from glazejax.commands.main import start_jax
 

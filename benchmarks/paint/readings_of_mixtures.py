@@ -28,14 +28,13 @@ from glazefit.film.films import Films, cards
 from glazefit.film.model.errors import draw_model_errors
 from glazefit.film.model.response import Response, film_response
 from glazefit.film.model.variation import Spread
-from glazefit.recover.crossvalidation import without
-from glazefit.recover.joint import UNIT, recover_jointly
-from glazefit.recover.joint_problem import model_deviation
-from glazefit.recover.joint_result import JointRecovery
-from glazefit.recover.mixture import CLOSE, calibrate_mixture, mix, predict_mixture
-from glazefit.recover.prediction import Prediction, predict_films
-from glazefit.recover.reading_errors import SMOOTH, film_readings
-from glazefit.recover.result import delta_e_over_cards
+from glazefit.recover.joint.joint import UNIT, recover_jointly
+from glazefit.recover.joint.problem import model_deviation
+from glazefit.recover.joint.result import JointRecovery
+from glazefit.recover.predict.crossvalidation import without
+from glazefit.recover.predict.mixture import CLOSE, calibrate_mixture, mix, predict_mixture
+from glazefit.recover.predict.prediction import Prediction, predict_films
+from glazefit.recover.predict.reading_errors import SMOOTH, film_readings
 from glazejax import Pigment, colour
 
 Recipes = dict[str, dict[str, float]]
@@ -278,7 +277,7 @@ def simulated_reading(
         seen.append(np.maximum(exact * np.exp(spread.gain * gain) + off, 0.0))
     film = dataclasses.replace(read.film, over_black=seen[0][[0]], over_white=seen[0][[1]])
     thicker = (seen[1][0], seen[1][1])
-    own = delta_e_over_cards(grid, tuple(over[1]), thicker, "D65", 10)
+    own = colour.delta_e_of_spectra(grid, over[1], seen[1], observer=10)
     return dataclasses.replace(read, film=film), thicker, float(own.mean())
 
 
@@ -388,7 +387,7 @@ def another_film(
                 float(found.gloss[0]),
                 response,
             )
-            apart = delta_e_over_cards(films.wavelengths, tuple(seen_as), tuple(truth), "D65", 10)
+            apart = colour.delta_e_of_spectra(films.wavelengths, seen_as, truth, observer=10)
             off[given].append(float(apart.mean()))
     start = np.array(off["nothing"])
     words = f"{start.mean():.2f} ({np.median(start):.2f}); {len(pairs)} pairs of films"

@@ -24,8 +24,8 @@ from benchmarks.results import Quantity, Results, command_line, percent, quantit
 from benchmarks.rivals.truth_peers import PEERS, Query
 from glazefit import Films, Identification, ground_from_air, identify, identify_films
 from glazefit.film.readers import read_films, read_recipes
-from glazefit.recover.crossvalidation import without
-from glazefit.recover.joint import recover_jointly
+from glazefit.recover.joint.joint import recover_jointly
+from glazefit.recover.predict.crossvalidation import without
 from glazejax import Bidirectional, Pigment
 from glazejax.commands.main import start_jax
 

@@ -30,13 +30,13 @@ from glazefit.film.films import usual_cards
 from glazefit.film.partial_films import recipes_from_names
 from glazefit.film.readers import is_masstone
 from glazefit.film.simulate import simulate_paints
-from glazefit.recover.constraints import error_modes
-from glazefit.recover.crossvalidation import cross_validate
-from glazefit.recover.entries import PaintFile, entries
-from glazefit.recover.experimental_design import rank_next_films
-from glazefit.recover.joint import UNIT, recover_jointly
-from glazefit.recover.joint_result import JointRecovery
-from glazefit.recover.prediction import predict_films
+from glazefit.recover.joint.constraints import error_modes
+from glazefit.recover.joint.entries import PaintFile, entries
+from glazefit.recover.joint.joint import UNIT, recover_jointly
+from glazefit.recover.joint.result import JointRecovery
+from glazefit.recover.predict.crossvalidation import cross_validate
+from glazefit.recover.predict.experimental_design import rank_next_films
+from glazefit.recover.predict.prediction import predict_films
 from glazejax import Pigment, catalogue
 from glazejax.commands.main import start_jax
 from glazejax.spectra import describe_grid

@@ -14,7 +14,7 @@ from benchmarks.paint.pigments import fit
 from glazefit import identify
 from glazefit.identify.identify import ground_from_air
 from glazefit.identify.result.odds import DECIDED
-from glazefit.recover.joint import UNIT
+from glazefit.recover.joint.joint import UNIT
 from glazejax import Pigment
 
 from .library import grid_readings

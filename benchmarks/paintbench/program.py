@@ -20,9 +20,9 @@ from glazefit.identify.families.references import References, references_of
 from glazefit.identify.families.search import FamilySearch
 from glazefit.identify.families.set_up import search_families
 from glazefit.identify.result.groups import FamilySet
-from glazefit.recover.crossvalidation import cross_validate
-from glazefit.recover.joint import UNIT
-from glazefit.recover.prediction import Prediction, predict_films
+from glazefit.recover.joint.joint import UNIT
+from glazefit.recover.predict.crossvalidation import cross_validate
+from glazefit.recover.predict.prediction import Prediction, predict_films
 from glazejax import Pigment, catalogue
 from glazejax.io import SpectraTable
 

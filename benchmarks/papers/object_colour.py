@@ -5,13 +5,10 @@ colour-science's ColorChecker patches, illuminant A (its slide projector) and D5
 stand for them.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from glazejax import colour
-from glazejax.appearance.display.display import Display
 from glazejax.appearance.metals import metal
 from glazejax.radiative.common.fresnel import (
     cook_torrance_reflectance,
@@ -52,13 +49,6 @@ COPPER_MEASURED = np.array(
 """Copper in an integrating sphere: nm, reflectance. E. W. Spisz, A. J. Weigand, R. L. Bowman, J. R.
 Jack, Solar absorptances and spectral reflectances of 12 metals, NASA TN D-5353 (1969), table II
 (a)."""
-
-
-class Locus(NamedTuple):
-    """A line of chromaticities and what it is called."""
-
-    name: str
-    xy: np.ndarray
 
 
 def lamp(name: str) -> np.ndarray:
@@ -123,10 +113,3 @@ def measured_copper(cosine: np.ndarray) -> np.ndarray:
     """
     normal = PchipInterpolator(*COPPER_MEASURED.T)(GRID)
     return np.asarray(hall_reflectance(cosine[..., None], normal, hall_extinction(normal.mean())))
-
-
-def shown(values: np.ndarray, white: np.ndarray, exposure: float) -> np.ndarray:
-    """XYZ as an sRGB picture in [0, 1] for an eye adapted to the light."""
-    display = Display.preset("sRGB")
-    digital = display.to_rgb(display.adapt(exposure * values, white), gamut="clip")
-    return np.asarray(digital.rgb) / 255.0

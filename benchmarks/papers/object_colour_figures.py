@@ -1,4 +1,4 @@
-"""Paper B's pictures and diagrams, and its findings next to ours.
+"""Paper B's findings next to ours.
 
 The monitor's matrix and tables; Phong spheres, whose colours lie between body and light; copper by
 exact Fresnel, by Cook and Torrance and by Hall; two joined planes that light each other. What the
@@ -6,19 +6,16 @@ paper measured on its monitor is shown on a simulated one and read back. Run wit
 benchmarks.papers.object_colour_figures``.
 """
 
-import jax.numpy as jnp
 import numpy as np
 
 from benchmarks.papers.object_colour import (
     COPPER,
     FORMS,
     GRID,
-    Locus,
     chromaticity,
     lamp,
     patches,
     reflectances,
-    shown,
     xyz,
 )
 from benchmarks.papers.object_colour_monitor import (
@@ -30,7 +27,7 @@ from benchmarks.papers.object_colour_monitor import (
     measured,
     tables,
 )
-from benchmarks.papers.object_colour_panels import figure_of, monitor_figure
+from benchmarks.papers.object_colour_panels import monitor_figure
 from benchmarks.papers.object_colour_planes import planes
 from benchmarks.results import Results, command_line, quantity
 from glazejax.appearance import shading
@@ -41,7 +38,7 @@ NEEDS = ("matplotlib",)
 
 ANGLES = np.arange(0.0, 87.6, 2.5)
 METALS = (COPPER, "copper", "gold", "silver", "aluminium")
-PLATE_ANGLE, PLATE_ROUGHNESS, PLATE_DISTANCE = 80.0, 8.0, 20.0
+PLATE_ANGLE = 80.0
 SPHERES = {"red": "moderate red", "green": "green", "blue": "blue"}
 """Patches that the paper's monitor can show under illuminant A; the chart's own red is too red for
 it.
@@ -54,11 +51,10 @@ def main() -> None:
     results = Results("object_colour_figures", options.out, "colour-science")
     results("Monitor (section 2)")
     screen = tables(results) | chips(results)
-    pictures = {"spheres": spheres(results), "copper": copper(results), "planes": planes(results)}
+    read = {"spheres": spheres(results), "copper": copper(results), "planes": planes(results)}
     all_angles(results)
-    results.save(figure_of(pictures))
-    monitor = monitor_figure(screen, pictures)
-    monitor.savefig(options.out / "object_colour_monitor.png", dpi=110)
+    results.save()
+    monitor_figure(screen, read).savefig(options.out / "object_colour_monitor.png", dpi=110)
 
 
 def spheres(results: Results) -> dict:
@@ -67,35 +63,21 @@ def spheres(results: Results) -> dict:
         "\nSpheres (section 6.1): S_s = 5, read as percent, n = 11, light and eye in one direction"
     )
     light = lamp("A")
-    bodies = patches(*SPHERES.values())
-    count = 720
-    x, y = np.meshgrid(np.linspace(-1.04, 1.04, count), np.linspace(1.04, -1.04, count))
-    inside = x**2 + y**2 < 1
-    normal = np.stack([x, y, np.sqrt(np.where(inside, 1 - x**2 - y**2, 0.0))], axis=-1)[inside]
-    towards = np.broadcast_to([0.0, 0.0, 1.0], normal.shape)
-    facing = shading.dot(jnp.asarray(normal), jnp.asarray(towards))
-    mirrored = shading.dot(
-        shading.mirror_direction(jnp.asarray(normal), jnp.asarray(towards)), jnp.asarray(towards)
-    )
-    images, loci, bound = [], [], 0.0
-    for name, body in zip(SPHERES, bodies, strict=True):
+    # Along a line through the centre; with light and eye together N.L is N.V, and R_v.L its double
+    # angle's cosine.
+    facing = np.sqrt(1 - np.linspace(-0.99, 0.99, 41) ** 2)
+    lines, segments, bound = [], [], 0.0
+    for name, body in zip(SPHERES, patches(*SPHERES.values()), strict=True):
         seen = np.asarray(
-            shading.phong(body, light, facing, mirrored, specular=0.05, exponent=11.0)
+            shading.phong(body, light, facing, 2 * facing**2 - 1, specular=0.05, exponent=11.0)
         )
-        image = np.zeros((count, count, 3))
-        image[inside] = xyz(seen)
-        images.append(
-            image.reshape(count // 2, 2, count // 2, 2, 3).mean(axis=(1, 3))
-        )  # smooth edges
-        found, ends = (
-            chromaticity(seen[np.asarray(facing) > 0]),
-            chromaticity(np.stack([body * light, light])),
-        )
+        found, ends = chromaticity(seen), chromaticity(np.stack([body * light, light]))
         along = ends[1] - ends[0]
         share = (found - ends[0]) @ along / (along @ along)
         off = np.linalg.norm(found - ends[0] - share[:, None] * along, axis=1).max()
         bound = max(bound, off)
-        loci.append((name, found[:: len(found) // 80], ends))
+        lines.append(seen)
+        segments.append(ends)
         results(
             f"  {name:6} from {share.min():.3f} to {share.max():.3f} of the way from body to "
             f"light, off it {off:.0e}"
@@ -104,26 +86,14 @@ def spheres(results: Results) -> dict:
         "  paper: chromaticities lie on the segment from body to light; ours: "
         + ("so" if bound < 1e-6 else "not so")
     )
-    # Along a line through the centre; with light and eye together N.L is N.V, and R_v.L its double
-    # angle's cosine.
-    facing = np.sqrt(1 - np.linspace(-0.99, 0.99, 41) ** 2)
-    line = [
-        np.asarray(shading.phong(b, light, facing, 2 * facing**2 - 1, specular=0.05, exponent=11.0))
-        for b in bodies
-    ]
-    wanted = exposed(xyz(np.concatenate(line)), loops()[0].known)
+    wanted = exposed(xyz(np.concatenate(lines)), loops()[0].known)
     title = "Figure 10: a line through the centre of each sphere"
     read, off = measured(results, "spheres", title, wanted)
     results.record(spheres_one_table=quantity(off[ONE_TABLE].max(), digits=3))
-    return {
-        "image": shown(np.concatenate(images, axis=1), xyz(light), 1.4),
-        "loci": loci,
-        "light": chromaticity(light),
-        "read": read,
-    }
+    return {"ends": segments, "light": chromaticity(light), "read": read}
 
 
-def copper(results: Results) -> dict:
+def copper(results: Results) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Metals of section 6.2: loci of chromaticity against angle, and plates at 80 degrees."""
     results(
         "\nMetals (section 6.2): xy distance from exact Fresnel, 0 to 87.5 degrees step 2.5, "
@@ -149,39 +119,26 @@ def copper(results: Results) -> dict:
         ]
         same = [np.linalg.norm(xy - exact, axis=1).max() for xy in forms.values()]
         results(f"  {name:16}" + "".join(columns(three) for three in (far, same)))
-    found = {
-        form: values for form, values in reflectances(METALS[0], cosines).items() if form in FORMS
-    }
-    row = int(np.argmin(np.abs(ANGLES - 75.0)))
-    luminance = {form: xyz(values * light)[:, 1] for form, values in found.items()}
+    found = reflectances(COPPER, np.cos(np.deg2rad([75.0, PLATE_ANGLE])))
+    luminance = {form: xyz(values[0] * light)[1] for form, values in found.items()}
     results(
         "  copper-hagemann is the copper of Palik's handbook, which the paper used. Its "
-        "luminance at 75 degrees: "
-        + ", ".join(f"{luminance[form][row]:.3f} {form}" for form in FORMS)
+        "luminance at 75 degrees: " + ", ".join(f"{luminance[form]:.3f} {form}" for form in FORMS)
     )
     results(
         "  paper: Cook-Torrance falls off near 75 degrees and leaves the locus, Hall follows it"
     )
-    loci = [Locus(form, chromaticity(values * light)) for form, values in found.items()]
-    return {
-        "loci": loci,
-        "light": chromaticity(light),
-        "curves": found,
-        "wavelengths": GRID,
-        "angles": ANGLES,
-        "plates": {form: plate(form, light, results) for form in FORMS},
-        **copper_plates(results),
-    }
+    for form in FORMS:
+        # In the mirror direction the facets face half-way between light and eye.
+        x, y = chromaticity(found[form][1] * light)
+        results(f"  plate at {PLATE_ANGLE:g} degrees, {form:14} middle: x {x:.4f}  y {y:.4f}")
+    return copper_plates(results)
 
 
 def all_angles(results: Results) -> None:
     """Figure 11: copper's reflectance by the three forms over all angles."""
     fine = np.linspace(0.0, 89.5, 359)
-    found = {
-        form: v
-        for form, v in reflectances(COPPER, np.cos(np.deg2rad(fine))).items()
-        if form in FORMS
-    }
+    found = reflectances(COPPER, np.cos(np.deg2rad(fine)))
     results(
         "\nFigure 11: copper's reflectance by the approximations minus the exact one, least and "
         "most over 400-700 nm"
@@ -211,39 +168,6 @@ def columns(distances: list[float]) -> str:
     """Three distances and how many times smaller Hall's are."""
     cook, hall, known = distances
     return f"  {cook:.4f} {hall:.4f} {known:.4f} {hall / cook:6.2f} {known / cook:6.2f} "
-
-
-def plate(form: str, light: np.ndarray, results: Results) -> np.ndarray:
-    """A rough copper plate lit by parallel light at 80 degrees, the eye in the mirror direction of
-    its middle.
-    """
-    height, width = 120, 240
-    theta = np.deg2rad(PLATE_ANGLE)
-    x, y = np.meshgrid(np.linspace(-1, 1, width), np.linspace(-1, 1, height))
-    point = np.stack([x, y / np.cos(theta) * 0.5, np.zeros_like(x)], axis=-1)
-    # The light comes from +y, the eye sits at -y; foreshortened, the plate fills the picture.
-    towards = np.broadcast_to([0.0, np.sin(theta), np.cos(theta)], point.shape)
-    eye = PLATE_DISTANCE * np.array([0.0, -np.sin(theta), np.cos(theta)])
-    view = (eye - point) / np.linalg.norm(eye - point, axis=-1, keepdims=True)
-    half = np.asarray(shading.half_vector(jnp.asarray(towards), jnp.asarray(view)))
-    cos_facet = np.sum(view * half, axis=-1)
-    fresnel = reflectances(METALS[0], cos_facet)[form]
-    seen = shading.torrance_sparrow(
-        fresnel,
-        light,
-        towards[..., 2],
-        view[..., 2],
-        half[..., 2],
-        cos_facet,
-        width=np.deg2rad(PLATE_ROUGHNESS),
-    )
-    middle = np.asarray(seen)[height // 2, width // 2]
-    spot = chromaticity(middle)
-    results(
-        f"  plate at {PLATE_ANGLE:g} degrees, {form:14} middle: x {spot[0]:.4f}  y {spot[1]:.4f}"
-    )
-    # N.V is small at 80 degrees and divides: the picture is exposed for it, the same for all three.
-    return shown(xyz(seen), xyz(light), 0.8 * np.cos(theta))
 
 
 if __name__ == "__main__":

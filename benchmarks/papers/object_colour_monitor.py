@@ -257,9 +257,9 @@ def measured(
     return read[WHOLE], off
 
 
-def copper_plates(results: Results) -> dict[str, Any]:
-    """Figure 14: copper plates by Hall's form from measured reflectance, each exposed for
-    itself.
+def copper_plates(results: Results) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Figure 14: copper plates by Hall's form from measured reflectance, each exposed for itself:
+    chromaticities wanted and read, and the ends of their line.
     """
     light = lamp("D55")
     values = xyz(measured_copper(np.cos(np.deg2rad(PLATES))) * light)
@@ -292,4 +292,4 @@ def copper_plates(results: Results) -> dict[str, Any]:
         f"    up to 45 degrees it is {steep:.4f} off on average, beyond {grazing:.4f}\n"
         "    paper: the locus is straight, with an error near 0 degrees"
     )
-    return {"copper": (exact, read, ends)}
+    return exact, read, ends

@@ -16,9 +16,6 @@ device.
 import argparse
 import functools
 import json
-import resource
-import subprocess
-import sys
 from collections.abc import Callable
 from typing import Any
 
@@ -28,7 +25,7 @@ import numpy as np
 from benchmarks import device
 from benchmarks.render.strokes import brush_strokes, primed_canvas
 from benchmarks.results import Results, command_line, quantity
-from benchmarks.timing import interleaved, time_call
+from benchmarks.timing import in_a_process, interleaved, peak_memory, time_call
 
 PAINTS = ("UltramarineBlue", "ChromeYellow")
 GROUND = 0.85
@@ -137,18 +134,16 @@ def measure_picture() -> dict[str, float]:
     """
     draw = picture_program(PICTURE_SIZE)
     seconds = [time_call(lambda: draw().srgb)[1] for _ in range(4)]
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
-    return {"first": seconds[0], "later": float(np.median(seconds[1:])), "peak": peak}
+    return {"first": seconds[0], "later": float(np.median(seconds[1:])), "peak": peak_memory()}
 
 
 def picture_report(say: Results, options: argparse.Namespace) -> None:
     import glazejax as gj
     from glazejax import colour
 
-    command = [sys.executable, "-m", "benchmarks.render.savings", "--measure-picture"]
+    command = ["-m", "benchmarks.render.savings", "--measure-picture"]
     command += ["--device", options.device, *["--quick"] * options.quick]
-    done = subprocess.run(command, check=True, capture_output=True, text=True)
-    measured = json.loads(done.stdout.splitlines()[-1])
+    measured = in_a_process(*command)[-1]
     draw = picture_program(PICTURE_SIZE)
     paints, thickness, _ = draw.args
     fast = draw()

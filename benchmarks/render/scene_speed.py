@@ -9,14 +9,12 @@ process: first with compilation, then again; the second run is the one that coun
 with 4 x 4 rays for every pixel, to say what the skipping saves and costs.
 """
 
-import resource
-
 import numpy as np
 
 import glazejax as gj
 from benchmarks.render.strokes import brush_strokes
 from benchmarks.results import Results, command_line, percent, quantity
-from benchmarks.timing import time_call
+from benchmarks.timing import peak_memory, time_call
 from glazejax.appearance.scene.draw.render import render
 from glazejax.appearance.scene.lights import ParallelLight, PointLight, lamp
 from glazejax.appearance.scene.materials import Glazed, Lambert
@@ -71,7 +69,7 @@ def main() -> None:
     results(f"first, with compilation: {first:.1f} s\nagain: {again:.1f} s")
     for line in rendered.report.describe().splitlines():
         results(f"  {line}")
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
+    peak = peak_memory() / 2**30
     results(f"peak memory {peak:.2f} GiB")
     full, seconds = time_call(lambda: render(made, adaptive=False))
     error = np.abs(full.radiance - rendered.radiance).mean() / full.radiance.mean()

@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from benchmarks.results import Results, command_line
-from benchmarks.solver.calibrate_directions import known, random_stacks
+from benchmarks.solver.calibrate_directions import in_chunks, known, random_stacks
 from glazejax.radiative.auxiliary import graded as auxiliary_graded
 from glazejax.radiative.auxiliary.panels import PanelMesh
 from glazejax.radiative.common.stack_arrays import StackArrays
@@ -41,16 +41,9 @@ def stacks_of(count: int, thickest: float, layers: int = 2) -> StackArrays:
 @functools.partial(jax.jit, static_argnums=(2, 3))
 def auxiliary(stacks: StackArrays, index, mesh: PanelMesh, fixed: float | None):
     """Reflectance factor and hemispherical reflectance, (2, stacks)."""
-
-    def chunk(piece):
-        piece = piece._replace(
-            refractive_index=jnp.full_like(piece.ground, index) if fixed is None else fixed
-        )
-        flux = piece._replace(cos_viewing=None)
-        return auxiliary_graded.reflectance(piece, mesh), auxiliary_graded.reflectance(flux, mesh)
-
-    pieces = jax.tree.map(lambda a: a.reshape(-1, CHUNK, *a.shape[1:]), stacks)
-    return jnp.stack([a.reshape(-1) for a in jax.lax.map(chunk, pieces)])
+    return in_chunks(
+        lambda piece: auxiliary_graded.reflectance(piece, mesh), stacks, index, fixed, CHUNK
+    )
 
 
 def main() -> None:

@@ -10,6 +10,7 @@ indices; that takes longer.
 """
 
 import functools
+from collections.abc import Callable
 
 import jax
 import jax.numpy as jnp
@@ -43,6 +44,26 @@ def random_stacks(count: int, seed: int = 0, layers: int = 5) -> ordinates.Stack
     return ordinates.StackArrays(q, d, ground, None, incidence, viewing)
 
 
+def in_chunks(
+    reflectance: Callable[[ordinates.StackArrays], jax.Array],
+    stacks: ordinates.StackArrays,
+    index,
+    fixed: float | None,
+    size: int,
+) -> jax.Array:
+    """Reflectance factor and hemispherical reflectance by a solver, (2, stacks), so many at a
+    time.
+    """
+
+    def chunk(piece):
+        array = jnp.broadcast_to(index, piece.ground.shape)
+        piece = piece._replace(refractive_index=array if fixed is None else fixed)
+        return reflectance(piece), reflectance(piece._replace(cos_viewing=None))
+
+    pieces = jax.tree.map(lambda a: a.reshape(-1, size, *a.shape[1:]), stacks)
+    return jnp.stack([a.reshape(-1) for a in jax.lax.map(chunk, pieces)])
+
+
 @functools.partial(jax.jit, static_argnums=(2, 3))
 def both(
     stacks: ordinates.StackArrays,
@@ -56,17 +77,11 @@ def both(
     One program serves all indices, and with given directions all of as many; only an index of
     exactly one, with no total reflection, needs its own.
     """
-
-    def chunk(piece):
-        array = jnp.broadcast_to(index, piece.ground.shape)
-        piece = piece._replace(refractive_index=array if fixed is None else fixed)
-        flux = piece._replace(cos_viewing=None)
-        chosen = directions if directions is not None else resolution
-        assert chosen is not None
-        return ordinates.reflectance(piece, chosen), ordinates.reflectance(flux, chosen)
-
-    pieces = jax.tree.map(lambda a: a.reshape(-1, CHUNK, *a.shape[1:]), stacks)
-    return jnp.stack([a.reshape(-1) for a in jax.lax.map(chunk, pieces)])
+    chosen = directions if directions is not None else resolution
+    assert chosen is not None
+    return in_chunks(
+        lambda piece: ordinates.reflectance(piece, chosen), stacks, index, fixed, CHUNK
+    )
 
 
 def known(stacks: ordinates.StackArrays, index: float, tolerance: float) -> tuple[jax.Array, int]:

@@ -6,12 +6,11 @@ A coat of viridian and zinc white under a thin coat of ultramarine, 31 bands at 
 three numbers differ from pixel to pixel: the thickness of the upper coat, that of the lower one,
 and the share of viridian in it.
 `glazejax.interpolated` makes a table of XYZ of them; pixels then go from it to sRGB. Errors are the
-largest at 4096 points of their own, against the solver in the same run. Times are the best of
-several runs in turn; a core's time is that of all threads together.
+largest at 4096 points of their own, against the solver in the same run. Times are medians of
+several runs in turn.
 """
 
 import functools
-import time
 from collections.abc import Callable
 
 import jax
@@ -20,7 +19,7 @@ import numpy as np
 
 import glazejax as gj
 from benchmarks.results import Results, command_line
-from benchmarks.timing import Programs
+from benchmarks.timing import interleaved
 from glazejax import colour
 
 GRID = np.arange(400.0, 701.0, 10.0)
@@ -52,19 +51,6 @@ def xyz(**given) -> jax.Array:
     return gj.reflectance(glaze, gj.Bidirectional(45.0, 0.0), tolerance=SOLVER) @ jnp.asarray(
         WEIGHTS
     )
-
-
-def best(programs: Programs) -> dict[str, tuple[float, float]]:
-    """Least seconds of each program, run in turn, on the clock and of all threads together."""
-    found = {name: (np.inf, np.inf) for name in programs}
-    for round_ in range(ROUNDS + 1):
-        for name, program in programs.items():
-            cores, clock = time.process_time(), time.perf_counter()
-            jax.block_until_ready(program())
-            clock, cores = time.perf_counter() - clock, time.process_time() - cores
-            if round_:
-                found[name] = (min(found[name][0], clock), min(found[name][1], cores))
-    return found
 
 
 def errors(table, names: tuple[str, ...], direct: Callable) -> tuple[float, float, float]:
@@ -124,7 +110,7 @@ def main() -> None:
         say(
             f"\n{len(names)} of 3 numbers differ: {', '.join(names)}\n"
             f"{'asked':>7}{'estimate':>10}{'found':>9}{'Delta E':>9}{'slopes':>9}{'solved':>8}{'terms':>15}"
-            f"{'type':>9}{'million/s':>11}{'core ns':>9}{'solver/s':>10}{'ratio':>7}{'with slopes/s':>15}"
+            f"{'type':>9}{'million/s':>11}{'solver/s':>10}{'ratio':>7}{'with slopes/s':>15}"
         )
         for tolerance in TOLERANCES:
             table = gj.interpolated(
@@ -135,20 +121,20 @@ def main() -> None:
             run_slopes = jax.jit(slopes)
             for dtype in (jnp.float64, jnp.float32):
                 here, typed = table.astype(dtype), {n: v.astype(dtype) for n, v in pixels.items()}
-                measured = best(
+                seconds = interleaved(
                     {
                         "table": functools.partial(run, here, typed),
                         "slopes": functools.partial(run_slopes, here, typed),
                         "solver": functools.partial(solver, few),
-                    }
+                    },
+                    ROUNDS,
                 )
-                rate = options.pixels / measured["table"][0]
-                alone = DIRECT / measured["solver"][0]
+                rate = options.pixels / seconds["table"]
+                alone = DIRECT / seconds["solver"]
                 say(
                     f"{tolerance:7.0e}{table.error:10.1e}{found:9.1e}{difference:9.1e}{slope:9.1e}"
                     f"{table.evaluations:8d}{terms:>15}{jnp.dtype(dtype).name:>9}{rate / 1e6:11.1f}"
-                    f"{1e9 * measured['table'][1] / options.pixels:9.0f}{alone:10.0f}{rate / alone:7.0f}"
-                    f"{options.pixels / measured['slopes'][0] / 1e6:15.1f}"
+                    f"{alone:10.0f}{rate / alone:7.0f}{options.pixels / seconds['slopes'] / 1e6:15.1f}"
                 )
     say(
         "\nasked, estimate, found: largest error of X, Y, Z. Slopes: their error by each number, "

@@ -10,11 +10,8 @@ glaze takes, in turn with its program alone: as JAX comes, and where JAX may not
 another thread (`jax_cpu_enable_async_dispatch`).
 """
 
-import json
 import os
 import re
-import subprocess
-import sys
 import tempfile
 from collections import Counter
 from collections.abc import Callable
@@ -26,7 +23,7 @@ import numpy as np
 
 from benchmarks.peers import ours, two_layers
 from benchmarks.results import Results, command_line, quantity
-from benchmarks.timing import interleaved
+from benchmarks.timing import in_a_process, interleaved
 from glazejax.radiative.ordinates.resolution import resolve_known
 
 PARTS = ("modes", "assemble", "inverse", "eliminate")
@@ -135,10 +132,7 @@ def calls() -> list[tuple[str, float, float]]:
             f"import json, benchmarks.solver.profile_solver as p; p.REPETITIONS = {REPETITIONS}; "
             f"print(json.dumps(p.call_and_program({hand_over})))"
         )
-        done = subprocess.run(
-            [sys.executable, "-c", code], capture_output=True, text=True, check=True
-        )
-        rows.append((words, *json.loads(done.stdout.splitlines()[-1])))
+        rows.append((words, *in_a_process("-c", code)[-1]))
     return rows
 
 

@@ -16,9 +16,6 @@ log-log plot.
 
 import argparse
 import json
-import resource
-import subprocess
-import sys
 import time
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -30,7 +27,7 @@ import numpy as np
 from benchmarks import device
 from benchmarks.peers import Work, cdisort, installed, two_layers
 from benchmarks.results import Results, command_line, quantity
-from benchmarks.timing import Programs, interleaved
+from benchmarks.timing import Programs, in_a_process, interleaved, peak_memory
 
 NEEDS = ("matplotlib",)
 PARTS_NEED = ("nanodisort",)
@@ -155,7 +152,7 @@ def measure(name: str, platform: str) -> None:
             for key, program in point.items():
                 jax.block_until_ready(program())
                 if key == "glazejax":
-                    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+                    peak = peak_memory()
                 start = time.perf_counter()
                 jax.block_until_ready(program())
                 seconds[key] = time.perf_counter() - start
@@ -167,20 +164,8 @@ def measure(name: str, platform: str) -> None:
 
 def measured(name: str, platform: str, quick: bool) -> list[dict[str, Any]]:
     """The lines of `measure` from a fresh process."""
-    command = [
-        sys.executable,
-        "-m",
-        "benchmarks.solver.scaling",
-        "--measure",
-        name,
-        "--platform",
-        platform,
-    ]
-    command += ["--quick"] * quick
-    done = subprocess.run(command, capture_output=True, text=True)
-    if done.returncode:
-        raise RuntimeError(f"the series {name} on {platform} failed:\n{done.stderr[-3000:]}")
-    return [json.loads(line) for line in done.stdout.splitlines() if line.startswith("{")]
+    command = ["-m", "benchmarks.solver.scaling", "--measure", name, "--platform", platform]
+    return in_a_process(*command, *["--quick"] * quick)
 
 
 def exponent(points: list[dict[str, Any]], program: str, fitted: tuple[int, int]) -> float:

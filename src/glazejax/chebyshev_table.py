@@ -56,6 +56,7 @@ class Axis(NamedTuple):
         a = self._stretch(self.low, np)
         b = self._stretch(self.high, np)
         x = 0.5 * (a + b + coordinate * (b - a))
+        # Back through the logarithm and the softened root.
         if self.curvature != 0.0:
             soft = _SOFT * self.high
             x = (np.expm1(x) * math.sqrt(self.high / self.curvature) + math.sqrt(soft)) ** 2 - soft
@@ -150,6 +151,7 @@ def best_axis(
     best = axes[0]
     least = np.inf
     for axis in axes:
+        # Least squares, in the polynomials of this axis's coordinate.
         basis = chebyshev.chebvander(axis.coordinate(line, np), degree)
         error = np.max(np.abs(values - basis @ np.linalg.lstsq(basis, values, rcond=None)[0]))
         if error < gain * least:

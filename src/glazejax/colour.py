@@ -150,6 +150,7 @@ def _on_bands(
     products: Float[np.ndarray, "fine 3"],
 ) -> Float[np.ndarray, "bands 3"]:
     """Weights of bands, read-only."""
+    # What lies beyond the bands is guessed.
     beyond = (fine < bands[0]) | (fine > bands[-1])
     guessed = float((np.abs(products[beyond]).sum(axis=0) / np.abs(products).sum(axis=0)).max())
     # Share of a tristimulus value that may rest on repeating the end bands; 420-680 nm stays below
@@ -203,6 +204,7 @@ def _lagrange_matrix(
     last = bands.size - 1
     lower = np.clip(np.searchsorted(bands, x, side="right") - 1, 0, last - 1)
     matrix = np.zeros((points.size, bands.size))
+    # Lagrange's polynomials on the four bands around each point, on three at the ends.
     for offset in range(-1, 3):
         node = lower + offset
         present = (node >= 0) & (node <= last)
@@ -281,6 +283,7 @@ def lab_to_xyz(lab: Numbers, white: Grid) -> Float[np.ndarray, "*batch 3"]:
     lightness, a, b = np.moveaxis(np.asarray(lab, float), -1, 0)
     fy = (lightness + 16) / 116
     f = np.stack([fy + a / 500, fy, fy - b / 200], axis=-1)
+    # Below 6/29 the cube root is replaced by a straight line.
     ratio = np.where(f <= 6 / 29, 3 * (6 / 29) ** 2 * (f - 4 / 29), f**3)
     return ratio * np.asarray(white, float)
 
@@ -494,6 +497,7 @@ def bradford(
 
     Source: K. M. Lam, thesis, University of Bradford (1985), linear as in ICC.1:2022, annex E.
     """
+    # Into the cones' responses, each scaled from white to white, and back.
     return np.linalg.inv(_BRADFORD) @ np.diag((_BRADFORD @ seen) / (_BRADFORD @ white)) @ _BRADFORD
 
 

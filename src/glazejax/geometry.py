@@ -120,6 +120,7 @@ class Bidirectional(eqx.Module):
         """
         if not self.specular:
             return False
+        # Angles that JAX traces are compared by the program, not here.
         incidence, viewing, azimuth = (
             jnp.asarray(a) for a in (self.incidence, self.viewing, self.azimuth)
         )
@@ -205,6 +206,7 @@ def parse_geometry(text: str, *, argument: str = "geometry") -> Geometry:
     """
     sphere, angles, specular = split_geometry(text, argument)
     if sphere is not None:
+        # Of a sphere only the beam's angle counts, by reciprocity that of the detector.
         return Hemispherical(angles[0], sphere)
     return Bidirectional(angles[0], angles[1], specular)
 

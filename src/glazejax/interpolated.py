@@ -121,6 +121,7 @@ class Interpolated(eqx.Module):
         columns = [
             as_float_array(parameters[name]).astype(self.coefficients.dtype) for name in self.names
         ]
+        # In the coefficients' type, so that a table of single precision computes in it.
         batch = jnp.broadcast_shapes(*(column.shape for column in columns))
         flat = tuple(jnp.broadcast_to(column, batch).reshape(-1) for column in columns)
         values_flat = on_all_cores(
@@ -269,6 +270,7 @@ def _interpolate(axes: tuple, coefficients: Array, columns: tuple[Array, ...]) -
 def _interpolate_jvp(axes: tuple, primals, tangents):
     """Slopes come with the values, piece by piece: nothing else is kept for a reverse pass."""
     (coefficients, columns), (d_coefficients, d_columns) = primals, tangents
+    # Slopes only by the parameters that change.
     changing = [k for k, change in enumerate(d_columns) if not isinstance(change, SymbolicZero)]
 
     def with_slopes(*points: Array) -> tuple[Array, ...]:
@@ -301,6 +303,7 @@ def _of_columns(columns: tuple[Array, ...], coefficients: Array, axes: tuple) ->
 def _in_pieces(function: Callable, coefficients: Array, columns: tuple[Array, ...]) -> list[Array]:
     """Results (points, channels) of a function from pieces of the columns to (channels, points)."""
     count = columns[0].shape[0]
+    # A point holds its polynomials, and sums that wait for all axes but the first.
     numbers_each = math.prod(coefficients.shape[1:]) + sum(coefficients.shape)
     size = max(64, (_PIECE_NUMBERS if on_cpu(*columns) else _PIECE_ELSEWHERE) // numbers_each)
     if count <= size:
@@ -321,6 +324,7 @@ def _values(axes: tuple, coefficients: Any, columns: Any, xp: ModuleType) -> Any
         bases.append(polynomials(axis.coordinate(axis.clamp(column, xp), xp), count, xp, axis=0))
     first, *further = bases
     if coefficients.shape[-1] > _FEW_CHANNELS:
+        # With many channels all products of polynomials come first, then one product of matrices.
         for basis in further:
             first = (first[:, None] * basis).reshape(-1, first.shape[-1])
         further = []
@@ -353,6 +357,7 @@ class _Counted:
         self.count += len(points)
         if self.block is None:
             return self._some(points)
+        # Filled up with the last point, so that every block is of one size.
         spare = -len(points) % self.block
         padded = np.concatenate([points, np.repeat(points[-1:], spare, axis=0)])
         return np.concatenate(
@@ -411,6 +416,7 @@ class _Builder:
             points = np.zeros((0, len(self.axes)))
             truth = np.zeros((0, values.shape[-1]))
             error = 0.0
+            # Few checks find a table that is far too coarse; more of them judge a good one.
             for count in _CHECKS:
                 new = self._random_points(count)
                 points = np.concatenate([points, new])
@@ -447,6 +453,7 @@ class _Builder:
         """Fewer terms, as long as the error stays below: nodes double, so that half of them may be
         needless.
         """
+        # Each time the term goes that the error feels least.
         shorter = [coefficients]
         while True:
             last = shorter[-1]
@@ -463,6 +470,7 @@ class _Builder:
         fresh = self._random_points(_CHECKS[-1])
         points = np.concatenate([points, fresh])
         truth = np.concatenate([truth, self.function(fresh)])
+        # Back to more terms, until the other points agree.
         while True:
             last = shorter.pop()
             error = self._measure_error(last, points, truth)
@@ -506,6 +514,7 @@ class _Builder:
         low = float(self.low[k])
         high = float(self.high[k])
         line = trial_line(low, high, both_ends=True)
+        # Two lines along the axis, at a tenth and at six tenths of the other axes.
         points = np.repeat(
             (self.low + np.array([[0.1], [0.6]]) * (self.high - self.low))[:, None],
             line.size,
@@ -514,6 +523,7 @@ class _Builder:
         points[..., k] = line
         values = self.function(points.reshape(-1, self.low.size)).reshape(2, line.size, -1)
         values = values.transpose(1, 0, 2).reshape(line.size, -1)
+        # The plain coordinate comes first: others must be clearly better.
         axes: list[Axis | Mirrored] = [Axis(low, high)]
         for curvature in CURVATURES[1:]:
             axes += ([Axis(low, high, curvature)] if low >= 0 else []) + [
@@ -528,6 +538,7 @@ class _Builder:
         coordinates[k] = extrema(count)[1::2]
         new = np.moveaxis(self._grid(coordinates), k, 0)
         out = np.empty((count, *new.shape[1:]))
+        # Old and new points alternate.
         out[0::2], out[1::2] = np.moveaxis(values, k, 0), new
         return np.moveaxis(out, 0, k)
 

@@ -118,6 +118,7 @@ def picture(
     # The solver's tolerance for one unit of the colour difference: near black, where colour
     # differences are most sensitive, an error of 1e-5 in one of X, Y, Z makes about 0.06.
     tolerance = min(1e-3, 1e-5 * delta_e)
+    # Maps that vary are the parameters; equal pixels are computed once.
     columns, varying = inputs.varying()
     first, inverse = (
         distinct(columns) if columns else (np.zeros(1, int), np.zeros(inputs.pixels, int))
@@ -148,6 +149,7 @@ def picture(
             remark = f", interpolated from {shape}, estimated Delta E00 {error:.2g}"
     if values is None:
         values = counter(points)
+    # Interpolation may fall below 0 next to black.
     xyz = jnp.maximum(jnp.asarray(values), 0.0)[inverse].reshape(*inputs.shape, 3)
     report = f"{inputs.pixels} pixels, {len(first)} distinct, {counter.count} computed{remark}"
     return Picture(
@@ -203,6 +205,7 @@ class _PictureInputs:
             ground if ground.ndim < 2 else 0.0,
             refractive_index,
         )
+        # A map of the ground is checked by itself.
         if ground.ndim == 2:
             Glaze([], ground)
         if unit.phase is not None:
@@ -211,6 +214,7 @@ class _PictureInputs:
                 "phase"
             )
         self.albedo = np.asarray(unit.albedo, float)  # (bands, layers)
+        # 1/m, from the optical thickness of 1 mm.
         self.extinction = 1e3 * np.asarray(unit.optical_thickness, float)
         self.refractive_index = np.asarray(unit.refractive_index, float)
         self.thickness, self.ground = thickness, ground
@@ -261,6 +265,7 @@ def _directions(
         raise ValueError(
             "a picture has one angle of incidence and one of viewing, not an array of them"
         )
+    # The outer surface's own reflection is seen in the mirror direction only.
     specular = geometry.specular and bool(mirror)
     surface = (
         np.asarray(dielectric_reflectance(float(incidence), index)) if specular else np.zeros(())
@@ -291,6 +296,7 @@ class _Computed:
 
     def _some(self, points: np.ndarray) -> np.ndarray:
         inputs = self.inputs
+        # What does not vary is the same for all points.
         fixed = [0.0 if k in self.varying else m.flat[0] for k, m in enumerate(inputs.thickness)]
         thickness = np.tile(np.array(fixed), (len(points), 1))
         ground = np.asarray(inputs.ground.flat[0] if inputs.ground.ndim == 2 else inputs.ground)

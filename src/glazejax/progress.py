@@ -1,5 +1,7 @@
 """Progress of a long computation: one callable type, the same in every function."""
 
+import itertools
+from collections.abc import Callable
 from typing import Protocol, runtime_checkable
 
 
@@ -17,3 +19,9 @@ class Progress(Protocol):
 
 def no_progress(done: int, total: int | None, stage: str, /) -> None:
     """Reports nothing: the default of a `progress=` argument."""
+
+
+def counted(progress: Progress, total: int, stage: str) -> Callable[[], object]:
+    """A function to call after each of so many parts."""
+    numbers = itertools.count(1)
+    return lambda: progress(next(numbers), total, stage)

@@ -65,6 +65,7 @@ def reflectance(
     n = glaze.refractive_index
     stack = stack_of(glaze)
     options: dict[str, Any] = {"refractive_index": n, "tolerance": tolerance}
+    # Only the many-flux solver follows a phase function.
     options |= {"method": method or "ordinates"} if phase is None else {"phase": phase}
     match geometry:
         case Bidirectional():
@@ -78,6 +79,7 @@ def reflectance(
                 from .radiative.manyflux.reflectance import manyflux_reflectance_factor
 
                 azimuth = jnp.asarray(geometry.azimuth)
+                # Angles of a batch broadcast against the bands.
                 azimuth = azimuth[..., None] if azimuth.ndim else azimuth
                 diffuse = manyflux_reflectance_factor(
                     *stack, **directions, azimuth=azimuth, **options
@@ -92,5 +94,6 @@ def reflectance(
             diffuse = solve(*stack, cos_incidence=geometry.cos_incidence, **options)
     if not geometry.specular:
         return diffuse
+    # What the outer surface mirrors is no part of the stack's reflectance.
     surface: Array = dielectric_reflectance(jnp.asarray(geometry.cos_incidence), jnp.asarray(n))
     return diffuse + jnp.where(geometry.sees_surface, surface, 0.0)

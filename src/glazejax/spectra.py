@@ -284,6 +284,7 @@ def interpolation_matrix(
         raise ValueError(
             f"cannot resample {describe_grid(old)} to {describe_grid(new)} without guessing: {fix}"
         )
+    # Unit spectra of all bands, on the new grid.
     return np.stack([np.interp(new, old, unit) for unit in np.eye(old.size)])
 
 

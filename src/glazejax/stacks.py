@@ -118,6 +118,7 @@ class Stack:
         if isinstance(self.ground, Spectrum):
             return self.ground
         if isinstance(self.ground, Hiding):
+            # Nothing below a coat that hides is seen: any ground will do.
             return 0.5
         return {"white": WHITE, "black": BLACK}[side if self.ground == "card" else self.ground]
 
@@ -143,6 +144,7 @@ class Stack:
         shelf = paints(self)
         grid = common_grid(self, shelf)
         coats = name_paints(self.shown, shelf)
+        # Only the paints in use are brought to the grid.
         used = {name: shelf[name] for coat in coats for _, name in coat.parts}
         same = {
             name: p if same_grid(p.wavelengths, grid) else p.resample(grid)
@@ -341,6 +343,7 @@ def stack_of(glaze: Glaze, instrument: Instrument | Geometry | str = "45:0") -> 
         Coat(tuple(_named_parts(coat.medium, own_paints)), float(coat.thickness), 1)
         for coat in glaze.coats
     )
+    # A ground of one number stays one, whatever bands the coats have.
     ground = np.asarray(glaze.ground, float)
     return Stack(
         coats=coats,
@@ -363,9 +366,11 @@ def _named_parts(
         )
     for paint, weight in zip(paints, medium.weights.tolist() if mixed else [1.0], strict=True):
         shipped = [paint.name, *(f"{group}/{paint.name}" for group in catalogue.names())]
+        # A paint keeps a catalogue's name only with the catalogue's numbers.
         name = next((n for n in shipped if n in all_paints() and _same(all_paints()[n], paint)), "")
         if not name:
             name = own_name(paint.name)
+            # Another paint of the same name is marked.
             while name in own_paints and not _same(own_paints[name], paint):
                 name += "'"
             own_paints[name] = paint
@@ -416,10 +421,12 @@ def stack_from_dict(content: Any) -> Stack:
             f"a stack has no {sorted(unknown)[0]!r:.60}; it has {', '.join(sorted(_KEYS))}"
         )
     listed = content.get("coats", [])
+    # A file from elsewhere may hold anything: sizes are bounded before its coats are read.
     if not isinstance(listed, list) or len(listed) > MOST_COATS:
         raise ValueError(f'"coats" must be a list of {MOST_COATS} coats at most')
     own_paints = _own(content.get("pigments", {}))
     shelf = {**all_paints(), **own_paints}
+    # Paints may be the stack's own, so that these are read first.
     coats = tuple(_coat(i, coat, shelf) for i, coat in enumerate(listed, 1))
     index = _number("refractive_index", content.get("refractive_index", 1.5), 1.0, 2.5)
     geometry = content.get("geometry", "45:0")
@@ -474,6 +481,7 @@ def _parts(where: str, content: Any, shelf: Mapping[str, Pigment]) -> tuple[tupl
             weights[find_name(name, shelf)] = weight
         except ValueError as error:
             raise ValueError(f"{where}: {error}") from None
+    # Parts by weight become shares of one.
     total = sum(weights.values())
     if total <= 0:
         raise ValueError(f"{where}: all parts are 0; give one of its paints some weight")
@@ -498,6 +506,7 @@ def _ground(content: Any, shelf: Mapping[str, Pigment]) -> Ground:
         raise ValueError(
             f"the ground is {content!r:.60}; write a number from 0 to 1, white, black or card"
         )
+    # A number from 2 to 100 is most likely in percent.
     if (value := _real(content)) is not None and 2 <= value <= 100:
         raise ValueError(
             f"the ground is {content!r}; it must be a number between 0 and 1: {content!r} percent "
@@ -509,6 +518,9 @@ def _ground(content: Any, shelf: Mapping[str, Pigment]) -> Ground:
 def _own(content: Any) -> dict[str, Pigment]:
     if not isinstance(content, dict) or len(content) > MOST_COATS:
         raise ValueError(f'"pigments" must be {MOST_COATS} own paints at most, by name')
+    for name in content:
+        if len(name) > 200:
+            raise ValueError(f"paint {name!r:.60} has a name of more than 200 characters")
     return {name: pigment_from_dict(name, columns) for name, columns in content.items()}
 
 
@@ -528,6 +540,7 @@ def pigment_from_dict(name: str, content: Any) -> Pigment:
         _curve(f"{key} of {name!r}", content[key])
         for key in ("wavelengths", "absorption", "scattering")
     ]
+    # Errors are optional: a paint typed by hand has none.
     errors = {
         key: _curve(f"{key} of {name!r}", content[key])
         for key in ("absorption_sd", "scattering_sd")

@@ -10,7 +10,7 @@ from glazefit.film.films import SPECTRA
 from glazefit.recipe.addition import next_addition
 from glazefit.recipe.report import in_painters_terms
 from glazefit.recipe.targets import lab_target
-from glazefit.recover.mixture import calibrate_mixture, predict_mixture
+from glazefit.recover.predict.mixture import calibrate_mixture, predict_mixture
 from glazejax import catalogue, colour
 from tests.fitting.test_variation import GRID, TINT, painted
 

@@ -1,5 +1,7 @@
 import csv
 import json
+import re
+from functools import partial
 from pathlib import Path
 
 import matplotlib.image
@@ -8,6 +10,7 @@ import pytest
 
 from glazefit import colourchecker_targets
 from glazefit.recipe import recipe
+from glazejax.commands import progress
 from glazejax.io import read_spectra
 
 from .palette import GRID, palette
@@ -98,7 +101,7 @@ def test_patches_of_a_chart(run, tmp_path):
 
 @pytest.mark.slow
 def test_an_interrupt_keeps_what_is_finished(run, monkeypatch):
-    def cut_short(task):
+    def cut_short(task, progress):
         yield from _first_of(real(task, 1))
         raise KeyboardInterrupt
 
@@ -115,6 +118,18 @@ def test_an_interrupt_keeps_what_is_finished(run, monkeypatch):
     assert [row["target"] for row in csv.DictReader(Path("r.csv").read_text().splitlines())] == [
         "red"
     ]
+
+
+@pytest.mark.slow
+def test_one_target_shows_how_far_its_search_is(run, monkeypatch):
+    """Without a terminal: percent of both stages, and the time left."""
+    monkeypatch.setattr(progress, "lines", partial(progress.lines, 0.001))
+    status, _, err = run("--lab", "50,20,30", "--max-coats", 2, "--max-paints", 2)
+    assert status == 0
+    for stage in ("looking through all sets of paints", "refining recipes"):
+        shares = re.findall(rf"^{stage} \d+ of \d+ \((\d+)%\), after", err, re.MULTILINE)
+        assert len({*shares}) > 1, stage
+    assert re.search(r"refining recipes .* about \d+ s left", err)
 
 
 @pytest.mark.slow

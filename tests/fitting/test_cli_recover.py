@@ -1,14 +1,18 @@
 import csv
 import functools
+import io
 import re
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from glazefit import Instrument, Noise, recover_films, simulate_films
 from glazefit.recover.command_joint import _lengths
-from glazefit.recover.film_by_film import recover_chunks
-from glazefit.recover.report import ranges, slug
+from glazefit.recover.films.film_by_film import recover_chunks
+from glazefit.recover.settings import Destination, slug
+from glazejax import Pigment
+from glazejax.spectra import ranges
 
 from .tables import write_films
 
@@ -95,7 +99,7 @@ def test_interrupt_keeps_what_is_finished(run, tmp_path, films, monkeypatch):
         yield next(recover_chunks(films.take([0]), instrument=instrument, noise=noise))
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("glazefit.recover.film_by_film.recover_chunks", interrupted)
+    monkeypatch.setattr("glazefit.recover.films.film_by_film.recover_chunks", interrupted)
     status, out, _ = run(write(tmp_path / "f.tsv", films), "--out", "res", "--no-plots")
     assert status == 130
     assert "1 of 2 films" in out
@@ -184,6 +188,19 @@ def test_ranges():
 def test_slug():
     assert slug("03B Red 10% + White/90%") == "03B_Red_10_White_90"
     assert slug("../..") == "paint"
+
+
+def test_pictures_of_names_that_differ_in_case_are_two_files(tmp_path):
+    said = io.StringIO()
+    console = Console(file=said, width=200)
+    results = Destination(tmp_path / "res", 25e-6, plots=True, overwrite=False, console=console)
+    paint = Pigment("Red", GRID, np.ones(GRID.size), np.ones(GRID.size))
+    tables = {"films.csv": (("film",), [("Red",)])}
+    results.write([paint], tables, ["Red", "red"], lambda row, path: path.write_text(str(row)))
+    assert "Wrote pigments.csv, films.csv and 2 pictures to" in said.getvalue()
+    assert (tmp_path / "res" / "Red.png").read_text() == "0"
+    assert (tmp_path / "res" / "red_.png").read_text() == "1"
+    assert [row["film"] for row in read_rows(tmp_path / "res" / "films.csv")] == ["Red"]
 
 
 def test_instrument_defaults_are_the_commands():

@@ -14,10 +14,9 @@ from glazefit.film.films import Films, Instrument, Noise
 from glazefit.film.model.mixing import MixingLaw, weight_table
 from glazefit.film.model.response import film_response
 from glazefit.film.simulate import simulate_films
-from glazefit.recover.constraints import Gauge, gather_constraints
-from glazefit.recover.crossvalidation import cross_validate
-from glazefit.recover.joint import pose, recover_jointly, spread
-from glazefit.recover.joint_problem import (
+from glazefit.recover.joint.constraints import Gauge, gather_constraints
+from glazefit.recover.joint.joint import pose, recover_jointly, spread
+from glazefit.recover.joint.problem import (
     Expectations,
     Unknowns,
     curvature_matrix,
@@ -27,8 +26,9 @@ from glazefit.recover.joint_problem import (
     residuals,
     totals,
 )
-from glazefit.recover.joint_solver import covariance, factorise, look, solve, solve_jointly
-from glazefit.recover.prediction import predict_films
+from glazefit.recover.joint.solver import covariance, factorise, look, solve, solve_jointly
+from glazefit.recover.predict.crossvalidation import cross_validate
+from glazefit.recover.predict.prediction import predict_films
 from glazejax import Pigment
 
 PAINTS = ("CobaltBlue", "ZincWhite", "BoneBlack")

@@ -10,7 +10,7 @@ from glazefit import Films, Noise
 from glazefit.film.films import card_reflectance
 from glazefit.film.model.response import film_response
 from glazefit.film.partial_films import read_loose_films
-from glazefit.recover.coats import (
+from glazefit.recover.coats.coats import (
     CoatScattering,
     coat_of,
     predict_next_coat,

@@ -9,8 +9,8 @@ import pytest
 
 from glazefit.film.model.errors import ModelError
 from glazefit.film.model.variation import SIZES, Variation
-from glazefit.recover.joint import recover_jointly
-from glazefit.recover.prediction import Prediction, predict_films
+from glazefit.recover.joint.joint import recover_jointly
+from glazefit.recover.predict.prediction import Prediction, predict_films
 from tests.fitting.test_joint import GRID, RECIPES, painted
 
 OF_SIZE_ONE = Variation(np.array([float(size == 1.0) for size in SIZES]))

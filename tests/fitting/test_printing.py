@@ -17,7 +17,7 @@ from glazefit import (
     reading_over,
 )
 from glazefit.identify.search.task import Measured
-from glazefit.recover.crossvalidation import LeftOut
+from glazefit.recover.predict.crossvalidation import LeftOut
 from glazejax.appearance import Mesh
 
 GRID = np.arange(400.0, 701.0, 10.0)

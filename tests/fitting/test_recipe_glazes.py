@@ -10,9 +10,9 @@ from rich.console import Console
 
 import glazejax as gj
 from glazefit import find_recipes, lab_target, spectral_target
+from glazefit.recipe.refine import enlargements, merge_coats
 from glazefit.recipe.report import print_best, print_recipes
 from glazefit.recipe.selection import roundings
-from glazefit.recipe.stacks import enlargements, merge_coats
 from glazefit.recipe.task import RecipeTask, make_task
 from glazejax import colour
 
@@ -99,9 +99,14 @@ def task(**others: Any) -> RecipeTask:
 
 def test_limits_of_unmixed_coats():
     assert (task().max_coats, task().max_paints) == (6, 5)
-    assert (task().mixed.max_coats, task().mixed.max_paints, task().mixed.glazes) == (2, 3, False)
+    mixed = task().mixed
+    assert mixed is not None
+    assert (mixed.max_coats, mixed.max_paints, mixed.glazes) == (2, 3, False)
     assert (task(glazes=False).max_coats, task(glazes=False).max_paints) == (2, 3)
-    assert task(max_coats=1, max_paints=2).mixed.max_coats == 1
+    assert task(glazes=False).mixed is None
+    narrow = task(max_coats=1, max_paints=2).mixed
+    assert narrow is not None
+    assert narrow.max_coats == 1
     with pytest.raises(ValueError, match="max_coats is 7; it must be a whole number from 1 to 6"):
         task(max_coats=7)
     with pytest.raises(ValueError, match="max_coats is 6; it must be a whole number from 1 to 4"):

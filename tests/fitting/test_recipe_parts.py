@@ -10,11 +10,10 @@ from glazefit import find_recipes
 from glazefit.film.colour_metric import lab_metric
 from glazefit.recipe.model import read
 from glazefit.recipe.parts import whole_parts
-from glazefit.recipe.refine import start
+from glazefit.recipe.refine import pack_coats, start
 from glazefit.recipe.report import describe_coat, print_best, print_recipes, write_json
-from glazefit.recipe.screen import coats_of, screen
-from glazefit.recipe.selection import Scored, roundings, select
-from glazefit.recipe.stacks import Stacks, pack_coats
+from glazefit.recipe.screen import Stacks, coats_of, screen, spread
+from glazefit.recipe.selection import by_effort, roundings, select
 from glazefit.recipe.targets import colourchecker_targets, lab_target, spectral_target, srgb_target
 from glazefit.recipe.task import RecipeTask, make_task
 from glazejax import catalogue, colour
@@ -71,7 +70,7 @@ def test_of_like_stacks_the_best_is_kept():
     sizes[:3, 0, 0], sizes[3, 0, 1], sizes[4, 1, 0] = (1.0, 2.0, 3.0), 1.0, 1.0
     cost = np.array([3.0, 1.0, 2.0, 5.0, 4.0])
     some = Stacks.before_refinement(sizes, np.array([0, 0, 1, 0, 0]), cost)
-    assert some.best(3).cost.tolist() == [1.0, 2.0, 5.0, 4.0]
+    assert some.best(3).cost.tolist() == [1.0, 2.0, 4.0, 5.0]
     assert some.best(2).cost.tolist() == [1.0, 2.0, 4.0]
 
 
@@ -213,7 +212,7 @@ def test_the_grid_has_every_set_within_the_bounds(task):
     for n, count in ((1, 5 * 2), (2, 10 * 7), (3, 10 * 20)):
         coats = coats_of(task.model, n, 0)
         assert len(coats.paints) == count
-        assert (coats.members(5).sum(axis=1) == n).all()
+        assert (spread(coats.paints, coats.amounts[:, 0] > 0, 5).sum(axis=1) == n).all()
         thickness = coats.amounts.sum(axis=2)
         assert thickness.min() == pytest.approx(1.0)
         assert thickness.max() == pytest.approx(50.0)
@@ -244,67 +243,60 @@ def test_no_paint_lies_over_itself_and_no_more_paints_than_allowed(limits):
     np.testing.assert_allclose(np.sum(moved**2, axis=(1, 2)), found.cost, rtol=1e-3, atol=1e-3)
 
 
-def scored(paints: dict[int, float], delta_e: float, coat: int = 0) -> Scored:
-    sizes = np.zeros((2, 4))
-    for paint, size in paints.items():
-        sizes[coat, paint] = size
-    return make_scored(sizes, delta_e)
+def scored(*some: tuple[dict[int, float], float]) -> Stacks:
+    """Stacks of one coat for one target, by the thickness of each paint and by Delta E."""
+    sizes = np.zeros((len(some), 2, 4))
+    for row, (paints, _) in enumerate(some):
+        sizes[row, 0, list(paints)] = list(paints.values())
+    distance = np.array([delta_e for _, delta_e in some])
+    stacks = Stacks.before_refinement(sizes, np.zeros(len(some), int), distance**2)
+    return stacks._replace(distance=distance)
 
 
-def make_scored(sizes: np.ndarray, delta_e: float) -> Scored:
-    return Scored(
-        sizes=sizes,
-        target=0,
-        reading=np.zeros(3),
-        lab=np.zeros((1, 3)),
-        delta_e=np.array([delta_e]),
-        score=delta_e,
-        settled=True,
-        steps=0,
-        before=delta_e,
-    )
+def names(task: RecipeTask, stacks: Stacks, count: int) -> list[tuple[set[int], float]]:
+    found = select(task, stacks, count)
+    paints = [set(np.flatnonzero(sizes.any(axis=0)).tolist()) for sizes in found.sizes]
+    return list(zip(paints, found.distance.tolist(), strict=True))
 
 
-def names(found: list[Scored]) -> list[tuple[set[int], float]]:
-    return [(set(one.paints), one.score) for one in found]
-
-
-def test_recipes_that_are_chosen_differ_and_add_nothing_in_vain():
+def test_recipes_that_are_chosen_differ_and_add_nothing_in_vain(task):
     """With one paint more a recipe must come nearer by what simplicity asks; else it waits behind
     the others.
     """
-    alone = scored({0: 5.0}, 2.0)
-    again = scored({0: 7.0}, 2.1)
-    nearer = scored({0: 5.0, 1: 1.0}, 1.2)
-    in_vain = scored({0: 5.0, 2: 1.0}, 1.9)
-    other = scored({3: 5.0}, 4.0)
-    pool = [other, in_vain, again, nearer, alone]
+    alone = ({0: 5.0}, 2.0)
+    again = ({0: 7.0}, 2.1)
+    nearer = ({0: 5.0, 1: 1.0}, 1.2)
+    in_vain = ({0: 5.0, 2: 1.0}, 1.9)
+    other = ({3: 5.0}, 4.0)
+    pool = scored(other, in_vain, again, nearer, alone)
     every = [({0, 1}, 1.2), ({0}, 2.0), ({3}, 4.0), ({0, 2}, 1.9)]
-    assert names(select(pool, 4, 0.3)) == every
-    assert names(select(pool, 3, 0.3)) == every[:3]
-    assert names(select(pool, 1, 0.3)) == every[:1]
+    assert names(task, pool, 4) == every
+    assert names(task, pool, 3) == every[:3]
+    assert names(task, pool, 1) == every[:1]
     # Of another simplicity the trace earns its place, and with much of it the paint alone comes
     # first.
-    assert names(select(pool, 4, 0.05))[1] == ({0, 2}, 1.9)
-    assert names(select(pool, 4, 1.0))[0] == ({0}, 2.0)
+    assert names(replace(task, simplicity=0.05), pool, 4)[1] == ({0, 2}, 1.9)
+    assert names(replace(task, simplicity=1.0), pool, 4)[0] == ({0}, 2.0)
     # Two paints more that do bring it nearer are worth a place, though their price puts them
     # behind.
-    richer = scored({0: 5.0, 1: 1.0, 2: 1.0}, 1.65)
-    assert names(select([alone, richer, other], 2, 0.3)) == [({0}, 2.0), ({0, 1, 2}, 1.65)]
-    # What is in gamut comes first, whatever it takes; the order of coats is a difference.
-    best = scored({0: 1.0, 1: 1.0, 2: 1.0}, 0.9)
-    assert names(select([*pool, best], 1, 0.3)) == [({0, 1, 2}, 0.9)]
-    below = scored({0: 5.0}, 2.05, coat=1)
-    assert len(select([alone, below, again], 3, 0.3)) == 1
+    richer = ({0: 5.0, 1: 1.0, 2: 1.0}, 1.65)
+    both = [({0}, 2.0), ({0, 1, 2}, 1.65)]
+    assert names(task, scored(alone, richer, other), 2) == both
+    # What is in gamut comes first, whatever it takes.
+    best = ({0: 1.0, 1: 1.0, 2: 1.0}, 0.9)
+    assert names(task, Stacks.join([pool, scored(best)]), 1) == [({0, 1, 2}, 0.9)]
+    # Each target has its own.
+    second = pool._replace(target=np.ones(5, int))
+    assert names(task, Stacks.join([second, pool]), 4) == every * 2
 
 
-def test_stacks_differ_by_the_order_of_their_coats():
-    one, other = (make_scored(sizes, 1.0) for sizes in (np.eye(2), np.eye(2)[::-1]))
-    assert one.signature != other.signature
-    assert one.coats == other.coats == 2
-    assert len(select([one, other], 5, 0.3)) == 2
-    assert one.distance == 1.0
-    assert one.effort(0.5) == (True, 1.0 + 0.5 * 4)
+def test_stacks_differ_by_the_order_of_their_coats(task):
+    sizes = np.stack([np.eye(2), np.eye(2)[::-1]])
+    both = Stacks.before_refinement(sizes, np.zeros(2, int), np.ones(2))
+    both = both._replace(distance=np.array([2.0, 0.5]))
+    assert select(task, both, 5).size == 2
+    assert both.coats.tolist() == both.paints.tolist() == [2, 2]
+    assert by_effort(task, both).tolist() == [1, 0]
 
 
 def test_recipes_for_one_target_are_drawn_on_one_scale():

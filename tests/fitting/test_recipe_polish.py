@@ -1,16 +1,17 @@
 """The last steps of a recipe, along the solver itself."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import glazejax as gj
 from glazefit import lab_target
 from glazefit.film.colour_metric import lab_metric
-from glazefit.recipe.distance import TargetArrays, colour_misfit
 from glazefit.recipe.model import read
-from glazefit.recipe.refine import look, refine, start
-from glazefit.recipe.selection import score
-from glazefit.recipe.stacks import Stacks
+from glazefit.recipe.refine import colour_misfit, look, refine, score, start
+from glazefit.recipe.screen import Stacks
+from glazefit.recipe.targets import TargetArrays
 from glazefit.recipe.task import RecipeTask, make_task
 from glazejax import colour
 
@@ -48,8 +49,7 @@ def task_for(spectra: np.ndarray, spectral: float = 0.0) -> RecipeTask:
     target = lab_target(dict.fromkeys(LIGHTS, (50, 0, 0)))
     task = make_task([target] * len(spectra), palette())
     arrays = TargetArrays(labs, lab_metric(labs), spectra, np.full(len(spectra), spectral))
-    task.__dict__["target_arrays"] = arrays
-    return task
+    return replace(task, target_arrays=arrays)
 
 
 def test_slopes_are_those_of_the_solver():
@@ -123,10 +123,10 @@ def test_amounts_that_made_a_colour_are_found_again():
     assert np.all(found.steps > 0)
     assert np.all(found.before > 0.5)
     np.testing.assert_allclose(found.sizes, made.sizes, rtol=0.02, atol=1e-3)
-    own = [one for (one,) in score(task, found)]
-    assert max(one.distance for one in own) < 0.01
-    # The cost is what recipes are chosen by.
-    np.testing.assert_allclose(np.sqrt(found.cost), [one.score for one in own], atol=2e-3)
+    seen = read(task.model, found.sizes, task.optics)
+    chosen_by = score(task, found, seen.spectrum, seen.lab)
+    assert chosen_by.distance.max() < 0.01
+    np.testing.assert_allclose(np.sqrt(found.cost), np.sqrt(chosen_by.cost), atol=2e-3)
 
 
 def test_a_coat_at_its_bound_and_a_paint_that_fades_settle():

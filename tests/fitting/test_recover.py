@@ -9,8 +9,11 @@ from glazefit import Instrument, Noise, read_films, recover_films, simulate_film
 from glazefit.film.gloss import estimate_gloss
 from glazefit.film.model.optics import Optics
 from glazefit.film.model.response import film_response
+from glazefit.film.noise import estimate_noise
 from glazefit.film.readers import is_masstone, read_recipes, readable_names
-from glazefit.recover.film_by_film import (
+from glazefit.film.reading import readings
+from glazefit.posterior.bands import pose_bands
+from glazefit.recover.films.film_by_film import (
     CHUNK,
     ScatteringPrior,
     pose,
@@ -18,7 +21,7 @@ from glazefit.recover.film_by_film import (
     solve,
     starts,
 )
-from glazefit.recover.result import told_apart
+from glazefit.recover.films.result import told_apart
 from glazejax import Glaze, Hemispherical, Layer, Pigment, reflectance
 
 GRID = np.arange(400.0, 701.0, 10.0)
@@ -52,6 +55,29 @@ def test_errors_are_as_large_as_stated_not_only_in_the_tails(known):
     k, _, _, recovery = known
     z = ((recovery.absorption - k) / recovery.absorption_sd)[recovery.identifiable]
     assert np.percentile(np.abs(z), 68.3) == pytest.approx(1.0, abs=0.1)
+
+
+def test_errors_are_those_that_the_posterior_says(known):
+    """Standard deviations of log s and of log k/s, by the curvature of the posterior of bands at the
+    solution: one film has one error bar.
+    """
+    *_, films, recovery = known
+    assert np.all(recovery.gloss == 1.0)
+    problem = pose_bands(readings(films, INSTRUMENT, estimate_noise(films)), 1.0, INSTRUMENT)
+    free = np.log(np.stack([recovery.ratio, recovery.scattering], axis=-1)).reshape(-1, 2)
+
+    def height(free, data):
+        return 0.5 * jnp.sum(problem.residuals(free, data, problem.shared) ** 2)
+
+    curvature = jax.jit(jax.vmap(jax.hessian(height)))(free, problem.data)
+    variance = np.diagonal(np.linalg.inv(curvature), axis1=1, axis2=2)
+    expected = np.sqrt(np.maximum(variance, 0.0)).reshape(*recovery.ratio.shape, 2)
+    relative = np.stack(
+        [recovery.ratio_sd / recovery.ratio, recovery.scattering_sd / recovery.scattering], axis=-1
+    )
+    use = recovery.identifiable & np.all(relative < 0.1, axis=-1)
+    assert use.mean() > 0.3
+    np.testing.assert_allclose(relative[use], expected[use], rtol=0.1)
 
 
 def test_ratio_is_known_even_where_k_and_s_are_not(known):
@@ -179,14 +205,14 @@ def test_two_solutions_are_both_starts():
     films = simulate_films(
         GRID, np.full((1, 31), 2.3), np.full((1, 31), 0.06), names=["x"], noise=Noise(1e-6, 0)
     )
-    problem = pose(films, np.ones(1), INSTRUMENT, Noise())
-    first = jax.tree.map(lambda a: a[0], problem)
+    _, data, _ = pose(films, np.ones(1), INSTRUMENT, Noise())
+    first = jax.tree.map(lambda a: a[0], data)
     nowhere = ScatteringPrior(jnp.zeros(()), jnp.zeros(()))
     points = np.asarray(jax.jit(starts)(first, film_response(INSTRUMENT), nowhere).logs)
     assert np.abs(np.exp(points) - [2.3, 0.06]).min(axis=0).max() < 0.5
     k, s = jnp.exp(points).T[..., None, None]
-    read = Optics.of(INSTRUMENT).body(k, s, first.ground, 1e-5)
-    assert np.abs(np.asarray(read) - np.asarray(first.reflectance)).min(axis=0).max() < 2e-3
+    read = Optics.of(INSTRUMENT).body(k, s, first.ground[0], 1e-5)
+    assert np.abs(np.asarray(read) - first.reading[0]).min(axis=0).max() < 2e-3
 
 
 @pytest.mark.slow
@@ -203,19 +229,16 @@ def test_chunks_join_to_the_whole(known):
 @pytest.mark.slow
 def test_compiled_program_calls_no_library_for_linear_algebra():
     size = 2
-    problem = jax.tree.map(
-        jnp.asarray,
-        pose(
-            simulate_films(GRID[:2], *[np.ones((1, 2))] * 2, names=["x"]),
-            np.ones(1),
-            INSTRUMENT,
-            Noise(),
-        ),
+    problem = pose(
+        simulate_films(GRID[:2], *[np.ones((1, 2))] * 2, names=["x"]),
+        np.ones(1),
+        INSTRUMENT,
+        Noise(),
     )
     prior = ScatteringPrior(jnp.zeros(size), jnp.zeros(size))
     # What the compiler is given; it adds no library calls of its own, and compiling again takes
     # long.
-    program = solve.jitted.lower(problem, film_response(INSTRUMENT), prior).as_text("hlo")
+    program = solve.jitted.lower(*problem, prior).as_text("hlo")
     assert "lapack_" not in program
     assert "while" in program, "the solver's loop is missing: is this the program that runs?"
 

@@ -9,8 +9,8 @@ from glazefit.film.model.variation import Variation
 from glazefit.identify.identify import identify
 from glazefit.recipe.recipe import Recipe
 from glazefit.recipe.targets import lab_target
-from glazefit.recover.film_by_film import recover_films
-from glazefit.recover.prediction import Prediction
+from glazefit.recover.films.film_by_film import recover_films
+from glazefit.recover.predict.prediction import Prediction
 from glazejax.paint.describe import Coat
 
 GRID = np.arange(400.0, 701.0, 100.0)

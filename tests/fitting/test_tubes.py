@@ -12,11 +12,11 @@ from glazefit.film.films import USUAL_CARD_SD, bare_surface, cards, usual_cards
 from glazefit.film.model.response import film_response
 from glazefit.film.noise import estimate_noise, roughness
 from glazefit.film.partial_films import average, crop, read_loose_films, recipes_from_names, tint
-from glazefit.recover.constraints import Gauge, error_modes, gather_constraints
-from glazefit.recover.entries import add_paints
-from glazefit.recover.experimental_design import rank_next_films
-from glazefit.recover.joint import UNIT, recover_jointly
-from glazefit.recover.joint_problem import Expectations
+from glazefit.recover.joint.constraints import Gauge, error_modes, gather_constraints
+from glazefit.recover.joint.entries import add_paints
+from glazefit.recover.joint.joint import UNIT, recover_jointly
+from glazefit.recover.joint.problem import Expectations
+from glazefit.recover.predict.experimental_design import rank_next_films
 from glazejax import Pigment, catalogue
 
 from .tables import write_films

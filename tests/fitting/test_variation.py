@@ -22,11 +22,11 @@ from glazefit.film.model.variation import (
     learn,
     log_likelihood,
 )
-from glazefit.recover.constraints import Gauge
-from glazefit.recover.joint import UNIT
-from glazefit.recover.mixture import calibrate_mixture, drawn_mixture, mix, predict_mixture
-from glazefit.recover.next_reading import rank_next_readings
-from glazefit.recover.predict_command import read_recipe
+from glazefit.recover.joint.constraints import Gauge
+from glazefit.recover.joint.joint import UNIT
+from glazefit.recover.predict.mixture import calibrate_mixture, drawn_mixture, mix, predict_mixture
+from glazefit.recover.predict.next_reading import rank_next_readings
+from glazefit.recover.predict_command import read_mixture, read_recipe
 from glazejax import Instrument, Pigment, catalogue, colour
 
 from .tables import write_films
@@ -439,6 +439,12 @@ def test_recipes_are_read(text, expected):
 def test_recipes_that_are_none(text, words):
     with pytest.raises(ValueError, match=words):
         read_recipe(text)
+
+
+def test_a_family_is_no_paint_of_a_mixture():
+    words = "'cobalt blue' is a family of 9 paints: name one, such as 'cobalt blue/"
+    with pytest.raises(ValueError, match=words):
+        read_mixture("50 cobalt blue + 50 ZincWhite", dict(catalogue.load("pigments")))
 
 
 @pytest.mark.parametrize(

@@ -340,6 +340,11 @@ def test_gains_and_offsets_of_a_header_are_applied(tmp_path, words, interleave):
     assert older.notes == opened.attrs["notes"]
 
 
+def test_offsets_without_gains_are_applied(tmp_path):
+    image = cube(tmp_path, data_offset_values=[-1000.0] * 31, reflectance_scale_factor=10_000)
+    np.testing.assert_allclose(read_cube(tmp_path / "image.hdr")[:, :], image - 0.1, atol=1e-4)
+
+
 def test_gains_of_another_length_are_refused(tmp_path):
     cube(tmp_path, data_gain_values=[1, 2, 3])
     with pytest.raises(ValueError, match="'data gain values' has 3 entries for 31 bands"):

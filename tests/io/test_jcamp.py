@@ -115,3 +115,12 @@ def test_errors_are_one_line(tmp_path, text, complaint):
     with pytest.raises(ValueError, match=complaint) as caught:
         read_spectra(path)
     assert complains(caught, path)
+
+
+def test_more_points_than_promised_are_not_cut_short(tmp_path):
+    """Decimal commas double the numbers of a line."""
+    text = re.sub(
+        r"(?m)^(\d\S*) (\S+)$", lambda row: f"{row[1]},0 {row[2]}".replace(".", ","), block()
+    )
+    with pytest.raises(ValueError, match="promises 31 points and holds 62; are its decimal points"):
+        read_spectra(put(tmp_path, text))

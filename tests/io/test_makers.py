@@ -7,7 +7,7 @@ import pytest
 
 from glazejax.io import read_spectra
 
-from .samples import CGATS, GRID, complains, jcamp_block, same, spectra
+from .samples import CGATS, CXF, GRID, complains, jcamp_block, same, spectra
 
 RED, BLUE = spectra(2).round(4)
 DARK = 0.3 + 0.9 * RED  # percent of a black
@@ -142,7 +142,17 @@ def test_other_quantities_are_refused_by_name_unless_the_user_says_so(tmp_path, 
         read_spectra(path, quantity="colour")
 
 
-@pytest.mark.parametrize("line", ["YUNITS\tABSORBANCE", "%T", "Data units; Radiance"])
+@pytest.mark.parametrize(
+    "line",
+    [
+        "YUNITS\tABSORBANCE",
+        "%T",
+        "Data units; Radiance",
+        "K/S values",
+        "Ordinate mode: %T",
+        "Mode: Abs",
+    ],
+)
 def test_lines_above_say_what_the_values_are(tmp_path, line):
     path = put(tmp_path, f"An instrument\n{line}\n" + rows(RED, by="\t"))
     with pytest.raises(ValueError, match="and only reflectance can be read"):
@@ -331,3 +341,142 @@ def test_a_workbook_without_spectra_names_its_sheets(tmp_path):
         ValueError, match="no sheet holds a table of spectra; there are Painting, Pl"
     ):
         read_spectra(tmp_path / "film.xlsx")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "Wavelength;black\nnm;%\n" + rows(DARK, by=";"),
+        "\tblack\nnm\t%R\n" + rows(DARK, by="\t"),
+        "Wavelength (nm)\tblack\n\t%R\n" + rows(DARK, by="\t").replace(".", ","),
+        "# reflectance in percent\nnm,black\n" + rows(DARK),
+        "nm;black, %\n" + rows(DARK, by=";"),
+        '"nm","R pct"\n'
+        + "".join(f'"{w:g},0","{d}"\n'.replace(".", ",") for w, d in zip(GRID, DARK, strict=True)),
+        "nm;black\n" + "".join(f"{w};{d}\u00a0%\n" for w, d in zip(GRID, DARK, strict=True)),
+    ],
+)
+def test_percent_of_a_row_of_units_a_line_above_or_a_cell(tmp_path, text):
+    np.testing.assert_allclose(read_spectra(put(tmp_path, text)).reflectance[0], DARK / 100)
+
+
+@pytest.mark.parametrize("band", ["R{:g}%", "{:g} %", "R_{:g}nm_%", "R% {:g}", "SPECTRAL_PCT_{:g}"])
+def test_percent_behind_the_wavelength_of_a_band(tmp_path, band):
+    text = f"Name;{';'.join(map(band.format, GRID))}\nblack;{';'.join(map(str, DARK))}\n"
+    np.testing.assert_allclose(read_spectra(put(tmp_path, text))["black"], DARK / 100)
+    bands = ";".join(f"{w:g}" for w in GRID)
+    text = f"Name;Unit;{bands}\nblack;%;{';'.join(map(str, DARK))}\n"
+    np.testing.assert_allclose(read_spectra(put(tmp_path, text))["black"], DARK / 100)
+
+
+@pytest.mark.parametrize(
+    ("title", "quantity"),
+    [
+        ("A.U.", "absorbance"),
+        ("O.D.", "absorbance"),
+        ("Assorbanza", "absorbance"),
+        ("Abs. Irradiance", "irradiance"),
+        ("µW/cm²/nm", "irradiance"),
+        ("Strahldichte", "radiance"),
+        ("k over s", "K/S"),
+        ("Level (dB)", "decibels"),
+        ("Raw DN", "counts"),
+        ("S1 (cts)", "counts"),
+        ("Intensity (a.u.)", "intensity"),
+        ("Emittance", "emission"),
+        ("Standard deviation", "a deviation"),
+        ("First derivative", "a derivative"),
+    ],
+)
+def test_quantities_in_a_title_a_row_of_units_and_a_line_above(tmp_path, title, quantity):
+    for text in (
+        f"nm;{title}\n",
+        f"Wavelength;sample 1\nnm;{title}\n",
+        f"Jaz\nY Axis: {title}\nWavelength;sample 1\n",
+    ):
+        with pytest.raises(ValueError, match=f"is {quantity}, and only reflectance can be read"):
+            read_spectra(put(tmp_path, text + rows(RED, by=";")))
+
+
+def test_names_of_paints_with_letters_of_quantities(tmp_path):
+    names = ["DB 703", "OD green", "Std 1", "STD", "Fluorescent Red", "Trans. Oxide"]
+    names += ["Flash green", "Display 3", "Absorbent ground"]
+    text = f"nm;{';'.join(names)}\n" + rows(*[RED] * len(names), by=";")
+    assert read_spectra(put(tmp_path, text)).names == tuple(names)
+    text = "nm;white (%R);red (%R)\n" + rows(DARK, DARK, by=";")
+    assert read_spectra(put(tmp_path, text)).names == ("white (%R)", "red (%R)")
+
+
+@pytest.mark.parametrize(
+    "header",
+    ["nm;mean;std", "nm;Reflectance;Reflectance SD", "Lambda;Reflexion;Dunkel", "nm;R red;St.dev."],
+)
+def test_deviations_and_readings_are_no_spectra(tmp_path, header):
+    table = read_spectra(put(tmp_path, f"{header}\n" + rows(RED, 0.01 * BLUE, by=";")))
+    same(table, GRID, [RED], table.names)
+
+
+def test_titles_stand_above_decimal_commas_and_numbers(tmp_path):
+    text = "x (nm)\tred\tblue\n" + rows(RED, BLUE, by="\t").replace(".", ",")
+    same(read_spectra(put(tmp_path, text)), GRID, [RED, BLUE], ["red", "blue"], atol=1e-9)
+    text = "\tred\t\tblue\t\nnm\t1\t2\t1\t2\n" + rows(RED, RED, BLUE, BLUE, by="\t")
+    names = ["red 1", "red 2", "blue 1", "blue 2"]
+    same(read_spectra(put(tmp_path, text)), GRID, [RED, RED, BLUE, BLUE], names)
+
+
+def test_what_is_no_wavelength_is_refused_or_left_out(tmp_path):
+    for title in ("Frequency (THz)", "Raman shift (cm-1)"):
+        with pytest.raises(ValueError, match=r"'(Freq|Raman).* is no wavelength; write"):
+            read_spectra(put(tmp_path, f"{title};red\n" + rows(RED, by=";")))
+    text = "Wavenumber (cm-1);nm;Energy (eV);red\n"
+    text += "".join(f"{1e7 / w};{w};{1240 / w};{r}\n" for w, r in zip(GRID, RED, strict=True))
+    table = read_spectra(put(tmp_path, text))
+    same(table, GRID, [RED], ["red"])
+    assert "left out, as they hold no spectra: Wavenumber (cm-1), Energy (eV)" in table.notes
+
+
+@pytest.mark.parametrize("ends", [(100, 3500), (4000, 10_000), (650, 4000)])
+def test_wavenumbers_of_any_instrument_are_asked_about(tmp_path, ends):
+    grid = np.linspace(ends[0], ends[1], GRID.size)
+    with pytest.raises(ValueError, match="without a unit may be wavenumbers"):
+        read_spectra(put(tmp_path, rows(RED, grid=grid)))
+
+
+def test_wavelengths_of_pairs_in_other_units_are_no_spectra(tmp_path):
+    text = "nm;a;um;b\n" + rows(RED, GRID / 1000, BLUE, by=";")
+    with pytest.raises(ValueError, match="have none in common"):
+        read_spectra(put(tmp_path, text))
+    text = "Wavelength (m);red\n" + rows(RED, by=";", grid=GRID * 1e-9)
+    np.testing.assert_allclose(read_spectra(put(tmp_path, text)).wavelengths, GRID)
+
+
+def test_the_usual_mark_of_missing_data_in_a_table(tmp_path):
+    values = RED.copy()
+    values[[3, 4]] = -9999
+    table = read_spectra(put(tmp_path, "nm,red\n" + rows(values)))
+    assert table.wavelengths.tolist() == [*GRID[:3], *GRID[5:]]
+    assert "-9999 was taken for missing data" in table.notes
+
+
+@pytest.mark.parametrize(
+    "keyword",
+    ['MEASUREMENT_MODE "Emissive"', 'LUMINANCE_XYZ_CDM2 "95 100 109"', 'MEAS_TYPE "MONITOR"'],
+)
+def test_keywords_of_lamps_and_screens(tmp_path, keyword):
+    path = put(tmp_path, CGATS.replace("# a comment", keyword))
+    with pytest.raises(ValueError, match="is emission, and only reflectance"):
+        read_spectra(path)
+
+
+def test_cxf_says_what_was_measured_and_may_be_utf_16(tmp_path):
+    path = put(tmp_path, CXF.replace("UTF-8", "UTF-16"), encoding="utf-16")
+    assert "red" in read_spectra(path).names
+    with pytest.raises(ValueError, match="'Spectrum_Emissive' is emission"):
+        read_spectra(put(tmp_path, CXF.replace("Spectrum_Reflectance", "Spectrum_Emissive")))
+
+
+def test_qtx_of_a_transmission(tmp_path):
+    text = "[STANDARD_DATA 0]\nSTD_NAME=a\nSTD_REFLPOINTS=3\nSTD_REFLINTERVAL=10\nSTD_REFLLOW=400\n"
+    path = put(tmp_path, text + "STD_VIEWING=TRANSMISSION\nSTD_R=1,2,3\n")
+    with pytest.raises(ValueError, match="is transmittance"):
+        read_spectra(path)

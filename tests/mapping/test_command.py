@@ -82,6 +82,7 @@ class Halves:
             )
             arrays[variable.name] = np.full((y, x, *further), variable.fill, variable.dtype)
         arrays["status"][:] = Status.MAPPED
+        masked = 0
         arrays["members"][..., 0] = 0
         arrays["members"][:, x // 2 :, 1] = 1
         arrays["fraction"][..., :2] = np.where(arrays["members"][..., :2] >= 0, 0.5, np.nan)
@@ -97,6 +98,7 @@ class Halves:
                 arrays[name][-1] = variable.fill
             arrays["status"][-1] = Status.MASKED
             y -= 1
+            masked = x
         half = y * (x // 2)
         one = SetSum(
             half,
@@ -105,7 +107,8 @@ class Halves:
             half * np.full(GRID.size, 0.17),
             (half * 20e-6, half),
         )
-        return ChunkMaps(arrays, {"pixels": float(y * x)}, {(0,): one, (0, 1): one})
+        tallies = {"mapped": float(y * x), "left out by the mask": float(masked)}
+        return ChunkMaps(arrays, tallies, {(0,): one, (0, 1): one})
 
 
 def interrupt() -> None:

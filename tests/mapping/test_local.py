@@ -34,7 +34,7 @@ class Problem:
     @property
     def atlas(self):
         features = Features.of(self.readings)
-        return Atlas.of(features, self.known, self.searcher.task.prior)
+        return Atlas(features, self.known, self.searcher.task.prior)
 
     @functools.cached_property
     def found(self):
@@ -108,9 +108,7 @@ def test_candidates_that_were_left_out_keep_their_share(problem):
 
     def answers(rest: float):
         known = dataclasses.replace(problem.known, rest=np.full_like(problem.known.rest, rest))
-        return Atlas.of(Features.of(readings), known, problem.searcher.task.prior).answers(
-            readings
-        )[0]
+        return Atlas(Features.of(readings), known, problem.searcher.task.prior).answers(readings)[0]
 
     without, found = answers(0.0), answers(left_out)
     whole = (1.0 - without.none) / (1.0 - left_out) + without.none
@@ -129,7 +127,8 @@ def test_near_a_representative_it_follows_the_search(problem):
     # Of films that explain the spectrum: a far residual is no straight line in the amounts.
     met = np.sum(local.off**2, axis=1) < 50.0
     for row in range(len(problem.readings)):
-        own = np.flatnonzero((local.row == row) & met)
+        candidates = problem.known.candidates[row]
+        own = np.arange(candidates.start, candidates.stop)[met[candidates]]
         changes = []
         for n in own:
             same = [
@@ -189,13 +188,13 @@ def test_what_is_kept_comes_back(problem):
     halves = 2 * [
         search_locally(problem.searcher, problem.readings, problem.sd, problem.ground).arrays()
     ]
-    both = Searched.from_parts(2, lambda n, name: halves[n][name])
+    both = Searched.joined(2, lambda n, name: halves[n][name])
+    count = len(problem.readings)
+    assert both.candidates[count].start == both.candidates[count - 1].stop == both.kept.sum() // 2
     for name, values in both.arrays().items():
         half = len(values) // 2
-        if name == "local_row":
-            np.testing.assert_array_equal(values[half:], arrays[name] + len(problem.readings))
-        else:
-            np.testing.assert_allclose(values[:half], arrays[name], rtol=1e-5, atol=1e-6)
+        np.testing.assert_allclose(values[:half], arrays[name], rtol=1e-5, atol=1e-6)
+        np.testing.assert_array_equal(values[half:], halves[1][name])
 
 
 def test_colours_differ_as_the_metric_says():

@@ -8,7 +8,7 @@ from benchmarks.rivals import known_painting
 from benchmarks.rivals.known_painting import NOISE, Painting
 
 from glazefit.mapping.store.chunk import SetSum
-from glazefit.mapping.store.layout import PLACES, VARIABLES, Status, Way
+from glazefit.mapping.store.layout import PLACES, STATUS_WORDS, VARIABLES, Status, Way
 
 GRID = np.linspace(400.0, 700.0, 16)
 """Of all paintings of these tests: tables of their regions belong to a grid, and are made once."""
@@ -95,8 +95,9 @@ def truth_map(painting: Painting, *, unit: str | None = "mm"):
         coordinates,
         {"working_wavelengths": painting.wavelengths.tolist()},
     )
-    return (
-        dataset,
-        {"readings": int(mapped.sum()) * painting.wavelengths.size, "way dark": 0, "searches": 812},
-        sets,
-    )
+    tallies = {words: float(np.sum(status == number)) for number, words in STATUS_WORDS.items()}
+    tallies |= {
+        f"way {way.name.lower()}": float(np.sum(arrays["way"] == way)) for way in Way if way
+    }
+    tallies |= {"readings": int(mapped.sum()) * painting.wavelengths.size, "searches": 812}
+    return dataset, tallies, sets

@@ -81,7 +81,6 @@ def test_samples_are_joined_by_straight_lines():
     )
 
 
-@pytest.mark.slow
 def test_no_thickness_is_a_bare_ground():
     bare = stack_reflectance_factor([0.0], [0.0], 0.6)
     for method in METHODS:

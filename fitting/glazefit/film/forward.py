@@ -16,10 +16,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from glazejax.geometry import Instrument
 from glazejax.programs import Program
 
 from .model.optics import Optics
-from .model.response import FilmResponse
+from .model.response import FilmResponse, film_response
 from .model.spline import HIGHEST, locate, nodes_of, patches, within
 
 _NODES = 56
@@ -223,6 +224,46 @@ class Film:
         numbers = jnp.sum(patch * weights[..., None], axis=(1, 2))
         values = jnp.moveaxis(numbers.reshape(bands, -1, grounds), 1, 0)
         return Slopes(body=values[0], by_ground=values[1], by_log=values[2:])
+
+
+def pose_each_band(
+    instrument: Instrument,
+    surface: float | np.ndarray,
+    modes: Float[np.ndarray, "2 2"],
+    **readings: Float[np.ndarray, "bands grounds"],
+) -> tuple[Film, FilmData, FilmShared]:
+    """Every band a film of its own: one coat of unknown paint, whose spectra are two numbers.
+
+    Args:
+        instrument: that read the bands.
+        surface: what a smooth surface adds to a reading.
+        modes: slopes of log k d and log s d by the two numbers.
+        readings: `reading`, `ground`, `sd` and `ground_sd` of `FilmData`.
+    """
+    film = Film(
+        sizes=(0,),
+        fractions=(False,),
+        thickness=(False,),
+        spectra=2,
+        gloss=False,
+        error=False,
+        optics=Optics.of(instrument),
+    )
+    no_paint = np.zeros((len(readings["reading"]), 1, 0))
+    columns: dict[str, Any] = {
+        name: np.asarray(values)[:, None] for name, values in readings.items()
+    }
+    shared = FilmShared(
+        response=film_response(instrument),
+        surface=np.array(surface),
+        smooth=np.ones((1, 1)),
+        mean=np.zeros(2),
+        sd=np.ones(2),
+        levels=np.zeros(2),
+        modes=modes[:, None],
+    )
+    data = FilmData(absorption=no_paint, scattering=no_paint, shares=no_paint[:, 0], **columns)
+    return film, data, shared
 
 
 def _slices(counts: tuple[int, ...]) -> tuple[slice, ...]:

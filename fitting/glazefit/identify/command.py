@@ -116,6 +116,7 @@ def identify(
     varnish: Annotated[
         str | None,
         typer.Option(
+            callback=options.among("none", "thin", "yellowed", "unknown"),
             help="Varnish: none, thin, yellowed or unknown. Default: none with --catalogue "
             "pigments, else unknown.",
             show_default=False,
@@ -307,7 +308,7 @@ def identify(
         names=task.names,
     )
     finished, how = progress.collect(
-        chunks, len(task.spectra), "compiling, then searching", "searching"
+        lambda _: chunks, len(task.spectra), "compiling, then searching", "searching"
     )
     identification = Identification.join(finished)
     _report(
@@ -382,9 +383,7 @@ def _report_files(report: Path | None) -> dict[str, Path | None]:
         return {}
     from glazejax.extras import require
 
-    from .show.page import beside
-
-    table, data = beside(report)
+    table, data = head.beside(report)
     require("jinja2")
     return {"--report": report, "the table of --report": table, "the JSON of --report": data}
 

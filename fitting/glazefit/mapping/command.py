@@ -2,7 +2,7 @@
 by pixel, out.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -17,10 +17,7 @@ from ..page import subject as head
 from .options import CUBE
 
 if TYPE_CHECKING:
-    import xarray
     from rich.console import Console
-
-    from .store.store import MapStore
 
 _GEOMETRY = "d:8"
 
@@ -57,6 +54,7 @@ def map_(
         Path | None,
         typer.Argument(
             metavar="CUBE",
+            callback=options.there,
             help=(
                 "Image of spectra: ENVI (header or data), zarr, NetCDF, HDF5, TIFF or a folder "
                 "of TIFFs or PNGs, MATLAB, .npy."
@@ -168,11 +166,17 @@ def map_(
     refractive_index: options.RefractiveIndex = 1.5,
     noise: Annotated[
         float | None,
-        _option("Noise of a reading near black, in reflectance. Default: estimated from the cube."),
+        _option(
+            "Noise of a reading near black, in reflectance. Default: estimated from the cube.",
+            callback=options.between(0.0),
+        ),
     ] = None,
     noise_share: Annotated[
         float | None,
-        _option("Noise that grows with the reading: added to --noise per unit of reflectance."),
+        _option(
+            "Noise that grows with the reading: added to --noise per unit of reflectance.",
+            callback=options.between(0.0),
+        ),
     ] = None,
     model_error: options.ModelError = None,
     thickness: options.Thickness = "25um",
@@ -255,6 +259,7 @@ def map_(
     usual = options.read_length(thickness)
     bound = read_memory(memory)
     spots = spot or []
+    read_spots(spots, [])
     reading = {
         "wavelengths": read_wavelengths(wavelengths),
         "dataset": dataset or None,
@@ -294,14 +299,20 @@ def map_(
     import numpy as np
     from rich.console import Console
 
+    from glazejax.commands.command_line import command_line, ground_file
     from glazejax.io import CubeSource
 
     from ..film.films import Instrument, Noise
     from ..film.model.errors import ModelError, Prior
     from ..identify.families.expected import EXPECTED, has_families
-    from . import spot_files
+    from ..identify.search.options import IdentificationOptions
+    from .family_facts import describe_sets
     from .map_cube import map_cube
+    from .provenance import map_provenance
+    from .show.page import write_report
+    from .show.report import print_map, write_sets
     from .solve.spots import spot_pigment
+    from .spot_files import write_spots
     from .store.run import connect
     from .store.store import MapStore
     from .terminal import name_damage, say_what_is_kept
@@ -343,6 +354,12 @@ def map_(
     progress.print_notes(console, "--ground", notes)
     stated_noise = {"floor": noise, "share": noise_share}
     usual_error = ModelError.between_films()
+    search: dict[str, Any] = {
+        "instrument": seen_with,
+        "prior": replace(EXPECTED if by_family else Prior(), thickness=usual),
+        "max_paints": max_paints,
+        **evidence,
+    }
     with (
         say_what_is_kept(out, console, overwrite=overwrite),
         name_damage(console),
@@ -357,80 +374,83 @@ def map_(
             out=out,
             mask=mask,
             spots=measured_spots,
-            instrument=seen_with,
             noise=None
             if noise is noise_share is None
             else Noise(**{k: v for k, v in stated_noise.items() if v is not None}),
             discrepancy=usual_error
             if model_error is None
             else replace(usual_error, amplitude=model_error),
-            prior=replace(EXPECTED if by_family else Prior(), thickness=usual),
-            max_paints=max_paints,
-            **evidence,
+            **search,
             memory=bound,
             client=client,
             overwrite=overwrite,
             progress=report_progress,
         )
     asked = options.say_asked(paints, catalogue, pigments or references, by_family=by_family)
-    about = {
-        **{head.TITLES[name]: text for name, text in subject.items()},
-        "Catalogue": asked,
-        "Ground": ground_words,
-        "Instrument": f"{seen_by.describe()}, refractive index {refractive_index:g}",
-        "Elements": ", ".join(evidence["elements"]),
-        "Elements not found": ", ".join(evidence["without_elements"]),
-        "Painted": "" if painted is None else str(painted),
-    }
+    store = MapStore.open(out)
+    tallies, sets = store.sums()
+    console.print(f"Wrote the map to {out}")
+    print_map(paint_map, tallies, sets, console)
+    if csv is not None:
+        grid = paint_map.attrs["working_wavelengths"]
+        write_sets(csv, paint_map, sets, grid, overwrite=overwrite)
+        console.print(f"Wrote the table of sets to {csv}")
+    if export is not None:
+        from .store.export import export_map
 
-    def provenance() -> Any:
-        from glazejax.commands.command_line import command_line, ground_file
-
-        from .provenance import map_provenance
-
+        with progress.doing(f"writing {export}"):
+            files = export_map(out, export, overwrite=overwrite)
+        console.print(f"Wrote it as {' and '.join(map(str, files))} too")
+    if report is not None:
+        about = {
+            **{head.TITLES[name]: text for name, text in subject.items()},
+            "Catalogue": asked,
+            "Ground": ground_words,
+            "Instrument": f"{seen_by.describe()}, refractive index {refractive_index:g}",
+            "Elements": ", ".join(evidence["elements"]),
+            "Elements not found": ", ".join(evidence["without_elements"]),
+            "Painted": "" if painted is None else str(painted),
+        }
         read = {**given_files, "--ground": ground_file(ground)}
-        return map_provenance(command_line(), typed, source.path, read, paint_map, about)
-
-    def describe() -> Any:
-        from ..identify.search.options import IdentificationOptions
-        from .family_facts import describe_sets
-
-        asked = IdentificationOptions(
-            instrument=seen_with,
-            prior=replace(EXPECTED, thickness=usual),
-            max_paints=max_paints,
-            **evidence,
-        )
-        store = MapStore.open(out)
-        return describe_sets(paint_map, store.sums()[1], paints, asked, store.options["ground"])
-
-    def write_spots(folder: Path) -> list[Path]:
-        grid = np.asarray(opened["wavelength"], float)
+        searched = IdentificationOptions(**search)
+        with progress.doing("writing the report"):
+            families = (
+                describe_sets(paint_map, sets, paints, searched, store.options["ground"])
+                if by_family
+                else None
+            )
+            page = write_report(
+                paint_map,
+                tallies,
+                sets,
+                map_provenance(command_line(), typed, source.path, read, paint_map, about),
+                report,
+                cube=opened,
+                facts=families,
+                overwrite=overwrite,
+            )
+        console.print(f"Wrote the report to {page}")
+        image_grid = np.asarray(opened["wavelength"], float)
         tried = [
             *paints,
             *(
-                spot_pigment(name, grid, spectrum, paints, seen_with)
+                spot_pigment(name, image_grid, spectrum, paints, seen_with)
                 for name, spectrum in measured_spots.items()
             ),
         ]
-        return spot_files.write_spots(
-            folder, paint_map, grid, tried, instrument=seen_with, overwrite=overwrite
+        files = write_spots(
+            report, paint_map, image_grid, tried, instrument=seen_with, overwrite=overwrite
         )
-
-    console.print(f"Wrote the map to {out}")
-    _write(
-        MapStore.open(out),
-        paint_map,
-        opened,
-        console,
-        csv=csv,
-        export=export,
-        report=report,
-        overwrite=overwrite,
-        provenance=provenance,
-        describe=describe if by_family else None,
-        write_spots=write_spots,
-    )
+        if len(files) == 1:
+            console.print(
+                f"Wrote spectra that no family explains to {files[0]}, for --references: fill in "
+                "their families"
+            )
+        elif files:
+            console.print(
+                f"Wrote spectra that no paint explains to {files[0]}, and with them as paints "
+                f"{files[1]}, for --pigments"
+            )
     console.print(asked, soft_wrap=True)
 
 
@@ -453,10 +473,7 @@ def _check_outputs(
     files = {"--csv": csv}
     if export is not None:
         exported = check_export(export, overwrite=overwrite, argument="--export")
-        files |= {
-            "--export": exported[0],
-            **({"the image of --export": exported[1]} if exported[1:] else {}),
-        }
+        files |= dict(zip(("--export", "the image of --export"), exported, strict=False))
     options.check_outputs(files, overwrite, inputs=list(inputs.values()))
     if report is not None:
         from glazejax.extras import require
@@ -482,64 +499,3 @@ def _example(out: Path, console: "Console") -> dict[str, Any]:
         lines, samples, _ = scene.spectra.shape
         console.print(f"Made a painting of {samples} x {lines} pixels: {header}")
     return {"cube": header, "ground": folder / "ground.csv", "without": FOREIGN}
-
-
-def _write(
-    store: "MapStore",
-    paint_map: "xarray.Dataset",
-    opened: "xarray.DataArray",
-    console: "Console",
-    csv: Path | None,
-    export: Path | None,
-    report: Path | None,
-    overwrite: bool,
-    provenance: Callable[[], Any],
-    describe: Callable[[], Any] | None,
-    write_spots: Callable[[Path], list[Path]],
-) -> None:
-    """Print the map, and write the further files that were asked for."""
-    from .show.report import print_map, write_sets
-
-    tallies, sets = store.sums()
-    print_map(paint_map, sets, console)
-    if csv is not None:
-        write_sets(
-            csv,
-            paint_map,
-            sets,
-            paint_map.attrs.get("working_wavelengths", ()),
-            overwrite=overwrite,
-        )
-        console.print(f"Wrote the table of sets to {csv}")
-    if export is not None:
-        from .store.export import export_map
-
-        with progress.doing(f"writing {export}"):
-            files = export_map(store.path, export, overwrite=overwrite)
-        console.print(f"Wrote it as {' and '.join(map(str, files))} too")
-    if report is not None:
-        from .show.page import write_report
-
-        with progress.doing("writing the report"):
-            page = write_report(
-                paint_map,
-                tallies,
-                sets,
-                provenance(),
-                report,
-                cube=opened,
-                facts=None if describe is None else describe(),
-                overwrite=overwrite,
-            )
-        console.print(f"Wrote the report to {page}")
-        files = write_spots(report)
-        if len(files) == 1:
-            console.print(
-                f"Wrote spectra that no family explains to {files[0]}, for --references: fill in "
-                "their families"
-            )
-        elif files:
-            console.print(
-                f"Wrote spectra that no paint explains to {files[0]}, and with them as paints "
-                f"{files[1]}, for --pigments"
-            )

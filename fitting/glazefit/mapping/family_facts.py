@@ -53,7 +53,7 @@ def describe_sets(
     reported = shown_sets({members: sums.pixels for members, sums in sets.items()})
     if not reported:
         return {}
-    means = np.stack([sets[members].spectrum / sets[members].pixels for members in reported])
+    means = np.stack([sets[members].mean for members in reported])
     single = Identification.join(
         list(
             identify_families(

@@ -8,11 +8,12 @@ themselves.
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, Unpack
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
-from jaxtyping import ArrayLike, Bool, Float
+from jaxtyping import ArrayLike, Bool, Float, Int
 
 from glazejax.progress import Progress, no_progress
 
@@ -22,8 +23,8 @@ from ..film.noise import spectra_noise
 from ..identify.search.options import SearchKeywords, check_keywords
 from ..identify.search.searcher import Searcher
 from .solve.agreement import compare
-from .solve.atlas import Atlas, make_atlas, search_for_atlas
-from .solve.by_family import Answered, FamilyAtlas, FamilySearcher
+from .solve.atlas import Atlas, search_for_atlas
+from .solve.by_family import Answered, FamilySearcher
 from .solve.local import Searched
 from .solve.pool import ALONG, pooled
 from .solve.process import give_back, one_thread_each
@@ -150,26 +151,19 @@ def map_cube(
     client = client or client_in_scope()
     with store.writing(), one_thread_each():
         surveyed = _survey(store, task, most, progress)
-        task = task.with_noise(surveyed.noise)
+        task = task.with_noise(Noise(*surveyed.noise.tolist()))
         atlas = _atlas(store, task, surveyed, client, progress)
         if "checked" not in store.work.done():
             progress(0, 1, "checking")
-            store.work.put("checked", compare(task, atlas, surveyed.checked).arrays())
-        solver = PixelSolver(
-            image=task.image,
-            searcher=task.searcher,
-            ground=task.ground,
-            atlas=atlas,
-            prior=task.prior,
-            reach=surveyed.reach,
-        )
+            store.work.put("checked", compare(task, atlas, surveyed.checked)._asdict())
+        solver = PixelSolver(task, atlas, reach=float(surveyed.reach))
         run_chunks(store, solver, client, progress)
         tallies, _ = store.sums()
         store.note(
             complete=True,
-            noise=[surveyed.noise.floor, surveyed.noise.share],
+            noise=surveyed.noise,
             representatives=len(surveyed.readings),
-            reach=surveyed.reach,
+            reach=float(surveyed.reach),
             agreement={name: value.tolist() for name, value in store.work.get("checked").items()},
             tallies=tallies,
             spots=_spots(store, task, tallies),
@@ -196,24 +190,33 @@ def _spots(store: MapStore, task: MapTask, tallies: Mapping[str, float]) -> list
     return [asdict(spot) for spot in spots]
 
 
-class _Surveyed(NamedTuple):
-    """Results of the survey of a sample of the image."""
+@dataclass(frozen=True)
+class _Surveyed:
+    """Results of the survey of a sample of the image, arrays as a file keeps them.
 
-    noise: Noise
-    features: Features
+    Attributes:
+        noise: of one reading, floor and share.
+        middle, directions: of the features of spectra.
+        readings: of the representatives.
+        reach: how many times as far as noise and paint's errors reach an answer is taken.
+        checked: pixels by which one sees what the closed form costs.
+    """
+
+    noise: Float[np.ndarray, "2"]
+    middle: Float[np.ndarray, "bands"]
+    directions: Float[np.ndarray, "directions bands"]
     readings: Float[np.ndarray, "representatives bands"]
-    reach: float
-    checked: Float[np.ndarray, "pixels bands"]  # to see what the closed form costs
+    reach: np.ndarray
+    checked: Float[np.ndarray, "pixels bands"]
 
 
 def _survey(store: MapStore, task: MapTask, most: int, progress: Progress) -> _Surveyed:
     """The survey of the image: made, or kept by an earlier run."""
     work = store.work
     if "survey" not in work.done():
-        lines, noise = _sample(task, progress)
-        image = task.with_noise(noise).image
-        sds = [image.noise_sd(line) for line in lines]
-        status = np.concatenate([classify(*pair) for pair in zip(lines, sds, strict=True)])
+        sample, ends, noise = _sample(task, progress)
+        sd = task.with_noise(noise).image.noise_sd(sample)
+        status = classify(sample, sd)
         good = status == Status.MAPPED
         if not good.any():
             counts = {STATUS_WORDS[Status(s)]: int(np.sum(status == s)) for s in np.unique(status)}
@@ -222,47 +225,35 @@ def _survey(store: MapStore, task: MapTask, most: int, progress: Progress) -> _S
                 or "the mask leaves none"
             )
             raise ValueError(f"the image has no pixel that can be mapped (of a sample: {reasons})")
-        sample = np.concatenate(lines)
         sample[~good] = np.nan
         by_family = isinstance(task.searcher, FamilySearcher)
         features = Features.of(np.maximum(sample[good], 0.0), brightness=not by_family)
-        ends = np.cumsum([len(line) for line in lines])[:-1]
         pools = [
-            pooled(line, sd, features, (1, len(line)), ALONG)
-            for line, sd in zip(np.split(sample, ends), sds, strict=True)
+            pooled(line, line_sd, features, (1, len(line)), ALONG)
+            for line, line_sd in zip(np.split(sample, ends), np.split(sd, ends), strict=True)
         ]
         means, reach = (np.concatenate(arrays)[good] for arrays in zip(*pools, strict=True))
         means = np.maximum(means, 0.0)
         readings, beyond = survey(features, means, most, reach, progress)
         count = min(_CHECKED[0], max(_CHECKED[1], len(readings)), len(means))
-        checked = means[np.linspace(0, len(means) - 1, count).astype(int)]
-        saved = {
-            "noise": np.array([noise.floor, noise.share]),
-            "middle": features.middle,
-            "directions": features.directions,
-            "readings": readings,
+        result = _Surveyed(
+            noise=np.array([noise.floor, noise.share]),
+            middle=features.middle,
+            directions=features.directions,
+            readings=readings,
             # Spectra beyond are searched themselves.
-            "reach": np.array(1.15 * max(beyond, 1.0)),
-            "checked": checked,
-        }
-        work.put("survey", saved)
-    saved = work.get("survey")
-    features = Features(saved["middle"], saved["directions"])
-    noise = Noise(*saved["noise"].tolist())
-    return _Surveyed(
-        noise=noise,
-        features=features,
-        readings=saved["readings"],
-        reach=float(saved["reach"]),
-        checked=saved["checked"],
-    )
+            reach=np.array(1.15 * max(beyond, 1.0)),
+            checked=means[np.linspace(0, len(means) - 1, count).astype(int)],
+        )
+        work.put("survey", vars(result))
+    return _Surveyed(**work.get("survey"))
 
 
 def _sample(
     task: MapTask, progress: Progress
-) -> tuple[list[Float[np.ndarray, "pixels bands"]], Noise]:
-    """Readings of pixels from all over the image that the mask leaves, line by line, and the noise
-    of one reading.
+) -> tuple[Float[np.ndarray, "pixels bands"], Int[np.ndarray, "ends"], Noise]:
+    """Readings of pixels from all over the image that the mask leaves, line by line, where a line
+    but the first begins, and the noise of one reading.
     """
     image = task.image
     height, width = task.shape
@@ -271,7 +262,7 @@ def _sample(
     lines = np.unique(np.linspace(0, height - 1, min(_LINES, height)).astype(int))
     # Some 60 000 pixels in all.
     step = max(1, -(-len(lines) * width // 60_000))
-    readings = []
+    readings = [np.zeros((0, image.bands.wavelengths.size), np.float32)]
     rough = []
     for number, y in enumerate(lines.tolist()):
         progress(number, len(lines), "reading")
@@ -287,14 +278,12 @@ def _sample(
         fine = block[:: max(1, len(use) * len(lines) // 4000)]
         rough.append(fine[np.isfinite(fine).all(axis=1)])
     progress(len(lines), len(lines), "reading")
-    if not readings:
-        return [np.zeros((0, image.bands.wavelengths.size), np.float32)], image.noise
     noise = (
         image.noise
-        if task.noise_is_given
+        if task.noise_is_given or not rough
         else spectra_noise(stored, np.concatenate(rough).astype(np.float64))
     )
-    return readings, noise
+    return np.concatenate(readings), np.cumsum([len(line) for line in readings])[1:-1], noise
 
 
 def _atlas(
@@ -303,7 +292,7 @@ def _atlas(
     surveyed: _Surveyed,
     client: "Client | None",
     progress: Progress,
-) -> Atlas | FamilyAtlas:
+) -> Atlas:
     """Representatives, searched piece by piece, here or on a cluster."""
     work = store.work
     by_family = isinstance(task.searcher, FamilySearcher)
@@ -314,43 +303,22 @@ def _atlas(
         give_back()
         progress(done, total, stage)
 
-    pieces = _Pieces(
-        task=task,
-        readings=surveyed.readings,
-        size=size,
-    )
-    finish(keys, pieces, work, client, note, "searching")
+    search = partial(_search_piece, task, surveyed.readings, size)
+    finish(keys, search, work, client, note, "searching")
     kind = Answered if by_family else Searched
-    searched = kind.from_parts(len(keys), lambda n, name: work.get(keys[n], [name])[name])
-    return make_atlas(surveyed.features, searched, task.prior)
+    searched = kind.joined(len(keys), lambda n, name: work.get(keys[n], [name])[name])
+    return Atlas(Features(surveyed.middle, surveyed.directions), searched, task.prior)
 
 
-@dataclass(frozen=True)
-class _Pieces:
-    """Searches of representatives, by the key of a piece.
-
-    Attributes:
-        task: of the map.
-        readings: of all representatives.
-        size: of a piece, which is sent along: spectra that are searched in other company are
-            rounded in other places.
+def _search_piece(
+    task: MapTask, readings: Float[np.ndarray, "representatives bands"], size: int, key: str
+) -> dict[str, np.ndarray]:
+    """Searches of representatives, by the key of a piece and its size, which is sent along: spectra
+    that are searched in other company are rounded in other places.
     """
-
-    task: MapTask
-    readings: Float[np.ndarray, "representatives bands"]
-    size: int
-
-    def __call__(self, key: str) -> dict[str, np.ndarray]:
-        first = int(key.rpartition("-")[2]) * self.size
-        batch = self.readings[first : first + self.size]
-        task = self.task
-        with one_thread_each():
-            return search_for_atlas(
-                task.searcher,
-                batch,
-                task.image.noise_sd(batch),
-                task.ground,
-            ).arrays()
+    first = int(key.rpartition("-")[2]) * size
+    with one_thread_each():
+        return search_for_atlas(task, readings[first : first + size]).arrays()
 
 
 def _most_representatives(task: MapTask, memory: int) -> tuple[int, int]:

@@ -16,19 +16,6 @@ if TYPE_CHECKING:
 
     from ..film.films import Instrument
 
-_SIZES = {
-    "": 1,
-    "b": 1,
-    "kb": 10**3,
-    "mb": 10**6,
-    "gb": 10**9,
-    "kib": 2**10,
-    "mib": 2**20,
-    "gib": 2**30,
-    "k": 2**10,
-    "m": 2**20,
-    "g": 2**30,
-}
 CUBE = "cube:"
 
 
@@ -38,10 +25,11 @@ def read_memory(text: str) -> int:
     Raises:
         ValueError: no size.
     """
-    match = re.fullmatch(r"(\d+\.?\d*|\.\d+)\s*([a-z]*)", text.strip(), re.IGNORECASE)
-    if match is None or match[2].lower() not in _SIZES or not float(match[1]):
+    match = re.fullmatch(r"(\d+\.?\d*|\.\d+)\s*([kmg]?)(i?b)?", text.strip().lower())
+    if match is None or not float(match[1]):
         raise ValueError(f"--memory is {text!r}; write a number and a unit, such as 2GiB or 800MB")
-    return int(float(match[1]) * _SIZES[match[2].lower()])
+    thousand = 1000 if match[3] == "b" else 1024
+    return int(float(match[1]) * thousand ** " kmg".index(match[2] or " "))
 
 
 def read_window(text: str) -> tuple[int, int, int, int] | None:

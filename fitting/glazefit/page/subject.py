@@ -53,3 +53,16 @@ def check_subject(report: Path | None, **texts: str) -> dict[str, str]:
                 f"--{name} holds the character U+{ord(odd):04X}, which is not printed: leave it out"
             )
     return subject
+
+
+def beside(path: Path) -> tuple[Path, Path]:
+    """The table and the JSON that are written with a page.
+
+    Raises:
+        ValueError: the page's name does not end in .html.
+    """
+    if path.suffix != ".html":
+        raise ValueError(
+            f"--report {path}: a report ends in .html, such as {path.with_suffix('.html')}"
+        )
+    return path.with_suffix(".csv"), path.with_suffix(".json")

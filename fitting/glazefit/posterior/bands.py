@@ -23,10 +23,8 @@ from jaxtyping import Array, Float
 
 from ..film.errors import PaintErrors
 from ..film.films import Instrument
-from ..film.forward import Film, FilmData, FilmShared
+from ..film.forward import pose_each_band
 from ..film.model.body import HIGHEST
-from ..film.model.optics import Optics
-from ..film.model.response import film_response
 from ..film.problem import FilmProblem, Quantity, fingerprint
 from ..film.reading import Reading
 from .film import join_readings, reading_parts
@@ -78,18 +76,13 @@ def pose_bands(films: Sequence[Reading], gloss: float, instrument: Instrument) -
         gloss: share of the surface's reflection in the readings.
         instrument: its geometry.
     """
-    film = Film(
-        sizes=(0,),
-        fractions=(False,),
-        thickness=(False,),
-        spectra=2,
-        gloss=False,
-        error=False,
-        optics=Optics.of(instrument),
+    film, data, shared = pose_each_band(
+        instrument,
+        gloss * float(instrument.seen_surface),
+        _LOGS,
+        **join_readings(films, np.concatenate),
     )
-    readings = join_readings(films, lambda columns: np.concatenate(columns)[:, None])
     blocks = tuple(f"{w:g} nm" for film in films for w in film.wavelengths)
-    no_paint = np.zeros((len(blocks), 1, 0))
     measurements = [measurement for film in films for measurement in reading_parts(film)]
     return FilmProblem(
         kind="bands",
@@ -98,16 +91,8 @@ def pose_bands(films: Sequence[Reading], gloss: float, instrument: Instrument) -
         film=film,
         misfit=PaintErrors(film),
         prior=BandPrior(),
-        data=FilmData(absorption=no_paint, scattering=no_paint, shares=no_paint[:, 0], **readings),
-        shared=FilmShared(
-            response=film_response(instrument),
-            surface=np.array(gloss * float(instrument.seen_surface)),
-            smooth=np.ones((1, 1)),
-            mean=np.zeros(2),
-            sd=np.ones(2),
-            levels=np.zeros(2),
-            modes=_LOGS[:, None],
-        ),
+        data=data,
+        shared=shared,
         quantities=(
             Quantity("absorption", True, lambda free: np.exp(free[..., 0] + free[..., 1])),
             Quantity("scattering", True, lambda free: np.exp(free[..., 1])),

@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float, Int
 from glazejax.spectra import ranges
 
 from ..film.problem import FilmProblem, Quantity
-from ..recover.result import ABSOLUTE_LIMIT, RELATIVE_LIMIT
+from ..recover.films.result import ABSOLUTE_LIMIT, RELATIVE_LIMIT
 from .summary import LEVELS
 
 OPEN = 0.25

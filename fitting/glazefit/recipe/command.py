@@ -1,5 +1,6 @@
 """The command `glazejax recipe`: a colour or a spectrum in, glazes out."""
 
+import functools
 import shlex
 import time
 from collections.abc import Mapping, Sequence
@@ -15,7 +16,6 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from glazejax import Pigment
-    from glazejax.io.quantity import Stated
 
     from .recipe import Recipe
     from .targets import Target
@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 _GEOMETRY = "45:0"
 _GROUND = "0.9"
 _COATS = "1-50um"
+
+_option = functools.partial(typer.Option, show_default=False)
 
 
 def register(app: typer.Typer) -> None:
@@ -46,25 +48,26 @@ def register(app: typer.Typer) -> None:
 def recipe(
     lab: Annotated[
         str | None,
-        typer.Option(
-            metavar="L,A,B", help="Colour L*,a*,b*, such as 50,20,30.", show_default=False
+        _option(
+            metavar="L,A,B",
+            callback=options.checked(lambda text: _read_lab(text, "D65")),
+            help="Colour L*,a*,b*, such as 50,20,30.",
         ),
     ] = None,
     srgb: Annotated[
         str | None,
-        typer.Option(
+        _option(
             metavar="COLOUR",
+            callback=options.checked(lambda text: _check_srgb(text)),
             help="Colour of a screen, such as '#8a4b2d' or 138,75,45.",
-            show_default=False,
         ),
     ] = None,
     spectrum: Annotated[
         Path | None,
-        typer.Option(
+        _option(
             metavar="FILE",
             callback=options.there,
             help="File of measured reflectance; see --samples.",
-            show_default=False,
         ),
     ] = None,
     samples: options.Samples = "",
@@ -73,31 +76,28 @@ def recipe(
     scale: options.Scale = None,
     after: Annotated[
         Path | None,
-        typer.Option(
+        _option(
             "--after",
             metavar="FILE",
             callback=options.there,
             help="Spectra of one film of the mixture as it came out (format of predict "
             "--reading), to compute what to add. With --mixed.",
-            show_default=False,
         ),
     ] = None,
     mixed: Annotated[
         str,
-        typer.Option(
+        _option(
             "--mixed",
             metavar="MIXTURE",
             help="Mixture of --after by weight: '10 Vermillion + 90 ZincWhite'.",
-            show_default=False,
         ),
     ] = "",
     batch: Annotated[
         float | None,
-        typer.Option(
+        _option(
             "--batch",
             metavar="GRAMS",
             help="Amount of that mixture. Default: the weights of --mixed are grams.",
-            show_default=False,
         ),
     ] = None,
     colourchecker: Annotated[
@@ -106,10 +106,8 @@ def recipe(
     ] = False,
     patch: Annotated[
         str,
-        typer.Option(
-            metavar="NAMES",
-            help="Only these patches of the chart, such as 'blue sky,dark skin'.",
-            show_default=False,
+        _option(
+            metavar="NAMES", help="Only these patches of the chart, such as 'blue sky,dark skin'."
         ),
     ] = "",
     illuminants: Annotated[
@@ -141,28 +139,25 @@ def recipe(
     ] = False,
     max_paints: Annotated[
         int | None,
-        typer.Option(
+        _option(
             callback=options.between(1, 6),
             help="Largest number of paints in a recipe, 1 to 6. Default: 3, with --glazes 6.",
-            show_default=False,
         ),
     ] = None,
     max_coats: Annotated[
         int | None,
-        typer.Option(
+        _option(
             callback=options.between(1, 6),
             help=(
                 "Largest number of coats, 1 to 4, with --glazes to 6. Default: 2, with --glazes 6."
             ),
-            show_default=False,
         ),
     ] = None,
     coat_thickness: Annotated[
         str | None,
-        typer.Option(
+        _option(
             metavar="RANGE",
             help=f"Thinnest and thickest coat; bare numbers are micrometres. Default: {_COATS}.",
-            show_default=False,
         ),
     ] = None,
     only: options.Only = "",
@@ -198,18 +193,12 @@ def recipe(
     csv: options.Csv = None,
     json: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="Also write all recipes, with their spectra, as JSON.",
-            show_default=False,
-        ),
+        _option(metavar="FILE", help="Also write all recipes, with their spectra, as JSON."),
     ] = None,
     spectra: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="Also write the targets' spectra, at the paints' wavelengths.",
-            show_default=False,
+        _option(
+            metavar="FILE", help="Also write the targets' spectra, at the paints' wavelengths."
         ),
     ] = None,
     overwrite: options.Overwrite = False,
@@ -243,17 +232,24 @@ def recipe(
         _COATS if coat_thickness is None else coat_thickness, "--coat-thickness"
     )
     lights = options.split_names(illuminants)
-    _check_target(
-        lab=lab,
-        srgb=srgb,
-        spectrum=spectrum,
-        samples=samples,
-        after=after,
-        chart=colourchecker or bool(patch),
-        lights=lights,
-    )
+    if not lights:
+        raise ValueError("--illuminants is empty: name at least one, such as D65")
+    for light in lights:
+        options.check_illuminant(light)
+    if [lab, srgb, spectrum, patch or colourchecker or None].count(None) != 3:
+        raise ValueError(
+            "give one target: --lab 50,20,30, --srgb '#8a4b2d', --spectrum FILE, or "
+            "--colourchecker (see --help)"
+        )
+    if samples and spectrum is None and after is None:
+        raise ValueError("--samples names spectra of a file: add --spectrum FILE")
     if spectra is not None and (lab is not None or srgb is not None):
         raise ValueError("--spectra: the target is a colour and has no spectrum; leave it out")
+    if catalogue == options.PIGMENTS and not only:
+        raise ValueError(
+            "--catalogue pigments has hundreds of paints by many makers, of films of unknown "
+            "thickness: name some by --only, or take oils, acrylics or your own --pigments"
+        )
     options.check_names(options.split_names(f"{only},{without}"), pigments, catalogue)
     options.check_outputs(outputs, overwrite)
     # The colours of spectra are computed in double precision too.
@@ -269,18 +265,26 @@ def recipe(
 
     from glazejax.geometry import resolve_instrument
 
-    stated = options.stated(quantity, unit, scale)
-    targets, notes = _targets(
-        lab,
-        srgb,
-        spectrum,
-        stated=stated,
-        samples="" if after is not None and spectrum is None else samples,
-        patch=patch,
-        lights=lights,
-    )
+    from .targets import colourchecker_targets, spectral_target, srgb_target
     from .task import make_task
 
+    stated = options.stated(quantity, unit, scale)
+    notes: Sequence[str] = ()
+    if lab is not None:
+        targets = [_read_lab(lab, lights[0])]
+    elif srgb is not None:
+        targets = [srgb_target(srgb)]
+    elif spectrum is None:
+        targets = colourchecker_targets(options.split_names(patch))
+    else:
+        from glazejax.io import read_spectra
+
+        table = read_spectra(spectrum, **stated)
+        notes = table.notes
+        targets = [
+            spectral_target(table.wavelengths, table.reflectance[row], name=table.names[row])
+            for row in options.choose_rows(spectrum, table.names, options.split_names(samples))
+        ]
     shelf = options.read_shelf(pigments, catalogue)
     paints = options.choose_paints(shelf, only, without)
     paints = _modern(paints) if modern else paints
@@ -304,34 +308,34 @@ def recipe(
             console=Console(highlight=False),
         )
         return
-    task = make_task(
-        targets,
-        paints,
-        ground=base.on(paints[0].wavelengths),
-        instrument=seen_by,
-        refractive_index=refractive_index,
-        illuminants=lights,
-        test_illuminant=test_illuminant,
-        observer=observer,
-        max_paints=max_paints,
-        max_coats=max_coats,
-        glazes=glazes,
-        thickness=bounds,
-        count=count,
-        metamerism=metamerism,
-        simplicity=0.3,
-        seed=seed,
-    )
+    # Films of an instrument that has no table yet are solved: some seconds.
+    with progress.doing("solving films"):
+        task = make_task(
+            targets,
+            paints,
+            ground=base.on(paints[0].wavelengths),
+            instrument=seen_by,
+            refractive_index=refractive_index,
+            illuminants=lights,
+            test_illuminant=test_illuminant,
+            observer=observer,
+            max_paints=max_paints,
+            max_coats=max_coats,
+            glazes=glazes,
+            thickness=bounds,
+            count=count,
+            metamerism=metamerism,
+            seed=seed,
+        )
     console = Console(highlight=False)
     for file, file_notes in ((spectrum, notes), ("--ground", base.notes)):
         progress.print_notes(console, str(file), file_notes)
     from .recipe import recipe_chunks
 
     groups, how = progress.collect(
-        recipe_chunks(task),
+        lambda report: recipe_chunks(task, progress=report),
         len(targets),
         "compiling, then looking through all sets of paints",
-        "recipes",
     )
     recipe_lists = [recipes for group in groups for recipes in group]
     seconds = time.perf_counter() - started
@@ -372,7 +376,7 @@ def _say_unknown_strength(best: "Recipe", task: "RecipeTask", observer: str) -> 
     ]
     if not unknown:
         return ""
-    from ..recover.mixture import predict_mixture
+    from ..recover.predict.mixture import predict_mixture
     from ..recover.predict_command import say_paint_errors
 
     thickest = max(best.coats, key=lambda coat: coat.thickness)
@@ -406,75 +410,22 @@ def _modern(paints: "list[Pigment]") -> "list[Pigment]":
     return modern
 
 
-def _check_target(
-    lab: str | None,
-    srgb: str | None,
-    spectrum: Path | None,
-    samples: str,
-    after: Path | None,
-    chart: bool,
-    lights: Sequence[str],
-) -> None:
-    """Refuse a target that is none, before anything is loaded."""
-    from .targets import parse_srgb
-
-    if (lab is not None) + (srgb is not None) + (spectrum is not None) + chart != 1:
-        raise ValueError(
-            "give one target: --lab 50,20,30, --srgb '#8a4b2d', --spectrum FILE, or "
-            "--colourchecker (see --help)"
-        )
-    if samples and spectrum is None and after is None:
-        raise ValueError("--samples names spectra of a file: add --spectrum FILE")
-    if not lights:
-        raise ValueError("--illuminants is empty: name at least one, such as D65")
-    for light in lights:
-        options.check_illuminant(light)
-    if lab is not None:
-        _read_lab(lab, lights[0])
-    if srgb is not None:
-        parse_srgb(srgb)
-
-
 def _read_lab(text: str, light: str) -> "Target":
     from .targets import lab_target
 
     try:
-        values = [float(value) for value in text.split(",")]
+        lightness, a, b = map(float, text.split(","))
     except ValueError:
         raise ValueError(
             f"--lab is {text!r}: write three numbers with commas, such as 50,20,30"
         ) from None
-    return lab_target({light: values})
+    return lab_target({light: [lightness, a, b]})
 
 
-def _targets(
-    lab: str | None,
-    srgb: str | None,
-    spectrum: Path | None,
-    stated: "Stated",
-    samples: str,
-    patch: str,
-    lights: Sequence[str],
-) -> "tuple[list[Target], list[str]]":
-    """Targets to match, and notes of the file's reader."""
-    from .targets import colourchecker_targets, spectral_target, srgb_target
+def _check_srgb(text: str) -> None:
+    from .targets import parse_srgb
 
-    if lab is not None:
-        return [_read_lab(lab, lights[0])], []
-    if srgb is not None:
-        return [srgb_target(srgb)], []
-    if spectrum is None:
-        return colourchecker_targets(options.split_names(patch)), []
-    from glazejax.io import read_spectra
-
-    assert spectrum is not None
-    table = read_spectra(spectrum, **stated)
-    rows = options.choose_rows(spectrum, table.names, options.split_names(samples))
-    targets = [
-        spectral_target(table.wavelengths, table.reflectance[row], name=table.names[row])
-        for row in rows
-    ]
-    return targets, list(table.notes)
+    parse_srgb(text)
 
 
 def _write(

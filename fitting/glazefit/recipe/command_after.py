@@ -49,7 +49,7 @@ def say_addition(
         eye: illuminant and observer.
         console: to print to.
     """
-    from ..recover.mixture import calibrate_mixture
+    from ..recover.predict.mixture import calibrate_mixture
     from ..recover.predict_command import complete_grid, read_film, read_mixture
     from .addition import next_addition
 

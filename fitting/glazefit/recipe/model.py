@@ -34,6 +34,10 @@ class StackModel(NamedTuple):
     scattering: Float[Any, "paints bands"]  # 1/um
     ground: Float[Any, "bands"]
     surface: Float[Any, ""]  # what the outer surface adds to a reading
+    strength: Float[Any, "paints"]
+    """How much a little of a paint shows, 1/um: by its absorption, or by its scattering where it is
+    pale.
+    """
     weights: Float[Any, "bands lights 3"]  # reflectance to XYZ
     white: Float[Any, "lights 3"]
     span: Float[Any, "2"]  # logarithms of the thinnest and thickest coat, um
@@ -73,9 +77,12 @@ def make_model(
     weights = np.stack(
         [colour.colour_weights(grid, name, observer) for name in illuminants], axis=1
     )
+    absorption = np.stack([np.asarray(p.absorption) for p in pigments]) * 1e-6
+    scattering = np.stack([np.asarray(p.scattering) for p in pigments]) * 1e-6
     return StackModel(
-        absorption=np.stack([np.asarray(p.absorption) for p in pigments]) * 1e-6,
-        scattering=np.stack([np.asarray(p.scattering) for p in pigments]) * 1e-6,
+        absorption=absorption,
+        scattering=scattering,
+        strength=np.mean(absorption + 0.1 * scattering, axis=1) + 1e-9,
         ground=np.broadcast_to(np.asarray(ground, float), grid.shape),
         surface=np.asarray(instrument.seen_surface),
         weights=weights,

@@ -29,8 +29,13 @@ def whole_parts(shares: Sequence[float], close: float = 0.08) -> tuple[int, ...]
     return tuple(proportions)
 
 
+def parts_by_paint(coat: Coat) -> dict[str, int]:
+    """Parts of a coat's paints, in their order."""
+    shares, names = zip(*coat.parts, strict=True)
+    return dict(zip(names, whole_parts(shares), strict=True))
+
+
 def describe_parts(coat: Coat) -> str:
     """Parts of a coat's paints in their order, such as ``84 : 15 : 1``; empty of one paint."""
-    if len(coat.parts) == 1:
-        return ""
-    return " : ".join(map(str, whole_parts([share for share, _ in coat.parts])))
+    parts = parts_by_paint(coat).values()
+    return " : ".join(map(str, parts)) if len(parts) > 1 else ""

@@ -2,34 +2,27 @@
 
 import textwrap
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING
 
 from glazejax.plots import EDGE, FAINT, INK, style
 
 from .recipe import Recipe
-from .report import describe_coat, recipe_hex, target_hex
+from .report import describe_coat, screen_colours
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 _TARGET = "#a9a29a"
-
-
-class _Inches(NamedTuple):
-    """A cell, its text below and its title above, and the margins of the figure."""
-
-    width: float = 3.0
-    swatch: float = 0.8
-    curves: float = 1.15
-    text: float = 1.2
-    title: float = 0.34
-    left: float = 0.55
-    top: float = 0.95
-    bottom: float = 0.3
-
-
-_INCHES = _Inches()
+# Inches: a cell with its title, swatch, curves and text, and the margins of the figure.
+_WIDTH = 3.0
+_TITLE = 0.34
+_SWATCH = 0.8
+_CURVES = 1.15
+_TEXT = 1.2
+_LEFT = 0.55
+_TOP = 0.95
+_BOTTOM = 0.3
 
 
 def recipe_figure(
@@ -48,49 +41,38 @@ def recipe_figure(
     from matplotlib.figure import Figure
 
     columns = min(len(recipes), 6 if len(recipes) > 10 else 5)
-    rows = -(-len(recipes) // columns)
-    cell = _INCHES.title + _INCHES.swatch + _INCHES.curves + _INCHES.text
-    width = max(_INCHES.left + columns * _INCHES.width + 0.1, 9.5)
-    height = _INCHES.top + rows * cell + _INCHES.bottom
+    cell = _TITLE + _SWATCH + _CURVES + _TEXT
+    width = max(_LEFT + columns * _WIDTH + 0.1, 9.5)
+    height = _TOP + -(-len(recipes) // columns) * cell + _BOTTOM
+    # A letter is about half as wide as it is high.
+    size = min(12.0, 72.0 * (width - 0.5) / (0.53 * len(subtitle)))
     with style():
         figure = Figure(figsize=(width, height))
-        figure.text(
-            0.25 / width, 1 - 0.34 / height, heading, fontsize=20, fontweight="bold", va="center"
-        )
-        # A letter is about half as wide as it is high.
-        size = min(12.0, 72.0 * (width - 0.5) / (0.53 * len(subtitle)))
-        figure.text(
-            0.25 / width, 1 - 0.68 / height, subtitle, fontsize=size, color=FAINT, va="center"
-        )
-        tallest = _tallest(recipes)
+        x = 0.25 / width
+        figure.text(x, 1 - 0.34 / height, heading, fontsize=20, fontweight="bold", va="center")
+        figure.text(x, 1 - 0.68 / height, subtitle, fontsize=size, color=FAINT, va="center")
         for number, (recipe, title) in enumerate(zip(recipes, titles, strict=True)):
             row, column = divmod(number, columns)
-            left = _INCHES.left + column * _INCHES.width
-            top = height - _INCHES.top - row * cell
+            # From the left, and from the top of the figure downwards.
+            x = (_LEFT + column * _WIDTH) / width
+            swatch = _TOP + row * cell + _TITLE
+            curves = swatch + _SWATCH + 0.1
 
-            def box(down: float, tall: float, left: float = left, top: float = top) -> tuple:
-                return (
-                    left / width,
-                    (top - down - tall) / height,
-                    (_INCHES.width - 0.35) / width,
-                    tall / height,
-                )
+            def axes(down: float, tall: float, x: float = x) -> "Axes":
+                box = (x, 1 - (down + tall) / height, (_WIDTH - 0.35) / width, tall / height)
+                return figure.add_axes(box)
 
-            swatch = figure.add_axes(box(_INCHES.title, _INCHES.swatch))
-            _draw_swatch(swatch, recipe, title)
-            curves = figure.add_axes(
-                box(_INCHES.title + _INCHES.swatch + 0.1, _INCHES.curves - 0.1)
+            _draw_swatch(axes(swatch, _SWATCH), recipe, title)
+            _draw_spectra(
+                axes(curves, _CURVES - 0.1), recipe, _tallest(recipe, recipes), column == 0
             )
-            _draw_spectra(curves, recipe, tallest[number], labelled=column == 0)
-            text = "\n".join(_wrap(describe_coat(coat)) for coat in recipe.coats)
-            x, y, *_ = box(_INCHES.title + _INCHES.swatch + _INCHES.curves + 0.27, 0.0)
-            figure.text(x, y, text, fontsize=8.5, va="top", linespacing=1.25)
+            coats = [
+                textwrap.fill(describe_coat(coat), 41, subsequent_indent="      ")
+                for coat in recipe.coats
+            ]
+            y = 1 - (curves + _CURVES + 0.17) / height
+            figure.text(x, y, "\n".join(coats), fontsize=8.5, va="top", linespacing=1.25)
     return figure
-
-
-def _wrap(text: str) -> str:
-    """Lines of a coat, broken between paints."""
-    return "\n".join(textwrap.wrap(text, 41, subsequent_indent="      "))
 
 
 def _draw_swatch(axes: "Axes", recipe: Recipe, title: str) -> None:
@@ -98,7 +80,7 @@ def _draw_swatch(axes: "Axes", recipe: Recipe, title: str) -> None:
 
     axes.set(xlim=(0, 2), ylim=(0, 1))
     axes.set_axis_off()
-    for x, shade in ((0, target_hex(recipe)), (1, recipe_hex(recipe))):
+    for x, shade in enumerate(screen_colours(recipe)):
         # An edge of its own colour closes the hairline between the two halves.
         axes.add_patch(Rectangle((x, 0), 1, 1, facecolor=shade, edgecolor=shade, lw=0.6))
     axes.add_patch(Rectangle((0, 0), 2, 1, fill=False, edgecolor=EDGE, lw=0.8, clip_on=False))
@@ -112,23 +94,13 @@ def _draw_swatch(axes: "Axes", recipe: Recipe, title: str) -> None:
     )
 
 
-def _tallest(recipes: Sequence[Recipe]) -> list[float]:
-    """Largest reflectance that is drawn for each recipe's target: recipes for one target are
-    compared by eye.
+def _tallest(recipe: Recipe, recipes: Sequence[Recipe]) -> float:
+    """Largest reflectance that is drawn for a recipe's target: recipes for one target are compared
+    by eye.
     """
-    heights = [max(float(r.reflectance.max()), _highest(r.target.reflectance)) for r in recipes]
-    return [
-        max(
-            height
-            for height, neighbour in zip(heights, recipes, strict=True)
-            if neighbour.target is r.target
-        )
-        for r in recipes
-    ]
-
-
-def _highest(values: Any) -> float:
-    return 0.0 if values is None else float(values.max())
+    alike = [r for r in recipes if r.target is recipe.target]
+    spectra = [recipe.target.reflectance, *(r.reflectance for r in alike)]
+    return max(float(spectrum.max()) for spectrum in spectra if spectrum is not None)
 
 
 def _draw_spectra(axes: "Axes", recipe: Recipe, highest: float, labelled: bool) -> None:
@@ -138,12 +110,13 @@ def _draw_spectra(axes: "Axes", recipe: Recipe, highest: float, labelled: bool) 
             target.wavelengths, target.reflectance, color=_TARGET, lw=3.2, solid_capstyle="round"
         )
     axes.plot(recipe.wavelengths, recipe.reflectance, color=INK, lw=1.3)
+    top = 1.0 if highest > 0.35 else 0.4
     axes.set(
         xlim=(recipe.wavelengths[0], recipe.wavelengths[-1]),
-        ylim=(0, 1.0 if highest > 0.35 else 0.4),
+        ylim=(0, top),
+        xticks=[400, 500, 600, 700],
+        yticks=[0, top / 2, top],
     )
-    axes.set_xticks([400, 500, 600, 700])
-    axes.set_yticks([0, 0.5, 1.0] if highest > 0.35 else [0, 0.2, 0.4])
     axes.tick_params(labelsize=8, length=2, pad=2)
     if labelled:
         axes.set_ylabel("reflectance", fontsize=9)

@@ -1,11 +1,10 @@
 """Recipes: which paints, in which order and how thick, give a colour or a spectrum.
 
 All sets of up to three paints in one coat or two are looked at on a coarse grid
-(`glazefit.recipe.screen`), the best are refined by Levenberg-Marquardt on a table
-(`glazefit.recipe.refine`), more paints or coats are added where allowed, what remains is
-simplified (`glazefit.recipe.stacks`), and its last steps follow the solver's own readings and
-slopes. Then it is rounded to what a painter can weigh and measure, and put in order
-(`glazefit.recipe.selection`).
+(`glazefit.recipe.screen`), the best are refined by Levenberg-Marquardt on a table, more paints or
+coats are added where allowed, what remains is simplified, and its last steps follow the solver's
+own readings and slopes (`glazefit.recipe.refine`). Then it is rounded to what a painter can weigh
+and measure, and put in order (`glazefit.recipe.selection`).
 """
 
 import itertools
@@ -18,21 +17,25 @@ from jaxtyping import Float
 
 from glazejax import Glaze, Layer, Mixture, catalogue, colour
 from glazejax.paint.describe import Coat
+from glazejax.paint.media import make_media
+from glazejax.progress import Progress, counted, no_progress
 
 from ..film.model.mixing import Pigments
 from ..film.model.variation import MIXED, Variation
 from ..film.tables import WAVELENGTH, Tabulated, Variables, as_frame
 from .model import read, read_ahead
-from .parts import whole_parts
-from .refine import refine
-from .screen import MOST_SCREENED, screen
-from .selection import IN_GAMUT, Scored, round_recipes, score, select
-from .stacks import Stacks, grown, simplify
-from .targets import Target, TargetLike
-from .task import RecipeOptions, RecipeTask, as_targets, make_task
+from .parts import parts_by_paint
+from .refine import growths, improve
+from .screen import Stacks, screen
+from .selection import IN_GAMUT, choose
+from .targets import Target, TargetLike, as_targets
+from .task import RecipeOptions, RecipeTask, make_task
 
 PAINT_COLUMNS = ("coat", "thickness_um", "paint", "share", "parts", "delta_e_per_10_percent")
 """Of a recipe's paints."""
+
+STRONGER = np.exp(MIXED.level * Variation().size_of([]))
+"""Strength of a paint in a mixing, in which it is stronger by a standard deviation."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,9 +124,9 @@ class Recipe(Tabulated):
         """`PAINT_COLUMNS` of each paint in each coat, top first."""
         coats = zip(self.coats, self.sensitivity, strict=True)
         for number, (coat, change) in enumerate(coats, 1):
-            proportions = whole_parts([share for share, _ in coat.parts])
-            for (share, paint), proportion in zip(coat.parts, proportions, strict=True):
-                yield number, coat.thickness * 1e6, paint, share, proportion, change
+            parts = parts_by_paint(coat)
+            for share, paint in coat.parts:
+                yield number, coat.thickness * 1e6, paint, share, parts[paint], change
 
     def to_dataframe(self) -> Any:
         """A pandas.DataFrame with a row for each paint in each coat, top first; thickness in
@@ -206,14 +209,18 @@ def find_recipes(
     return recipe_lists if batch else recipe_lists[0]
 
 
-def recipe_chunks(task: RecipeTask, group: int = 8) -> Iterator[list[list[Recipe]]]:
-    """Recipes for a few targets at a time, so that progress can be shown and an interrupt loses
-    little.
+def recipe_chunks(
+    task: RecipeTask, group: int = 8, progress: Progress = no_progress
+) -> Iterator[list[list[Recipe]]]:
+    """Recipes for a few targets at a time, so that an interrupt loses little.
+
+    `progress` is called with the parts of each stage: blocks of sets of paints, then refinements.
     """
-    if not task.glazes:
-        yield from _search(task, group)
+    if task.mixed is None:
+        yield from _search(task, group, progress)
         return
-    for pure, mixed in zip(_search(task, group), _search(task.mixed, group), strict=True):
+    searches = (_search(each, group, progress) for each in (task, task.mixed))
+    for pure, mixed in zip(*searches, strict=True):
         nearest = [min(recipes, key=lambda recipe: recipe.distance) for recipes in mixed]
         yield [
             [replace(recipe, mixed=best) for recipe in recipes]
@@ -221,139 +228,130 @@ def recipe_chunks(task: RecipeTask, group: int = 8) -> Iterator[list[list[Recipe
         ]
 
 
-def _search(task: RecipeTask, group: int) -> Iterator[list[list[Recipe]]]:
+def _search(task: RecipeTask, group: int, progress: Progress) -> Iterator[list[list[Recipe]]]:
     """Recipes for a few targets at a time, of mixed coats or of unmixed ones."""
     # While the first look is compiled and taken, another thread compiles what comes after it.
     read_ahead(task.model, task.max_coats, task.optics)
-    rough = screen(task)
-    for first in range(0, len(task.targets), group):
+    rough = screen(task, progress=progress)
+    firsts = range(0, len(task.targets), group)
+    # Of each group: every refinement, and the rounding.
+    total = len(firsts) * (2 * growths(task) + 5)
+    note = counted(progress, total, f"refining {'glazes' if task.glazes else 'recipes'}")
+    for first in firsts:
         in_group = (rough.target >= first) & (rough.target < first + group)
-        stacks = _refine(task, rough.take(np.flatnonzero(in_group)))
-        # More than asked for are rounded, because a few lose their colour by it.
-        exact = [select(scored, 3 * task.count, task.simplicity) for scored in score(task, stacks)]
-        chosen = [
-            select(scored, task.count, task.simplicity) for scored in round_recipes(task, exact)
-        ]
+        chosen = choose(task, improve(task, rough.take(np.flatnonzero(in_group)), note))
+        note()
         yield _describe(task, chosen)
 
 
-def _refine(task: RecipeTask, rough: Stacks) -> Stacks:
-    """The best stacks that come of a first look."""
-    # A few steps show which are worth more.
-    count = 8
-    stacks = refine(task, refine(task, rough, None, 12).best(count), None)
-    extra_paints = 0 if task.glazes else max(0, task.max_paints - MOST_SCREENED)
-    for number in range(extra_paints + max(0, task.max_coats - 2)):
-        # Of unmixed stacks those of one coat less are the only ones to which a coat can be added.
-        last = stacks.take(np.flatnonzero(stacks.coats == number + 2)) if task.glazes else stacks
-        # A few grow, into very many: most of these are dropped before a refinement.
-        children = refine(task, grown(task, last.best(4)).best(24), None, 12)
-        stacks = Stacks.join([stacks, refine(task, children.best(count), None)])
-    pool = Stacks.join([stacks, refine(task, simplify(task, stacks), None)])
-    # What the table puts first, at the best amounts by the solver itself. Unmixed stacks are of
-    # more kinds.
-    return refine(task, pool.best(4 if task.glazes else count), task.optics)
-
-
-def _describe(task: RecipeTask, chosen: list[list[Scored]]) -> list[list[Recipe]]:
+def _describe(task: RecipeTask, chosen: Stacks) -> list[list[Recipe]]:
     """Recipes of some targets, and what their neighbours say of them: stacks with one coat thicker
     or thinner by a tenth, or with one paint stronger by a standard deviation of mixings.
     """
-    stronger = np.exp(MIXED.level * Variation().size_of([]))
-    scored = list(itertools.chain.from_iterable(chosen))
-    # Near each stack: each coat thicker and thinner, then each paint in a coat stronger.
-    near = [
-        [
-            _scaled(stack.sizes, coat, factor)
-            for coat in range(stack.coats)
-            for factor in (1.1, 1 / 1.1)
-        ]
-        + [_scaled(stack.sizes, tuple(at), stronger) for at in np.argwhere(stack.sizes > 0)]
-        for stack in scored
-    ]
+    near = [_neighbours(sizes) for sizes in chosen.sizes]
     # All are read together; their colours go back to the stack that they lie near.
-    labs = read(task.model, np.stack([*itertools.chain.from_iterable(near)]), task.optics).lab[:, 0]
-    colours = np.split(labs, np.cumsum([len(stacks) for stacks in near])[:-1])
-    recipes = map(_recipe, itertools.repeat(task), scored, colours)
-    # One list a target, as they came.
-    return [_with_gamut(list(itertools.islice(recipes, len(group)))) for group in chosen]
+    readings = read(task.model, np.concatenate(near), task.optics)
+    ends = np.cumsum([len(stacks) for stacks in near])[:-1]
+    spectra = np.split(readings.spectrum, ends)
+    labs = np.split(readings.lab, ends)
+    recipes = [
+        _recipe(task, chosen.take([row]), spectra[row][0], labs[row]) for row in range(chosen.size)
+    ]
+    # One list a target.
+    return [
+        _with_gamut([recipes[row] for row in np.flatnonzero(chosen.target == target)])
+        for target in np.unique(chosen.target)
+    ]
 
 
-def _scaled(sizes: Float[np.ndarray, "coats paints"], index: int | tuple, factor: float):
-    """A stack with a coat, or a paint in a coat, so many times as thick."""
-    scaled = sizes.copy()
-    scaled[index] *= factor
-    return scaled
+def _neighbours(sizes: Float[np.ndarray, "coats paints"]) -> Float[np.ndarray, "n coats paints"]:
+    """A stack, then with each of its coats thicker and thinner, then with each paint in a coat
+    stronger.
+    """
+    coats = np.flatnonzero(sizes.any(axis=1))
+    changes: list[tuple[Any, float]] = list(itertools.product(coats, (1.1, 1 / 1.1)))
+    changes += [(tuple(at), STRONGER) for at in np.argwhere(sizes > 0)]
+    near = np.repeat(sizes[None], 1 + len(changes), axis=0)
+    for stack, (place, factor) in zip(near[1:], changes, strict=True):
+        stack[place] *= factor
+    return near
 
 
 def _with_gamut(recipes: list[Recipe]) -> list[Recipe]:
     """Recipes of one target, which say by how much and why it is out of reach, if it is."""
     nearest = min(recipes, key=lambda recipe: recipe.distance)
-    if nearest.distance < IN_GAMUT:
-        return [replace(recipe, limit="") for recipe in recipes]
-    return [
-        replace(recipe, gamut_distance=nearest.distance, limit=nearest.limit) for recipe in recipes
-    ]
+    reached = nearest.distance < IN_GAMUT
+    limit = "" if reached else nearest.limit
+    distance = 0.0 if reached else nearest.distance
+    return [replace(recipe, gamut_distance=distance, limit=limit) for recipe in recipes]
 
 
-def _recipe(task: RecipeTask, scored: Scored, near: Float[np.ndarray, "stacks 3"]) -> Recipe:
-    """A recipe, from the colours of its neighbours under the first light."""
-    target = task.targets[scored.target]
-    # The coats from the top, the largest share of each first.
-    coats = []
-    layers = []
-    for sizes in scored.sizes[: scored.coats]:
-        total = float(sizes.sum())
-        present = sorted(np.flatnonzero(sizes > 0).tolist(), key=lambda paint: -sizes[paint])
-        shares = [round(float(sizes[paint] / total), 9) for paint in present]
-        metres = round(total * 1e-6, 15)
-        paints = [task.pigments[paint] for paint in present]
-        layers.append(Layer(Mixture(paints, shares) if len(paints) > 1 else paints[0], metres))
-        coats.append(Coat(tuple(zip(shares, (p.name for p in paints), strict=True)), metres, 1))
+def _recipe(
+    task: RecipeTask,
+    stack: Stacks,
+    reading: Float[np.ndarray, "bands"],
+    labs: Float[np.ndarray, "stacks lights 3"],
+) -> Recipe:
+    """A recipe, from the reading of a single stack and the colours of it and of its neighbours."""
+    ((sizes,), (number,)) = stack.sizes, stack.target
+    target = task.targets[number]
+    goals = task.target_arrays.lab[number]
+    delta_e = colour.delta_e_2000(labs[0], goals)
+    coats = [_coat(amounts, task) for amounts in sizes[sizes.any(axis=1)]]
+    media = make_media(coats, {paint.name: paint for paint in task.pigments})
+    layers = [Layer(medium, coat.thickness) for medium, coat in zip(media, coats, strict=True)]
     # Under the test illuminant, where the target's colour is known there.
     tested = None
-    if target.knows(task.test_illuminant):
+    if target.spectral or task.test_illuminant in target.labs:
         light = {"illuminant": task.test_illuminant, "observer": task.observer}
-        lab = colour.lab(task.wavelengths, scored.reading, **light)
+        lab = colour.lab(task.wavelengths, reading, **light)
         tested = float(colour.delta_e_2000(lab, target.lab(**light)))
-    miss = scored.reading - task.target_arrays.spectrum[scored.target]
+    miss = reading - task.target_arrays.spectrum[number]
     # Neighbours with a coat thicker and thinner come first.
-    resized = near[: 2 * scored.coats].reshape(scored.coats, 2, 3)
+    own, *near = labs[:, 0]
+    resized = np.reshape(near[: 2 * len(coats)], (-1, 2, 3))
+    # A coat at a bound, within 5 % or a rounding step, that would come nearer beyond it.
+    bounds = 1e6 * np.array(task.thickness[::-1])
+    thickness = np.array([[1e6 * coat.thickness] for coat in coats])
+    gain = delta_e[0] - colour.delta_e_2000(resized, goals[0])
+    limits = (np.abs(thickness - bounds) < np.maximum(0.05 * bounds, 0.11)) & (
+        gain > max(0.05, 0.01 * delta_e[0])
+    )
     return Recipe(
         target=target,
         coats=tuple(coats),
         glaze=Glaze(layers, task.ground, task.instrument.refractive_index),
         wavelengths=task.wavelengths,
-        reflectance=scored.reading,
-        lab=dict(zip(task.illuminants, scored.lab, strict=True)),
-        delta_e=dict(zip(task.illuminants, scored.delta_e.tolist(), strict=True)),
-        unrounded=scored.unrounded,
+        reflectance=reading,
+        lab=dict(zip(task.illuminants, labs[0], strict=True)),
+        delta_e=dict(zip(task.illuminants, delta_e.tolist(), strict=True)),
+        unrounded=stack.unrounded.item(),
         metamerism=tested,
         test_illuminant=task.test_illuminant,
         rmse=float(np.sqrt(np.mean(miss**2))) if target.spectral else None,
-        sensitivity=tuple(colour.delta_e_2000(resized, scored.lab[0]).mean(axis=1).tolist()),
-        between_mixings=_between_mixings(scored.lab[0], near[2 * scored.coats :]),
-        limit=_limit(task, scored, resized),
-        converged=scored.settled,
-        steps=scored.steps,
-        before=scored.before,
+        sensitivity=tuple(colour.delta_e_2000(resized, own).mean(axis=1).tolist()),
+        between_mixings=_between_mixings(own, np.stack(near[2 * len(coats) :])),
+        limit=", ".join(
+            f"coat {coat + 1} is as {('thick', 'thin')[side]} as allowed"
+            for coat, side in np.argwhere(limits)
+        )
+        or "paints",
+        converged=stack.settled.item(),
+        steps=stack.steps.item(),
+        before=stack.before.item(),
     )
 
 
-def _limit(task: RecipeTask, scored: Scored, resized: Float[np.ndarray, "coats 2 3"]) -> str:
-    """Name what keeps a stack from its target: coats at a bound that would come nearer beyond it,
-    or the paints.
-    """
-    distances = colour.delta_e_2000(resized, task.target_arrays.lab[scored.target, 0])
-    limits = []
-    for coat, side in itertools.product(range(scored.coats), (0, 1)):
-        bound = task.thickness[1 - side] * 1e6
-        # Within 5 % or a rounding step of the bound.
-        at_bound = abs(scored.sizes[coat].sum() - bound) < max(0.05 * bound, 0.11)
-        gain = scored.delta_e[0] - distances[coat, side]
-        if at_bound and gain > max(0.05, 0.01 * scored.delta_e[0]):
-            limits.append(f"coat {coat + 1} is as {'thin' if side else 'thick'} as allowed")
-    return ", ".join(limits) or "paints"
+def _coat(amounts: Float[np.ndarray, "paints"], task: RecipeTask) -> Coat:
+    """A coat of what paints take of it, um, the largest share first."""
+    total = float(amounts.sum())
+    order = np.argsort(-amounts, kind="stable").tolist()
+    parts = tuple(
+        (round(float(amounts[paint] / total), 9), task.pigments[paint].name)
+        for paint in order
+        if amounts[paint] > 0
+    )
+    return Coat(parts, round(total * 1e-6, 15), 1)
 
 
 def _between_mixings(

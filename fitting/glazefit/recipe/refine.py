@@ -9,15 +9,20 @@ there. A stack is settled when a full step promises less than a thousandth of a 
 that fades away changes nothing any more and keeps no solve from its end.
 """
 
+import itertools
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from glazejax.colour import delta_e_2000
+
+from ..film.colour_metric import lab_metric
 from ..film.model.optics import Optics
 from ..film.numerics.least_squares import Bounds, Looks, descend_within
 from .model import read
-from .stacks import Stacks
+from .screen import MOST_SCREENED, Stacks
 from .task import RecipeTask
 
 
@@ -25,8 +30,7 @@ class Amounts(NamedTuple):
     """Amounts above 0 of many stacks, and as many places as most of them have."""
 
     target: Int[np.ndarray, "n"]
-    coat: Int[np.ndarray, "n places"]
-    paint: Int[np.ndarray, "n places"]
+    place: Int[np.ndarray, "n places"]  # in the stack, of all coats' paints in one row
     member: Bool[np.ndarray, "n coats places"]  # which are there, and in which coat
 
     def take(self, rows: Int[np.ndarray, "m"]) -> "Amounts":
@@ -38,20 +42,51 @@ class Amounts(NamedTuple):
     ) -> tuple[Float[np.ndarray, "n places"], Float[np.ndarray, "n places"]]:
         """Share that each place takes of its coat, and its size in um."""
         coats = self.member.shape[1]
-        weight = self.member.any(axis=1) * np.exp(point[:, coats:])
-        coat_total = np.take_along_axis(
-            (self.member @ weight[..., None])[..., 0], self.coat, axis=1
-        )
-        share = weight / np.where(coat_total > 0, coat_total, 1.0)
-        return share, share * np.exp(np.take_along_axis(point[:, :coats], self.coat, axis=1))
+        weight = self.member * np.exp(point[:, None, coats:])
+        share = weight / np.maximum(weight.sum(axis=2, keepdims=True), 1e-300)
+        return share.sum(axis=1), (share * np.exp(point[:, :coats, None])).sum(axis=1)
 
     def sizes(
         self, point: Float[np.ndarray, "n unknowns"], paints: int
     ) -> Float[np.ndarray, "n coats paints"]:
         """The stacks at a point, um."""
-        sizes = np.zeros((*self.member.shape[:2], paints))
-        sizes[np.arange(len(sizes))[:, None], self.coat, self.paint] = self.shares(point)[1]
-        return sizes
+        rows, coats, _ = self.member.shape
+        sizes = np.zeros((rows, coats * paints))
+        np.put_along_axis(sizes, self.place, self.shares(point)[1], axis=1)
+        return sizes.reshape(rows, coats, paints)
+
+
+def growths(task: RecipeTask) -> int:
+    """Paints and coats that are added, one at a time, to what a first look finds."""
+    extra_paints = 0 if task.glazes else max(0, task.max_paints - MOST_SCREENED)
+    return extra_paints + max(0, task.max_coats - 2)
+
+
+def improve(task: RecipeTask, rough: Stacks, note: Callable[[], object]) -> Stacks:
+    """The best stacks that come of a first look, at their best amounts by the solver; `note` is
+    called after each refinement.
+    """
+
+    def refined(stacks: Stacks, optics: Optics | None = None, max_steps: int = 40) -> Stacks:
+        better = refine(task, stacks, optics, max_steps)
+        note()
+        return better
+
+    # A few steps show which are worth more.
+    count = 8
+    stacks = refined(refined(rough, max_steps=12).best(count))
+    for number in range(growths(task)):
+        # Of unmixed stacks those of one coat less are the only ones to which a coat can be added.
+        last = stacks.take(np.flatnonzero(stacks.coats == number + 2)) if task.glazes else stacks
+        # A few grow, into very many: most of these are dropped before a refinement.
+        children = refined(grown(task, last.best(4)).best(24), max_steps=12)
+        stacks = Stacks.join([stacks, refined(children.best(count))])
+    pool = Stacks.join([stacks, refined(simplify(task, stacks))])
+    # What the table puts first, at the best amounts by the solver itself. Unmixed stacks are of
+    # more kinds.
+    solved = refined(pool.best(4 if task.glazes else count), task.optics)
+    readings = read(task.model, solved.sizes, task.optics)
+    return score(task, solved, readings.spectrum, readings.lab)
 
 
 def refine(
@@ -89,9 +124,8 @@ def refine(
     )
     good = np.isfinite(solution.cost)
     sizes = amounts.sizes(solution.point, stacks.sizes.shape[2])
-    return Stacks(
+    return stacks._replace(
         sizes=np.where(good[:, None, None], sizes, stacks.sizes),
-        target=stacks.target,
         cost=np.where(good, solution.cost, stacks.cost),
         settled=solution.settled & good,
         steps=solution.steps,
@@ -106,19 +140,19 @@ def start(task: RecipeTask, stacks: Stacks) -> tuple[Amounts, Float[np.ndarray, 
     rows, coats, paints = stacks.sizes.shape
     flat = stacks.sizes.reshape(rows, -1)
     # Amounts above 0 first, in the order of coats and paints.
-    order = np.argsort(flat <= 0, axis=1, kind="stable")[:, : (flat > 0).sum(axis=1).max()]
-    coat, paint = np.divmod(order, paints)
-    amount = np.take_along_axis(flat, order, axis=1)
+    place = np.argsort(flat <= 0, axis=1, kind="stable")[:, : (flat > 0).sum(axis=1).max()]
+    amount = np.take_along_axis(flat, place, axis=1)
+    coat = place // paints
     member = (amount > 0)[:, None] & (coat[:, None] == np.arange(coats)[:, None])
     total = stacks.sizes.sum(axis=2)
     share = amount / np.maximum(np.take_along_axis(total, coat, axis=1), 1e-12)
     # Less of a paint than this, as a logarithm, is none.
     faded = -9.0
-    low = np.repeat([task.model.span[0], faded], [coats, order.shape[1]])
-    high = np.repeat([task.model.span[1], 0.0], [coats, order.shape[1]])
+    low = np.repeat([task.model.span[0], faded], [coats, place.shape[1]])
+    high = np.repeat([task.model.span[1], 0.0], [coats, place.shape[1]])
     values = np.concatenate([total, share], axis=1)
     point = np.clip(np.log(np.maximum(values, 1e-12)), low, high)
-    return Amounts(stacks.target, coat, paint, member), point, Bounds(low, high, longest=1.0)
+    return Amounts(stacks.target, place, member), point, Bounds(low, high, longest=1.0)
 
 
 def look(
@@ -131,24 +165,29 @@ def look(
 ) -> tuple[Looks, Float[np.ndarray, "n"]]:
     """Cost and its slopes at a point, and the largest Delta E under the lights."""
     model = task.model
+    goal = task.target_arrays.take(amounts.target)
     share, amount = amounts.shares(point)
-    readings = read(model, amounts.sizes(point, len(model.absorption)), optics)
+    paints = len(model.absorption)
+    readings = read(model, amounts.sizes(point, paints), optics)
     # Slopes of the spectrum by the logarithms of the amounts, (n, places, bands).
-    by_log = amount[..., None] * sum(
-        np.take_along_axis(by_coat, amounts.coat[..., None], axis=1)
-        * np.asarray(coefficients)[amounts.paint]
-        for by_coat, coefficients in (
-            (readings.by_absorption, model.absorption),
-            (readings.by_scattering, model.scattering),
-        )
+    paint = amounts.place % paints
+    coat = np.swapaxes(amounts.member, 1, 2)
+    by_log = amount[..., None] * (
+        (coat @ readings.by_absorption) * model.absorption[paint]
+        + (coat @ readings.by_scattering) * model.scattering[paint]
     )
     by_coat = amounts.member @ by_log
     # A larger share of one paint is less of the others in its coat.
-    coat_slopes = np.take_along_axis(by_coat, amounts.coat[..., None], axis=1)
-    by_point = np.concatenate(
-        [by_coat * (not hold), by_log - share[..., None] * coat_slopes], axis=1
-    )
-    residual, slopes, delta_e = task.target_arrays.residuals(amounts.target, readings, by_point)
+    by_share = by_log - share[..., None] * (coat @ by_coat)
+    by_point = np.concatenate([by_coat * (not hold), by_share], axis=1).swapaxes(1, 2)
+    # Residuals whose squares add up to the cost: colours under all lights, then the spectrum.
+    count, lights, _ = readings.lab.shape
+    colours, moves = colour_misfit(readings.lab, goal.lab)
+    by_lab = (moves @ readings.lab_by_spectrum).reshape(count, 3 * lights, -1) @ by_point
+    weight = np.sqrt(goal.spectral)[:, None]
+    miss = weight * (readings.spectrum - goal.spectrum)
+    residual = np.concatenate([colours.reshape(count, -1) / np.sqrt(lights), miss], axis=1)
+    slopes = np.concatenate([by_lab / np.sqrt(lights), weight[..., None] * by_point], axis=1)
     flipped = np.swapaxes(slopes, 1, 2)
     cost = np.sum(residual**2, axis=1)
     good = np.isfinite(cost) & np.isfinite(slopes).all(axis=(1, 2))
@@ -157,4 +196,129 @@ def look(
         slope=(flipped @ residual[..., None])[..., 0],
         curvature=flipped @ slopes,
     )
-    return looks, delta_e.max(axis=1)
+    return looks, np.linalg.norm(colours, axis=-1).max(axis=1)
+
+
+def colour_misfit(
+    lab: Float[np.ndarray, "*batch 3"], target: Float[np.ndarray, "*batch 3"]
+) -> tuple[Float[np.ndarray, "*batch 3"], Float[np.ndarray, "*batch 3 3"]]:
+    """Vectors as long as the CIEDE2000 differences of colours from their targets, and their slopes
+    by the colours.
+
+    The vector points as the metric half-way between both has it, where the formula takes its
+    weights.
+    """
+    # Of a difference quotient.
+    step = 0.01
+    moves = step * np.concatenate([np.zeros((1, 3)), np.eye(3), -np.eye(3)])
+    near = lab + moves.reshape(7, *(1,) * (lab.ndim - 1), 3)
+    vector = np.einsum("...ij,...j->...i", lab_metric((near + target) / 2), near - target)
+    length = np.linalg.norm(vector, axis=-1)
+    far = length > 1e-4
+    longer = delta_e_2000(near, target + 0.0 * near) / np.where(far, length, 1.0)
+    vector = vector * np.where(far, longer, 1.0)[..., None]
+    slopes = (vector[1:4] - vector[4:]) / (2.0 * step)
+    return vector[0], np.moveaxis(slopes, 0, -1)
+
+
+def score(
+    task: RecipeTask,
+    stacks: Stacks,
+    spectra: Float[np.ndarray, "n bands"],
+    labs: Float[np.ndarray, "n lights 3"],
+) -> Stacks:
+    """Stacks with their cost and distance by what they read: the cost that `look` has, without
+    slopes.
+    """
+    goal = task.target_arrays.take(stacks.target)
+    delta_e = delta_e_2000(labs, goal.lab)
+    miss = np.sum((spectra - goal.spectrum) ** 2, axis=1)
+    return stacks._replace(
+        cost=np.mean(delta_e**2, axis=1) + goal.spectral * miss, distance=delta_e.max(axis=1)
+    )
+
+
+def pack_coats(sizes: Float[np.ndarray, "n coats paints"]) -> Float[np.ndarray, "n coats paints"]:
+    """Stacks with their empty coats last."""
+    order = np.argsort(~sizes.any(axis=2), axis=1, kind="stable")
+    return np.take_along_axis(sizes, order[:, :, None], axis=1)
+
+
+def merge_coats(
+    sizes: Float[np.ndarray, "n coats paints"], thickest: float
+) -> Float[np.ndarray, "n coats paints"]:
+    """Stacks where neighbours of one and the same paint are one coat, if that is no thicker than
+    allowed, um.
+    """
+    sizes = sizes.copy()
+    for stack in sizes:
+        for upper, lower in itertools.pairwise(stack):
+            alone = (upper > 0).sum() == 1 and np.array_equal(upper > 0, lower > 0)
+            if alone and upper.sum() + lower.sum() <= thickest:
+                lower += upper
+                upper[:] = 0.0
+    return pack_coats(sizes)
+
+
+def simplify(task: RecipeTask, stacks: Stacks) -> Stacks:
+    """Stacks without the paints that are hardly in them and the coats that hardly show: fewer, to
+    be refined again.
+    """
+    share = stacks.sizes / np.maximum(stacks.sizes.sum(axis=2, keepdims=True), 1e-12)
+    # A paint that is less than this of its coat is tried without.
+    sizes = np.where(share < 0.01, 0.0, stacks.sizes)
+    labs = read(task.model, sizes, None).lab[:, 0]
+    for coat in range(sizes.shape[1]):
+        without = sizes.copy()
+        without[:, coat] = 0.0
+        # A coat that changes the colour less than this is tried without.
+        unseen = delta_e_2000(read(task.model, without, None).lab[:, 0], labs) < 0.1
+        unseen &= without.any(axis=(1, 2)) & sizes[:, coat].any(axis=1)
+        sizes[unseen] = without[unseen]
+    changed = np.flatnonzero(((sizes > 0) != (stacks.sizes > 0)).any(axis=(1, 2)))
+    simple = merge_coats(pack_coats(sizes[changed]), float(np.exp(task.model.span[1])))
+    return Stacks.before_refinement(simple, stacks.target[changed], stacks.cost[changed])
+
+
+def grown(task: RecipeTask, parents: Stacks) -> Stacks:
+    """Every stack with one more paint in a coat, or one more coat on top or at the bottom (of
+    glazes between two others, too), with its cost by the table.
+    """
+    children = [list(enlargements(task, stack)) for stack in parents.sizes]
+    target = np.repeat(parents.target, [len(offspring) for offspring in children])
+    if target.size == 0:
+        return parents.take(target)
+    sizes = np.stack(list(itertools.chain.from_iterable(children)))
+    readings = read(task.model, sizes, None)
+    stacks = Stacks.before_refinement(sizes, target, np.zeros(len(target)))
+    return score(task, stacks, readings.spectrum, readings.lab)
+
+
+def enlargements(
+    task: RecipeTask, stack: Float[np.ndarray, "coats paints"]
+) -> Iterator[Float[np.ndarray, "coats paints"]]:
+    """Stacks with one paint or one coat more, within the limits of the search."""
+    power = task.model.strength
+    present = stack.sum(axis=0) > 0
+    filled = np.count_nonzero(stack.any(axis=1))
+    positions = range(filled + 1) if task.glazes else (0, filled)
+    for paint in range(stack.shape[1]):
+        if not present[paint] and np.count_nonzero(present) >= task.max_paints:
+            continue
+        for coat in () if task.glazes else range(filled):
+            if stack[coat, paint] > 0:
+                continue
+            child = stack.copy()
+            # An added paint gets this share of a coat's strength.
+            child[coat, paint] = 0.15 * (stack[coat] @ power) / power[paint]
+            child[coat] *= stack[coat].sum() / child[coat].sum()
+            yield child
+        # An added coat starts thin or half-way between thinnest and thickest.
+        for fraction in (0.15, 0.5) if filled < task.max_coats else ():
+            coat = np.zeros(stack.shape[1])
+            coat[paint] = np.exp(task.model.span @ [1.0 - fraction, fraction])
+            for at in positions:
+                # The same paint twice in a row would be one thicker coat.
+                near = stack[max(at - 1, 0) : at + 1]
+                if not ((near > 0) == (coat > 0)).all(axis=1).any():
+                    yield np.concatenate([stack[:at], coat[None], stack[at:-1]])

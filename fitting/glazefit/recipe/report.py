@@ -1,13 +1,12 @@
 """Report of a search for recipes: tables on the screen, and the files it leaves."""
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
 from rich.console import Console
-from rich.table import Table
 from rich.text import Text
 
 from glazejax import colour
@@ -15,9 +14,8 @@ from glazejax.io import SpectraTable, write_spectra, write_table
 from glazejax.paint.describe import Coat
 from glazejax.plots import hex_colour
 from glazejax.report import leave_out, plain_table, swatch
-from glazejax.spectra import resample
 
-from .parts import describe_parts, whole_parts
+from .parts import describe_parts, parts_by_paint
 from .recipe import PAINT_COLUMNS, Recipe
 from .selection import IN_GAMUT
 from .targets import Target
@@ -32,11 +30,10 @@ CSV_COLUMNS = (
     "delta_e_between_mixings",
 )
 
-MIXING = "Column mixing: the same recipe, mixed twice, differs by about ΔE00 {:.1f}."
-
 MARK = " !"
 """Stands behind a paint that is poisonous or hard to buy."""
 
+COATS = "coats, top first"
 
 NO_BREAK = "\u00a0"
 
@@ -80,32 +77,23 @@ def _parts(coat: Coat) -> list[str]:
     return [f"{100 * share:.1f} % {name}" for share, name in coat.parts]
 
 
-def target_hex(recipe: Recipe) -> str:
-    """The target's colour on a screen, #rrggbb, seen by the first illuminant and the 1931
-    observer.
+def screen_colours(recipe: Recipe) -> tuple[str, str]:
+    """Colours of the target and of the recipe on a screen, #rrggbb, seen by the first illuminant
+    and the 1931 observer.
     """
     light = next(iter(recipe.delta_e))
-    aim = recipe.target
-    if aim.wavelengths is not None and aim.reflectance is not None:
-        return hex_colour(colour.srgb(aim.wavelengths, aim.reflectance, illuminant=light))
-    return _lab_hex(recipe, aim.labs[light])
-
-
-def recipe_hex(recipe: Recipe) -> str:
-    """The recipe's colour on a screen, as `target_hex` has that of the target."""
-    light = next(iter(recipe.delta_e))
-    if recipe.target.spectral:
-        return hex_colour(colour.srgb(recipe.wavelengths, recipe.reflectance, illuminant=light))
-    return _lab_hex(recipe, recipe.lab[light])
-
-
-def _lab_hex(recipe: Recipe, lab) -> str:
-    """L*a*b* shown as it is: relative to the illuminant's white, which a screen shows as
-    its own.
-    """
-    light = next(iter(recipe.delta_e))
-    white = colour.white_point(recipe.wavelengths, light)
-    return hex_colour(colour.xyz_to_srgb(colour.lab_to_xyz(lab, white), white))
+    target = recipe.target
+    if target.wavelengths is not None and target.reflectance is not None:
+        wanted = colour.srgb(target.wavelengths, target.reflectance, illuminant=light)
+        mixed = colour.srgb(recipe.wavelengths, recipe.reflectance, illuminant=light)
+    else:
+        # Relative to the illuminant's white, which a screen shows as its own.
+        white = colour.white_point(recipe.wavelengths, light)
+        wanted, mixed = (
+            colour.xyz_to_srgb(colour.lab_to_xyz(labs[light], white), white)
+            for labs in (target.labs, recipe.lab)
+        )
+    return hex_colour(wanted), hex_colour(mixed)
 
 
 def print_recipes(recipes: Sequence[Recipe], console: Console, view_options: str = "") -> None:
@@ -118,120 +106,93 @@ def print_recipes(recipes: Sequence[Recipe], console: Console, view_options: str
             computed here.
     """
     first = recipes[0]
-    table = _table(["", *_titles(first)])
-    for rank, recipe in enumerate(recipes, 1):
-        _add_coats(table, [str(rank), *_figures(recipe)], recipe)
-    swatches = swatch(target_hex(first)) + Text(" ") + swatch(recipe_hex(first))
-    console.print(
-        Text(f"{first.target.name} ", style="bold") + swatches + Text(" target, first recipe")
-    )
-    _print_table(table, console, first)
-    console.print(Text(MIXING.format(first.between_mixings), style="dim"))
+    swatches = Text(" ").join(map(swatch, screen_colours(first)))
+    title = Text(f"{first.target.name} ", style="bold")
+    console.print(title + swatches + Text(" target, first recipe"))
+    _print_table(recipes, [{"": str(rank)} for rank in range(1, len(recipes) + 1)], console)
+    _print_mixing([first], console)
     for number, coat in enumerate(first.coats, 1):
         text = f"Coat {number} of the first: {in_painters_terms(coat.thickness)}."
-        console.print(Text(text, style="dim"))
+        console.print(Text(text, "dim"))
     _print_cautions(recipes, console)
-    line = f"glazejax render --coats '{first.text}'"
-    console.print(
-        Text(f"See the first: {' '.join(filter(None, (line, view_options)))}", style="dim"),
-        soft_wrap=True,
-    )
+    line = " ".join(filter(None, (f"glazejax render --coats '{first.text}'", view_options)))
+    console.print(Text(f"See the first: {line}", "dim"), soft_wrap=True)
     if first.mixed is not None:
         console.print(Text(if_mixed(recipes)))
-    if not first.in_gamut:
-        console.print(Text(out_of_reach(first), style="yellow"))
-    if rough := [str(rank) for rank, recipe in enumerate(recipes, 1) if not recipe.converged]:
-        console.print(Text(describe_unsettled("recipe", rough), style="yellow"))
+    unsettled = [str(rank) for rank, recipe in enumerate(recipes, 1) if not recipe.converged]
+    _print_warnings([first], "recipe", unsettled, console)
 
 
 def print_best(recipe_lists: Sequence[Sequence[Recipe]], console: Console) -> None:
     """Print the best recipe of each of many targets, coat by coat."""
-    pure = all(recipes[0].mixed is not None for recipes in recipe_lists)
-    table = _table(["target", "", *_titles(recipe_lists[0][0]), *(["if mixed"] if pure else [])])
-    for best, *_ in recipe_lists:
-        swatches = swatch(target_hex(best)) + swatch(recipe_hex(best))
-        *colours, mixing = _figures(best)
-        mixed = [] if best.mixed is None else [f"{best.mixed.distance:.2f}"]
-        _add_coats(table, [best.target.name, swatches, *colours, *mixed, mixing], best)
-    _print_table(table, console, recipe_lists[0][0])
-    if pure:
-        console.print(Text(all_if_mixed(recipe_lists)))
-    console.print(
-        Text(
-            MIXING.format(np.mean([best.between_mixings for best, *_ in recipe_lists])), style="dim"
-        )
-    )
-    _print_cautions([best for best, *_ in recipe_lists], console)
-    for best, *_ in recipe_lists:
-        if not best.in_gamut:
-            console.print(Text(out_of_reach(best), style="yellow"))
-    if rough := [best.target.name for best, *_ in recipe_lists if not best.converged]:
-        console.print(Text(describe_unsettled("the recipe of", rough), style="yellow"))
-
-
-def _titles(recipe: Recipe) -> list[str]:
-    """Headings of the colour differences: lights asked for, and the test light if it is another."""
-    lights = list(recipe.delta_e)
-    return [f"ΔE00 {name}" for name in lights] + (
-        [f"({recipe.test_illuminant})"] if _test_lines(recipe) else []
-    )
-
-
-def _figures(recipe: Recipe) -> list[str]:
-    """Colour differences in words."""
-    test = recipe.metamerism
-    tested = [] if not _test_lines(recipe) else ["" if test is None else f"({test:.2f})"]
-    return (
-        [f"{value:.2f}" for value in recipe.delta_e.values()]
-        + tested
-        + [f"{recipe.between_mixings:.1f}"]
-    )
-
-
-def _test_lines(recipe: Recipe) -> bool:
-    return recipe.test_illuminant not in recipe.delta_e and recipe.target.spectral
-
-
-def _table(titles: Sequence[str]) -> Table:
-    columns = (*titles, "mixing", "µm", "coats, top first", "parts", "per 10 %")
-    text_columns = [
-        number
-        for number, title in enumerate(columns)
-        if number == 0 or title in ("", "coats, top first")
+    recipes = [best for best, *_ in recipe_lists]
+    leads = [
+        {"target": best.target.name, "": Text().join(map(swatch, screen_colours(best)))}
+        for best in recipes
     ]
+    _print_table(recipes, leads, console)
+    if all(best.mixed is not None for best in recipes):
+        console.print(Text(all_if_mixed(recipe_lists)))
+    _print_mixing(recipes, console)
+    _print_cautions(recipes, console)
+    unsettled = [best.target.name for best in recipes if not best.converged]
+    _print_warnings(recipes, "the recipe of", unsettled, console)
+
+
+def _figures(recipe: Recipe, *, batch: bool) -> dict[str, str]:
+    """Colour differences by their headings: lights asked for, the test light if it is another."""
+    figures = {f"ΔE00 {name}": f"{value:.2f}" for name, value in recipe.delta_e.items()}
+    if recipe.test_illuminant not in recipe.delta_e and recipe.target.spectral:
+        figures[f"({recipe.test_illuminant})"] = f"({recipe.metamerism:.2f})"
+    if batch and recipe.mixed is not None:
+        figures["if mixed"] = f"{recipe.mixed.distance:.2f}"
+    return figures | {"mixing": f"{recipe.between_mixings:.1f}"}
+
+
+def _print_table(
+    recipes: Sequence[Recipe], leads: Sequence[Mapping[str, str | Text]], console: Console
+) -> None:
+    """Print a row a coat, what holds for a recipe in its first, and say what is left out on a
+    narrow screen.
+    """
+    rows = [
+        {**lead, **_figures(recipe, batch="target" in lead)}
+        for lead, recipe in zip(leads, recipes, strict=True)
+    ]
+    titles = list(rows[0])
+    columns = (*titles, "µm", COATS, "parts", "per 10 %")
     table = plain_table(
-        *columns, words=text_columns, padding=(0, 1), header_style="dim", pad_edge=False
+        *columns,
+        words=[n for n, title in enumerate(columns) if title in ("target", "", COATS)],
+        padding=(0, 1),
+        header_style="dim",
+        pad_edge=False,
     )
     # A name of a paint is not broken.
     table.columns[-3].no_wrap = True
-    return table
-
-
-def _print_table(table: Table, console: Console, recipe: Recipe) -> None:
-    """Print a table of recipes like this one, and say what it lacks on a narrow screen."""
-    # The test light's title comes after those that were asked for.
-    tested = _titles(recipe)[len(recipe.delta_e) :]
+    for row, recipe in zip(rows, recipes, strict=True):
+        cells = list(row.values())
+        cautions = recipe.cautions
+        for coat, change in zip(recipe.coats, recipe.sensitivity, strict=True):
+            lines = [
+                f"{paint}{MARK if name in cautions else ''}"
+                for paint, (_, name) in zip(_parts(coat), coat.parts, strict=True)
+            ]
+            size = f"{coat.thickness * 1e6:.1f}"
+            table.add_row(*cells, size, "\n".join(lines), describe_parts(coat), f"{change:.2f}")
+            cells = [""] * len(cells)
+    tested = [title for title in titles if title.startswith("(")]
     table, gone = leave_out(table, console, ("per 10 %", "parts", "mixing", *tested))
     console.print(table)
     if gone:
         note = f"Left out on a screen of {console.width} columns: {', '.join(gone)}."
-        console.print(Text(note, style="dim"))
+        console.print(Text(note, "dim"))
 
 
-def _add_coats(table: Table, cells: Sequence[str | Text], recipe: Recipe) -> None:
-    """A row a coat; what holds for the recipe stands in the first."""
-    cautions = recipe.cautions
-    for number, (coat, change) in enumerate(zip(recipe.coats, recipe.sensitivity, strict=True)):
-        lead = list(cells) if number == 0 else [""] * len(cells)
-        marks = ["" if name not in cautions else MARK for _, name in coat.parts]
-        lines = [f"{paint}{mark}" for paint, mark in zip(_parts(coat), marks, strict=True)]
-        table.add_row(
-            *lead,
-            f"{coat.thickness * 1e6:.1f}",
-            "\n".join(lines),
-            describe_parts(coat),
-            f"{change:.2f}",
-        )
+def _print_mixing(recipes: Sequence[Recipe], console: Console) -> None:
+    apart = np.mean([recipe.between_mixings for recipe in recipes])
+    note = f"Column mixing: the same recipe, mixed twice, differs by about ΔE00 {apart:.1f}."
+    console.print(Text(note, "dim"))
 
 
 def _print_cautions(recipes: Sequence[Recipe], console: Console) -> None:
@@ -240,6 +201,21 @@ def _print_cautions(recipes: Sequence[Recipe], console: Console) -> None:
     if cautions:
         text = "; ".join(f"{name}: {why}" for name, why in cautions.items())
         console.print(Text(f"{MARK.strip()} {text} (--modern leaves such paints out).", "yellow"))
+
+
+def _print_warnings(
+    recipes: Sequence[Recipe], what: str, unsettled: Sequence[str], console: Console
+) -> None:
+    """Sentences on targets out of reach, and on recipes whose least squares were stopped."""
+    for recipe in recipes:
+        if not recipe.in_gamut:
+            console.print(Text(out_of_reach(recipe), "yellow"))
+    if unsettled:
+        text = (
+            f"Least squares stopped before it had settled for {what} {', '.join(unsettled)}: other "
+            "amounts of the same paints may come nearer."
+        )
+        console.print(Text(text, "yellow"))
 
 
 def out_of_reach(recipe: Recipe) -> str:
@@ -280,42 +256,34 @@ def all_if_mixed(recipe_lists: Sequence[Sequence[Recipe]]) -> str:
     )
 
 
-def describe_unsettled(what: str, which: Sequence[str]) -> str:
-    """A sentence on recipes whose least squares were stopped."""
-    return (
-        f"Least squares stopped before it had settled for {what} {', '.join(which)}: other "
-        "amounts of the same paints may come nearer."
-    )
-
-
 def write_csv(
     recipe_lists: Sequence[Sequence[Recipe]], path: Path, *, overwrite: bool = False
 ) -> None:
     """Write all recipes, a line for each paint in each coat."""
-    write_table(path, CSV_COLUMNS, _rows(recipe_lists), overwrite=overwrite)
 
-
-def _rows(recipe_lists: Sequence[Sequence[Recipe]]) -> Iterator[tuple]:
     def text(value: float | None, digits: int) -> str:
         return "" if value is None else f"{value:.{digits}f}"
 
-    for recipes in recipe_lists:
-        for rank, recipe in enumerate(recipes, 1):
-            for coat, thickness, paint, share, proportion, change in recipe.rows():
-                yield (
-                    recipe.target.name,
-                    rank,
-                    text(recipe.distance, 3),
-                    text(recipe.metamerism, 3),
-                    text(recipe.rmse, 5),
-                    coat,
-                    f"{thickness:.6g}",
-                    paint,
-                    f"{share:.6g}",
-                    proportion,
-                    text(change, 3),
-                    text(recipe.between_mixings, 2),
-                )
+    rows = [
+        (
+            recipe.target.name,
+            rank,
+            text(recipe.distance, 3),
+            text(recipe.metamerism, 3),
+            text(recipe.rmse, 5),
+            coat,
+            f"{thickness:.6g}",
+            paint,
+            f"{share:.6g}",
+            proportion,
+            text(change, 3),
+            text(recipe.between_mixings, 2),
+        )
+        for recipes in recipe_lists
+        for rank, recipe in enumerate(recipes, 1)
+        for coat, thickness, paint, share, proportion, change in recipe.rows()
+    ]
+    write_table(path, CSV_COLUMNS, rows, overwrite=overwrite)
 
 
 def write_json(recipe_lists: Sequence[Sequence[Recipe]], path: Path) -> None:
@@ -334,13 +302,7 @@ def _plain(recipe: Recipe) -> dict:
             {
                 "thickness_um": round(coat.thickness * 1e6, 6),
                 "paints": {name: share for share, name in coat.parts},
-                "parts": dict(
-                    zip(
-                        (name for _, name in coat.parts),
-                        whole_parts([share for share, _ in coat.parts]),
-                        strict=True,
-                    )
-                ),
+                "parts": parts_by_paint(coat),
                 "delta_e_per_10_percent": change,
             }
             for coat, change in zip(recipe.coats, recipe.sensitivity, strict=True)
@@ -377,10 +339,6 @@ def write_targets(
     """Write the spectra of targets on some wavelengths (nm), as CSV, CxF3 or ENVI by the name's
     ending.
     """
-    spectra = [
-        resample(target.wavelengths, target.reflectance, wavelengths)
-        for target in targets
-        if target.wavelengths is not None and target.reflectance is not None
-    ]
-    table = SpectraTable(wavelengths, tuple(target.name for target in targets), np.stack(spectra))
+    spectra = np.stack([target.on(wavelengths) for target in targets])
+    table = SpectraTable(wavelengths, tuple(target.name for target in targets), spectra)
     write_spectra(table, path, overwrite=overwrite)

@@ -9,25 +9,104 @@ the Lambertian ground that would read the same when bare. One coat lies over one
 
 import functools
 import itertools
+from collections import Counter
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float, Int, Shaped
 
 from glazejax.programs import Program
+from glazejax.progress import Progress, counted, no_progress
 from glazejax.radiative.common.threads import in_threads
 
-from .distance import TargetArrays, small_distances
-from .model import StackModel, internal
-from .stacks import Stacks, strength
+from .model import StackModel, internal, lab_of
+from .targets import TargetArrays
 from .task import RecipeTask
 
 MOST_SCREENED = 3
 """Most paints in a recipe that is found here; more are added to these
-(`glazefit.recipe.stacks.grown`).
+(`glazefit.recipe.refine.grown`).
 """
+
+
+class Stacks(NamedTuple):
+    """Stacks that may become recipes, (n,)."""
+
+    sizes: Float[np.ndarray, "n coats paints"]  # what each paint takes of each coat's thickness, um
+    target: Int[np.ndarray, "n"]
+    cost: Float[np.ndarray, "n"]  # squared distance: mean squared Delta E, and that of the spectrum
+    distance: Float[np.ndarray, "n"]  # largest Delta E 2000 under the lights; NaN before `score`
+    settled: Bool[np.ndarray, "n"]  # whether the last least squares came to an end
+    steps: Int[np.ndarray, "n"]  # of the last least squares
+    before: Float[np.ndarray, "n"]  # largest Delta E 2000 before these steps; NaN without them
+    unrounded: Float[np.ndarray, "n"]  # and before the stack was rounded
+
+    @classmethod
+    def before_refinement(cls, sizes: np.ndarray, target: np.ndarray, cost: np.ndarray) -> "Stacks":
+        """Stacks that no least squares has seen."""
+        unknown = np.full(len(target), np.nan)
+        return cls(
+            sizes=sizes,
+            target=target,
+            cost=cost,
+            distance=unknown,
+            settled=np.zeros(len(target), bool),
+            steps=np.zeros(len(target), int),
+            before=unknown,
+            unrounded=unknown,
+        )
+
+    @property
+    def size(self) -> int:
+        """Number of stacks."""
+        return len(self.target)
+
+    @property
+    def coats(self) -> Int[np.ndarray, "n"]:
+        """Number of coats that are there."""
+        return self.sizes.any(axis=2).sum(axis=1)
+
+    @property
+    def paints(self) -> Int[np.ndarray, "n"]:
+        """Number of different paints."""
+        return self.sizes.any(axis=1).sum(axis=1)
+
+    @property
+    def layouts(self) -> list[tuple[int, bytes]]:
+        """Target and paints by coat, the same for stacks that differ in their amounts only."""
+        inside = self.sizes > 0
+        return [(int(t), coats.tobytes()) for t, coats in zip(self.target, inside, strict=True)]
+
+    def take(self, rows: Sequence[int] | Int[np.ndarray, "m"]) -> "Stacks":
+        """Some of them."""
+        return Stacks(*(values[np.asarray(rows, int)] for values in self))
+
+    def best(self, count: int) -> "Stacks":
+        """The `count` of least cost for each target, by number of coats and paints; of stacks with
+        the same paints in the same coats only the best.
+        """
+        kinds = np.stack([self.target, self.coats, self.paints], axis=1)
+        alone = leaders(np.argsort(self.cost, kind="stable"), self.layouts, 1)
+        return self.take(leaders(alone, [tuple(kind) for kind in kinds.tolist()], count))
+
+    @staticmethod
+    def join(groups: "Sequence[Stacks]") -> "Stacks":
+        """All of several."""
+        return Stacks(*(np.concatenate(values) for values in zip(*groups, strict=True)))
+
+
+def leaders(order: Iterable[int], groups: Sequence[Hashable], count: int) -> list[int]:
+    """Rows of an order that are among the first `count` of their group."""
+    ranks: Counter[Hashable] = Counter()
+    chosen = []
+    for row in order:
+        ranks[groups[row]] += 1
+        if ranks[groups[row]] <= count:
+            chosen.append(row)
+    return chosen
 
 
 class Coats(NamedTuple):
@@ -40,44 +119,26 @@ class Coats(NamedTuple):
         """Some of them."""
         return Coats(self.paints[rows], self.amounts[rows])
 
-    @property
-    def sets(self) -> Int[np.ndarray, "coats"]:
-        """Numbers of their sets, ascending."""
-        begins = (self.paints[1:] != self.paints[:-1]).any(axis=1)
-        return np.concatenate([[0], np.cumsum(begins)])
 
-    def members(self, paints: int) -> Bool[np.ndarray, "coats paints"]:
-        """Paints that are in them."""
-        present = np.zeros((len(self.paints), paints), bool)
-        coats, columns = np.nonzero(self.amounts[:, 0])
-        present[coats, self.paints[coats, columns]] = True
-        return present
-
-    def sizes(
-        self, rows: Int[np.ndarray, "n"], points: Int[np.ndarray, "n"], paints: int
-    ) -> Float[np.ndarray, "n paints"]:
-        """Thickness that each paint takes, um, of coats at points of their grid of thicknesses."""
-        sizes = np.zeros((len(rows), paints))
-        for column in range(self.paints.shape[1]):
-            sizes[np.arange(len(rows)), self.paints[rows, column]] += self.amounts[
-                rows, points, column
-            ]
-        return sizes
-
-
-def screen(task: RecipeTask, keep: tuple[int, ...] = (3, 24, 40)) -> Stacks:
+def screen(
+    task: RecipeTask, keep: tuple[int, ...] = (3, 24, 40), progress: Progress = no_progress
+) -> Stacks:
     """The best sets of paints of a kind for each target, each at its best point of the grid; of a
     kind, which has so many coats and so many paints, `keep[paints - 1]` are kept.
+
+    `progress` is called after each block of coats.
     """
     count = 1 if task.glazes else min(task.max_paints, MOST_SCREENED)
     coats = {n: coats_of(task.model, n, task.seed) for n in range(1, count + 1)}
     nothing = Coats(np.zeros((1, 3), int), np.zeros((1, 1, 3)))
-    stacks = [_nearest(task, coats[n], nothing, keep[n - 1]) for n in coats]
+    pairs = [(coats[n], nothing, keep[n - 1]) for n in coats]
     for n, m in itertools.product(coats, repeat=2) if task.max_coats > 1 else ():
         # The wide grid of three paints in a coat is for single coats.
         if n + m <= MOST_SCREENED:
-            stacks.append(_nearest(task, coats[n], coats[m], keep[n + m - 1]))
-    return Stacks.join(stacks).best(keep[-1])
+            pairs.append((coats[n], coats[m], keep[n + m - 1]))
+    total = sum(len(_corners(top, bottom)) for top, bottom, _ in pairs)
+    note = counted(progress, total, "looking through all sets of paints")
+    return Stacks.join([_nearest(task, *pair, note) for pair in pairs]).best(keep[-1])
 
 
 def coats_of(model: StackModel, n: int, seed: int) -> Coats:
@@ -99,7 +160,7 @@ def coats_of(model: StackModel, n: int, seed: int) -> Coats:
         ratios = np.random.default_rng(seed).random(2)
         ratios = (ratios + np.arange(20)[:, None] * 1.32471795724474602596 ** -np.arange(1, 3)) % 1
         logs = np.pad(2.0 * wide * (ratios - 0.5), ((0, 0), (0, 1)))
-    shares = np.exp(logs) / strength(model)[sets][:, None, :]
+    shares = np.exp(logs) / model.strength[sets][:, None, :]
     shares /= shares.sum(axis=-1, keepdims=True)
     amounts = shares[:, :, None, :] * thickness[..., None]
     spare = MOST_SCREENED - n
@@ -109,46 +170,76 @@ def coats_of(model: StackModel, n: int, seed: int) -> Coats:
     )
 
 
-def _nearest(task: RecipeTask, top: Coats, bottom: Coats, keep: int) -> Stacks:
-    """The best sets of some coats over others, for each target."""
-    paints = len(task.model.absorption)
-    cost, point = _all_distances(task, top, bottom)
-    upper, lower = top.members(paints), bottom.members(paints)
-    either = upper[:, None] | lower
+def _nearest(
+    task: RecipeTask, top: Coats, bottom: Coats, keep: int, note: Callable[[], object]
+) -> Stacks:
+    """The best sets of some coats over others, for each target; `note` is called after each
+    block.
+    """
+    count = len(task.model.absorption)
+    cost, point = _all_distances(task, top, bottom, note)
+    upper, lower = (spread(coats.paints, coats.amounts[:, 0] > 0, count) for coats in (top, bottom))
     # Not the same paint over itself, and no more paints than allowed.
-    sensible = (either.sum(axis=2) <= task.max_paints) & (upper[:, None] != lower).any(axis=2)
+    sensible = ((upper[:, None] | lower).sum(axis=2) <= task.max_paints) & (
+        upper[:, None] != lower
+    ).any(axis=2)
     cost[~sensible] = np.inf
-    sets = top.sets[:, None] * len(lower) + bottom.sets
+    # Coats of one set of paints follow each other.
+    above, below = (
+        np.cumsum((coats.paints != np.roll(coats.paints, 1, axis=0)).any(axis=1))
+        for coats in (top, bottom)
+    )
+    sets = (above[:, None] * (below[-1] + 1) + below).ravel()
     flat = cost.reshape(-1, cost.shape[-1])
     stacks = []
     for target in range(flat.shape[1]):
         order = np.argsort(flat[:, target])
         order = order[np.isfinite(flat[order, target])]
         # Of every two sets the best of their proportions.
-        once = np.sort(np.unique(sets.ravel()[order], return_index=True)[1])[:keep]
-        rows, columns = np.divmod(order[once], len(lower))
+        once = order[np.sort(np.unique(sets[order], return_index=True)[1])[:keep]]
+        rows, columns = np.divmod(once, len(lower))
         points = np.divmod(point[rows, columns, target], bottom.amounts.shape[1])
-        sizes = np.zeros((len(rows), task.max_coats, paints))
-        sizes[:, 0] = top.sizes(rows, points[0], paints)
-        if len(lower) > 1:
-            sizes[:, 1] = bottom.sizes(columns, points[1], paints)
+        sizes = np.zeros((len(once), max(2, task.max_coats), count))
+        sizes[:, 0] = spread(top.paints[rows], top.amounts[rows, points[0]], count)
+        sizes[:, 1] = spread(bottom.paints[columns], bottom.amounts[columns, points[1]], count)
+        numbers = np.full(len(once), target)
         stacks.append(
-            Stacks.before_refinement(sizes, np.full(len(rows), target), flat[order[once], target])
+            Stacks.before_refinement(sizes[:, : task.max_coats], numbers, flat[once, target])
         )
     return Stacks.join(stacks)
 
 
+def spread(
+    paints: Int[np.ndarray, "n 3"], amounts: np.ndarray, count: int
+) -> Shaped[np.ndarray, "n paints"]:
+    """Amounts, (n, 3), as columns of all paints: sums, or of booleans whether any is true."""
+    columns = np.zeros((len(paints), count), amounts.dtype)
+    np.add.at(columns, (np.arange(len(paints))[:, None], paints), amounts)
+    return columns
+
+
+def _block(bottom: Coats) -> tuple[int, int, int]:
+    """Upper and lower coats that are looked at in one program, so that one serves all, and how
+    many of the upper ones side by side.
+    """
+    return (640, 1, 32) if len(bottom.paints) == 1 else (40, 40, 1)
+
+
+def _corners(top: Coats, bottom: Coats) -> list[tuple[int, int]]:
+    """First upper and lower coat of each block."""
+    height, width, _ = _block(bottom)
+    rows = range(0, len(top.paints), height)
+    return list(itertools.product(rows, range(0, len(bottom.paints), width)))
+
+
 def _all_distances(
-    task: RecipeTask, top: Coats, bottom: Coats
+    task: RecipeTask, top: Coats, bottom: Coats, note: Callable[[], object]
 ) -> tuple[Float[np.ndarray, "upper lower targets"], Int[np.ndarray, "upper lower targets"]]:
     """Least cost of each coat over each other coat, and the thicknesses of both where it is."""
     targets = task.target_arrays
     cost = np.empty((len(top.paints), len(bottom.paints), len(targets.spectral)), np.float32)
     point = np.empty(cost.shape, np.int8)
-    single = len(bottom.paints) == 1
-    # A block of as many coats each time, so that one program serves all; coats over nothing are
-    # looked at some at a time.
-    height, width, together = (640, 1, 32) if single else (40, 40, 1)
+    height, width, together = _block(bottom)
 
     def look(corner: tuple[int, int]) -> None:
         rows, columns = (
@@ -159,9 +250,9 @@ def _all_distances(
         # Where a block reaches beyond the last coat, that one is written again.
         at = np.ix_(rows, columns)
         cost[at], point[at] = _distances(task.model, targets, *block, together=together)
+        note()
 
-    rows = range(0, len(cost), height)
-    in_threads(look, list(itertools.product(rows, range(0, cost.shape[1], width))))
+    in_threads(look, _corners(top, bottom))
     return cost, point
 
 
@@ -186,8 +277,24 @@ def _distances(
         )
         reading = black + gain * ground / (1.0 - back * ground) + model.surface
         # (thicknesses, those of the lower, lower, targets)
-        cost = small_distances(model, targets, reading)
+        cost = _small_distances(model, targets, reading)
         cost = cost.reshape(-1, *cost.shape[2:])
         return cost.min(axis=0), cost.argmin(axis=0)
 
     return jax.lax.map(of_one, top, batch_size=together)
+
+
+def _small_distances(
+    model: StackModel, targets: TargetArrays, reading: Float[Array, "*batch bands"]
+) -> Float[Array, "*batch targets"]:
+    """Cost of readings for every target, by the colour difference of small steps."""
+    miss = lab_of(model, reading)[..., None, :, :] - targets.lab
+    differences = jnp.einsum("tlij,...tlj->...tli", targets.metric, miss)
+    colour = jnp.sum(differences**2, axis=(-1, -2)) / targets.lab.shape[1]
+    cross = jnp.tensordot(reading, targets.spectrum.T, axes=1)
+    spectral = (
+        jnp.sum(reading**2, axis=-1)[..., None]
+        - 2.0 * cross
+        + jnp.sum(targets.spectrum**2, axis=-1)
+    )
+    return colour + targets.spectral * jnp.maximum(spectral, 0.0)

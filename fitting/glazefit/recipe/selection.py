@@ -1,130 +1,56 @@
 """From refined stacks to what a painter can mix: rounded, and the best few that differ."""
 
-import functools
 import itertools
-import operator
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from .model import lab_of, read
-from .refine import refine
-from .stacks import Stacks, pack_coats
+from .refine import refine, score
+from .screen import Stacks, leaders
 from .task import RecipeTask
 
 IN_GAMUT = 1.0
 """A target counts as reached below this Delta E 2000."""
 
 
-@dataclass(frozen=True, eq=False)
-class Scored:
-    """A stack and how near it comes to its target.
-
-    Attributes:
-        sizes: (coats, paints), what each paint takes of each coat's thickness, um.
-        target: number of its target.
-        reading: (bands,), what the instrument reads.
-        lab: (lights, 3), its colour.
-        delta_e: (lights,), Delta E 2000.
-        score: root of mean squared Delta E and of the penalty for another spectrum.
-        settled: whether least squares came to an end for its amounts.
-        steps: of least squares by the solver.
-        before: largest Delta E 2000 before these steps.
-        unrounded: largest Delta E 2000 before it was rounded.
-    """
-
-    sizes: Float[np.ndarray, "coats paints"]
-    target: int
-    reading: Float[np.ndarray, "bands"]
-    lab: Float[np.ndarray, "lights 3"]
-    delta_e: Float[np.ndarray, "lights"]
-    score: float
-    settled: bool
-    steps: int
-    before: float
-    unrounded: float = np.nan
-
-    @functools.cached_property
-    def paints(self) -> frozenset[int]:
-        """Numbers of its paints."""
-        return frozenset(np.flatnonzero(self.sizes.any(axis=0)).tolist())
-
-    @functools.cached_property
-    def coats(self) -> int:
-        """Number of coats."""
-        return int(self.sizes.any(axis=1).sum())
-
-    @property
-    def signature(self) -> tuple[frozenset[int], ...]:
-        """Sets of paints by coat, top first."""
-        return tuple(frozenset(np.flatnonzero(coat).tolist()) for coat in self.sizes if coat.any())
-
-    @property
-    def distance(self) -> float:
-        """Largest Delta E 2000 under the lights asked for."""
-        return float(self.delta_e.max())
-
-    def effort(self, simplicity: float) -> tuple[bool, float]:
-        """Order of recipes: in gamut first, then the score and the price of each paint and coat."""
-        return not self.distance < IN_GAMUT, self.score + simplicity * (
-            len(self.paints) + self.coats
-        )
+def choose(task: RecipeTask, stacks: Stacks) -> Stacks:
+    """The best few stacks for each target, in round numbers."""
+    # More than asked for are rounded, because a few lose their colour by it.
+    rounded = round_recipes(task, select(task, stacks, 3 * task.count))
+    return select(task, rounded, task.count)
 
 
-def score(task: RecipeTask, stacks: Stacks) -> list[list[Scored]]:
-    """Stacks of each target as the solver sees them, with Delta E 2000 by colour-science."""
-    return _by_target(_score(task, stacks, read(task.model, stacks.sizes, task.optics).spectrum))
+def by_effort(task: RecipeTask, stacks: Stacks) -> Int[np.ndarray, "n"]:
+    """Order of stacks: in gamut first, then by distance and the price of each paint and coat."""
+    price = task.simplicity * (stacks.paints + stacks.coats)
+    return np.lexsort([np.sqrt(stacks.cost) + price, ~(stacks.distance < IN_GAMUT)])
 
 
-def _by_target(stacks: Sequence[Scored]) -> list[list[Scored]]:
-    number = operator.attrgetter("target")
-    return [list(group) for _, group in itertools.groupby(sorted(stacks, key=number), number)]
-
-
-def _score(task: RecipeTask, stacks: Stacks, reading: Float[np.ndarray, "n bands"]) -> list[Scored]:
-    labs = np.asarray(lab_of(task.model, reading))
-    delta_e, cost = task.target_arrays.distances(stacks.target, reading, labs)
-    return [
-        Scored(
-            sizes=stacks.sizes[row],
-            target=int(stacks.target[row]),
-            reading=reading[row],
-            lab=labs[row],
-            delta_e=delta_e[row],
-            score=float(np.sqrt(cost[row])),
-            settled=bool(stacks.settled[row]),
-            steps=int(stacks.steps[row]),
-            before=float(stacks.before[row]),
-        )
-        for row in range(stacks.size)
-    ]
-
-
-def select(pool: Sequence[Scored], count: int, simplicity: float) -> list[Scored]:
-    """The best few that differ in their paints or in the order of their coats.
+def select(task: RecipeTask, stacks: Stacks, count: int) -> Stacks:
+    """The best few for each target, that differ in their paints or in the order of their coats.
 
     A recipe that takes a simpler one and adds to it without coming nearer is left out while there
     are others.
     """
-    chosen: list[Scored] = []
-    spare: list[Scored] = []
-    signatures = set()
-    for stack in sorted(pool, key=lambda stack: stack.effort(simplicity)):
-        if stack.signature in signatures:
-            continue
-        signatures.add(stack.signature)
+    paints = np.asarray(stacks.sizes.any(axis=1))
+    coats = stacks.coats
+    near = np.sqrt(stacks.cost)
+    chosen: dict[int, list[int]] = {target: [] for target in np.unique(stacks.target).tolist()}
+    spare = {target: [] for target in chosen}
+    for row in leaders(by_effort(task, stacks), stacks.layouts, 1):
+        target = int(stacks.target[row])
         embellished = any(
-            simpler.paints <= stack.paints
-            and simpler.coats <= stack.coats
-            and stack.score > simpler.score - simplicity
-            for simpler in chosen
+            not (paints[simpler] & ~paints[row]).any()
+            and coats[simpler] <= coats[row]
+            and near[row] > near[simpler] - task.simplicity
+            for simpler in chosen[target]
         )
-        (spare if embellished else chosen).append(stack)
-        if len(chosen) == count:
-            break
-    return chosen + spare[: count - len(chosen)]
+        if len(chosen[target]) < count:
+            (spare if embellished else chosen)[target].append(row)
+    rows = [[*best, *spare[target][: count - len(best)]] for target, best in chosen.items()]
+    return stacks.take(list(itertools.chain.from_iterable(rows)))
 
 
 def roundings(
@@ -164,55 +90,35 @@ def _round_coats(
         yield shares * size
 
 
-def round_recipes(task: RecipeTask, chosen: Sequence[Sequence[Scored]]) -> list[list[Scored]]:
-    """Each recipe of each target in the round numbers that come nearest.
+def round_recipes(task: RecipeTask, exact: Stacks) -> Stacks:
+    """Each recipe in the round numbers that come nearest.
 
     The solver reads a few of them: those that come nearest when a rounding changes a reading as it
     does by the table.
     """
-    exact = list(itertools.chain.from_iterable(chosen))
     low, high = np.exp(task.model.span).tolist()
-    before = np.stack([stack.sizes for stack in exact])
-    targets = np.array([stack.target for stack in exact])
     # With a round thickness other shares are best.
-    total = np.maximum(before.sum(axis=2, keepdims=True), low)
-    near = before * (np.clip(total.round(1), low, high) / total)
-    near = Stacks.before_refinement(near, targets, np.zeros(len(exact)))
-    near = refine(task, near, task.optics, 5, hold=True).sizes
+    total = np.maximum(exact.sizes.sum(axis=2, keepdims=True), low)
+    near = exact._replace(sizes=exact.sizes * (np.clip(total.round(1), low, high) / total))
+    near = refine(task, near, task.optics, 5, hold=True)
     # Round numbers about the best amounts, and about those best at round thicknesses.
     options = [
-        roundings(exact_sizes, (low, high)) + roundings(near_sizes, (low, high))
-        for exact_sizes, near_sizes in zip(before, near, strict=True)
+        np.unique(
+            np.round(roundings(best, (low, high)) + roundings(close, (low, high)), 12), axis=0
+        )
+        for best, close in zip(exact.sizes, near.sizes, strict=True)
     ]
-    owner = np.repeat(np.arange(len(exact)), [len(tries) for tries in options])
-    sizes = pack_coats(np.stack([*itertools.chain.from_iterable(options)]))
-    stacks = Stacks.before_refinement(sizes, targets[owner], np.zeros(len(owner)))
+    owner = np.repeat(np.arange(exact.size), [len(tries) for tries in options])
+    rounded = exact.take(owner)._replace(
+        sizes=np.concatenate(options), unrounded=exact.distance[owner]
+    )
     # The table says what each rounding changes; the difference to the solver's reading is added.
-    by_table = read(task.model, np.concatenate([before, sizes]), None).spectrum
-    off = np.stack([stack.reading for stack in exact]) - by_table[: len(exact)]
-    guess = _score(task, stacks, by_table[len(exact) :] + off[owner])
-
-    def effort(stack: Scored) -> tuple[bool, float]:
-        return stack.effort(task.simplicity)
-
+    by_table = read(task.model, np.concatenate([exact.sizes, rounded.sizes]), None).spectrum
+    off = read(task.model, exact.sizes, task.optics).spectrum - by_table[: exact.size]
+    guess = by_table[exact.size :] + off[owner]
+    guessed = score(task, rounded, guess, np.asarray(lab_of(task.model, guess)))
     # Round numbers of a recipe that the solver reads.
-    nearest = [
-        sorted(np.flatnonzero(owner == number), key=lambda row: effort(guess[row]))[:4]
-        for number in range(len(exact))
-    ]
-    rows = np.concatenate(nearest)
-    solved = iter(
-        _score(task, stacks.take(rows), read(task.model, sizes[rows], task.optics).spectrum)
-    )
-    return _by_target(
-        [
-            replace(
-                min((next(solved) for _ in tries), key=effort),
-                settled=stack.settled,
-                steps=stack.steps,
-                before=stack.before,
-                unrounded=stack.distance,
-            )
-            for stack, tries in zip(exact, nearest, strict=True)
-        ]
-    )
+    rows = sorted(leaders(by_effort(task, guessed), owner.tolist(), 4))
+    readings = read(task.model, rounded.sizes[rows], task.optics)
+    solved = score(task, rounded.take(rows), readings.spectrum, readings.lab)
+    return solved.take(sorted(leaders(by_effort(task, solved), owner[rows].tolist(), 1)))

@@ -7,10 +7,10 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from numpy.typing import ArrayLike
 
 from glazejax import cie
@@ -45,10 +45,6 @@ class Target:
         """True if a spectrum is known, and with it the colour under every illuminant."""
         return self.reflectance is not None
 
-    def knows(self, illuminant: str) -> bool:
-        """True if the colour under this illuminant (full name) is known."""
-        return self.spectral or illuminant in self.labs
-
     def lab(self, illuminant: str, observer: str) -> Float[np.ndarray, "3"]:
         """L*a*b* under an illuminant, (3,); a given colour is taken to be for the observer asked
         for.
@@ -71,12 +67,63 @@ class Target:
             )
         return self.labs[full]
 
+    def on(self, wavelengths: Float[np.ndarray, "m"]) -> Float[np.ndarray, "m"]:
+        """Reflectance at other wavelengths (nm); 0 of a colour."""
+        if self.wavelengths is None or self.reflectance is None:
+            return np.zeros(wavelengths.size)
+        from glazejax.spectra import resample
+
+        return np.asarray(resample(self.wavelengths, self.reflectance, wavelengths))
+
     def __repr__(self) -> str:
         if self.wavelengths is not None:
             from glazejax.spectra import describe_grid
 
             return f"Target({self.name!r}, {describe_grid(self.wavelengths)})"
         return f"Target({self.name!r}, Lab under {', '.join(self.labs)})"
+
+
+class TargetArrays(NamedTuple):
+    """Targets of a search as arrays."""
+
+    lab: Float[Any, "targets lights 3"]
+    metric: Float[Any, "targets lights 3 3"]
+    """metric @ (Lab - lab) is as long as a small colour difference."""
+    spectrum: Float[Any, "targets bands"]
+    spectral: Float[Any, "targets"]
+    """Weight of the squared difference in reflectance, summed over the bands."""
+
+    @classmethod
+    def of(
+        cls,
+        targets: Sequence[Target],
+        wavelengths: Float[np.ndarray, "bands"],
+        illuminants: Sequence[str],
+        observer: str,
+        metamerism: float,
+    ) -> "TargetArrays":
+        """Targets under some lights; one without a spectrum has none to miss.
+
+        Args:
+            targets: each with a colour under every light.
+            wavelengths: nm, which spectra cover.
+            illuminants, observer: full names.
+            metamerism: Delta E that a root mean squared difference of 0.01 weighs.
+        """
+        from ..film.colour_metric import lab_metric
+
+        labs = np.stack([[t.lab(name, observer) for name in illuminants] for t in targets])
+        weight = (100.0 * metamerism) ** 2 / wavelengths.size
+        return cls(
+            lab=labs,
+            metric=lab_metric(labs),
+            spectrum=np.stack([target.on(wavelengths) for target in targets]),
+            spectral=weight * np.array([target.spectral for target in targets]),
+        )
+
+    def take(self, rows: Int[np.ndarray, "n"]) -> "TargetArrays":
+        """Those of some stacks."""
+        return TargetArrays(*(values[rows] for values in self))
 
 
 TargetLike = Target | Mapping[str, Colour] | Colour
@@ -104,6 +151,23 @@ def lab_target(lab: Mapping[str, Colour] | Colour, name: str | None = None) -> T
     first = next(iter(labs.values()))
     title = name or f"Lab {', '.join(f'{value:g}' for value in first)}"
     return Target(title, MappingProxyType(labs))
+
+
+def as_targets(target: Any) -> tuple[tuple[Target, ...], bool]:
+    """Targets of one or of a batch, and whether it is a batch; a target may be a `Target`, three
+    numbers, or a mapping of such.
+    """
+    single = isinstance(target, Target | Mapping)
+    if not single:
+        try:
+            first = next(iter(target), ())
+        except TypeError:
+            raise ValueError(
+                f"a target is a colour of three numbers, or made by spectral_target, not {target!r}"
+            ) from None
+        single = np.ndim(first) == 0 and not isinstance(first, Target | Mapping)
+    members = [target] if single else target
+    return tuple(m if isinstance(m, Target) else lab_target(m) for m in members), not single
 
 
 def _check(values: Any) -> Float[np.ndarray, "3"]:

@@ -1,9 +1,8 @@
 """Task of a search for recipes, checked before anything is computed."""
 
-import functools
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, TypedDict
+from typing import TypedDict
 
 import numpy as np
 from jaxtyping import Float
@@ -16,9 +15,8 @@ from glazejax.spectra import common_range, describe_grid, lie_between, same_grid
 from ..film.films import Instrument, InstrumentLike
 from ..film.model.mixing import Pigments, listed_pigments
 from ..film.model.optics import Optics
-from .distance import TargetArrays
 from .model import StackModel, make_model
-from .targets import Target, lab_target
+from .targets import Target, TargetArrays
 
 DEFAULT_THICKNESS = (1e-6, 50e-6)
 """Thinnest and thickest coat in m, if nothing else is said; on the catalogue's scale of
@@ -53,6 +51,9 @@ class RecipeTask:
     """A search: names are full, pigments and ground on one grid that every target covers."""
 
     targets: tuple[Target, ...]
+    target_arrays: TargetArrays
+    model: StackModel
+    optics: Optics
     pigments: tuple[Pigment, ...]
     ground: float | Float[np.ndarray, "bands"]
     instrument: Instrument
@@ -64,46 +65,17 @@ class RecipeTask:
     glazes: bool
     thickness: tuple[float, float]
     count: int
-    metamerism: float
     simplicity: float
     seed: int
-
-    @property
-    def mixed(self) -> "RecipeTask":
-        """The same search with paints mixed within coats, as far as it is wide without being asked
-        for more.
-        """
-        limits = {name: min(getattr(self, name), most) for name, most in _USUAL.items()}
-        return replace(self, glazes=False, **limits)
+    mixed: "RecipeTask | None" = None
+    """Of unmixed coats: the same search with paints mixed within coats, as wide as it is without
+    being asked for more.
+    """
 
     @property
     def wavelengths(self) -> Float[np.ndarray, "bands"]:
         """Wavelengths of the pigments, nm."""
         return self.pigments[0].wavelengths
-
-    @functools.cached_property
-    def optics(self) -> Optics:
-        """The instrument, as the solver takes it."""
-        return Optics.of(self.instrument)
-
-    @functools.cached_property
-    def model(self) -> StackModel:
-        """Model of what stacks of these paints read, as arrays."""
-        return make_model(
-            self.pigments,
-            self.ground,
-            self.instrument,
-            self.illuminants,
-            self.observer,
-            self.thickness,
-        )
-
-    @functools.cached_property
-    def target_arrays(self) -> TargetArrays:
-        """The targets as arrays."""
-        return TargetArrays.of(
-            self.targets, self.wavelengths, self.illuminants, self.observer, self.metamerism
-        )
 
 
 def make_task(
@@ -153,18 +125,18 @@ def make_task(
         )
     # The mirror reflection is out of view, as a painter looks at a picture.
     seen_by = resolve_instrument(instrument or Bidirectional(45, 0), float(refractive_index))
-    names = (
-        tuple(dict.fromkeys(map(colour.find_illuminant, illuminants)))
-        if illuminants
-        else _stated_illuminants(targets)
-    )
+    # Those that the colours are given under; D65 if all targets are spectra.
+    lights = illuminants or [name for target in targets for name in target.labs] or ["D65"]
+    names = tuple(dict.fromkeys(map(colour.find_illuminant, lights)))
     full_observer = colour.find_observer(observer)
-    for target in targets:
-        for name in names:
-            target.lab(name, full_observer)  # says what is missing
     paints, base = _on_one_grid(_list_pigments(pigments), ground, targets)
-    return RecipeTask(
+    grid = paints[0].wavelengths
+    task = RecipeTask(
         targets=tuple(targets),
+        # Says which colour is missing.
+        target_arrays=TargetArrays.of(targets, grid, names, full_observer, metamerism),
+        model=make_model(paints, base, seen_by, names, full_observer, (low, high)),
+        optics=Optics.of(seen_by),
         pigments=paints,
         ground=base,
         instrument=seen_by,
@@ -176,39 +148,13 @@ def make_task(
         glazes=bool(glazes),
         thickness=(low, high),
         count=int(count),
-        metamerism=float(metamerism),
         simplicity=float(simplicity),
         seed=int(seed),
     )
-
-
-def _stated_illuminants(targets: Sequence[Target]) -> tuple[str, ...]:
-    """The illuminants that the colours are given under; D65 if all targets are spectra."""
-    illuminants = dict.fromkeys(name for target in targets for name in target.labs)
-    return tuple(illuminants) or (colour.find_illuminant("D65"),)
-
-
-def as_targets(target: Any) -> tuple[tuple[Target, ...], bool]:
-    """Targets of one or of a batch, and whether it is a batch; a target may be a `Target`, three
-    numbers, or a mapping of such.
-    """
-    if isinstance(target, Target):
-        return (target,), False
-    first = _first(target)
-    number = np.ndim(first) == 0 and not isinstance(first, Target | Mapping)
-    if isinstance(target, Mapping) or number:
-        return (lab_target(target),), False
-    colours = (member if isinstance(member, Target) else lab_target(member) for member in target)
-    return tuple(colours), True
-
-
-def _first(target: Any) -> Any:
-    try:
-        return next(iter(target), ())
-    except TypeError:
-        raise ValueError(
-            f"a target is a colour of three numbers, or made by spectral_target, not {target!r}"
-        ) from None
+    if not glazes:
+        return task
+    limits = {name: min(getattr(task, name), most) for name, most in _USUAL.items()}
+    return replace(task, mixed=replace(task, glazes=False, **limits))
 
 
 def _list_pigments(pigments: Pigments | None) -> list[Pigment]:

@@ -1,5 +1,6 @@
 """The command `glazejax recover`: films over black and white in, pigments out."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from glazejax.io.quantity import Stated
 
     from ..film.films import Films, Noise
-    from .result import Recovery
+    from .films.result import Recovery
 
 _GEOMETRY = "d:8"
 
@@ -117,6 +118,7 @@ def recover(
         float | None,
         typer.Option(
             "--noise",
+            callback=options.between(0.0),
             help="Noise of the instrument near black: standard deviation of a reflectance. "
             "Default: estimated from the roughness of the spectra, 0.0005 or more.",
             show_default=False,
@@ -126,6 +128,7 @@ def recover(
         float | None,
         typer.Option(
             "--noise-share",
+            callback=options.between(0.0),
             help="Noise proportional to the reading, added to --noise per unit of reflectance. "
             "Default: 0.002, or estimated from the spectra.",
             show_default=False,
@@ -226,28 +229,28 @@ def recover(
 
     from ..film.films import Instrument, Noise
     from ..film.partial_films import tint
+    from ..film.readers import readable_names
 
     console = Console()
-    stated_noise = None
-    if noise is not None or noise_share is not None:
-        usual = Noise()
-        stated_noise = Noise(
-            usual.floor if noise is None else noise,
-            usual.share if noise_share is None else noise_share,
-        )
+    stated_noise = {
+        name: value
+        for name, value in (("floor", noise), ("share", noise_share))
+        if value is not None
+    }
+    usual_noise = Noise(**stated_noise)
     fit_options: dict[str, Any] = {"instrument": Instrument(seen_by, refractive_index)}
     results = Destination(
         out=folder, thickness=metres, plots=plots, overwrite=overwrite, console=console
     )
     if simulate:
-        fit_options["noise"] = stated_noise or Noise()
+        fit_options["noise"] = usual_noise
         films = _simulate(
             samples, metres, fit_options=fit_options, seed=seed, shelf=shelf, console=console
         )
     else:
         assert file is not None
         films = _films(file, samples, stated, console)
-        fit_options["noise"] = stated_noise or _noise(films, console)
+        fit_options["noise"] = usual_noise if stated_noise else _noise(films, console)
         from .command_coats import are_coats, recover_from_coats
 
         if are_coats(films, measured):
@@ -276,14 +279,14 @@ def recover(
                 results=results,
             )
             return
-        films = _readable(films, recipes)
+        films = replace(films, names=readable_names(films.names, recipes))
 
-    from .film_by_film import recover_chunks
-    from .result import Recovery
+    from .films.film_by_film import recover_chunks
+    from .films.result import Recovery
 
     chunks = recover_chunks(films, **fit_options)
     chunk_recoveries, how = progress.collect(
-        chunks, len(films), "compiling, then recovering", "recovering"
+        lambda _: chunks, len(films), "compiling, then recovering", "recovering"
     )
     recovery = Recovery.join(chunk_recoveries)
     _report(recovery, how, results)
@@ -383,14 +386,6 @@ def _masstones(films: "Films", recipes: dict[str, dict[str, float]], names_file:
     return films.select(pure)
 
 
-def _readable(films: "Films", recipes: dict[str, dict[str, float]]) -> "Films":
-    from dataclasses import replace
-
-    from ..film.readers import readable_names
-
-    return replace(films, names=readable_names(films.names, recipes))
-
-
 def _simulate(
     samples: str,
     thickness: float,
@@ -415,31 +410,22 @@ def _simulate(
 
 def _report(recovery: "Recovery", how: progress.Collected, results: Destination) -> None:
     from glazejax.paint.describe import format_length
-    from glazejax.paint.pigment_table import write_pigments
 
-    from .plots import plot_paint
-    from .report import draw_each, print_summary, write_fits
+    from .films.plots import plot_paint
+    from .films.report import fit_table, print_summary
 
-    _, metres, plots, overwrite, console = results
-    out = results.make_folder()
-    paints = [recovery.pigment(row, metres) for row in range(len(recovery))]
-    write_pigments(out / "pigments.csv", paints, digits=6, overwrite=overwrite)
-    write_fits(recovery, out / "fits.csv", overwrite=overwrite)
-    print_summary(recovery, console, how.seconds, how.first)
-    console.print(
+    metres = results.thickness
+    print_summary(recovery, results.console, how.seconds, how.first)
+    results.console.print(
         f"[bold]Thickness: {format_length(metres)} is assumed, not measured.[/bold] Only k d and "
         "s d are known: a film of twice that has half the k and s."
     )
-    if plots:
-        with progress.drawing(len(recovery)) as step:
-            draw_each(
-                recovery.films.names,
-                out,
-                lambda row, path: plot_paint(recovery, row, metres, path),
-                step,
-            )
-    pictures = f", fits.csv and {len(recovery)} pictures" if plots else " and fits.csv"
-    console.print(f"Wrote pigments.csv{pictures} to {out}")
+    results.write(
+        [recovery.pigment(row, metres) for row in range(len(recovery))],
+        {"fits.csv": fit_table(recovery)},
+        recovery.films.names,
+        lambda row, path: plot_paint(recovery, row, metres, path),
+    )
 
 
 def _compare(recovery: "Recovery", thickness: float, shelf: str, console: "Console") -> None:
@@ -449,13 +435,10 @@ def _compare(recovery: "Recovery", thickness: float, shelf: str, console: "Conso
     from glazejax import catalogue
 
     paints = options.find_paints(recovery.films.names, catalogue.load(shelf))
-    truth = np.stack(
-        [
-            np.stack([paints[name].absorption, paints[name].scattering], axis=-1) * thickness
-            for name in recovery.films.names
-        ]
-    )
+    named = [paints[name] for name in recovery.films.names]
+    truth = thickness * np.array([[paint.absorption, paint.scattering] for paint in named])
     lower, upper = recovery.interval()
+    truth = np.moveaxis(truth, 1, -1)
     covered = (truth >= lower) & (truth <= upper)
     bands = recovery.identifiable
     if bands.any():

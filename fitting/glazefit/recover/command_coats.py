@@ -23,7 +23,7 @@ def are_coats(films: "Films", refused: dict[str, Any]) -> bool:
     Raises:
         ValueError: some are and some are not, or an option was given that is not for coats.
     """
-    from .coats import coat_of
+    from .coats.coats import coat_of
 
     named = [name for name in films.names if coat_of(name)]
     if not named:
@@ -48,16 +48,19 @@ def recover_from_coats(films: "Films", fit_options: dict[str, Any], results: "De
         fit_options: instrument and noise.
         results: where they go.
     """
-    from ..film.partial_films import average
-    from .coats import predict_next_coat, recover_coats
-    from .coats_report import plot_coats, print_coats, write_coats
+    import equinox as eqx
 
-    _, metres, plots, overwrite, console = results
+    from ..film.partial_films import average
+    from .coats import report
+    from .coats.coats import predict_next_coat, recover_coats
+
+    metres = results.thickness
+    console = results.console
     fitted = average(films)
     progress.print_notes(console, "films", fitted.notes[len(films.notes) :])
-    with progress.follow("compiling, then fitting the coats of each paint") as report:
+    with progress.follow("compiling, then fitting the coats of each paint") as note:
         began = time.perf_counter()
-        recovery = recover_coats(fitted, progress=report, **fit_options)
+        recovery = recover_coats(fitted, progress=note, **fit_options)
         predictions = []
         for paint in recovery.paints:
             last = recovery.thickest(paint)
@@ -66,15 +69,16 @@ def recover_from_coats(films: "Films", fit_options: dict[str, Any], results: "De
                 for extra in (1.0, 2.0)
             ]
         seconds = time.perf_counter() - began
-    print_coats(recovery, predictions, console, seconds)
-    out = results.make_folder()
-    write_coats(recovery, predictions, metres, out, overwrite=overwrite)
-    if plots:
-        with progress.drawing(len(recovery.paints)) as step:
-            plot_coats(recovery, predictions, out, step)
-    console.print(
-        f"In pigments.csv a coat is taken as {format_length(metres)}. Wrote pigments.csv, "
-        "films.csv, next_coats.csv"
-        + (f" and {len(recovery.paints)} pictures" if plots else "")
-        + f" to {out}"
+    report.print_coats(recovery, predictions, console, seconds)
+    console.print(f"In pigments.csv a coat is taken as {format_length(metres)}.")
+    names = list(recovery.paints)
+    paints = [fit.pigment(name, metres) for name, fit in recovery.paints.items()]
+    results.write(
+        [eqx.tree_at(lambda paint: paint.error_modes, paint, None) for paint in paints],
+        {
+            "films.csv": (report.FILM_COLUMNS, report.coat_rows(recovery)),
+            "next_coats.csv": (report.NEXT_COLUMNS, report.next_coat_rows(predictions)),
+        },
+        names,
+        lambda number, path: report.plot_ladder(recovery, predictions, names[number], path),
     )

@@ -17,9 +17,9 @@ if TYPE_CHECKING:
     from glazejax import Pigment
 
     from ..film.films import Films, Instrument
-    from .constraints import Gauge
-    from .entries import PaintFile
-    from .joint_result import JointRecovery
+    from .joint.constraints import Gauge
+    from .joint.entries import PaintFile
+    from .joint.result import JointRecovery
     from .settings import Destination, PriorKnowledge
 
 
@@ -42,9 +42,9 @@ def recover_together(
         results: where they go.
     """
     from ..film.partial_films import average, crop, recipes_from_names
-    from .entries import PaintFile
-    from .joint import recover_jointly
-    from .joint_problem import Expectations
+    from .joint.entries import PaintFile
+    from .joint.joint import recover_jointly
+    from .joint.problem import Expectations
 
     out, metres, _, overwrite, console = results
     recipes = recipes_from_names(films.names, listed)
@@ -77,19 +77,19 @@ def recover_together(
         recovery = recover_jointly(fitted, recipes, progress=report, **fit_options)
         seconds = time.perf_counter() - began
 
-    from .report import print_joint
+    from .joint.plots import plot_joint_paint
+    from .joint.report import film_table, print_joint
 
     print_joint(recovery, console, seconds)
     if out is not None:
-        _write_folder(
-            recovery,
-            fitted,
-            recipes=recipes,
-            fit_options=fit_options,
-            unit=unit,
-            check=check,
-            results=results,
+        results.write(
+            recovery.pigments(unit).values(),
+            {"films.csv": film_table(recovery)},
+            recovery.paints,
+            lambda row, path: plot_joint_paint(recovery, row, unit, path),
         )
+        if check:
+            _leave_out(recovery, fitted, recipes, fit_options, results)
     _say_scale(recovery, references, gauge, unit, results)
     if file is not None:
         _write_entries(recovery, file, results)
@@ -155,14 +155,15 @@ def known_paints(
     in_file = dict(file.paints) if file is not None else {}
     pure = {p for recipe in recipes.values() if len(recipe) == 1 for p in recipe}
     references = {p: in_file[p] for p in paints if p in in_file}
+    chosen = ""
     if white:
         paint = _white(white, in_file, catalogue)
-        if paint.name not in paints:
+        chosen = paint.name
+        if chosen not in paints:
             raise ValueError(
-                f"--white {white}: no film holds {paint.name}; the films are of {', '.join(paints)}"
+                f"--white {white}: no film holds {chosen}; the films are of {', '.join(paints)}"
             )
-        references[paint.name] = paint
-    chosen = _white(white, in_file, catalogue).name if white else ""
+        references[chosen] = paint
     if overwrite:
         references = {p: paint for p, paint in references.items() if p not in pure or p == chosen}
     if paints and len(references) == len(paints):
@@ -195,7 +196,7 @@ def read_gauge(text: str, films: Sequence[str], option: str = "--wet-film") -> "
     """
     if text in ("", "same"):
         return None
-    from .constraints import Gauge
+    from .joint.constraints import Gauge
 
     lengths: dict[str, float] = {}
     errors: list[float] = []
@@ -211,39 +212,6 @@ def read_gauge(text: str, films: Sequence[str], option: str = "--wet-film") -> "
     return Gauge(lengths, error=max(errors)) if errors else Gauge(lengths)
 
 
-def _write_folder(
-    recovery: "JointRecovery",
-    films: "Films",
-    recipes: Mapping[str, Mapping[str, float]],
-    fit_options: dict[str, Any],
-    unit: float,
-    check: bool,
-    results: "Destination",
-) -> None:
-    from glazejax.paint.pigment_table import write_pigments
-
-    from .plots import plot_joint_paint
-    from .report import draw_each, write_joint_films
-
-    _, _, plots, overwrite, console = results
-    out = results.make_folder()
-    paints = recovery.pigments(unit)
-    write_pigments(out / "pigments.csv", paints.values(), digits=6, overwrite=overwrite)
-    write_joint_films(recovery, out / "films.csv", overwrite=overwrite)
-    if check:
-        _leave_out(recovery, films, recipes, fit_options, results)
-    if plots:
-        with progress.drawing(len(paints)) as step:
-            draw_each(
-                recovery.paints,
-                out,
-                lambda row, path: plot_joint_paint(recovery, row, unit, path),
-                step,
-            )
-    pictures = f", films.csv and {len(recovery.paints)} pictures" if plots else " and films.csv"
-    console.print(f"Wrote pigments.csv{pictures} to {out}")
-
-
 def _leave_out(
     recovery: "JointRecovery",
     films: "Films",
@@ -251,17 +219,18 @@ def _leave_out(
     fit_options: dict[str, Any],
     results: "Destination",
 ) -> None:
-    from .crossvalidation import cross_validate
-    from .plots import plot_left_out
-    from .report import print_left_out, write_left_out
+    from glazejax.io import write_table
 
-    _, _, plots, overwrite, console = results
+    from .predict.crossvalidation import cross_validate
+    from .predict.left_out import left_out_table, plot_left_out, print_left_out
+
     out = results.make_folder()
     with progress.follow("leaving films out") as report:
         left_out = cross_validate(recovery, films, recipes, progress=report, **fit_options)
-    print_left_out(left_out, console)
-    write_left_out(recovery, left_out, out / "left_out.csv", overwrite=overwrite)
-    if plots:
+    print_left_out(left_out, results.console)
+    table = left_out_table(recovery, left_out)
+    write_table(out / "left_out.csv", *table, overwrite=results.overwrite)
+    if results.plots:
         plot_left_out(recovery, left_out, out / "left_out.png")
 
 
@@ -302,7 +271,7 @@ def _lengths(metres: Any) -> str:
 
 
 def _write_entries(recovery: "JointRecovery", file: "PaintFile", results: "Destination") -> None:
-    from .entries import add_paints
+    from .joint.entries import add_paints
 
     new = add_paints(recovery, file.path, overwrite=results.overwrite)
     replaced = sorted(set(new) & set(file.paints))
@@ -317,7 +286,7 @@ def _print_next_films(recovery: "JointRecovery", catalogue: str, console: "Conso
     """Say of the first few new paints what would teach most."""
     from glazejax.catalogue import load
 
-    from .experimental_design import rank_next_films
+    from .predict.experimental_design import rank_next_films
 
     new = [paint for paint in recovery.paints if paint not in recovery.known]
     shelf = load(catalogue)

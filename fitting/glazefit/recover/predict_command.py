@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from glazejax.io.quantity import Stated
 
     from ..film.films import Films
-    from .joint_result import JointRecovery
-    from .next_reading import NextFilms
-    from .prediction import Prediction
+    from .joint.result import JointRecovery
+    from .predict.next_reading import NextFilms
+    from .predict.prediction import Prediction
 
 _GEOMETRY = "d:8"
 _PART = re.compile(r"(?:(?P<weight>\d+\.?\d*|\.\d+)(?:\s*[%*]\s*|\s+))?(?P<name>\S.*)")
@@ -129,8 +129,8 @@ def predict(
     from ..film.films import Instrument, cards
     from ..film.noise import estimate_noise
     from .command_joint import read_gauge
-    from .joint import UNIT
-    from .mixture import calibrate_mixture, predict_mixture
+    from .joint.joint import UNIT
+    from .predict.mixture import calibrate_mixture, predict_mixture
 
     console = Console(highlight=False)
     # A reading calibrates the mixture, and says over which grounds and how thick its films are.
@@ -185,7 +185,7 @@ def predict(
         _say_reading(calibrated, predictions, before, (illuminant, observer), console)
     _print(predictions, calibrated is None, (illuminant, observer), console)
     if calibrated is not None:
-        from .next_reading import rank_next_readings
+        from .predict.next_reading import rank_next_readings
 
         _say_next(
             rank_next_readings(calibrated, thicknesses, ground=ground, instrument=seen_with),
@@ -235,6 +235,12 @@ def read_mixture(
         ValueError: as `read_recipe`, or a name that is not known.
     """
     recipe = read_recipe(text)
+    for name in recipe:
+        if len(paints := options.find_paints([name], shelf)) > 1:
+            raise ValueError(
+                f"{name!r} is a family of {len(paints)} paints: name one, such as "
+                f"{next(iter(paints))!r}"
+            )
     mixed = options.find_paints(recipe, shelf)
     if len(mixed) < len(recipe):
         raise ValueError(f"a paint is named twice in {text!r}; add its weights up")
@@ -299,7 +305,7 @@ def _say_reading(
 
     from glazejax.paint.describe import format_length
 
-    from .joint import UNIT
+    from .joint.joint import UNIT
 
     film = calibrated.films
     fit = calibrated.delta_e(*eye)[0][film.seen[0]]

@@ -211,7 +211,7 @@ def recovery(request: Request, report: Report) -> dict[str, Any]:
     Raises:
         ValueError: more films than can be waited for, or what `glazefit.recover_films` refuses.
     """
-    from ..recover.film_by_film import recover_films
+    from ..recover.films.film_by_film import recover_films
 
     films = films_of(_table(request))
     # More would take long.

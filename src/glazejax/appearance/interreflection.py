@@ -146,6 +146,7 @@ def all_bounces(
     )
     gamma = np.deg2rad(float(angle))
     at = jnp.atleast_1d(as_float_array(position))[:, None]
+    # From each strip: what is seen up to its far edge, less what is seen up to its near one.
     reached = _factor(at, jnp.asarray(edges, at.dtype), np.cos(gamma), np.sin(gamma))
     gather = jnp.diff(reached, axis=1)
     return Joined(
@@ -176,6 +177,7 @@ def _exchange(angle: float, strips: int) -> tuple[np.ndarray, np.ndarray, np.nda
     roots of widths.
     """
     cosine = np.cos(np.deg2rad(angle))
+    # Strips shrink towards the joint, near which the light changes fastest.
     edges = np.linspace(0.0, 1.0, strips + 1) ** 3
     p = edges[:, None]
     q = edges[None, :]
@@ -183,6 +185,7 @@ def _exchange(angle: float, strips: int) -> tuple[np.ndarray, np.ndarray, np.nda
     distance = np.sqrt((p - q) ** 2 + 2.0 * p * q * (1.0 - cosine))
     # Crossed strings: width times view factor.
     shared = 0.5 * (distance[:-1, 1:] + distance[1:, :-1] - distance[:-1, :-1] - distance[1:, 1:])
+    # Symmetric once the widths are shared between both sides.
     root = np.sqrt(np.diff(edges))
     values, vectors = np.linalg.eigh(shared / np.outer(root, root))
     for array in (edges, values, vectors, root):

@@ -66,6 +66,7 @@ class Metal(NamedTuple):
         from scipy.interpolate import PchipInterpolator
 
         new = validate_wavelengths(wavelengths_nm)
+        # Nothing is extrapolated: beyond the published figures n and k are not known.
         if new[0] < self.wavelengths[0] or new[-1] > self.wavelengths[-1]:
             raise ValueError(
                 f"{self.name} is known from {self.wavelengths[0]:g} to {self.wavelengths[-1]:g} "

@@ -199,6 +199,7 @@ def _read_once(name: str, precision: str) -> "dict[str, Pigment]":
 
     shipped = _SHIPPED[name]
     if name == PIGMENTS:
+        # The oils and acrylics are exemplars of their families too.
         shelves = {shelf: _read_once(shelf, precision) for shelf in ("oils", "acrylics")}
         with jax.ensure_compile_time_eval():
             return read_exemplars(shelves)
@@ -257,6 +258,7 @@ def caution(paint: "Pigment") -> str:
         >>> caution(pigment("EmeraldGreen"))
         'poisonous (arsenic), no longer sold'
     """
+    # A paint shows its catalogue by its provenance.
     shelf = next((n for n, s in _SHIPPED.items() if s.provenance == paint.provenance), "")
     # A paint of another catalogue than the oils may have that before its name.
     name = paint.name.replace("/", ":").rpartition(":")[2]

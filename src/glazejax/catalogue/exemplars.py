@@ -183,6 +183,7 @@ def provenance() -> dict[str, Provenance]:
             licence=source.licence,
             citation=source.citation,
         )
+    # Paints of the two catalogues are exemplars too.
     for shelf, first, last in (("oils", 400.0, 700.0), ("acrylics", 380.0, 750.0)):
         name, binder = _SHELVES[shelf]
         for paint, family in families_of(shelf).items():

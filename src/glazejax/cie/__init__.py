@@ -127,7 +127,7 @@ def _find(what: str, asked: str, full_names: dict[str, str]) -> str:
     if key in full_names:
         return full_names[key]
     near = [full_names[k] for k in nearest_names(key, full_names, cutoff=0.3, shortest=1)]
-    choices = near or list(full_names.values())
+    choices = dict.fromkeys(near or list(full_names.values())[:8])
     raise ValueError(
-        f"unknown {what} {asked!r}; the nearest are {', '.join(dict.fromkeys(choices))}"
+        f"unknown {what} {asked!r}; {'the nearest' if near else 'some'} are {', '.join(choices)}"
     )

@@ -20,7 +20,9 @@ def command_line() -> str:
 
 def ground_file(ground: str | None) -> Path | None:
     """The file of ``--ground``, if it is one."""
+    if ground is None:
+        return None
     from ..io.files.sample import split_sample
 
-    path = None if ground is None else split_sample(ground)[0]
+    path = split_sample(ground)[0]
     return path if path is not None and path.is_file() else None

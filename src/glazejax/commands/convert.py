@@ -66,6 +66,9 @@ def convert(
     Example: glazejax convert chart.cxf chart.csv --resample 400:700:10
     """
     grid = None if resample is None else parse_grid(resample)
+    from ..io.outputs import file_format
+
+    file_format(target, to)
     options.check_outputs({"OUT": target}, overwrite, pictures=(), inputs=[source])
     from ..io import read_spectra, write_spectra
     from ..io import resample as resample_table

@@ -67,11 +67,17 @@ def export(
     roughness: Annotated[
         float,
         typer.Option(
-            help="Roughness of the surface, alpha of GGX: 0 (smooth) to 1. OpenPBR uses its root."
+            callback=options.between(0.0, 1.0),
+            help="Roughness of the surface, alpha of GGX: 0 (smooth) to 1. OpenPBR uses its root.",
         ),
     ] = 0.0,
     space: Annotated[
-        str, typer.Option(metavar="NAME", help="Linear RGB of the colours: srgb or acescg.")
+        str,
+        typer.Option(
+            metavar="NAME",
+            callback=options.among("srgb", "acescg"),
+            help="Linear RGB of the colours: srgb or acescg.",
+        ),
     ] = "srgb",
     illuminant: options.Illuminant = "D65",
     observer: options.Observer = "2",
@@ -160,7 +166,10 @@ def export(
             show_default=False,
         ),
     ] = None,
-    tolerance: Annotated[float, typer.Option(help="Largest error of a reflectance.")] = 1e-4,
+    tolerance: Annotated[
+        float,
+        typer.Option(callback=options.between(1e-12, 1.0), help="Largest error of a reflectance."),
+    ] = 1e-4,
     overwrite: options.Overwrite = False,
 ) -> None:
     """Export a stack of coats to a renderer or a game engine, with its error.
@@ -185,6 +194,8 @@ def export(
     }
     _check(to, layering, format, of_maps)
     path = Path(_USUAL[to]) if out is None else out
+    if to == "openpbr" and path.suffix.lower() != ".mtlx":
+        raise ValueError(f"--out {path}: a MaterialX file ends in .mtlx")
     if to != "textures":
         options.check_outputs({"--out": path}, overwrite, pictures=())
     if stack.lower().endswith(".json") or Path(stack).is_file():
@@ -194,7 +205,7 @@ def export(
     start_jax()
     from ..colour import find_illuminant, find_observer
     from . import export_report as report
-    from .progress import doing
+    from .progress import follow
 
     illuminant = find_illuminant(illuminant)
     observer = find_observer(observer)
@@ -206,7 +217,7 @@ def export(
         from ..appearance.exports.fit import fit_openpbr
         from ..appearance.exports.materialx import write_materialx
 
-        with doing("computing all angles, then fitting"):
+        with follow("computing all angles, then fitting") as note:
             fit = fit_openpbr(
                 glaze,
                 roughness=roughness,
@@ -214,6 +225,7 @@ def export(
                 layering=layering,  # pyright: ignore[reportArgumentType]
                 coat=coat,
                 tolerance=tolerance,
+                progress=note,
                 **light,
             )
         write_materialx(fit, path, overwrite=overwrite)
@@ -224,7 +236,7 @@ def export(
 
         maps = _maps(glaze, layer, thickness_map, thickness_range, fraction_map, ground_map)
         width = None if pixel is None else options.read_length(pixel, "--pixel")
-        with doing("computing colours where they are needed"):
+        with follow("computing colours where they are needed") as note:
             textures = texture_set(
                 glaze,
                 path,
@@ -237,6 +249,7 @@ def export(
                 delta_e=delta_e,
                 kind=format,
                 overwrite=overwrite,
+                progress=note,
                 **light,
             )
         report.print_stack(console, exported, roughness)

@@ -210,7 +210,7 @@ def _run(app: "typer.Typer") -> NoReturn:
             message = _say_extra(message, context)
         elif number := re.search(r"'(-\S+)'.*\b(integer|number|float)\b", message):
             kind = "a whole number" if number[2] == "integer" else "a number"
-            message = f"'{number[1]}' must be {kind}, such as 5"
+            message = f"'{number[1]}' must be {kind}"
         _stop(f"{message[:1].lower()}{message[1:].rstrip('.')} (see {command} --help)")
     if status in (interrupts.INTERRUPTED, interrupts.TERMINATED):
         interrupts.leave(status=status)

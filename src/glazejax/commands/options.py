@@ -54,6 +54,17 @@ def between(low: float, high: float = math.inf) -> Callable[..., Any]:
     return callback
 
 
+def among(*words: str) -> Callable[..., Any]:
+    """A callback of typer for one of some words."""
+
+    def callback(_: Any, param: Any, value: str | None) -> str | None:
+        if value not in (None, *words):
+            raise ValueError(f"{param.opts[0]} is {value!r}; it must be one of {', '.join(words)}")
+        return value
+
+    return callback
+
+
 def existing(path: Path, missing: str = "") -> None:
     """Refuse a FILE, or FILE:PART, that is not there.
 
@@ -90,6 +101,18 @@ def _observer(name: str) -> None:
     find_observer(name)
 
 
+def _quantity(name: str) -> None:
+    from ..io.quantity import check_reflectance
+
+    check_reflectance("", {"quantity": name})
+
+
+def _unit(words: str) -> None:
+    from ..io.quantity import read_units
+
+    read_units({"unit": words})
+
+
 def _catalogue(name: str) -> None:
     from ..catalogue import paint_families
 
@@ -121,13 +144,16 @@ Thickness = Annotated[
 Noise = Annotated[
     float,
     typer.Option(
-        "--noise", help="Noise of the instrument near black: standard deviation of a reflectance."
+        "--noise",
+        callback=between(0.0),
+        help="Noise of the instrument near black: standard deviation of a reflectance.",
     ),
 ]
 NoiseShare = Annotated[
     float,
     typer.Option(
         "--noise-share",
+        callback=between(0.0),
         help="Noise proportional to the reading, added to --noise per unit of reflectance.",
     ),
 ]
@@ -135,6 +161,7 @@ ModelError = Annotated[
     float | None,
     typer.Option(
         "--model-error",
+        callback=between(0.0, 1.0),
         help=("Standard deviation of the model's error in reflectance (0 to 1). Default: 0.005."),
         show_default=False,
     ),
@@ -207,6 +234,7 @@ Quantity = Annotated[
     typer.Option(
         "--quantity",
         metavar="NAME",
+        callback=checked(_quantity),
         help="reflectance: what the values are, whatever the file calls them.",
         show_default=False,
     ),
@@ -216,6 +244,7 @@ Unit = Annotated[
     typer.Option(
         "--unit",
         metavar="UNIT",
+        callback=checked(_unit),
         help="Unit, overriding the file: nm, um, 1/cm of wavelengths, percent or fraction of "
         "values, or one of each, 'um percent'.",
         show_default=False,
@@ -226,6 +255,7 @@ Scale = Annotated[
     typer.Option(
         "--scale",
         metavar="NUMBER",
+        callback=checked(lambda scale: stated(None, None, scale)),
         help="Number of a reflectance of 1, such as 100 or 10000, overriding the file.",
         show_default=False,
     ),
@@ -290,7 +320,11 @@ Csv = Annotated[
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace files that exist.")]
 Seed = Annotated[
     int,
-    typer.Option("--seed", help="Seed of the random numbers. The same seed gives the same result."),
+    typer.Option(
+        "--seed",
+        callback=between(0),
+        help="Seed of the random numbers. The same seed gives the same result.",
+    ),
 ]
 
 

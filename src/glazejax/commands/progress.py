@@ -2,7 +2,6 @@
 notes.
 """
 
-import itertools
 import os
 import sys
 import threading
@@ -14,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple, NoReturn, TypeVar
 
 import typer
 
-from ..progress import Progress
+from ..progress import Progress, counted
 from .interrupts import INTERRUPTED, keeping
 
 if TYPE_CHECKING:
@@ -151,14 +150,15 @@ class Collected(NamedTuple):
 
 
 def collect(
-    chunks: Iterable[Part], total: int, first: str, then: str
+    chunks: Callable[[Progress], Iterable[Part]], total: int, first: str, then: str = ""
 ) -> tuple[list[Part], Collected]:
     """Gather a computation's parts, with a progress bar; an interrupt keeps what is finished.
 
     Args:
-        chunks: parts, each as long as the number of things that it finishes.
+        chunks: gives the parts, each as long as the number of things that it finishes; takes what
+            shows progress within a part.
         total: number of things.
-        first, then: what is done until the first part, and after.
+        first, then: what is done until the first part, and after; empty where `chunks` says it.
 
     Raises:
         KeyboardInterrupt: Ctrl-C before any part was finished.
@@ -174,11 +174,12 @@ def collect(
         keeping(lambda: None if chunks_done else "Interrupted: nothing was finished."),
     ):
         try:
-            for chunk in chunks:
+            for chunk in chunks(note):
                 chunks_done.append(chunk)
                 warm = warm or time.perf_counter() - began
                 done += len(chunk)
-                note(done, total, then)
+                if then:
+                    note(done, total, then)
         except KeyboardInterrupt:
             if not chunks_done:
                 raise
@@ -196,9 +197,8 @@ def doing(stage: str) -> Iterator[Callable[[str], object]]:
 @contextmanager
 def drawing(count: int) -> Iterator[Callable[[], object]]:
     """Show how many of so many pictures are drawn; what is yielded is called after each."""
-    numbers = itertools.count(1)
     with follow("drawing", count) as note:
-        yield lambda: note(next(numbers), count, "drawing")
+        yield counted(note, count, "drawing")
 
 
 @contextmanager

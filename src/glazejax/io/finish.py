@@ -33,6 +33,8 @@ MAX_DECLARED = 3.0
 MAX_NOISE = 0.01
 # No reading is below: some mark missing data by -1.23e34.
 DELETED = -1e30
+# What files leave in place of missing data without a word.
+USUAL_MARK = -9999.0
 # Names of the usual numbers that stand for a reflectance of 1.
 UNITS = {1.0: "fraction", 100.0: "percent"}
 # Where the detectors of all instruments of paint have light, nm.
@@ -119,11 +121,11 @@ def _finish(raw: RawSpectra, stated: Stated) -> SpectraTable:
         wavelengths = wavelengths[order]
         values = values[:, order]
     missing = raw.missing
-    if values.size and np.fmin.reduce(values, axis=None) < DELETED:
+    if values.size and np.fmin.reduce(values, axis=None) <= USUAL_MARK:
         # Infinity is no mark but damage.
-        marks = (values < DELETED) & np.isfinite(values)
+        marks = ((values < DELETED) & np.isfinite(values)) | (values == USUAL_MARK)
         if marks.any():
-            notes.append(f"values below {DELETED:g} mark missing data")
+            notes.append(f"{values[marks].min():g} was taken for missing data")
             values = np.where(marks, np.nan, values)
             missing = "drop"
     rows: Sequence[int] = range(len(names))

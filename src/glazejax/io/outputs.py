@@ -6,6 +6,31 @@ from pathlib import Path
 
 from .source import show_path
 
+_ENDINGS = {
+    ".csv": "csv",
+    ".tsv": "csv",
+    ".txt": "csv",
+    ".cxf": "cxf",
+    ".xml": "cxf",
+    ".hdr": "envi",
+    ".sli": "envi",
+}
+
+
+def file_format(path: Path, format: str | None) -> str:
+    """Format of a table of spectra to be written: the one that is named, or that of the ending.
+
+    Raises:
+        ValueError: it is not csv, cxf or envi.
+    """
+    kind = format or _ENDINGS.get(path.suffix.lower())
+    if kind not in ("csv", "cxf", "envi"):
+        said = repr(format) if format else f"the ending of {path.name!r}"
+        raise ValueError(
+            f"{path}: no format is known by {said}; write .csv, .tsv, .cxf or .hdr (ENVI)"
+        )
+    return kind
+
 
 def check_output(
     path: str | Path, *, overwrite: bool = False, argument: str = "", switch: str = "--overwrite"

@@ -10,7 +10,7 @@ from typing import Unpack
 import numpy as np
 
 from ..spectra import MAX_FRACTION, MIN_PERCENT
-from .finish import DELETED, MAX_DECLARED, UNITS
+from .finish import DELETED, MAX_DECLARED, UNITS, USUAL_MARK
 from .quantity import Stated, check_reflectance, read_units
 from .raw_cube import RawCube
 from .source import naming
@@ -19,8 +19,6 @@ from .spectra_table import Chosen
 # Tiles of so many lines and samples, and so many of them across the image.
 _TILE = 32
 _ACROSS = 4
-# What files leave in place of missing data without a word; no reading is so far below 0.
-USUAL_MARK = -9999.0
 # Above so many numbers in a piece of the file only one tile is looked at.
 _LARGE = 1 << 22
 

@@ -9,11 +9,12 @@ as fractions, with a note.
 import re
 from collections.abc import Iterable
 from functools import lru_cache
-from typing import NamedTuple, TypedDict
+from typing import TYPE_CHECKING, NamedTuple, TypedDict
 
 import numpy as np
 
-from .spectra_table import Bands
+if TYPE_CHECKING:
+    from .spectra_table import Bands
 
 MODES = {
     "SCI": "specular component included, d:8",
@@ -27,38 +28,70 @@ _LIGHT = "measure what is lit against a white standard"
 # The first that matches counts: log(1/R) names R as well, 'Rad. (Ref.)' what looks like it.
 # Pigments may be called raw, dark, lamp black or reflex blue: these words are no quantities.
 _QUANTITIES = {
-    "K/S": (r"\bk\s*/\s*s\b|\bkubelka|\bf\s*\(\s*r", _EXPORT),
-    "absorbance": (
-        r"\babsor[bpv]|\babs\b|\boptical densit|\bextin[ck]tion|\b(log|lg|ln)\w*\W*[1rt]\b",
+    "K/S": (r"\bk\s*(/|over)\s*s\b|\bkubelka|\bf\s*\(\s*r|\bkm unit|\(1\s*-\s*r\)", _EXPORT),
+    "decibels": (r"^dbm?\W*$|[\[(]\s*dbm?\b|\bdecibel", _EXPORT),
+    "intensity": (r"\bintensity\W+a\.?u\b|\barb(\.|itrary)? ?unit", _EXPORT),
+    "a Raman spectrum": (r"\braman\b", _EXPORT),
+    "a derivative": (r"\bderivative", _EXPORT),
+    "a deviation": (
+        r"\bst(d|andard)?\.?\W?(dev|err)|\bs\.?d\.?\W*$|(?-i:^std$)|\bvariance\b",
         _EXPORT,
     ),
-    "counts": (r"\bcounts?\b|(^|\bnorm\.?\s*)dn\b|\bdigital number", _EXPORT),
-    "radiance": (r"\bradian(ce|c?ia|za|z)\b|\brad\.|[/·*\s]sr\b", _LIGHT),
-    "irradiance": (r"\birradian|(^|[\W\d])[uµm]?w\W*c?m(\b|\^|\d)", _LIGHT),
-    "emission": (r"\bemis|(^|\")(ambient|display|flash)\b|\bluminan|\bspectral power|cd/m", _LIGHT),
-    "sensitivity": (r"\bsensitivit|\bresponsivit", _EXPORT),
-    "transmittance": (r"\btrans(mi|fl)|\btrasmi|%\s*t\b|\bt\s*[\[(]?\s*%", _EXPORT),
-    REFLECTANCE: (r"\br[eé]fl(?!ex\b)|\brifl|\bremission|%\s*r\b|\br\s*[\[(]?\s*%|\bbrf\b", ""),
+    "absorbance": (
+        r"\ba[bs]sor(?!be[nrd])[bpvc]|\babs\b(?!\W*irr)|\boptical densit|\bextin[ck]tion|"
+        r"\b(log|lg|ln)\w*\W*[1rt]\b|(^|[\[(]\s*)(a\.?u|o\.?d)\.?\s*([\])]|$)",
+        _EXPORT,
+    ),
+    "counts": (
+        r"\bcounts?\b|(^|[\[(]|\b(norm|raw)\.?\s*)dn\b|\bdigital number|\b(adu|cts|cuentas)\b|"
+        r"\bz[äa]hl(imp|rat)",
+        _EXPORT,
+    ),
+    "radiance": (r"\bradian(ce|c?ia|za|z)\b|\brad\.|^rad$|[/·*\s]sr\b|\bstrahldichte", _LIGHT),
+    "irradiance": (
+        r"\birradian|\bbestrahlungss|\bphoton flux|(^|[\W\d])[uµm]?w\W*c?m(\b|[\^\d²])",
+        _LIGHT,
+    ),
+    "emission": (
+        r"\bemi(s|ttan)|(\"|^(?=\w+\W*$))(ambient|display|flash|monitor)\b|^display (type|\")|"
+        r"\bluminan|cd/m|\bspd\b|"
+        r"\b(fluorescence\b|photolum)|\b(spectral|relative|optical) power",
+        _LIGHT,
+    ),
+    "sensitivity": (r"\bsensitivit|\bresponsivit|\bquantum eff", _EXPORT),
+    "transmittance": (
+        r"\btrans(mi|fl)|\btrasmi|\bdurchl[äa]s|%\s*t\b|\bt\s*[\[(]?\s*%",
+        _EXPORT,
+    ),
+    REFLECTANCE: (
+        r"\br[eé]fl(?!ex\b)|\brifl|\bremission|%\s*r\b|\br\s*[\[(]?\s*(%|pct|perc)|\bbrf\b|"
+        r"\bspectral (pct|dec)",
+        "",
+    ),
 }
 _PATTERNS = {name: re.compile(words, re.IGNORECASE) for name, (words, _) in _QUANTITIES.items()}
 _MODE = re.compile(rf"(?<![a-z])({'|'.join(MODES)})(?![a-z])", re.IGNORECASE)
 _PERCENT = r"%|\bpercent|\bper cent|\bpct\b|\bprozent|\bprocent|\bpor ciento"
 _FRACTION = r"\bfractions?\b|\b0\s*[-–.]+\s*1\b|[\[(](?:-|1\.0)[\])]"
 # Alone or in brackets it is the unit of whatever stands before it; 'red 10%' is a mixture.
-_UNIT = r"(?:^\W*|[\[(]\s*)(?:{})[^\])]*(?:[\])]|$)"
+_UNIT = r"(?:^\W*|[\[(,/]\s*)(?:{})[^\])]*(?:[\])]|$)"
 _SCALES = tuple(
     (scale, re.compile(words, re.IGNORECASE), re.compile(_UNIT.format(words), re.IGNORECASE))
     for scale, words in ((100.0, _PERCENT), (1.0, _FRACTION))
 )
 # Titles that say what is measured and of what nothing more.
 _NO_NAME = re.compile(
-    r"[\W_]*(?:(?:r|rfl|refl\w*|réfl\w*|rifl\w*|remission\w*|factor|percent|pct|fractions?|values?|"
-    r"intensity|processed|1\.0|counts?|sc[ie]|spin|spex|transm\w*|t|abs\w*)\b[\W_]*)+|\W*%\W*",
+    r"[\W_]*(?:(?:r|in|rfl|refl\w*|réfl\w*|rifl\w*|remission\w*|factor|percent|pct|fractions?|values?|"
+    r"intensity|processed|1\.0|counts?|sc[ie]|spin|spex|transm\w*|t|abs\w*|k\s*/\s*s|kubelka|munk|"
+    r"(ir)?radiance)\b[\W_]*)+|\W*%\W*",
     re.IGNORECASE,
 )
 # What an instrument reads and computes reflectance from.
-READINGS = {"sample", "target", "scope", "dark", "reference", "ref", "white", "background"}
-_PARTS = re.compile(r"\d[\d.,]*\s*%")
+READING = re.compile(
+    "sample|target|scope|raw|probe|muestra|échantillon|campione|dark|dunkel|oscuro|noir|buio|"
+    "reference|ref|referenz|referencia|référence|riferimento|white|blanc|background"
+)
+_PARTS = re.compile(r"(?<!\d)(?:100|\d{1,2})(?:[.,]\d+)?\s*%")
 
 # Units of wavelength: what turns them into nm, and what is said of that.
 _LENGTHS = {
@@ -128,7 +161,7 @@ def is_no_name(title: str) -> bool:
 
 def names_sample(title: str) -> bool:
     """Return whether a title can only be a sample's name, and says nothing of its numbers."""
-    said = is_no_name(title) or any(meaning(title)[:2]) or title.lower() in READINGS
+    said = is_no_name(title) or any(meaning(title)[:2]) or READING.fullmatch(title.lower())
     return not said
 
 
@@ -189,7 +222,7 @@ def length_unit(words: str) -> str:
     return ""
 
 
-def nanometres(wavelengths: Bands, unit: str | None) -> tuple[Bands, list[str]]:
+def nanometres(wavelengths: "Bands", unit: str | None) -> tuple["Bands", list[str]]:
     """Wavelengths in nm from what a file calls their unit, with notes.
 
     A unit that is not named is micrometres if all are below 100, as no spectrum of paint reaches so
@@ -219,8 +252,8 @@ def nanometres(wavelengths: Bands, unit: str | None) -> tuple[Bands, list[str]]:
 
 
 def _without_unit(
-    wavelengths: Bands,
-) -> tuple[Bands, list[str]]:
+    wavelengths: "Bands",
+) -> tuple["Bands", list[str]]:
     """Wavelengths in nm where nobody says their unit."""
     low = np.fmin.reduce(wavelengths, initial=np.inf)
     high = np.fmax.reduce(wavelengths, initial=-np.inf)
@@ -235,7 +268,7 @@ def _without_unit(
         ]
     # Mid-infrared spectra: software writes them upwards from 400 to 4000, or downwards.
     falls = wavelengths.size > 1 and wavelengths[0] > max(1000.0, wavelengths[-1])
-    if falls or (350 <= low <= 700 and 3500 <= high <= 4100):
+    if falls or (low > 2600 or high > 3400):
         raise ValueError(
             f"{wavelengths[0]:g} ... {wavelengths[-1]:g} without a unit may be wavenumbers (1/cm): "
             "say --unit 1/cm, or --unit nm"
@@ -248,7 +281,7 @@ def not_stated(*units: str) -> str:
     return f"no unit is stated: taken as {', as '.join(units)}"
 
 
-def _whole(wavenumbers: Bands) -> Bands:
+def _whole(wavenumbers: "Bands") -> "Bands":
     """Wavelengths in nm of wavenumbers in 1/cm; whole ones if all are, to the digits of the file.
 
     14285.7 is 700.0007 nm, and would lie beyond a paint that is known up to 700 nm.

@@ -175,7 +175,10 @@ class RawCube:
     @property
     def converts(self) -> bool:
         """Return whether the file says how its numbers become values."""
-        return np.ndim(self.gain) > 0 or self.gain != 1.0 or self.offset != 0.0
+        return np.ndim(self.gain) + np.ndim(self.offset) > 0 or (self.gain, self.offset) != (
+            1.0,
+            0.0,
+        )
 
     def nanometres(self, unit: str = "") -> tuple[Stored, list[str]]:
         """Wavelengths in nm, in the file's order, and notes.

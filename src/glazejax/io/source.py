@@ -117,26 +117,22 @@ class Source:
                 raise self._not_text(error.start) from None
             return content.decode(fallback)
 
-    def lines(self, *, damaged: str = "strict", above: int = 0) -> Iterator[tuple[int, str]]:
+    def lines(self, *, above: int = 0) -> Iterator[tuple[int, str]]:
         """Lines and their numbers, from 1 on, without line breaks; read while they are asked for.
 
         A text whose head is not UTF-8 and that has no control characters is Windows-1252, as
         spreadsheets of Western Europe save it; `notes` says so.
 
         Args:
-            damaged: what to do with what is not UTF-8 further down: ``strict`` refuses it,
-                ``replace`` puts U+FFFD.
             above: on how many lines NULs may stand, with which instruments fill names.
 
         Raises:
             ValueError: not UTF-8 text, or a line of more than 4 MB.
         """
-        encoding = "utf-8"
-        if damaged == "strict" and self._is_old_text():
-            encoding = "cp1252"
-            damaged = "replace"
+        decoder = codecs.getincrementaldecoder("utf-8")()
+        if self._is_old_text():
+            decoder = codecs.getincrementaldecoder("cp1252")("replace")
             self.notes.append("not UTF-8: read as Windows-1252 (Latin-1), as spreadsheets save it")
-        decoder = codecs.getincrementaldecoder(encoding)(damaged)
         number = 0
         rest = ""
         done = 0

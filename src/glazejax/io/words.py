@@ -1,5 +1,6 @@
 """Words of tables: numbers read strictly, and names that no spreadsheet takes for a formula."""
 
+import math
 import re
 
 _FORMULA = re.compile(r"'*[=+\-@]")
@@ -15,6 +16,15 @@ def read_number(word: str) -> float:
     if "_" in word or not word.isascii():
         raise ValueError(f"{word[:30]!r} is not a number; write it with the digits 0 to 9")
     return float(word)
+
+
+def finite_number(word: str) -> float | None:
+    """Number that `read_number` reads, if it is finite; else None."""
+    try:
+        value = read_number(word)
+    except ValueError:
+        return None
+    return value if math.isfinite(value) else None
 
 
 def is_number(word: str) -> bool:

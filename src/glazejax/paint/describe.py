@@ -121,6 +121,7 @@ def _size(entry: str, size: str) -> tuple[float, int]:
         raise ValueError(
             f"coat {entry!r}: the thickness {number} has no unit: write {number}um, mm or nm"
         )
+    # In '12umx3' the x of the repeats sticks to the unit.
     if unit not in UNITS and unit.lower().removesuffix("x") in UNITS and unit.lower().endswith("x"):
         unit = unit[:-1]
         repeats_text = f"x{repeats_text}"
@@ -174,6 +175,7 @@ def _parts(entry: str, paint: str) -> tuple[tuple[float, str], ...]:
         if float(weight) < 0:
             raise ValueError(f"coat {entry!r}: the fraction {weight} of {name} is negative")
         weighted.append((float(weight), name))
+    # Fractions as typed; rounding in the last digit is no mistake.
     total = sum(weight for weight, _ in weighted)
     if abs(total - 1.0) > 1e-6:
         raise ValueError(
@@ -200,6 +202,7 @@ def find_name(name: str, names: Iterable[str]) -> str:
     key = _plain(name)
     if key in full_names:
         return full_names[key]
+    # A number stands between two names, where a plus sign belongs.
     if re.search(r"\S\s+\d+(\.\d+)?\s+\S", name):
         raise ValueError(
             f"there is no pigment {name!r:.60}: between two paints of a mixture stands a +, such "
@@ -240,6 +243,7 @@ def describe_bands(
     wavelengths: Float[np.ndarray, "bands"], chosen: Bool[np.ndarray, "bands"]
 ) -> str:
     """The chosen bands as ranges, such as ``400-450, 620 nm``; empty if none is chosen."""
+    # Where runs of chosen bands begin and end.
     edges = np.flatnonzero(np.diff(np.concatenate([[False], chosen, [False]]).astype(int)))
     ranges = [
         f"{wavelengths[a]:g}" if b - a == 1 else f"{wavelengths[a]:g}-{wavelengths[b - 1]:g}"

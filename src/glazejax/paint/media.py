@@ -269,6 +269,7 @@ class Pigment(_Labelled):
             return on_numpy_or_jax(matmul, values, matrix.astype(values.dtype))
 
         phase = self.phase
+        # Moments of each band are resampled as a spectrum is; moments for all bands stay.
         if phase is not None and phase.ndim == 2 and phase.shape[0] > 1:
             phase = on_numpy_or_jax(matmul, matrix.T.astype(phase.dtype), phase)
         mask = self.identifiable
@@ -350,7 +351,9 @@ class Mixture(_Labelled):
         _check_range("weights", fractions, 0.0, np.inf)
         values = concrete(fractions)
         if values is not None:
+            # In double precision: many single-precision weights would not sum to 1 within 1e-6.
             totals = values.astype(np.float64).sum(axis=-1).ravel()
+            # The sum farthest from 1 is the one to name.
             furthest = totals[np.abs(totals - 1.0).argmax()] if totals.size else 1.0
             if abs(furthest - 1.0) > 1e-6:
                 fix = (
@@ -491,6 +494,7 @@ class Glaze(_PlainModule):
                         "bands of the coats"
                     )
         _check_batches(coats, below.shape[:-1])
+        # A number stays one, a constant of the compiled program.
         constant = index.ndim == 0 and isinstance(index, np.ndarray)
         index = float(index) if constant else as_float_array(index)
         vars(self).update(coats=coats, ground=as_float_array(ground), refractive_index=index)

@@ -138,6 +138,7 @@ def _modes(columns: _Columns) -> np.ndarray | None:
     titles = [[title for title in columns if title.startswith(f"{what}_mode_")] for what in "ks"]
     if not titles[0] or len(titles[0]) != len(titles[1]):
         return None
+    # From k and s by title to modes of both.
     modes = np.array([[columns[title] for title in half] for half in titles]).swapaxes(0, 1)
     return modes if np.all(np.isfinite(modes)) else None
 
@@ -145,6 +146,7 @@ def _modes(columns: _Columns) -> np.ndarray | None:
 def _pigment(source: Source, name: str, columns: _Columns, provenance: str) -> Pigment:
     def find_column(title: str) -> list[float] | None:
         values = columns.get(title, [])
+        # A standard deviation that is missing or infinite in one band is left out for all.
         return values if values and all(abs(value) < 1e30 for value in values) else None
 
     try:
@@ -221,6 +223,7 @@ def pigment_rows(
             for sd in (pigment.absorption_sd, pigment.scattering_sd)
         ]
         identifiable = pigment.identifiable
+        # Modes of k, then those of s, as the titles are.
         modes = np.full((2, most, k.size), np.nan)
         if pigment.error_modes is not None:
             modes[:, : len(pigment.error_modes)] = np.swapaxes(pigment.error_modes, 0, 1)

@@ -40,7 +40,7 @@ from .stack import Method, stack_hemispherical_reflectance, stack_reflectance_fa
 Profile: TypeAlias = Callable[[Array], Array] | Numbers
 """A callable of depth (m), or values at equally spaced depths from the surface to the ground."""
 
-# Points of the rule for the mean of a slice, or the optical depth of a part of a panel.
+# Bytes of the arrays of the films that go through at a time.
 _CHUNK_BYTES = 2**24
 
 
@@ -238,6 +238,7 @@ def _piecewise_linear(samples: Array) -> Callable[[Array], Array]:
         if count == 0:
             return jnp.broadcast_to(samples, (*samples.shape[:-1], share.shape[-1]))
         position = share * count
+        # The interval's number has no slope, only the share within it.
         lower = jnp.clip(jnp.floor(jax.lax.stop_gradient(position)), 0, count - 1)
         index = lower.astype(int)
         batch = jnp.broadcast_shapes(samples.shape[:-1], share.shape[:-1])
@@ -265,6 +266,7 @@ def _solve_sliced(
     x, w = gauss(4)
 
     def reflectance(count: int) -> Array:
+        # Gauss's points in each slice, as shares of the film's depth.
         share = jnp.asarray(((np.arange(count)[:, None] + x) / count).ravel(), film.thickness.dtype)
 
         # Mean k and s of each slice, by Gauss's rule in it.
@@ -275,7 +277,9 @@ def _solve_sliced(
 
         k = mean(film.absorption)
         s = mean(film.scattering)
+        # Optical thickness of a slice: k and s in 1/m, times its share of the film.
         depth = (k + s) * film.thickness[..., None] / count
+        # The solver may take a third of the tolerance, the slices the rest.
         return jnp.broadcast_to(
             solve(_albedo(k, s), depth, ground, tolerance=0.3 * tolerance, **fixed), film.batch
         )
@@ -333,7 +337,7 @@ def _solve_on_mesh(film: _ProfileFilm, arguments: dict[str, Any], tolerance: flo
     deeper = int(np.ceil(np.log2(min(max(thickest / 40.0, 1.0), 1e6))))
     mesh = mesh._replace(graded=mesh.graded + deeper)
 
-    table = rules(mesh.nodes, mesh.points)
+    table = rules(mesh.nodes, mesh.points, dtype)
 
     def reflectance(halvings: int) -> Array:
         panels = _film_panels(film, mesh, halvings)
@@ -383,14 +387,16 @@ def _film_panels(film: _ProfileFilm, mesh: PanelMesh, halvings: int) -> Panels:
     axis flattened.
     """
     edges = graded_shares(mesh)
+    # Samples have kinks at their depths: these become edges, so that each panel is smooth.
     if film.intervals is not None:
         edges = np.unique(
             np.round(np.concatenate([edges, np.linspace(0, 1, film.intervals + 1)]), 12)
         )
+    # Each panel is cut into equal pieces.
     pieces = 2**halvings
     inner = np.linspace(edges[:-1], edges[1:], pieces, endpoint=False).T.ravel()
     edges = np.r_[inner, 1.0]
-    table = rules(mesh.nodes, mesh.points)
+    table = rules(mesh.nodes, mesh.points, film.thickness.dtype)
     start = edges[:-1]
     span = np.diff(edges)
     x, w = gauss(10)
@@ -422,6 +428,7 @@ def _film_panels(film: _ProfileFilm, mesh: PanelMesh, halvings: int) -> Panels:
     for _ in range(8):  # where the optical depth reaches the nodes
         slope = span[:, None] * extinction(start[:, None] + span[:, None] * fraction)
         miss = depth_within(fraction) - width[..., None] * table.nodes
+        # Newton's step, at most as long as the panel.
         step = miss / jnp.maximum(slope, jnp.finfo(dtype).tiny)
         fraction = jnp.clip(fraction - jnp.clip(step, -1.0, 1.0), 0.0, 1.0)
     share = (start[:, None] + span[:, None] * fraction).reshape(*film.batch, -1)

@@ -311,6 +311,7 @@ def _prepare(
     flat = checked.flat()
     dtype = checked.arrays["albedo"].dtype
     index = None if fixed is not None else concrete(inputs.refractive_index)
+    # The range of indices that one set of directions must serve.
     if fixed is not None:
         low = high = fixed
     elif index is None or index.size == 0:
@@ -432,6 +433,7 @@ def _reflectance_jvp(settings: _StackSettings, primals, tangents):
         if not isinstance(leaf, SymbolicZero | type(None))
     }
     value, gradient = on_all_cores(_some_stacks, stack, settings, tuple(changes), least=_MANY)
+    # A stack's value depends on its own numbers alone: slopes times changes, summed by stack.
     tangent = jnp.zeros_like(value)
     for name, change in changes.items():
         tangent += jnp.sum((gradient[name] * change).reshape(*value.shape, -1), axis=-1)
@@ -458,8 +460,10 @@ def _with_gradient(
     )
 
     def at(lifted: Array):
+        # Lifted to the least index whose slope stands out from the quadrature's error.
         index = jnp.where(near & lifted, LEAST_SLOPING_INDEX, stack.refractive_index)
         shifted = stack._replace(refractive_index=index)
+        # The second run is left out where no index is near one.
         return jax.lax.cond(
             jnp.any(near) | ~lifted, lambda: solve(shifted, settings.resolution), lambda: nothing
         )

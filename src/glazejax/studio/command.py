@@ -100,6 +100,7 @@ def _own(path: Path) -> "dict[str, Pigment]":
     from ..paint.pigment_table import read_pigments
     from ..stacks import own_name
 
+    # The page lists one's own paints with those of the catalogues, by one set of names.
     named = {own_name(name): paint for name, paint in read_pigments(path).items()}
     return {name: paint.renamed(name) for name, paint in named.items()}
 

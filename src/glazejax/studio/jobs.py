@@ -54,7 +54,7 @@ class Jobs:
         """
         if task not in self.tasks:
             raise ValueError(
-                f"{task!r} is not installed here; there are "
+                f"{task!r:.60} is not installed here; there are "
                 f"{', '.join(sorted(self.tasks)) or 'none'}"
             )
         with self._lock:
@@ -62,6 +62,7 @@ class Jobs:
                 raise ValueError("this search runs already; stop it first")
             if len(self._running) >= MOST:
                 raise ValueError(f"{MOST} searches run already; stop one first")
+            # A process that waits has its programs compiled already.
             process = self._idle.pop() if self._idle else _process()
             self._running[name] = process
             self._senders[name] = send
@@ -78,6 +79,7 @@ class Jobs:
             names = [name for name in self._senders if name.startswith(f"{page} ")]
             for name in names:
                 del self._senders[name]
+        # Connections are lost, and pages come back: only then are the searches stopped.
         for name in names:
             timer = threading.Timer(PATIENCE, self._give_up, [name])
             timer.daemon = True
@@ -93,6 +95,7 @@ class Jobs:
             names = [
                 name for name in (*self._running, *self._unheard) if name.startswith(f"{page} ")
             ]
+            # Answers that came while nobody listened; what still runs sends to the page again.
             waiting = {name: self._unheard.pop(name) for name in names if name in self._unheard}
             for name in names:
                 if name not in waiting:
@@ -105,6 +108,7 @@ class Jobs:
         return names, hand_over
 
     def _give_up(self, name: str) -> None:
+        # The page did not come back.
         if name not in self._senders:
             self.stop(name)
 
@@ -112,6 +116,7 @@ class Jobs:
         """To the page, or kept for it if it is an answer and the page is gone."""
         with self._lock:
             send = self._senders.get(name)
+            # An answer ends the search; it is kept where the page is gone.
             if "progress" not in message:
                 self._senders.pop(name, None)
                 if send is None:
@@ -147,6 +152,7 @@ class Jobs:
         stage = ["starting"]
         done = threading.Event()
 
+        # The page hears twice a second how long it takes, whatever the search is doing.
         def beat() -> None:
             while not done.wait(0.5):
                 state = {
@@ -165,6 +171,7 @@ class Jobs:
             process.stdin.flush()
             for line in process.stdout:
                 message = json.loads(line)
+                # A line of words says what is being done; any other is the answer.
                 if "words" in message:
                     stage[0] = message["words"]
                 else:
@@ -174,7 +181,9 @@ class Jobs:
             answer = None
         done.set()
         with self._lock:
+            # Who stopped a search has taken it off the list and ended its process.
             stopped = self._running.pop(name, None) is None
+            # One process waits for the next search, no more.
             if answer is not None and not stopped and not self._idle:
                 self._idle.append(process)
         if stopped:
@@ -190,6 +199,7 @@ class Jobs:
                 },
             )
             return
+        # The next search of this kind shows how long it usually takes.
         if "result" in answer:
             self._took[task] = time.monotonic() - began
         if process not in self._idle:

@@ -26,6 +26,7 @@ def pack(header: Mapping[str, Any], arrays: Arrays | None = None) -> bytes:
     """A message as bytes."""
     listed = [[name, list(np.shape(array))] for name, array in (arrays or {}).items()]
     head = json.dumps({**header, "arrays": listed}, ensure_ascii=False).encode()
+    # A browser reads numbers only from a multiple of their size on.
     head += b" " * (-len(head) % 4)
     blocks = [np.ascontiguousarray(array, "<f4").tobytes() for array in (arrays or {}).values()]
     return b"".join([struct.pack("<I", len(head)), head, *blocks])
@@ -60,6 +61,7 @@ def unpack(
         raise ValueError(f"a message lists its arrays, {limit} at most")
     for entry in listed:
         name, shape = _entry(entry)
+        # An array must lie within the message before it is made.
         size = 4 * math.prod(shape)
         if at + size > len(message):
             raise ValueError(f"a message ends within its array {name!r}")

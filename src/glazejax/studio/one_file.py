@@ -55,6 +55,7 @@ def page_text(name: str) -> str:
 def bundle(last: str) -> str:
     """The page's modules as one, `last` after all others; its default export stays one."""
     scripts = ["const modules = {};"]
+    # Each module becomes a function that returns its exports, of which later ones take theirs.
     for name in (*_MODULES, last):
         text = page_text(f"{name}.js")
         names = _EXPORT.findall(text)

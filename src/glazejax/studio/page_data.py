@@ -52,6 +52,7 @@ def entry(name: str, paint: Pigment) -> dict[str, Any]:
     group, slash, own_label = name.partition("/")
     identifiable = paint.identifiable
     bands = paint.wavelengths
+    # Bands at which the data leave k and s apart unknown.
     unknown = (
         "" if identifiable is None or identifiable.all() else describe_bands(bands, ~identifiable)
     )
@@ -76,6 +77,7 @@ def _group(name: str, paint: Pigment) -> str:
     prefix = name.partition("/")[0]
     if prefix in further:
         return prefix
+    # A paint without a catalogue's scale of length is one's own.
     return first if catalogue.assumed_scale(paint) else "own"
 
 
@@ -87,6 +89,7 @@ def _curves(paint: Pigment) -> dict[str, Any]:
     if paint.error_modes is None:
         return columns
     modes = np.asarray(paint.error_modes, float)
+    # The largest mode takes the whole range of 16 bits.
     step = float(np.abs(modes).max()) / 32767 or 1.0
     packed = base64.b64encode(np.round(modes / step).astype("<i2").tobytes()).decode()
     return columns | {"modes": packed, "step": step}

@@ -87,11 +87,13 @@ class Studio:
 
     def refusal(self, headers: Any, token: str, *, socket: bool) -> str:
         """Why a request is refused, in words; empty if it is not."""
+        # A socket must come from this page; a plain request may state no origin.
         origin = headers.get("origin")
         if (socket or origin is not None) and origin not in {
             f"http://{host}" for host in self._hosts
         }:
             return "This studio answers its own page only."
+        # In constant time, which gives no part of the token away.
         if not secrets.compare_digest(token.encode(), self.token.encode()):
             return (
                 "The link's token is not this studio's; open the link that glazejax studio "
@@ -147,6 +149,7 @@ class Studio:
             answers = asyncio.Queue()
 
             def send(message: bytes) -> None:
+                # Searches answer from threads of their own; the queue belongs to the loop.
                 loop.call_soon_threadsafe(answers.put_nowait, message)
 
             async def sender() -> None:
@@ -162,6 +165,7 @@ class Studio:
                     if message["type"] == "websocket.disconnect":
                         break
                     content = message.get("bytes") or message.get("text") or ""
+                    # Who asks faster than answers come is refused, so that memory stays bounded.
                     if len(waiting) > 50:
                         send(
                             pack(
@@ -173,6 +177,7 @@ class Studio:
                             )
                         )
                         continue
+                    # Reading a file takes long, and the socket must stay open meanwhile.
                     task = loop.run_in_executor(pool, session.handle, content)
                     waiting.add(task)
                     task.add_done_callback(waiting.discard)

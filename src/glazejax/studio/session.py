@@ -55,7 +55,9 @@ class Session:
             about = header["type"]
             answer = getattr(self, f"_on_{about}", None)
             if answer is None:
-                raise ValueError(f"the studio does not know the message {about!r}; reload the page")
+                raise ValueError(
+                    f"the studio does not know the message {about!r:.60}; reload the page"
+                )
             answer(header, arrays, body)
         except (ValueError, ModuleNotFoundError) as error:
             self.tell({"type": "error", "about": about, "words": shorten(str(error))})
@@ -73,6 +75,7 @@ class Session:
     def _on_hello(self, header: dict[str, Any], arrays: Any, body: bytes) -> None:
         """Answer with what there is."""
         page = header.get("page")
+        # A blank separates the page's name from that of a search.
         if isinstance(page, str) and 0 < len(page) <= 80 and " " not in page:
             self._page = page
         running, hand_over = self.jobs.come_back(self._page, self._teller)
@@ -106,6 +109,7 @@ class Session:
             "films": dropped.films,
         }
         arrays = {"wavelengths": grid, "reflectance": np.asarray(table.reflectance, float)}
+        # Spectra of which no colour can be made are shown without one.
         try:
             weights = colour.colour_weights(grid)
             white = weights.sum(axis=0)

@@ -311,6 +311,13 @@ def test_folder_of_tiffs_with_given_wavelengths(tmp_path):
     np.testing.assert_allclose(cube.values, values, atol=1e-6)
 
 
+def test_pictures_are_counted_as_people_count(tmp_path):
+    for band in range(12):
+        tifffile.imwrite(tmp_path / f"b{band}.tif", np.full((2, 3), band / 20, "f4"))
+    cube = open_cube(tmp_path, wavelengths=np.arange(400.0, 520.0, 10.0))
+    np.testing.assert_allclose(cube.values[0, 0], np.arange(12) / 20)
+
+
 def test_geotiff(tmp_path):
     tags = [
         (33550, "d", 3, (2.0, 3.0, 0.0), True),

@@ -14,7 +14,9 @@ Three loops remain in addition:
 - `descend`, one problem whose linear algebra NumPy does, by its structure; optimistix compiles the
   whole loop, and a compiled solver of that structure takes half a minute for every new size.
 - `descend_within`, many problems between bounds, whose every look takes a solver's run: those that
-  have settled are not looked at again, while a compiled loop goes on with all until the last.
+  have settled are not looked at again, while a compiled loop goes on with all until the last. The
+  last steps of recipes for eight colours solve 40 blocks of stacks in 1.7 s of 4.3 s; such a loop
+  would solve 120.
 """
 
 from collections.abc import Callable

@@ -26,7 +26,7 @@ from ...film.model.response import film_response
 from ...film.partial_films import average, loose_films, recipes_from_names
 from ...film.readers import one_reading
 from ...film.shared_bands import running_mean
-from ...recover.joint import recover_jointly
+from ...recover.joint.joint import recover_jointly
 from .features import surface_in
 from .identify_pigments import STEP
 from .templates import hiding_ratio

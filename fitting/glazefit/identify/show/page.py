@@ -12,7 +12,7 @@ import numpy as np
 
 from glazejax.io.write import table_bytes, write_files
 
-from ...page.subject import TITLES
+from ...page.subject import TITLES, beside
 from ...page.templates import fill_template
 from ..result import percent
 from ..search.weigh import REJECTED, UNSEEN
@@ -26,19 +26,6 @@ DRAWN = 60
 """Spots whose spectra are drawn; those of all are in the JSON."""
 LISTED = 60
 """Paints of a catalogue that the page lists; those of a larger one are in the JSON."""
-
-
-def beside(path: Path) -> tuple[Path, Path]:
-    """The table and the JSON that are written with a page.
-
-    Raises:
-        ValueError: the page's name does not end in .html.
-    """
-    if path.suffix != ".html":
-        raise ValueError(
-            f"--report {path}: a report ends in .html, such as {path.with_suffix('.html')}"
-        )
-    return path.with_suffix(".csv"), path.with_suffix(".json")
 
 
 def write_page(filed: Record, path: Path, *, overwrite: bool = False) -> tuple[Path, Path]:

@@ -11,7 +11,7 @@ from glazejax.io.write import write_files
 from ..store.export import braceless, envi_header
 from ..store.layout import Status
 from .legend import BLANK, OTHERS, STRIPES
-from .overview import Overview
+from .overview import Overview, pixels_with
 from .pictures import rgb, set_colours
 
 if TYPE_CHECKING:
@@ -59,12 +59,12 @@ def _classes(dataset: "xr.Dataset", look: Overview) -> Iterator[bytes]:
     lines, samples = look.shape
     height = max(1, _PIXELS // samples)
     for y in range(0, lines, height):
-        block = dataset.isel(y=slice(y, y + height))
-        members = np.sort(block["members"].values, axis=-1)
-        mapped = block["status"].values == Status.MAPPED
-        explained = mapped & (block["explained"].values > 0)
-        classes = np.where(mapped, len(look.shown) + 2 - explained, 0)
-        for number, members_shown in enumerate(look.shown, start=1):
-            padded = np.array([*([-1] * (members.shape[-1] - len(members_shown))), *members_shown])
-            classes[explained & (members == padded).all(axis=-1)] = number
+        section = dataset.isel(y=slice(y, y + height))
+        block = {name: section[name].values for name in ("status", "explained", "members")}
+        block["members"] = np.sort(block["members"].astype(np.uint16), axis=-1).astype(np.int16)
+        mapped = block["status"] == Status.MAPPED
+        classes = np.where(mapped, len(look.shown) + 1, 0)
+        classes[pixels_with((), block)] += 1
+        for number, members in enumerate(look.shown, start=1):
+            classes[pixels_with(members, block)] = number
         yield classes.astype(np.uint8).tobytes()

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from glazejax.colour import (
+    colour_science,
     delta_e_2000,
     encoded_srgb,
     linear_srgb,
@@ -27,33 +28,6 @@ BLANK = "#ffffff"
 """Colour of what was not mapped in the legend map."""
 APART = 11.0
 """CIEDE2000 that two colours differ by, whoever looks."""
-
-# One or two kinds of cones missing, on linear sRGB: G. Machado, M. Oliveira, L. Fernandes, IEEE
-# TVCG 15:1291 (2009).
-CONES = {
-    "three": np.eye(3),
-    "no long": np.array(
-        [
-            [0.152286, 1.052583, -0.204868],
-            [0.114503, 0.786281, 0.099216],
-            [-0.003882, -0.048116, 1.051998],
-        ]
-    ),
-    "no middle": np.array(
-        [
-            [0.367322, 0.860646, -0.227968],
-            [0.280085, 0.672501, 0.047413],
-            [-0.01182, 0.04294, 0.968881],
-        ]
-    ),
-    "no short": np.array(
-        [
-            [1.255528, -0.076749, -0.178779],
-            [-0.078411, 0.930809, 0.147602],
-            [0.004733, 0.691367, 0.3039],
-        ]
-    ),
-}
 
 Shades = Float[np.ndarray, "colours 3"]
 
@@ -87,9 +61,15 @@ def legend_colours(colours: Sequence[str]) -> list[str]:
 
 
 def seen_colours(shades: Shades) -> Float[np.ndarray, "eyes colours 3"]:
-    """L*a*b* of encoded sRGB, as seen with each of `CONES`."""
-    linear = linear_srgb(shades)
-    perceived = np.stack([np.clip(linear @ cones.T, 0, 1) for cones in CONES.values()])
+    """L*a*b* of encoded sRGB, as seen with all cones and without those for long, middle and short
+    waves.
+    """
+    # One or two kinds of cones missing, on linear sRGB: G. Machado, M. Oliveira, L. Fernandes, IEEE
+    # TVCG 15:1291 (2009).
+    matrices = colour_science().CVD_MATRICES_MACHADO2010
+    kinds = ("Protanomaly", "Deuteranomaly", "Tritanomaly")
+    eyes = np.stack([np.eye(3), *(matrices[kind][1.0] for kind in kinds)])
+    perceived = np.clip(linear_srgb(shades) @ eyes.transpose(0, 2, 1), 0, 1)
     return np.asarray(xyz_to_lab(srgb_to_xyz(encoded_srgb(perceived)), srgb_to_xyz(np.ones(3))))
 
 

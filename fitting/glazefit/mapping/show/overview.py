@@ -2,16 +2,16 @@
 the store.
 """
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 
-from ..store.chunk import Members, distinct_sets
-from ..store.layout import STATUS_WORDS, Status, Way
+from ..store.chunk import Members, SetSum
+from ..store.layout import Status, Way, status_counts
 from .legend import MOST_SETS
 from .names import set_words
 
@@ -56,7 +56,6 @@ class Overview:
         examples: by name, (rows, columns, ...), the pixel in the middle of each square.
         colour: true colour, (rows, columns, 3).
         likely: of each paint, pixels that have it with a probability above one half.
-        in_set: of each paint, pixels whose most probable set has it.
         pixel_area: of one pixel, m2, or None if the map does not say.
     """
 
@@ -64,18 +63,17 @@ class Overview:
     step: int
     coarse: int
     paints: tuple[str, ...]
-    status: dict[Status, int] = field(default_factory=dict)
-    ways: dict[Way, int] = field(default_factory=dict)
-    sets: dict[Members, int] = field(default_factory=dict)
-    means: dict[str, Float[np.ndarray, "rows columns"]] = field(default_factory=dict)
-    paint_probability: Float[np.ndarray, "r c paints"] = field(init=False)
-    paint_amount: Float[np.ndarray, "r c paints"] = field(init=False)
-    paint_share: Float[np.ndarray, "r c paints"] = field(init=False)
-    examples: dict[str, np.ndarray] = field(default_factory=dict)
-    colour: UInt8[np.ndarray, "rows columns 3"] = field(init=False)
-    likely: Int[np.ndarray, "paints"] = field(init=False)
-    in_set: Int[np.ndarray, "paints"] = field(init=False)
-    pixel_area: float | None = None
+    status: dict[Status, int]
+    ways: dict[Way, int]
+    sets: dict[Members, int]
+    means: dict[str, Float[np.ndarray, "rows columns"]]
+    paint_probability: Float[np.ndarray, "r c paints"]
+    paint_amount: Float[np.ndarray, "r c paints"]
+    paint_share: Float[np.ndarray, "r c paints"]
+    examples: dict[str, np.ndarray]
+    colour: UInt8[np.ndarray, "rows columns 3"]
+    likely: Int[np.ndarray, "paints"]
+    pixel_area: float | None
 
     @property
     def mapped(self) -> int:
@@ -86,6 +84,14 @@ class Overview:
     def explained(self) -> int:
         """Pixels that a set of the catalogue explains."""
         return sum(count for members, count in self.sets.items() if members)
+
+    @cached_property
+    def in_set(self) -> Int[np.ndarray, "paints"]:
+        """Of each paint, pixels whose most probable set has it."""
+        counts = np.zeros(len(self.paints), int)
+        for members, pixels in self.sets.items():
+            counts[list(members)] += pixels
+        return counts
 
     @cached_property
     def ranked(self) -> list[Members]:
@@ -103,12 +109,24 @@ class Overview:
 
     def where(self, members: Members) -> Bool[np.ndarray, "rows columns"]:
         """Pixels of `examples` that have a set."""
-        padded = (*members, *([-1] * (self.examples["members"].shape[-1] - len(members))))
-        mapped = self.examples["status"] == Status.MAPPED
-        explained = self.examples["explained"] > 0
-        if not members:
-            return mapped & ~explained
-        return mapped & explained & (self.examples["members"] == np.asarray(padded)).all(axis=-1)
+        return pixels_with(members, self.examples)
+
+
+def pixels_with(
+    members: Members, pixels: Mapping[str, np.ndarray]
+) -> Bool[np.ndarray, "rows columns"]:
+    """True for mapped pixels whose most probable set is this one; () for none of the paints.
+
+    Args:
+        members: of the set, ascending.
+        pixels: arrays `status`, `explained`, and `members` with those that are none last.
+    """
+    mapped = pixels["status"] == Status.MAPPED
+    explained = pixels["explained"] > 0
+    if not members:
+        return mapped & ~explained
+    padded = (*members, *([-1] * (pixels["members"].shape[-1] - len(members))))
+    return mapped & explained & (pixels["members"] == np.array(padded)).all(axis=-1)
 
 
 def ranked_sets(pixels: Mapping[Members, int]) -> list[Members]:
@@ -123,46 +141,66 @@ def shown_sets(pixels: Mapping[Members, int]) -> list[Members]:
     return [members for n, members in enumerate(ranked) if not n or pixels[members] >= least]
 
 
-def overview(dataset: "xr.Dataset", most: tuple[int, int] = MOST) -> Overview:
+def overview(
+    dataset: "xr.Dataset",
+    tallies: Mapping[str, float],
+    sets: Mapping[Members, SetSum],
+    most: tuple[int, int] = MOST,
+) -> Overview:
     """Look at a map, some rows at a time, so that memory stays small whatever its size.
 
     Args:
         dataset: variables of `layout.VARIABLES`, coordinate `paint` with their names.
+        tallies: pixels of each status, and answered in each way.
+        sets: sums over the pixels of each set.
         most: rows and columns of the largest picture.
 
     Raises:
         ValueError: the dataset lacks a variable of a map.
     """
-    lacking = [
-        name
-        for name in ("status", "way", "paint_probability", "true_colour", *_MEANS, *_EXAMPLES)
-        if name not in dataset
-    ]
-    if lacking:
-        raise ValueError(f"this is no map of paints: it lacks {', '.join(sorted(set(lacking)))}")
+    names = {"paint_probability", "true_colour", *_MEANS, *_EXAMPLES}
+    if lacking := sorted(name for name in names if name not in dataset):
+        raise ValueError(f"this is no map of paints: it lacks {', '.join(lacking)}")
     height = dataset.sizes["y"]
     width = dataset.sizes["x"]
     step = max(1, -(-height // most[0]), -(-width // most[1]))
     # A paint's own map may have fewer: there are two for each paint.
     coarse = 2 * step if width > step * 640 else step
     paints = tuple(str(name) for name in dataset["paint"].values)
-    look = Overview((height, width), step, coarse, paints, pixel_area=pixel_area(dataset))
-    look.likely = np.zeros(len(paints), int)
-    look.in_set = np.zeros(len(paints), int)
+    likely = np.zeros(len(paints), int)
     tiles: dict[str, list[np.ndarray]] = {}
-    for block in _blocks(dataset, look.coarse):
-        _count(look, block)
-        for name, tile in _parts(look, block).items():
+    rows = max(1, _PIXELS // (coarse * width)) * coarse
+    for y in range(0, height, rows):
+        section = dataset.isel(y=slice(y, y + rows))
+        block = {name: np.asarray(section[name].values) for name in names}
+        mapped = block["status"] == Status.MAPPED
+        likely += np.sum(np.nan_to_num(block["paint_probability"])[mapped] > 0.5, axis=0)
+        for name, tile in _parts(block, step, coarse).items():
             tiles.setdefault(name, []).append(tile)
     pictures = {name: np.concatenate(rows) for name, rows in tiles.items()}
-    look.means = {name: pictures[f"mean_{name}"] for name in _MEANS}
-    look.examples = {name: pictures[name] for name in _EXAMPLES}
-    look.colour = np.clip(np.rint(pictures["colour"]), 0, 255).astype(np.uint8)
-    look.paint_probability = pictures["paint_probability"]
-    look.paint_amount = pictures["paint_amount"]
-    look.paint_share = pictures["paint_share"]
-    look.status = {status: count for status, count in look.status.items() if count}
-    return look
+    examples = {name: pictures[name] for name in _EXAMPLES}
+    # Paints of a set by number, whatever order the map has them in; those that are none last.
+    order = np.argsort(examples["members"].astype(np.uint16), axis=-1, kind="stable")
+    for name in ("members", "fraction"):
+        examples[name] = np.take_along_axis(examples[name], order, axis=-1)
+    ways = {way: int(tallies.get(f"way {way.name.lower()}", 0)) for way in Way}
+    return Overview(
+        shape=(height, width),
+        step=step,
+        coarse=coarse,
+        paints=paints,
+        status=status_counts(tallies, height * width),
+        ways={way: count for way, count in ways.items() if count},
+        sets={members: sums.pixels for members, sums in sets.items()},
+        means={name: pictures[f"mean_{name}"] for name in _MEANS},
+        paint_probability=pictures["paint_probability"],
+        paint_amount=pictures["paint_amount"],
+        paint_share=pictures["paint_share"],
+        examples=examples,
+        colour=np.clip(np.rint(pictures["colour"]), 0, 255).astype(np.uint8),
+        likely=likely,
+        pixel_area=pixel_area(dataset),
+    )
 
 
 def pixel_area(dataset: "xr.Dataset") -> float | None:
@@ -192,69 +230,27 @@ def pixel_area(dataset: "xr.Dataset") -> float | None:
     return area
 
 
-def _blocks(dataset: "xr.Dataset", step: int) -> Iterator[dict[str, np.ndarray]]:
-    names = {"way", "paint_probability", "true_colour", *_MEANS, *_EXAMPLES}
-    rows = max(1, _PIXELS // (step * dataset.sizes["x"])) * step
-    for y in range(0, dataset.sizes["y"], rows):
-        section = dataset.isel(y=slice(y, y + rows))
-        block = {name: np.asarray(section[name].values) for name in names}
-        # Paints of a set by number, whatever order the map has them in.
-        members = block["members"].astype(np.int64)
-        order = np.argsort(
-            np.where(members < 0, np.iinfo(np.int64).max, members), axis=-1, kind="stable"
-        )
-        for name in ("members", "fraction"):
-            block[name] = np.take_along_axis(block[name], order, axis=-1)
-        yield block
-
-
-def _count(look: Overview, block: Mapping[str, np.ndarray]) -> None:
-    """Add the pixels of a block to the counts."""
-    for status in STATUS_WORDS:
-        look.status[status] = look.status.get(status, 0) + int(np.sum(block["status"] == status))
-    mapped = block["status"] == Status.MAPPED
-    for way in Way:
-        count = int(np.sum(mapped & (block["way"] == way)))
-        if count:
-            look.ways[way] = look.ways.get(way, 0) + count
-    members = np.where((block["explained"] > 0)[..., None], block["members"], -1)[mapped].astype(
-        np.int64
-    )
-    first, which = distinct_sets(members)
-    for at, count in zip(first, np.bincount(which).tolist(), strict=True):
-        present = tuple(int(member) for member in members[at] if member >= 0)
-        look.sets[present] = look.sets.get(present, 0) + count
-        look.in_set[list(present)] += count
-    look.likely += np.sum(np.nan_to_num(block["paint_probability"])[mapped] > 0.5, axis=0)
-
-
-def _parts(look: Overview, block: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """A block's share of the pictures."""
-    step = look.step
-    coarse = look.coarse
+def _parts(block: Mapping[str, np.ndarray], step: int, coarse: int) -> dict[str, np.ndarray]:
+    """A block's share of the pictures; those of single paints are coarser."""
     mapped = block["status"] == Status.MAPPED
     pictures = {
         f"mean_{name}": square_means(np.where(mapped, block[name], np.nan), step) for name in _MEANS
     }
     explained = mapped & (block["explained"] > 0)
-    share = np.zeros((*mapped.shape, len(look.paints)), np.float32)
+    share = np.zeros(block["paint_probability"].shape, np.float32)
     ys, xs, slots = np.nonzero((block["members"] >= 0) & explained[..., None])
     share[ys, xs, block["members"][ys, xs, slots]] = block["fraction"][ys, xs, slots]
     share[~explained] = np.nan
     # Nothing of a paint is nothing however thick the film is.
     amount = np.where(share == 0, 0.0, share * block["thickness"][..., None])
+    probability = np.where(mapped[..., None], block["paint_probability"], np.nan)
     pictures["paint_share"] = square_means(share, coarse)
     pictures["paint_amount"] = square_means(amount, coarse)
-    pictures["paint_probability"] = square_means(
-        np.where(mapped[..., None], block["paint_probability"], np.nan), coarse
-    )
+    pictures["paint_probability"] = square_means(probability, coarse)
     pictures["colour"] = square_means(block["true_colour"].astype(np.float32), step)
-    for name in _EXAMPLES:
-        # The last square of a row or column may be cut off before its middle.
-        rows = np.minimum(np.arange(0, mapped.shape[0], step) + step // 2, mapped.shape[0] - 1)
-        columns = np.minimum(np.arange(0, mapped.shape[1], step) + step // 2, mapped.shape[1] - 1)
-        pictures[name] = block[name][np.ix_(rows, columns)]
-    return pictures
+    # The last square of a row or column may be cut off before its middle.
+    middles = np.ix_(*(np.minimum(np.arange(0, n, step) + step // 2, n - 1) for n in mapped.shape))
+    return pictures | {name: block[name][middles] for name in _EXAMPLES}
 
 
 def square_means(
@@ -263,14 +259,7 @@ def square_means(
     """Means over squares of so many pixels a side, NaN left out; those at the edges may
     be smaller.
     """
-    if step == 1:
-        return np.asarray(values, np.float32)
-    finite = np.isfinite(values)
-    total = np.where(finite, values, 0.0).astype(np.float32)
-    counts = finite.astype(np.float32)
-    for axis in (0, 1):
-        starts = np.arange(0, values.shape[axis], step)
-        total = np.add.reduceat(total, starts, axis=axis)
-        counts = np.add.reduceat(counts, starts, axis=axis)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.where(counts > 0, total / counts, np.nan).astype(np.float32)
+    import xarray as xr
+
+    array = xr.DataArray(np.asarray(values, np.float32))
+    return array.coarsen(dim_0=step, dim_1=step, boundary="pad").mean().values

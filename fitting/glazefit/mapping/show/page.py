@@ -3,7 +3,7 @@ files.
 """
 
 import base64
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,13 +17,12 @@ from ..store.chunk import Members, SetSum
 from ..store.layout import STATUS_WORDS, Status, Way
 from .classes import CLASSES, write_classes
 from .legend import OTHERS
-from .overview import Overview, overview
+from .overview import overview
 from .page_families import family_rows
 from .page_sets import set_rows, share_words, small_spectrum
 from .page_spots import PAINTS, REFERENCES, spot_rows
 from .pictures import (
     RGB,
-    MapPicture,
     colour_numbers,
     enlarge,
     false_colour,
@@ -66,7 +65,6 @@ class MapProvenance:
         shortcuts: name of each, and what it did and may cost.
         agreement: what was compared with the full search, and how far they agree.
         notes: sentences of the reader and the solver.
-        unknown: further sentences on what the map does not say.
     """
 
     title: str
@@ -81,7 +79,6 @@ class MapProvenance:
     shortcuts: Mapping[str, str] = field(default_factory=dict)
     agreement: Mapping[str, str] = field(default_factory=dict)
     notes: Sequence[str] = ()
-    unknown: Sequence[str] = ()
 
 
 def write_report(
@@ -119,7 +116,7 @@ def write_report(
     path = folder / "report.html"
     if path.exists() and not overwrite:
         raise FileExistsError(f"{path} is there already: --overwrite replaces it")
-    look = overview(dataset)
+    look = overview(dataset, tallies, sets)
     grid = np.asarray(dataset.attrs.get("working_wavelengths", ()), float)
     false = None if cube is None else false_colour(cube, look.step)
     numbers = numbers_of(look)
@@ -127,18 +124,48 @@ def write_report(
     paints = (
         [paint_pictures(look, paint) for paint in found_paints(look)] if families is None else []
     )
-    pieces = page(
-        look,
-        tallies,
-        sets,
-        provenance,
-        grid=grid,
-        numbers=numbers,
-        paints=paints,
-        facts=facts,
+    order = found_paints(look, least=0.0)
+    by_count = sorted(look.status.items(), key=lambda item: -item[1])
+    chapters = {
+        "How pixels were answered": {
+            _WAYS[way].capitalize(): f"{count:,} pixels" for way, count in look.ways.items()
+        },
+        "Shortcuts, and what each may cost": provenance.shortcuts,
+        "Checked against the full search": provenance.agreement,
+        "Options": provenance.options,
+        "Counts": {
+            name.replace("_", " ").capitalize(): f"{n:,.10g}" for name, n in tallies.items() if n
+        },
+    }
+    pieces = fill_template(
+        "mapping/show/page.html",
+        title=f"Map of paints: {provenance.title}",
+        look=look,
+        provenance=provenance,
+        statuses=[(STATUS_WORDS[status], count) for status, count in by_count],
+        undone=look.status.get(Status.UNDONE, 0),
+        frequent=[look.paints[paint] for paint in found_paints(look, 0.01)],
+        colour=enlarge(look.colour),
+        legend=legend_map(look),
+        marks=legend_places(look),
+        false_colour=false,
+        sets=list(set_rows(look, sets, grid, facts)),
         families=families,
-        false=false,
-        spots=dataset.attrs.get("spots", ()),
+        classes=CLASSES,
+        others=OTHERS,
+        unexplained=small_spectrum(sets.get(()), grid),
+        numbers=numbers,
+        order=order,
+        never=[name for n, name in enumerate(look.paints) if n not in order],
+        paints=paints,
+        spots=spot_rows(dataset.attrs.get("spots", ()), grid),
+        spots_file=PAINTS if facts is None else REFERENCES,
+        chapters=chapters,
+        grid=grid,
+        share=share_words,
+        encode=_encode,
+        stops=_stops,
+        colour_numbers=colour_numbers,
     )
     html = "".join(pieces).encode("utf-8", "xmlcharrefreplace")
     (folder / "pictures").mkdir(parents=True, exist_ok=True)
@@ -153,77 +180,8 @@ def write_report(
     return path
 
 
-def page(
-    look: Overview,
-    tallies: Mapping[str, float],
-    sets: Mapping[Members, SetSum],
-    provenance: MapProvenance,
-    grid: np.ndarray,
-    numbers: Sequence[MapPicture],
-    paints: Sequence[Sequence[MapPicture]],
-    facts: Mapping[Members, Mapping[str, Any]] | None,
-    families: Sequence[Mapping[str, Any]] | None,
-    false: tuple[RGB, str] | None,
-    spots: Sequence[Mapping[str, Any]] = (),
-) -> Iterator[str]:
-    """The page, piece by piece."""
-    order = found_paints(look, least=0.0)
-    legend = legend_map(look)
-    by_count = sorted(look.status.items(), key=lambda item: -item[1])
-    chapters = {
-        "How pixels were answered": {
-            _WAYS[way].capitalize(): f"{count:,} pixels" for way, count in look.ways.items()
-        },
-        "Shortcuts, and what each may cost": provenance.shortcuts,
-        "Checked against the full search": provenance.agreement,
-        "Options": provenance.options,
-        "Counts": {
-            name.replace("_", " ").capitalize(): f"{n:,.10g}" for name, n in tallies.items() if n
-        },
-    }
-    return fill_template(
-        "mapping/show/page.html",
-        title=f"Map of paints: {provenance.title}",
-        look=look,
-        provenance=provenance,
-        statuses=[(STATUS_WORDS[status], count) for status, count in by_count],
-        undone=look.status.get(Status.UNDONE, 0),
-        frequent=[look.paints[paint] for paint in found_paints(look, 0.01)],
-        colour=enlarge(look.colour),
-        legend=legend,
-        marks=list(_marks(look, legend)),
-        false_colour=false,
-        sets=list(set_rows(look, sets, grid, facts)),
-        families=families,
-        classes=CLASSES,
-        others=OTHERS,
-        unexplained=small_spectrum(sets.get(()), grid),
-        numbers=numbers,
-        order=order,
-        never=[name for n, name in enumerate(look.paints) if n not in order],
-        paints=paints,
-        spots=spot_rows(spots, grid),
-        spots_file=PAINTS if facts is None else REFERENCES,
-        chapters=chapters,
-        grid=grid,
-        share=share_words,
-        encode=_encode,
-        stops=_stops,
-        colour_numbers=colour_numbers,
-    )
-
-
 def _encode(image: RGB) -> str:
     return base64.b64encode(png(image)).decode("ascii")
-
-
-def _marks(look: Overview, legend: RGB) -> Iterator[tuple[int, float, float]]:
-    """Number of each set of the legend, and its midst (x, y)."""
-    positions = legend_places(look)
-    for n, members in enumerate(look.shown, start=1):
-        if members in positions:
-            x, y = positions[members]
-            yield n, x * legend.shape[1], y * legend.shape[0]
 
 
 def _stops(colours: str) -> str:

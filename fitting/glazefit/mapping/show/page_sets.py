@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from ...page.plot import PlotAxes
 from ...page.words import typeset
-from ..store.chunk import Members, SetSum
+from ..store.chunk import Members, SetSum, rms_difference
 from .overview import Overview
 from .pictures import own_colours, set_colours
 
@@ -44,7 +44,7 @@ def set_rows(
         area = look.where(members)
         chances = look.examples["probability"][area]
         chances = chances[np.isfinite(chances)]
-        total, number = sums[members].thickness if members in sums else (0.0, 0)
+        pixels = sums.get(members)
         yield {
             "members": members,
             "legend": legend[n],
@@ -56,9 +56,9 @@ def set_rows(
             "exemplars": film["paints"] if film else (),
             "pixels": look.sets[members],
             "probability": float(chances.mean()) if chances.size else None,
-            "thickness": total / number * 1e6 if number else None,
+            "thickness": pixels.thickness_um if pixels else None,
             "spectrum": small_spectrum(
-                sums.get(members), grid, np.array(film["fitted"][0], float) if film else None
+                pixels, grid, np.array(film["fitted"][0], float) if film else None
             ),
         }
 
@@ -87,16 +87,13 @@ def small_spectrum(
     """
     if sums is None or not sums.pixels:
         return None
-    mean = np.asarray(sums.spectrum) / sums.pixels
-    fitted = np.asarray(sums.fitted) / sums.pixels if film is None else film
-    spread = np.sqrt(np.maximum(np.asarray(sums.square) / sums.pixels - mean**2, 0.0))
-    highest = (mean + spread).max()
-    off = (mean - fitted)[np.isfinite(fitted)]
+    fitted = sums.mean_fit if film is None else film
+    highest = (sums.mean + sums.sd).max()
     most = next(top for top in (0.1, 0.2, 0.5, 1.0, 2.0) if highest <= top or top == 2.0)
     return {
         "axes": PlotAxes(grid=grid, low=0.0, high=most, most=4),
-        "off": float(np.sqrt(np.mean(off**2))) if off.size else np.nan,
-        "mean": mean,
-        "spread": spread,
+        "off": rms_difference(sums.mean, fitted),
+        "mean": sums.mean,
+        "spread": sums.sd,
         "fitted": fitted,
     }

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
+from scipy.ndimage import uniform_filter
 
 from glazejax.extras import require
 from glazejax.plots import FAINT, INK, hex_colour, picture
 
-from ..store.chunk import Members
 from ..store.layout import Status
 from .legend import BLANK, OTHERS, STRIPES, legend_colours
 from .overview import Overview
@@ -69,29 +69,25 @@ def legend_map(look: Overview) -> RGB:
     return image
 
 
-def legend_places(look: Overview) -> dict[Members, tuple[float, float]]:
-    """Position of the number of each set of the legend: x and y from 0 to 1, in the middle of the
+def legend_places(look: Overview) -> dict[int, tuple[float, float]]:
+    """Places of the numbers of the legend's sets, from 1: x and y from 0 to 1, in the middle of the
     set's densest area.
     """
     positions = {}
-    for members in look.shown:
+    for n, members in enumerate(look.shown, start=1):
         area = look.where(members)
         if not area.any():
             continue
         # Means over squares are dense in the midst of an area, whatever its outline.
         size = max(3, min(area.shape) // 12) // 2
-        density = np.where(area, _box(area, size) + 1e-3 * _box(area, 3 * size), -1.0)
+        near, far = (
+            uniform_filter(area.astype(float), 2 * half + 1, mode="constant")
+            for half in (size, 3 * size)
+        )
+        density = np.where(area, near + 1e-3 * far, -1.0)
         y, x = np.unravel_index(int(density.argmax()), area.shape)
-        positions[members] = ((x + 0.5) / area.shape[1], (y + 0.5) / area.shape[0])
+        positions[n] = ((x + 0.5) / area.shape[1], (y + 0.5) / area.shape[0])
     return positions
-
-
-def _box(area: Bool[np.ndarray, "rows columns"], half: int) -> Float[np.ndarray, "rows columns"]:
-    """Share of the square about each pixel."""
-    sums = np.pad(area.astype(float), half + 1).cumsum(axis=0).cumsum(axis=1)[:, :]
-    side = 2 * half + 1
-    total = sums[side:, side:] - sums[:-side, side:] - sums[side:, :-side] + sums[:-side, :-side]
-    return total[: area.shape[0], : area.shape[1]] / side**2
 
 
 def numbers_of(look: Overview) -> list[MapPicture]:
@@ -192,16 +188,19 @@ def found_paints(look: Overview, least: float = 0.0005) -> list[int]:
 
 def colour_numbers(number_map: MapPicture) -> RGB:
     """A number as a picture; grey where there is none."""
+    values = np.ma.masked_invalid(number_map.values)
+    return enlarge(_shades(number_map.scale).to_rgba(values, bytes=True)[..., :3])
+
+
+def _shades(scale: Scale) -> Any:
+    """Colours of numbers, as matplotlib has them."""
     require("matplotlib")
     from matplotlib import colormaps
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
 
-    scale = number_map.scale
-    values = np.nan_to_num((number_map.values - scale.low) / max(scale.high - scale.low, 1e-30))
-    image = (
-        (colormaps[scale.colours](np.clip(values, 0, 1))[..., :3] * 255.0).round().astype(np.uint8)
-    )
-    image[~np.isfinite(number_map.values)] = rgb(UNKNOWN)
-    return enlarge(image)
+    colours = colormaps[scale.colours].with_extremes(bad=UNKNOWN)
+    return ScalarMappable(Normalize(scale.low, scale.high), colours)
 
 
 def false_colour(cube: "xr.DataArray", step: int = 1) -> tuple[RGB, str]:
@@ -264,7 +263,7 @@ def write_pictures(
     *,
     colours: Sequence[str],
     plain: Sequence[tuple[str, str, RGB]] = (),
-) -> list[Path]:
+) -> None:
     """Write each picture as a PNG with its title and scale.
 
     Args:
@@ -274,95 +273,81 @@ def write_pictures(
         colours: colours of the sets of the legend themselves.
         plain: further pictures, each with the name of its file and a title.
     """
-    written = []
     for name, title, image in (("true_colour", "True colour (D65)", enlarge(look.colour)), *plain):
-        written.append(folder / f"{name}.png")
-        with _frame(written[-1], title, image):
+        with _frame(folder / f"{name}.png", title, image):
             pass
-    written.append(folder / "sets.png")
-    _write_legend(look, written[-1], colours)
+    _write_legend(look, folder / "sets.png", colours)
     for number_map in numbers:
-        written.append(folder / f"{number_map.key}.png")
-        with _frame(written[-1], number_map.title, colour_numbers(number_map), 0.9) as figure:
-            _add_scale(figure, number_map.scale)
-    return written
+        image = colour_numbers(number_map)
+        with _frame(folder / f"{number_map.key}.png", number_map.title, image, 0.9) as axes:
+            bar = axes.figure.colorbar(_shades(number_map.scale), ax=axes, shrink=0.8)
+            bar.outline.set_visible(False)
+            bar.ax.tick_params(labelsize=8)
+            bar.ax.set_title(number_map.scale.unit, fontsize=8, color=FAINT)
 
 
 @contextmanager
-def _frame(path: Path, title: str, image: RGB, room: float = 0.0) -> Iterator[Any]:
-    """A figure with an image, at one pixel a dot as far as its width allows; written at the end."""
-    width = 8.0
-    height = width * image.shape[0] / image.shape[1]
-    tall = height + 0.4
-    with picture(path, width + room, tall, layout=None) as figure:
-        axes = figure.add_axes((0, 0, width / (width + room), height / tall))
-        axes.imshow(image, interpolation="antialiased", aspect="auto")
+def _frame(
+    path: Path, title: str, image: RGB, room: float = 0.0, least: float = 0.0
+) -> Iterator[Any]:
+    """Axes with an image and its title, written at the end.
+
+    Args:
+        path: of the file.
+        title: above the image.
+        image: eight inches wide.
+        room: on its right, inches.
+        least: height of the figure, inches.
+    """
+    height = 8.0 * image.shape[0] / image.shape[1] + 0.4
+    with picture(path, 8.0 + room, max(height, least)) as figure:
+        axes = figure.subplots()
+        axes.imshow(image, interpolation="antialiased")
         axes.set_axis_off()
-        figure.text(0.008, 1 - 0.2 / tall, title, fontsize=10, color=INK, va="center")
-        yield figure
-
-
-def _add_scale(figure: Any, scale: Scale) -> None:
-    from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import Normalize
-
-    width = figure.get_figwidth()
-    axes = figure.add_axes((8.12 / width, 0.03, 0.16 / width, 0.8))
-    bar = figure.colorbar(ScalarMappable(Normalize(scale.low, scale.high), scale.colours), cax=axes)
-    bar.outline.set_visible(False)
-    bar.ax.tick_params(labelsize=8)
-    bar.ax.set_title(scale.unit, fontsize=8, color=FAINT)
+        axes.set_title(title, fontsize=10, color=INK, loc="left")
+        yield axes
 
 
 def _write_legend(look: Overview, path: Path, colours: Sequence[str]) -> None:
-    from matplotlib.patches import Rectangle
+    from matplotlib.legend_handler import HandlerTuple
+    from matplotlib.patches import Patch
 
-    with _frame(path, "Most probable set of paints", legend_map(look), 4.2) as figure:
-        positions = legend_places(look)
-        width = figure.get_figwidth()
-        tall = figure.get_figheight()
-        picture_axes = figure.axes[0]
-        size = enlarge(look.examples["status"]).shape
-        for n, members in enumerate(look.shown, start=1):
-            if members in positions:
-                x, y = positions[members]
-                picture_axes.text(
-                    x * size[1],
-                    y * size[0],
-                    str(n),
-                    ha="center",
-                    va="center",
-                    fontsize=8,
-                    color=INK,
-                    bbox={"boxstyle": "circle,pad=.25", "fc": "white", "ec": INK, "lw": 0.6},
-                )
-        axes = figure.add_axes((8.15 / width, 0, 4.0 / width, 1))
-        axes.set(xlim=(0, 4.0), ylim=(tall, 0))
-        axes.set_axis_off()
-        rows = [
-            (f"{n}  {look.words(m)}", colour, mixed, look.sets[m])
-            for n, (m, colour, mixed) in enumerate(
-                zip(look.shown, set_colours(look), colours, strict=True), start=1
-            )
-        ]
-        remaining = sum(look.sets[m] for m in look.ranked[len(look.shown) :])
-        rows += [("further sets", OTHERS, None, remaining)] if remaining else []
-        rows += [("none of these paints", None, None, look.sets[()])] if look.sets.get(()) else []
-        high = min(0.34, (tall - 0.3) / max(len(rows), 1))
-        for row, (label, colour, mixed, count) in enumerate(rows):
-            y = 0.25 + row * high
-            hatch: dict[str, Any] = (
-                {"hatch": "/////", "fc": STRIPES[1]} if colour is None else {"fc": colour}
-            )
-            axes.add_patch(Rectangle((0, y), 0.28, 0.7 * high, ec=STRIPES[0], lw=0.4, **hatch))
-            if mixed is not None:
-                axes.add_patch(
-                    Rectangle((0.32, y), 0.28, 0.7 * high, fc=mixed, ec=STRIPES[0], lw=0.4)
-                )
-            label = f"{label}  ({count / max(look.mapped, 1):.1%})"
+    def patch(**look_of: Any) -> Any:
+        return Patch(ec=STRIPES[0], lw=0.4, **look_of)
+
+    # Each set with its colour in the legend and its own.
+    rows = [
+        (f"{n}  {look.words(members)}", (patch(fc=colour), patch(fc=mixed)), look.sets[members])
+        for n, (members, colour, mixed) in enumerate(
+            zip(look.shown, set_colours(look), colours, strict=True), start=1
+        )
+    ]
+    remaining = sum(look.sets[members] for members in look.ranked[len(look.shown) :])
+    none = look.sets.get((), 0)
+    rows += [("further sets", (patch(fc=OTHERS),), remaining)] if remaining else []
+    rows += [(look.words(()), (patch(fc=STRIPES[1], hatch="/////"),), none)] if none else []
+    title = "Most probable set of paints"
+    with _frame(path, title, legend_map(look), 4.2, 0.5 + 0.2 * len(rows)) as axes:
+        for n, (x, y) in legend_places(look).items():
             axes.text(
-                0.68, y + 0.35 * high, label, fontsize=min(7.5, 24 * high), va="center", color=INK
+                x,
+                1.0 - y,
+                str(n),
+                transform=axes.transAxes,
+                ha="center",
+                va="center",
+                fontsize=8,
+                color=INK,
+                bbox={"boxstyle": "circle,pad=.25", "fc": "white", "ec": INK, "lw": 0.6},
             )
+        axes.figure.legend(
+            [handles for _, handles, _ in rows],
+            [f"{words}  ({count / max(look.mapped, 1):.1%})" for words, _, count in rows],
+            handler_map={tuple: HandlerTuple(ndivide=None)},
+            loc="outside right upper",
+            fontsize=7.5,
+            frameon=False,
+        )
 
 
 def own_colours(look: Overview) -> list[str]:

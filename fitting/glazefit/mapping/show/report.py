@@ -9,8 +9,8 @@ import numpy as np
 from glazejax.io import write_table
 from glazejax.report import plain_table
 
-from ..store.chunk import Members, SetSum
-from ..store.layout import STATUS_WORDS, Status
+from ..store.chunk import Members, SetSum, rms_difference
+from ..store.layout import STATUS_WORDS, Status, status_counts
 from .names import set_words
 from .overview import shown_sets
 
@@ -19,16 +19,6 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 _NONE = "none of these"
-_LINES = 1 << 20
-
-
-def statuses(dataset: "xarray.Dataset") -> dict[Status, int]:
-    """Pixels of each status, those that occur, without the whole map in memory."""
-    counts = np.zeros(len(Status), np.int64)
-    rows = max(1, _LINES // dataset.sizes["x"])
-    for y in range(0, dataset.sizes["y"], rows):
-        counts += np.bincount(dataset["status"][y : y + rows].values.ravel(), minlength=counts.size)
-    return {status: int(counts[status]) for status in Status if counts[status]}
 
 
 def by_area(sets: Mapping[Members, SetSum]) -> list[tuple[Members, SetSum]]:
@@ -37,19 +27,23 @@ def by_area(sets: Mapping[Members, SetSum]) -> list[tuple[Members, SetSum]]:
 
 
 def print_map(
-    dataset: "xarray.Dataset", sets: Mapping[Members, SetSum], console: "Console"
+    dataset: "xarray.Dataset",
+    tallies: Mapping[str, float],
+    sets: Mapping[Members, SetSum],
+    console: "Console",
 ) -> None:
     """Print what became of the pixels, and the sets that the report shows, too.
 
     Args:
         dataset: the map.
+        tallies: counts of the pixels of each status.
         sets: sums over the pixels of each set.
         console: to print to.
     """
-    counts = statuses(dataset)
-    mapped = counts.get(Status.MAPPED, 0)
     lines = dataset.sizes["y"]
     samples = dataset.sizes["x"]
+    counts = status_counts(tallies, lines * samples)
+    mapped = counts.get(Status.MAPPED, 0)
     unmapped = [
         f"{count:,} {STATUS_WORDS[status]}"
         for status, count in counts.items()
@@ -121,27 +115,20 @@ def write_sets(
     rows = []
     for members, sums in by_area(sets):
         row = _row(members, sums, paints, mapped)
-        means = [*(sums.spectrum / sums.pixels), *(sums.fitted / sums.pixels)]
-        rows.append(
-            [*("" if row[name] is None else row[name] for name in titles), *map(float, means)]
-        )
+        cells = ("" if row[name] is None else row[name] for name in titles)
+        rows.append([*cells, *map(float, [*sums.mean, *sums.mean_fit])])
     write_table(path, [*titles, *bands], rows, overwrite=overwrite)
 
 
 def _row(members: Members, sums: SetSum, paints: Sequence[str], mapped: int) -> dict[str, Any]:
     """Numbers of a set by the titles of its table."""
-    mean = sums.spectrum / sums.pixels
-    fitted = sums.fitted / sums.pixels
-    total, count = sums.thickness
     return {
         "paints": set_words(members, paints) or _NONE,
         "pixels": sums.pixels,
         "share": sums.pixels / mapped,
-        "thickness_um": total / count * 1e6 if count else None,
-        "pixels_with_thickness": count,
-        "rmse_of_mean": float(np.sqrt(np.mean((mean - fitted) ** 2))),
+        "thickness_um": sums.thickness_um,
+        "pixels_with_thickness": sums.thickness[1],
+        "rmse_of_mean": rms_difference(sums.mean, sums.mean_fit),
         # How far pixels lie about their mean, over all bands.
-        "sd_of_pixels": float(
-            np.sqrt(np.mean(np.maximum(sums.square / sums.pixels - mean**2, 0.0)))
-        ),
+        "sd_of_pixels": float(np.sqrt(np.mean(sums.sd**2))),
     }

@@ -2,8 +2,7 @@
 each of them stands for.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -17,7 +16,7 @@ from ...identify.families.templates import most_films
 from ...identify.result import Identification
 from ...identify.result.groups import GROUPS, group_of
 from ...identify.search.options import IdentificationOptions
-from .survey import Features, nearest
+from ..store.columns import Columns
 from .update import Answers
 
 # Candidates among which the one that shows a spectrum's first answer is looked for.
@@ -27,7 +26,7 @@ _BYTES_OF_A_FILM, _BYTES_OF_A_BAND = 500, 16
 
 
 @dataclass(frozen=True)
-class Answered:
+class Answered(Columns):
     """Spectra that were searched, and the answer to each.
 
     Attributes:
@@ -37,47 +36,6 @@ class Answered:
 
     readings: Float[np.ndarray, "spectra bands"]
     answers: Answers
-
-    def arrays(self) -> dict[str, np.ndarray]:
-        """All arrays by name, to be kept in a file."""
-        return {"readings": self.readings, **vars(self.answers)}
-
-    @classmethod
-    def from_parts(cls, count: int, load: Callable[[int, str], np.ndarray]) -> "Answered":
-        """Of several that were kept by `arrays`, by number and name."""
-        columns = {
-            name: np.concatenate([load(n, name) for n in range(count)])
-            for name in ("readings", *(field.name for field in fields(Answers)))
-        }
-        return cls(columns.pop("readings"), Answers(**columns))
-
-
-@dataclass(frozen=True)
-class FamilyAtlas:
-    """Answers for spectra near those that were searched: the same.
-
-    Paints of one family are far more apart than a spectrum is from its representative; a map's
-    agreement says what that costs.
-
-    Attributes:
-        features: by which spectra are compared.
-        representatives: that were searched.
-    """
-
-    features: Features
-    representatives: Answered
-
-    @cached_property
-    def centres(self) -> Float[np.ndarray, "representatives directions"]:
-        """Features of what was searched."""
-        return self.features(self.representatives.readings)
-
-    def answers(
-        self, readings: Float[np.ndarray, "spectra bands"]
-    ) -> tuple[Answers, Float[np.ndarray, "spectra"]]:
-        """Answers for spectra, and the distance of each from its representative."""
-        which, distance = nearest(self.features(readings), self.centres)
-        return self.representatives.answers.take(which), distance
 
 
 @dataclass(frozen=True)

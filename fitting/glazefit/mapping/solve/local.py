@@ -7,8 +7,9 @@ with the spectrum and its evidence follows in closed form: Laplace's approximati
 that moves (`glazefit.identify.search.fit`).
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
+import itertools
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import jax
 import jax.numpy as jnp
@@ -32,18 +33,17 @@ from ...identify.search.surface import NuisanceMode
 from ...identify.search.task import IdentificationTask, Measured
 from ...identify.search.unstated_conditions import CONDITIONS, FilmsUnderCondition, films_under
 from ...identify.search.weigh import Odds
+from ..store.columns import Columns
 
 _STEP = 1e-3
 _terms = jax.jit(jax.vmap(prior_terms, in_axes=(0, 0, None, None)))
 
 
 @dataclass(frozen=True)
-class Local:
-    """Candidates of representative spectra in one row, and how they move with the spectrum; single
-    precision.
+class Local(Columns):
+    """Candidates of representative spectra, and how they move with the spectrum; single precision.
 
     Attributes:
-        row: representative of each candidate, ascending.
         members, condition: as in `glazefit.Identification`.
         opaque: the film hides its ground, as it was searched.
         log_weight: at the representative.
@@ -57,15 +57,13 @@ class Local:
         logs_by: slopes of the log amounts that are weighed.
         gradient, hessian: of minus the log prior in these.
         ratios: eigenvalues of the data's part of the posterior's Hessian relative to the prior's.
-        numbers: Student's degrees of freedom (0 for Gaussian errors), and readings that count as
-            independent.
+        numbers: Student's degrees of freedom, and readings that count as independent.
         seen, seen_by: Delta E00 to the fit as a vector of some coordinates, and its slopes.
         left, left_by: the same with errors of the paints allowed for.
         shape: root mean square of that residual, noise aside.
         fitted, fitted_by: readings of the fit that is shown, and their slopes.
     """
 
-    row: Int[np.ndarray, "n"]
     members: Int[np.ndarray, "n 3"]
     condition: Int[np.ndarray, "n"]
     opaque: np.ndarray
@@ -89,13 +87,9 @@ class Local:
     fitted: Float[np.ndarray, "n bands"]
     fitted_by: Float[np.ndarray, "n bands bands"]
 
-    def take(self, rows: np.ndarray | slice) -> "Local":
-        """Some of the candidates."""
-        return Local(*(getattr(self, f.name)[rows] for f in fields(self)))
-
 
 @dataclass(frozen=True)
-class Searched:
+class Searched(Columns):
     """Representatives that were searched, and their candidates.
 
     Attributes:
@@ -103,46 +97,22 @@ class Searched:
         blur: Delta E00 that noise alone makes.
         rest: share of the candidates' odds that those left out have,
         rest_paints: and how probable each paint is among these.
-        local: the candidates that are kept.
+        kept: candidates of each that are kept.
+        local: these candidates, one representative's after another's.
     """
 
     readings: Float[np.ndarray, "representatives bands"]
     blur: Float[np.ndarray, "representatives"]
     rest: Float[np.ndarray, "representatives"]
     rest_paints: Float[np.ndarray, "representatives paints"]
+    kept: Int[np.ndarray, "representatives"]
     local: Local
 
-    @classmethod
-    def join(cls, pieces: Sequence["Searched"]) -> "Searched":
-        """Further representatives, in order."""
-        arrays = [piece.arrays() for piece in pieces]
-        return cls.from_parts(len(pieces), lambda n, name: arrays[n][name])
-
-    def arrays(self) -> dict[str, np.ndarray]:
-        """All arrays by name, to be kept in a file."""
-        columns = {f.name: getattr(self, f.name) for f in fields(self)[:-1]}
-        return columns | {f"local_{f.name}": getattr(self.local, f.name) for f in fields(Local)}
-
-    @classmethod
-    def from_parts(cls, count: int, load: Callable[[int, str], np.ndarray]) -> "Searched":
-        """Of several that were kept by `arrays`; only one array of theirs at a time is held twice.
-
-        Args:
-            count: how many were kept.
-            load: array of one of them, by its number and name.
-        """
-        columns = {
-            f.name: np.concatenate([load(n, f.name) for n in range(count)])
-            for f in fields(cls)[:-1]
-        }
-        first = np.cumsum([0, *(len(load(n, "blur")) for n in range(count))])
-        local = {}
-        for f in fields(Local):
-            arrays = [load(n, f"local_{f.name}") for n in range(count)]
-            if f.name == "row":
-                arrays = [rows + start for rows, start in zip(arrays, first, strict=False)]
-            local[f.name] = np.concatenate(arrays)
-        return cls(**columns, local=Local(**local))
+    @cached_property
+    def candidates(self) -> list[slice]:
+        """Of each representative, among all."""
+        ends = np.cumsum([0, *self.kept]).tolist()
+        return [slice(*pair) for pair in itertools.pairwise(ends)]
 
 
 def search_locally(
@@ -160,7 +130,8 @@ def search_locally(
         ground: internal reflectance, (bands,); None where films hide it.
     """
     measured = as_measured(searcher, readings, noise_sd, ground)
-    return Searched.join([_local_models(searcher, *piece) for piece in searcher.search(measured)])
+    pieces = [_local_models(searcher, *piece) for piece in searcher.search(measured)]
+    return Searched.joined(len(pieces), lambda number, name: _single(pieces[number][name]))
 
 
 def as_measured(
@@ -176,8 +147,12 @@ def as_measured(
     return replace(measured, noise_sd=np.asarray(noise_sd, float)[:, None])
 
 
-def _local_models(searcher: Searcher, measured: Measured, pool: Pool, odds: Odds) -> Searched:
-    """Candidates that matter of spectra over one ground, linear about each spectrum."""
+def _local_models(
+    searcher: Searcher, measured: Measured, pool: Pool, odds: Odds
+) -> dict[str, np.ndarray]:
+    """Arrays of `Searched` for spectra over one ground: candidates that matter, linear about each
+    spectrum.
+    """
     # Candidates of little probability are not carried on; only their sum is, and whose paints.
     share = odds.candidates / odds.candidates.sum(axis=1, keepdims=True)
     rank = np.argsort(np.argsort(-share, axis=1, kind="stable"), axis=1, kind="stable")
@@ -195,13 +170,14 @@ def _local_models(searcher: Searcher, measured: Measured, pool: Pool, odds: Odds
     arrays: dict[str, np.ndarray] = {}
     condition = pool.condition[row, column]
     size = max(searcher.task.max_paints, 2)
+    brighter = replace(measured, readings=measured.readings + _STEP)
     # One linearization for all candidates under a condition.
     for number in np.unique(condition):
-        under = CONDITIONS[number]
-        films = films_under(under, searcher.tasks, searcher.opaque, measured)
-        bent = _density_slopes(
-            films, films_under(under, searcher.tasks, searcher.opaque, _brighter(measured))
+        films, brighter_films = (
+            films_under(CONDITIONS[number], searcher.tasks, searcher.opaque, spectra)
+            for spectra in (measured, brighter)
         )
+        bent = _density_slopes(films, brighter_films)
         rows = np.flatnonzero(condition == number)
         models = _linear(films, pool, row[rows], column[rows], size) | {
             "weight_by": bent[row[rows]]
@@ -214,10 +190,14 @@ def _local_models(searcher: Searcher, measured: Measured, pool: Pool, odds: Odds
     at = row, column
     read = measured.readings[row, 0]
     eye = np.eye(measured.wavelengths.size)
-    left_by = metric @ (eye - arrays.pop("left_by"))
-    local = {
+    arrays["left_by"] = metric @ (eye - arrays["left_by"])
+    return {
         **arrays,
-        "row": row,
+        "readings": measured.readings[:, 0],
+        "blur": odds.misfits.noise_delta_e,
+        "rest": remainder,
+        "rest_paints": rest_paints,
+        "kept": likely.sum(axis=1),
         "members": pool.members[at],
         "condition": condition,
         "log_weight": pool.log_weight[at],
@@ -231,24 +211,9 @@ def _local_models(searcher: Searcher, measured: Measured, pool: Pool, odds: Odds
             np.einsum("ncb,nb->nc", metric, read - pool.adjusted[at]),
             odds.misfits.adjusted_delta_e[at],
         ),
-        "left_by": left_by,
         "shape": odds.misfits.residual[at],
         "fitted": pool.readings[at],
     }
-    candidates = Local(*(_single(local[f.name]) for f in fields(Local)))
-    readings = _single(measured.readings[:, 0])
-    blur = _single(odds.misfits.noise_delta_e)
-    return Searched(
-        readings=readings,
-        blur=blur,
-        rest=_single(remainder),
-        rest_paints=_single(rest_paints),
-        local=candidates,
-    )
-
-
-def _brighter(measured: Measured) -> Measured:
-    return replace(measured, readings=measured.readings + _STEP)
 
 
 def _density_slopes(
@@ -276,11 +241,8 @@ def _of_length(
     are.
     """
     norms = np.linalg.norm(vectors, axis=-1)
-    finite = np.isfinite(lengths) & (norms > 1e-12)
-    return (
-        vectors
-        * np.where(finite, np.where(finite, lengths, 1.0) / np.maximum(norms, 1e-12), 1.0)[:, None]
-    )
+    known = np.isfinite(lengths) & (norms > 1e-12)
+    return vectors * np.divide(lengths, norms, out=np.ones_like(norms), where=known)[:, None]
 
 
 def _linear(
@@ -313,14 +275,9 @@ def _linear(
     )
     weighed_slopes = slopes_at(chunk, weighed_films)
     shown_slopes = slopes_at(chunk, replace(films, logs=logs))
-    # Whitened slopes by the log amounts: k and s grow together with the amount.
     white = errors.basis[groups.of]
-    by = (weighed_slopes[:, :size] + weighed_slopes[:, size:]) * (sets != NOBODY)[..., None]
     gradient, prior = _prior_of(task, sets, weighed_films.logs)
-    whitened_slopes = np.einsum("nib,nmb->nmi", white, by)
-    data = whitened_slopes @ np.swapaxes(whitened_slopes, 1, 2)
-    # Gauss-Newton: how the amounts move with the readings, and what of a change they follow.
-    gain = np.linalg.solve(data + _prior_curvature(gradient, prior), whitened_slopes @ white)
+    _, whitened_slopes, data, gain = _follow(weighed_slopes, sets, white, gradient, prior)
     followed = np.einsum("nmi,nmb->nib", whitened_slopes, gain)
     residual = chunk.target[row] - weighed_films.readings
     # Curvature of the data over that of the prior, for the evidence.
@@ -328,10 +285,7 @@ def _linear(
     ratios = np.maximum(np.linalg.eigvalsh(root @ data @ np.swapaxes(root, 1, 2)), 0.0)
     # What is shown is fitted with errors of its own: how near it comes to each reading.
     close = near_errors(chunk).basis[row]
-    by_shown = (shown_slopes[:, :size] + shown_slopes[:, size:]) * (sets != NOBODY)[..., None]
-    prior_curvature = _prior_curvature(*_prior_of(task, sets, logs))
-    steep = np.einsum("nib,nmb->nmi", close, by_shown)
-    shown_gain = np.linalg.solve(steep @ np.swapaxes(steep, 1, 2) + prior_curvature, steep @ close)
+    by_shown, _, _, shown_gain = _follow(shown_slopes, sets, close, *_prior_of(task, sets, logs))
     eye = np.eye(readings.shape[1])
     nuisance = NuisanceMode.of(chunk)
     # How the reading that is shown moves: the body, and the surface that takes what is left.
@@ -341,7 +295,7 @@ def _linear(
     free = coefficient_projection(chunk, groups)[groups.of]
     slope = condition.slope.reshape(len(chunk), -1)[row]
     d = task.discrepancy
-    numbers = (d.freedom or 0.0, min(task.independent_readings, readings.shape[1]))
+    numbers = (d.freedom, min(task.independent_readings, readings.shape[1]))
     unseen = slope[:, :, None]
     return {
         "opaque": np.full(len(row), condition.opaque),
@@ -358,6 +312,36 @@ def _linear(
     }
 
 
+def _follow(
+    slopes: Float[np.ndarray, "n errors readings"],
+    sets: Int[np.ndarray, "n size"],
+    white: Float[np.ndarray, "n components readings"],
+    gradient: Float[np.ndarray, "n size"],
+    hessian: Float[np.ndarray, "n size size"],
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, Float[np.ndarray, "n size readings"]]:
+    """Slopes of films' readings by their log amounts, as they are and whitened; the data's
+    curvature; and how the amounts follow the readings (Gauss-Newton).
+
+    Log amounts are held by the prior and by the readings' own curvature. Readings are linear in the
+    amount of a paint of which there is little, so that their second derivative by its logarithm is
+    their first; at the best fit that and the residual make up for the prior's gradient. Without it
+    a trace would move as far as any noise pushes it.
+
+    Args:
+        slopes: of the readings by the log of every paint's k, then s.
+        sets: paints of each film.
+        white: whitens readings.
+        gradient, hessian: of minus the log prior.
+    """
+    size = sets.shape[1]
+    # k and s grow together with the amount.
+    by = (slopes[:, :size] + slopes[:, size:]) * (sets != NOBODY)[..., None]
+    whitened = np.einsum("nib,nmb->nmi", white, by)
+    data = whitened @ np.swapaxes(whitened, 1, 2)
+    held = hessian + np.maximum(-gradient, 0.0)[..., None] * np.eye(size)
+    return by, whitened, data, np.linalg.solve(data + held, whitened @ white)
+
+
 def _prior_of(
     task: IdentificationTask, sets: Int[np.ndarray, "n size"], logs: Float[np.ndarray, "n size"]
 ) -> tuple[Float[np.ndarray, "n size"], Float[np.ndarray, "n size size"]]:
@@ -368,19 +352,6 @@ def _prior_of(
         return _terms(*arguments, task.prior.spread, task.prior.concentration_sought)
 
     return by_blocks(len(sets), 256, run)
-
-
-def _prior_curvature(
-    gradient: Float[np.ndarray, "n size"], hessian: Float[np.ndarray, "n size size"]
-) -> Float[np.ndarray, "n size size"]:
-    """Curvature that holds log amounts, besides the slopes of the readings: of the prior and of
-    the readings.
-
-    Readings are linear in the amount of a paint of which there is little, so that their second
-    derivative by its logarithm is their first; at the best fit that and the residual make up for
-    the prior's gradient. Without it a trace would move as far as any noise pushes it.
-    """
-    return hessian + np.maximum(-gradient, 0.0)[..., None] * np.eye(gradient.shape[-1])
 
 
 def _wide(values: np.ndarray, *axes: int) -> np.ndarray:

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from glazejax.progress import Progress, no_progress
-from glazejax.radiative.common.threads import in_threads
+from glazejax.radiative.common.threads import cores
 
 
 @dataclass(frozen=True)
@@ -76,14 +76,8 @@ def nearest(
     from scipy.spatial import KDTree
 
     # Spectra of paint differ in few directions: a tree looks at some twenty centres of thousands.
-    tree = KDTree(centres)
-    size = 8192
-    starts = range(0, len(features), size)
-    batches = in_threads(lambda start: tree.query(features[start : start + size]), starts)
-    if not batches:
-        return np.empty(0, np.int64), np.empty(0, np.float32)
-    distance, which = (np.concatenate(arrays) for arrays in zip(*batches, strict=True))
-    return which, distance.astype(np.float32)
+    distance, which = KDTree(centres).query(features, workers=cores())
+    return np.asarray(which), distance.astype(np.float32)
 
 
 def spread_out(
@@ -143,13 +137,13 @@ def survey(
     which, distance = nearest(points, centres)
     # Rounds of Lloyd's algorithm.
     for _ in range(3):
-        centres = _group_means(points, which).astype(np.float32)
+        centres = group_means(points, which).astype(np.float32)
         which, distance = nearest(points, centres)
     progress(len(chosen), len(chosen), "surveying")
-    return _group_means(sample, which), float((distance / reach).max())
+    return group_means(sample, which), float((distance / reach).max())
 
 
-def _group_means(
+def group_means(
     values: Float[np.ndarray, "spectra n"], which: Int[np.ndarray, "spectra"]
 ) -> Float[np.ndarray, "groups n"]:
     """Means of the spectra of each number that occurs."""

@@ -20,7 +20,7 @@ from ...identify.families.expected import EXPECTED, has_families
 from ...identify.search.options import IdentificationOptions, SearchKeywords, check_keywords
 from ...identify.search.searcher import Searcher
 from .by_family import FamilySearcher
-from .solver import Image
+from .image import Image
 from .spots import spot_pigment
 from .working_bands import WorkingBands
 
@@ -127,7 +127,7 @@ def map_task(
     # All that decides what a pixel's answer is: a map goes on only where these are the same.
     options = {
         # Of what a map's store holds.
-        "version": 4,
+        "version": 5,
         "image": _identity(source, array),
         "catalogue": {p.name: digest(p.absorption, p.scattering) for p in paints},
         "ground": below,

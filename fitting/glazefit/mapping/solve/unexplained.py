@@ -6,7 +6,8 @@ The purest are found by successive projection (Araujo et al., Chemom. Intell. La
 films of those before it, thinner and mixed, would read.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+import itertools
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +19,7 @@ from glazejax.geometry import Instrument
 
 from ..store.chunk import Unexplained
 from .spots import spot_pigment
-from .survey import nearest, spread_out
+from .survey import group_means, nearest, spread_out
 
 SPOTS = 10
 """Spectra that are offered as paints, at most."""
@@ -46,12 +47,10 @@ def gather(
     # deviations of paint's errors.
     chosen = spread_out(features, 64, 2.0)
     which, _ = nearest(features, features[chosen])
-    used, which = np.unique(which, return_inverse=True)
-    pixels = np.bincount(which)
-    sums = np.stack([np.bincount(which, weights=band) for band in readings.T], axis=1)
+    used, pixels = np.unique(which, return_counts=True)
     return Unexplained(
         pixels=pixels,
-        readings=sums / pixels[:, None],
+        readings=group_means(readings, which),
         positions=positions[chosen[used]].astype(np.int64),
     )
 
@@ -100,7 +99,7 @@ def choose_spots(
     cosines = shape @ shape.T
     # Share of the mapped pixels, and number, that a spot needs.
     enough = (cosines > _ALIKE) @ pixels >= max(4, 2e-4 * mapped)
-    names = _free_names(paint_names)
+    names = (name for n in itertools.count(1) if (name := f"Spot{n}") not in paint_names)
     spots: list[UnexplainedSpot] = []
     ends = np.zeros((depth.shape[1], 0))
     while len(spots) < most:
@@ -116,7 +115,7 @@ def choose_spots(
         y, x = unexplained.positions[largest[purest]].tolist()
         spots.append(
             UnexplainedSpot(
-                name=names(),
+                name=next(names),
                 pixels=int(pixels[cosines[purest] > _ALIKE].sum()),
                 place=(y, x),
                 reading=weight @ unexplained.readings[largest],
@@ -152,17 +151,3 @@ def spot_paints(
         reading = np.interp(grid, wavelengths, reading)
         pigments.append(spot_pigment(name, grid, reading, paints, instrument))
     return pigments
-
-
-def _free_names(paint_names: Sequence[str]) -> Callable[[], str]:
-    """Spot1, Spot2, ... as far as no paint is called so."""
-    number = 0
-
-    def next_name() -> str:
-        nonlocal number
-        number += 1
-        while f"Spot{number}" in paint_names:
-            number += 1
-        return f"Spot{number}"
-
-    return next_name

@@ -1,7 +1,7 @@
 """Answers for spectra near a representative, in closed form from its candidates."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -10,6 +10,7 @@ from ...film.model.errors import Prior
 from ...identify.result import log_sds
 from ...identify.search.pool import NOBODY
 from ...identify.search.weigh import Misfits, Smaller, odds_of_shared_candidates
+from ..store.columns import Columns
 from .local import Local, Searched
 
 # Log amounts are not moved farther: a paint that does next to nothing would go anywhere.
@@ -17,7 +18,7 @@ _FAR = 1.5
 
 
 @dataclass(frozen=True)
-class Answers:
+class Answers(Columns):
     """Answers for spectra: the most probable set of each, and its odds against all others."""
 
     members: Int[np.ndarray, "spectra 3"]
@@ -34,12 +35,8 @@ class Answers:
 
     def put(self, rows: np.ndarray, source: "Answers") -> None:
         """Write others' answers into some rows."""
-        for f in fields(self):
-            getattr(self, f.name)[rows] = getattr(source, f.name)
-
-    def take(self, rows: np.ndarray) -> "Answers":
-        """Some of them."""
-        return Answers(*(getattr(self, f.name)[rows] for f in fields(self)))
+        for name, values in vars(source).items():
+            getattr(self, name)[rows] = values
 
     @classmethod
     def empty(cls, spectra: int, paints: int, bands: int) -> "Answers":
@@ -66,100 +63,94 @@ class Answers:
         total = amounts.sum(axis=-1, keepdims=True)
         return np.divide(amounts, total, out=np.full_like(amounts, np.nan), where=total > 0.0)
 
-    def spread(self) -> tuple[Float[np.ndarray, "spectra 3"], Float[np.ndarray, "spectra"]]:
-        """Standard deviations of the logs of the fractions and of the thickness."""
-        return log_sds(self.members, self.fractions, self.covariance)[1:]
+    @property
+    def thickness(self) -> Float[np.ndarray, "spectra"]:
+        """Of the film, m; NaN where it hides its ground."""
+        return np.where(self.opaque, np.nan, np.exp(self.amounts).sum(axis=1))
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """Arrays of a map by the names of `layout.VARIABLES`."""
+        fractions = self.fractions
+        # Standard deviations of the logs of the fractions and of the thickness.
+        _, fraction_sd, thickness_sd = log_sds(self.members, fractions, self.covariance)
+        absent = self.members == NOBODY
+        columns = {
+            "fraction": fractions,
+            "fraction_sd": np.minimum(fractions * fraction_sd, 0.3),
+        }
+        return {
+            **vars(self),
+            **{name: np.where(absent, np.nan, values) for name, values in columns.items()},
+            "thickness": self.thickness,
+            "thickness_sd": self.thickness * thickness_sd,
+        }
 
 
-class Updater:
-    """Candidates of one representative, ready for spectra near it.
+def answers_near(
+    representatives: Searched,
+    number: int,
+    order: Sequence[Smaller],
+    prior: Prior,
+    readings: Float[np.ndarray, "spectra bands"],
+) -> Answers:
+    """Answers for spectra near one representative.
 
     Args:
-        known: representatives.
+        representatives: that were searched.
         number: of the one that is meant.
-        candidates: its candidates among all.
-        order: of `smaller_sets` of these.
+        order: of `smaller_sets` of its candidates.
         prior: what was expected.
+        readings: of the spectra.
     """
-
-    def __init__(
-        self,
-        representatives: Searched,
-        number: int,
-        candidates: slice,
-        order: Sequence[Smaller],
-        prior: Prior,
-    ) -> None:
-        local = representatives.local.take(candidates)
-        paints = representatives.rest_paints.shape[1]
-        self.local = local
-        self.prior = prior
-        self.blur = representatives.blur[number]
-        self.rest = representatives.rest[number]
-        self.rest_paints = representatives.rest_paints[number]
-        self.reading = representatives.readings[number]
-        self.order = order
-        self.present = (
-            (local.members[..., None] == np.arange(paints)).any(axis=1).astype(np.float32)
-        )
-        count, bands = local.off.shape
-        # All that is linear in the readings, by one product.
-        slopes = [local.off_by, local.logs_by, local.seen_by, local.left_by]
-        self.by = np.concatenate([slope.reshape(-1, bands) for slope in slopes]).T.copy()
-        self.ends = np.cumsum([slope.shape[0] * slope.shape[1] for slope in slopes])[:-1]
-        self.count = count
-
-    def answers(self, readings: Float[np.ndarray, "spectra bands"]) -> Answers:
-        """For spectra near the representative."""
-        local = self.local
-        count = self.count
-        change = readings - self.reading
-        # All that is linear in the change of the reading, in one product.
-        products = change @ self.by
-        off, logs, colours, adjusted_colours = (
-            block.reshape(len(change), count, -1) for block in np.split(products, self.ends, axis=1)
-        )
-        # Weights of the candidates at the new reading, and their odds.
-        met = log_weight_gain(local, local.off + off, np.clip(logs, -_FAR, _FAR))
-        weight = local.log_weight + change @ local.weight_by.T + met
-        distance = (
-            np.linalg.norm(local.seen + colours, axis=-1),
-            np.linalg.norm(local.left + adjusted_colours, axis=-1),
-        )
-        shape = np.broadcast_to(local.shape, weight.shape)
-        misfits = Misfits(
-            delta_e=distance[0],
-            adjusted_delta_e=distance[1],
-            residual=shape,
-            noise_delta_e=np.full(len(change), self.blur),
-        )
-        odds = odds_of_shared_candidates(weight, misfits, self.order, self.prior)
-        # Candidates that were left out keep their share.
-        total = odds.candidates.sum(axis=1) / (1.0 - self.rest) + odds.none
-        first = np.argmax(odds.candidates, axis=1)
-        rows = np.arange(len(change))
-        none = odds.none / total
-        # One product for all spectra of the same first set.
-        amounts = local.amounts[first].copy()
-        fitted = local.fitted[first].copy()
-        for n in np.flatnonzero(np.bincount(first, minlength=count)):
-            group = np.flatnonzero(first == n)
-            amounts[group] += np.clip(change[group] @ local.amounts_by[n].T, -_FAR, _FAR)
-            fitted[group] += change[group] @ local.fitted_by[n].T
-        return Answers(
-            members=local.members[first],
-            condition=local.condition[first],
-            opaque=local.opaque[first],
-            probability=odds.candidates[rows, first] / total,
-            none=none,
-            explained=(none < 0.5) & ~odds.rejected[rows, first],
-            paint_probability=(odds.candidates / total[:, None]) @ self.present
-            + (self.rest * (1.0 - none))[:, None] * self.rest_paints,
-            amounts=amounts,
-            covariance=local.covariance[first],
-            misfit=odds.misfit,
-            fitted=fitted,
-        )
+    local = representatives.local.take(representatives.candidates[number])
+    rest = representatives.rest[number]
+    count, bands = local.off.shape
+    change = readings - representatives.readings[number]
+    # All that is linear in the change of the reading, in one product.
+    slopes = [local.off_by, local.logs_by, local.seen_by, local.left_by]
+    by = np.concatenate([slope.reshape(-1, bands) for slope in slopes]).T.copy()
+    ends = np.cumsum([slope.shape[0] * slope.shape[1] for slope in slopes])[:-1]
+    off, logs, colours, adjusted_colours = (
+        block.reshape(len(change), count, -1) for block in np.split(change @ by, ends, axis=1)
+    )
+    # Weights of the candidates at the new reading, and their odds.
+    met = log_weight_gain(local, local.off + off, np.clip(logs, -_FAR, _FAR))
+    weight = local.log_weight + change @ local.weight_by.T + met
+    misfits = Misfits(
+        delta_e=np.linalg.norm(local.seen + colours, axis=-1),
+        adjusted_delta_e=np.linalg.norm(local.left + adjusted_colours, axis=-1),
+        residual=np.broadcast_to(local.shape, weight.shape),
+        noise_delta_e=np.full(len(change), representatives.blur[number]),
+    )
+    odds = odds_of_shared_candidates(weight, misfits, order, prior)
+    # Candidates that were left out keep their share.
+    total = odds.candidates.sum(axis=1) / (1.0 - rest) + odds.none
+    first = np.argmax(odds.candidates, axis=1)
+    rows = np.arange(len(change))
+    none = odds.none / total
+    # One product for all spectra of the same first set.
+    amounts = local.amounts[first].copy()
+    fitted = local.fitted[first].copy()
+    for n in np.flatnonzero(np.bincount(first, minlength=count)):
+        group = np.flatnonzero(first == n)
+        amounts[group] += np.clip(change[group] @ local.amounts_by[n].T, -_FAR, _FAR)
+        fitted[group] += change[group] @ local.fitted_by[n].T
+    paints = np.arange(representatives.rest_paints.shape[1])
+    present = (local.members[..., None] == paints).any(axis=1).astype(np.float32)
+    return Answers(
+        members=local.members[first],
+        condition=local.condition[first],
+        opaque=local.opaque[first],
+        probability=odds.candidates[rows, first] / total,
+        none=none,
+        explained=(none < 0.5) & ~odds.rejected[rows, first],
+        paint_probability=(odds.candidates / total[:, None]) @ present
+        + (rest * (1.0 - none))[:, None] * representatives.rest_paints[number],
+        amounts=amounts,
+        covariance=local.covariance[first],
+        misfit=odds.misfit,
+        fitted=fitted,
+    )
 
 
 def log_weight_gain(
@@ -177,16 +168,10 @@ def log_weight_gain(
     degrees = local.numbers.sum(axis=1)
     before = np.sum(local.off**2, axis=-1)
     now = np.einsum("snb,snb->sn", off, off)
-    heavy = freedom > 0
-    safe = np.where(heavy, freedom, 1.0)
-    met = np.where(
-        heavy,
-        -0.5 * degrees * (np.log1p(now / safe) - np.log1p(before / safe)),
-        -0.5 * (now - before),
-    )
+    met = -0.5 * degrees * (np.log1p(now / freedom) - np.log1p(before / freedom))
     # How sharply the data hold the amounts changes with how well all is met.
-    share = np.where(heavy, degrees / (safe + now), 1.0)
-    shared = np.where(heavy, degrees / (safe + before), 1.0)
+    share = degrees / (freedom + now)
+    shared = degrees / (freedom + before)
     volume = np.log1p(share[..., None] * local.ratios) - np.log1p(shared[:, None] * local.ratios)
     # Half a quadratic form and a linear one, by products of each candidate's own matrices.
     turned = 0.5 * np.matmul(logs.transpose(1, 0, 2), local.hessian).transpose(1, 0, 2)

@@ -10,6 +10,8 @@ from typing import Self
 import numpy as np
 from jaxtyping import Float, Int
 
+from .columns import Columns
+
 Members = tuple[int, ...]
 """Paints of a set by number, ascending; () where none of the paints explain a pixel."""
 
@@ -32,6 +34,27 @@ class SetSum:
     square: Float[np.ndarray, "bands"]
     thickness: tuple[float, int] = (0.0, 0)
 
+    @property
+    def mean(self) -> Float[np.ndarray, "bands"]:
+        """Of the readings."""
+        return self.spectrum / self.pixels
+
+    @property
+    def mean_fit(self) -> Float[np.ndarray, "bands"]:
+        """Of what was fitted; NaN where that is not known of all pixels."""
+        return self.fitted / self.pixels
+
+    @property
+    def sd(self) -> Float[np.ndarray, "bands"]:
+        """Standard deviation of the readings."""
+        return np.sqrt(np.maximum(self.square / self.pixels - self.mean**2, 0.0))
+
+    @property
+    def thickness_um(self) -> float | None:
+        """Mean thickness in micrometres; None where no pixel has one."""
+        total, count = self.thickness
+        return total / count * 1e6 if count else None
+
     def __add__(self, other: Self) -> "SetSum":
         return SetSum(
             pixels=self.pixels + other.pixels,
@@ -46,7 +69,7 @@ class SetSum:
 
 
 @dataclass(frozen=True)
-class Unexplained:
+class Unexplained(Columns):
     """Spectra that no paints explain, in groups of like ones.
 
     Attributes:
@@ -74,11 +97,7 @@ class Unexplained:
         nonempty = [groups for groups in gathered if len(groups.pixels)]
         if not nonempty:
             return cls.nothing()
-        return cls(
-            pixels=np.concatenate([groups.pixels for groups in nonempty]),
-            readings=np.concatenate([groups.readings for groups in nonempty]),
-            positions=np.concatenate([groups.positions for groups in nonempty]),
-        )
+        return cls.joined(len(nonempty), lambda number, name: vars(nonempty[number])[name])
 
 
 @dataclass
@@ -111,6 +130,12 @@ def distinct_sets(
     keys = (members.astype(np.int64) + 1) @ paints ** np.arange(members.shape[1])
     _, first, which = np.unique(keys, return_index=True, return_inverse=True)
     return first, which
+
+
+def rms_difference(one: Float[np.ndarray, "bands"], other: Float[np.ndarray, "bands"]) -> float:
+    """Root mean square difference of two spectra over the bands that are known; NaN without any."""
+    off = (one - other)[np.isfinite(other)]
+    return float(np.sqrt(np.mean(off**2))) if off.size else np.nan
 
 
 def add_sets(into: dict[Members, SetSum], sums: Mapping[Members, SetSum]) -> None:

@@ -16,7 +16,7 @@ from glazejax.progress import Progress, no_progress
 from glazejax.whole_file import whole_file
 
 from .atomic_files import explain_full_disk
-from .layout import BY_NAME, VARIABLES, Status
+from .layout import BY_NAME, VARIABLES, Status, Variable
 from .store import MapStore, open_map
 from .windows import Window
 
@@ -25,17 +25,8 @@ if TYPE_CHECKING:
 
 _NETCDF = (".nc", ".nc4", ".h5")
 _ENVI = (".hdr", ".img", ".dat", ".bsq")
-# Bands of an ENVI file that are one number a pixel: name in the map, name of the band, factor.
-_SINGLE = (
-    *(
-        (name, name, 1.0)
-        for name in ("status", "way", "condition", "explained", "probability", "none")
-    ),
-    ("thickness", "thickness (um)", 1e6),
-    ("thickness_sd", "thickness standard deviation (um)", 1e6),
-    ("misfit", "misfit (Delta E00)", 1.0),
-    ("rmse", "rmse", 1.0),
-)
+# Arrays of one number a pixel, bands of an ENVI file.
+_SINGLE = [variable for variable in VARIABLES if not variable.further]
 
 
 def check_export(path: str | Path, *, overwrite: bool = False, argument: str = "") -> list[Path]:
@@ -79,7 +70,8 @@ def export_map(
     """Write a map as one NetCDF file, or as an ENVI image and its header.
 
     NetCDF holds all that the map holds. The ENVI image is float32, band after band: status, way,
-    condition, probability, none, thickness, misfit and rmse, then of each paint its probability,
+    condition, probability, none, explained, thickness and its standard deviation in um, misfit and
+    rmse, then of each paint its probability,
     its share by mass (0 where the pixel's set is without it) and that share's standard deviation;
     NaN where a pixel was not mapped. So ENVI has its paints by name; `set_labels` names those of a
     set in NetCDF.
@@ -165,7 +157,13 @@ def _band_names(paints: tuple[str, ...]) -> list[str]:
         for paint in paints
         for label in ("probability of", "fraction of", "fraction standard deviation of")
     ]
-    return [*(label for _, label, _ in _SINGLE), *of_paints]
+    return [*map(_label, _SINGLE), *of_paints]
+
+
+def _label(variable: Variable) -> str:
+    """Name of an array as a band, with its unit; lengths are in um."""
+    unit = {"m": "um", "1": ""}.get(variable.unit, variable.unit)
+    return f"{variable.name} ({unit})" if unit else variable.name
 
 
 def _write_bands(store: MapStore, path: Path, bands: int, progress: Progress) -> None:
@@ -193,15 +191,18 @@ def _bands(
     arrays = {name: dataset[name][y, x].values for name in BY_NAME if name != "true_colour"}
     mapped = arrays["status"] == Status.MAPPED
     bands: list[np.ndarray] = []
-    for name, _, factor in _SINGLE:
-        values = arrays[name].astype(np.float32) * np.float32(factor)
-        bands.append(values if name in ("status", "way") else np.where(mapped, values, np.nan))
+    for variable in _SINGLE:
+        factor = np.float32(1e6 if variable.unit == "m" else 1.0)
+        values = arrays[variable.name].astype(np.float32) * factor
+        whole = variable.name in ("status", "way")
+        bands.append(values if whole else np.where(mapped, values, np.nan))
     for paint in range(paints):
         present = arrays["members"] == paint
-        for values in (arrays["fraction"], arrays["fraction_sd"]):
-            share = np.where(present, values, 0).sum(-1)
-            bands.append(np.where(mapped, share, np.nan))
-        bands.insert(-2, np.where(mapped, arrays["paint_probability"][..., paint], np.nan))
+        share, sd = (
+            np.where(present, arrays[name], 0).sum(-1) for name in ("fraction", "fraction_sd")
+        )
+        for values in (arrays["paint_probability"][..., paint], share, sd):
+            bands.append(np.where(mapped, values, np.nan))
     return np.stack(bands).astype(np.float32)
 
 

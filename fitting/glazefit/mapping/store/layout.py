@@ -1,5 +1,6 @@
 """Arrays of a map of paints, by name: the list that solver, store, pictures and report share."""
 
+from collections.abc import Mapping
 from enum import IntEnum
 from typing import NamedTuple
 
@@ -27,6 +28,13 @@ STATUS_WORDS = {
     Status.NEGATIVE: "negative",
     Status.TOO_BRIGHT: "too bright",
 }
+
+
+def status_counts(tallies: Mapping[str, float], pixels: int) -> dict[Status, int]:
+    """Pixels of each status that occurs, from a map's tallies; what they lack is not done."""
+    counts = {status: int(tallies.get(words, 0)) for status, words in STATUS_WORDS.items()}
+    counts[Status.UNDONE] += pixels - sum(counts.values())
+    return {status: count for status, count in counts.items() if count}
 
 
 class Way(IntEnum):

@@ -112,6 +112,7 @@ class Display:
         self.tones: tuple[ToneCurve, ...] = tuple(
             c if isinstance(c, ToneCurve) else ToneCurve.from_gamma(c, levels) for c in curves
         )
+        # XYZ of each primary at its highest level; T is the inverse, up to the levels (3).
         self._to_xyz = primaries * top
         self._to_light = np.linalg.inv(self._to_xyz)
 
@@ -141,6 +142,7 @@ class Display:
         luminances = (
             colour.normalised_primary_matrix(space.primaries, space.whitepoint)[1] * white_luminance
         )
+        # The standard's own decoding, at each of 256 levels.
         light = np.asarray(space.cctf_decoding(np.linspace(0.0, 1.0, 256)))
         return cls(space.primaries, luminances, ToneCurve(np.arange(256.0), light), name=space.name)
 
@@ -190,6 +192,7 @@ class Display:
                 f"{at.size} levels need readings (3, {at.size}, 3), XYZ of each primary, not "
                 f"{xyz.shape}"
             )
+        # What level 0 shows, the room's light among it, is none of the primary's.
         primaries = xyz - xyz[:, :1]
         # The sum of X, Y and Z, since blue has hardly any Y.
         light = primaries.sum(axis=-1)

@@ -43,6 +43,7 @@ class ToneCurve:
                 f"a tone curve has as many lights as levels, at least 2, not {x.shape} and "
                 f"{y.shape}"
             )
+        # A curve that falls somewhere could not be read backwards.
         for what, values in (("levels", x), ("light", y)):
             falls = np.flatnonzero(~(np.diff(values) > 0))
             if falls.size:
@@ -110,6 +111,7 @@ class ToneCurve:
             return cls(steps, np.arange(steps.size))
         low = np.asarray(fine, float)
         light = np.arange(low.size) * FINE_STEP
+        # The last whole step of light that both tables hold.
         count = int(np.floor(light[-1] + 1e-9))
         if steps.size <= count + 1 or abs(np.interp(count, light, low) - steps[count]) > 0.5:
             raise ValueError(

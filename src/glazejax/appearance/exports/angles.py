@@ -9,6 +9,7 @@ from jaxtyping import Float
 
 from ...colour import CIE_1931, colour_weights, white_point
 from ...paint.media import Glaze, check_glaze
+from ...progress import Progress, no_progress
 from ...radiative.common.fresnel import dielectric_reflectance
 from ...spectra import Grid, validate_wavelengths
 from ...stacks import Stack
@@ -18,6 +19,8 @@ from .rgb import Space, find_space, rgb_of_xyz
 
 VIEWS = (0.0, 15.0, 30.0, 45.0, 60.0, 75.0)
 """Degrees at which colours are compared, of light and of eye."""
+# Pairs of angles of which a rough surface's light is computed together.
+_PAIRS = 15
 
 
 @dataclass(frozen=True)
@@ -73,6 +76,7 @@ def angular_colour(
     illuminant: str = "D65",
     observer: str | int = CIE_1931,
     tolerance: float = 1e-4,
+    progress: Progress = no_progress,
 ) -> AngularColour:
     """Compute a glaze's colour at all angles.
 
@@ -84,6 +88,7 @@ def angular_colour(
         illuminant, observer: of the colours, see `glazejax.colour.colour_weights`; the illuminant's
             white becomes the space's.
         tolerance: absolute error wanted of a reflectance factor.
+        progress: called with the pairs of angles that are done.
 
     Raises:
         ValueError: a roughness outside of 0 to 1, an unknown space, or what `glaze_table` and
@@ -102,7 +107,7 @@ def angular_colour(
     nodes, steps = np.polynomial.legendre.leggauss(8)
     cosines = np.concatenate([0.5 * (nodes + 1.0), np.cos(np.deg2rad(VIEWS))])
     index = float(np.mean(np.asarray(indices(single, grid.size))))
-    spectra, error = body_spectra(single, grid, cosines, roughness, tolerance)
+    spectra, error = body_spectra(single, grid, cosines, roughness, tolerance, progress)
     return AngularColour(
         cosines=cosines,
         weights=0.5 * steps,
@@ -122,16 +127,19 @@ def body_spectra(
     cosines: Float[np.ndarray, "angles"],
     roughness: float,
     tolerance: float,
+    progress: Progress,
 ) -> tuple[Float[np.ndarray, "angles angles bands"], float]:
     """Reflectance factor without the surface's own reflection, light by eye, and its error."""
     if roughness > 0:
         # Paint is the same with light and eye exchanged: half of the pairs are enough.
         first, second = np.triu_indices(cosines.size)
         spectra = np.empty((cosines.size, cosines.size, grid.size))
-        spectra[first, second] = pair_spectra(
-            glaze, cosines[first], cosines[second], roughness, tolerance
-        )
-        spectra[second, first] = spectra[first, second]
+        for done in range(0, first.size, _PAIRS):
+            progress(done, first.size, "computing pairs of angles")
+            one, two = first[done : done + _PAIRS], second[done : done + _PAIRS]
+            spectra[one, two] = spectra[two, one] = pair_spectra(
+                glaze, cosines[one], cosines[two], roughness, tolerance
+            )
         return spectra, tolerance
     table: GlazeTable = glaze_table(glaze, grid, tolerance=tolerance)
     return np.asarray(table.reflectance_factor(cosines[:, None], cosines), float), float(

@@ -1,5 +1,6 @@
 """Parameters of OpenPBR whose light comes nearest to a computed glaze, and how near that is."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -8,6 +9,7 @@ from jaxtyping import Float
 
 from ...colour import CIE_1931
 from ...paint.media import Glaze
+from ...progress import Progress, counted, no_progress
 from ...spectra import Grid
 from ...stacks import Stack
 from .angles import VIEWS, AngularColour, angular_colour
@@ -89,6 +91,7 @@ def fit_openpbr(
     layering: Layering = "materialx",
     coat: bool | None = None,
     tolerance: float = 1e-4,
+    progress: Progress = no_progress,
 ) -> OpenPBRFit:
     """Fit OpenPBR to a glaze.
 
@@ -104,6 +107,7 @@ def fit_openpbr(
         layering: "materialx" (its node graph), "specification" or "reciprocal".
         coat: whether there is a coat, which absorbs above the body; if left out, where it makes the
             error smaller by 2 %. As MaterialX puts layers together it never does.
+        progress: called with the pairs of angles, then with the fits that are done.
 
     Returns:
         `OpenPBRFit`: least squares of the reflectance factor in linear RGB over all pairs of
@@ -124,11 +128,17 @@ def fit_openpbr(
             illuminant=illuminant,
             observer=observer,
             tolerance=tolerance,
+            progress=progress,
         )
     cost = np.inf
     material = OpenPBR()
-    for coated in (False, True) if coat is None else (coat,):
-        trial_cost, trial = _best(_LobeFit(truth, layering, coated))
+    problems = [
+        _LobeFit(truth, layering, one) for one in ((False, True) if coat is None else (coat,))
+    ]
+    total = sum(len(problem.starts()) for problem in problems)
+    note = counted(progress, total, "fitting the material")
+    for problem in problems:
+        trial_cost, trial = _best(problem, note)
         # A coat must make the error smaller by 2 % of it, or it is left out; 1.5e-8 is half a sum
         # of squares that no coat is worth: a root mean square of 1e-4 in three channels.
         if trial_cost < cost * (1 - 0.02) ** 2 - 1.5e-8:
@@ -254,14 +264,15 @@ class _LobeFit:
         return [np.array([*mean, rough, *([tint] * 3), 0.5]) for rough, tint in _STARTS]
 
 
-def _best(problem: _LobeFit) -> tuple[float, OpenPBR]:
-    """The best of all starts: its cost and material."""
+def _best(problem: _LobeFit, note: Callable[[], object]) -> tuple[float, OpenPBR]:
+    """The best of all starts: its cost and material; `note` is called after each."""
     from scipy.optimize import least_squares
 
-    solutions = [
-        least_squares(problem.residuals, start, bounds=(problem.low, np.ones(problem.low.size)))
-        for start in problem.starts()
-    ]
+    bounds = (problem.low, np.ones(problem.low.size))
+    solutions = []
+    for start in problem.starts():
+        solutions.append(least_squares(problem.residuals, start, bounds=bounds))
+        note()
     best = min(solutions, key=lambda solution: solution.cost)
     return float(best.cost), problem.material(best.x)
 

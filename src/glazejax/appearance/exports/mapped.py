@@ -7,6 +7,7 @@ depend on the few numbers that differ between pixels. They are computed for some
 and interpolated for all pixels, as in `glazejax.picture`.
 """
 
+import itertools
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -16,6 +17,7 @@ from jaxtyping import Float
 from ...colour import colour_weights, delta_e_2000, white_point, xyz_to_lab
 from ...interpolated import interpolated
 from ...paint.media import Glaze, Mixture
+from ...progress import Progress, no_progress
 from ...radiative.common.fresnel import cos_refracted
 from ...radiative.common.quadrature import gauss
 from ...radiative.rough.lobes import lobe_albedo
@@ -31,6 +33,8 @@ ground.
 # Tints of a coat that are tried; between them their error is a parabola.
 _TINTS = np.exp(np.linspace(0.0, np.log(2e-3), 41))
 _AT_ONCE = 65536
+# Glazes of a table that are computed side by side, so that one program serves all.
+_GLAZES = 64
 
 
 class Colours(NamedTuple):
@@ -99,6 +103,7 @@ def mapped_colours(
     light: tuple[str, str | int],
     coat: bool,
     delta_e: float,
+    progress: Progress = no_progress,
 ) -> Colours:
     """Colours of OpenPBR's body, and of a coat, at points.
 
@@ -110,6 +115,8 @@ def mapped_colours(
         light: illuminant and observer.
         coat: with a coat, which absorbs along refracted paths and does not darken.
         delta_e: largest CIEDE2000 wanted of the interpolation.
+        progress: called with the glazes, then with the points that are done. Rounds of glazes go on
+            until the interpolation is good enough.
     """
     grid = validate_wavelengths(mapped.glaze.wavelengths)
     weights = colour_weights(grid, *light)
@@ -120,13 +127,24 @@ def mapped_colours(
     # Of reflectance factors: far below what a Delta E is made of.
     tolerance = min(1e-3, 1e-5 * delta_e)
     computed = 0
+    rounds = itertools.count(1)
 
-    def mean_xyz(batch: Float[np.ndarray, "some kinds"]) -> Float[np.ndarray, "some means xyz"]:
-        """XYZ of all means."""
+    def mean_xyz(
+        batch: Float[np.ndarray, "some kinds"], size: int = _GLAZES
+    ) -> Float[np.ndarray, "some means xyz"]:
+        """XYZ of all means, so many glazes side by side."""
         nonlocal computed
-        computed += len(batch)
-        spectra = pair_spectra(inner.at(batch), means.cos_in, means.cos_out, roughness, tolerance)
-        return np.einsum("pab,kp,bc->akc", spectra, means.weights, weights, optimize=True)
+        stage = f"computing glazes, round {next(rounds)},"
+        found = []
+        for first in range(0, len(batch), size):
+            progress(first, len(batch), stage)
+            some = inner.at(batch[np.arange(first, first + size).clip(max=len(batch) - 1)])
+            spectra = pair_spectra(some, means.cos_in, means.cos_out, roughness, tolerance)
+            found.append(
+                np.einsum("pab,kp,bc->akc", spectra, means.weights, weights, optimize=True)
+            )
+            computed += size
+        return np.concatenate(found)[: len(batch)]
 
     def distance(
         first: Float[np.ndarray, "some means 3"], second: Float[np.ndarray, "some means 3"]
@@ -140,7 +158,7 @@ def mapped_colours(
     error = 0.0
     # Few points are computed each; many by a table over the kinds that vary.
     if len(distinct) <= 64 or not varied.any():
-        values = mean_xyz(distinct)
+        values = mean_xyz(distinct, len(distinct))
     else:
         names = [kind for kind, varies in zip(mapped.kinds, varied, strict=True) if varies]
         columns = dict(zip(names, distinct[:, varied].T, strict=True))
@@ -156,13 +174,15 @@ def mapped_colours(
             tolerance=0.9 * delta_e,
             distance=distance,
             samples=columns,
+            block=None,
         )
         error = table.error
-        blocks = [
-            {k: c[i : i + _AT_ONCE] for k, c in columns.items()}
-            for i in range(0, len(distinct), _AT_ONCE)
-        ]
-        values = np.concatenate([np.asarray(table(**block), float) for block in blocks])
+        parts = []
+        for first in range(0, len(distinct), _AT_ONCE):
+            progress(first, len(distinct), "colouring points")
+            block = {k: c[first : first + _AT_ONCE] for k, c in columns.items()}
+            parts.append(np.asarray(table(**block), float))
+        values = np.concatenate(parts)
     # Colours of the distinct points, and back to all points.
     plain, base, tint = means.colours(rgb_of_xyz(values, white, space))
     where = where.reshape(-1)

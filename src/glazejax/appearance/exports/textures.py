@@ -12,6 +12,7 @@ from ...colour import CIE_1931, encoded_srgb
 from ...extras import require
 from ...io.outputs import check_output
 from ...paint.media import MAX_THICKNESS, Glaze
+from ...progress import Progress, no_progress
 from ...spectra import Numbers, concrete
 from ...stacks import Stack
 from .angles import angular_colour, check_roughness
@@ -68,6 +69,7 @@ def texture_set(
     kind: str = "png",
     name: str = "glaze",
     overwrite: bool = False,
+    progress: Progress = no_progress,
 ) -> TextureSet:
     """Write textures for OpenPBR, MaterialX, Blender's Principled BSDF and game engines.
 
@@ -89,6 +91,7 @@ def texture_set(
         kind: "png" (16 bits a channel, base colour and coat encoded as sRGB) or "exr" (linear).
         name: files begin with it; letters, digits and underscores, beginning with a letter.
         overwrite: replace files that exist.
+        progress: called with what is done of each stage.
 
     Raises:
         ValueError: no map, maps of different shapes or out of range, or what `fit_openpbr` and
@@ -122,6 +125,7 @@ def texture_set(
         light=light,
         coat=coat,
         delta_e=delta_e,
+        progress=progress,
     )
     base = colours.base
     wrong = outside(colours.plain) > 0
@@ -136,6 +140,7 @@ def texture_set(
         roughness=roughness,
         space=linear_space,
         light=light,
+        progress=progress,
     )
     result = TextureSet(
         files=files,
@@ -265,13 +270,15 @@ def _errors(
     roughness: float,
     space: Space,
     light: tuple[str, str | int],
+    progress: Progress,
 ) -> Errors:
     """Largest errors at pixels from the darkest to the lightest, each a material of its own."""
     order = np.argsort(base @ np.array([0.3, 0.6, 0.1]))
     # Points of the map at which the whole material is held against the glaze, at all angles.
     chosen = dict.fromkeys(order[np.linspace(0, len(order) - 1, 5).round().astype(int)].tolist())
     errors = []
-    for k in chosen:
+    for number, k in enumerate(chosen):
+        progress(number, len(chosen), "comparing pixels at all angles")
         pixel_glaze = mapped.at(points[k : k + 1])
         coats = [
             type(coat)(_plain(coat.medium), np.asarray(coat.thickness).reshape(-1)[0])

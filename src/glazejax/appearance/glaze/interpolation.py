@@ -136,6 +136,7 @@ def interior(table: GlazeTable, xp: ModuleType) -> Any:
     """Interpolated values: the table without what is known, (bands, in, out, thickness)."""
     index = table.refractive_index[:, None]
     a, b = (xp.clip(c, 0.0, 1.0) for c in (table.cos_in, table.cos_out))
+    # What is known of the angles goes: rho (mu_I + mu_F)/(T T).
     through = [1.0 - dielectric_reflectance(c, index) for c in (a, b)]
     refracted = [cos_refracted(c, index) for c in (a, b)]
     total = refracted[0][:, :, None] + refracted[1][:, None, :]
@@ -178,6 +179,7 @@ def _evaluate(
     nodes = int(np.prod(table.table.shape[1:]))
     flat = interior(table, jnp).reshape(bands, nodes).T
     points = jnp.stack([cos_in.ravel(), cos_out.ravel(), depth.ravel()], axis=1)
+    # A point holds its weights over all nodes and some spectra.
     size = _CHUNK_NUMBERS // (nodes + 4 * bands)
     at_point = jax.vmap(lambda point: evaluate(table, flat, point[:, None], jnp)[0])
     values = in_chunks(at_point, points, max(64, size))
@@ -189,6 +191,7 @@ def _angle_weights(table: GlazeTable, axis: int, cosine: Any, xp: ModuleType) ->
     count = table.table.shape[1 + axis]
     if count == 1:
         return xp.ones((*cosine.shape, 1), cosine.dtype)
+    # The coordinate is the cosine inside, in which the rest is smooth.
     ends = (
         cos_refracted(xp.asarray(end), table.coordinate_index) for end in table.ranges[axis][:2]
     )

@@ -48,6 +48,7 @@ def on_grid(glaze: Glaze, wavelengths_nm: Grid) -> Glaze:
     old = glaze.wavelengths if glaze.coats else new
 
     def at(values: Numbers) -> Numbers:
+        # One value for all bands stays one; a spectrum is resampled.
         array = as_array(values)
         return array if array.ndim == 0 or array.shape[-1] == 1 else resample(old, array, new)
 
@@ -68,6 +69,7 @@ def with_variables(
     depth = coats[layer].thickness
     if fraction is not None:
         assert isinstance(medium, Mixture)
+        # Shares of the second paint, and what they leave for the first.
         shares = on_numpy_or_jax(
             lambda xp, share: xp.stack([1.0 - share, share], axis=-1), as_array(fraction)
         )

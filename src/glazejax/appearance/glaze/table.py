@@ -99,6 +99,7 @@ def glaze_table(
         # The solver gets a twentieth of it.
         tolerance=0.05 * tolerance,
     )
+    # The error is measured at points that no table has as nodes.
     checks = builder.random_points(np.random.default_rng(0), 48)
     truth = builder.solve(checks)
     sizes = [0, 0]
@@ -130,6 +131,7 @@ class _TableBuilder:
         )
         bands = glaze.ground.shape[0]
         self.index = np.asarray(indices(glaze, bands), float)
+        # Cosines inside at the lowest index, where they span most, serve all bands.
         self.inside = float(self.index.min())
         single = float(fixed_thickness(glaze, layer)[0])
         low, high = depths or (single, single)
@@ -147,6 +149,7 @@ class _TableBuilder:
             return np.array([span.low if axis == 2 else max(span.low, LEAST_COSINE)])
         if axis == 2:
             return span.point(roots(count))
+        # From the nodes' cosines inside back to air by Snell's law.
         ends = cos_refracted(np.array(span[:2]), self.inside)
         squared = self.inside**2 * (Axis(*ends).point(roots(count)) ** 2 - 1.0) + 1.0
         return np.sqrt(np.clip(squared, span.low**2, span.high**2))
@@ -193,6 +196,7 @@ class _TableBuilder:
         """Error at points, (points, bands), as `GlazeTable.error` counts it."""
         flat = interior(built, np).reshape(truth.shape[1], -1).T
         interpolated = evaluate(built, flat, points, np)
+        # Without a bound where both directions graze, the factor's error counts times mu_I + mu_F.
         total = cos_refracted(points[0][:, None], self.index) + cos_refracted(
             points[1][:, None], self.index
         )
@@ -204,6 +208,7 @@ class _TableBuilder:
 
         def tail(axis: int) -> float:
             count = values.shape[axis]
+            # The last two Chebyshev coefficients show what further nodes would add.
             last = coefficients_from_nodes(roots, count)[-2:]
             return (
                 float(np.max(np.abs(np.tensordot(last, values, (1, axis))))) if count > 1 else 0.0
@@ -226,6 +231,7 @@ class _TableBuilder:
         """
         low, high, _ = self.ranges[2]
         line = trial_line(low, high)
+        # In the middle of the angles, the thickness alone varies.
         middle = [
             np.full(line.size, max(0.5 * (r.low + r.high), LEAST_COSINE)) for r in self.ranges[:2]
         ]
@@ -267,5 +273,6 @@ def _thickness_range(
     high = float(values.max())
     if high > low:
         return low, high
+    # One thickness gets a narrow range: a table has two ends.
     step = max(1e-3 * low, 1e-9)
     return (low, low + step) if low + step <= MAX_THICKNESS else (low - step, low)

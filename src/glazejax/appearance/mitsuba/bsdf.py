@@ -129,6 +129,7 @@ class GlazeBSDF:
             )
         self._surface: Any = lobe
         flags = mi.BSDFFlags
+        # Mitsuba must know whether the glaze varies over a surface.
         textured = any(x is not None for x in (self._thickness, self._fraction, self._ground))
         spatial = int(flags.SpatiallyVarying) if textured else 0
         self._diffuse = int(flags.DiffuseReflection)
@@ -197,6 +198,7 @@ class GlazeBSDF:
         mi = self._mi
         dr = self._dr
         lit = active & (si.wi.z > 0.0)
+        # An integrator may ask for one lobe alone.
         flags = mi.BSDFFlags
         last = self._last
         body = ctx.is_enabled(flags.DiffuseReflection, last)
@@ -236,8 +238,10 @@ class GlazeBSDF:
             factors = table.reflectance_factor(
                 DrJit(mi, dr, lit), self._body, at.weights, cos_in, cos_out
             )
+            # The BSDF is the reflectance factor over pi.
             for k, factor in enumerate(factors):
                 value[k] = factor * (wo.z / dr.pi)
+        # A mirror has a value in one direction only, which sampling gives.
         if at.surface and not self._surface.delta:
             value = value + self._surface.value(si.wi, wo)
         return dr.select(lit, value, 0.0)
@@ -265,6 +269,7 @@ class GlazeBSDF:
         bs.wo = mi.warp.square_to_cosine_hemisphere(sample2)
         bs.sampled_type, bs.sampled_component = mi.UInt32(self._diffuse), number
         if at.surface:
+            # Within its share the first number runs from 0 to 1 again, for the lobe's own choice.
             along = self._surface.sample(si.wi, sample1 / dr.maximum(at.share, 1e-6), sample2)
             bs.wo = dr.select(first, along, bs.wo)
             bs.sampled_type = dr.select(first, mi.UInt32(self._surface.flag), bs.sampled_type)
@@ -291,6 +296,7 @@ class GlazeBSDF:
 
     def _ground_at(self, si: Any, lit: Any) -> Any:
         value = self._ground.eval(si, lit)
+        # Below 1, as reflections between ground and body sum to 1/(1 - S ground).
         return [self._dr.clip(value[k], 0.0, 0.999) for k in range(len(si.wavelengths))]
 
     def _ground_texture(self, parameters: GlazeParameters) -> Any:
@@ -313,6 +319,7 @@ class GlazeBSDF:
         if parameters.ground is None or isinstance(parameters.ground, float):
             return "own" if parameters.ground is None else parameters.ground
         mi = self._mi
+        # The texture's spectrum at the table's own bands.
         where = self._dr.zeros(self._mi.SurfaceInteraction3f)
         reflectance = []
         for wavelength in bands_of(_text_of(parameters.coats), parameters.refractive_index):
@@ -342,6 +349,7 @@ class _Bands:
             (float(wavelengths[0]), float(wavelengths[-1])),
             float(values.mean()),
         )
+        # Bands are the depth of a volume texture.
         volume = np.ascontiguousarray(np.moveaxis(values, -1, 0)[..., None], np.float32)
         self._texture = mi.Texture3f(
             mi.TensorXf(volume), filter_mode=dr.FilterMode.Linear, wrap_mode=dr.WrapMode.Clamp

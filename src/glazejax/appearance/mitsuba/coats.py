@@ -63,6 +63,7 @@ def on_even_grid(glaze: Glaze) -> Glaze:
     dividing.
     """
     grid = np.asarray(glaze.wavelengths, float)
+    # As many bands as the finest step asks for.
     count = grid.size if grid.size < 3 else round((grid[-1] - grid[0]) / np.diff(grid).min()) + 1
     return on_grid(glaze, np.linspace(grid[0], grid[-1], max(count, 2)) if grid.size > 1 else grid)
 

@@ -78,6 +78,7 @@ def glaze_bsdf(
     }
     description |= {"roughness": float(roughness), "tolerance": float(tolerance)}
     if isinstance(glaze, Glaze):
+        # A spectrum of the ground goes with the coats; maps and textures stay Mitsuba's.
         spectrum = (
             ground
             if ground is not None and not isinstance(ground, Mapping) and np.ndim(ground) == 1
@@ -152,6 +153,7 @@ def _parts(
 ) -> dict[str, float]:
     """Weights of a coat's paints, which are filed among the pigments."""
     medium = layer.medium
+    # A mixture whose shares vary keeps its paints apart; any other coat is one medium.
     media: list[tuple[Pigment | Mixture, float]] = [(medium, 1.0)]
     if separate and isinstance(medium, Mixture):
         media = [
@@ -161,6 +163,7 @@ def _parts(
     weights = {}
     for index, (paint, weight) in enumerate(media):
         name = f"{number}.{index} {paint.name}"
+        # Interpolation and rounding must not leave k or s below 0.
         pigments[name] = {"wavelengths": grid.tolist()} | {
             key: np.maximum(_on(paint.wavelengths, getattr(paint, key), grid), 0.0).tolist()
             for key in ("absorption", "scattering")
@@ -193,6 +196,7 @@ def _thickness(thickness: Surface, most: float | None) -> dict[str, Any]:
         raise ValueError(
             f"thickness reaches {largest:g} m, beyond the thickness_max of {most:g} m: raise that"
         )
+    # In micrometres an optimiser meets numbers near 1.
     scaled = np.asarray(thickness, float) / _MICROMETRE
     return description | {"thickness": _texture(scaled), "thickness_scale": _MICROMETRE}
 

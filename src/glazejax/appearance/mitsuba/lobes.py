@@ -70,6 +70,7 @@ class Facets:
         loss = self._surface.columns(self._ops, dr.maximum(wi.z, 1e-6))[2]
         normal = dr.normalize(wi + wo)
         along = dr.dot(wo, normal)
+        # The density of a facet's normal, over 4 (o.m) for the direction mirrored by it.
         single = dr.select(
             along > 0.0, self._facets.pdf(wi, normal) / dr.maximum(4.0 * along, 1e-12), 0.0
         )
@@ -81,12 +82,14 @@ class Facets:
         dr = self._dr
         normal = dr.normalize(wi + wo)
         met = mi.fresnel(dr.dot(wi, normal), self._surface.refractive_index)[0]
+        # F D G/(4 c_i c_o), times c_o.
         single = (
             self._facets.eval(normal)
             * self._facets.G(wi, wo, normal)
             * met
             / dr.maximum(4.0 * wi.z, 1e-12)
         )
+        # k(i) k(o)/C, what facets lose to one another, times c_o.
         missing_in, missing_out = (
             self._surface.columns(self._ops, dr.maximum(w.z, 1e-6))[1] for w in (wi, wo)
         )

@@ -97,6 +97,7 @@ class NumPy:
 def place(ops: Arithmetic, x: Any, count: int) -> Place:
     """Cell of x in [0, 1] on an axis of `count` nodes; what lies outside goes to the ends."""
     scaled = ops.clip(x, 0.0, 1.0) * (count - 1)
+    # The last node belongs to the last cell.
     lower = ops.whole(ops.clip(scaled, 0.0, count - 1.5))
     return Place(lower, scaled - lower)
 
@@ -120,6 +121,7 @@ def nodes_and_weights(spots: Sequence[Place], counts: Sequence[int]) -> list[tup
     slope).
     """
     nodes: list[tuple[Any, list[Any]]] = [(0, [1.0])]
+    # Axis by axis each node becomes two, and each weight one of a value and one of a slope.
     for spot, count in zip(spots, counts, strict=True):
         sides = hermite(spot.along)
         nodes = [
@@ -148,6 +150,7 @@ def node_sum(
     """
     total: list[Any] = [0.0] * packets
     for node, weights in nodes:
+        # The numbers of an entry follow one another: value, slopes, mixed slope.
         entry = (node * rows + row) * len(weights)
         for h, weight in enumerate(weights):
             for p in range(packets):
@@ -172,6 +175,7 @@ def pair_sum(
     total: list[Any] = [0.0] * packets
     for lower_step, lower_weight in ((0, 1.0 - a.along), (1, a.along)):
         for upper_step, upper_weight in ((0, 1.0 - b.along), (1, b.along)):
+            # Bilinear between the four nodes around the pair of angles.
             entry = ((a.lower + lower_step) * count + (b.lower + upper_step)) * packets
             for p in range(packets):
                 total[p] = total[p] + ops.packet(table, entry + p) * (lower_weight * upper_weight)

@@ -144,6 +144,7 @@ def _distance(
     """Largest difference of the reflectance factor over black, grey and white ground, (points,)."""
     weight = error_weight(solver.surface, cosines[:, None], cosines)
     terms = [solver.surface.expand(values, cosines, solver.tolerance) for values in (coarse, fine)]
+    # R0, T and S count differently over each of these.
     largest = np.zeros(len(coarse))
     for ground in (0.0, 0.5, 1.0):
         a, b = (_over(p, ground) for p in terms)
@@ -178,17 +179,21 @@ def _error_of_nodes(
     """Error of nodes of the angle, at a few thicknesses and fractions and at angles between."""
     rng = np.random.default_rng(0)
     points = {}
+    # Both ends of each range, and points that crowd towards its lower one.
     for name, (low, high) in ranges.items():
         drawn = low + (high - low) * rng.uniform(0.0, 1.0, 4) ** 2
         points[name] = rng.permutation(np.concatenate([[low, high], drawn]))
     count = 12
     checks = np.clip(rng.beta(0.6, 0.6, (2, count)), LEAST_COSINE, 1.0)
+    # In the first check both directions graze.
     checks[:, 0] = LEAST_COSINE
+    # Each pair of angles over a black and over a white ground.
     a, b = (np.concatenate([x, x]) for x in checks)
     ground = np.repeat([0.0, 1.0], count)
     truth: list[np.ndarray] = []
 
     def error(cosines: np.ndarray) -> float:
+        # Solved when the first nodes are judged, and kept for the others.
         if not truth:
             truth.append(solver.factor(points, a[:, None], b[:, None], ground[:, None]))
         terms = solver.surface.expand(solver.terms(points, cosines), cosines, solver.tolerance)
@@ -212,6 +217,7 @@ def _at_angles(
     nodes' terms.
     """
     bases = [lagrange(2.0 * surface.coordinate(NUMPY, x) - 1.0, cosines.size) for x in (a, b)]
+    # What is known in closed form is taken off before the interpolation and put back after it.
     rho = terms.black / surface.analytic_factor(NUMPY, cosines[:, None], cosines)
     black = np.einsum("pi,...ij,pj->...p", bases[0], rho, bases[1]) * surface.analytic_factor(
         NUMPY, a, b

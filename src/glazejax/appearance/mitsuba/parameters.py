@@ -60,6 +60,7 @@ def read_parameters(mi: Any, props: Any) -> GlazeParameters:
         )
     if "coats" not in names or not isinstance(props["coats"], str):
         raise ValueError('a glaze needs "coats", such as "UltramarineBlue:3um, ZincWhite:20um"')
+    # Textures count in any unit, so that an optimiser meets numbers near 1.
     scale = _number(props, names, "thickness_scale", 1.0, 1e-12, 1e3)
     thickness = _texture(mi, props, names, "thickness", "get_unbounded_texture")
     fraction = _texture(mi, props, names, "fraction", "get_unbounded_texture")
@@ -69,8 +70,6 @@ def read_parameters(mi: Any, props: Any) -> GlazeParameters:
     )
     most = _number(props, names, "thickness_max", math.nan, 0.0, MAX_THICKNESS)
     least, largest = _range(mi, thickness)
-    if isinstance(thickness, float):
-        scale = 1.0 if "thickness_scale" not in names else scale
     where = "thickness" if scale == 1.0 else f"thickness times thickness_scale ({scale:g})"
     if thickness is not None and not (least >= 0 and largest * scale <= MAX_THICKNESS):
         wrong = least if not least >= 0 else largest * scale
@@ -78,6 +77,7 @@ def read_parameters(mi: Any, props: Any) -> GlazeParameters:
             f"{where} has the value {wrong:g}; it must be 0 to {MAX_THICKNESS:g} metres (20 "
             "micrometres are 20e-6, or 20 with a thickness_scale of 1e-6)"
         )
+    # Without a limit the table ends at the largest thickness there is.
     if math.isnan(most):
         most = largest * scale
     elif thickness is not None and largest * scale > most * (1 + 1e-6):

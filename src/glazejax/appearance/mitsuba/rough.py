@@ -49,6 +49,7 @@ class Rough:
         self._turn = float(air_table.turn)
         arguments: dict[str, Any] = {"refractive_index": refractive_index, "roughness": roughness}
         self.lost: float = loss_constant(**arguments)
+        # Even steps of the coordinate, in which the lookup counts.
         cosines = np.maximum(self.cosine(np.linspace(0.0, 1.0, _STEPS)), 1e-6)
         albedo, loss = (
             np.asarray(f(cosines, **arguments), float) for f in (surface_albedo, surface_loss)
@@ -113,6 +114,7 @@ class Rough:
         for count in _ANGLE_NODES:
             cosines = self.cosine(evenly(count))
             basis = lagrange(2.0 * self.coordinate(NUMPY, between) - 1.0, count)
+            # Their errors may add up, however the body weighs them.
             off = (
                 np.abs(basis @ np.asarray(rough_operators.enters(cosines), float) - exact)
                 .sum(axis=1)
@@ -159,6 +161,7 @@ def _terms(albedo: Array, depth: Array, surface: Resolved) -> Float[Array, "stac
     stacks = albedo.shape[0]
     n = surface.operators().basis.cosines.size
     pairs = -(-n // 2)
+    # Each row lights the body by one function of the angle and views it by another.
     unit = jnp.eye(2 * pairs, n, dtype=albedo.dtype).reshape(pairs, 2, n)
     # The last row is light that starts on a white ground and is seen from there.
     enters = jnp.concatenate([unit, jnp.zeros((1, 2, n), albedo.dtype)])
@@ -170,6 +173,7 @@ def _terms(albedo: Array, depth: Array, surface: Resolved) -> Float[Array, "stac
     def tile(values: Array) -> Array:
         return jnp.tile(values, (stacks, *[1] * (values.ndim - 1)))
 
+    # Only the last row has a white ground, with light on it.
     white = tile(last.astype(albedo.dtype))
     lit = Lit(
         albedo=repeat(albedo),
@@ -185,7 +189,10 @@ def _terms(albedo: Array, depth: Array, surface: Resolved) -> Float[Array, "stac
     slopes = slopes.reshape(stacks, pairs + 1, 2, n)
     # The form is bilinear: its slope by one beam is the matrix times the other.
     matrix = slopes[:, :-1, ::-1].reshape(stacks, 2 * pairs, n)[:, :n] / surface.refractive_index**2
+    # Reciprocity, which rounding misses.
     matrix = 0.5 * (matrix + jnp.swapaxes(matrix, 1, 2))
+    # 4/(1 - S) of the ground itself, 2 n T/(1 - S) of light from above: see
+    # `radiative.rough.ports`.
     itself = value.reshape(stacks, -1)[:, -1:]
     through = 2.0 * slopes[:, -1, 0] / (surface.refractive_index * itself)
     rows, columns = np.triu_indices(n)

@@ -38,6 +38,7 @@ class Smooth:
         """From [0, 1] to cosines in air."""
         n = self.refractive_index
         within = self._steepest + coordinate * (1.0 - self._steepest)
+        # Snell's law, from the cosine inside back to air.
         return np.sqrt(np.clip(n**2 * (within**2 - 1.0) + 1.0, 0.0, 1.0))
 
     def let_in(self, ops: Arithmetic, cosine: Any) -> Any:
@@ -96,6 +97,7 @@ class Smooth:
         ratio = np.where(determined, half, 0.4) / np.where(determined, full[..., -1], 1.0)
         back = np.where(determined, np.clip((1.0 - 2.0 * ratio) / (1.0 - ratio), 0.0, 1.0), np.nan)
         back = _fill_unknown(back.reshape(-1, back.shape[-1])).reshape(back.shape)[..., None]
+        # T^2 is (1 - S) times what a white ground adds.
         return np.concatenate([black, np.sqrt(full * (1.0 - back)), back], axis=-1)
 
     def expand(self, values: np.ndarray, cosines: np.ndarray, tolerance: float) -> GroundTerms:

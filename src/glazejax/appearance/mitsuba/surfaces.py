@@ -82,6 +82,7 @@ def in_blocks(
     )
     ends = [np.asarray(x, float) for x in (stack["substrate_reflectance"], cos_in, cos_out)]
     shape = np.broadcast_shapes(albedo.shape[:-1], *(x.shape for x in ends))
+    # One row for each stack, ground and pair of directions.
     layers = [
         np.broadcast_to(x, (*shape, x.shape[-1])).reshape(-1, x.shape[-1]) for x in (albedo, depth)
     ]

@@ -160,6 +160,7 @@ def body_table(
             best = replace(body, error=error, tolerance=tolerance)
         if error <= tolerance:
             break
+        # Errors of the nodes and of the table's own interpolation add up: the next nodes are finer.
         tries /= 4.0
     assert best is not None
     return best
@@ -214,6 +215,7 @@ def reflectance_factor(
     shapes = lookup.pair_sum(ops, body.pairs, a, b, body.angles, body.packets[0])
     analytic = body.surface.analytic_factor(ops, cos_in, cos_out)
     values = [_dots(ops, shapes, weights) * analytic for weights in point.pairs]
+    # The ground is given: light goes to and fro between it and the body.
     if point.lines is not None and point.ground is not None:
         line_in, line_out = (
             lookup.line_sum(ops, body.lines, angle, body.packets[1]) for angle in (a, b)
@@ -246,6 +248,7 @@ def _compress(nodes: Nodes, ground: np.ndarray | None, mean_ground: float) -> Bo
         (n, n)
     )
     exact = fold(nodes, ground)
+    # Over the mean ground, mean of the bands, for choosing directions.
     dim = fold(nodes, mean_ground if ground is None else ground)
     dim = dim.mean(axis=-2, keepdims=True)
     # Shares of the tolerance: shapes left out, distances between angles and between nodes.
@@ -260,6 +263,7 @@ def _compress(nodes: Nodes, ground: np.ndarray | None, mean_ground: float) -> Bo
     to_grid = lagrange(np.linspace(-1.0, 1.0, count), n)
     lines = through = None
     if ground is None:
+        # T over what is known of it, and S, have series of their own.
         tall = surface.let_in(NUMPY, nodes.cosines) * np.ones(n)
         tau = nodes.terms(_extrema(nodes)).through / tall
         across, onto_lines = _basis([tau], tall, left_out)
@@ -272,6 +276,7 @@ def _compress(nodes: Nodes, ground: np.ndarray | None, mean_ground: float) -> Bo
     counts = tuple(_line_count(weights * peak, k, limit) for k in range(len(nodes.axes)))
     if through is not None:
         counts = tuple(max(c, _line_count(through, k, limit)) for k, c in enumerate(counts))
+    # Each shape over all directions of the second angle gives its albedo.
     cosines, measure = _hemisphere()
     onto_sphere = lagrange(2.0 * surface.coordinate(NUMPY, cosines) - 1.0, n) * measure[:, None]
     # Without what it lets in, which is not straight between nodes where light grazes.
@@ -329,6 +334,7 @@ def _basis(
     """Few shapes (shapes, channels) whose sums come near to all rows, and the matrix onto them
     (channels, shapes).
     """
+    # Times the known factor, so that the tolerance is one of the reflectance factor.
     weighed = np.concatenate([values.reshape(-1, weights.size) for values in rows]) * weights
     # The matrix of all pairs of angles is large; a glaze that nothing varies has a few rows, one a
     # band.
@@ -340,6 +346,7 @@ def _basis(
     )
     vectors = _pad(vectors)
     count = 0
+    # Whole packets of shapes, until every row is met.
     for count in range(4, vectors.shape[1] + 1, 4):
         leading = vectors[:, :count]
         if np.max(np.abs(weighed - (weighed @ leading) @ leading.T)) <= tolerance:
@@ -357,6 +364,7 @@ def _angle_count(
     for count in _ANGLES:
         nodes = np.linspace(-1.0, 1.0, count)
         ends = lagrange(nodes, n)
+        # A straight line misses most in the middle between two nodes.
         middle = lagrange(0.5 * (nodes[1:] + nodes[:-1]), n)
         off = np.einsum("ai,kij->kaj", middle - 0.5 * (ends[1:] + ends[:-1]), squares)
         if np.max(np.abs(off).max(axis=(1, 2)) * size) <= tolerance:
@@ -372,6 +380,7 @@ def _line_count(series: np.ndarray, k: int, tolerance: float) -> int:
         value = chebyshev.chebvander(x, len(series) - 1) @ series
         slope = _slopes(x, series)
         middle = chebyshev.chebvander(0.5 * (x[1:] + x[:-1]), len(series) - 1) @ series
+        # The cubic in the middle of a cell, from values and slopes at its ends.
         guess = 0.5 * (value[1:] + value[:-1]) + (slope[:-1] - slope[1:]) * (x[1] - x[0]) / 8.0
         if np.max(np.abs(guess - middle)) <= tolerance:
             return count
@@ -404,6 +413,7 @@ def _hermite_numbers(series: np.ndarray, counts: tuple[int, ...]) -> np.ndarray:
             )
             return np.moveaxis(new.reshape(x.size, *swapped.shape[1:]), 0, k)
 
+        # Each axis doubles the numbers: values, and slopes along it.
         numbers = [along(values, slope=slope) for values in numbers for slope in (False, True)]
     stacked = np.stack(numbers, axis=-2)
     return stacked.reshape(-1, *stacked.shape[-3:])
@@ -431,6 +441,7 @@ def _error(body: Body, solver: NodeSolver, ground: np.ndarray | None) -> float:
     rng = np.random.default_rng(1)
     count = 96
     a, b = np.clip(rng.beta(0.6, 0.6, (2, count)), LEAST_COSINE, 1.0)
+    # One check has both directions grazing, another one of them.
     a[:2] = b[:1] = LEAST_COSINE
     # Half of them evenly, half as the coordinate crowds.
     points = {}

@@ -208,6 +208,7 @@ def _scene(root: TomlTable, folder: Path) -> SceneFile:
     picture = table.read(_PictureKeys)
     with table.blame("wavelengths"):
         grid = _wavelengths(picture.wavelengths)
+    # Each light, material and object is read from a table of its own, which its errors name.
     lights = {name: _light(lamp, grid, folder) for name, lamp in root.named("lights", file.lights)}
     materials = {
         name: read_material(material, grid, folder)
@@ -215,6 +216,7 @@ def _scene(root: TomlTable, folder: Path) -> SceneFile:
     }
     shapes = [_shape(shape, materials, folder) for _, shape in root.named("objects", file.objects)]
     reflectance = read_reflectance(table, "background", picture.background, grid, folder)
+    # The background has the colour of the first lamp.
     first = np.asarray(next(iter(lights.values())).spectrum, float)
     with table.blame("white"):
         white = _white(picture.white or next(iter(lights)), grid, lights)
@@ -269,6 +271,7 @@ def _wavelengths(text: str) -> Float[np.ndarray, "bands"]:
     if abs(count - round(count)) > 1e-6:
         raise ValueError(f"{text!r}: steps of {step:g} nm do not meet {end:g} nm")
     grid = validate_wavelengths(start + step * np.arange(round(count) + 1))
+    # A grid too coarse or too short for colour is refused here.
     colour_weights(grid, "E")
     return grid
 

@@ -91,6 +91,7 @@ def _glaze(table: TomlTable, material: _GlazeKeys, grid: np.ndarray, folder: Pat
         with table.blame("pigments"):
             shelf = {**shelf, **read_pigments(folder / material.pigments)}
     with table.blame("coats"):
+        # Names as typed become those of the shelf; the paints go to the scene's bands.
         described = name_paints(parse_coats(material.coats), shelf)
         media = [medium.resample(grid) for medium in make_media(described, shelf)]
     ground = read_reflectance(table, "ground", material.ground, grid, folder)
@@ -132,6 +133,7 @@ def _thickness(
         )
     with table.blame("thickness_map"):
         grey = _WEDGE if file == "wedge" else read_grey(folder / file)
+    # From grey to metres, linear between the thicknesses of black and white.
     thickness = black + (white - black) * grey
     if thickness.max() > MAX_THICKNESS:
         raise table.error("thickness_range", f"reaches {format_length(float(thickness.max()))}")

@@ -109,6 +109,7 @@ class TomlTable:
             self._require(tag, f"one of {', '.join(tags)}")
             kind = tags[self.choice(tag, self.content[tag], tags)]
         fields = {field.encode_name: field for field in msgspec.structs.fields(kind)}
+        # Missing keys first: a slip of the pen shows as one that is missing and one too many.
         for key, field in fields.items():
             if field.required:
                 self._require(key, _description(field.type))
@@ -122,6 +123,7 @@ class TomlTable:
         try:
             return msgspec.convert(self.content, kind)
         except msgspec.ValidationError as error:
+            # msgspec names the key by its path; what may stand there is said in our words.
             key = re.findall(r"\$\.(\w+)", str(error))[0]
             value = self.content[key]
             if get_origin(fields[key].type) is Literal:

@@ -81,6 +81,7 @@ class Material(eqx.Module):
         """The same material with the bands where `keep` is true."""
         chosen = np.flatnonzero(keep)
 
+        # Only what has an axis of bands is cut.
         def part(leaf):
             return leaf[chosen] if eqx.is_array(leaf) and leaf.shape == (bands,) else leaf
 
@@ -213,6 +214,7 @@ class Conductor(Material):
     def _average(self) -> Float[Array, ""]:
         if self.mean_extinction is not None:
             return self.mean_extinction
+        # Hall's metal of index 1 that reflects the mean over the bands (23).
         normal = conductor_reflectance(1.0, self.refractive_index, self.extinction)
         return jnp.asarray(hall_extinction(jnp.mean(normal)))
 
@@ -337,6 +339,7 @@ class Glazed(_GlazedSurface, Material):
         glaze = self.glaze
         if glaze.coats:
             grid = glaze.wavelengths[chosen]
+            # A part of the same grid: no value is interpolated.
             coats = [Layer(coat.medium.resample(grid), coat.thickness) for coat in glaze.coats]
         else:
             coats = []
@@ -362,7 +365,7 @@ class Glazed(_GlazedSurface, Material):
             tolerance=tolerance,
         )
         # Arrays all of them: plain numbers would be constants of a program compiled for this glaze
-        #     alone.
+        # alone.
         return GlazedTable(jax.tree.map(jnp.asarray, table), self.thickness, self.gloss)
 
 

@@ -14,7 +14,6 @@ from .render_result import Rendered
 if TYPE_CHECKING:
     from ..display.display import Display, Gamut
 
-# Light beyond the display's range, in parts of it, that the eye cannot distinguish from the edge.
 SPECTRAL_ENDINGS = (".npz", ".exr")
 
 
@@ -98,6 +97,7 @@ def screen_picture(
     # Light beyond the display's range by less, in parts of it, the eye cannot distinguish from the
     # edge.
     bright, colourful = (np.any(wrong, axis=-1) for wrong in (light > 1.002, light < -0.002))
+    # A pixel that is too colourful is not counted as too bright as well.
     shares = [
         float(np.mean(wrong)) if wrong.size else 0.0 for wrong in (bright & ~colourful, colourful)
     ]
@@ -141,6 +141,7 @@ def save_spectral(path: str | Path, rendered: Rendered) -> None:
     check_spectral(path)
     import OpenEXR  # pyright: ignore[reportMissingImports]
 
+    # The layout has a comma in the wavelength, and a point after S0.
     channels = {
         f"S0.{wavelength:.6f}nm".replace(".", ",").replace("S0,", "S0."): np.ascontiguousarray(
             radiance[..., k]

@@ -85,32 +85,28 @@ def describe(
             legal.
     """
     image = _image(path, entries, dataset, count)
-    spectral = _wavelengths_of(image, entries)
-    values, wavelength_unit = (None, "") if spectral is None else spectral
-    wavelengths = None if values is None else np.ravel(values).astype(np.float64)
-    if count is None and wavelengths is not None:
-        count = wavelengths.size
+    stated, wavelength_unit = _wavelengths_of(image, entries)
+    wavelengths = np.ravel(stated).astype(float)
     step = -1 if reverse else 1
-    order, shape = axes_of(image.shape[::step], count, image.dims[::step])
+    order, shape = axes_of(
+        image.shape[::step], count or wavelengths.size or None, image.dims[::step]
+    )
     if reverse:
         order = (2 - order[0], 2 - order[1], 2 - order[2])
-    if wavelengths is not None and wavelengths.size != shape[2]:
-        wavelengths = None
     found: dict[str, Any] = {}
-    about: dict[str, Any] = {}
-    for title, axis in (("y", order[0]), ("x", order[1])):
-        coordinates = _coordinates(image, axis, entries)
-        if coordinates is not None:
-            found[title] = np.asarray(coordinates.array[...], np.float64)
-            if unit := _text(coordinates.attributes.get("units")):
-                about["units"] = unit
-    if "x" in found and "y" in found:
-        about.setdefault("units", "as in the file")
-        steps = (np.diff(found[title]) for title in ("y", "x"))
-        about["pixel_size"] = tuple(float(abs(s.mean())) if s.size else 1.0 for s in steps)
-    else:
-        found = {}
-        about = {}
+    places = [_coordinates(image, axis, entries) for axis in order[:2]]
+    y, x = (None if place is None else np.asarray(place.array[...], float) for place in places)
+    if y is not None and x is not None:
+        units = [_text(place.attributes.get("units")) for place in places if place is not None]
+        steps = (np.diff(centres) for centres in (y, x))
+        found = {
+            "y": y,
+            "x": x,
+            "about_place": {
+                "units": units[1] or units[0] or "as in the file",
+                "pixel_size": tuple(float(abs(s.mean())) if s.size else 1.0 for s in steps),
+            },
+        }
     return RawCube(
         path=path,
         format=format,
@@ -120,10 +116,9 @@ def describe(
         dtype=image.dtype,
         piece=(image.piece[order[0]], image.piece[order[1]], image.piece[order[2]]),
         apart=order[2] == 0 and image.piece[0] == 1,
-        wavelengths=wavelengths,
+        wavelengths=wavelengths if wavelengths.size == shape[2] else None,
         wavelength_unit=wavelength_unit,
         good=_good(image, entries, shape[2]),
-        about_place=about,
         **_meaning(path, image),
         **found,
     )
@@ -159,7 +154,7 @@ def _image(
     for narrowed in (
         cubes,
         [entry for entry in cubes if count in entry.shape],
-        [entry for entry in cubes if _wavelengths_of(entry, entries) is not None],
+        [entry for entry in cubes if np.size(_wavelengths_of(entry, entries)[0])],
         [entry for entry in cubes if "reflectance" in entry.last.lower()],
     ):
         if len(narrowed) == 1:
@@ -167,9 +162,9 @@ def _image(
     raise refusal(path, f"{len(cubes)} arrays can be meant, choose a dataset: {known}")
 
 
-def _wavelengths_of(image: FolderEntry, entries: Sequence[FolderEntry]) -> tuple[Any, str] | None:
+def _wavelengths_of(image: FolderEntry, entries: Sequence[FolderEntry]) -> tuple[Any, str]:
     """Wavelengths of an image and their unit: an array named so that is as long as one of its axes,
-    or an attribute.
+    or an attribute; no wavelengths where there is neither.
     """
     named = [
         entry
@@ -189,8 +184,8 @@ def _wavelengths_of(image: FolderEntry, entries: Sequence[FolderEntry]) -> tuple
         return named[0].array[...], _unit(named[0].attributes)
     for title, value in image.attributes.items():
         if title.lower() in _SPECTRAL and np.ndim(value) == 1 and len(value) in image.shape:
-            return value, _text(image.attributes.get("wavelength_units")) or ""
-    return None
+            return value, _text(image.attributes.get("wavelength_units"))
+    return (), ""
 
 
 def _coordinates(

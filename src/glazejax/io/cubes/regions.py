@@ -79,7 +79,7 @@ def _some(path: Path, used: Mask) -> Mask:
 def _picture(path: Path) -> Mask:
     """Pixels of a picture that are neither black nor transparent."""
     require("PIL")
-    from PIL import Image, UnidentifiedImageError
+    from PIL import Image
 
     with explain_errors(path):
         try:
@@ -87,10 +87,9 @@ def _picture(path: Path) -> Mask:
                 if picture.mode == "P":
                     picture = picture.convert("RGBA")
                 values = np.asarray(picture)
-        except (UnidentifiedImageError, SyntaxError, Image.DecompressionBombError) as error:
-            raise refusal(path, f"not a whole picture: {error}") from None
-        except OSError as error:
-            if error.errno is not None:
+        except (OSError, SyntaxError, Image.DecompressionBombError) as error:
+            # What the system says is explained elsewhere.
+            if isinstance(error, OSError) and error.errno is not None:
                 raise
             raise refusal(path, f"not a whole picture: {error}") from None
     if values.ndim == 2:
@@ -150,12 +149,11 @@ def _coordinates(node: Any) -> list[Any]:
     if isinstance(node, list):
         return [[node]]
     kind = node.get("type")
-    if kind == "FeatureCollection":
-        return [polygon for feature in node["features"] for polygon in _coordinates(feature)]
+    collections = {"FeatureCollection": "features", "GeometryCollection": "geometries"}
+    if kind in collections:
+        return [polygon for part in node[collections[kind]] for polygon in _coordinates(part)]
     if kind == "Feature":
         return _coordinates(node["geometry"])
-    if kind == "GeometryCollection":
-        return [polygon for geometry in node["geometries"] for polygon in _coordinates(geometry)]
     if kind == "Polygon":
         return [list(node["coordinates"])]
     if kind == "MultiPolygon":

@@ -120,7 +120,9 @@ def picture_folder(path: Path, count: int | None) -> RawCube:
     require("tifffile")
     import tifffile
 
-    endings = {file: file.suffix.lower() for file in sorted(path.iterdir())}
+    # band2 stands before band10.
+    ordered = sorted(path.iterdir(), key=lambda file: re.sub(r"\d+", _padded, file.name))
+    endings = {file: file.suffix.lower() for file in ordered}
     files = [file for file, ending in endings.items() if ending in (".tif", ".tiff")]
     files = files or [file for file, ending in endings.items() if ending == ".png"]
     if not files:
@@ -167,6 +169,10 @@ def picture_folder(path: Path, count: int | None) -> RawCube:
         wavelength_unit="nm",
         **place,
     )
+
+
+def _padded(number: re.Match[str]) -> str:
+    return number[0].zfill(20)
 
 
 def _check_type(path: Path, dtype: Any) -> np.dtype[Any]:

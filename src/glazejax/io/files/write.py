@@ -11,6 +11,7 @@ import numpy as np
 
 from ...spectra import MAX_FRACTION, validate_wavelengths
 from ..finish import MAX_DECLARED, different, plain_name
+from ..outputs import file_format
 from ..quantity import names_sample
 from ..spectra_table import SpectraTable, list_names
 from ..words import shield_name
@@ -19,15 +20,6 @@ from ..write import write_files
 WIDE_TITLE = "Name (reflectance as fraction, nm)"
 """First title of a table with a sample a row, which says what it holds."""
 _PIECE = 1 << 20
-_ENDINGS = {
-    ".csv": "csv",
-    ".tsv": "csv",
-    ".txt": "csv",
-    ".cxf": "cxf",
-    ".xml": "cxf",
-    ".hdr": "envi",
-    ".sli": "envi",
-}
 
 
 def write_spectra(
@@ -59,12 +51,7 @@ def write_spectra(
             that CxF3 cannot hold; names that a long table cannot.
     """
     path = Path(path)
-    kind = format or _ENDINGS.get(path.suffix.lower())
-    if kind not in ("csv", "cxf", "envi"):
-        said = repr(format) if format else f"the ending of {path.name!r}"
-        raise ValueError(
-            f"{path}: no format is known by {said}; write .csv, .tsv, .cxf or .hdr (ENVI)"
-        )
+    kind = file_format(path, format)
     if long and kind != "csv":
         raise ValueError(f"{path}: only CSV has a long layout")
     _check(table, path)

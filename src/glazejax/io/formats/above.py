@@ -6,10 +6,11 @@ Titles of bands are recognised here, too, as software writes them: ``400``, ``40
 """
 
 import re
+from collections.abc import Iterable, Iterator
 from itertools import pairwise, takewhile
 from typing import NamedTuple
 
-from ..quantity import MODES, is_no_name, length_unit
+from ..quantity import MODES, is_no_name, length_unit, meaning
 from ..source import Source
 from ..words import is_number, read_number
 
@@ -24,13 +25,16 @@ WAVELENGTH_TITLE = re.compile(
 _UNIT = r"[\[(]?(?:nm)?[\])]?"
 _SPECULAR = "|".join(MODES)
 _BAND = re.compile(
-    rf"(?:(?P<before>{_SPECULAR})|spectral|spec|refl\w*|%?r|%t|abs\w*|k/s)?[\s_.:-]*{_UNIT}[\s_.:-]*"
+    rf"(?:(?P<before>{_SPECULAR})|spec(?:tral)?(?:_pct|_dec)?|refl\w*|%?r%?|%t|abs\w*|k/s)?[\s_.:-]*"
+    rf"{_UNIT}[\s_.:-]*"
     rf"(?P<nm>\d{{3,4}}(?:[.,]\d+)?)\s*{_UNIT}[\s_-]*[\[(]?(?P<after>{_SPECULAR})?[\])]?"
-    r"(?:\s*[\[(]?%[\])]?)?",
+    r"(?:[\s,_]*[\[(]?%[\])]?)?",
     re.IGNORECASE,
 )
 # Rows of numbers below each other that make a table without a header.
 _ROWS = 3
+# A row of numbers, in which decimal commas may outnumber what separates.
+_DECIMAL = re.compile(r"\s*[\d.,]+\s*[;\t]")
 _END_OF_ELEMENT = re.compile(r"</[A-Za-z][\w.:-]*>")
 # A first line of more cells is a header, not a line on the instrument.
 _FEW = 4
@@ -91,9 +95,8 @@ def _place(lines: list[str]) -> TablePlace:
     """The same of a file's first lines."""
     # More lines than this above its table no software writes.
     most = 200
-    begun = next((i for i, line in enumerate(lines[:most], start=1) if is_mark(line)), 0)
-    below = takewhile(lambda pair: not is_mark(pair[1]), enumerate(lines[begun:], start=begun + 1))
-    data = [(i, line) for i, line in below if is_data(line)]
+    begun = next((i for i, line in enumerate(lines[:most], start=1) if _is_mark(line)), 0)
+    data = [*data_lines(enumerate(lines[begun:], start=begun + 1))]
     texts = [line for _, line in data[: most + _ROWS]]
     if not texts:
         return TablePlace(begun, int(not begun), False)
@@ -136,10 +139,9 @@ def _check_above(source: Source, start: int) -> None:
         raise source.error(
             "it looks like XML, such as CxF, whose beginning is missing; export it again"
         )
-    table = next((line for line in lines[start:] if is_data(line)), "")
-    width = len(_cells(table))
+    width = len(_cells(next(filter(_is_data, lines[start:]), "")))
     for number, line in enumerate(lines[:start], start=1):
-        if not is_data(line):
+        if not _is_data(line):
             continue
         first, *others = _cells(line)
         # Two or three numbers may be the instrument's own.
@@ -156,8 +158,13 @@ def not_read(above: int) -> str:
     return f"{above} lines above the table are not read" if above > 1 else "line 1 is not read"
 
 
-def is_data(line: str) -> bool:
-    """Return whether a line is neither blank nor a comment."""
+def data_lines(lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
+    """Numbered lines that are neither blank nor comments, up to a mark that ends the numbers."""
+    before = takewhile(lambda pair: not _is_mark(pair[1]), lines)
+    return (pair for pair in before if _is_data(pair[1]))
+
+
+def _is_data(line: str) -> bool:
     return bool(line.strip(" \t,;")) and not line.lstrip().startswith("#")
 
 
@@ -180,7 +187,7 @@ def delimiter_of_numbers(line: str) -> str:
     return " " if len(line.split()) > 1 and not re.search(r",\s", line) else ","
 
 
-def is_mark(line: str) -> bool:
+def _is_mark(line: str) -> bool:
     """Return whether a line begins or ends the numbers, as ``>>>>>Begin ...<<<<<`` does."""
     return ">>>" in line and "<<<" in line
 
@@ -195,9 +202,15 @@ def is_wavelength_title(title: str) -> bool:
 
 def _cells(line: str) -> list[str]:
     """Cells of a line that may be a header, without quotes."""
-    delimiter = delimiter_of(line)
-    cells = line.split() if delimiter == " " else line.split(delimiter)
-    return [cell.strip().strip('"').strip() for cell in cells]
+    delimiter = delimiter_of_numbers(line) if _DECIMAL.match(line) else delimiter_of(line)
+    return [cell.strip().strip('"').strip() for cell in plain_cells(line, delimiter)]
+
+
+def plain_cells(line: str, delimiter: str) -> list[str]:
+    """Cells of a line without quotes, with the blanks around them unless blanks separate."""
+    if delimiter != " ":
+        return line.split(delimiter)
+    return [cell for cell in line.replace("\t", " ").split(" ") if cell.strip()]
 
 
 def _names_bands(line: str) -> bool:
@@ -235,22 +248,27 @@ def _may_be_titles(line: str, below: str) -> bool:
     titles = _cells(line)
     if any(map(is_wavelength_title, titles)):
         return True
-    return delimiter_of(line) == delimiter_of(below) and len(titles) == len(_cells(below))
+    same = delimiter_of(line) == delimiter_of_numbers(below)
+    return same and len(titles) == len(_cells(below))
 
 
 def _are_titles(line: str, below: str) -> bool:
-    """Return whether a line holds the titles of a line of units: it leaves out or names wavelengths
-    where that does, or names what each wavelength column begins.
+    """Return whether a line holds the titles of a line of units or numbers: it names wavelengths,
+    or leaves them out where that names them, or names what each wavelength column begins.
     """
     titles, units = _cells(line), _cells(below)
-    grids = [i for i, unit in enumerate(units) if is_wavelength_title(unit)]
-    if not grids or not all(
-        not unit or is_no_name(unit) for i, unit in enumerate(units) if i not in grids
-    ):
+    if not 1 < len(titles) <= len(units) or delimiter_of(line) != delimiter_of(below):
         return False
-    fits = 1 < len(titles) <= len(units) and delimiter_of(line) == delimiter_of(below)
-    first = titles[grids[0]] if grids[0] < len(titles) else ""
-    return fits and (not first or is_wavelength_title(first) or len(grids) > 1)
+    grids = [i for i, unit in enumerate(units) if is_wavelength_title(unit)]
+    others = [unit for i, unit in enumerate(units) if unit and i not in grids]
+    named = next((i for i, title in enumerate(titles) if is_wavelength_title(title)), None)
+    if named is None:
+        begins = len(grids) > 1 or (grids and not "".join(titles[grids[0] : grids[0] + 1]))
+    else:
+        begins = named in grids or not units[named]
+    return bool(begins) and all(
+        is_no_name(unit) or is_number(unit) or any(meaning(unit)[:2]) for unit in others
+    )
 
 
 def _is_value(cell: str) -> bool:
@@ -261,7 +279,7 @@ def _are_numbers(lines: list[str]) -> bool:
     """Return whether lines are rows as long as each other that begin with a number, and have
     others.
     """
-    rows = [line.split(None if (by := delimiter_of_numbers(line)) == " " else by) for line in lines]
+    rows = [plain_cells(line, delimiter_of_numbers(line)) for line in lines]
     return all(
         len(row) == len(rows[0])
         and _is_value(row[0])

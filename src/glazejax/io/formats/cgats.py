@@ -2,7 +2,6 @@
 after BEGIN_DATA.
 """
 
-import math
 import re
 from dataclasses import dataclass, field
 
@@ -11,7 +10,7 @@ import numpy as np
 from ..finish import RawSpectra
 from ..quantity import first_quantity
 from ..source import Source
-from ..words import is_number, read_number, unshield_name
+from ..words import finite_number, unshield_name
 
 _CELL = re.compile(r'"([^"]*)"|(\S+)')
 # SPECTRAL_NM_380, SPECTRAL_NM380, SPECTRAL_380, SPEC_380, R_380, nm380, 380nm, 380; with the unit
@@ -26,7 +25,7 @@ _SCALES = {"PCT": 100.0, "PERCENT": 100.0, "DEC": 1.0}
 _PAIR = ("SPECTRAL_NM", "SPECTRAL_PCT", "SPECTRAL_DEC")
 _NAMES = ("SAMPLE_NAME", "SAMPLENAME", "NAME", "SAMPLE_LOC", "SAMPLE_ID", "SAMPLEID", "STRING")
 # Keywords that say what was measured.
-_SAYING = ("MEAS_TYPE", "MEASUREMENT_TYPE", "DEVICE_CLASS", "DISPLAY")
+_SAYING = re.compile(r"MEAS\w*_(TYPE|MODE)|DEVICE_CLASS|DISPLAY\w*|LUMINANCE\w*")
 
 
 @dataclass
@@ -47,8 +46,8 @@ class _CgatsTable:
 
     def number(self, title: str, cell: str, line: int | None = None) -> float:
         """Number in a cell; a decimal comma is understood."""
-        word = cell.replace(",", ".")
-        if not (is_number(word) and math.isfinite(value := read_number(word))):
+        value = finite_number(cell.replace(",", "."))
+        if value is None:
             raise self.source.error(f"field {title}: {cell[:30]!r} is not a finite number", line)
         return value
 
@@ -83,7 +82,7 @@ def read_cgats(source: Source) -> RawSpectra:
     titles = [title.upper() for title in sheet.fields]
     name_at = next((titles.index(name) for name in _NAMES if name in titles), None)
     others = [at for at in range(len(titles)) if at not in bands and at != name_at]
-    said = [f'{title} "{sheet.keywords[title]}"' for title in _SAYING if title in sheet.keywords]
+    said = [f'{title} "{word}"' for title, word in sheet.keywords.items() if _SAYING.match(title)]
     return RawSpectra(
         wavelengths=np.array(list(bands.values())),
         names=[

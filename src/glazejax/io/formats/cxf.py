@@ -9,6 +9,7 @@ import numpy as np
 
 from ...spectra import describe_grid
 from ..finish import MAX_DECLARED, RawSpectra
+from ..quantity import first_quantity
 from ..source import Source
 from ..spectra_table import Bands, SpectraTable
 from ..words import is_number, read_number
@@ -68,6 +69,8 @@ def read_cxf(source: Source) -> RawSpectra:
             "as CSV"
         )
     try:
+        # UTF-16 was turned into UTF-8 as it was read.
+        content = re.sub(rb"(?i)\A([^>]*encoding=.)utf-16", rb"\1utf-8", content)
         root = ElementTree.fromstring(content)
     except (ElementTree.ParseError, ValueError, LookupError) as error:
         raise source.error(f"not legal CxF3: {error}") from None
@@ -76,6 +79,10 @@ def read_cxf(source: Source) -> RawSpectra:
         specification.get("Id"): limits
         for specification in root.iter(_tag("ColorSpecification"))
         for limits in specification.iter(_tag("WavelengthRange"))
+    }
+    kinds = {
+        specification.get("Id"): specification.findtext(f".//{_tag('MeasurementType')}", "")
+        for specification in root.iter(_tag("ColorSpecification"))
     }
     names: list[str] = []
     grids: list[np.ndarray] = []
@@ -121,6 +128,7 @@ def read_cxf(source: Source) -> RawSpectra:
         values=table,
         format="CxF3",
         notes=["text between the tags is not read; was the file changed by hand?"] * stray,
+        quantity=first_quantity(kinds.get(one, "") for one in specifications),
         # The standard says fractions below 3. Who goes beyond has not kept to it and is looked at
         # like any other.
         scale=1.0 if table.max() <= MAX_DECLARED else None,

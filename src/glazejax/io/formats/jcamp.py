@@ -16,7 +16,7 @@ from ..finish import RawSpectra
 from ..quantity import meaning
 from ..source import Source
 from ..spectra_table import Bands
-from ..words import is_number, read_number
+from ..words import finite_number, is_number, read_number
 
 _PLAIN = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
 # Any other letter is an empty number, and no blank is.
@@ -56,18 +56,20 @@ class _Block:
         text = self.labels.get(label)
         if text is None:
             return otherwise
-        text = text.replace(",", ".", 1)
-        if not (is_number(text) and np.isfinite(value := read_number(text))):
-            raise self.damaged(f"##{label}={self.labels[label][:30]} is not a finite number")
+        value = finite_number(text.replace(",", ".", 1))
+        if value is None:
+            raise self.damaged(f"##{label}={text[:30]} is not a finite number")
         return value
 
     def check_count(self, count: int) -> None:
         """Refuse a file that was cut short."""
         promised = self.number("NPOINTS", count)
         if promised != count:
+            cause = "the file was cut short"
+            if count > promised:
+                cause = "are its decimal points commas? write points"
             raise self.source.error(
-                f"{self.name!r} promises {promised:.10g} points and holds {count}; the file was "
-                "cut short"
+                f"{self.name!r} promises {promised:.10g} points and holds {count}; {cause}"
             )
 
 

@@ -7,6 +7,7 @@ import re
 import numpy as np
 
 from ..finish import RawSpectra
+from ..quantity import first_quantity
 from ..source import Source
 from ..words import is_number, read_number
 
@@ -44,11 +45,13 @@ def read_qtx(source: Source) -> RawSpectra:
                 f"{step:g}: every section must be so",
                 number,
             )
+    viewing = [keys.get("VIEWING", "") for _, keys in read]
     return RawSpectra(
         wavelengths=low + step * np.arange(count),
         names=[keys.get("NAME", "") for _, keys in read],
         values=np.array([list(map(read_number, row)) for row in words]),
         format="Datacolor QTX",
-        quantity="%R",
-        attributes={"viewing": [keys.get("VIEWING", "") for _, keys in read]},
+        quantity=first_quantity([*viewing, "%R"]),
+        scale=100.0,
+        attributes={"viewing": viewing},
     )

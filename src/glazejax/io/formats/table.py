@@ -17,29 +17,29 @@ from jaxtyping import Float
 
 from ...spectra import describe_grid, validate_wavelengths
 from ..finish import DETECTED, SPECTROMETER, RawSpectra, detectors_overlap, different
-from ..quantity import MODES, READINGS, REFLECTANCE, is_no_name, length_unit, meaning
+from ..quantity import MODES, READING, REFLECTANCE, is_no_name, length_unit, meaning
 from ..source import Source, naming, shorten
 from ..spectra_table import Bands, Rows
-from ..words import is_number, read_number, unshield_name
+from ..words import finite_number, is_number, unshield_name
 from .above import (
     WAVELENGTH_TITLE,
     BandTitle,
     band,
+    data_lines,
     delimiter_of,
     delimiter_of_numbers,
     find_table,
-    is_data,
-    is_mark,
     is_wavelength_title,
     not_read,
+    plain_cells,
 )
 
 _VALUE_TITLE = re.compile(r"^(reflectance|refl\b|r\b|%r\b|value|intensity)", re.IGNORECASE)
 _NAME_TITLE = re.compile(r"^(name|sample|id\b|paint|pigment|patch|label|spectrum)", re.IGNORECASE)
 # Lines above a table, or comments, that say what its values are.
 _KEYWORD = re.compile(
-    r"\W*(?:y\W*(?:units?|axis)|(?:data|photometric|measurement|meas)\W*(?:units?|mode|type)|"
-    r"measurement|quantity|units?)[\s:=,;\"]+(.+)",
+    r"\W*(?:[xy]\W*(?:units?|axis)|(?:(?:data|photometric|meas\w*|mess|processing|spectrum|display|"
+    r"ordinate)\W*)?(?:units?|modus|mode|type)|measurement|quantity|ordinate)[\s:=,;\"]+(.+)",
     re.IGNORECASE,
 )
 _LAYOUTS = (
@@ -48,6 +48,8 @@ _LAYOUTS = (
 )
 # Without the blanks before it: by the thousand they would take hours to search.
 _NANOMETRES = re.compile(r"\[?\(?nm\)?\]?$", re.IGNORECASE)
+# What spectra run over that is no wavelength.
+_NO_WAVELENGTH = re.compile(r"\bfrequen|\b[tgm]?hz\b|\benerg|\bev\b", re.IGNORECASE)
 _NAMES = {"name", "data name", "sample name", "sample", "sample id"}
 _KIND_TITLE = re.compile(r"SCI\W*SCE|specular", re.IGNORECASE)
 # Letters by which software calls what an instrument reads.
@@ -93,7 +95,7 @@ class _Cells:
 
     def split(self, line: int, text: str) -> list[str]:
         """Cells of a line."""
-        row = _split(self, line, text)
+        row = _split(self.source, self.delimiter, line, text)
         width = len(self.header)
         while len(row) > width and not row[-1]:
             row.pop()
@@ -113,13 +115,8 @@ class _Cells:
 
     def number(self, cell: str) -> float | None:
         """Number in a cell, or None; NaN and infinity count as none here."""
-        if self.delimiter != ",":
-            cell = cell.replace(",", ".")
-        try:
-            value = read_number(cell)
-        except ValueError:
-            return None
-        return value if math.isfinite(value) else None
+        # Where commas separate, one in a cell stood in quotes.
+        return finite_number(cell.replace(",", ".").strip())
 
     def wavelength(self, cell: str) -> float | None:
         """Wavelength in a cell, which may carry its unit, or None."""
@@ -146,7 +143,7 @@ def _quick_reader(
         checked = text.partition(delimiter)[2] if named else text
         if '"' in text or "_" in checked or not checked.isascii():
             return None
-        row = _plain(text, delimiter)
+        row = plain_cells(text, delimiter)
         while len(row) > width and not row[-1].strip():
             row.pop()
         if len(row) != width:
@@ -184,12 +181,8 @@ def read_table(source: Source) -> RawSpectra:
             do not ascend, a ragged row, a cell that is not a finite number, or two samples of one
             name; or it holds more than 268 million values. The message is one line and says where.
     """
-    cells = _open_table(source)
-    first = next(cells.lines, None)
-    if first is None:
-        raise source.error("there is a header but no data below it")
+    cells, first = _open_table(source)
     row = cells.split(*first)
-    cells = replace(cells, lines=itertools.chain([first], cells.lines))
     attributes: dict[str, list[str]] = {}
     if (order := _triples(cells)) is not None:
         names, wavelengths, values = _read_triples(cells, *order)
@@ -199,8 +192,10 @@ def read_table(source: Source) -> RawSpectra:
     elif _is_wide(cells, row):
         names, wavelengths, values = _read_wide(cells, attributes)
         layout = "a sample a row"
-        ends = (cells.header[-1], cells.header[0])
-        title = next((title for title in ends if any(meaning(title)[:2])), "")
+        # R400% without its wavelength; or a column such as Unit.
+        said = [re.sub(r"\d{3,4}(nm)?", " ", cells.header[-1]), cells.header[0]]
+        said += [_stated(f"{title}: {column[0]}") for title, column in attributes.items()]
+        title = next((title for title in said if any(meaning(title)[:2])), "")
         unit = length_unit(cells.header[0]) or "nm" * ("nm" in cells.header[-1].lower())
     else:
         grids, columns = _choose_columns(cells)
@@ -230,15 +225,13 @@ def read_table(source: Source) -> RawSpectra:
     )
 
 
-def _open_table(source: Source) -> _Cells:
-    """Table with its header."""
+def _open_table(source: Source) -> tuple[_Cells, tuple[int, str]]:
+    """Table with its header, and the first line below it with its number."""
     place = find_table(source)
     if place.above:
         source.notes.append(not_read(place.above))
-    lines = itertools.takewhile(
-        lambda pair: pair[0] <= place.above or not is_mark(pair[1]), source.lines(above=place.above)
-    )
-    data = (pair for pair in lines if pair[0] > place.above and is_data(pair[1]))
+    lines = source.lines(above=place.above)
+    data = data_lines(itertools.islice(lines, place.above, None))
     titles = list(itertools.islice(data, place.titles))
     first = next(data, None)
     above = titles[-1][0] if titles else place.above
@@ -250,22 +243,12 @@ def _open_table(source: Source) -> _Cells:
         for line in source.first_lines[: titles[0][0] - 1 if titles else above]
         if (words := _stated(line)) and any(meaning(words)[:2])
     ]
-    cells = _Cells(
-        source=source,
-        delimiter=delimiter_of(titles[-1][1])
-        if titles
-        else delimiter_of_numbers(first[1] if first else ""),
-        header_line=above,
-        titles=[],
-        header=[],
-        lines=itertools.chain([first] if first else [], data),
-        said=keywords[-1][0] if keywords else "",
-        declared=any(declared for _, declared in keywords),
-    )
-    numbers = _split(cells, *first) if first else []
+    number, row = first or (above, "")
+    delimiter = delimiter_of(titles[-1][1]) if titles else delimiter_of_numbers(row)
+    numbers = _split(source, delimiter, number, row)
     while numbers and not numbers[-1]:
         numbers.pop()
-    rows = [_split(cells, *title) for title in titles] or [[""] * len(numbers)]
+    rows = [_split(source, delimiter, *title) for title in titles] or [[""] * len(numbers)]
     # Titles may be empty at the end where numbers stand below, as of merged cells.
     while titles and len(rows[-1]) > len(numbers) and not rows[-1][-1]:
         rows[-1].pop()
@@ -276,15 +259,30 @@ def _open_table(source: Source) -> _Cells:
         )
     width = len(rows[-1])
     if width < 2:
-        raise cells.error(above, f"the header has one column only; {_LAYOUTS}")
+        raise source.error(f"the header has one column only; {_LAYOUTS}", above)
+    if first is None:
+        raise source.error("there is a header but no data below it")
     # A title above several columns stands at the first of them.
     rows[:-1] = [
         list(itertools.accumulate((row + [""] * width)[:width], lambda left, own: own or left))
         for row in rows[:-1]
     ]
-    cells.titles.extend(rows if titles else [])
-    cells.header.extend(" ".join(filter(None, column)) for column in zip(*rows, strict=True))
-    return cells
+    # In brackets, as 'black' and '%' say no unit together, and 'spot 1' and '%R' say 1 %.
+    units = [
+        [f"[{cell.strip('[]')}]" if any(meaning(cell)[:2]) else cell for cell in row]
+        for row in rows[1:]
+    ]
+    cells = _Cells(
+        source=source,
+        delimiter=delimiter,
+        header_line=above,
+        titles=rows if titles else [],
+        header=[" ".join(filter(None, column)) for column in zip(rows[0], *units, strict=True)],
+        lines=itertools.chain([first], data),
+        said=keywords[-1][0] if keywords else "",
+        declared=any(declared for _, declared in keywords),
+    )
+    return cells, first
 
 
 def _stated(line: str) -> str:
@@ -293,26 +291,19 @@ def _stated(line: str) -> str:
     return keyword[1].strip() if keyword else line.strip() if is_no_name(line) else ""
 
 
-def _split(cells: _Cells, number: int, line: str) -> list[str]:
+def _split(source: Source, delimiter: str, number: int, line: str) -> list[str]:
     """Cells of a line, without the blanks around them."""
     if '"' not in line:
-        return [cell.strip() for cell in _plain(line, cells.delimiter)]
-    blanks = cells.delimiter == " "
+        return [cell.strip() for cell in plain_cells(line, delimiter)]
+    blanks = delimiter == " "
     if blanks:
         line = line.strip().replace("\t", " ")
     try:
-        row = next(csv.reader([line], delimiter=cells.delimiter, skipinitialspace=True), [])
+        row = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
     except csv.Error as error:
-        raise cells.error(number, f"{error}; is a quotation mark left open?") from None
+        raise source.error(f"{error}; is a quotation mark left open?", number) from None
     row = [cell.strip() for cell in row]
     return [cell for cell in row if cell] if blanks else row
-
-
-def _plain(line: str, delimiter: str) -> list[str]:
-    """Cells of a line without quotes, with the blanks around them unless blanks separate."""
-    if delimiter != " ":
-        return line.split(delimiter)
-    return [cell for cell in line.replace("\t", " ").split(" ") if cell.strip()]
 
 
 def _band_of(cells: _Cells, title: str) -> BandTitle | None:
@@ -329,12 +320,10 @@ def _columns(cells: _Cells) -> list[list[float]]:
     """Numbers of each column in the first rows; none at all where the head of the file ends
     above.
     """
-    lines = itertools.takewhile(
-        lambda line: not is_mark(line), cells.source.first_lines[cells.header_line :]
-    )
+    lines = enumerate(cells.source.first_lines[cells.header_line :], start=cells.header_line + 1)
     rows = [
-        _split(cells, cells.header_line, line)
-        for line in itertools.islice(filter(is_data, lines), 30)
+        _split(cells.source, cells.delimiter, *line)
+        for line in itertools.islice(data_lines(lines), 30)
     ]
     return [
         [
@@ -384,26 +373,35 @@ def _choose_columns(cells: _Cells) -> tuple[list[int], list[int]]:
     notes = cells.source.notes
     width = len(cells.header)
     numbers = _columns(cells)
-    runs = [i for i in range(width) if numbers and _runs(numbers[i])]
+    barred = [
+        i
+        for i, title in enumerate(cells.header)
+        if (length_unit(title) == "1/cm" or _NO_WAVELENGTH.search(title))
+        and meaning(title).quantity in ("", "a Raman spectrum")
+    ]
+    runs = [i for i in range(width) if i not in barred and numbers and _runs(numbers[i])]
     titled = [i for i in range(width) if any(is_wavelength_title(row[i]) for row in cells.titles)]
     in_um = numbers and not cells.titles and [0.1] < numbers[0][:1] < numbers[0][1:2] < [100.0]
-    wavenumbers = bool(cells.titles) and length_unit(cells.header[0]) == "1/cm"
-    if numbers and (wavenumbers or not (titled or runs or in_um)):
+    if numbers and not (titled or runs or in_um):
         wrong = f"numbers only, and the first column does not run through wavelengths; {_LAYOUTS}"
-        if wavenumbers:
-            wrong = (
-                f"{cells.header[0]!r} are wavenumbers; write wavelengths in nm, 1e7 / wavenumber"
-            )
+        if barred:
+            title = cells.header[barred[0]]
+            wrong = f"{title!r} is no wavelength; write wavelengths in nm, 1e7 / wavenumber"
         elif cells.titles:
             wrong = f"no wavelengths in the header; {_LAYOUTS}"
         raise cells.source.error(wrong, cells.header_line or None)
     grid = next(iter([*titled, *runs]), 0)
     named = {*titled}
-    further = [i for i in runs if i > grid and (i in named or numbers[i] == numbers[grid])]
-    right = (i for i in range(grid + 1, width) if not numbers or numbers[i])
+    if _NO_WAVELENGTH.search(cells.header[grid]):
+        raise cells.error(
+            cells.header_line,
+            f"{cells.header[grid]!r} is no wavelength; write wavelengths in nm, 1e7 / wavenumber",
+        )
+    right = [i for i in range(grid + 1, width) if i not in barred and (not numbers or numbers[i])]
+    further = [i for i in right if i in named or (i in runs and numbers[i] == numbers[grid])]
     columns = sorted({*right}.difference(further))
     if not columns:
-        raise cells.error(cells.header_line, "no column of numbers beside the wavelengths")
+        raise cells.error(cells.header_line, "no column of numbers but the wavelengths")
     grids = [grid, *further]
     if left := sorted({*range(width)}.difference(grids, columns)):
         last = cells.titles[-1] if cells.titles else cells.header
@@ -422,7 +420,7 @@ def _reflectances(cells: _Cells, columns: list[int]) -> tuple[list[int], str]:
     if set(words) >= set(_LETTERS):
         words = [_LETTERS.get(word, word) for word in words]
     said = {i: meaning(cells.header[i]).quantity for i in columns}
-    readings = [i for i in columns if words[i] in READINGS]
+    readings = [i for i in columns if READING.fullmatch(words[i]) and said[i] != REFLECTANCE]
     computed = [i for i in columns if words[i] == "processed"]
     if cells.declared:
         return columns, ""
@@ -472,8 +470,8 @@ def _column_names(cells: _Cells, columns: list[int]) -> list[str]:
     for i, name in zip(columns, own, strict=True):
         name = name or cells.header[i]
         if name or not names:
-            _check_name(cells, cells.header_line, name, lines)
-            lines[name] = cells.header_line
+            # Of several lines of titles one cell may stand above several columns.
+            _check_name(cells, cells.header_line, name, lines if len(cells.titles) == 1 else {})
         names.append(unshield_name(name) or names[-1])
     return different(names, notes)
 
@@ -483,27 +481,27 @@ def _check_grid(cells: _Cells, grid: Bands) -> Bands:
     that overlap.
     """
     with naming(cells.source.path):
-        # Those in micrometres are recognised by their unit, or later.
-        if grid.size and 0.1 <= grid.min() <= grid.max() < 100:
-            validate_wavelengths(np.sort(1e3 * grid))
+        # Those in micrometres or metres are recognised by their unit, or later.
+        if grid.size and 0 < grid.min() <= grid.max() < 100:
+            validate_wavelengths(np.sort(grid * (1e9 if grid.max() < 1e-4 else 1e3)))
             return grid
         if np.all(np.diff(grid) < 0):
             return validate_wavelengths(grid[::-1])[::-1]
         return grid if detectors_overlap(grid) else validate_wavelengths(grid)
 
 
-def _value(cells: _Cells, line: int, name: str, column: str, cell: str) -> float:
-    """Reflectance in a cell, or an error that says where."""
-    value = cells.number(cell.removesuffix("%"))
+def _value(cells: _Cells, line: int, where: str, cell: str, *, wavelength: bool) -> float:
+    """Wavelength or reflectance in a cell, or an error that says where."""
     if not cell and cells.blanks:
         return math.nan
+    value = cells.wavelength(cell) if wavelength else cells.number(cell.removesuffix("%"))
     if value is None:
-        problem = (
-            "the cell is empty; fill it, or leave its wavelength or sample out"
-            if not cell
-            else f"{cell!r} is not a finite number"
-        )
-        raise cells.error(line, f"sample {name!r}, column {column!r}: {problem}")
+        problem = f"{cell!r} is not a {'wavelength in nm' if wavelength else 'finite number'}"
+        if not wavelength:
+            problem += "; write one, or leave out its sample"
+        if not (cell or wavelength):
+            problem = "the cell is empty; fill it, or leave its wavelength or sample out"
+        raise cells.error(line, f"{where}: {problem}")
     if cell.endswith("%"):
         cells.percent.append(line)
     return value
@@ -547,11 +545,12 @@ def _read_rows(
             for i in numbers:
                 title = cells.header[i]
                 if i in grids:
-                    values.append(_wavelength(cells, line, title or f"{i + 1}", row[i]))
+                    where = f"column {title or str(i + 1)!r}"
                 elif names is None:
-                    values.append(_value(cells, line, row[texts[0]], title, row[i]))
+                    where = f"sample {row[texts[0]]!r}, column {title!r}"
                 else:
-                    values.append(_value(cells, line, names[i], row[grids[0]], row[i]))
+                    where = f"sample {names[i]!r}, column {row[grids[0]]!r}"
+                values.append(_value(cells, line, where, row[i], wavelength=i in grids))
         lines.append(line)
         if len(values) > _MAX_VALUES or len(lines) > most:
             raise cells.error(
@@ -620,7 +619,6 @@ def _read_wide(cells: _Cells, attributes: dict[str, list[str]]) -> tuple[list[st
         seen: dict[str, int] = {}
         for number, name in zip(np.repeat(lines, len(kinds)).tolist(), names, strict=True):
             _check_name(cells, number, name, seen)
-            seen[name] = number
     return names, grid, values.reshape(-1, grid.size)
 
 
@@ -668,7 +666,7 @@ def _to_text(cells: _Cells, grid: int) -> Iterator[tuple[int, str]]:
     before = cells.header_line
     for number, text in cells.lines:
         if number > before + 1 and before > cells.header_line:
-            row = _split(cells, number, text)
+            row = _split(cells.source, cells.delimiter, number, text)
             if grid >= len(row) or cells.wavelength(row[grid]) is None:
                 cells.source.notes.append(
                     f"the table ends above line {number}: {shorten(text.strip()[:40])}"
@@ -678,24 +676,15 @@ def _to_text(cells: _Cells, grid: int) -> Iterator[tuple[int, str]]:
         yield number, text
 
 
-def _wavelength(cells: _Cells, line: int, title: str, cell: str) -> float:
-    """Wavelength in a cell, or an error that says where."""
-    if not cell and cells.blanks:
-        return math.nan
-    wavelength = cells.wavelength(cell)
-    if wavelength is None:
-        raise cells.error(line, f"column {title!r}: {cell!r} is not a wavelength in nm")
-    return wavelength
-
-
 def _check_name(cells: _Cells, line: int, name: str, seen: dict[str, int]) -> None:
-    """Refuse a sample without a name, or with one that has been used."""
+    """Refuse a sample without a name, or with one of those before, whose lines are kept."""
     if not name:
         raise cells.error(line, "a sample has no name")
     if name in seen:
         raise cells.error(
             line, f"sample {name!r} is already on line {seen[name]}; names must differ"
         )
+    seen[name] = line
 
 
 def _triples(cells: _Cells) -> list[int] | None:

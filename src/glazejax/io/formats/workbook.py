@@ -40,7 +40,7 @@ class _Sheet(Source):
         self.head = "\n".join(self._rows).encode()[:HEAD]
         self.is_cut = len(self.head) == HEAD
 
-    def lines(self, *, damaged: str = "strict", above: int = 0) -> Iterator[tuple[int, str]]:
+    def lines(self, *, above: int = 0) -> Iterator[tuple[int, str]]:
         yield from enumerate(self._rows, start=1)
 
 

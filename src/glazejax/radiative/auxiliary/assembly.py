@@ -64,7 +64,9 @@ def decomposed_numbers(
 
     def numbers() -> tuple[Array, Array, Array, Array, Array]:
         e2, j1 = values[:2]
+        # E_1 over a segment is a difference of E_2; over the node's own segment, on both its sides.
         toeplitz = jnp.concatenate([2.0 * (1.0 - e2[:, :1]), e2[:, :-1] - e2[:, 1:]], axis=1)
+        # The surface's kernel over a segment is a difference of J_1.
         return toeplitz, j1[:, :-1] - j1[:, 1:], *_ground(values, count)
 
     return computed_once(numbers, step)
@@ -124,6 +126,7 @@ def direct(
 def _own(node: Array, dh: Array) -> Float[Array, "n"]:
     """Each segment's E_1 integrated over itself: nodes crowd at the midpoint from both sides."""
     y, w = gauss(8)
+    # s = +-(dh/2) y^3: in y the logarithm at the midpoint is harmless.
     offset = 0.5 * dh * np.concatenate([-(y**3), y**3])
     weight = 0.5 * dh * np.tile(3.0 * y**2 * w, 2)
     mu, w_mu = _grazing(1.0, 0.5 * dh * y.min() ** 3 / _NEGLIGIBLE_DEPTH, 32)
@@ -158,8 +161,11 @@ def _ground(values: tuple[Array, ...], count: Array) -> tuple[Array, Array, Arra
     e2, j1, e3, j2 = values
     i = jnp.arange(e2.shape[1])
     last = count[:, None]
+    # h - s of node i is (Q - 1 - i + 1/2) dh, and h + s is (Q + i + 1/2) dh.
     above = jnp.maximum(last - 1 - i, 0)
+    # M, eq. (18): straight from the ground, and by way of the surface.
     m = jnp.take_along_axis(e2, above, axis=1) + jnp.take_along_axis(j1, last + i, axis=1)
+    # M' is a difference at the segment's two edges.
     integrated = jnp.take_along_axis(e3, above, axis=1) - jnp.take_along_axis(e3, above + 1, axis=1)
     integrated += j2[:, :-1] - j2[:, 1:]
     return m.T, integrated.T, 2.0 * jnp.take_along_axis(j2, last, axis=1)[:, 0]
@@ -183,6 +189,7 @@ def _reflection_integrals(
     fine = jnp.exp(-(start[:, None] + step[:, None] * np.arange(float(run)))[..., None] / mu)
     cone = einsum("wak,wbk->wab", coarse * (weight * r * mu ** (power - 1)), fine)
     cone = cone.reshape(step.size, -1)[:, :terms]
+    # Beyond the critical angle R = 1: mu_c^p E_(p+1)(x/mu_c).
     return cone + critical**power * expn(power + 1, depth / critical)
 
 

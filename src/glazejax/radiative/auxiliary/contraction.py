@@ -49,6 +49,7 @@ def solve_contraction(
 def _conjugate_gradients(apply: Callable[[Array], Array], weight: Array, b: Array) -> Array:
     tolerance = _TOLERANCE[str(b.dtype)]
 
+    # Under these weights T is self-adjoint, as conjugate gradients require.
     def dot(x: Array, y: Array) -> Array:
         return jnp.sum(weight * x * y, axis=0)
 
@@ -64,10 +65,12 @@ def _conjugate_gradients(apply: Callable[[Array], Array], weight: Array, b: Arra
         image = direction - apply(direction)
         energy = dot(direction, image)
         moving = energy > 0  # a finished case stands still
+        # To the least energy along this direction.
         length: Array = jnp.where(moving, squared_norm, 0.0) / jnp.where(moving, energy, 1.0)
         x = x + length * direction
         residual = residual - length * image
         next_norm = dot(residual, residual)
+        # The next direction is conjugate to this one.
         share: Array = next_norm / jnp.where(squared_norm > 0, squared_norm, 1.0)
         return (
             step + 1,

@@ -125,6 +125,7 @@ def _columns(array: Array) -> Array:
 def _grid(panels: Panels, refractive_index: Any) -> _Grid:
     surface = _surface(refractive_index, panels.total)
     tau = _columns(panels.top[..., None] + panels.width[..., None] * panels.rules.nodes)
+    # Decays along the cone's directions, which U and M' both need over the panels.
     rates = 1.0 / surface.cosines[..., None]
     top, width = panels.top[:, None, :], panels.width[:, None, :]
     return _Grid(
@@ -245,6 +246,7 @@ def _system(panels: Panels, light: StackArrays) -> CollocatedSystem:
     if light.cos_viewing is None:
         # V of all directions of view together: E_2 less what the surface reflects back.
         beam = _columns(decay_integrals(rate[:, None], top, width, rules)) * strength[:, None]
+        # Their sum is what the layers take out of the beam.
         beam *= _rescale(beam, -0.5 * enter * jnp.expm1(-rate * h), h)
         exit_weight = kernels.e2_top - reflected_up
         ground_weight = kernels.e3 - ground.reflected
@@ -259,8 +261,10 @@ def _system(panels: Panels, light: StackArrays) -> CollocatedSystem:
         there_and_back = there_and_back * strength[:, None]
         exit_weight = jnp.exp(-out[:, None] * tau)
         ground_weight = jnp.exp(-out * h) / out
+        # What leaves through the surface, eq. (32).
         factor = (1.0 - dielectric_reflectance(light.cos_viewing, n)) * out / n**2
         once = jnp.sum(q * there_and_back, axis=-1)
+    # c = rho E_h/(1 - rho K).
     ground_seen = open_share * ground_weight
     return CollocatedSystem(
         matrix=matrix,
@@ -287,6 +291,7 @@ def _surface(refractive_index: Any, like: Array) -> _LayerSurface:
     """An index of exactly one reflects nothing, however its directions are reckoned."""
     is_number = isinstance(refractive_index, int | float)
     transparent = is_number and refractive_index == 1
+    # For an index of one any cone stands in; its share is zero.
     n = 1.5 if transparent else float(refractive_index) if is_number else refractive_index
     mu, weights, r = (jnp.asarray(a, like.dtype) for a in cone_nodes(n, 1 if transparent else None))
     reflects = jnp.asarray(refractive_index, like.dtype) > 1.0
@@ -378,6 +383,7 @@ def _solve(matrix: Array, b: Array) -> Array:
 
 
 def _value(system: CollocatedSystem, solution: Array) -> Array:
+    # What the mesh makes of light scattered once is replaced by its exact value.
     scattered = jnp.sum(system.beam * solution, axis=-1)
     return system.factor * (
         system.ground_direct + scattered + system.single - system.single_interpolated
@@ -434,6 +440,7 @@ def reflectance_and_gradient(
     forward = _solve(system.matrix, system.exit + system.ground_seen)
     backward = _solve(transpose(system.matrix), system.beam)
 
+    # Stationary in both solutions, so that neither has to be differentiated.
     def stationary(leaves: dict[str, Array]) -> Array:
         shifted = stack._replace(**leaves)
         s = _system(_stack_panels(shifted, mesh), shifted)

@@ -88,10 +88,12 @@ class KernelTable:
         from scipy.special import expn
 
         before = self.terms
+        # U needs tau + s up to twice the depth that H needs.
         midpoints = np.arange(2 * segments) + 0.5
         edges = np.arange(2.0 * segments + 1)
         n = self.refractive_index
 
+        # Only depths beyond the present end are computed.
         def grown(old: np.ndarray, depths: np.ndarray, kernel) -> np.ndarray:
             return np.concatenate([old, kernel(self.step * depths[old.size :])])
 

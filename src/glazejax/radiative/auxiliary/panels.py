@@ -75,6 +75,7 @@ def rules(count: int, points: int, dtype: np.dtype) -> Rules:
     Each precision has arrays of its own: JAX keeps what it made of an array by its identity.
     """
     xi = _lobatto(count)
+    # From values at the nodes to coefficients of Legendre polynomials.
     coefficients = np.linalg.inv(legendre.legvander(xi, count - 1))  # (degree, j)
 
     def derivatives(x: np.ndarray) -> np.ndarray:  # (k, len(x), j)
@@ -85,10 +86,12 @@ def rules(count: int, points: int, dtype: np.dtype) -> Rules:
     def values(x: np.ndarray) -> np.ndarray:
         return legendre.legvander(x, count - 1) @ coefficients
 
+    # Gauss nodes in v; x = v^3 crowds them at the near end.
     v, wv = gauss(points)
     x = v**_GRADING
     wx = wv * _GRADING * v ** (_GRADING - 1)
     ends = derivatives(np.array([-1.0, 1.0]))
+    # In a node's own panel the kernel is infinite at the node: the rule runs from it to both ends.
     own_points = []
     own_kernel = []
     for node in xi:
@@ -142,9 +145,12 @@ def kernel_integrals(order: int, distance: Array, width: Array, rules: Rules) ->
     distance, width = jnp.broadcast_arrays(distance, width)
     wide = width > _WIDE
     count = len(rules.nodes)
+    # Narrow: the fixed rule. The width of a wide one is replaced, so that its unused slope is
+    # finite.
     narrow_width = jnp.where(wide, 1.0, width)
     t = jnp.maximum(distance[..., None] + narrow_width[..., None] * rules.points, _tiny(width))
     narrow = narrow_width[..., None] * matmul(expn(order, t), rules.kernel)
+    # Wide: by parts, (2/width)^k E_(order + 1 + k) times the k-th derivative, at both ends.
     wide_width = jnp.where(wide, width, _WIDE)
     scale = _powers(2.0 / wide_width, count)
     ends = scale * _orders(order + 1, count, jnp.stack([distance, distance + wide_width]))
@@ -161,8 +167,10 @@ def decay_integrals(rate: Array, top: Array, width: Array, rules: Rules) -> Arra
     z = rate * width
     wide = z > _WIDE
     count = len(rules.nodes)
+    # Narrow in decay lengths: the fixed rule.
     decay = jnp.exp(-jnp.where(wide, 1.0, z)[..., None] * rules.points)
     shares = matmul(decay, rules.kernel)
+    # Wide: by parts at both ends.
     safe = jnp.where(wide, z, _WIDE)
     scale = _powers(2.0 / safe, count)
     by_parts = matmul(scale, rules.near)
@@ -175,9 +183,11 @@ def own_integrals(width: Array, rules: Rules) -> Array:
     """Integrals of E_1(|tau_i - s|) with each polynomial over the nodes' own panel, (..., p, p)."""
     wide = width > _WIDE
     count = len(rules.nodes)
+    # Narrow: the rule that crowds at the node from both sides.
     narrow_width = jnp.where(wide, 1.0, width)[..., None, None]
     t = jnp.maximum(narrow_width * rules.own_points, _tiny(width))
     narrow = narrow_width * einsum("...im,imj->...ij", expn(1, t), rules.own_kernel)
+    # Wide: by parts, from the node, where E_k(0) = 1/(k - 1), to both ends.
     wide_width = jnp.where(wide, width, _WIDE)[..., None]
     scale = _powers(2.0 / wide_width, count)  # (..., 1, k)
     k = np.arange(count)

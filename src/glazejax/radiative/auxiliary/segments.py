@@ -119,6 +119,7 @@ class Segments(NamedTuple):
         at_faces: Float[Array, "layers stacks *cases"],
     ) -> Float[Array, "n stacks *cases"]:
         """int_segment q v' ds of a function v known at edges and faces; exact."""
+        # By parts: q v at the right edge less that at the left, and at each face the albedo's drop.
         below = append_axes(_below(self.edge_albedo), at_edges) * _below(at_edges)
         above = append_axes(self.edge_albedo, at_edges) * at_edges
         return below - above + self._spread(append_axes(self.drop, at_faces) * at_faces)

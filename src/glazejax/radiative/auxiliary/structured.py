@@ -29,6 +29,7 @@ def spectra(
         hankel: U_ij = hankel[i + j]; m >= 2n - 1, what is beyond is not used.
     """
     n = toeplitz.shape[-1]
+    # To length 2n: in their first n rows the cyclic products are those of H and U.
     nothing = jnp.zeros_like(toeplitz[..., :1])
     around = jnp.concatenate([toeplitz, nothing, toeplitz[..., :0:-1]], axis=-1)
     along = jnp.concatenate([hankel[..., : 2 * n - 1], nothing], axis=-1)

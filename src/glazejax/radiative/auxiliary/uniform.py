@@ -392,6 +392,7 @@ def _table(table: KernelTable | None, settings: GridSettings, most: int) -> Kern
     if table is None:
         table = _kept.setdefault(key, KernelTable(*key))
         _kept.move_to_end(key)
+        # The table that was not used for longest goes first.
         while len(_kept) > 8:
             _kept.popitem(last=False)
     elif (table.refractive_index, table.step) != key:

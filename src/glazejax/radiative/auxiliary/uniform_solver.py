@@ -110,9 +110,11 @@ def _galerkin(batch: Batch, count: Array, vectors: tuple, settings: GridSettings
     faces = segments.faces
     depth = faces[-1]
 
+    # The source jumps at these depths only: edges of segments and faces of layers.
     depths = jnp.concatenate([edges, faces])
 
     def kernel(face: Array) -> Array:
+        # J_2(s + s') - E_3(|s - s'|), the kernel after both integrations by parts (see `uniform`).
         reflected = internal_reflection_integral(2, face + depths, settings.refractive_index)
         # Not abs, whose slope at zero is neither side's: a face on an edge is in the segment below
         # it.
@@ -125,11 +127,13 @@ def _galerkin(batch: Batch, count: Array, vectors: tuple, settings: GridSettings
     among_edges = _product(-vectors[0], vectors[1], settings)
 
     def apply(t: Array) -> Array:
+        # Jumps of q t act on all edges and faces.
         at_edges, at_faces = segments.jumps(t)
         field_edges = among_edges(at_edges)
         field_edges += jnp.sum(to_faces[..., None] * at_faces[:, None], axis=0)
         field_faces = jnp.sum(to_faces[..., None] * at_edges, axis=1)
         field_faces += jnp.sum(among_faces[..., None] * at_faces, axis=1)
+        # 2 int z z' ds of the integration by parts is on the diagonal.
         return segments.doubled[..., None] * t - 0.5 * segments.average(field_edges, field_faces)
 
     incident = _Beam.make(batch.cos_incidence, settings.refractive_index, depth)
@@ -137,6 +141,7 @@ def _galerkin(batch: Batch, count: Array, vectors: tuple, settings: GridSettings
     into, out = (
         (beam.antiderivative(edges), beam.antiderivative(faces)) for beam in (incident, viewing)
     )
+    # W+/(2 pi mu_0) at the top, eq. (4).
     strength = incident.transmittance / (2.0 * jnp.pi * incident.cosine)
     # M, the light that an evenly bright ground sends: the kernel's column at the ground.
     once = strength * segments.average(*into)  # g
@@ -152,12 +157,14 @@ def _galerkin(batch: Batch, count: Array, vectors: tuple, settings: GridSettings
             append_axes(from_ground, sources) * sources, axis=0
         )
 
+    # Light that the ground sent up and the layers scatter back to it.
     back = jnp.sum(-segments.integrate(to_faces[-1], among_faces[-1]) * from_ground, axis=0)
     k = 2.0 * among_faces[-1, -1] + 1.0  # 2 J_2(2h): the kernel there is J_2(2h) - E_3(0)
     not_returned = append_axes(1.0 - batch.ground * (k + back), incident.cosine)
     arriving = (
         2.0 * jnp.pi * strength * to_ground(incident, segments.integrate(*into)) / not_returned
     )  # B
+    # The ground's radiance, rho B/pi.
     leaving = append_axes(batch.ground, arriving) / jnp.pi * arriving
     single = strength * _scattered_once(batch, incident, viewing)
     multiple = jnp.sum(visible * scattered, axis=0) + leaving * jnp.sum(
@@ -227,6 +234,7 @@ def _collocation(batch: Batch, count: Array, vectors: tuple, settings: GridSetti
     # Light of the beam and light of an evenly bright ground; the ground's brightness B closes the
     # circle of what it sends up and gets back.
     scattered, from_ground = _solve(scatter, albedo, once, m)
+    # Scattered light that reaches the ground: of the beam, and of the ground itself.
     reaching = jnp.sum(append_axes(m_integrated * albedo, once) * (once + scattered), axis=0)
     back = jnp.sum(m_integrated * albedo * from_ground, axis=0)
     not_returned = append_axes(1.0 - batch.ground * (k + back), incident.cosine)
@@ -284,6 +292,7 @@ def _tabulated_ground(tables: list[Array], count: Array, most: int) -> tuple[Arr
     """
     e2, j1, e3, j2 = tables
     i = jnp.arange(most)[:, None]
+    # h - s of node i is (Q - 1 - i + 1/2) dh, and h + s is (Q + i + 1/2) dh.
     above = jnp.maximum(count - 1 - i, 0)
     m = e2[above] + j1[count + i]
     return m, e3[above] - e3[above + 1] + j2[count + i] - j2[count + i + 1], 2.0 * j2[2 * count]
@@ -292,6 +301,7 @@ def _tabulated_ground(tables: list[Array], count: Array, most: int) -> tuple[Arr
 def _scattered_once(batch: Batch, incident: _Beam, viewing: _Beam) -> Array:
     """1/2 int q exp(-s/mu_0) exp(-s/mu) ds, exact."""
     rate = 1.0 / incident.cosine + 1.0 / viewing.cosine
+    # Each layer in closed form, dimmed on both ways by what lies above it.
     top = jnp.cumsum(batch.thickness, axis=1) - batch.thickness
     total = jnp.zeros_like(rate)
     for layer in range(batch.albedo.shape[1]):

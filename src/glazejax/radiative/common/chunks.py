@@ -63,6 +63,7 @@ def in_chunks(function: Callable[[Any], Any], batch: Any, chunk: int) -> Any:
         chunk: at least one, of each device.
     """
     size = jax.tree.leaves(batch)[0].shape[0]
+    # Devices that hold shares of the batch keep them: each share is cut on its own.
     devices = math.gcd(size, jax.device_count())
     share = size // devices
     if share <= chunk:

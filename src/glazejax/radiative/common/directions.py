@@ -74,6 +74,7 @@ def half_range(
             no such rule.
     """
     if resolution.crowding is None:
+        # Nodes that follow the rise of R are spread along it already.
         crowded = resolution.crowded and resolution.reach is None
         outside = graded_gauss(resolution.cone) if crowded else gauss(resolution.cone)
         below = graded_gauss(resolution.total) if resolution.total else None

@@ -57,6 +57,7 @@ def _expn(order: int, x: Float[ArrayLike, "..."]) -> Float[Array, "..."]:
         return jnp.exp(-x) / jnp.maximum(x, tiny)
     small = x < _SPLIT
     near, power = _series(order)
+    # What is not chosen below is replaced, so that its slope is finite.
     safe = jnp.where(small, x, 0.5)
     # (-x)^(n-1)/(n-1)! (psi(n) - ln x), times x = 0 nothing for n > 1 and infinite for n = 1.
     logarithm = jnp.log(jnp.maximum(safe, tiny))
@@ -110,6 +111,7 @@ def _far_series(order: int) -> tuple[tuple[float, ...], float]:
     count = _CHEBYSHEV_TERMS
     odd = 2 * np.arange(count) + 1
     angle = np.pi * odd / (2 * count)
+    # Chebyshev's points of t, as arguments x from the split to infinity.
     x = 2.0 * (_SPLIT + shift) / (np.cos(angle) + 1.0) - shift
     tail = np.zeros(count)
     for k in range(2000, 0, -1):  # the continued fraction, backwards
@@ -164,6 +166,7 @@ def cone_nodes(
     )
     if nodes is None:
         nodes = _CONE_NODES_NEAR_ONE if traced or n < _NEAR_ONE else _CONE_NODES
+    # Kept above 0, which it is at an index of one, where its root would have no slope.
     floor = 1e-18 if n.dtype == np.float64 else 1e-11
     a = xp.sqrt(xp.maximum((n - 1.0) * (n + 1.0), floor))
     reach = xp.minimum(xp.arcsinh(1.0 / a), _CONE_REACH)
@@ -172,6 +175,7 @@ def cone_nodes(
     u = reach * y
     cosh = xp.cosh(u)
     sinh = xp.sinh(u)
+    # n mu = a cosh u, so that dmu = a sinh u du/n.
     mu = a * cosh / n
     s = xp.exp(-2.0 * u)  # (n mu - mu_F)/(n mu + mu_F)
     p = (n * n * sinh - cosh) / (n * n * sinh + cosh)
@@ -212,6 +216,7 @@ def internal_reflection_integral(
     if not isinstance(refractive_index, jax.Array) and np.ndim(refractive_index) > 0:
         refractive_index = jnp.asarray(refractive_index, x.dtype)
     mu, w, r = (jnp.asarray(v, x.dtype) for v in cone_nodes(refractive_index, nodes))
+    # The cone by its nodes; beyond the critical angle R = 1: mu_c^p E_(p+1)(x/mu_c).
     cone = jnp.sum(w * r * mu ** (power - 1) * jnp.exp(-x[..., None] / mu), axis=-1)
     n = jnp.asarray(refractive_index, x.dtype)
     critical = critical_cosine(n)

@@ -163,9 +163,11 @@ def hall_reflectance(
     xp = array_module(cos_incidence, normal_reflectance, mean_extinction, mean_index)
     n = mean_index
     c = cos_incidence
+    # |n + ik|^2, by which both polarisations are written (19)-(21).
     square = mean_index**2 + mean_extinction**2
     s = (square - 2.0 * n * c + c**2) / (square + 2.0 * n * c + c**2)
     p = (square * c**2 - 2.0 * n * c + 1.0) / (square * c**2 + 2.0 * n * c + 1.0)
+    # The average metal's rise from normal incidence to 1 is every band's (22).
     start = (square - 2.0 * n + 1.0) / (square + 2.0 * n + 1.0)
     rise = (0.5 * (s + p) - start) / (1.0 - start)
     return xp.asarray(normal_reflectance + (1.0 - normal_reflectance) * rise)

@@ -162,5 +162,6 @@ def two_decays(
     """
     x = (b - a) * depth
     close = jnp.abs(x) < _SERIES_DECAYS
+    # (1 - e^-x)/x by its series, where the difference below has no digits.
     series = depth * (1.0 + faded_a) * _polynomial(_PHI, jnp.where(close, x, 0.0))
     return quotient(jnp.where(close, series, faded_a - faded_b), jnp.where(close, 1.0, b - a))

@@ -61,6 +61,7 @@ def inverse_positive(a: Float[Array, "*batch n n"]) -> Float[Array, "*batch n n"
         second = jnp.stack([-a[..., 1, 0], a[..., 0, 0]], axis=-1)
         return jnp.stack([first, second], axis=-2) / determinant[..., None, None]
     half = n // 2
+    # With the blocks A, B, C: A^-1, A^-1 B, and the inverse of Schur's complement C - B^T A^-1 B.
     corner = inverse_positive(a[..., :half, :half])
     across = product(corner, a[..., :half, half:])
     complement = inverse_positive(a[..., half:, half:] - product(a[..., half:, :half], across))
@@ -137,6 +138,7 @@ def solve_positive(
         start = block * _BLOCK
         rows = jax.lax.dynamic_slice_in_dim(work, start, _BLOCK, axis)
         columns = jax.lax.dynamic_slice_in_dim(work, start, _BLOCK, axis + 1)
+        # The block's rows over its pivot block; then they are taken off all others.
         rows = product(
             _small_inverse(jax.lax.dynamic_slice_in_dim(rows, start, _BLOCK, axis + 1)), rows
         )

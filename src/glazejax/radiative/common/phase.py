@@ -157,6 +157,7 @@ def evaluate(moments: Numbers, cosine: Numbers) -> Float[Array, "*batch"]:
     moments = jnp.asarray(moments)
     cosine = jnp.asarray(cosine)
     terms = moments.shape[-1]
+    # (2l + 1) chi_l, from the highest degree down.
     coefficients = jnp.moveaxis(moments * (2.0 * np.arange(terms) + 1.0), -1, 0)
     zero = jnp.zeros(jnp.broadcast_shapes(moments.shape[:-1], cosine.shape), coefficients.dtype)
 
@@ -192,6 +193,7 @@ def delta_m(
     if moments.shape[-1] <= terms:
         return albedo, thickness, moments
     peak = moments[..., terms]
+    # The rest of the phase function, normalised to one again.
     narrow = (moments[..., :terms] - peak[..., None]) / (1.0 - peak[..., None])
     return albedo * (1.0 - peak) / (1.0 - albedo * peak), (1.0 - albedo * peak) * thickness, narrow
 
@@ -225,4 +227,5 @@ def _terms(cosines: dict[str, Numbers], terms: int | None) -> int:
         return terms
     if largest == 0.0:
         return 1
+    # Moments g^l are negligible from this degree on.
     return min(_MOST_TERMS, 1 + int(np.ceil(np.log(_NEGLIGIBLE) / np.log(largest))))

@@ -151,6 +151,8 @@ def _conserve_at_grazing(cosines: Any, weights: Any, grazing: float) -> Any:
     ``grazing`` is the cosine about which it is.
     """
     xp = array_module(weights)
+    # Two unknowns for two sums: a factor of all weights, and an addition that dies out above
+    # `grazing`.
     grazing_weights = weights / (1.0 + (cosines / grazing) ** 2)
     total = xp.sum(weights, axis=-1, keepdims=True)
     flux = xp.sum(weights * cosines, axis=-1, keepdims=True)
@@ -179,6 +181,7 @@ def conserve(
     miss0 = 1.0 - m0
     miss1 = 0.5 - m1
     determinant = m0 * m2 - m1 * m1
+    # w (1 + a + b mu), with a and b by the two conditions.
     constant = (miss0 * m2 - miss1 * m1) / determinant
     linear = (miss1 * m0 - miss0 * m1) / determinant
     return weights * (1.0 + constant[..., None] + linear[..., None] * cosines)

@@ -52,6 +52,7 @@ def inverse_positive(a: Float[Array, "*stack n n batch"]) -> Float[Array, "*stac
     if n == 3:
         return _inverse_of_three(a)
     half = n // 2
+    # With the blocks A, B, C: A^-1, A^-1 B, and the inverse of Schur's complement C - B^T A^-1 B.
     corner = inverse_positive(a[..., :half, :half, :])
     across = product(corner, a[..., :half, half:, :])
     below = a[..., half:, half:, :] - product(a[..., half:, :half, :], across)

@@ -130,6 +130,7 @@ def _orthonormal(
     diagonal = np.zeros(count)
     side = np.zeros(count)
     for k in range(count):
+        # y times the last polynomial, less its components along all before.
         following = y * polynomials[-1]
         diagonal[k] = np.sum(measure * following * polynomials[-1])
         for _ in range(2):  # once more against rounding

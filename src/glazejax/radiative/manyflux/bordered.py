@@ -77,7 +77,10 @@ class Bordered(NamedTuple):
     def __matmul__(self, other: "Bordered") -> "Bordered":
         """Product: through the nodes, or past them on a direction's own diagonal."""
         n = self.nodes
+        # Sums over directions run over the nodes alone: an added direction has no weight in them.
         body = matmul(self.body[..., :n], other.body[..., :n, :])
+        # Light of an added direction may also pass one of the two straight on, by its diagonal, and
+        # be scattered in the other alone.
         body += self.body * _after_nodes(n, other.incidence)[..., None, :]
         body += _after_nodes(n, self.viewing)[..., :, None] * other.body
         return Bordered(body, self.viewing * other.viewing, self.incidence * other.incidence)
@@ -93,6 +96,8 @@ class Bordered(NamedTuple):
 
     def plus_identity(self, factor: float | Array = 1.0) -> "Bordered":
         """The operator plus a multiple of the one that changes nothing."""
+        # Only the nodes' diagonal stands in the body: one direction may be among viewing and
+        # incidence both, so that theirs are kept apart.
         rows, columns = self.body.shape[-2:]
         identity = (
             np.eye(rows, columns, dtype=self.body.dtype) * (np.arange(rows) < self.nodes)[:, None]
@@ -108,6 +113,7 @@ class Bordered(NamedTuple):
     def symmetric(self) -> "Bordered":
         """With the core's two halves averaged: rounding leaves them different."""
         change = 0.5 * (transpose(self.core) - self.core)
+        # The borders have no mirror image in the body: rows are for viewing, columns for incidence.
         edges = [(0, 0)] * (change.ndim - 2) + [
             (0, self.viewing.shape[-1]),
             (0, self.incidence.shape[-1]),
@@ -124,6 +130,8 @@ class Bordered(NamedTuple):
             often: take the faster form that is slower to compile; the core must be symmetric
                 positive definite.
         """
+        # Block elimination: added directions pass on their own light by diagonals, so that only the
+        # core needs an inverse.
         core = inverse_symmetric(self.core) if often else inverse(self.core)
         rows = matmul(self.rows, core)
         columns = matmul(core, self.columns)

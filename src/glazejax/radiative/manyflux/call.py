@@ -137,6 +137,7 @@ def prepare(
     angles = {name: flat[name] for name in cosines} | {
         n: flat_batch(a, checked.batch) for n, a in turned.items()
     }
+    # Below what single precision can hold, more directions would only add rounding.
     single = dtype == jnp.float32
     effort = choose_effort(
         tolerance=max(stack.tolerance, FINEST_SINGLE) if single else stack.tolerance,
@@ -169,6 +170,7 @@ def prepare(
 def _media(stack: StackInputs, count: int) -> float | Media:
     """One index where one is enough: no interfaces inside, a Lambertian ground."""
     index = stack.refractive_index
+    # Indices decide directions and surfaces when the program is compiled: each must be a number.
     single = plain_number(index)
     several = [plain_number(n) for n in index] if isinstance(index, Sequence) else [None]
     indices = tuple(
@@ -211,9 +213,11 @@ def _results(
     media, effort, downward = settings
 
     def one(layers: Layers, angles: dict[str, Array]) -> Array:
+        # Without angles no direction is added to the nodes: the light falls in evenly.
         lit = layers.albedo[:0]
         if angles:
             lit = angles["cos_incidence"][None]
+        # With an azimuth a radiance is asked for, else a flux.
         if "azimuth" in angles:
             axes = AngleAxes(angles["cos_viewing"][None], lit, angles["azimuth"][None])
             return _factor(layers, axes, table, settings)[0, 0, 0]
@@ -272,6 +276,7 @@ def _map_stacks(
     """Apply to every stack, some at a time, so that memory stays bounded whatever the batch."""
     count = layers.albedo.shape[1]
     effort = settings.effort
+    # A stack's operators are matrices over all directions, for each layer and azimuth mode.
     width = effort.width + added
     chunk = max(1, _CHUNK_BYTES // (count * effort.modes * width**2 * layers.albedo.dtype.itemsize))
     # A shared phase function's moments stay out of the batch.

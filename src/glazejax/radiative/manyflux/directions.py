@@ -119,6 +119,7 @@ def _nodes(count: int, crowding: float) -> Nodes:
 def _best(
     index: float, count: int, sizes: tuple[float, ...], crowdings: tuple[float, ...] = _CROWDING
 ) -> tuple[float, NodeSpread]:
+    # Shares of the nodes in the cone of refraction to try; at an index of 1 all light can leave.
     cones = (
         {count}
         if index == 1.0
@@ -132,6 +133,7 @@ def _best(
 
 @functools.lru_cache(maxsize=64)
 def _exact_sums(index: float, sizes: tuple[float, ...]) -> np.ndarray:
+    # A fine rule stands for the exact sums.
     return _sums(index, NodeSpread(100, 100, _CROWDING[-1]), sizes)
 
 
@@ -153,6 +155,7 @@ def scattered_sums(
     polynomials = (
         np.polynomial.legendre.legvander(mu, moments.size - 1) * np.sqrt(2 * orders + 1) * moments
     )
+    # Optical depths between the two events: near ones weigh grazing light, far ones steep light.
     depths = np.array([0.0, 0.01, 0.1, 1.0])
     fades = np.exp(-depths[:, None] / mu) * weights
     return np.stack(

@@ -33,6 +33,7 @@ def doublings(thickest: float | None, least_cosine: float) -> int:
         least_cosine: smallest cosine of any direction inside.
     """
     largest = 1e6 if thickest is None else max(thickest, 1e-300)
+    # The series holds for x = D 2^-count/(2 mu) up to an eighth (`_SERIES`).
     exact = max(0, int(np.ceil(np.log2(largest / (0.25 * least_cosine)))))
     # Few different numbers, so that another thickness rarely needs another program.
     return -(-exact // 4) * 4
@@ -51,6 +52,7 @@ def layer_by_doubling(
     Returns:
         R and U, `Bordered`.
     """
+    # The slice that the series is for; each doubling joins two equal slices.
     depth = thickness * 2.0**-count
     start = _thin_layer(a, b, depth)
     if count == 0:
@@ -63,18 +65,22 @@ def layer_by_doubling(
 
 
 def _thin_layer(a: Bordered, b: Bordered, depth: Array) -> tuple[Bordered, Bordered]:
+    # A slice's faces lie at the distance h from its middle.
     h = 0.5 * depth
 
     # X from B and A, Y from A and B, both at once.
     first: Bordered = jax.tree.map(lambda x, y: jnp.stack(jnp.broadcast_arrays(x, y)), b, a)
     second: Bordered = jax.tree.map(lambda x: x[::-1], first)
+    # z h^2 of the series, for z = A B and z = B A.
     squared = (second @ first).scaled(h * h)
+    # Horner's rule, from the highest power down.
     total = squared.scaled(_SERIES[-1]).plus_identity(_SERIES[-2])
 
     def lower_power(total: Bordered, coefficient: Array):
         return (squared @ total).plus_identity(coefficient), None
 
     total, _ = jax.lax.scan(lower_power, total, jnp.asarray(_SERIES[-3::-1], depth.dtype))
+    # X = B t(A B) and Y = A t(B A), symmetric but for rounding.
     impedance = (first @ total).scaled(h).symmetric()
     even, odd = (jax.tree.map(lambda leaf, i=i: leaf[i], impedance) for i in (0, 1))
     return reflection_and_loss(even, odd)
@@ -92,7 +98,10 @@ def reflection_and_loss(even: Bordered, odd: Bordered) -> tuple[Bordered, Border
 def _double(r: Bordered, loss: Bordered) -> tuple[Bordered, Bordered]:
     """Two equal layers: R + T (1 - R R)^-1 R T and 1 - T (1 - R R)^-1 T."""
     t = loss.one_minus()
+    # (1 - R R)^-1: light between the two layers goes to and fro.
     between = (r @ r).one_minus().symmetric().inverse(often=True)
+    # Upward light between them, sent back by the lower layer. It leaves above, or is turned down
+    # once more and leaves below.
     again = (between @ r) @ t
     back = t @ again
     onward = t @ (r @ again)

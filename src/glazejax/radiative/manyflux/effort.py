@@ -71,6 +71,7 @@ def choose_effort(
         ValueError: too few streams, no directions good enough, or an unknown solution.
     """
     check_choice("solution", solution, Solution)
+    # A moment that is traced may be as large as one.
     sizes = (
         np.ones(terms) if moments is None else np.max(np.abs(moments).reshape(-1, terms), axis=0)
     )
@@ -80,6 +81,7 @@ def choose_effort(
     terms_kept = int(np.flatnonzero(twice > 0.03 * tolerance).max(initial=0)) + 1
     if streams is not None and streams < 2:
         raise ValueError(f"streams is {streams}; it must be at least 2")
+    # No more moments than the directions of both hemispheres can separate.
     terms_kept = terms_kept if streams is None else min(terms_kept, 2 * streams)
     directions, least = _directions(
         media, _round_sizes(sizes[:terms_kept]), tolerance, streams, least_cosine
@@ -101,12 +103,15 @@ def _directions(
 ) -> tuple[NodeSpread | SharedSpread, float]:
     """Directions and the smallest cosine that light has in any layer."""
     if isinstance(media, Media):
+        # Directions are cut at the indices outside too: total reflection begins there.
         below = 1.0 if media.below is None else media.below
         pieces = fewest_shared_directions(
             media.layers, tuple(sorted({1.0, below})), sizes, tolerance, streams
         )
         nodes = [in_medium(shared_directions(pieces), index) for index in media.layers]
         least = min(float(mu[exists].min()) for mu, _, exists in nodes)
+        # Beam and view by Snell's law; what grazes in a dense medium below stays flattest in the
+        # paint.
         added = [
             np.sqrt((n - below) * (n + below) + (below * least_cosine) ** 2) / n
             for n in media.layers
@@ -118,6 +123,7 @@ def _directions(
         if fewest
         else best_directions(media, streams, sizes)
     )
+    # A beam or view that is followed exactly may be flatter than all nodes.
     mu = np.asarray(spread_directions(media, spread).cosines)
     return spread, min(float(mu.min()), float(cos_refracted(least_cosine, media)))
 

@@ -68,6 +68,7 @@ def layer_by_modes(
     """
     modes = layer_modes(a.core, b.core)
     half = 0.5 * thickness[..., None]
+    # X = B t(A B), Y = A t(B A). As A and B are symmetric, B A has the transposed eigenvectors.
     even = b @ _tangent(a @ b, modes.shapes, modes.projection, modes.decay_squared, half)
     back, into = (transpose(m) for m in (modes.projection, modes.shapes))
     odd = a @ _tangent(b @ a, back, into, modes.decay_squared, half)
@@ -79,8 +80,10 @@ def _tangent(
 ) -> Bordered:
     """t of a bordered operator whose core is shapes diag(squared) projection; depth is (..., 1)."""
     # Added directions are modes of their own, in addition to those of the core.
+    # In modes: what each incidence excites, and what each viewing direction collects.
     columns = matmul(projection, product.columns)
     rows = matmul(product.rows, shapes)
+    # t at the modes' kappa^2, and at each added direction's own 1/mu^2.
     core_modes = tanh_sech(squared, depth)[0]
     viewing = product.viewing
     incidence = product.incidence
@@ -99,6 +102,7 @@ def _tangent(
             depth[..., None, None],
         )
         corner += einsum("...vk,...vik,...ki->...vi", rows, by_modes, columns)
+    # Back from modes to nodes.
     upper = jnp.concatenate(
         [
             matmul(shapes * core_modes[..., None, :], projection),
@@ -114,6 +118,7 @@ def first_difference(z: Array, x: Array, depth: Array) -> Array:
     """(t(z) - t(x))/(z - x), regular where they meet; x > 0, z >= 0."""
     z, x, depth = jnp.broadcast_arrays(z, x, depth)
     close = _close(z, x)
+    # Where close, the quotient below is not used, but its slope must be finite too.
     distinct = jnp.where(close, 0.0, z)
     slope = tanh_sech(distinct, depth)[0] - tanh_sech(x, depth)[0]
     return jnp.where(
@@ -140,6 +145,7 @@ def _close_difference(z: Array, x: Array, depth: Array) -> Array:
         * phi(2.0 * depth * (high - low))
         / ((1.0 + fades[0]) * (1.0 + fades[1]))
     )
+    # (tanh(b h)/b - tanh(a h)/a)/(b^2 - a^2) with b - a divided out.
     return (tangents - jnp.tanh(low * depth) / low) / (high * (high + low))
 
 
@@ -149,6 +155,7 @@ def second_difference(x: Array, z: Array, y: Array, depth: Array) -> Array:
     """
     x, z, y, depth = jnp.broadcast_arrays(x, z, y, depth)
     close = _close(x, y)
+    # The recursion of divided differences, where x and y are apart.
     quotient = (first_difference(z, x, depth) - first_difference(z, y, depth)) / jnp.where(
         close, 1.0, x - y
     )
@@ -168,9 +175,11 @@ def second_difference(x: Array, z: Array, y: Array, depth: Array) -> Array:
 @jax.custom_jvp
 def _eigen(a: Array, b: Array) -> tuple[Array, Array]:
     """kappa^2 and W with A = W W^T, W^T B W = diag(kappa^2)."""
+    # With A = L L^T and W = L V one symmetric matrix L^T B L is left.
     factor = _cholesky(a)
     reduced = matmul(transpose(factor), matmul(b, factor))
     squared, vectors = symmetric_eigen(0.5 * (reduced + transpose(reduced)))
+    # At an albedo of one kappa^2 is 0, which rounding may make negative.
     return jnp.maximum(squared, 0.0), matmul(factor, vectors)
 
 
@@ -181,8 +190,11 @@ def _eigen_jvp(primals, tangents):
     across = transpose(shapes)
     back = matmul(across, inverse(a))
 
+    # Both changes in the frame of the modes: W^-1 dA W^-T and W^T dB W.
     by_a = matmul(matmul(back, tangents[0]), transpose(back))
     by_b = matmul(matmul(across, tangents[1]), shapes)
+    # With dW = W S: S + S^T is dA there, and off the diagonal S_ij (kappa_j^2 - kappa_i^2) is dB +
+    # dA kappa_j^2.
     turn = by_b + by_a * squared[..., None, :]
     on_diagonal = np.eye(squared.shape[-1], dtype=bool)
     gap = squared[..., None, :] - squared[..., :, None]

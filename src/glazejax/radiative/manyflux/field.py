@@ -130,6 +130,7 @@ def manyflux_field(
     # Where a depth lies decides which surfaces are above it: one program a layer.
     tops = np.concatenate([[0.0], np.cumsum(known_thickness)[:-1]])
     cuts = np.searchsorted(tops, np.minimum(known_depths, known_thickness.sum()), side="right") - 1
+    # The share of its layer that lies above each depth; of an empty layer none.
     shares = np.clip(
         (known_depths - tops[cuts])
         / np.where(known_thickness[cuts] > 0, known_thickness[cuts], 1.0),
@@ -152,6 +153,7 @@ def manyflux_field(
             )
         )
         order.append(rows)
+    # Back to the order in which the depths came.
     back = np.argsort(np.concatenate(order))
     return jax.tree.map(lambda *leaves: jnp.concatenate(leaves)[back], *fields)
 
@@ -175,6 +177,7 @@ def _field(
     passing = diagonal(Diagonal(*(1.0 - r for r in surface)))
     face = Slab(diagonal(surface).scaled(0.0), diagonal(surface), passing, passing)
     waves = azimuth_waves(azimuth, modes)
+    # A perfect white has 2 sqrt(mu) sqrt(mu_0) in its corner (`lambert`), and pi L/E of 1.
     unit = 2.0 * stack.roots.viewing[:, None] * stack.roots.incidence
 
     def at(depth: Array) -> Field:
@@ -235,12 +238,16 @@ def _between(
         roots: what a node's light counts in the flux, (nodes,).
         waves: of the azimuths.
     """
+    # Light at the depth goes to and fro: what came through from above, times (1 - R_above
+    # R_below)^-1.
     down = (above.below @ below).one_minus().inverse() @ above.down
     up = below @ down
     radiance = [
         einsum("mvi,mk->vik", operator.corner / unit, waves)[:, 0] for operator in (down, up)
     ]
+    # The beam goes on by its diagonal and is in no radiance: fluxes add it.
     beams = [operator.incidence[0, 0] for operator in (down, up)]
+    # Flux is in azimuth mode 0 alone; the others cancel over a turn.
     fluxes = [roots @ operator.columns[0, :, 0] for operator in (down, up)]
     return Field(
         down=radiance[0],

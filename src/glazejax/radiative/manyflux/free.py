@@ -140,6 +140,7 @@ def free_regular(
 
     The rest of what `free_hemispherical` lets through was scattered. Arguments as there.
     """
+    # Without scattering only the beam gets through, exactly, however coarse the directions.
     nothing = jnp.zeros_like(jnp.asarray(albedo, jnp.result_type(float)))
     return free_hemispherical(
         nothing,

@@ -39,6 +39,7 @@ def ground_table(cosines: Numbers, factor: Numbers) -> GroundTable:
     """
     x = np.asarray(cosines, float)
     values = np.asarray(factor, float)
+    # A table without azimuths holds for all of them.
     if values.ndim == 2:
         values = values[..., None]
     if x.ndim != 1 or values.shape[:-1] != (x.size, x.size) or values.shape[-1] < 1:
@@ -67,6 +68,7 @@ def ground_table(cosines: Numbers, factor: Numbers) -> GroundTable:
     if azimuths > 1:
         weights[[0, -1]] *= 0.5
     modes = np.einsum("vik,mk,k->mvi", values, np.cos(orders[:, None] * angles), weights)
+    # The solver takes grounds to be reciprocal to the last digit.
     modes = 0.5 * (modes + np.swapaxes(modes, 1, 2))
     # However light falls in, no more may come back: all directions of exit by a fine rule.
     fine, share = np.polynomial.legendre.leggauss(64)
@@ -101,6 +103,7 @@ def ground_operator(
         return lambert(reflectance, roots, modes, dtype)
     rows = jnp.concatenate([roots.nodes, roots.viewing])
     columns = jnp.concatenate([roots.nodes, roots.incidence])
+    # The table between its knots, linear in the cosines of viewing and of incidence.
     interpolations = [
         jnp.asarray(_between(table.cosines, jnp.concatenate([cosines.nodes, c])))
         for c in cosines[1:]
@@ -108,7 +111,9 @@ def ground_operator(
     means = einsum(
         "vs,mst,it->mvi", interpolations[0], table.modes.astype(dtype), interpolations[1]
     )[:modes]
+    # Lambert's 2 rho g g^T, with the table's modes in place of 1.
     body = 2.0 * reflectance * rows[:, None] * columns * means
+    # Modes finer than the table resolves come back black.
     spare = modes - body.shape[0]
     return Bordered(
         jnp.concatenate([body, jnp.zeros((spare, *body.shape[1:]), dtype)]),
@@ -119,9 +124,11 @@ def ground_operator(
 
 def _between(knots, cosines):
     """Matrix of linear interpolation from descending knots to cosines, (cosines, knots)."""
+    # Cosines that are known make a constant of the compiled program.
     xp = np if concrete(cosines) is not None and concrete(knots) is not None else jnp
     if knots.shape[0] == 1:
         return xp.ones((cosines.shape[0], 1))
+    # Beyond its ends the table goes on as it ends.
     interval = xp.clip(xp.sum(cosines[:, None] < knots, axis=1) - 1, 0, knots.shape[0] - 2)
     share = xp.clip((knots[interval] - cosines) / (knots[interval] - knots[interval + 1]), 0.0, 1.0)
     knot = xp.arange(knots.shape[0])

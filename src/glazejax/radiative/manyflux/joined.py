@@ -160,6 +160,8 @@ def opened_stack(
     discrete = _discrete(
         layers, indices, (cos_inside, indices[1 + cut]), cos_incidence, effort, modes
     )
+    # Layers above the cut are wholly in the upper slab, those below it in the lower, the cut one in
+    # both by its share.
     number = np.arange(len(media.layers))
     above_share = jnp.where(number < cut, 1.0, jnp.where(number > cut, 0.0, share))
     surfaces, _ = _surfaces(discrete, modes)
@@ -170,9 +172,11 @@ def opened_stack(
     def pick(slabs: Slab, k: int) -> Slab:
         return jax.tree.map(lambda leaf: leaf[k], slabs)
 
+    # From the air down to the cut.
     above = join(pick(surfaces, 0), pick(upper, 0))
     for k in range(1, cut + 1):
         above = join(join(above, pick(surfaces, k)), pick(upper, k))
+    # From the ground up to the cut; the surface of the cut layer lies above it.
     below = _ground(discrete, layers, None, modes)
     for k in range(len(media.layers) - 1, cut - 1, -1):
         slab = pick(lower, k) if k == cut else join(pick(surfaces, k), pick(lower, k))
@@ -273,8 +277,10 @@ def flux_of_even_light(joined: JoinedStack) -> Float[Array, ""]:
 def _ways(cosines: Array, indices: np.ndarray, known_in: float) -> FollowedDirections:
     """Cosines in every medium of directions known in one."""
     n = indices[:, None]
+    # (n cos)^2 in each medium by Snell's law; the product keeps its digits between like indices.
     squared = (n - known_in) * (n + known_in) + (known_in * cosines) ** 2
     exists = squared > 0
+    # A direction that does not exist is held as the vertical one, so that roots have finite slopes.
     return FollowedDirections(jnp.sqrt(jnp.where(exists, squared, n**2)) / n, exists)
 
 
@@ -288,12 +294,14 @@ def _surfaces(discrete: _Discrete, modes: int) -> tuple[Slab, list[Array]]:
     upper = discrete.indices[:-1, None]
     lower = discrete.indices[1:, None]
     for direction in discrete.followed:
+        # Light that cannot go on in the other medium is totally reflected.
         on_both_sides = direction.exists[:-1] & direction.exists[1:]
         r = jnp.where(
             on_both_sides,
             interface_reflectance(upper, lower, direction.cosines[:-1], direction.cosines[1:]),
             1.0,
         )
+        # What the outer surface reflects of light from the air is left out (see the module).
         outer = np.arange(len(upper))[:, None] == 0
         # From the side on which a direction does not exist no light comes.
         above.append(jnp.where(outer | ~direction.exists[:-1], 0.0, r))
@@ -301,6 +309,7 @@ def _surfaces(discrete: _Discrete, modes: int) -> tuple[Slab, list[Array]]:
         through.append(1.0 - r)
 
     def operator(entries: list[Array]) -> Bordered:
+        # A smooth surface keeps every azimuth: the same in all modes.
         bordered = diagonal(Diagonal(*entries))
         return jax.tree.map(
             lambda x: jnp.broadcast_to(x[:, None], (x.shape[0], modes, *x.shape[1:])), bordered
@@ -315,6 +324,7 @@ def _passing(
 ) -> Float[Array, "layers v i"]:
     """Share that the surfaces let through to each layer and out again, over n^2."""
     viewing, incidence = through
+    # Into a layer through the surfaces above it; out through the same ones, or those below it.
     into = jnp.cumprod(incidence, axis=0)[:count]
     out = (
         jnp.cumprod(viewing[::-1], axis=0)[::-1][1:]

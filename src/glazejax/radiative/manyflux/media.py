@@ -62,6 +62,7 @@ def shared_directions(pieces: SharedSpread) -> SharedDirections:
             y, w = graded_gauss(count, pieces.crowding)
         else:
             y, w = gauss(count)
+        # The piece's lower end as a cosine in the medium where its upper end grazes.
         steepest = np.sqrt((upper - below) * (upper + below)) / upper
         mu = steepest * y
         share = mu * w
@@ -80,6 +81,8 @@ def in_medium(
     the weight zero.
     """
     exists = common.end <= index
+    # (n mu)^2 = n^2 - (n sin theta)^2; the two indices cancel first, so that grazing light keeps
+    # its digits.
     squared = np.where(exists, index**2 - common.end**2 + common.beyond, index**2)
     mu = np.sqrt(squared) / index
     return mu, np.where(exists, common.flux / (index**2 * mu), 0.0), exists
@@ -95,6 +98,7 @@ def interface_reflectance(
         upper, lower: refractive indices, (...).
         cos_upper, cos_lower: cosines of the same direction on both sides, (...).
     """
+    # s polarisation compares n cos of both sides, p polarisation cos/n.
     upper_product = upper * cos_upper
     lower_product = lower * cos_lower
     s = (upper_product - lower_product) / (upper_product + lower_product)
@@ -136,6 +140,7 @@ def fewest_shared_directions(
         rules = (_as_directions(pieces, index) for index in inner_indices)
         return np.stack([scattered_sums(rule, np.array(sizes)) for rule in rules])
 
+    # The sums of a fine rule stand for the exact ones.
     exact = sums(SharedSpread(ends, (80,) * len(ends), 4.0, media))
 
     def best(count: int) -> tuple[float, SharedSpread]:
@@ -159,10 +164,12 @@ def _shared_out(
     """
     if len(ends) == 1:
         return (count,)
+    # Every piece keeps two nodes at least.
     first = min(max(2, round(share * count)), count - 2 * (len(ends) - 1))
     steepest = [np.sqrt(1.0 - (low / high) ** 2) for low, high in itertools.pairwise(ends)]
     remaining = count - first
     nodes = [max(2, int(remaining * s / sum(steepest))) for s in steepest]
+    # Rounding leaves some over: the widest piece takes them.
     nodes[int(np.argmax(steepest))] += remaining - sum(nodes)
     return (first, *nodes)
 

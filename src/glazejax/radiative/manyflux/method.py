@@ -83,6 +83,7 @@ class ManyFlux:
             cos_incidence: Array,
             cos_viewing: Array | None,
         ) -> Array:
+            # Isotropic scattering is one Legendre moment, and the same at every azimuth.
             layers = Layers(q, d, jnp.ones((q.size, 1), q.dtype), ground)
             if cos_viewing is None:
                 return hemispherical_reflectance(layers, index, cos_incidence[None], resolution)[0]

@@ -125,9 +125,11 @@ def scattering(
     """
     modes, terms, count = nodes.shape[-3:]
     even = (np.arange(terms) - np.arange(modes)[:, None]) % 2 == 0
+    # With sqrt(w) at the nodes, sums over directions are plain products of matrices.
     weighed = nodes * roots[..., None, None, :]
     across = _append_directions(weighed, incidence)
     down = _append_directions(weighed, viewing)
+    # (2l + 1) chi_l, the weight of each degree in the phase function.
     factors = ((2.0 * np.arange(terms) + 1.0) * moments)[..., None, :, None]
 
     def part(parity: np.ndarray) -> Array:
@@ -136,16 +138,20 @@ def scattering(
 
     c_even = part(even)
     c_odd = part(~even)
+    # Flux is in the even part of mode 0: there all light that is scattered must come back.
     zeroth = c_even[..., 0, :, :]
     rows_root = _append_directions(roots, jnp.ones(down.shape[-1] - count, roots.dtype))
     columns_root = _append_directions(roots, jnp.ones(across.shape[-1] - count, roots.dtype))
     # Over the sum of weights, which is one only to the accuracy of the rule where several media
     # share it.
     share = roots / jnp.sum(roots * roots, axis=-1, keepdims=True)
+    # What each row and column lacks by the error of the nodes.
     rows_missing = rows_root - einsum("...ij,...j->...i", zeroth[..., :, :count], roots)
     columns_missing = columns_root - einsum("...i,...ij->...j", roots, zeroth[..., :count, :])
     scale = jnp.sum(roots * roots, axis=-1)[..., None]
     missing_flux = einsum("...j,...j->...", columns_missing[..., :count], share)[..., None, None]
+    # The symmetric matrix of rank two that adds this; the flux that both terms bring is taken off
+    # once.
     change = rows_missing[..., :, None] * columns_root[..., None, :]
     change += rows_root[..., :, None] * columns_missing[..., None, :]
     change = (change - missing_flux * rows_root[..., :, None] * columns_root[..., None, :]) / scale[
@@ -173,9 +179,11 @@ def rates(
         cosines: of nodes (..., n), directions of viewing (..., v) and of incidence (..., i).
     """
     mu, viewing, incidence = cosines
+    # M^-1/2 on both sides, where viewing and incidence have rows and columns of their own.
     rows, columns = (_append_directions(mu, added) ** -0.5 for added in (viewing, incidence))
     scale = albedo[..., None, None] * rows[..., :, None] * columns[..., None, :]
     batch = jnp.broadcast_shapes(scale.shape[:-2], even.shape[:-2])
+    # An added direction loses its own light at the rate 1/mu.
     along = jnp.broadcast_to(1.0 / viewing, (*batch, viewing.shape[-1]))
     into = jnp.broadcast_to(1.0 / incidence, (*batch, incidence.shape[-1]))
     i = np.arange(mu.shape[-1])
@@ -211,6 +219,7 @@ def scatter_between(
         terms: Legendre moments.
         modes: of the azimuth.
     """
+    # A forward peak beyond the moments kept counts as light that was not scattered.
     albedo, thickness, moments = delta_m(
         layers.albedo, layers.optical_thickness, layers.moments, terms
     )

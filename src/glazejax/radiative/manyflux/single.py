@@ -48,10 +48,13 @@ def missing_once(
     # Between the added directions.
     nodes = scaled.even.shape[-1] - once.cos_lit.shape[-1]
     even, odd = (c[..., nodes:, nodes:] for c in (scaled.even, scaled.odd))
+    # C+ between directions that both go down, C- where the light turns back (`scattering`).
     truncated = (even + odd if downward else even - odd) * scaled.albedo[:, None, None, None]
     truncated_phase = einsum("lmvi,mk->lvik", truncated, waves)
     viewing = once.cos_seen[:, :, None]
     incidence = once.cos_lit[:, None, :]
+    # Cosine of the scattering angle: mu mu' + sin sin' cos(azimuth), mu mu' < 0 where light turns
+    # back.
     along = viewing * incidence if downward else -viewing * incidence
     turn = (sine(viewing) * sine(incidence))[..., None] * jnp.cos(azimuth) + along[..., None]
     exact_phase = evaluate(once.layers.moments[:, None, None, None, :], turn)
@@ -60,6 +63,7 @@ def missing_once(
     present = thickness > 0
     share = jnp.where(present, thickness, 1.0) / jnp.where(present, scaled.thickness, 1.0)
     difference = (once.layers.albedo * share)[:, None, None, None] * exact_phase - truncated_phase
+    # pi L/E of light scattered once is q p/(4 mu mu_0) times an integral over the depth.
     lights = (
         once.passing * _lengths(once, viewing, incidence, downward) / (4.0 * viewing * incidence)
     )
@@ -73,10 +77,13 @@ def _lengths(once: ScatteredOnce, viewing: Array, incidence: Array, downward: bo
     depth = once.scaled.thickness[:, None, None]
     into = depth / incidence
     out = depth / viewing
+    # Optical path through the layers above, on the way in.
     before = jnp.cumsum(into, axis=0) - into
     if not downward:
+        # Light that turns back crosses the same layers once more.
         before += jnp.cumsum(out, axis=0) - out
         return jnp.exp(-before) * decay_integral(1.0 / viewing + 1.0 / incidence, depth)
+    # Light that goes on crosses those below.
     after = jnp.sum(out, axis=0) - jnp.cumsum(out, axis=0)
     faded = [jnp.expm1(-x) for x in (into, out)]
     return jnp.exp(-before - after) * two_decays(1.0 / incidence, 1.0 / viewing, depth, *faded)

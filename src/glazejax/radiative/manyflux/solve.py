@@ -54,6 +54,7 @@ def discrete_stack(
     mu, weights, reflectance = (jnp.asarray(a, dtype) for a in rule_values)
     viewing = cos_viewing if viewed_inside else cos_refracted(cos_viewing, index)
     incidence = cos_refracted(cos_incidence, index)
+    # An eye inside sees the surface from below, beyond the critical angle as a mirror.
     back = (
         _reflected_back(viewing, index)
         if viewed_inside
@@ -82,6 +83,7 @@ def _reflected_back(cosines: Array, index) -> Array:
     """Fresnel's reflectance of the surface for light from inside, total beyond the
     critical angle.
     """
+    # Cosine outside by Snell's law; beyond the critical angle 1, so that its slope is finite.
     squared = 1.0 - index**2 * (1.0 - cosines**2)
     outside = jnp.sqrt(jnp.select([squared > 0], [squared], 1.0))
     return jnp.select([squared > 0], [dielectric_reflectance(outside, index)], 1.0)
@@ -117,7 +119,10 @@ def reflectance_factor(
     all_light = einsum("mvi,mk->vik", outside.corner, waves)
     viewing = stack.roots.viewing[:, None]
     incidence = stack.roots.incidence
+    # A perfect white has 2 sqrt(mu) sqrt(mu_0) in its corner (`lambert`); radiance falls by n^2 on
+    # its way out.
     factor = all_light / (2.0 * index**2 * viewing * incidence)[..., None]
+    # One moment in one mode: nothing of light scattered once was cut off.
     if modes == 1 and layers.moments.shape[-1] == 1:
         return factor
     return factor + _missing(stack, layers, index, azimuth, waves)
@@ -127,6 +132,7 @@ def _missing(stack: DiscreteStack, layers: Layers, index, azimuth: Array, waves:
     viewing = stack.cosines.viewing
     incidence = stack.cosines.incidence
     shape = (layers.albedo.size, viewing.size, incidence.size)
+    # Through the surface on both ways, and radiance falls by n^2 on its way out.
     through = (1.0 - stack.surface.viewing[:, None]) * (1.0 - stack.surface.incidence) / index**2
     once = ScatteredOnce(
         layers=layers,
@@ -147,6 +153,7 @@ def hemispherical_reflectance(
     """Flux that leaves over flux of a collimated beam, for each direction of incidence."""
     stack = discrete_stack(layers, index, cos_incidence[:0], cos_incidence, effort, 1)
     outside = _outside(stack, layers.ground, effort, 1)
+    # sqrt(mu w) times the operator's sqrt(mu w) I is the flux of each node.
     return einsum("n,ni->i", stack.roots.nodes, outside.columns[0]) / stack.roots.incidence
 
 

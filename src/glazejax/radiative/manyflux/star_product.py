@@ -42,8 +42,10 @@ def join(upper: Slab, lower: Slab, between: Bordered | None = None) -> Slab:
     """
     if between is None:
         between = (upper.below @ lower.above).one_minus().inverse()
+    # Of light from above: what goes down between the slabs, and what the lower one sends up.
     downward = between @ upper.down
     upward = lower.above @ downward
+    # Of light from below: what goes down between them once the upper one has reflected it.
     back = between @ upper.below @ lower.up
     return Slab(
         upper.above + upper.up @ upward,
@@ -75,6 +77,7 @@ def stack_reflection(reflections: Bordered, losses: Bordered, ground: Bordered) 
     """Reflection of layers along the leading axis, top first, on a ground."""
 
     def add(below: Bordered, layer: tuple[Bordered, Bordered]):
+        # Reciprocity makes it symmetric, and many layers' rounding would not keep it so.
         return reflection_over(slab_of_layer(*layer), below).symmetric(), None
 
     return jax.lax.scan(add, ground, (reflections, losses), reverse=True)[0]
@@ -92,6 +95,7 @@ def lambert(
     """
     rows = jnp.concatenate([roots.nodes, roots.viewing])
     columns = jnp.concatenate([roots.nodes, roots.incidence])
+    # A Lambertian ground sends its light evenly to all azimuths: mode 0 has all of it.
     first = jnp.zeros(modes, dtype).at[0].set(1.0)
     body = first[:, None, None] * (2.0 * reflectance * rows[:, None] * columns)
     return Bordered(

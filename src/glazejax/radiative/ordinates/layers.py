@@ -110,6 +110,7 @@ def two_ports(
     # The loads of the beams at both faces.
     top = quotient(strength * top, divisor)
     bottom = quotient(strength * bottom, divisor)
+    # Without a viewing direction no path leads straight from beam to eye.
     once = direct = jnp.zeros_like(thickness)
     if beams.decay.shape[0] == 2:
         b = a[1]
@@ -150,7 +151,7 @@ def two_ports(
 
 
 class Fields(NamedTuple):
-    """SolvedFields inside the layers for the light and for the view, in modes. Axes (layers, 2, n,
+    """Fields inside the layers for the light and for the view, in modes. Axes (layers, 2, n,
     batch).
     """
 
@@ -169,6 +170,7 @@ def load_work(ports: LayerPorts, fields: Fields) -> Array:
 
 def stored_energy(ports: LayerPorts, fields: Fields) -> Array:
     """x_F . K x_I of every layer, its far face's continuity included, (layers, batch)."""
+    # Of light and view: each term couples the field of one with that of the other.
     (y0, y1), (u0, u1), (f0, f1) = (jnp.moveaxis(field, 1, 0) for field in fields)
     energy = ports.restoring * y0 * y1 - ports.tanh * f0 * f1 + ports.sech * (y0 * f1 + y1 * f0)
     return jnp.sum(energy - f0 * u1 - f1 * u0, axis=-2)
@@ -194,10 +196,13 @@ def by_albedo(
             jnp.sum(load_work(ports, solved), axis=1) - stored_energy(ports, solved) + ports.direct
         )
 
+    # As the albedo grows the modes turn: coupling and sigma, which is held in directions, with
+    # them.
     rows = product(
         jnp.concatenate([modes.coupling[:, None], fields.near, fields.far], axis=1), turning
     )
     point = (albedo, modes.decay_squared, modes.coupling, fields.near, fields.far)
+    # d lambda/dq = -zeta^2; f is held in modes.
     change = (
         jnp.ones_like(albedo),
         -(modes.coupling**2),
@@ -222,6 +227,7 @@ def by_thickness(
 
     The dimming of what lies below the slab is not in it.
     """
+    # Beams at the slab: at the layer's bottom, or, if it is mirrored, at its top.
     below = beams.survival * jnp.where(
         mirrored[:, None], 1.0, jnp.exp(-beams.decay[:, None] * thickness)
     )
@@ -229,8 +235,11 @@ def by_thickness(
     # everywhere.
     driven = jnp.pad(ports.far, [(0, 0), (0, 2 - ports.far.shape[1]), (0, 0), (0, 0)])
     (u0, u1), (f0, f1) = (jnp.moveaxis(field, 1, 0) for field in (fields.far, fields.flux + driven))
+    # z . sigma is all light that meets a scatterer there, of light and of view.
     first = jnp.sum(modes.coupling * u0, axis=-2)
     second = jnp.sum(modes.coupling * u1, axis=-2)
+    # Scattered from the beam to the view's field, from the light's field to the viewing beam, and
+    # from one beam to the other.
     lit = below[0] * second + (
         below[1] * first + below[0] * below[1] if below.shape[0] == 2 else 0.0
     )

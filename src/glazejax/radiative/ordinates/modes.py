@@ -106,7 +106,7 @@ class _Table(NamedTuple):
     """Chebyshev coefficients in the albedo for one set of directions.
 
     Not `glazejax.interpolated`, which stands above the solvers, and has one polynomial of 129 terms
-    at most: for 8 to 32 directions it the error is 2e-5 to 2e-4 of the largest value, and that
+    at most: for 8 to 32 directions its error is 2e-5 to 2e-4 of the largest value, and that
     of two pieces of 32 to 64 terms 2e-11.
     """
 
@@ -153,6 +153,7 @@ def _chebyshev(x: Array, terms: int) -> Array:
     second = 2.0 * x * x - 1.0
     third = x * (2.0 * second - 1.0)
     fourth = 2.0 * second * second - 1.0
+    # T_|m - 4| for m from 0 to 3.
     before = jnp.stack([fourth, third, second, x])
     blocks = [jnp.stack([jnp.ones_like(x), x, second, third])]
     for _ in range(terms // 4 - 1):
@@ -163,6 +164,7 @@ def _chebyshev(x: Array, terms: int) -> Array:
 
 def _from_table(albedo: Array, table: _Table) -> Array:
     """Offsets, couplings and lambda_0/(1 - q) one below the other, (2 n + 1, ..., batch)."""
+    # Each piece of the albedo's range has a polynomial of its own.
     piece = jnp.clip(jnp.floor(albedo * _PIECES), 0, _PIECES - 1)
     polynomials = _chebyshev(2.0 * (albedo * _PIECES - piece) - 1.0, table.terms)
     # One matrix product for all pieces: a product is not computed again for each use, as fused
@@ -243,16 +245,20 @@ def layer_modes(
     """
     q = albedo[..., None, :]
     if isinstance(cosines, np.ndarray) and isinstance(weights, np.ndarray):
+        # Known directions: roots and couplings come from the table.
         n = cosines.size
         values = _from_table(albedo, _table(np.stack([cosines, weights]).tobytes()))
         r = jnp.moveaxis(values[:n], 0, -2)
         coupling = jnp.moveaxis(values[n : 2 * n], 0, -2)
         poles = (1.0 / cosines**2).astype(albedo.dtype)[:, None]
         z = (np.sqrt(weights) / cosines).astype(albedo.dtype)[:, None]
+        # lambda_0 vanishes with 1 - q; tabulated over it, it keeps its digits.
         smallest = ((1.0 - albedo) * values[-1])[..., None, :]
         eigenvalues = jnp.where((np.arange(n) == 0)[:, None], smallest, poles - q * r)
         vectors = _columns(albedo, z, poles, r, coupling[..., None, :, :])
         return LayerModes(eigenvalues, vectors, coupling)
+    # Traced directions: the roots are iterated, and the equation, not the iteration, is
+    # differentiated.
     cosines = jnp.asarray(cosines, albedo.dtype)
     weights = jnp.asarray(weights, albedo.dtype)
     poles = 1.0 / cosines**2

@@ -51,6 +51,7 @@ def reflectance_and_gradient(
         # One number a stack: a single forward derivative, a smaller program than a reverse one.
         leaf = getattr(stack, name)
         gradient[name] = jax.jvp(stationary, (leaf,), (jnp.ones_like(leaf),))[1]
+        # Directions that do not follow the interface's rise get its slope in closed form.
         if name == "refractive_index" and resolution.reach is not None:
             unresolved = _excess(leaf) < resolution.resolves()
             gradient[name] += jnp.where(
@@ -84,6 +85,7 @@ def gradient_of_layers(
     if "optical_thickness" in leaf_names:
         gradient["optical_thickness"] = (_by_thickness(system, solution) / system.divisor).T
     if "ground" in leaf_names:
+        # The ground's matrix and the beam's load on it share the factor 4 rho/(1 + rho).
         by_factor = jnp.prod(
             _diffuse_on_ground(system, solution) + system.ends.ground_light, axis=0
         )
@@ -173,6 +175,7 @@ def _stationary(system: System, solution: SolvedFields, vectors: Array) -> Array
 
     Sigma is held in directions, delta at the layers' far faces in modes.
     """
+    # From the modes of the other system to directions, and into the modes of this one.
     near, far = (
         product(product(modes, transpose(vectors)), system.modes.vectors)
         for modes in (solution.fields.near, solution.fields.far)

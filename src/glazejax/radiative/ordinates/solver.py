@@ -168,6 +168,7 @@ def _beams(stack: StackArrays, layers: np.ndarray) -> Beams:
     cosines = jnp.stack(cosines_air)
     decay = 1.0 / cos_refracted(cosines, stack.refractive_index)
     depth = jnp.cumsum(stack.optical_thickness.T, axis=0)
+    # Beams are dimmed by all layers above.
     tops = jnp.concatenate([jnp.zeros_like(depth[:1]), depth[:-1]])[layers]
     transmittance = 1.0 - dielectric_reflectance(cosines, stack.refractive_index)
     return Beams(decay, transmittance, jnp.exp(-decay[:, None] * tops), jnp.exp(-decay * depth[-1]))
@@ -205,11 +206,13 @@ class _Memory(NamedTuple):
 
 def _layers(system: System) -> _SweptLayer:
     ports = system.ports
+    # In an empty layer T and D vanish together: r is 1.
     thickness = system.thickness[:, None]
     empty = thickness == 0
     scale = jnp.sqrt(jnp.where(empty, 1.0, ports.tanh) / jnp.where(empty, 1.0, thickness))
     near = ports.near
     far = ports.far
+    # All exit directions together are no beam: they load no layer.
     if near.shape[1] == 1:
         near, far = (jnp.concatenate([load, jnp.zeros_like(load)], axis=1) for load in (near, far))
     return _SweptLayer(
@@ -225,6 +228,7 @@ def _layers(system: System) -> _SweptLayer:
 
 def _outermost(ends: Ends, layer: _SweptLayer) -> tuple[Array, Array]:
     """Scaled impedance and source of the bare ends in the modes of the layers next to them."""
+    # r Y^T Z Y r, where Z of an end is diagonal but for the ground's one vector.
     vectors = layer.vectors * layer.scale[..., None, :, :]
     shape = layer.scale.shape[1:]
     halves = layer.scale.shape[0]
@@ -233,8 +237,10 @@ def _outermost(ends: Ends, layer: _SweptLayer) -> tuple[Array, Array]:
     projected = jnp.sum(vectors[0] * ends.ground_vector[:, None], axis=-3)
     ground = ends.ground_factor * projected
     impedance = product(transpose(vectors), impedances[..., :, None, :] * vectors)
+    # The beam on the ground loads it by the same vector.
     from_ground = ends.ground_light[:, None] * ground
     coupled = ground[:, None] * projected
+    # A single layer belongs to the ground's half; the interface has none next to it.
     if halves == 1:
         return impedance - coupled, from_ground[None]
     rough = jnp.zeros_like(coupled)
@@ -266,8 +272,10 @@ def _eliminate(impedance: Array, source: Array, layer: _SweptLayer) -> tuple[_Ha
     # Vectors are no further rows of the matrices: joining them costs more than two products more.
     admittance = product(impedance, inverse)
     passed = product(source, inverse)
+    # What the eliminated side adds to R: s_F.T (I + Z T)^-1 s_I.
     gain = layer.thickness[:, None] * source[:, 1] * passed[:, 0]
     through = layer.sech / layer.scale
+    # Z of the half with the layer in it: lambda T + S (I + Z T)^-1 Z S.
     outward = through[:, :, None] * admittance * through[:, None] + diagonal(layer.restoring)
     back = transpose(layer.vectors)
     loads = product(layer.near + through[:, None] * passed, back)
@@ -282,7 +290,9 @@ def _recover(sigma: Array, layer: _SweptLayer, memory: _Memory) -> tuple[Array, 
     near = product(sigma, layer.vectors)
     scale = layer.scale[:, None]
     driven = layer.sech[:, None] * near / scale
+    # sigma at the far face: (I + T Z)^-1 (S y0 + T s).
     far = scale * product(driven + layer.thickness[:, None, None] * memory.source, memory.inverse)
+    # f there: Z sigma - s = (I + Z T)^-1 (Z S y0 - s).
     flux = (product(driven, memory.admittance) - memory.passed) / scale
     return product(far, transpose(layer.vectors)), Fields(near, far, flux)
 

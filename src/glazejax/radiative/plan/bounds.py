@@ -77,6 +77,7 @@ def hidden_below(
         is hidden.
     """
     layers = albedo.shape[1]
+    # Layers down to the last that is not empty.
     filled = np.max(np.arange(1, layers + 1) * (optical_thickness > 0), axis=1, initial=0)
     visible = filled.copy()
     hidden = ground == 0
@@ -85,7 +86,7 @@ def hidden_below(
     for m in range(1, layers + 1):
         rows = rows[filled[rows] >= m]
         # The straight part is exact and the rest adds to it: where it alone is too much, nothing is
-        #     hidden.
+        # hidden.
         below = np.where(filled[rows] == m, ground[rows], 1.0)
         straight = (
             below
@@ -164,6 +165,7 @@ def hidden_change(
             rates = np.minimum.accumulate(rates[:, ::-1], axis=1)[:, ::-1]  # not falling with depth
             arriving = brightest / loss * np.exp(-(rates * thickness).sum(axis=1))
             last = rates[:, -1]
+            # int mu/(1 - kappa mu) dmu: the flux of light that dies out as exp(-kappa tau).
             spread = np.where(
                 last > 1e-3, (-np.log1p(-last) - last) / np.maximum(last, 1e-3) ** 2, 0.501
             )
@@ -186,6 +188,7 @@ def _return(albedo: np.ndarray, thickness: np.ndarray) -> np.ndarray:
     A source q J <= q along each ray: what is lost is at least (1 - q) times the share of the ray
     within a layer.
     """
+    # On the way up: the brightest layer met so far, and the optical depth covered.
     brightest = np.maximum.accumulate(albedo[:, ::-1], axis=1)
     within = np.cumsum(thickness[:, ::-1], axis=1)
     within[:, -1] *= 2.0  # after the interface through all of them again
@@ -221,10 +224,12 @@ def scattered_beyond_first(
     b_one, b_two = ground_radiosity
     g_one = incidence.source
     g_two = viewing.source
+    # Scattering in the layers adds to J0 at most q/(1 - q) of its largest value.
     with np.errstate(divide="ignore"):
         again = np.where(brightest > 0, brightest / (1.0 - brightest), 0.0) * (g_one + b_one)
     with np.errstate(invalid="ignore"):
         repeated = np.where(brightest > 0, again * (g_two * by_beam[1] + b_two * by_ground), 0.0)
+    # The beam of one end with the light that the ground sends to the other.
     crossed = g_one * b_two * np.minimum(by_beam[0], by_ground) + g_two * b_one * np.minimum(
         by_beam[1], by_ground
     )

@@ -123,10 +123,12 @@ class Plan:
                     else members[start:stop]
                 )
                 pending.append((members[start:stop], self._solve(self._rows.take(padded), layers)))
+        # The solver's programs may still run: the closed form needs none.
         for piece in reduction.pieces(self._closed):
             distinct[piece] = reduction.by_closed_form(self._rows.take(piece)).reflectance
         for members, values in pending:
             distinct[members] = np.asarray(values)[: members.size]
+        # Each entry has the value of its distinct stack.
         full = np.full(int(np.prod(self._shape)), np.nan)
         full[self._computed] = distinct[self._inverse]
         if self._discarded is not None:
@@ -393,6 +395,7 @@ def _needed_bands(
     magnitude = np.abs(weights)
     total = magnitude.sum(axis=0)
     share = magnitude / np.where(total > 0, total, 1.0)
+    # Bands with the smallest share in any channel go first.
     order = np.argsort(share.max(axis=1), kind="stable")
     # Any value between zero and the ceiling has an error of at most the ceiling.
     fits = np.max(ceiling * np.cumsum(share[order], axis=0), axis=1) <= tolerance
@@ -404,12 +407,14 @@ def _needed_bands(
 def _fill_bands(values: np.ndarray, computed: np.ndarray) -> np.ndarray:
     """Bands left out, from the two nearest that were not, by their number."""
     numbers = np.flatnonzero(computed)
+    # The next band that was computed, and the one before.
     upper = np.clip(np.searchsorted(numbers, np.arange(computed.size)), 0, numbers.size - 1)
     lower = np.where(computed, upper, np.clip(upper - 1, 0, None))
     a = numbers[lower]
     b = numbers[upper]
     share = np.clip((np.arange(computed.size) - a) / np.maximum(b - a, 1), 0.0, 1.0)
     out = values[..., a] * (1.0 - share) + values[..., b] * share
+    # What was computed stays to the last digit.
     out[..., computed] = values[..., computed]
     return out
 

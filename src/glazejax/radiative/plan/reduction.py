@@ -75,6 +75,7 @@ def distinct(
         key = (key ^ column.view(np.uint64)) * np.uint64(0x9E3779B97F4A7C15)
         key ^= key >> np.uint64(31)
     _, first, inverse = np.unique(key, return_index=True, return_inverse=True)
+    # Two kinds of one hash are next to impossible; if there are any, whole rows are compared.
     if not all(np.array_equal(column[first][inverse], column) for column in columns):
         _, first, inverse = np.unique(
             np.stack(columns, 1), axis=0, return_index=True, return_inverse=True
@@ -92,10 +93,12 @@ def simplify(rows: Rows) -> Rows:
     """Empty layers out, neighbours of equal albedo merged, the rest moved up."""
     albedo = np.zeros_like(rows.albedo)
     thickness = np.zeros_like(rows.optical_thickness)
+    # The layer that each stack has reached, and its albedo.
     at = np.full(rows.count, -1)
     last = np.full(rows.count, np.nan)
     for q, depth in zip(rows.albedo.T, rows.optical_thickness.T, strict=True):
         rows_present = np.flatnonzero(depth > 0)
+        # Another albedo begins a new layer, the same one thickens the last.
         at[rows_present] += q[rows_present] != last[rows_present]
         last[rows_present] = q[rows_present]
         albedo[rows_present, at[rows_present]] = q[rows_present]

@@ -49,6 +49,7 @@ class Basis(NamedTuple):
         """The polynomials at cosines (...): (..., n). Each is zero outside its own panel."""
         xp = array_module(cosines)
         upper = cosines >= self.split
+        # Each panel has its own variable on [0, 1], in which its nodes are Gauss's.
         high = xp.clip((cosines - self.split) / (1.0 - self.split), 0.0, 1.0)
         scale = np.expm1(self.size.crowding)
         low = xp.log1p(xp.clip(cosines / self.split, 0.0, 1.0) * scale) / self.size.crowding
@@ -67,6 +68,7 @@ def basis(index: float, size: Size) -> Basis:
     y, y_weights = gauss(size.lower)
     c = size.crowding
     scale = np.expm1(size.crowding)
+    # The lower panel's nodes crowd where light grazes; weights by the same substitution.
     cosines = np.concatenate([split + (1.0 - split) * x, split * np.expm1(c * y) / scale])
     weights = np.concatenate(
         [(1.0 - split) * x_weights, split * y_weights * c * np.exp(c * y) / scale]
@@ -81,6 +83,7 @@ def lagrange(x: Float[Array | np.ndarray, "*batch"], count: int) -> Any:
     xp = array_module(x)
     t = 2.0 * x - 1.0
     terms = [xp.ones_like(t), t]
+    # Bonnet's recurrence.
     for k in range(1, count - 1):
         terms.append(((2 * k + 1) * t * terms[-1] - k * terms[-2]) / (k + 1))
     legendre = xp.stack(terms[:count], axis=-1)
@@ -94,4 +97,5 @@ def _from_legendre(count: int) -> np.ndarray:
     """
     y, weights = gauss(count)
     at_nodes = np.polynomial.legendre.legvander(2.0 * y - 1.0, count - 1)
+    # l_j = sum_k (2k + 1) w_j P_k(t_j) P_k, as the integral of P_k^2 over [0, 1] is 1/(2k + 1).
     return (2.0 * np.arange(count) + 1.0)[:, None] * (at_nodes * weights[:, None]).T

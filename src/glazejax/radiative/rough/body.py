@@ -71,9 +71,12 @@ def _solver_of_surface(surface: Surface) -> _Fixed:
     weights = rough_operators.basis.weights
     flux = np.sqrt(2.0 * weights * mu)
     root = np.sqrt(mu)
+    # P of the module, from `Operators.back`.
     back = rough_operators.back / (flux[:, None] * flux)
     inverse = np.linalg.inv(np.eye(mu.size) + back)
+    # Reciprocity makes it symmetric but for rounding.
     inverse = 0.5 * (inverse + inverse.T)
+    # (I + P)^-1 (I - P) = 2 (I + P)^-1 - I.
     impedance = (2.0 * inverse - np.eye(mu.size)) / (root[:, None] * root)
     tau = np.diag(1.0 / (2.0 * np.sqrt(weights * mu)))
     return _Fixed(2.0 * tau @ inverse / root, impedance, 2.0 * tau @ inverse @ tau, root)
@@ -109,6 +112,7 @@ def _solve(lit: Lit, surface: Surface, leaf_names: tuple[str, ...] | None) -> An
     first = lit.enters[:, 0]
     second = lit.enters[:, 1]
     value, solution = solve(system, with_fields=leaf_names is not None)
+    # The term without sigma: - 2 tau_F . (I + P)^-1 tau_I.
     value -= jnp.sum(jnp.matmul(first, direct, precision="highest") * second, axis=-1)
     if leaf_names is None:
         return value
@@ -175,6 +179,7 @@ def _gradient(
     of_layers = tuple(n for n in leaf_names if n in ("albedo", "optical_thickness"))
     gradient |= gradient_of_layers(unlit, solution, lit.ground, of_layers)
     if "enters" in leaf_names:
+        # By what enters of the light, the view's field answers, and the reverse.
         answer = jnp.matmul(
             jnp.moveaxis(solution.at_interface, -1, 0), admits.T, precision="highest"
         )

@@ -62,11 +62,14 @@ def scatter(
     critical = float(np.sqrt((index - 1.0) * (index + 1.0)) / index) if from_paint else None
     m_along, m_up, share = visible_facets(cosine, roughness, nodes, critical)
     c = cosine[:, None]
+    # i.m, the cosine at which the beam meets a facet.
     met = np.clip(np.sqrt((1.0 - c) * (1.0 + c)) * m_along + c * m_up, 0.0, 1.0)
+    # Snell's law at the facet; 0 where it reflects all.
     relative = 1.0 / index if from_paint else index
     beyond = np.sqrt(np.maximum(1.0 - (1.0 - met) * (1.0 + met) / relative**2, 0.0))
     # Fresnel's reflectance is that from air at the cosine in air; total where there is none.
     reflectance = np.asarray(dielectric_reflectance(beyond if from_paint else met, index))
+    # Cosines to the mean surface of 2 (i.m) m - i and of the refracted direction.
     reflected = 2.0 * met * m_up - c
     refracted = (c - met * m_up) / relative + beyond * m_up
     return Scattered(
@@ -140,6 +143,7 @@ def _crossings(
     psi: np.ndarray, least: np.ndarray, p: Any, q: Any, t: Any, u: Any
 ) -> list[np.ndarray]:
     """Both omega of a line at each psi; the least one where there is none."""
+    # P cos(2 omega) + Q sin(2 omega) is size times cos(2 omega - middle).
     size = np.maximum(np.hypot(p, q), 1e-300)
     height = (t + u / np.maximum(np.cos(psi) ** 2, 1e-300)) / size
     turn = np.arccos(np.clip(height, -1.0, 1.0))
@@ -156,6 +160,7 @@ def _divided_rule(
     """
     edges = np.sort(np.stack([low, *breaks, np.full_like(low, high)], axis=-1), axis=-1)
     y, weights = gauss(count)
+    # y^2 (3 - 2 y) crowds nodes at both ends of a piece.
     x = y * y * (3.0 - 2.0 * y)
     weights = weights * 6.0 * y * (1.0 - y)
     width = np.diff(edges, axis=-1)[..., None]

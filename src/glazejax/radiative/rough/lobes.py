@@ -39,6 +39,7 @@ def facets_between(
     """
     # |i + o|^2 of unit vectors; at azimuth 0 the horizontal parts are against each other.
     squared = xp.maximum(2.0 + 2.0 * cos_between(xp, cos_in, cos_out, azimuth), 1e-30)
+    # Squared cosine of the facets' tilt, and pi D of GGX there.
     up2 = (cos_in + cos_out) ** 2 / squared
     density = roughness**2 / (up2 * roughness**2 + xp.maximum(1.0 - up2, 0.0)) ** 2
     return xp.minimum(0.5 * xp.sqrt(squared), 1.0), density
@@ -96,6 +97,8 @@ def _albedos(mus: tuple[float, ...], alpha: float, index: float | None) -> np.nd
     met = np.clip(np.sqrt((1.0 - mu) * (1.0 + mu)) * along + mu * up, 1e-9, 1.0)
     # Cosine of where each facet sends the light; below the horizon it is lost.
     out = np.maximum(2.0 * met * up - mu, 0.0)
+    # A visible facet's share holds G1 of separable masking: G2/G1 makes it that of correlated
+    # heights.
     reflected = share * 4.0 * mu * out * _both_seen(out, mu, alpha) / masking(mu, alpha)
     if index is not None:
         fresnel = np.asarray(dielectric_reflectance(met, index))

@@ -130,6 +130,7 @@ def air_rule(turn: float, count: int) -> tuple[np.ndarray, np.ndarray]:
     """Cosines in air, and the fluxes 2 c dc about them."""
     y, weights = gauss(count)
     span = np.arcsinh(1.0 / turn)
+    # Evenly spread in arsinh(c/turn), in which `AirTable` interpolates.
     cosines = turn * np.sinh(span * y)
     return cosines, weights * 2.0 * cosines * turn * span * np.cosh(span * y)
 
@@ -147,6 +148,7 @@ def _single_entering(
     losses = []
     for piece in _in_pieces(outside):
         scattered = scatter(piece, roughness, index, nodes.size.facets, from_paint=False)
+        # Refracted light on each polynomial; what points to the wrong side has a share of zero.
         entering.append(
             np.einsum(
                 "bf,bfn->bn",
@@ -154,6 +156,7 @@ def _single_entering(
                 nodes.values(np.clip(scattered.refracted, 0.0, 1.0)),
             )
         )
+        # What neither reflection nor refraction by single facets accounts for.
         losses.append(
             1.0 - scattered.reflected_share.sum(axis=1) - scattered.refracted_share.sum(axis=1)
         )
@@ -171,7 +174,9 @@ def _single_back(index: float, roughness: float, nodes: Basis) -> np.ndarray:
             scattered.reflected_share,
             nodes.values(np.clip(scattered.reflected, 0.0, 1.0)),
         )
+        # Out on one polynomial, in on another with the beam's flux.
         back += to.T @ (nodes.values(piece) * flux[:, None])
+    # Reciprocal but for the quadrature's error.
     return 0.5 * (back + back.T)
 
 

@@ -147,6 +147,7 @@ def by_index(
     assert indices is not None  # check_surface has refused one that is traced
     stacks = batch_of_stacks({**arguments, "refractive_index": np.asarray(indices, float)})
     kinds = np.unique(indices)
+    # The index belongs to the surface; the stacks are solved without it.
     arrays = {name: array for name, array in stacks.arrays.items() if name != "refractive_index"}
     stacks = stacks._replace(arrays=arrays)
     if kinds.size <= 1:
@@ -169,6 +170,7 @@ def lit_stacks(flat: dict[str, Any], surface: Surface) -> Lit:
     """
     operators = surface.operators()
     dtype = jnp.result_type(float)
+    # Light and view both enter the paint by the surface's functions of their angle.
     light = operators.enters(jnp.asarray(flat["cos_incidence"], dtype))
     if "cos_viewing" in flat:
         view = operators.enters(jnp.asarray(flat["cos_viewing"], dtype))

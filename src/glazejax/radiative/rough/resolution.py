@@ -46,6 +46,7 @@ def check_surface(roughness: Any, refractive_index: Numbers) -> float:
         number = float(value)
     if not 0.0 <= number <= 1.0:
         raise ValueError(f"roughness is {number}; it must be in [0, 1], the alpha of GGX")
+    # A smooth surface has no table that would be made for one known index.
     if number > 0.0:
         index = concrete(refractive_index)
         if index is None:

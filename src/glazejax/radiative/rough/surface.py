@@ -72,9 +72,11 @@ def surface_reflectance_factor(
     def one(index: float, c_in: Array, c_out: Array, degrees: Array) -> Array:
         met, density = facets_between(jnp, c_in, c_out, degrees, a)
         hidden = _masking_over_cosine(c_in, a) * _masking_over_cosine(c_out, a)
+        # pi f of single facets: F pi D G1 G1/(4 c_in c_out).
         single = 0.25 * dielectric_reflectance(met, index) * density * hidden
         operators = resolve(index, a, _TOLERANCE).operators()
         assert operators.table is not None
+        # k(i) k(o)/C: what facets lose to one another, spread over all directions.
         return (
             single
             + operators.table.at(c_in)[..., -1]
@@ -101,6 +103,7 @@ def surface_albedo(
     def one(index: float, cosine: Array) -> Array:
         if not rough:
             return dielectric_reflectance(cosine, index)
+        # All energy is kept: what does not enter is reflected.
         return 1.0 - jnp.sum(
             resolve(index, float(roughness), _TOLERANCE).operators().enters(cosine), axis=-1
         )
@@ -134,6 +137,7 @@ def surface_loss(
         below, above = (
             jnp.asarray(losses, cosine.dtype) for losses in _paint_losses(index, float(roughness))
         )
+        # Each side of the critical angle has its own polynomial: the loss bends there.
         low = lagrange(jnp.clip(cosine / split, 0.0, 1.0), _PAINT_NODES)
         high = lagrange(jnp.clip((cosine - split) / (1.0 - split), 0.0, 1.0), _PAINT_NODES)
         return jnp.where(cosine < split, low @ below, high @ above)
@@ -169,6 +173,7 @@ def _paint_losses(index: float, roughness: float) -> tuple[np.ndarray, np.ndarra
     losses = []
     for cosines in (split * nodes, split + (1.0 - split) * nodes):
         scattered = scatter(cosines, roughness, index, facets, from_paint=True)
+        # Light that facets neither reflect nor let through.
         losses.append(
             1.0 - scattered.reflected_share.sum(axis=1) - scattered.refracted_share.sum(axis=1)
         )

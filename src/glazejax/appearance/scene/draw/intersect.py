@@ -97,6 +97,7 @@ def make_geometry(shapes: Sequence[Shape], materials: Mapping[str, int]) -> Geom
         if isinstance(shape, kind)
     ]
     before = len(order) - len(meshes)
+    # Extreme points of all shapes give the scene's size; an endless plane counts by its point.
     ends = np.concatenate(
         [np.zeros((1, 3))]
         + [np.asarray(s.centre, float) + sign * s.radius for s in spheres for sign in (-1, 1)]
@@ -154,6 +155,7 @@ def nearest(
     best, shape = _nearest_solid(geometry.arrays, origin, direction, limit)
     number = np.zeros(origin.shape[0], np.int32)
     if geometry.caster is not None and geometry.triangles is not None:
+        # Triangles only as far as the nearest solid.
         rays = (np.array(a, np.float64) for a in (origin, direction, best))
         best, triangle = geometry.caster.nearest(*rays)
         number = np.maximum(triangle, 0)
@@ -175,6 +177,7 @@ def _nearest_solid(
         met = distances(geometry, origin, direction)
         if met is None:
             continue
+        # The nearest of this kind, where it is nearer than all kinds before.
         which = jnp.argmin(met, axis=1)
         near = jnp.take_along_axis(met, which[:, None], axis=1)[:, 0]
         shape = jnp.where(near < best, before + which, shape)
@@ -188,6 +191,7 @@ def _spheres(geometry: Geometry, origin: Array, direction: Array) -> Array | Non
     if len(geometry.radii) == 0:
         return None
     between = jnp.asarray(geometry.centres) - origin[:, None]
+    # Distance along the ray to the point next to the centre.
     along = jnp.sum(between * direction[:, None], axis=-1)
     # The distance of the ray from the centre, rather than a difference of large squares.
     aside = between - along[..., None] * direction[:, None]
@@ -195,6 +199,7 @@ def _spheres(geometry: Geometry, origin: Array, direction: Array) -> Array | Non
     half = jnp.sqrt(jnp.maximum(half_square, 0.0))
     first = along - half
     second = along + half
+    # From inside a sphere the second crossing lies ahead.
     met = jnp.where(first > 0, first, second)
     return jnp.where((half_square >= 0) & (met > 0), met, jnp.inf)
 
@@ -204,10 +209,12 @@ def _planes(geometry: Geometry, origin: Array, direction: Array) -> Array | None
     if len(geometry.points) == 0:
         return None
     frames = jnp.asarray(geometry.frames)
+    # Start and direction in each plane's own axes, the third along its normal.
     offset = jnp.einsum("rpk,pak->rpa", origin[:, None] - jnp.asarray(geometry.points), frames)
     slope = jnp.einsum("rk,pak->rpa", direction, frames)
     parallel = slope[..., 2] == 0
     met = jnp.where(parallel, -1.0, -offset[..., 2] / jnp.where(parallel, 1.0, slope[..., 2]))
+    # Where on the rectangle it is met; an endless plane has infinite halves.
     local = jnp.abs(offset[..., :2] + met[..., None] * slope[..., :2])
     return jnp.where(
         (met > 0) & jnp.all(local <= jnp.asarray(geometry.halves), axis=-1), met, jnp.inf
@@ -219,12 +226,14 @@ def _boxes(geometry: Geometry, origin: Array, direction: Array) -> Array | None:
     if len(geometry.sides) == 0:
         return None
     turns = jnp.asarray(geometry.turns)
+    # In the box's own axes it is what lies between three pairs of faces.
     start = jnp.einsum("rbk,bak->rba", origin[:, None] - jnp.asarray(geometry.middles), turns)
     slope = jnp.einsum("rk,bak->rba", direction, turns)
     # A ray along a face gets a slope that is tiny but not zero, so that no 0/0 can arise.
     slope = jnp.where(jnp.abs(slope) < 1e-30, 1e-30, slope)
     low = (-jnp.asarray(geometry.sides) - start) / slope
     high = (jnp.asarray(geometry.sides) - start) / slope
+    # Inside all three pairs at once: from the last entry to the first exit.
     enter = jnp.max(jnp.minimum(low, high), axis=-1)
     leave = jnp.min(jnp.maximum(low, high), axis=-1)
     met = jnp.where(enter > 0, enter, leave)
@@ -233,6 +242,7 @@ def _boxes(geometry: Geometry, origin: Array, direction: Array) -> Array | None:
 
 def surface(geometry: Geometry, hit: Hit, origin: Array, direction: Array) -> SurfacePoints:
     """Normals and texture coordinates of hits; meaningless where nothing is met."""
+    # A ray without a hit gets its own start: no meaning, but finite numbers.
     point = origin + jnp.where(jnp.isfinite(hit.distance), hit.distance, 0.0)[:, None] * direction
     normal = jnp.broadcast_to(-direction, point.shape)
     uv = jnp.zeros((*point.shape[:1], 2), point.dtype)
@@ -267,6 +277,7 @@ def _sphere_surface(geometry: Geometry, point: Array, which: Array) -> tuple[Arr
     normal = (point - jnp.asarray(geometry.centres)[which]) / jnp.asarray(geometry.radii)[
         which, None
     ]
+    # Longitude and latitude.
     u = 0.5 + jnp.arctan2(normal[:, 1], normal[:, 0]) / (2 * jnp.pi)
     v = 0.5 + jnp.arcsin(jnp.clip(normal[:, 2], -1.0, 1.0)) / jnp.pi
     return normal, jnp.stack([u, v], axis=-1)
@@ -284,8 +295,10 @@ def _box_surface(geometry: Geometry, point: Array, which: Array) -> tuple[Array,
     turn = jnp.asarray(geometry.turns)[which]
     local = jnp.einsum("rk,rak->ra", point - jnp.asarray(geometry.middles)[which], turn)
     local = local / jnp.asarray(geometry.sides)[which]
+    # The face of the axis along which the point lies farthest out.
     axis = jnp.argmax(jnp.abs(local), axis=-1)
     sign = jnp.sign(jnp.take_along_axis(local, axis[:, None], axis=1))
     normal = sign * jnp.take_along_axis(turn, axis[:, None, None], axis=1)[:, 0]
+    # u and v run along the two other axes.
     across = jnp.asarray([[1, 2], [0, 2], [0, 1]])[axis]
     return normal, 0.5 + 0.5 * jnp.take_along_axis(local, across, axis=1)

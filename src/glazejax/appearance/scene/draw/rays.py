@@ -158,6 +158,7 @@ def _cast(
     *fields, strength, cos_light, between, towards, reach, normal, points, onward = _meet(
         geometry.arrays, hit, positions, origin, direction, sources.point
     )
+    # A light counts where nothing stands between it and the point.
     free = [nearest(geometry, points, *ray).shape < 0 for ray in zip(towards, reach, strict=True)]
     lights = [
         np.asarray(a).T for a in (jnp.where(jnp.stack(free), strength, 0.0), cos_light, between)
@@ -187,6 +188,7 @@ def trace(
         Bounces, at least one. Their points are in the order of the rays that led there.
     """
     bounces: list[Bounce] = []
+    # Rays of the camera carry all of their light.
     parent = np.arange(len(origin))
     share = np.ones(len(origin))
     while True:
@@ -233,6 +235,7 @@ def _in_pieces(
         piece = slice(start, start + TILE)
         count = len(origin[piece])
         size = filled_size(count)
+        # Filled up with copies of the last ray.
         rays = [
             np.pad(np.asarray(a[piece], float_type), ((0, size - count), (0, 0)), "edge")
             for a in (origin, direction)

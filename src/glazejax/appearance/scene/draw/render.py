@@ -178,6 +178,7 @@ class _Work:
         """Bounces of the rays of a tile: kept, or traced."""
         if tile.bounces is not None:
             return tile.bounces
+        # Samples in the middles of a grid within each pixel.
         steps = (np.arange(tile.samples_across) + 0.5) / tile.samples_across
         across, down = np.meshgrid(steps, steps)
         x = (tile.pixels % self.scene.width)[:, None] + across.ravel()
@@ -190,6 +191,7 @@ class _Work:
             reflects=self.in_view.most_mirrored,
             most_bounces=self.scene.bounces,
         )
+        # Bounces wait in memory for their spectra as far as there is room.
         size = sum(bounce.bytes for bounce in bounces)
         if self.kept + size <= _KEPT_BYTES:
             tile.bounces = bounces

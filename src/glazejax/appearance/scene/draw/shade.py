@@ -65,12 +65,14 @@ def sample_map(
     # A coordinate of exactly 1 is the far edge, not the near one.
     u = jnp.where((u == 0) & (uv[:, 0] > 0), 1.0, u)
     v = jnp.where((v == 0) & (uv[:, 1] > 0), 1.0, v)
+    # A pixel's value is that of its middle; rows run down while v runs up.
     x = jnp.clip(u * columns - 0.5, 0.0, columns - 1.0)
     y = jnp.clip((1.0 - v) * rows - 0.5, 0.0, rows - 1.0)
     a = x - jnp.floor(x)
     b = y - jnp.floor(y)
     west = jnp.floor(x).astype(int)
     top = jnp.floor(y).astype(int)
+    # Bilinear between the four pixels around the point.
     east = jnp.minimum(west + 1, columns - 1)
     down = jnp.minimum(top + 1, rows - 1)
     upper = (1 - a) * values[top, west] + a * values[top, east]
@@ -97,6 +99,7 @@ def radiance(
     """
     beyond: Array | None = None
     child: Bounce | None = None
+    # From the last bounce back: what a mirror shows must be there before the mirror.
     for bounce in reversed(bounces):
         # Filled up to few sizes, so that few programs are compiled.
         empty = np.pad(
@@ -129,6 +132,7 @@ def _add_lights(
     for piece, size in _pieces(rows.size):
         r = _pad_with_first(rows[piece], size)
         k = _pad_with_first(which[piece], size)
+        # What is filled up has no strength.
         strength = np.where(np.arange(size) < len(rows[piece]), bounce.strength[r, k], 0.0)
         pairs = (
             k,
@@ -145,6 +149,7 @@ def _add_lights(
 def _add_mirror(
     spectra: Array, bounce: Bounce, child: Bounce, number: int, material: Material, beyond: Array
 ) -> Array:
+    # Points of this material whose mirror reflection was followed.
     children = np.flatnonzero(bounce.material[child.parent] == number)
     for piece, size in _pieces(children.size):
         chosen = _pad_with_first(children[piece], size)

@@ -88,6 +88,7 @@ class TriangleCaster:
             [0 * triangles.edge1, triangles.edge1, triangles.edge2], axis=1
         )
         points = corners.reshape(-1, 3)
+        # About their middle, where single precision has most of its digits.
         self._middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
         points = points - self._middle
         self._radius = 1.001 * float(np.linalg.norm(points, axis=1).max())
@@ -112,6 +113,7 @@ class TriangleCaster:
         triangle = np.full(len(limit), -1)
         # From where rays enter the sphere around all meshes: single precision is fine there.
         offset = origin - self._middle
+        # Distance to the middle of the ray's way through that sphere, and half of this way.
         middle = -np.sum(offset * direction, axis=1)
         half = np.sqrt(
             np.maximum(
@@ -146,6 +148,7 @@ class TriangleCaster:
         Source: T. Möller, B. Trumbore, Journal of Graphics Tools 2 (1997) 21.
         """
         corner, edge1, edge2 = (side[which] for side in self._triangles[:3])
+        # Barycentric weights of the point where the ray meets the triangle's plane.
         across = np.cross(direction, edge2)
         normal_to_offset = np.cross(origin - corner, edge1)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -156,6 +159,7 @@ class TriangleCaster:
         # Rounding may put the point a little outside, and far outside where the triangle is seen
         # edge-on.
         u, v = (np.clip(np.nan_to_num(weight), 0.0, 1.0)[:, None] for weight in (u, v))
+        # In double precision, by the point on the triangle.
         distance = np.sum((corner + u * edge1 + v * edge2 - origin) * direction, axis=1)
         return distance, ahead & (distance > 0)
 
@@ -171,6 +175,7 @@ def triangle_surface(
     area = jnp.sum(across**2, axis=-1, keepdims=True)
     area = jnp.where(area > 0, area, 1.0)
     offset = point - corner
+    # Barycentric weights as shares of the triangle's area.
     v = jnp.sum(jnp.cross(edge1, offset) * across, axis=-1, keepdims=True) / area
     u = jnp.sum(jnp.cross(offset, edge2) * across, axis=-1, keepdims=True) / area
     weights = jnp.stack([1 - u - v, u, v], axis=1)

@@ -62,6 +62,7 @@ class MaterialsInView:
                 mine = bounce.material == number
                 lit = mine[:, None] & (bounce.strength > 0)
                 key = int(number)
+                # Spectra are asked for at lit points only, so that these set the ranges.
                 self._view[key] = _wider(
                     self._view.get(key), bounce.cos_view[mine & lit.any(axis=1)]
                 )
@@ -97,6 +98,7 @@ class MaterialsInView:
             light = _legal(self._light[number])
             view = _legal(self._view[number])
             ranges = SeenRanges(light, view, depths)
+            # One material under two names has one table.
             key = (id(material), ranges.light, ranges.view)
             if key not in done:
                 done[key] = material.prepare(wavelengths, ranges, tolerance)
@@ -144,6 +146,7 @@ def needed_bands(scene: Scene) -> Bool[np.ndarray, "bands"]:
         lit = total > 0
         if not np.any(lit):
             continue
+        # Bands that weigh least in every tristimulus value are the first to go.
         largest = np.max(shares[:, lit] / total[lit], axis=1)
         order = np.argsort(largest)
         keep[order[np.cumsum(largest[order]) > _BANDS_SHARE]] = True

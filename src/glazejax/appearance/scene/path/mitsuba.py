@@ -125,6 +125,7 @@ def spectrum(values: Numbers, wavelengths: Float[np.ndarray, "bands"]) -> dict[s
     """A spectrum for Mitsuba: linear between the bands, nothing beyond them."""
     values = np.broadcast_to(np.asarray(values, float), wavelengths.shape)
     listed = ",".join(f"{v:.9g}" for v in values)
+    # Mitsuba's regular spectrum needs even steps.
     steps = np.diff(wavelengths)
     if steps.size and np.ptp(steps) < 1e-9 * steps[0]:
         ends = {"wavelength_min": float(wavelengths[0]), "wavelength_max": float(wavelengths[-1])}
@@ -164,6 +165,7 @@ def _bsdf(
             f"material {name!r}: Mitsuba has no Phong; drawn as a plastic with a highlight of "
             "the same width"
         )
+        # Facets whose highlight is as wide as Phong's: alpha^2 = 2/(n + 2).
         width = float(np.sqrt(2.0 / (float(material.exponent) + 2.0)))
         body = spectrum(material.body, grid)
         return _both_sides({"type": "roughplastic", "alpha": width, "diffuse_reflectance": body})
@@ -202,6 +204,7 @@ def _near_metal(material: Conductor, grid: np.ndarray) -> dict[str, Any]:
     """Beckmann's facets, half of them left at the same angle, and the exact reflectance."""
     if material.is_mirror:
         return {"type": "conductor"} | _metal(material, grid)
+    # Half of Beckmann's facets are left where tan^2 = alpha^2 ln 2.
     alpha = float(np.tan(np.deg2rad(material.roughness)) / np.sqrt(np.log(2.0)))
     return {"type": "roughconductor", "distribution": "beckmann", "alpha": alpha} | _metal(
         material, grid

@@ -31,6 +31,7 @@ def mitsuba_shape(shape: Shape, path: Path, *, mapped: bool = False) -> dict[str
     endless = 100.0
     if isinstance(shape, Plane):
         half = (endless, endless) if shape.size is None else (shape.size[0] / 2, shape.size[1] / 2)
+        # Mitsuba's rectangle reaches from -1 to 1: its axes are half the sides.
         rightward, up, normal = plane_frame(shape)
         axes = np.stack([rightward * half[0], up * half[1], normal], axis=1)
         if mapped and shape.size is None:
@@ -69,6 +70,7 @@ def relief_mesh(plane: Plane) -> Mesh:
     down, across = np.gradient(heights, height / (rows - 1), width / (columns - 1))
     steep = np.stack([-across, down, np.ones_like(heights)], axis=-1).reshape(-1, 3)
     steep /= np.linalg.norm(steep, axis=1, keepdims=True)
+    # Four neighbouring heights make two triangles.
     first = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
     below = first + columns
     # Both counter-clockwise seen from the side of the normal.
@@ -98,6 +100,7 @@ def write_ply(path: Path, mesh: Mesh) -> dict[str, Any]:
     if mesh.uv is not None:
         columns += zip(("u", "v"), np.asarray(mesh.uv, float).T, strict=True)
     names = [name for name, _ in columns]
+    # Mitsuba keeps meshes in single precision.
     vertices = np.empty(len(mesh.vertices), [(name, "<f4") for name in names])
     for name, values in columns:
         vertices[name] = values

@@ -113,6 +113,7 @@ def path_trace(
 
         pixels = scene.width * scene.height
         report = PathReport(variant=variant, pixels=pixels, materials=len(scene.materials))
+        # Passes with seeds of their own are independent, and their spread is the noise.
         samples_each, report.passes_full = passes_of(int(samples), pixels)
         progress(0, report.passes_full, "computing glazes")
         description = mitsuba_scene(

@@ -16,10 +16,10 @@ from jaxtyping import Float
 from glazejax.io.spectra_table import list_names
 from glazejax.progress import Progress, no_progress
 
-from ..film.films import Films
-from ..film.model.variation import Variation, learn
-from .joint import recover_jointly
-from .joint_result import JointRecovery
+from ...film.films import Films
+from ...film.model.variation import Variation, learn
+from ..joint.joint import recover_jointly
+from ..joint.result import JointRecovery
 from .prediction import Prediction, predict_films
 
 
@@ -115,8 +115,8 @@ def cross_validate(
         only: whether a film, by name, is left out; by default those of more than one paint, all of
             whose paints are in other films too.
         progress: called before each film is fitted. An interrupt keeps the films that are done.
-        fit_options: further arguments of `glazefit.recover.joint.recover_jointly`, as `whole` had
-            them.
+        fit_options: further arguments of `glazefit.recover.joint.joint.recover_jointly`, as `whole`
+            had them.
 
     Raises:
         ValueError: there is no such film.

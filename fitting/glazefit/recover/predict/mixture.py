@@ -20,21 +20,21 @@ from glazejax.geometry import resolve_instrument
 from glazejax.paint.describe import format_length
 from glazejax.progress import Progress, no_progress
 
-from ..film.films import SPECTRA, Films, InstrumentLike, Noise, usual_cards
-from ..film.model.errors import (
+from ...film.films import SPECTRA, Films, InstrumentLike, Noise, usual_cards
+from ...film.model.errors import (
     ModelError,
     error_modes,
     relative_errors,
     smooth_modes,
 )
-from ..film.model.mixing import MixingLaw
-from ..film.model.response import Response, film_response
-from ..film.model.variation import MIXED, Spread, Variation
-from ..film.noise import estimate_noise
-from .constraints import Gauge
-from .joint import UNIT, recover_jointly
-from .joint_problem import Expectations
-from .joint_result import JointRecovery
+from ...film.model.mixing import MixingLaw
+from ...film.model.response import Response, film_response
+from ...film.model.variation import MIXED, Spread, Variation
+from ...film.noise import estimate_noise
+from ..joint.constraints import Gauge
+from ..joint.joint import UNIT, recover_jointly
+from ..joint.problem import Expectations
+from ..joint.result import JointRecovery
 from .prediction import Prediction
 from .reading_errors import ReadingErrors, film_readings
 
@@ -128,7 +128,7 @@ def predict_mixture(
 
     Returns:
         A `Prediction` for each thickness, whose relative thickness is in units of
-        `glazefit.recover.joint.UNIT`.
+        `glazefit.recover.joint.joint.UNIT`.
 
     Raises:
         ValueError: as `mix`, or a thickness that is not positive.
@@ -157,11 +157,12 @@ def predict_mixture(
     else:
         grid = calibrated.wavelengths
         k, s = calibrated.absorption[0] / UNIT, calibrated.scattering[0] / UNIT
-        off = {"paint": drawn_mixture(calibrated)}
+        # It is that mixing, and errors of its paints are errors of it.
+        drawn = drawn_mixture(calibrated)
+        off = {"scale": np.zeros_like(drawn), "paint": drawn, "film": np.zeros_like(drawn)}
         gloss = float(calibrated.gloss[0])
         errors = ReadingErrors.of(calibrated, response, (spread or Spread()).alike)
     # Film by film: the mean reading, and the deviations of each draw from it.
-    empty = np.zeros((len(next(iter(off.values()))), 2, grid.size))
     grounds = (
         usual_cards(grid)
         if ground is None
@@ -177,7 +178,7 @@ def predict_mixture(
         mean = film_readings(
             response, k * metres, s * metres, np.zeros((1, 2, grid.size)), grounds
         )[0]
-        drawn = {
+        deviations = {
             source: film_readings(response, k * metres, s * metres, o, grounds) - mean
             for source, o in off.items()
         }
@@ -185,8 +186,7 @@ def predict_mixture(
         if errors is not None:
             shift, extra = errors.at(metres / UNIT, read)
             read = read + shift
-            drawn["paint"] = drawn["paint"] + extra
-        deviations = {source: drawn.get(source, empty) for source in ("scale", "paint", "film")}
+            deviations["paint"] += extra
         over_black, over_white = read
         out.append(
             Prediction(
@@ -234,15 +234,15 @@ def calibrate_mixture(
         spread: how far films scatter in thickness and gain, by default what predicts revigo's
             best (`python -m benchmarks.paint.prediction` chooses it again without each film).
         gauge: thicknesses of the films, in metres on the scale of the paints; by default each is
-            about `glazefit.recover.joint.UNIT`.
+            about `glazefit.recover.joint.joint.UNIT`.
         wavelengths: nm, of the mixture in addition to those of the reading, which may be few:
             filters of a camera, say. By default those of the reading alone.
         progress: see `recover_jointly`.
 
     Returns:
         A joint recovery whose only paint is the mixture: `pigment` gives its k and s, `thickness`
-        that of the films (in units of `glazefit.recover.joint.UNIT`, on the scale of the paints),
-        `fitted_black` and `fitted_white` the reading as it is met.
+        that of the films (in units of `glazefit.recover.joint.joint.UNIT`, on the scale of the
+        paints), `fitted_black` and `fitted_white` the reading as it is met.
 
     Raises:
         ValueError: as `mix` and `recover_jointly`.
@@ -299,9 +299,7 @@ def drawn_mixture(calibrated: JointRecovery) -> Float[np.ndarray, "draws 2 bands
     A stronger mixture goes with a thinner film: their product is known better than either.
     """
     bands = calibrated.draws.bands - calibrated.unknowns.bands
-    films = calibrated.draws.films - calibrated.unknowns.films
-    through = ~calibrated.films.opaque
-    depth = films[:, through, 0].mean(axis=1) if through.any() else np.zeros(len(films))
+    depth = calibrated.depth(calibrated.draws.films - calibrated.unknowns.films)
     return np.swapaxes(bands, 1, 2) + depth[:, None, None]
 
 

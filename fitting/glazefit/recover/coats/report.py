@@ -1,18 +1,14 @@
 """Report of a recovery from coats: a table on the screen, and the files it leaves."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-import equinox as eqx
 import numpy as np
 from rich.console import Console
 
-from glazejax.io import write_table
-from glazejax.paint.pigment_table import write_pigments
 from glazejax.report import plain_table
 
 from .coats import CoatPrediction, CoatRecovery, CoatScattering
-from .report import draw_each
 
 FILM_COLUMNS = (
     "film",
@@ -67,67 +63,39 @@ def print_coats(
             )
 
 
-def write_coats(
-    recovery: CoatRecovery,
-    predictions: Sequence[CoatPrediction],
-    thickness: float,
-    folder: Path,
-    *,
-    overwrite: bool = False,
+def plot_ladder(
+    recovery: CoatRecovery, predictions: Sequence[CoatPrediction], paint: str, path: Path
 ) -> None:
-    """Write `pigments.csv` (k and s in 1/m, if a coat is this thick, m), `films.csv`, and
-    `next_coats.csv`, the films predicted with their 90 % bands.
-    """
-    paints = [fit.pigment(paint, thickness) for paint, fit in recovery.paints.items()]
-    plain = [eqx.tree_at(lambda paint: paint.error_modes, paint, None) for paint in paints]
-    write_pigments(folder / "pigments.csv", plain, digits=6, overwrite=overwrite)
-    write_table(folder / "films.csv", FILM_COLUMNS, _film_rows(recovery), overwrite=overwrite)
-    write_table(
-        folder / "next_coats.csv", NEXT_COLUMNS, _next_rows(predictions), overwrite=overwrite
-    )
-
-
-def plot_coats(
-    recovery: CoatRecovery,
-    predictions: Sequence[CoatPrediction],
-    folder: Path,
-    step: Callable[[], object] = lambda: None,
-) -> None:
-    """Draw the ladder of every paint, read and fitted, with the films predicted and their 90 %
-    bands, to its own file, and call `step` after each.
+    """Draw the ladder of a paint, read and fitted, with its films predicted and their 90 %
+    bands.
     """
     from glazejax.plots import label_spectra, picture
 
     grid = recovery.wavelengths
-    paints = list(recovery.paints)
-
-    def draw(number: int, path: Path) -> None:
-        paint = paints[number]
-        fit = recovery.paints[paint]
-        with picture(path, 6, 4.2) as figure:
-            spectra = figure.subplots()
-            for row, name in enumerate(fit.films.names):
-                (line,) = spectra.plot(grid, fit.fitted_white[row], label=f"{name}, fitted")
-                read = recovery.film(name).reflectance
-                spectra.plot(grid, read, "o", color=line.get_color(), ms=4, mfc="none")
-            for prediction in predictions:
-                if prediction.paint != paint:
-                    continue
-                label = f"{prediction.coats:g} coats, predicted"
-                (line,) = spectra.plot(grid, prediction.reflectance, "--", label=label)
-                spectra.fill_between(
-                    grid, *prediction.interval(), color=line.get_color(), alpha=0.15, lw=0
-                )
-            ground = recovery.thickest(paint).ground
-            spectra.plot(grid, ground, ":", color="0.6", lw=1, label="bare ground")
-            label_spectra(spectra, ylim=(0, 1))
-            spectra.legend()
-            spectra.set_title(paint)
-
-    draw_each(paints, folder, draw, step)
+    fit = recovery.paints[paint]
+    with picture(path, 6, 4.2) as figure:
+        spectra = figure.subplots()
+        for row, name in enumerate(fit.films.names):
+            (line,) = spectra.plot(grid, fit.fitted_white[row], label=f"{name}, fitted")
+            read = recovery.film(name).reflectance
+            spectra.plot(grid, read, "o", color=line.get_color(), ms=4, mfc="none")
+        for prediction in predictions:
+            if prediction.paint != paint:
+                continue
+            label = f"{prediction.coats:g} coats, predicted"
+            (line,) = spectra.plot(grid, prediction.reflectance, "--", label=label)
+            spectra.fill_between(
+                grid, *prediction.interval(), color=line.get_color(), alpha=0.15, lw=0
+            )
+        ground = recovery.thickest(paint).ground
+        spectra.plot(grid, ground, ":", color="0.6", lw=1, label="bare ground")
+        label_spectra(spectra, ylim=(0, 1))
+        spectra.legend()
+        spectra.set_title(paint)
 
 
-def _film_rows(recovery: CoatRecovery) -> Iterator[tuple[object, ...]]:
+def coat_rows(recovery: CoatRecovery) -> Iterator[tuple[object, ...]]:
+    """A row a film, of `FILM_COLUMNS`."""
     for paint, fit in recovery.paints.items():
         difference = np.where(fit.films.seen, fit.delta_e(), np.nan)
         for row, name in enumerate(fit.films.names):
@@ -142,7 +110,8 @@ def _film_rows(recovery: CoatRecovery) -> Iterator[tuple[object, ...]]:
             )
 
 
-def _next_rows(predictions: Sequence[CoatPrediction]) -> Iterator[tuple[object, ...]]:
+def next_coat_rows(predictions: Sequence[CoatPrediction]) -> Iterator[tuple[object, ...]]:
+    """A row a film predicted and wavelength, of `NEXT_COLUMNS`."""
     for prediction in predictions:
         columns = (prediction.reflectance, *prediction.interval(0.9))
         for band, wavelength in enumerate(prediction.wavelengths):

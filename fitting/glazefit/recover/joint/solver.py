@@ -20,9 +20,9 @@ import numpy as np
 from jaxtyping import Array, Float
 from scipy.linalg import get_lapack_funcs
 
-from ..film.model.response import Response
-from ..film.numerics.least_squares import Surroundings, descend
-from .joint_problem import JointProblem, JointResiduals, Unknowns, residuals
+from ...film.model.response import Response
+from ...film.numerics.least_squares import Surroundings, descend
+from .problem import JointProblem, JointResiduals, Unknowns, residuals
 
 
 class Normal(NamedTuple):

@@ -8,23 +8,22 @@ paint.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from glazejax.colour import delta_e_of_spectra
 from glazejax.spectra import describe_grid
 
-from ..film.films import Films, Noise, card_readings
-from ..film.model.errors import ModelError, draw_coefficient_errors, draw_model_errors
-from ..film.model.response import Response, film_response
-from ..film.model.variation import MIXED, SIZES, SizeEvidence, Variation, log_likelihood
-from ..film.tables import WAVELENGTH, Tabulated, Variables
-from .joint_problem import model_deviation
-from .joint_result import JointRecovery
-from .result import delta_e_over_cards
+from ...film.films import Films, Noise, card_readings
+from ...film.model.errors import ModelError, draw_coefficient_errors, draw_model_errors
+from ...film.model.response import Response, film_response
+from ...film.model.variation import MIXED, SIZES, SizeEvidence, Variation, log_likelihood
+from ...film.tables import WAVELENGTH, Tabulated, Variables
+from ..joint.problem import model_deviation
+from ..joint.result import JointRecovery
 
 PARTS = ("scale", "paint", "film")
 
@@ -114,9 +113,14 @@ class Prediction(Tabulated):
         observer: str | int = 10,
     ) -> Float[np.ndarray, "*n 2"]:
         """CIEDE2000 between the prediction and other spectra, over black and over white."""
-        predicted = (self.over_black, self.over_white)
-        measured = (over_black, over_white)
-        return delta_e_over_cards(self.wavelengths, predicted, measured, illuminant, observer)
+        measured = np.stack([over_black, over_white], axis=-2)
+        return delta_e_of_spectra(
+            self.wavelengths,
+            self.reflectance,
+            measured,
+            illuminant=illuminant,
+            observer=observer,
+        )
 
     def expected_error(
         self, illuminant: str = "D65", observer: str | int = 10, parts: tuple[str, ...] = PARTS
@@ -139,12 +143,14 @@ class Prediction(Tabulated):
         """
         drawn = self._draw(("film",))
         half = len(drawn) // 2
-        first, second = (
-            tuple(np.moveaxis(draws, 1, 0)) for draws in (drawn[:half], drawn[half : 2 * half])
+        off = delta_e_of_spectra(
+            self.wavelengths,
+            drawn[:half],
+            drawn[half : 2 * half],
+            illuminant=illuminant,
+            observer=observer,
         )
-        return float(
-            np.mean(delta_e_over_cards(self.wavelengths, first, second, illuminant, observer))
-        )
+        return float(off.mean())
 
     def size_evidence(self, measured: Float[np.ndarray, "2 bands"]) -> SizeEvidence:
         """Evidence of the film on how large films' own errors are, now that it was measured over
@@ -214,45 +220,48 @@ def predict_films(
     response = response or film_response(instrument)
     card_data = card_readings(films, instrument, noise)
     # Errors of the paints as the recovery has them: their level over the bands, and their shape.
-    best = np.asarray(recovery.unknowns.paints)[None]
-    drawn = np.asarray(recovery.draws.paints)
     off = np.asarray(recovery.draws.bands - recovery.unknowns.bands)
-    scale_off = np.broadcast_to(off.mean(axis=1, keepdims=True), off.shape)
+    count = len(off)
+    level = np.broadcast_to(off.mean(axis=1, keepdims=True), off.shape)
     # The same draws for every film, so that films compare.
     rng = np.random.default_rng(0)
-    count = len(off)
-    film_draws = draw_coefficient_errors(rng, (count, 2 * paints), films.wavelengths, discrepancy)
+    varied = draw_coefficient_errors(rng, (count, 2 * paints), films.wavelengths, discrepancy)
     model = draw_model_errors(rng, count, 2, films.wavelengths, discrepancy)
+    # The film as it is expected, then draws of the errors of each of `PARTS`.
+    errors = np.concatenate([np.zeros_like(off[:1]), level, off - level, np.swapaxes(varied, 1, 2)])
+    ends = 1 + count * np.arange(len(PARTS))
+    coefficients = np.exp(recovery.unknowns.bands + errors)
+    log_gloss = np.tile(recovery.unknowns.paints, (len(errors), 1))
+    log_gloss[ends[1] : ends[2]] = recovery.draws.paints
     out = []
     for row, name in enumerate(films.names):
         measured = np.asarray(card_data.reflectance[row])
         share = _shares(recovery, name, recipes)
-        film = _MeasuredFilm(
-            share,
+        gloss = np.exp(log_gloss @ share)
+        surface = (gloss * instrument.seen_surface)[:, None, None]
+        logs, body = _fit_thickness(
+            coefficients[..., :paints] @ share,
+            coefficients[..., paints:] @ share,
             np.asarray(card_data.ground[row]),
-            measured,
+            measured - surface,
             model_deviation(measured, noise, recovery.expectations),
+            recovery.expectations.thickness,
+            response=response,
         )
-        thickness, surface, (mean,) = _spectra(recovery, response, film, np.zeros((1, 1, 1)), best)
-        drawn_spectra = {
-            "scale": _spectra(recovery, response, film, scale_off, best)[2],
-            "paint": _spectra(recovery, response, film, off - scale_off, drawn)[2],
-            "film": _spectra(recovery, response, film, np.swapaxes(film_draws, 1, 2), best)[2]
-            + model,
-        }
-        gloss = float(surface[0] / instrument.seen_surface) if instrument.seen_surface else 0.0
+        (mean,), *drawn = np.split(np.moveaxis(np.asarray(body), -1, 1) + surface, ends)
+        deviations = {source: spectra - mean for source, spectra in zip(PARTS, drawn, strict=True)}
+        deviations["film"] += model
         present = tuple(
             paint
             for paint, paint_share in zip(recovery.paints, share, strict=True)
             if paint_share > 0
         )
-        deviations = {source: spectra - mean for source, spectra in drawn_spectra.items()}
         out.append(
             Prediction(
                 name=name,
                 wavelengths=films.wavelengths,
-                thickness=float(thickness[0]),
-                gloss=gloss,
+                thickness=float(np.exp(logs[0])),
+                gloss=float(gloss[0]) if instrument.seen_surface else 0.0,
                 over_black=mean[0],
                 over_white=mean[1],
                 paints=present,
@@ -261,15 +270,6 @@ def predict_films(
             )
         )
     return out
-
-
-class _MeasuredFilm(NamedTuple):
-    """One film."""
-
-    share: Float[np.ndarray, "paints"]
-    ground: Float[np.ndarray, "bands 2"]  # internal reflectance
-    measured: Float[np.ndarray, "bands 2"]
-    deviation: Float[np.ndarray, "bands 2"]  # expected of a reading
 
 
 def _shares(
@@ -283,34 +283,6 @@ def _shares(
     for paint, weight in recipes[name].items():
         weights[0, recovery.row(paint)] = weight
     return recovery.law.shares(weights, recovery.paints)[0]
-
-
-def _spectra(
-    recovery: JointRecovery,
-    response: Response,
-    film: _MeasuredFilm,
-    off: Float[np.ndarray, "draws #bands #coefficients"],
-    gloss: Float[np.ndarray, "#draws paints"],
-) -> tuple[
-    Float[np.ndarray, "draws"], Float[np.ndarray, "#draws"], Float[np.ndarray, "draws 2 bands"]
-]:
-    """Thickness, reflection of the surface, and reflectance over both cards, for each draw of what
-    is added to the logs of k and s, and of the log of the paints' gloss.
-    """
-    surface = np.exp(gloss @ film.share) * recovery.instrument.seen_surface
-    coefficients = np.exp(recovery.unknowns.bands + off)
-    paints = film.share.size
-    target = film.measured - surface[:, None, None]
-    logs, body = _fit_thickness(
-        coefficients[..., :paints] @ film.share,
-        coefficients[..., paints:] @ film.share,
-        film.ground,
-        np.broadcast_to(target, (len(off), *film.measured.shape)),
-        film.deviation,
-        recovery.expectations.thickness,
-        response=response,
-    )
-    return np.exp(logs), surface, np.moveaxis(np.asarray(body), -1, 1) + surface[:, None, None]
 
 
 def least_by_scanning(

@@ -25,9 +25,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from ..film.films import Noise
-from ..film.model.response import Response, hiding_factor
-from ..film.numerics.least_squares import root_of_log1p
+from ...film.films import Noise
+from ...film.model.response import Response, hiding_factor
+from ...film.numerics.least_squares import root_of_log1p
 
 
 class Expectations(NamedTuple):

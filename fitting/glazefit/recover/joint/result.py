@@ -9,12 +9,12 @@ from jaxtyping import Array, Bool, Float
 
 from glazejax import Pigment
 
-from ..film.films import Films, Instrument, Noise
-from ..film.model.mixing import MixingLaw
+from ...film.films import Films, Instrument, Noise
+from ...film.model.mixing import MixingLaw
+from ..films.result import RELATIVE_LIMIT, FittedFilms
 from .constraints import MOST_ERROR, PaintModes
-from .joint_covariance import JointCovariance
-from .joint_problem import Expectations, JointProblem, Unknowns
-from .result import RELATIVE_LIMIT, FittedFilms
+from .covariance import JointCovariance
+from .problem import Expectations, JointProblem, Unknowns
 
 RULE = (
     f"k and s count as separable where the joint fit knows each to {RELATIVE_LIMIT:.0%} of its "
@@ -42,7 +42,7 @@ class JointRecovery(FittedFilms):
         paints: names.
         shares: of each paint in each film, (films, paints), as the mixing law gives them.
         law: mixing law.
-        unknowns: solution of `glazefit.recover.joint_problem`; starts another fit of the same
+        unknowns: solution of `glazefit.recover.joint.problem`; starts another fit of the same
             films.
         log_covariance: of log k of all paints, then log s, at each band, (bands, 2 paints, 2
             paints).
@@ -166,6 +166,15 @@ class JointRecovery(FittedFilms):
             self.thickness
             * np.sqrt(np.diagonal(self.shared_covariance))[: films * per_film : per_film]
         )
+
+    def depth(
+        self, films: Float[np.ndarray, "*draws films 2+parts"]
+    ) -> Float[np.ndarray | np.floating, "*draws"]:
+        """Mean over the films that do not hide their ground of the log of thickness, by unknowns of
+        the films; 0 where all hide it.
+        """
+        through = ~self.films.opaque
+        return films[..., through, 0].mean(axis=-1) if through.any() else np.zeros(films.shape[:-2])
 
     @property
     def gloss(self) -> Float[np.ndarray, "films"]:

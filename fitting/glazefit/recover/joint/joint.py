@@ -19,14 +19,14 @@ from glazejax import Pigment
 from glazejax.geometry import resolve_instrument
 from glazejax.progress import Progress, no_progress
 
-from ..film.films import Films, Instrument, InstrumentLike, Noise, card_readings
-from ..film.gloss import GLOSS_SD, estimate_gloss
-from ..film.model.mixing import MixingLaw, weight_table
-from ..film.model.response import Response, film_response
-from ..film.noise import estimate_noise
+from ...film.films import Films, Instrument, InstrumentLike, Noise, card_readings
+from ...film.gloss import GLOSS_SD, estimate_gloss
+from ...film.model.mixing import MixingLaw, weight_table
+from ...film.model.response import Response, film_response
+from ...film.noise import estimate_noise
 from .constraints import Constraints, Gauge, gather_constraints
-from .joint_covariance import JointCovariance
-from .joint_problem import (
+from .covariance import JointCovariance
+from .problem import (
     Expectations,
     JointProblem,
     Unknowns,
@@ -39,8 +39,8 @@ from .joint_problem import (
     readings,
     totals,
 )
-from .joint_result import JointRecovery
-from .joint_solver import Factors, covariance, shared_with_bands, solve_jointly
+from .result import JointRecovery
+from .solver import Factors, covariance, shared_with_bands, solve_jointly
 
 UNIT = 25e-6
 """Thickness of a film of unit relative thickness where none is known, m."""

@@ -17,11 +17,11 @@ from jaxtyping import Array, Float
 from glazejax import Pigment
 from glazejax.spectra import lie_between
 
-from ..film.films import card_readings
-from ..film.model.response import Response, film_response, hiding_factor
-from .constraints import error_modes
-from .joint_problem import model_deviation
-from .joint_result import JointRecovery
+from ...film.films import card_readings
+from ...film.model.response import Response, film_response, hiding_factor
+from ..joint.constraints import error_modes
+from ..joint.problem import model_deviation
+from ..joint.result import JointRecovery
 from .next_reading import CandidateReading, NextFilms, rank_candidates, reading_bands
 
 
@@ -70,8 +70,7 @@ def rank_next_films(
         pale = white.name
     elif pale == paint:
         pale = None
-    through = ~recovery.films.opaque
-    depth = float(np.mean(np.log(recovery.thickness[through]))) if through.any() else 0.0
+    depth = float(recovery.depth(recovery.unknowns.films))
     plan = _plan(recovery, row, pale, depth)
     bands = _planning_bands(recovery)
     grid = recovery.wavelengths[bands]
@@ -201,10 +200,8 @@ def _open(
         logs = np.log(np.maximum(values, 1e-7)) + off
         coefficients = np.concatenate([coefficients, logs[..., None]], axis=-1)
         gloss = np.concatenate([gloss, expected.paint_gloss * normal(1)], axis=-1)
-    through = ~recovery.films.opaque
     # Stronger paints go with thinner films: their product is known better than either.
-    depth = unknowns.films[:, through, 0] - best.films[through, 0]
-    depth = depth.mean(axis=1, keepdims=True) if through.any() else np.zeros((count, 1))
+    depth = recovery.depth(unknowns.films - best.films)[:, None]
     thickness_sd = np.mean(np.asarray(recovery.problem.film_scale)[:, 0])
     thickness = plan.thickness + depth + thickness_sd * normal(films)
     # Of a tint the paint is the smaller part, and what weighing leaves open is its own.

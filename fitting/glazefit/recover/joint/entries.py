@@ -25,7 +25,7 @@ from glazejax.paint.pigment_table import pigment_rows, read_pigments
 from glazejax.whole_file import whole_file
 
 from .constraints import MOST_ERROR, error_modes
-from .joint_result import JointRecovery, by_paint
+from .result import JointRecovery, by_paint
 
 
 @dataclass(frozen=True)

@@ -8,10 +8,10 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
-from ..film.model.errors import ModelError, draw_model_errors
-from ..film.model.response import Response
-from .joint_problem import Expectations, Unknowns, readings_of_draws
-from .joint_result import JointRecovery
+from ...film.model.errors import ModelError, draw_model_errors
+from ...film.model.response import Response
+from ..joint.problem import Expectations, Unknowns, readings_of_draws
+from ..joint.result import JointRecovery
 
 SMOOTH = ModelError(amplitude=1.0, length=60.0, shared=0.8)
 """Errors of the model, of size one: similar at neighbouring bands."""

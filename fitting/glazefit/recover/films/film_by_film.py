@@ -1,18 +1,18 @@
 """From films over black and white to absorption and scattering, at every wavelength.
 
-Each band of each film is a problem of its own: two readings, two unknowns. All of them are solved
-side by side in one compiled program, Levenberg and Marquardt's steps
-(`film.numerics.least_squares`) on the table of films (`FilmResponse`, exact to 1e-5), in chunks of
+Each band of each film is a film of its own of one coat of unknown paint (`film.forward`): two
+readings, two unknowns, log(k d) and log(s d). All of them are solved side by side in one compiled
+program, Levenberg and Marquardt's steps on readings over their errors (`film.errors`), in chunks of
 films so that progress shows and an interrupt keeps what is finished.
 
-The unknowns are log(k d) and log(s d), held between bounds by a sigmoid. Two films over the same
-cards can have two solutions, so the fit starts from the two best local minima on a grid
-(`FilmResponse`) and keeps the better.
+Two films over the same cards can have two solutions, so the fit starts from the two best local
+minima on a grid (`FilmResponse`) and keeps the better.
 
 Where a film is opaque only k/s is known. There s d is drawn to its neighbours
 (`neighbours_scattering`) and k d follows from the ratio; the band is flagged.
 """
 
+import functools
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -25,26 +25,18 @@ from glazejax.geometry import resolve_instrument
 from glazejax.programs import Program
 from glazejax.radiative.common.linalg import inverse_positive
 
-from ..film.films import (
-    CardReadings,
-    Films,
-    Instrument,
-    InstrumentLike,
-    Noise,
-    card_readings,
-    cards,
-)
-from ..film.gloss import estimate_gloss
-from ..film.model.body import HIGHEST, LOWEST
-from ..film.model.response import FilmResponse, film_response
-from ..film.noise import estimate_noise
-from ..film.numerics.least_squares import levenberg_marquardt
+from ...film.errors import ScaledReadings
+from ...film.films import Films, Instrument, InstrumentLike, Noise, card_readings, cards
+from ...film.forward import Film, FilmData, FilmShared, pose_each_band
+from ...film.gloss import estimate_gloss
+from ...film.model.body import HIGHEST
+from ...film.model.response import FilmResponse
+from ...film.noise import estimate_noise
+from ...film.numerics.least_squares import levenberg_marquardt
 from .result import Recovery, told_apart
 
 CHUNK = 8
 """Films a chunk."""
-
-_BOUNDS = np.log(np.array([LOWEST, HIGHEST]))
 
 
 class ScatteringPrior(NamedTuple):
@@ -58,7 +50,6 @@ class BandStart(NamedTuple):
     """Start of the fit of one band."""
 
     logs: Float[Array, "*bands 2 2"]  # two points, log k d and log s d
-    weights: Float[Array, "*bands 2"]  # of the residuals
     least_scattering: Float[Array, "*bands"]  # smallest log(s d) that the data allow
 
 
@@ -74,39 +65,29 @@ class Estimate(NamedTuple):
     least_scattering: Float[Array, "*bands"]
 
 
-def _bound(free: Float[Array, "*n 2"]) -> Float[Array, "*n 2"]:
-    """Log optical thicknesses from free parameters; the slope is 1 in the middle of the range."""
-    low, high = jnp.asarray(_BOUNDS, free.dtype)
-    return low + (high - low) * jax.nn.sigmoid(4.0 * free / (high - low))
-
-
-def _free(logs: Float[Array, "*n 2"]) -> Float[Array, "*n 2"]:
-    low, high = jnp.asarray(_BOUNDS, logs.dtype)
-    share = jnp.clip((logs - low) / (high - low), 1e-3, 1 - 1e-3)
-    return (high - low) / 4.0 * (jnp.log(share) - jnp.log1p(-share))
-
-
-def starts(data: CardReadings, response: FilmResponse, prior: ScatteringPrior) -> BandStart:
+def starts(data: FilmData, response: FilmResponse, prior: ScatteringPrior) -> BandStart:
     """Starting points of one band: the two lowest local minima of a grid (the lowest twice if there
     is one only).
 
     Between neighbouring values of k d residuals are interpolated, since the valley of equal k/s is
     narrow.
     """
+    reading, ground, sd, ground_sd = (
+        values[0, :, None, None] for values in (data.reading, data.ground, data.sd, data.ground_sd)
+    )
     # So dense in k d and in s d that no minimum is missed.
     log_absorption, log_scattering = (
-        jnp.asarray(np.linspace(np.log(low), np.log(0.8 * high), points), data.reflectance.dtype)
+        jnp.asarray(np.linspace(np.log(low), np.log(0.8 * high), points), reading.dtype)
         for low, high, points in zip((1e-5, 1e-4), HIGHEST, (80, 44), strict=True)
     )
     black, gain, back = response.numbers(
         *jnp.meshgrid(jnp.exp(log_absorption), jnp.exp(log_scattering), indexing="ij")
     )
-    ground = data.ground[:, None, None]
     transmitted = gain / (1.0 - back * ground)
     # A card's own error reaches the reading through the film.
     through = transmitted / (1.0 - back * ground)
-    variance = data.sd[:, None, None] ** 2 + data.ground_sd[:, None, None] ** 2 * through**2
-    residual = (black + ground * transmitted - data.reflectance[:, None, None]) / jnp.sqrt(variance)
+    variance = sd**2 + ground_sd**2 * through**2
+    residual = (black + ground * transmitted - reading) / jnp.sqrt(variance)
     lower = residual[:, :-1]
     step = jnp.diff(residual, axis=1)
     share = jnp.clip(
@@ -131,113 +112,83 @@ def starts(data: CardReadings, response: FilmResponse, prior: ScatteringPrior) -
     row, column = jnp.divmod(jnp.stack([first, second]), columns)
     at = log_absorption[row] + share[row, column] * (log_absorption[1] - log_absorption[0])
     points = jnp.stack([at, log_scattering[column]], axis=-1)
-    return BandStart(points, 1.0 / jnp.sqrt(variance[:, row[0], column[0]]), least)
+    return BandStart(points, least)
 
 
-def _polish(
-    start: Float[Array, "n 2"],
-    data: CardReadings,
-    weights: Float[Array, "n 2"],
-    prior: ScatteringPrior,
-    response: FilmResponse,
-) -> tuple[Float[Array, "n 2"], Bool[Array, "n"]]:
-    """Least squares of bands, each from one start: log optical thicknesses, and whether they
-    converged.
+@functools.partial(Program, fixed=("film",))
+def solve(film: Film, data: FilmData, shared: FilmShared, prior: ScatteringPrior) -> Estimate:
+    """Solve every band of a batch, (n,), side by side.
 
     A weak pull to the start settles directions that the data leave open; it moves a value that they
     determine to half its size by less than a hundredth of its error.
+
+    The covariance is the inverse of the Fisher information, J^T W J, plus a vague prior: a value is
+    known to 1 + 5 times itself, so that what the data leave open comes out large, not infinite.
     """
+    assert shared.response is not None
+    scaled = ScaledReadings(film)
+    start = jax.vmap(starts, in_axes=(0, None, 0))(data, shared.response, prior)
 
     def residuals(
-        free: Array, start: Array, data: CardReadings, weights: Array, prior: ScatteringPrior
+        logs: Array, start: Array, data: FilmData, prior: ScatteringPrior
     ) -> Float[Array, "rows"]:
         informed = prior.weight > 0
         # In standard deviations per unit of log k d or log s d.
         pull = jnp.stack([jnp.where(informed, 0.2, 0.05), jnp.where(informed, prior.weight, 0.05)])
         centre = jnp.stack([start[0], jnp.where(informed, prior.mean, start[1])])
-        logs = _bound(free)
-        k, s = jnp.exp(logs)
-        misfit = (response.body(k, s, data.ground) - data.reflectance) * weights
-        return jnp.concatenate([misfit, pull * (logs - centre)])
+        return jnp.concatenate([scaled(logs, data, shared), pull * (logs - centre)])
 
-    arguments = (start, data, weights, prior)
-    free, settled = levenberg_marquardt(
-        residuals, _free(start), *arguments, rtol=1e-4, atol=1e-3, max_steps=20
-    )
-    return _bound(free), settled
-
-
-def _spread(
-    optical: Float[Array, "n 2"], data: CardReadings, response: FilmResponse
-) -> tuple[Float[Array, "n 2"], Float[Array, "n 2 2"]]:
-    """Fitted readings, and the covariance of k d and s d that the noise of all four readings
-    causes.
-
-    Inverse of the Fisher information, J^T W J, plus a vague prior: a value is known to 1
-    + 5 times itself, so that what the data leave open comes out large, not infinite.
-    """
-
-    def total(optical: Array, ground: Array) -> tuple[Array, Array]:
-        value = response.body(optical[..., 0], optical[..., 1], ground)
-        return value.sum(), value
-
-    # One reverse pass gives every slope: bands and cards are independent.
-    pairs = jnp.broadcast_to(optical[:, None, :], (*optical.shape, 2))
-    (_, value), (jacobian, through) = jax.value_and_grad(total, argnums=(0, 1), has_aux=True)(
-        pairs, data.ground
-    )
-    variance = data.sd**2 + (data.ground_sd * through) ** 2
-    scaled = jacobian / jnp.sqrt(variance)[..., None]
-    fisher = (
-        jnp.einsum("nci,ncj->nij", scaled, scaled)
-        + jnp.eye(2) / (1.0 + 5.0 * optical[:, :, None]) ** 2
-    )
-    return value, inverse_positive(fisher)
-
-
-@Program
-def solve(data: CardReadings, response: FilmResponse, prior: ScatteringPrior) -> Estimate:
-    """Solve every band of a batch, (n,), side by side."""
-    start = jax.vmap(starts, in_axes=(0, None, 0))(data, response, prior)
     # Both starts of a band are bands of their own until the better one is chosen.
-    twice = jax.tree.map(lambda a: jnp.repeat(a, 2, axis=0), (data, start.weights, prior))
-    doubled, weights, priors = twice
-    logs, converged = _polish(start.logs.reshape(-1, 2), doubled, weights, priors, response)
-    optical = jnp.exp(logs)
-    fitted, covariance = _spread(optical, doubled, response)
-    misfit = jnp.sum(((fitted - doubled.reflectance) * weights) ** 2, axis=-1)
-    cost = (misfit + (priors.weight * (logs[:, 1] - priors.mean)) ** 2).reshape(-1, 2)
+    doubled, priors = jax.tree.map(lambda a: jnp.repeat(a, 2, axis=0), (data, prior))
+    first = start.logs.reshape(-1, 2)
+    ends, converged = levenberg_marquardt(
+        residuals, first, first, doubled, priors, rtol=1e-4, atol=1e-3, max_steps=20
+    )
+    misfit = jnp.sum(jax.vmap(scaled, in_axes=(0, 0, None))(ends, doubled, shared) ** 2, axis=1)
+    cost = (misfit + (priors.weight * (ends[:, 1] - priors.mean)) ** 2).reshape(-1, 2)
     # The first unless the second is better by more than rounding.
     best = jnp.where(cost[:, 1] < cost[:, 0] - 0.01, 1, 0)
-    pair = logs.reshape(-1, 2, 2)
-    distinct = (jnp.abs(pair[:, 1] - pair[:, 0]) > 0.3) & (
-        jnp.abs(jnp.exp(pair[:, 1]) - jnp.exp(pair[:, 0])) > 0.01
+    pair = ends.reshape(-1, 2, 2)
+    distinct = (jnp.abs(jnp.diff(pair, axis=1)) > 0.3) & (
+        jnp.abs(jnp.diff(jnp.exp(pair), axis=1)) > 0.01
     )
-    ambiguous = distinct.any(axis=1) & (jnp.abs(cost[:, 1] - cost[:, 0]) < 4.0)
 
     def choose(values: Array) -> Array:
-        pairs = values.reshape(-1, 2, *values.shape[1:])
-        return jnp.take_along_axis(pairs, best.reshape(-1, *[1] * (pairs.ndim - 1)), axis=1)[:, 0]
+        return values.reshape(-1, 2, *values.shape[1:])[jnp.arange(len(best)), best]
 
+    logs = choose(ends)
+    optical = jnp.exp(logs)
+    # A film beyond hides its ground, and only k/s counts.
+    beyond = jnp.max(optical / np.array(HIGHEST), axis=-1, keepdims=True)
+    optical = optical / jnp.maximum(beyond, 1.0)
+    slopes = jax.vmap(scaled.slopes, in_axes=(0, 0, None))(logs, data, shared) / optical[:, None]
+    fisher = jnp.einsum("nci,ncj->nij", slopes, slopes)
     return Estimate(
-        optical=choose(optical),
-        covariance=choose(covariance),
-        fitted=choose(fitted),
+        optical=optical,
+        covariance=inverse_positive(fisher + jnp.eye(2) / (1.0 + 5.0 * optical[:, :, None]) ** 2),
+        fitted=jax.vmap(film.read, in_axes=(0, 0, None))(logs, data, shared)[:, 0],
         misfit=choose(misfit),
         converged=choose(converged),
-        ambiguous=ambiguous,
+        ambiguous=distinct.any(axis=(1, 2)) & (jnp.abs(cost[:, 1] - cost[:, 0]) < 4.0),
         least_scattering=start.least_scattering,
     )
 
 
 def pose(
     films: Films, gloss: Float[np.ndarray, "films"], instrument: Instrument, noise: Noise
-) -> CardReadings:
-    """Problems of all bands of some films, (films * bands,), without the surface's part."""
+) -> tuple[Film, FilmData, FilmShared]:
+    """Problems of all bands of some films, (films * bands,), without the surface's part; unknown
+    are log k d and log s d.
+    """
     card_data = card_readings(films, instrument, noise)
     surface = (gloss * instrument.seen_surface)[:, None, None]
-    body = card_data._replace(reflectance=card_data.reflectance - surface)
-    return CardReadings(*(jnp.asarray(values.reshape(-1, 2)) for values in body))
+    reading, ground, sd, ground_sd = (
+        np.reshape(values, (-1, 2))
+        for values in card_data._replace(reflectance=card_data.reflectance - surface)
+    )
+    return pose_each_band(
+        instrument, 0.0, np.eye(2), reading=reading, ground=ground, sd=sd, ground_sd=ground_sd
+    )
 
 
 def recover_films(
@@ -293,19 +244,16 @@ def _recover_chunk(films: Films, instrument: Instrument, noise: Noise, chunk: in
     count = len(films)
     bands = films.wavelengths.size
     gloss = estimate_gloss(films, instrument, noise)
-    # The last chunk is filled up, so that one compiled program serves all.
-    spare = (chunk - count) * bands
-    data = jax.tree.map(
-        lambda a: jnp.pad(a, ((0, spare), (0, 0)), mode="edge"),
-        pose(films, gloss, instrument, noise),
-    )
     size = chunk * bands
+    film, data, shared = pose(films, gloss, instrument, noise)
+    # The last chunk is filled up, so that one compiled program serves all.
+    rows = np.minimum(np.arange(size), count * bands - 1)
+    data = jax.tree.map(lambda values: values[rows], data)
     nothing = ScatteringPrior(jnp.zeros(size), jnp.zeros(size))
-    response = film_response(instrument)
-    free = solve(data, response, nothing)
+    free = solve(film, data, shared, nothing)
     # Where the noise leaves k and s apart, and one solution, both are known.
     contrast = np.asarray(
-        (free.fitted[:, 1] - free.fitted[:, 0]) / jnp.linalg.norm(data.sd, axis=1)
+        (free.fitted[:, 1] - free.fitted[:, 0]) / np.linalg.norm(data.sd[:, 0], axis=1)
     )
     distinct = told_apart(np.asarray(free.optical), np.asarray(free.covariance), contrast)
     identifiable = (distinct & ~np.asarray(free.ambiguous)).reshape(-1, bands)
@@ -317,7 +265,7 @@ def _recover_chunk(films: Films, instrument: Instrument, noise: Noise, chunk: in
         np.asarray(free.least_scattering).reshape(-1, bands),
     )
     prior = ScatteringPrior(jnp.asarray(mean.ravel()), jnp.asarray(weight.ravel()))
-    drawn = free if identifiable[:count].all() else solve(data, response, prior)
+    drawn = free if identifiable[:count].all() else solve(film, data, shared, prior)
     chosen = jax.tree.map(
         lambda a, b: np.where(identifiable.ravel().reshape(-1, *[1] * (a.ndim - 1)), a, b),
         free,

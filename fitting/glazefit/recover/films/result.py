@@ -7,11 +7,12 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from glazejax import Pigment
+from glazejax.colour import delta_e_of_spectra
 from glazejax.io.spectra_table import list_names
 from glazejax.spectra import describe_grid
 
-from ..film.films import SPECTRA, Films
-from ..film.tables import Tabulated, Variables
+from ...film.films import SPECTRA, Films
+from ...film.tables import Tabulated, Variables
 
 _IN_TABLES = (
     "absorption",
@@ -80,30 +81,13 @@ class FittedFilms:
     def _delta_e(self, illuminant: str, observer: str | int) -> Float[np.ndarray, "films 2"]:
         """CIEDE2000 of fitted from measured spectra, over black and over white."""
         films = self.films
-        fitted = (self.fitted_black, self.fitted_white)
-        measured = (films.over_black, films.over_white)
+        fitted = np.stack([self.fitted_black, self.fitted_white], axis=1)
+        measured = np.stack([films.over_black, films.over_white], axis=1)
         return films.where_seen(
-            delta_e_over_cards(films.wavelengths, fitted, measured, illuminant, observer)
+            delta_e_of_spectra(
+                films.wavelengths, fitted, measured, illuminant=illuminant, observer=observer
+            )
         )
-
-
-def delta_e_over_cards(
-    wavelengths: Float[np.ndarray, "bands"],
-    predicted: tuple[np.ndarray, np.ndarray],
-    measured: tuple[np.ndarray, np.ndarray],
-    illuminant: str,
-    observer: str | int,
-) -> Float[np.ndarray, "*n 2"]:
-    """CIEDE2000 between spectra over black and over white, (..., bands) each, and others of such
-    films.
-    """
-    from glazejax.colour import delta_e_of_spectra
-
-    by_card = [
-        delta_e_of_spectra(wavelengths, *pair, illuminant=illuminant, observer=observer)
-        for pair in zip(predicted, measured, strict=True)
-    ]
-    return np.stack(by_card, axis=-1)
 
 
 @dataclass(frozen=True)

@@ -17,9 +17,9 @@ from jaxtyping import Float
 from glazejax import Pigment
 from glazejax.spectra import describe_grid
 
-from ..film.films import Films
-from ..film.model.errors import smooth_modes
-from .joint_problem import Expectations
+from ...film.films import Films
+from ...film.model.errors import ModelError, relative_errors, smooth_modes
+from .problem import Expectations
 
 MOST_ERROR = 0.5
 """Largest standard deviation of log k or log s that error modes state: errors are propagated by
@@ -140,24 +140,25 @@ def gather_constraints(
     thickness, thickness_sd, factor = _thicknesses(
         films, gauge, unit, expected.thickness, expected.scale if flags.any() else 0.0
     )
-    mode_groups = (band_modes, _card_levels(films), factor, _gains(films, expected.gain))
-    ends = np.cumsum([0, *map(len, mode_groups)])
-
-    def among_others(number: int) -> np.ndarray:
-        """A part's modes, where they stand among the others."""
-        modes = np.zeros((ends[-1], *mode_groups[number].shape[1:]))
-        modes[ends[number] : ends[number + 1]] = mode_groups[number]
-        return modes
-
+    mode_groups = {
+        "band_modes": band_modes,
+        "ground_modes": _card_levels(films),
+        "thickness_modes": factor,
+        "gain_modes": _gains(films, expected.gain),
+    }
+    first = 0
+    count_of_others = sum(map(len, mode_groups.values()))
+    # Each group where it stands among the others.
+    for name, modes in mode_groups.items():
+        mode_groups[name] = np.zeros((count_of_others, *modes.shape[1:]))
+        mode_groups[name][first : first + len(modes)] = modes
+        first += len(modes)
     return Constraints(
         logs=logs,
         known=flags,
         thickness=thickness,
         thickness_sd=thickness_sd,
-        band_modes=among_others(0),
-        ground_modes=among_others(1),
-        thickness_modes=among_others(2),
-        gain_modes=among_others(3),
+        **mode_groups,
         modes_of=modes_of,
     )
 
@@ -210,23 +211,10 @@ def error_modes(paint: Pigment) -> Float[np.ndarray, "modes 2 bands"]:
     if paint.error_modes is not None:
         return np.asarray(paint.error_modes, dtype=np.float64)
     grid = paint.wavelengths
+    # A paint that says nothing of its errors is known to a tenth.
+    (size,) = relative_errors([paint], ModelError(most=MOST_ERROR, unstated=0.1))
     smooth = smooth_modes(grid, 100.0, 12)
-    blocks = []
-    for row, (value, sd) in enumerate(
-        ((paint.absorption, paint.absorption_sd), (paint.scattering, paint.scattering_sd))
-    ):
-        coefficient = np.asarray(value, dtype=np.float64)
-        # A paint that says nothing of its errors is known to a tenth.
-        size = np.full(grid.size, 0.1)
-        if sd is not None:
-            size = np.minimum(
-                np.asarray(sd) / np.maximum(coefficient, 1e-12 * coefficient.max(initial=1e-9)),
-                MOST_ERROR,
-            )
-        block = np.zeros((len(smooth), 2, grid.size))
-        block[:, row] = smooth * size
-        blocks.append(block)
-    return np.concatenate(blocks)
+    return np.einsum("cd,cb,mb->cmdb", np.eye(2), size, smooth).reshape(-1, 2, grid.size)
 
 
 def _thicknesses(

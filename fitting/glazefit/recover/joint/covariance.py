@@ -6,17 +6,15 @@ never formed. Draws from it would do too, but a few hundred say a small paint's 
 than to a fifth.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import jax
 import numpy as np
 from jaxtyping import Float
 
-from .joint_problem import Unknowns
-from .joint_solver import Factors, covariance_times, draws
-
-Columns = Float[np.ndarray, "bands local columns"]
+from .problem import Unknowns
+from .solver import Factors, covariance_times, draws
 
 
 class JointCovariance(NamedTuple):
@@ -34,10 +32,6 @@ class JointCovariance(NamedTuple):
     thickness_modes: Float[np.ndarray, "others films"]
     with_others: Float[np.ndarray, "others bands local"]
 
-    def times(self, vectors: Columns) -> Columns:
-        """The covariance times some vectors."""
-        return covariance_times(self.factors, vectors, self.modes)
-
     def draw(self, best: Unknowns, count: int) -> Unknowns:
         """Draws about the solution, of coefficients and thicknesses as they are (`totals`)."""
         off = draws(self.factors, best, count)
@@ -52,51 +46,33 @@ class JointCovariance(NamedTuple):
         fixed: Sequence[int] = (),
         slopes: Float[np.ndarray, "known bands local"] | None = None,
     ) -> Float[np.ndarray, "modes bands local"]:
-        """The largest modes of the coefficients' errors.
+        """The largest modes of the coefficients' errors: eigenvectors of their covariance times the
+        roots of its eigenvalues, largest first, by subspace iteration.
 
         Args:
             size: factor of each coefficient's error, 0 for those that do not matter.
-            count: of the modes, at most.
+            count: of the modes; there are no more than coefficients.
             fixed: numbers of other unknowns whose values are taken as known.
             slopes: of the coefficients by each of these unknowns.
         """
         with_known = self.with_others[list(fixed)]
 
-        def times(vectors: Columns) -> Columns:
-            scaled = vectors * size[..., None]
-            out = self.times(scaled)
+        def times(basis: Float[np.ndarray, "numbers columns"]) -> np.ndarray:
+            scaled = basis.reshape(*size.shape, -1) * size[..., None]
+            out = covariance_times(self.factors, scaled, self.modes)
             if slopes is not None and len(slopes):
                 out = out - np.einsum(
                     "obi,oc->bic", slopes, np.einsum("obi,bic->oc", with_known, scaled)
                 )
-            return out * size[..., None]
+            return (out * size[..., None]).reshape(basis.shape)
 
-        return largest_modes(times, size.shape, count)
-
-
-def largest_modes(
-    times: Callable[[Columns], Columns], shape: tuple[int, ...], count: int
-) -> Float[np.ndarray, "modes bands local"]:
-    """Eigenvectors of a covariance times the roots of its eigenvalues, largest first, by subspace
-    iteration.
-
-    Args:
-        times: the covariance times some vectors.
-        shape: of one vector.
-        count: of the modes; there are no more than numbers in a vector.
-    """
-    numbers = int(np.prod(shape))
-    # With so many vectors more than are wanted, and the covariance applied so often, the last modes
-    # are good to some per cent.
-    columns = min(count + 16, numbers)
-
-    def flat(basis: np.ndarray) -> np.ndarray:
-        return times(basis.reshape(*shape, -1)).reshape(numbers, -1)
-
-    basis = np.random.default_rng(0).standard_normal((numbers, columns))
-    for _ in range(8):
-        basis, _ = np.linalg.qr(flat(basis))
-    values, vectors = np.linalg.eigh(basis.T @ flat(basis))
-    last = slice(-min(count, columns), None)
-    modes = (basis @ vectors[:, last]) * np.sqrt(np.maximum(values[last], 0.0))
-    return modes.T[::-1].reshape(-1, *shape)
+        # With so many vectors more than are wanted, and the covariance applied so often, the last
+        # modes are good to some per cent.
+        columns = min(count + 16, size.size)
+        basis = np.random.default_rng(0).standard_normal((size.size, columns))
+        for _ in range(8):
+            basis, _ = np.linalg.qr(times(basis))
+        values, vectors = np.linalg.eigh(basis.T @ times(basis))
+        last = slice(-min(count, columns), None)
+        modes = (basis @ vectors[:, last]) * np.sqrt(np.maximum(values[last], 0.0))
+        return modes.T[::-1].reshape(-1, *size.shape)

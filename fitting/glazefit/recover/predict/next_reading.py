@@ -17,11 +17,11 @@ from jaxtyping import Float
 from glazejax.colour import delta_e_of_spectra
 from glazejax.geometry import resolve_instrument
 
-from ..film.films import InstrumentLike, usual_cards
-from ..film.model.response import Response, film_response
-from .joint import UNIT
-from .joint_problem import model_deviation
-from .joint_result import JointRecovery
+from ...film.films import InstrumentLike, usual_cards
+from ...film.model.response import Response, film_response
+from ..joint.joint import UNIT
+from ..joint.problem import model_deviation
+from ..joint.result import JointRecovery
 from .mixture import drawn_mixture
 from .reading_errors import film_readings
 
@@ -116,7 +116,7 @@ def rank_next_readings(
     """Further readings of a mixture, in the order of what they would teach.
 
     Args:
-        calibrated: what `glazefit.recover.mixture.calibrate_mixture` found by one film.
+        calibrated: what `glazefit.recover.predict.mixture.calibrate_mixture` found by one film.
         thickness: m, of the films whose colours over black and white are the target; on the scale
             of the film that was read.
         ground: internal reflectance of the black and the white ground, (bands,) each.

@@ -13,7 +13,7 @@ from s themselves, and then hardly feel it.
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -25,15 +25,15 @@ from glazejax.geometry import resolve_instrument
 from glazejax.progress import Progress, no_progress
 from glazejax.spectra import describe_grid
 
-from ..film.films import Films, InstrumentLike, Noise, card_reflectance, cards
-from ..film.model.errors import smooth_kernel
-from ..film.model.response import Response, film_response
-from ..film.noise import estimate_noise
-from .constraints import Gauge
-from .joint import UNIT, recover_jointly
-from .joint_problem import Expectations, JointProblem
-from .joint_result import JointRecovery
-from .prediction import interval_of, least_by_scanning
+from ...film.films import Films, InstrumentLike, Noise, card_reflectance, cards
+from ...film.model.errors import smooth_kernel
+from ...film.model.response import Response, film_response
+from ...film.noise import estimate_noise
+from ..joint.constraints import Gauge
+from ..joint.joint import UNIT, recover_jointly
+from ..joint.problem import Expectations, JointProblem
+from ..joint.result import JointRecovery
+from ..predict.prediction import interval_of, least_by_scanning
 
 _NAME = re.compile(
     r"(?P<paint>\S.*?)\s+(?P<coats>\d+(?:\.\d+)?)\s+coats?(?:\s+(?P<square>\S.*))?", re.IGNORECASE
@@ -129,7 +129,9 @@ class CoatRecovery:
 
     def scattering(self, paint: str) -> CoatScattering:
         """Log of s d of one coat, averaged over the bands, as it was found."""
-        return _level(self._fit_of(paint))
+        fit = self._fit_of(paint)
+        drawn = np.asarray(fit.draws.bands)[:, :, 1].mean(axis=1)
+        return CoatScattering(float(np.log(fit.scattering[0]).mean()), float(drawn.std()))
 
     def _fit_of(self, paint: str) -> JointRecovery:
         if paint not in self.paints:
@@ -245,11 +247,18 @@ def recover_coats(
     for paint in paint_names:
         progress(len(fits), len(paint_names), "fitting the coats of each paint")
         rows = [row for row, name in enumerate(films.names) if named_coats[name].paint == paint]
-        fits[paint] = _fit(
+        names = [films.names[row] for row in rows]
+        thickness = {name: named_coats[name].coats * UNIT for name in names}
+        fits[paint] = recover_jointly(
             films.take(rows),
-            named_coats,
-            Expectations(thickness=spread, level_s=(expected.mean, expected.sd)),
-            fit_options={"instrument": instrument, "noise": noise, "response": response},
+            {name: {paint: 1.0} for name in names},
+            instrument=instrument,
+            noise=noise,
+            response=response,
+            expectations=Expectations(thickness=spread, level_s=expected),
+            # The unit is the coat itself: no factor is common to all films.
+            gauge=Gauge(thickness, error=spread, common=1e-3),
+            unit=UNIT,
         )
     return CoatRecovery(
         films=films,
@@ -258,26 +267,6 @@ def recover_coats(
         expected=expected,
         spread=spread,
         response=response,
-    )
-
-
-def _fit(
-    films: Films,
-    named_coats: Mapping[str, NamedCoat],
-    expectations: Expectations,
-    *,
-    fit_options: dict[str, Any],
-) -> JointRecovery:
-    """Joint recovery of the films of one paint."""
-    thickness = {name: named_coats[name].coats * UNIT for name in films.names}
-    return recover_jointly(
-        films,
-        {name: {named_coats[name].paint: 1.0} for name in films.names},
-        expectations=expectations,
-        # The unit is the coat itself: no factor is common to all films.
-        gauge=Gauge(thickness, expectations.thickness, 1e-3),
-        unit=UNIT,
-        **fit_options,
     )
 
 
@@ -380,12 +369,6 @@ def _check_grounds(films: Films) -> None:
             f"the bare ground of {name!r} was not read: add a row '{name}_{ending}', or "
             f"'card_{ending}' for all films"
         )
-
-
-def _level(fit: JointRecovery) -> CoatScattering:
-    """Log of s d of one coat, averaged over the bands, and its standard deviation."""
-    logs = np.asarray(fit.draws.bands)[:, :, 1].mean(axis=1)
-    return CoatScattering(float(np.log(fit.scattering[0]).mean()), float(logs.std()))
 
 
 @jax.jit

@@ -1,0 +1,39 @@
+"""Records of arrays of as many rows, of which some are taken, and which are kept in files."""
+
+from collections.abc import Callable
+from dataclasses import fields, is_dataclass
+from typing import Any, Self
+
+import numpy as np
+
+
+class Columns:
+    """Arrays, the fields of a dataclass, or further records of them."""
+
+    def take(self, rows: np.ndarray | slice) -> Self:
+        """Some of the rows."""
+        return type(self)(**{name: values[rows] for name, values in self.arrays().items()})
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """All arrays by name, to be kept in a file."""
+        columns: dict[str, np.ndarray] = {}
+        for field in fields(self):  # pyright: ignore[reportArgumentType]
+            value = getattr(self, field.name)
+            columns |= value.arrays() if isinstance(value, Columns) else {field.name: value}
+        return columns
+
+    @classmethod
+    def joined(cls, count: int, load: Callable[[int, str], np.ndarray]) -> Self:
+        """Several records as one; only one array of theirs at a time is held twice.
+
+        Args:
+            count: how many there are.
+            load: array of one of them, by its number and name, as `arrays` gave it.
+        """
+
+        def column(name: str, kind: Any) -> Any:
+            if is_dataclass(kind):
+                return kind.joined(count, load)  # pyright: ignore[reportAttributeAccessIssue]
+            return np.concatenate([load(number, name) for number in range(count)])
+
+        return cls(**{field.name: column(field.name, field.type) for field in fields(cls)})  # pyright: ignore[reportArgumentType]

@@ -1,0 +1,1 @@
+"""k and s of one brushed coat from ladders of coats, and the next coats."""

@@ -1,0 +1,1 @@
+"""k and s of each film by itself, wavelength by wavelength."""

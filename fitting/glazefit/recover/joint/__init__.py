@@ -1,0 +1,1 @@
+"""k and s of all paints in some films, fitted together."""
