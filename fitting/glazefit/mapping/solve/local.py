@@ -57,8 +57,7 @@ class Local(Columns):
         logs_by: slopes of the log amounts that are weighed.
         gradient, hessian: of minus the log prior in these.
         ratios: eigenvalues of the data's part of the posterior's Hessian relative to the prior's.
-        numbers: Student's degrees of freedom (0 for Gaussian errors), and readings that count as
-            independent.
+        numbers: Student's degrees of freedom, and readings that count as independent.
         seen, seen_by: Delta E00 to the fit as a vector of some coordinates, and its slopes.
         left, left_by: the same with errors of the paints allowed for.
         shape: root mean square of that residual, noise aside.
@@ -296,7 +295,7 @@ def _linear(
     free = coefficient_projection(chunk, groups)[groups.of]
     slope = condition.slope.reshape(len(chunk), -1)[row]
     d = task.discrepancy
-    numbers = (d.freedom or 0.0, min(task.independent_readings, readings.shape[1]))
+    numbers = (d.freedom, min(task.independent_readings, readings.shape[1]))
     unseen = slope[:, :, None]
     return {
         "opaque": np.full(len(row), condition.opaque),

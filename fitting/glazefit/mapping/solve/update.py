@@ -168,16 +168,10 @@ def log_weight_gain(
     degrees = local.numbers.sum(axis=1)
     before = np.sum(local.off**2, axis=-1)
     now = np.einsum("snb,snb->sn", off, off)
-    heavy = freedom > 0
-    safe = np.where(heavy, freedom, 1.0)
-    met = np.where(
-        heavy,
-        -0.5 * degrees * (np.log1p(now / safe) - np.log1p(before / safe)),
-        -0.5 * (now - before),
-    )
+    met = -0.5 * degrees * (np.log1p(now / freedom) - np.log1p(before / freedom))
     # How sharply the data hold the amounts changes with how well all is met.
-    share = np.where(heavy, degrees / (safe + now), 1.0)
-    shared = np.where(heavy, degrees / (safe + before), 1.0)
+    share = degrees / (freedom + now)
+    shared = degrees / (freedom + before)
     volume = np.log1p(share[..., None] * local.ratios) - np.log1p(shared[:, None] * local.ratios)
     # Half a quadratic form and a linear one, by products of each candidate's own matrices.
     turned = 0.5 * np.matmul(logs.transpose(1, 0, 2), local.hessian).transpose(1, 0, 2)
