@@ -178,6 +178,17 @@ def test_black_film_stays_finite():
     assert recovery.rmse[0] < 1e-3
 
 
+def test_a_film_blacker_than_any_that_is_seen_through_keeps_its_ratio():
+    """Its k d is no more than where films hide their ground, and s d goes with it."""
+    k, s = np.where(GRID < 550, 0.5, 250.0)[None], np.full((1, GRID.size), 3.0)
+    quiet = Noise(1e-5, 0.0)
+    recovery = recover_films(simulate_films(GRID, k, s, names=["x"], noise=quiet), noise=quiet)
+    black = GRID >= 550
+    assert not recovery.identifiable[0, black].any()
+    np.testing.assert_allclose(recovery.absorption[0, black], 100.0)
+    np.testing.assert_allclose(recovery.ratio[0, black], 250.0 / 3.0, rtol=0.05)
+
+
 def test_clear_film_has_known_small_values():
     k, s = np.full((1, GRID.size), 0.004), np.full((1, GRID.size), 0.003)
     recovery = recover_films(simulate_films(GRID, k, s, names=["varnish"]))
