@@ -113,3 +113,10 @@ def test_amounts_are_what_is_fitted():
 @pytest.mark.parametrize("room", ["radiative", "geometry", "paint", "cie", "io", "plots"])
 def test_rooms_are_there(room):
     assert getattr(gj, room).__name__ == f"glazejax.{room}"
+
+
+@pytest.mark.parametrize("instrument", [gj.Bidirectional(45, 0), "d:8"])
+def test_a_batch_of_none_has_gradients_of_none(instrument):
+    glaze = eqx.tree_at(lambda it: it.coats[0].thickness, GLAZE, jnp.zeros(0))
+    slopes = eqx.filter_grad(lambda it: gj.reflectance(it, instrument).sum())(glaze)
+    assert slopes.coats[0].thickness.shape == (0,)

@@ -436,7 +436,8 @@ def _reflectance_jvp(settings: _StackSettings, primals, tangents):
     # A stack's value depends on its own numbers alone: slopes times changes, summed by stack.
     tangent = jnp.zeros_like(value)
     for name, change in changes.items():
-        tangent += jnp.sum((gradient[name] * change).reshape(*value.shape, -1), axis=-1)
+        product = gradient[name] * change
+        tangent += jnp.sum(product, axis=tuple(range(value.ndim, product.ndim)))
     return value, tangent
 
 

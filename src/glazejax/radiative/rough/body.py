@@ -198,7 +198,8 @@ def _reflectance_jvp(surface: Surface, primals, tangents):
     value, gradient = _in_chunks(lit, surface, tuple(changes))
     tangent = jnp.zeros_like(value)
     for name, leaf in changes.items():
-        tangent += jnp.sum((gradient[name] * leaf).reshape(*value.shape, -1), axis=-1)
+        product = gradient[name] * leaf
+        tangent += jnp.sum(product, axis=tuple(range(value.ndim, product.ndim)))
     return value, tangent
 
 
