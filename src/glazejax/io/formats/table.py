@@ -125,7 +125,7 @@ class _Cells:
 
 def _quick_reader(
     cells: _Cells, numbers: Sequence[int]
-) -> Callable[[str], tuple[list[str], array] | None]:
+) -> Callable[[int, str], tuple[list[str], array] | None]:
     """Reader of a line that is legal and simple: its cells, and the numbers in some of them.
 
     None for the slow way, which says what is wrong.
@@ -138,12 +138,16 @@ def _quick_reader(
     width = len(cells.header)
     named = 0 not in numbers
 
-    def read(text: str) -> tuple[list[str], array] | None:
+    def read(line: int, text: str) -> tuple[list[str], array] | None:
         # Python reads 1_0 and other scripts' digits, which no instrument writes.
         checked = text.partition(delimiter)[2] if named else text
-        if '"' in text or "_" in checked or not checked.isascii():
+        if "_" in checked or not checked.isascii():
             return None
-        row = plain_cells(text, delimiter)
+        row = (
+            _split(cells.source, delimiter, line, text)
+            if '"' in text
+            else plain_cells(text, delimiter)
+        )
         while len(row) > width and not row[-1].strip():
             row.pop()
         if len(row) != width:
@@ -490,7 +494,9 @@ def _check_grid(cells: _Cells, grid: Bands) -> Bands:
         return grid if detectors_overlap(grid) else validate_wavelengths(grid)
 
 
-def _value(cells: _Cells, line: int, where: str, cell: str, *, wavelength: bool) -> float:
+def _value(
+    cells: _Cells, line: int, name: str, column: str, cell: str, *, wavelength: bool
+) -> float:
     """Wavelength or reflectance in a cell, or an error that says where."""
     if not cell and cells.blanks:
         return math.nan
@@ -501,7 +507,8 @@ def _value(cells: _Cells, line: int, where: str, cell: str, *, wavelength: bool)
             problem += "; write one, or leave out its sample"
         if not (cell or wavelength):
             problem = "the cell is empty; fill it, or leave its wavelength or sample out"
-        raise cells.error(line, f"{where}: {problem}")
+        sample = "" if wavelength else f"sample {name!r}, "
+        raise cells.error(line, f"{sample}column {column!r}: {problem}")
     if cell.endswith("%"):
         cells.percent.append(line)
     return value
@@ -531,7 +538,7 @@ def _read_rows(
     columns: list[list[str]] = [[] for _ in texts]
     values = array("d")
     for line, text in cells.lines:
-        quick = read(text)
+        quick = read(line, text)
         row = cells.split(line, text) if quick is None else quick[0]
         for i, column in zip(texts, columns, strict=True):
             word = row[i].strip()
@@ -545,12 +552,12 @@ def _read_rows(
             for i in numbers:
                 title = cells.header[i]
                 if i in grids:
-                    where = f"column {title or str(i + 1)!r}"
+                    place = "", title or str(i + 1)
                 elif names is None:
-                    where = f"sample {row[texts[0]]!r}, column {title!r}"
+                    place = row[texts[0]], title
                 else:
-                    where = f"sample {names[i]!r}, column {row[grids[0]]!r}"
-                values.append(_value(cells, line, where, row[i], wavelength=i in grids))
+                    place = names[i], row[grids[0]]
+                values.append(_value(cells, line, *place, row[i], wavelength=i in grids))
         lines.append(line)
         if len(values) > _MAX_VALUES or len(lines) > most:
             raise cells.error(
