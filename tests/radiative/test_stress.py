@@ -385,7 +385,7 @@ def test_what_rounding_leaves_grows_with_the_depth_that_light_reaches():
     def said(albedo, thickness, tolerance=1e-4):
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
-            warn_of_rounding(Rounding(1e-6, 1e4), albedo, thickness, tolerance, stacklevel=1)
+            warn_of_rounding(Rounding(1e-6, 1e4), albedo, thickness, tolerance)
         return [float(str(one.message).split("about ")[1].split()[0]) for one in caught]
 
     assert said([1.0], [1e3]) == [1e-3]

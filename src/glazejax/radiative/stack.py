@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import functools
 import math
-import warnings
 from collections.abc import Mapping
 from typing import Any, Literal, NamedTuple
 
@@ -32,7 +31,7 @@ from .common.inputs import (
     concrete,
     plain_number,
 )
-from .common.rounding import FINEST_SINGLE, warn_of_rounding
+from .common.rounding import FINEST_SINGLE, warn_of_rounding, warn_user
 from .common.solver import Request, Solver
 from .common.split import Split
 from .common.stack_arrays import StackArrays
@@ -330,7 +329,6 @@ def _prepare(
             inputs.optical_thickness,
             tolerance,
             advice="take method 'ordinates', or ",
-            stacklevel=7,
         )
     resolution, chunk = solver.resolve(
         Request(
@@ -380,10 +378,7 @@ def _within_reach(tolerance: float, method: str, *, single: bool) -> float:
             if single
             else f"with method {method!r}"
         )
-        warnings.warn(
-            f"tolerance is {tolerance:g}, but {finest:g} is the least there is {limit}",
-            stacklevel=7,
-        )
+        warn_user(f"tolerance is {tolerance:g}, but {finest:g} is the least there is {limit}")
     return max(float(tolerance), finest)
 
 

@@ -1,5 +1,6 @@
 """Rounding errors of single precision in a thick layer that absorbs next to nothing."""
 
+import sys
 import warnings
 from typing import NamedTuple
 
@@ -11,6 +12,8 @@ FINEST_SINGLE = 1e-5
 """Smallest tolerance that any method meets in single precision, but for thick layers that absorb
 little: docs/errors.md. `Solver.finest` is that in double precision.
 """
+# Their frames lie between a user's line and what warns.
+_PACKAGES = {"glazejax", "jax", "equinox", "jaxtyping"}
 # An estimate of rounding is good to about a factor of this.
 _KNOWN_TO = 2.0
 
@@ -35,7 +38,6 @@ def warn_of_rounding(
     tolerance: float,
     *,
     advice: str = "",
-    stacklevel: int,
 ) -> None:
     """Say so where single precision leaves more of a stack than is asked for.
 
@@ -46,7 +48,6 @@ def warn_of_rounding(
         albedo, optical_thickness: (..., layers), checked.
         tolerance: as asked for; what single precision has at best counts as that.
         advice: what else helps, besides double precision.
-        stacklevel: of the warning, as seen from here.
     """
     q, thickness = concrete(albedo), concrete(optical_thickness)
     if q is None or thickness is None or not q.size or not thickness.size:
@@ -57,9 +58,18 @@ def warn_of_rounding(
     depth = float(np.max(np.sum(np.minimum(reached, thickness), axis=-1)))
     error = rounding.per_depth * min(depth, rounding.deepest) ** rounding.power
     if error > _KNOWN_TO * max(tolerance, FINEST_SINGLE):
-        warnings.warn(
+        warn_user(
             f"in single precision rounding leaves up to about {error:.0e} here, where light is "
             f"scattered down to an optical thickness of {depth:.2g} and hardly absorbed: {advice}"
-            'write jax.config.update("jax_enable_x64", True) at the start of the program',
-            stacklevel=stacklevel,
+            'write jax.config.update("jax_enable_x64", True) at the start of the program'
         )
+
+
+def warn_user(text: str) -> None:
+    """Warn at the line of a user's code that called this package, however deep inside."""
+    level = 1
+    frame = sys._getframe()
+    while frame.f_back and frame.f_globals.get("__name__", "").partition(".")[0] in _PACKAGES:
+        frame = frame.f_back
+        level += 1
+    warnings.warn(text, stacklevel=level)

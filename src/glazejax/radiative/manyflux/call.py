@@ -156,7 +156,6 @@ def prepare(
             stack.albedo,
             stack.optical_thickness,
             stack.tolerance,
-            stacklevel=4,
         )
     return CheckedBatch(
         layers=layers,

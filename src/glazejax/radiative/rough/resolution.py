@@ -2,12 +2,12 @@
 there are.
 """
 
-import warnings
 from typing import Any
 
 import numpy as np
 
 from ..common.inputs import INDEX_RANGE, Numbers, concrete, plain_number
+from ..common.rounding import warn_user
 from .basis import Size
 from .body import Surface
 
@@ -68,10 +68,9 @@ def check_surface(roughness: Any, refractive_index: Numbers) -> float:
 def resolve(index: float, roughness: float, tolerance: float) -> Surface:
     """The surface, resolved so that the error stays below the tolerance."""
     if tolerance < FINEST * (1 - 1e-9):
-        warnings.warn(
+        warn_user(
             f"tolerance is {tolerance:g}, but {FINEST:g} is the least there is under a rough "
-            "surface",
-            stacklevel=5,
+            "surface"
         )
     size = next((size for least, size in _SIZES if least <= tolerance * (1 + 1e-9)), _SIZES[-1][1])
     if index < _LOW:
