@@ -168,13 +168,13 @@ class JointRecovery(FittedFilms):
         )
 
     def depth(
-        self, films: Float[np.ndarray, "*draws films 2+parts"]
-    ) -> Float[np.ndarray | np.floating, "*draws"]:
+        self, films: Float[Array | np.ndarray, "*draws films 2+parts"]
+    ) -> Float[np.ndarray, "*draws"]:
         """Mean over the films that do not hide their ground of the log of thickness, by unknowns of
         the films; 0 where all hide it.
         """
-        through = ~self.films.opaque
-        return films[..., through, 0].mean(axis=-1) if through.any() else np.zeros(films.shape[:-2])
+        logs = np.asarray(films)[..., ~self.films.opaque, 0]
+        return np.sum(logs, axis=-1) / max(logs.shape[-1], 1)
 
     @property
     def gloss(self) -> Float[np.ndarray, "films"]:
