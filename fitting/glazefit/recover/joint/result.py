@@ -173,9 +173,8 @@ class JointRecovery(FittedFilms):
         """Mean over the films that do not hide their ground of the log of thickness, by unknowns of
         the films; 0 where all hide it.
         """
-        through = ~self.films.opaque
-        logs = np.asarray(films)[..., through, 0]
-        return np.asarray(logs.mean(axis=-1)) if through.any() else np.zeros(films.shape[:-2])
+        logs = np.asarray(films)[..., ~self.films.opaque, 0]
+        return np.sum(logs, axis=-1) / max(logs.shape[-1], 1)
 
     @property
     def gloss(self) -> Float[np.ndarray, "films"]:
