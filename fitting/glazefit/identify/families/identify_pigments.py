@@ -10,6 +10,7 @@ from jaxtyping import ArrayLike, Float
 
 from glazejax import Pigment
 from glazejax.geometry import resolve_instrument
+from glazejax.progress import Progress, no_progress
 from glazejax.spectra import describe_grid, validate_wavelengths
 
 from ...film.films import Noise
@@ -90,7 +91,7 @@ def identify_families(
                 if film_ground is None
                 else rows[(below[rows] == np.array(film_ground)).all(axis=1)]
             )
-            search = _search(measured.wavelengths, pigments, options, film_ground)
+            search = prepare_search(measured.wavelengths, pigments, options, film_ground)
             order += film_rows.tolist()
             identifications.append(
                 _identification(search, measured.take(film_rows), options, opaque)
@@ -112,7 +113,7 @@ def usual_misfit(
     )
     # What is known of one painting is not of the exemplars.
     alone = replace(options, elements=(), without_elements=(), painted=None)
-    search = _search(identification.measured.wavelengths, pigments, alone, ground)
+    search = prepare_search(identification.measured.wavelengths, pigments, alone, ground)
     return misfit_of_right_answers(search)
 
 
@@ -131,12 +132,21 @@ _SEARCHES: dict[tuple[object, ...], FamilySearch] = {}
 _MOST_SEARCHES = 4
 
 
-def _search(
+def prepare_search(
     grid: Float[np.ndarray, "bands"],
     pigments: Sequence[Pigment],
     options: IdentificationOptions,
     ground: tuple[float, ...] | None,
+    progress: Progress = no_progress,
 ) -> FamilySearch:
+    """The search among the families of some exemplars, set up or of those that were set up last.
+
+    Args:
+        grid: wavelengths of the readings, (bands,), nm, in steps of `STEP` or more.
+        pigments, options: of `identify_families`.
+        ground: internal reflectance below the films, or None for films that hide it.
+        progress: called as it is set up.
+    """
     instrument = resolve_instrument(options.instrument)
     prior = options.prior or EXPECTED
     varnish = options.varnish or "none"
@@ -170,6 +180,7 @@ def _search(
             max_paints=min(options.max_paints, 2),
             varnish=varnish,
             sureness=similar[0].sureness if similar and ground is not None else None,
+            progress=progress,
         )
     return with_facts(
         _SEARCHES[key],
