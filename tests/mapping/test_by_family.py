@@ -5,6 +5,7 @@ import pytest
 
 from glazefit import identify, set_labels
 from glazefit.film.shared_bands import means_of_steps
+from glazefit.identify.families import identify_pigments
 from glazefit.identify.families.identify_pigments import STEP
 from glazefit.identify.families.references import read_references
 from glazefit.identify.search.options import IdentificationOptions
@@ -41,7 +42,27 @@ def cube(paints):
 
 
 def test_a_map_by_families_says_what_identify_says(cube, paints, tmp_path):
-    found = map_cube(cube, paints, opaque=True, out=tmp_path / "map.zarr", instrument="45:0")
+    identify_pigments._SEARCHES.clear()
+    said: list[tuple[int, int | None, str]] = []
+    found = map_cube(
+        cube,
+        paints,
+        opaque=True,
+        out=tmp_path / "map.zarr",
+        instrument="45:0",
+        progress=lambda *n: said.append(n),
+    )
+    # The bar moves while the search is set up, which takes longer than all else.
+    assert list(dict.fromkeys(stage for *_, stage in said)) == [
+        "reading",
+        "surveying",
+        "computing films",
+        "trying families",
+        "searching",
+        "checking",
+        "mapping",
+    ]
+    assert len({done for done, _, stage in said if stage == "trying families"}) > 2
     single = identify(
         GRID, cube.to_numpy().reshape(-1, GRID.size), paints, opaque=True, instrument="45:0"
     )

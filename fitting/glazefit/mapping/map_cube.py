@@ -99,8 +99,8 @@ def map_cube(
         client: of a dask cluster whose workers do the work; by default the one that this program
             has made, if any. Workers must see the image under the same path.
         overwrite: replace a map that is there.
-        progress: called with pieces done, pieces in all and the stage: reading, surveying,
-            searching, checking, mapping.
+        progress: called with pieces done, pieces in all and the stage: reading, surveying, for
+            families computing films and trying families, searching, checking, mapping.
         search: instrument, noise, discrepancy, prior, max_paints, elements, without_elements and
             painted, as for `glazefit.identify`; noise is of one reading of the image, by default
             estimated from the roughness of a sample of its spectra.
@@ -303,6 +303,8 @@ def _atlas(
         give_back()
         progress(done, total, stage)
 
+    if isinstance(task.searcher, FamilySearcher) and client is None and {*keys} - work.done():
+        task.searcher.set_up(task.ground, note)
     search = partial(_search_piece, task, surveyed.readings, size)
     finish(keys, search, work, client, note, "searching")
     kind = Answered if by_family else Searched

@@ -9,6 +9,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.optimize import minimize
 
+from glazejax.progress import Progress, no_progress
+
 from ..result.groups import COLOURLESS, group_of
 from .search import FamilySearch
 from .sureness import Sureness, log_sum
@@ -30,6 +32,7 @@ _SOUGHT = 4
 def calibrate(
     search: FamilySearch,
     change: Callable[[Float[np.ndarray, "films bands"]], Float[np.ndarray, "films bands"]] | None,
+    progress: Progress = no_progress,
 ) -> FamilySearch:
     """The same search, as sure as what is said of its exemplars comes true: each is searched among
     those of other sources, with its family and without.
@@ -38,6 +41,7 @@ def calibrate(
         search: with all that it compares.
         change: of readings without the surface's part, by what varies from film to film, such as a
             varnish; None where nothing does.
+        progress: called with readings that are searched.
     """
     readings, rows = exemplars_as_readings(search)
     if change is not None:
@@ -65,6 +69,7 @@ def calibrate(
     step = search.chunk
     pieces: dict[float, list[np.ndarray]] = {power: [] for power in POWERS}
     for start in range(0, len(readings), step):
+        progress(start, len(readings), "trying families")
         body = search.body(readings[start : start + step])
         evidence = search._evidence(body, sources[start : start + step])
         possible = search._possible(body)

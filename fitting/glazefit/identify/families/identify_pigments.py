@@ -10,6 +10,7 @@ from jaxtyping import ArrayLike, Float
 
 from glazejax import Pigment
 from glazejax.geometry import resolve_instrument
+from glazejax.progress import Progress, no_progress
 from glazejax.spectra import describe_grid, validate_wavelengths
 
 from ...film.films import Noise
@@ -67,7 +68,7 @@ def identify_families(
         identifications = []
         for rows in groups:
             below = None if opaque else tuple(batch.grounds[rows[0], 0].tolist())
-            search = _search(batch.wavelengths, pigments, options, below)
+            search = prepare_search(batch.wavelengths, pigments, options, below)
             identifications.append(_identification(search, batch.take(rows), options, opaque))
         order = np.argsort(np.concatenate(groups))
         yield Identification.join(identifications).take(order)
@@ -87,7 +88,7 @@ def usual_misfit(
     )
     # What is known of one painting is not of the exemplars.
     alone = replace(options, elements=(), without_elements=(), painted=None)
-    search = _search(identification.measured.wavelengths, pigments, alone, ground)
+    search = prepare_search(identification.measured.wavelengths, pigments, alone, ground)
     return misfit_of_right_answers(search)
 
 
@@ -106,12 +107,21 @@ _SEARCHES: dict[tuple[object, ...], FamilySearch] = {}
 _MOST_SEARCHES = 4
 
 
-def _search(
+def prepare_search(
     grid: Float[np.ndarray, "bands"],
     pigments: Sequence[Pigment],
     options: IdentificationOptions,
     ground: tuple[float, ...] | None,
+    progress: Progress = no_progress,
 ) -> FamilySearch:
+    """The search among the families of some exemplars, set up or of those that were set up last.
+
+    Args:
+        grid: wavelengths of the readings, (bands,), nm, in steps of `STEP` or more.
+        pigments, options: of `identify_families`.
+        ground: internal reflectance below the films, or None for films that hide it.
+        progress: called as it is set up.
+    """
     instrument = resolve_instrument(options.instrument)
     prior = options.prior or EXPECTED
     varnish = options.varnish or "none"
@@ -145,6 +155,7 @@ def _search(
             max_paints=min(options.max_paints, 2),
             varnish=varnish,
             sureness=similar[0].sureness if similar and ground is not None else None,
+            progress=progress,
         )
     return with_facts(
         _SEARCHES[key],

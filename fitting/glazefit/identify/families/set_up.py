@@ -11,6 +11,7 @@ from jaxtyping import Bool, Float, Int
 
 from glazejax import Pigment, catalogue
 from glazejax.geometry import Geometry, Instrument, resolve_instrument
+from glazejax.progress import Progress, no_progress
 
 from ...film.model.errors import Prior
 from ...film.model.response import FilmResponse, film_response
@@ -44,6 +45,7 @@ def search_families(
     max_paints: int = 2,
     varnish: str = "none",
     sureness: Sureness | None = None,
+    progress: Progress = no_progress,
 ) -> FamilySearch:
     """A search among the families of some exemplars, for an instrument and a kind of film, that
     knows how much paints of one family differ, and how sure it may be.
@@ -59,6 +61,7 @@ def search_families(
         varnish: what is stated of it, a name of `varnish.CONDITIONS`.
         sureness: of another search among the same exemplars, over another ground; by default it
             is learnt.
+        progress: called as films are computed, and as sureness is learnt.
 
     Raises:
         ValueError: no two exemplars of a family cover the readings' bands, or neither a ground nor
@@ -85,22 +88,24 @@ def search_families(
     _check_span(wavelengths, shared[0][0], np.isfinite(k_and_s[0]))
 
     # In each range a metric of its own, from all exemplars that know its bands.
-    ranges = [
-        _set_up_range(
-            wavelengths[bands],
-            k_and_s[:, :, bands],
-            bands=bands,
-            widest=widest,
-            teaches=teaches,
-            family_of=family_of,
-            number_of=number_of,
-            response=response,
-            ground=None if ground is None else ground[bands],
-            mixed=max_paints > 1,
-            varnish=cover,
+    ranges = []
+    for number, (bands, widest) in enumerate(shared):
+        progress(number, len(shared), "computing films")
+        ranges.append(
+            _set_up_range(
+                wavelengths[bands],
+                k_and_s[:, :, bands],
+                bands=bands,
+                widest=widest,
+                teaches=teaches,
+                family_of=family_of,
+                number_of=number_of,
+                response=response,
+                ground=None if ground is None else ground[bands],
+                mixed=max_paints > 1,
+                varnish=cover,
+            )
         )
-        for bands, widest in shared
-    ]
 
     # Sets without a template, two families that no exemplars share bands of, take no part.
     used = np.unique(np.concatenate([band_range.sets for band_range in ranges]))
@@ -124,7 +129,7 @@ def search_families(
     if sureness is not None:
         return search
     change = cover and functools.partial(cover.exchange_at_random, response, wavelengths)
-    return calibrate(search, change)
+    return calibrate(search, change, progress)
 
 
 def _set_up_range(

@@ -9,8 +9,9 @@ import numpy as np
 from jaxtyping import Float
 
 from glazejax import Pigment
+from glazejax.progress import Progress
 
-from ...identify.families.identify_pigments import identify_families
+from ...identify.families.identify_pigments import identify_families, prepare_search
 from ...identify.families.naming import coloured_first
 from ...identify.families.templates import most_films
 from ...identify.result import Identification
@@ -79,6 +80,16 @@ class FamilySearcher:
     @cached_property
     def _family_of(self) -> dict[str, str]:
         return {pigment.name: pigment.family for pigment in self.pigments}
+
+    def set_up(self, ground: np.ndarray | None, progress: Progress) -> None:
+        """Set the search up, so that the first spectrum need not wait for it.
+
+        Args:
+            ground: as for `search`.
+            progress: called meanwhile.
+        """
+        below = None if ground is None else tuple(ground.tolist())
+        prepare_search(self.wavelengths, self.pigments, self.options, below, progress)
 
     def search(
         self, readings: Float[np.ndarray, "spectra bands"], ground: np.ndarray | None

@@ -4,7 +4,6 @@ open.
 
 from collections.abc import Sequence
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import ArrayLike, Float
 
@@ -12,6 +11,7 @@ from glazejax import Pigment
 from glazejax.geometry import Instrument
 
 from ...film.model.response import film_response
+from ...identify.families.templates import hiding_ratio
 
 
 def spot_pigment(
@@ -51,15 +51,7 @@ def spot_pigment(
             "to 1.2: is the spot in focus, and the image calibrated?"
         )
     response = film_response(instrument.geometry, instrument.refractive_index)
-    # k/s between which a hiding film's is searched.
-    ratios = np.geomspace(1e-5, 1e3, 400)
-    # Optical thicknesses s d and k d of which one is enough to hide any ground.
-    thick = np.minimum(500.0, 200.0 / ratios)
-    films = np.asarray(
-        response.body(jnp.asarray(ratios * thick), jnp.asarray(thick), jnp.asarray(0.5))
-    )
-    # Brighter films have less k/s.
-    ratio = np.exp(np.interp(body, films[::-1], np.log(ratios)[::-1]))
+    ratio = hiding_ratio(response, body[None])[0]
     scattering = (
         float(np.median([np.median(np.asarray(p.scattering)) for p in pigments]))
         if pigments
