@@ -245,6 +245,21 @@ def test_a_teal_is_no_white(others):
     assert not found.explained[0] or set(found.family_sets[0][0].families) - whites
 
 
+def test_a_light_grey_is_no_black(shelf):
+    """A zinc white over black had the slopes of a thin coat of a warm black over white."""
+    search = set_up.search_families(GRID, shelf, opaque=True, max_paints=1)
+    of_blacks = np.append(np.isin(search.families, GROUPS["a black"]), True)
+    sets = np.concatenate([band_range.sets for band_range in search.ranges])
+    blacks = of_blacks[search.members[sets]].all(axis=1)
+    colours = np.concatenate([band_range.colours for band_range in search.ranges])
+    films = np.concatenate([band_range.templates.readings for band_range in search.ranges])
+    light = blacks & (colours[:, 0] > 50.0)
+    assert light.any()
+    possible = search._possible(films[light])
+    assert not possible[:, blacks].any()
+    assert possible.any(axis=1).all()
+
+
 def test_probabilities_are_probabilities(found_search):
     rng = np.random.default_rng(0)
     odds = found_search.odds(rng.uniform(0.05, 0.9, (7, GRID.size)))

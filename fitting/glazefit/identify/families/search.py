@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float, Int
 
 from glazejax import Pigment
 
-from ..result.groups import COLOURLESS
+from ..result.groups import COLOURLESS, GROUPS
 from ..search.pool import NOBODY
 from .features import colours, surface_in, views
 from .metric import Metric, as_columns, squares_between
@@ -25,6 +25,8 @@ ANOTHER_COLOUR = 15.0
 """Colour difference (nearly CIE94) beyond which a film is no explanation of a reading."""
 ANOTHER_CHROMA = 7.0
 """The same of chroma alone (10 in CIELAB), for films without a coloured pigment."""
+LIGHTEST_BLACK = 50.0
+"""Lightness L* that a reading of a black alone has at most: middle grey."""
 # Log evidence of a set whose films all have another colour, however similar the slopes are.
 _IMPOSSIBLE = -30.0
 # Comparisons of readings with templates that are held at a time.
@@ -224,6 +226,11 @@ class FamilySearch:
         chromas = as_columns(band_range.colours[colourless, 1:])
         squares = squares_between(read[:, 1:], chromas)
         another[:, colourless] |= squares > ANOTHER_CHROMA**2
+        # A thin coat of black over white is grey, and a grey as light as that has other causes.
+        blacks = np.append([name in GROUPS["a black"] for name in self.families], True)
+        another[:, blacks[self.members[band_range.sets]].all(axis=1)] |= (
+            read[:, :1] > LIGHTEST_BLACK
+        )
         return np.asarray(another)
 
     def _is_hidden(
