@@ -54,7 +54,6 @@ def map_(
         Path | None,
         typer.Argument(
             metavar="CUBE",
-            callback=options.there,
             help=(
                 "Image of spectra: ENVI (header or data), zarr, NetCDF, HDF5, TIFF or a folder "
                 "of TIFFs or PNGs, MATLAB, .npy."
@@ -273,12 +272,6 @@ def map_(
         "binning": read_binning(binned),
         "bands": read_bands(bands),
     }
-    if not example:
-        options.check_names(
-            options.split_names(f"{only},{without}"),
-            pigments,
-            options.PIGMENTS if catalogue is pigments is None else catalogue,
-        )
     given_files = {
         "--mask": mask,
         "--white": white,
@@ -289,6 +282,12 @@ def map_(
     _check_outputs(out, {"CUBE": cube, **given_files}, csv, export, report, overwrite)
     if cube is not None:
         options.existing(cube)
+    if not example:
+        options.check_names(
+            options.split_names(f"{only},{without}"),
+            pigments,
+            options.PIGMENTS if catalogue is pigments is None else catalogue,
+        )
     from glazejax.commands.main import start_jax
 
     from .solve.process import few_arenas

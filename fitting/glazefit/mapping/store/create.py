@@ -9,7 +9,6 @@ from uuid import uuid4
 
 import numpy as np
 
-from ...identify.search.unstated_conditions import CONDITIONS
 from .layout import STATUS_WORDS, VARIABLES, Variable, Way
 
 FORMAT = 5
@@ -107,6 +106,9 @@ def lay_out(
 
 def _words(variable: Variable, paints: Sequence[str]) -> dict[str, Any]:
     """Attributes of an array, by the conventions CF; numbers that stand for words have a legend."""
+    # It loads JAX, which wrong options need not wait for.
+    from ...identify.search.unstated_conditions import CONDITIONS
+
     attributes: dict[str, Any] = {"long_name": variable.meaning}
     if variable.unit:
         attributes["units"] = variable.unit
