@@ -1,10 +1,10 @@
-"""A bench of real paint: methods that name pigments, foretell mixtures and tell amounts, on other
+"""A bench of real paint: methods that name pigments, predict mixtures and estimate amounts, on other
 people's measurements.
 
     python -m benchmarks.paintbench [--data DIR] [--extra DIR] [--json FILE] [--out FOLDER]
 
 Prints one table and every answer of glazejax that is not right, and writes the scores as JSON.
-The README beside this file says what the tasks are and how to enter a source or a method.
+The README next to this file says what the tasks are and how to enter a source or a method.
 """
 
 import argparse
