@@ -251,7 +251,7 @@ def test_a_light_grey_is_no_black(shelf):
     of_blacks = np.append(np.isin(search.families, GROUPS["a black"]), True)
     sets = np.concatenate([band_range.sets for band_range in search.ranges])
     blacks = of_blacks[search.members[sets]].all(axis=1)
-    colours = np.concatenate([band_range.colours for band_range in search.ranges])
+    colours = np.concatenate([np.asarray(band_range.colours) for band_range in search.ranges])
     films = np.concatenate([band_range.templates.readings for band_range in search.ranges])
     light = blacks & (colours[:, 0] > 50.0)
     assert light.any()
