@@ -287,7 +287,7 @@ def test_maps_that_cannot_be_meant_are_refused(tmp_path, given, words):
 @pytest.mark.slow
 def test_the_command_fits_openpbr(run, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    done = run(COATS, "--space", "acescg")
+    done = run(COATS, "--space", "ACEScg")
     assert done.exit_code == 0, done.output
     for words in (
         "UltramarineBlue 3 µm over ZincWhite 20 µm",
@@ -380,7 +380,8 @@ def test_a_ground_that_no_paint_meets_is_named(run, tmp_path, monkeypatch):
             ("--to", "textures"),
             "textures need a map that says what changes: add --thickness-map FILE",
         ),
-        (("--pixel", "5um"), "--pixel is for textures: add --to textures"),
+        (("--space", "ACEScg", "--pixel", "5um"), "--pixel is for textures: add --to textures"),
+        (("--space", "rgb"), "the colour space 'rgb' is not known"),
         (("--thickness-map", "a.npy"), "--thickness-map is for textures"),
     ],
 )

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from ..appearance.exports.spaces import find_space
 from . import options
 from .help_groups import help_groups
 
@@ -75,7 +76,7 @@ def export(
         str,
         typer.Option(
             metavar="NAME",
-            callback=options.among("srgb", "acescg"),
+            callback=options.checked(find_space),
             help="Linear RGB of the colours: srgb or acescg.",
         ),
     ] = "srgb",

@@ -15,7 +15,8 @@ from ...spectra import Grid, validate_wavelengths
 from ...stacks import Stack
 from ..glaze.solve import indices, on_grid, planned_factor
 from ..glaze.table import GlazeTable, glaze_table
-from .rgb import Space, find_space, rgb_of_xyz
+from .rgb import rgb_of_xyz
+from .spaces import Space, find_space
 
 VIEWS = (0.0, 15.0, 30.0, 45.0, 60.0, 75.0)
 """Degrees at which colours are compared, of light and of eye."""
@@ -35,7 +36,7 @@ class AngularColour:
         surface: (angles,), share that the outer surface reflects, directional-hemispherical.
         refractive_index: of the paint, the mean over the bands.
         roughness: alpha of the surface's GGX facets, 0 where it is smooth.
-        space: linear RGB, see `rgb.Space`.
+        space: linear RGB, see `spaces.Space`.
         light: illuminant and observer.
         error: largest error of a reflectance factor that the table of angles has, as it estimates
             it.

@@ -24,7 +24,8 @@ from ...radiative.rough.lobes import lobe_albedo
 from ...spectra import validate_wavelengths
 from ..glaze.solve import indices, on_grid, with_variables
 from .angles import pair_spectra
-from .rgb import Space, rgb_of_xyz
+from .rgb import rgb_of_xyz
+from .spaces import Space
 
 KINDS = ("thickness", "fraction", "ground")
 """What may be a map: thickness of a layer in m, share of its second paint, reflectance of the

@@ -8,7 +8,8 @@ from xml.etree import ElementTree as xml
 from ...io.outputs import check_output
 from .fit import OpenPBRFit
 from .openpbr import OpenPBR
-from .rgb import SPACES, find_space
+from .rgb import SPACES
+from .spaces import find_space
 
 VERSION = "1.39"
 # Names of what OpenPBR fits are of, in MaterialX.

@@ -3,15 +3,13 @@ cannot hold.
 """
 
 from functools import lru_cache
-from typing import Literal, NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
 from ...colour import SRGB_PRIMARIES, SRGB_WHITE, bradford, delta_e_2000, xyz_to_lab
-
-Space: TypeAlias = Literal["lin_rec709", "acescg"]
-"""Names as MaterialX has them: linear sRGB, and the space of ACES for rendering."""
+from .spaces import Space
 
 
 class _Primaries(NamedTuple):
@@ -27,26 +25,6 @@ SPACES = {
         ((0.713, 0.293), (0.165, 0.83), (0.128, 0.044)), (0.32168, 0.33767), "ACEScg"
     ),
 }
-
-
-def find_space(name: str) -> Space:
-    """The space of a name in any case; linear sRGB is also known as sRGB.
-
-    Raises:
-        ValueError: no such space.
-    """
-    key = name.strip().lower().replace(" ", "").replace("-", "_")
-    aliases = {
-        "lin_rec709": "lin_rec709",
-        "srgb": "lin_rec709",
-        "linearsrgb": "lin_rec709",
-        "acescg": "acescg",
-    }
-    if key not in aliases:
-        raise ValueError(
-            f"the colour space {name!r} is not known: choose srgb (linear sRGB) or acescg"
-        )
-    return aliases[key]  # pyright: ignore[reportReturnType]
 
 
 def rgb_of_xyz(

@@ -21,7 +21,8 @@ from .image_files import FORMATS, normals, write_image
 from .mapped import KINDS, MappedGlaze, mapped_colours
 from .materialx import ImageNode, write_materialx
 from .openpbr import Layering, OpenPBR
-from .rgb import SPACES, Space, delta_e, find_space, outside
+from .rgb import SPACES, delta_e, outside
+from .spaces import Space, find_space
 from .texture_words import SOCKETS, readme
 
 
