@@ -25,7 +25,7 @@ from ..film.model.variation import MIXED, Variation
 from ..film.tables import WAVELENGTH, Tabulated, Variables, as_frame
 from .model import read, read_ahead
 from .parts import parts_by_paint
-from .refine import growths, improve
+from .refine import improve, refinements
 from .screen import Stacks, screen
 from .selection import IN_GAMUT, choose
 from .targets import Target, TargetLike, as_targets
@@ -235,7 +235,7 @@ def _search(task: RecipeTask, group: int, progress: Progress) -> Iterator[list[l
     rough = screen(task, progress=progress)
     firsts = range(0, len(task.targets), group)
     # Of each group: every refinement, and the rounding.
-    total = len(firsts) * (2 * growths(task) + 5)
+    total = len(firsts) * (refinements(task) + 1)
     note = counted(progress, total, f"refining {'glazes' if task.glazes else 'recipes'}")
     for first in firsts:
         in_group = (rough.target >= first) & (rough.target < first + group)

@@ -56,7 +56,12 @@ class Amounts(NamedTuple):
         return sizes.reshape(rows, coats, paints)
 
 
-def growths(task: RecipeTask) -> int:
+def refinements(task: RecipeTask) -> int:
+    """Number of refinements of `improve`: twice at first and for each growth, twice at the end."""
+    return 2 * _growths(task) + 4
+
+
+def _growths(task: RecipeTask) -> int:
     """Paints and coats that are added, one at a time, to what a first look finds."""
     extra_paints = 0 if task.glazes else max(0, task.max_paints - MOST_SCREENED)
     return extra_paints + max(0, task.max_coats - 2)
@@ -75,7 +80,7 @@ def improve(task: RecipeTask, rough: Stacks, note: Callable[[], object]) -> Stac
     # A few steps show which are worth more.
     count = 8
     stacks = refined(refined(rough, max_steps=12).best(count))
-    for number in range(growths(task)):
+    for number in range(_growths(task)):
         # Of unmixed stacks those of one coat less are the only ones to which a coat can be added.
         last = stacks.take(np.flatnonzero(stacks.coats == number + 2)) if task.glazes else stacks
         # A few grow, into very many: most of these are dropped before a refinement.
