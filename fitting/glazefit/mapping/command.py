@@ -352,7 +352,6 @@ def map_(
     below, ground_words, notes = read_ground_of_cube(ground, bare, opened, paints, seen_with)
     progress.print_notes(console, "--ground", notes)
     stated_noise = {"floor": noise, "share": noise_share}
-    usual_error = ModelError.between_films()
     search: dict[str, Any] = {
         "instrument": seen_with,
         "prior": replace(EXPECTED if by_family else Prior(), thickness=usual),
@@ -376,9 +375,7 @@ def map_(
             noise=None
             if noise is noise_share is None
             else Noise(**{k: v for k, v in stated_noise.items() if v is not None}),
-            discrepancy=usual_error
-            if model_error is None
-            else replace(usual_error, amplitude=model_error),
+            discrepancy=None if model_error is None else ModelError(amplitude=model_error),
             **search,
             memory=bound,
             client=client,

@@ -51,7 +51,7 @@ def legend_colours(colours: Sequence[str]) -> list[str]:
     reserved_lab = seen_colours(np.array([_shade(colour) for colour in (OTHERS, BLANK, *STRIPES)]))
     room = delta_e_2000(tried_lab[:, :, None], reserved_lab[:, None]).min(axis=(0, 2))
     chosen = []
-    for shade in seen_colours(shades)[0]:
+    for shade in tried_lab[0, : len(shades)]:
         off = delta_e_2000(tried_lab[0], shade)
         best = int(np.where(room >= APART, off, np.inf).argmin())
         best = best if room[best] >= APART else int(room.argmax())

@@ -43,7 +43,6 @@ class Overview:
     Attributes:
         shape: (y, x) of the map.
         step: so many pixels a side are one of the pictures.
-        coarse: the same in pictures of single paints.
         paints: their names, by number.
         status: pixels of each status.
         ways: pixels answered in each way.
@@ -61,7 +60,6 @@ class Overview:
 
     shape: tuple[int, int]
     step: int
-    coarse: int
     paints: tuple[str, ...]
     status: dict[Status, int]
     ways: dict[Way, int]
@@ -187,7 +185,6 @@ def overview(
     return Overview(
         shape=(height, width),
         step=step,
-        coarse=coarse,
         paints=paints,
         status=status_counts(tallies, height * width),
         ways={way: count for way, count in ways.items() if count},
@@ -259,6 +256,8 @@ def square_means(
     """Means over squares of so many pixels a side, NaN left out; those at the edges may
     be smaller.
     """
+    if step == 1:
+        return np.asarray(values, np.float32)
     import xarray as xr
 
     array = xr.DataArray(np.asarray(values, np.float32))

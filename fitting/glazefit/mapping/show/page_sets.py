@@ -92,7 +92,7 @@ def small_spectrum(
     most = next(top for top in (0.1, 0.2, 0.5, 1.0, 2.0) if highest <= top or top == 2.0)
     return {
         "axes": PlotAxes(grid=grid, low=0.0, high=most, most=4),
-        "off": rms_difference(sums.mean, fitted),
+        "off": float(rms_difference(sums.mean, fitted)),
         "mean": sums.mean,
         "spread": sums.sd,
         "fitted": fitted,

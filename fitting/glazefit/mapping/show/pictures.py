@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
-from scipy.ndimage import uniform_filter
 
 from glazejax.extras import require
 from glazejax.plots import FAINT, INK, hex_colour, picture
@@ -73,6 +72,8 @@ def legend_places(look: Overview) -> dict[int, tuple[float, float]]:
     """Places of the numbers of the legend's sets, from 1: x and y from 0 to 1, in the middle of the
     set's densest area.
     """
+    from scipy.ndimage import uniform_filter
+
     positions = {}
     for n, members in enumerate(look.shown, start=1):
         area = look.where(members)

@@ -128,7 +128,7 @@ def _row(members: Members, sums: SetSum, paints: Sequence[str], mapped: int) -> 
         "share": sums.pixels / mapped,
         "thickness_um": sums.thickness_um,
         "pixels_with_thickness": sums.thickness[1],
-        "rmse_of_mean": rms_difference(sums.mean, sums.mean_fit),
+        "rmse_of_mean": float(rms_difference(sums.mean, sums.mean_fit)),
         # How far pixels lie about their mean, over all bands.
         "sd_of_pixels": float(np.sqrt(np.mean(sums.sd**2))),
     }

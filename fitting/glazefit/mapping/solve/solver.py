@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ...identify.search.pool import NOBODY
-from ..store.chunk import ChunkMaps, SetSum, distinct_sets
+from ..store.chunk import ChunkMaps, SetSum, distinct_sets, rms_difference
 from ..store.layout import BY_NAME, STATUS_WORDS, Status, Way
 from ..store.windows import Window
 from .atlas import Atlas, search_for_atlas
@@ -59,7 +59,7 @@ class PixelSolver:
             "status": status.reshape(window.shape),
             "true_colour": seen_as.reshape(*window.shape, 3),
         }
-        columns = {**answers.columns(), "rmse": _rmse(spectra, answers.fitted), "way": way}
+        columns = {**answers.columns(), "rmse": rms_difference(spectra, answers.fitted), "way": way}
         for name in BY_NAME.keys() & columns.keys():
             values = columns[name]
             variable = BY_NAME[name]
@@ -105,16 +105,6 @@ class PixelSolver:
             way[far[better]] = int(Way.NEIGHBOUR)
             way[far[chosen]] = int(Way.SEARCHED)
         return answers, way
-
-
-def _rmse(
-    spectra: Float[np.ndarray, "spectra bands"], fitted: Float[np.ndarray, "spectra bands"]
-) -> Float[np.ndarray, "spectra"]:
-    """Root mean square over the bands at which a fit is known."""
-    finite = np.isfinite(fitted)
-    square = np.where(finite, spectra - fitted, 0.0) ** 2
-    with np.errstate(invalid="ignore"):
-        return np.sqrt(square.sum(axis=1) / finite.sum(axis=1))
 
 
 def _sums(

@@ -60,7 +60,7 @@ class Features:
         return (sd * slopes) ** 2 @ (self.directions**2).sum(axis=0).astype(readings.dtype)
 
 
-# Readings vary by this share where paints do (`ModelError.between_films`), and near black by this.
+# Readings vary by this share where paints do (`ModelError`), and near black by this.
 _SHARE = _BLACK = 0.03
 
 

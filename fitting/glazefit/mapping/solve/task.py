@@ -109,7 +109,7 @@ def map_task(
     if not by_family:
         chosen.refuse_facts()
     expected = chosen.prior or (EXPECTED if by_family else Prior())
-    errors = chosen.discrepancy or ModelError.between_films()
+    errors = chosen.discrepancy or ModelError()
     noise = chosen.noise
     paints = catalogue + [
         spot_pigment(name, stored, spectrum, catalogue, seen_by)

@@ -132,10 +132,16 @@ def distinct_sets(
     return first, which
 
 
-def rms_difference(one: Float[np.ndarray, "bands"], other: Float[np.ndarray, "bands"]) -> float:
-    """Root mean square difference of two spectra over the bands that are known; NaN without any."""
-    off = (one - other)[np.isfinite(other)]
-    return float(np.sqrt(np.mean(off**2))) if off.size else np.nan
+def rms_difference(
+    one: Float[np.ndarray, "*n bands"], other: Float[np.ndarray, "*n bands"]
+) -> Float[np.ndarray, "*n"]:
+    """Root mean square difference of spectra over the bands that the other ones know; NaN without
+    any.
+    """
+    known = np.isfinite(other)
+    square = np.where(known, one - other, 0.0) ** 2
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.sqrt(square.sum(axis=-1) / known.sum(axis=-1)))
 
 
 def add_sets(into: dict[Members, SetSum], sums: Mapping[Members, SetSum]) -> None:
