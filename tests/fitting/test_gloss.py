@@ -105,6 +105,6 @@ def test_haze_at_45_0_refuses_no_film_that_is_known(haze):
 
 
 def test_haze_widens_no_surface_that_is_seen_whole():
-    usual = ModelError.between_films()
+    usual = ModelError()
     assert usual.surface_sd(0.04) == pytest.approx(0.35 * 0.04)
     assert usual.surface_sd(0.0) == usual.haze > 0

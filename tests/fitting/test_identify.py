@@ -28,7 +28,7 @@ from glazejax import (
     reflectance,
 )
 
-BETWEEN_FILMS = ModelError.between_films()
+BETWEEN_FILMS = ModelError()
 
 GRID = np.arange(400.0, 701.0, 10.0)
 NAMES = (

@@ -22,7 +22,7 @@ from glazefit.identify.search.weigh import MISFIT
 from glazejax import Bidirectional, Hemispherical, Pigment, catalogue
 from glazejax.paint.pigment_table import read_pigments
 
-BETWEEN_FILMS = ModelError.between_films()
+BETWEEN_FILMS = ModelError()
 
 GRID = np.arange(400.0, 701.0, 10.0)
 GROUNDS = np.array([[0.025], [0.93]]) * np.ones((2, GRID.size))

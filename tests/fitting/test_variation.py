@@ -31,7 +31,7 @@ from glazejax import Instrument, Pigment, catalogue, colour
 
 from .tables import write_films
 
-BETWEEN_FILMS = ModelError.between_films()
+BETWEEN_FILMS = ModelError()
 
 GRID = np.arange(400.0, 701.0, 20.0)
 TINT = {"Vermillion": 10.0, "ZincWhite": 90.0}

@@ -278,12 +278,9 @@ def identify(
     from .result import Identification
     from .search.options import IdentificationOptions
 
-    usual_error = ModelError.between_films()
     settings = {
         "noise": Noise(noise, noise_share),
-        "discrepancy": usual_error
-        if model_error is None
-        else replace(usual_error, amplitude=model_error),
+        "discrepancy": ModelError() if model_error is None else ModelError(amplitude=model_error),
         "prior": replace(EXPECTED if by_family else Prior(), thickness=usual),
     }
     search_options = IdentificationOptions(

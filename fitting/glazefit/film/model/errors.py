@@ -90,11 +90,6 @@ class ModelError:
                 f"the discrepancy's shared is {self.shared:g}; a correlation lies in [0, 1]"
             )
 
-    @classmethod
-    def between_films(cls) -> "ModelError":
-        """The errors that films left out of a fit of their paints showed."""
-        return cls()
-
     def surface_sd(self, surface: float) -> float:
         """Standard deviation of what the surface adds to a reading.
 

@@ -5,6 +5,7 @@ paint at all (`metric.py`), over the bands at which the template's exemplars are
 worth is learnt from the exemplars (`sureness.py`, `calibration.py`).
 """
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -221,17 +222,18 @@ class FamilySearch:
         another = squares_between(read, as_columns(band_range.colours)) > ANOTHER_COLOUR**2
         # Whites, extenders and blacks have hardly a chroma of their own, and one that shows is not
         # theirs.
-        families = np.append([name in COLOURLESS for name in self.families], True)
-        colourless = families[self.members[band_range.sets]].all(axis=1)
+        colourless = self._made_of(COLOURLESS, band_range)
         chromas = as_columns(band_range.colours[colourless, 1:])
         squares = squares_between(read[:, 1:], chromas)
         another[:, colourless] |= squares > ANOTHER_CHROMA**2
         # A thin coat of black over white is grey, and a grey as light as that has other causes.
-        blacks = np.append([name in GROUPS["a black"] for name in self.families], True)
-        another[:, blacks[self.members[band_range.sets]].all(axis=1)] |= (
-            read[:, :1] > LIGHTEST_BLACK
-        )
+        another[:, self._made_of(GROUPS["a black"], band_range)] |= read[:, :1] > LIGHTEST_BLACK
         return np.asarray(another)
+
+    def _made_of(self, names: Collection[str], band_range: Range) -> Bool[np.ndarray, "templates"]:
+        """True for templates that hold none but some families."""
+        families = np.append([name in names for name in self.families], True)
+        return np.asarray(families[self.members[band_range.sets]].all(axis=1))
 
     def _is_hidden(
         self, hidden: Bool[np.ndarray, "spectra families"]

@@ -45,7 +45,7 @@ class IdentificationOptions:
         instrument: a `glazejax.Instrument`, a geometry, or words such as "45:0" for one without a
             sphere; by default d:8 with the specular part, index 1.5.
         noise: of a reading; where the spectra themselves are rougher, their roughness counts.
-        discrepancy: of the model; by default `ModelError.between_films()`.
+        discrepancy: of the model; by default `ModelError()`.
         prior: of the search.
         max_paints: largest set, 1 to 3.
         max_coats: 2 says for the best pairs of paints whether they were mixed or laid one over

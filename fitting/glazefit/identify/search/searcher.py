@@ -80,7 +80,7 @@ class Searcher(NamedTuple):
         """
         options = options or IdentificationOptions()
         instrument = resolve_instrument(options.instrument)
-        discrepancy = options.discrepancy or ModelError.between_films()
+        discrepancy = options.discrepancy or ModelError()
         prior = options.prior or Prior()
         grid = validate_wavelengths(np.asarray(wavelengths, dtype=np.float64))
         resampled = check_pigments(pigments, grid)

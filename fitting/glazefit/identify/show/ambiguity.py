@@ -171,7 +171,7 @@ def _relies_on_spectrum_ends(
     size = max(1, grid.size // 10)
     if grid.size < 10:
         return []
-    usual = ModelError.between_films()
+    usual = ModelError()
     sd = np.hypot(measured.noise_sd[row], usual.amplitude + usual.share * measured.readings[row])
 
     def misses(candidate: Candidate) -> np.ndarray:

@@ -19,24 +19,24 @@ from ..search.chunk import Chunk
 from ..search.pool import NOBODY
 from ..search.refine import slopes_of
 from ..search.task import IdentificationTask
+from .figures import FITS
 
 
 def expected_bands(
-    identification: Identification, task: IdentificationTask, count: int = 3
+    identification: Identification, task: IdentificationTask
 ) -> Float[np.ndarray, "spectra candidates grounds bands"]:
     """Half the width of the 90 % band of the readings about the most probable explanations,
-    (spectra, count, ...).
+    (spectra, candidates, ...): those that are drawn.
 
     A whole spectrum's misfit follows Student's t, and so does the band.
 
     Args:
         identification: of the spectra.
         task: of the search.
-        count: explanations; fewer if there are fewer.
     """
     rows = np.arange(len(identification))
     chunks = np.split(rows, range(CHUNK, len(rows), CHUNK))
-    count = min(count, identification.members.shape[1])
+    count = min(FITS, identification.members.shape[1])
     return np.concatenate([_bands(identification.take(chunk), task, count) for chunk in chunks])
 
 

@@ -2,8 +2,8 @@
 weights.
 
 A pure opaque film gives only k/s; its tint with a known white gives the rest. So all films
-are fitted together (`joint_problem`), each with a thickness of its own, by Levenberg and
-Marquardt's method with a linear solver that knows the structure (`joint_solver`). Thicknesses are
+are fitted together (`problem`), each with a thickness of its own, by Levenberg and
+Marquardt's method with a linear solver that knows the structure (`solver`). Thicknesses are
 relative: the unit is that of a typical film.
 """
 

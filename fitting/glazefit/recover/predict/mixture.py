@@ -346,7 +346,7 @@ def _mix(
         changes = np.einsum("pcsb,pcb,cd->pcsdb", modes, elasticity, np.eye(2))
         return changes.reshape(-1, 2, grid.size)
 
-    usual = ModelError.between_films()
+    usual = ModelError()
     # Eight shapes hold nearly all of a smooth error.
     smooth = smooth_modes(grid, usual.coefficient_length, 8)
     stated = relative_errors(paints, usual)[:, :, None] * smooth

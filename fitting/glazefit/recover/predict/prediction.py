@@ -134,8 +134,14 @@ class Prediction(Tabulated):
         self, illuminant: str = "D65", observer: str | int = 10, parts: tuple[str, ...] = PARTS
     ) -> Float[np.ndarray, "2"]:
         """The same over the black and over the white card."""
-        over_black, over_white = np.moveaxis(self._draw(parts), 1, 0)
-        return self.delta_e(over_black, over_white, illuminant, observer).mean(axis=0)
+        apart = delta_e_of_spectra(
+            self.wavelengths,
+            self.reflectance,
+            self._draw(parts),
+            illuminant=illuminant,
+            observer=observer,
+        )
+        return apart.mean(axis=0)
 
     def between_mixings(self, illuminant: str = "D65", observer: str | int = 10) -> float:
         """Mean CIEDE2000 between two films of the recipe, over both cards, by the films' own

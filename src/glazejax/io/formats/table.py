@@ -368,6 +368,10 @@ def _is_wide(cells: _Cells, row: list[str]) -> bool:
     return not titled and len(numeric) > 1 and min(numeric) >= 100
 
 
+def _no_wavelength(title: str) -> str:
+    return f"{title!r} is no wavelength; write wavelengths in nm, 1e7 / wavenumber"
+
+
 def _choose_columns(cells: _Cells) -> tuple[list[int], list[int]]:
     """Columns of wavelengths, and of numbers next to them.
 
@@ -389,18 +393,14 @@ def _choose_columns(cells: _Cells) -> tuple[list[int], list[int]]:
     if numbers and not (titled or runs or in_um):
         wrong = f"numbers only, and the first column does not run through wavelengths; {_LAYOUTS}"
         if barred:
-            title = cells.header[barred[0]]
-            wrong = f"{title!r} is no wavelength; write wavelengths in nm, 1e7 / wavenumber"
+            wrong = _no_wavelength(cells.header[barred[0]])
         elif cells.titles:
             wrong = f"no wavelengths in the header; {_LAYOUTS}"
         raise cells.source.error(wrong, cells.header_line or None)
     grid = next(iter([*titled, *runs]), 0)
     named = {*titled}
     if _NO_WAVELENGTH.search(cells.header[grid]):
-        raise cells.error(
-            cells.header_line,
-            f"{cells.header[grid]!r} is no wavelength; write wavelengths in nm, 1e7 / wavenumber",
-        )
+        raise cells.error(cells.header_line, _no_wavelength(cells.header[grid]))
     right = [i for i in range(grid + 1, width) if i not in barred and (not numbers or numbers[i])]
     further = [i for i in right if i in named or (i in runs and numbers[i] == numbers[grid])]
     columns = sorted({*right}.difference(further))
