@@ -224,25 +224,18 @@ def conditional_modes(
         Slopes by the others, modes of what is left, the shift of log k and log s, and their
         standard deviation.
     """
-    count = len(recovery.paints)
-    bands = recovery.wavelengths.size
-    slopes = np.zeros((len(numbers), bands, 2 * count))
-    shift = np.zeros((bands, 2 * count))
+    whole = recovery.whole_covariance
+    shape = recovery.unknowns.bands.shape
+    slopes, across = (values.reshape(-1, *shape) for values in whole.regress(numbers))
     variance = np.diagonal(recovery.log_covariance, axis1=1, axis2=2)
-    if len(numbers):
-        picked = np.asarray(numbers)
-        size = recovery.shared_covariance.shape[0] - recovery.unknowns.others.size
-        picked_covariance = recovery.shared_covariance[size:, size:][np.ix_(picked, picked)]
-        with_picked = recovery.whole_covariance.with_others[picked]
-        slopes = np.einsum("op,pbi->obi", np.linalg.inv(picked_covariance), with_picked)
-        variance = variance - np.einsum("obi,obi->bi", slopes, with_picked)
-        shift = -np.einsum("o,obi->bi", recovery.unknowns.others[picked], slopes)
+    variance = variance - np.sum(slopes * across, axis=0)
+    shift = -np.tensordot(recovery.unknowns.others[list(numbers)], slopes, 1)
     # As large as is used to first order; both parts of an error equally.
     total = np.sqrt(np.sum(slopes**2, axis=0) + np.maximum(variance, 0.0))
     cap = np.minimum(1.0, MOST_ERROR / np.maximum(total, 1e-12))
     new = np.tile(np.isin(recovery.paints, paints), 2)
     # Error modes that are the new paints' own.
-    remaining = recovery.whole_covariance.largest(cap * new, 16, numbers, slopes)
+    remaining = whole.largest(cap * new, 16, numbers)
     return by_paint(slopes * cap), by_paint(remaining), by_paint(shift), by_paint(total)
 
 
