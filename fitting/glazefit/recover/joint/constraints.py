@@ -125,8 +125,8 @@ def gather_constraints(
             continue
         paint = _on(references[name], films.wavelengths)
         flags[column] = True
-        for index, values in ((column, paint.absorption), (count + column, paint.scattering)):
-            logs[:, index] = np.log(np.maximum(np.asarray(values) * unit, 1e-7))
+        optical = unit * np.stack([paint.absorption, paint.scattering], axis=1)
+        logs[:, column::count] = np.log(np.maximum(optical, 1e-7))
         of_column[column] = paint
     # Their errors, and those of cards, of the common scale and of gains, are unknowns of the fit.
     band_modes, modes_of = _paint_modes(of_column, bands, count)
@@ -232,11 +232,8 @@ def _card_levels(films: Films) -> Float[np.ndarray, "modes films 2"]:
     films.
     """
     needed = films.assumed & films.seen & ~films.opaque[:, None]
-    modes = np.zeros((2, len(films), 2))
-    for card in range(2):
-        # Of log(rho / (1 - rho)), the same at all bands.
-        modes[card, :, card] = 0.5 * needed[:, card]
-    return modes[needed.any(axis=0)]
+    # Of log(rho / (1 - rho)), the same at all bands.
+    return (0.5 * np.eye(2)[:, None] * needed)[needed.any(axis=0)]
 
 
 def _gains(films: Films, gain: float) -> Float[np.ndarray, "modes films 2"]:

@@ -144,7 +144,8 @@ def entries(recovery: JointRecovery, file: PaintFile) -> list[Pigment]:
         recovery: joint fit of the new paints.
         file: that they go to.
     """
-    first = mode_columns(file)
+    in_file = (paint.error_modes for paint in file.paints.values())
+    first = max((len(modes) for modes in in_file if modes is not None), default=0)
     thickness = recovery.unit
     references = recovery.known_paints
     new = [paint for paint in recovery.paints if paint not in recovery.known]
@@ -282,11 +283,3 @@ def add_entries(
         writer.writerow(row.get(title, "0") for title in wide)
     with whole_file(file.path) as temporary:
         temporary.write_text(text.getvalue(), encoding="utf-8")
-
-
-def mode_columns(file: PaintFile) -> int:
-    """Number of error modes of the file's paints."""
-    return max(
-        (len(paint.error_modes) for paint in file.paints.values() if paint.error_modes is not None),
-        default=0,
-    )

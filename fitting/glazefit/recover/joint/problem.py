@@ -230,16 +230,9 @@ def curvature_matrix(wavelengths: Float[np.ndarray, "bands"]) -> Float[np.ndarra
 
     So the sum of squares is the same integral over the wavelengths on any grid.
     """
-    matrix = np.zeros((max(len(wavelengths) - 2, 0), len(wavelengths)))
-    for row in range(len(matrix)):
-        first, second = np.diff(wavelengths[row : row + 3])
-        weights = (
-            2.0
-            / (first + second)
-            * np.array([1.0 / first, -1.0 / first - 1.0 / second, 1.0 / second])
-        )
-        matrix[row, row : row + 3] = weights * 100.0 * np.sqrt((first + second) / 20.0)
-    return matrix
+    slopes = np.diff(np.eye(len(wavelengths)), axis=0) / np.diff(wavelengths)[:, None]
+    spans = wavelengths[2:] - wavelengths[:-2]
+    return np.diff(slopes, axis=0) * (200.0 / spans * np.sqrt(spans / 20.0))[:, None]
 
 
 def nearly_black(
@@ -261,10 +254,6 @@ def minor_parts(
     """Assign each error of weight to its paint: all parts of a film but the largest, on as many
     places as needed.
     """
-    count = max(int((shares > 0).sum(axis=1).max()) - 1, 0)
-    minor = np.zeros((len(shares), count, shares.shape[1]))
-    for film, row in enumerate(shares):
-        order = np.argsort(-row)
-        for index, paint in enumerate(order[1 : int((row > 0).sum())]):
-            minor[film, index, paint] = 1.0
-    return minor
+    present = shares > 0
+    order = np.argsort(-shares, axis=1)[:, 1 : int(present.sum(axis=1).max())]
+    return np.eye(shares.shape[1])[order] * np.take_along_axis(present, order, axis=1)[..., None]

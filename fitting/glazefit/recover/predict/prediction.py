@@ -161,7 +161,7 @@ class Prediction(Tabulated):
             self.deviations["film"],
             self.wavelengths,
         )
-        return SizeEvidence(self.name, frozenset(self.paints), likelihood)
+        return SizeEvidence(frozenset(self.paints), likelihood)
 
 
 def interval_of(
