@@ -4,7 +4,7 @@ same joint fit.
 
 from jaxtyping import Array, ArrayLike, Float
 
-from glazefit.film.films import Instrument, diffuse_internal_reflectance
+from glazefit.film.films import Instrument, bare_surface
 from glazefit.film.model.response import Response
 from glazejax.radiative.twoflux import saunderson, two_flux_reflectance
 
@@ -17,7 +17,7 @@ class KubelkaMunk(Response):
 
     def __init__(self, instrument: Instrument):
         self.outer = instrument.surface
-        self.inner = diffuse_internal_reflectance(instrument)
+        self.inner = bare_surface(instrument).back
 
     def body(
         self, absorption: ArrayLike, scattering: ArrayLike, ground: ArrayLike

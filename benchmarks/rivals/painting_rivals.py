@@ -21,7 +21,7 @@ from benchmarks.paintbench.spectra import (
 from benchmarks.rivals.baselines import Surface, film_reflectance, least_squares, shares_of, unmix
 from benchmarks.rivals.known_painting import PLACES, Painting
 from benchmarks.timing import time_call
-from glazefit.film.films import Instrument, diffuse_internal_reflectance
+from glazefit.film.films import Instrument, bare_surface
 from glazejax import Glaze, Hemispherical, Layer, Mixture, Pigment, reflectance
 from glazejax.catalogue import family
 
@@ -321,7 +321,7 @@ class TwoFlux:
 
     def __init__(self, paints: Sequence[Pigment], ground: Float[np.ndarray, "bands"]):
         instrument = Instrument()
-        self.surface = Surface(instrument.surface, diffuse_internal_reflectance(instrument))
+        self.surface = Surface(instrument.surface, bare_surface(instrument).back)
         self.ground = np.asarray(ground, float)
         self._calibrate(paints)
 

@@ -279,16 +279,14 @@ def test_a_gauge_sets_the_scale():
     assert np.median(wrong.log_sd[:, 0]) > max(0.45, 2 * np.median(found.log_sd[:, 0]))
     expected = Expectations(thickness=0.3)
     constraints = gather_constraints(films, ("Blue", "White"), {}, gauge, 100e-6, expected)
-    np.testing.assert_allclose(constraints.thickness, np.log([1.3, 0.8]))
+    np.testing.assert_allclose(constraints.arrays["film_mean"], np.log([1.3, 0.8]))
     np.testing.assert_allclose(constraints.thickness_sd, 0.1)
     # On the scale of a known paint thicknesses are open by a common factor; on their own they have
     # none.
     on_white = gather_constraints(films, ("Blue", "White"), KNOWN, None, UNIT, expected)
-    np.testing.assert_array_equal(on_white.thickness_modes[-1], 1.0)
-    assert (
-        len(gather_constraints(films, ("Blue", "White"), {}, None, UNIT, expected).thickness_modes)
-        == 0
-    )
+    np.testing.assert_array_equal(on_white.arrays["thickness_modes"][-1], 1.0)
+    alone = gather_constraints(films, ("Blue", "White"), {}, None, UNIT, expected)
+    assert len(alone.arrays["thickness_modes"]) == 0
     with pytest.raises(ValueError, match="no film is called 'Red'"):
         gather_constraints(films, ("Blue", "White"), {}, Gauge({"Red": 1e-4}), UNIT, expected)
     with pytest.raises(ValueError, match="the thickness of 'Red' is 1 m"):

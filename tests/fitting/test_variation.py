@@ -84,16 +84,12 @@ def evidence(size: float, count: int, paint: str, rng) -> list[SizeEvidence]:
     known = 0.001 * rng.standard_normal((200, 2, GRID.size))
     own = 0.05 * rng.standard_normal((200, 2, 1)) + 0.02 * rng.standard_normal((200, 2, GRID.size))
     out = []
-    for i in range(count):
+    for _ in range(count):
         off = size * (
             0.05 * rng.standard_normal((2, 1)) + 0.02 * rng.standard_normal((2, GRID.size))
         )
         off = off + 0.001 * rng.standard_normal(off.shape)
-        out.append(
-            SizeEvidence(
-                f"{paint}{i}", frozenset({paint, "white"}), log_likelihood(off, known, own, GRID)
-            )
-        )
+        out.append(SizeEvidence(frozenset({paint, "white"}), log_likelihood(off, known, own, GRID)))
     return out
 
 
@@ -130,8 +126,8 @@ def test_a_paint_with_one_film_leans_to_all_films():
     """What all films say counts as two of its own: after a film that says nothing it is as all
     are, after one that leaves a single size its weights are (2 all + that size)/3.
     """
-    silent = SizeEvidence("new0", frozenset({"new"}), np.zeros(len(SIZES)))
-    sure = SizeEvidence("sure0", frozenset({"sure"}), np.where(np.arange(len(SIZES)) == 5, 0, -1e3))
+    silent = SizeEvidence(frozenset({"new"}), np.zeros(len(SIZES)))
+    sure = SizeEvidence(frozenset({"sure"}), np.where(np.arange(len(SIZES)) == 5, 0, -1e3))
     found = learn([*evidence(0.1, 12, "calm", np.random.default_rng(3)), silent, sure])
     np.testing.assert_allclose(found.of(["new"]), found.weights, rtol=1e-12)
     assert np.max(np.abs(found.weights - PRIOR)) > 0.05
@@ -144,7 +140,7 @@ def test_paint_whose_films_are_far_off_is_probably_unsteady():
     found = learn(evidence(0.3, 24, "calm", rng) + evidence(3.0, 4, "wild", rng))
     assert found.unsteady["wild"] > 0.9 > 0.1 > found.unsteady["calm"]
     # A film that says nothing leaves what was expected.
-    silent = SizeEvidence("a film", frozenset({"new"}), np.zeros(len(SIZES)))
+    silent = SizeEvidence(frozenset({"new"}), np.zeros(len(SIZES)))
     assert learn([silent]).unsteady["new"] == pytest.approx(UNSTEADY)
 
 

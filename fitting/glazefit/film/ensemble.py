@@ -17,7 +17,7 @@ from .solve import Laplace
 
 
 class Ensemble:
-    """Walkers of one problem, see `glazefit.film.sample.Stepper`."""
+    """Walkers of one problem, see `glazefit.film.sample.draw_chain`."""
 
     def __init__(self, problem: FilmProblem, approximation: Laplace, options: Sampling) -> None:
         """Of a problem, beginning at draws of its approximation."""

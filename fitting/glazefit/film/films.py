@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import jax
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Bool, Float
 
 from glazejax import Bidirectional
 from glazejax.geometry import Geometry
@@ -266,11 +266,6 @@ def bare_surface(instrument: Instrument) -> BareSurface:
 _fresnel = jax.jit(dielectric_reflectance)
 
 
-def diffuse_internal_reflectance(instrument: Instrument) -> float:
-    """Reflectance of the surface for diffuse light from inside, r_i; see `BareSurface`."""
-    return bare_surface(instrument).back
-
-
 def card_reflectance(bare: Spectra, instrument: Instrument) -> tuple[Spectra, Spectra]:
     """Internal reflectance of cards from their bare reflectance in air, and its derivative.
 
@@ -349,10 +344,10 @@ def cards(
 class CardReadings(NamedTuple):
     """Readings over a black and a white card (last axis), and their standard deviations."""
 
-    reflectance: Float[Array | np.ndarray, "*films bands 2"]
-    ground: Float[Array | np.ndarray, "*films bands 2"]  # internal reflectance of the cards
-    sd: Float[Array | np.ndarray, "*films bands 2"]
-    ground_sd: Float[Array | np.ndarray, "*films bands 2"]
+    reflectance: Float[np.ndarray, "films bands 2"]
+    ground: Float[np.ndarray, "films bands 2"]  # internal reflectance of the cards
+    sd: Float[np.ndarray, "films bands 2"]
+    ground_sd: Float[np.ndarray, "films bands 2"]
 
 
 def card_readings(films: Films, instrument: Instrument, noise: Noise) -> CardReadings:

@@ -21,7 +21,7 @@ from glazejax.programs import Program
 
 from .model.optics import Optics
 from .model.response import FilmResponse, film_response
-from .model.spline import HIGHEST, locate, nodes_of, patches, within
+from .model.spline import look_up, nodes_of, patches
 
 _NODES = 56
 
@@ -215,13 +215,7 @@ class Film:
                 by_ground=jnp.maximum(gain / denominator, 0.0) / denominator,
                 by_log=jnp.zeros((0, bands, grounds)),
             )
-        absorption, scattering, _ = within(jnp, *thickness)
-        row, over = locate(jnp, absorption, HIGHEST[0], _NODES)
-        column, across = locate(jnp, scattering, HIGHEST[1], _NODES)
-        cell = row * (_NODES - 1) + column
-        patch = data.table.at[jnp.arange(bands), cell].get(mode="promise_in_bounds")
-        weights = over[:, :, None] * across[:, None, :]
-        numbers = jnp.sum(patch * weights[..., None], axis=(1, 2))
+        numbers = jax.vmap(lambda *band: look_up(jnp, *band, _NODES))(data.table, *thickness)
         values = jnp.moveaxis(numbers.reshape(bands, -1, grounds), 1, 0)
         return Slopes(body=values[0], by_ground=values[1], by_log=values[2:])
 

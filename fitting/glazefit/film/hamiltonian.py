@@ -341,7 +341,7 @@ def _steps(
 
 
 class Hamiltonian:
-    """Chains of one problem, see `glazefit.film.sample.Stepper`."""
+    """Chains of one problem, see `glazefit.film.sample.draw_chain`."""
 
     piece = _PIECE
 

@@ -24,46 +24,38 @@ noise.
 _ENDS = (0.05, 0.9)
 
 
-def estimate_noise(films: Films, least: Noise | None = None) -> Noise:
-    """Noise of an instrument from the roughness of all its readings, cards and films together.
-
-    Args:
-        films: measured.
-        least: what it is at least, by default `Noise()`: errors that all bands share do not show as
-            roughness.
+def estimate_noise(films: Films) -> Noise:
+    """Noise of an instrument from the roughness of all its readings, cards and films together;
+    `Noise()` at least: errors that all bands share do not show as roughness.
     """
-    least = least or Noise()
     readings = films.readings()
     everything = _fit_ends(films.wavelengths, readings)
     if everything is None:
-        return least
+        return Noise()
     # Cards are smooth whatever the paint is.
     # Films so much rougher than their cards have spectra that are no smooth ones; the cards then
     # say what noise is.
     bare = _fit_ends(films.wavelengths, readings[:2])
     rough = bare is not None and np.mean(everything) > 3.0 * np.mean(bare)
-    return _at_least(bare if bare is not None and rough else everything, least)
+    return _at_least(bare if bare is not None and rough else everything)
 
 
 def spectra_noise(
-    wavelengths: Float[np.ndarray, "bands"],
-    spectra: Float[np.ndarray, "rows bands"],
-    least: Noise | None = None,
+    wavelengths: Float[np.ndarray, "bands"], spectra: Float[np.ndarray, "rows bands"]
 ) -> Noise:
     """Noise of an instrument from the roughness of many spectra of paint.
 
     Args:
         wavelengths: nm, ascending.
         spectra: reflectance.
-        least: what it is at least, by default `Noise()`.
     """
-    least = least or Noise()
     estimate = _fit_ends(wavelengths, [spectra])
-    return least if estimate is None else _at_least(estimate, least)
+    return Noise() if estimate is None else _at_least(estimate)
 
 
-def _at_least(estimate: tuple[float, float], least: Noise) -> Noise:
+def _at_least(estimate: tuple[float, float]) -> Noise:
     """Noise from what it is at both ends."""
+    least = Noise()
     dark, bright = (
         max(value, float(least.sd(np.asarray(end))))
         for value, end in zip(estimate, _ENDS, strict=True)

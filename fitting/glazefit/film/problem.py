@@ -14,7 +14,7 @@ import functools
 import hashlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -27,16 +27,10 @@ from glazejax.radiative.common.chunks import in_chunks
 from .forward import Film
 from .prior import Law
 
-
-@runtime_checkable
-class Residuals(Protocol):
-    """Residuals of one block, (rows,), from its free unknowns, (dims,), its own data and what all
-    blocks share.
-    """
-
-    def __call__(self, free: Float[Array, "dims"], data: Any, shared: Any) -> Float[Array, "rows"]:
-        """Half their squares, summed, are minus the log-probability up to a constant."""
-        ...
+Residuals = Callable[[Float[Array, "dims"], Any, Any], Float[Array, "rows"]]
+"""Residuals of one block, (rows,), from its free unknowns, (dims,), its own data and what all
+blocks share. Half their squares, summed, are minus the log-probability up to a constant.
+"""
 
 
 @dataclass(frozen=True)

@@ -82,13 +82,10 @@ def readings(films: Films, instrument: Instrument, noise: Noise) -> list[Reading
         Reading(
             name=name,
             wavelengths=films.wavelengths,
-            reflectance=np.asarray(reflectance),
-            ground=np.asarray(ground),
-            sd=np.asarray(sd),
-            ground_sd=np.asarray(ground_sd),
             grounds=("black", "white"),
+            **dict(zip(measured._fields, arrays, strict=True)),
         )
-        for name, reflectance, ground, sd, ground_sd in zip(films.names, *measured, strict=True)
+        for name, *arrays in zip(films.names, *measured, strict=True)
     ]
 
 

@@ -186,7 +186,8 @@ def posterior(
 
     check_sampler(sampler, "--sampler")
     # Says what is wrong with the numbers.
-    Sampling(sampler=sampler, steps=steps, walkers=walkers, thin=thin)  # pyright: ignore[reportArgumentType]
+    chain: dict[str, Any] = {"sampler": sampler, "steps": steps, "walkers": walkers, "thin": thin}
+    total = Sampling(**chain).length
     options.check_names(options.split_names(paints), pigments, catalogue)
     usual = options.read_length(thickness)
     _check(file, sample, paints=paints, coats=coats, bands=bands, simulate=simulate, ground=ground)
@@ -225,20 +226,11 @@ def posterior(
             console=console,
         )
     )
-    chain = {
-        "sampler": sampler,
-        "steps": steps,
-        "walkers": walkers,
-        "thin": thin,
-        "seed": seed,
-        "resume": resume,
-        "overwrite": overwrite,
-    }
+    chain |= {"seed": seed, "resume": resume, "overwrite": overwrite}
     result = _run(task, folder, {"instrument": seen_with, "noise": errors, **chain})
     _write(result, folder, console)
     if result.chain is not None and result.chain.interrupted:
         count = result.chain.free.shape[0] * result.chain.thin
-        total = Sampling(sampler=sampler, steps=steps, thin=thin).length  # pyright: ignore[reportArgumentType]
         console.print(
             f"[yellow]Interrupted: {count} of {total} steps are kept in {folder / CHAIN}. To go "
             "on, give the same command with --resume (and without --overwrite).[/yellow]"

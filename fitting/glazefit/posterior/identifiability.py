@@ -23,27 +23,24 @@ OPEN = 0.25
 
 @dataclass(frozen=True)
 class Identifiability:
-    """Directions of one block or of many.
+    """Directions that are open.
 
     Attributes:
-        shares: posterior over prior variance in each direction, ascending, (blocks, dims).
-        directions: unit vectors in prior standard deviations, in the same order, (blocks, dims,
-            dims); the last axis is the unknown.
-        correlation: of the unknowns, (blocks, dims, dims).
         sentences: what is open, in words; none if all is known.
     """
 
-    shares: Float[np.ndarray, "blocks dims"]
-    directions: Float[np.ndarray, "blocks dims dims"]
-    correlation: Float[np.ndarray, "blocks dims dims"]
     sentences: tuple[str, ...]
 
 
 def directions(
     free: Float[np.ndarray, "draws blocks dims"], prior: Float[np.ndarray, "dims dims"]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Shares, directions and correlation (see `Identifiability`) from draws of the free
-    unknowns.
+    """Directions of the free unknowns, from their draws.
+
+    Returns:
+        Posterior over prior variance in each direction, ascending, (blocks, dims); the directions
+        as unit vectors in prior standard deviations, (blocks, dims, dims), the last axis is the
+        unknown; and the correlation of the unknowns, (blocks, dims, dims).
     """
     centred = free - free.mean(axis=0)
     covariance = np.einsum("nbi,nbj->bij", centred, centred) / max(len(free) - 1, 1)
@@ -146,10 +143,8 @@ def identify_open(
         free: draws of the free unknowns.
         wavelengths: nm.
     """
-    shares, vectors, correlation = directions(free, problem.prior_covariance)
     if problem.kind == "bands":
-        sentences = _of_spectra(problem.spectra(free), wavelengths)
-        return Identifiability(shares, vectors, correlation, tuple(sentences))
+        return Identifiability(tuple(_of_spectra(problem.spectra(free), wavelengths)))
     by_coats = problem.kind == "stack"
     prior = problem.prior_draws(np.random.default_rng(0), 4000)
     sentences = [] if by_coats else open_above(problem, free)
@@ -170,7 +165,7 @@ def identify_open(
             ]
         where = f"{film}: " if len(problem.blocks) > 1 else ""
         sentences += [where + sentence for sentence in block_sentences]
-    return Identifiability(shares, vectors, correlation, tuple(sentences))
+    return Identifiability(tuple(sentences))
 
 
 def _compare_with_prior(

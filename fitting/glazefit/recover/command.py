@@ -288,7 +288,7 @@ def recover(
     chunk_recoveries, how = progress.collect(
         lambda _: chunks, len(films), "compiling, then recovering", "recovering"
     )
-    recovery = Recovery.join(chunk_recoveries)
+    recovery = Recovery.join(films, chunk_recoveries)
     _report(recovery, how, results)
     if simulate:
         _compare(recovery, metres, shelf, console)

@@ -39,7 +39,7 @@ from .spline import (
     BEND,
     HIGHEST,
     cells_per_unit,
-    locate,
+    look_up,
     nodes_of,
     patches,
     place,
@@ -195,14 +195,7 @@ def _over(_: Any, black: Any, gain: Any, back: Any, ground: Any) -> Any:
 
 def _numbers(xp: Any, patches: Any, absorption: Any, scattering: Any) -> tuple[Any, Any, Any]:
     """`FilmResponse.numbers` by NumPy or JAX."""
-    absorption, scattering, _ = within(xp, absorption, scattering)
-    row, row_weights = locate(xp, absorption, HIGHEST[0], _NODES)
-    column, column_weights = locate(xp, scattering, HIGHEST[1], _NODES)
-    cell = row * (_NODES - 1) + column
-    patch = patches[cell] if xp is np else patches.at[cell].get(mode="promise_in_bounds")
-    # A sum of products: XLA on the CPU takes six times as long for the same as an einsum.
-    weights = row_weights[..., :, None] * column_weights[..., None, :]
-    values = xp.sum(patch * weights[..., None], axis=(-3, -2))
+    values = look_up(xp, patches, absorption, scattering, _NODES)
     return values[..., 0], values[..., 1], values[..., 2]
 
 

@@ -51,7 +51,6 @@ class Spread(NamedTuple):
 class SizeEvidence(NamedTuple):
     """Evidence of one film that was left out."""
 
-    film: str
     paints: frozenset[str]
     log_likelihood: Weights  # of its readings, for each size
 

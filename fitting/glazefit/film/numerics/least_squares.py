@@ -20,7 +20,7 @@ Three loops remain in addition:
 """
 
 from collections.abc import Callable
-from typing import Any, Generic, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -214,40 +214,37 @@ def damped_newton(
     return point, values
 
 
-Point = TypeVar("Point")
-
-
-class Surroundings(NamedTuple, Generic[Point]):
+class Surroundings(NamedTuple):
     """A problem near a point."""
 
-    cost: Float[Array, ""]  # half the sum of squares
-    gradient: Point
+    cost: Float[np.ndarray, ""]  # half the sum of squares
+    gradient: Float[np.ndarray, "n"]
     normal: Any  # the normal matrix, in whatever form `solve` takes it
 
 
-class Descent(NamedTuple, Generic[Point]):
+class Descent(NamedTuple):
     """End of `descend`, what was seen there, the number of steps, and whether they settled."""
 
-    point: Point
-    seen: Surroundings[Point]
+    point: Float[np.ndarray, "n"]
+    seen: Surroundings
     steps: int
     settled: bool
 
 
 def descend(
-    look: Callable[[Point], Surroundings[Point]],
-    solve: Callable[[Any, float, Point], Point],
-    start: Point,
+    look: Callable[[Float[np.ndarray, "n"]], Surroundings],
+    solve: Callable[[Any, float, Float[np.ndarray, "n"]], Float[np.ndarray, "n"]],
+    start: Float[np.ndarray, "n"],
     *,
     first_step: float,
     max_steps: int,
     tolerance: float,
     note: Callable[[int], object] = lambda steps: None,
-) -> Descent[Point]:
+) -> Descent:
     """Levenberg and Marquardt's least squares of one problem whose linear algebra is NumPy's.
 
     Args:
-        look: what a point, a tree of arrays, sees.
+        look: what a point sees.
         solve: x of (normal matrix + damping) x = gradient; raises numpy.linalg.LinAlgError where
             the damping does not do.
         start: first point.
@@ -256,7 +253,7 @@ def descend(
         tolerance: settled when no unknown moves by more, relative or in its own unit.
         note: called before each step with the number of those that are done.
     """
-    point = jax.tree.map(np.asarray, start)
+    point = start
     step = first_step
     settled = False
     values = look(point)
@@ -265,15 +262,14 @@ def descend(
         note(steps)
         steps += 1
         try:
-            up = solve(values.normal, 1.0 / step, values.gradient)
+            move = -solve(values.normal, 1.0 / step, values.gradient)
         except np.linalg.LinAlgError:
             step *= _SHORTER
             continue
-        move = jax.tree.map(np.negative, up)
         # The normal equations give m' N m = -slope - square/step.
-        slope = _inner(values.gradient, move)
-        gain = -slope - 0.5 * (-slope - _inner(move, move) / step)
-        tried = jax.tree.map(np.add, point, move)
+        slope = values.gradient @ move
+        gain = -slope - 0.5 * (-slope - move @ move / step)
+        tried = point + move
         trial_values = look(tried)
         reached = float(values.cost) - float(trial_values.cost)
         share = reached / gain if np.isfinite(reached) and gain > 0 else -1.0
@@ -282,7 +278,7 @@ def descend(
             # it may be small for that.
             settled = (
                 step >= 1.0
-                and _all_small(move, tried, tolerance)
+                and bool(np.all(np.abs(move) < tolerance * (1.0 + np.abs(tried))))
                 and reached < tolerance * (1.0 + float(trial_values.cost))
             )
             point = tried
@@ -292,20 +288,6 @@ def descend(
         # Of the damping, by how well a step is predicted: the usual rule of a trust region.
         step *= _LONGER if share > 0.75 else _SHORTER if share < 0.25 else 1.0
     return Descent(point, values, steps, settled)
-
-
-def _inner(first: Any, second: Any) -> float:
-    return sum(
-        float(np.sum(a * b))
-        for a, b in zip(jax.tree.leaves(first), jax.tree.leaves(second), strict=True)
-    )
-
-
-def _all_small(move: Any, point: Any, tolerance: float) -> bool:
-    return all(
-        bool(np.all(np.abs(m) < tolerance * (1.0 + np.abs(p))))
-        for m, p in zip(jax.tree.leaves(move), jax.tree.leaves(point), strict=True)
-    )
 
 
 class Looks(NamedTuple):

@@ -324,9 +324,7 @@ def predict_next_coat(
     thickness = np.log(coats) + recovery.spread * rng.standard_normal((count, 1))
     kd = np.exp(np.asarray(log_k) + thickness)
     sd = np.exp(draws.bands[:, :, 1] + thickness)
-    reading = np.asarray(
-        recovery.response.body(jnp.asarray(kd), jnp.asarray(sd), jnp.asarray(internal))
-    )
+    reading = np.asarray(recovery.response.body(kd, sd, internal))
     expected = fit.expectations
     surface = draws.paints[:, 0] + expected.gloss * rng.standard_normal(count)
     reading = reading + instrument.seen_surface * np.exp(surface)[:, None]

@@ -14,7 +14,7 @@ Where a film is opaque only k/s is known. There s d is drawn to its neighbours
 
 import functools
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -42,8 +42,8 @@ CHUNK = 8
 class ScatteringPrior(NamedTuple):
     """Prior of log(s d): its mean and one over its standard deviation (0 for nothing)."""
 
-    mean: Float[Array, "*bands"]
-    weight: Float[Array, "*bands"]
+    mean: Float[Any, "*bands"]
+    weight: Float[Any, "*bands"]
 
 
 class BandStart(NamedTuple):
@@ -196,7 +196,6 @@ def recover_films(
     *,
     instrument: InstrumentLike | None = None,
     noise: Noise | None = None,
-    chunk: int = CHUNK,
 ) -> Recovery:
     """Absorption and scattering of paint films, as optical thicknesses k d and s d.
 
@@ -205,15 +204,12 @@ def recover_films(
         instrument: its geometry; by default d:8 with the specular part, refractive index 1.5.
         noise: of a reading; by default estimated from the readings' roughness
             (`glazefit.film.noise.estimate_noise`).
-        chunk: films solved at a time.
 
     Raises:
         ValueError: a card that its own surface or a perfect diffuser contradicts (see
             `glazefit.film.films.cards`), or a film that lacks a reading.
     """
-    return Recovery.join(
-        list(recover_chunks(films, instrument=instrument, noise=noise, chunk=chunk))
-    )
+    return Recovery.join(films, list(recover_chunks(films, instrument=instrument, noise=noise)))
 
 
 def recover_chunks(
@@ -221,7 +217,6 @@ def recover_chunks(
     *,
     instrument: InstrumentLike | None = None,
     noise: Noise | None = None,
-    chunk: int = CHUNK,
 ) -> Iterator[Recovery]:
     """Recover as `recover_films` does, a few films at a time, so that progress can be shown and an
     interrupt loses little.
@@ -236,35 +231,33 @@ def recover_chunks(
     instrument = resolve_instrument(instrument)
     noise = noise or estimate_noise(films)
     cards(films, instrument, noise)  # refuse bad cards before the first chunk
-    for first in range(0, len(films), chunk):
-        yield _recover_chunk(films.take(slice(first, first + chunk)), instrument, noise, chunk)
+    for first in range(0, len(films), CHUNK):
+        yield _recover_chunk(films.take(slice(first, first + CHUNK)), instrument, noise)
 
 
-def _recover_chunk(films: Films, instrument: Instrument, noise: Noise, chunk: int) -> Recovery:
+def _recover_chunk(films: Films, instrument: Instrument, noise: Noise) -> Recovery:
     count = len(films)
     bands = films.wavelengths.size
     gloss = estimate_gloss(films, instrument, noise)
-    size = chunk * bands
+    size = CHUNK * bands
     film, data, shared = pose(films, gloss, instrument, noise)
     # The last chunk is filled up, so that one compiled program serves all.
     rows = np.minimum(np.arange(size), count * bands - 1)
     data = jax.tree.map(lambda values: values[rows], data)
-    nothing = ScatteringPrior(jnp.zeros(size), jnp.zeros(size))
-    free = solve(film, data, shared, nothing)
+    nothing = ScatteringPrior(np.zeros(size), np.zeros(size))
+    free = jax.tree.map(np.asarray, solve(film, data, shared, nothing))
     # Where the noise leaves k and s apart, and one solution, both are known.
-    contrast = np.asarray(
-        (free.fitted[:, 1] - free.fitted[:, 0]) / np.linalg.norm(data.sd[:, 0], axis=1)
-    )
-    distinct = told_apart(np.asarray(free.optical), np.asarray(free.covariance), contrast)
-    identifiable = (distinct & ~np.asarray(free.ambiguous)).reshape(-1, bands)
+    contrast = (free.fitted[:, 1] - free.fitted[:, 0]) / np.linalg.norm(data.sd[:, 0], axis=1)
+    distinct = told_apart(free.optical, free.covariance, contrast)
+    identifiable = (distinct & ~free.ambiguous).reshape(-1, bands)
     # Elsewhere s follows the known bands next to it, and k the ratio.
     mean, weight = neighbours_scattering(
         films.wavelengths,
-        np.log(np.asarray(free.optical[:, 1])).reshape(-1, bands),
+        np.log(free.optical[:, 1]).reshape(-1, bands),
         identifiable,
-        np.asarray(free.least_scattering).reshape(-1, bands),
+        free.least_scattering.reshape(-1, bands),
     )
-    prior = ScatteringPrior(jnp.asarray(mean.ravel()), jnp.asarray(weight.ravel()))
+    prior = ScatteringPrior(mean.ravel(), weight.ravel())
     drawn = free if identifiable[:count].all() else solve(film, data, shared, prior)
     chosen = jax.tree.map(
         lambda a, b: np.where(identifiable.ravel().reshape(-1, *[1] * (a.ndim - 1)), a, b),
@@ -287,7 +280,7 @@ def _recover_chunk(films: Films, instrument: Instrument, noise: Noise, chunk: in
         fitted_white=cut_bands(chosen.fitted[:, 1]) + surface,
         misfit=cut_bands(chosen.misfit),
         converged=cut_bands(chosen.converged),
-        ambiguous=cut_bands(np.asarray(free.ambiguous)),
+        ambiguous=cut_bands(free.ambiguous),
     )
 
 

@@ -11,7 +11,7 @@ from glazejax.colour import delta_e_of_spectra
 from glazejax.io.spectra_table import list_names
 from glazejax.spectra import describe_grid
 
-from ...film.films import SPECTRA, Films
+from ...film.films import Films
 from ...film.tables import Tabulated, Variables
 
 _IN_TABLES = (
@@ -164,13 +164,13 @@ class Recovery(FittedFilms, Tabulated):
         """
         return self._delta_e(illuminant, 2).max(axis=-1)
 
-    def interval(self, quantile: float = 1.96) -> tuple[np.ndarray, np.ndarray]:
+    def interval(self) -> tuple[np.ndarray, np.ndarray]:
         """Symmetric intervals of k d and s d, cut at zero: (lower, upper), each (films, bands, 2).
 
-        The default covers the truth in 95 % of cases where `identifiable`.
+        They cover the truth in 95 % of cases where `identifiable`.
         """
         value = np.stack([self.absorption, self.scattering], axis=-1)
-        half = quantile * np.stack([self.absorption_sd, self.scattering_sd], axis=-1)
+        half = 1.96 * np.stack([self.absorption_sd, self.scattering_sd], axis=-1)
         return np.maximum(value - half, 0.0), value + half
 
     def pigment(self, row: int, thickness: float, provenance: str = "") -> Pigment:
@@ -187,27 +187,14 @@ class Recovery(FittedFilms, Tabulated):
         )
 
     @classmethod
-    def join(cls, parts: Sequence["Recovery"]) -> "Recovery":
-        """Recoveries of several batches of films as one.
+    def join(cls, films: Films, parts: Sequence["Recovery"]) -> "Recovery":
+        """Recoveries of the first batches of some films as one.
 
         Raises:
             ValueError: there are none.
         """
         if not parts:
             raise ValueError("no film was recovered")
-
-        def gather(name: str) -> np.ndarray:
-            return np.concatenate([getattr(recovery, name) for recovery in parts])
-
-        first = parts[0].films
-        films = Films(
-            tuple(name for recovery in parts for name in recovery.films.names),
-            first.wavelengths,
-            *(
-                np.concatenate([getattr(recovery.films, what) for recovery in parts])
-                for what in SPECTRA
-            ),
-            notes=first.notes,
-        )
-        fields = [name for name in cls.__dataclass_fields__ if name != "films"]
-        return cls(films, **{name: gather(name) for name in fields})
+        columns = zip(*(vars(recovery).values() for recovery in parts), strict=True)
+        _, *arrays = columns
+        return cls(films.take(slice(sum(map(len, parts)))), *map(np.concatenate, arrays))

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from glazejax import Pigment
 from glazejax.spectra import describe_grid
@@ -81,20 +81,13 @@ class PaintModes(NamedTuple):
 
 
 class Constraints(NamedTuple):
-    """Means, and how unknowns that are standard normal a priori (`others`) move what a fit
-    computes with.
+    """Arrays of a problem, by the names of its fields: means, and how unknowns that are standard
+    normal a priori (`others`) move what a fit computes with; and what else is known.
     """
 
-    logs: Float[
-        np.ndarray, "bands local"
-    ]  # of known paints' log k and log s, for unit thickness; 0 of others
-    known: np.ndarray  # (paints,), bool
-    thickness: Float[np.ndarray, "films"]  # log of the expected relative thickness
+    arrays: Mapping[str, np.ndarray]
+    known: Bool[np.ndarray, "paints"]
     thickness_sd: Float[np.ndarray, "films"]
-    band_modes: Float[np.ndarray, "others bands local"]
-    ground_modes: Float[np.ndarray, "others films 2"]
-    thickness_modes: Float[np.ndarray, "others films"]
-    gain_modes: Float[np.ndarray, "others films 2"]
     modes_of: Mapping[str, PaintModes]
 
 
@@ -132,34 +125,29 @@ def gather_constraints(
             continue
         paint = _on(references[name], films.wavelengths)
         flags[column] = True
-        for index, values in ((column, paint.absorption), (count + column, paint.scattering)):
-            logs[:, index] = np.log(np.maximum(np.asarray(values) * unit, 1e-7))
+        optical = unit * np.stack([paint.absorption, paint.scattering], axis=1)
+        logs[:, column::count] = np.log(np.maximum(optical, 1e-7))
         of_column[column] = paint
     # Their errors, and those of cards, of the common scale and of gains, are unknowns of the fit.
     band_modes, modes_of = _paint_modes(of_column, bands, count)
     thickness, thickness_sd, factor = _thicknesses(
         films, gauge, unit, expected.thickness, expected.scale if flags.any() else 0.0
     )
-    mode_groups = {
+    arrays = {
         "band_modes": band_modes,
         "ground_modes": _card_levels(films),
         "thickness_modes": factor,
         "gain_modes": _gains(films, expected.gain),
     }
     first = 0
-    count_of_others = sum(map(len, mode_groups.values()))
+    count_of_others = sum(map(len, arrays.values()))
     # Each group where it stands among the others.
-    for name, modes in mode_groups.items():
-        mode_groups[name] = np.zeros((count_of_others, *modes.shape[1:]))
-        mode_groups[name][first : first + len(modes)] = modes
+    for name, modes in arrays.items():
+        arrays[name] = np.zeros((count_of_others, *modes.shape[1:]))
+        arrays[name][first : first + len(modes)] = modes
         first += len(modes)
     return Constraints(
-        logs=logs,
-        known=flags,
-        thickness=thickness,
-        thickness_sd=thickness_sd,
-        **mode_groups,
-        modes_of=modes_of,
+        arrays | {"known": logs, "film_mean": thickness}, flags, thickness_sd, modes_of
     )
 
 
@@ -244,11 +232,8 @@ def _card_levels(films: Films) -> Float[np.ndarray, "modes films 2"]:
     films.
     """
     needed = films.assumed & films.seen & ~films.opaque[:, None]
-    modes = np.zeros((2, len(films), 2))
-    for card in range(2):
-        # Of log(rho / (1 - rho)), the same at all bands.
-        modes[card, :, card] = 0.5 * needed[:, card]
-    return modes[needed.any(axis=0)]
+    # Of log(rho / (1 - rho)), the same at all bands.
+    return (0.5 * np.eye(2)[:, None] * needed)[needed.any(axis=0)]
 
 
 def _gains(films: Films, gain: float) -> Float[np.ndarray, "modes films 2"]:

@@ -1,9 +1,6 @@
-"""Covariance that a joint fit leaves in k and s of all paints at all wavelengths: the largest parts
-of its covariance.
-
-The covariance of thousands of coefficients is known by the factors of the normal matrix, and is
-never formed. Draws from it would do too, but a few hundred say a small paint's errors no better
-than to a fifth.
+"""Covariance that a joint fit leaves in k and s of all paints at all wavelengths, by the factors of
+the normal matrix. The whole of it, of thousands of coefficients, is never formed. Draws from it
+would do too, but a few hundred say a small paint's errors no better than to a fifth.
 """
 
 from collections.abc import Sequence
@@ -13,58 +10,105 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
-from .problem import Unknowns
-from .solver import Factors, covariance_times, draws
+from .problem import JointProblem, Unknowns
+from .solver import Factors, solve, unflatten, unwhiten, whiten
 
 
 class JointCovariance(NamedTuple):
-    """The whole covariance of the bands' coefficients, log k of all paints and then log s.
+    """Laplace's covariance of all unknowns as they are (`totals`).
 
     Attributes:
-        factors: of the normal matrix.
-        modes: how each of the fit's other unknowns moves the coefficients.
-        thickness_modes: and how it moves the log of each film's thickness.
-        with_others: covariance of these other unknowns with the coefficients.
+        factors: of the normal matrix, of the deviations.
+        modes: how what all bands share moves all unknowns in addition.
+        others: number of the unknowns' `others`, which are the last.
     """
 
     factors: Factors
-    modes: Float[np.ndarray, "others bands local"]
-    thickness_modes: Float[np.ndarray, "others films"]
-    with_others: Float[np.ndarray, "others bands local"]
+    modes: Float[np.ndarray, "shared unknowns"]
+    others: int
+
+    @classmethod
+    def of(cls, problem: JointProblem, factors: Factors) -> "JointCovariance":
+        """At the solution of a problem."""
+        count, shared = factors.border.shape
+        films, per_film = problem.film_scale.shape
+        thickness = problem.thickness_modes
+        modes = np.zeros((shared, count + shared))
+        first = shared - len(thickness)
+        modes[first:, :count] = np.reshape(problem.band_modes, (len(thickness), count))
+        modes[first:, count : count + films * per_film : per_film] = thickness
+        return cls(factors, modes, len(thickness))
+
+    @property
+    def of_shared(self) -> Float[np.ndarray, "shared shared"]:
+        """Covariance of what all bands share."""
+        count, shared = self.factors.border.shape
+        root = self.factors.corner @ (np.eye(shared) + self.modes[:, count:])
+        return root.T @ root
+
+    def of_bands(self, bands: int) -> Float[np.ndarray, "bands local local"]:
+        """Covariance of each band's unknowns."""
+        diagonals, border, corner = self.factors
+        local = len(border) // bands
+        blocks = []
+        for first in range(0, len(border), local):
+            # Columns of the inverse factor are nought at the bands before.
+            rest = Factors(diagonals[:, first:], border[first:], corner)
+            here = np.eye(len(rest.border), local)
+            white = whiten(rest, np.concatenate([here, self.modes[:, first : first + local]]))
+            blocks.append(white.T @ white)
+        return np.stack(blocks)
+
+    def times(
+        self, vectors: Float[np.ndarray, "unknowns columns"]
+    ) -> Float[np.ndarray, "unknowns columns"]:
+        """The covariance times some vectors."""
+        count = len(self.factors.border)
+        shared = vectors[count:] + self.modes @ vectors
+        solved = solve(self.factors, np.concatenate([vectors[:count], shared]))
+        return solved + self.modes.T @ solved[count:]
+
+    def regress(
+        self, numbers: Sequence[int]
+    ) -> tuple[Float[np.ndarray, "known numbers"], Float[np.ndarray, "known numbers"]]:
+        """Slopes of the bands' unknowns by some of the `others`, and their covariance with them."""
+        count = len(self.factors.border)
+        if not len(numbers):
+            return (np.zeros((0, count)),) * 2
+        rows = np.arange(self.modes.shape[1])[-self.others :][list(numbers)]
+        columns = self.times(np.eye(self.modes.shape[1])[:, rows])
+        across = columns[:count].T
+        return np.linalg.inv(columns[rows]) @ across, across
 
     def draw(self, best: Unknowns, count: int) -> Unknowns:
-        """Draws about the solution, of coefficients and thicknesses as they are (`totals`)."""
-        off = draws(self.factors, best, count)
-        off.films[:, :, 0] += off.others @ self.thickness_modes
-        off = off._replace(bands=off.bands + np.einsum("do,obi->dbi", off.others, self.modes))
-        return jax.tree.map(np.add, best, off)
+        """Draws about the solution, each with a leading axis of draws."""
+        rng = np.random.default_rng(0)
+        bands, shared = self.factors.border.shape
+        noise = [rng.standard_normal((numbers, count)) for numbers in (shared, bands)]
+        off = unwhiten(self.factors, np.concatenate(noise[::-1]))
+        off = off + self.modes.T @ off[bands:]
+        return jax.tree.map(np.add, best, unflatten(off.T, best))
 
     def largest(
-        self,
-        size: Float[np.ndarray, "bands local"],
-        count: int,
-        fixed: Sequence[int] = (),
-        slopes: Float[np.ndarray, "known bands local"] | None = None,
-    ) -> Float[np.ndarray, "modes bands local"]:
+        self, size: Float[np.ndarray, "*shape"], count: int, known: Sequence[int] = ()
+    ) -> Float[np.ndarray, "modes *shape"]:
         """The largest modes of the coefficients' errors: eigenvectors of their covariance times the
         roots of its eigenvalues, largest first, by subspace iteration.
 
         Args:
-            size: factor of each coefficient's error, 0 for those that do not matter.
+            size: factor of each coefficient's error, (bands, local), 0 for those that do not
+                matter.
             count: of the modes; there are no more than coefficients.
-            fixed: numbers of other unknowns whose values are taken as known.
-            slopes: of the coefficients by each of these unknowns.
+            known: numbers of the `others` whose values are taken as known.
         """
-        with_known = self.with_others[list(fixed)]
+        slopes, across = self.regress(known)
+        scale = size.reshape(-1, 1)
+        beside = np.zeros((len(self.modes), 1))
 
         def times(basis: Float[np.ndarray, "numbers columns"]) -> np.ndarray:
-            scaled = basis.reshape(*size.shape, -1) * size[..., None]
-            out = covariance_times(self.factors, scaled, self.modes)
-            if slopes is not None and len(slopes):
-                out = out - np.einsum(
-                    "obi,oc->bic", slopes, np.einsum("obi,bic->oc", with_known, scaled)
-                )
-            return (out * size[..., None]).reshape(basis.shape)
+            scaled = basis * scale
+            wide = np.concatenate([scaled, np.repeat(beside, basis.shape[1], axis=1)])
+            return (self.times(wide)[: len(basis)] - slopes.T @ (across @ scaled)) * scale
 
         # With so many vectors more than are wanted, and the covariance applied so often, the last
         # modes are good to some per cent.

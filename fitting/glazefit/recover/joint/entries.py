@@ -144,7 +144,8 @@ def entries(recovery: JointRecovery, file: PaintFile) -> list[Pigment]:
         recovery: joint fit of the new paints.
         file: that they go to.
     """
-    first = mode_columns(file)
+    in_file = (paint.error_modes for paint in file.paints.values())
+    first = max((len(modes) for modes in in_file if modes is not None), default=0)
     thickness = recovery.unit
     references = recovery.known_paints
     new = [paint for paint in recovery.paints if paint not in recovery.known]
@@ -224,25 +225,18 @@ def conditional_modes(
         Slopes by the others, modes of what is left, the shift of log k and log s, and their
         standard deviation.
     """
-    count = len(recovery.paints)
-    bands = recovery.wavelengths.size
-    slopes = np.zeros((len(numbers), bands, 2 * count))
-    shift = np.zeros((bands, 2 * count))
+    whole = recovery.whole_covariance
+    shape = recovery.unknowns.bands.shape
+    slopes, across = (values.reshape(-1, *shape) for values in whole.regress(numbers))
     variance = np.diagonal(recovery.log_covariance, axis1=1, axis2=2)
-    if len(numbers):
-        picked = np.asarray(numbers)
-        size = recovery.shared_covariance.shape[0] - recovery.unknowns.others.size
-        picked_covariance = recovery.shared_covariance[size:, size:][np.ix_(picked, picked)]
-        with_picked = recovery.whole_covariance.with_others[picked]
-        slopes = np.einsum("op,pbi->obi", np.linalg.inv(picked_covariance), with_picked)
-        variance = variance - np.einsum("obi,obi->bi", slopes, with_picked)
-        shift = -np.einsum("o,obi->bi", recovery.unknowns.others[picked], slopes)
+    variance = variance - np.sum(slopes * across, axis=0)
+    shift = -np.tensordot(recovery.unknowns.others[list(numbers)], slopes, 1)
     # As large as is used to first order; both parts of an error equally.
     total = np.sqrt(np.sum(slopes**2, axis=0) + np.maximum(variance, 0.0))
     cap = np.minimum(1.0, MOST_ERROR / np.maximum(total, 1e-12))
     new = np.tile(np.isin(recovery.paints, paints), 2)
     # Error modes that are the new paints' own.
-    remaining = recovery.whole_covariance.largest(cap * new, 16, numbers, slopes)
+    remaining = whole.largest(cap * new, 16, numbers)
     return by_paint(slopes * cap), by_paint(remaining), by_paint(shift), by_paint(total)
 
 
@@ -289,11 +283,3 @@ def add_entries(
         writer.writerow(row.get(title, "0") for title in wide)
     with whole_file(file.path) as temporary:
         temporary.write_text(text.getvalue(), encoding="utf-8")
-
-
-def mode_columns(file: PaintFile) -> int:
-    """Number of error modes of the file's paints."""
-    return max(
-        (len(paint.error_modes) for paint in file.paints.values() if paint.error_modes is not None),
-        default=0,
-    )

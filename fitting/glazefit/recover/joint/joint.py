@@ -8,10 +8,8 @@ relative: the unit is that of a typical film.
 """
 
 from collections.abc import Mapping
-from typing import NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
@@ -40,7 +38,7 @@ from .problem import (
     totals,
 )
 from .result import JointRecovery
-from .solver import Factors, covariance, shared_with_bands, solve_jointly
+from .solver import factorise, solve_jointly
 
 UNIT = 25e-6
 """Thickness of a film of unit relative thickness where none is known, m."""
@@ -116,34 +114,32 @@ def recover_jointly(
         constraints=constraints,
         gloss=measured_gloss,
     )
-    deviation = np.moveaxis(1.0 / np.asarray(problem.weight), 0, -1)
+    deviation = np.moveaxis(1.0 / problem.weight, 0, -1)
     counted = films.seen * used.T[..., None]
-    problem = problem._replace(weight=jnp.asarray(np.asarray(problem.weight) * counted))
+    problem = problem._replace(weight=problem.weight * counted)
     response = response or film_response(instrument)
     if start is None:
         # Weights and gloss as stated first: set free at once, they explain what thicknesses and
         # spectra should.
-        stiff_films = np.asarray(problem.film_scale) * np.where(
-            np.arange(problem.film_scale.shape[1]) > 0, 0.03, 1.0
-        )
+        stiff_films = np.where(np.arange(problem.film_scale.shape[1]) > 0, 0.03, 1.0)
         stiff = problem._replace(
-            film_scale=jnp.asarray(stiff_films),
-            paint_scale=jnp.asarray(0.03 * np.asarray(problem.paint_scale)),
-            tail=jnp.asarray(1e6),
+            film_scale=problem.film_scale * stiff_films,
+            paint_scale=0.03 * problem.paint_scale,
+            tail=np.array(1e6),
         )
         # Logarithms of coefficients start far off; undamped first steps would throw some to where
         # nothing has a slope.
-        first = solve_jointly(
+        first, _ = solve_jointly(
             problem=stiff,
             response=response,
             start=first_guess(problem),
             first_step=1e-4,
             max_steps=max_steps,
             note=lambda steps: progress(steps, max_steps, "fitting k and s first, steps at most"),
-        ).point
+        )
     else:
         first = jax.jit(deviations)(start, problem)
-    solution, factors, steps, settled = solve_jointly(
+    solution, descent = solve_jointly(
         problem=problem,
         response=response,
         start=first,
@@ -151,7 +147,7 @@ def recover_jointly(
         max_steps=max_steps,
         note=lambda steps: progress(steps, max_steps, "fitting all together, steps at most"),
     )
-    laplace = spread(problem, factors)
+    covariance = JointCovariance.of(problem, factorise(descent.seen.normal))
     unknowns, kd, sd, fitted = jax.tree.map(np.asarray, _describe(solution, problem, response))
     fitted = films.where_seen(np.moveaxis(fitted, 0, -1))
     return JointRecovery(
@@ -160,10 +156,10 @@ def recover_jointly(
         shares=shares,
         law=law,
         unknowns=unknowns,
-        log_covariance=laplace.local,
-        shared_covariance=laplace.shared,
+        log_covariance=covariance.of_bands(len(problem.known)),
+        shared_covariance=covariance.of_shared,
         # Kept for the errors of what the recovery predicts.
-        draws=laplace.full.draw(unknowns, 128),
+        draws=covariance.draw(unknowns, 128),
         film_absorption=kd.T,
         film_scattering=sd.T,
         fitted_black=fitted[:, 0],
@@ -171,13 +167,13 @@ def recover_jointly(
         residual_sd=deviation,
         expectations=expected,
         instrument=instrument,
-        steps=steps,
-        converged=settled,
+        steps=descent.steps,
+        converged=descent.settled,
         noise=noise,
         unit=unit,
         known_paints={paint: pigments[paint] for paint in paints if paint in pigments},
         known_modes=constraints.modes_of,
-        whole_covariance=laplace.full,
+        whole_covariance=covariance,
         problem=problem,
         gauged=gauge is not None,
         measured_gloss=measured_gloss,
@@ -195,7 +191,7 @@ def pose(
 ) -> JointProblem:
     """Arrays of a joint problem; `gloss` is NaN where it was not measured."""
     card_data = card_readings(films, instrument, noise)
-    measured = np.asarray(card_data.reflectance)
+    measured = card_data.reflectance
     # A card's own error reaches the reading through the film, at most as a bare card's does.
     deviation = np.hypot(model_deviation(measured, noise, expected), card_data.ground_sd * measured)
     # Expected errors of each film's thickness, gloss and weights.
@@ -227,11 +223,11 @@ def pose(
     # Bands first, where arrays have them.
     arrays = {
         "reading": np.moveaxis(measured, 1, 0),
-        "ground": np.moveaxis(np.asarray(card_data.ground), 1, 0),
+        "ground": np.moveaxis(card_data.ground, 1, 0),
         "weight": np.moveaxis(1.0 / deviation, 1, 0),
         "shares": shares,
         "minor": minor,
-        "surface": instrument.seen_surface,
+        "surface": np.array(instrument.seen_surface),
         "curvature": curvature_matrix(films.wavelengths),
         "stiffness": stiffness,
         "steepness": steepness,
@@ -239,18 +235,12 @@ def pose(
         "film_scale": scale,
         "paint_mean": paint_gloss(films, shares, instrument, noise),
         "paint_scale": np.full(paints, expected.paint_gloss),
-        "tail": expected.tail,
-        "known": constraints.logs,
+        "tail": np.array(expected.tail),
         "opaque": films.opaque.astype(float),
-        "film_mean": constraints.thickness,
-        "gloss": np.log(np.where(np.isnan(gloss), 1.0, gloss)),
-        "own_gloss": np.isnan(gloss).astype(float),
-        "band_modes": constraints.band_modes,
-        "ground_modes": constraints.ground_modes,
-        "thickness_modes": constraints.thickness_modes,
-        "gain_modes": constraints.gain_modes,
+        "gloss": np.log(gloss),
+        **constraints.arrays,
     }
-    return JointProblem(**{name: jnp.asarray(array) for name, array in arrays.items()})
+    return JointProblem(**arrays)
 
 
 def paint_gloss(
@@ -268,16 +258,11 @@ def paint_gloss(
 
 def first_guess(problem: JointProblem) -> Unknowns:
     """Equal grey paints, and films as expected."""
-    bands = problem.reading.shape[0]
-    # By NumPy: each of these would be a program of its own.
     return Unknowns(
-        jnp.asarray(
-            np.broadcast_to(np.asarray(problem.pull)[:, 0], (bands, len(problem.pull)))
-            + np.asarray(problem.known)
-        ),
-        jnp.asarray(np.zeros(problem.film_scale.shape)),
+        problem.known + problem.pull[:, 0],
+        np.zeros(problem.film_scale.shape),
         problem.paint_mean,
-        jnp.asarray(np.zeros(len(problem.thickness_modes))),
+        np.zeros(len(problem.thickness_modes)),
     )
 
 
@@ -293,43 +278,3 @@ def _describe(
     """Totals, optical thicknesses and readings, in one program."""
     unknowns = totals(solution, problem)
     return unknowns, *optical_thickness(unknowns, problem), readings(solution, problem, response)
-
-
-class JointErrors(NamedTuple):
-    """Laplace's approximation of `totals`."""
-
-    local: Float[np.ndarray, "bands local local"]  # covariance at each band
-    shared: Float[np.ndarray, "shared shared"]  # of what all bands share: films, paints, others
-    full: JointCovariance
-
-
-def spread(problem: JointProblem, factors: Factors) -> JointErrors:
-    """Inverse of the normal matrix at the solution, in blocks."""
-    # Covariance of each band's unknowns, of the shared ones, and between them.
-    modes = np.asarray(problem.band_modes)
-    thickness = np.asarray(problem.thickness_modes)
-    bands = len(problem.reading)
-    other_count = len(thickness)
-    local, corner = covariance(factors, bands)
-    across = shared_with_bands(factors, bands, other_count)
-    # What the others add to the bands, and to the films' thickness.
-    other_covariance = corner[len(corner) - other_count :, len(corner) - other_count :]
-    cross = np.einsum("obi,obj->bij", across, modes)
-    with_others = across + np.einsum("op,pbi->obi", other_covariance, modes)
-    local = (
-        local
-        + cross
-        + np.swapaxes(cross, 1, 2)
-        + np.einsum("obi,op,pbj->bij", modes, other_covariance, modes)
-    )
-    # The others move the films' thicknesses too.
-    films, per_film = problem.film_scale.shape
-    added = np.eye(len(corner))
-    added[: films * per_film : per_film, len(corner) - other_count :] += thickness.T
-    return JointErrors(
-        local,
-        added @ corner @ added.T,
-        JointCovariance(
-            factors=factors, modes=modes, thickness_modes=thickness, with_others=with_others
-        ),
-    )

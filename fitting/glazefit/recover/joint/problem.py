@@ -18,7 +18,7 @@ thicknesses, and a factor of each reading. They are added to the bands' and the 
 unknowns, which are then deviations; `totals` adds them up.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -90,44 +90,43 @@ class Expectations(NamedTuple):
 class Unknowns(NamedTuple):
     """Point of the search; also the shape of a step."""
 
-    bands: Float[Array, "bands local"]  # log k of all paints, then log s, for unit thickness
+    bands: Float[Any, "bands local"]  # log k of all paints, then log s, for unit thickness
     films: Float[
-        Array, "films 2+parts"
+        Any, "films 2+parts"
     ]  # log thickness, log gloss relative to its paints', errors of log weights
-    paints: Float[Array, "paints"]  # log gloss
-    others: Float[Array, "others"] = np.zeros(0)  # pyright: ignore[reportAssignmentType]  # errors of what is known
+    paints: Float[Any, "paints"]  # log gloss
+    others: Float[Any, "others"] = np.zeros(0)  # errors of what is known
 
 
 class JointProblem(NamedTuple):
     """Data and expectations as arrays; leading axis bands where they depend on it."""
 
-    reading: Float[Array, "bands films 2"]
-    ground: Float[Array, "bands films 2"]
-    weight: Float[Array, "bands films 2"]  # one over the standard deviation; 0 leaves a reading out
-    shares: Float[Array, "films paints"]
-    minor: Float[Array, "films parts paints"]  # 1 where an error of weight belongs
-    surface: Float[Array, ""]
+    reading: Float[Any, "bands films 2"]
+    ground: Float[Any, "bands films 2"]
+    weight: Float[Any, "bands films 2"]  # one over the standard deviation; 0 leaves a reading out
+    shares: Float[Any, "films paints"]
+    minor: Float[Any, "films parts paints"]  # 1 where an error of weight belongs
+    surface: Float[Any, ""]
     curvature: Float[
-        Array, "inner bands"
+        Any, "inner bands"
     ]  # second difference in units of (10 nm)^-2, for a weight of 1
-    stiffness: Float[Array, "local"]  # one over the expected curvature
+    stiffness: Float[Any, "local"]  # one over the expected curvature
     steepness: Float[
-        Array, "steps local"
+        Any, "steps local"
     ]  # one over the expected step from band to band, 0 where any will do
-    pull: Float[Array, "local 2"]  # mean and one over the standard deviation of log k and log s
-    known: Float[Array, "bands local"]  # added to the mean: logs of paints that are known
-    film_scale: Float[Array, "films 2+parts"]  # standard deviations expected
-    paint_mean: Float[Array, "paints"]
-    paint_scale: Float[Array, "paints"]
-    tail: Float[Array, ""]  # degrees of freedom of Student's t of weights' errors
-    opaque: Float[Array, "films"]  # 1 where a film hides whatever is below
-    film_mean: Float[Array, "films"]  # log thickness expected
-    gloss: Float[Array, "films"]  # log of the gloss that was measured, else 0
-    own_gloss: Float[Array, "films"]  # 0 where it was measured: then that of the paints counts not
-    band_modes: Float[Array, "others bands local"]
-    ground_modes: Float[Array, "others films 2"]  # of log(rho / (1 - rho))
-    thickness_modes: Float[Array, "others films"]
-    gain_modes: Float[Array, "others films 2"]
+    pull: Float[Any, "local 2"]  # mean and one over the standard deviation of log k and log s
+    known: Float[Any, "bands local"]  # added to the mean: logs of paints that are known
+    film_scale: Float[Any, "films 2+parts"]  # standard deviations expected
+    paint_mean: Float[Any, "paints"]
+    paint_scale: Float[Any, "paints"]
+    tail: Float[Any, ""]  # degrees of freedom of Student's t of weights' errors
+    opaque: Float[Any, "films"]  # 1 where a film hides whatever is below
+    film_mean: Float[Any, "films"]  # log thickness expected
+    gloss: Float[Any, "films"]  # log of the gloss that was measured, else NaN: that of the paints
+    band_modes: Float[Any, "others bands local"]
+    ground_modes: Float[Any, "others films 2"]  # of log(rho / (1 - rho))
+    thickness_modes: Float[Any, "others films"]
+    gain_modes: Float[Any, "others films 2"]
 
 
 class JointResiduals(NamedTuple):
@@ -183,9 +182,8 @@ def readings(
     ground = problem.ground * odds / (1.0 - problem.ground + problem.ground * odds)
     total = totals(unknowns, problem)
     kd, sd = optical_thickness(total, problem)
-    gloss = jnp.exp(
-        problem.own_gloss * (problem.shares @ total.paints) + problem.gloss + total.films[:, 1]
-    )
+    expected = jnp.where(jnp.isnan(problem.gloss), problem.shares @ total.paints, problem.gloss)
+    gloss = jnp.exp(expected + total.films[:, 1])
     reading = problem.surface * gloss[:, None] + response.body(kd[..., None], sd[..., None], ground)
     return reading * jnp.exp(jnp.einsum("o,ofc->fc", unknowns.others, problem.gain_modes))
 
@@ -232,16 +230,9 @@ def curvature_matrix(wavelengths: Float[np.ndarray, "bands"]) -> Float[np.ndarra
 
     So the sum of squares is the same integral over the wavelengths on any grid.
     """
-    matrix = np.zeros((max(len(wavelengths) - 2, 0), len(wavelengths)))
-    for row in range(len(matrix)):
-        first, second = np.diff(wavelengths[row : row + 3])
-        weights = (
-            2.0
-            / (first + second)
-            * np.array([1.0 / first, -1.0 / first - 1.0 / second, 1.0 / second])
-        )
-        matrix[row, row : row + 3] = weights * 100.0 * np.sqrt((first + second) / 20.0)
-    return matrix
+    slopes = np.diff(np.eye(len(wavelengths)), axis=0) / np.diff(wavelengths)[:, None]
+    spans = wavelengths[2:] - wavelengths[:-2]
+    return np.diff(slopes, axis=0) * (200.0 / spans * np.sqrt(spans / 20.0))[:, None]
 
 
 def nearly_black(
@@ -263,10 +254,6 @@ def minor_parts(
     """Assign each error of weight to its paint: all parts of a film but the largest, on as many
     places as needed.
     """
-    count = max(int((shares > 0).sum(axis=1).max()) - 1, 0)
-    minor = np.zeros((len(shares), count, shares.shape[1]))
-    for film, row in enumerate(shares):
-        order = np.argsort(-row)
-        for index, paint in enumerate(order[1 : int((row > 0).sum())]):
-            minor[film, index, paint] = 1.0
-    return minor
+    present = shares > 0
+    order = np.argsort(-shares, axis=1)[:, 1 : int(present.sum(axis=1).max())]
+    return np.eye(shares.shape[1])[order] * np.take_along_axis(present, order, axis=1)[..., None]

@@ -105,11 +105,6 @@ class JointRecovery(FittedFilms):
         return tuple(self.known_paints)
 
     @property
-    def ground_modes(self) -> Float[np.ndarray, "others films 2"]:
-        """Slopes of log(rho / (1 - rho)) of each film's cards by the unknowns' `others`."""
-        return np.asarray(self.problem.ground_modes)
-
-    @property
     def wavelengths(self) -> Float[np.ndarray, "bands"]:
         """Wavelengths in nm, (bands,)."""
         return self.films.wavelengths

@@ -6,7 +6,7 @@ sets the bands: of each by what the others showed, and of films to come by what 
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -154,7 +154,7 @@ def cross_validate(
     # Each prediction is as wide as the other films say, films to come as all say.
     evidence_without = [evidence[:i] + evidence[i + 1 :] for i in range(len(evidence))]
     judged = [
-        p.with_variation(learn(film_evidence, mixing))
+        replace(p, variation=learn(film_evidence, mixing))
         for p, film_evidence in zip(predictions, evidence_without, strict=True)
     ]
     learned = learn(evidence, mixing)

@@ -77,9 +77,7 @@ def rank_next_films(
     rows = [row, recovery.row(pale)] if pale in recovery.paints else [row]
     open_ = _open(recovery, rows, bands, plan, stand_in)
     card_data = card_readings(recovery.films, recovery.instrument, recovery.noise)
-    ground, ground_sd = (
-        np.asarray(values[0, bands]).T for values in (card_data.ground, card_data.ground_sd)
-    )
+    ground, ground_sd = (values[0, bands].T for values in (card_data.ground, card_data.ground_sd))
     expected, moves = map(
         np.asarray,
         _readings(
@@ -202,7 +200,7 @@ def _open(
         gloss = np.concatenate([gloss, expected.paint_gloss * normal(1)], axis=-1)
     # Stronger paints go with thinner films: their product is known better than either.
     depth = recovery.depth(unknowns.films - best.films)[:, None]
-    thickness_sd = np.mean(np.asarray(recovery.problem.film_scale)[:, 0])
+    thickness_sd = np.mean(recovery.problem.film_scale[:, 0])
     thickness = plan.thickness + depth + thickness_sd * normal(films)
     # Of a tint the paint is the smaller part, and what weighing leaves open is its own.
     paint_share = plan.shares[:, 0]

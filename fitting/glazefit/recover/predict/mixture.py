@@ -36,7 +36,7 @@ from ..joint.joint import UNIT, recover_jointly
 from ..joint.problem import Expectations
 from ..joint.result import JointRecovery
 from .prediction import Prediction
-from .reading_errors import ReadingErrors, film_readings
+from .reading_errors import film_readings, reading_errors
 
 CLOSE = Expectations(model_floor=0.002, model_share=0.006)
 """A reading of the mixture itself counts as far as the optics is exact, not as a paint between
@@ -136,7 +136,7 @@ def predict_mixture(
     instrument = resolve_instrument(instrument)
     response = response or film_response(instrument)
     paints = tuple(paint for paint, weight in recipe.items() if weight > 0)
-    errors = None
+    errors_at = None
     if calibrated is None:
         mixture = _mix(pigments, recipe, wavelengths, law)
         grid = mixture.wavelengths
@@ -161,7 +161,7 @@ def predict_mixture(
         drawn = drawn_mixture(calibrated)
         off = {"scale": np.zeros_like(drawn), "paint": drawn, "film": np.zeros_like(drawn)}
         gloss = float(calibrated.gloss[0])
-        errors = ReadingErrors.of(calibrated, response, (spread or Spread()).alike)
+        errors_at = reading_errors(calibrated, response, (spread or Spread()).alike)
     # Film by film: the mean reading, and the deviations of each draw from it.
     grounds = (
         usual_cards(grid)
@@ -183,8 +183,8 @@ def predict_mixture(
             for source, o in off.items()
         }
         read = mean + surface
-        if errors is not None:
-            shift, extra = errors.at(metres / UNIT, read)
+        if errors_at is not None:
+            shift, extra = errors_at(metres / UNIT, read)
             read = read + shift
             deviations["paint"] += extra
         over_black, over_white = read

@@ -7,7 +7,7 @@ paint.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import jax
 import jax.numpy as jnp
@@ -19,6 +19,7 @@ from glazejax.spectra import describe_grid
 
 from ...film.films import Films, Noise, card_readings
 from ...film.model.errors import ModelError, draw_coefficient_errors, draw_model_errors
+from ...film.model.mixing import weight_table
 from ...film.model.response import Response, film_response
 from ...film.model.variation import MIXED, SIZES, SizeEvidence, Variation, log_likelihood
 from ...film.tables import WAVELENGTH, Tabulated, Variables
@@ -69,12 +70,9 @@ class Prediction(Tabulated):
     def arrays_and_axes(self) -> Variables:
         """Reflectance, and the ends of its 90 % intervals."""
         axes = {"over": ["black", "white"], WAVELENGTH: self.wavelengths}
-        columns = zip(
-            ("reflectance", "lower_90", "upper_90"),
-            (self.reflectance, *self.interval()),
-            strict=True,
-        )
-        return {name: (tuple(axes), values) for name, values in columns}, axes
+        lower, upper = self.interval()
+        columns = {"reflectance": self.reflectance, "lower_90": lower, "upper_90": upper}
+        return {name: (tuple(axes), values) for name, values in columns.items()}, axes
 
     @property
     def draws(self) -> Float[np.ndarray, "draws 2 bands"]:
@@ -134,14 +132,8 @@ class Prediction(Tabulated):
         self, illuminant: str = "D65", observer: str | int = 10, parts: tuple[str, ...] = PARTS
     ) -> Float[np.ndarray, "2"]:
         """The same over the black and over the white card."""
-        apart = delta_e_of_spectra(
-            self.wavelengths,
-            self.reflectance,
-            self._draw(parts),
-            illuminant=illuminant,
-            observer=observer,
-        )
-        return apart.mean(axis=0)
+        drawn = np.moveaxis(self._draw(parts), 1, 0)
+        return self.delta_e(*drawn, illuminant, observer).mean(axis=0)
 
     def between_mixings(self, illuminant: str = "D65", observer: str | int = 10) -> float:
         """Mean CIEDE2000 between two films of the recipe, over both cards, by the films' own
@@ -167,13 +159,9 @@ class Prediction(Tabulated):
             measured - self.reflectance,
             paint_errors,
             self.deviations["film"],
-            np.asarray(self.wavelengths),
+            self.wavelengths,
         )
-        return SizeEvidence(self.name, frozenset(self.paints), likelihood)
-
-    def with_variation(self, variation: Variation) -> "Prediction":
-        """The same with other sizes of the film's own errors."""
-        return replace(self, variation=variation)
+        return SizeEvidence(frozenset(self.paints), likelihood)
 
 
 def interval_of(
@@ -225,6 +213,10 @@ def predict_films(
     paints = len(recovery.paints)
     response = response or film_response(instrument)
     card_data = card_readings(films, instrument, noise)
+    named, weights = weight_table(films.names, recipes)
+    columns = np.zeros((len(films), paints))
+    columns[:, [recovery.row(paint) for paint in named]] = weights
+    shares = recovery.law.shares(columns, recovery.paints)
     # Errors of the paints as the recovery has them: their level over the bands, and their shape.
     off = np.asarray(recovery.draws.bands - recovery.unknowns.bands)
     count = len(off)
@@ -241,14 +233,14 @@ def predict_films(
     log_gloss[ends[1] : ends[2]] = recovery.draws.paints
     out = []
     for row, name in enumerate(films.names):
-        measured = np.asarray(card_data.reflectance[row])
-        share = _shares(recovery, name, recipes)
+        measured = card_data.reflectance[row]
+        share = shares[row]
         gloss = np.exp(log_gloss @ share)
         surface = (gloss * instrument.seen_surface)[:, None, None]
         logs, body = _fit_thickness(
             coefficients[..., :paints] @ share,
             coefficients[..., paints:] @ share,
-            np.asarray(card_data.ground[row]),
+            card_data.ground[row],
             measured - surface,
             model_deviation(measured, noise, recovery.expectations),
             recovery.expectations.thickness,
@@ -276,19 +268,6 @@ def predict_films(
             )
         )
     return out
-
-
-def _shares(
-    recovery: JointRecovery, name: str, recipes: Mapping[str, Mapping[str, float]]
-) -> Float[np.ndarray, "paints"]:
-    if name not in recipes:
-        raise ValueError(
-            f"nothing is known of what film {name!r} is made of; add it to the list of recipes"
-        )
-    weights = np.zeros((1, len(recovery.paints)))
-    for paint, weight in recipes[name].items():
-        weights[0, recovery.row(paint)] = weight
-    return recovery.law.shares(weights, recovery.paints)[0]
 
 
 def least_by_scanning(
