@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from glazejax.commands.convert import parse_grid
 from glazejax.commands.main import make_app
 from glazejax.io import SpectraTable, read_spectra, write_spectra
+from glazejax.io.words import parse_grid
 
 from .io.samples import GRID, spectra
 
@@ -62,8 +62,8 @@ def test_format_by_name_of_the_option(chart, tmp_path):
 @pytest.mark.parametrize(
     ("grid", "complaint"),
     [
-        ("400:700", "expected FROM:TO:STEP"),
-        ("a:b:c", "expected FROM:TO:STEP"),
+        ("400:700", "is not FROM:TO:STEP"),
+        ("a:b:c", "is not FROM:TO:STEP"),
         ("400:700:0", "STEP above 0"),
         ("700:400:10", "TO not below it"),
         ("400:705:10", "end at 700"),

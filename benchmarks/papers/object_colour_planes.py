@@ -7,7 +7,6 @@ tracer.
 
 from typing import Any
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -49,17 +48,13 @@ class Side(Material):
     places: Float[Array, "places 1"]
 
     def spectra(self) -> dict[str, Any]:
-        """None on the grid alone; `only_bands` cuts the table."""
+        """None on the grid alone."""
         return {}
 
     @property
     def thickness_map(self) -> Float[Array, "places 1"]:
         """Distance from the joint, in widths."""
         return self.places
-
-    def only_bands(self, keep: np.ndarray, bands: int) -> "Side":
-        """The same plane with the bands where `keep` is true."""
-        return eqx.tree_at(lambda side: side.leaving, self, self.leaving[:, np.flatnonzero(keep)])
 
     def direct(self, angles: Angles) -> Float[Array, "pairs bands"]:
         """Light that leaves the point, straight lines between the places."""

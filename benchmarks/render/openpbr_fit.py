@@ -17,8 +17,9 @@ import glazejax as gj
 from benchmarks.results import Results, command_line, ends, quantities, quantity
 from benchmarks.timing import time_call
 from glazejax.appearance.exports import angular_colour, fit_openpbr
-from glazejax.appearance.exports.openpbr import LAYERINGS, Layering, reflectance_factor
+from glazejax.appearance.exports.openpbr import reflectance_factor
 from glazejax.appearance.exports.rgb import rgb_of_xyz
+from glazejax.appearance.exports.spaces import LAYERINGS, Layering
 from glazejax.appearance.glaze.table import glaze_table
 from glazejax.colour import encoded_srgb
 from glazejax.paint.describe import name_paints, parse_coats

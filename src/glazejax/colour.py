@@ -12,7 +12,7 @@ one compiled program.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import lru_cache, partial
 from types import ModuleType
 from typing import Any
@@ -332,7 +332,7 @@ def srgb_to_xyz(encoded: Numbers) -> Float[np.ndarray, "*batch 3"]:
 
     Source: IEC 61966-2-1:1999; matrices from its primaries, not rounded.
     """
-    return linear_srgb(np.asarray(encoded, float)) @ _screen().T
+    return linear_srgb(np.asarray(encoded, float)) @ rgb_matrix().T
 
 
 def srgb_to_lab(encoded: Numbers) -> Float[Array, "*batch 3"]:
@@ -352,7 +352,7 @@ def srgb_to_lab(encoded: Numbers) -> Float[Array, "*batch 3"]:
     Source: as `srgb_to_xyz` and `xyz_to_lab`.
     """
     values = as_array(encoded)
-    screen = _screen()
+    screen = rgb_matrix()
     if values.shape[-1:] != (3,):
         raise ValueError(
             f"sRGB of shape {values.shape} does not end in the three numbers red, green and blue"
@@ -478,16 +478,21 @@ def _root_jvp(primals: tuple[Array], tangents: tuple[Array]) -> tuple[Array, Arr
 @lru_cache(maxsize=128)
 def _screen_matrix(white: tuple[float, ...]) -> Float[np.ndarray, "3 3"]:
     """Matrix M such that ``xyz @ M`` is linear sRGB, adapted from the illuminant's white."""
-    to_xyz = _screen()
+    to_xyz = rgb_matrix()
     adapt = bradford(np.asarray(white), to_xyz.sum(axis=1))
     return (np.linalg.inv(to_xyz) @ adapt).T
 
 
-def _screen() -> Float[np.ndarray, "3 3"]:
-    """Matrix M such that ``M @ linear`` is XYZ of sRGB; its columns sum to D65, Y = 1."""
-    x, y = SRGB_WHITE
-    primaries = np.array([[a, b, 1 - a - b] for a, b in SRGB_PRIMARIES]).T
-    return primaries * np.linalg.solve(primaries, [x / y, 1.0, (1 - x - y) / y])
+def rgb_matrix(
+    primaries: Sequence[tuple[float, float]] = SRGB_PRIMARIES,
+    white: tuple[float, float] = SRGB_WHITE,
+) -> Float[np.ndarray, "3 3"]:
+    """Matrix M such that ``M @ linear`` is XYZ of a linear RGB, by default sRGB; its columns sum to
+    the white, Y = 1.
+    """
+    x, y = white
+    columns = np.array([[a, b, 1 - a - b] for a, b in primaries]).T
+    return columns * np.linalg.solve(columns, [x / y, 1.0, (1 - x - y) / y])
 
 
 def bradford(

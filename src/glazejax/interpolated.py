@@ -217,6 +217,32 @@ def interpolated(
     )
 
 
+def at_points(
+    function: Callable[[np.ndarray], np.ndarray],
+    points: Float[np.ndarray, "points axes"],
+    *,
+    tolerance: float,
+    distance: Distance,
+) -> tuple[Float[np.ndarray, "points ..."], Interpolated]:
+    """Values of a smooth function at many different points, and the table that they are from.
+
+    Args:
+        function: takes points, (some, axes), and returns (some, ...).
+        points: no axis of which is constant.
+        tolerance, distance: see `interpolated`.
+    """
+    columns = {f"axis {k}": column for k, column in enumerate(points.T)}
+    table = interpolated(
+        lambda **batch: function(np.stack(list(batch.values()), axis=1)),
+        {name: (column.min(), column.max()) for name, column in columns.items()},
+        tolerance=tolerance,
+        distance=distance,
+        samples=columns,
+        block=None,
+    )
+    return np.asarray(table(**columns), float), table
+
+
 def _ends(name: str, pair: Numbers) -> tuple[float, float]:
     values = np.asarray(pair, float)
     if values.shape != (2,):

@@ -19,7 +19,7 @@ from jaxtyping import Array, Float
 from . import colour
 from .extras import require
 from .geometry import Bidirectional, Geometry, Hemispherical, Instrument, geometry_of
-from .interpolated import MOST_AXES, interpolated
+from .interpolated import MOST_AXES, at_points
 from .paint.media import Glaze, Layer, Mixture, Pigment
 from .radiative.common.fresnel import dielectric_reflectance
 from .radiative.plan.plan import ALL, Savings, plan_stacks
@@ -132,19 +132,13 @@ def picture(
     remark = ""
     # So few distinct pixels are computed one by one.
     if not full and len(first) > 256 and 1 <= points.shape[1] <= MOST_AXES:
-        named = {f"map {k}": column for k, column in enumerate(points.T)}
-        table = interpolated(
-            lambda **columns: counter(np.stack(list(columns.values()), axis=1)),
-            {name: (column.min(), column.max()) for name, column in named.items()},
-            # The rest is the solver's.
-            tolerance=0.9 * delta_e,
-            distance=inputs.difference,
-            samples=named,
-            block=None,
+        # The rest is the solver's.
+        found, table = at_points(
+            counter, points, tolerance=0.9 * delta_e, distance=inputs.difference
         )
         if table.converged:
             error = table.error
-            values = table(**named)
+            values = found
             shape = " x ".join(map(str, table.coefficients.shape[:-1]))
             remark = f", interpolated from {shape}, estimated Delta E00 {error:.2g}"
     if values is None:

@@ -10,6 +10,9 @@ from jax.core import Tracer
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float
 
+Bands: TypeAlias = Float[np.ndarray, "bands"]
+"""A number a band."""
+
 # What callers may pass: arrays of either kind, numbers, or lists of them. What takes them checks
 # the shape itself, in words: a grid is (bands,), spectra are (..., bands).
 Numbers: TypeAlias = ArrayLike | Sequence[Any]
@@ -107,7 +110,7 @@ def matmul(xp: Any, one: Any, other: Any) -> Any:
     return np.matmul(one, other) if xp is np else jnp.matmul(one, other, precision="highest")
 
 
-def validate_wavelengths(wavelengths: Grid) -> Float[np.ndarray, "bands"]:
+def validate_wavelengths(wavelengths: Grid) -> Bands:
     """Check a wavelength grid and return it as a read-only float64 array.
 
     Args:
@@ -160,7 +163,7 @@ def validate_wavelengths(wavelengths: Grid) -> Float[np.ndarray, "bands"]:
     return grid
 
 
-def describe_grid(wavelengths: Float[np.ndarray, "bands"]) -> str:
+def describe_grid(wavelengths: Bands) -> str:
     """Grid in a few words, such as ``380-780 nm step 10 (41 bands)``."""
     steps = np.diff(wavelengths)
     even = steps.size > 0 and np.allclose(steps, steps[0])
@@ -169,7 +172,7 @@ def describe_grid(wavelengths: Float[np.ndarray, "bands"]) -> str:
     return f"{wavelengths[0]:g}-{wavelengths[-1]:g} nm{step} ({bands})"
 
 
-def ranges(wavelengths: Float[np.ndarray, "bands"], chosen: Bool[np.ndarray, "bands"]) -> str:
+def ranges(wavelengths: Bands, chosen: Bool[np.ndarray, "bands"]) -> str:
     """The chosen bands in words, such as ``400-470, 600 nm``."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], chosen.astype(int), [0]])))
     runs = [
@@ -186,14 +189,12 @@ def common_range(grids: Iterable[Float[np.ndarray, "_"]]) -> tuple[float, float]
     return max(low for low, _ in ends), min(high for _, high in ends)
 
 
-def lie_between(
-    wavelengths: Float[np.ndarray, "bands"], low: float, high: float
-) -> Bool[np.ndarray, "bands"]:
+def lie_between(wavelengths: Bands, low: float, high: float) -> Bool[np.ndarray, "bands"]:
     """Test whether each band lies between two wavelengths, nm, to a millionth of a nanometre."""
     return (wavelengths >= low - 1e-6) & (wavelengths <= high + 1e-6)
 
 
-def same_grid(first: Float[np.ndarray, "bands"], second: Float[np.ndarray, "others"]) -> bool:
+def same_grid(first: Bands, second: Float[np.ndarray, "others"]) -> bool:
     """Test whether two grids agree to a millionth of a nanometre."""
     return first.shape == second.shape and bool((np.abs(first - second) <= 1e-6).all())
 

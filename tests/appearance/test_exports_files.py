@@ -373,9 +373,9 @@ def test_a_ground_that_no_paint_meets_is_named(run, tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
-        (("--to", "unreal"), "--to 'unreal' is not known: choose openpbr, textures"),
-        (("--layering", "arnold"), "--layering 'arnold' is not known: choose materialx"),
-        (("--format", "tga"), "--format 'tga' is not known: choose png or exr"),
+        (("--to", "unreal"), "--to is 'unreal'; it must be one of openpbr, textures"),
+        (("--layering", "arnold"), "--layering is 'arnold'; it must be one of materialx"),
+        (("--format", "tga"), "--format is 'tga'; it must be one of png, exr"),
         (
             ("--to", "textures"),
             "textures need a map that says what changes: add --thickness-map FILE",

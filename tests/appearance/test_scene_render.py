@@ -15,7 +15,6 @@ from glazejax.appearance.scene.draw.intersect import scene_geometry
 from glazejax.appearance.scene.draw.rays import lamps, trace
 from glazejax.appearance.scene.draw.render import render
 from glazejax.appearance.scene.draw.shade import radiance, sample_map
-from glazejax.appearance.scene.draw.visibility import needed_bands
 from glazejax.appearance.scene.lights import (
     ParallelLight,
     PointLight,
@@ -187,39 +186,26 @@ def test_only_what_is_in_view_is_prepared(rendered):
     assert "of" in report.describe()
 
 
-def test_bands_that_no_screen_can_show_are_left_out():
+def test_a_picture_without_spectra_has_the_same_colours():
     grid = np.arange(380.0, 781.0, 10.0)
-    light = ParallelLight((0, 0, -1), lamp("A", grid))
-    material = Lambert(np.linspace(0.05, 0.6, grid.size))
-    made = Scene(
-        grid, [Plane("m")], {"m": material}, [light], Camera((0, -3, 2)), width=4, height=4
-    )
-    keep = needed_bands(made)
-    assert 25 < keep.sum() < 38
-    assert keep[5:30].all()
-    part, full = render(made, spectral=False), render(made)
-    assert part.values.shape[-1] == 3
-    assert part.wavelengths.size == part.report.bands == keep.sum()
-    with pytest.raises(ValueError, match="no spectra"):
-        save_spectral("a.npz", part)
-    with pytest.raises(ValueError, match="spectral=True for another"):
-        picture_xyz(part, grid, 10)
-    exact = picture_xyz(full, grid)
-    assert np.abs(picture_xyz(part, grid) - exact).max() < 1 / (12.92 * 255)
-
-
-def test_lamps_without_some_or_all_colours_keep_their_bands():
-    # Beyond 680 nm nothing adds to Z; a lamp that is off adds nothing at all.
-    camera, deep = Camera((0, 0, 5), up=(0, 1, 0), field_of_view=1.0), np.arange(400.0, 701.0, 10.0)
-    red = np.where(deep >= 680, 1.0, 0.0)
-    for spectrum, bands in ((red, red > 0), (0 * red, None)):
-        light = ParallelLight((0, 0, -1), spectrum)
-        made = Scene(deep, [Plane("m")], {"m": Lambert(0.5)}, [light], camera, width=2, height=2)
-        part = render(made, spectral=False)
-        np.testing.assert_allclose(
-            picture_xyz(part, deep), picture_xyz(render(made), deep), rtol=1e-12
+    # A lamp that is off adds nothing at all.
+    for spectrum in (lamp("A", grid), 0 * grid):
+        made = Scene(
+            wavelengths=grid,
+            shapes=[Plane("m")],
+            materials={"m": Lambert(np.linspace(0.05, 0.6, grid.size))},
+            lights=[ParallelLight((0, 0, -1), spectrum)],
+            camera=Camera((0, -3, 2)),
+            width=4,
+            height=4,
         )
-        assert part.report.bands == 1 if bands is None else (part.bands == bands).all()
+        part, full = render(made, spectral=False), render(made)
+        assert part.values.shape[-1] == 3
+        with pytest.raises(ValueError, match="no spectra"):
+            save_spectral("a.npz", part)
+        with pytest.raises(ValueError, match="spectral=True for another"):
+            picture_xyz(part, grid, 10)
+        np.testing.assert_allclose(picture_xyz(part, grid), picture_xyz(full, grid), rtol=1e-12)
 
 
 def test_an_interrupted_picture_keeps_what_it_has(monkeypatch):

@@ -232,3 +232,5 @@ def test_bad_palettes_are_refused():
         find_recipes((50, 0, 0), [])
     with pytest.raises(ValueError, match="two pigments are called 'Red'"):
         find_recipes((50, 0, 0), [RED, RED])
+    with pytest.raises(ValueError, match="101 paints make too many sets to try them all: name 100"):
+        find_recipes((50, 20, 30), [RED.renamed(f"red {n}") for n in range(101)])

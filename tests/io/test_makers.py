@@ -426,7 +426,8 @@ def test_titles_stand_above_decimal_commas_and_numbers(tmp_path):
 
 def test_what_is_no_wavelength_is_refused_or_left_out(tmp_path):
     for title in ("Frequency (THz)", "Raman shift (cm-1)"):
-        with pytest.raises(ValueError, match=r"'(Freq|Raman).* is no wavelength; write"):
+        complaint = r"'(Freq|Raman).* is no wavelength; write wavelengths in nm$"
+        with pytest.raises(ValueError, match=complaint):
             read_spectra(put(tmp_path, f"{title};red\n" + rows(RED, by=";")))
     text = "Wavenumber (cm-1);nm;Energy (eV);red\n"
     text += "".join(f"{1e7 / w};{w};{1240 / w};{r}\n" for w, r in zip(GRID, RED, strict=True))

@@ -8,6 +8,7 @@ strong as it came out. Paints are added to it, one or two, and nothing can be ta
 import itertools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from jaxtyping import Float
@@ -23,7 +24,10 @@ from ..recover.joint.result import JointRecovery
 from ..recover.predict.mixture import mix, predict_mixture
 from ..recover.predict.prediction import Prediction
 from .model import make_model, read
-from .targets import Target
+from .targets import Ground, Lab, Target
+
+Trials: TypeAlias = Float[np.ndarray, "tried paints"]
+"""Amounts of the paints that may be added, to one of the mixture."""
 
 
 @dataclass(frozen=True)
@@ -47,8 +51,8 @@ class Addition:
     thickness: float | None
     before: float
     after: float
-    lab_before: Float[np.ndarray, "3"]
-    lab_after: Float[np.ndarray, "3"]
+    lab_before: Lab
+    lab_after: Lab
     expected: float
     film: Prediction
 
@@ -59,7 +63,7 @@ def next_addition(
     pigments: Sequence[Pigment],
     batch: float,
     *,
-    ground: float | Float[np.ndarray, "bands"] = 0.9,
+    ground: Ground = 0.9,
     instrument: InstrumentLike | None = None,
     illuminant: str = "D65",
     observer: str = "2",
@@ -101,13 +105,13 @@ def next_addition(
     model = make_model(components, ground, seen_by, eye[:1], eye[1], (thickness, thickness))
     model = model._replace(surface=model.surface * float(calibrated.gloss[0]))
 
-    def labs(amounts: Float[np.ndarray, "tried paints"]) -> Float[np.ndarray, "tried 3"]:
+    def labs(amounts: Trials) -> Float[np.ndarray, "tried 3"]:
         """Colours after some amounts are added to one of the mixture."""
         shares = np.pad(amounts, ((0, 0), (1, 0)), constant_values=1.0)
         films = 1e6 * thickness * shares / shares.sum(axis=1, keepdims=True)
         return read(model, films[:, None], None).lab[:, 0]
 
-    def distances(amounts: Float[np.ndarray, "tried paints"]) -> Float[np.ndarray, "tried"]:
+    def distances(amounts: Trials) -> Float[np.ndarray, "tried"]:
         return np.asarray(colour.delta_e_2000(labs(amounts), target.lab(*eye)))
 
     # What brings the colour nearest, in grams. As much again must bring a Delta E00 of 1, for paint
@@ -144,7 +148,7 @@ def next_addition(
     )
 
 
-Costs = Callable[[Float[np.ndarray, "tried paints"]], Float[np.ndarray, "tried"]]
+Costs: TypeAlias = Callable[[Trials], Float[np.ndarray, "tried"]]
 
 
 def _search(costs: Costs, count: int) -> Float[np.ndarray, "paints"]:

@@ -36,11 +36,9 @@ def register(app: typer.Typer) -> None:
 
 @help_groups(
     usual="--lab --srgb --spectrum --only --out",
-    given=(
-        "--samples --quantity --unit --scale "
-        "--colourchecker --patch --after --mixed --batch --pigments --catalogue "
-        "--without --modern --ground --instrument"
-    ),
+    given="--samples --quantity --unit --scale "
+    "--colourchecker --patch --after --mixed --batch --pigments --catalogue "
+    "--without --modern --ground --instrument",
     tried="--glazes --max-paints --max-coats --coat-thickness --illuminants --test-illuminant",
     written="--count --csv --json --spectra --overwrite",
     fine="--metamerism --observer --refractive-index --seed",
@@ -48,7 +46,7 @@ def register(app: typer.Typer) -> None:
 def recipe(
     lab: Annotated[
         str | None,
-        _option(
+        options.option(
             metavar="L,A,B",
             callback=options.checked(lambda text: _read_lab(text, "D65")),
             help="Colour L*,a*,b*, such as 50,20,30.",
@@ -56,7 +54,7 @@ def recipe(
     ] = None,
     srgb: Annotated[
         str | None,
-        _option(
+        options.option(
             metavar="COLOUR",
             callback=options.checked(lambda text: _check_srgb(text)),
             help="Colour of a screen, such as '#8a4b2d' or 138,75,45.",
@@ -64,9 +62,7 @@ def recipe(
     ] = None,
     spectrum: Annotated[
         Path | None,
-        _option(
-            metavar="FILE",
-            callback=options.there,
+        options.file_option(
             help="File of measured reflectance; see --samples.",
         ),
     ] = None,
@@ -76,26 +72,21 @@ def recipe(
     scale: options.Scale = None,
     after: Annotated[
         Path | None,
-        _option(
-            "--after",
-            metavar="FILE",
-            callback=options.there,
+        options.file_option(
             help="Spectra of one film of the mixture as it came out (format of predict "
             "--reading), to compute what to add. With --mixed.",
         ),
     ] = None,
     mixed: Annotated[
         str,
-        _option(
-            "--mixed",
+        options.option(
             metavar="MIXTURE",
             help="Mixture of --after by weight: '10 Vermillion + 90 ZincWhite'.",
         ),
     ] = "",
     batch: Annotated[
         float | None,
-        _option(
-            "--batch",
+        options.option(
             metavar="GRAMS",
             help="Amount of that mixture. Default: the weights of --mixed are grams.",
         ),
@@ -106,7 +97,7 @@ def recipe(
     ] = False,
     patch: Annotated[
         str,
-        _option(
+        options.option(
             metavar="NAMES", help="Only these patches of the chart, such as 'blue sky,dark skin'."
         ),
     ] = "",
@@ -131,31 +122,28 @@ def recipe(
         bool,
         typer.Option(
             "--glazes",
-            help=(
-                "No mixing: each coat is one paint from the tube. The answer states the gain "
-                "of mixing."
-            ),
+            help="No mixing: each coat is one paint from the tube. The answer states the gain "
+            "of mixing.",
         ),
     ] = False,
     max_paints: Annotated[
         int | None,
-        _option(
+        options.option(
             callback=options.between(1, 6),
             help="Largest number of paints in a recipe, 1 to 6. Default: 3, with --glazes 6.",
         ),
     ] = None,
     max_coats: Annotated[
         int | None,
-        _option(
+        options.option(
             callback=options.between(1, 6),
-            help=(
-                "Largest number of coats, 1 to 4, with --glazes to 6. Default: 2, with --glazes 6."
-            ),
+            help="Largest number of coats, 1 to 4, with --glazes to 6. Default: 2, with --glazes "
+            "6.",
         ),
     ] = None,
     coat_thickness: Annotated[
         str | None,
-        _option(
+        options.option(
             metavar="RANGE",
             help=f"Thinnest and thickest coat; bare numbers are micrometres. Default: {_COATS}.",
         ),
@@ -193,11 +181,11 @@ def recipe(
     csv: options.Csv = None,
     json: Annotated[
         Path | None,
-        _option(metavar="FILE", help="Also write all recipes, with their spectra, as JSON."),
+        options.option(metavar="FILE", help="Also write all recipes, with their spectra, as JSON."),
     ] = None,
     spectra: Annotated[
         Path | None,
-        _option(
+        options.option(
             metavar="FILE", help="Also write the targets' spectra, at the paints' wavelengths."
         ),
     ] = None,
@@ -245,11 +233,6 @@ def recipe(
         raise ValueError("--samples names spectra of a file: add --spectrum FILE")
     if spectra is not None and (lab is not None or srgb is not None):
         raise ValueError("--spectra: the target is a colour and has no spectrum; leave it out")
-    if catalogue == options.PIGMENTS and not only:
-        raise ValueError(
-            "--catalogue pigments has hundreds of paints by many makers, of films of unknown "
-            "thickness: name some by --only, or take oils, acrylics or your own --pigments"
-        )
     options.check_names(options.split_names(f"{only},{without}"), pigments, catalogue)
     options.check_outputs(outputs, overwrite)
     # The colours of spectra are computed in double precision too.
@@ -466,10 +449,8 @@ def _draw(recipe_lists: "list[list[Recipe]]", task: "RecipeTask", out: Path) -> 
         drawn,
         titles=titles,
         heading=heading,
-        subtitle=(
-            f"{'target left, recipe right; ' if single else ''}{curves}coats top first; "
-            f"{_describe_view(task)}"
-        ),
+        subtitle=f"{'target left, recipe right; ' if single else ''}{curves}coats top first; "
+        f"{_describe_view(task)}",
     )
     figure.savefig(out, dpi=100)
 

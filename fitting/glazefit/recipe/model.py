@@ -7,7 +7,7 @@ Lengths are in micrometres here, k and s in 1/micrometre.
 
 import functools
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import jax
 import jax.numpy as jnp
@@ -22,7 +22,12 @@ from glazejax.spectra import as_array, on_numpy_or_jax
 from ..film.model.optics import Optics
 from ..film.model.response import FilmResponse, film_response
 from ..film.numerics.blocks import by_blocks
+from .targets import Ground
 
+Sizes: TypeAlias = Float[np.ndarray, "n coats paints"]
+"""Stacks, um."""
+OneStack: TypeAlias = Float[np.ndarray, "coats paints"]
+"""One of them."""
 READ_CHUNK = 128
 """Stacks that are read at a time, always as many, so that one program serves all."""
 
@@ -58,7 +63,7 @@ class Readings(NamedTuple):
 
 def make_model(
     pigments: Sequence[Pigment],
-    ground: float | Float[np.ndarray, "bands"],
+    ground: Ground,
     instrument: Instrument,
     illuminants: Sequence[str],
     observer: str,
@@ -114,9 +119,7 @@ def internal(model: StackModel, body: Float[Array, "*batch bands"]) -> Float[Arr
     return jnp.clip(model.film.internal(body), 0.0, 1.0)
 
 
-def read(
-    model: StackModel, sizes: Float[np.ndarray, "n coats paints"], optics: Optics | None
-) -> Readings:
+def read(model: StackModel, sizes: Sizes, optics: Optics | None) -> Readings:
     """Readings of many stacks by the solver, or without `optics` by the table.
 
     The table is exact for one coat. A lower coat counts as the Lambertian ground that would read

@@ -5,16 +5,17 @@ from collections.abc import Sequence
 from glazejax.paint.describe import Coat
 
 
-def whole_parts(shares: Sequence[float], close: float = 0.08) -> tuple[int, ...]:
+def whole_parts(shares: Sequence[float]) -> tuple[int, ...]:
     """The smallest whole numbers that stand to each other as shares do, to 8 % of each.
 
     Args:
         shares: above 0, in any unit.
-        close: how far each share may be from that of the parts, as a share of itself.
 
     Returns:
         As many whole numbers from 1 on: 84, 15, 1 for 0.84, 0.15, 0.01.
     """
+    # Parts by which each share may be wrong, of itself.
+    close = 0.08
     least = min(shares)
     total = sum(shares)
     proportions: list[int] = []

@@ -23,12 +23,12 @@ from glazejax.progress import Progress, counted, no_progress
 from ..film.model.mixing import Pigments
 from ..film.model.variation import MIXED, Variation
 from ..film.tables import WAVELENGTH, Tabulated, Variables, as_frame
-from .model import read, read_ahead
+from .model import OneStack, Sizes, read, read_ahead
 from .parts import parts_by_paint
 from .refine import improve, refinements
 from .screen import Stacks, screen
 from .selection import IN_GAMUT, choose
-from .targets import Target, TargetLike, as_targets
+from .targets import Bands, Lab, Target, TargetLike, as_targets
 from .task import RecipeOptions, RecipeTask, make_task
 
 PAINT_COLUMNS = ("coat", "thickness_um", "paint", "share", "parts", "delta_e_per_10_percent")
@@ -36,6 +36,9 @@ PAINT_COLUMNS = ("coat", "thickness_um", "paint", "share", "parts", "delta_e_per
 
 STRONGER = np.exp(MIXED.level * Variation().size_of([]))
 """Strength of a paint in a mixing, in which it is stronger by a standard deviation."""
+
+# Targets whose recipes are refined together.
+_GROUP = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,9 +76,9 @@ class Recipe(Tabulated):
     target: Target
     coats: tuple[Coat, ...]
     glaze: Glaze
-    wavelengths: Float[np.ndarray, "bands"]
-    reflectance: Float[np.ndarray, "bands"]
-    lab: Mapping[str, Float[np.ndarray, "3"]]
+    wavelengths: Bands
+    reflectance: Bands
+    lab: Mapping[str, Lab]
     delta_e: Mapping[str, float]
     unrounded: float
     metamerism: float | None
@@ -210,16 +213,16 @@ def find_recipes(
 
 
 def recipe_chunks(
-    task: RecipeTask, group: int = 8, progress: Progress = no_progress
+    task: RecipeTask, progress: Progress = no_progress
 ) -> Iterator[list[list[Recipe]]]:
     """Recipes for a few targets at a time, so that an interrupt loses little.
 
     `progress` is called with the parts of each stage: blocks of sets of paints, then refinements.
     """
     if task.mixed is None:
-        yield from _search(task, group, progress)
+        yield from _search(task, progress)
         return
-    searches = (_search(each, group, progress) for each in (task, task.mixed))
+    searches = (_search(each, progress) for each in (task, task.mixed))
     for pure, mixed in zip(*searches, strict=True):
         nearest = [min(recipes, key=lambda recipe: recipe.distance) for recipes in mixed]
         yield [
@@ -228,17 +231,17 @@ def recipe_chunks(
         ]
 
 
-def _search(task: RecipeTask, group: int, progress: Progress) -> Iterator[list[list[Recipe]]]:
+def _search(task: RecipeTask, progress: Progress) -> Iterator[list[list[Recipe]]]:
     """Recipes for a few targets at a time, of mixed coats or of unmixed ones."""
     # While the first look is compiled and taken, another thread compiles what comes after it.
     read_ahead(task.model, task.max_coats, task.optics)
     rough = screen(task, progress=progress)
-    firsts = range(0, len(task.targets), group)
+    firsts = range(0, len(task.targets), _GROUP)
     # Of each group: every refinement, and the rounding.
     total = len(firsts) * (refinements(task) + 1)
     note = counted(progress, total, f"refining {'glazes' if task.glazes else 'recipes'}")
     for first in firsts:
-        in_group = (rough.target >= first) & (rough.target < first + group)
+        in_group = (rough.target >= first) & (rough.target < first + _GROUP)
         chosen = choose(task, improve(task, rough.take(np.flatnonzero(in_group)), note))
         note()
         yield _describe(task, chosen)
@@ -264,7 +267,7 @@ def _describe(task: RecipeTask, chosen: Stacks) -> list[list[Recipe]]:
     ]
 
 
-def _neighbours(sizes: Float[np.ndarray, "coats paints"]) -> Float[np.ndarray, "n coats paints"]:
+def _neighbours(sizes: OneStack) -> Sizes:
     """A stack, then with each of its coats thicker and thinner, then with each paint in a coat
     stronger.
     """
@@ -289,7 +292,7 @@ def _with_gamut(recipes: list[Recipe]) -> list[Recipe]:
 def _recipe(
     task: RecipeTask,
     stack: Stacks,
-    reading: Float[np.ndarray, "bands"],
+    reading: Bands,
     labs: Float[np.ndarray, "stacks lights 3"],
 ) -> Recipe:
     """A recipe, from the reading of a single stack and the colours of it and of its neighbours."""
@@ -354,9 +357,7 @@ def _coat(amounts: Float[np.ndarray, "paints"], task: RecipeTask) -> Coat:
     return Coat(parts, round(total * 1e-6, 15), 1)
 
 
-def _between_mixings(
-    lab: Float[np.ndarray, "3"], stronger: Float[np.ndarray, "amounts 3"]
-) -> float:
+def _between_mixings(lab: Lab, stronger: Float[np.ndarray, "amounts 3"]) -> float:
     """Mean Delta E 2000 between two mixings, whose paints come out stronger or weaker each time: to
     first order, from the colours with one paint stronger by a standard deviation.
     """

@@ -11,7 +11,7 @@ that fades away changes nothing any more and keeps no solve from its end.
 
 import itertools
 from collections.abc import Callable, Iterator
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -21,24 +21,28 @@ from glazejax.colour import delta_e_2000
 from ..film.colour_metric import lab_metric
 from ..film.model.optics import Optics
 from ..film.numerics.least_squares import Bounds, Looks, descend_within
-from .model import read
-from .screen import MOST_SCREENED, Stacks
+from .model import OneStack, Sizes, read
+from .screen import MOST_SCREENED, PerStack, Stacks
+from .targets import Indices
 from .task import RecipeTask
+
+Points: TypeAlias = Float[np.ndarray, "n unknowns"]
+"""Logarithms of the coats' thicknesses, um, then those of the shares."""
 
 
 class Amounts(NamedTuple):
     """Amounts above 0 of many stacks, and as many places as most of them have."""
 
-    target: Int[np.ndarray, "n"]
+    target: Indices
     place: Int[np.ndarray, "n places"]  # in the stack, of all coats' paints in one row
     member: Bool[np.ndarray, "n coats places"]  # which are there, and in which coat
 
-    def take(self, rows: Int[np.ndarray, "m"]) -> "Amounts":
+    def take(self, rows: Indices) -> "Amounts":
         """Those of some stacks."""
         return Amounts(*(values[rows] for values in self))
 
     def shares(
-        self, point: Float[np.ndarray, "n unknowns"]
+        self, point: Points
     ) -> tuple[Float[np.ndarray, "n places"], Float[np.ndarray, "n places"]]:
         """Share that each place takes of its coat, and its size in um."""
         coats = self.member.shape[1]
@@ -46,9 +50,7 @@ class Amounts(NamedTuple):
         share = weight / np.maximum(weight.sum(axis=2, keepdims=True), 1e-300)
         return share.sum(axis=1), (share * np.exp(point[:, :coats, None])).sum(axis=1)
 
-    def sizes(
-        self, point: Float[np.ndarray, "n unknowns"], paints: int
-    ) -> Float[np.ndarray, "n coats paints"]:
+    def sizes(self, point: Points, paints: int) -> Sizes:
         """The stacks at a point, um."""
         rows, coats, _ = self.member.shape
         sizes = np.zeros((rows, coats * paints))
@@ -138,7 +140,7 @@ def refine(
     )
 
 
-def start(task: RecipeTask, stacks: Stacks) -> tuple[Amounts, Float[np.ndarray, "n m"], Bounds]:
+def start(task: RecipeTask, stacks: Stacks) -> tuple[Amounts, Points, Bounds]:
     """Indices of the amounts of stacks, and the unknowns with their bounds: logarithms of the
     coats' thicknesses, um, then those of the shares.
     """
@@ -163,11 +165,11 @@ def start(task: RecipeTask, stacks: Stacks) -> tuple[Amounts, Float[np.ndarray, 
 def look(
     task: RecipeTask,
     amounts: Amounts,
-    point: Float[np.ndarray, "n m"],
+    point: Points,
     optics: Optics | None,
     *,
     hold: bool = False,
-) -> tuple[Looks, Float[np.ndarray, "n"]]:
+) -> tuple[Looks, PerStack]:
     """Cost and its slopes at a point, and the largest Delta E under the lights."""
     model = task.model
     goal = task.target_arrays.take(amounts.target)
@@ -243,15 +245,13 @@ def score(
     )
 
 
-def pack_coats(sizes: Float[np.ndarray, "n coats paints"]) -> Float[np.ndarray, "n coats paints"]:
+def pack_coats(sizes: Sizes) -> Sizes:
     """Stacks with their empty coats last."""
     order = np.argsort(~sizes.any(axis=2), axis=1, kind="stable")
     return np.take_along_axis(sizes, order[:, :, None], axis=1)
 
 
-def merge_coats(
-    sizes: Float[np.ndarray, "n coats paints"], thickest: float
-) -> Float[np.ndarray, "n coats paints"]:
+def merge_coats(sizes: Sizes, thickest: float) -> Sizes:
     """Stacks where neighbours of one and the same paint are one coat, if that is no thicker than
     allowed, um.
     """
@@ -299,9 +299,7 @@ def grown(task: RecipeTask, parents: Stacks) -> Stacks:
     return score(task, stacks, readings.spectrum, readings.lab)
 
 
-def enlargements(
-    task: RecipeTask, stack: Float[np.ndarray, "coats paints"]
-) -> Iterator[Float[np.ndarray, "coats paints"]]:
+def enlargements(task: RecipeTask, stack: OneStack) -> Iterator[OneStack]:
     """Stacks with one paint or one coat more, within the limits of the search."""
     power = task.model.strength
     present = stack.sum(axis=0) > 0

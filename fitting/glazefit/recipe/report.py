@@ -5,7 +5,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float
 from rich.console import Console
 from rich.text import Text
 
@@ -18,7 +17,7 @@ from glazejax.report import leave_out, plain_table, swatch
 from .parts import describe_parts, parts_by_paint
 from .recipe import PAINT_COLUMNS, Recipe
 from .selection import IN_GAMUT
-from .targets import Target
+from .targets import Bands, Target
 
 CSV_COLUMNS = (
     "target",
@@ -331,7 +330,7 @@ def _plain(recipe: Recipe) -> dict:
 
 def write_targets(
     targets: Sequence[Target],
-    wavelengths: Float[np.ndarray, "bands"],
+    wavelengths: Bands,
     path: Path,
     *,
     overwrite: bool = False,

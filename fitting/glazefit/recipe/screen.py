@@ -11,7 +11,7 @@ import functools
 import itertools
 from collections import Counter
 from collections.abc import Callable, Hashable, Iterable, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import jax
 import jax.numpy as jnp
@@ -22,10 +22,11 @@ from glazejax.programs import Program
 from glazejax.progress import Progress, counted, no_progress
 from glazejax.radiative.common.threads import in_threads
 
-from .model import StackModel, internal, lab_of
-from .targets import TargetArrays
+from .model import Sizes, StackModel, internal, lab_of
+from .targets import Indices, TargetArrays
 from .task import RecipeTask
 
+PerStack: TypeAlias = Float[np.ndarray, "n"]
 MOST_SCREENED = 3
 """Most paints in a recipe that is found here; more are added to these
 (`glazefit.recipe.refine.grown`).
@@ -35,14 +36,14 @@ MOST_SCREENED = 3
 class Stacks(NamedTuple):
     """Stacks that may become recipes, (n,)."""
 
-    sizes: Float[np.ndarray, "n coats paints"]  # what each paint takes of each coat's thickness, um
-    target: Int[np.ndarray, "n"]
-    cost: Float[np.ndarray, "n"]  # squared distance: mean squared Delta E, and that of the spectrum
-    distance: Float[np.ndarray, "n"]  # largest Delta E 2000 under the lights; NaN before `score`
+    sizes: Sizes  # what each paint takes of each coat's thickness, um
+    target: Indices
+    cost: PerStack  # squared distance: mean squared Delta E, and that of the spectrum
+    distance: PerStack  # largest Delta E 2000 under the lights; NaN before `score`
     settled: Bool[np.ndarray, "n"]  # whether the last least squares came to an end
-    steps: Int[np.ndarray, "n"]  # of the last least squares
-    before: Float[np.ndarray, "n"]  # largest Delta E 2000 before these steps; NaN without them
-    unrounded: Float[np.ndarray, "n"]  # and before the stack was rounded
+    steps: Indices  # of the last least squares
+    before: PerStack  # largest Delta E 2000 before these steps; NaN without them
+    unrounded: PerStack  # and before the stack was rounded
 
     @classmethod
     def before_refinement(cls, sizes: np.ndarray, target: np.ndarray, cost: np.ndarray) -> "Stacks":
@@ -65,12 +66,12 @@ class Stacks(NamedTuple):
         return len(self.target)
 
     @property
-    def coats(self) -> Int[np.ndarray, "n"]:
+    def coats(self) -> Indices:
         """Number of coats that are there."""
         return self.sizes.any(axis=2).sum(axis=1)
 
     @property
-    def paints(self) -> Int[np.ndarray, "n"]:
+    def paints(self) -> Indices:
         """Number of different paints."""
         return self.sizes.any(axis=1).sum(axis=1)
 
@@ -80,7 +81,7 @@ class Stacks(NamedTuple):
         inside = self.sizes > 0
         return [(int(t), coats.tobytes()) for t, coats in zip(self.target, inside, strict=True)]
 
-    def take(self, rows: Sequence[int] | Int[np.ndarray, "m"]) -> "Stacks":
+    def take(self, rows: Sequence[int] | Indices) -> "Stacks":
         """Some of them."""
         return Stacks(*(values[np.asarray(rows, int)] for values in self))
 
@@ -115,7 +116,7 @@ class Coats(NamedTuple):
     paints: Any  # Int (coats, 3), filled up by paint 0, of which there is nothing then
     amounts: Any  # Float (coats, thicknesses, 3), um
 
-    def take(self, rows: Int[np.ndarray, "m"]) -> "Coats":
+    def take(self, rows: Indices) -> "Coats":
         """Some of them."""
         return Coats(self.paints[rows], self.amounts[rows])
 

@@ -4,11 +4,12 @@ import itertools
 from collections.abc import Iterator
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
-from .model import lab_of, read
+from .model import OneStack, lab_of, read
 from .refine import refine, score
 from .screen import Stacks, leaders
+from .targets import Indices
 from .task import RecipeTask
 
 IN_GAMUT = 1.0
@@ -22,7 +23,7 @@ def choose(task: RecipeTask, stacks: Stacks) -> Stacks:
     return select(task, rounded, task.count)
 
 
-def by_effort(task: RecipeTask, stacks: Stacks) -> Int[np.ndarray, "n"]:
+def by_effort(task: RecipeTask, stacks: Stacks) -> Indices:
     """Order of stacks: in gamut first, then by distance and the price of each paint and coat."""
     price = task.simplicity * (stacks.paints + stacks.coats)
     return np.lexsort([np.sqrt(stacks.cost) + price, ~(stacks.distance < IN_GAMUT)])
@@ -53,9 +54,7 @@ def select(task: RecipeTask, stacks: Stacks, count: int) -> Stacks:
     return stacks.take(list(itertools.chain.from_iterable(rows)))
 
 
-def roundings(
-    sizes: Float[np.ndarray, "coats paints"], span: tuple[float, float]
-) -> list[Float[np.ndarray, "c p"]]:
+def roundings(sizes: OneStack, span: tuple[float, float]) -> list[OneStack]:
     """The stacks in round numbers next to a stack: every share up or down to 0.1 % of its coat,
     every thickness to 0.1 um.
 

@@ -7,7 +7,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -15,8 +15,15 @@ from numpy.typing import ArrayLike
 
 from glazejax import cie
 
-Colour = Sequence[float] | Float[np.ndarray, "3"]
+Bands: TypeAlias = Float[np.ndarray, "bands"]
+"""A number a band."""
+Ground: TypeAlias = float | Bands
+"""Internal reflectance of what lies below the paint."""
+Lab: TypeAlias = Float[np.ndarray, "3"]
+Colour: TypeAlias = Sequence[float] | Lab
 """L*, a*, b*."""
+Indices: TypeAlias = Int[np.ndarray, "n"]
+"""Numbers of rows, or a number of a row each."""
 
 DEFAULT_CHART = "BabelColor Average"
 """Mean of 30 charts of 24 patches, measured at 45:0, 380-730 nm, as colour-science ships it."""
@@ -36,16 +43,16 @@ class Target:
     """
 
     name: str
-    labs: Mapping[str, Float[np.ndarray, "3"]] = field(default_factory=dict)
-    wavelengths: Float[np.ndarray, "bands"] | None = None
-    reflectance: Float[np.ndarray, "bands"] | None = None
+    labs: Mapping[str, Lab] = field(default_factory=dict)
+    wavelengths: Bands | None = None
+    reflectance: Bands | None = None
 
     @property
     def spectral(self) -> bool:
         """True if a spectrum is known, and with it the colour under every illuminant."""
         return self.reflectance is not None
 
-    def lab(self, illuminant: str, observer: str) -> Float[np.ndarray, "3"]:
+    def lab(self, illuminant: str, observer: str) -> Lab:
         """L*a*b* under an illuminant, (3,); a given colour is taken to be for the observer asked
         for.
 
@@ -97,7 +104,7 @@ class TargetArrays(NamedTuple):
     def of(
         cls,
         targets: Sequence[Target],
-        wavelengths: Float[np.ndarray, "bands"],
+        wavelengths: Bands,
         illuminants: Sequence[str],
         observer: str,
         metamerism: float,
@@ -121,7 +128,7 @@ class TargetArrays(NamedTuple):
             spectral=weight * np.array([target.spectral for target in targets]),
         )
 
-    def take(self, rows: Int[np.ndarray, "n"]) -> "TargetArrays":
+    def take(self, rows: Indices) -> "TargetArrays":
         """Those of some stacks."""
         return TargetArrays(*(values[rows] for values in self))
 
@@ -170,7 +177,7 @@ def as_targets(target: Any) -> tuple[tuple[Target, ...], bool]:
     return tuple(m if isinstance(m, Target) else lab_target(m) for m in members), not single
 
 
-def _check(values: Any) -> Float[np.ndarray, "3"]:
+def _check(values: Any) -> Lab:
     try:
         lab = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError):
@@ -204,7 +211,7 @@ def srgb_target(code: str, name: str | None = None) -> Target:
     return Target(name or f"#{digits}", MappingProxyType({cie.find_illuminant("D65"): lab}))
 
 
-def parse_srgb(code: str) -> tuple[Float[np.ndarray, "3"], str]:
+def parse_srgb(code: str) -> tuple[Lab, str]:
     """Encoded sRGB, 0 to 1, of the code of a colour, and its six digits; see `srgb_target`."""
     digits = code.strip().removeprefix("#")
     if "," in digits:

@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 from typing import TypedDict
 
 import numpy as np
-from jaxtyping import Float
 
 from glazejax import Bidirectional, Pigment, catalogue, colour
 from glazejax.geometry import resolve_instrument
@@ -16,21 +15,23 @@ from ..film.films import Instrument, InstrumentLike
 from ..film.model.mixing import Pigments, listed_pigments
 from ..film.model.optics import Optics
 from .model import StackModel, make_model
-from .targets import Target, TargetArrays
+from .targets import Bands, Ground, Target, TargetArrays
 
 DEFAULT_THICKNESS = (1e-6, 50e-6)
 """Thinnest and thickest coat in m, if nothing else is said; on the catalogue's scale of
 thickness.
 """
 
-_USUAL = {"max_paints": 3, "max_coats": 2}
-"""Limits of a search for mixed coats, if nothing is said."""
+_MOST_PAINTS = 100
+"""Of these all sets of three are looked through in minutes."""
+_MIXED = (3, 2)
+"""Paints in a recipe and coats, at most, of mixed coats, if nothing is said."""
 
 
 class RecipeOptions(TypedDict, total=False):
     """Further arguments of `glazefit.find_recipes`, which says what each is."""
 
-    ground: float | Float[np.ndarray, "bands"]
+    ground: Ground
     instrument: InstrumentLike | None
     refractive_index: float
     illuminants: Sequence[str] | None
@@ -55,7 +56,7 @@ class RecipeTask:
     model: StackModel
     optics: Optics
     pigments: tuple[Pigment, ...]
-    ground: float | Float[np.ndarray, "bands"]
+    ground: Ground
     instrument: Instrument
     illuminants: tuple[str, ...]
     test_illuminant: str
@@ -73,7 +74,7 @@ class RecipeTask:
     """
 
     @property
-    def wavelengths(self) -> Float[np.ndarray, "bands"]:
+    def wavelengths(self) -> Bands:
         """Wavelengths of the pigments, nm."""
         return self.pigments[0].wavelengths
 
@@ -82,7 +83,7 @@ def make_task(
     targets: Sequence[Target],
     pigments: Pigments | None,
     *,
-    ground: float | Float[np.ndarray, "bands"] = 0.9,
+    ground: Ground = 0.9,
     instrument: InstrumentLike | None = None,
     refractive_index: float = 1.5,
     illuminants: Sequence[str] | None = None,
@@ -101,13 +102,11 @@ def make_task(
     if not targets:
         raise ValueError("there is no target: give a colour, such as (50, 20, 30), or a spectrum")
     # Coats of a single paint each are quickly gone through: all that are possible are.
-    most_of = {"max_paints": 6, "max_coats": 6 if glazes else 4}
-    usual = most_of if glazes else _USUAL
-    max_paints = usual["max_paints"] if max_paints is None else max_paints
-    max_coats = usual["max_coats"] if max_coats is None else max_coats
+    max_paints = (6 if glazes else _MIXED[0]) if max_paints is None else max_paints
+    max_coats = (6 if glazes else _MIXED[1]) if max_coats is None else max_coats
     limits = {
-        "max_paints": (max_paints, most_of["max_paints"]),
-        "max_coats": (max_coats, most_of["max_coats"]),
+        "max_paints": (max_paints, 6),
+        "max_coats": (max_coats, 6 if glazes else 4),
         "count": (count, 1000),
     }
     for name, (value, most) in limits.items():
@@ -129,7 +128,7 @@ def make_task(
     lights = illuminants or [name for target in targets for name in target.labs] or ["D65"]
     names = tuple(dict.fromkeys(map(colour.find_illuminant, lights)))
     full_observer = colour.find_observer(observer)
-    paints, base = _on_one_grid(_list_pigments(pigments), ground, targets)
+    paints, base = _on_one_grid(_list_pigments(pigments, max_paints), ground, targets)
     grid = paints[0].wavelengths
     task = RecipeTask(
         targets=tuple(targets),
@@ -153,17 +152,23 @@ def make_task(
     )
     if not glazes:
         return task
-    limits = {name: min(getattr(task, name), most) for name, most in _USUAL.items()}
-    return replace(task, mixed=replace(task, glazes=False, **limits))
+    most_paints, most_coats = map(min, (task.max_paints, task.max_coats), _MIXED)
+    mixed = replace(task, glazes=False, max_paints=most_paints, max_coats=most_coats)
+    return replace(task, mixed=mixed)
 
 
-def _list_pigments(pigments: Pigments | None) -> list[Pigment]:
+def _list_pigments(pigments: Pigments | None, max_paints: int) -> list[Pigment]:
     if pigments is None:
         pigments = catalogue.load()
     paints = listed_pigments(pigments)
     if not paints:
         raise ValueError(
             "there are no pigments: leave them out for the catalogue, or give at least one"
+        )
+    if len(paints) > _MOST_PAINTS and max_paints > 1:
+        raise ValueError(
+            f"{len(paints)} paints make too many sets to try them all: name {_MOST_PAINTS} at most "
+            "(--only), or set max_paints to 1"
         )
     twice = {p.name for p in paints if [q.name for q in paints].count(p.name) > 1}
     if twice:
@@ -182,8 +187,8 @@ def _list_pigments(pigments: Pigments | None) -> list[Pigment]:
 
 
 def _on_one_grid(
-    paints: list[Pigment], ground: float | Float[np.ndarray, "bands"], targets: Sequence[Target]
-) -> tuple[tuple[Pigment, ...], float | Float[np.ndarray, "bands"]]:
+    paints: list[Pigment], ground: Ground, targets: Sequence[Target]
+) -> tuple[tuple[Pigment, ...], Ground]:
     """Pigments and ground on the bands of the first pigment that all pigments and target spectra
     cover.
     """

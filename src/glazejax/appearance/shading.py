@@ -21,36 +21,6 @@ from jaxtyping import Array, Float
 from ..spectra import Numbers, as_float_array
 
 
-def dot(
-    first: Float[Array, "*#batch 3"], second: Float[Array, "*#batch 3"]
-) -> Float[Array, "*batch"]:
-    """Cosine between unit vectors, (..., 3) each."""
-    return jnp.sum(first * second, axis=-1)
-
-
-def mirror_direction(
-    normal: Float[Array, "*#batch 3"], direction: Float[Array, "*#batch 3"]
-) -> Float[Array, "*batch 3"]:
-    """Unit vector away from the surface whose mirror image at it is `direction`: R_l of L, R_v of
-    V.
-
-    Args:
-        normal: unit normal, (..., 3).
-        direction: unit vector away from the surface, (..., 3).
-    """
-    return 2.0 * dot(normal, direction)[..., None] * normal - direction
-
-
-def half_vector(
-    light: Float[Array, "*#batch 3"], view: Float[Array, "*#batch 3"]
-) -> Float[Array, "*batch 3"]:
-    """Unit vector H half-way between two unit vectors, (..., 3); zero where they are opposite."""
-    total = light + view
-    square = jnp.sum(total**2, axis=-1, keepdims=True)
-    opposite = square <= 0.0
-    return jnp.where(opposite, 0.0, total / jnp.sqrt(jnp.where(opposite, 1.0, square)))
-
-
 def lambert(
     reflectance: Numbers, cos_light: Numbers, light: Numbers = 1.0
 ) -> Float[Array, "*batch bands"]:

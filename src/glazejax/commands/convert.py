@@ -1,6 +1,5 @@
 """The command ``glazejax convert``: spectra from any format that is known to CSV, CxF3 or ENVI."""
 
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,7 +10,6 @@ from . import options
 if TYPE_CHECKING:
     from ..io import SpectraTable
 
-# Wavelengths of one spectrum; more are a slip of the hand, such as a step of 1e-9.
 _UNITS = {"fraction": "as fractions", "percent": "in percent", "scaled": "as scaled numbers"}
 
 
@@ -39,15 +37,11 @@ def convert(
     ],
     to: Annotated[
         str | None,
-        typer.Option(
-            help="Format of OUT, whatever its name: csv, cxf or envi.", show_default=False
-        ),
+        options.option(help="Format of OUT, whatever its name: csv, cxf or envi."),
     ] = None,
     resample: Annotated[
         str | None,
-        typer.Option(
-            help="Wavelengths of OUT in nm, FROM:TO:STEP, such as 400:700:10.", show_default=False
-        ),
+        options.option(help="Wavelengths of OUT in nm, FROM:TO:STEP, such as 400:700:10."),
     ] = None,
     long: Annotated[
         bool, typer.Option("--long", help="Write a column for each sample, not a row (CSV, TSV).")
@@ -65,9 +59,13 @@ def convert(
 
     Example: glazejax convert chart.cxf chart.csv --resample 400:700:10
     """
-    grid = None if resample is None else parse_grid(resample)
     from ..io.outputs import file_format
+    from ..io.words import parse_grid
 
+    try:
+        grid = None if resample is None else parse_grid(resample)
+    except ValueError as error:
+        raise ValueError(f"--resample {error}") from None
     file_format(target, to)
     options.check_outputs({"OUT": target}, overwrite, pictures=(), inputs=[source])
     from ..io import read_spectra, write_spectra
@@ -99,41 +97,3 @@ def _summary(table: "SpectraTable") -> str:
     low = table.reflectance.min()
     high = table.reflectance.max()
     return f"{count}, {describe_grid(table.wavelengths)}, reflectance {low:.3g} to {high:.3g}"
-
-
-def parse_grid(text: str) -> list[float]:
-    """Wavelengths of ``FROM:TO:STEP`` in nm, both ends included.
-
-    Raises:
-        ValueError: another form, numbers that are no wavelengths, or an end that no step meets.
-    """
-    fields = text.split(":")
-    try:
-        start, end, step = (float(field) for field in fields)
-    except ValueError:
-        raise ValueError(
-            f"--resample {text!r}: expected FROM:TO:STEP in nm, such as 400:700:10"
-        ) from None
-    if not (
-        math.isfinite(start)
-        and math.isfinite(end)
-        and math.isfinite(step)
-        and 0 < start <= end
-        and step > 0
-    ):
-        raise ValueError(
-            f"--resample {text!r}: FROM must be positive, TO not below it, STEP above 0"
-        )
-    count = (end - start) / step
-    if abs(count - round(count)) > 1e-6:
-        last = start + step * math.floor(count)
-        raise ValueError(
-            f"--resample {text!r}: steps of {step:g} nm do not meet {end:g} nm; end at {last:g}"
-        )
-    # Wavelengths of one spectrum; more are a slip of the hand, such as a step of 1e-9.
-    limit = 100_000
-    if count >= limit:
-        raise ValueError(
-            f"--resample {text!r}: {count + 1:.0f} wavelengths are too many (at most {limit})"
-        )
-    return [start + step * i for i in range(round(count) + 1)]

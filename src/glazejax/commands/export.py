@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ..appearance.exports.spaces import find_space
+from ..appearance.exports.spaces import LAYERINGS, find_space
 from . import options
 from .help_groups import help_groups
 
@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from ..paint.media import Glaze
     from ..stacks import Stack
 
-_KINDS = ("openpbr", "textures")
-_LAYERINGS = ("materialx", "specification", "reciprocal")
 _USUAL = {"openpbr": "glaze.mtlx", "textures": "glaze-textures"}
 _GROUND = "0.9"
 
@@ -49,18 +47,18 @@ def export(
         str,
         typer.Option(
             metavar="KIND",
+            callback=options.among(*_USUAL),
             help="openpbr: parameters fitted to the stack, in a MaterialX file. textures: "
             "pictures for Blender and game engines, of a map.",
         ),
     ] = "openpbr",
     out: Annotated[
         Path | None,
-        typer.Option(
+        options.option(
             "--out",
             "-o",
             metavar="PATH",
-            help=("File .mtlx, or the folder for textures. Default: glaze.mtlx or glaze-textures."),
-            show_default=False,
+            help="File .mtlx, or the folder for textures. Default: glaze.mtlx or glaze-textures.",
         ),
     ] = None,
     ground: Annotated[str | None, options.ground_option(_GROUND)] = None,
@@ -86,6 +84,7 @@ def export(
         str,
         typer.Option(
             metavar="NAME",
+            callback=options.among(*LAYERINGS),
             help="Layering rule of your renderer: materialx (its node graph, most programs), "
             "specification (the coat absorbs along slanted paths) or reciprocal (layers "
             "attenuate incoming light, too).",
@@ -93,78 +92,62 @@ def export(
     ] = "materialx",
     coat: Annotated[
         bool | None,
-        typer.Option(
+        options.option(
             "--coat/--no-coat",
             help="With a coat or without. Default: whichever fits better.",
-            show_default=False,
         ),
     ] = None,
     thickness_map: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FILE",
-            callback=options.there,
+        options.file_option(
             help="Map of a coat's thickness: .npy in metres, or a grey picture from 0 (black) to "
             "the coat's own thickness (white).",
-            show_default=False,
         ),
     ] = None,
     thickness_range: Annotated[
         str | None,
-        typer.Option(
+        options.option(
             metavar="RANGE",
             help="Thickness of 0 and 1 in --thickness-map, such as 0-20um.",
-            show_default=False,
         ),
     ] = None,
     fraction_map: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FILE",
-            callback=options.there,
+        options.file_option(
             help="Share of the second paint of a mixed coat, 0 to 1: .npy or grey.",
-            show_default=False,
         ),
     ] = None,
     ground_map: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FILE",
-            callback=options.there,
+        options.file_option(
             help="Reflectance of the ground, 0 to 1: .npy or grey.",
-            show_default=False,
         ),
     ] = None,
     layer: Annotated[int, typer.Option(metavar="N", help="Coat of the maps, 1 the top one.")] = 1,
     pixel: Annotated[
         str | None,
-        typer.Option(
+        options.option(
             metavar="LENGTH",
-            help=(
-                "Width of a pixel of the map, such as 50um: writes height and normals of the "
-                "paint too."
-            ),
-            show_default=False,
+            help="Width of a pixel of the map, such as 50um: writes height and normals of the "
+            "paint too.",
         ),
     ] = None,
     format: Annotated[
-        str, typer.Option(metavar="NAME", help="Textures as png (16 bits) or exr.")
+        str,
+        typer.Option(
+            metavar="NAME",
+            callback=options.among("png", "exr"),
+            help="Textures as png (16 bits) or exr.",
+        ),
     ] = "png",
     delta_e: Annotated[
         float,
-        typer.Option(
-            "--delta-e", help="Largest Delta E 2000 that textures may add by interpolation."
-        ),
+        typer.Option(help="Largest Delta E 2000 that textures may add by interpolation."),
     ] = 0.1,
     pigments: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FILE",
-            callback=options.there,
-            help=(
-                "Your own paints, added to the catalogue's: a pigments.csv of `glazejax recover`."
-            ),
-            show_default=False,
+        options.file_option(
+            help="Your own paints, added to the catalogue's: a pigments.csv of `glazejax recover`.",
         ),
     ] = None,
     tolerance: Annotated[
@@ -193,7 +176,7 @@ def export(
         "--thickness-range": thickness_range,
         "--pixel": pixel,
     }
-    _check(to, layering, format, of_maps)
+    _check_maps(to, of_maps)
     path = Path(_USUAL[to]) if out is None else out
     if to == "openpbr" and path.suffix.lower() != ".mtlx":
         raise ValueError(f"--out {path}: a MaterialX file ends in .mtlx")
@@ -258,14 +241,8 @@ def export(
     console.print(f"done in {time.perf_counter() - started:.1f} s")
 
 
-def _check(to: str, layering: str, kind: str, of_maps: dict[str, Any]) -> None:
+def _check_maps(to: str, of_maps: dict[str, Any]) -> None:
     """Refuse what cannot be meant, before anything is loaded."""
-    if to not in _KINDS:
-        raise ValueError(f"--to {to!r} is not known: choose {', '.join(_KINDS)}")
-    if layering not in _LAYERINGS:
-        raise ValueError(f"--layering {layering!r} is not known: choose {', '.join(_LAYERINGS)}")
-    if kind not in ("png", "exr"):
-        raise ValueError(f"--format {kind!r} is not known: choose png or exr")
     options_set = [option for option, value in of_maps.items() if value is not None]
     if to != "textures" and options_set:
         raise ValueError(f"{options_set[0]} is for textures: add --to textures")

@@ -5,14 +5,13 @@ from typing import TYPE_CHECKING
 
 from rich.console import Console
 
+from ..appearance.exports.rgb import SPACES
 from ..paint.describe import format_length
 
 if TYPE_CHECKING:
     from ..appearance.exports.fit import Errors, OpenPBRFit
     from ..appearance.exports.textures import TextureSet
     from ..stacks import Stack
-
-_SPACES = {"lin_rec709": "linear sRGB", "acescg": "ACEScg"}
 
 
 def _line(console: Console, title: str, text: str) -> None:
@@ -40,7 +39,8 @@ def print_fit(console: Console, fit: "OpenPBRFit", path: Path) -> None:
     """Say what was fitted, and how near it is."""
     material = fit.material
     truth = fit.truth
-    light = f"{_SPACES[truth.space]}, {truth.light[0]}"
+    space = SPACES[truth.space].label
+    light = f"{space}, {truth.light[0]}"
     _line(console, "wrote", f"{path}: OpenPBR 1.1 in MaterialX 1.39, colours in {light}")
     colour = " ".join(f"{value:.4g}" for value in material.base_color)
     text = f"base_color {colour}, base_diffuse_roughness {material.base_diffuse_roughness:.3g}"
@@ -67,19 +67,17 @@ def print_fit(console: Console, fit: "OpenPBRFit", path: Path) -> None:
         f"{plain.sky:.2f} and {plain.lamp:.2f}, RMS {plain.rms:.3f}",
     )
     if fit.layering != "materialx":
-        program = "materialx"
-        errors = fit.errors_with(program)
+        errors = fit.errors_with("materialx")
         _line(
             console,
             "note",
-            f"in a program that layers as in {program}: Delta E {errors.sky:.2f} and "
+            f"in a program that layers as in materialx: Delta E {errors.sky:.2f} and "
             f"{errors.lamp:.2f}",
         )
     # A smaller share is rounding.
     if fit.outside > 5e-4:
         text = (
-            f"{fit.outside:.0%} of the angles show a colour that {_SPACES[truth.space]} cannot "
-            "hold: it is brought"
+            f"{fit.outside:.0%} of the angles show a colour that {space} cannot hold: it is brought"
         )
         advice = "; --space acescg holds it" if truth.space == "lin_rec709" else ""
         _line(console, "note", f"{text} inside{advice}")

@@ -5,6 +5,7 @@ readers turn what was typed into what the library takes, and name the option in 
 """
 
 import csv
+import functools
 import math
 import os
 import re
@@ -22,6 +23,9 @@ if TYPE_CHECKING:
     from ..geometry import Geometry
     from ..io.quantity import Stated
     from ..paint.media import Pigment
+
+option = functools.partial(typer.Option, show_default=False)
+"""An option whose default is none, or stands in its help."""
 
 
 def checked(look: Callable[[Any], object]) -> Callable[[Any], Any]:
@@ -46,7 +50,7 @@ def between(low: float, high: float = math.inf) -> Callable[..., Any]:
 
     def callback(_: Any, param: Any, value: float | None) -> float | None:
         if value is not None and not low <= value <= high:
-            bounds = f"{low:g} or more" if high == math.inf else f"from {low:g} to {high:g}"
+            bounds = f"{low:g} or more" if high == math.inf else f"from {low:g} to {high:.7g}"
             kind = "a whole number " if isinstance(value, int) else ""
             raise ValueError(f"{param.opts[0]} is {value:g}; it must be {kind}{bounds}")
         return value
@@ -120,11 +124,12 @@ def _catalogue(name: str) -> None:
 
 
 there: Callable[[Any], Any] = checked(existing)
+file_option = functools.partial(option, metavar="FILE", callback=there)
+"""An option for a file that is read."""
 INDEX = 1.5
 RefractiveIndex = Annotated[
     float,
     typer.Option(
-        "--refractive-index",
         callback=between(1.0, 2.5),
         help="Refractive index of the paint, 1 to 2.5 (oil and acrylic: 1.5).",
     ),
@@ -132,19 +137,15 @@ RefractiveIndex = Annotated[
 Thickness = Annotated[
     str,
     typer.Option(
-        "--thickness",
         metavar="LENGTH",
         callback=checked(lambda text: read_length(text)),
-        help=(
-            "Typical thickness of a film, if not measured: 25um, 0.1mm. A bare number is "
-            "micrometres."
-        ),
+        help="Typical thickness of a film, if not measured: 25um, 0.1mm. A bare number is "
+        "micrometres.",
     ),
 ]
 Noise = Annotated[
     float,
     typer.Option(
-        "--noise",
         callback=between(0.0),
         help="Noise of the instrument near black: standard deviation of a reflectance.",
     ),
@@ -152,31 +153,22 @@ Noise = Annotated[
 NoiseShare = Annotated[
     float,
     typer.Option(
-        "--noise-share",
         callback=between(0.0),
         help="Noise proportional to the reading, added to --noise per unit of reflectance.",
     ),
 ]
 ModelError = Annotated[
     float | None,
-    typer.Option(
-        "--model-error",
+    option(
         callback=between(0.0, 1.0),
-        help=("Standard deviation of the model's error in reflectance (0 to 1). Default: 0.005."),
-        show_default=False,
+        help="Standard deviation of the model's error in reflectance (0 to 1). Default: 0.005.",
     ),
 ]
 Pigments = Annotated[
     Path | None,
-    typer.Option(
-        "--pigments",
-        metavar="FILE",
-        callback=there,
-        help=(
-            "Your own paints instead of the catalogue's, or with --catalogue added to them: a "
-            "pigments.csv of `glazejax recover`. Yours have precedence where names are equal."
-        ),
-        show_default=False,
+    file_option(
+        help="Your own paints instead of the catalogue's, or with --catalogue added to them: a "
+        "pigments.csv of `glazejax recover`. Yours have precedence where names are equal.",
     ),
 ]
 OILS = "oils"
@@ -189,90 +181,73 @@ def catalogue_option(default: str) -> Any:
     Args:
         default: name of that catalogue.
     """
-    return typer.Option(
+    return option(
         "--catalogue",
         metavar="NAME",
         callback=checked(_catalogue),
         help="Catalogue of paints: pigments (families, by many makers), or paints of one maker: "
         f"oils or acrylics (Golden heavy body). Default: {default}.",
-        show_default=False,
     )
 
 
 CatalogueName = Annotated[str | None, catalogue_option(OILS)]
-REFERENCES = typer.Option(
+REFERENCES = file_option(
     "--references",
-    metavar="FILE",
-    callback=there,
     help="Your own reference paints, added to the catalogue's pigments: a table of reflectance, "
     "with a Colour Index number or a family in the names (PB29, ultramarine), or a column "
     "`family`. NAME_ob and NAME_ow are over cards, 'PB29 1:10 PW6' is a tint, others are "
     "opaque.",
-    show_default=False,
 )
 Only = Annotated[
     str,
-    typer.Option(
-        "--only",
+    option(
         metavar="NAMES",
         help="Only these paints, such as ZincWhite,Eosin, from another catalogue "
         "acrylics:TitaniumWhite, or families of pigments, such as 'zinc white'.",
-        show_default=False,
     ),
 ]
 Without = Annotated[
     str,
-    typer.Option(
-        "--without",
+    option(
         metavar="NAMES",
         help="All paints but these, such as LeadWhite,Minium.",
-        show_default=False,
     ),
 ]
 Quantity = Annotated[
     str | None,
-    typer.Option(
-        "--quantity",
+    option(
         metavar="NAME",
         callback=checked(_quantity),
         help="reflectance: what the values are, whatever the file calls them.",
-        show_default=False,
     ),
 ]
 Unit = Annotated[
     str | None,
-    typer.Option(
-        "--unit",
+    option(
         metavar="UNIT",
         callback=checked(_unit),
         help="Unit, overriding the file: nm, um, 1/cm of wavelengths, percent or fraction of "
         "values, or one of each, 'um percent'.",
-        show_default=False,
     ),
 ]
 Scale = Annotated[
     float | None,
-    typer.Option(
-        "--scale",
+    option(
         metavar="NUMBER",
         callback=checked(lambda scale: stated(None, None, scale)),
         help="Number of a reflectance of 1, such as 100 or 10000, overriding the file.",
-        show_default=False,
     ),
 ]
 Samples = Annotated[
     str,
-    typer.Option(
-        "--samples",
+    option(
         metavar="NAMES",
         help="Only these samples of the file, such as 07A,11A.",
-        show_default=False,
     ),
 ]
 Illuminant = Annotated[
     str,
     typer.Option(
-        "--illuminant",
         metavar="NAME",
         callback=checked(check_illuminant),
         help="CIE illuminant of the colours: D65, D50, A, FL2, LED-B3, ...",
@@ -281,7 +256,6 @@ Illuminant = Annotated[
 Observer = Annotated[
     str,
     typer.Option(
-        "--observer",
         metavar="DEGREES",
         callback=checked(_observer),
         help="CIE standard observer of the colours: 2 or 10 degrees.",
@@ -293,35 +267,29 @@ Picture = Annotated[
 ]
 PictureIfNamed = Annotated[
     Path | None,
-    typer.Option(
+    option(
         "--out",
         "-o",
         metavar="FILE",
         help="Also draw a picture: .png, .pdf, .svg or .jpg.",
-        show_default=False,
     ),
 ]
 Folder = Annotated[
     Path | None,
-    typer.Option(
+    option(
         "--out",
         "-o",
         metavar="FOLDER",
         help="Folder for the results, created if missing.",
-        show_default=False,
     ),
 ]
 Csv = Annotated[
-    Path | None,
-    typer.Option(
-        "--csv", metavar="FILE", help="Also write a table of the results.", show_default=False
-    ),
+    Path | None, option("--csv", metavar="FILE", help="Also write a table of the results.")
 ]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace files that exist.")]
 Seed = Annotated[
     int,
     typer.Option(
-        "--seed",
         callback=between(0),
         help="Seed of the random numbers. The same seed gives the same result.",
     ),
@@ -338,12 +306,11 @@ def instrument_option(default: str) -> Any:
         "45:0, 0:45, or another ANGLE:ANGLE of light and view in degrees (30:30:specular sees "
         "the mirror reflection)."
     )
-    return typer.Option(
+    return option(
         "--instrument",
         metavar="GEOMETRY",
         callback=checked(_geometry),
         help=f"{text} Default: {default}.",
-        show_default=False,
     )
 
 
@@ -353,12 +320,11 @@ def ground_option(default: str = "") -> Any:
         "Ground below the paint: its reflectance from inside the paint, 0 to 1, or a "
         f"file of spectra, FILE or FILE:SAMPLE.{f' Default: {default}.' if default else ''}"
     )
-    return typer.Option(
+    return option(
         "--ground",
         metavar="GROUND",
         callback=checked(ground_level),
         help=text,
-        show_default=False,
     )
 
 

@@ -41,11 +41,9 @@ def register(app: typer.Typer) -> None:
 def paints(
     family: Annotated[
         str,
-        typer.Option(
-            "--family",
+        options.option(
             metavar="NAME",
             help="One family, such as azurite: its exemplars, and a picture of them with --out.",
-            show_default=False,
         ),
     ] = "",
     references: Annotated[Path | None, options.REFERENCES] = None,
@@ -56,10 +54,9 @@ def paints(
     out: options.PictureIfNamed = None,
     csv: Annotated[
         Path | None,
-        typer.Option(
+        options.option(
             metavar="FILE",
             help="Also write the exemplars and their provenance, or the references, as a table.",
-            show_default=False,
         ),
     ] = None,
     overwrite: options.Overwrite = False,

@@ -39,32 +39,24 @@ def register(app: typer.Typer) -> None:
 def render(
     coats: Annotated[
         str | None,
-        typer.Option(
-            "--coats",
+        options.option(
             help='Coats from top to bottom: "UltramarineBlue:12um, Vermillion:12um". Mixtures: '
             '"0.7*ZincWhite + 0.3*CobaltBlue:20um". Equal coats: "Eosin:5um x3". Units: um, µm, '
             "mm, nm, m.",
-            show_default=False,
         ),
     ] = None,
     stack: Annotated[
         Path | None,
-        typer.Option(
-            "--stack",
-            metavar="FILE",
-            callback=options.there,
+        options.file_option(
             help="Stack of `glazejax studio` or --write-stack (coats, ground, index, instrument), "
             "in place of --coats. --ground, --instrument and --refractive-index override it.",
-            show_default=False,
         ),
     ] = None,
     write_stack: Annotated[
         Path | None,
-        typer.Option(
-            "--write-stack",
+        options.option(
             metavar="FILE",
             help="Also write the stack as JSON, for the studio.",
-            show_default=False,
         ),
     ] = None,
     ground: Annotated[str | None, options.ground_option(_GROUND)] = None,
@@ -77,19 +69,15 @@ def render(
     overwrite: options.Overwrite = False,
     ladder: Annotated[
         str | None,
-        typer.Option(
+        options.option(
             help="Paint of the coat that the ladder repeats. Default: the top one.",
-            show_default=False,
         ),
     ] = None,
     pigments: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FILE",
-            callback=options.there,
+        options.file_option(
             help="Your own paints, added to the catalogue's: a pigments.csv of `glazejax "
             "recover`. Yours have precedence where names are equal.",
-            show_default=False,
         ),
     ] = None,
     catalogue: options.CatalogueName = None,
@@ -205,10 +193,8 @@ def render(
             rendering,
             [coat.name for coat in described],
             title=" over ".join(present) or "No paint at all",
-            subtitle=(
-                f"on a ground of {bed.words}  ·  n = {refractive_index:g}  ·  {seen}  ·  "
-                f"{request.eye}"
-            ),
+            subtitle=f"on a ground of {bed.words}  ·  n = {refractive_index:g}  ·  {seen}  ·  "
+            f"{request.eye}",
             coat=f"{coat.name} {format_length(coat.thickness)}",
             marked=coat.repeats,
             illuminant=illuminant,

@@ -21,6 +21,7 @@ All three begin with the same R_0; over bare ground, multiply has the same first
 """
 
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -29,6 +30,13 @@ from ..colour import CIE_1931, lab
 from ..geometry import Geometry
 from ..paint.media import MAX_THICKNESS, Glaze, Layer, Pigment
 from ..reflectance import reflectance
+from ..spectra import Bands
+
+Counts: TypeAlias = Int[np.ndarray, "steps"]
+"""Numbers of coats."""
+
+Steps: TypeAlias = Float[np.ndarray, "steps bands"]
+"""Spectra of the steps of a ladder."""
 
 
 @dataclass(frozen=True)
@@ -43,10 +51,10 @@ class Ladder:
     """
 
     layer: int
-    counts: Int[np.ndarray, "steps"]
-    glaze: Float[np.ndarray, "steps bands"]
-    multiply: Float[np.ndarray, "steps bands"]
-    mixing: Float[np.ndarray, "steps bands"]
+    counts: Counts
+    glaze: Steps
+    multiply: Steps
+    mixing: Steps
     capped: bool
 
 
@@ -62,9 +70,9 @@ class Rendering:
         ladder: one layer repeated.
     """
 
-    wavelengths: Float[np.ndarray, "bands"]
-    glaze: Float[np.ndarray, "bands"]
-    ground: Float[np.ndarray, "bands"]
+    wavelengths: Bands
+    glaze: Bands
+    ground: Bands
     alone: Float[np.ndarray, "layers bands"]
     ladder: Ladder
 
@@ -210,12 +218,12 @@ class _Opaque:
 
 
 def _multiply(
-    ground: Float[np.ndarray, "bands"],
-    first: Float[np.ndarray, "bands"],
-    below: Float[np.ndarray, "bands"],
-    counts: Int[np.ndarray, "steps"],
+    ground: Bands,
+    first: Bands,
+    below: Bands,
+    counts: Counts,
     surface: float,
-) -> Float[np.ndarray, "steps bands"]:
+) -> Steps:
     """R_0 (R_1/R_ground)^n, without the reflection from the surface, which no coat below it can
     change.
     """
@@ -227,11 +235,11 @@ def _multiply(
 def _mixing(
     opaque: _Opaque,
     portion: Float[np.ndarray, "2 bands"],
-    base: Float[np.ndarray, "bands"],
-    first: Float[np.ndarray, "bands"],
-    counts: Int[np.ndarray, "steps"],
-    sight: tuple[Float[np.ndarray, "bands"], str, str | int],
-) -> Float[np.ndarray, "steps bands"]:
+    base: Bands,
+    first: Bands,
+    counts: Counts,
+    sight: tuple[Bands, str, str | int],
+) -> Steps:
     """n portions of paint, given as k d and s d, stirred into an opaque paint that looks like
     `base`.
     """

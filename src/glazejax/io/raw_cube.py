@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from .finish import DELETED
 from .quantity import nanometres
@@ -255,7 +255,9 @@ class RawCube:
         if self.dtype.kind == "f":
             values[values < DELETED] = np.nan
         for number in self.ignore:
-            values[is_mark(stored, number)] = np.nan
+            # One such as -1.23e34 is rounded as the data are.
+            mark_stored = stored.dtype.type(number) if self.dtype.kind == "f" else number
+            values[stored == mark_stored] = np.nan
         if mark and self.top is not None:
             values[stored == self.top] = np.inf
         if self.converts:
@@ -267,10 +269,3 @@ class RawCube:
 def _of(number: Any, bands: Chosen) -> Any:
     """A gain or offset of some bands, where each has its own."""
     return number[bands] if np.ndim(number) else number
-
-
-def is_mark(raw: np.ndarray, mark: float) -> Bool[np.ndarray, "..."]:
-    """Find where numbers of a file are its mark of missing data; one such as -1.23e34 is rounded as
-    the data are.
-    """
-    return raw == (raw.dtype.type(mark) if raw.dtype.kind == "f" else mark)

@@ -8,10 +8,9 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ..names import nearest_names
+from ..spectra import Bands as Bands
 from ..spectra import describe_grid
 
-Bands: TypeAlias = Float[np.ndarray, "bands"]
-"""A number a band."""
 Rows: TypeAlias = Float[np.ndarray, "rows bands"]
 """Spectra, a row each."""
 Stored: TypeAlias = Float[np.ndarray, "stored"]

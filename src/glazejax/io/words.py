@@ -1,4 +1,6 @@
-"""Words of tables: numbers read strictly, and names that no spreadsheet takes for a formula."""
+"""Words of tables and options: numbers read strictly, grids of wavelengths, and names that no
+spreadsheet takes for a formula.
+"""
 
 import math
 import re
@@ -47,3 +49,26 @@ def shield_name(name: str) -> str:
 def unshield_name(name: str) -> str:
     """Name that `shield_name` wrote."""
     return name[1:] if name.startswith("'") and _FORMULA.match(name) else name
+
+
+def parse_grid(text: str) -> list[float]:
+    """Wavelengths of ``FROM:TO:STEP`` in nm, both ends included.
+
+    Raises:
+        ValueError: another form, numbers that are no wavelengths, or an end that no step meets.
+    """
+    try:
+        start, end, step = map(float, text.split(":"))
+    except ValueError:
+        raise ValueError(f"{text!r} is not FROM:TO:STEP in nm, such as 400:700:10") from None
+    if not (0 < start <= end < math.inf and 0 < step < math.inf):
+        raise ValueError(f"{text!r}: FROM must be positive, TO not below it, STEP above 0")
+    count = (end - start) / step
+    # Wavelengths of one spectrum; more are a slip of the hand, such as a step of 1e-9.
+    limit = 100_000
+    if count >= limit:
+        raise ValueError(f"{text!r}: {count + 1:.0f} wavelengths are too many (at most {limit})")
+    if abs(count - round(count)) > 1e-6:
+        last = start + step * math.floor(count)
+        raise ValueError(f"{text!r}: steps of {step:g} nm do not meet {end:g} nm; end at {last:g}")
+    return [start + step * i for i in range(round(count) + 1)]

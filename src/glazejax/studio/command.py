@@ -32,19 +32,17 @@ def studio(
     ] = None,
     page: Annotated[
         Path | None,
-        typer.Option(
+        options.option(
             metavar="FILE.html",
             help="Write the page to one file that opens offline, and stop.",
-            show_default=False,
         ),
     ] = None,
     catalogue: Annotated[
         Path | None,
-        typer.Option(
+        options.option(
             metavar="FILE.csv",
             callback=options.there,
             help="Your own paints, added to the catalogues', as written by `recover`.",
-            show_default=False,
         ),
     ] = None,
     no_open: Annotated[

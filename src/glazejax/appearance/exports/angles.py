@@ -3,6 +3,7 @@ fitted to.
 """
 
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from jaxtyping import Float
@@ -17,6 +18,9 @@ from ..glaze.solve import indices, on_grid, planned_factor
 from ..glaze.table import GlazeTable, glaze_table
 from .rgb import rgb_of_xyz
 from .spaces import Space, find_space
+
+Angles: TypeAlias = Float[np.ndarray, "angles"]
+"""A number an angle."""
 
 VIEWS = (0.0, 15.0, 30.0, 45.0, 60.0, 75.0)
 """Degrees at which colours are compared, of light and of eye."""
@@ -42,10 +46,10 @@ class AngularColour:
             it.
     """
 
-    cosines: Float[np.ndarray, "angles"]
+    cosines: Angles
     weights: Float[np.ndarray, "nodes"]
     body: Float[np.ndarray, "angles angles 3"]
-    surface: Float[np.ndarray, "angles"]
+    surface: Angles
     refractive_index: float
     roughness: float
     space: Space
@@ -125,7 +129,7 @@ def angular_colour(
 def body_spectra(
     glaze: Glaze,
     grid: Float[np.ndarray, "bands"],
-    cosines: Float[np.ndarray, "angles"],
+    cosines: Angles,
     roughness: float,
     tolerance: float,
     progress: Progress,
@@ -176,9 +180,7 @@ def pair_spectra(
     return planned_factor(glaze, cos_in[batch], cos_out[batch], tolerance)
 
 
-def surface_share(
-    cosines: Float[np.ndarray, "angles"], index: float, roughness: float
-) -> Float[np.ndarray, "angles"]:
+def surface_share(cosines: Angles, index: float, roughness: float) -> Angles:
     """Directional-hemispherical reflectance of the outer surface alone."""
     if roughness > 0:
         from ...radiative.rough.surface import surface_albedo

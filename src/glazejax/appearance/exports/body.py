@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ...radiative.rough.lobes import cos_between
+from .rgb import Triples, Values
 
 _FUJII = 0.5 - 2.0 / (3.0 * np.pi)
 _FUJII_MEAN = 2.0 / 3.0 - 28.0 / (15.0 * np.pi)
@@ -15,10 +16,10 @@ _FUJII_MEAN = 2.0 / 3.0 - 28.0 / (15.0 * np.pi)
 def diffuse_factor(
     colour: Float[np.ndarray, "3"],
     roughness: float,
-    mu_in: Float[np.ndarray, "*batch"],
-    mu_out: Float[np.ndarray, "*batch"],
-    azimuth: Float[np.ndarray, "*batch"],
-) -> Float[np.ndarray, "*batch 3"]:
+    mu_in: Values,
+    mu_out: Values,
+    azimuth: Values,
+) -> Triples:
     """Reflectance factor of the body: EON, Fujii's Oren-Nayar lobe with what it loses given back,
     (..., 3).
 
@@ -45,7 +46,7 @@ def diffuse_factor(
     return single[..., None] * colour + missing[..., None] * interreflected
 
 
-def _fujii_albedo(mu: Float[np.ndarray, "*batch"], roughness: float) -> Float[np.ndarray, "*batch"]:
+def _fujii_albedo(mu: Values, roughness: float) -> Values:
     """Directional albedo of the white lobe without what is given back."""
     sine = np.sqrt(np.maximum(0.0, 1.0 - mu**2))
     lobe = sine * (np.arccos(np.clip(mu, -1, 1)) - sine * mu) + 2.0 / 3.0 * (

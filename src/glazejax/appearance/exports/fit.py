@@ -1,8 +1,8 @@
 """Parameters of OpenPBR whose light comes nearest to a computed glaze, and how near that is."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -13,8 +13,9 @@ from ...progress import Progress, counted, no_progress
 from ...spectra import Grid
 from ...stacks import Stack
 from .angles import VIEWS, AngularColour, angular_colour
-from .openpbr import LAYERINGS, Layering, OpenPBR, directional_albedo, reflectance_factor
+from .openpbr import OpenPBR, directional_albedo, paint_surface, reflectance_factor
 from .rgb import delta_e, outside
+from .spaces import LAYERINGS, Layering
 
 # Azimuths of the comparison, half of the circle at midpoints: OpenPBR's rough body has an azimuth,
 # and paint has none.
@@ -163,11 +164,8 @@ def naive_openpbr(truth: AngularColour) -> OpenPBR:
     """
     straight = truth.weights.size
     colour = np.clip(truth.body[straight, straight], 0.0, 1.0)
-    return OpenPBR(
-        base_color=colour_tuple(colour),
-        specular_ior=truth.refractive_index,
-        specular_roughness=float(np.sqrt(truth.roughness)),
-    )
+    surface = paint_surface(truth.refractive_index, truth.roughness)
+    return replace(surface, base_color=colour_tuple(colour))
 
 
 def material_errors(
@@ -193,13 +191,12 @@ def material_errors(
     under_sky = delta_e(sky, true_sky, truth.space)
     under_lamp = delta_e(factor[lamp, views].mean(axis=1), truth.body[lamp, views], truth.space)
     return Errors(
-        *(
-            float(np.max(np.abs(sky - true_sky))),
-            float(rms),
-            float(under_sky.mean()),
-            float(under_sky.max()),
-        ),
-        *(float(under_lamp.mean()), float(under_lamp.max())),
+        albedo=float(np.max(np.abs(sky - true_sky))),
+        rms=float(rms),
+        sky=float(under_sky.mean()),
+        sky_most=float(under_sky.max()),
+        lamp=float(under_lamp.mean()),
+        lamp_most=float(under_lamp.max()),
     )
 
 
@@ -212,6 +209,7 @@ class _LobeFit:
         self.truth = truth
         self.coated = coated
         self.layering: Layering = layering
+        self.surface = paint_surface(truth.refractive_index, truth.roughness, coated=coated)
         cosines = truth.cosines[truth.nodes]
         self.cos_in = cosines[:, None, None]
         self.cos_out = cosines[:, None]
@@ -221,26 +219,13 @@ class _LobeFit:
         self.low = np.array([0.0] * 4 + ([1e-3] * 3 + [0.0] if coated else []))
 
     def material(self, x: Float[np.ndarray, "unknowns"]) -> OpenPBR:
-        index = self.truth.refractive_index
-        rough = float(np.sqrt(self.truth.roughness))
         x = np.clip(x, self.low, 1.0)
-        body: dict[str, Any] = {
-            "base_color": colour_tuple(x[:3]),
-            "base_diffuse_roughness": float(x[3]),
-        }
-        if not self.coated:
-            return OpenPBR(**body, specular_ior=index, specular_roughness=rough)
-        # Below the coat lies paint of the same index: there is no second surface.
-        return OpenPBR(
-            **body,
-            specular_ior=index,
-            specular_roughness=rough,
-            coat_weight=1.0,
-            coat_color=colour_tuple(x[4:7]),
-            coat_roughness=rough,
-            coat_ior=index,
-            coat_darkening=float(x[7]),
+        body = replace(
+            self.surface, base_color=colour_tuple(x[:3]), base_diffuse_roughness=float(x[3])
         )
+        if not self.coated:
+            return body
+        return replace(body, coat_color=colour_tuple(x[4:7]), coat_darkening=float(x[7]))
 
     def residuals(self, x: Float[np.ndarray, "unknowns"]) -> Float[np.ndarray, "residuals"]:
         factor = reflectance_factor(

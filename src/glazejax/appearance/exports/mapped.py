@@ -8,14 +8,14 @@ and interpolated for all pixels, as in `glazejax.picture`.
 """
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
 from ...colour import colour_weights, delta_e_2000, white_point, xyz_to_lab
-from ...interpolated import interpolated
+from ...interpolated import at_points
 from ...paint.media import Glaze, Mixture
 from ...progress import Progress, no_progress
 from ...radiative.common.fresnel import cos_refracted
@@ -24,7 +24,7 @@ from ...radiative.rough.lobes import lobe_albedo
 from ...spectra import validate_wavelengths
 from ..glaze.solve import indices, on_grid, with_variables
 from .angles import pair_spectra
-from .rgb import rgb_of_xyz
+from .rgb import Triples, rgb_of_xyz
 from .spaces import Space
 
 KINDS = ("thickness", "fraction", "ground")
@@ -33,7 +33,6 @@ ground.
 """
 # Tints of a coat that are tried; between them their error is a parabola.
 _TINTS = np.exp(np.linspace(0.0, np.log(2e-3), 41))
-_AT_ONCE = 65536
 # Glazes of a table that are computed side by side, so that one program serves all.
 _GLAZES = 64
 
@@ -49,9 +48,9 @@ class Colours(NamedTuple):
         computed: number of glazes that were computed.
     """
 
-    plain: Float[np.ndarray, "points 3"]
-    base: Float[np.ndarray, "points 3"]
-    coat: Float[np.ndarray, "points 3"] | None
+    plain: Triples
+    base: Triples
+    coat: Triples | None
     delta_e: float
     computed: int
 
@@ -85,13 +84,13 @@ class MappedGlaze:
                 "paints, such as 0.5*ZincWhite+0.5*CobaltBlue:20um"
             )
 
-    def at(self, points: Float[np.ndarray, "points kinds"]) -> Glaze:
-        """The glaze at points, each with its values of `kinds`: a batch."""
+    def at(self, points: Float[np.ndarray, "*points kinds"]) -> Glaze:
+        """The glaze at a point with its values of `kinds`, or at many: a batch."""
         values = dict(zip(self.kinds, np.asarray(points, float).T, strict=True))
         glaze = with_variables(
             self.glaze, self.layer, values.get("thickness"), values.get("fraction")
         )
-        ground = values["ground"][:, None] if "ground" in values else glaze.ground
+        ground = values["ground"][..., None] if "ground" in values else glaze.ground
         return Glaze(glaze.coats, ground, glaze.refractive_index)
 
 
@@ -116,14 +115,14 @@ def mapped_colours(
         light: illuminant and observer.
         coat: with a coat, which absorbs along refracted paths and does not darken.
         delta_e: largest CIEDE2000 wanted of the interpolation.
-        progress: called with the glazes, then with the points that are done. Rounds of glazes go on
-            until the interpolation is good enough.
+        progress: called with the glazes that are done, in rounds until the interpolation is good
+            enough.
     """
     grid = validate_wavelengths(mapped.glaze.wavelengths)
     weights = colour_weights(grid, *light)
     white = white_point(grid, *light)
     glaze = on_grid(mapped.glaze, grid)
-    inner = MappedGlaze(glaze, mapped.layer, mapped.kinds)
+    inner = replace(mapped, glaze=glaze)
     means = _Means(float(np.mean(np.asarray(indices(glaze, grid.size)))), roughness, coat)
     # Of reflectance factors: far below what a Delta E is made of.
     tolerance = min(1e-3, 1e-5 * delta_e)
@@ -161,29 +160,16 @@ def mapped_colours(
     if len(distinct) <= 64 or not varied.any():
         values = mean_xyz(distinct, len(distinct))
     else:
-        names = [kind for kind, varies in zip(mapped.kinds, varied, strict=True) if varies]
-        columns = dict(zip(names, distinct[:, varied].T, strict=True))
 
-        def function(**batch: Float[np.ndarray, "some"]) -> Float[np.ndarray, "some means 3"]:
-            complete = np.repeat(distinct[:1], len(next(iter(batch.values()))), axis=0)
-            complete[:, varied] = np.stack([batch[name] for name in names], axis=1)
+        def of_varied(batch: Float[np.ndarray, "some axes"]) -> Float[np.ndarray, "some means 3"]:
+            complete = np.repeat(distinct[:1], len(batch), axis=0)
+            complete[:, varied] = batch
             return mean_xyz(complete)
 
-        table = interpolated(
-            function,
-            {name: (column.min(), column.max()) for name, column in columns.items()},
-            tolerance=0.9 * delta_e,
-            distance=distance,
-            samples=columns,
-            block=None,
+        values, table = at_points(
+            of_varied, distinct[:, varied], tolerance=0.9 * delta_e, distance=distance
         )
         error = table.error
-        parts = []
-        for first in range(0, len(distinct), _AT_ONCE):
-            progress(first, len(distinct), "colouring points")
-            block = {k: c[first : first + _AT_ONCE] for k, c in columns.items()}
-            parts.append(np.asarray(table(**block), float))
-        values = np.concatenate(parts)
     # Colours of the distinct points, and back to all points.
     plain, base, tint = means.colours(rgb_of_xyz(values, white, space))
     where = where.reshape(-1)
@@ -233,9 +219,9 @@ class _Means:
     def colours(
         self, means: Float[np.ndarray, "points means 3"]
     ) -> tuple[
-        Float[np.ndarray, "points 3"],
-        Float[np.ndarray, "points 3"],
-        Float[np.ndarray, "points 3"] | None,
+        Triples,
+        Triples,
+        Triples | None,
     ]:
         """Colours of the body alone, and of body and coat, from the means in linear RGB.
 

@@ -28,9 +28,9 @@ Portsmouth, P. Kutz, S. Hill, EON: a practical energy-preserving rough diffuse B
 Turquin, Practical multiple scattering compensation for microfacet models (2019).
 """
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
-from typing import Any, Literal, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from jaxtyping import Float
@@ -39,11 +39,14 @@ from ...radiative.common.fresnel import cos_refracted, dielectric_reflectance
 from ...radiative.common.quadrature import gauss
 from ...radiative.rough.lobes import SMOOTH, lobe_albedo, lobe_factor
 from .body import diffuse_factor
+from .rgb import Triples, Values
+from .spaces import Layering
 
-Layering: TypeAlias = Literal["materialx", "specification", "reciprocal"]
+Cosines: TypeAlias = Float[np.ndarray, "..."] | float
+"""Cosines of angles from the normal, above 0, or azimuths, degrees."""
+
 Colour: TypeAlias = tuple[float, float, float]
 
-LAYERINGS = ("materialx", "specification", "reciprocal")
 _ZERO_TO_ONE = (
     "base_weight",
     "base_color",
@@ -100,15 +103,27 @@ class OpenPBR:
         return asdict(self)
 
 
+def paint_surface(index: float, alpha: float, *, coated: bool = False) -> OpenPBR:
+    """Surface of paint, of its index and of an alpha of GGX, and no colour yet.
+
+    Below a coat lies paint of the same index: there is no second surface.
+    """
+    rough = float(np.sqrt(alpha))
+    surface = OpenPBR(specular_ior=index, specular_roughness=rough)
+    if coated:
+        return replace(surface, coat_weight=1.0, coat_ior=index, coat_roughness=rough)
+    return surface
+
+
 def reflectance_factor(
     material: OpenPBR,
-    cos_in: Float[np.ndarray, "..."] | float,
-    cos_out: Float[np.ndarray, "..."] | float,
-    azimuth: Float[np.ndarray, "..."] | float = 90.0,
+    cos_in: Cosines,
+    cos_out: Cosines,
+    azimuth: Cosines = 90.0,
     *,
     layering: Layering = "materialx",
     gloss: bool = True,
-) -> Float[np.ndarray, "*batch 3"]:
+) -> Triples:
     """Reflectance factor pi f between two directions, (..., 3).
 
     Args:
@@ -142,10 +157,10 @@ def reflectance_factor(
 
 def surface_albedo(
     material: OpenPBR,
-    cos_out: Float[np.ndarray, "..."] | float,
+    cos_out: Cosines,
     *,
     layering: Layering = "materialx",
-) -> Float[np.ndarray, "*batch 3"]:
+) -> Triples:
     """Share of an even white sky that the surfaces reflect towards an angle, smooth or rough, (...,
     3).
 
@@ -162,10 +177,10 @@ def surface_albedo(
 
 def directional_albedo(
     material: OpenPBR,
-    cos_out: Float[np.ndarray, "..."] | float,
+    cos_out: Cosines,
     *,
     layering: Layering = "materialx",
-) -> Float[np.ndarray, "*batch 3"]:
+) -> Triples:
     """Share of an even white sky seen from an angle, the mirror reflection included, (..., 3)."""
     mu = np.asarray(cos_out, float)
     light, weights = gauss(16)
@@ -179,10 +194,10 @@ def directional_albedo(
 
 def _through_coat(
     material: OpenPBR,
-    mu_in: Float[np.ndarray, "*batch"],
-    mu_out: Float[np.ndarray, "*batch"],
+    mu_in: Values,
+    mu_out: Values,
     layering: Layering,
-) -> Float[np.ndarray, "*batch 3"]:
+) -> Triples:
     """Share that the coat leaves of the base's reflectance factor, (..., 3)."""
     coat = material.coat_weight
     tint = np.asarray(material.coat_color, float)
@@ -200,12 +215,12 @@ def _through_coat(
 
 
 def _let_through(
-    mu_in: Float[np.ndarray, "*batch"],
-    mu_out: Float[np.ndarray, "*batch"],
+    mu_in: Values,
+    mu_out: Values,
     alpha: float,
     index: float,
     layering: Layering,
-) -> Float[np.ndarray, "*batch"]:
+) -> Values:
     """Factor by which a surface weakens what lies below it."""
     let_out = 1.0 - lobe_albedo(mu_out, alpha, index)
     if layering != "reciprocal":
@@ -227,9 +242,7 @@ def _base_surface(material: OpenPBR) -> tuple[float, float]:
     return float(roughness**2), float((1.0 + scaled) / (1.0 - scaled))
 
 
-def _darkening(
-    material: OpenPBR, mu_out: Float[np.ndarray, "*batch"], layering: Layering
-) -> Float[np.ndarray, "*batch 3"]:
+def _darkening(material: OpenPBR, mu_out: Values, layering: Layering) -> Triples:
     """Factor by which light thrown back inside the coat darkens the base."""
     index = material.coat_ior
     albedo = np.asarray(material.base_color, float)

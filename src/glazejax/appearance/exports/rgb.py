@@ -2,14 +2,26 @@
 cannot hold.
 """
 
-from functools import lru_cache
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from jaxtyping import Float
 
-from ...colour import SRGB_PRIMARIES, SRGB_WHITE, bradford, delta_e_2000, xyz_to_lab
+from ...colour import (
+    SRGB_PRIMARIES,
+    SRGB_WHITE,
+    bradford,
+    delta_e_2000,
+    rgb_matrix,
+    xyz_to_lab,
+)
 from .spaces import Space
+
+Triples: TypeAlias = Float[np.ndarray, "*batch 3"]
+"""Colours in linear RGB, XYZ or Lab."""
+
+Values: TypeAlias = Float[np.ndarray, "*batch"]
+"""A number a point."""
 
 
 class _Primaries(NamedTuple):
@@ -27,42 +39,30 @@ SPACES = {
 }
 
 
-def rgb_of_xyz(
-    xyz: Float[np.ndarray, "*batch 3"], white: Float[np.ndarray, "3"], space: Space
-) -> Float[np.ndarray, "*batch 3"]:
+def rgb_of_xyz(xyz: Triples, white: Float[np.ndarray, "3"], space: Space) -> Triples:
     """Linear RGB, (..., 3), not clipped, of XYZ seen under a white, which becomes (1, 1, 1)."""
-    to_xyz = _to_xyz(space)
+    to_xyz = rgb_matrix(*SPACES[space][:2])
     adapt = bradford(np.asarray(white, float), to_xyz.sum(axis=1))
     return np.asarray(xyz, float) @ (np.linalg.inv(to_xyz) @ adapt).T
 
 
-def lab_of_rgb(rgb: Float[np.ndarray, "*batch 3"], space: Space) -> Float[np.ndarray, "*batch 3"]:
+def lab_of_rgb(rgb: Triples, space: Space) -> Triples:
     """CIE Lab of linear RGB, (..., 3): the space's white is (100, 0, 0), and what is adapted is
     D65.
     """
-    to_xyz = _to_xyz(space)
-    screen = _to_xyz("lin_rec709").sum(axis=1)
+    to_xyz = rgb_matrix(*SPACES[space][:2])
+    screen = rgb_matrix().sum(axis=1)
     matrix = bradford(to_xyz.sum(axis=1), screen) @ to_xyz
     return np.asarray(xyz_to_lab(np.asarray(rgb, float) @ matrix.T, screen), float)
 
 
-def delta_e(
-    first: Float[np.ndarray, "*batch 3"], second: Float[np.ndarray, "*batch 3"], space: Space
-) -> Float[np.ndarray, "*batch"]:
+def delta_e(first: Triples, second: Triples, space: Space) -> Values:
     """CIEDE2000 between linear RGB colours, (...)."""
     return delta_e_2000(lab_of_rgb(first, space), lab_of_rgb(second, space))
 
 
-def outside(rgb: Float[np.ndarray, "*batch 3"], slack: float = 5e-4) -> Float[np.ndarray, "*batch"]:
+def outside(rgb: Triples, slack: float = 5e-4) -> Values:
     """1 where a colour lies outside of what the space holds, by more than rounding, else
     0; (...).
     """
     return np.any((rgb < -slack) | (rgb > 1 + slack), axis=-1).astype(float)
-
-
-@lru_cache(maxsize=4)
-def _to_xyz(space: Space) -> Float[np.ndarray, "3 3"]:
-    """Matrix M such that ``M @ rgb`` is XYZ, Y = 1 for white."""
-    points, (x, y), _ = SPACES[space]
-    columns = np.array([[a, b, 1 - a - b] for a, b in points]).T
-    return columns * np.linalg.solve(columns, [x / y, 1.0, (1 - x - y) / y])

@@ -1,9 +1,14 @@
-"""Names of linear RGB, which a command checks before anything is loaded that computes."""
+"""Names of linear RGB and of layering rules, which a command checks before anything is loaded that
+computes.
+"""
 
-from typing import Literal, TypeAlias
+from typing import Literal, TypeAlias, get_args
 
 Space: TypeAlias = Literal["lin_rec709", "acescg"]
 """Names as MaterialX has them: linear sRGB, and the space of ACES for rendering."""
+Layering: TypeAlias = Literal["materialx", "specification", "reciprocal"]
+"""Rules by which programs put OpenPBR's layers together, see `openpbr`."""
+LAYERINGS: tuple[Layering, ...] = get_args(Layering)
 
 
 def find_space(name: str) -> Space:

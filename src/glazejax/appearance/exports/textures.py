@@ -18,11 +18,12 @@ from ...stacks import Stack
 from .angles import angular_colour, check_roughness
 from .fit import Errors, colour_tuple, material_errors
 from .image_files import FORMATS, normals, write_image
-from .mapped import KINDS, MappedGlaze, mapped_colours
+from .mapped import KINDS, Colours, MappedGlaze, mapped_colours
 from .materialx import ImageNode, write_materialx
-from .openpbr import Layering, OpenPBR
-from .rgb import SPACES, delta_e, outside
-from .spaces import Space, find_space
+from .openpbr import OpenPBR, paint_surface
+from .rgb import SPACES, outside
+from .rgb import delta_e as difference
+from .spaces import Layering, Space, find_space
 from .texture_words import SOCKETS, readme
 
 
@@ -128,15 +129,17 @@ def texture_set(
         delta_e=delta_e,
         progress=progress,
     )
-    base = colours.base
-    wrong = outside(colours.plain) > 0
-    material = _material(mapped, roughness, coat)
+    index = float(np.mean(np.asarray(single.refractive_index)))
+    material = paint_surface(index, roughness, coated=coat)
+    if coat:
+        material = replace(material, coat_darkening=0.0)
+    beyond = colours.plain[outside(colours.plain) > 0]
+    clipped = difference(beyond, np.clip(beyond, 0.0, 1.0), linear_space)
     # How near: some pixels against a computation of all angles.
     errors = _errors(
         mapped=mapped,
         points=points,
-        base=base,
-        coat=colours.coat,
+        colours=colours,
         material=material,
         roughness=roughness,
         space=linear_space,
@@ -147,20 +150,15 @@ def texture_set(
         files=files,
         material=material,
         interpolation=colours.delta_e,
-        outside=float(wrong.mean()),
-        clipped=float(
-            _difference(
-                colours.plain[wrong], np.clip(colours.plain[wrong], 0.0, 1.0), linear_space
-            ).max(initial=0.0)
-        ),
+        outside=len(beyond) / len(points),
+        clipped=float(clipped.max(initial=0.0)),
         errors=errors,
         computed=colours.computed,
     )
     # Pictures of colours, and the roughness as a picture of one value.
-    pictures = {
-        "base_color": base,
-        **({"coat_color": colours.coat} if colours.coat is not None else {}),
-    }
+    pictures = {"base_color": colours.base}
+    if colours.coat is not None:
+        pictures["coat_color"] = colours.coat
     shape = next(iter(maps.values())).shape
     files["base_color"].parent.mkdir(parents=True, exist_ok=True)
     for what, values in pictures.items():
@@ -245,28 +243,10 @@ def _files(
     return files
 
 
-def _material(mapped: MappedGlaze, roughness: float, coat: bool) -> OpenPBR:
-    """Values of the material that have no picture."""
-    index = float(np.mean(np.asarray(mapped.glaze.refractive_index)))
-    rough = float(np.sqrt(roughness))
-    plain = OpenPBR(specular_ior=index, specular_roughness=rough)
-    if not coat:
-        return plain
-    return OpenPBR(
-        specular_ior=index,
-        specular_roughness=rough,
-        coat_weight=1.0,
-        coat_ior=index,
-        coat_roughness=rough,
-        coat_darkening=0.0,
-    )
-
-
 def _errors(
     mapped: MappedGlaze,
     points: Float[np.ndarray, "points kinds"],
-    base: Float[np.ndarray, "points 3"],
-    coat: Float[np.ndarray, "points 3"] | None,
+    colours: Colours,
     material: OpenPBR,
     roughness: float,
     space: Space,
@@ -274,49 +254,26 @@ def _errors(
     progress: Progress,
 ) -> Errors:
     """Largest errors at pixels from the darkest to the lightest, each a material of its own."""
-    order = np.argsort(base @ np.array([0.3, 0.6, 0.1]))
+    order = np.argsort(colours.base @ np.array([0.3, 0.6, 0.1]))
     # Points of the map at which the whole material is held against the glaze, at all angles.
     chosen = dict.fromkeys(order[np.linspace(0, len(order) - 1, 5).round().astype(int)].tolist())
     errors = []
     for number, k in enumerate(chosen):
         progress(number, len(chosen), "comparing pixels at all angles")
-        pixel_glaze = mapped.at(points[k : k + 1])
-        coats = [
-            type(coat)(_plain(coat.medium), np.asarray(coat.thickness).reshape(-1)[0])
-            for coat in pixel_glaze.coats
-        ]
-        ground = np.asarray(pixel_glaze.ground)
         truth = angular_colour(
-            Glaze(
-                coats,
-                ground.reshape(-1)[0] if ground.size == 1 else ground.reshape(-1),
-                pixel_glaze.refractive_index,
-            ),
+            mapped.at(points[k]),
             roughness=roughness,
             space=space,
             illuminant=light[0],
             observer=light[1],
         )
-        pixel_material = replace(material, base_color=colour_tuple(base[k]))
-        if coat is not None:
-            pixel_material = replace(pixel_material, coat_color=colour_tuple(coat[k]))
-        layering: Layering = "materialx" if coat is None else "specification"
+        pixel_material = replace(material, base_color=colour_tuple(colours.base[k]))
+        layering: Layering = "materialx"
+        if colours.coat is not None:
+            pixel_material = replace(pixel_material, coat_color=colour_tuple(colours.coat[k]))
+            layering = "specification"
         errors.append(material_errors(pixel_material, truth, layering))
     return Errors(*(float(max(column)) for column in zip(*errors, strict=True)))
-
-
-def _plain(medium: Any) -> Any:
-    """A paint or mixture without a batch axis."""
-    weights = getattr(medium, "weights", None)
-    if weights is None or np.ndim(weights) == 1:
-        return medium
-    return type(medium)(medium.pigments, np.asarray(weights)[0], medium.name)
-
-
-def _difference(
-    first: Float[np.ndarray, "points 3"], second: Float[np.ndarray, "points 3"], space: Space
-) -> Float[np.ndarray, "points"]:
-    return delta_e(first, second, space) if len(first) else np.zeros(0)
 
 
 def _write_words(

@@ -15,14 +15,14 @@ from typing import Any, Literal
 
 import msgspec
 import numpy as np
-from jaxtyping import Float
 from msgspec import structs
 
 from ...colour import colour_weights
 from ...io.source import open_source
-from ...spectra import describe_grid, validate_wavelengths
+from ...io.words import parse_grid
+from ...spectra import Bands, describe_grid, validate_wavelengths
 from ..display.display import Display
-from .file_materials import read_heights, read_material, read_reflectance
+from .file_materials import read_grey, read_material, read_reflectance
 from .file_table import (
     Flag,
     Keys,
@@ -61,7 +61,7 @@ class SceneFile:
     """
 
     scene: Scene
-    white: Float[np.ndarray, "bands"]
+    white: Bands
     display: str
     gamut: str
     exposure: float
@@ -257,20 +257,11 @@ def _build(table: TomlTable, kind: Callable[..., Any], **values: Any) -> Any:
         return kind(**values)
 
 
-def _wavelengths(text: str) -> Float[np.ndarray, "bands"]:
-    """Bands of the scene: FROM:TO:STEP in nm, both ends included."""
-    try:
-        start, end, step = (float(number) for number in text.split(":"))
-    except ValueError:
-        raise ValueError(f"{text!r} is not FROM:TO:STEP in nm, such as 400:700:10") from None
-    if not (0 < start < end < 1e5 and 0.5 <= step <= end - start):
-        raise ValueError(
-            f"{text!r}: FROM must be below TO, and STEP from 0.5 nm up to their distance"
-        )
-    count = (end - start) / step
-    if abs(count - round(count)) > 1e-6:
-        raise ValueError(f"{text!r}: steps of {step:g} nm do not meet {end:g} nm")
-    grid = validate_wavelengths(start + step * np.arange(round(count) + 1))
+def _wavelengths(text: str) -> Bands:
+    """Bands of the scene."""
+    grid = validate_wavelengths(parse_grid(text))
+    if np.diff(grid).min(initial=np.inf) < 0.5:
+        raise ValueError(f"{text!r}: STEP must be 0.5 nm or more")
     # A grid too coarse or too short for colour is refused here.
     colour_weights(grid, "E")
     return grid
@@ -349,7 +340,7 @@ def _relief(table: TomlTable, plane: _PlaneKeys, folder: Path) -> np.ndarray | N
             raise table.error("", "relief_height is missing: give the height of white in relief")
         height = 1.0
     with table.blame("relief"):
-        return height * read_heights(folder / plane.relief)
+        return height * read_grey(folder / plane.relief, heights=True)
 
 
 def _shape(table: TomlTable, materials: Iterable[str], folder: Path) -> Shape:

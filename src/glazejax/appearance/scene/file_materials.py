@@ -10,7 +10,7 @@ from ...extras import require
 from ...io.source import open_source, refusal, show_path
 from ...paint.describe import MAX_THICKNESS, format_length, name_paints, parse_coats
 from ...paint.media import Glaze, Layer, make_media
-from ...spectra import describe_grid, resample
+from ...spectra import Bands, describe_grid, resample
 from ..metals import metal
 from .file_table import (
     LENGTHS,
@@ -59,7 +59,7 @@ class _GlazeKeys(Keys, tag_field="kind", tag="glaze"):
     thickness_range: Lengths | None = None
 
 
-def read_material(table: TomlTable, grid: Float[np.ndarray, "bands"], folder: Path) -> Material:
+def read_material(table: TomlTable, grid: Bands, folder: Path) -> Material:
     """One material of a scene file.
 
     Raises:
@@ -140,16 +140,6 @@ def _thickness(
     return thickness, layer - 1
 
 
-def read_heights(path: Path) -> Float[np.ndarray, "h w"]:
-    """A map of heights: a grey PNG from 0 (black) to 1 (white), or an .npy array of any finite
-    numbers as it is.
-
-    Raises:
-        FileNotFoundError, ValueError: see `read_grey`.
-    """
-    return read_grey(path, heights=True)
-
-
 def read_grey(path: Path, *, heights: bool = False) -> Float[np.ndarray, "h w"]:
     """A map from 0 to 1: a grey PNG (colours are averaged, no gamma is undone), or an .npy array as
     it is.
@@ -221,9 +211,9 @@ def read_reflectance(
     table: TomlTable,
     key: str,
     value: float | str,
-    grid: Float[np.ndarray, "bands"],
+    grid: Bands,
     folder: Path,
-) -> float | Float[np.ndarray, "bands"]:
+) -> float | Bands:
     """A reflectance: one number, or FILE or FILE:SAMPLE, any format that `glazejax.io` reads.
 
     A measured value a little above 1 becomes 1, with a note.
@@ -242,7 +232,7 @@ def read_reflectance(
 
 def _measured_material(
     table: TomlTable, key: str, text: str, grid: np.ndarray, folder: Path
-) -> Float[np.ndarray, "bands"]:
+) -> Bands:
     from ...io import read_sample
 
     sample = read_sample(text, folder=folder)

@@ -14,7 +14,7 @@ from jaxtyping import Float
 
 from ...cie import illuminants
 from ...colour import CIE_1931, colour_weights, find_illuminant
-from ...spectra import Grid, Numbers, describe_grid, validate_wavelengths
+from ...spectra import Bands, Grid, Numbers, describe_grid, validate_wavelengths
 from .shapes import Plane, Shape, Sphere, vector
 
 
@@ -87,7 +87,7 @@ Light = ParallelLight | PointLight | AreaLight
 """What a scene is lit by."""
 
 
-def lamp(name: str, wavelengths: Grid, strength: float = 1.0) -> Float[np.ndarray, "bands"]:
+def lamp(name: str, wavelengths: Grid, strength: float = 1.0) -> Bands:
     """Spectrum of a CIE illuminant such as D65, A, FL2 or LED-B3.
 
     Args:
@@ -109,9 +109,7 @@ def lamp(name: str, wavelengths: Grid, strength: float = 1.0) -> Float[np.ndarra
 _MAX_FILE = 1 << 20
 
 
-def measured_lamp(
-    text: str | Path, wavelengths: Grid, strength: float = 1.0
-) -> Float[np.ndarray, "bands"]:
+def measured_lamp(text: str | Path, wavelengths: Grid, strength: float = 1.0) -> Bands:
     """Spectrum of a lamp from a table: wavelengths in the first column, a lamp in each other one,
     names on top.
 
@@ -179,7 +177,7 @@ def lamp_on_bands(
     strength: float = 1.0,
     *,
     words: str = "the lamp",
-) -> Float[np.ndarray, "bands"]:
+) -> Bands:
     """Mean power of a lamp around each band, scaled to a luminance.
 
     Args:

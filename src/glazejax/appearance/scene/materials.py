@@ -5,13 +5,13 @@ for pairs of points and lights, and ``mirror``, what a mirror reflection carries
 equinox modules, hence pytrees: a picture can be differentiated by their spectra.
 """
 
-from typing import Any, Literal
+from typing import Any, Literal, TypeAlias
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from ...paint.media import Glaze, Layer
 from ...radiative.common.fresnel import (
@@ -21,10 +21,22 @@ from ...radiative.common.fresnel import (
     hall_reflectance,
 )
 from ...radiative.common.inputs import check_choice
-from ...spectra import Grid, as_float_array, concrete, describe_grid, same_grid
+from ...spectra import Bands, Grid, as_float_array, concrete, describe_grid, same_grid
 from .. import shading
 from ..glaze.solve import on_grid
 from ..glaze.table import GlazeTable, glaze_table
+
+ThicknessMap: TypeAlias = Float[Array | np.ndarray, "h w"]
+"""Thickness over the texture coordinates, first row on top, m."""
+
+PointSpectra: TypeAlias = Float[Array, "points bands"]
+"""Spectra of points."""
+
+PairSpectra: TypeAlias = Float[Array, "pairs bands"]
+"""Spectra of pairs of a point and a light."""
+
+PerPair: TypeAlias = Float[Array, "pairs"]
+"""A number a pair of a point and a light."""
 
 FresnelModel = Literal["exact", "hall", "cook-torrance"]
 """How the reflectance of a metal depends on the angle."""
@@ -33,13 +45,13 @@ FresnelModel = Literal["exact", "hall", "cook-torrance"]
 class Angles(eqx.Module):
     """Cosines of pairs of a point and a light, (pairs,) each, and thicknesses at the points."""
 
-    light: Float[Array, "pairs"]
+    light: PerPair
     """N.L"""
-    view: Float[Array, "pairs"]
+    view: PerPair
     """N.V"""
-    between: Float[Array, "pairs"]
+    between: PerPair
     """V.L"""
-    thickness: Float[Array, "pairs"]
+    thickness: PerPair
     """m; 0 where the material has no map."""
 
 
@@ -54,7 +66,7 @@ class SeenRanges(eqx.Module):
 class Material(eqx.Module):
     """Base of all materials."""
 
-    def check(self, name: str, wavelengths: Float[np.ndarray, "bands"]) -> None:
+    def check(self, name: str, wavelengths: Bands) -> None:
         """Refuse spectra that do not fit the scene.
 
         Raises:
@@ -77,26 +89,12 @@ class Material(eqx.Module):
         """Spectra by name, (bands,) or one number each."""
         raise NotImplementedError
 
-    def only_bands(self, keep: Bool[np.ndarray, "bands"], bands: int) -> "Material":
-        """The same material with the bands where `keep` is true."""
-        chosen = np.flatnonzero(keep)
-
-        # Only what has an axis of bands is cut.
-        def part(leaf):
-            return leaf[chosen] if eqx.is_array(leaf) and leaf.shape == (bands,) else leaf
-
-        return eqx.tree_at(
-            lambda m: list(m.spectra().values()), self, [part(s) for s in self.spectra().values()]
-        )
-
-    def prepare(
-        self, wavelengths: Float[np.ndarray, "bands"], seen: SeenRanges, tolerance: float
-    ) -> "Material":
+    def prepare(self, wavelengths: Bands, seen: SeenRanges, tolerance: float) -> "Material":
         """Material that `direct` and `mirror` are asked of; most are ready as they are."""
         return self
 
     @property
-    def thickness_map(self) -> Float[Array | np.ndarray, "h w"] | None:
+    def thickness_map(self) -> ThicknessMap | None:
         """Thickness in m over the texture coordinates, first row on top; None if there is none."""
         return None
 
@@ -105,11 +103,11 @@ class Material(eqx.Module):
         """Test whether other things are seen in it."""
         return False
 
-    def direct(self, angles: Angles) -> Float[Array, "pairs bands"]:
+    def direct(self, angles: Angles) -> PairSpectra:
         """Share of a light's spectrum that reaches the eye, the cosine of its fall included."""
         raise NotImplementedError
 
-    def mirror(self, cos_view: Float[Array, "points"]) -> Float[Array, "points bands"]:
+    def mirror(self, cos_view: Float[Array, "points"]) -> PointSpectra:
         """Share of the light from the mirror direction that reaches the eye."""
         raise NotImplementedError
 
@@ -127,7 +125,7 @@ class Lambert(Material):
         """Its reflectance."""
         return {"reflectance": self.reflectance}
 
-    def direct(self, angles: Angles) -> Float[Array, "pairs bands"]:
+    def direct(self, angles: Angles) -> PairSpectra:
         """Source: paper B, first term of (4)."""
         return shading.lambert(self.reflectance, angles.light)
 
@@ -149,7 +147,7 @@ class Phong(Material):
         """The body's reflectance."""
         return {"body": self.body}
 
-    def check(self, name: str, wavelengths: Float[np.ndarray, "bands"]) -> None:
+    def check(self, name: str, wavelengths: Bands) -> None:
         """Refuse spectra that do not fit the scene, and highlights below nothing.
 
         Raises:
@@ -163,7 +161,7 @@ class Phong(Material):
                     f"{what} of material {name!r} is {number}; it must be one number, 0 or more"
                 )
 
-    def direct(self, angles: Angles) -> Float[Array, "pairs bands"]:
+    def direct(self, angles: Angles) -> PairSpectra:
         """Source: paper B, (4) and (24)."""
         # R_v = 2 (N.V) N - V.
         mirrored = 2.0 * angles.view * angles.light - angles.between
@@ -202,15 +200,6 @@ class Conductor(Material):
         """Refractive index and extinction."""
         return {"refractive_index": self.refractive_index, "extinction": self.extinction}
 
-    def only_bands(self, keep: Bool[np.ndarray, "bands"], bands: int) -> "Material":
-        """The same metal with the bands where `keep` is true; Hall's average metal stays that of
-        all of them.
-        """
-        reduced = super().only_bands(keep, bands)
-        return eqx.tree_at(
-            lambda m: m.mean_extinction, reduced, self._average(), is_leaf=lambda leaf: leaf is None
-        )
-
     def _average(self) -> Float[Array, ""]:
         if self.mean_extinction is not None:
             return self.mean_extinction
@@ -223,11 +212,11 @@ class Conductor(Material):
         """Polished metal is."""
         return self.roughness == 0
 
-    def mirror(self, cos_view: Float[Array, "points"]) -> Float[Array, "points bands"]:
+    def mirror(self, cos_view: Float[Array, "points"]) -> PointSpectra:
         """Fresnel reflectance. Source: paper B, (11)-(23)."""
         return self._reflectance(jnp.clip(cos_view, 0.0, 1.0)[:, None])
 
-    def _reflectance(self, cosine: Float[Array, "points 1"]) -> Float[Array, "points bands"]:
+    def _reflectance(self, cosine: Float[Array, "points 1"]) -> PointSpectra:
         if self.fresnel == "exact":
             return jnp.asarray(
                 conductor_reflectance(cosine, self.refractive_index, self.extinction)
@@ -237,7 +226,7 @@ class Conductor(Material):
             return jnp.asarray(hall_reflectance(cosine, normal, self._average()))
         return jnp.asarray(cook_torrance_reflectance(jnp.maximum(cosine, 1e-6), normal))
 
-    def direct(self, angles: Angles) -> Float[Array, "pairs bands"]:
+    def direct(self, angles: Angles) -> PairSpectra:
         """The glossy lobe of a rough metal; nothing of a polished one. Source: paper B, (5)-(8)."""
         if self.is_mirror:
             bands = jnp.broadcast_shapes(self.refractive_index.shape, self.extinction.shape)
@@ -255,11 +244,11 @@ class Conductor(Material):
 class _GlazedSurface:
     """Base of a glaze and of its table; no module, so that each keeps its own order of fields."""
 
-    thickness: Float[Array | np.ndarray, "h w"] | None
+    thickness: ThicknessMap | None
     gloss: bool
 
     @property
-    def thickness_map(self) -> Float[Array | np.ndarray, "h w"] | None:
+    def thickness_map(self) -> ThicknessMap | None:
         """Thickness in m over the texture coordinates."""
         return self.thickness
 
@@ -283,7 +272,7 @@ class Glazed(_GlazedSurface, Material):
     """
 
     glaze: Glaze
-    thickness: Float[Array | np.ndarray, "h w"] | None = None
+    thickness: ThicknessMap | None = None
     layer: int = eqx.field(static=True, default=0)
     gloss: bool = eqx.field(static=True, default=True)
     roughness: float = eqx.field(static=True, default=0.0)
@@ -294,7 +283,7 @@ class Glazed(_GlazedSurface, Material):
                 f"roughness must be 0 (smooth) to 1, GGX's alpha, not {self.roughness:g}"
             )
 
-    def check(self, name: str, wavelengths: Float[np.ndarray, "bands"]) -> None:
+    def check(self, name: str, wavelengths: Bands) -> None:
         """Refuse another grid, what no table can be made of, or a map that is none.
 
         Raises:
@@ -325,36 +314,7 @@ class Glazed(_GlazedSurface, Material):
             self.glaze.coats[self.layer].medium, self.thickness
         )  # refuses what is negative or not in metres
 
-    def only_bands(self, keep: Bool[np.ndarray, "bands"], bands: int) -> "Glazed":
-        """The same material with the bands where `keep` is true."""
-        chosen = np.flatnonzero(keep)
-
-        def part(values):
-            return (
-                values[..., chosen]
-                if jnp.ndim(values) and jnp.shape(values)[-1] == bands
-                else values
-            )
-
-        glaze = self.glaze
-        if glaze.coats:
-            grid = glaze.wavelengths[chosen]
-            # A part of the same grid: no value is interpolated.
-            coats = [Layer(coat.medium.resample(grid), coat.thickness) for coat in glaze.coats]
-        else:
-            coats = []
-        glaze = Glaze(coats, part(glaze.ground), part(glaze.refractive_index))
-        return Glazed(
-            glaze=glaze,
-            thickness=self.thickness,
-            layer=self.layer,
-            gloss=self.gloss,
-            roughness=self.roughness,
-        )
-
-    def prepare(
-        self, wavelengths: Float[np.ndarray, "bands"], seen: SeenRanges, tolerance: float
-    ) -> "GlazedTable":
+    def prepare(self, wavelengths: Bands, seen: SeenRanges, tolerance: float) -> "GlazedTable":
         """Its reflectance factor as a table, for the angles and thicknesses that are seen."""
         table = glaze_table(
             self.glaze,
@@ -373,17 +333,17 @@ class GlazedTable(_GlazedSurface, Material):
     """A glaze whose reflectance factor is tabulated; made by `Glazed.prepare`."""
 
     table: GlazeTable
-    thickness: Float[Array | np.ndarray, "h w"] | None
+    thickness: ThicknessMap | None
     gloss: bool = eqx.field(static=True)
 
     def spectra(self) -> dict[str, Any]:
-        """None that could be cut into bands any more."""
+        """None: those of the glaze are checked."""
         return {}
 
     def check(self, name: str, wavelengths: Grid) -> None:
         """Nothing is left to check."""
 
-    def direct(self, angles: Angles) -> Float[Array, "pairs bands"]:
+    def direct(self, angles: Angles) -> PairSpectra:
         """Reflectance factor times the cosine of the fall."""
         varies = self.table.thickness.shape[0] > 1
         factor = self.table.reflectance_factor(
@@ -391,7 +351,7 @@ class GlazedTable(_GlazedSurface, Material):
         )
         return shading.lambert(factor, angles.light)
 
-    def mirror(self, cos_view: Float[Array, "points"]) -> Float[Array, "points bands"]:
+    def mirror(self, cos_view: Float[Array, "points"]) -> PointSpectra:
         """Fresnel reflectance of the surface."""
         return self.table.mirror(cos_view)
 

@@ -5,6 +5,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Bool, Float
 
+from ...spectra import Bands
+
 
 @dataclass
 class RenderReport:
@@ -61,7 +63,7 @@ class Rendered:
 
     values: Float[np.ndarray, "h w channels"]
     spectral: bool
-    wavelengths: Float[np.ndarray, "bands"]
+    wavelengths: Bands
     bands: Bool[np.ndarray, "all"]
     done: float
     report: RenderReport

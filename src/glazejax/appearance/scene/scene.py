@@ -8,16 +8,15 @@ light itself, whose luminance is 1.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from ...spectra import Grid, Numbers, concrete, validate_wavelengths
+from ...spectra import Bands, Grid, Numbers, concrete, validate_wavelengths
 from .lights import AreaLight, Light
 from .materials import Glazed, Material
-from .shapes import Plane, Shape, positive, vector
+from .shapes import Plane, Shape, Vector, positive, vector
 
 # Pictures beyond are a slip of the hand: 100 megapixels of 31 bands fill the memory of a
 # workstation.
@@ -67,7 +66,7 @@ class Camera:
                 f"field_of_view must be between 0 and 170 degrees, not {self.field_of_view!r}"
             )
 
-    def axes(self) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
+    def axes(self) -> tuple[Vector, Vector, Vector]:
         """Unit vectors to the right, up and forward in the picture."""
         look = vector("target", self.target) - vector("position", self.position)
         forward = look / np.linalg.norm(look)
@@ -161,32 +160,9 @@ class Scene:
             [np.broadcast_to(np.asarray(light.spectrum, float), (bands,)) for light in self.lights]
         )
 
-    def background_spectrum(self) -> Float[np.ndarray, "bands"]:
+    def background_spectrum(self) -> Bands:
         """Spectrum seen where nothing is."""
         return np.broadcast_to(np.asarray(self.background, float), (np.size(self.wavelengths),))
-
-    def only_bands(self, keep: np.ndarray) -> "Scene":
-        """The same scene with the bands where `keep` is true."""
-        if np.all(keep):
-            return self
-        bands = np.size(self.wavelengths)
-
-        def part(spectrum: Numbers) -> Numbers:
-            return (
-                spectrum
-                if np.ndim(spectrum) == 0
-                else jnp.asarray(spectrum)[..., np.flatnonzero(keep)]
-            )
-
-        return replace(
-            self,
-            wavelengths=np.asarray(self.wavelengths)[keep],
-            materials={
-                name: material.only_bands(keep, bands) for name, material in self.materials.items()
-            },
-            lights=[replace(light, spectrum=part(light.spectrum)) for light in self.lights],
-            background=part(self.background),
-        )
 
     def needs_path_tracing(self) -> str | None:
         """Features of the scene that the ray caster cannot draw, in words; None if it can draw all

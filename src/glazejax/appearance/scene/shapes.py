@@ -4,11 +4,15 @@ share.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from ...spectra import Numbers
+
+Vector: TypeAlias = Float[np.ndarray, "3"]
+"""A point or a direction."""
 
 # A relief becomes two triangles a height; this many fill some gigabytes.
 MOST_HEIGHTS = 1 << 24
@@ -17,7 +21,7 @@ MOST_HEIGHTS = 1 << 24
 _FURTHEST = 1e30
 
 
-def vector(name: str, values: Numbers, *, direction: bool = False) -> Float[np.ndarray, "3"]:
+def vector(name: str, values: Numbers, *, direction: bool = False) -> Vector:
     """Three finite numbers; with `direction` of length 1 in the end.
 
     Raises:

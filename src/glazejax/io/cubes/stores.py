@@ -22,7 +22,7 @@ def zarr_cube(path: Path, dataset: str | None, count: int | None) -> RawCube:
     require("zarr")
     import zarr
 
-    opened: Any = zarr.open(str(path), mode="r")
+    opened = _zarr_array(path, "")
     members = [("", opened)] if isinstance(opened, zarr.Array) else opened.members(max_depth=None)
     entries = [_zarr_entry(name, array) for name, array in members if hasattr(array, "shape")]
     return describe(path, "zarr", entries, dataset, count, partial(OnDisk, _zarr_array, path))
@@ -84,7 +84,7 @@ def hdf5_cube(path: Path, dataset: str | None, count: int | None) -> RawCube:
         # MATLAB 7.3 writes the last axis first.
         matlab = path.suffix.lower() == ".mat" or file.userblock_size > 0
         kind = "MATLAB 7.3" if matlab else "HDF5"
-        opener = partial(_hdf5, path)
+        opener = partial(OnDisk, _hdf5_array, path, one_at_a_time=True)
         return describe(path, kind, entries, dataset, count, opener, reverse=matlab)
 
 
@@ -103,10 +103,6 @@ def _hdf5_entry(name: str, node: Any) -> FolderEntry:
 
 # Attributes by which HDF5 ties axes together.
 _OWN = ("DIMENSION_LIST", "REFERENCE_LIST", "CLASS", "NAME")
-
-
-def _hdf5(path: Path, name: str) -> OnDisk:
-    return OnDisk(_hdf5_array, path, name, one_at_a_time=True)
 
 
 def _hdf5_array(path: Path, name: str) -> Any:

@@ -121,7 +121,10 @@ def picture_folder(path: Path, count: int | None) -> RawCube:
     import tifffile
 
     # band2 stands before band10.
-    ordered = sorted(path.iterdir(), key=lambda file: re.sub(r"\d+", _padded, file.name))
+    ordered = sorted(
+        path.iterdir(),
+        key=lambda file: re.sub(r"\d+", lambda number: number[0].zfill(20), file.name),
+    )
     endings = {file: file.suffix.lower() for file in ordered}
     files = [file for file, ending in endings.items() if ending in (".tif", ".tiff")]
     files = files or [file for file, ending in endings.items() if ending == ".png"]
@@ -169,10 +172,6 @@ def picture_folder(path: Path, count: int | None) -> RawCube:
         wavelength_unit="nm",
         **place,
     )
-
-
-def _padded(number: re.Match[str]) -> str:
-    return number[0].zfill(20)
 
 
 def _check_type(path: Path, dtype: Any) -> np.dtype[Any]:

@@ -369,7 +369,7 @@ def _is_wide(cells: _Cells, row: list[str]) -> bool:
 
 
 def _no_wavelength(title: str) -> str:
-    return f"{title!r} is no wavelength; write wavelengths in nm, 1e7 / wavenumber"
+    return f"{title!r} is no wavelength; write wavelengths in nm"
 
 
 def _choose_columns(cells: _Cells) -> tuple[list[int], list[int]]:

@@ -15,7 +15,7 @@ from jaxtyping import Array, Float, Int
 
 from ..scene import Scene
 from ..shapes import Box, Mesh, Plane, Shape, Sphere, plane_frame, rotation
-from .triangles import TriangleCaster, Triangles, make_triangles, triangle_surface
+from .triangles import TriangleCaster, Triangles, Vectors, make_triangles, triangle_surface
 
 
 class Geometry(NamedTuple):
@@ -63,9 +63,9 @@ class Hit(NamedTuple):
 class SurfacePoints(NamedTuple):
     """Points where rays meet surfaces."""
 
-    normal: Float[Array, "rays 3"]
+    normal: Vectors
     """Unit normal on the side of the ray, smooth where a mesh has normals."""
-    face: Float[Array, "rays 3"]
+    face: Vectors
     """The same of the true face."""
     uv: Float[Array, "rays 2"]
 
@@ -138,8 +138,8 @@ def _rows(values: list, width: int) -> np.ndarray:
 
 def nearest(
     geometry: Geometry,
-    origin: Float[Array, "rays 3"],
-    direction: Float[Array, "rays 3"],
+    origin: Vectors,
+    direction: Vectors,
     limit: Float[Array, "rays"] | None = None,
 ) -> Hit:
     """The nearest surface that each ray meets.

@@ -8,7 +8,7 @@ computed from that, for all bands at once and only where there is something to s
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import jax
 import jax.numpy as jnp
@@ -19,11 +19,20 @@ from ..lights import Light, ParallelLight, PointLight
 from ..shapes import vector
 from .intersect import Geometry, Hit, nearest, surface
 
+PerLight: TypeAlias = Float[np.ndarray, "points lights"]
+"""A number a point and light."""
+
+Indices: TypeAlias = Int[np.ndarray, "points"]
+"""Numbers of things."""
+
+PerPoint: TypeAlias = Float[np.ndarray, "points"]
+"""A number a point."""
+
 # Rays that go through the processor together, and the sizes that fewer of them are filled up to.
 TILE = 2**14
 _SIZES = (2**8, 2**11, TILE)
 
-Reflects = Callable[[int, Float[np.ndarray, "points"]], Float[np.ndarray, "points"]]
+Reflects = Callable[[int, PerPoint], PerPoint]
 """From the number of a material and cosines of viewing to the most that its mirror reflection
 carries; 0 for none.
 """
@@ -40,22 +49,22 @@ class Lamps(NamedTuple):
 class Bounce(NamedTuple):
     """Points that rays of one bounce meet, (points,) each, in NumPy."""
 
-    parent: Int[np.ndarray, "points"]
+    parent: Indices
     """Number of the point of the bounce before whose mirror reflection this is; of the camera's ray
     in the first.
     """
-    shape: Int[np.ndarray, "points"]
+    shape: Indices
     """Number of the shape in the scene; -1 where there is nothing."""
-    material: Int[np.ndarray, "points"]
+    material: Indices
     """Number of the material; -1 where there is nothing."""
-    cos_view: Float[np.ndarray, "points"]
+    cos_view: PerPoint
     uv: Float[np.ndarray, "points 2"]
-    strength: Float[np.ndarray, "points lights"]
+    strength: PerLight
     """Of each light at the point: 1, or the inverse square of the distance; 0 in shadow and where
     it is behind.
     """
-    cos_light: Float[np.ndarray, "points lights"]
-    between: Float[np.ndarray, "points lights"]
+    cos_light: PerLight
+    between: PerLight
     """Cosine between view and light."""
     normal: Float[np.ndarray, "points 3"]
     """Of the surface, smooth where a mesh has normals, on the side of the ray."""
@@ -209,9 +218,7 @@ def trace(
         direction = onward[go]
 
 
-def mirror_share(
-    material: Int[np.ndarray, "points"], cos_view: Float[np.ndarray, "points"], reflects: Reflects
-) -> Float[np.ndarray, "points"]:
+def mirror_share(material: Indices, cos_view: PerPoint, reflects: Reflects) -> PerPoint:
     """The most that the mirror reflection of each point carries."""
     share = np.zeros(len(material))
     for number in np.unique(material[material >= 0]):

@@ -20,8 +20,8 @@ from ..render_result import Rendered, RenderReport
 from ..scene import Scene
 from .intersect import scene_geometry
 from .rays import TILE, Bounce, Lamps, lamps, trace
-from .shade import lit_pairs, pixels_from_samples, radiance
-from .visibility import MaterialsInView, needed_bands
+from .shade import lit_pairs, radiance
+from .visibility import MaterialsInView
 
 # Bounces of rays are kept between the passes up to so many bytes, and traced again beyond.
 _KEPT_BYTES = 2**29
@@ -48,8 +48,8 @@ def render(
 
     Args:
         scene: what there is.
-        spectral: compute and keep all bands; otherwise only those that a picture on a screen can
-            show, of which nothing but XYZ is kept, so that a large picture needs little memory.
+        spectral: keep all bands; otherwise nothing but XYZ is kept, so that a large picture needs
+            little memory.
         adaptive: several rays only where neighbouring pixels differ; otherwise for all pixels.
         tolerance: absolute error wanted of a glaze's reflectance factor.
         progress: called with how far it is, in thousandths.
@@ -82,25 +82,23 @@ class _Work:
     def __init__(
         self, scene: Scene, spectral: bool, adaptive: bool, tolerance: float, progress: Progress
     ):
-        keep = np.ones(np.size(scene.wavelengths), bool) if spectral else needed_bands(scene)
-        # Weights of the whole grid: bands left out count as dark.
-        self.weights = None if spectral else colour_weights(scene.wavelengths, "E", CIE_1931)[keep]
-        self.bands = keep
-        self.scene = scene.only_bands(keep)
+        count = np.size(scene.wavelengths)
+        self.weights = None if spectral else colour_weights(scene.wavelengths, "E", CIE_1931)
+        self.scene = scene
         self.adaptive = adaptive
         self.refines: bool = adaptive and scene.antialias > 1
         self.tolerance = tolerance
         self.progress = progress
-        self.geometry = scene_geometry(self.scene)
+        self.geometry = scene_geometry(scene)
         self.places: Lamps = lamps(scene.lights)
-        self.all_materials = list(self.scene.materials.values())
+        self.all_materials = list(scene.materials.values())
         self.in_view = MaterialsInView(self.all_materials)
         self.prepared: Sequence[Material | None] = []
         self.kept = 0
         full = scene.antialias**2 if scene.antialias > 1 else 1
         self.report = RenderReport(
-            bands=int(keep.sum()),
-            bands_full=keep.size,
+            bands=count,
+            bands_full=count,
             materials_full=len(self.all_materials),
             pixels=scene.width * scene.height,
             rays_full=0,
@@ -113,7 +111,7 @@ class _Work:
         scene = self.scene
         grid = np.asarray(scene.wavelengths)
         pixels = np.arange(scene.width * scene.height)
-        image = np.full((pixels.size, int(self.bands.sum()) if self.weights is None else 3), np.nan)
+        image = np.full((pixels.size, grid.size if self.weights is None else 3), np.nan)
         finished = 0.0
         try:
             # Geometry before any spectrum: one ray for a pixel, then more where neighbours differ.
@@ -121,7 +119,7 @@ class _Work:
             signature = self._look(tiles, 0.0, 0.25)
             edges = np.zeros(0, int)
             if self.refines:
-                edges = np.flatnonzero(_differing(self._as_picture(signature)))
+                edges = np.flatnonzero(_unlike_neighbour(self._as_picture(signature), np.not_equal))
                 edge_tiles = self._tiles(edges, scene.antialias)
                 self._look(edge_tiles, 0.25, 0.35)
                 # Later tiles write over earlier ones: an edge gets the mean of its own rays.
@@ -153,7 +151,7 @@ class _Work:
             values=self._as_picture(image),
             spectral=self.weights is None,
             wavelengths=grid.astype(float),
-            bands=self.bands,
+            bands=np.ones(grid.size, bool),
             done=finished,
             report=self.report,
         )
@@ -222,7 +220,10 @@ class _Work:
                 lit_pairs(bounce, np.arange(len(bounce.material)))[0].size for bounce in bounces
             )
             samples = radiance(bounces, self.prepared, lights, background)
-            colours = np.asarray(pixels_from_samples(samples, tile.samples_across**2))
+            # The mean over the samples of each pixel, which follow one another.
+            colours = (
+                np.asarray(samples).reshape(tile.pixels.size, -1, samples.shape[-1]).mean(axis=1)
+            )
             image[tile.pixels] = colours if self.weights is None else colours @ self.weights
             tile.bounces = None
         self._report(end, "computing spectra")
@@ -241,11 +242,6 @@ def _signature(bounces: list[Bounce]) -> Int[np.ndarray, "rays"]:
         total = signature
     assert total is not None
     return total
-
-
-def _differing(values: np.ndarray) -> Bool[np.ndarray, "h w"]:
-    """Pixels that differ from a neighbour."""
-    return _unlike_neighbour(values, np.not_equal)
 
 
 def _contrasting(image: np.ndarray) -> Bool[np.ndarray, "h w"]:

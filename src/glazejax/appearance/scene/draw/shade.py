@@ -9,12 +9,11 @@ JAX: a picture can be differentiated by spectra of materials and lights.
 from collections.abc import Sequence
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..materials import Angles, Material
+from ..materials import Angles, Material, PairSpectra, PointSpectra
 from .rays import Bounce, filled_size
 
 # Pairs that go through the processor together; memory is this times the bands, a few times.
@@ -32,7 +31,7 @@ def _lit(
     light: Array,
     between: Array,
     uv: Array,
-) -> Float[Array, "pairs bands"]:
+) -> PairSpectra:
     """Light of each pair that reaches the eye."""
     thickness = _thickness(material, view, uv)
     factor = material.direct(Angles(light, view, between, thickness))
@@ -47,7 +46,7 @@ def _thickness(material: Material, view: Array, uv: Array) -> Array:
 
 
 @eqx.filter_jit
-def _mirror_light(material: Material, view: Array, beyond: Array) -> Float[Array, "points bands"]:
+def _mirror_light(material: Material, view: Array, beyond: Array) -> PointSpectra:
     return material.mirror(view) * beyond
 
 
@@ -171,10 +170,3 @@ def _pieces(count: int) -> list[tuple[slice, int]]:
 def _pad_with_first(values: np.ndarray, size: int) -> np.ndarray:
     """Values with the first one repeated at the end."""
     return np.concatenate([values, np.repeat(values[:1], size - len(values))])
-
-
-def pixels_from_samples(
-    samples: Float[Array, "rays bands"], samples_each: int
-) -> Float[Array, "pixels bands"]:
-    """Mean over the samples of each pixel, which follow one another."""
-    return jax.numpy.mean(samples.reshape(-1, samples_each, samples.shape[-1]), axis=1)

@@ -8,7 +8,7 @@ little further on.
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import jax.numpy as jnp
 import numpy as np
@@ -18,13 +18,19 @@ from ....extras import advice
 from ..mesh import import_trimesh
 from ..shapes import Mesh
 
+Corners: TypeAlias = Float[np.ndarray, "triangles 3"]
+"""A vector a triangle."""
+
+Vectors: TypeAlias = Float[Array, "rays 3"]
+"""A vector a ray."""
+
 
 class Triangles(NamedTuple):
     """Triangles of all meshes."""
 
-    corner: Float[np.ndarray, "triangles 3"]
-    edge1: Float[np.ndarray, "triangles 3"]
-    edge2: Float[np.ndarray, "triangles 3"]
+    corner: Corners
+    edge1: Corners
+    edge2: Corners
     normals: Float[np.ndarray, "triangles 3 3"]
     """At the three corners; unit vectors."""
     uv: Float[np.ndarray, "triangles 3 2"]
@@ -165,8 +171,8 @@ class TriangleCaster:
 
 
 def triangle_surface(
-    triangles: Triangles, number: Int[Array, "rays"], point: Float[Array, "rays 3"]
-) -> tuple[Float[Array, "rays 3"], Float[Array, "rays 3"], Float[Array, "rays 2"]]:
+    triangles: Triangles, number: Int[Array, "rays"], point: Vectors
+) -> tuple[Vectors, Vectors, Float[Array, "rays 2"]]:
     """Smooth normal, normal of the face and texture coordinates at points of triangles."""
     corner, edge1, edge2 = (
         jnp.asarray(a)[number] for a in (triangles.corner, triangles.edge1, triangles.edge2)

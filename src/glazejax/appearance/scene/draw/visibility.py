@@ -1,19 +1,13 @@
-"""Materials and bands that a scene shows, so that nothing else is computed."""
+"""Materials that a scene shows, so that nothing else is computed."""
 
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
-from ....colour import colour_weights
 from ....radiative.common.fresnel import dielectric_reflectance
 from ..materials import Glazed, Material, SeenRanges
-from ..scene import Scene
-from .rays import Bounce
-
-# Share of a tristimulus value of white that the bands left out may make, all together: one step of
-# 8 bits near black.
-_BANDS_SHARE = 1 / (12.92 * 255)
+from .rays import Bounce, PerPoint
 
 
 class MaterialsInView:
@@ -40,9 +34,7 @@ class MaterialsInView:
         """Rays, mirror reflections included, for one ray of the camera."""
         return self._rays / max(self._samples, 1)
 
-    def most_mirrored(
-        self, number: int, cos_view: Float[np.ndarray, "points"]
-    ) -> Float[np.ndarray, "points"]:
+    def most_mirrored(self, number: int, cos_view: PerPoint) -> PerPoint:
         """The most that the mirror reflection of a material carries; see `rays.Reflects`."""
         if not self.materials[number].is_mirror:
             return np.zeros(len(cos_view))
@@ -130,26 +122,3 @@ def _wider(span: tuple[float, float] | None, values: np.ndarray) -> tuple[float,
 def _legal(pair: tuple[float, float]) -> tuple[float, float]:
     """Range of cosines; that of an unlit material is any."""
     return (max(pair[0], 0.0), min(pair[1], 1.0)) if pair[0] <= pair[1] else (1.0, 1.0)
-
-
-def needed_bands(scene: Scene) -> Bool[np.ndarray, "bands"]:
-    """Bands that a screen can show: what the others make of white, all together, is below a step of
-    8 bits.
-    """
-    weights = np.abs(colour_weights(scene.wavelengths, "E"))
-    spectra = np.concatenate([scene.light_spectra(), scene.background_spectrum()[None]])
-    keep = np.zeros(weights.shape[0], bool)
-    for spectrum in spectra:
-        shares = weights * spectrum[:, None]
-        total = shares.sum(axis=0)
-        # Red light of long waves alone has no Z; no light at all has nothing.
-        lit = total > 0
-        if not np.any(lit):
-            continue
-        # Bands that weigh least in every tristimulus value are the first to go.
-        largest = np.max(shares[:, lit] / total[lit], axis=1)
-        order = np.argsort(largest)
-        keep[order[np.cumsum(largest[order]) > _BANDS_SHARE]] = True
-    if not np.any(keep):  # A black picture takes a band too.
-        keep[np.argmax(weights[:, 1])] = True
-    return keep

@@ -10,10 +10,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 
 from ....extras import require
-from ....spectra import Numbers
+from ....spectra import Bands, Numbers
 from ..lights import AreaLight, Light, PointLight
 from ..materials import Conductor, Glazed, Lambert, Material, Phong
 from ..scene import Scene
@@ -121,7 +120,7 @@ def mitsuba_scene(
     return description
 
 
-def spectrum(values: Numbers, wavelengths: Float[np.ndarray, "bands"]) -> dict[str, Any]:
+def spectrum(values: Numbers, wavelengths: Bands) -> dict[str, Any]:
     """A spectrum for Mitsuba: linear between the bands, nothing beyond them."""
     values = np.broadcast_to(np.asarray(values, float), wavelengths.shape)
     listed = ",".join(f"{v:.9g}" for v in values)
