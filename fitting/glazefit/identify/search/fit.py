@@ -74,6 +74,8 @@ def rank(chunk: Chunk, starts: SetStarts, table: FilmTable) -> Pool:
         lambda a: np.asarray(a, np.float32), (chunk.spectra.grounds, weights)
     )
 
+    single = task.tables.single
+
     def fit(starts: SetStarts) -> Fitted:
         spectra, count, size = starts.sets.shape
         sets = starts.sets.reshape(-1, size)
@@ -83,7 +85,7 @@ def rank(chunk: Chunk, starts: SetStarts, table: FilmTable) -> Pool:
         def run(n: Int[np.ndarray, "block"]) -> Fitted:
             *errors, row_ground = (values[n // count] for values in (*weights[:3], ground))
             return fit_films(
-                *task.tables.single,
+                *single,
                 sets[n],
                 logs[n],
                 row_ground,

@@ -6,7 +6,7 @@ right paint with a trace of another. So errors are worked out once for each grou
 candidate stands, and again where that has moved to.
 """
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import jax
@@ -19,6 +19,7 @@ from glazejax.programs import Program
 from ...film.model.errors import Whitening, paints_covariance, whitening
 from ...film.model.response import FilmResponse
 from ...film.numerics.blocks import by_blocks
+from ...film.numerics.columns import Columns
 from .chunk import Chunk
 from .fit import Fitted, Weights, fit_films, log_set_prior
 from .pool import NOBODY, Pool
@@ -51,7 +52,7 @@ def compile_ahead(task: IdentificationTask, grounds: int) -> None:
 
 
 @dataclass(frozen=True)
-class CandidateFilms:
+class CandidateFilms(Columns):
     """Candidates of several spectra in one row."""
 
     row: Int[np.ndarray, "films"]  # of the spectrum
@@ -81,10 +82,6 @@ class CandidateFilms:
             log_weight=pool.log_weight[at],
             readings=pool.readings[at],
         )
-
-    def take(self, films: np.ndarray) -> "CandidateFilms":
-        """Some of them."""
-        return type(self)(*(getattr(self, f.name)[films] for f in fields(self)))
 
     @property
     def log_weight_lost(self) -> Float[np.ndarray, "films"]:
@@ -280,13 +277,14 @@ def _fit(
         for values in (chunk.spectra.grounds, chunk.target, *errors, films.logs)
     )
     expected = jax.tree.map(np.float32, task.expected)
+    single = task.tables.single
 
     def run(n: np.ndarray) -> Fitted:
         row = films.row[n]
         own_group = group[n]
         weights = Weights(target[row], basis[own_group], height[own_group], expected)
         start = films.sets[n], logs[n], grounds[row]
-        return fit_films(*task.tables.single, *start, weights, steps=np.asarray(steps))
+        return fit_films(*single, *start, weights, steps=np.asarray(steps))
 
     fitted = by_blocks(len(films.row), block_size(basis.shape[-1]), run)
     return Fitted(*(np.asarray(values, np.float64) for values in fitted))

@@ -7,6 +7,7 @@ all tried on a grid of amounts (`table`). Sets of three grow from the best pairs
 so that the cost stays in proportion to the number of paints.
 """
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import jax
@@ -19,6 +20,7 @@ from glazejax.programs import Program
 from ...film.model.errors import model_correlation, whitening
 from ...film.model.response import FilmResponse
 from ...film.numerics.blocks import by_blocks
+from ...film.numerics.columns import Columns
 from .chunk import Chunk
 from .pool import NOBODY
 from .table import ALIKE, FilmTable, NearestSets, Paints, film_readings, sets_of
@@ -32,15 +34,12 @@ KEPT_TRIPLES = 40
 """Sets of three that are fitted, of as many."""
 
 
-class SetStarts(NamedTuple):
+@dataclass(frozen=True)
+class SetStarts(Columns):
     """Sets and where to start them; those of fewer paints are filled up with `NOBODY`."""
 
     sets: Int[np.ndarray, "spectra sets size"]
     logs: Float[np.ndarray, "spectra sets size"]
-
-    def take(self, rows: Int[np.ndarray, "rows"]) -> "SetStarts":
-        """Those of some spectra, by number."""
-        return SetStarts(self.sets[rows], self.logs[rows])
 
 
 class Screened(NamedTuple):

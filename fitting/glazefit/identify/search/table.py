@@ -11,8 +11,7 @@ import itertools
 import threading
 from collections import OrderedDict
 from collections.abc import Callable, Hashable, Sequence
-from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -283,25 +282,18 @@ class FilmTables:
         response, paints: of the instrument and of the catalogue.
         largest: set that is looked for.
         spread: standard deviation of the log of a film's total.
+
+    Attributes:
+        single: response and paints in single precision.
     """
 
     def __init__(self, response: FilmResponse, paints: Paints, largest: int, spread: float) -> None:
-        self._double = response, paints
+        self.single: tuple[FilmResponse, Paints] = jax.tree.map(
+            lambda a: jnp.asarray(np.asarray(a, np.float32)), (response, paints)
+        )
         self._task = largest, spread
         self._kept: list[tuple[np.ndarray, FilmTable]] = []
         self._lock = threading.Lock()
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Arguments that it is made from: other processes make their own tables."""
-        return {"_double": self._double, "_task": self._task}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__init__(*state["_double"], *state["_task"])
-
-    @cached_property
-    def single(self) -> tuple[FilmResponse, Paints]:
-        """Response and paints in single precision."""
-        return jax.tree.map(lambda a: jnp.asarray(np.asarray(a, np.float32)), self._double)
 
     def over(
         self,

@@ -12,7 +12,7 @@ from ...film.model.errors import ModelError, Prior
 from ...film.model.optics import Optics
 from ...film.model.response import FilmResponse
 from ...film.shared_bands import means_of_steps
-from .table import FilmTables, Paints
+from .table import FilmTables, Paints, kept_tables
 
 # A middling reflectance: errors that rank sets of paints are stated for it.
 TYPICAL_READING = 0.3
@@ -190,12 +190,22 @@ class IdentificationTask(NamedTuple):
     extenders: Bool[np.ndarray, "paints"]  # those that a film of usual thickness hardly shows
     max_paints: int
     effort: Effort
-    tables: FilmTables  # of this task alone
 
     @property
     def paint_count(self) -> int:
         """Paints in the catalogue."""
         return self.paints.absorption.shape[0]
+
+    @property
+    def tables(self) -> FilmTables:
+        """Of its films; a later task of the same catalogue and instrument has the same ones."""
+        key = (
+            *(np.asarray(values).tobytes() for values in (self.wavelengths, *self.paints)),
+            str(self.paints.absorption.dtype),
+            *(self.optics, self.surface, self.noise, self.discrepancy),
+            *(of := (self.max_paints, self.prior.spread)),
+        )
+        return kept_tables(key, lambda: FilmTables(self.response, self.paints, *of))
 
     @property
     def expected(self) -> Expected:

@@ -18,6 +18,7 @@ from jaxtyping import Float, Int
 
 from ...film.colour_metric import reading_metric
 from ...film.numerics.blocks import by_blocks
+from ...film.numerics.columns import Columns
 from ...identify.search.chunk import Chunk
 from ...identify.search.fit import prior_terms
 from ...identify.search.pool import NOBODY, Pool
@@ -33,7 +34,6 @@ from ...identify.search.surface import NuisanceMode
 from ...identify.search.task import IdentificationTask, Measured
 from ...identify.search.unstated_conditions import CONDITIONS, FilmsUnderCondition, films_under
 from ...identify.search.weigh import Odds
-from ..store.columns import Columns
 
 _STEP = 1e-3
 _terms = jax.jit(jax.vmap(prior_terms, in_axes=(0, 0, None, None)))

@@ -7,10 +7,10 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ...film.model.errors import Prior
+from ...film.numerics.columns import Columns
 from ...identify.result import log_sds
 from ...identify.search.pool import NOBODY
 from ...identify.search.weigh import Misfits, Smaller, odds_of_shared_candidates
-from ..store.columns import Columns
 from .local import Local, Searched
 
 # Log amounts are not moved farther: a paint that does next to nothing would go anywhere.

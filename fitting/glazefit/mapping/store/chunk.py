@@ -3,14 +3,14 @@ that no set explains.
 """
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Self
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from .columns import Columns
+from ...film.numerics.columns import Columns
 
 Members = tuple[int, ...]
 """Paints of a set by number, ascending; () where none of the paints explain a pixel."""
@@ -90,14 +90,6 @@ class Unexplained(Columns):
             readings=np.zeros((0, 0)),
             positions=np.zeros((0, 2), np.int64),
         )
-
-    @classmethod
-    def join(cls, gathered: Sequence[Self]) -> Self:
-        """Groups of all parts."""
-        nonempty = [groups for groups in gathered if len(groups.pixels)]
-        if not nonempty:
-            return cls.nothing()
-        return cls.joined(len(nonempty), lambda number, name: vars(nonempty[number])[name])
 
 
 @dataclass

@@ -213,7 +213,9 @@ class MapStore:
         Raises:
             ValueError: a window's sums are damaged.
         """
-        return Unexplained.join([self._window_sums(w).unexplained for w in sorted(self.done())])
+        of_windows = (self._window_sums(window).unexplained for window in sorted(self.done()))
+        groups = [spectra for spectra in of_windows if len(spectra.pixels)]
+        return Unexplained.join(groups or [Unexplained.nothing()])
 
     def note(self, **attrs: Any) -> None:
         """Add attributes to the map, such as what a check of it found."""
