@@ -176,7 +176,7 @@ def mapped(monkeypatch) -> list[dict]:
         (["none.hdr", "--example"], "leave out none.hdr, or leave out --example"),
         (["none.hdr"], "what is under the paint"),
         (["none.hdr", "--opaque"], "there is no such file"),
-        (["none.hdr", "--opaque", "--ground", "0.9"], "shows no ground"),
+        (["none.hdr", "--opaque", "--ground", "0.9"], "show no ground"),
         (["none.hdr", "--opaque", "--bare"], "give --ground too"),
         (["none.hdr", "--opaque", "--max-paints", "4"], "--max-paints is 4"),
         (["none.hdr", "--opaque", "--memory", "much"], "--memory is 'much'"),
