@@ -20,11 +20,11 @@ CHUNK = 64
 
 def find_candidates(task: IdentificationTask, measured: Measured) -> Pool:
     """Fitted candidates of spectra; `CHUNK` at a time, a few of these side by side."""
-    screened = screen(task, measured)
+    starts, tables = screen(task, measured)
 
     def fit(rows: Int[np.ndarray, "rows"]) -> Pool:
         chunk = Chunk(task, measured.take(rows))
-        ranked = rank(chunk, screened.starts.take(rows), screened.tables[rows[0]])
+        ranked = rank(chunk, starts.take(rows), tables[rows[0]])
         return weigh_traces(with_surface(chunk, refine(chunk, ranked)), task.extenders)
 
     chunks = np.split(np.arange(len(measured)), range(CHUNK, len(measured), CHUNK))

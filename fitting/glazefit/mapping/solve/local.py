@@ -270,11 +270,9 @@ def _linear(
         log_weight=pool.log_weight[row, column],
         readings=readings,
     )
-    weighed_films, groups, errors = fit_with_errors(
-        chunk, films, slopes_at(chunk, films), task.effort.steps
-    )
-    weighed_slopes = slopes_at(chunk, weighed_films)
-    shown_slopes = slopes_at(chunk, replace(films, logs=logs))
+    weighed_films, groups, errors = fit_with_errors(chunk, films, task.effort.steps)
+    weighed_slopes = slopes_at(chunk, sets, weighed_films.logs, row)
+    shown_slopes = slopes_at(chunk, sets, logs, row)
     white = errors.basis[groups.of]
     gradient, prior = _prior_of(task, sets, weighed_films.logs)
     _, whitened_slopes, data, gain = _follow(weighed_slopes, sets, white, gradient, prior)
