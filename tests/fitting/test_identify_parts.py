@@ -34,9 +34,9 @@ from glazefit.identify.search.fit import (
     trace_curvature,
 )
 from glazefit.identify.search.options import IdentificationOptions
-from glazefit.identify.search.screen import grow, score
+from glazefit.identify.search.screen import grow, score, table_over
 from glazefit.identify.search.searcher import Searcher
-from glazefit.identify.search.table import FilmTables, Paints, amounts_grid, film_table, sets_of
+from glazefit.identify.search.table import Paints, amounts_grid, film_table, sets_of
 from glazefit.identify.search.task import Expected
 from glazefit.mapping.solve.local import as_measured
 from glazejax import Hemispherical, Pigment
@@ -281,18 +281,23 @@ def _misfits(problem, white, spectra, members, amounts):
 
 
 def test_a_table_serves_its_own_ground_alone(problem):
-    response, paints, ground, _ = problem
+    _, paints, ground, _ = problem
     ground = np.asarray(ground[0])
-    tables = FilmTables(response, paints, 1, 0.7)
-    first = tables.over(ground, lambda grounds: np.eye(grounds * GRID.size))
-    assert tables.over(ground * (1 + 1e-15), lambda grounds: pytest.fail("made again")) is first
-    near = tables.over(0.99 * ground, lambda grounds: np.eye(grounds * GRID.size))
-    assert near is not first
-    other = tables.over(0.5 * ground, lambda grounds: np.eye(grounds * GRID.size))
+    pigments = [
+        Pigment(name, GRID, 1e4 * np.asarray(k), 1e4 * np.asarray(s))
+        for name, k, s in zip("ab", *paints, strict=True)
+    ]
+    task = Searcher.of(GRID, pigments, IdentificationOptions(max_paints=1)).task
+    first = table_over(task, ground)
+    assert table_over(task, ground * (1 + 1e-15)) is first
+    assert table_over(task, 0.99 * ground) is not first
+    other = table_over(task, 0.5 * ground)
     assert np.abs(other.sizes[0].films - first.sizes[0].films).max() > 0.1
-    alone = tables.over(ground[:1], lambda grounds: np.eye(grounds * GRID.size))
+    alone = table_over(task, ground[:1])
     assert alone.project.shape == (GRID.size, GRID.size)
-    assert tables.over(ground, lambda grounds: pytest.fail("forgotten")) is first
+    # A later task of the same paints and instrument has the same tables.
+    later = Searcher.of(GRID, pigments, IdentificationOptions(max_paints=1)).task
+    assert table_over(later, ground) is first
 
 
 def test_few_components_lose_only_what_films_have_in_common():

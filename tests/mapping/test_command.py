@@ -176,7 +176,7 @@ def mapped(monkeypatch) -> list[dict]:
         (["none.hdr", "--example"], "leave out none.hdr, or leave out --example"),
         (["none.hdr"], "what is under the paint"),
         (["none.hdr", "--opaque"], "there is no such file"),
-        (["none.hdr", "--opaque", "--ground", "0.9"], "shows no ground"),
+        (["none.hdr", "--opaque", "--ground", "0.9"], "show no ground"),
         (["none.hdr", "--opaque", "--bare"], "give --ground too"),
         (["none.hdr", "--opaque", "--max-paints", "4"], "--max-paints is 4"),
         (["none.hdr", "--opaque", "--memory", "much"], "--memory is 'much'"),
@@ -326,7 +326,7 @@ def test_a_damaged_window_is_named(tmp_path, monkeypatch, cube, mapped):
 def test_a_map_that_another_run_writes_is_not_replaced(tmp_path, monkeypatch, cube, mapped):
     monkeypatch.chdir(tmp_path)
     assert run(cube, "--opaque", *OILS, "--only", "ZincWhite,Eosin").exception is None
-    with MapStore.open("map.zarr").writing():
+    with MapStore("map.zarr").writing():
         done = run(cube, "--opaque", *OILS, "--only", "ZincWhite,Eosin", "--overwrite")
     assert str(done.exception) == (
         "another run is writing map.zarr; wait for it or stop it, or name another map"

@@ -3,7 +3,6 @@ probabilities out.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
@@ -26,9 +25,9 @@ if TYPE_CHECKING:
 
     from ..film.films import Instrument
     from .result import Identification
+    from .search.options import IdentificationOptions
     from .show.record import RunProvenance
 
-_GEOMETRY = "d:8"
 # Spectra from which on a map is the better way.
 _MANY = 2000
 
@@ -69,18 +68,10 @@ def identify(
         ),
     ] = None,
     ground: Annotated[str | None, options.ground_option()] = None,
-    bare: Annotated[
-        bool,
-        typer.Option(
-            "--bare",
-            help="--ground is the reading of the bare ground by the same instrument, in air.",
-        ),
-    ] = False,
-    opaque: Annotated[
-        bool, typer.Option("--opaque", help="The paint is opaque: the ground does not show.")
-    ] = False,
+    bare: facts.Bare = False,
+    opaque: facts.Opaque = False,
     pigments: options.Pigments = None,
-    catalogue: Annotated[str | None, options.catalogue_option(options.PIGMENTS)] = None,
+    catalogue: facts.Catalogue = None,
     references: facts.References = None,
     only: options.Only = "",
     without: options.Without = "",
@@ -88,12 +79,7 @@ def identify(
     quantity: options.Quantity = None,
     unit: options.Unit = None,
     scale: options.Scale = None,
-    max_paints: Annotated[
-        int,
-        typer.Option(
-            callback=options.between(1, 3), help="Largest number of paints in a film: 1, 2 or 3."
-        ),
-    ] = 3,
+    max_paints: facts.MaxPaints = 3,
     max_coats: Annotated[
         int,
         typer.Option(
@@ -129,7 +115,7 @@ def identify(
             help="Fit every pair of paints in full, which takes some five times as long.",
         ),
     ] = False,
-    instrument: Annotated[str | None, options.instrument_option(_GEOMETRY)] = None,
+    instrument: facts.InstrumentName = None,
     refractive_index: options.RefractiveIndex = 1.5,
     noise: options.Noise = 0.0005,
     noise_share: options.NoiseShare = 0.002,
@@ -188,79 +174,45 @@ def identify(
             f"--catalogue pigments is searched by family, and the paints of {pigments} have none: "
             "add --catalogue oils or acrylics, or leave out --pigments"
         )
-    if opaque and ground is not None:
-        raise ValueError("--opaque films show no ground: leave out --ground, or leave out --opaque")
-    if bare and ground is None:
-        raise ValueError("--bare says how --ground was measured: give --ground too")
+    facts.check_ground(ground, bare=bare, opaque=opaque)
     stated = options.stated(quantity, unit, scale)
-    usual = options.read_length(thickness)
-    options.check_names(
-        options.split_names(f"{only},{without}"),
-        pigments,
-        options.PIGMENTS if catalogue is pigments is None else catalogue,
-    )
-    outputs = {"--csv": csv, "--residuals": residuals, "--out": out, **_report_files(report)}
+    by_default = catalogue is pigments is None
+    catalogue = options.PIGMENTS if by_default else catalogue
+    options.check_names(options.split_names(f"{only},{without}"), pigments, catalogue)
     read = {
         "FILE": file,
         "--ground": ground_file(ground),
         "--pigments": pigments,
         "--references": references,
     }
-    options.check_outputs(outputs, overwrite, inputs=list(read.values()))
+    options.check_outputs(_outputs(typed), overwrite, inputs=list(read.values()))
     from glazejax.commands.main import start_jax
 
     start_jax()
     from glazejax.io import read_spectra
 
-    seen_by = options.read_geometry(instrument, _GEOMETRY)
-    if catalogue is pigments is None:
-        catalogue = options.PIGMENTS
-        chosen = own_films or only or without
-        if not (chosen or opaque or ground) and _over_cards(read_spectra(file, **stated).names):
-            # Two cards give a film's thickness too, and families have none.
-            of_families = {
-                "references": None,
-                "elements": "",
-                "without_elements": "",
-                "painted": None,
-            }
-            second = {**typed, **of_families, "catalogue": options.OILS}
-            for output in ("csv", "residuals", "out", "report"):
-                if (path := typed[output]) is not None:
-                    second[output] = path.with_stem(f"{path.stem}-{options.OILS}")
-            outputs = {
-                "--csv": second["csv"],
-                "--residuals": second["residuals"],
-                "--out": second["out"],
-                **_report_files(second["report"]),
-            }
-            options.check_outputs(outputs, overwrite, inputs=list(read.values()))
-            identify(**{**typed, "catalogue": catalogue})
-            identify(**second)
-            return
+    named = own_films or only or without or opaque or ground
+    if by_default and not named and _over_cards(read_spectra(file, **stated).names):
+        # Two cards give a film's thickness too, and families have none.
+        of_families = {"references": None, "elements": "", "without_elements": "", "painted": None}
+        second = {**typed, **of_families, "catalogue": options.OILS}
+        for output in ("csv", "residuals", "out", "report"):
+            if (path := typed[output]) is not None:
+                second[output] = path.with_stem(f"{path.stem}-{options.OILS}")
+        options.check_outputs(_outputs(second), overwrite, inputs=list(read.values()))
+        identify(**{**typed, "catalogue": catalogue})
+        identify(**second)
+        return
 
     from rich.console import Console
 
-    from ..film.films import Instrument, Noise
-    from ..film.model.errors import ModelError, Prior
+    from ..film.films import Noise
     from ..page.inputs import input_files
-    from .families.expected import EXPECTED, has_families
 
     console = Console(highlight=False)
-    paints = options.choose_paints(options.read_shelf(pigments, catalogue), only, without)
-    seen_with = Instrument(seen_by, refractive_index)
-    by_family = has_families(paints) and not own_films
-    evidence = facts.describe_facts(elements, without_elements, painted)
-    paints = facts.add_references(
-        paints,
-        references,
-        evidence,
-        by_family=by_family,
-        instrument=seen_with,
-        console=console,
-        stated=stated,
-    )
-    asked = options.say_asked(paints, catalogue, pigments or references, by_family=by_family)
+    search = facts.read_search({**typed, "catalogue": catalogue}, console, stated)
+    paints, by_family, keywords, asked = search
+    seen_with = keywords["instrument"]
     inputs = input_files(read) if report is not None else []
     task = _read_spectra(
         file,
@@ -278,22 +230,15 @@ def identify(
     from .result import Identification
     from .search.options import IdentificationOptions
 
-    settings = {
-        "noise": Noise(noise, noise_share),
-        "discrepancy": ModelError() if model_error is None else ModelError(amplitude=model_error),
-        "prior": replace(EXPECTED if by_family else Prior(), thickness=usual),
-    }
     search_options = IdentificationOptions(
-        instrument=seen_with,
-        **settings,
-        max_paints=max_paints,
+        **keywords,
+        noise=Noise(noise, noise_share),
         max_coats=max_coats,
         # A report judges by 40 candidates how near each paint comes.
         keep=max(top, 5 if report is None else 40),
         thorough=thorough,
         own_films=own_films,
         varnish=varnish,
-        **evidence,
     )
     chunks = identify_chunks(
         task.wavelengths,
@@ -327,7 +272,7 @@ def identify(
             asked=asked,
             task=task,
             instrument=seen_with,
-            settings=settings,
+            searched=search_options,
             paints=paints,
             inputs=inputs,
             subject=subject,
@@ -374,15 +319,16 @@ class _Spectra(NamedTuple):
     notes: tuple[str, ...]
 
 
-def _report_files(report: Path | None) -> dict[str, Path | None]:
-    """Files of ``--report`` by what they are called in errors."""
-    if report is None:
-        return {}
+def _outputs(typed: Mapping[str, Any]) -> dict[str, Path | None]:
+    """Files to write by what they are called in errors."""
+    files = {f"--{name}": typed[name] for name in ("csv", "residuals", "out", "report")}
+    if typed["report"] is None:
+        return files
     from glazejax.extras import require
 
-    table, data = head.beside(report)
+    table, data = head.beside(typed["report"])
     require("jinja2")
-    return {"--report": report, "the table of --report": table, "the JSON of --report": data}
+    return {**files, "the table of --report": table, "the JSON of --report": data}
 
 
 def _over_cards(names: Sequence[str]) -> bool:
@@ -486,7 +432,7 @@ def _about(
     asked: str,
     task: _Spectra,
     instrument: "Instrument",
-    settings: Mapping[str, Any],
+    searched: "IdentificationOptions",
     paints: "Sequence[Pigment]",
     *,
     inputs: list[dict[str, Any]],
@@ -523,7 +469,9 @@ def _about(
         notes=task.notes,
         max_paints=typed["max_paints"],
         max_coats=typed["max_coats"],
-        settings={name: asdict(setting) for name, setting in settings.items()},
+        settings={
+            name: asdict(getattr(searched, name)) for name in ("noise", "discrepancy", "prior")
+        },
         names=task.names,
         subject=subject,
     )

@@ -1,10 +1,11 @@
-"""Further facts of a painting, as options of `glazejax identify` and `glazejax map`: elements,
-the year, and reference paints.
+"""Options that `glazejax identify` and `glazejax map` share: elements, the year, paints, and what
+is expected of films of these.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
@@ -15,8 +16,6 @@ if TYPE_CHECKING:
 
     from glazejax import Pigment
     from glazejax.io.quantity import Stated
-
-    from ..film.films import Instrument
 
 
 def _check_elements(text: str) -> None:
@@ -56,55 +55,111 @@ Painted = Annotated[
 References = Annotated[Path | None, options.REFERENCES]
 
 
-def describe_facts(elements: str, without_elements: str, painted: int | None) -> dict[str, Any]:
-    """Elements and year by the names that `IdentificationOptions` has for them."""
-    return {
-        "elements": tuple(options.split_names(elements)),
-        "without_elements": tuple(options.split_names(without_elements)),
-        "painted": painted,
-    }
+Catalogue = Annotated[str | None, options.catalogue_option(options.PIGMENTS)]
+Bare = Annotated[
+    bool,
+    typer.Option(
+        "--bare", help="--ground is what the same instrument reads from the bare ground, in air."
+    ),
+]
+Opaque = Annotated[
+    bool, typer.Option("--opaque", help="The paint is opaque: the ground does not show.")
+]
+MaxPaints = Annotated[
+    int,
+    typer.Option(
+        callback=options.between(1, 3), help="Largest number of paints in a film: 1, 2 or 3."
+    ),
+]
+InstrumentName = Annotated[str | None, options.instrument_option("d:8")]
 
 
-def add_references(
-    paints: "Sequence[Pigment]",
-    references: Path | None,
-    facts: dict[str, Any],
-    *,
-    by_family: bool,
-    instrument: "Instrument",
-    console: "Console",
-    stated: "Stated",
-) -> "list[Pigment]":
-    """Paints of a catalogue, and reference paints with them.
+def check_ground(ground: str | None, *, bare: bool, opaque: bool) -> None:
+    """Refuse a ground of films that show none, and ``--bare`` without one."""
+    if opaque and ground is not None:
+        raise ValueError("--opaque films show no ground: leave out --ground, or leave out --opaque")
+    if bare and ground is None:
+        raise ValueError("--bare says how --ground was measured: give --ground too")
+
+
+class Search(NamedTuple):
+    """Paints that are searched for, and how.
+
+    Attributes:
+        paints: of the catalogue and of the user's own files.
+        by_family: whether their families are searched.
+        keywords: instrument, discrepancy, prior, max_paints, elements and year, as fields of
+            `IdentificationOptions`.
+        asked: what was asked, in words.
+    """
+
+    paints: "list[Pigment]"
+    by_family: bool
+    keywords: dict[str, Any]
+    asked: str
+
+
+def read_search(typed: Mapping[str, Any], console: "Console", stated: "Stated") -> Search:
+    """The search that options ask for.
 
     Args:
-        paints: of the catalogue.
-        references: file of ``--references``, or None.
-        facts: by `describe_facts`.
-        by_family: whether families are searched.
-        instrument: that read the references.
-        console: to print notes to.
-        stated: what the user says of quantity and units.
+        typed: options by the names of the command's arguments.
+        console: to print notes on references to.
+        stated: what the user says of quantity and units of these.
 
     Raises:
-        FileNotFoundError: no such file.
-        ValueError: facts or references where no families are searched, or a table that is no
-            references.
+        FileNotFoundError: no file of references.
+        ValueError: paints that there are not, facts or references where no families are searched,
+            or a table that is no references.
     """
+    from ..film.films import Instrument
+    from ..film.model.errors import ModelError, Prior
+    from .families.expected import EXPECTED, has_families
+
+    pigments, catalogue, references = (
+        typed[name] for name in ("pigments", "catalogue", "references")
+    )
+    paints = options.choose_paints(
+        options.read_shelf(pigments, catalogue), typed["only"], typed["without"]
+    )
+    by_family = has_families(paints) and not typed.get("own_films")
+    facts = {
+        "elements": tuple(options.split_names(typed["elements"])),
+        "without_elements": tuple(options.split_names(typed["without_elements"])),
+        "painted": typed["painted"],
+    }
+    instrument = Instrument(
+        options.read_geometry(typed["instrument"], "d:8"), typed["refractive_index"]
+    )
     if any(value not in ((), None) for value in facts.values()) and not by_family:
         raise ValueError(
             "--elements, --without-elements and --painted weigh families of pigments: give "
             "--catalogue pigments"
         )
-    if references is None:
-        return list(paints)
-    if not by_family:
-        raise ValueError(
-            "--references are searched by family: give --catalogue pigments, and neither "
-            "--pigments nor --own-films"
-        )
-    from .families.references import read_references
+    if references is not None:
+        if not by_family:
+            raise ValueError(
+                "--references are searched by family: give --catalogue pigments, and neither "
+                "--pigments nor --own-films"
+            )
+        from .families.references import read_references
 
-    library = read_references(references, instrument, **stated)
-    progress.print_notes(console, references, (*library.notes, *library.unclear))
-    return [*paints, *library.pigments]
+        library = read_references(references, instrument, **stated)
+        progress.print_notes(console, references, (*library.notes, *library.unclear))
+        paints += library.pigments
+    error = typed["model_error"]
+    return Search(
+        paints=paints,
+        by_family=by_family,
+        keywords={
+            "instrument": instrument,
+            "discrepancy": ModelError() if error is None else ModelError(amplitude=error),
+            "prior": replace(
+                EXPECTED if by_family else Prior(),
+                thickness=options.read_length(typed["thickness"]),
+            ),
+            "max_paints": typed["max_paints"],
+            **facts,
+        },
+        asked=options.say_asked(paints, catalogue, pigments or references, by_family=by_family),
+    )

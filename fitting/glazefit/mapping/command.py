@@ -3,7 +3,6 @@ by pixel, out.
 """
 
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -18,8 +17,6 @@ from .options import CUBE
 
 if TYPE_CHECKING:
     from rich.console import Console
-
-_GEOMETRY = "d:8"
 
 
 def register(app: typer.Typer) -> None:
@@ -120,7 +117,7 @@ def map_(
         str, _option("First and last wavelength that are used, nm: 420-700.", "NM-NM")
     ] = "",
     pigments: options.Pigments = None,
-    catalogue: Annotated[str | None, options.catalogue_option(options.PIGMENTS)] = None,
+    catalogue: facts.Catalogue = None,
     references: facts.References = None,
     only: options.Only = "",
     without: options.Without = "",
@@ -142,26 +139,13 @@ def map_(
             options.checked(_ground),
         ),
     ] = None,
-    bare: Annotated[
-        bool,
-        typer.Option(
-            "--bare",
-            help="--ground is what the same instrument reads from the bare ground, in air.",
-        ),
-    ] = False,
-    opaque: Annotated[
-        bool, typer.Option("--opaque", help="The paint hides its ground everywhere.")
-    ] = False,
+    bare: facts.Bare = False,
+    opaque: facts.Opaque = False,
     elements: facts.Elements = "",
     without_elements: facts.WithoutElements = "",
     painted: facts.Painted = None,
-    max_paints: Annotated[
-        int,
-        typer.Option(
-            callback=options.between(1, 3), help="Largest number of paints in a pixel: 1, 2 or 3."
-        ),
-    ] = 3,
-    instrument: Annotated[str | None, options.instrument_option(_GEOMETRY)] = None,
+    max_paints: facts.MaxPaints = 3,
+    instrument: facts.InstrumentName = None,
     refractive_index: options.RefractiveIndex = 1.5,
     noise: Annotated[
         float | None,
@@ -228,12 +212,7 @@ def map_(
             )
     elif cube is None:
         raise ValueError("no CUBE was given; name an image of spectra, or try --example")
-    if opaque and ground is not None:
-        raise ValueError(
-            "--opaque paint shows no ground: leave out --ground, or leave out --opaque"
-        )
-    if bare and ground is None:
-        raise ValueError("--bare says how --ground was measured: give --ground too")
+    facts.check_ground(ground, bare=bare, opaque=opaque)
     if not (example or opaque or ground):
         raise ValueError(
             "what is under the paint? Give --ground, its reflectance such as 0.9, a table, or "
@@ -255,7 +234,6 @@ def map_(
     )
 
     require("xarray", "zarr")
-    usual = options.read_length(thickness)
     bound = read_memory(memory)
     spots = spot or []
     read_spots(spots, [])
@@ -282,28 +260,24 @@ def map_(
     _check_outputs(out, {"CUBE": cube, **given_files}, csv, export, report, overwrite)
     if cube is not None:
         options.existing(cube)
+    if catalogue is pigments is None:
+        # The example is painted with oils.
+        catalogue = options.OILS if example else options.PIGMENTS
     if not example:
-        options.check_names(
-            options.split_names(f"{only},{without}"),
-            pigments,
-            options.PIGMENTS if catalogue is pigments is None else catalogue,
-        )
+        options.check_names(options.split_names(f"{only},{without}"), pigments, catalogue)
     from glazejax.commands.main import start_jax
 
     from .solve.process import few_arenas
 
     few_arenas()
     start_jax(optimisation=3)
-    seen_by = options.read_geometry(instrument, _GEOMETRY)
     import numpy as np
     from rich.console import Console
 
     from glazejax.commands.command_line import command_line, ground_file
     from glazejax.io import CubeSource
 
-    from ..film.films import Instrument, Noise
-    from ..film.model.errors import ModelError, Prior
-    from ..identify.families.expected import EXPECTED, has_families
+    from ..film.films import Noise
     from ..identify.search.options import IdentificationOptions
     from .family_facts import describe_sets
     from .map_cube import map_cube
@@ -322,28 +296,13 @@ def map_(
         cube = example_files["cube"]
         if not (opaque or ground):
             ground = str(example_files["ground"])
-        if pigments is None:
-            # It is painted with these.
-            catalogue = catalogue or options.OILS
         if catalogue == options.OILS and not (pigments or only or without):
             without = example_files["without"]
     assert cube is not None
-    if catalogue is pigments is None:
-        catalogue = options.PIGMENTS
-    paints = options.choose_paints(options.read_shelf(pigments, catalogue), only, without)
-    by_family = has_families(paints)
+    chosen = {**typed, "catalogue": catalogue, "without": without}
+    paints, by_family, search, asked = facts.read_search(chosen, console, {})
     locations = read_spots(spots, [paint.name for paint in paints])
-    seen_with = Instrument(seen_by, refractive_index)
-    evidence = facts.describe_facts(elements, without_elements, painted)
-    paints = facts.add_references(
-        paints,
-        references,
-        evidence,
-        by_family=by_family,
-        instrument=seen_with,
-        console=console,
-        stated={},
-    )
+    seen_with = search["instrument"]
     # Workers of a cluster have another folder of their own.
     source = CubeSource(cube.absolute(), **reading)
     opened = source.open()
@@ -351,12 +310,10 @@ def map_(
     measured_spots = read_spectra_of_spots(locations, opened)
     below, ground_words, notes = read_ground_of_cube(ground, bare, opened, paints, seen_with)
     progress.print_notes(console, "--ground", notes)
-    stated_noise = {"floor": noise, "share": noise_share}
-    search: dict[str, Any] = {
-        "instrument": seen_with,
-        "prior": replace(EXPECTED if by_family else Prior(), thickness=usual),
-        "max_paints": max_paints,
-        **evidence,
+    stated_noise = {
+        name: value
+        for name, value in {"floor": noise, "share": noise_share}.items()
+        if value is not None
     }
     with (
         say_what_is_kept(out, console, overwrite=overwrite),
@@ -372,18 +329,14 @@ def map_(
             out=out,
             mask=mask,
             spots=measured_spots,
-            noise=None
-            if noise is noise_share is None
-            else Noise(**{k: v for k, v in stated_noise.items() if v is not None}),
-            discrepancy=None if model_error is None else ModelError(amplitude=model_error),
+            noise=Noise(**stated_noise) if stated_noise else None,
             **search,
             memory=bound,
             client=client,
             overwrite=overwrite,
             progress=report_progress,
         )
-    asked = options.say_asked(paints, catalogue, pigments or references, by_family=by_family)
-    store = MapStore.open(out)
+    store = MapStore(out)
     tallies, sets = store.sums()
     console.print(f"Wrote the map to {out}")
     print_map(paint_map, tallies, sets, console)
@@ -402,9 +355,11 @@ def map_(
             **{head.TITLES[name]: text for name, text in subject.items()},
             "Catalogue": asked,
             "Ground": ground_words,
-            "Instrument": f"{seen_by.describe()}, refractive index {refractive_index:g}",
-            "Elements": ", ".join(evidence["elements"]),
-            "Elements not found": ", ".join(evidence["without_elements"]),
+            "Instrument": (
+                f"{seen_with.geometry.describe()}, refractive index {refractive_index:g}"
+            ),
+            "Elements": ", ".join(search["elements"]),
+            "Elements not found": ", ".join(search["without_elements"]),
             "Painted": "" if painted is None else str(painted),
         }
         read = {**given_files, "--ground": ground_file(ground)}

@@ -517,7 +517,7 @@ class Identification(Tabulated):
         probability = odds.candidates / total[:, None]
         present = pool.members[..., None] == np.arange(len(paints))
         best = np.argsort(-probability, axis=1, kind="stable")[:, :keep]
-        top = pool.take(best)
+        top = pool.choose(best)
         return cls(
             measured=measured,
             paints=paints,

@@ -18,7 +18,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from glazejax.programs import Program
 
-from ...film.model.errors import whitening
+from ...film.model.errors import Whitening, whitening
 from ...film.model.response import FilmResponse
 from ...film.numerics.blocks import by_blocks
 from ...film.numerics.least_squares import damped_newton, inverse_small
@@ -51,10 +51,10 @@ class Weights(NamedTuple):
 class Fitted(NamedTuple):
     """Candidates of one spectrum."""
 
-    logs: Float[Array | np.ndarray, "sets size"]
-    covariance: Float[Array | np.ndarray, "sets size size"]  # of the log amounts
-    log_evidence: Float[Array | np.ndarray, "sets"]
-    readings: Float[Array | np.ndarray, "sets readings"]  # without the surface
+    logs: Float[Any, "sets size"]
+    covariance: Float[Any, "sets size size"]  # of the log amounts
+    log_evidence: Float[Any, "sets"]
+    readings: Float[Any, "sets readings"]  # without the surface
 
 
 def rank(chunk: Chunk, starts: SetStarts, table: FilmTable) -> Pool:
@@ -69,30 +69,16 @@ def rank(chunk: Chunk, starts: SetStarts, table: FilmTable) -> Pool:
     task = chunk.task
     project = table.project
     errors = whitening(project @ (chunk.noise_covariance + chunk.ranking_covariance) @ project.T)
-    weights = Weights(chunk.target, errors.basis @ project, errors.height, task.expected)
-    ground, weights = jax.tree.map(
-        lambda a: np.asarray(a, np.float32), (chunk.spectra.grounds, weights)
-    )
+    errors = errors._replace(basis=errors.basis @ project)
 
     def fit(starts: SetStarts) -> Fitted:
         spectra, count, size = starts.sets.shape
+        row = np.repeat(np.arange(spectra), count)
+        logs = np.clip(starts.logs, np.log(LEAST), np.log(MOST)).reshape(-1, size)
         sets = starts.sets.reshape(-1, size)
-        logs = np.clip(starts.logs, np.log(LEAST), np.log(MOST)).astype(np.float32)
-        logs = logs.reshape(-1, size)
-
-        def run(n: Int[np.ndarray, "block"]) -> Fitted:
-            *errors, row_ground = (values[n // count] for values in (*weights[:3], ground))
-            return fit_films(
-                *task.tables.single,
-                sets[n],
-                logs[n],
-                row_ground,
-                Weights(*errors, expected=weights.expected),
-                steps=np.asarray(task.effort.ranking_steps),
-            )
-
-        fitted = by_blocks(len(sets), _BLOCK, run)
-        return jax.tree.map(lambda a: a.reshape(spectra, count, *a.shape[1:]), fitted)
+        steps = task.effort.ranking_steps
+        fitted = fit_all(chunk, row, sets, logs, errors, row, steps, _BLOCK)
+        return Fitted(*(values.reshape(spectra, count, *values.shape[1:]) for values in fitted))
 
     fitted = fit(starts)
     pool = pool_of(task, starts.sets, fitted)
@@ -111,6 +97,45 @@ def rank(chunk: Chunk, starts: SetStarts, table: FilmTable) -> Pool:
     return pool.merge(triples)
 
 
+def fit_all(
+    chunk: Chunk,
+    row: Int[np.ndarray, "films"],
+    sets: Int[np.ndarray, "films size"],
+    logs: Float[np.ndarray, "films size"],
+    errors: Whitening,
+    own: Int[np.ndarray, "films"],
+    steps: int,
+    block: int,
+) -> Fitted:
+    """Films fitted in single precision, in which evidences are good to a thousandth, and amounts to
+    a hundredth where readings hardly determine them.
+
+    Args:
+        chunk: the spectra.
+        row: spectrum of each film.
+        sets: its paints; a negative number is none.
+        logs: log amounts to start from.
+        errors: of some films or spectra.
+        own: number of each film's errors among these.
+        steps: of Newton's method.
+        block: films that are fitted at a time.
+    """
+    task = chunk.task
+    single = task.single
+    grounds, target, basis, height, logs, expected = jax.tree.map(
+        lambda a: np.asarray(a, np.float32),
+        (chunk.spectra.grounds, chunk.target, *errors, logs, task.expected),
+    )
+
+    def run(n: Int[np.ndarray, "block"]) -> Fitted:
+        weights = Weights(target[row[n]], basis[own[n]], height[own[n]], expected)
+        start = sets[n], logs[n], grounds[row[n]]
+        return fit_films(*single, *start, weights, steps=np.asarray(steps))
+
+    fitted = by_blocks(len(sets), block, run)
+    return Fitted(*(values.astype(np.float64) for values in fitted))
+
+
 def pool_of(
     task: IdentificationTask,
     sets: np.ndarray,
@@ -121,16 +146,16 @@ def pool_of(
     size = sets.shape[-1]
     room = ((0, 0), (0, 0), (0, 3 - size))
     where = np.zeros_like(sets) if coats is None else coats
-    logs = np.pad(np.asarray(fitted.logs, float), room, constant_values=-np.inf)
+    logs = np.pad(fitted.logs, room, constant_values=-np.inf)
     return Pool(
         members=np.pad(sets, room, constant_values=NOBODY),
         coats=np.pad(where, room),
         logs=logs,
         weighed=logs,
-        covariance=np.pad(np.asarray(fitted.covariance, float), (*room, (0, 3 - size))),
-        log_weight=np.asarray(fitted.log_evidence, float) + log_set_prior(task, sets),
-        readings=np.asarray(fitted.readings, float),
-        adjusted=np.asarray(fitted.readings, float),
+        covariance=np.pad(fitted.covariance, (*room, (0, 3 - size))),
+        log_weight=fitted.log_evidence + log_set_prior(task, sets),
+        readings=fitted.readings,
+        adjusted=fitted.readings,
         gloss=np.zeros(sets.shape[:2]),
         condition=np.zeros(sets.shape[:2], dtype=np.int32),
     )

@@ -1,17 +1,18 @@
 """Candidates of spectra while they are searched for."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float, Int
+
+from ...film.numerics.columns import Columns
 
 NOBODY = -1
 """Stands where a candidate has fewer than three paints."""
 
 
 @dataclass(frozen=True)
-class Pool:
+class Pool(Columns):
     """Candidates of some spectra, not yet compared; three places each, filled up with `NOBODY`."""
 
     members: Int[np.ndarray, "spectra candidates 3"]
@@ -29,32 +30,19 @@ class Pool:
 
     def merge(self, *pools: "Pool") -> "Pool":
         """Candidates of all for the same spectra."""
-        arrays = zip(self.parts, *(pool.parts for pool in pools), strict=True)
-        return Pool(*(np.concatenate(same, axis=1) for same in arrays))
-
-    @classmethod
-    def join(cls, pools: Sequence["Pool"]) -> "Pool":
-        """Candidates of further spectra, as many of each."""
-        return cls(
-            *(
-                np.concatenate(arrays)
-                for arrays in zip(*(pool.parts for pool in pools), strict=True)
-            )
+        arrays = [pool.arrays() for pool in (self, *pools)]
+        return Pool(
+            **{name: np.concatenate([a[name] for a in arrays], axis=1) for name in arrays[0]}
         )
-
-    @property
-    def parts(self) -> tuple[np.ndarray, ...]:
-        """All arrays."""
-        return tuple(getattr(self, field.name) for field in fields(self))
 
     def best(self, count: int) -> "Pool":
         """The most probable candidates of each spectrum."""
-        return self.take(np.argsort(-self.log_weight, axis=1, kind="stable")[:, :count])
+        return self.choose(np.argsort(-self.log_weight, axis=1, kind="stable")[:, :count])
 
-    def take(self, chosen: Int[np.ndarray, "spectra kept"]) -> "Pool":
+    def choose(self, chosen: Int[np.ndarray, "spectra kept"]) -> "Pool":
         """Some candidates of each spectrum, by number."""
         rows = np.arange(len(chosen))[:, None]
-        return Pool(*(values[rows, chosen] for values in self.parts))
+        return Pool(**{name: values[rows, chosen] for name, values in self.arrays().items()})
 
     def at_bands(self, to_bands: Float[np.ndarray, "bands new"]) -> "Pool":
         """The candidates with their readings at other bands, by a matrix."""
@@ -82,7 +70,7 @@ class Pool:
         empty = {"members": NOBODY, "log_weight": -np.inf}
         return Pool(
             **{
-                f.name: side_by_side(getattr(self, f.name), empty.get(f.name, 0))
-                for f in fields(self)
+                name: side_by_side(values, empty.get(name, 0))
+                for name, values in self.arrays().items()
             }
         )

@@ -6,7 +6,7 @@ right paint with a trace of another. So errors are worked out once for each grou
 candidate stands, and again where that has moved to.
 """
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import jax
@@ -19,8 +19,9 @@ from glazejax.programs import Program
 from ...film.model.errors import Whitening, paints_covariance, whitening
 from ...film.model.response import FilmResponse
 from ...film.numerics.blocks import by_blocks
+from ...film.numerics.columns import Columns
 from .chunk import Chunk
-from .fit import Fitted, Weights, fit_films, log_set_prior
+from .fit import Weights, fit_all, fit_films, log_set_prior
 from .pool import NOBODY, Pool
 from .table import Paints
 from .task import IdentificationTask
@@ -47,11 +48,11 @@ def compile_ahead(task: IdentificationTask, grounds: int) -> None:
     )
     ground = np.zeros((count, *shape), np.float32)
     logs = logs.astype(np.float32)
-    fit_films.ahead(*task.tables.single, members, logs, ground, weights, steps=np.asarray(0))
+    fit_films.ahead(*task.single, members, logs, ground, weights, steps=np.asarray(0))
 
 
 @dataclass(frozen=True)
-class CandidateFilms:
+class CandidateFilms(Columns):
     """Candidates of several spectra in one row."""
 
     row: Int[np.ndarray, "films"]  # of the spectrum
@@ -81,10 +82,6 @@ class CandidateFilms:
             log_weight=pool.log_weight[at],
             readings=pool.readings[at],
         )
-
-    def take(self, films: np.ndarray) -> "CandidateFilms":
-        """Some of them."""
-        return type(self)(*(getattr(self, f.name)[films] for f in fields(self)))
 
     @property
     def log_weight_lost(self) -> Float[np.ndarray, "films"]:
@@ -116,13 +113,13 @@ def refine(chunk: Chunk, pool: Pool) -> Pool:
     pool = pool.best(task.effort.kept_sets)
     size = max(task.max_paints, 2)
     deficit = pool.log_weight.max(axis=1, keepdims=True) - pool.log_weight
-    close = np.isfinite(pool.log_weight) & (deficit <= task.effort.fit_within)
+    close = np.isfinite(pool.log_weight) & (deficit <= task.effort.within)
     films = CandidateFilms.of(pool, close, size)
     # With the errors of groups of like films; then those that came near, with errors where they
     # are now.
-    films, _, _ = fit_with_errors(chunk, films, slopes_at(chunk, films), task.effort.steps)
-    films = films.take(films.log_weight_lost <= task.effort.show_within)
-    films, groups, _ = fit_with_errors(chunk, films, slopes_at(chunk, films), task.effort.steps)
+    films, _, _ = fit_with_errors(chunk, films, task.effort.steps)
+    films = films.take(films.log_weight_lost <= task.effort.within)
+    films, groups, _ = fit_with_errors(chunk, films, task.effort.steps)
     # Amounts that are shown come near the readings, those that are weighed are kept separately.
     near = _nearest(chunk, films)
     out = replace(
@@ -141,27 +138,20 @@ def refine(chunk: Chunk, pool: Pool) -> Pool:
     return out
 
 
-def slopes_at(chunk: Chunk, films: CandidateFilms) -> Float[np.ndarray, "films errors readings"]:
-    """Slopes of films' readings by the log of every paint's k, then s."""
-    task = chunk.task
-    grounds = chunk.spectra.grounds
-    return slopes_of(task.response, task.paints, films.sets, films.logs, grounds, films.row)
-
-
-def slopes_of(
-    response: FilmResponse,
-    paints: Paints,
+def slopes_at(
+    chunk: Chunk,
     sets: Int[np.ndarray, "films size"],
     logs: Float[np.ndarray, "films size"],
-    grounds: Float[np.ndarray, "spectra grounds bands"],
     row: Int[np.ndarray, "films"],
 ) -> Float[np.ndarray, "films errors readings"]:
-    """`film_slopes` of any number of films, over the grounds of their spectra, which
-    `row` numbers.
+    """`film_slopes` of any number of films, over the grounds of their spectra, which `row`
+    numbers.
     """
+    task = chunk.task
+    grounds = chunk.spectra.grounds
 
     def run(n: np.ndarray) -> Array:
-        return film_slopes(response, paints, sets[n], logs[n], grounds[row[n]])
+        return film_slopes(task.response, task.paints, sets[n], logs[n], grounds[row[n]])
 
     return by_blocks(len(sets), block_size(grounds[0].size), run)
 
@@ -195,14 +185,14 @@ def film_slopes(
 def fit_with_errors(
     chunk: Chunk,
     films: CandidateFilms,
-    slopes: Float[np.ndarray, "films errors readings"],
     steps: int,
 ) -> tuple[CandidateFilms, Groups, Whitening]:
     """Films fitted again with the errors of their groups; the groups, and the errors of each."""
     task = chunk.task
-    groups = _group(task, films, slopes)
+    groups = _group(task, films, slopes_at(chunk, films.sets, films.logs, films.row))
     errors = coefficient_errors(chunk, groups.row, groups.sets, groups.slopes)
-    fitted = _fit(chunk, films, errors, groups.of, steps)
+    block = block_size(errors.basis.shape[-1])
+    fitted = fit_all(chunk, films.row, films.sets, films.logs, errors, groups.of, steps, block)
     log_weight = fitted.log_evidence + log_set_prior(task, films.sets)
     # Nothing is known together with a paint that is not there.
     absent = films.sets == NOBODY
@@ -262,36 +252,6 @@ def coefficient_errors(
     return Whitening(np.concatenate(basis), np.concatenate(height))
 
 
-def _fit(
-    chunk: Chunk,
-    films: CandidateFilms,
-    errors: Whitening,
-    group: Int[np.ndarray, "films"],
-    steps: int,
-) -> Fitted:
-    """Films fitted with the errors of their groups; `group` numbers the errors of each film.
-
-    In single precision evidences are good to a thousandth, and amounts to a hundredth where
-    readings hardly determine them.
-    """
-    task = chunk.task
-    grounds, target, basis, height, logs = (
-        np.asarray(values, np.float32)
-        for values in (chunk.spectra.grounds, chunk.target, *errors, films.logs)
-    )
-    expected = jax.tree.map(np.float32, task.expected)
-
-    def run(n: np.ndarray) -> Fitted:
-        row = films.row[n]
-        own_group = group[n]
-        weights = Weights(target[row], basis[own_group], height[own_group], expected)
-        start = films.sets[n], logs[n], grounds[row]
-        return fit_films(*task.tables.single, *start, weights, steps=np.asarray(steps))
-
-    fitted = by_blocks(len(films.row), block_size(basis.shape[-1]), run)
-    return Fitted(*(np.asarray(values, np.float64) for values in fitted))
-
-
 def block_size(readings: int) -> int:
     """Films that are fitted at a time, so that their errors take some megabytes at most."""
     return int(np.clip(2**22 // readings**2, 4, 128))
@@ -299,7 +259,10 @@ def block_size(readings: int) -> int:
 
 def _nearest(chunk: Chunk, films: CandidateFilms) -> CandidateFilms:
     """The films with amounts that come near the readings."""
-    fitted = _fit(chunk, films, near_errors(chunk), films.row, chunk.task.effort.steps)
+    row = films.row
+    steps = chunk.task.effort.steps
+    block = block_size(chunk.target.shape[1])
+    fitted = fit_all(chunk, row, films.sets, films.logs, near_errors(chunk), row, steps, block)
     return replace(films, logs=fitted.logs, readings=fitted.readings)
 
 

@@ -7,7 +7,7 @@ all tried on a grid of amounts (`table`). Sets of three grow from the best pairs
 so that the cost stays in proportion to the number of paints.
 """
 
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import jax
 import jax.numpy as jnp
@@ -19,9 +19,10 @@ from glazejax.programs import Program
 from ...film.model.errors import model_correlation, whitening
 from ...film.model.response import FilmResponse
 from ...film.numerics.blocks import by_blocks
+from ...film.numerics.columns import Columns
 from .chunk import Chunk
 from .pool import NOBODY
-from .table import ALIKE, FilmTable, NearestSets, Paints, film_readings, sets_of
+from .table import ALIKE, FilmTable, Paints, film_readings, film_table, kept_table, sets_of
 from .task import TYPICAL_READING, IdentificationTask, Measured
 
 # Amounts of a third paint, as a share of the pair's.
@@ -32,53 +33,55 @@ KEPT_TRIPLES = 40
 """Sets of three that are fitted, of as many."""
 
 
-class SetStarts(NamedTuple):
+@dataclass(frozen=True)
+class SetStarts(Columns):
     """Sets and where to start them; those of fewer paints are filled up with `NOBODY`."""
 
     sets: Int[np.ndarray, "spectra sets size"]
     logs: Float[np.ndarray, "spectra sets size"]
 
-    def take(self, rows: Int[np.ndarray, "rows"]) -> "SetStarts":
-        """Those of some spectra, by number."""
-        return SetStarts(self.sets[rows], self.logs[rows])
 
+def screen(task: IdentificationTask, measured: Measured) -> tuple[SetStarts, list[FilmTable]]:
+    """Look every spectrum up in a table of films over a ground like its own.
 
-class Screened(NamedTuple):
-    """Result of looking spectra up in tables of films.
-
-    Attributes:
-        starts: sets of one paint and the best of two for every spectrum.
-        tables: in which each spectrum was looked up.
+    Returns:
+        Sets of one paint and the best of two for every spectrum, and the table of each.
     """
-
-    starts: SetStarts
-    tables: list[FilmTable]
-
-
-def screen(task: IdentificationTask, measured: Measured) -> Screened:
-    """Look every spectrum up in a table of films over a ground like its own."""
-
-    def side_by_side(near: NearestSets) -> Float[np.ndarray, "spectra kept four"]:
-        """Members and log amounts."""
-        room = ((0, 0), (0, 0), (0, 2 - near.sets.shape[-1]))
-        members = np.pad(near.sets, room, constant_values=NOBODY)
-        return np.concatenate([members, np.pad(np.log(near.amounts), room)], axis=-1)
-
-    batches: list[tuple[np.ndarray, np.ndarray]] = []
+    groups = alike_grounds(measured.grounds)
+    starts = []
     tables: dict[int, FilmTable] = {}
-    for rows, ground in alike_grounds(measured.grounds):
-        table = task.tables.over(ground, lambda grounds: common_whitening(task, grounds))
-        target = measured.flat[rows] - task.mean_surface
-        near = table.nearest(target, task.effort.fitted_pairs)
-        batches.append((rows, np.concatenate([side_by_side(nearest) for nearest in near], axis=1)))
+    for rows, ground in groups:
+        table = table_over(task, ground)
+        near = table.nearest(measured.flat[rows] - task.mean_surface, task.effort.fitted_pairs)
+        rooms = [((0, 0), (0, 0), (0, 2 - kind.sets.shape[-1])) for kind in near]
+        sets = [
+            np.pad(kind.sets, room, constant_values=NOBODY)
+            for kind, room in zip(near, rooms, strict=True)
+        ]
+        logs = [np.pad(np.log(kind.amounts), room) for kind, room in zip(near, rooms, strict=True)]
+        starts.append(SetStarts(np.concatenate(sets, axis=1), np.concatenate(logs, axis=1)))
         tables.update(dict.fromkeys(rows.tolist(), table))
     # Back in the order of the spectra.
-    order = np.argsort(np.concatenate([rows for rows, _ in batches]))
-    joined = np.concatenate([values for _, values in batches])[order]
-    size = joined.shape[-1] // 2
-    return Screened(
-        starts=SetStarts(joined[..., :size].astype(np.int32), joined[..., size:]),
-        tables=[tables[row] for row in range(len(measured))],
+    order = np.argsort(np.concatenate([rows for rows, _ in groups]))
+    return SetStarts.join(starts).take(order), [tables[row] for row in range(len(measured))]
+
+
+def table_over(task: IdentificationTask, ground: Float[np.ndarray, "grounds bands"]) -> FilmTable:
+    """Films over a ground, which searches of the same paints by the same instrument share.
+
+    A table over another ground, however near, would make the answer depend on what was asked
+    before.
+    """
+    # Grounds that are the same but for how a mean was rounded have the same table.
+    rounded = np.round(ground, 3)
+    key = (
+        *(np.asarray(values).tobytes() for values in (rounded, task.wavelengths, *task.paints)),
+        *(task.optics, task.surface, task.noise, task.discrepancy),
+        *(law := (task.max_paints, task.prior.spread)),
+    )
+    return kept_table(
+        key,
+        lambda: film_table(*task.single, *law, rounded, common_whitening(task, len(rounded))),
     )
 
 

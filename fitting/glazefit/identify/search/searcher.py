@@ -5,7 +5,6 @@ A spectrum's way is one arc: screen, fit, refine, weigh. Where the odds leave it
 the same way again under conditions that nobody stated.
 """
 
-import functools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -29,7 +28,7 @@ from .candidates import CHUNK, find_candidates
 from .options import IdentificationOptions
 from .pool import Pool
 from .refine import compile_ahead
-from .table import FilmTables, kept_tables, paints_of
+from .table import paints_of
 from .task import THOROUGH, USUAL, IdentificationTask, Measured
 from .unstated_conditions import search_unstated_conditions
 from .weigh import Odds
@@ -92,28 +91,13 @@ class Searcher(NamedTuple):
         noise = options.noise or Noise()
         tasks = {}
         for hidden, expected in ((True, opaque_prior(prior, resampled)), (False, prior)):
-            paints = paints_of(resampled, expected.thickness)
-            # Identification is called again and again for one catalogue and one instrument.
-            coefficients = tuple(np.asarray(values).tobytes() for values in (grid, *paints))
-            optics = Optics.of(instrument.geometry, instrument.refractive_index)
-            instrument_key = (optics, instrument.seen_surface, noise, discrepancy)
-            tables = kept_tables(
-                (
-                    *coefficients,
-                    str(paints.absorption.dtype),
-                    *instrument_key,
-                    largest,
-                    expected.spread,
-                ),
-                functools.partial(FilmTables, response, paints, largest, expected.spread),
-            )
             tasks[hidden] = IdentificationTask(
                 response=response,
-                paints=paints,
+                paints=paints_of(resampled, expected.thickness),
                 errors=errors,
                 modes=modes,
                 wavelengths=grid,
-                optics=optics,
+                optics=Optics.of(instrument),
                 surface=instrument.seen_surface,
                 noise=noise,
                 discrepancy=discrepancy,
@@ -121,7 +105,6 @@ class Searcher(NamedTuple):
                 extenders=extenders,
                 max_paints=largest,
                 effort=THOROUGH if options.thorough else USUAL,
-                tables=tables,
             )
         averaged = None
         if grid.size > _MANY and not options.thorough:

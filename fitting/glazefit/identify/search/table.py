@@ -7,14 +7,13 @@ with all films of a table by one product of matrices in single precision; the be
 fitted.
 """
 
+import functools
 import itertools
 import threading
 from collections import OrderedDict
 from collections.abc import Callable, Hashable, Sequence
-from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
@@ -23,6 +22,7 @@ from glazejax import Pigment
 from glazejax.programs import Program
 
 from ...film.model.response import FilmResponse
+from ...film.numerics.blocks import by_blocks
 
 COMPONENTS = 20
 """Numbers that stand for a film's readings while sets are ranked."""
@@ -142,21 +142,21 @@ class FilmTable(NamedTuple):
         alone = np.sum(spectra**2, axis=-1)
         # Minus half of the misfit that differs, by one product: the spectrum's components, and 1.
         augmented = np.concatenate([spectra, np.ones((len(spectra), 1), np.float32)], axis=1)
-        out = []
-        for kind in self.sizes:
-            batches = []
-            count = len(kind.sets) if kind.sets.shape[1] == 1 else min(keep, len(kind.sets))
-            # Sixteen spectra at a time bound the memory.
-            for first in range(0, len(spectra), 16):
-                batch = slice(first, first + 16)
-                near = (augmented[batch] @ kind.films).reshape(-1, len(kind.grid), len(kind.sets))
-                least = alone[batch, None] - 2.0 * near.max(axis=1)
-                best = np.argsort(least, axis=1, kind="stable")[:, :count]
-                where = np.argmax(np.take_along_axis(near, best[:, None], axis=2), axis=1)
-                batches.append((best, np.take_along_axis(least, best, axis=1), where))
-            best, least, where = (np.concatenate(arrays) for arrays in zip(*batches, strict=True))
-            out.append(NearestSets(kind.sets[best], kind.grid[where], least))
-        return out
+
+        def look(kind: TableOfSize, n: Int[np.ndarray, "block"]) -> NearestSets:
+            near = (augmented[n] @ kind.films).reshape(-1, len(kind.grid), len(kind.sets))
+            least = alone[n, None] - 2.0 * near.max(axis=1)
+            count = len(kind.sets) if kind.sets.shape[1] == 1 else keep
+            best = np.argsort(least, axis=1, kind="stable")[:, :count]
+            where = np.argmax(np.take_along_axis(near, best[:, None], axis=2), axis=1)
+            misfit = np.take_along_axis(least, best, axis=1)
+            return NearestSets(kind.sets[best], kind.grid[where], misfit)
+
+        # Sixteen spectra at a time bound the memory.
+        block = min(16, len(spectra))
+        return [
+            by_blocks(len(spectra), block, functools.partial(look, kind)) for kind in self.sizes
+        ]
 
 
 class NearestSets(NamedTuple):
@@ -188,10 +188,32 @@ def film_table(
     kinds = [(sets_of(len(paints.absorption), size), amounts_grid(size, spread)) for size in sizes]
     project = np.eye(ground.size)
     middle = np.zeros(ground.size)
+
+    def read(
+        sets: np.ndarray, grid: np.ndarray, numbers: np.ndarray, to: np.ndarray
+    ) -> Float[np.ndarray, "films components"]:
+        """Components of films by their numbers, set by set and in each point by point of the grid.
+
+        Of one shape for films of one paint and of two, so that one program is compiled.
+        """
+        # Of one paint: the same once more, and nothing of it.
+        pairs = np.concatenate([sets, sets], axis=1)[:, :2]
+        amounts = np.pad(grid, ((0, 0), (0, 2 - grid.shape[1])))[:, None].astype(np.float32)
+        below = jnp.asarray(ground.astype(np.float32))
+
+        def run(n: Int[np.ndarray, "block"]) -> np.ndarray:
+            members, tries = (
+                jnp.asarray(values)
+                for values in (pairs[numbers[n] // len(grid)], amounts[numbers[n] % len(grid)])
+            )
+            films = _read(response, paints, members, tries, below)
+            return np.asarray(films, np.float64).reshape(len(n), -1) @ to.T
+
+        return by_blocks(len(numbers), _FILMS_AT_A_TIME, run)
+
     if ground.size > COMPONENTS:
-        batch = [_films(response, paints, *kind, _spaced_numbers(*kind), ground) for kind in kinds]
         # Many readings are projected to the components that films span.
-        films = np.concatenate(batch) @ white.T
+        films = np.concatenate([read(*kind, _spaced_numbers(*kind), white) for kind in kinds])
         middle = films.mean(axis=0)
         off = films - middle
         # The directions in which films differ most.
@@ -201,14 +223,8 @@ def film_table(
     middle = project @ middle
     tables = []
     for sets, grid in kinds:
-        numbers = np.arange(len(sets) * len(grid))
-        blocks = [
-            _films(response, paints, sets, grid, numbers[first : first + _FILMS_AT_A_TIME], ground)
-            @ to_components.T
-            - middle
-            for first in range(0, len(numbers), _FILMS_AT_A_TIME)
-        ]
-        films = np.concatenate(blocks).astype(np.float32)
+        films = read(sets, grid, np.arange(len(sets) * len(grid)), to_components) - middle
+        films = films.astype(np.float32)
         films = (
             films.reshape(len(sets), len(grid), -1).transpose(2, 1, 0).reshape(films.shape[1], -1)
         )
@@ -226,99 +242,23 @@ def _spaced_numbers(
     return (chosen[:, None] * len(grid) + np.arange(len(grid))).ravel()
 
 
-def _films(
-    response: FilmResponse,
-    paints: Paints,
-    sets: Int[np.ndarray, "sets size"],
-    grid: Float[np.ndarray, "points size"],
-    numbers: Int[np.ndarray, "films"],
-    ground: Float[np.ndarray, "grounds bands"],
-) -> Float[np.ndarray, "films readings"]:
-    """Readings of films by their numbers, set by set and in each point by point of the grid.
-
-    Filled up to one shape for films of one paint and of two, so that one program is compiled.
-    """
-    number = np.resize(numbers, _FILMS_AT_A_TIME)
-    members = sets[number // len(grid)]
-    amounts = grid[number % len(grid)].astype(np.float32)
-    # Of one paint: the same once more, and nothing of it.
-    members = np.concatenate([members, members], axis=1)[:, :2]
-    amounts = np.concatenate([amounts, np.zeros_like(amounts)], axis=1)[:, :2]
-    read = _read(
-        response,
-        paints,
-        jnp.asarray(members),
-        jnp.asarray(amounts[:, None]),
-        jnp.asarray(ground.astype(np.float32)),
-    )
-    return np.asarray(read, np.float64).reshape(-1, ground.size)[: len(numbers)]
-
-
-_MADE: OrderedDict[Hashable, "FilmTables"] = OrderedDict()
+_MADE: OrderedDict[Hashable, FilmTable] = OrderedDict()
 _MADE_LOCK = threading.Lock()
 
 
-def kept_tables(key: Hashable, make: Callable[[], "FilmTables"]) -> "FilmTables":
-    """The tables of a key: those made before, or new ones; those of a few keys are kept.
-
-    Args:
-        key: all that the tables depend on.
-        make: them.
-    """
-    with _MADE_LOCK:
-        tables = _MADE.pop(key, None) or make()
-        _MADE[key] = tables
-        while len(_MADE) > 4:
-            _MADE.popitem(last=False)
-        return tables
-
-
-class FilmTables:
-    """Tables over the grounds that were asked for last, and what they are made from.
+def kept_table(key: Hashable, make: Callable[[], FilmTable]) -> FilmTable:
+    """The table of a key: the one that was made before, or a new one; sixteen are kept.
 
     Not `glazejax.interpolated`: nothing is asked between the films. Each film stands as 20 numbers,
     and a spectrum is compared with all of them by one product of matrices.
 
     Args:
-        response, paints: of the instrument and of the catalogue.
-        largest: set that is looked for.
-        spread: standard deviation of the log of a film's total.
+        key: all that the table depends on.
+        make: it.
     """
-
-    def __init__(self, response: FilmResponse, paints: Paints, largest: int, spread: float) -> None:
-        self._double = response, paints
-        self._task = largest, spread
-        self._kept: list[tuple[np.ndarray, FilmTable]] = []
-        self._lock = threading.Lock()
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Arguments that it is made from: other processes make their own tables."""
-        return {"_double": self._double, "_task": self._task}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__init__(*state["_double"], *state["_task"])
-
-    @cached_property
-    def single(self) -> tuple[FilmResponse, Paints]:
-        """Response and paints in single precision."""
-        return jax.tree.map(lambda a: jnp.asarray(np.asarray(a, np.float32)), self._double)
-
-    def over(
-        self,
-        ground: Float[np.ndarray, "grounds bands"],
-        whitening: Callable[[int], Float[np.ndarray, "r r"]],
-    ) -> FilmTable:
-        """Films over a ground; errors common to all by the number of grounds.
-
-        A table over another ground, however near, would make the answer depend on what was asked
-        before.
-        """
-        # Grounds that are the same but for how a mean was rounded have the same table.
-        rounded = np.round(ground, 3)
-        with self._lock:
-            for stored, table in self._kept:
-                if np.array_equal(stored, rounded):
-                    return table
-            table = film_table(*self.single, *self._task, rounded, whitening(len(rounded)))
-            self._kept = [(rounded, table), *self._kept[:7]]
-            return table
+    with _MADE_LOCK:
+        table = _MADE.pop(key, None) or make()
+        _MADE[key] = table
+        while len(_MADE) > 16:
+            _MADE.popitem(last=False)
+        return table

@@ -4,6 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
@@ -12,7 +14,7 @@ from ...film.model.errors import ModelError, Prior
 from ...film.model.optics import Optics
 from ...film.model.response import FilmResponse
 from ...film.shared_bands import means_of_steps
-from .table import FilmTables, Paints
+from .table import Paints
 
 # A middling reflectance: errors that rank sets of paints are stated for it.
 TYPICAL_READING = 0.3
@@ -27,10 +29,8 @@ class Effort(NamedTuple):
             grid of amounts.
         kept_sets: number of sets that go on to the second fit. The first fit gives all sets the
             same errors; the second gives each set the errors of its own paints.
-        fit_within: a set goes on to the second fit if its log weight after the first is at most
-            this much below the best set's.
-        show_within: a set is fitted a third time, with its errors computed again, if its log
-            weight is at most this much below the best set's, and is then an answer.
+        within: a set goes on to the second fit, and then to a third with its errors computed again,
+            if its log weight is at most this much below the best set's; it is then an answer.
         trace_effect: a paint is a trace if it changes the readings by less than this (root mean
             square, per unit of the logarithm of its k and s). Sets that differ only by traces
             share their errors.
@@ -40,8 +40,7 @@ class Effort(NamedTuple):
 
     fitted_pairs: int
     kept_sets: int
-    fit_within: float
-    show_within: float
+    within: float
     trace_effect: float
     ranking_steps: int
     steps: int
@@ -50,8 +49,7 @@ class Effort(NamedTuple):
 USUAL = Effort(
     fitted_pairs=48,
     kept_sets=40,
-    fit_within=8.0,
-    show_within=8.0,
+    within=8.0,
     trace_effect=0.005,
     ranking_steps=4,
     steps=6,
@@ -62,8 +60,7 @@ benchmarks.paint.identification`)."""
 THOROUGH = Effort(
     fitted_pairs=10_000,
     kept_sets=120,
-    fit_within=20.0,
-    show_within=20.0,
+    within=20.0,
     trace_effect=0.0,
     ranking_steps=14,
     steps=14,
@@ -190,12 +187,17 @@ class IdentificationTask(NamedTuple):
     extenders: Bool[np.ndarray, "paints"]  # those that a film of usual thickness hardly shows
     max_paints: int
     effort: Effort
-    tables: FilmTables  # of this task alone
 
     @property
     def paint_count(self) -> int:
         """Paints in the catalogue."""
         return self.paints.absorption.shape[0]
+
+    @property
+    def single(self) -> tuple[FilmResponse, Paints]:
+        """Response and paints in single precision."""
+        both = self.response, self.paints
+        return jax.tree.map(lambda a: jnp.asarray(np.asarray(a, np.float32)), both)
 
     @property
     def expected(self) -> Expected:

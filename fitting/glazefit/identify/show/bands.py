@@ -17,7 +17,7 @@ from ..result import Identification
 from ..search.candidates import CHUNK
 from ..search.chunk import Chunk
 from ..search.pool import NOBODY
-from ..search.refine import slopes_of
+from ..search.refine import slopes_at
 from ..search.task import IdentificationTask
 from .figures import FITS
 
@@ -93,17 +93,10 @@ def _slopes(
         logs = np.log(identification.amounts[:, :count] / task.prior.thickness)
     sets = identification.members[:, :count]
     coats = identification.coats[:, :count]
-    ground = identification.measured.grounds
     row = np.repeat(np.arange(len(identification)), count)
     # Films of one coat by the table.
-    slopes = slopes_of(
-        task.response,
-        task.paints,
-        sets.reshape(len(row), -1),
-        logs.reshape(len(row), -1),
-        ground,
-        row,
-    )
+    chunk = Chunk(task, identification.measured)
+    slopes = slopes_at(chunk, sets.reshape(len(row), -1), logs.reshape(len(row), -1), row)
     slopes = np.array(slopes).reshape(*sets.shape[:2], *slopes.shape[1:])
     # Films of two coats by the solver, in the places of their paints.
     for spectrum, candidate in np.argwhere((coats > 0).any(axis=-1)):
@@ -113,7 +106,7 @@ def _slopes(
         upper, lower = (np.flatnonzero(coats[at][:size] == n).tolist() for n in (0, 1))
         films = CoatedFilms(
             coefficients=np.array([np.asarray(values)[members] for values in task.paints]),
-            grounds=ground[spectrum],
+            grounds=identification.measured.grounds[spectrum],
             optics=task.optics,
             response=task.response,
         )

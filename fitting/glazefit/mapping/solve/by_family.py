@@ -11,13 +11,13 @@ from jaxtyping import Float
 from glazejax import Pigment
 from glazejax.progress import Progress
 
+from ...film.numerics.columns import Columns
 from ...identify.families.identify_pigments import identify_families, prepare_search
 from ...identify.families.naming import coloured_first
 from ...identify.families.templates import most_films
 from ...identify.result import Identification
 from ...identify.result.groups import GROUPS, group_of
 from ...identify.search.options import IdentificationOptions
-from ..store.columns import Columns
 from .update import Answers
 
 # Candidates among which the one that shows a spectrum's first answer is looked for.

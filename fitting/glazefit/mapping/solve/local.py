@@ -18,6 +18,7 @@ from jaxtyping import Float, Int
 
 from ...film.colour_metric import reading_metric
 from ...film.numerics.blocks import by_blocks
+from ...film.numerics.columns import Columns
 from ...identify.search.chunk import Chunk
 from ...identify.search.fit import prior_terms
 from ...identify.search.pool import NOBODY, Pool
@@ -33,7 +34,6 @@ from ...identify.search.surface import NuisanceMode
 from ...identify.search.task import IdentificationTask, Measured
 from ...identify.search.unstated_conditions import CONDITIONS, FilmsUnderCondition, films_under
 from ...identify.search.weigh import Odds
-from ..store.columns import Columns
 
 _STEP = 1e-3
 _terms = jax.jit(jax.vmap(prior_terms, in_axes=(0, 0, None, None)))
@@ -270,11 +270,9 @@ def _linear(
         log_weight=pool.log_weight[row, column],
         readings=readings,
     )
-    weighed_films, groups, errors = fit_with_errors(
-        chunk, films, slopes_at(chunk, films), task.effort.steps
-    )
-    weighed_slopes = slopes_at(chunk, weighed_films)
-    shown_slopes = slopes_at(chunk, replace(films, logs=logs))
+    weighed_films, groups, errors = fit_with_errors(chunk, films, task.effort.steps)
+    weighed_slopes = slopes_at(chunk, sets, weighed_films.logs, row)
+    shown_slopes = slopes_at(chunk, sets, logs, row)
     white = errors.basis[groups.of]
     gradient, prior = _prior_of(task, sets, weighed_films.logs)
     _, whitened_slopes, data, gain = _follow(weighed_slopes, sets, white, gradient, prior)

@@ -3,14 +3,14 @@ that no set explains.
 """
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Self
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from .columns import Columns
+from ...film.numerics.columns import Columns
 
 Members = tuple[int, ...]
 """Paints of a set by number, ascending; () where none of the paints explain a pixel."""
@@ -91,14 +91,6 @@ class Unexplained(Columns):
             positions=np.zeros((0, 2), np.int64),
         )
 
-    @classmethod
-    def join(cls, gathered: Sequence[Self]) -> Self:
-        """Groups of all parts."""
-        nonempty = [groups for groups in gathered if len(groups.pixels)]
-        if not nonempty:
-            return cls.nothing()
-        return cls.joined(len(nonempty), lambda number, name: vars(nonempty[number])[name])
-
 
 @dataclass
 class ChunkMaps:
@@ -142,6 +134,20 @@ def rms_difference(
     square = np.where(known, one - other, 0.0) ** 2
     with np.errstate(invalid="ignore"):
         return np.asarray(np.sqrt(square.sum(axis=-1) / known.sum(axis=-1)))
+
+
+def true_colour(
+    wavelengths: Float[np.ndarray, "bands"], readings: Float[np.ndarray, "pixels bands"]
+) -> np.ndarray:
+    """sRGB from 0 to 255 under D65, (pixels, 3); grey where the bands give no colour."""
+    from glazejax.colour import srgb
+
+    clipped = np.clip(np.nan_to_num(readings, nan=0.0, posinf=1.0, neginf=0.0), 0.0, 2.0)
+    try:
+        encoded = np.asarray(srgb(wavelengths, clipped))
+    except ValueError:
+        encoded = np.repeat(np.sqrt(clipped.mean(axis=1, keepdims=True)), 3, axis=1)
+    return np.rint(255.0 * np.clip(encoded, 0.0, 1.0)).astype(np.uint8)
 
 
 def add_sets(into: dict[Members, SetSum], sums: Mapping[Members, SetSum]) -> None:

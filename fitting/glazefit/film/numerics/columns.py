@@ -1,6 +1,6 @@
-"""Records of arrays of as many rows, of which some are taken, and which are kept in files."""
+"""Records of arrays of as many rows: some rows of one, several joined, kept in files."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import fields, is_dataclass
 from typing import Any, Self
 
@@ -21,6 +21,11 @@ class Columns:
             value = getattr(self, field.name)
             columns |= value.arrays() if isinstance(value, Columns) else {field.name: value}
         return columns
+
+    @classmethod
+    def join(cls, records: Sequence[Self]) -> Self:
+        """Several records as one."""
+        return cls.joined(len(records), lambda number, name: records[number].arrays()[name])
 
     @classmethod
     def joined(cls, count: int, load: Callable[[int, str], np.ndarray]) -> Self:
