@@ -28,7 +28,7 @@ from glazejax.io import SpectraTable
 
 from .library import Answer, Table
 from .mixers import Foretold, Mixtures
-from .sources import COLOURLESS, FOREIGN, Source
+from .sources import COLOURLESS, FOREIGN, WHITE_CARD, Source
 from .spectra import GRID, bounded
 
 # Grid of the two catalogues of films, and how many different sets are kept.
@@ -382,7 +382,7 @@ def films_over_cards(source: Source, rows: Sequence[int]) -> Films:
     """Films whose samples come in pairs, over white and then over black."""
     assert source.bare is not None
     camera = source.cameras[0]
-    white = [row for row in rows if source.samples[row].support == "white card"]
+    white = [row for row in rows if source.samples[row].support == WHITE_CARD]
     return Films(
         names=tuple(source.samples[row].name.removesuffix(" over white") for row in white),
         wavelengths=camera.wavelengths,
