@@ -62,6 +62,16 @@ def test_all_sources_come_to_one_form(measured):
     assert measured["revigo"].bare is not None
 
 
+def test_films_that_are_said_to_hide_their_ground_lie_over_no_black_card(measured):
+    source = measured["revigo"]
+    rows = [row for kind in ("pure", "mixture") for row in source.chosen(kind)]
+    assert len(rows) == len(source.samples) / 2
+    assert {source.samples[row].support for row in rows} == {sources.WHITE_CARD}
+    table = pure_table([source])
+    chalk = table.readings[table.families == "chalk"]
+    assert np.nanmin(chalk[:, GRID >= 420.0]) > 0.4
+
+
 def test_readings_on_the_grid_are_those_of_the_instrument(measured):
     bath = measured["bath"].cameras[0]
     found = on_grid(bath.wavelengths, bath.readings[:2], GRID)

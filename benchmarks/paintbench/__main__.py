@@ -36,6 +36,7 @@ from .tasks import (
     run_names,
     run_own,
     run_references,
+    run_with_own_paints,
     stated_and_right,
 )
 
@@ -215,6 +216,7 @@ def run(
     nearest = [namer for namer in namers() if namer.name == "slopes of both"]
     run_references(sources, [FamilyCatalogue(references="makers"), *nearest], record, every=every)
     run_own(sources, FamilyCatalogue(), record)
+    run_with_own_paints(sources, lambda group: FamilyCatalogue(own_paints=group), record)
     progress("mixtures")
     run_mixing(
         sources,

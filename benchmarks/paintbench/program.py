@@ -28,7 +28,7 @@ from glazejax.io import SpectraTable
 
 from .library import Answer, Table
 from .mixers import Foretold, Mixtures
-from .sources import COLOURLESS, FOREIGN, Source
+from .sources import COLOURLESS, FOREIGN, WHITE_CARD, Source
 from .spectra import GRID, bounded
 
 # Grid of the two catalogues of films, and how many different sets are kept.
@@ -48,24 +48,38 @@ class FamilyCatalogue:
 
     name = "glazejax"
 
-    def __init__(self, instrument: str = _INSTRUMENT, elements: bool = False, references: str = ""):
+    def __init__(
+        self,
+        instrument: str = _INSTRUMENT,
+        elements: bool = False,
+        references: str = "",
+        own_paints: str = "",
+    ):
         """For an instrument; told or not which elements each sample's pigment holds, and with or
-        without the samples of a group as reference paints.
+        without the samples of a group as reference paints, or with the exemplars of a group instead
+        of all others of their families.
         """
         self._instrument = instrument
         self._elements = elements
         self._references = references
+        self._own_paints = own_paints
         if instrument != _INSTRUMENT:
             self.name = f"glazejax, {instrument}"
         if elements:
             self.name = "glazejax, elements"
         if references:
             self.name = "glazejax, references"
+        if own_paints:
+            self.name = "glazejax, own paints"
 
     def learn(self, library: Table) -> None:
         """Choose the exemplars whose source may be learnt from, and the bands that are there."""
         groups = set(library.groups.tolist())
-        self._pigments = [p for p in catalogue.load("pigments").values() if p.source in groups]
+        shelf = catalogue.load("pigments").values()
+        self._pigments = [p for p in shelf if p.source in groups]
+        own = [p for p in shelf if p.source == self._own_paints]
+        families = {p.family for p in own}
+        self._pigments = own + [p for p in self._pigments if p.family not in families]
         if self._references in groups:
             self._pigments += references_in(library, self._references, self._instrument).pigments
         self._searches: dict[tuple[bytes, bool], FamilySearch] = {}
@@ -382,7 +396,7 @@ def films_over_cards(source: Source, rows: Sequence[int]) -> Films:
     """Films whose samples come in pairs, over white and then over black."""
     assert source.bare is not None
     camera = source.cameras[0]
-    white = [row for row in rows if source.samples[row].support == "white card"]
+    white = [row for row in rows if source.samples[row].support == WHITE_CARD]
     return Films(
         names=tuple(source.samples[row].name.removesuffix(" over white") for row in white),
         wavelengths=camera.wavelengths,

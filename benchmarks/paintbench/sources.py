@@ -29,6 +29,9 @@ UNCLEAR = ("", "unclear")
 COLOURLESS = frozenset((*GROUPS["a white"], *GROUPS["a black"]))
 """Whites, extenders and blacks: of a mixture only the other families are asked for."""
 
+WHITE_CARD, BLACK_CARD = "white card", "black card"
+"""Supports of films that were read over both."""
+
 # Further readings than this above 1 are a mistake, such as percent.
 _TOO_BRIGHT = 2.0
 
@@ -126,8 +129,14 @@ class Source:
         )
 
     def chosen(self, kind: str) -> list[int]:
-        """Rows of one kind."""
-        return [row for row, sample in enumerate(self.samples) if sample.kind == kind]
+        """Rows of one kind; of films that were read over two cards, those over the white one: every
+        task that chooses takes a film as hiding what is below, and chalk over a black card is black.
+        """
+        return [
+            row
+            for row, sample in enumerate(self.samples)
+            if sample.kind == kind and sample.support != BLACK_CARD
+        ]
 
 
 # ---- the form in which sources are entered -------------------------------------------------------
@@ -313,15 +322,15 @@ def read_revigo(folder: Path) -> Source:
             continue
         codes, weights = (part.split("-") for part in recipe.split("|"))
         parts = {c: float(w) for c, w in zip(codes, weights, strict=True) if float(w) > 0}
-        for card, letter in (("white", "w"), ("black", "b")):
+        for card, letter in ((WHITE_CARD, "w"), (BLACK_CARD, "b")):
             samples.append(
                 Sample(
-                    name=f"{name} over {card}",
+                    name=f"{name} over {card.removesuffix(' card')}",
                     kind="pure" if len(parts) == 1 else "mixture",
                     paints=tuple(parts),
                     fractions=tuple(part / sum(parts.values()) for part in parts.values()),
                     binder="oil",
-                    support=f"{card} card",
+                    support=card,
                 )
             )
             readings.append(spectra[f"{name}_o{letter}"])

@@ -357,6 +357,26 @@ def run_own(sources: Sequence[Source], namer: Namer, record: Record) -> None:
         _mixture("mixture_own", source, learner, table, bands, record)
 
 
+def run_with_own_paints(
+    sources: Sequence[Source], namer_with: Callable[[str], Namer], record: Record
+) -> None:
+    """Task `mixture` of a method that has the exemplars of the source that is asked for: what it
+    then names wrongly, it lacks no data for.
+
+    Args:
+        sources: of samples.
+        namer_with: a method with the exemplars of a group.
+        record: that the scores go to.
+    """
+    table = pure_table([source for source in sources if source.learnable])
+    bands = within(WHOLE)
+    for source in sources:
+        if source.group in table.groups:
+            library = table.take(table.groups != source.group)
+            learner = _whole_grid(namer_with(source.group), library, bands)
+            _mixture("mixture", source, learner, library, bands, record)
+
+
 def _whole_grid(namer: Namer, library: Table, bands: Bool[np.ndarray, "bands"]) -> Namer:
     """A method that has learnt from a library of which only some bands are there."""
     blank = np.where(bands, library.readings, np.nan)
