@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from glazefit import identify, set_labels
-from glazefit.film.shared_bands import means_of_steps
+from glazefit.film.shared_bands import SEARCHED, means_of_steps
 from glazefit.identify.families import identify_pigments
-from glazefit.identify.families.identify_pigments import STEP
 from glazefit.identify.families.references import read_references
 from glazefit.identify.search.options import IdentificationOptions
 from glazefit.mapping.family_facts import describe_sets
@@ -144,7 +143,7 @@ def test_uneven_bands_are_those_of_a_search(paints):
     """A search would average bands of 4.83 nm once more if they were not its own."""
     for step in (3.7, 4.83, 6.1):
         bands = WorkingBands.of(np.arange(410.0, 991.0, step), list(paints.values()))
-        again = means_of_steps(bands.wavelengths, STEP)
+        again = means_of_steps(bands.wavelengths, SEARCHED)
         assert again is None or np.array_equal(again, np.eye(bands.wavelengths.size))
 
 

@@ -12,6 +12,7 @@ from scipy.special import logsumexp
 from glazejax import Pigment
 
 from ...film.model.errors import Prior
+from ...film.shared_bands import SEARCHED
 from ..families.templates import coefficients
 from ..result import NINETY, Identification
 from ..result.odds import DECIDED, CoatsOdds
@@ -25,8 +26,6 @@ from .choose_sets import best_sets, nearest_pairs
 from .evidence import CoatErrors, Evidence, coefficient_sd, weigh_arrangement
 from .readings import CoatedFilms, grid_readings
 
-STEP = 10.0
-"""Finer spectra are averaged to this, nm: errors are correlated over more."""
 # Share of readings whose evidence says nothing of how their paints lie: nearly twice that of the
 # decided answers of `benchmarks.paintbench --coats` that were wrong while it was taken to be none.
 _WORTHLESS = 0.2
@@ -63,8 +62,7 @@ def weigh_coats(
     opaque = identification.opaque
     sets = _best_sets(identification, options)
     task, pool = searched
-    # Errors are correlated over more than a band: finer spectra are averaged.
-    few = measured.in_steps(STEP)
+    few = measured.in_steps(SEARCHED)
     films = CoatedFilms(
         coefficients=coefficients(pigments, few.wavelengths) * usual,
         grounds=few.grounds[0],

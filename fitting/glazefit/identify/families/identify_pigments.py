@@ -15,6 +15,7 @@ from glazejax.spectra import describe_grid, validate_wavelengths
 
 from ...film.films import Noise
 from ...film.model.mixing import digest
+from ...film.shared_bands import SEARCHED
 from ..result import Identification
 from ..search.options import IdentificationOptions
 from ..search.pool import NOBODY
@@ -28,8 +29,6 @@ from .search import FamilySearch
 from .set_up import search_families
 from .templates import usual_coat
 
-STEP = 10.0
-"""Finer spectra are averaged to this, nm: exemplars are known no finer."""
 # Spectra that are answered together, so that progress can be shown.
 _CHUNK = 256
 # What is computed of a film is shown this far beyond the bands that its exemplars are known at, nm.
@@ -61,7 +60,7 @@ def identify_families(
             f"families of pigments are searched by one reading of a film, not {grounds}: give the "
             "reading over one ground, or own_films=True"
         )
-    measured = measured.in_steps(STEP)
+    measured = measured.in_steps(SEARCHED)
     for start in range(0, len(measured), _CHUNK):
         batch = measured.take(np.arange(start, min(start + _CHUNK, len(measured))))
         groups = [np.arange(len(batch))] if opaque else batch.by_grounds()
@@ -117,7 +116,7 @@ def prepare_search(
     """The search among the families of some exemplars, set up or of those that were set up last.
 
     Args:
-        grid: wavelengths of the readings, (bands,), nm, in steps of `STEP` or more.
+        grid: wavelengths of the readings, (bands,), nm, in steps of `SEARCHED` or more.
         pigments, options: of `identify_families`.
         ground: internal reflectance below the films, or None for films that hide it.
         progress: called as it is set up.

@@ -25,10 +25,9 @@ from ...film.films import Films
 from ...film.model.response import film_response
 from ...film.partial_films import average, loose_films, recipes_from_names
 from ...film.readers import one_reading
-from ...film.shared_bands import running_mean
+from ...film.shared_bands import SEARCHED, running_mean
 from ...recover.joint.joint import recover_jointly
 from .features import surface_in
-from .identify_pigments import STEP
 from .templates import hiding_ratio
 
 TINT, CARDS, OPAQUE = "k and s by tints", "k and s by cards", "k/s alone"
@@ -150,7 +149,7 @@ def references_of(
         raise ValueError(f"none of the {len(films)} spectra is understood{first}")
     seen_by = resolve_instrument(instrument)
     determined = [p for p in exemplars if np.mean(np.asarray(p.identifiable)) > 0.5]
-    fitted = _fitted(average(films, STEP), recipes, family_of, determined, seen_by)
+    fitted = _fitted(average(films, SEARCHED), recipes, family_of, determined, seen_by)
     paints: dict[tuple[str, bytes], ReferencePaint] = {}
     # In the order of their names, so that the order of a file changes nothing.
     for name in sorted(family_of):
@@ -196,7 +195,7 @@ def _hiding(
     instrument: Instrument,
 ) -> Pigment:
     """Paint that hides its ground: k/s as read, s as is usual for its family."""
-    reading = np.clip(running_mean(wavelengths, reading, STEP), _DARKEST, _BRIGHTEST)
+    reading = np.clip(running_mean(wavelengths, reading, SEARCHED), _DARKEST, _BRIGHTEST)
     # A reading darker than the surface alone is of paint with less gloss.
     surface = surface_in(reading[None], instrument.seen_surface)
     response = film_response(instrument.geometry, instrument.refractive_index)

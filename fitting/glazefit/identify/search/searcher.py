@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import ArrayLike, Bool, Float
+from scipy.interpolate import make_interp_spline
 
 from glazejax import Pigment
 from glazejax.geometry import resolve_instrument
@@ -23,7 +24,7 @@ from ...film.model.mixing import Pigments, listed_pigments
 from ...film.model.optics import Optics
 from ...film.model.response import film_response
 from ...film.noise import noise_of_each
-from ...film.shared_bands import FINEST, means_of_steps
+from ...film.shared_bands import SEARCHED, means_of_steps
 from .candidates import CHUNK, find_candidates
 from .options import IdentificationOptions
 from .pool import Pool
@@ -36,8 +37,8 @@ from .weigh import Odds
 # Spectra whose doubtful ones are searched again together: a few in each chunk would cost as much as
 # all of it.
 _TOGETHER = 4 * CHUNK
-# More bands than this are averaged, but for a thorough search.
-_MANY = 100
+# Bands at most: a wide range is averaged to longer steps.
+_MOST_BANDS = 100
 # Above this a reflectance is a mistake, such as percent; below, it may be a highlight or a
 # calibration.
 _TOO_BRIGHT = 1.5
@@ -53,7 +54,7 @@ class Searcher(NamedTuple):
         opaque: whether films are said to hide their ground.
         paints: names of the catalogue's paints.
         varnish: what was stated of it.
-        averaged: of many bands, a search at fewer, and the steps that it averages to, nm.
+        averaged: of fine bands, a search at fewer, and the steps that it averages to, nm.
     """
 
     tasks: Mapping[bool, IdentificationTask]
@@ -107,11 +108,10 @@ class Searcher(NamedTuple):
                 effort=THOROUGH if options.thorough else USUAL,
             )
         averaged = None
-        if grid.size > _MANY and not options.thorough:
-            step = max(FINEST, float(np.ptp(grid)) / _MANY)
-            mean = means_of_steps(grid, step)
-            if mean is not None:
-                averaged = cls.of(grid @ mean, pigments, options, opaque=opaque), step
+        step = max(SEARCHED, float(np.ptp(grid)) / _MOST_BANDS)
+        mean = means_of_steps(grid, step)
+        if mean is not None:
+            averaged = cls.of(grid @ mean, pigments, options, opaque=opaque), step
         return cls(
             tasks=tasks,
             opaque=opaque,
@@ -148,10 +148,9 @@ class Searcher(NamedTuple):
                 searcher.tasks, self.opaque, few, pool, self.varnish
             )
             if few is not batch:
-                # Between the means, lines.
-                unit = np.eye(few.wavelengths.size)
-                lines = [np.interp(batch.wavelengths, few.wavelengths, one) for one in unit]
-                pool = pool.at_bands(np.stack(lines))
+                # Between the means, lines, which go on beyond the first and the last.
+                lines = make_interp_spline(few.wavelengths, np.eye(few.wavelengths.size), k=1)
+                pool = pool.at_bands(lines(batch.wavelengths).T)
             yield batch, pool, odds
 
 

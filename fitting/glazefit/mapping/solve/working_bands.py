@@ -14,9 +14,8 @@ from glazejax import Pigment
 from glazejax.spectra import describe_grid, lie_between
 
 from ...film.films import Noise
-from ...film.shared_bands import FEWEST, means_of_steps
+from ...film.shared_bands import FEWEST, SEARCHED, means_of_steps
 from ...identify.families.expected import has_families
-from ...identify.families.identify_pigments import STEP
 from ..store.layout import Status
 
 # Readings below 0 or near it by so many standard deviations of their noise are no noise.
@@ -55,7 +54,7 @@ class WorkingBands:
         # Tables are often interpolated to finer steps than paint has structure for.
         # Steps in nm below which spectra of paint hold no more, and working bands at most.
         finest = min(float(np.median(np.diff(p.wavelengths))) for p in pigments)
-        width = STEP if has_families(pigments) else max(finest, 8.0, (last - first) / 60)
+        width = SEARCHED if has_families(pigments) else max(finest, SEARCHED, (last - first) / 60)
         use = np.flatnonzero(lie_between(stored, first, last))
         if use.size < FEWEST:
             raise ValueError(
