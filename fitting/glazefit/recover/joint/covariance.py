@@ -73,8 +73,10 @@ class JointCovariance(NamedTuple):
     ) -> tuple[Float[np.ndarray, "known numbers"], Float[np.ndarray, "known numbers"]]:
         """Slopes of the bands' unknowns by some of the `others`, and their covariance with them."""
         count = len(self.factors.border)
+        # Of no columns LAPACK's wrapper writes where it must not (scipy 1.17).
         if not len(numbers):
-            return (np.zeros((0, count)),) * 2
+            nothing = np.zeros((0, count))
+            return nothing, nothing
         rows = np.arange(self.modes.shape[1])[-self.others :][list(numbers)]
         columns = self.times(np.eye(self.modes.shape[1])[:, rows])
         across = columns[:count].T

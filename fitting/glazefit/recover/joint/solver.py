@@ -19,11 +19,13 @@ import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
-from scipy.linalg import lapack
+from scipy.linalg import get_lapack_funcs
 
 from ...film.model.response import Response
 from ...film.numerics.least_squares import Descent, Surroundings, descend
 from .problem import JointProblem, JointResiduals, Unknowns, residuals
+
+_factorise_band, _solve_band = get_lapack_funcs(("pbtrf", "tbtrs"), dtype=np.float64)
 
 
 class Normal(NamedTuple):
@@ -144,10 +146,10 @@ def factorise(normal: Normal, damping: float = 0.0) -> Factors:
         diagonals[below, :, : local - below] = np.diagonal(normal.inner, -below, 1, 2)
     diagonals[::local] += normal.ties
     diagonals[0] += damping
-    factor, failed = lapack.dpbtrf(diagonals.reshape(len(diagonals), -1), lower=1)
+    factor, failed = _factorise_band(diagonals.reshape(len(diagonals), -1), lower=1)
     if failed:
         raise np.linalg.LinAlgError
-    border, _ = lapack.dtbtrs(factor, np.reshape(normal.border, (-1, shared)), uplo="L")
+    border, _ = _solve_band(factor, np.reshape(normal.border, (-1, shared)), uplo="L")
     corner = normal.corner + damping * np.eye(shared) - border.T @ border
     return Factors(factor, border, np.linalg.inv(np.linalg.cholesky(corner)))
 
@@ -164,7 +166,7 @@ def whiten(
 ) -> Float[np.ndarray, "unknowns *columns"]:
     """Solve with the factor."""
     count = len(factors.border)
-    bands, _ = lapack.dtbtrs(factors.bands, vectors[:count], uplo="L")
+    bands, _ = _solve_band(factors.bands, vectors[:count], uplo="L")
     return np.concatenate([bands, factors.corner @ (vectors[count:] - factors.border.T @ bands)])
 
 
@@ -177,7 +179,7 @@ def unwhiten(
     count = len(factors.border)
     shared = factors.corner.T @ vectors[count:]
     target = vectors[:count] - factors.border @ shared
-    bands, _ = lapack.dtbtrs(factors.bands, target, uplo="L", trans="T")
+    bands, _ = _solve_band(factors.bands, target, uplo="L", trans="T")
     return np.concatenate([bands, shared])
 
 
