@@ -1,6 +1,4 @@
-"""Probabilities of candidates and of none: Bayes' rule, what is seen and what is not, and the
-simpler film first.
-"""
+"""Probabilities of candidates and of none: Bayes' rule, what is seen and what is not."""
 
 from collections.abc import Sequence
 
@@ -30,7 +28,6 @@ def pool(
     sets: Sequence[Sequence[int]],
     misfit: Sequence[float],
     log_weight: Sequence[float],
-    condition: Sequence[int] = (),
 ) -> Pool:
     """Candidates of one spectrum, off by so many Delta E00."""
     count = len(sets)
@@ -46,7 +43,7 @@ def pool(
         readings,
         readings,
         np.ones((1, count)),
-        np.array([condition or [0] * count]),
+        np.zeros((1, count), int),
     )
 
 
@@ -113,27 +110,6 @@ def test_evidence_ranks_candidates_that_look_alike():
     """Below what is seen only the evidence counts: its ratio is that of the probabilities."""
     odds = odds_of(film(), pool([[0], [1]], [0.2, 0.9], [0.0, np.log(3.0)]), Prior()).candidates
     assert odds[0, 1] / odds[0, 0] == pytest.approx(3.0)
-
-
-@pytest.mark.parametrize(
-    ("earned", "off", "condition", "first"),
-    [
-        (1.9, 0.3, (0, 0), 0),  # neither evidence nor colour asks for the second paint
-        (2.1, 0.3, (0, 0), 1),  # evidence does
-        (1.9, 1.1, (0, 0), 1),  # a difference that is seen does
-        (1.9, 0.3, (1, 0), 1),  # another condition is another film
-    ],
-)
-def test_a_paint_earns_its_place(earned: float, off: float, condition: tuple[int, int], first: int):
-    odds = odds_of(
-        film(), pool([[0], [0, 1]], [off, 0.3], [0.0, earned], condition), Prior()
-    ).candidates
-    assert int(odds[0].argmax()) == first
-
-
-def test_a_set_of_other_paints_takes_no_ones_place():
-    odds = odds_of(film(), pool([[2], [0, 1]], [0.3, 0.3], [0.0, 1.0]), Prior()).candidates
-    assert int(odds[0].argmax()) == 1
 
 
 def candidate(fractions: Sequence[float], coats: tuple[int, ...], condition: str = "") -> Candidate:

@@ -12,7 +12,6 @@ from .refine import refine
 from .screen import screen
 from .surface import with_surface
 from .task import IdentificationTask, Measured
-from .weigh import weigh_traces
 
 CHUNK = 64
 """Spectra that are fitted at a time."""
@@ -25,7 +24,7 @@ def find_candidates(task: IdentificationTask, measured: Measured) -> Pool:
     def fit(rows: Int[np.ndarray, "rows"]) -> Pool:
         chunk = Chunk(task, measured.take(rows))
         ranked = rank(chunk, starts.take(rows), tables[rows[0]])
-        return weigh_traces(with_surface(chunk, refine(chunk, ranked)), task.extenders)
+        return with_surface(chunk, refine(chunk, ranked))
 
     chunks = np.split(np.arange(len(measured)), range(CHUNK, len(measured), CHUNK))
     return Pool.join(in_threads(fit, chunks))

@@ -7,7 +7,6 @@ import numpy as np
 from jaxtyping import Float
 
 from ...film.model.errors import Prior
-from ...identify.search.weigh import Smaller, smaller_sets
 from .by_family import Answered, FamilySearcher
 from .local import Searched, search_locally
 from .survey import Features, nearest
@@ -34,23 +33,6 @@ class Atlas:
         """Features of the representatives."""
         return self.features(self.representatives.readings)
 
-    @cached_property
-    def _orders(self) -> list[list[Smaller]]:
-        """Smaller sets of each representative's candidates, each without one paint; used by every
-        window.
-        """
-        assert isinstance(self.representatives, Searched)
-        local = self.representatives.local
-        return [
-            smaller_sets(
-                members=local.members[candidates],
-                condition=local.condition[candidates],
-                log_weight=local.log_weight[candidates],
-                possible=np.ones(candidates.stop - candidates.start, bool),
-            )
-            for candidates in self.representatives.candidates
-        ]
-
     def answers(
         self, readings: Float[np.ndarray, "spectra bands"]
     ) -> tuple[Answers, Float[np.ndarray, "spectra"]]:
@@ -68,8 +50,7 @@ class Atlas:
         used, first = np.unique(which[order], return_index=True)
         # One after another: so few pixels at a time, two threads would only wait for Python's lock.
         for number, rows in zip(used.tolist(), np.split(order, first)[1:], strict=True):
-            orders = self._orders[number]
-            answers.put(rows, answers_near(searched, number, orders, self.prior, readings[rows]))
+            answers.put(rows, answers_near(searched, number, self.prior, readings[rows]))
         return answers, distance
 
 

@@ -1,6 +1,5 @@
 """Answers for spectra near a representative, in closed form from its candidates."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +9,7 @@ from ...film.model.errors import Prior
 from ...film.numerics.columns import Columns
 from ...identify.result import log_sds
 from ...identify.search.pool import NOBODY
-from ...identify.search.weigh import Misfits, Smaller, odds_of_shared_candidates
+from ...identify.search.weigh import Misfits, weigh
 from .local import Local, Searched
 
 # Log amounts are not moved farther: a paint that does next to nothing would go anywhere.
@@ -89,7 +88,6 @@ class Answers(Columns):
 def answers_near(
     representatives: Searched,
     number: int,
-    order: Sequence[Smaller],
     prior: Prior,
     readings: Float[np.ndarray, "spectra bands"],
 ) -> Answers:
@@ -98,7 +96,6 @@ def answers_near(
     Args:
         representatives: that were searched.
         number: of the one that is meant.
-        order: of `smaller_sets` of its candidates.
         prior: what was expected.
         readings: of the spectra.
     """
@@ -122,7 +119,7 @@ def answers_near(
         residual=np.broadcast_to(local.shape, weight.shape),
         noise_delta_e=np.full(len(change), representatives.blur[number]),
     )
-    odds = odds_of_shared_candidates(weight, misfits, order, prior)
+    odds = weigh(weight, misfits, prior)
     # Candidates that were left out keep their share.
     total = odds.candidates.sum(axis=1) / (1.0 - rest) + odds.none
     first = np.argmax(odds.candidates, axis=1)
