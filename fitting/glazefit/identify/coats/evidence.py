@@ -273,42 +273,29 @@ def _log_likelihood(
     across = computed @ films
     off = np.sum(readings**2, axis=-1)[:, None] - 2.0 * across + size
     along = across - size
+    log_volumes = readings.shape[-1] * np.log(errors.scales)
+    # Nothing is missing, or a part of one of the patches.
+    ways = [(1.0 - errors.patchy if patches else 1.0, None)]
+    ways += [(errors.patchy / len(patches), patch) for patch in patches]
     terms = []
     for gain, gain_weight in zip(errors.gains, errors.gain_weights, strict=True):
         # The gain is Gaussian: its direction is taken out, and its volume counted.
         volume = 1.0 + gain**2 * size
         misfit = off - gain**2 * along**2 / volume
-        unpatched = gain_weight * (1.0 - errors.patchy if patches else 1.0)
-        terms += _over_scales(misfit, volume, unpatched, readings.shape[-1], errors)
-        for patch in patches:
-            with_gain = np.sum(patch * computed, axis=-1)[..., None]
-            patch_square = np.sum(patch**2, axis=-1)[..., None]
-            length = patch_square - gain**2 * with_gain**2 / volume
-            product = patch @ films - with_gain - gain**2 * with_gain * along / volume
-            chance = gain_weight * errors.patchy / len(patches)
-            terms += _over_scales(
-                misfit, volume, chance, readings.shape[-1], errors, patch=(length, product)
-            )
+        for chance, patch in ways:
+            length = product = np.zeros(())
+            if patch is not None:
+                with_gain = np.sum(patch * computed, axis=-1)[..., None]
+                length = np.sum(patch**2, axis=-1)[..., None] - gain**2 * with_gain**2 / volume
+                product = patch @ films - with_gain - gain**2 * with_gain * along / volume
+            # All errors larger or smaller by each scale; without a patch its integral is 1.
+            for scale, weight, log_volume in zip(
+                errors.scales, errors.weights, log_volumes, strict=True
+            ):
+                better = _log_patch(length / scale**2, product / scale**2, errors.patch)
+                value = -0.5 * misfit / scale**2 - 0.5 * np.log(volume) - log_volume + better
+                terms.append(value + np.log(gain_weight * chance * weight))
     return np.asarray(logsumexp(terms, axis=0))
-
-
-def _over_scales(
-    misfit: Float[np.ndarray, "nodes block films"],
-    volume: Float[np.ndarray, "nodes block 1"],
-    chance: float,
-    bands: int,
-    errors: CoatErrors,
-    patch: tuple[np.ndarray, np.ndarray] | None = None,
-) -> list[Float[np.ndarray, "nodes block films"]]:
-    """Log likelihood with all errors larger or smaller by each scale, with a patch or without."""
-    out = []
-    for scale, weight in zip(errors.scales, errors.weights, strict=True):
-        value = -0.5 * misfit / scale**2 - 0.5 * np.log(volume) - bands * np.log(scale)
-        if patch is not None:
-            length, product = (moment / scale**2 for moment in patch)
-            value = value + _log_patch(length, product, errors.patch)
-        out.append(value + np.log(chance * weight))
-    return out
 
 
 def _log_patch(

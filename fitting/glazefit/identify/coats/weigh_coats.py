@@ -4,7 +4,6 @@ over one ground or several; and coats as candidates.
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -18,7 +17,7 @@ from ..result import NINETY, Identification
 from ..result.odds import DECIDED, CoatsOdds
 from ..search.options import IdentificationOptions
 from ..search.pool import Pool
-from ..search.task import IdentificationTask, Measured
+from ..search.task import IdentificationTask
 from ..search.weigh import odds_of
 from .arrangement import Arrangement, arrangements
 from .candidates import WeighedSet, log_rarity, with_coats
@@ -38,61 +37,6 @@ _FAINT_CHANCE = 0.2
 
 
 Sets = list[tuple[int, ...]]
-
-
-class _CoatSpectra(NamedTuple):
-    """Spectra as coats are weighed by them, and all paints of the catalogue.
-
-    Attributes:
-        bodies: readings without the outer surface's part, on bands over which errors are
-            correlated.
-        grounds: internal reflectance under the paint.
-        wavelengths: of the bands, nm.
-        films: of all paints, over the ground of the first spectrum.
-        names: of the paints.
-        usual: amount that the optical thicknesses are of, m.
-        groups: numbers of the spectra over each ground.
-    """
-
-    bodies: Float[np.ndarray, "spectra grounds bands"]
-    grounds: Float[np.ndarray, "spectra grounds bands"]
-    wavelengths: Float[np.ndarray, "bands"]
-    films: CoatedFilms
-    names: tuple[str, ...]
-    usual: float
-    groups: list[Int[np.ndarray, "rows"]]
-
-    @classmethod
-    def of(
-        cls,
-        measured: Measured,
-        pigments: Sequence[Pigment],
-        task: IdentificationTask,
-        usual: float,
-        opaque: bool,
-    ) -> "_CoatSpectra":
-        """Arguments as of `weigh_coats`, and whether the films hide their ground."""
-        # Errors are correlated over more than a band: finer spectra are averaged.
-        few = measured.in_steps(STEP)
-        return cls(
-            bodies=few.readings - task.surface,
-            grounds=few.grounds,
-            wavelengths=few.wavelengths,
-            films=CoatedFilms(
-                coefficients=coefficients(pigments, few.wavelengths) * usual,
-                grounds=few.grounds[0],
-                optics=task.optics,
-                response=task.response,
-                hides=opaque,
-            ),
-            names=tuple(pigment.name for pigment in pigments),
-            usual=usual,
-            groups=few.by_grounds(),
-        )
-
-    def by_grounds(self) -> list[tuple[Int[np.ndarray, "rows"], CoatedFilms]]:
-        """Spectra by their grounds, each with films over these."""
-        return [(rows, self.films._replace(grounds=self.grounds[rows[0]])) for rows in self.groups]
 
 
 def weigh_coats(
@@ -116,55 +60,69 @@ def weigh_coats(
         searched: what paints were searched with, and the candidates.
     """
     measured = identification.measured
+    opaque = identification.opaque
     sets = _best_sets(identification, options)
     task, pool = searched
-    spectra = _CoatSpectra.of(measured, pigments, task, usual, identification.opaque)
-    if identification.opaque or options.max_paints == 1 or len(pigments) == 1:
-        return replace(identification, coats_odds=_odds(spectra, _weigh(spectra, sets, options)))
-
-    for rows, films in spectra.by_grounds():
-        # A film of two coats may look like no mixture of its paints: the two pairs that come
-        # nearest as coats are weighed with the best mixture.
-        near = nearest_pairs(spectra.bodies[rows], films, spectra.wavelengths, log_rarity(task), 2)
-        for row, pairs in zip(rows, near.tolist(), strict=True):
-            larger = [paint_set for paint_set in sets[row] if len(paint_set) > 2]
-            sets[row] = list(dict.fromkeys([*sets[row][:1], *map(tuple, pairs), *larger]))
-    weighed = _weigh(spectra, sets, options)
-    pool = with_coats(task, measured, pool, weighed)
-    odds = odds_of(measured, pool, task.prior)
-    with_stacks = Identification.of(
-        measured, pool, odds, paints=identification.paints, opaque=False, keep=options.keep
+    # Errors are correlated over more than a band: finer spectra are averaged.
+    few = measured.in_steps(STEP)
+    films = CoatedFilms(
+        coefficients=coefficients(pigments, few.wavelengths) * usual,
+        grounds=few.grounds[0],
+        optics=task.optics,
+        response=task.response,
+        hides=opaque,
     )
-    return replace(with_stacks, coats_odds=_odds(spectra, weighed))
-
-
-def _weigh(
-    spectra: _CoatSpectra, sets: Sequence[Sets], options: IdentificationOptions
-) -> list[WeighedSet]:
-    """All ways in which the paints of sets may lie, with amounts, gain, surface and patches
-    integrated out; spectra over one ground that share a set are weighed together.
-    """
-    out = []
-    for rows, films in spectra.by_grounds():
+    bodies = few.readings - task.surface
+    layered = not (opaque or options.max_paints == 1 or len(pigments) == 1)
+    weighed = []
+    for rows in few.by_grounds():
+        over = films._replace(grounds=few.grounds[rows[0]])
+        if layered:
+            # A film of two coats may look like no mixture of its paints: the two pairs that come
+            # nearest as coats are weighed with the best mixture.
+            near = nearest_pairs(bodies[rows], over, few.wavelengths, log_rarity(task), 2)
+            for row, pairs in zip(rows, near.tolist(), strict=True):
+                larger = [paint_set for paint_set in sets[row] if len(paint_set) > 2]
+                sets[row] = list(dict.fromkeys([*sets[row][:1], *map(tuple, pairs), *larger]))
+        # Spectra over one ground that share a set are weighed together.
         jobs: dict[tuple[int, ...], list[int]] = {}
         for row in rows:
             for members in sets[row]:
                 jobs.setdefault(members, []).append(row)
-        out += [
-            _weigh_set(members, np.array(job_rows), spectra, films, options)
+        weighed += [
+            _weigh_set(members, np.array(job_rows), bodies, over, few.wavelengths, options)
             for members, job_rows in jobs.items()
         ]
-    return out
+    names = [pigment.name for pigment in pigments]
+    coats_odds = _odds(len(measured), weighed, names, np.nan if opaque else usual)
+    if layered:
+        pool = with_coats(task, measured, pool, weighed)
+        odds = odds_of(measured, pool, task.prior)
+        identification = Identification.of(
+            measured, pool, odds, paints=identification.paints, opaque=False, keep=options.keep
+        )
+    return replace(identification, coats_odds=coats_odds)
 
 
 def _weigh_set(
     members: tuple[int, ...],
     rows: Int[np.ndarray, "films"],
-    spectra: _CoatSpectra,
+    bodies: Float[np.ndarray, "spectra grounds bands"],
     films: CoatedFilms,
+    wavelengths: Float[np.ndarray, "bands"],
     options: IdentificationOptions,
 ) -> WeighedSet:
-    """A set of paints for some spectra over one ground."""
+    """All ways in which the paints of a set may lie, with amounts, gain, surface and patches
+    integrated out.
+
+    Args:
+        members: the set, by number.
+        rows: spectra over one ground.
+        bodies: of all spectra, without the outer surface's part.
+        films: of all paints, over this ground.
+        wavelengths: of the bands, nm.
+        options: of the search.
+    """
     errors = CoatErrors()
     # Bands at which each of the paints is known.
     set_coefficients = films.coefficients[:, list(members)]
@@ -172,7 +130,7 @@ def _weigh_set(
     films = films._replace(
         coefficients=set_coefficients[..., bands], grounds=films.grounds[:, bands]
     )
-    bodies = spectra.bodies[rows][..., bands].reshape(len(rows), -1)
+    read = bodies[rows][..., bands].reshape(len(rows), -1)
     size = len(members)
     arrangements, chances = _ways(size, options)
 
@@ -184,11 +142,11 @@ def _weigh_set(
             k, s = films.coefficients
             s = s * factors[:, None]
             evidence = weigh_arrangement(
-                bodies,
+                read,
                 arrangement,
                 grid_readings(arrangement, films._replace(coefficients=np.stack([k, s]))),
                 coefficient_sd(k, s, errors)[list(arrangement.paints)],
-                spectra.wavelengths[bands],
+                wavelengths[bands],
                 errors,
             )
             by_library.append(evidence._replace(log=evidence.log + np.log(chance * share)))
@@ -228,7 +186,7 @@ def coats_of_families(
     exemplars are paints by other hands, and how much these scatter decides.
     """
     sets = _best_sets(identification, options)
-    odds = tuple(_odds_beforehand(row_sets, identification.paints, options) for row_sets in sets)
+    odds = tuple(_prior_odds(row_sets, identification.paints, options) for row_sets in sets)
     return replace(identification, coats_odds=odds)
 
 
@@ -243,28 +201,42 @@ def _best_sets(identification: Identification, options: IdentificationOptions) -
     return [best_sets(*of_row, options.max_coats) for of_row in chances]
 
 
-def _odds_beforehand(
+def _prior_odds(
     sets: Sets, names: Sequence[str], options: IdentificationOptions
 ) -> tuple[CoatsOdds, ...]:
     """Odds of the best set of a spectrum, whatever was read."""
     if not sets:
         return ()
-    set_names = [names[member] for member in sets[0]]
-    arrangements, chances = _ways(len(set_names), options)
-    chances = chances / chances.sum()
+    arrangements, chances = _ways(len(sets[0]), options)
+    return (
+        _odds_of(
+            [names[member] for member in sets[0]],
+            arrangements,
+            chances / chances.sum(),
+            "paints of other makers cannot decide it: name the catalogue of the film's paints",
+        ),
+    )
+
+
+def _odds_of(
+    names: Sequence[str],
+    arrangements: Sequence[Arrangement],
+    chances: Float[np.ndarray, "ways"],
+    reason: str,
+) -> CoatsOdds:
+    """Odds of one set, whose amounts are not known."""
     several = [len(arrangement.coats) > 1 for arrangement in arrangements]
-    odds = CoatsOdds(
-        paints=tuple(set_names),
+    return CoatsOdds(
+        paints=tuple(names),
         chances={
-            arrangement.words(set_names): float(chance)
+            arrangement.words(names): float(chance)
             for arrangement, chance in zip(arrangements, chances, strict=True)
         },
         layered=float(chances[several].sum()),
         share=1.0,
-        reason="paints of other makers cannot decide it: name the catalogue of the film's paints",
-        amounts_90=np.full((len(set_names), 2), np.nan),
+        reason=reason,
+        amounts_90=np.full((len(names), 2), np.nan),
     )
-    return (odds,)
 
 
 def _scattering_factors(
@@ -289,27 +261,41 @@ def _scattering_factors(
 
 def _summed(by_library: Sequence[Evidence]) -> Evidence:
     """Evidence over several libraries; amounts and readings are those of the best one."""
-    logs = np.array([evidence.log for evidence in by_library])
+    logs, *others = map(np.array, zip(*by_library, strict=True))
     best = np.argmax(logs, axis=0)
     films = np.arange(logs.shape[1])
-    return Evidence(
-        log=np.asarray(logsumexp(logs, axis=0)),
-        log_amounts=np.array([evidence.log_amounts for evidence in by_library])[best, films],
-        covariance=np.array([evidence.covariance for evidence in by_library])[best, films],
-        nearest=np.array([evidence.nearest for evidence in by_library])[best, films],
-        readings=np.array([evidence.readings for evidence in by_library])[best, films],
-    )
+    return Evidence(np.asarray(logsumexp(logs, axis=0)), *(other[best, films] for other in others))
 
 
 def _odds(
-    spectra: _CoatSpectra, weighed: Sequence[WeighedSet]
+    count: int, weighed: Sequence[WeighedSet], names: Sequence[str], usual: float
 ) -> tuple[tuple[CoatsOdds, ...], ...]:
-    """The sets of each spectrum with their shares, most probable first."""
-    of_rows: list[list[tuple[float, CoatsOdds]]] = [[] for _ in spectra.bodies]
+    """The sets of each spectrum with their shares, most probable first.
+
+    Args:
+        count: of spectra.
+        weighed: sets for them.
+        names: of all paints.
+        usual: thickness of a usual coat, m; NaN where the ground does not show.
+    """
+    of_rows: list[list[tuple[float, CoatsOdds]]] = [[] for _ in range(count)]
     for weighed_set in weighed:
+        set_names = [names[member] for member in weighed_set.members]
+        logs = weighed_set.logs
+        totals = np.asarray(logsumexp(logs, axis=0))
+        # Probability of each arrangement of this set, and amounts in the most probable one.
+        chances = np.exp(logs - totals)
         for number, row in enumerate(weighed_set.rows):
-            total = float(np.asarray(logsumexp(weighed_set.logs[:, number])))
-            of_rows[row].append((total, _odds_of(spectra, weighed_set, number)))
+            own = chances[:, number]
+            odds = _odds_of(
+                set_names, weighed_set.arrangements, own, _reason(weighed_set, own, number)
+            )
+            best = int(np.argmax(own))
+            evidence = weighed_set.evidence[best]
+            spread = np.sqrt(np.maximum(np.diagonal(evidence.covariance[number]), 0.0))
+            logs_90 = evidence.log_amounts[number][:, None] + spread[:, None] * NINETY
+            odds.amounts_90[list(weighed_set.arrangements[best].paints)] = usual * np.exp(logs_90)
+            of_rows[row].append((float(totals[number]), odds))
     out = []
     for row_odds in of_rows:
         totals = np.array([total for total, _ in row_odds])
@@ -319,40 +305,11 @@ def _odds(
     return tuple(out)
 
 
-def _odds_of(spectra: _CoatSpectra, weighed: WeighedSet, number: int) -> CoatsOdds:
-    """Odds of one film for one set."""
-    names = [spectra.names[member] for member in weighed.members]
-    logs = weighed.logs[:, number]
-    # Probability of each arrangement of this set.
-    chances = np.exp(logs - np.asarray(logsumexp(logs)))
-    best = int(np.argmax(chances))
-    # Amounts in the most probable one, where the ground shows.
-    amounts = np.full((len(names), 2), np.nan)
-    if not spectra.films.hides:
-        evidence = weighed.evidence[best]
-        spread = np.sqrt(np.maximum(np.diagonal(evidence.covariance[number]), 0.0))
-        logs_90 = evidence.log_amounts[number][:, None] + spread[:, None] * NINETY
-        amounts[list(weighed.arrangements[best].paints)] = spectra.usual * np.exp(logs_90)
-    layered = float(chances[weighed.several].sum())
-    return CoatsOdds(
-        paints=tuple(names),
-        chances={
-            arrangement.words(names): float(chance)
-            for arrangement, chance in zip(weighed.arrangements, chances, strict=True)
-        },
-        layered=layered,
-        share=1.0,
-        reason=_reason(weighed, chances, layered, number),
-        amounts_90=amounts,
-    )
-
-
-def _reason(
-    weighed: WeighedSet, chances: Float[np.ndarray, "ways"], layered: float, number: int
-) -> str:
+def _reason(weighed: WeighedSet, chances: Float[np.ndarray, "ways"], number: int) -> str:
     """Give the reason why a spectrum does not show whether there is more than one coat; empty where
     it does.
     """
+    layered = float(chances[weighed.several].sum())
     if max(layered, 1.0 - layered) >= DECIDED:
         return ""
     most, least = (
