@@ -205,7 +205,7 @@ def child(folder: str) -> None:
         out=where / "map.zarr",
         memory=MEMORY,
     )
-    tallies, sets = MapStore.open(where / "map.zarr").sums()
+    tallies, sets = MapStore(where / "map.zarr").sums()
     large = [one.pixels for one in sets.values() if one.pixels >= 0.01 * tallies["mapped"]]
     done = {
         "gib": peak_memory() / 2**30,

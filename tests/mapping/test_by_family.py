@@ -90,7 +90,7 @@ def test_a_report_says_what_the_sets_are(cube, paints, tmp_path):
     """Their families with the nearest exemplars, and what is unexplained as references."""
     known = {"instrument": "45:0", "painted": 1900, "elements": ("Cu",)}
     found = map_cube(cube, paints, opaque=True, out=tmp_path / "map.zarr", **known)
-    store = MapStore.open(tmp_path / "map.zarr")
+    store = MapStore(tmp_path / "map.zarr")
     assert store.options["elements"] == [["Cu"], []]
     _, sets = store.sums()
     asked = IdentificationOptions(**known)

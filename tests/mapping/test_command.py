@@ -326,7 +326,7 @@ def test_a_damaged_window_is_named(tmp_path, monkeypatch, cube, mapped):
 def test_a_map_that_another_run_writes_is_not_replaced(tmp_path, monkeypatch, cube, mapped):
     monkeypatch.chdir(tmp_path)
     assert run(cube, "--opaque", *OILS, "--only", "ZincWhite,Eosin").exception is None
-    with MapStore.open("map.zarr").writing():
+    with MapStore("map.zarr").writing():
         done = run(cube, "--opaque", *OILS, "--only", "ZincWhite,Eosin", "--overwrite")
     assert str(done.exception) == (
         "another run is writing map.zarr; wait for it or stop it, or name another map"

@@ -89,7 +89,7 @@ def test_a_damaged_window_is_named_and_mapped_again(
         run_chunks(store_at(path), solver)
     assert len(warned) == 1
     assert solver.asked == [WINDOW]
-    same(MapStore.open(path), undisturbed)
+    same(MapStore(path), undisturbed)
 
 
 @pytest.mark.parametrize("damage", [cut, flip, Path.unlink])
@@ -102,10 +102,10 @@ def test_a_window_whose_sums_are_damaged_is_mapped_again(
     damage(path / ".glazejax" / "sums" / f"{WINDOW}.npz")
     words = rf"^window {WINDOW} of .*map\.zarr is damaged \(its sums cannot be read\)"
     with pytest.raises(ValueError, match=words):
-        MapStore.open(path).sums()
+        MapStore(path).sums()
     with pytest.warns(DamagedWindow, match=words + ", and is mapped again$"):
         run_chunks(store_at(path), Toy())
-    same(MapStore.open(path), undisturbed)
+    same(MapStore(path), undisturbed)
 
 
 def test_a_status_that_is_missing_in_a_complete_map_is_damage(tmp_path, undisturbed):  # noqa: F811
@@ -113,12 +113,12 @@ def test_a_status_that_is_missing_in_a_complete_map_is_damage(tmp_path, undistur
     path = copy(undisturbed, tmp_path)
     (path / "status" / "c" / "1" / "1").unlink()
     assert (open_map(path).status[WINDOW.slices].values == 0).all()
-    MapStore.open(path).note(complete=True)
+    MapStore(path).note(complete=True)
     with pytest.raises(ValueError, match=r"is damaged \(status/c/1/1 is missing\)"):
         read_all(path)
     with pytest.warns(DamagedWindow, match="status/c/1/1 is missing"):
         run_chunks(store_at(path), Toy())
-    same(MapStore.open(path), undisturbed)
+    same(MapStore(path), undisturbed)
 
 
 def test_an_array_that_was_removed_is_made_again(tmp_path, undisturbed):  # noqa: F811
@@ -129,13 +129,13 @@ def test_an_array_that_was_removed_is_made_again(tmp_path, undisturbed):  # noqa
     with pytest.warns(DamagedWindow) as warned:
         run_chunks(store_at(path), Toy())
     assert len(warned) == WINDOWS
-    same(MapStore.open(path), undisturbed)
+    same(MapStore(path), undisturbed)
     assert sorted(file.name for file in tmp_path.iterdir()) == ["map.zarr"]
 
 
 def test_a_map_with_a_damaged_window_is_not_complete(tmp_path, undisturbed):  # noqa: F811
     path = copy(undisturbed, tmp_path)
-    store = MapStore.open(path)
+    store = MapStore(path)
     store.note(complete=True)
     with store.writing():
         pass

@@ -87,7 +87,7 @@ def whole_map(cube, options, tmp_path_factory):
         patch.setattr("glazefit.mapping.map_cube.Atlas", kept)
         out = tmp_path_factory.mktemp("whole") / "map.zarr"
         found = map_cube(cube, small.paints(), out=out, **options)
-    return found, MapStore.open(out).windows(), atlases[0].features
+    return found, MapStore(out).windows(), atlases[0].features
 
 
 def test_every_pixel_is_answered_or_marked(made, cube):
@@ -114,7 +114,7 @@ def test_every_pixel_is_answered_or_marked(made, cube):
     sums = np.where(there, found["fraction"].values, 0.0).sum(axis=-1)
     np.testing.assert_allclose(sums[mapped], 1.0, atol=1e-5)
     assert [stage for done, total, stage in said if done == total][-1] == "mapping"
-    tallies, sets = MapStore.open(out).sums()
+    tallies, sets = MapStore(out).sums()
     assert tallies["mapped"] == mapped.sum() == sum(one.pixels for one in sets.values())
     assert tallies["no data"] == 3
 
@@ -192,7 +192,7 @@ def test_the_misfit_of_a_pixel_is_that_of_a_search(searched):
 def test_what_no_paint_explains_is_offered_as_paints(made):
     found, _, out = made
     none = (found["status"].values == Status.MAPPED) & (found["explained"].values == 0)
-    kept = MapStore.open(out).unexplained()
+    kept = MapStore(out).unexplained()
     assert kept.pixels.sum() == none.sum() > 0
     spots = found.attrs["spots"]
     assert 0 < len(spots) <= 10

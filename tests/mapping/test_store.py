@@ -395,7 +395,7 @@ def test_attributes_can_be_added(tmp_path):
     dataset = open_map(store.path)
     assert dataset.attrs["title"] == "a panel"
     assert dataset.attrs["agreement"] == {"pixels": 2000, "same": 0.97}
-    assert len(MapStore.open(store.path).done()) == WINDOWS
+    assert len(MapStore(store.path).done()) == WINDOWS
 
 
 def finished(path: Path) -> int:
@@ -427,13 +427,13 @@ def test_a_run_killed_at_random_moments_ends_as_an_undisturbed_one(tmp_path, und
         run.kill()
         killed = run.wait() != 0
         run.stdout.close()
-        done = MapStore.open(path).done()
+        done = MapStore(path).done()
         assert len(done) >= max(kept, min(wanted, WINDOWS))
         for window in done:
             assert (open_map(path).status[window.slices] == Status.MAPPED).all()
         kept, kills = len(done), kills + killed
         assert kills < 40
     assert kills >= 3
-    same(MapStore.open(path), undisturbed)
+    same(MapStore(path), undisturbed)
     run_chunks(store_at(path), Toy())
     assert not list(path.rglob("*.part*"))

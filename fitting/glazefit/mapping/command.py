@@ -336,7 +336,7 @@ def map_(
             overwrite=overwrite,
             progress=report_progress,
         )
-    store = MapStore.open(out)
+    store = MapStore(out)
     tallies, sets = store.sums()
     console.print(f"Wrote the map to {out}")
     print_map(paint_map, tallies, sets, console)

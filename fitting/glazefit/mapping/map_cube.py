@@ -9,6 +9,7 @@ themselves.
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from functools import partial
+from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
@@ -22,7 +23,7 @@ from ..film.model.mixing import Pigments
 from ..film.noise import spectra_noise
 from ..identify.search.options import SearchKeywords, check_keywords
 from ..identify.search.searcher import Searcher
-from .solve.agreement import compare
+from .solve.agreement import agreement
 from .solve.atlas import Atlas, search_for_atlas
 from .solve.by_family import Answered, FamilySearcher
 from .solve.local import Searched
@@ -143,7 +144,9 @@ def map_cube(
             "working_wavelengths": bands.wavelengths,
             "bands_of_each": bands.count,
             "notes": list(task.notes),
-            **_versions(),
+            "made_by": ", ".join(
+                f"{name} {version(name)}" for name in ("glazejax", "jax", "numpy")
+            ),
         },
         coords=task.coords,
         overwrite=overwrite,
@@ -155,7 +158,9 @@ def map_cube(
         atlas = _atlas(store, task, surveyed, client, progress)
         if "checked" not in store.work.done():
             progress(0, 1, "checking")
-            store.work.put("checked", compare(task, atlas, surveyed.checked)._asdict())
+            answers, _ = atlas.answers(surveyed.checked.astype(np.float32))
+            compared = agreement(task, surveyed.checked, answers.columns())
+            store.work.put("checked", compared._asdict())
         solver = PixelSolver(task, atlas, reach=float(surveyed.reach))
         run_chunks(store, solver, client, progress)
         tallies, _ = store.sums()
@@ -345,11 +350,3 @@ def _bytes(paints: int, bands: int) -> float:
     they come from, of all windows that are solved at once.
     """
     return 4.0 * AT_ONCE * (7 * bands + 3 * paints + 250) / bands
-
-
-def _versions() -> dict[str, str]:
-    from importlib.metadata import version
-
-    return {
-        "made_by": f"glazejax {version('glazejax')}, jax {version('jax')}, numpy {version('numpy')}"
-    }

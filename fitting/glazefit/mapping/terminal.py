@@ -55,7 +55,7 @@ def say_what_is_kept(out: Path, console: "Console", *, overwrite: bool) -> Itera
 
     def kept(stopped: str = "Interrupted") -> str:
         try:
-            store = MapStore.open(out)
+            store = MapStore(out)
         except ValueError:
             return f"{stopped}: no map was begun."
         done = len(store.done())

@@ -60,11 +60,8 @@ def _draw(identification: Identification, row: int, top: int, axes: np.ndarray) 
         identification.none[row],
     ]
     colours = [*_COLOURS[: len(films)], "0.7", "0.3"]
-    chances.barh(np.arange(len(names)), values, color=colours)
+    chances.barh(np.arange(len(names)) - 0.155, values, height=0.45, color=colours)
     chances.set(xlim=(0, 1), xlabel="probability", ylim=(len(names) - 0.4, -0.85))
     chances.set_yticks([])
     for position, name in enumerate(names):
         chances.text(0.01, position - 0.42, name, fontsize=7.5, va="bottom", ha="left")
-    for position, bar in enumerate(chances.patches):
-        bar.set_height(0.45)
-        bar.set_y(position - 0.4 + 0.02)

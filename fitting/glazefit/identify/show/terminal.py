@@ -124,10 +124,7 @@ _AS_IS: dict[str, Any] = {"markup": False, "soft_wrap": True}
 
 
 def _verdict(identification: Identification, row: int) -> str:
-    if not identification.explained[row]:
-        sentence = identification.unexplained(row)
-        return f"{sentence[0].upper()}{sentence[1:]}."
-    if identification.likely_paint(row) is not None:
+    if not identification.explained[row] or identification.likely_paint(row) is not None:
         sentence = identification.verdict(row)
         return f"{sentence[0].upper()}{sentence[1:]}."
     best, (pigments, chance) = identification.ranked(row, 1)[0], identification.families(row)[0]

@@ -6,10 +6,9 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from glazejax.colour import srgb
 from glazejax.plots import hex_colour
 
-from ..store.chunk import SetSum
+from ..store.chunk import SetSum, true_colour
 from .page_sets import small_spectrum
 
 SPECTRA = "spots.csv"
@@ -38,16 +37,8 @@ def spot_rows(
             {
                 **spot,
                 "name": str(spot["name"]),
-                "colour": _swatch(grid, reading),
+                "colour": hex_colour(true_colour(grid, reading[None])[0] / 255),
                 "spectrum": small_spectrum(alone, grid),
             }
         )
     return rows
-
-
-def _swatch(grid: Float[np.ndarray, "bands"], reading: Float[np.ndarray, "bands"]) -> str:
-    """Colour of a spectrum, grey where its bands give none."""
-    try:
-        return hex_colour(np.asarray(srgb(grid, reading)))
-    except ValueError:
-        return hex_colour(np.full(3, np.sqrt(reading.mean())))

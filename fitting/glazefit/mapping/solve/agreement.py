@@ -8,7 +8,6 @@ from jaxtyping import Float
 
 from ...identify.result import Identification, log_sds
 from ...identify.search.pool import NOBODY
-from .atlas import Atlas
 from .by_family import FamilySearcher
 from .local import as_measured
 from .task import MapTask
@@ -35,17 +34,6 @@ class Agreement(NamedTuple):
     probability_90: np.ndarray
     amount: np.ndarray
     amount_90: np.ndarray
-
-
-def compare(task: MapTask, atlas: Atlas, readings: Float[np.ndarray, "spectra bands"]) -> Agreement:
-    """Compare answers for spectra in closed form with a search of each.
-
-    Args:
-        task, atlas: of the map.
-        readings: of good pixels, at the working bands.
-    """
-    answers, _ = atlas.answers(readings.astype(np.float32))
-    return agreement(task, readings, answers.columns())
 
 
 def agreement(

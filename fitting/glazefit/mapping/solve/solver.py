@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ...identify.search.pool import NOBODY
-from ..store.chunk import ChunkMaps, SetSum, distinct_sets, rms_difference
+from ..store.chunk import ChunkMaps, SetSum, distinct_sets, rms_difference, true_colour
 from ..store.layout import BY_NAME, STATUS_WORDS, Status, Way
 from ..store.windows import Window
 from .atlas import Atlas, search_for_atlas
@@ -131,17 +131,3 @@ def _sums(
             thickness=total,
         )
     return out
-
-
-def true_colour(
-    wavelengths: Float[np.ndarray, "bands"], readings: Float[np.ndarray, "pixels bands"]
-) -> np.ndarray:
-    """sRGB from 0 to 255 under D65, (pixels, 3); grey where the bands give no colour."""
-    from glazejax.colour import srgb
-
-    clipped = np.clip(np.nan_to_num(readings, nan=0.0, posinf=1.0, neginf=0.0), 0.0, 2.0)
-    try:
-        encoded = np.asarray(srgb(wavelengths, clipped))
-    except ValueError:
-        encoded = np.repeat(np.sqrt(clipped.mean(axis=1, keepdims=True)), 3, axis=1)
-    return np.rint(255.0 * np.clip(encoded, 0.0, 1.0)).astype(np.uint8)

@@ -136,6 +136,20 @@ def rms_difference(
         return np.asarray(np.sqrt(square.sum(axis=-1) / known.sum(axis=-1)))
 
 
+def true_colour(
+    wavelengths: Float[np.ndarray, "bands"], readings: Float[np.ndarray, "pixels bands"]
+) -> np.ndarray:
+    """sRGB from 0 to 255 under D65, (pixels, 3); grey where the bands give no colour."""
+    from glazejax.colour import srgb
+
+    clipped = np.clip(np.nan_to_num(readings, nan=0.0, posinf=1.0, neginf=0.0), 0.0, 2.0)
+    try:
+        encoded = np.asarray(srgb(wavelengths, clipped))
+    except ValueError:
+        encoded = np.repeat(np.sqrt(clipped.mean(axis=1, keepdims=True)), 3, axis=1)
+    return np.rint(255.0 * np.clip(encoded, 0.0, 1.0)).astype(np.uint8)
+
+
 def add_sets(into: dict[Members, SetSum], sums: Mapping[Members, SetSum]) -> None:
     """Add sums of sets to others."""
     for members, total in sums.items():

@@ -90,7 +90,7 @@ def export_map(
         `check_export`. OSError: the disk is full; nothing is left of the file then.
     """
     files = check_export(path, overwrite=overwrite)
-    store = MapStore.open(map)
+    store = MapStore(map)
     if files[0].suffix.lower() in _NETCDF:
         with _whole(files[0]) as partial:
             _write_netcdf(store, partial)

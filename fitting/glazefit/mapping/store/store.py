@@ -44,7 +44,7 @@ class DamagedWindow(UserWarning):
 
 
 class MapStore:
-    """A map on disk; make or open it with `create` or `open`.
+    """A map on disk, that is there, or is made by `create`.
 
     Attributes:
         path: its folder.
@@ -54,6 +54,9 @@ class MapStore:
         options: what the map depends on, as plain JSON.
         run: distinguishes the map from any that it replaced.
         work: where a run keeps what it found before the windows.
+
+    Raises:
+        ValueError: there is no map in the folder, or a damaged one.
     """
 
     def __init__(self, path: str | Path):
@@ -153,15 +156,6 @@ class MapStore:
             finally:
                 for leftover in (new, old):
                     shutil.rmtree(leftover, ignore_errors=True)
-        return cls(path)
-
-    @classmethod
-    def open(cls, path: str | Path) -> "MapStore":
-        """The map in a folder.
-
-        Raises:
-            ValueError: there is none.
-        """
         return cls(path)
 
     def windows(self) -> list[Window]:
@@ -310,7 +304,7 @@ def open_map(path: str | Path) -> "xarray.Dataset":
 
     from .partial_store import FinishedWindows
 
-    store = MapStore.open(path)
+    store = MapStore(path)
     finished = FinishedWindows(LocalStore(store.path, read_only=True), store._chunks)
     try:
         # zarr lists arrays as they come.
