@@ -39,6 +39,8 @@ def as_array(values: Numbers) -> Array | np.ndarray:
     Raises:
         ValueError: some are masked.
     """
+    if isinstance(values, float):
+        return np.asarray(values)
     if isinstance(values, np.ma.MaskedArray):
         if missing := int(np.ma.getmaskarray(values).sum()):
             raise ValueError(
@@ -48,8 +50,6 @@ def as_array(values: Numbers) -> Array | np.ndarray:
         return np.asarray(values)
     if isinstance(values, np.ndarray | jax.Array):
         return values
-    if isinstance(values, float):
-        return np.asarray(values)
     traced = any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(values))
     return jnp.asarray(values) if traced else np.asarray(values)
 
@@ -60,15 +60,16 @@ def concrete(values: Numbers) -> np.ndarray | None:
     return None if isinstance(array, Tracer) else np.asarray(array)
 
 
-_to_jax = jax.jit(lambda number: number)
+# Python's numbers have a weak type, which the one that is written here takes from them.
+_to_jax = jax.jit(lambda number: jnp.asarray(number, number.dtype))
 
 
 def as_float_array(values: Numbers) -> Float[Array, "..."]:
     """Values as a JAX floating-point array; integers become the default float type."""
-    # A program takes a number to JAX in a tenth of the time that `asarray` needs, and NumPy's own
-    # numbers faster than its arrays.
+    # A program takes a number to JAX in a tenth of the time that `asarray` needs, and Python's
+    # numbers faster than NumPy's arrays.
     if isinstance(values, float):
-        return _to_jax(np.float64(values))
+        return _to_jax(values)
     array = as_array(values)
     array = _to_jax(array) if np.ndim(array) == 0 else jnp.asarray(array)
     return (

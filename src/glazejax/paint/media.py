@@ -107,10 +107,21 @@ class _Labels:
         return "labels"
 
 
-class _PlainModule(eqx.Module):
+class _PlainMeta(type(eqx.Module)):
+    """Makes objects as `type` does: Equinox looks afterwards whether each field is set, of every
+    class that the object is of, which takes as long as everything else in a coat.
+    """
+
+    def __call__(cls, *args: Any, **kwargs: Any) -> Any:
+        made = object.__new__(cls)
+        made.__init__(*args, **kwargs)
+        return made
+
+
+class _PlainModule(eqx.Module, metaclass=_PlainMeta):
     """Base whose attributes are read as those of other objects: Equinox asks of each whether it is
     a method to bind, and of each that is set whether it may be. That takes a microsecond or two
-    each time, so that Layer and Glaze set theirs at once.
+    each time, so that `__init__` sets all at once.
     """
 
     if not TYPE_CHECKING:
@@ -199,25 +210,26 @@ class Pigment(_Labelled):
             _check_range(what, values, 0.0, np.inf)
             return as_float_array(values)
 
-        self.absorption = spectrum("absorption", absorption)
-        self.scattering = spectrum("scattering", scattering)
-        self.absorption_sd = spectrum("absorption_sd", absorption_sd)
-        self.scattering_sd = spectrum("scattering_sd", scattering_sd)
-        self.error_modes = (
-            None if error_modes is None else _legal_modes(name, error_modes, grid.size)
-        )
-        self.phase = None if phase is None else legal_phase(repr(name), phase, grid.size)
-        self._grid = tuple(grid.tolist())
         mask = None if identifiable is None else np.asarray(identifiable)
         if mask is not None and (mask.shape != grid.shape or mask.dtype != bool):
             raise ValueError(f"identifiable of {name!r} must be {grid.size} booleans, one a band")
-        self._labels = _Labels(
+        labels = _Labels(
             name=name,
             provenance=provenance,
             family=family,
             source=source,
             binder=binder,
             identifiable=None if mask is None else tuple(mask.tolist()),
+        )
+        vars(self).update(
+            absorption=spectrum("absorption", absorption),
+            scattering=spectrum("scattering", scattering),
+            absorption_sd=spectrum("absorption_sd", absorption_sd),
+            scattering_sd=spectrum("scattering_sd", scattering_sd),
+            error_modes=None if error_modes is None else _legal_modes(name, error_modes, grid.size),
+            phase=None if phase is None else legal_phase(repr(name), phase, grid.size),
+            _labels=labels,
+            _grid=tuple(grid.tolist()),
         )
 
     @property
@@ -360,9 +372,11 @@ class Mixture(_Labelled):
                     "divide them by their sum" if furthest > 0 else "at least one must be positive"
                 )
                 raise ValueError(f"weights must sum to 1, but sum to {furthest:.7g}: {fix}")
-        self.pigments = pigments
-        self.weights = as_float_array(fractions)
-        self._labels = _Labels(" + ".join(p.name for p in pigments) if name is None else name)
+        vars(self).update(
+            pigments=pigments,
+            weights=as_float_array(fractions),
+            _labels=_Labels(" + ".join(p.name for p in pigments) if name is None else name),
+        )
 
     @property
     def _grid(self) -> tuple[float, ...]:
@@ -628,7 +642,7 @@ def _side_by_side(xp: Any, *arrays: Any) -> Any:
 
 def _check_batches(coats: Sequence[Layer], ground: tuple[int, ...]) -> None:
     """Refuse coats, or a ground, that are batches of different sizes."""
-    shapes = [np.shape(coat.thickness) for coat in coats]
+    shapes = [getattr(coat.thickness, "shape", ()) for coat in coats]
     if not any((*shapes, ground)):
         return
     try:

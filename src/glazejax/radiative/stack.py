@@ -29,6 +29,7 @@ from .common.inputs import (
     check_tolerance,
     check_values,
     concrete,
+    flat_batch,
     plain_number,
 )
 from .common.rounding import FINEST_SINGLE, warn_of_rounding, warn_user
@@ -300,6 +301,39 @@ def _prepare(
     """Checked arguments as a flat batch of stacks, what is fixed in the program, and the batch's
     shape.
     """
+    arrays, numbers = inputs[:3], inputs[3:]
+    if (
+        method != "ordinates"
+        or not all(isinstance(number, float | None) for number in numbers)
+        or not all(isinstance(a, float | np.ndarray) and 0 < np.size(a) < _MANY for a in arrays)
+    ):
+        return _prepare_any(inputs, tolerance, method)
+    # Shapes alone plan the rest, once; arrays are new each time.
+    check_tolerance(tolerance)
+    check_values(dict(zip(_Inputs._fields, arrays, strict=False)))
+    dtype = jax.dtypes.canonicalize_dtype(float)
+    tolerance = _within_reach(tolerance, method, single=dtype == np.float32)
+    device = jax.config.jax_default_device  # pyright: ignore[reportAttributeAccessIssue]
+    stack, settings, batch = _plan(tuple(map(np.shape, arrays)), numbers, tolerance, dtype, device)
+    flat = (
+        flat_batch(np.asarray(array, dtype), batch, *planned.shape[1:])
+        for array, planned in zip(arrays, stack, strict=False)
+    )
+    return StackArrays(*flat, *stack[3:]), settings, batch
+
+
+@functools.lru_cache(maxsize=256)
+def _plan(shapes: Any, numbers: Any, tolerance: float, *_: Any) -> Any:
+    """What `_prepare_any` returns for any arrays of these shapes, in JAX's precision and on its
+    device, which come last.
+    """
+    return _prepare_any(_Inputs(*map(np.zeros, shapes), *numbers), tolerance, "ordinates")
+
+
+def _prepare_any(
+    inputs: _Inputs, tolerance: float, method: str
+) -> tuple[StackArrays, _StackSettings, tuple[int, ...]]:
+    """What `_prepare` returns, with nothing planned before."""
     check_choice("method", method, Method)
     check_tolerance(tolerance)
     check_values({"refractive_index": inputs.refractive_index})

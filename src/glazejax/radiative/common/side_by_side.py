@@ -65,9 +65,7 @@ def inverse_positive(a: Float[Array, "*stack n n batch"]) -> Float[Array, "*stac
 
 def _inverse_of_three(a: Array) -> Array:
     """By cofactors; of the matrix's halves only the upper one is read."""
-    (a00, a01, a02), (_, a11, a12), (_, _, a22) = (
-        [a[..., i, j, :] for j in range(3)] for i in range(3)
-    )
+    a00, a01, a02, a11, a12, a22 = (a[..., i, j, :] for i in range(3) for j in range(i, 3))
     c00 = a11 * a22 - a12 * a12
     c01 = a02 * a12 - a01 * a22
     c02 = a01 * a12 - a02 * a11
