@@ -275,7 +275,6 @@ def test_a_wrong_line_imports_nothing_that_computes(tmp_path):
         ["convert", table, "x.csv", "--to", "pdf"],
         ["convert", table, "x.csv", "--scale", "0"],
         ["recipe", "--lab", "50"],
-        ["recipe", "--lab", "50,20,30", "--catalogue", "pigments"],
         ["recipe", "--lab", "50,20,30", "--seed", "-1"],
         ["export", "Eosin:2um", "--roughness", "2"],
         ["export", "Eosin:2um", "--out", "x.obj"],

@@ -218,7 +218,7 @@ def test_a_second_run_does_nothing_again(made, cube, options: dict[str, Any], mo
 
     monkeypatch.setattr("glazefit.mapping.solve.solver.PixelSolver.solve", never)
     monkeypatch.setattr("glazefit.mapping.map_cube.search_for_atlas", never)
-    monkeypatch.setattr("glazefit.mapping.map_cube.compare", never)
+    monkeypatch.setattr("glazefit.mapping.map_cube.agreement", never)
     again = map_cube(cube, FEW, out=out, **options)
     for name, values in before.items():
         np.testing.assert_array_equal(again[name].values, values)

@@ -58,7 +58,7 @@ def test_noise_of_many_spectra_is_told_from_some_of_them(floor, share):
     height = rng.uniform(0.1, 0.9, (400, 1))
     smooth = height * (0.5 + 0.5 * np.sin(FINE / 90.0 + 6.0 * height))
     spectra = smooth + rng.standard_normal(smooth.shape) * (floor + share * smooth)
-    told = spectra_noise(FINE, spectra, Noise(1e-5, 0.0))
+    told = spectra_noise(FINE, spectra)
     for level in (0.1, 0.8):
         # A step of the search is a tenth.
         assert float(told.sd(np.asarray(level))) == pytest.approx(floor + share * level, rel=0.12)

@@ -76,8 +76,16 @@ def rank(chunk: Chunk, starts: SetStarts, table: FilmTable) -> Pool:
         row = np.repeat(np.arange(spectra), count)
         logs = np.clip(starts.logs, np.log(LEAST), np.log(MOST)).reshape(-1, size)
         sets = starts.sets.reshape(-1, size)
-        steps = task.effort.ranking_steps
-        fitted = fit_all(chunk, row, sets, logs, errors, row, steps, _BLOCK)
+        fitted = fit_all(
+            chunk=chunk,
+            row=row,
+            sets=sets,
+            logs=logs,
+            errors=errors,
+            own=row,
+            steps=task.effort.ranking_steps,
+            block=_BLOCK,
+        )
         return Fitted(*(values.reshape(spectra, count, *values.shape[1:]) for values in fitted))
 
     fitted = fit(starts)

@@ -192,7 +192,16 @@ def fit_with_errors(
     groups = _group(task, films, slopes_at(chunk, films.sets, films.logs, films.row))
     errors = coefficient_errors(chunk, groups.row, groups.sets, groups.slopes)
     block = block_size(errors.basis.shape[-1])
-    fitted = fit_all(chunk, films.row, films.sets, films.logs, errors, groups.of, steps, block)
+    fitted = fit_all(
+        chunk=chunk,
+        row=films.row,
+        sets=films.sets,
+        logs=films.logs,
+        errors=errors,
+        own=groups.of,
+        steps=steps,
+        block=block,
+    )
     log_weight = fitted.log_evidence + log_set_prior(task, films.sets)
     # Nothing is known together with a paint that is not there.
     absent = films.sets == NOBODY
@@ -259,10 +268,17 @@ def block_size(readings: int) -> int:
 
 def _nearest(chunk: Chunk, films: CandidateFilms) -> CandidateFilms:
     """The films with amounts that come near the readings."""
-    row = films.row
-    steps = chunk.task.effort.steps
-    block = block_size(chunk.target.shape[1])
-    fitted = fit_all(chunk, row, films.sets, films.logs, near_errors(chunk), row, steps, block)
+    errors = near_errors(chunk)
+    fitted = fit_all(
+        chunk=chunk,
+        row=films.row,
+        sets=films.sets,
+        logs=films.logs,
+        errors=errors,
+        own=films.row,
+        steps=chunk.task.effort.steps,
+        block=block_size(chunk.target.shape[1]),
+    )
     return replace(films, logs=fitted.logs, readings=fitted.readings)
 
 
