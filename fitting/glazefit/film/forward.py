@@ -215,7 +215,9 @@ class Film:
                 by_ground=jnp.maximum(gain / denominator, 0.0) / denominator,
                 by_log=jnp.zeros((0, bands, grounds)),
             )
-        numbers = jax.vmap(lambda *band: look_up(jnp, *band, _NODES))(data.table, *thickness)
+        numbers = jax.vmap(lambda table, kd, sd: look_up(jnp, table, kd, sd, _NODES))(
+            data.table, *thickness
+        )
         values = jnp.moveaxis(numbers.reshape(bands, -1, grounds), 1, 0)
         return Slopes(body=values[0], by_ground=values[1], by_log=values[2:])
 

@@ -217,8 +217,8 @@ def damped_newton(
 class Surroundings(NamedTuple):
     """A problem near a point."""
 
-    cost: Float[np.ndarray, ""]  # half the sum of squares
-    gradient: Float[np.ndarray, "n"]
+    cost: Float[Any, ""]  # half the sum of squares
+    gradient: Float[Any, "n"]
     normal: Any  # the normal matrix, in whatever form `solve` takes it
 
 
