@@ -14,7 +14,7 @@ Where a film is opaque only k/s is known. There s d is drawn to its neighbours
 
 import functools
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -42,8 +42,8 @@ CHUNK = 8
 class ScatteringPrior(NamedTuple):
     """Prior of log(s d): its mean and one over its standard deviation (0 for nothing)."""
 
-    mean: Float[Any, "*bands"]
-    weight: Float[Any, "*bands"]
+    mean: Float[Array, "*bands"] | Float[np.ndarray, "*bands"]
+    weight: Float[Array, "*bands"] | Float[np.ndarray, "*bands"]
 
 
 class BandStart(NamedTuple):

@@ -132,8 +132,8 @@ class Prediction(Tabulated):
         self, illuminant: str = "D65", observer: str | int = 10, parts: tuple[str, ...] = PARTS
     ) -> Float[np.ndarray, "2"]:
         """The same over the black and over the white card."""
-        drawn = np.moveaxis(self._draw(parts), 1, 0)
-        return self.delta_e(*drawn, illuminant, observer).mean(axis=0)
+        over_black, over_white = np.moveaxis(self._draw(parts), 1, 0)
+        return self.delta_e(over_black, over_white, illuminant, observer).mean(axis=0)
 
     def between_mixings(self, illuminant: str = "D65", observer: str | int = 10) -> float:
         """Mean CIEDE2000 between two films of the recipe, over both cards, by the films' own
