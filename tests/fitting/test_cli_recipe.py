@@ -102,7 +102,7 @@ def test_patches_of_a_chart(run, tmp_path):
 @pytest.mark.slow
 def test_an_interrupt_keeps_what_is_finished(run, monkeypatch):
     def cut_short(task, progress):
-        yield from _first_of(real(task, 1))
+        yield from _first_of(real(task))
         raise KeyboardInterrupt
 
     def _first_of(groups):
@@ -110,6 +110,7 @@ def test_an_interrupt_keeps_what_is_finished(run, monkeypatch):
 
     real = recipe.recipe_chunks
     monkeypatch.setattr(recipe, "recipe_chunks", cut_short)
+    monkeypatch.setattr(recipe, "_GROUP", 1)
     words = ["--patch", "red,blue", "--max-coats", 1, "--max-paints", 2, "--count", 1]
     status, out, _ = run(*words, "--csv", "r.csv")
     assert status == 130
