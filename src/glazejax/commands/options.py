@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from ..io.quantity import Stated
     from ..paint.media import Pigment
 
-option = functools.partial(typer.Option, show_default=False)
+option: Callable[..., Any] = functools.partial(typer.Option, show_default=False)
 """An option whose default is none, or stands in its help."""
 
 
@@ -124,7 +124,7 @@ def _catalogue(name: str) -> None:
 
 
 there: Callable[[Any], Any] = checked(existing)
-file_option = functools.partial(option, metavar="FILE", callback=there)
+file_option: Callable[..., Any] = functools.partial(option, metavar="FILE", callback=there)
 """An option for a file that is read."""
 INDEX = 1.5
 RefractiveIndex = Annotated[

@@ -164,13 +164,13 @@ class Recovery(FittedFilms, Tabulated):
         """
         return self._delta_e(illuminant, 2).max(axis=-1)
 
-    def interval(self) -> tuple[np.ndarray, np.ndarray]:
+    def interval(self, quantile: float = 1.96) -> tuple[np.ndarray, np.ndarray]:
         """Symmetric intervals of k d and s d, cut at zero: (lower, upper), each (films, bands, 2).
 
-        They cover the truth in 95 % of cases where `identifiable`.
+        The default covers the truth in 95 % of cases where `identifiable`.
         """
         value = np.stack([self.absorption, self.scattering], axis=-1)
-        half = 1.96 * np.stack([self.absorption_sd, self.scattering_sd], axis=-1)
+        half = quantile * np.stack([self.absorption_sd, self.scattering_sd], axis=-1)
         return np.maximum(value - half, 0.0), value + half
 
     def pigment(self, row: int, thickness: float, provenance: str = "") -> Pigment:
