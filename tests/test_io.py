@@ -257,10 +257,10 @@ def test_names_do_not_decide_the_format(tmp_path):
 
 def test_blank_files_are_refused_at_once(tmp_path):
     for text in ("\n" * 60_000, "   \n" * 15_000, "##\n" * 20_000, "$$ \n" * 15_000):
-        start = time.process_time()
+        start = time.thread_time()
         with pytest.raises(ValueError, match=r"empty|header"):
             read_spectra(put(tmp_path, text))
-        assert time.process_time() - start < 2
+        assert time.thread_time() - start < 2
 
 
 @given(st.text(alphabet="0123456789.,;\t\n nmNaeE-+\"'#", max_size=120))
