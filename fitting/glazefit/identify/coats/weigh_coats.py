@@ -212,6 +212,7 @@ def _prior_odds(
             arrangements,
             chances / chances.sum(),
             "paints of other makers cannot decide it: name the catalogue of the film's paints",
+            np.full((len(sets[0]), 2), np.nan),
         ),
     )
 
@@ -221,8 +222,9 @@ def _odds_of(
     arrangements: Sequence[Arrangement],
     chances: Float[np.ndarray, "ways"],
     reason: str,
+    amounts_90: Float[np.ndarray, "paints 2"],
 ) -> CoatsOdds:
-    """Odds of one set, whose amounts are not known."""
+    """Odds of one set by those of the ways in which its paints may lie."""
     several = [len(arrangement.coats) > 1 for arrangement in arrangements]
     return CoatsOdds(
         paints=tuple(names),
@@ -233,7 +235,7 @@ def _odds_of(
         layered=float(chances[several].sum()),
         share=1.0,
         reason=reason,
-        amounts_90=np.full((len(names), 2), np.nan),
+        amounts_90=amounts_90,
     )
 
 
@@ -285,14 +287,14 @@ def _odds(
         chances = np.exp(logs - totals)
         for number, row in enumerate(weighed_set.rows):
             own = chances[:, number]
-            odds = _odds_of(
-                set_names, weighed_set.arrangements, own, _reason(weighed_set, own, number)
-            )
             best = int(np.argmax(own))
             evidence = weighed_set.evidence[best]
             spread = np.sqrt(np.maximum(np.diagonal(evidence.covariance[number]), 0.0))
             logs_90 = evidence.log_amounts[number][:, None] + spread[:, None] * NINETY
-            odds.amounts_90[list(weighed_set.arrangements[best].paints)] = usual * np.exp(logs_90)
+            amounts_90 = np.full((len(set_names), 2), np.nan)
+            amounts_90[list(weighed_set.arrangements[best].paints)] = usual * np.exp(logs_90)
+            reason = _reason(weighed_set, own, number)
+            odds = _odds_of(set_names, weighed_set.arrangements, own, reason, amounts_90)
             of_rows[row].append((float(totals[number]), odds))
     out = []
     for row_odds in of_rows:

@@ -1,7 +1,7 @@
 """Result of a recovery, and how well it is known."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -195,6 +195,8 @@ class Recovery(FittedFilms, Tabulated):
         """
         if not parts:
             raise ValueError("no film was recovered")
-        columns = zip(*(vars(recovery).values() for recovery in parts), strict=True)
-        _, *arrays = columns
-        return cls(films.take(slice(sum(map(len, parts)))), *map(np.concatenate, arrays))
+        names = [field.name for field in fields(cls) if field.name != "films"]
+        arrays = {
+            name: np.concatenate([getattr(recovery, name) for recovery in parts]) for name in names
+        }
+        return cls(films=films.take(slice(sum(map(len, parts)))), **arrays)
