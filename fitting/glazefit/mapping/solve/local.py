@@ -96,6 +96,7 @@ class Searched(Columns):
         readings: (representatives, bands).
         blur: Delta E00 that noise alone makes.
         rest: share of the candidates' odds that those left out have,
+        rest_evidence: and of their evidence, before misfits count;
         rest_paints: and how probable each paint is among these.
         kept: candidates of each that are kept.
         local: these candidates, one representative's after another's.
@@ -104,6 +105,7 @@ class Searched(Columns):
     readings: Float[np.ndarray, "representatives bands"]
     blur: Float[np.ndarray, "representatives"]
     rest: Float[np.ndarray, "representatives"]
+    rest_evidence: Float[np.ndarray, "representatives"]
     rest_paints: Float[np.ndarray, "representatives paints"]
     kept: Int[np.ndarray, "representatives"]
     local: Local
@@ -163,6 +165,8 @@ def _local_models(
     present = (pool.members[..., None] == np.arange(len(searcher.paints))).any(axis=2)
     left_out = np.where(likely, 0.0, share)
     remainder = left_out.sum(axis=1)
+    evidence = np.exp(pool.log_weight - pool.log_weight.max(axis=1, keepdims=True))
+    rest_evidence = np.where(likely, 0.0, evidence).sum(axis=1) / evidence.sum(axis=1)
     of_rest = left_out / np.maximum(remainder, 1e-12)[:, None]
     rest_paints = np.einsum("sc,scp->sp", of_rest, present)
     # A colour difference is a length in this metric, to first order.
@@ -196,6 +200,7 @@ def _local_models(
         "readings": measured.readings[:, 0],
         "blur": odds.misfits.noise_delta_e,
         "rest": remainder,
+        "rest_evidence": rest_evidence,
         "rest_paints": rest_paints,
         "kept": likely.sum(axis=1),
         "members": pool.members[at],

@@ -120,9 +120,10 @@ def answers_near(
         noise_delta_e=np.full(len(change), representatives.blur[number]),
     )
     odds = weigh(weight, misfits, prior)
-    # Candidates that were left out keep their share.
-    total = odds.candidates.sum(axis=1) / (1.0 - rest) + odds.none
-    first = np.argmax(odds.candidates, axis=1)
+    # Candidates that were left out keep their share, of the evidence and of the odds.
+    kept = odds.candidates * (1.0 - representatives.rest_evidence[number])
+    total = kept.sum(axis=1) / (1.0 - rest) + odds.none
+    first = np.argmax(kept, axis=1)
     rows = np.arange(len(change))
     none = odds.none / total
     # One product for all spectra of the same first set.
@@ -138,10 +139,10 @@ def answers_near(
         members=local.members[first],
         condition=local.condition[first],
         opaque=local.opaque[first],
-        probability=odds.candidates[rows, first] / total,
+        probability=kept[rows, first] / total,
         none=none,
         explained=(none < 0.5) & ~odds.rejected[rows, first],
-        paint_probability=(odds.candidates / total[:, None]) @ present
+        paint_probability=(kept / total[:, None]) @ present
         + (rest * (1.0 - none))[:, None] * representatives.rest_paints[number],
         amounts=amounts,
         covariance=local.covariance[first],
