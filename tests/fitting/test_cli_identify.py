@@ -138,7 +138,7 @@ def test_spectra_beyond_the_catalogue_are_cut_with_a_word(tmp_path):
     assert result.exception is None
     said = " ".join(result.output.split())
     assert "cropped to 400-700 nm step 2 (151 bands): the paints are known there only" in said
-    assert "151 bands averaged to steps of 5 nm" in said
+    assert "151 bands averaged to steps of 10 nm" in said
     assert "Vermillion" in (tmp_path / "found.csv").read_text()
     infrared = tmp_path / "infrared.csv"
     write_table(infrared, ["nm", "red"], [[nm, 0.5] for nm in wide[wide > 720]])

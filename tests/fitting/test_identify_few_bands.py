@@ -29,7 +29,7 @@ def test_fine_bands_are_averaged():
     assert searcher.averaged is not None
     few, step = searcher.averaged
     assert step == SEARCHED
-    bands = shared_bands(grid, paints, step=SEARCHED)
+    bands = shared_bands(grid, paints)
     np.testing.assert_array_equal(few.task.wavelengths, bands.wavelengths)
     grid, paints = _paints(31)
     assert Searcher.of(grid, paints).averaged is None

@@ -16,11 +16,11 @@ def test_a_spectrum_from_the_ultraviolet_to_the_infrared_is_cut_and_averaged():
     bands = shared_bands(grid, PAINTS)
     assert bands.notes == (
         "cropped to 400-700 nm step 1 (301 bands): the paints are known there only",
-        "301 bands averaged to steps of 5 nm",
+        "301 bands averaged to steps of 10 nm",
     )
     assert bands.wavelengths[0] >= 400
     assert bands.wavelengths[-1] <= 700
-    np.testing.assert_allclose(np.diff(bands.wavelengths)[1:-1], 5.0)
+    np.testing.assert_allclose(np.diff(bands.wavelengths)[1:-1], 10.0)
     # Means: a straight line stays one.
     np.testing.assert_allclose((0.1 + grid / 2000) @ bands.mean, 0.1 + bands.wavelengths / 2000)
 

@@ -36,14 +36,14 @@ class SharedBands(NamedTuple):
 
 
 def shared_bands(
-    wavelengths: Float[np.ndarray, "bands"], pigments: Sequence[Pigment], *, step: float = FINEST
+    wavelengths: Float[np.ndarray, "bands"], pigments: Sequence[Pigment]
 ) -> SharedBands:
-    """Bands of spectra that all pigments are known at, averaged to steps where they are finer.
+    """Bands of spectra that all pigments are known at, averaged to steps of `SEARCHED` where they
+    are finer.
 
     Args:
         wavelengths: of the spectra, nm, ascending.
         pigments: of the catalogue, on any grids.
-        step: nm.
 
     Raises:
         ValueError: fewer than six bands are left.
@@ -62,8 +62,8 @@ def shared_bands(
     grid = wavelengths[used]
     if not used.all():
         notes.append(f"cropped to {describe_grid(grid)}: {PAINTS_KNOWN}")
-    if (coarser := means_of_steps(grid, step)) is not None:
-        notes.append(f"{grid.size} bands averaged to steps of {step:g} nm")
+    if (coarser := means_of_steps(grid, SEARCHED)) is not None:
+        notes.append(f"{grid.size} bands averaged to steps of {SEARCHED:g} nm")
         mean = mean @ coarser
     return SharedBands(wavelengths @ mean, mean, tuple(notes))
 
