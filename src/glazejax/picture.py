@@ -133,12 +133,12 @@ def picture(
     # So few distinct pixels are computed one by one.
     if not full and len(first) > 256 and 1 <= points.shape[1] <= MOST_AXES:
         # The rest is the solver's.
-        found, table = at_points(
+        values_at_points, table = at_points(
             counter, points, tolerance=0.9 * delta_e, distance=inputs.difference
         )
         if table.converged:
             error = table.error
-            values = found
+            values = values_at_points
             shape = " x ".join(map(str, table.coefficients.shape[:-1]))
             remark = f", interpolated from {shape}, estimated Delta E00 {error:.2g}"
     if values is None:

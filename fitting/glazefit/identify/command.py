@@ -414,8 +414,8 @@ def _read_spectra(
         notes = (*notes, *stated_ground.notes)
         below = np.broadcast_to(stated_ground.on(grid), grid.shape)
         below = internal(below) if bare else below
-        seen = "measured bare with the same instrument" if bare else "as seen from inside the paint"
-        ground_names = (f"{stated_ground.words}, {seen}",)
+        mode = "measured bare with the same instrument" if bare else "as seen from inside the paint"
+        ground_names = (f"{stated_ground.words}, {mode}",)
     return _Spectra(
         names=names,
         wavelengths=grid,

@@ -275,8 +275,8 @@ def _neighbours(sizes: OneStack) -> Sizes:
     changes: list[tuple[Any, float]] = list(itertools.product(coats, (1.1, 1 / 1.1)))
     changes += [(tuple(at), STRONGER) for at in np.argwhere(sizes > 0)]
     near = np.repeat(sizes[None], 1 + len(changes), axis=0)
-    for stack, (place, factor) in zip(near[1:], changes, strict=True):
-        stack[place] *= factor
+    for stack, (entry, factor) in zip(near[1:], changes, strict=True):
+        stack[entry] *= factor
     return near
 
 
@@ -311,7 +311,7 @@ def _recipe(
         tested = float(colour.delta_e_2000(lab, target.lab(**light)))
     miss = reading - task.target_arrays.spectrum[number]
     # Neighbours with a coat thicker and thinner come first.
-    own, *near = labs[:, 0]
+    exact, *near = labs[:, 0]
     resized = np.reshape(near[: 2 * len(coats)], (-1, 2, 3))
     # A coat at a bound, within 5 % or a rounding step, that would come nearer beyond it.
     bounds = 1e6 * np.array(task.thickness[::-1])
@@ -332,8 +332,8 @@ def _recipe(
         metamerism=tested,
         test_illuminant=task.test_illuminant,
         rmse=float(np.sqrt(np.mean(miss**2))) if target.spectral else None,
-        sensitivity=tuple(colour.delta_e_2000(resized, own).mean(axis=1).tolist()),
-        between_mixings=_between_mixings(own, np.stack(near[2 * len(coats) :])),
+        sensitivity=tuple(colour.delta_e_2000(resized, exact).mean(axis=1).tolist()),
+        between_mixings=_between_mixings(exact, np.stack(near[2 * len(coats) :])),
         limit=", ".join(
             f"coat {coat + 1} is as {('thick', 'thin')[side]} as allowed"
             for coat, side in np.argwhere(limits)

@@ -147,19 +147,19 @@ def start(task: RecipeTask, stacks: Stacks) -> tuple[Amounts, Points, Bounds]:
     rows, coats, paints = stacks.sizes.shape
     flat = stacks.sizes.reshape(rows, -1)
     # Amounts above 0 first, in the order of coats and paints.
-    place = np.argsort(flat <= 0, axis=1, kind="stable")[:, : (flat > 0).sum(axis=1).max()]
-    amount = np.take_along_axis(flat, place, axis=1)
-    coat = place // paints
+    order = np.argsort(flat <= 0, axis=1, kind="stable")[:, : (flat > 0).sum(axis=1).max()]
+    amount = np.take_along_axis(flat, order, axis=1)
+    coat = order // paints
     member = (amount > 0)[:, None] & (coat[:, None] == np.arange(coats)[:, None])
     total = stacks.sizes.sum(axis=2)
     share = amount / np.maximum(np.take_along_axis(total, coat, axis=1), 1e-12)
     # Less of a paint than this, as a logarithm, is none.
     faded = -9.0
-    low = np.repeat([task.model.span[0], faded], [coats, place.shape[1]])
-    high = np.repeat([task.model.span[1], 0.0], [coats, place.shape[1]])
+    low = np.repeat([task.model.span[0], faded], [coats, order.shape[1]])
+    high = np.repeat([task.model.span[1], 0.0], [coats, order.shape[1]])
     values = np.concatenate([total, share], axis=1)
     point = np.clip(np.log(np.maximum(values, 1e-12)), low, high)
-    return Amounts(stacks.target, place, member), point, Bounds(low, high, longest=1.0)
+    return Amounts(stacks.target, order, member), point, Bounds(low, high, longest=1.0)
 
 
 def look(

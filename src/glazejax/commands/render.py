@@ -243,10 +243,10 @@ def _read_stack(path: Path) -> "Stack":
     """A stack to draw, which shows a coat at least."""
     from ..stacks import read_stack
 
-    found = read_stack(path)
-    if not found.shown:
+    stack = read_stack(path)
+    if not stack.shown:
         raise ValueError(f"--stack {path} shows no coat: add one, or show one that is hidden")
-    return found
+    return stack
 
 
 def _ground_of(stack: "Stack") -> options.Ground:
@@ -278,21 +278,21 @@ def _write_stack(
     """Write the stack as JSON; paints that are in no catalogue go along."""
     from ..stacks import Spectrum, Stack, all_paints, write_stack
 
-    known = all_paints()
+    shipped = all_paints()
     ground = bed.reflectance
     if not isinstance(ground, int | float):
         ground = Spectrum(bed.media[0].wavelengths, ground)
     # The studio has a stroke where the command has a colon: acrylics/TitaniumWhite.
     in_studio = {
-        name: stroke if (stroke := name.replace(":", "/")) in known else name
+        name: stroke if (stroke := name.replace(":", "/")) in shipped else name
         for coat in coats
         for _, name in coat.parts
     }
     # One of another catalogue, or one's own: the same name in the studio would be another paint.
-    own = {
+    embedded = {
         new: shelf[name]
         for name, new in in_studio.items()
-        if new not in known or known[new].provenance != shelf[name].provenance
+        if new not in shipped or shipped[new].provenance != shelf[name].provenance
     }
     coats = [
         coat._replace(parts=tuple((share, in_studio[name]) for share, name in coat.parts))
@@ -306,7 +306,7 @@ def _write_stack(
             ground=ground,
             refractive_index=index,
             instrument=instrument,
-            pigments=own,
+            pigments=embedded,
         ),
         overwrite=overwrite,
     )
@@ -318,15 +318,15 @@ def _ladder_layer(coats: "Sequence[Coat]", ladder: str | None) -> int:
         return next((i for i, coat in enumerate(coats) if coat.total > 0), 0)
     from ..paint.describe import same_name
 
-    found = [i for i, coat in enumerate(coats) if same_name(coat.name, ladder)]
-    if not found:
+    layers = [i for i, coat in enumerate(coats) if same_name(coat.name, ladder)]
+    if not layers:
         names = ", ".join(dict.fromkeys(coat.name for coat in coats))
         raise ValueError(f"--ladder {ladder!r} is none of the coats: choose one of {names}")
-    if coats[found[0]].total == 0:
+    if coats[layers[0]].total == 0:
         raise ValueError(
             f"--ladder {ladder!r}: this coat is 0 thick, so there is nothing to repeat"
         )
-    return found[0]
+    return layers[0]
 
 
 def _shelf(
@@ -346,10 +346,10 @@ def _shelf(
             return False
         return True
 
-    own = {} if path is None else read_pigments(path)
-    if names and own and has_all(own):
-        return own
-    shelf = {**options.read_shelf(None, catalogue), **own}
+    paints = {} if path is None else read_pigments(path)
+    if names and paints and has_all(paints):
+        return paints
+    shelf = {**options.read_shelf(None, catalogue), **paints}
     # The other catalogues are read where a name is of one of them, or of none.
     return shelf if has_all(shelf) else options.all_named(shelf)
 

@@ -89,9 +89,9 @@ def print_spectrum(console: Console, rendering: Rendering) -> None:
     x = rendering.wavelengths
     values = rendering.glaze
     for start in range(0, x.size, columns):
-        part = slice(start, start + columns)
-        console.print(Text("  nm " + "".join(f"{w:>7g}" for w in x[part]), style="dim"))
-        console.print(Text("  R  " + "".join(f"{r:>7.4f}" for r in values[part])))
+        columns_shown = slice(start, start + columns)
+        console.print(Text("  nm " + "".join(f"{w:>7g}" for w in x[columns_shown]), style="dim"))
+        console.print(Text("  R  " + "".join(f"{r:>7.4f}" for r in values[columns_shown])))
 
 
 def print_colour(console: Console, rendering: Rendering, request: RenderRequest) -> None:
@@ -147,11 +147,11 @@ def print_comparison(console: Console, rendering: Rendering, request: RenderRequ
     for title in ("L*", "a*", "b*", *(["ΔE00"] if wide else [])):
         table.add_column(title, justify="right", no_wrap=True)
     table.add_column("sRGB", no_wrap=True)
-    own = np.asarray(lab(rendering.wavelengths, rendering.glaze, **request.light))
+    glaze_lab = np.asarray(lab(rendering.wavelengths, rendering.glaze, **request.light))
     for name, spectrum in rows:
         values = np.asarray(lab(rendering.wavelengths, spectrum, **request.light))
         shade = hex_colour(srgb(rendering.wavelengths, spectrum, **request.light))
-        cells = [*values, float(delta_e_2000(own, values))] if wide else [*values]
+        cells = [*values, float(delta_e_2000(glaze_lab, values))] if wide else [*values]
         table.add_row(
             f" {name}", *(format_decimals(v) for v in cells), Text(f"{shade} ") + swatch(shade, 4)
         )

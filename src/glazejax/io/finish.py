@@ -138,7 +138,7 @@ def _finish(raw: RawSpectra, stated: Stated) -> SpectraTable:
     values = values[:, kept]
     if not values.flags.writeable:
         values = values.copy()
-    found = _to_fractions(raw, declared, grid, values, names, notes)
+    unit_read = _to_fractions(raw, declared, grid, values, names, notes)
     attributes = {title: tuple(column[i] for i in rows) for title, column in raw.attributes.items()}
     return SpectraTable(
         wavelengths=grid,
@@ -146,7 +146,7 @@ def _finish(raw: RawSpectra, stated: Stated) -> SpectraTable:
         reflectance=values,
         notes=notes,
         format=raw.format,
-        unit=found,
+        unit=unit_read,
         attributes=attributes,
     )
 

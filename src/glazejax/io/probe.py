@@ -81,11 +81,11 @@ def scale_of(
     """
     with naming(raw.path):
         check_reflectance(raw.quantity, stated)
-        _, given = read_units(stated)
-        declared = given or raw.scale
-        if given is not None and raw.scale not in (None, given):
+        _, wanted = read_units(stated)
+        declared = wanted or raw.scale
+        if wanted is not None and raw.scale not in (None, wanted):
             notes.append(
-                f"the file says that {raw.scale:g} is a reflectance of 1; {given:g} was given and "
+                f"the file says that {raw.scale:g} is a reflectance of 1; {wanted:g} was given and "
                 "is used"
             )
         level = bright(raw, bands)

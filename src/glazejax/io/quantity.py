@@ -140,7 +140,7 @@ def meaning(words: str) -> Meaning:
     """Quantity, unit and mode that a title, a unit or the value of a keyword states."""
     # No title is longer; a search in more could take long.
     words = _PARTS.sub(" ", words[:200]).replace("_", " ").strip()
-    quantity = next((name for name, found in _PATTERNS.items() if found.search(words)), "")
+    quantity = next((name for name, pattern in _PATTERNS.items() if pattern.search(words)), "")
     scale = next(
         (scale for scale, any_, alone in _SCALES if (any_ if quantity else alone).search(words)),
         None,
@@ -197,8 +197,8 @@ def read_units(stated: Stated) -> tuple[str, float | None]:
     length = ""
     scale = None
     for word in (stated.get("unit") or "").replace(",", " ").split():
-        if known := length_unit(word):
-            length = known
+        if recognised := length_unit(word):
+            length = recognised
         elif (value := meaning(word).scale) is not None:
             scale = value
         else:
@@ -236,16 +236,16 @@ def nanometres(wavelengths: "Bands", unit: str | None) -> tuple["Bands", list[st
     word = (unit or "").strip().strip("{}()[]").strip()
     if word.lower() in _NOT_SAID:
         return _without_unit(wavelengths)
-    known = length_unit(word)
-    if not known:
+    length = length_unit(word)
+    if not length:
         raise ValueError(
             f"wavelengths are in {unit!r}; known units are nm, um, angstrom, m and 1/cm"
         )
-    if known == "1/cm":
+    if length == "1/cm":
         if not (wavelengths > 0).all():
             raise ValueError("wavenumbers must be positive")
         return _whole(wavelengths), ["wavenumbers in 1/cm were turned into wavelengths"]
-    _, factor, note = _LENGTHS[known]
+    _, factor, note = _LENGTHS[length]
     if factor is None:
         return wavelengths, []
     return wavelengths * factor, [f"wavelengths are in {note}"]
@@ -286,11 +286,11 @@ def _whole(wavenumbers: "Bands") -> "Bands":
 
     14285.7 is 700.0007 nm, and would lie beyond a paint that is known up to 700 nm.
     """
-    found = 1e7 / wavenumbers
+    exact = 1e7 / wavenumbers
     decimals = next((n for n in range(9) if (np.round(wavenumbers, n) == wavenumbers).all()), None)
     if decimals is None:
-        return found
-    slack = 0.5 * 10.0**-decimals * found**2 / 1e7
-    near = np.round(found)
-    whole = (np.abs(found - near) <= slack).all() and np.unique(near).size == near.size
-    return near if whole else found
+        return exact
+    slack = 0.5 * 10.0**-decimals * exact**2 / 1e7
+    near = np.round(exact)
+    whole = (np.abs(exact - near) <= slack).all() and np.unique(near).size == near.size
+    return near if whole else exact

@@ -211,10 +211,10 @@ class RawCube:
         for axis, key in zip(self.order, (y, x, run), strict=True):
             keys[axis] = key
         with whole(self.path):
-            part = self.data[tuple(keys)].transpose(self.order)
+            stored = self.data[tuple(keys)].transpose(self.order)
         if bands.size == run.stop - first and bool((np.diff(bands) == 1).all()):
-            return part
-        return part[..., bands - first]
+            return stored
+        return stored[..., bands - first]
 
     def values(self, y: slice, x: slice, bands: Chosen, *, mark: bool = False) -> np.ndarray:
         """Values (stored numbers by gain and offset) as floats that hold them; NaN where data are

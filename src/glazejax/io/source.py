@@ -83,14 +83,14 @@ class Source:
         Raises:
             ValueError: there are more bytes than ``most``.
         """
-        found = bytearray()
+        content = bytearray()
         if self.size is None or self.size <= most:
             for piece in self.pieces():
-                found += piece
-                if len(found) > most:
+                content += piece
+                if len(content) > most:
                     break
             else:
-                return bytes(found)
+                return bytes(content)
         raise self.error(
             f"larger than the {most >> 20} MB that are read of such a file; split it, or export "
             "spectra as CSV, which may be larger"

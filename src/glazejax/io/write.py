@@ -97,5 +97,5 @@ def write_files(files: Mapping[Path, Iterable[bytes]], *, overwrite: bool = Fals
     for path in files:
         check_output(path, overwrite=overwrite)
     for path, pieces in files.items():
-        with whole_file(path) as part, part.open("wb") as file:
+        with whole_file(path) as written, written.open("wb") as file:
             file.writelines(pieces)

@@ -286,15 +286,15 @@ def _odds(
         # Probability of each arrangement of this set, and amounts in the most probable one.
         chances = np.exp(logs - totals)
         for number, row in enumerate(weighed_set.rows):
-            own = chances[:, number]
-            best = int(np.argmax(own))
+            chance = chances[:, number]
+            best = int(np.argmax(chance))
             evidence = weighed_set.evidence[best]
             spread = np.sqrt(np.maximum(np.diagonal(evidence.covariance[number]), 0.0))
             logs_90 = evidence.log_amounts[number][:, None] + spread[:, None] * NINETY
             amounts_90 = np.full((len(set_names), 2), np.nan)
             amounts_90[list(weighed_set.arrangements[best].paints)] = usual * np.exp(logs_90)
-            reason = _reason(weighed_set, own, number)
-            odds = _odds_of(set_names, weighed_set.arrangements, own, reason, amounts_90)
+            reason = _reason(weighed_set, chance, number)
+            odds = _odds_of(set_names, weighed_set.arrangements, chance, reason, amounts_90)
             of_rows[row].append((float(totals[number]), odds))
     out = []
     for row_odds in of_rows:

@@ -246,8 +246,8 @@ def _of_length(
     are.
     """
     norms = np.linalg.norm(vectors, axis=-1)
-    known = np.isfinite(lengths) & (norms > 1e-12)
-    return vectors * np.divide(lengths, norms, out=np.ones_like(norms), where=known)[:, None]
+    usable = np.isfinite(lengths) & (norms > 1e-12)
+    return vectors * np.divide(lengths, norms, out=np.ones_like(norms), where=usable)[:, None]
 
 
 def _linear(

@@ -130,10 +130,10 @@ def rms_difference(
     """Root mean square difference of spectra over the bands that the other ones know; NaN without
     any.
     """
-    known = np.isfinite(other)
-    square = np.where(known, one - other, 0.0) ** 2
+    finite = np.isfinite(other)
+    square = np.where(finite, one - other, 0.0) ** 2
     with np.errstate(invalid="ignore"):
-        return np.asarray(np.sqrt(square.sum(axis=-1) / known.sum(axis=-1)))
+        return np.asarray(np.sqrt(square.sum(axis=-1) / finite.sum(axis=-1)))
 
 
 def true_colour(

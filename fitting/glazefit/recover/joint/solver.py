@@ -188,7 +188,7 @@ def unflatten(flat: Float[np.ndarray, "*n unknowns"], like: Unknowns) -> Unknown
     ends = np.cumsum([block.size for block in like])
     blocks = np.split(flat, ends[:-1], axis=-1)
     shaped = (
-        part.reshape(*flat.shape[:-1], *block.shape)
-        for part, block in zip(blocks, like, strict=True)
+        piece.reshape(*flat.shape[:-1], *block.shape)
+        for piece, block in zip(blocks, like, strict=True)
     )
     return Unknowns(*shaped)

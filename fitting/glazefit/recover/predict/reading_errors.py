@@ -73,10 +73,12 @@ def reading_errors(calibrated: JointRecovery, response: Response, correlation: f
         same = correlation * np.exp(-0.5 * (distances.min() / 0.1) ** 2)
         # Simple kriging (Journel, Huijbregts, Mining Geostatistics, 1978), band by band, from what
         # was read over one card or two.
-        known = reach[film].T  # (bands, 2)
-        card_covariance = correlation * known[:, :, None] * known[:, None, :]
-        card_covariance = card_covariance + np.eye(2) * (1.0 - correlation * known[:, :, None] ** 2)
-        towards = same * known
+        reached = reach[film].T  # (bands, 2)
+        card_covariance = correlation * reached[:, :, None] * reached[:, None, :]
+        card_covariance = card_covariance + np.eye(2) * (
+            1.0 - correlation * reached[:, :, None] ** 2
+        )
+        towards = same * reached
         share = np.linalg.solve(card_covariance, towards[:, :, None])[:, :, 0]
         remaining = np.sqrt(np.maximum(1.0 - np.sum(share * towards, axis=1), 0.0))
         sd = _error_size(size, expected)

@@ -135,16 +135,16 @@ def mapped_colours(
         """XYZ of all means, so many glazes side by side."""
         nonlocal computed
         stage = f"computing glazes, round {next(rounds)},"
-        found = []
+        pieces = []
         for first in range(0, len(batch), size):
             progress(first, len(batch), stage)
             some = inner.at(batch[np.arange(first, first + size).clip(max=len(batch) - 1)])
             spectra = pair_spectra(some, means.cos_in, means.cos_out, roughness, tolerance)
-            found.append(
+            pieces.append(
                 np.einsum("pab,kp,bc->akc", spectra, means.weights, weights, optimize=True)
             )
             computed += size
-        return np.concatenate(found)[: len(batch)]
+        return np.concatenate(pieces)[: len(batch)]
 
     def distance(
         first: Float[np.ndarray, "some means 3"], second: Float[np.ndarray, "some means 3"]

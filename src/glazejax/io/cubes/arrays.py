@@ -54,26 +54,26 @@ def _place(envi: EnviFile) -> dict[str, Any]:
     info = envi.entries("map info")
     sizes = envi.entries("pixel size")
     about: dict[str, Any] = {}
-    found: dict[str, Any] = {"attributes": attributes, "about_place": about}
+    placed: dict[str, Any] = {"attributes": attributes, "about_place": about}
     if info:
         attributes["map_info"] = ", ".join(info)
     words = dict(entry.lower().split("=", 1) for entry in (info or sizes) if "=" in entry)
     # Without a place on the map lines and samples count from the image's corner.
     corner = [1.0, 1.0, 0.0, 0.0]
     try:
-        *place, dx, dy = map(float, info[1:7] if info else [*corner, *sizes[:2]])
+        *origin, dx, dy = map(float, info[1:7] if info else [*corner, *sizes[:2]])
         turned = float(words.get("rotation", 0)) != 0
     except ValueError:
-        return found
-    if len(place) == 4 and dx > 0 and dy > 0:
+        return placed
+    if len(origin) == 4 and dx > 0 and dy > 0:
         about["pixel_size"] = (dy, dx)
         about["units"] = words.get("units", "metre").strip()
         # Those of a turned image have no coordinates of the map.
         mapped = info and not turned
-        x0, y0, east, north = place if mapped else corner
-        found["x"] = east + (np.arange(envi.sizes["samples"]) + 1.5 - x0) * dx
-        found["y"] = north + (np.arange(envi.sizes["lines"]) + 1.5 - y0) * (-dy if mapped else dy)
-    return found
+        x0, y0, east, north = origin if mapped else corner
+        placed["x"] = east + (np.arange(envi.sizes["samples"]) + 1.5 - x0) * dx
+        placed["y"] = north + (np.arange(envi.sizes["lines"]) + 1.5 - y0) * (-dy if mapped else dy)
+    return placed
 
 
 def npy_cube(path: Path, count: int | None) -> RawCube:

@@ -93,13 +93,20 @@ def describe(
     )
     if reverse:
         order = (2 - order[0], 2 - order[1], 2 - order[2])
-    found: dict[str, Any] = {}
+    spatial: dict[str, Any] = {}
     places = [_coordinates(image, axis, entries) for axis in order[:2]]
-    y, x = (None if place is None else np.asarray(place.array[...], float) for place in places)
+    y, x = (
+        None if coordinate is None else np.asarray(coordinate.array[...], float)
+        for coordinate in places
+    )
     if y is not None and x is not None:
-        units = [_text(place.attributes.get("units")) for place in places if place is not None]
+        units = [
+            _text(coordinate.attributes.get("units"))
+            for coordinate in places
+            if coordinate is not None
+        ]
         steps = (np.diff(centres) for centres in (y, x))
-        found = {
+        spatial = {
             "y": y,
             "x": x,
             "about_place": {
@@ -120,7 +127,7 @@ def describe(
         wavelength_unit=wavelength_unit,
         good=_good(image, entries, shape[2]),
         **_meaning(path, image),
-        **found,
+        **spatial,
     )
 
 
@@ -133,7 +140,7 @@ def _image(
         for entry in entries
         if len(entry.shape) == 3 and entry.dtype.kind in "fiu" and 0 not in entry.shape
     ]
-    known = list_names([f"{entry.name or '(the array itself)'} {entry.shape}" for entry in cubes])
+    arrays = list_names([f"{entry.name or '(the array itself)'} {entry.shape}" for entry in cubes])
     if dataset is not None:
         wanted = dataset.strip("/")
         chosen = [entry for entry in cubes if entry.name == wanted] or [
@@ -145,9 +152,9 @@ def _image(
             raise refusal(
                 path,
                 f"{dataset!r} is the name of {len(chosen)} arrays: say which with its groups: "
-                f"{known}",
+                f"{arrays}",
             )
-        have = f"there are {known}" if cubes else "there is none"
+        have = f"there are {arrays}" if cubes else "there is none"
         raise refusal(path, f"no dataset {dataset!r} with three axes of numbers; {have}")
     if not cubes:
         raise refusal(path, "no image of spectra: no array has three axes of numbers")
@@ -159,7 +166,7 @@ def _image(
     ):
         if len(narrowed) == 1:
             return narrowed[0]
-    raise refusal(path, f"{len(cubes)} arrays can be meant, choose a dataset: {known}")
+    raise refusal(path, f"{len(cubes)} arrays can be meant, choose a dataset: {arrays}")
 
 
 def _wavelengths_of(image: FolderEntry, entries: Sequence[FolderEntry]) -> tuple[Any, str]:

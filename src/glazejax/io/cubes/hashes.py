@@ -85,8 +85,8 @@ def _samples(files: Sequence[Path]) -> Iterator[bytes]:
         # Places that repeat at one distance would meet the same lines in every band.
         chance = random.Random(size)
         count = 128
-        part = (size - 2 * _END) / count
-        between = [int(_END + (n + chance.random()) * part) for n in range(count)]
+        stretch = (size - 2 * _END) / count
+        between = [int(_END + (n + chance.random()) * stretch) for n in range(count)]
         places = [(0, _END), *((start, _BLOCK) for start in between), (size - _END, _END)]
     for start, length in places:
         end = min(start + length, size)

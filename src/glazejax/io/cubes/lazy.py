@@ -194,11 +194,11 @@ def as_data_array(
     about = {"units": "pixel", **raw.about_place}
     size = about.pop("pixel_size", (1.0, 1.0) if raw.y is None else None)
     places = {}
-    for i, (name, own, first, count, each) in enumerate(
+    for i, (name, stored, first, count, each) in enumerate(
         (("y", raw.y, y0, lines, by), ("x", raw.x, x0, samples, bx))
     ):
         further = {} if size is None else {"pixel_size": size[i] * each}
-        places[name] = (name, _centres(own, first, count, each), about | further)
+        places[name] = (name, _centres(stored, first, count, each), about | further)
     attributes: dict[str, Any] = {
         "long_name": "reflectance factor",
         "units": "1",
@@ -234,11 +234,11 @@ def _reading_of(raw: RawCube, scale: float) -> float:
 
 
 def _centres(
-    own: Float[np.ndarray, "size"] | None, first: int, count: int, each: int
+    stored: Float[np.ndarray, "size"] | None, first: int, count: int, each: int
 ) -> Float[np.ndarray, "count"]:
     """Coordinates of bins: the file's own, or centres of pixels of the whole image, from its upper
     left corner.
     """
-    part = slice(first, first + count * each)
-    places = np.arange(part.start, part.stop) + 0.5 if own is None else own[part]
+    binned = slice(first, first + count * each)
+    places = np.arange(binned.start, binned.stop) + 0.5 if stored is None else stored[binned]
     return places.reshape(count, each).mean(1)

@@ -26,11 +26,11 @@ def raw_cube(path: Path, dataset: str | None = None, count: int | None = None) -
     """
     stored = path.is_dir() and any((path / name).exists() for name in _ZARR)
     head = b""
-    known = True
+    recognised = True
     if not path.is_dir():
         with open_source(path) as source:
             head = source.head
-            known = head.startswith(HEADS) or identify(source) in ("envi header", "envi data")
+            recognised = head.startswith(HEADS) or identify(source) in ("envi header", "envi data")
     with whole(path):
         if stored or (head.startswith(_ZIP) and path.suffix.lower() == ".zip"):
             return zarr_cube(path, dataset, count)
@@ -45,7 +45,7 @@ def raw_cube(path: Path, dataset: str | None = None, count: int | None = None) -
             return tiff_cube(path, count)
     if head.startswith(_NPY):
         return npy_cube(path, count)
-    if not known:
+    if not recognised:
         raise refusal(
             path,
             "not an image of spectra that is known: ENVI, zarr, NetCDF, HDF5, MATLAB, TIFF, .npy",

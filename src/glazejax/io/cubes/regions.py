@@ -64,8 +64,8 @@ def read_mask(path: str | Path, image: Any) -> Mask:
     if shape != whole:
         y0, y1, x0, x1 = attributes.get("window", (0, whole[0], 0, whole[1]))
         by, bx, _ = attributes.get("binning", (1, 1, 1))
-        part = used[y0:y1, x0:x1][: shape[0] * by, : shape[1] * bx]
-        used = part.reshape(shape[0], by, shape[1], bx).mean((1, 3)) >= 0.5
+        cropped = used[y0:y1, x0:x1][: shape[0] * by, : shape[1] * bx]
+        used = cropped.reshape(shape[0], by, shape[1], bx).mean((1, 3)) >= 0.5
     return _some(path, used)
 
 
@@ -105,7 +105,7 @@ def _polygons(path: Path, text: str) -> list[list[Float[np.ndarray, "_ 2"]]]:
     """Polygons, each the rings of its edge and its holes, from GeoJSON or from rows of numbers."""
     if text.lstrip().startswith(("{", "[")):
         try:
-            found = _coordinates(json.loads(text))
+            rings_of_polygons = _coordinates(json.loads(text))
         except (ValueError, TypeError, KeyError, AttributeError) as error:
             raise refusal(path, f"not GeoJSON of polygons: {error}") from None
     else:
@@ -124,8 +124,8 @@ def _polygons(path: Path, text: str) -> list[list[Float[np.ndarray, "_ 2"]]]:
             if len(point) != 2:
                 raise refusal(path, f"{len(point)} numbers where a vertex has x,y", number)
             rings[-1].append(point)
-        found = [[ring] for ring in rings if ring]
-    polygons = [[_ring(path, ring) for ring in polygon] for polygon in found if polygon]
+        rings_of_polygons = [[ring] for ring in rings if ring]
+    polygons = [[_ring(path, ring) for ring in polygon] for polygon in rings_of_polygons if polygon]
     if not polygons:
         raise refusal(path, "holds no polygon")
     return polygons
@@ -151,7 +151,7 @@ def _coordinates(node: Any) -> list[Any]:
     kind = node.get("type")
     collections = {"FeatureCollection": "features", "GeometryCollection": "geometries"}
     if kind in collections:
-        return [polygon for part in node[collections[kind]] for polygon in _coordinates(part)]
+        return [polygon for child in node[collections[kind]] for polygon in _coordinates(child)]
     if kind == "Feature":
         return _coordinates(node["geometry"])
     if kind == "Polygon":
@@ -253,7 +253,7 @@ def read_spot(cube: "xarray.DataArray", spot: str | Path) -> Spot:
             # About a mean of the first part, so that squares lose no digits.
             shift = np.where(there, values, 0).sum(axis=0) / np.maximum(there.sum(axis=0), 1)
         values = np.where(there, values - shift, 0.0)
-        sums += [part.sum(axis=0) for part in (there, values, values**2)]
+        sums += [term.sum(axis=0) for term in (there, values, values**2)]
         pixels += int(there.any(axis=1).sum())
     if not pixels:
         raise ValueError(f"the spot {spot} has no data: all readings are missing or saturated")

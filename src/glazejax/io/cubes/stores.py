@@ -139,9 +139,9 @@ def _classic(path: Path, take: Callable[[Any], Any]) -> Any:
         warnings.simplefilter("ignore", RuntimeWarning)
         try:
             file = netcdf_file(str(path), "r", mmap=True)
-            found = take(file)
+            stored = take(file)
             file.close()
-            return found
+            return stored
         except Exception as error:  # whatever a damaged header leads it to
             complaint = str(error)
         # Only now is the file that could not be opened forgotten, and its warning with it.

@@ -58,10 +58,10 @@ def tiff_cube(path: Path, count: int | None) -> RawCube:
             sizes = {(page.shape, page.dtype) for page in file.pages}
             (shape, dtype), *others = sorted(sizes, key=str)
             if others or len(shape) != 2 or count < 2:
-                found = list_names([f"{shape} {dtype}" for shape, dtype in sorted(sizes, key=str)])
+                kinds = list_names([f"{shape} {dtype}" for shape, dtype in sorted(sizes, key=str)])
                 raise refusal(
                     path,
-                    f"not an image of several bands of one size and type: {count} pages of {found}",
+                    f"not an image of several bands of one size and type: {count} pages of {kinds}",
                 )
             order = (1, 2, 0)
             shape = (*shape, count)
@@ -226,19 +226,19 @@ def _wavelengths_of_metadata(file: Any) -> Stored | None:
     tags = [getattr(page, "tags", None) for page in file.pages]
     # Of a page its name and its description.
     texts = [f"{each.valueof(285)} {each.valueof(270)}" if each else "" for each in tags]
-    found = [{*_NM.findall(text)} for text in texts]
-    if any(len(each) != 1 for each in found):
+    matches = [{*_NM.findall(text)} for text in texts]
+    if any(len(each) != 1 for each in matches):
         return None
-    return np.array([float(each.pop()) for each in found])
+    return np.array([float(each.pop()) for each in matches])
 
 
 def _wavelengths_of_names(names: list[str]) -> Stored | None:
     """Wavelengths in the names of files: the number before ``nm``, else the last that can be one in
     all names.
     """
-    found = [_NM.findall(name) for name in names]
-    if all(found):
-        return np.array([float(each[-1]) for each in found])
+    matches = [_NM.findall(name) for name in names]
+    if all(matches):
+        return np.array([float(each[-1]) for each in matches])
     last = np.array([float([0, *_DIGITS.findall(name)][-1]) for name in names])
     # Wavelengths that a bare number in a file's name can be, nm.
     return last if last.min() >= 200.0 and last.max() <= 2600.0 else None
@@ -248,19 +248,19 @@ def _place(file: Any) -> dict[str, Any]:
     """Coordinates of a GeoTIFF, and GDAL's mark of missing data."""
     page = file.pages[0]
     tags = page.tags
-    found: dict[str, Any] = {}
+    placed: dict[str, Any] = {}
     with contextlib.suppress(ValueError):
-        found["ignore"] = (float(str(tags.valueof(42113)).strip("\0 ")),)
+        placed["ignore"] = (float(str(tags.valueof(42113)).strip("\0 ")),)
     scale = tags.valueof(33550)
     tie = tags.valueof(33922)
     if scale is None or tie is None or len(tie) != 6:
-        return found
+        return placed
     point = int((file.geotiff_metadata or {}).get("GTRasterTypeGeoKey", 1)) == 2
     half = 0.0 if point else 0.5
-    found["x"] = tie[3] + (np.arange(page.imagewidth) + half - tie[0]) * scale[0]
-    found["y"] = tie[4] - (np.arange(page.imagelength) + half - tie[1]) * scale[1]
-    found["about_place"] = {
+    placed["x"] = tie[3] + (np.arange(page.imagewidth) + half - tie[0]) * scale[0]
+    placed["y"] = tie[4] - (np.arange(page.imagelength) + half - tie[1]) * scale[1]
+    placed["about_place"] = {
         "units": "as in the file",
         "pixel_size": (float(scale[1]), float(scale[0])),
     }
-    return found
+    return placed

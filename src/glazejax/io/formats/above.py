@@ -86,9 +86,9 @@ def find_table(source: Source) -> TablePlace:
         ValueError: a row of numbers, as long as the table's, or the rest of an XML file stands
             above it.
     """
-    place = _place(source.first_lines)
-    _check_above(source, place.above)
-    return place
+    layout = _place(source.first_lines)
+    _check_above(source, layout.above)
+    return layout
 
 
 def _place(lines: list[str]) -> TablePlace:
@@ -216,7 +216,7 @@ def plain_cells(line: str, delimiter: str) -> list[str]:
 def _names_bands(line: str) -> bool:
     """Return whether a line's first cell is a word, and two others are bands in order."""
     first, *others = _cells(line)
-    bands = [found for title in others if (found := band(title)) is not None]
+    bands = [wavelength for title in others if (wavelength := band(title)) is not None]
     if is_number(first) or len(bands) < 2:
         return False
     steps = [b.wavelength - a.wavelength for a, b in pairwise(bands) if a.specular == b.specular]

@@ -41,8 +41,8 @@ class _CgatsTable:
     def bands(self) -> dict[int, float]:
         """Wavelength of each spectral field, by its position."""
         matches = enumerate(map(_BAND.fullmatch, self.fields))
-        found = {at: float(match["nm"]) for at, match in matches if match}
-        return found if len(found) > 1 else {}
+        wavelengths = {at: float(match["nm"]) for at, match in matches if match}
+        return wavelengths if len(wavelengths) > 1 else {}
 
     def number(self, title: str, cell: str, line: int | None = None) -> float:
         """Number in a cell; a decimal comma is understood."""

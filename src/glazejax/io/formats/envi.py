@@ -123,8 +123,8 @@ class EnviFile:
         self._dtype = np.dtype(("<", ">")[order] + kind)
         self.data: Path = data or self._data_beside()
         needed = self._offset + prod(self.sizes.values()) * self._dtype.itemsize
-        with open_source(self.data) as found:
-            size = found.size
+        with open_source(self.data) as opened:
+            size = opened.size
         if size is None or size != needed:
             cause = (
                 "; the file was cut short"

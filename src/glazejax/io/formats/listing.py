@@ -70,11 +70,11 @@ def _numbers(source: Source, name: str, values: Any) -> np.ndarray:
     """Row of numbers, or an error that names whose it is."""
     if not isinstance(values, list) or not values:
         raise source.error(f"{name!r} has no list of numbers")
-    for place, value in enumerate(values, start=1):
+    for index, value in enumerate(values, start=1):
         if type(value) not in (int, float):
             raise source.error(f"{name!r} holds {str(value)[:20]!r}, not a number")
         if isinstance(value, int) and abs(value) > sys.float_info.max:
-            raise source.error(f"{name!r}: number {place} has {len(str(value))} digits, too large")
+            raise source.error(f"{name!r}: number {index} has {len(str(value))} digits, too large")
     return np.array(values, float)
 
 

@@ -231,17 +231,17 @@ def read_table(source: Source) -> RawSpectra:
 
 def _open_table(source: Source) -> tuple[_Cells, tuple[int, str]]:
     """Table with its header, and the first line below it with its number."""
-    place = find_table(source)
-    if place.above:
-        source.notes.append(not_read(place.above))
-    lines = source.lines(above=place.above)
-    data = data_lines(itertools.islice(lines, place.above, None))
-    titles = list(itertools.islice(data, place.titles))
+    layout = find_table(source)
+    if layout.above:
+        source.notes.append(not_read(layout.above))
+    lines = source.lines(above=layout.above)
+    data = data_lines(itertools.islice(lines, layout.above, None))
+    titles = list(itertools.islice(data, layout.titles))
     first = next(data, None)
-    above = titles[-1][0] if titles else place.above
+    above = titles[-1][0] if titles else layout.above
     if first is None and not titles:
         cut = "no numbers below this line; was the file cut short? export it again"
-        raise source.error(cut if place.above else "the file is empty", place.above or None)
+        raise source.error(cut if layout.above else "the file is empty", layout.above or None)
     keywords = [
         (words, line.startswith("#"))
         for line in source.first_lines[: titles[0][0] - 1 if titles else above]
@@ -349,7 +349,7 @@ def _runs(values: list[float]) -> bool:
 def _is_wide(cells: _Cells, row: list[str]) -> bool:
     """Return whether samples are rows: titles are bands, and do not number samples."""
     titles = [_band_of(cells, title) for title in cells.header[1:]]
-    numeric = [found.wavelength for found in titles if found is not None]
+    numeric = [band.wavelength for band in titles if band is not None]
     if not numeric:
         return False
     if len(numeric) == len(titles) and cells.number(cells.header[0]) is not None:
@@ -462,16 +462,16 @@ def _column_names(cells: _Cells, columns: list[int]) -> list[str]:
             else "there is no header: spectra are named by their column"
         )
         return [stem] if alone else [f"column {i + 1}" for i in columns]
-    own = [
+    titled = [
         " ".join(row[i] for row in cells.titles if cells.declared or not is_no_name(row[i]))
         for i in columns
     ]
-    if not any(own):
+    if not any(titled):
         modes = [meaning(cells.header[i]).mode for i in columns]
         return different([f"{stem} {mode}".strip() for mode in modes], notes)
     lines: dict[str, int] = {}
     names: list[str] = []
-    for i, name in zip(columns, own, strict=True):
+    for i, name in zip(columns, titled, strict=True):
         name = name or cells.header[i]
         if name or not names:
             # Of several lines of titles one cell may stand above several columns.
@@ -552,12 +552,12 @@ def _read_rows(
             for i in numbers:
                 title = cells.header[i]
                 if i in grids:
-                    place = "", title or str(i + 1)
+                    cell = "", title or str(i + 1)
                 elif names is None:
-                    place = row[texts[0]], title
+                    cell = row[texts[0]], title
                 else:
-                    place = names[i], row[grids[0]]
-                values.append(_value(cells, line, *place, row[i], wavelength=i in grids))
+                    cell = names[i], row[grids[0]]
+                values.append(_value(cells, line, *cell, row[i], wavelength=i in grids))
         lines.append(line)
         if len(values) > _MAX_VALUES or len(lines) > most:
             raise cells.error(
@@ -581,9 +581,9 @@ def _read_wide(cells: _Cells, attributes: dict[str, list[str]]) -> tuple[list[st
     bands: dict[str, dict[int, float]] = {}
     others: list[int] = []
     for i, title in enumerate(header):
-        found = _band_of(cells, title) if i else None
-        if found is not None:
-            bands.setdefault(found.specular, {})[i] = found.wavelength
+        column_band = _band_of(cells, title) if i else None
+        if column_band is not None:
+            bands.setdefault(column_band.specular, {})[i] = column_band.wavelength
         elif i and not title:
             notes.append(f"column {i + 1} has no title and is left out")
         elif i and title[0].isdigit():
@@ -623,9 +623,9 @@ def _read_wide(cells: _Cells, attributes: dict[str, list[str]]) -> tuple[list[st
         names = [" ".join(pair) for pair in zip(names, attributes[header[kind_at]], strict=True)]
     names = [unshield_name(f"{name} {kind}" if kind else name) for name in names for kind in kinds]
     if len(set(names)) < len(names):
-        seen: dict[str, int] = {}
+        line_of: dict[str, int] = {}
         for number, name in zip(np.repeat(lines, len(kinds)).tolist(), names, strict=True):
-            _check_name(cells, number, name, seen)
+            _check_name(cells, number, name, line_of)
     return names, grid, values.reshape(-1, grid.size)
 
 
@@ -661,8 +661,8 @@ def _read_long(cells: _Cells, grids: list[int], names: dict[int, str]) -> tuple[
     for at, column in zip(names, values, strict=True):
         which = sum(start < at for start in grids) - 1
         order = np.argsort(checked[which])
-        place = order[np.searchsorted(checked[which], common, sorter=order)]
-        spectra.append(column[~np.isnan(columns[which])][place])
+        rows = order[np.searchsorted(checked[which], common, sorter=order)]
+        spectra.append(column[~np.isnan(columns[which])][rows])
     return common, np.array(spectra)
 
 
@@ -683,15 +683,15 @@ def _to_text(cells: _Cells, grid: int) -> Iterator[tuple[int, str]]:
         yield number, text
 
 
-def _check_name(cells: _Cells, line: int, name: str, seen: dict[str, int]) -> None:
+def _check_name(cells: _Cells, line: int, name: str, line_of: dict[str, int]) -> None:
     """Refuse a sample without a name, or with one of those before, whose lines are kept."""
     if not name:
         raise cells.error(line, "a sample has no name")
-    if name in seen:
+    if name in line_of:
         raise cells.error(
-            line, f"sample {name!r} is already on line {seen[name]}; names must differ"
+            line, f"sample {name!r} is already on line {line_of[name]}; names must differ"
         )
-    seen[name] = line
+    line_of[name] = line
 
 
 def _triples(cells: _Cells) -> list[int] | None:

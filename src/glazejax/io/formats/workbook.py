@@ -79,7 +79,7 @@ def read_workbook(source: Source, sheet: str = "") -> RawSpectra:
         raise source.error(f"more than {MOST_CELLS} cells; export the sheet as UTF-8 CSV")
     page = _Sheet(source, cells)
     if len(names) > 1:
-        known = ", ".join(names[:6])
+        listed = ", ".join(names[:6])
         others = [] if sheet else names[1:]
         sheet = sheet or names[0]
         # The first sheet may be on the samples or the instrument.
@@ -87,8 +87,8 @@ def read_workbook(source: Source, sheet: str = "") -> RawSpectra:
             sheet = others.pop(0)
             page = _Sheet(source, read_cells(content, sheet)[1] or [])
             if not others and not find_table(page).sure:
-                raise source.error(f"no sheet holds a table of spectra; there are {known}")
-        source.notes.append(f"sheet {sheet!r} was read; there are {known}")
+                raise source.error(f"no sheet holds a table of spectra; there are {listed}")
+        source.notes.append(f"sheet {sheet!r} was read; there are {listed}")
     raw = read_table(page)
     return replace(raw, format=raw.format.replace("TSV table", "workbook"))
 

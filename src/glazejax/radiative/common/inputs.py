@@ -64,8 +64,8 @@ def smallest_cosine(*cosines: Any) -> float:
 def _smallest(cosine: Any) -> float:
     if isinstance(cosine, float):
         return cosine
-    known = concrete(cosine)
-    return LEAST_COSINE if known is None else float(known.min(initial=1.0))
+    values = concrete(cosine)
+    return LEAST_COSINE if values is None else float(values.min(initial=1.0))
 
 
 def check_choice(name: str, value: str, choices: Any) -> None:
