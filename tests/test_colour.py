@@ -1,6 +1,4 @@
 import itertools
-import subprocess
-import sys
 import warnings
 
 import jax
@@ -9,6 +7,8 @@ import numpy as np
 import pytest
 
 from glazejax import colour as gc
+
+from .fresh import run_python
 
 colour = gc.colour_science()
 
@@ -251,10 +251,7 @@ def test_single_precision_without_x64():
         "assert lab.dtype == jnp.float32, lab.dtype\n"
         "assert abs(np.asarray(lab) - [100, 0, 0]).max() < 1e-3, lab\n"
     )
-    done = subprocess.run(
-        [sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, timeout=120
-    )
-    assert done.returncode == 0, done.stderr
+    run_python(code, PYTHONWARNINGS="error")
 
 
 @pytest.mark.slow
@@ -266,8 +263,7 @@ def test_numpy_prints_as_before():
         "c.colour_science()\n"
         "assert np.get_printoptions() == before, np.get_printoptions()\n"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
-    assert done.returncode == 0, done.stderr
+    run_python(code)
 
 
 def test_far_bands_may_be_as_coarse_as_they_like():

@@ -14,6 +14,8 @@ import pytest
 
 from glazejax import samples
 
+from .fresh import run_python
+
 ROOT = Path(__file__).parents[1]
 _RUN = """
 import sys
@@ -60,15 +62,7 @@ def run(tmp_path, *words):
     """Numbers of programs compiled and of functions traced, and modules imported, by a command in a
     process of its own.
     """
-    done = subprocess.run(
-        [sys.executable, "-c", _RUN, *words],
-        capture_output=True,
-        text=True,
-        check=False,
-        cwd=tmp_path,
-        env=environment(tmp_path / "cache"),
-    )
-    assert done.returncode == 0, done.stderr
+    done = run_python(_RUN, *words, cwd=tmp_path, **environment(tmp_path / "cache"))
     assert done.stderr == ""
     *_, programs, modules = done.stdout.splitlines()
     compiled, traced = map(int, programs.split()[1:])
@@ -77,14 +71,7 @@ def run(tmp_path, *words):
 
 def test_import_loads_names_only():
     code = "import sys, glazejax, glazefit; print(*sorted(sys.modules))"
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        capture_output=True,
-        text=True,
-        check=True,
-        env=environment("/nowhere"),
-    )
-    loaded = set(done.stdout.split())
+    loaded = set(run_python(code, **environment("/nowhere")).stdout.split())
     assert not loaded & (
         _HEAVY | {"jax", "numpy", "scipy", "matplotlib", "equinox", "optimistix", "rich", "typer"}
     )
@@ -281,12 +268,4 @@ def test_a_wrong_line_imports_nothing_that_computes(tmp_path):
         ["export", "Eosin:2um", "--space", "rgb"],
         ["export", "Eosin:2um", "--tolerance", "0"],
     ]
-    done = subprocess.run(
-        [sys.executable, "-c", _WRONG.format(lines=lines)],
-        cwd=tmp_path,
-        env=environment(tmp_path / "cache"),
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert not done.returncode, done.stderr
+    run_python(_WRONG.format(lines=lines), cwd=tmp_path, **environment(tmp_path / "cache"))

@@ -1,6 +1,3 @@
-import subprocess
-import sys
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -22,6 +19,8 @@ from glazejax import (
     reflectance,
 )
 from tests.reference import isotropic_stacks
+
+from .fresh import run_python
 
 GRID = np.array([400.0, 500.0, 600.0])
 RED = Pigment("red", GRID, [9e4, 6e4, 1e3], [1e4, 2e4, 9e4])
@@ -180,28 +179,24 @@ def test_what_is_no_glaze_is_refused(glaze):
         appearance.exports.fit_openpbr(glaze)
 
 
-def test_public_names():
-    assert glazejax.reflectance is reflectance
-    for name in glazejax.__all__:
-        if name != "catalogue":
-            assert getattr(glazejax, name) is not None
-    assert {"colour", "io"} <= set(dir(glazejax))
+@pytest.mark.parametrize("package", [glazejax, appearance], ids=lambda package: package.__name__)
+def test_public_names(package):
+    for name in package.__all__:
+        assert getattr(package, name) is not None
+    assert set(package.__all__) <= set(dir(package))
     with pytest.raises(AttributeError, match="color"):
-        _ = glazejax.color  # pyright: ignore[reportAttributeAccessIssue]
+        _ = package.color
 
 
 def test_import_is_light():
     code = (
-        "import sys, glazejax, jax\n"
+        "import sys, glazejax, glazejax.appearance, jax\n"
         "assert callable(glazejax.reflectance) and glazejax.colour and glazejax.io\n"
         "import glazejax.reflectance as again\n"
         "assert not jax.config.jax_enable_x64\n"
         "print([m for m in ('colour', 'matplotlib', 'emcee', 'optimistix', 'scipy.optimize', "
         "'typer')"
-        " if m in sys.modules] + [m for m in sys.modules if 'manyflux.' in m])"
+        " if m in sys.modules] + [m for m in sys.modules if 'manyflux.' in m or 'appearance.' in m])"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
     # The solver's class is there under its name; what it computes with is not.
-    assert done.stdout.strip() == "['glazejax.radiative.manyflux.method']", (
-        done.stdout + done.stderr
-    )
+    assert run_python(code).stdout.strip() == "['glazejax.radiative.manyflux.method']"

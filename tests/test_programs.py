@@ -1,7 +1,5 @@
 """Programs that are kept between runs as they were traced, and compiled ahead."""
 
-import subprocess
-import sys
 from typing import NamedTuple
 
 import jax
@@ -11,6 +9,8 @@ import pytest
 
 from glazejax import programs
 from glazejax.programs import Program, keep_traced
+
+from .fresh import run_python
 
 
 class Sums(NamedTuple):
@@ -193,8 +193,7 @@ def root(matrix):
 print(Program(root)(jnp.array([[4.0, 2.0], [2.0, 5.0]])).tolist())
 """
     for _ in range(2):
-        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-        assert (done.returncode, done.stdout) == (0, "[[2.0, 0.0], [1.0, 2.0]]\n"), done.stderr
+        assert run_python(code).stdout == "[[2.0, 0.0], [1.0, 2.0]]\n"
         assert len(list(tmp_path.glob("traced-*"))) == 1
 
 

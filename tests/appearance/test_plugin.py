@@ -3,8 +3,6 @@ refused.
 """
 
 import json
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -15,6 +13,7 @@ from glazejax.appearance.mitsuba.bsdf import _table
 from glazejax.radiative.common.fresnel import dielectric_reflectance
 from glazejax.stacks import read_stack
 
+from ..fresh import run_python
 from .plugin import BLUE, WAVELENGTHS, WHITE, direction, factor, interaction, mitsuba_in
 
 PAIRS = [(1.0, 1.0), (0.9, 0.2), (0.5, 0.7), (0.05, 0.95), (0.1, 0.1), (0.02, 0.3)]
@@ -319,15 +318,9 @@ def test_maps_that_are_refused(mitsuba, paints):
     for given, sentence in [
         ({"thickness": np.zeros(3)}, r"thickness is an array of shape \(3,\)"),
         ({"thickness": np.zeros((3, 3, 1))}, r"thickness is an array of shape \(3, 3, 1\)"),
-        ({"thickness": np.full((2, 2), 20.0)}, "thickness has the value 20"),
-        (
-            {"thickness": np.full((2, 2), 2e-6), "thickness_max": 1e-6},
-            "beyond the thickness_max of 1e-06 m",
-        ),
         ({"fraction": np.full((2, 2), 0.5)}, "write it as a mixture of two paints"),
         ({"ground": np.full(5, 0.5)}, "the ground has 5 bands, but the table has 31"),
         ({"ground": np.full((2, 2, 31), 1.5)}, "ground has the value 1.5"),
-        ({"roughness": -0.1}, "roughness is -0.1"),
     ]:
         with pytest.raises(ValueError, match=sentence):
             glaze_bsdf(glaze, **given)
@@ -365,7 +358,4 @@ assert "Eosin" in str(mitsuba.load_dict(made))
 
 @pytest.mark.slow
 def test_variants_without_spectra_are_refused(mitsuba):
-    done = subprocess.run(
-        [sys.executable, "-c", _VARIANTS], capture_output=True, text=True, timeout=300, check=False
-    )
-    assert done.returncode == 0, done.stderr
+    run_python(_VARIANTS)

@@ -2,9 +2,7 @@
 value.
 """
 
-import re
 import tomllib
-from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -374,29 +372,6 @@ def test_area_lights_relief_and_roughness_are_read(write, tmp_path):
     assert beyond == "area lights and relief and glazes with a rough surface"
 
 
-@pytest.mark.parametrize(
-    ("values", "words"),
-    [
-        (
-            np.zeros(5),
-            r"\[objects.floor\] relief: .*must hold finite numbers \(h, w\), not float64 \(5,\)",
-        ),
-        (
-            np.zeros((1, 5)),
-            r"\[objects.floor\]: a relief must be a map of heights \(h, w\), at least 2 x 2",
-        ),
-        (np.full((3, 3), np.inf), r"\[objects.floor\] relief: .*finite"),
-        (np.zeros((3, 3)), r"\[objects.floor\]: a plane with a relief needs a size"),
-    ],
-)
-def test_what_is_no_relief(write, tmp_path, values, words):
-    np.save(tmp_path / "r.npy", values)
-    with pytest.raises(ValueError, match=words):
-        scene_file.read_scene(
-            write(SMALL.replace("normal = [0, 0, 1]", 'normal = [0, 0, 1]\nrelief = "r.npy"'))
-        )
-
-
 def run(*arguments):
     """The command as the shell runs it, errors as exceptions."""
     import typer
@@ -498,20 +473,6 @@ def test_a_path_traced_picture_that_was_interrupted_says_so(write, tmp_path, mon
     assert done.exit_code == 130
     assert out.is_file()
     assert "25% of the paths are followed, so that noise is left" in done.output
-
-
-def test_without_a_terminal_lines_say_how_far_a_picture_is(write, tmp_path, monkeypatch):
-    from glazejax.commands import progress
-
-    monkeypatch.setattr(progress, "lines", partial(progress.lines, 0.01))
-    done = run(write(SMALL), "-o", tmp_path / "a.png")
-    assert done.exit_code == 0
-    found = [
-        line
-        for line in done.stderr.splitlines()
-        if re.search(r" of [\d,]+ \(\d+%\), after \d+ s", line)
-    ]
-    assert found
 
 
 def test_an_interrupted_command_writes_what_is_done(write, tmp_path, monkeypatch):

@@ -2,8 +2,6 @@
 variant is used.
 """
 
-import subprocess
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -20,6 +18,8 @@ from glazejax.appearance.scene.path.mitsuba import mitsuba_scene
 from glazejax.appearance.scene.path.path_trace import passes_of, path_trace
 from glazejax.appearance.scene.scene import Camera, Scene
 from glazejax.appearance.scene.shapes import Box, Mesh, Plane, Shape, Sphere
+
+from ..fresh import run_python
 
 WAVELENGTHS = np.arange(400.0, 701.0, 20.0)
 ABOVE = Camera((0.0, 0.0, 10.0), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), field_of_view=1.0)
@@ -327,7 +327,7 @@ def test_reading_scenes_needs_no_mitsuba():
         "import sys; import glazejax.appearance.scene.path.path_trace, glazejax.appearance.scene.file;"
         "assert 'mitsuba' not in sys.modules"
     )
-    subprocess.run([sys.executable, "-c", code], check=True, timeout=120)
+    run_python(code)
     assert tracing.MOST_SAMPLES > 1000
 
 

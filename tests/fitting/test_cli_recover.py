@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from glazefit import Instrument, Noise, recover_films, simulate_films
+from glazefit import Noise, recover_films, simulate_films
 from glazefit.recover.command_joint import _lengths
 from glazefit.recover.films.film_by_film import recover_chunks
 from glazefit.recover.settings import Destination, slug
@@ -118,7 +118,6 @@ def test_bad_input_is_one_line_and_status_2(run, tmp_path, films):
         ([good, "--out", "o", "--samples", "01a"], ["unknown sample '01a'", "nearest: '01A'"]),
         ([good, "--out", "o", "--thickness", "0"], ["--thickness is 0", "above 0"]),
         ([good, "--out", "o", "--masstones"], ["--names"]),
-        ([good, "--out", "o", "--noise", "-1"], ["noise", "-1"]),
         (
             [good, "--out", "o", "--check"],
             ["--check leaves mixtures out of a joint fit", "add --joint"],
@@ -127,11 +126,6 @@ def test_bad_input_is_one_line_and_status_2(run, tmp_path, films):
         ([good, "--out", "o", "--joint", "--masstones"], ["leave out --masstones"]),
         ([good, "--out", "o", "--joint"], ["--joint needs to know what the films are made of"]),
         (["--simulate", "--out", "o", "--joint"], ["leave out --simulate, or leave out --joint"]),
-        (
-            [good, "--out", "o", "--refractive-index", "15"],
-            ["--refractive-index is 15", "1 to 2.5"],
-        ),
-        ([good, "--out", "o", "--instrument", "d:95"], ["--instrument is 'd:95'", "angles"]),
         (
             [good, "--out", "o", "--white", "TitaniumWhite"],
             ["the nearest is acrylics:TitaniumWhite"],
@@ -201,10 +195,6 @@ def test_pictures_of_names_that_differ_in_case_are_two_files(tmp_path):
     assert (tmp_path / "res" / "Red.png").read_text() == "0"
     assert (tmp_path / "res" / "red_.png").read_text() == "1"
     assert [row["film"] for row in read_rows(tmp_path / "res" / "films.csv")] == ["Red"]
-
-
-def test_instrument_defaults_are_the_commands():
-    assert (Noise(), Instrument().refractive_index) == (Noise(0.0005, 0.002), 1.5)
 
 
 def test_joint_fit_on_the_command_line(run, tmp_path, films):

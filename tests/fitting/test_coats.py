@@ -116,15 +116,6 @@ def test_every_coat_is_found(sampled):
 
 
 @pytest.mark.slow
-def test_chain_and_laplace_agree_where_laplace_is_trusted(sampled):
-    if sampled.laplace.trusted.all():
-        for name in ("thickness of coat 1", "thickness of coat 2"):
-            low, high = np.quantile(sampled.draws[name], (0.05, 0.95))
-            ends = np.quantile(sampled.laplace_draws[name], (0.05, 0.95))
-            np.testing.assert_allclose(ends, (low, high), atol=0.25 * (high - low))
-
-
-@pytest.mark.slow
 def test_arviz_has_every_coat(sampled):
     data = sampled.inference_data
     assert {"thickness_of_coat_1", "thickness_of_coat_2", "gloss", "fraction"} <= set(

@@ -556,30 +556,6 @@ def test_a_spot_is_printed_on_a_page(tmp_path, paper):
     assert pages(found["data"]) == summary + 3 + method
 
 
-@pytest.mark.browser
-def test_numbers_of_a_plot_are_whole_and_of_the_page_s_size(tmp_path):
-    """On a desk and on a telephone."""
-    write_page(record(identification(["one"])), tmp_path / "report.html")
-    browser = start_browser(tmp_path)
-    ask = """return [...document.querySelectorAll('.plot span')].filter(e => e.offsetParent).map(e => {
-        const r = e.getBoundingClientRect();
-        return [r.left, document.documentElement.clientWidth - r.right,
-                parseFloat(getComputedStyle(e).fontSize)];
-    })"""
-    try:
-        for width in (1200, 390):
-            size = {"width": width, "height": 800, "deviceScaleFactor": 1, "mobile": width < 500}
-            browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
-            browser.get((tmp_path / "report.html").as_uri())
-            left, right, letters = np.array(browser.execute_script(ask)).T
-            assert min(left.min(), right.min()) >= 0
-            assert left.size > 20
-            # A table's are .84 to .9 of the page's 16 px.
-            assert letters == pytest.approx(np.full(letters.size, 12.8))
-    finally:
-        browser.quit()
-
-
 def pages(data: str) -> int:
     """Pages of a PDF, as base64."""
     return len(re.findall(rb"/Type\s*/Page\b", base64.b64decode(data)))

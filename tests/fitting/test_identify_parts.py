@@ -7,9 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from benchmarks.paint.shades import ShadeLibrary
 from scipy.special import gamma, kv, logsumexp
-from scipy.stats import multivariate_normal
 
 from glazefit.film.model.errors import (
     ModelError,
@@ -40,13 +38,8 @@ from glazefit.identify.search.table import Paints, amounts_grid, film_table, set
 from glazefit.identify.search.task import Expected
 from glazefit.mapping.solve.local import as_measured
 from glazejax import Hemispherical, Pigment
-from glazejax.io import read_spectra
 
 GRID = np.linspace(400.0, 700.0, 7)
-
-
-def _log_density(off, covariance):
-    return multivariate_normal(np.zeros(off.size), covariance).logpdf(off)  # pyright: ignore[reportArgumentType]
 
 
 @pytest.mark.parametrize("size", [1, 2, 3])
@@ -56,14 +49,6 @@ def test_small_inverse_is_numpys(size):
     inverse, log_det = inverse_small(jnp.asarray(matrix))
     np.testing.assert_allclose(inverse, np.linalg.inv(matrix), rtol=1e-9)
     assert float(log_det) == pytest.approx(np.linalg.slogdet(matrix)[1], abs=1e-9)
-
-
-def test_whitened_density_is_that_of_the_gaussian():
-    covariance = 0.01**2 * model_correlation(GRID, 2, 100.0, 0.8) + 0.002**2 * np.eye(14)
-    errors = whitening(covariance)
-    off = 0.01 * np.random.default_rng(0).standard_normal(2 * GRID.size)
-    density = errors.height - 0.5 * np.sum((errors.basis @ off) ** 2)
-    np.testing.assert_allclose(density, _log_density(off, covariance), rtol=1e-8)
 
 
 def test_errors_of_coefficients_are_the_pigments_own_and_some_more():
@@ -371,38 +356,6 @@ def test_sets_and_grids_are_complete():
     assert len(sets_of(20, 3)) == 1140
     assert (np.diff(sets_of(6, 3), axis=1) > 0).all()
     assert amounts_grid(2, 0.7).shape[1] == 2
-
-
-def _shades(paints=12, seed=0):
-    """Dilutions of made-up paints under lights that differ."""
-    rng = np.random.default_rng(seed)
-    grid = np.linspace(400.0, 900.0, 60)
-    peaks = rng.uniform(420, 880, (paints, 2, 1))
-    shape = np.exp(-(((grid - peaks) / 60.0) ** 2)).sum(axis=1) + 0.1
-    strength = np.array([2.0, 1.2, 0.7, 0.35])[:, None] * np.exp(
-        0.1 * rng.standard_normal((paints, 4, 1))
-    )
-    light = np.exp(0.1 * rng.standard_normal((paints, 4, 1)))
-    return grid, light * np.exp(-strength * shape[:, None]) * np.exp(
-        0.01 * rng.standard_normal((paints, 4, 60))
-    )
-
-
-def test_paints_of_another_strength_are_found():
-    grid, spectra = _shades()
-    names = [f"paint {i}" for i in range(len(spectra))]
-    match = ShadeLibrary(names, grid, spectra[:, [0, 1, 3]]).match(spectra[:, 2])
-    assert match.best == names
-    np.testing.assert_allclose(match.probability.sum(axis=1), 1.0)
-
-
-@pytest.mark.slow
-def test_shades_of_printed_charts_beat_the_spectral_angle(shared_data):
-    table = read_spectra(shared_data / "hyppigments" / "speclib_averages.hdr")
-    spectra = table.reflectance.reshape(398, 4, -1)
-    names = [name.rpartition("_")[0] for name in table.names[::4]]
-    match = ShadeLibrary(names, table.wavelengths, spectra[:, [0, 1, 2]]).match(spectra[:, 3])
-    assert np.mean(np.array(match.best) == np.array(names)) > 0.9  # nearest spectral angle: .417
 
 
 @pytest.mark.parametrize("largest", [1, 2, 3])

@@ -301,30 +301,6 @@ def test_a_band_reads_what_its_film_does():
     assert found == pytest.approx({"absorption": k, "scattering": s, "ratio": k / s})
 
 
-def test_prior_of_films_is_what_the_log_probability_says():
-    """Laplace's own test on the prior alone would fail; its importance weights of prior draws must
-    not vary.
-    """
-    prior = Prior()
-    problem = pose_films(
-        readings(film_of(0.3), INSTRUMENT, NOISE), [[BLUE, WHITE]], INSTRUMENT, prior
-    )
-    free = problem.prior_draws(np.random.default_rng(0), 4000)
-    log_prior = (
-        problem.log_probability(free[:, None])[:, 0] - problem.log_likelihood(free[:, None])[:, 0]
-    )
-    fraction = 1.0 / (1.0 + np.exp(-free[:, 0]))
-    gloss = 1.0 / (1.0 + np.exp(-free[:, 2]))
-    expected = (
-        np.log(fraction * (1 - fraction))
-        - 0.5 * (free[:, 1] / prior.spread) ** 2
-        + np.log(gloss * (1 - gloss))
-        - 0.5 * ((free[:, 3] - np.log(prior.error)) / prior.error_spread) ** 2
-    )
-    np.testing.assert_allclose(log_prior, expected, atol=1e-6)
-    np.testing.assert_allclose(np.cov(free, rowvar=False), problem.prior_covariance, atol=0.25)
-
-
 def test_likelihood_is_the_gaussian_it_is_said_to_be():
     """W, b and the offset against the covariance diag(v) + e^2 J K J^T written out."""
     prior = Prior()

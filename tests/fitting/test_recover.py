@@ -18,7 +18,6 @@ from glazefit.recover.films.film_by_film import (
     ScatteringPrior,
     pose,
     recover_chunks,
-    solve,
     starts,
 )
 from glazefit.recover.films.result import told_apart
@@ -235,23 +234,6 @@ def test_chunks_join_to_the_whole(known):
     assert [len(part) for part in parts] == [CHUNK, 3]
     alone = recover_films(films.take(slice(CHUNK, CHUNK + 3)), noise=Noise())
     np.testing.assert_allclose(parts[1].absorption, alone.absorption, rtol=1e-6)
-
-
-@pytest.mark.slow
-def test_compiled_program_calls_no_library_for_linear_algebra():
-    size = 2
-    problem = pose(
-        simulate_films(GRID[:2], *[np.ones((1, 2))] * 2, names=["x"]),
-        np.ones(1),
-        INSTRUMENT,
-        Noise(),
-    )
-    prior = ScatteringPrior(jnp.zeros(size), jnp.zeros(size))
-    # What the compiler is given; it adds no library calls of its own, and compiling again takes
-    # long.
-    program = solve.jitted.lower(*problem, prior).as_text("hlo")
-    assert "lapack_" not in program
-    assert "while" in program, "the solver's loop is missing: is this the program that runs?"
 
 
 @pytest.mark.slow

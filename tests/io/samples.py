@@ -25,10 +25,10 @@ def same(table, grid, values, names, atol=0.0):
     np.testing.assert_allclose(table.reflectance, values, rtol=0, atol=atol)
 
 
-def refused(path, complaint, read=read_spectra, error=ValueError):
+def refused(path, complaint, read=read_spectra, error=ValueError, **how):
     """Assert that a reader refuses a file in one line that names it."""
     with pytest.raises(error, match=complaint) as caught:
-        read(path)
+        read(path, **how)
     message = str(caught.value)
     assert "\n" not in message
     assert path.stem in message

@@ -1,10 +1,9 @@
 import logging
-import subprocess
-import sys
 
 import numpy as np
 import pytest
 
+from ..fresh import run_python
 from .samples import ASD_GRID as GRID
 from .samples import ASD_WHITE as WHITE
 from .samples import asd_body as body
@@ -73,9 +72,7 @@ def test_no_log_file_and_no_root_logger(put, tmp_path):
         "except ValueError: pass\n"
         "assert not logging.getLogger().handlers"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", code, path], cwd=tmp_path, capture_output=True, text=True, check=True
-    )
+    done = run_python(code, path, cwd=tmp_path)
     assert (done.stdout, done.stderr) == ("", "")
     assert [file.name for file in tmp_path.iterdir()] == ["ochre.asd"]
     assert logging.getLogger("pyASDReader").level in (logging.NOTSET, logging.CRITICAL + 1)

@@ -25,6 +25,7 @@ from glazejax.commands import main as cli
 from glazejax.io import SpectraTable, read_cube, read_sample, read_spectra, source, write_spectra
 from glazejax.paint.pigment_table import read_pigments
 
+from ..fresh import run_python
 from .hostile import SCENE, damaged_files, limits, outcome, subjects
 from .samples import CGATS, CXF, ENVI, GRID, jcamp_block, refused, spectra
 
@@ -471,10 +472,7 @@ def test_large_tables_take_their_size_and_little_more(tmp_path, megabytes):
     with path.open("w") as file:
         file.write("Name," + ",".join(map(str, range(380, 781, 10))) + "\n")
         file.writelines(f"sample {i}{row}" for i in range(count))
-    done = subprocess.run(
-        [sys.executable, "-c", PEAK, path], capture_output=True, text=True, check=True, timeout=600
-    )
-    rows, kilobytes = map(int, done.stdout.split())
+    rows, kilobytes = map(int, run_python(PEAK, path).stdout.split())
     assert rows == count
     # 8 bytes a value and 80 a name, and some pieces at work.
     assert (

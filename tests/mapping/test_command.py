@@ -9,7 +9,6 @@ import os
 import signal
 import sys
 import time
-import warnings
 from dataclasses import dataclass
 from pathlib import Path
 from unittest import mock
@@ -308,29 +307,6 @@ def test_a_stop_keeps_what_is_finished_and_says_how_to_go_on(
     again = run(cube, "--opaque", *OILS, "--only", "ZincWhite,Eosin")
     assert again.exception is None, again.output
     assert "110 mapped" in again.output
-
-
-def test_a_damaged_window_is_named(tmp_path, monkeypatch, cube, mapped):
-    monkeypatch.chdir(tmp_path)
-    assert run(cube, "--opaque", *OILS, "--only", "ZincWhite,Eosin").exception is None
-    Path("map.zarr/misfit/c/1/0").unlink()
-    for named in (1, 0):
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            done = run(cube, "--opaque", *OILS, "--only", "ZincWhite,Eosin")
-        assert done.exception is None, done.output
-        words = "window y4-8_x0-10 of map.zarr is damaged (misfit/c/1/0 is missing), and is mapped again"
-        assert " ".join(done.output.split()).count(words) == named
-
-
-def test_a_map_that_another_run_writes_is_not_replaced(tmp_path, monkeypatch, cube, mapped):
-    monkeypatch.chdir(tmp_path)
-    assert run(cube, "--opaque", *OILS, "--only", "ZincWhite,Eosin").exception is None
-    with MapStore("map.zarr").writing():
-        done = run(cube, "--opaque", *OILS, "--only", "ZincWhite,Eosin", "--overwrite")
-    assert str(done.exception) == (
-        "another run is writing map.zarr; wait for it or stop it, or name another map"
-    )
 
 
 def test_an_interrupt_before_there_is_a_map_is_only_that(tmp_path, monkeypatch, cube):

@@ -92,7 +92,7 @@ def test_a_damaged_window_is_named_and_mapped_again(
     same(MapStore(path), undisturbed)
 
 
-@pytest.mark.parametrize("damage", [cut, flip, Path.unlink])
+@pytest.mark.parametrize("damage", [cut, flip, empty, Path.unlink])
 def test_a_window_whose_sums_are_damaged_is_mapped_again(
     tmp_path,
     undisturbed,  # noqa: F811

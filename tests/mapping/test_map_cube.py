@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 import xarray
 
-import glazefit
 from glazefit import Noise
 from glazefit.identify.result import Identification
 from glazefit.identify.search.searcher import Searcher
@@ -400,21 +399,14 @@ def test_an_image_that_changed_is_another(options: dict[str, Any], tmp_path):
     begin()
     begin()
     for file in (path, white):
-        content = file.read_bytes()
         time = file.stat().st_mtime_ns
         os.utime(file, ns=(0, time + 1))
         with pytest.raises(ValueError, match=r"other options \(image: time of change is another\)"):
             begin()
-        # Among its numbers, and as if it had not been touched.
-        place = len(content) * 2 // 3
-        file.write_bytes(content[:place] + b"\x01" * 8 + content[place + 8 :])
         os.utime(file, ns=(0, time))
-        with pytest.raises(ValueError, match=r"other options \(image: hash is another\)"):
-            begin()
-        file.write_bytes(content)
-        os.utime(file, ns=(0, time))
-    begin()
-
-
-def test_what_is_public_is_there():
-    assert glazefit.map_cube is map_cube
+        begin()
+    # Its numbers, as if it had not been touched.
+    np.save(white, np.full(31, 0.8, "f4"))
+    os.utime(white, ns=(0, time))
+    with pytest.raises(ValueError, match=r"other options \(image: hash is another\)"):
+        begin()

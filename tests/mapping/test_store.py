@@ -178,17 +178,6 @@ def test_sums_pack_bit_for_bit():
     np.testing.assert_array_equal(sets[()].spectrum, one.spectrum)
 
 
-def test_sums_that_are_damaged_are_said(tmp_path):
-    store = store_at(tmp_path / "map.zarr")
-    run_chunks(store, Toy())
-    file = next((store.path / ".glazejax" / "sums").glob("*.npz"))
-    whole = file.read_bytes()
-    for broken in (b"", b"PK", whole[:-40]):
-        file.write_bytes(broken)
-        with pytest.raises(ValueError, match=r"window y.* is damaged \(its sums cannot be read\)"):
-            store.sums()
-
-
 def test_a_window_without_its_status_is_not_there(tmp_path):
     store = store_at(tmp_path / "map.zarr")
     run_chunks(store, Toy())

@@ -1,5 +1,7 @@
 """What is wrong with a file or an option is one sentence that names it."""
 
+from functools import partial
+
 import h5py
 import numpy as np
 import pytest
@@ -8,6 +10,7 @@ import xarray as xr
 import zarr as zarr_package
 
 from glazejax.io import CubeSource, open_cube, write_table
+from tests.io import samples
 
 from .images import (
     BANDS,
@@ -25,15 +28,7 @@ from .images import (
     zarr,
 )
 
-
-def refused(path, complaint, kind: type[Exception] = ValueError, **further):
-    """Assert that a file is refused in one line that names it."""
-    with pytest.raises(kind, match=complaint) as caught:
-        open_cube(path, **further)
-    message = str(caught.value)
-    assert "\n" not in message
-    assert path.stem in message or path.parent.stem in message
-    assert len(message) < 500
+refused = partial(samples.refused, read=open_cube)
 
 
 def test_header_that_promises_more_than_there_is(tmp_path):
@@ -43,7 +38,7 @@ def test_header_that_promises_more_than_there_is(tmp_path):
     refused(path, "promises .* the file was cut short")
     refused(data, "promises .* the file was cut short")
     data.unlink()
-    refused(path, "no data beside this ENVI header", FileNotFoundError)
+    refused(path, "no data beside this ENVI header", error=FileNotFoundError)
 
 
 @pytest.mark.parametrize(
@@ -139,7 +134,7 @@ def test_files_without_an_image(tmp_path):
     (tmp_path / "nothing").mkdir()
     refused(tmp_path / "nothing", "a folder without an image")
     refused(tmp_path / "nothing", "no datasets", dataset="a")
-    refused(tmp_path / "gone.hdr", "gone.hdr", FileNotFoundError)
+    refused(tmp_path / "gone.hdr", "gone.hdr", error=FileNotFoundError)
     write_table(tmp_path / "table.csv", ["name", "400"], [["a", 0.5]])
     refused(tmp_path / "table.csv", "not an image of spectra that is known: ENVI, zarr")
     np.save(tmp_path / "flat.npy", np.ones((4, 5)))
