@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 import glazefit
 import glazejax
@@ -104,9 +105,9 @@ def test_mirror_direction_keeps_batch_axes():
     seen = Bidirectional(
         angles, 30.0, specular=True, azimuth=np.array([10.0, 0.0, 0.0])
     ).sees_surface
-    np.testing.assert_array_equal(seen, [[False], [True], [False]])
+    assert_array_equal(seen, [[False], [True], [False]])
     at_normal = Bidirectional(0.0, 0.0, specular=True, azimuth=np.array([0.0, 90.0])).sees_surface
-    np.testing.assert_array_equal(at_normal, [[True], [True]])
+    assert_array_equal(at_normal, [[True], [True]])
     assert (
         Bidirectional(angles, 30.0).describe()
         == "light at 0° to 45°, view at 30°, no mirror reflection"
@@ -146,6 +147,4 @@ def test_bands_of_a_film_are_read_by_any_instrument(words):
         noise=glazefit.Noise(1e-4, 0.0),
     )
     posterior = glazefit.posterior_of_bands(films, instrument=seen_by, steps=0)
-    np.testing.assert_allclose(
-        np.median(posterior.laplace_draws["absorption"], axis=0), 0.3, rtol=0.05
-    )
+    assert_allclose(np.median(posterior.laplace_draws["absorption"], axis=0), 0.3, rtol=0.05)

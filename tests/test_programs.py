@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from glazejax import programs
 from glazejax.programs import Program, keep_traced
@@ -56,9 +57,9 @@ def check(found, power=2):
     sums, more = found
     raised = VALUES**power + MORE["shift"]
     assert type(sums) is Sums
-    np.testing.assert_allclose(sums.of_rows, raised.sum(axis=1))
-    np.testing.assert_allclose(sums.all, raised.sum())
-    np.testing.assert_allclose(more["shift"], MORE["shift"] * 2)
+    assert_allclose(sums.of_rows, raised.sum(axis=1))
+    assert_allclose(sums.all, raised.sum())
+    assert_allclose(more["shift"], MORE["shift"] * 2)
 
 
 def test_a_second_run_traces_nothing(folder, counted):
@@ -114,7 +115,7 @@ def test_what_words_do_not_tell_is_not_kept(folder, counted):
         sums, _ = counted.program()(
             VALUES, MORE, turn=lambda raised, factor=factor: factor * raised
         )
-        np.testing.assert_allclose(sums.all, factor * (VALUES**2 + MORE["shift"]).sum())
+        assert_allclose(sums.all, factor * (VALUES**2 + MORE["shift"]).sum())
     assert not list(folder.iterdir())
 
 
@@ -130,7 +131,7 @@ def test_traced_callers_and_gradients_see_the_function(folder, counted):
     program = counted.program()
     program(VALUES, MORE)
     slope = jax.grad(lambda values: program(values, MORE)[0].all)(jnp.asarray(VALUES))
-    np.testing.assert_allclose(slope, 2 * VALUES)
+    assert_allclose(slope, 2 * VALUES)
     check(jax.jit(program)(VALUES, MORE))
 
 
@@ -206,9 +207,9 @@ def test_functions_of_modules_are_told_apart_by_their_names(folder):
         return change(values)
 
     program = Program(apply, fixed=("change",))
-    np.testing.assert_array_equal(program(VALUES, change=twice), 2.0 * VALUES)
+    assert_array_equal(program(VALUES, change=twice), 2.0 * VALUES)
     assert len(list(folder.glob("traced-*"))) == 1
-    np.testing.assert_array_equal(program(VALUES, change=lambda v: v + 1.0), VALUES + 1.0)
+    assert_array_equal(program(VALUES, change=lambda v: v + 1.0), VALUES + 1.0)
     # Two functions without a name would share a file.
     assert len(list(folder.glob("traced-*"))) == 1
 

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import trimesh
+from numpy.testing import assert_allclose, assert_array_equal
 from typer.testing import CliRunner
 
 from glazejax.appearance.scene import file as scene_file
@@ -95,15 +96,13 @@ def test_a_small_scene_is_what_its_file_says(write):
     found = scene_file.read_scene(write(SMALL))
     scene = found.scene
     assert (scene.width, scene.height, scene.antialias, scene.bounces) == (12, 8, 4, 3)
-    np.testing.assert_allclose(scene.wavelengths, np.arange(400, 701, 20))
+    assert_allclose(scene.wavelengths, np.arange(400, 701, 20))
     assert found.display == "sRGB"
-    np.testing.assert_allclose(found.white, scene.lights[0].spectrum)
+    assert_allclose(found.white, scene.lights[0].spectrum)
     picture = render(scene).radiance
     assert np.isfinite(picture).all()
     # The floor in front of the ball, under light at 45 degrees.
-    np.testing.assert_allclose(
-        picture[-1, 0], 0.5 * np.sqrt(0.5) * scene.lights[0].spectrum, rtol=1e-6
-    )
+    assert_allclose(picture[-1, 0], 0.5 * np.sqrt(0.5) * scene.lights[0].spectrum, rtol=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -286,11 +285,11 @@ def test_measured_reflectances_and_maps(write, tmp_path):
         'thickness_map = "map.npy"\nthickness_range = ["2um", "6um"]\nground = 0.7\ncoats = "U',
     )
     scene = scene_file.read_scene(write(text)).scene
-    np.testing.assert_allclose(
+    assert_allclose(
         scene.materials["grey"].spectra()["reflectance"],
         (np.asarray(scene.wavelengths) - 300) / 500,
     )
-    np.testing.assert_allclose(
+    assert_allclose(
         np.asarray(scene.materials["paint"].thickness_map),
         2e-6 + 4e-6 * np.linspace(0, 1, 12).reshape(3, 4),
     )
@@ -327,8 +326,8 @@ def test_meshes_are_read_and_placed(write, tmp_path):
     )
     mesh = scene_file.read_scene(write(text)).scene.shapes[1]
     assert isinstance(mesh, Mesh)
-    np.testing.assert_allclose(mesh.vertices.max(axis=0), [1, 0.5, 1.25], atol=1e-12)
-    np.testing.assert_allclose(mesh.vertices.min(axis=0), [-1, -0.5, 0.75], atol=1e-12)
+    assert_allclose(mesh.vertices.max(axis=0), [1, 0.5, 1.25], atol=1e-12)
+    assert_allclose(mesh.vertices.min(axis=0), [-1, -0.5, 0.75], atol=1e-12)
     assert mesh.normals is None
     (tmp_path / "v.obj").write_text("not a mesh")
     with pytest.raises(
@@ -362,12 +361,12 @@ def test_area_lights_relief_and_roughness_are_read(write, tmp_path):
     assert list(window.shape.size or ()) == [2, 3]
     # Luminance of the lamps themselves.
     luminance = scene.light_spectra() @ colour_weights(scene.wavelengths, "E")[:, 1]
-    np.testing.assert_allclose(luminance, [3.0, 1.0])
+    assert_allclose(luminance, [3.0, 1.0])
     paint = scene.materials["paint"]
     assert isinstance(paint, Glazed)
     assert paint.roughness == 0.25
     (floor,) = (shape for shape in scene.shapes if isinstance(shape, Plane))
-    np.testing.assert_allclose(np.asarray(floor.relief), 0.02 * heights)
+    assert_allclose(np.asarray(floor.relief), 0.02 * heights)
     beyond = scene.needs_path_tracing()
     assert beyond == "area lights and relief and glazes with a rough surface"
 
@@ -506,7 +505,7 @@ def test_a_picture_is_shown_as_its_file_says(write, unchecked):
     rendered = SimpleNamespace(spectral=False, values=np.tile(half, (2, 3, 1)))
     shown = found.on_screen(rendered)  # pyright: ignore[reportArgumentType]
     # Adobe RGB's curve is a power of 563/256; under A its white is the display's.
-    np.testing.assert_array_equal(shown.rgb, np.full((2, 3, 3), round(255 * 0.5 ** (256 / 563))))
+    assert_array_equal(shown.rgb, np.full((2, 3, 3), round(255 * 0.5 ** (256 / 563))))
     assert (shown.bright, shown.colourful) == (0.0, 0.0)
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from glazefit import (
     Films,
@@ -120,7 +121,7 @@ def test_each_option_changes_what_it_should(find):
     usual = find()
     assert told(usual) == 2
     assert find(keep=1).members.shape[1] == 1
-    np.testing.assert_array_equal(find(keep=1).members[:, 0], usual.members[:, 0])
+    assert_array_equal(find(keep=1).members[:, 0], usual.members[:, 0])
     assert find(names=["leaf"]).measured.names == ("leaf",)
     # What is read or predicted less well says less about the film.
     assert spread(find(noise=Noise(0.2, 0.0))) > 1.5 * spread(usual)
@@ -129,7 +130,7 @@ def test_each_option_changes_what_it_should(find):
     # A reading that says next to nothing leaves what was expected: a film as thick as films are.
     for thickness in (10e-6, 40e-6):
         vague = find(noise=Noise(30.0), prior=Prior(thickness=thickness))
-        np.testing.assert_allclose(vague.amounts[0, :, 0], thickness, rtol=0.1)
+        assert_allclose(vague.amounts[0, :, 0], thickness, rtol=0.1)
     often, rarely = (float(find(prior=Prior(unknown=unknown)).none[0]) for unknown in (0.9, 0.01))
     assert often / (1.0 - often) > 100.0 * rarely / (1.0 - rarely)
 
@@ -147,7 +148,7 @@ def test_a_film_is_computed_as_its_instrument_reads_it(paints):
     assert found.ranked(0)[0].paints == ("Vermillion",)
     assert float(found.amounts[0, 0, 0]) == pytest.approx(25e-6, rel=0.01)
     assert float(found.gloss[0, 0]) == pytest.approx(1.0, abs=0.05)
-    np.testing.assert_allclose(found.fitted[0, 0], spectrum, atol=1e-3)
+    assert_allclose(found.fitted[0, 0], spectrum, atol=1e-3)
 
 
 @pytest.mark.slow
@@ -165,4 +166,4 @@ def test_pigments_carry_their_own_grid():
     # A catalogue as `glazejax.catalogue.load` gives it, or a list.
     for catalogue_of_one in ([pigment], {"x": pigment}):
         (known,) = SEARCHER.check_pigments(catalogue_of_one, GRID)
-        np.testing.assert_allclose(known.absorption, GRID)
+        assert_allclose(known.absorption, GRID)

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from rich.console import Console
 
 from glazefit import Noise, posterior_of_bands, simulate_films
@@ -63,9 +64,7 @@ def test_blocks_of_very_different_size_are_all_sampled_rightly():
     samples = count_samples(kept.reshape(*kept.shape[:2], -1))[0].reshape(3, 3)
     error = problem.scales[:, None] / np.sqrt(samples)
     assert np.all(np.abs(free.mean(axis=0) - problem.means) < 5 * error)
-    np.testing.assert_allclose(
-        free.std(axis=0), np.broadcast_to(problem.scales[:, None], (3, 3)), rtol=0.12
-    )
+    assert_allclose(free.std(axis=0), np.broadcast_to(problem.scales[:, None], (3, 3)), rtol=0.12)
     assert 0.2 < chain.accepted < 0.8
 
 
@@ -74,8 +73,8 @@ def test_a_chain_thinned_by_three_keeps_every_third_step():
     problem = Gaussians()
     whole, thinned = (sampled(problem, steps=31, thin=n) for n in (1, 3))
     assert (len(whole.free), len(thinned.free)) == (31, 10)
-    np.testing.assert_array_equal(thinned.free, whole.free[2::3])
-    np.testing.assert_array_equal(thinned.log_probability, whole.log_probability[2::3])
+    assert_array_equal(thinned.free, whole.free[2::3])
+    assert_array_equal(thinned.log_probability, whole.log_probability[2::3])
 
 
 def white_chain(steps, walkers=16, rho=0.0, seed=0):
@@ -118,8 +117,8 @@ def test_lengths_and_times_of_a_thinned_chain_are_in_its_steps():
     """The same draws, of which each stands for three steps: three times as long, as many samples."""
     chain, values = white_chain(1000, rho=0.8)
     each, third = (convergence(replace(chain, thin=n), values) for n in (1, 3))
-    np.testing.assert_allclose(third.times, 3 * each.times)
-    np.testing.assert_allclose(third.samples, each.samples)
+    assert_allclose(third.times, 3 * each.times)
+    assert_allclose(third.samples, each.samples)
     assert (third.length, third.discarded) == (3 * each.length, 3 * each.discarded)
 
 
@@ -171,7 +170,7 @@ def test_interrupt_keeps_what_is_done_and_the_rest_can_follow(tmp_path, monkeypa
     whole = posterior_of_bands(film(), steps=100, **SHORT)
     assert rest.chain is not None
     assert whole.chain is not None
-    np.testing.assert_array_equal(rest.chain.free, whole.chain.free)
+    assert_array_equal(rest.chain.free, whole.chain.free)
 
 
 @pytest.mark.slow

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
+from numpy.testing import assert_allclose
 
 from glazejax.io import SpectraTable, read_spectra
 
@@ -21,8 +22,8 @@ def spectra(rows=3, grid=GRID):
 def same(table, grid, values, names, atol=0.0):
     """Assert that a table holds this."""
     assert table.names == tuple(names)
-    np.testing.assert_allclose(table.wavelengths, grid, rtol=0, atol=1e-9)
-    np.testing.assert_allclose(table.reflectance, values, rtol=0, atol=atol)
+    assert_allclose(table.wavelengths, grid, rtol=0, atol=1e-9)
+    assert_allclose(table.reflectance, values, rtol=0, atol=atol)
 
 
 def refused(path, complaint, read=read_spectra, error=ValueError, **how):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from glazejax.io import read_spectra
 
@@ -105,8 +106,8 @@ def test_colours_stand_beside_bands(read, count):
 )
 def test_descending_wavelengths_are_sorted_and_said(read, text):
     table = read(text)
-    np.testing.assert_array_equal(table.wavelengths, GRID)
-    np.testing.assert_allclose(table.reflectance[0], RED / 100, atol=1e-5)
+    assert_array_equal(table.wavelengths, GRID)
+    assert_allclose(table.reflectance[0], RED / 100, atol=1e-5)
     assert "bands were sorted by wavelength" in table.notes
 
 
@@ -234,7 +235,7 @@ def test_svc_reads_its_last_column(read):
 
 def test_svc_is_percent_however_dark(read):
     table = read(svc(GRID, RED / 100))
-    np.testing.assert_allclose(table.reflectance[0], RED / 1e4, atol=1e-5)
+    assert_allclose(table.reflectance[0], RED / 1e4, atol=1e-5)
 
 
 def test_svc_detectors_that_overlap_change_in_the_middle(read):
@@ -242,8 +243,8 @@ def test_svc_detectors_that_overlap_change_in_the_middle(read):
     table = read(svc([*first, *second], [*RED[:21], *BLUE[17:]]))
     # The overlap is 573 to 600 nm.
     assert "detectors overlap: the change is at 586.5 nm" in table.notes
-    np.testing.assert_allclose(table.wavelengths, [*GRID[:19], *(GRID[19:] + 3)])
-    np.testing.assert_allclose(table.reflectance[0], [*RED[:19] / 100, *BLUE[19:] / 100], atol=1e-9)
+    assert_allclose(table.wavelengths, [*GRID[:19], *(GRID[19:] + 3)])
+    assert_allclose(table.reflectance[0], [*RED[:19] / 100, *BLUE[19:] / 100], atol=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from hypothesis import event, given
+from numpy.testing import assert_array_equal
 
 from glazefit.film.readers import read_films, read_recipes
 from glazejax.appearance.scene.file import read_scene
@@ -149,7 +150,7 @@ def test_pipes_read_as_files_do(tmp_path, kind):
     found = subject.read(pipe)
     writer.join(10)
     if isinstance(found, SpectraTable):
-        np.testing.assert_array_equal(found.reflectance, subject.read(path).reflectance)
+        assert_array_equal(found.reflectance, subject.read(path).reflectance)
         # An ASD file without a comment is called as its file is.
         assert found.names == subject.read(path).names
 
@@ -449,7 +450,7 @@ def test_pieces_do_not_show(tmp_path, monkeypatch, layout, end):
     (tmp_path / "t.csv").write_bytes(end.join(["\ufeff" + lines[0], *lines[1:]]).encode())
     table = read_spectra(tmp_path / "t.csv")
     assert table.names == tuple(names)
-    np.testing.assert_array_equal(table.reflectance, values)
+    assert_array_equal(table.reflectance, values)
 
 
 PEAK = """
@@ -487,5 +488,5 @@ def test_tables_are_written_in_pieces(tmp_path):
     )
     for name in ("t.csv", "t.hdr"):
         write_spectra(table, tmp_path / name)
-        np.testing.assert_array_equal(read_spectra(tmp_path / name).reflectance, table.reflectance)
+        assert_array_equal(read_spectra(tmp_path / name).reflectance, table.reflectance)
     assert json.dumps(read_spectra(tmp_path / "t.csv").names[-1]) == '"s19999"'

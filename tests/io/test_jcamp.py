@@ -2,6 +2,7 @@ import re
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from glazejax.io import read_spectra
 
@@ -49,8 +50,8 @@ def test_units_of_wavelength(read, xunits, grid):
     wanted = spectra(1)[0]
     values = np.interp(grid / 1e-3 if xunits[0] == "M" else 1e7 / grid, GRID, wanted)
     table = read(block(values=values, grid=grid, xunits=xunits))
-    np.testing.assert_allclose(table.wavelengths, GRID, rtol=1e-7)
-    np.testing.assert_allclose(table.reflectance, [wanted], atol=1e-7)
+    assert_allclose(table.wavelengths, GRID, rtol=1e-7)
+    assert_allclose(table.reflectance, [wanted], atol=1e-7)
     assert table.notes
 
 

@@ -4,6 +4,7 @@ columns stand. Cases of `shared/cases`, and twins of each kind with other names 
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from glazejax.io import read_spectra
 
@@ -97,10 +98,10 @@ def test_the_user_says_what_it_is(shared_cases):
 )
 def test_percent_in_a_title_is_before_the_size_of_the_numbers(read, title):
     table = read(f"nm,{title}\n" + rows(DARK))
-    np.testing.assert_allclose(table.reflectance[0], DARK / 100)
+    assert_allclose(table.reflectance[0], DARK / 100)
     assert table.names == ("tile (%)" if "tile" in title else "film",)
     table = read(f'##TITLE\nnm\t"{title}"\n' + rows(DARK, by="\t"))
-    np.testing.assert_allclose(table.reflectance[0], DARK / 100)
+    assert_allclose(table.reflectance[0], DARK / 100)
 
 
 @pytest.mark.parametrize(
@@ -132,7 +133,7 @@ def test_other_quantities_are_refused_by_name_unless_the_user_says_so(put, title
     with pytest.raises(ValueError, match=f"is {quantity}, and only reflectance can be read"):
         read_spectra(path)
     table = read_spectra(path, quantity="reflectance", unit="fraction")
-    np.testing.assert_array_equal(table.reflectance[0], RED)
+    assert_array_equal(table.reflectance[0], RED)
     with pytest.raises(ValueError, match="'colour' is not known, and only reflectance"):
         read_spectra(path, quantity="colour")
 
@@ -153,7 +154,7 @@ def test_lines_above_say_what_the_values_are(put, read, line):
     with pytest.raises(ValueError, match="and only reflectance can be read"):
         read_spectra(path)
     table = read("Software 2\nYUNITS\t%R\n" + rows(DARK, by="\t"))
-    np.testing.assert_allclose(table.reflectance[0], DARK / 100)
+    assert_allclose(table.reflectance[0], DARK / 100)
 
 
 @pytest.mark.parametrize(
@@ -170,7 +171,7 @@ def test_of_what_an_instrument_gives_reflectance_is_taken(read, header, others):
     scale = 100 if "%R" in header else 1
     table = read(f"Jaz\n{header}\n" + rows(*others, scale * RED))
     assert len(table) == 1
-    np.testing.assert_allclose(table.reflectance[0], RED)
+    assert_allclose(table.reflectance[0], RED)
     assert any(note.startswith("taken as reflectance: ") for note in table.notes)
 
 
@@ -200,7 +201,7 @@ def test_what_nobody_states_is_said_once(read, unit):
 def test_units_in_titles_are_used(read):
     for title, factor in (("Wavelength (µm)", 1e-3), ("lambda/nm", 1.0), ("wave [angstrom]", 10.0)):
         text = f"{title},red\n" + rows(RED, grid=factor * GRID)
-        np.testing.assert_allclose(read(text).wavelengths, GRID)
+        assert_allclose(read(text).wavelengths, GRID)
 
 
 def test_one_unit_for_a_file_told_by_its_brightest_spectrum(read):
@@ -208,7 +209,7 @@ def test_one_unit_for_a_file_told_by_its_brightest_spectrum(read):
         "0.10\t0.20\t0.30", "0.4\t0.6\t0.7"
     )
     table = read(text)
-    np.testing.assert_allclose(table["red, light"], [0.004, 0.006, 0.007])
+    assert_allclose(table["red, light"], [0.004, 0.006, 0.007])
     assert "red, light: dark, in percent as blue is" in table.notes
     with pytest.raises(ValueError, match=r"mixed: blue in percent .*, red, light in"):
         read(text.replace("0.4\t0.6", "0.04\t0.6"))
@@ -280,7 +281,7 @@ def test_utf_16_of_any_format(put, read, encoding):
 
 def test_names_are_padded_by_nul_above_a_table_only(read):
     text = "S1\0\0\0\nWave   ;Reflectance\n[nm]   ;[% reflectance]\n" + rows(DARK, by=";")
-    np.testing.assert_allclose(read(text).reflectance[0], DARK / 100)
+    assert_allclose(read(text).reflectance[0], DARK / 100)
     with pytest.raises(ValueError, match="not a text file"):
         read(text.replace("500.0;", "500.0;\0"))
 
@@ -289,7 +290,7 @@ def test_percent_cells_are_percent_and_all_alike(read):
     text = "nm,red,blue\n" + "".join(
         f"{w},{r}%,{b}%\n" for w, r, b in zip(GRID, DARK, DARK, strict=True)
     )
-    np.testing.assert_allclose(read(text).reflectance[1], DARK / 100)
+    assert_allclose(read(text).reflectance[1], DARK / 100)
     with pytest.raises(ValueError, match="some cells are in percent, with %, and some are not"):
         read(text.replace("%\n", "\n", 1))
 
@@ -299,7 +300,7 @@ def test_detectors_of_a_table_overlap(read):
     text = "wavelength,field\n" + rows([*RED[:21], *BLUE[17:]], grid=grid)
     table = read(text)
     assert "detectors overlap: the change is at 586.5 nm" in table.notes
-    np.testing.assert_allclose(table.reflectance[0], [*RED[:19], *BLUE[19:]])
+    assert_allclose(table.reflectance[0], [*RED[:19], *BLUE[19:]])
 
 
 def test_deleted_channels_and_noisy_ends_of_a_titled_table(read):
@@ -320,7 +321,7 @@ def test_deleted_channels_and_noisy_ends_of_a_titled_table(read):
 @pytest.mark.parametrize("unit", ["%R", "R%", "% REFLECTANCE", "Reflectance (%)"])
 def test_jcamp_percent_and_labels_of_a_maker_s_own(read, unit):
     text = jcamp_block(values=DARK, yunits=unit).replace("##XUNITS", "##$CONTENT$\n##XUNITS")
-    np.testing.assert_allclose(read(text).reflectance[0], DARK / 100)
+    assert_allclose(read(text).reflectance[0], DARK / 100)
     text = jcamp_block(yunits="Reflectivity")
     assert read(text).unit == "fraction"
 
@@ -352,16 +353,16 @@ def test_a_workbook_without_spectra_names_its_sheets(tmp_path):
     ],
 )
 def test_percent_of_a_row_of_units_a_line_above_or_a_cell(read, text):
-    np.testing.assert_allclose(read(text).reflectance[0], DARK / 100)
+    assert_allclose(read(text).reflectance[0], DARK / 100)
 
 
 @pytest.mark.parametrize("band", ["R{:g}%", "{:g} %", "R_{:g}nm_%", "R% {:g}", "SPECTRAL_PCT_{:g}"])
 def test_percent_behind_the_wavelength_of_a_band(read, band):
     text = f"Name;{';'.join(map(band.format, GRID))}\nblack;{';'.join(map(str, DARK))}\n"
-    np.testing.assert_allclose(read(text)["black"], DARK / 100)
+    assert_allclose(read(text)["black"], DARK / 100)
     bands = ";".join(f"{w:g}" for w in GRID)
     text = f"Name;Unit;{bands}\nblack;%;{';'.join(map(str, DARK))}\n"
-    np.testing.assert_allclose(read(text)["black"], DARK / 100)
+    assert_allclose(read(text)["black"], DARK / 100)
 
 
 @pytest.mark.parametrize(
@@ -443,7 +444,7 @@ def test_wavelengths_of_pairs_in_other_units_are_no_spectra(read):
     with pytest.raises(ValueError, match="have none in common"):
         read(text)
     text = "Wavelength (m);red\n" + rows(RED, by=";", grid=GRID * 1e-9)
-    np.testing.assert_allclose(read(text).wavelengths, GRID)
+    assert_allclose(read(text).wavelengths, GRID)
 
 
 def test_the_usual_mark_of_missing_data_in_a_table(read):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
 
 from glazejax.io import read_spectra, write_table
 from glazejax.io.quantity import not_stated
@@ -39,9 +40,9 @@ FILE = "t.csv"
 def test_every_layout_reads_the_same(read, text):
     table = read(text)
     assert table.names == ("red", "blue")
-    np.testing.assert_array_equal(table.wavelengths, [400, 410, 420])
-    np.testing.assert_array_equal(table.reflectance, [[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]])
-    np.testing.assert_array_equal(table["blue"], [0.4, 0.5, 0.6])
+    assert_array_equal(table.wavelengths, [400, 410, 420])
+    assert_array_equal(table.reflectance, [[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]])
+    assert_array_equal(table["blue"], [0.4, 0.5, 0.6])
     assert set(table.notes) <= {not_stated("fractions"), not_stated("nm", "fractions")}
     assert len(table) == 2
 
@@ -60,7 +61,7 @@ def test_rows_named_by_number(read):
 
 def test_percent_is_said(read):
     table = read("Name,400,410\nred,5,90\n")
-    np.testing.assert_allclose(table.reflectance, [[0.05, 0.9]])
+    assert_allclose(table.reflectance, [[0.05, 0.9]])
     assert table.notes == [not_stated("nm"), "values are in percent; divided by 100"]
 
 
@@ -80,7 +81,7 @@ def test_a_table_of_a_european_spreadsheet(read, title):
     for content in (text, text.encode("cp1252")):
         table = read(content)
         assert table.names == ("Mantel, links", "Weiß")
-        np.testing.assert_allclose(table.reflectance, [[0.125, 0.135], [0.8, 0.8125]])
+        assert_allclose(table.reflectance, [[0.125, 0.135], [0.8, 0.8125]])
         told = any("read as Windows-1252" in note for note in table.notes)
         assert told == (isinstance(content, bytes))
 
@@ -175,7 +176,7 @@ TRIPLES = "sample,wavelength,reflectance\nred,400,0.1\nblue,410,0.5\nred,410,0.2
 def test_a_value_a_row(read, text):
     table = read(text)
     assert table.names == ("red", "blue")
-    np.testing.assert_array_equal(table.reflectance, [[0.1, 0.2], [0.4, 0.5]])
+    assert_array_equal(table.reflectance, [[0.1, 0.2], [0.4, 0.5]])
 
 
 @pytest.mark.parametrize(
@@ -211,8 +212,8 @@ COLUMNS = "# spectrometer\n400.5 0.10 0.40\n410.7 0.20 0.50\n420.2 0.30 0.60\n"
 def test_columns_without_a_header(read, text):
     table = read(text)
     assert table.names == ("column 2", "column 3")
-    np.testing.assert_array_equal(table.wavelengths, [400.5, 410.7, 420.2])
-    np.testing.assert_array_equal(table.reflectance, [[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]])
+    assert_array_equal(table.wavelengths, [400.5, 410.7, 420.2])
+    assert_array_equal(table.reflectance, [[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]])
     assert "no header" in table.notes[0]
 
 
@@ -239,7 +240,7 @@ def test_errors_of_columns(read, text, complaint):
 def test_declared_unit(read):
     dark = "Name,400,410\nblack,0.5,0.6\n"
     table = read("# unit: percent\n" + dark)
-    np.testing.assert_allclose(table.reflectance, [[0.005, 0.006]])
+    assert_allclose(table.reflectance, [[0.005, 0.006]])
     assert table.notes == [not_stated("nm"), "values are in percent; divided by 100"]
     assert read(dark).reflectance.max() == 0.6
 

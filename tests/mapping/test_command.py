@@ -16,6 +16,7 @@ from unittest import mock
 import numpy as np
 import pytest
 import typer
+from numpy.testing import assert_allclose
 from typer.testing import CliRunner
 
 import glazefit.mapping.example
@@ -356,8 +357,8 @@ def test_ground_and_spots_are_measured_in_the_cube(tmp_path, monkeypatch, cube, 
     assert call["ground"].shape == GRID.shape
     # In air it reads 0.7; under paint it is brighter, as the surface throws light back to it.
     assert 0.8 < call["ground"].min() <= call["ground"].max() < 0.95
-    np.testing.assert_allclose(call["spots"]["Grey"], 0.4, rtol=1e-6)
-    np.testing.assert_allclose(call["spots"]["Bare"], 0.7, rtol=1e-6)
+    assert_allclose(call["spots"]["Grey"], 0.4, rtol=1e-6)
+    assert_allclose(call["spots"]["Bare"], 0.7, rtol=1e-6)
     assert call["cube"].path.is_absolute()
     assert call["noise"] is None
     for words, complaint in (
@@ -384,7 +385,7 @@ def test_a_ground_needs_to_be_known_only_where_paints_are(tmp_path, monkeypatch,
     Path("ground.csv").write_text("Name,450,550,650\ncard,0.5,0.6,0.7\n")
     done = run(cube, "--pigments", "own.csv", "--ground", "ground.csv")
     assert done.exception is None, done.output
-    np.testing.assert_allclose(
+    assert_allclose(
         mapped[0]["ground"][2:9], np.interp(GRID[2:9], [450, 550, 650], [0.5, 0.6, 0.7]), atol=0.01
     )
 
@@ -418,7 +419,7 @@ def test_the_example_is_made_and_mapped(tmp_path, monkeypatch, mapped):
     assert done.exception is None, done.output
     made = small()
     assert mapped[0]["cube"].path == tmp_path / "small-example" / "painting.hdr"
-    np.testing.assert_allclose(mapped[0]["ground"], made.ground, atol=1e-6)
+    assert_allclose(mapped[0]["ground"], made.ground, atol=1e-6)
     foreign = {paint.name for paint in made.foreign}
     assert not foreign & {paint.name for paint in mapped[0]["pigments"]}
     assert {paint.name for paint in mapped[0]["pigments"]} == {paint.name for paint in made.paints}

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from benchmarks.rivals.known_painting import FOREIGN, painting
 from benchmarks.rivals.known_painting_scene import NUMBER, REGIONS
+from numpy.testing import assert_allclose, assert_array_equal
 
 from glazefit.mapping.example import painting as small_painting
 from glazefit.mapping.example import write_painting as small_write
@@ -53,9 +54,9 @@ def test_pixels_are_what_the_solver_gives_for_their_truth(scene):
 def test_blocks_of_any_size_hold_the_same_painting(scene):
     whole, truth = scene.rows(0, 48), scene.truth(0, 48)
     for start, end in ((0, 1), (1, 20), (20, 48)):
-        np.testing.assert_allclose(scene.rows(start, end), whole[start:end], rtol=0, atol=2e-6)
+        assert_allclose(scene.rows(start, end), whole[start:end], rtol=0, atol=2e-6)
         for name, values in scene.truth(start, end).items():
-            np.testing.assert_allclose(values, truth[name][start:end], rtol=1e-5)
+            assert_allclose(values, truth[name][start:end], rtol=1e-5)
 
 
 def test_foreign_paints_have_no_relative_in_the_catalogue(scene):
@@ -64,7 +65,7 @@ def test_foreign_paints_have_no_relative_in_the_catalogue(scene):
     assert not known & {family(name) for name in FOREIGN}
     truth = scene.truth(0, 48)
     there = (truth["members"] >= len(scene.paints)).any(axis=-1)
-    np.testing.assert_array_equal(there, truth["foreign"])
+    assert_array_equal(there, truth["foreign"])
     assert (
         scene.names[truth["members"][truth["region"] == NUMBER["foreign stroke"]][0, 0]]
         == FOREIGN[0]
@@ -86,7 +87,7 @@ def test_the_small_painting_of_the_command_is_what_its_truth_says(tmp_path):
     curves = reflectance(Glaze([layer], made.ground, 1.5), Hemispherical(8.0))
     assert np.sqrt(np.mean((np.asarray(curves) - sky) ** 2, axis=1)).min() < 0.006
     cube = read_cube(small_write(tmp_path, made))
-    np.testing.assert_allclose(cube[:, :], made.spectra, atol=1e-6)
-    np.testing.assert_array_equal(np.load(tmp_path / "members.npy"), made.members)
+    assert_allclose(cube[:, :], made.spectra, atol=1e-6)
+    assert_array_equal(np.load(tmp_path / "members.npy"), made.members)
     ground = read_ground(str(tmp_path / "ground.csv")).on(made.wavelengths)
-    np.testing.assert_allclose(ground, made.ground, atol=1e-6)
+    assert_allclose(ground, made.ground, atol=1e-6)

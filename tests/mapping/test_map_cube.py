@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray
+from numpy.testing import assert_allclose, assert_array_equal
 
 from glazefit import Noise
 from glazefit.identify.result import Identification
@@ -111,7 +112,7 @@ def test_every_pixel_is_answered_or_marked(made, cube):
     there = (members >= 0) & mapped[..., None]
     assert (each >= found["probability"].values[..., None] - 1e-4)[there].all()
     sums = np.where(there, found["fraction"].values, 0.0).sum(axis=-1)
-    np.testing.assert_allclose(sums[mapped], 1.0, atol=1e-5)
+    assert_allclose(sums[mapped], 1.0, atol=1e-5)
     assert [stage for done, total, stage in said if done == total][-1] == "mapping"
     tallies, sets = MapStore(out).sums()
     assert tallies["mapped"] == mapped.sum() == sum(one.pixels for one in sets.values())
@@ -220,7 +221,7 @@ def test_a_second_run_does_nothing_again(made, cube, options: dict[str, Any], mo
     monkeypatch.setattr("glazefit.mapping.map_cube.agreement", never)
     again = map_cube(cube, FEW, out=out, **options)
     for name, values in before.items():
-        np.testing.assert_array_equal(again[name].values, values)
+        assert_array_equal(again[name].values, values)
     with pytest.raises(ValueError, match=r"other options \(max_paints: 2 there, 3 now\)"):
         map_cube(cube, FEW, out=out, **dict(options, max_paints=3))
 
@@ -244,7 +245,7 @@ def test_an_interrupted_run_ends_as_an_undisturbed_one(
             map_cube(cube, FEW, out=tmp_path / "map", progress=stop_at(stage, done), **options)
     found = map_cube(cube, FEW, out=tmp_path / "map", **options)
     for name in made[0].data_vars:
-        np.testing.assert_array_equal(found[name].values, made[0][name].values)
+        assert_array_equal(found[name].values, made[0][name].values)
 
 
 @pytest.mark.slow
@@ -259,7 +260,7 @@ def test_a_cluster_gives_the_same_map(made, cube, options: dict[str, Any], tmp_p
     ):
         found = map_cube(cube, FEW, out=tmp_path / "map", client=client, **options)
     for name in made[0].data_vars:
-        np.testing.assert_array_equal(found[name].values, made[0][name].values)
+        assert_array_equal(found[name].values, made[0][name].values)
 
 
 @pytest.mark.slow
@@ -322,7 +323,7 @@ def test_a_spot_is_a_paint_whose_hiding_film_reads_the_spot():
     grid = np.linspace(400.0, 700.0, 31)
     spectrum = 0.1 + 0.5 / (1 + np.exp(-(grid - 560) / 20))
     paint = spot_pigment("Stroke", grid, spectrum, small.paints(), seen_by)
-    np.testing.assert_allclose(_hiding(paint), spectrum, atol=2e-3)
+    assert_allclose(_hiding(paint), spectrum, atol=2e-3)
     assert paint.absorption_sd is not None
     with pytest.raises(ValueError, match=r"reads 1\.5"):
         spot_pigment("Glare", grid, np.full(31, 1.5), small.paints(), seen_by)

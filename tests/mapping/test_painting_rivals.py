@@ -13,6 +13,7 @@ from benchmarks.rivals.painting_rivals import (
     score,
     spectral_angle,
 )
+from numpy.testing import assert_allclose
 
 from glazejax.catalogue import load
 from glazejax.radiative.twoflux import saunderson, two_flux_reflectance
@@ -63,12 +64,10 @@ def test_films_of_two_fluxes_are_those_of_the_package(flux):
     k, s = 10 ** rng.uniform(-8, 3, (2, 400))
     k, s = np.append(k, [0.0, 0.0, 3.0]), np.append(s, [0.0, 2.0, 0.0])
     body = saunderson(two_flux_reflectance(k, s, 0.7), *flux.surface)
-    np.testing.assert_allclose(
-        flux.reading(k, s, 0.7), flux.surface.outer + np.asarray(body), atol=1e-9
-    )
+    assert_allclose(flux.reading(k, s, 0.7), flux.surface.outer + np.asarray(body), atol=1e-9)
     inside = np.linspace(0.01, 0.95, 20)
     reading = flux.surface.outer + np.asarray(saunderson(inside, *flux.surface))
-    np.testing.assert_allclose(flux.surface.inside(reading), inside, rtol=1e-9)
+    assert_allclose(flux.surface.inside(reading), inside, rtol=1e-9)
 
 
 def test_two_constants_are_fitted_to_films_over_black_and_white(flux, paints):
@@ -89,12 +88,12 @@ def test_unmixing_by_two_fluxes_finds_what_two_fluxes_made(flux):
     amounts = np.array([[2e-5, 0, 4e-6, 0, 0], [0, 1e-7, 0, 8e-6, 0], [1e-5, 0, 0, 3e-6, 2e-6]])
     spectra = flux.reading(amounts @ flux.absorption, amounts @ flux.scattering, GROUND)
     found = flux.film(spectra, rounds=300)
-    np.testing.assert_allclose(found.shares * found.thickness[:, None], amounts, atol=2e-8)
+    assert_allclose(found.shares * found.thickness[:, None], amounts, atol=2e-8)
     assert found.misfit.max() < 1e-5
     shares = amounts / amounts.sum(axis=1, keepdims=True)
     thick = flux.reading(shares @ flux.absorption * 0.01, shares @ flux.scattering * 0.01, GROUND)
     hiding = flux.opaque(thick)
-    np.testing.assert_allclose(hiding.shares, shares, atol=2e-3)
+    assert_allclose(hiding.shares, shares, atol=2e-3)
     assert hiding.misfit.max() < 1e-4
 
 
@@ -102,9 +101,9 @@ def test_linear_unmixing_finds_areas_side_by_side(paints):
     ends = films(paints, np.eye(5), 0.005, GROUND)
     shares = np.array([[0.2, 0, 0.8, 0, 0], [0, 0.1, 0, 0.5, 0.4]])
     found = linear(paints, GROUND)(shares @ ends)
-    np.testing.assert_allclose(found.shares, shares, atol=1e-9)
+    assert_allclose(found.shares, shares, atol=1e-9)
     layered = linear(paints, GROUND, logarithm=True)(np.exp(shares @ np.log(ends)))
-    np.testing.assert_allclose(layered.shares, shares, atol=1e-9)
+    assert_allclose(layered.shares, shares, atol=1e-9)
     assert found.misfit.max() < 1e-9
 
 
@@ -112,8 +111,8 @@ def test_the_spectral_angle_finds_an_entry_however_bright_it_is(paints):
     weights = np.array([[0, 0, 0.75, 0, 0.25], [0, 0, 0, 1.0, 0]])
     spectra = 0.7 * films(paints, weights, 8e-6, GROUND)
     found = spectral_angle(paints, GROUND)(spectra)
-    np.testing.assert_allclose(found.shares, weights)
-    np.testing.assert_allclose(found.thickness, 8e-6)
+    assert_allclose(found.shares, weights)
+    assert_allclose(found.thickness, 8e-6)
     assert found.misfit.max() < 1e-3
     pure = spectral_angle(paints, GROUND, pairs=False)(spectra)
     assert (pure.shares.max(axis=1) == 1).all()

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
 
 from glazejax import stack_hemispherical_reflectance, stack_reflectance_factor
 from glazejax.radiative.plan import bounds, closed_form
@@ -74,7 +75,7 @@ def test_savings_stay_within_the_tolerance(hemispherical: bool, seed: int):
         NONE._replace(layers=True, scattering=True),
     ):
         values = np.asarray(plan_stacks(**asked, tolerance=TOLERANCE, savings=savings).run())
-        np.testing.assert_allclose(values, exact, rtol=0, atol=TOLERANCE)
+        assert_allclose(values, exact, rtol=0, atol=TOLERANCE)
 
 
 @pytest.mark.parametrize(
@@ -92,7 +93,7 @@ def test_each_saving_alone(name: str, share: float):
     scene = random_scene(3)
     off = plan_stacks(**scene, tolerance=TOLERANCE, savings=NONE).run()
     plan = plan_stacks(**scene, tolerance=TOLERANCE, savings=NONE._replace(**{name: True}))
-    np.testing.assert_allclose(plan.run(), off, rtol=0, atol=share)
+    assert_allclose(plan.run(), off, rtol=0, atol=share)
 
 
 def test_bound_on_what_is_hidden_holds_and_is_not_idle():
@@ -213,7 +214,7 @@ def test_closed_form_without_scattering_is_exact(index: float, hemispherical: bo
     plan = plan_stacks(**scene, cos_viewing=None if hemispherical else 0.31, tolerance=1e-8)
     assert plan.report().closed == 4
     exact = direct(scene | {"cos_viewing": 0.31}, hemispherical, tolerance=1e-8)
-    np.testing.assert_allclose(plan.run(), exact, rtol=0, atol=1e-8)
+    assert_allclose(plan.run(), exact, rtol=0, atol=1e-8)
 
 
 def test_report_counts_what_is_left_out():
@@ -226,7 +227,7 @@ def test_report_counts_what_is_left_out():
     assert report.groups == ((1, 2),)
     assert "2 layers are hidden" in plan.describe()
     assert "1 layer" in repr(plan)
-    np.testing.assert_allclose(plan.run()[0], plan.run()[1], rtol=1e-15)
+    assert_allclose(plan.run()[0], plan.run()[1], rtol=1e-15)
 
 
 def test_exchanged_directions_are_solved_once():
@@ -234,7 +235,7 @@ def test_exchanged_directions_are_solved_once():
     plan = plan_stacks([0.8], [1.0], 0.5, cos_incidence=cosines[:, None], cos_viewing=cosines)
     assert plan.report().solved == 6
     values = np.asarray(plan.run())
-    np.testing.assert_array_equal(values, values.T)
+    assert_array_equal(values, values.T)
 
 
 def test_entries_not_wanted_are_nan_and_not_computed():
@@ -243,10 +244,10 @@ def test_entries_not_wanted_are_nan_and_not_computed():
     plan = plan_stacks(**scene, wanted=wanted)
     values = np.asarray(plan.run())
     assert plan.report().unwanted == STACKS // 2
-    np.testing.assert_array_equal(np.isnan(values), ~wanted)
-    np.testing.assert_allclose(values[wanted], direct(scene)[wanted], rtol=0, atol=TOLERANCE)
+    assert_array_equal(np.isnan(values), ~wanted)
+    assert_allclose(values[wanted], direct(scene)[wanted], rtol=0, atol=TOLERANCE)
     off = plan_stacks(**scene, wanted=wanted, savings=NONE)
-    np.testing.assert_array_equal(np.isnan(np.asarray(off.run())), ~wanted)
+    assert_array_equal(np.isnan(np.asarray(off.run())), ~wanted)
 
 
 @given(weights=hnp.arrays(float, (16, 2), elements=st.floats(-1, 1)), power=st.floats(0, 12))
@@ -318,7 +319,7 @@ def test_a_plan_needs_numbers():
 def test_no_stacks_and_bare_ground():
     assert plan_stacks(np.zeros((0, 2)), np.zeros((0, 2)), 0.5).run().shape == (0,)
     bare = plan_stacks(np.zeros(0), np.zeros(0), 0.5)
-    np.testing.assert_allclose(
+    assert_allclose(
         bare.run(),
         direct({"albedo": [0.0], "optical_thickness": [0.0], "substrate_reflectance": 0.5}),
         atol=TOLERANCE,

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from hypothesis import example, given
+from numpy.testing import assert_allclose
 
 from glazejax import stack_hemispherical_reflectance, stack_reflectance_factor
 from glazejax.radiative.common.directions import half_range
@@ -418,9 +419,7 @@ def test_inside_the_loops_of_jax():
 
     scanned, mapped, chosen, slope = looped(depth)
     alone = np.array([one(ground, depth) for ground in grounds])
-    np.testing.assert_allclose(scanned, alone, rtol=max(1e-9, ROUNDING))
-    np.testing.assert_allclose(mapped, alone, rtol=max(1e-9, ROUNDING))
-    np.testing.assert_allclose(chosen, alone[1], rtol=max(1e-9, ROUNDING))
-    np.testing.assert_allclose(
-        slope, jax.grad(lambda d: one(grounds[1], d))(depth), rtol=max(1e-7, ROUNDING)
-    )
+    assert_allclose(scanned, alone, rtol=max(1e-9, ROUNDING))
+    assert_allclose(mapped, alone, rtol=max(1e-9, ROUNDING))
+    assert_allclose(chosen, alone[1], rtol=max(1e-9, ROUNDING))
+    assert_allclose(slope, jax.grad(lambda d: one(grounds[1], d))(depth), rtol=max(1e-7, ROUNDING))

@@ -8,6 +8,7 @@ import pytest
 import tifffile
 import xarray as xr
 import zarr as zarr_package
+from numpy.testing import assert_allclose
 
 from glazejax.io import CubeSource, open_cube, write_table
 from tests.io import samples
@@ -55,11 +56,11 @@ def test_wavelengths_that_are_none(tmp_path, wavelengths, complaint):
 
 def test_given_wavelengths(tmp_path):
     path = envi(tmp_path, image(), wavelengths=None)
-    np.testing.assert_allclose(open_cube(path, wavelengths=WAVELENGTHS).values, image(), atol=1e-6)
+    assert_allclose(open_cube(path, wavelengths=WAVELENGTHS).values, image(), atol=1e-6)
     micrometres = np.array(WAVELENGTHS) / 1000
-    np.testing.assert_allclose(open_cube(path, wavelengths=micrometres)["wavelength"], WAVELENGTHS)
+    assert_allclose(open_cube(path, wavelengths=micrometres)["wavelength"], WAVELENGTHS)
     envi(tmp_path, image(), wavelengths=range(1, 8))
-    np.testing.assert_allclose(open_cube(path, wavelengths=WAVELENGTHS).values, image(), atol=1e-6)
+    assert_allclose(open_cube(path, wavelengths=WAVELENGTHS).values, image(), atol=1e-6)
     refused(path, "6 wavelengths were given for 7 bands", wavelengths=WAVELENGTHS[:-1])
     (tmp_path / "image.txt").write_text("400 410 x")
     refused(tmp_path / "image.txt", "not an image of spectra")
@@ -117,7 +118,7 @@ def test_datasets_that_are_not_there(tmp_path):
     with h5py.File(path, "a") as file:
         file.move("SITE/Reflectance/Reflectance_Data", "SITE/Reflectance/data")
     refused(path, r"3 arrays can be meant, choose a dataset: .*SITE/Reflectance/data \(23, 31, 7\)")
-    np.testing.assert_allclose(open_cube(path, dataset="b/raw").values, image(), atol=1e-6)
+    assert_allclose(open_cube(path, dataset="b/raw").values, image(), atol=1e-6)
     refused(envi(tmp_path, image()), "has no datasets; leave 'x' out", dataset="x")
 
 
