@@ -9,28 +9,12 @@ from numpy.testing import assert_allclose, assert_array_equal
 from glazejax import Glaze, Hemispherical, Layer, Mixture, Pigment, catalogue, colour, reflectance
 from glazejax.io import read_spectra
 
-NAMES = [
-    "Eosin1Wax",
-    "Eosin",
-    "Eosin2PbWax",
-    "Cochineal",
-    "Minium",
-    "Vermillion",
-    "ZincWhite",
-    "ZincWhiteLinseed",
-    "LeadWhite",
-    "ViridianGreen",
-    "EmeraldGreen",
-    "UltramarineBlue",
-    "CobaltBlue",
-    "PrussianBlue",
-    "ChromeYellow",
-    "ChromeYellowPoppyseed",
-    "ChromeYellowOtero",
-    "BariumSulphate",
-    "CalciumCarbonate",
-    "BoneBlack",
-]
+_NAMES = """
+Eosin1Wax Eosin Eosin2PbWax Cochineal Minium Vermillion ZincWhite ZincWhiteLinseed LeadWhite
+ViridianGreen EmeraldGreen UltramarineBlue CobaltBlue PrussianBlue ChromeYellow
+ChromeYellowPoppyseed ChromeYellowOtero BariumSulphate CalciumCarbonate BoneBlack
+"""
+NAMES = _NAMES.split()
 
 
 def test_names_grid_and_provenance():

@@ -157,7 +157,7 @@ def test_ground_from_a_file(run, tmp_path, pigments_csv):
 
 def test_mixtures_repeats_and_the_ladder(run, tmp_path, pigments_csv):
     layers = "0.5*Red+0.5*DeepBlue:1um x3, Red:0um, DeepBlue:1um"
-    status, out, _ = run("--coats", layers, "--csv", "s.csv", "--ladder", "deepblue")
+    status, out, _ = run("--coats", layers, *["--csv", "s.csv", "--ladder", "deepblue"])
     assert status == 0
     shelf = read_pigments(pigments_csv)
     mixed = Mixture([shelf["Red"], shelf["DeepBlue"]], [0.5, 0.5])
@@ -172,7 +172,7 @@ def test_mixtures_repeats_and_the_ladder(run, tmp_path, pigments_csv):
 
 def test_a_stack_is_written_and_drawn(run, tmp_path):
     """The studio's file: what one run wrote the next one draws, own paints included."""
-    options = ("--ground", "0.5", "--instrument", "d:8", "--refractive-index", "1.4")
+    options = ["--ground", "0.5", "--instrument", "d:8", "--refractive-index", "1.4"]
     status, _, _ = run(
         "--coats",
         "Red:3um x2, 0.7*ZincWhite+0.3*DeepBlue:1um",
@@ -316,14 +316,14 @@ def test_the_installed_command(tmp_path):
             check=False,
         )
 
-    good = (
+    good = [
         "--coats",
         "PrussianBlue:12um,Vermillion:12um",
         "--ground",
         "0.9",
         "--tolerance",
         "1e-3",
-    )
+    ]
     for _ in range(2):  # The second run takes its programs from the cache.
         done = call(*good, "--overwrite")
         assert (done.returncode, done.stderr) == (0, "")

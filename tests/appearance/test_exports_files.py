@@ -363,20 +363,20 @@ def test_a_ground_that_no_paint_meets_is_named(run, tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
-        (("--to", "unreal"), "--to is 'unreal'; it must be one of openpbr, textures"),
-        (("--layering", "arnold"), "--layering is 'arnold'; it must be one of materialx"),
-        (("--format", "tga"), "--format is 'tga'; it must be one of png, exr"),
+        ("--to unreal", "--to is 'unreal'; it must be one of openpbr, textures"),
+        ("--layering arnold", "--layering is 'arnold'; it must be one of materialx"),
+        ("--format tga", "--format is 'tga'; it must be one of png, exr"),
         (
-            ("--to", "textures"),
+            "--to textures",
             "textures need a map that says what changes: add --thickness-map FILE",
         ),
-        (("--space", "ACEScg", "--pixel", "5um"), "--pixel is for textures: add --to textures"),
-        (("--space", "rgb"), "the colour space 'rgb' is not known"),
-        (("--thickness-map", "a.npy"), "--thickness-map is for textures"),
+        ("--space ACEScg --pixel 5um", "--pixel is for textures: add --to textures"),
+        ("--space rgb", "the colour space 'rgb' is not known"),
+        ("--thickness-map a.npy", "--thickness-map is for textures"),
     ],
 )
 def test_wrong_options_are_one_sentence(run, tmp_path, monkeypatch, words, complaint):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "a.npy").touch()
-    assert complaint in str(run(COATS, *words).exception)
+    assert complaint in str(run(COATS, *words.split()).exception)
     assert [path.name for path in tmp_path.iterdir()] == ["a.npy"]

@@ -400,20 +400,20 @@ def test_the_command_writes_a_picture_and_its_spectra(write, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ([], "name a scene file"),
-        (["none.toml"], "no scene file none.toml"),
-        (["none.toml", "-o", "a.jpg"], "written as .png"),
-        (["none.toml", "--spectral", "a.txt"], "written as .npz or .exr"),
+        ("", "name a scene file"),
+        ("none.toml", "no scene file none.toml"),
+        ("none.toml -o a.jpg", "written as .png"),
+        ("none.toml --spectral a.txt", "written as .npz or .exr"),
         (
-            ["none.toml", "--renderer", "blender"],
+            "none.toml --renderer blender",
             "--renderer is 'blender'; it must be one of raycast, mitsuba",
         ),
-        (["none.toml", "--samples", "9"], "--samples belongs to --renderer mitsuba"),
+        ("none.toml --samples 9", "--samples belongs to --renderer mitsuba"),
     ],
 )
 def test_what_the_command_refuses(arguments, words, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    done = run(*arguments)
+    done = run(*arguments.split())
     assert words in str(done.exception)
 
 

@@ -41,21 +41,9 @@ def test_patches_of_a_chart(run, tmp_path):
     words = [
         "--patch",
         "dark skin,white",
-        "--max-coats",
-        1,
-        "--max-paints",
-        2,
-        "--count",
-        2,
-        "--csv",
-        "r.csv",
-        "--json",
-        "r.json",
-        "--spectra",
-        "s.csv",
-        "--out",
-        "found.png",
+        *["--max-coats", "1", "--max-paints", "2", "--count", "2"],
     ]
+    words += ["--csv", "r.csv", "--json", "r.json", "--spectra", "s.csv", "--out", "found.png"]
     status, out, _ = run(*words)
     assert status == 0
     assert "dark skin" in out
@@ -108,7 +96,7 @@ def test_an_interrupt_keeps_what_is_finished(run, monkeypatch):
     real = recipe.recipe_chunks
     monkeypatch.setattr(recipe, "recipe_chunks", cut_short)
     monkeypatch.setattr(recipe, "_GROUP", 1)
-    words = ["--patch", "red,blue", "--max-coats", 1, "--max-paints", 2, "--count", 1]
+    words = ["--patch", "red,blue", "--max-coats", "1", "--max-paints", "2", "--count", "1"]
     status, out, _ = run(*words, "--csv", "r.csv")
     assert status == 130
     assert "wrote r.csv" in out
@@ -121,7 +109,7 @@ def test_an_interrupt_keeps_what_is_finished(run, monkeypatch):
 @pytest.mark.slow
 def test_nothing_is_written_unasked(run, tmp_path):
     before = set(tmp_path.iterdir())
-    status, out, _ = run("--lab", "50,20,30", "--max-coats", 1, "--max-paints", 1)
+    status, out, _ = run(*["--lab", "50,20,30", "--max-coats", "1", "--max-paints", "1"])
     assert status == 0
     assert "ΔE00" in out
     assert "wrote" not in out
@@ -144,25 +132,25 @@ def test_a_wrong_line_is_said_before_a_file_that_exists(run, tmp_path):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ([], "give one target"),
-        (["--lab", "50,0,0", "--srgb", "#fff"], "give one target"),
-        (["--lab", "50;0;0"], "--lab is '50;0;0'"),
-        (["--patch", "mauve"], "unknown patch 'mauve'"),
-        (["--spectrum", "none.csv"], "none.csv"),
-        (["--lab", "50,0,0", "--samples", "a"], "--samples names spectra of a file"),
+        ("", "give one target"),
+        ("--lab 50,0,0 --srgb #fff", "give one target"),
+        ("--lab 50;0;0", "--lab is '50;0;0'"),
+        ("--patch mauve", "unknown patch 'mauve'"),
+        ("--spectrum none.csv", "none.csv"),
+        ("--lab 50,0,0 --samples a", "--samples names spectra of a file"),
         (
-            ["--lab", "50,0,0", "--catalogue", "oils", "--only", "LeadWhite,Minium", "--modern"],
+            "--lab 50,0,0 --catalogue oils --only LeadWhite,Minium --modern",
             "--modern leaves no paint (LeadWhite: poisonous (lead), rarely sold; Minium:",
         ),
-        (["--lab", "50,0,0", "--spectra", "s.csv"], "has no spectrum"),
+        ("--lab 50,0,0 --spectra s.csv", "has no spectrum"),
         (
-            ["--lab", "50,0,0", "--glazes", "--max-coats", "7"],
+            "--lab 50,0,0 --glazes --max-coats 7",
             "--max-coats is 7; it must be a whole number from 1 to 6",
         ),
     ],
 )
 def test_mistakes_get_one_line(run, words, message):
-    status, out, err = run(*words)
+    status, out, err = run(*words.split())
     assert status == 2
     assert out == ""
     assert message in err

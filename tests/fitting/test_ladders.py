@@ -246,14 +246,14 @@ def test_the_command_foretells_the_next_coats(run, tmp_path):
 @pytest.mark.parametrize(
     ("more", "words", "said"),
     [
-        (["Umber_ow", "Umber_w"], (), "'Red 1 coat' is a film of coats and 'Umber' is not"),
-        ([], ("--white", "ZincWhite"), "--white is not for coats"),
-        ([], ("--joint",), "--joint is not for coats"),
+        (["Umber_ow", "Umber_w"], "", "'Red 1 coat' is a film of coats and 'Umber' is not"),
+        ([], "--white ZincWhite", "--white is not for coats"),
+        ([], "--joint", "--joint is not for coats"),
     ],
 )
 def test_what_is_not_for_coats_is_refused(run, tmp_path, more, words, said):
     file = written(tmp_path / "ladder.csv", ladder("Red", RED, 0.5, 1), more=more)
-    status, _, err = run(file, "--out", "res", *words)
+    status, _, err = run(file, "--out", "res", *words.split())
     assert status == 2
     assert said in " ".join(err.split())
     assert not (tmp_path / "res").exists()

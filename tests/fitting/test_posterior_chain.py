@@ -197,7 +197,7 @@ def test_command_writes_what_it_says(run, tmp_path, sampler, steps):
     import arviz
 
     file = write(tmp_path / "films.tsv", film())
-    options = (file, "--bands", "--sampler", sampler, "--steps", steps, "--walkers", "12")
+    options = f"{file} --bands --sampler {sampler} --steps {steps} --walkers 12".split()
     options += ("--thin", "2")
     status, out, _ = run(*options, "--out", "r")
     assert status == 0
@@ -224,36 +224,36 @@ def test_command_writes_what_it_says(run, tmp_path, sampler, steps):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ((), "no FILE"),
-        (("--simulate", "--out", "x"), "--simulate needs paints"),
-        (("--simulate", "--paints", "CobaltBloo", "--out", "x"), "CobaltBlue"),
-        (("none.tsv", "--out", "x"), "none.tsv"),
-        (("none.tsv", "--bands", "--paints", "ZincWhite", "--out", "x"), "assumes no paint"),
+        ("", "no FILE"),
+        ("--simulate --out x", "--simulate needs paints"),
+        ("--simulate --paints CobaltBloo --out x", "CobaltBlue"),
+        ("none.tsv --out x", "none.tsv"),
+        ("none.tsv --bands --paints ZincWhite --out x", "assumes no paint"),
         (
-            ("none.tsv", "--coats", "Eosin:?", "--bands", "--out", "x"),
+            "none.tsv --coats Eosin:? --bands --out x",
             "leave out --bands, or leave out --coats",
         ),
         (
-            ("none.tsv", "--coats", "Eosin:?", "--paints", "Eosin", "--out", "x"),
+            "none.tsv --coats Eosin:? --paints Eosin --out x",
             "leave out --paints",
         ),
-        (("--simulate", "--coats", "Eosin", "--out", "x"), "write PAINT:THICKNESS"),
+        ("--simulate --coats Eosin --out x", "write PAINT:THICKNESS"),
         (
-            ("--simulate", "--coats", "?:?,ZincWhite:20um", "--out", "x"),
+            "--simulate --coats ?:?,ZincWhite:20um --out x",
             "name a paint in its place",
         ),
         (
-            ("none.tsv", "--sampler", "nuts", "--out", "x"),
+            "none.tsv --sampler nuts --out x",
             "--sampler is 'nuts'; it must be hmc, emcee or importance",
         ),
-        (("none.tsv", "--out", "x", "--resume"), "no chain to resume"),
-        (("none.tsv", "--out", "x", "--resume", "--overwrite"), "choose one"),
-        (("none.tsv",), "--out FOLDER"),
+        ("none.tsv --out x --resume", "no chain to resume"),
+        ("none.tsv --out x --resume --overwrite", "choose one"),
+        ("none.tsv", "--out FOLDER"),
     ],
 )
 def test_command_errors_are_one_line(run, tmp_path, words, message):
     (tmp_path / "none.tsv").touch()
-    status, _, err = run(*words)
+    status, _, err = run(*words.split())
     assert status == 2
     assert message in err
     assert len(err.strip().splitlines()) == 1

@@ -172,34 +172,34 @@ def mapped(monkeypatch) -> list[dict]:
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
-        ([], "no CUBE was given"),
-        (["none.hdr", "--example"], "leave out none.hdr, or leave out --example"),
-        (["none.hdr"], "what is under the paint"),
-        (["none.hdr", "--opaque"], "there is no such file"),
-        (["none.hdr", "--opaque", "--ground", "0.9"], "show no ground"),
-        (["none.hdr", "--opaque", "--bare"], "give --ground too"),
-        (["none.hdr", "--opaque", "--max-paints", "4"], "--max-paints is 4"),
-        (["none.hdr", "--opaque", "--memory", "much"], "--memory is 'much'"),
-        (["none.hdr", "--opaque", "--window", "3:1,0:4"], "--window is '3:1,0:4'"),
-        (["none.hdr", "--opaque", "--bin", "0"], "--bin is '0'"),
-        (["none.hdr", "--opaque", "--bands", "700-400"], "--bands is '700-400'"),
-        (["none.hdr", "--opaque", "--wavelengths", "none.txt"], "--wavelengths is 'none.txt'"),
-        (["none.hdr", "--opaque", "--white-reflectance", "99"], "--white-reflectance is 99"),
+        ("", "no CUBE was given"),
+        ("none.hdr --example", "leave out none.hdr, or leave out --example"),
+        ("none.hdr", "what is under the paint"),
+        ("none.hdr --opaque", "there is no such file"),
+        ("none.hdr --opaque --ground 0.9", "show no ground"),
+        ("none.hdr --opaque --bare", "give --ground too"),
+        ("none.hdr --opaque --max-paints 4", "--max-paints is 4"),
+        ("none.hdr --opaque --memory much", "--memory is 'much'"),
+        ("none.hdr --opaque --window 3:1,0:4", "--window is '3:1,0:4'"),
+        ("none.hdr --opaque --bin 0", "--bin is '0'"),
+        ("none.hdr --opaque --bands 700-400", "--bands is '700-400'"),
+        ("none.hdr --opaque --wavelengths none.txt", "--wavelengths is 'none.txt'"),
+        ("none.hdr --opaque --white-reflectance 99", "--white-reflectance is 99"),
         (
-            ["none.hdr", "--opaque", "--white-reflectance", "none.txt"],
+            "none.hdr --opaque --white-reflectance none.txt",
             "neither a number nor a file",
         ),
-        (["none.hdr", "--opaque", "--export", "map.tif"], "--export map.tif: maps are exported as"),
-        (["none.hdr", "--opaque", "--out", "none.hdr"], "which is CUBE"),
-        (["none.hdr", "--opaque", "--out", "none/map.zarr"], "does not exist"),
-        (["none.hdr", "--opaque", "--csv", "a.nc", "--export", "a.nc"], "are both a.nc"),
-        (["none.hdr", "--opaque", "--report", "map.zarr"], "are both map.zarr"),
-        (["none.hdr", "--opaque", "--scheduler", "tcp://127.0.0.1:1"], "there is no such file"),
+        ("none.hdr --opaque --export map.tif", "--export map.tif: maps are exported as"),
+        ("none.hdr --opaque --out none.hdr", "which is CUBE"),
+        ("none.hdr --opaque --out none/map.zarr", "does not exist"),
+        ("none.hdr --opaque --csv a.nc --export a.nc", "are both a.nc"),
+        ("none.hdr --opaque --report map.zarr", "are both map.zarr"),
+        ("none.hdr --opaque --scheduler tcp://127.0.0.1:1", "there is no such file"),
     ],
 )
 def test_bad_options_end_in_one_sentence(arguments, complaint, tmp_path, monkeypatch, mapped):
     monkeypatch.chdir(tmp_path)
-    done = run(*arguments)
+    done = run(*arguments.split())
     assert isinstance(done.exception, ValueError | OSError), done.output
     assert complaint in str(done.exception)
     assert "\n" not in str(done.exception)
