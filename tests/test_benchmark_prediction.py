@@ -1,4 +1,4 @@
-"""`benchmarks.paint.prediction`: which films are left out, and what chooses how far films scatter."""
+"""`benchmarks.paint.prediction`: what chooses how far films scatter."""
 
 import numpy as np
 from benchmarks.paint import readings_of_mixtures

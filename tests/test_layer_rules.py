@@ -49,17 +49,6 @@ def test_a_clear_coat_on_white_loses_nothing(rule):
     assert_allclose(body[:, 2] + seen[1], 1.0, atol=1e-12)
 
 
-@pytest.mark.parametrize("rule", ["reciprocal", "openpbr"])
-def test_albedo_is_the_mean_of_the_factor(rule):
-    even, _, seen = _smooth(1.5)
-    coat = Coat(BASE, np.array([0.9, 0.5, 0.2]), 1.5, even)
-    y, w = np.polynomial.legendre.leggauss(64)
-    mu = 0.5 * (1.0 + y)
-    lit = mu, np.asarray(dielectric_reflectance(mu, 1.5))
-    mean = np.einsum("i,ivb->vb", w * mu, layer_rules.factor(rule, coat, lit, seen))
-    assert_allclose(mean, layer_rules.albedo(rule, coat, seen), rtol=1e-6)
-
-
 def test_only_one_is_reciprocal():
     even, lit, _ = _smooth(1.5)
     coat = Coat(BASE, CLEAR, 1.5, even)
@@ -92,14 +81,6 @@ def test_darkening_is_exact_on_a_diffuse_base():
     k = layer_rules.internal(coat)
     shape = layer_rules.factor("reciprocal", coat, _smooth(1.5)[1], seen) * (1 - k) / (1 - BASE * k)
     assert_allclose(shape, factor, atol=1e-6)
-
-
-def test_an_opaque_coat_hides_the_base():
-    even, lit, seen = _smooth(1.5)
-    coat = Coat(BASE, np.full(3, 1e-12), 1.5, even)
-    for rule in RULES:
-        assert np.max(layer_rules.factor(rule, coat, lit, seen)) < 1e-10
-        assert np.max(layer_rules.albedo(rule, coat, seen)) < 1e-10
 
 
 @pytest.mark.skipif(not TABLE.exists(), reason="the table has not been made")

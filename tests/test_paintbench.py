@@ -77,17 +77,7 @@ def test_a_source_of_unclear_licence_is_asked_and_teaches_nothing(measured):
     assert not measured["makers"].learnable
     assert measured["usgs"].learnable
 
-    class Recording:
-        name = "recording"
-        groups: frozenset[str] = frozenset()
-
-        def learn(self, library):
-            self.groups |= set(library.groups.tolist())
-
-        def answer(self, sought, hidden, pairs):
-            return [Answer(ranked=(), doubt=1.0, refused=True)] * len(sought)
-
-    method = Recording()
+    method = Listener()
     record = tasks.Record()
     some = [measured[name] for name in ("makers", "usgs", "kimera")]
     tasks.run_names(some, [method], record)
@@ -150,8 +140,10 @@ class Listener:
 
     def __init__(self):
         self.heard = []
+        self.groups = set()
 
     def learn(self, library):
+        self.groups |= set(library.groups.tolist())
         self.heard.append({sample.name.split("-")[0] for sample in library.samples})
 
     def answer(self, sought, hidden, pairs):

@@ -231,21 +231,3 @@ def test_of_many_shapes_the_newest_are_held(counted):
     newest = list(program._begun)
     program.ahead(np.ones((1, 3)), MORE)
     assert list(program._begun) == newest
-
-
-def test_what_is_let_go_is_held_by_nobody(counted):
-    import gc
-    import weakref
-
-    program = counted.program()
-    program.ahead(VALUES, MORE)
-    check(program(VALUES, MORE))
-    once = counted.times
-    (begun,) = program._begun.values()
-    held = weakref.ref(begun)
-    del begun
-    programs.let_programs_go()
-    gc.collect()
-    assert held() is None
-    check(program(VALUES, MORE))
-    assert counted.times > once

@@ -3,6 +3,7 @@ value.
 """
 
 import tomllib
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -10,7 +11,6 @@ import numpy as np
 import pytest
 import trimesh
 from numpy.testing import assert_allclose, assert_array_equal
-from typer.testing import CliRunner
 
 from glazejax.appearance.scene import file as scene_file
 from glazejax.appearance.scene.draw.render import render
@@ -20,6 +20,7 @@ from glazejax.appearance.scene.picture import light_white
 from glazejax.appearance.scene.shapes import Box, Mesh, Plane, Sphere
 from glazejax.colour import colour_weights
 from glazejax.commands import scene as cli_scene
+from tests.commands import invoke
 
 SMALL = """
 [picture]
@@ -371,14 +372,7 @@ def test_area_lights_relief_and_roughness_are_read(write, tmp_path):
     assert beyond == "area lights and relief and glazes with a rough surface"
 
 
-def run(*arguments):
-    """The command as the shell runs it, errors as exceptions."""
-    import typer
-
-    app = typer.Typer()
-    app.callback()(lambda: None)
-    cli_scene.register(app)
-    return CliRunner().invoke(app, ["scene", *map(str, arguments)], catch_exceptions=True)
+run = partial(invoke, cli_scene.register, "scene")
 
 
 def test_the_command_writes_a_picture_and_its_spectra(write, tmp_path):

@@ -232,15 +232,27 @@ def test_materials_without_a_counterpart_become_the_nearest_and_that_is_said(mi)
     )
 
 
+def rough_glaze(roughness):
+    paint = gj.catalogue.load()["ZincWhite"].resample(WAVELENGTHS)
+    return Glazed(gj.Glaze([gj.Layer(paint, 1e-5)], 0.8), roughness=roughness)
+
+
+ROUGH = r"roughness must be 0 \(smooth\) to 1, GGX's alpha, not"
+
+
 def test_the_ray_caster_says_what_it_cannot_draw():
     shine = AreaLight(Sphere("", (0.0, 0.0, 3.0), 0.3), 1.0)
     sun = ParallelLight((0.0, 0.0, -1.0), 1.0)
     flat, raised = Plane("m", size=(1.0, 1.0)), Plane("m", size=(1.0, 1.0), relief=np.zeros((3, 3)))
-    for shape, light, words in ((flat, shine, "draw area lights:"), (raised, sun, "draw relief:")):
+    for shape, materials, light, words in (
+        (flat, GREY, shine, "area lights"),
+        (raised, GREY, sun, "relief"),
+        (flat, {"m": rough_glaze(0.1)}, sun, "glazes with a rough surface"),
+    ):
         with pytest.raises(
-            ValueError, match=f"{words} use path_trace, or glazejax scene --renderer mitsuba"
+            ValueError, match=f"draw {words}: use path_trace, or glazejax scene --renderer mitsuba"
         ):
-            render(made([shape], GREY, [light]))
+            render(made([shape], materials, [light]))
     between = replace(made([flat], GREY, [sun]), diffuse_bounces=2)
     with pytest.raises(
         ValueError,
@@ -248,19 +260,6 @@ def test_the_ray_caster_says_what_it_cannot_draw():
         r"scene --renderer mitsuba \(pip install 'glazejax\[render\]'\)",
     ):
         render(between)
-
-
-def test_a_rough_glaze_is_for_the_path_tracer():
-    paint = gj.catalogue.load()["ZincWhite"].resample(WAVELENGTHS)
-    rough = Glazed(gj.Glaze([gj.Layer(paint, 1e-5)], 0.8), roughness=0.1)
-    sun = ParallelLight((0.0, 0.0, -1.0), 1.0)
-    with pytest.raises(ValueError, match="cannot draw glazes with a rough surface: use path_trace"):
-        render(made([Sphere("m")], {"m": rough}, [sun]))
-    for value in (-0.1, 1.5, float("nan")):
-        with pytest.raises(
-            ValueError, match=r"roughness must be 0 \(smooth\) to 1, GGX's alpha, not"
-        ):
-            Glazed(rough.glaze, roughness=value)
 
 
 @pytest.mark.parametrize(
@@ -281,6 +280,9 @@ def test_a_rough_glaze_is_for_the_path_tracer():
         ),
         (lambda: Plane("m", relief=np.zeros((2, 2))), "a plane with a relief needs a size"),
         (lambda: AreaLight(Plane(""), 1.0), "an area light needs a size"),
+        (lambda: rough_glaze(-0.1), ROUGH),
+        (lambda: rough_glaze(1.5), ROUGH),
+        (lambda: rough_glaze(float("nan")), ROUGH),
         (lambda: AreaLight(Box(""), 1.0), "a rectangle or a sphere, not a Box"),
         (
             lambda: AreaLight(Plane("", size=(1.0, 1.0), relief=np.zeros((2, 2))), 1.0),

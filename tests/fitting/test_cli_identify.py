@@ -2,35 +2,25 @@ import csv
 import hashlib
 import importlib
 import json
-import sys
-from unittest import mock
+from functools import partial
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from glazefit import simulate_films
 from glazefit.identify.command import register
 from glazefit.identify.result.in_tests import came_true
 from glazejax import catalogue
 from glazejax.io import write_table
+from tests.commands import invoke
 
 from .tables import write_films
 
-RUNNER = CliRunner()
 GRID = np.arange(400.0, 701.0, 10.0)
 NAMES = ["Name", *(f"{nm:g}" for nm in GRID)]
 
 
-def run(*arguments):
-    import typer
-
-    app = typer.Typer()
-    register(app)
-    app.callback()(lambda: None)
-    words = ["identify", *map(str, arguments)]
-    with mock.patch.object(sys, "argv", ["glazejax", *words]):
-        return RUNNER.invoke(app, words)
+run = partial(invoke, register, "identify")
 
 
 @pytest.fixture(scope="module")

@@ -175,14 +175,6 @@ def test_one_spectrum_alone_gives_what_it_gives_in_a_batch(paints, blind):
 
 
 @pytest.mark.slow
-def test_in_single_precision_a_batch_changes_what_nobody_sees(paints, blind):
-    """Evidences are good to a thousandth there, and which films are fitted again hangs on them."""
-    found = blind[-1]
-    alone = identify(GRID, found.measured.readings[7:8], paints, ground=GROUNDS)
-    assert_allclose(alone.probability[0, :5], found.probability[7, :5], atol=1e-4)
-
-
-@pytest.mark.slow
 def test_an_answer_does_not_hang_on_what_was_asked_before(paints, blind):
     """Grounds that hardly differ once shared the table of the first one that was asked about."""
     some = blind[-1].measured.readings[:4]

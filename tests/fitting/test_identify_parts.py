@@ -35,7 +35,7 @@ from glazefit.identify.search.fit import (
 from glazefit.identify.search.options import IdentificationOptions
 from glazefit.identify.search.screen import grow, score, table_over
 from glazefit.identify.search.searcher import Searcher
-from glazefit.identify.search.table import Paints, amounts_grid, film_table, sets_of
+from glazefit.identify.search.table import Paints, film_table, sets_of
 from glazefit.identify.search.task import Expected
 from glazefit.mapping.solve.local import as_measured
 from glazejax import Hemispherical, Pigment
@@ -347,12 +347,6 @@ def test_what_grows_keeps_its_pair_and_tries_some_of_the_third():
     assert_allclose(share, np.broadcast_to(share[0, 0], share.shape))
     assert np.all(np.diff(share[0, 0]) > 0)
     assert 0.0 < share[0, 0, 0] < 0.01 < 1.0 < share[0, 0, -1]
-
-
-def test_sets_and_grids_are_complete():
-    assert len(sets_of(20, 3)) == 1140
-    assert (np.diff(sets_of(6, 3), axis=1) > 0).all()
-    assert amounts_grid(2, 0.7).shape[1] == 2
 
 
 @pytest.mark.parametrize("largest", [1, 2, 3])

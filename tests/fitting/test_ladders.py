@@ -244,23 +244,21 @@ def test_the_command_foretells_the_next_coats(run, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("more", "words", "said"),
+    ("change", "words", "said"),
     [
-        (["Umber_ow", "Umber_w"], "", "'Red 1 coat' is a film of coats and 'Umber' is not"),
-        ([], "--white ZincWhite", "--white is not for coats"),
-        ([], "--joint", "--joint is not for coats"),
+        (
+            {"more": ["Umber_ow", "Umber_w"]},
+            "",
+            "'Red 1 coat' is a film of coats and 'Umber' is not",
+        ),
+        ({}, "--white ZincWhite", "--white is not for coats"),
+        ({}, "--joint", "--joint is not for coats"),
+        ({"ends": ("_ow",)}, "", "the bare ground of 'Red 1 coat' was not read"),
     ],
 )
-def test_what_is_not_for_coats_is_refused(run, tmp_path, more, words, said):
-    file = written(tmp_path / "ladder.csv", ladder("Red", RED, 0.5, 1), more=more)
+def test_what_is_not_for_coats_is_refused(run, tmp_path, change, words, said):
+    file = written(tmp_path / "ladder.csv", ladder("Red", RED, 0.5, 1), **change)
     status, _, err = run(file, "--out", "res", *words.split())
     assert status == 2
     assert said in " ".join(err.split())
     assert not (tmp_path / "res").exists()
-
-
-def test_a_ground_that_was_not_read_is_one_error(run, tmp_path):
-    file = written(tmp_path / "ladder.csv", ladder("Red", RED, 0.5, 1), ends=("_ow",))
-    status, _, err = run(file, "--out", "res")
-    assert status == 2
-    assert "the bare ground of 'Red 1 coat' was not read" in " ".join(err.split())

@@ -26,6 +26,7 @@ from glazejax import Glaze, Hemispherical, Layer, Pigment, reflectance
 
 GRID = np.arange(400.0, 701.0, 10.0)
 INSTRUMENT = Instrument()
+ONES = np.ones((1, GRID.size))
 
 
 @pytest.fixture(scope="module")
@@ -170,9 +171,12 @@ def test_k_and_s_are_told_apart_as_the_rule_says():
     assert told(0.009, 0.1, contrast=4.99) == [False, False]
 
 
+def even_film(k, s):
+    return recover_films(simulate_films(GRID, k * ONES, s * ONES, names=["x"]))
+
+
 def test_black_film_stays_finite():
-    k, s = np.full((1, GRID.size), 50.0), np.full((1, GRID.size), 0.01)
-    recovery = recover_films(simulate_films(GRID, k, s, names=["soot"]))
+    recovery = even_film(50.0, 0.01)
     assert not recovery.identifiable.any()
     assert np.isfinite(recovery.covariance).all()
     assert recovery.rmse[0] < 1e-3
@@ -190,10 +194,9 @@ def test_a_film_blacker_than_any_that_is_seen_through_keeps_its_ratio():
 
 
 def test_clear_film_has_known_small_values():
-    k, s = np.full((1, GRID.size), 0.004), np.full((1, GRID.size), 0.003)
-    recovery = recover_films(simulate_films(GRID, k, s, names=["varnish"]))
+    recovery = even_film(0.004, 0.003)
     assert recovery.identifiable.mean() > 0.9
-    assert_allclose(recovery.absorption, k, atol=0.005)
+    assert_allclose(recovery.absorption, 0.004, atol=0.005)
 
 
 def test_gloss_only_where_readings_demand_it():

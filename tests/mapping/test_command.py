@@ -7,17 +7,13 @@ import functools
 import json
 import os
 import signal
-import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from unittest import mock
 
 import numpy as np
 import pytest
-import typer
 from numpy.testing import assert_allclose
-from typer.testing import CliRunner
 
 import glazefit.mapping.example
 import glazefit.mapping.map_cube
@@ -29,11 +25,11 @@ from glazefit.mapping.store.layout import VARIABLES, Status
 from glazefit.mapping.store.run import run_chunks
 from glazefit.mapping.store.store import MapStore, open_map
 from glazejax import catalogue
+from tests.commands import invoke
 
 xarray = pytest.importorskip("xarray")
 pytest.importorskip("zarr")
 
-RUNNER = CliRunner()
 GRID = np.arange(400.0, 701.0, 30.0)
 SHAPE, CHUNK = (12, 10), (4, 10)
 
@@ -41,13 +37,7 @@ SHAPE, CHUNK = (12, 10), (4, 10)
 OILS = ("--catalogue", "oils")
 
 
-def run(*arguments):
-    app = typer.Typer()
-    register(app)
-    app.callback()(lambda: None)
-    words = ["map", *map(str, arguments)]
-    with mock.patch.object(sys, "argv", ["glazejax", *words]):
-        return RUNNER.invoke(app, words)
+run = functools.partial(invoke, register, "map")
 
 
 @pytest.fixture(scope="module")

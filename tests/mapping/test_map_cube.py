@@ -119,22 +119,6 @@ def test_every_pixel_is_answered_or_marked(made, cube):
     assert tallies["no data"] == 3
 
 
-def test_the_bar_moves_in_every_stage(made):
-    said = made[1]
-    assert list(dict.fromkeys(stage for _, _, stage in said)) == [
-        "reading",
-        "surveying",
-        "searching",
-        "checking",
-        "mapping",
-    ]
-    for stage in ("reading", "surveying"):
-        done = [done for done, _, words in said if words == stage]
-        assert len(set(done)) > 20
-        assert done == sorted(done)
-        assert next(d == of for d, of, words in reversed(said) if words == stage)
-
-
 def test_colours_are_those_of_the_spectra(made, cube):
     from glazejax.colour import srgb
 

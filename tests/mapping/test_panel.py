@@ -1,4 +1,4 @@
-"""Panels of other people's paint: what is hidden, what a camera does, and how answers are scored."""
+"""Panels of other people's paint: what is hidden."""
 
 import pytest
 from benchmarks.maps.panel import lay_panel

@@ -261,13 +261,17 @@ BAD_TABLES = [
 ]
 
 
-def test_a_bad_table_of_paints_is_one_sentence():
-    for said, (text, words) in zip(
-        read_paints(*(one for one, _ in BAD_TABLES)), BAD_TABLES, strict=True
-    ):
-        assert isinstance(said, str), text
-        assert said.startswith("Sentence: mine.csv"), said
+def check_sentences(answers: list, table: list, start: str) -> None:
+    for said, (given, words) in zip(answers, table, strict=True):
+        assert isinstance(said, str), given
+        assert said.startswith(start), said
         assert words in said, said
+        assert "\n" not in said
+
+
+def test_a_bad_table_of_paints_is_one_sentence():
+    said = read_paints(*(one for one, _ in BAD_TABLES))
+    check_sentences(said, BAD_TABLES, "Sentence: mine.csv")
 
 
 def test_what_is_no_table_of_paints_is_left_to_others():
@@ -300,11 +304,7 @@ BAD = [
 
 
 def test_what_is_wrong_is_one_sentence():
-    for (given, words), said in zip(BAD, check(*(one for one, _ in BAD)), strict=True):
-        assert isinstance(said, str), given
-        assert said.startswith("Sentence: "), said
-        assert words in said, said
-        assert "\n" not in said
+    check_sentences(check(*(one for one, _ in BAD)), BAD, "Sentence: ")
 
 
 def test_a_whole_number_of_400_digits_is_one_sentence():

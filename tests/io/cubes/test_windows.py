@@ -201,12 +201,17 @@ def test_a_window_of_a_large_image_takes_its_own_memory_only(tmp_path, interleav
     assert binning < 60e6
 
 
+def counted(file, title):
+    """A number that Linux counts of this process."""
+    told = Path("/proc/self") / file
+    if not told.exists():
+        pytest.skip("the system does not count it")
+    return int(told.read_text().split(title)[1].split()[0])
+
+
 def mapped_now():
     """Bytes of mapped files that count as this process' memory."""
-    told = Path("/proc/self/status")
-    if not told.exists():
-        pytest.skip("the system does not count what is mapped")
-    return int(told.read_text().split("RssFile:")[1].split()[0]) * 1024
+    return counted("status", "RssFile:") * 1024
 
 
 @pytest.mark.parametrize("interleave", ["bsq", "bil", "bip"])
@@ -231,14 +236,6 @@ def test_a_mapped_file_does_not_pile_up_in_memory(tmp_path, interleave):
             cube.isel(y=slice(y, y + 500), x=slice(x, x + 300)).load()
             most = max(most, mapped_now() - before)
     assert most < 150e6  # of 450 MB
-
-
-def read_bytes():
-    """What this process has asked the system to read."""
-    told = Path("/proc/self/io")
-    if not told.exists():
-        pytest.skip("the system does not count what is read")
-    return int(told.read_text().split("rchar: ")[1].split()[0])
 
 
 @pytest.mark.parametrize("kind", ["zarr", "netcdf", "tiff", "pages"])
@@ -267,9 +264,9 @@ def test_a_window_reads_its_own_chunks_only(tmp_path, kind):
                 )
     cube = open_cube(path, scale=1)
     cube.isel(y=0, x=0).load()  # opens the file
-    before = read_bytes()
+    before = counted("io", "rchar: ")
     assert_array_equal(cube.isel(y=slice(64, 128), x=slice(32, 64)).values, values[64:128, 32:64])
-    part = read_bytes() - before
+    part = counted("io", "rchar: ") - before
     # Two chunks of 28 kB, or two strips of eight chunks' width; a little is the system's own.
     assert part < (8 if kind == "pages" else 1) * 2 * 32 * 32 * BANDS * 4 * 1.3 + 10_000
     assert part < 0.3 * values.nbytes
