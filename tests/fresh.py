@@ -8,7 +8,7 @@ from typing import Any
 
 
 def run_python(
-    code: str, *words: Any, cwd: Path | None = None, timeout: float = 600.0, **variables: str
+    code: str, *words: Any, cwd: Path | None = None, timeout: float = 600.0, **variables: Any
 ) -> subprocess.CompletedProcess[str]:
     """A program that has ended well, with words and variables of the environment, and what it says."""
     done = subprocess.run(

@@ -26,7 +26,7 @@ def same(table, grid, values, names, atol=0.0):
     assert_allclose(table.reflectance, values, rtol=0, atol=atol)
 
 
-def refused(path, complaint, read=read_spectra, error=ValueError, **how):
+def refused(path, complaint, read=read_spectra, error: type[Exception] = ValueError, **how):
     """Assert that a reader refuses a file in one line that names it."""
     with pytest.raises(error, match=complaint) as caught:
         read(path, **how)

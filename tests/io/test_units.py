@@ -9,7 +9,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from glazejax.io import read_spectra
 from glazejax.io.quantity import nanometres
 
-from . import test_envi, test_jcamp
+from . import test_envi
+from .samples import jcamp_block
 
 # Wavelengths in nm of Hg (green), Hg (yellow) and Na D2, and the same lines as tables print them in
 # other units.
@@ -48,7 +49,9 @@ def written(folder, format_name: str, unit: str, values):
             spectra_names="{lamp}",
         )
     if format_name == "jcamp":
-        return test_jcamp.put(folder, test_jcamp.block("lamp", VALUES, grid=values, xunits=unit))
+        path = folder / "lamp.dx"
+        path.write_text(jcamp_block("lamp", VALUES, grid=values, xunits=unit), encoding="utf-8")
+        return path
     path = folder / "lamp.json"
     grid = {"type": "wavelengths", "values": values.tolist(), "unit": unit}
     path.write_text(json.dumps([grid, {"name": "lamp", "reflectance": VALUES}]), encoding="utf-8")
