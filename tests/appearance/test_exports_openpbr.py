@@ -3,7 +3,6 @@ found again.
 """
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -114,7 +113,7 @@ def test_a_white_material_reflects_everything(layering):
 @pytest.mark.parametrize("layering", [name for name in LAYERINGS if name != "materialx"])
 def test_the_weight_of_the_base_is_a_factor_of_its_colour(layering):
     """Below a coat that darkens it, too."""
-    rest: dict[str, Any] = {
+    rest: dict = {
         "coat_weight": 0.7,
         "coat_darkening": 1.0,
         "coat_ior": 1.6,

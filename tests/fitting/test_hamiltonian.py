@@ -188,7 +188,7 @@ def film(seed: int = 0):
     return simulate_films(GRID[[0, -1]], k, s, names=["film"], seed=seed)
 
 
-SHORT: dict[str, Any] = {"sampler": "hmc", "walkers": 16}
+SHORT: dict = {"sampler": "hmc", "walkers": 16}
 
 
 def test_resumed_chain_equals_the_uninterrupted_one_and_files_are_guarded(tmp_path):

@@ -1,5 +1,4 @@
 import sys
-from typing import Any
 
 import numpy as np
 import pytest
@@ -322,7 +321,7 @@ def test_bad_input_is_one_clear_error(paints):
         ({"wavelengths": GRID + 300}, "does not cover the spectra"),
         ({"names": ["a", "b"]}, "2 names were given for 1 spectra"),
     ):
-        given: dict[str, Any] = {
+        given: dict = {
             "spectra": good,
             "wavelengths": GRID,
             "pigments": paints,

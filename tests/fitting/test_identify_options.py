@@ -74,9 +74,7 @@ def test_identify_films_hands_on_all_that_it_is_given(monkeypatch):
     monkeypatch.setattr(MODULE, "identify", stop)
     half = np.full((1, GRID.size), 0.3)
     films = Films(("one",), GRID, 0.2 * half, 3.0 * half, half, 1.5 * half)
-    given: dict[str, Any] = {name: object() for name in asked(identify_films)} | {
-        "noise": Noise(0.01)
-    }
+    given: dict = {name: object() for name in asked(identify_films)} | {"noise": Noise(0.01)}
     given |= {"instrument": Instrument(Hemispherical(8.0), 1.4)}
     with pytest.raises(Reached) as reached:
         identify_films(films, [], **given)
@@ -100,7 +98,7 @@ def find(paints):
     spectrum = 0.04 + np.asarray(film_response(Hemispherical()).body(k, s, GROUNDS))
 
     def call(**options: Any) -> Identification:
-        chosen: dict[str, Any] = {"max_paints": 1, **options}
+        chosen: dict = {"max_paints": 1, **options}
         return identify(GRID, spectrum[None], paints, ground=GROUNDS, **chosen)
 
     return call

@@ -200,9 +200,7 @@ def test_evidence_tells_the_amounts(oils):
 
 
 def odds(spectrum, paints, **options):
-    given: dict[str, Any] = (
-        dict(ground=GROUND, instrument="45:0", max_paints=2, max_coats=2) | options
-    )
+    given: dict = dict(ground=GROUND, instrument="45:0", max_paints=2, max_coats=2) | options
     return identify(GRID, spectrum, paints, **given)
 
 

@@ -21,8 +21,8 @@ from glazejax import catalogue
 from tests.fitting.test_cli_recover import write
 
 GRID = np.array([400.0, 550.0, 700.0])
-SHORT: dict[str, Any] = {"sampler": "emcee", "walkers": 12, "thin": 2}
-OTHER: dict[str, Any] = {**SHORT, "walkers": 14}
+SHORT: dict = {"sampler": "emcee", "walkers": 12, "thin": 2}
+OTHER: dict = {**SHORT, "walkers": 14}
 
 
 def film(seed: int = 0):

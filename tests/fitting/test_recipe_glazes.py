@@ -94,7 +94,7 @@ def test_the_answer_says_what_mixing_would_gain(found):
 
 
 def task(**others: Any) -> RecipeTask:
-    given: dict[str, Any] = {"glazes": True, **others}
+    given: dict = {"glazes": True, **others}
     return make_task([lab_target((50, 0, 0))], palette(), **given)
 
 

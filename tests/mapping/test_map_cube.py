@@ -375,7 +375,7 @@ def test_an_image_that_changed_is_another(options: dict[str, Any], tmp_path):
     np.save(white, np.full(31, 0.9, "f4"))
     source = CubeSource(path, wavelengths=tuple(grid.tolist()), white=white)
     given = dict(options, mask=None, max_paints=1, ground=0.5)
-    made: dict[str, Any] = {"shape": (200, 200), "chunk": (200, 200), "paints": small.PAINTS}
+    made: dict = {"shape": (200, 200), "chunk": (200, 200), "paints": small.PAINTS}
 
     def begin() -> MapStore:
         task = map_task(source, small.paints(), **given)

@@ -2,8 +2,6 @@
 beams beside it.
 """
 
-from typing import Any
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -157,7 +155,7 @@ def test_a_beam_at_an_eigenvalue_is_like_those_beside_it():
     albedo, air = np.array(beams).T
     shifts = np.array([0.0, 1e-13, 1e-9, -2e-3, -1e-3, 1e-3, 2e-3])
     cosines = air[:, None] + shifts
-    given: dict[str, Any] = {"refractive_index": INDEX, "cos_viewing": 0.55, "tolerance": TOLERANCE}
+    given: dict = {"refractive_index": INDEX, "cos_viewing": 0.55, "tolerance": TOLERANCE}
 
     def factor(q, d, cosine):
         albedo, depth = (

@@ -1,7 +1,5 @@
 """The many-flux solver: conservation, reciprocity, limits, slopes."""
 
-from typing import Any
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -55,7 +53,7 @@ def test_reciprocity_and_table():
     """Light and eye change places; a table holds what single calls give."""
     cos, azimuth = np.array([1.0, 0.8, 0.3]), np.array([0.0, 70.0, 180.0])
     stack = [0.95, 0.6], [0.7, 2.0], 0.4
-    given: dict[str, Any] = {
+    given: dict = {
         "phase": jnp.stack([PHASES["forward"][:30], PHASES["backward"][:30]]),
         "streams": 6,
     }
@@ -131,7 +129,7 @@ def test_two_layers_scatter_once_through_each_other():
 @pytest.mark.slow
 def test_layers_of_equal_paint_join():
     phase = PHASES["two lobes"]
-    given: dict[str, Any] = {
+    given: dict = {
         "phase": phase,
         "cos_incidence": 0.7,
         "cos_viewing": 0.5,

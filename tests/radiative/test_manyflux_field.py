@@ -1,7 +1,5 @@
 """The field inside: at the faces it is what goes in and comes out, in between flux is kept."""
 
-from typing import Any
-
 import jax
 import numpy as np
 import pytest
@@ -38,7 +36,7 @@ def test_field_meets_the_outside(solution):
     ground's.
     """
     stack = [0.9, 0.7], [0.4, 1.1], 0.5
-    given: dict[str, Any] = {"phase": PHASE, "cos_incidence": 0.7, "streams": 8}
+    given: dict = {"phase": PHASE, "cos_incidence": 0.7, "streams": 8}
     seen = float(cos_refracted(0.6, 1.5))
     field = manyflux_field(
         *stack,
@@ -85,7 +83,7 @@ def test_field_through_layers_of_different_index():
     Fresnel's law joins it.
     """
     stack = [0.9, 0.7, 0.95], [0.4, 1.1, 0.3], 0.5
-    given: dict[str, Any] = {
+    given: dict = {
         "phase": MORE,
         "cos_incidence": 0.7,
         "streams": 16,

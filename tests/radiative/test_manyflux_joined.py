@@ -2,8 +2,6 @@
 and conservation.
 """
 
-from typing import Any
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -53,7 +51,7 @@ def test_directions_of_all_media():
 @pytest.mark.parametrize("index", [(1.5, 1.3), pytest.param((1.3, 1.6), marks=pytest.mark.slow)])
 def test_nothing_is_lost_between_media(index):
     """Without absorption all light comes back from a white ground, whatever the indices."""
-    given: dict[str, Any] = {
+    given: dict = {
         "phase": PHASE,
         "refractive_index": index,
         "cos_incidence": COS,
@@ -87,7 +85,7 @@ def test_ground_below_faces_alone_is_the_closed_form():
     between. Nine directions give t to one per cent.
     """
     ground, upper, lower = 0.6, 1.5, 1.3
-    given: dict[str, Any] = {"phase": PHASE, "refractive_index": (upper, lower), "streams": 9}
+    given: dict = {"phase": PHASE, "refractive_index": (upper, lower), "streams": 9}
     stack = [1.0, 1.0], 0.0 * THICKNESS, ground
     nodes, weights = gauss(200)
     even = 2.0 * np.sum(weights * nodes * through_two_faces(nodes, upper, lower)[0])
@@ -132,7 +130,7 @@ def test_thin_layer_below_a_face_scatters_once():
 @pytest.mark.slow
 @pytest.mark.parametrize("index", [(1.5, 1.3), (1.3, 1.6), (1.5, 1.5)])
 def test_what_does_not_come_back_goes_through(index):
-    given: dict[str, Any] = {
+    given: dict = {
         "phase": PHASE,
         "refractive_index": index,
         "cos_incidence": COS,
@@ -147,7 +145,7 @@ def test_what_does_not_come_back_goes_through(index):
 
 @pytest.mark.slow
 def test_reciprocity_between_media():
-    given: dict[str, Any] = {
+    given: dict = {
         "phase": PHASE,
         "refractive_index": (1.5, 1.3),
         "azimuth": 50.0,
@@ -183,7 +181,7 @@ def test_factor_sums_to_the_flux():
     diffuse one.
     """
     cos, weights = gauss(40)
-    given: dict[str, Any] = {"phase": PHASE, "refractive_index": 1.4, "streams": 16}
+    given: dict = {"phase": PHASE, "refractive_index": 1.4, "streams": 16}
     stack = [0.9, 0.8], [0.3, 2.0]
     for transmitted in (False, True):
         each = free_factor(
@@ -223,7 +221,7 @@ def test_white_table_is_a_lambertian_ground():
     """The joined program with a table of ones against the one for a single index."""
     table = ground_table([1.0, 0.5, 0.0], np.ones((3, 3)))
     stack = [0.95, 0.6], [0.7, 2.0], 0.4
-    given: dict[str, Any] = {
+    given: dict = {
         "phase": PHASE,
         "cos_incidence": [0.8],
         "cos_viewing": [0.6, 0.1],

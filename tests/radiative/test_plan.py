@@ -67,7 +67,7 @@ def direct(
 def test_savings_stay_within_the_tolerance(hemispherical: bool, seed: int):
     scene = random_scene(seed)
     exact = direct(scene, hemispherical)
-    asked: dict[str, Any] = {**scene, **({"cos_viewing": None} if hemispherical else {})}
+    asked: dict = {**scene, **({"cos_viewing": None} if hemispherical else {})}
     for savings in (
         NONE,
         ALL,
@@ -106,7 +106,7 @@ def test_bound_on_what_is_hidden_holds_and_is_not_idle():
     albedo = np.where(pale, 1 - 10 ** rng.uniform(-3, -1, shape), rng.uniform(0, 0.9, shape))
     thickness = 10 ** rng.uniform(-2, 0.7, shape)
     cosines = rng.uniform(0.02, 1, (2, 256))
-    scene: dict[str, Any] = {
+    scene: dict = {
         "albedo": albedo,
         "optical_thickness": thickness,
         "cos_incidence": cosines[0],
@@ -142,7 +142,7 @@ def test_bound_on_what_is_hidden_is_nearly_reached():
         np.array([[3.0], [3.5], [4.0]]),
     )
     nothing = np.zeros((3, 1))
-    given: dict[str, Any] = {"refractive_index": n, "tolerance": TOLERANCE}
+    given: dict = {"refractive_index": n, "tolerance": TOLERANCE}
     white = (
         np.concatenate([clear, nothing + 1.0], axis=1),
         np.concatenate([depth, nothing + 1e5], axis=1),
@@ -172,7 +172,7 @@ def test_bound_on_what_is_scattered_again_is_nearly_reached():
     n, albedo, depth, cosine = 2.4, 1e-3, 1e-3, np.ones(1)
     rows = np.array([[albedo]]), np.array([[depth]])
     first = closed_form.without_multiple_scattering(*rows, np.ones(1), n, cosine, cosine)
-    given: dict[str, Any] = {"refractive_index": n, "tolerance": 1e-9}
+    given: dict = {"refractive_index": n, "tolerance": 1e-9}
     left_out = float(stack_reflectance_factor([albedo], [depth], 1.0, **given)) - float(
         first.reflectance[0]
     )
@@ -205,7 +205,7 @@ def test_decay_rate_is_rounded_down():
 def test_closed_form_without_scattering_is_exact(index: float, hemispherical: bool):
     """Bare and absorbing stacks against the solver."""
     thickness = np.array([[0.0], [1e-3], [0.3], [2.0]])
-    scene: dict[str, Any] = {
+    scene: dict = {
         "albedo": 0 * thickness,
         "optical_thickness": thickness,
         "substrate_reflectance": np.array([1.0, 0.9, 0.5, 1.0]),
@@ -255,7 +255,7 @@ def test_entries_not_wanted_are_nan_and_not_computed():
 def test_bands_left_out_do_not_move_the_sums(weights: np.ndarray, power: float):
     x = np.linspace(0, 1, 16)
     weights = weights * np.exp(-power * (x[:, None] * 4) ** 2)
-    scene: dict[str, Any] = {
+    scene: dict = {
         "albedo": np.stack([0.9 * x, 1 - x**2], -1),
         "optical_thickness": [2.0, 1.0],
         "substrate_reflectance": 0.9,

@@ -2,8 +2,6 @@
 divide by.
 """
 
-from typing import Any
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -44,7 +42,7 @@ def test_references_of_the_cubes_size(scene):
 
 def test_frames_of_a_line_camera_are_averaged_over_their_lines(scene):
     folder, _, raw, white, dark = scene
-    paths: dict[str, Any] = {
+    paths: dict = {
         "path": counts(folder, raw, "raw", interleave="bil"),
         "white": counts(folder, white[:9], "white", interleave="bip", dtype="i4"),
         "dark": counts(folder, dark[:150], "dark", dtype="f4"),
@@ -89,7 +87,7 @@ def test_the_whites_own_spectrum(scene):
         [["tile", *own], ["other", *own / 2]],
     )
     paths = {n: counts(folder, v, n) for n, v in (("raw", raw), ("white", white), ("dark", dark))}
-    references: dict[str, Any] = {"white": paths["white"], "dark": paths["dark"]}
+    references: dict = {"white": paths["white"], "dark": paths["dark"]}
     cube = open_cube(paths["raw"], **references, white_reflectance=f"{folder / 'own.csv'}:tile")
     expected = (raw - dark) / (white - dark) * np.interp(WAVELENGTHS, grid, own)
     assert_allclose(cube.values, expected, rtol=3e-6)
