@@ -6,11 +6,10 @@ from typing import Any
 from unittest import mock
 
 import typer
-from click.testing import Result
 from typer.testing import CliRunner
 
 
-def invoke(register: Callable[[typer.Typer], None], name: str, *words: Any) -> Result:
+def invoke(register: Callable[[typer.Typer], None], name: str, *words: Any):
     """What comes of a command and its words."""
     app = typer.Typer()
     register(app)

@@ -8,14 +8,18 @@ from typing import Any
 
 
 def run_python(
-    code: str, *words: Any, cwd: Path | None = None, timeout: float = 600.0, **variables: Any
+    code: str,
+    *words: Any,
+    cwd: Path | None = None,
+    timeout: float = 600.0,
+    env: dict[str, str] | None = None,
 ) -> subprocess.CompletedProcess[str]:
-    """A program that has ended well, with words and variables of the environment, and what it says."""
+    """A program that has ended well, with words and further variables of its environment, and what it says."""
     done = subprocess.run(
         [sys.executable, "-c", code, *map(str, words)],
         cwd=cwd,
         timeout=timeout,
-        env=os.environ | variables,
+        env=os.environ | (env or {}),
         capture_output=True,
         text=True,
         check=False,

@@ -250,7 +250,7 @@ def test_single_precision_without_x64():
         "assert lab.dtype == jnp.float32, lab.dtype\n"
         "assert abs(np.asarray(lab) - [100, 0, 0]).max() < 1e-3, lab\n"
     )
-    run_python(code, PYTHONWARNINGS="error")
+    run_python(code, env={"PYTHONWARNINGS": "error"})
 
 
 @pytest.mark.slow

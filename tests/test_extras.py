@@ -95,7 +95,7 @@ def test_a_missing_extra_is_one_sentence():
         "JAX_COMPILATION_CACHE_DIR": str(ROOT / ".pytest_cache" / "xla"),
         "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0.3",
     }
-    run_python(_BLOCK + _MISSING, **variables)
+    run_python(_BLOCK + _MISSING, env=variables)
 
 
 @pytest.mark.parametrize(("package", "extra"), OPTIONAL.items())

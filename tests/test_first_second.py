@@ -63,7 +63,7 @@ def run(tmp_path, *words):
     """Numbers of programs compiled and of functions traced, and modules imported, by a command in a
     process of its own.
     """
-    done = run_python(_RUN, *words, cwd=tmp_path, **environment(tmp_path / "cache"))
+    done = run_python(_RUN, *words, cwd=tmp_path, env=environment(tmp_path / "cache"))
     assert done.stderr == ""
     *_, programs, modules = done.stdout.splitlines()
     compiled, traced = map(int, programs.split()[1:])
@@ -72,7 +72,7 @@ def run(tmp_path, *words):
 
 def test_import_loads_names_only():
     code = "import sys, glazejax, glazefit; print(*sorted(sys.modules))"
-    loaded = set(run_python(code, **environment("/nowhere")).stdout.split())
+    loaded = set(run_python(code, env=environment("/nowhere")).stdout.split())
     assert not loaded & (
         _HEAVY | {"jax", "numpy", "scipy", "matplotlib", "equinox", "optimistix", "rich", "typer"}
     )
@@ -254,4 +254,4 @@ def test_a_wrong_line_imports_nothing_that_computes(tmp_path):
     lines = [f"{start} {option}" for start, options in begins.items() for option in options]
     lines += _WRONG_LINES.split("\n")[1:-1]
     words = [shlex.split(line.replace("TABLE", str(samples.path()))) for line in lines]
-    run_python(_WRONG.format(lines=words), cwd=tmp_path, **environment(tmp_path / "cache"))
+    run_python(_WRONG.format(lines=words), cwd=tmp_path, env=environment(tmp_path / "cache"))

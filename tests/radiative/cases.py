@@ -119,7 +119,7 @@ def run_fresh(code: str, cache: Path, count: int) -> list[str]:
     }
 
     def run(limit: float) -> str:
-        return run_python(code, timeout=limit, **environment).stdout
+        return run_python(code, timeout=limit, env=environment).stdout
 
     first = run(900)
     with ThreadPoolExecutor(2) as pool:

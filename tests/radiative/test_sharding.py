@@ -85,4 +85,4 @@ def test_a_batch_split_over_devices_stays_split(axes, what, asked):
     )
     paths = os.pathsep.join([str(_ROOT / "src"), str(_ROOT / "fitting")])
     given = {"XLA_FLAGS": flags, "JAX_PLATFORMS": "cpu", "PYTHONPATH": paths}
-    assert run_python(_RUN, axes, what, asked, **given).stdout == "done\n"
+    assert run_python(_RUN, axes, what, asked, env=given).stdout == "done\n"

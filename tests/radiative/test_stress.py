@@ -366,7 +366,7 @@ for absorbed, thickness in [(0, 1e3), (0, 1e5), (2.0**-20, 1e4), (2.0**-20, 3e5)
 
 @pytest.mark.slow
 def test_single_precision_says_what_rounding_leaves_of_layers_that_absorb_nothing():
-    run_python(_ROUNDING, timeout=240, JAX_ENABLE_X64="0")
+    run_python(_ROUNDING, timeout=240, env={"JAX_ENABLE_X64": "0"})
 
 
 def test_what_rounding_leaves_grows_with_the_depth_that_light_reaches():
