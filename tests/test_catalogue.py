@@ -4,32 +4,17 @@ from pathlib import Path
 import jax
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from glazejax import Glaze, Hemispherical, Layer, Mixture, Pigment, catalogue, colour, reflectance
 from glazejax.io import read_spectra
 
-NAMES = [
-    "Eosin1Wax",
-    "Eosin",
-    "Eosin2PbWax",
-    "Cochineal",
-    "Minium",
-    "Vermillion",
-    "ZincWhite",
-    "ZincWhiteLinseed",
-    "LeadWhite",
-    "ViridianGreen",
-    "EmeraldGreen",
-    "UltramarineBlue",
-    "CobaltBlue",
-    "PrussianBlue",
-    "ChromeYellow",
-    "ChromeYellowPoppyseed",
-    "ChromeYellowOtero",
-    "BariumSulphate",
-    "CalciumCarbonate",
-    "BoneBlack",
-]
+_NAMES = """
+Eosin1Wax Eosin Eosin2PbWax Cochineal Minium Vermillion ZincWhite ZincWhiteLinseed LeadWhite
+ViridianGreen EmeraldGreen UltramarineBlue CobaltBlue PrussianBlue ChromeYellow
+ChromeYellowPoppyseed ChromeYellowOtero BariumSulphate CalciumCarbonate BoneBlack
+"""
+NAMES = _NAMES.split()
 
 
 def test_names_grid_and_provenance():
@@ -39,7 +24,7 @@ def test_names_grid_and_provenance():
     for name, paint in paints.items():
         assert isinstance(paint, Pigment)
         assert paint.name == name
-        np.testing.assert_array_equal(paint.wavelengths, np.arange(400.0, 701.0, 10.0))
+        assert_array_equal(paint.wavelengths, np.arange(400.0, 701.0, 10.0))
         assert paint.identifiable is not None
         assert paint.absorption_sd is not None
         for word in ("CC0", "25 micrometres", "10.1186/s40494-018-0181-6"):
@@ -52,13 +37,13 @@ def test_paints_are_read_once_for_each_precision():
     with jax.enable_x64(False):
         single = catalogue.load()["ZincWhite"]
     assert (double.absorption.dtype, single.absorption.dtype) == (np.float64, np.float32)
-    np.testing.assert_allclose(single.absorption, double.absorption, rtol=1e-6)
+    assert_allclose(single.absorption, double.absorption, rtol=1e-6)
 
 
 def test_what_is_first_read_in_a_traced_function_outlives_it():
     catalogue._read_once.cache_clear()
     traced = jax.jit(lambda x: x * catalogue.load()["ZincWhite"].absorption)(2.0)
-    np.testing.assert_allclose(traced, 2.0 * np.asarray(catalogue.load()["ZincWhite"].absorption))
+    assert_allclose(traced, 2.0 * np.asarray(catalogue.load()["ZincWhite"].absorption))
 
 
 @pytest.mark.parametrize("asked", ["Vermilion", "vermillion", "Vermillion Red"])
@@ -130,13 +115,13 @@ def test_acrylics_grid_errors_and_provenance():
     paints = catalogue.load("acrylics")
     assert len(paints) == 19
     for paint in paints.values():
-        np.testing.assert_array_equal(paint.wavelengths, np.arange(380.0, 751.0, 10.0))
+        assert_array_equal(paint.wavelengths, np.arange(380.0, 751.0, 10.0))
         assert paint.absorption_sd is None
         assert paint.scattering_sd is None
         assert paint.identifiable is not None
         for word in ("MIT", "William Acton", "4bf3d8c", "500000 1/m"):
             assert word in paint.provenance
-    np.testing.assert_array_equal(paints["TitaniumWhite"].scattering, 5e5)
+    assert_array_equal(paints["TitaniumWhite"].scattering, 5e5)
     # Where a paint is as clear as the white its tint does not show it; where it colours the white,
     # it does.
     known = np.asarray(paints["BismuthVanadateYellow"].identifiable)
@@ -215,7 +200,7 @@ def test_own_paints_are_read_as_those_that_ship(tmp_path: Path) -> None:
     )
     mine = catalogue.read(own)
     assert list(mine) == ["Night"]
-    np.testing.assert_allclose(mine["Night"].absorption, [1400, 1500, 1600, 1700])
+    assert_allclose(mine["Night"].absorption, [1400, 1500, 1600, 1700])
     with pytest.raises(KeyError, match="unknown pigment 'night blue'; nearest: 'Night'"):
         mine["night blue"]
 

@@ -42,22 +42,11 @@ def test_every_exemplar_has_a_family_a_source_and_a_provenance(shelf):
 
 def test_the_pigments_that_a_conservator_meets_first_are_there(shelf):
     families = {paint.family for paint in shelf.values()}
-    assert families >= {
-        "azurite",
-        "malachite",
-        "smalt",
-        "lead-tin yellow",
-        "orpiment",
-        "yellow ochre",
-        "red ochre",
-        "burnt umber",
-        "raw umber",
-        "verdigris",
-        "indigo",
-        "gamboge",
-        "lead white",
-        "vermilion",
-    }
+    first = (
+        "azurite, malachite, smalt, lead-tin yellow, orpiment, yellow ochre, red ochre, "
+        "burnt umber, raw umber, verdigris, indigo, gamboge, lead white, vermilion"
+    )
+    assert families >= set(first.split(", "))
 
 
 def test_what_is_known_of_a_family():
@@ -147,26 +136,3 @@ def test_a_fit_of_thin_and_thick_coats_meets_both(shared_data):
     assert found.family == "azurite"
     assert found.told_by == "a thin and a thick coat over gypsum"
     assert found.rms < 0.02
-
-
-def test_tables_round_trip(tmp_path, monkeypatch, shelf):
-    paint = shelf["azurite/rrt-Azurite"]
-    exemplar = maker.Exemplar(
-        name=paint.name,
-        family=paint.family,
-        source=paint.source,
-        binder=paint.binder,
-        paint="Azurite",
-        told_by="coats",
-        wavelengths=np.asarray(paint.wavelengths),
-        absorption=np.asarray(paint.absorption),
-        scattering=np.asarray(paint.scattering),
-        log_sd=np.full((2, paint.wavelengths.size), 0.2),
-        rms=0.01,
-    )
-    maker.write_tables(tmp_path, [exemplar])
-    (again,) = catalogue.read(tmp_path / "exemplars.csv").values()
-    assert np.asarray(again.absorption) == pytest.approx(np.asarray(paint.absorption), rel=1e-3)
-    assert again.identifiable is not None
-    assert again.identifiable.all()
-    assert "azurite/rrt-Azurite\tazurite\trrt" in (tmp_path / "exemplars.tsv").read_text()

@@ -1,14 +1,15 @@
 import itertools
-import subprocess
-import sys
 import warnings
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from glazejax import colour as gc
+
+from .fresh import run_python
 
 colour = gc.colour_science()
 
@@ -59,7 +60,7 @@ def test_xyz_is_that_of_astm_e308(start, end, step, error):
         grid = np.arange(start, end + 1, float(step))
         spectra = paints(grid)
         expected = theirs(grid, spectra, lamp, observer, "ASTM E308")
-        np.testing.assert_allclose(
+        assert_allclose(
             gc.xyz(grid, spectra, illuminant=lamp, observer=observer),
             expected,
             atol=error,
@@ -77,16 +78,14 @@ def test_coarse_grids_miss_the_integral_by_little(start, end, step, error):
         fine, grid = np.arange(360, 781, 1.0), np.arange(start, end + 1, float(step))
         expected = theirs(fine, paints(fine), lamp, observer, "Integration")
         found = gc.xyz(grid, paints(grid), illuminant=lamp, observer=observer)
-        np.testing.assert_allclose(
-            found, expected, atol=error, rtol=0, err_msg=f"{lamp}, {observer}"
-        )
+        assert_allclose(found, expected, atol=error, rtol=0, err_msg=f"{lamp}, {observer}")
 
 
 def test_uneven_grid_of_a_camera():
     fine = np.arange(360, 781, 1.0)
     grid = np.linspace(385.4, 995.8, 192) + 0.3 * np.sin(np.arange(192))
     expected = theirs(fine, paints(fine), "D65", OBSERVERS[0], "Integration")
-    np.testing.assert_allclose(gc.xyz(grid, paints(grid)), expected, atol=1e-5, rtol=0)
+    assert_allclose(gc.xyz(grid, paints(grid)), expected, atol=1e-5, rtol=0)
 
 
 def test_white_point_is_the_tabulated_one():
@@ -94,7 +93,7 @@ def test_white_point_is_the_tabulated_one():
         for grid in (np.arange(380, 781, 10), np.arange(400, 701, 20)):
             white = gc.white_point(grid, lamp, observer)
             assert white[1] == pytest.approx(1, abs=1e-12)
-            np.testing.assert_allclose(
+            assert_allclose(
                 colour.XYZ_to_xy(white), colour.CCS_ILLUMINANTS[observer][lamp], atol=3e-4
             )
 
@@ -103,8 +102,8 @@ def test_perfect_diffuser_is_white():
     for lamp, observer in LIGHTS:
         grid, ones = np.arange(400, 701, 10), np.ones(31)
         kwargs = {"illuminant": lamp, "observer": observer}
-        np.testing.assert_allclose(gc.lab(grid, ones, **kwargs), [100, 0, 0], atol=1e-11)
-        np.testing.assert_allclose(gc.srgb(grid, ones, clip=False, **kwargs), 1, atol=1e-13)
+        assert_allclose(gc.lab(grid, ones, **kwargs), [100, 0, 0], atol=1e-11)
+        assert_allclose(gc.srgb(grid, ones, clip=False, **kwargs), 1, atol=1e-13)
 
 
 def test_lab_is_that_of_colour():
@@ -117,7 +116,7 @@ def test_lab_is_that_of_colour():
         kwargs = {"illuminant": lamp, "observer": observer}
         values = gc.xyz(grid, spectra, **kwargs)
         white = colour.XYZ_to_xy(gc.white_point(grid, lamp, observer))
-        np.testing.assert_allclose(
+        assert_allclose(
             gc.lab(grid, spectra, **kwargs),
             colour.XYZ_to_Lab(np.asarray(values), white),
             atol=1e-10,
@@ -137,9 +136,9 @@ def test_srgb_is_that_of_colour(lamp, observer):
     found = gc.srgb(grid, spectra, illuminant=lamp, observer=observer, clip=False)
     # colour keeps the matrix rounded to four digits that the standard prints; 2e-3 is half a step
     # of 8 bits.
-    np.testing.assert_allclose(found, expected, atol=2e-3)
+    assert_allclose(found, expected, atol=2e-3)
     clipped = gc.srgb(grid, spectra, illuminant=lamp, observer=observer)
-    np.testing.assert_allclose(clipped, np.clip(found, 0, 1), atol=1e-12)
+    assert_allclose(clipped, np.clip(found, 0, 1), atol=1e-12)
     assert np.min(found) < 0, (
         "one of the paints should lie outside the gamut, or clipping goes untested"
     )
@@ -151,14 +150,14 @@ def test_batches_transformations_and_slopes(call):
     spectra = jnp.asarray(paints(grid)).reshape(2, 3, 31)
     whole = call(grid, spectra)
     assert whole.shape == (2, 3, 3)
-    np.testing.assert_allclose(whole[1, 2], call(grid, spectra[1, 2]), atol=1e-12)
-    np.testing.assert_allclose(jax.jit(lambda r: call(grid, r))(spectra), whole, atol=1e-12)
-    np.testing.assert_allclose(jax.vmap(lambda r: call(grid, r))(spectra), whole, atol=1e-12)
+    assert_allclose(whole[1, 2], call(grid, spectra[1, 2]), atol=1e-12)
+    assert_allclose(jax.jit(lambda r: call(grid, r))(spectra), whole, atol=1e-12)
+    assert_allclose(jax.vmap(lambda r: call(grid, r))(spectra), whole, atol=1e-12)
     dull = 0.3 + 0.2 * spectra[0, 0]
     jacobian = jax.jacobian(lambda r: call(grid, r))(dull)
     step = 1e-6 * np.cos(np.arange(31))
     difference = (call(grid, dull + step) - call(grid, dull - step)) / 2
-    np.testing.assert_allclose(jacobian @ step, difference, rtol=1e-5, atol=1e-11)
+    assert_allclose(jacobian @ step, difference, rtol=1e-5, atol=1e-11)
 
 
 @pytest.mark.parametrize("level", [0.0, 1e-12, (6 / 29) ** 3, 1.0])
@@ -251,10 +250,7 @@ def test_single_precision_without_x64():
         "assert lab.dtype == jnp.float32, lab.dtype\n"
         "assert abs(np.asarray(lab) - [100, 0, 0]).max() < 1e-3, lab\n"
     )
-    done = subprocess.run(
-        [sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, timeout=120
-    )
-    assert done.returncode == 0, done.stderr
+    run_python(code, env={"PYTHONWARNINGS": "error"})
 
 
 @pytest.mark.slow
@@ -266,8 +262,7 @@ def test_numpy_prints_as_before():
         "c.colour_science()\n"
         "assert np.get_printoptions() == before, np.get_printoptions()\n"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
-    assert done.returncode == 0, done.stderr
+    run_python(code)
 
 
 def test_far_bands_may_be_as_coarse_as_they_like():
@@ -275,8 +270,8 @@ def test_far_bands_may_be_as_coarse_as_they_like():
     visible = np.arange(380.0, 781.0, 10.0)
     far = np.concatenate([visible, [900.0, 1200.0, 2500.0]])
     weights = gc.colour_weights(far)
-    np.testing.assert_allclose(weights[: visible.size], gc.colour_weights(visible), atol=1e-4)
-    np.testing.assert_allclose(weights[visible.size :], 0.0, atol=1e-4)
+    assert_allclose(weights[: visible.size], gc.colour_weights(visible), atol=1e-4)
+    assert_allclose(weights[visible.size :], 0.0, atol=1e-4)
 
 
 def test_a_lamp_whose_sums_would_overflow_is_refused():
@@ -284,7 +279,7 @@ def test_a_lamp_whose_sums_would_overflow_is_refused():
     with pytest.raises(ValueError, match=r"power is 1e\+308; it is relative"):
         gc.lamp_weights(grid, grid, np.full(31, 1e308))
     strong = gc.lamp_weights(grid, grid, np.full(31, 1e99))
-    np.testing.assert_allclose(strong, gc.lamp_weights(grid, grid, np.ones(31)), rtol=1e-12)
+    assert_allclose(strong, gc.lamp_weights(grid, grid, np.ones(31)), rtol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -316,7 +311,7 @@ def test_empty_batches_and_masks_of_nothing_are_colours():
     assert gc.lab(grid, np.zeros((0, 31))).shape == (0, 3)
     assert gc.srgb_to_lab(np.zeros((0, 3))).shape == (0, 3)
     assert gc.delta_e_2000(np.zeros((0, 3)), np.zeros(3)).shape == (0,)
-    np.testing.assert_array_equal(
+    assert_array_equal(
         gc.lab(grid, np.ma.masked_array(np.full(31, 0.5))), gc.lab(grid, np.full(31, 0.5))
     )
     # A bright one is no slip.

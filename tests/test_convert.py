@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from typer.testing import CliRunner
 
 from glazejax.commands.main import make_app
@@ -39,7 +40,7 @@ def test_flags_take_no_value_in_the_help():
 def test_every_format(chart, tmp_path, name):
     done = run(chart, tmp_path / name)
     assert done.exit_code == 0, done.output
-    np.testing.assert_allclose(read_spectra(tmp_path / name).reflectance, spectra(), atol=1e-6)
+    assert_allclose(read_spectra(tmp_path / name).reflectance, spectra(), atol=1e-6)
     assert "CSV table, a sample a row, 3 spectra, 400-700 nm step 10 (31 bands)" in done.output
     assert "stored in percent" in done.output
     assert f"wrote  {tmp_path / name}" in done.output
@@ -50,8 +51,8 @@ def test_resampled_and_long(chart, tmp_path):
     assert done.exit_code == 0, done.output
     table = read_spectra(tmp_path / "out.csv")
     assert table.format == "CSV table, a sample a column"
-    np.testing.assert_array_equal(table.wavelengths, np.arange(410, 691, 5))
-    np.testing.assert_allclose(table.reflectance, spectra(3, table.wavelengths), atol=1e-3)
+    assert_array_equal(table.wavelengths, np.arange(410, 691, 5))
+    assert_allclose(table.reflectance, spectra(3, table.wavelengths), atol=1e-3)
 
 
 def test_format_by_name_of_the_option(chart, tmp_path):
@@ -105,4 +106,4 @@ def test_instruments_columns(shared_data, tmp_path):
     assert table.names[0] == "column 2"
     reference = np.loadtxt(shared_data / "rrt" / "pigment_panel_reference.csv")
     nearest = np.abs(reference[:, :1] - GRID).argmin(axis=0)
-    np.testing.assert_allclose(table.reflectance, reference[nearest, 1:].T, atol=0.01)
+    assert_allclose(table.reflectance, reference[nearest, 1:].T, atol=0.01)

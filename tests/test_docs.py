@@ -23,6 +23,8 @@ from glazejax.appearance.mitsuba.variants import works
 from glazejax.appearance.scene.file import example
 from glazejax.stacks import parse_stack
 
+from .fresh import run_python
+
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
 sys.path[:0] = [str(DOCS / "_ext"), str(DOCS)]
@@ -141,7 +143,7 @@ def test_the_python_of_the_first_steps_runs(page, tmp_path):
     for code in blocks(page, "python"):
         if "panel.hdr" in code or ("mitsuba" in code and not works("llvm_ad_spectral")):
             continue
-        subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=True, timeout=600)
+        run_python(code, cwd=tmp_path)
 
 
 @pytest.mark.slow
@@ -151,7 +153,7 @@ def test_the_python_of_a_page_runs(name, tmp_path):
     tests/appearance has its like.
     """
     code = "\n".join(blocks(DOCS / f"{name}.md", "python"))
-    subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=True, timeout=600)
+    run_python(code, cwd=tmp_path)
 
 
 def test_help_names_types_and_does_not_spell_them_out():

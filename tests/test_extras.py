@@ -3,8 +3,6 @@ extra it needs.
 """
 
 import os
-import subprocess
-import sys
 import tomllib
 from pathlib import Path
 
@@ -12,6 +10,8 @@ import pytest
 
 import glazejax
 from glazejax.extras import advice, require
+
+from .fresh import run_python
 
 ROOT = Path(__file__).parents[1]
 EXTRAS = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
@@ -89,25 +89,13 @@ for extra, call in (
 """
 
 
-def run(code: str) -> subprocess.CompletedProcess[str]:
-    paths = os.pathsep.join([str(ROOT / "src"), str(ROOT / "fitting")])
-    environment = os.environ | {
-        "PYTHONPATH": paths,
+def test_a_missing_extra_is_one_sentence():
+    variables = {
+        "PYTHONPATH": os.pathsep.join([str(ROOT / "src"), str(ROOT / "fitting")]),
         "JAX_COMPILATION_CACHE_DIR": str(ROOT / ".pytest_cache" / "xla"),
         "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0.3",
     }
-    return subprocess.run(
-        [sys.executable, "-c", _BLOCK + code],
-        capture_output=True,
-        text=True,
-        check=False,
-        env=environment,
-    )
-
-
-def test_a_missing_extra_is_one_sentence():
-    done = run(_MISSING)
-    assert done.returncode == 0, done.stderr
+    run_python(_BLOCK + _MISSING, env=variables)
 
 
 @pytest.mark.parametrize(("package", "extra"), OPTIONAL.items())

@@ -6,6 +6,7 @@ Numbers of programs, not seconds: those are in benchmarks/results/cold_start.txt
 
 import os
 import pty
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -13,6 +14,8 @@ from pathlib import Path
 import pytest
 
 from glazejax import samples
+
+from .fresh import run_python
 
 ROOT = Path(__file__).parents[1]
 _RUN = """
@@ -60,15 +63,7 @@ def run(tmp_path, *words):
     """Numbers of programs compiled and of functions traced, and modules imported, by a command in a
     process of its own.
     """
-    done = subprocess.run(
-        [sys.executable, "-c", _RUN, *words],
-        capture_output=True,
-        text=True,
-        check=False,
-        cwd=tmp_path,
-        env=environment(tmp_path / "cache"),
-    )
-    assert done.returncode == 0, done.stderr
+    done = run_python(_RUN, *words, cwd=tmp_path, env=environment(tmp_path / "cache"))
     assert done.stderr == ""
     *_, programs, modules = done.stdout.splitlines()
     compiled, traced = map(int, programs.split()[1:])
@@ -77,14 +72,7 @@ def run(tmp_path, *words):
 
 def test_import_loads_names_only():
     code = "import sys, glazejax, glazefit; print(*sorted(sys.modules))"
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        capture_output=True,
-        text=True,
-        check=True,
-        env=environment("/nowhere"),
-    )
-    loaded = set(done.stdout.split())
+    loaded = set(run_python(code, env=environment("/nowhere")).stdout.split())
     assert not loaded & (
         _HEAVY | {"jax", "numpy", "scipy", "matplotlib", "equinox", "optimistix", "rich", "typer"}
     )
@@ -181,112 +169,89 @@ for line in {lines}:
 """
 
 
+# The table of the samples is TABLE.
+_WRONG_LINES = """
+render --coats CobaltBlue:2um --illuminant D99
+render --coats CobaltBlue:2um --observer 3
+render --coats CobaltBlue:2um --out x.gif
+render --coats Foo:1um
+render --coats CobaltBlue
+render CobaltBlue:1um
+render --stack none.json
+export Foo:2um
+export none.json
+recipe --lab 50,20
+recipe --srgb pink
+recipe --spectrum none.csv
+recipe --lab 50,20,30 --max-coats 9
+recipe --lab 50,20,30 --illuminants D99
+identify none.csv
+identify TABLE --elements Xx
+map none.hdr
+recover none.csv
+recover TABLE --out demo --white Foo
+recover TABLE --into .
+predict '10 Vermillion + 90 Foo'
+predict '10 Vermillion + 90 ZincWhite' --reading none.csv
+predict '10 Vermillion + 90 ZincWhite' --thickness thick
+posterior none.tsv
+posterior TABLE --out demo --paints Foo
+posterior TABLE --out demo --steps -3
+posterior TABLE --steps x
+scene none.toml
+scene TABLE --size foo
+paints --family foo
+convert none.csv x.csv
+convert TABLE TABLE
+studio none.json
+studio --port 70000
+identify TABLE --noise -1
+identify TABLE --noise-share -1
+identify TABLE --unit furlong
+recover TABLE --noise -1
+recover TABLE --noise-share -1
+recover TABLE --unit furlong
+posterior TABLE --noise -1
+posterior TABLE --noise-share -1
+posterior TABLE --unit furlong
+identify TABLE --varnish glossy
+identify TABLE --quantity radiance
+identify TABLE --report r.pdf
+identify TABLE --out x.bmp
+map none.hdr --opaque
+map TABLE --opaque --noise -1
+map TABLE --opaque --spot x
+convert TABLE x.csv --to pdf
+convert TABLE x.csv --scale 0
+recipe --lab 50
+recipe --lab 50,20,30 --seed -1
+export Eosin:2um --roughness 2
+export Eosin:2um --out x.obj
+export Eosin:2um --space rgb
+export Eosin:2um --tolerance 0
+"""
+_SHARED = """
+--instrument foo
+--ground none.csv
+--ground 30
+--pigments none.csv
+--catalogue none
+--refractive-index 9
+--only Foo
+--thickness thick
+"""
+
+
 def test_a_wrong_line_imports_nothing_that_computes(tmp_path):
     """A wrong value, or a file that is not there, is said in half a second in place of six."""
-    coats = ["render", "--coats", "CobaltBlue:2um"]
-    film = ["predict", "10 Vermillion + 90 ZincWhite"]
-    table = str(samples.path())
-    shared = (
-        ("--instrument", "foo"),
-        ("--ground", "none.csv"),
-        ("--ground", "30"),
-        ("--pigments", "none.csv"),
-        ("--catalogue", "none"),
-        ("--refractive-index", "9"),
-        ("--only", "Foo"),
-        ("--thickness", "thick"),
-    )
+    shared = _SHARED.split("\n")[1:-1]
     begins = {
-        "recipe": (["recipe", "--lab", "50,20,30"], "thickness"),
-        "identify": (["identify", table], "none"),
-        "map": (["map", table], "none"),
+        "render --coats CobaltBlue:2um": shared[:-2],
+        "recipe --lab 50,20,30": shared[:-1],
+        "identify TABLE": shared,
+        "map TABLE": shared,
     }
-    lines = [
-        [*start, *words]
-        for start, but in begins.values()
-        for words in shared
-        if words[0][2:] != but
-    ]
-    lines += [[*coats, *words] for words in shared[:-2]]
-    lines += [
-        [*coats, "--illuminant", "D99"],
-        [*coats, "--observer", "3"],
-        [*coats, "--out", "x.gif"],
-    ]
-    lines += [
-        ["render", "--coats", "Foo:1um"],
-        ["render", "--coats", "CobaltBlue"],
-        ["render", "CobaltBlue:1um"],
-    ]
-    lines += [["render", "--stack", "none.json"], ["export", "Foo:2um"], ["export", "none.json"]]
-    lines += [
-        ["recipe", "--lab", "50,20"],
-        ["recipe", "--srgb", "pink"],
-        ["recipe", "--spectrum", "none.csv"],
-    ]
-    lines += [
-        ["recipe", "--lab", "50,20,30", "--max-coats", "9"],
-        ["recipe", "--lab", "50,20,30", "--illuminants", "D99"],
-    ]
-    lines += [
-        ["identify", "none.csv"],
-        ["identify", table, "--elements", "Xx"],
-        ["map", "none.hdr"],
-        ["recover", "none.csv"],
-    ]
-    lines += [
-        ["recover", table, "--out", "demo", "--white", "Foo"],
-        ["recover", table, "--into", "."],
-    ]
-    lines += [
-        ["predict", "10 Vermillion + 90 Foo"],
-        [*film, "--reading", "none.csv"],
-        [*film, "--thickness", "thick"],
-    ]
-    lines += [["posterior", "none.tsv"], ["posterior", table, "--out", "demo", "--paints", "Foo"]]
-    lines += [
-        ["posterior", table, "--out", "demo", "--steps", "-3"],
-        ["posterior", table, "--steps", "x"],
-    ]
-    lines += [
-        ["scene", "none.toml"],
-        ["scene", table, "--size", "foo"],
-        ["paints", "--family", "foo"],
-    ]
-    lines += [
-        ["convert", "none.csv", "x.csv"],
-        ["convert", table, table],
-        ["studio", "none.json"],
-        ["studio", "--port", "70000"],
-    ]
-    lines += [
-        [*start, *words]
-        for start in (["identify", table], ["recover", table], ["posterior", table])
-        for words in (("--noise", "-1"), ("--noise-share", "-1"), ("--unit", "furlong"))
-    ]
-    lines += [
-        ["identify", table, "--varnish", "glossy"],
-        ["identify", table, "--quantity", "radiance"],
-        ["identify", table, "--report", "r.pdf"],
-        ["identify", table, "--out", "x.bmp"],
-        ["map", "none.hdr", "--opaque"],
-        ["map", table, "--opaque", "--noise", "-1"],
-        ["map", table, "--opaque", "--spot", "x"],
-        ["convert", table, "x.csv", "--to", "pdf"],
-        ["convert", table, "x.csv", "--scale", "0"],
-        ["recipe", "--lab", "50"],
-        ["recipe", "--lab", "50,20,30", "--seed", "-1"],
-        ["export", "Eosin:2um", "--roughness", "2"],
-        ["export", "Eosin:2um", "--out", "x.obj"],
-        ["export", "Eosin:2um", "--space", "rgb"],
-        ["export", "Eosin:2um", "--tolerance", "0"],
-    ]
-    done = subprocess.run(
-        [sys.executable, "-c", _WRONG.format(lines=lines)],
-        cwd=tmp_path,
-        env=environment(tmp_path / "cache"),
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert not done.returncode, done.stderr
+    lines = [f"{start} {option}" for start, options in begins.items() for option in options]
+    lines += _WRONG_LINES.split("\n")[1:-1]
+    words = [shlex.split(line.replace("TABLE", str(samples.path()))) for line in lines]
+    run_python(_WRONG.format(lines=words), cwd=tmp_path, env=environment(tmp_path / "cache"))

@@ -1,11 +1,12 @@
 """`glazejax.fit` is the inverse package, loaded when somebody asks for it."""
 
-import subprocess
 import sys
 
 import pytest
 
 import glazejax
+
+from .fresh import run_python
 
 
 def test_fit_is_the_inverse_package():
@@ -22,7 +23,7 @@ def test_the_inverse_package_is_not_loaded_before():
         "glazejax.fit",
         "assert 'glazefit' in sys.modules",
     )
-    subprocess.run([sys.executable, "-c", "\n".join(lines)], check=True)
+    run_python("\n".join(lines))
 
 
 def test_without_the_inverse_package_a_sentence_says_so(monkeypatch):

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
 
 import glazejax as gj
 from glazejax.chebyshev_table import Axis, Mirrored
@@ -61,7 +62,7 @@ def test_ranges_order_and_error_are_said(table):
 @given(st.floats(0, 40e-6), st.floats(0, 1))
 def test_value_is_the_solvers_anywhere(table, thickness, share):
     exact = spectrum(np.full(64, thickness), np.full(64, share))[0]
-    np.testing.assert_allclose(table(thickness, share), exact, rtol=0, atol=TOLERANCE)
+    assert_allclose(table(thickness, share), exact, rtol=0, atol=TOLERANCE)
 
 
 def test_slopes_are_the_solvers(table):
@@ -73,12 +74,10 @@ def test_slopes_are_the_solvers(table):
         exact = jax.jvp(spectrum, at, change)[1]
         found = jax.jvp(table, at, change)[1]
         # Slopes over the whole range; a polynomial loses about its degree in accuracy.
-        np.testing.assert_allclose(found, exact, rtol=0, atol=100 * TOLERANCE)
+        assert_allclose(found, exact, rtol=0, atol=100 * TOLERANCE)
         assert np.max(np.abs(exact)) > 0.1
     total = jax.grad(lambda x: jnp.sum(table(x, at[1])))(at[0])
-    np.testing.assert_allclose(
-        total, jnp.sum(jax.jvp(table, at, (jnp.ones(64), jnp.zeros(64)))[1], axis=1)
-    )
+    assert_allclose(total, jnp.sum(jax.jvp(table, at, (jnp.ones(64), jnp.zeros(64)))[1], axis=1))
 
 
 def test_slopes_are_finite_at_the_ends_and_go_on_beyond_them(table):
@@ -95,9 +94,7 @@ def test_table_is_a_pytree_whose_coefficients_can_be_learned(table):
     slope = jax.grad(lambda t: jnp.sum(t(1e-5, 0.5)))(table).coefficients
     step = jnp.zeros_like(leaf).at[1, 2, 0].set(1.0)
     moved = jax.tree.map(lambda c: c + step, table)
-    np.testing.assert_allclose(
-        jnp.sum(moved(1e-5, 0.5) - table(1e-5, 0.5)), slope[1, 2, 0], atol=1e-12
-    )
+    assert_allclose(jnp.sum(moved(1e-5, 0.5) - table(1e-5, 0.5)), slope[1, 2, 0], atol=1e-12)
 
 
 def test_jit_vmap_pieces_and_names_are_the_same(table):
@@ -107,19 +104,19 @@ def test_jit_vmap_pieces_and_names_are_the_same(table):
     assert whole.shape == (3, 2001, GRID.size)
     one_by_one = jax.vmap(jax.vmap(table), (0, None))(thickness, share)
     # Batches multiply matrices of another shape, in another order of sums.
-    np.testing.assert_allclose(whole, one_by_one, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(whole, jax.jit(table)(thickness, share), rtol=0, atol=1e-12)
-    np.testing.assert_array_equal(whole, table(share=share, thickness=thickness))
+    assert_allclose(whole, one_by_one, rtol=0, atol=1e-12)
+    assert_allclose(whole, jax.jit(table)(thickness, share), rtol=0, atol=1e-12)
+    assert_array_equal(whole, table(share=share, thickness=thickness))
     slopes = jax.grad(lambda x: jnp.sum(table(x, share)))(thickness)
     few = jax.grad(lambda x: jnp.sum(table(x, share[:5])))(thickness[:, :5])
-    np.testing.assert_allclose(slopes[:, :5], few, rtol=1e-9)
+    assert_allclose(slopes[:, :5], few, rtol=1e-9)
 
 
 def test_many_points_go_to_all_cores(table, monkeypatch):
     rng = np.random.default_rng(1)
     at = rng.uniform(0, 40e-6, 2**16 + 3), rng.uniform(0, 1, 2**16 + 3)
     monkeypatch.setattr(chunks, "cores", lambda: 2)
-    np.testing.assert_allclose(table(*at), jax.jit(table)(*at), rtol=0, atol=1e-13)
+    assert_allclose(table(*at), jax.jit(table)(*at), rtol=0, atol=1e-13)
 
 
 def test_float32_is_the_same_to_rounding(table):
@@ -127,12 +124,12 @@ def test_float32_is_the_same_to_rounding(table):
     at = rng.uniform(0, 40e-6, 500), rng.uniform(0, 1, 500)
     single = table.astype(jnp.float32)(*at)
     assert single.dtype == jnp.float32
-    np.testing.assert_allclose(single, table(*at), rtol=0, atol=3e-6)
+    assert_allclose(single, table(*at), rtol=0, atol=3e-6)
 
 
 def test_traced_values_outside_are_moved_to_the_end_with_its_slope(table):
     inside = jax.jit(table)(40e-6, 0.5)
-    np.testing.assert_array_equal(jax.jit(table)(50e-6, 0.5), inside)
+    assert_array_equal(jax.jit(table)(50e-6, 0.5), inside)
     assert np.isnan(jax.jit(table)(jnp.nan, 0.5)).all()
     assert float(jax.jit(jax.grad(lambda x: table(x, 0.3)[0]))(60e-6)) == 0.0
 
@@ -203,9 +200,7 @@ def test_a_function_of_single_numbers_is_wrapped():
         jax.jit(jax.vmap(lambda x: jnp.exp(-x))), {"x": (-1, 2)}, tolerance=1e-8
     )
     assert table.shape == ()
-    np.testing.assert_allclose(
-        table(np.linspace(-1, 2, 7)), np.exp(-np.linspace(-1, 2, 7)), rtol=0, atol=1e-8
-    )
+    assert_allclose(table(np.linspace(-1, 2, 7)), np.exp(-np.linspace(-1, 2, 7)), rtol=0, atol=1e-8)
 
 
 @pytest.mark.parametrize("axes", [1, 2, 3])
@@ -218,7 +213,7 @@ def test_error_is_as_asked_and_points_are_few(axes: int, tolerance: float):
     assert table.error <= tolerance
     rng = np.random.default_rng(1)
     points = {name: rng.uniform(0, top, 5000) for name, top in high.items()}
-    np.testing.assert_allclose(table(**points), paint(**points), rtol=0, atol=tolerance)
+    assert_allclose(table(**points), paint(**points), rtol=0, atol=tolerance)
     assert table.evaluations < {1: 700, 2: 3200, 3: 20000}[axes]
 
 
@@ -230,7 +225,7 @@ def test_what_is_steep_at_the_upper_end_is_met_too():
     assert table.converged
     assert isinstance(table.axes[0], Mirrored)
     share = 1 - np.geomspace(1e-5, 1, 3000)
-    np.testing.assert_allclose(table(share), steep(share), rtol=0, atol=1e-4)
+    assert_allclose(table(share), steep(share), rtol=0, atol=1e-4)
 
 
 def test_check_points_come_from_the_samples_and_distance_counts():
@@ -264,4 +259,4 @@ def test_coordinates_and_back():
         u = axis.coordinate(x, np)
         assert u[0] == pytest.approx(-1)
         assert u[-1] == pytest.approx(1)
-        np.testing.assert_allclose(axis.point(u), x, rtol=1e-9)
+        assert_allclose(axis.point(u), x, rtol=1e-9)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.testing import assert_allclose
 
 from glazejax import Bidirectional
 from glazejax.paint.media import Glaze, Layer, Mixture, Pigment
@@ -51,10 +52,10 @@ def test_pigment_resampled_with_everything_it_carries():
         provenance="a jar",
     )
     fine = pigment.resample([400, 450, 500, 575])
-    np.testing.assert_allclose(fine.absorption, [1, 2, 3, 4.5])
-    np.testing.assert_allclose(fine.scattering, [2, 2, 2, 6.5])
+    assert_allclose(fine.absorption, [1, 2, 3, 4.5])
+    assert_allclose(fine.scattering, [2, 2, 2, 6.5])
     assert fine.absorption_sd is not None
-    np.testing.assert_allclose(fine.absorption_sd, [0.1, 0.15, 0.2, 0.35])
+    assert_allclose(fine.absorption_sd, [0.1, 0.15, 0.2, 0.35])
     assert fine.scattering_sd is None
     assert fine.identifiable is not None
     assert fine.identifiable.tolist() == [True, True, True, False]
@@ -91,7 +92,7 @@ def test_mixture_is_linear(weight):
         expected = weight * np.asarray(getattr(RED, law)) + (1 - weight) * np.asarray(
             getattr(BLUE, law)
         )
-        np.testing.assert_allclose(getattr(mixture, law), expected, rtol=1e-14, atol=1e-300)
+        assert_allclose(getattr(mixture, law), expected, rtol=1e-14, atol=1e-300)
 
 
 def test_mixture_of_a_picture():
@@ -99,7 +100,7 @@ def test_mixture_of_a_picture():
     mixture = Mixture([RED, BLUE], weights)
     assert mixture.absorption.shape == (4, 5, 3)
     one = Mixture([RED, BLUE], weights[2, 3])
-    np.testing.assert_allclose(mixture.absorption[2, 3], one.absorption)
+    assert_allclose(mixture.absorption[2, 3], one.absorption)
 
 
 @pytest.mark.parametrize(
@@ -185,10 +186,8 @@ def test_what_is_no_paint_or_number_is_said_in_words(build, complaint):
 
 def test_albedo_and_optical_thickness_by_hand():
     glaze = Glaze([Layer(RED, 2e-5), Layer(BLUE, 0.0)], 0.8)
-    np.testing.assert_allclose(
-        glaze.albedo, [[0.1, 5 / 5.2], [0.25, 0.2], [9 / 9.1, 0]], rtol=1e-14
-    )
-    np.testing.assert_allclose(glaze.optical_thickness, [[2.0, 0], [1.6, 0], [1.82, 0]], rtol=1e-14)
+    assert_allclose(glaze.albedo, [[0.1, 5 / 5.2], [0.25, 0.2], [9 / 9.1, 0]], rtol=1e-14)
+    assert_allclose(glaze.optical_thickness, [[2.0, 0], [1.6, 0], [1.82, 0]], rtol=1e-14)
 
 
 def test_batches_broadcast():
@@ -229,21 +228,19 @@ def test_albedo_gradient_is_the_quotient_rule(k, s):
     slopes = jax.grad(albedo, argnums=(0, 1))(jnp.asarray(k), jnp.asarray(s))
     # The second is a difference of terms of size 1 / (k + s).
     expected = np.array([-s, k]) / (k + s) ** 2
-    np.testing.assert_allclose(slopes, expected, rtol=1e-12, atol=1e-15 / (k + s))
+    assert_allclose(slopes, expected, rtol=1e-12, atol=1e-15 / (k + s))
 
 
 def test_objects_pass_through_transformations():
     glaze = Glaze([Layer(Mixture([RED, BLUE], [0.4, 0.6]), 1e-5)], 0.5, jnp.asarray(1.4))
     plain = glaze.optical_thickness
-    np.testing.assert_allclose(jax.jit(lambda g: g.optical_thickness)(glaze), plain)
-    np.testing.assert_allclose(eqx.filter_jit(lambda g: g.optical_thickness)(glaze), plain)
+    assert_allclose(jax.jit(lambda g: g.optical_thickness)(glaze), plain)
+    assert_allclose(eqx.filter_jit(lambda g: g.optical_thickness)(glaze), plain)
     batch = jax.tree.map(lambda leaf: jnp.stack([leaf, 2 * leaf]), glaze)
     both = jax.vmap(lambda g: g.optical_thickness)(batch)
-    np.testing.assert_allclose(
-        both[1], 2 * 2 * 2 * plain
-    )  # weights, coefficients and thickness doubled
+    assert_allclose(both[1], 2 * 2 * 2 * plain)  # weights, coefficients and thickness doubled
     slope = jax.grad(lambda g: g.optical_thickness.sum())(glaze)
-    np.testing.assert_allclose(slope.coats[0].thickness, plain.sum() / 1e-5)
+    assert_allclose(slope.coats[0].thickness, plain.sum() / 1e-5)
     # Unflattening must not look at values: transformations put placeholders there.
     leaves, tree = jax.tree.flatten(glaze)
     assert jax.tree.leaves(jax.tree.unflatten(tree, [object()] * len(leaves)))

@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 import glazejax as gj
 from glazejax.radiative.common.phase import henyey_greenstein
@@ -23,8 +24,8 @@ def test_mixtures_weigh_by_scattering():
     s = np.array([[0.5 * 2e5, 0.5 * 1e5], [0.3 * 1e5, 0.0], [0.2 * 1e5, 0.2 * 3e5]])
     mean = (s[0] * 0.5 + s[1] * np.array([-0.2, -0.4])) / s.sum(axis=0)
     assert phase.shape == (2, 6)
-    np.testing.assert_allclose(phase[:, 0], 1.0)
-    np.testing.assert_allclose(phase[:, 1], mean)
+    assert_allclose(phase[:, 0], 1.0)
+    assert_allclose(phase[:, 1], mean)
     assert gj.Mixture([PLAIN, PLAIN], [0.5, 0.5]).phase is None
     clear = gj.Pigment("clear", GRID, [1.0, 1.0], [0.0, 0.0], phase=henyey_greenstein(0.5, 2))
 
@@ -43,7 +44,7 @@ def test_layers_may_have_their_own():
     glaze = gj.Glaze([own, gj.Layer(BACK, 1e-6), gj.Layer(PLAIN, 1e-6)], 0.5)
     assert glaze.phase is not None
     assert glaze.phase.shape == (2, 3, 3)
-    np.testing.assert_allclose(glaze.phase[1], [[1, 0.2, 0], [1, -0.4, 0.16], [1, 0, 0]], atol=1e-7)
+    assert_allclose(glaze.phase[1], [[1, 0.2, 0], [1, -0.4, 0.16], [1, 0, 0]], atol=1e-7)
     assert gj.Glaze([gj.Layer(PLAIN, 1e-6)], 0.5).phase is None
 
 
@@ -51,7 +52,7 @@ def test_resampling_keeps_the_phase():
     assert FORWARD.resample([550.0]).phase is FORWARD.phase
     between = BACK.resample([550.0]).phase
     assert between is not None
-    np.testing.assert_allclose(between, [[1.0, -0.3, 0.1]], atol=1e-7)
+    assert_allclose(between, [[1.0, -0.3, 0.1]], atol=1e-7)
 
 
 def test_reflectance_is_the_many_flux_one():
@@ -69,10 +70,10 @@ def test_reflectance_is_the_many_flux_one():
         azimuth=180.0,
         tolerance=1e-3,
     )
-    np.testing.assert_allclose(found, expected, atol=1e-12)
+    assert_allclose(found, expected, atol=1e-12)
     isotropic = gj.Glaze([gj.Layer(FORWARD, 3e-6, phase=[1.0])], 0.4)
     plain = gj.Pigment("plain", GRID, FORWARD.absorption, FORWARD.scattering)
-    np.testing.assert_allclose(
+    assert_allclose(
         gj.reflectance(isotropic, gj.Hemispherical(), tolerance=1e-4),
         gj.reflectance(gj.Glaze([gj.Layer(plain, 3e-6)], 0.4), gj.Hemispherical(), tolerance=1e-4),
         atol=1e-4,
@@ -99,7 +100,7 @@ def test_a_full_turn_of_azimuth_changes_nothing():
     glaze = gj.Glaze([gj.Layer(BACK, 3e-6)], 0.4)
     geometry = gj.Bidirectional(30.0, 30.0, specular=True, azimuth=[0.0, 360.0, -360.0])
     found = np.asarray(gj.reflectance(glaze, geometry, tolerance=1e-2))
-    np.testing.assert_allclose(found[1:], found[[0, 0]], rtol=1e-12)
+    assert_allclose(found[1:], found[[0, 0]], rtol=1e-12)
 
 
 def test_errors_name_the_value():

@@ -32,17 +32,17 @@ def test_version(run):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("nonsense",), "no such command 'nonsense'"),
-        (("render", "--lairs", "x"), "no such option: --lairs"),
-        (("render", "--tolerance", "low"), "'--tolerance' must be a number"),
-        (("recipe", "--count", "2.5"), "'--count' must be a whole number"),
-        (("render", "Eosin:2um,Minium:1um"), "glazejax render --coats 'Eosin:2um,Minium:1um'"),
-        (("recipe", "#8a4b2d"), "as in: glazejax recipe --srgb '#8a4b2d'"),
-        (("convert",), "missing argument 'IN'"),
+        ("nonsense", "no such command 'nonsense'"),
+        ("render --lairs x", "no such option: --lairs"),
+        ("render --tolerance low", "'--tolerance' must be a number"),
+        ("recipe --count 2.5", "'--count' must be a whole number"),
+        ("render Eosin:2um,Minium:1um", "glazejax render --coats 'Eosin:2um,Minium:1um'"),
+        ("recipe #8a4b2d", "as in: glazejax recipe --srgb '#8a4b2d'"),
+        ("convert", "missing argument 'IN'"),
     ],
 )
 def test_a_wrong_command_line_is_one_line(run, words, message):
-    status, out, err = run(*words)
+    status, out, err = run(*words.split())
     assert (status, out) == (2, "")
     assert err.startswith("error: ")
     assert message in err

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 import glazejax as gj
 from glazejax import colour
@@ -41,7 +42,7 @@ def test_interpolated_picture_is_the_full_one(paints, maps):
     assert full.delta_e == 0
     white = colour.white_point(GRID)
     assert difference(fast, full, white).max() <= 0.1
-    np.testing.assert_allclose(fast.srgb, colour.xyz_to_srgb(fast.xyz, white))
+    assert_allclose(fast.srgb, colour.xyz_to_srgb(fast.xyz, white))
     assert "interpolated" in repr(fast)
 
 
@@ -55,8 +56,8 @@ def test_full_picture_is_that_of_each_glaze(paints, maps):
         image = gj.picture(paints, corner, 0.7, geometry, full=True)
         glaze = gj.Glaze([gj.Layer(p, m) for p, m in zip(paints, corner, strict=True)], 0.7)
         spectra = gj.reflectance(glaze, geometry)
-        np.testing.assert_allclose(image.srgb, colour.srgb(GRID, spectra), rtol=0, atol=2e-5)
-        np.testing.assert_allclose(image.xyz, colour.xyz(GRID, spectra), rtol=0, atol=3e-6)
+        assert_allclose(image.srgb, colour.srgb(GRID, spectra), rtol=0, atol=2e-5)
+        assert_allclose(image.xyz, colour.xyz(GRID, spectra), rtol=0, atol=3e-6)
 
 
 @pytest.mark.slow

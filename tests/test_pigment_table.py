@@ -1,5 +1,5 @@
-import numpy as np
 import pytest
+from numpy.testing import assert_array_equal
 
 from glazejax import Pigment, catalogue
 from glazejax.paint.pigment_table import read_pigments, write_pigments
@@ -21,12 +21,12 @@ def test_pigments_are_read(tmp_path):
     pigments = read_pigments(put(tmp_path, GOOD))
     assert list(pigments) == ["A", "B"]
     a, b = pigments["A"], pigments["B"]
-    np.testing.assert_array_equal(a.wavelengths, [400, 410])
-    np.testing.assert_array_equal(a.absorption, [10, 11])
-    np.testing.assert_array_equal(a.scattering, [20, 21])
-    np.testing.assert_array_equal(a.scattering_sd, [2, 2])
-    np.testing.assert_array_equal(a.identifiable, [True, False])
-    np.testing.assert_array_equal(b.scattering, [2, 4])
+    assert_array_equal(a.wavelengths, [400, 410])
+    assert_array_equal(a.absorption, [10, 11])
+    assert_array_equal(a.scattering, [20, 21])
+    assert_array_equal(a.scattering_sd, [2, 2])
+    assert_array_equal(a.identifiable, [True, False])
+    assert_array_equal(b.scattering, [2, 4])
     assert b.scattering_sd is None
     assert "pigments.csv" in a.provenance
 
@@ -44,8 +44,8 @@ def test_pigments_that_were_written_read_back(tmp_path):
             wanted, got = getattr(one, name), getattr(again, name)
             assert (wanted is None) == (got is None), name
             if wanted is not None:
-                np.testing.assert_array_equal(got, wanted)
-    np.testing.assert_array_equal(found[oil.name].identifiable, oil.identifiable)
+                assert_array_equal(got, wanted)
+    assert_array_equal(found[oil.name].identifiable, oil.identifiable)
     assert "found in a map" in found[plain.name].provenance
     with pytest.raises(FileExistsError):
         write_pigments(path, [plain])

@@ -1,6 +1,7 @@
 import matplotlib.image
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from glazejax import Bidirectional, Glaze, Layer, Pigment, plots
 from glazejax.colour import lab, srgb
@@ -27,9 +28,9 @@ def figure(rendering):
 
 def test_spectra_drawn_are_those_computed(figure, rendering):
     lines = {line.get_label(): line.get_ydata() for line in figure.axes[0].lines}
-    np.testing.assert_array_equal(lines["the glaze"], rendering.glaze)
-    np.testing.assert_array_equal(lines["bare ground"], rendering.ground)
-    np.testing.assert_array_equal(lines["Blue alone"], rendering.alone[1])
+    assert_array_equal(lines["the glaze"], rendering.glaze)
+    assert_array_equal(lines["bare ground"], rendering.ground)
+    assert_array_equal(lines["Blue alone"], rendering.alone[1])
     assert "Nothing alone" not in lines
 
 
@@ -49,16 +50,14 @@ def test_strips_show_the_three_ladders(figure, rendering):
     strips = figure.axes[2].collections
     for strip, way in zip(strips, ("glaze", "multiply", "mixing"), strict=True):
         expected = srgb(W, getattr(rendering.ladder, way))
-        np.testing.assert_allclose(strip.get_facecolor()[:, :3], expected, atol=1e-12)
+        assert_allclose(strip.get_facecolor()[:, :3], expected, atol=1e-12)
     assert [line.get_xdata()[0] for line in figure.axes[2].lines] == [3]
 
 
 def test_curves_are_chroma_and_lightness(figure, rendering):
     colours = np.asarray(lab(W, rendering.ladder.multiply))
-    np.testing.assert_allclose(
-        figure.axes[3].lines[1].get_ydata(), np.hypot(colours[:, 1], colours[:, 2])
-    )
-    np.testing.assert_allclose(figure.axes[4].lines[1].get_ydata(), colours[:, 0])
+    assert_allclose(figure.axes[3].lines[1].get_ydata(), np.hypot(colours[:, 1], colours[:, 2]))
+    assert_allclose(figure.axes[4].lines[1].get_ydata(), colours[:, 0])
 
 
 def test_labels_of_curves_stay_apart_and_inside(figure):
@@ -86,7 +85,7 @@ def test_one_layer_shows_rungs_of_its_ladder():
         line.get_label(): line.get_ydata() for line in glaze_figure(result, ["Red"]).axes[0].lines
     }
     assert set(lines) == {"bare ground", "the glaze", "5 coats", "10 coats"}
-    np.testing.assert_array_equal(lines["10 coats"], result.ladder.glaze[10])
+    assert_array_equal(lines["10 coats"], result.ladder.glaze[10])
 
 
 def test_picture_is_written_in_the_size_promised(figure, tmp_path):

@@ -1,16 +1,17 @@
 """Programs that are kept between runs as they were traced, and compiled ahead."""
 
-import subprocess
-import sys
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from glazejax import programs
 from glazejax.programs import Program, keep_traced
+
+from .fresh import run_python
 
 
 class Sums(NamedTuple):
@@ -56,9 +57,9 @@ def check(found, power=2):
     sums, more = found
     raised = VALUES**power + MORE["shift"]
     assert type(sums) is Sums
-    np.testing.assert_allclose(sums.of_rows, raised.sum(axis=1))
-    np.testing.assert_allclose(sums.all, raised.sum())
-    np.testing.assert_allclose(more["shift"], MORE["shift"] * 2)
+    assert_allclose(sums.of_rows, raised.sum(axis=1))
+    assert_allclose(sums.all, raised.sum())
+    assert_allclose(more["shift"], MORE["shift"] * 2)
 
 
 def test_a_second_run_traces_nothing(folder, counted):
@@ -114,7 +115,7 @@ def test_what_words_do_not_tell_is_not_kept(folder, counted):
         sums, _ = counted.program()(
             VALUES, MORE, turn=lambda raised, factor=factor: factor * raised
         )
-        np.testing.assert_allclose(sums.all, factor * (VALUES**2 + MORE["shift"]).sum())
+        assert_allclose(sums.all, factor * (VALUES**2 + MORE["shift"]).sum())
     assert not list(folder.iterdir())
 
 
@@ -130,7 +131,7 @@ def test_traced_callers_and_gradients_see_the_function(folder, counted):
     program = counted.program()
     program(VALUES, MORE)
     slope = jax.grad(lambda values: program(values, MORE)[0].all)(jnp.asarray(VALUES))
-    np.testing.assert_allclose(slope, 2 * VALUES)
+    assert_allclose(slope, 2 * VALUES)
     check(jax.jit(program)(VALUES, MORE))
 
 
@@ -193,8 +194,7 @@ def root(matrix):
 print(Program(root)(jnp.array([[4.0, 2.0], [2.0, 5.0]])).tolist())
 """
     for _ in range(2):
-        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-        assert (done.returncode, done.stdout) == (0, "[[2.0, 0.0], [1.0, 2.0]]\n"), done.stderr
+        assert run_python(code).stdout == "[[2.0, 0.0], [1.0, 2.0]]\n"
         assert len(list(tmp_path.glob("traced-*"))) == 1
 
 
@@ -207,9 +207,9 @@ def test_functions_of_modules_are_told_apart_by_their_names(folder):
         return change(values)
 
     program = Program(apply, fixed=("change",))
-    np.testing.assert_array_equal(program(VALUES, change=twice), 2.0 * VALUES)
+    assert_array_equal(program(VALUES, change=twice), 2.0 * VALUES)
     assert len(list(folder.glob("traced-*"))) == 1
-    np.testing.assert_array_equal(program(VALUES, change=lambda v: v + 1.0), VALUES + 1.0)
+    assert_array_equal(program(VALUES, change=lambda v: v + 1.0), VALUES + 1.0)
     # Two functions without a name would share a file.
     assert len(list(folder.glob("traced-*"))) == 1
 
@@ -231,21 +231,3 @@ def test_of_many_shapes_the_newest_are_held(counted):
     newest = list(program._begun)
     program.ahead(np.ones((1, 3)), MORE)
     assert list(program._begun) == newest
-
-
-def test_what_is_let_go_is_held_by_nobody(counted):
-    import gc
-    import weakref
-
-    program = counted.program()
-    program.ahead(VALUES, MORE)
-    check(program(VALUES, MORE))
-    once = counted.times
-    (begun,) = program._begun.values()
-    held = weakref.ref(begun)
-    del begun
-    programs.let_programs_go()
-    gc.collect()
-    assert held() is None
-    check(program(VALUES, MORE))
-    assert counted.times > once

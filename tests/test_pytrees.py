@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 import glazejax as gj
 
@@ -30,16 +31,14 @@ def test_one_program_serves_all_paints_of_a_shape(catalogue):
     paints = gj.catalogue.load(catalogue).values()
     for paint in paints:
         found = compiled(gj.Glaze([gj.Layer(paint, 1e-5)], 0.6))
-        np.testing.assert_allclose(
-            found[:, 0], 1e-5 * (paint.absorption + paint.scattering), rtol=1e-6
-        )
+        assert_allclose(found[:, 0], 1e-5 * (paint.absorption + paint.scattering), rtol=1e-6)
     assert len(traced) == len({paint.absorption.shape for paint in paints})
 
 
 def test_labels_stay_with_their_paint():
     moved = jax.tree.map(lambda leaf: 2 * leaf, BLUE)
     assert (moved.name, moved.provenance) == (BLUE.name, BLUE.provenance)
-    np.testing.assert_array_equal(moved.identifiable, BLUE.identifiable)
+    assert_array_equal(moved.identifiable, BLUE.identifiable)
     assert jax.tree.structure(BLUE) == jax.tree.structure(WHITE)
     assert BLUE.name not in repr(jax.tree.structure(BLUE))
 
@@ -49,7 +48,7 @@ def test_glazes_stack():
     both = jax.tree.map(lambda *leaves: jnp.stack(leaves), GLAZE, other)
     found = jax.vmap(lambda glaze: glaze.optical_thickness)(both)
     for one, glaze in zip(found, (GLAZE, other), strict=True):
-        np.testing.assert_allclose(one, glaze.optical_thickness, rtol=1e-6)
+        assert_allclose(one, glaze.optical_thickness, rtol=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -78,8 +77,8 @@ def test_parts_and_shapes_of_a_glaze_are_shown():
 def test_a_number_stands_in_place_of_an_array(number):
     moved = eqx.tree_at(lambda glaze: glaze.coats[0].thickness, GLAZE, number)
     made = gj.Glaze([gj.Layer(BLUE, 3e-6), GLAZE.coats[1]], 0.6)
-    np.testing.assert_array_equal(moved.optical_thickness, made.optical_thickness)
-    np.testing.assert_array_equal(gj.reflectance(moved, "d:8"), gj.reflectance(made, "d:8"))
+    assert_array_equal(moved.optical_thickness, made.optical_thickness)
+    assert_array_equal(gj.reflectance(moved, "d:8"), gj.reflectance(made, "d:8"))
     assert repr(moved) == repr(made)
 
 
@@ -87,7 +86,7 @@ def test_what_is_computed_once_belongs_to_one_glaze():
     before = gj.reflectance(GLAZE, "d:8")
     thicker = eqx.tree_at(lambda glaze: glaze.coats[0].thickness, GLAZE, jnp.asarray(5e-6))
     assert np.abs(gj.reflectance(thicker, "d:8") - before).max() > 0.01
-    np.testing.assert_array_equal(gj.reflectance(GLAZE, "d:8"), before)
+    assert_array_equal(gj.reflectance(GLAZE, "d:8"), before)
 
 
 def test_a_glaze_goes_through_a_file():
@@ -97,7 +96,7 @@ def test_a_glaze_goes_through_a_file():
     empty = jax.tree.map(lambda leaf: 0 * leaf, GLAZE)
     read = eqx.tree_deserialise_leaves(file, empty)
     for one, other in zip(*map(jax.tree.leaves, (read, GLAZE)), strict=True):
-        np.testing.assert_array_equal(one, other)
+        assert_array_equal(one, other)
     assert repr(read) == repr(GLAZE)
 
 

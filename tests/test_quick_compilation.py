@@ -10,39 +10,29 @@ from glazejax.program_cache import compile_quickly
 LOOPS = "--xla_cpu_use_fusion_emitters=false"
 
 
-@pytest.fixture
-def flags(monkeypatch):
-    """What a command's options become, of those that are given."""
-
-    monkeypatch.setattr(program_cache, "version", lambda _: "0.9.2")
-
-    def become(given="", level=1, **variables):
-        monkeypatch.setenv("XLA_FLAGS", given)
-        monkeypatch.setenv("JAX_PLATFORMS", "cpu")
-        for name, value in variables.items():
-            monkeypatch.setenv(name, value)
-        compile_quickly(level)
-        return os.environ["XLA_FLAGS"]
-
-    return become
+LOOK = "--xla_dump_to=here"
+LEVEL = "--xla_backend_optimization_level="
 
 
-@pytest.mark.parametrize("level", [0, 1, 3])
-def test_a_command_asks_for_simple_loops_and_its_level(flags, level):
-    assert flags(level=level) == f"{LOOPS} --xla_backend_optimization_level={level}"
-
-
-def test_what_the_user_says_counts(flags):
-    given = "--xla_backend_optimization_level=2 --xla_dump_to=here"
-    assert flags(given) == f"{LOOPS} {given}"
-    assert flags(f"{LOOPS} {given}") == f"{LOOPS} {given}"
-
-
-@pytest.mark.parametrize("version", ["0.8.2", "0.13.0"])
-def test_a_jaxlib_that_nobody_looked_at_gets_none(flags, monkeypatch, version):
+@pytest.mark.parametrize(
+    ("given", "level", "version", "platform", "options"),
+    [
+        ("", 0, "0.9.2", "cpu", f"{LOOPS} {LEVEL}0"),
+        ("", 3, "0.9.2", "cpu", f"{LOOPS} {LEVEL}3"),
+        (f"{LEVEL}2 {LOOK}", 1, "0.9.2", "cpu", f"{LOOPS} {LEVEL}2 {LOOK}"),
+        (f"{LOOPS} {LEVEL}2", 1, "0.9.2", "cpu", f"{LOOPS} {LEVEL}2"),
+        (LOOK, 1, "0.8.2", "cpu", LOOK),
+        (LOOK, 1, "0.13.0", "cpu", LOOK),
+        ("", 1, "0.9.2", "cuda", ""),
+    ],
+    ids=["level 0", "level 3", "a user's level", "loops", "too old", "too new", "another device"],
+)
+def test_a_command_asks_for_simple_loops_and_a_level(
+    monkeypatch, given, level, version, platform, options
+):
+    """Unless the user states them, or nobody has looked at this jaxlib or device."""
     monkeypatch.setattr(program_cache, "version", lambda _: version)
-    assert flags("--xla_dump_to=here") == "--xla_dump_to=here"
-
-
-def test_other_devices_get_none(flags):
-    assert flags(JAX_PLATFORMS="cuda") == ""
+    monkeypatch.setenv("XLA_FLAGS", given)
+    monkeypatch.setenv("JAX_PLATFORMS", platform)
+    compile_quickly(level)
+    assert os.environ["XLA_FLAGS"] == options

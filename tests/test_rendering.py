@@ -5,6 +5,7 @@ definitions.
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from glazejax import Bidirectional, Glaze, Hemispherical, Layer, Mixture, Pigment, reflectance
 from glazejax.colour import lab
@@ -43,36 +44,36 @@ def alone(layers, ground=None):
 
 
 def test_stack_ground_and_single_layers(result):
-    np.testing.assert_allclose(result.glaze, alone(STACK.coats), atol=TOLERANCE)
-    np.testing.assert_allclose(result.ground, alone([]), atol=TOLERANCE)
+    assert_allclose(result.glaze, alone(STACK.coats), atol=TOLERANCE)
+    assert_allclose(result.ground, alone([]), atol=TOLERANCE)
     for i, layer in enumerate(STACK.coats):
-        np.testing.assert_allclose(result.alone[i], alone([layer]), atol=TOLERANCE)
+        assert_allclose(result.alone[i], alone([layer]), atol=TOLERANCE)
 
 
 def test_ladder_is_a_stack_of_equal_layers(result):
     assert result.ladder.counts.tolist() == list(range(COATS + 1))
     for n in (0, 1, 3):
         stack = [Layer(RED, 1e-6)] * n + [Layer(GREEN, 3e-6)]
-        np.testing.assert_allclose(result.ladder.glaze[n], alone(stack), atol=TOLERANCE)
+        assert_allclose(result.ladder.glaze[n], alone(stack), atol=TOLERANCE)
 
 
 def test_ladder_of_a_lower_layer_and_another_coat():
     ladder = render(STACK, GEOMETRY, layer=1, coat=2e-6, coats=COATS).ladder
     stack = [Layer(RED, 1e-6), Layer(GREEN, 2e-6), Layer(GREEN, 2e-6)]
-    np.testing.assert_allclose(ladder.glaze[2], alone(stack), atol=TOLERANCE)
+    assert_allclose(ladder.glaze[2], alone(stack), atol=TOLERANCE)
 
 
 def test_multiply_is_the_power_law_of_one_coat_on_the_ground(result):
     below, ratio = alone([Layer(GREEN, 3e-6)]), alone([Layer(RED, 1e-6)]) / alone([])
     for n in (0, 1, 2, COATS):
-        np.testing.assert_allclose(result.ladder.multiply[n], below * ratio**n, atol=1e-5)
+        assert_allclose(result.ladder.multiply[n], below * ratio**n, atol=1e-5)
 
 
 def test_multiply_never_brightens():
     white = Pigment("White", W, np.full(W.size, 10.0), np.full(W.size, 2e5))
     ladder = ladder_of(white, 5e-6, 0.05)
     assert np.all(np.diff(ladder.glaze, axis=0) > 0)
-    np.testing.assert_allclose(
+    assert_allclose(
         ladder.multiply, np.broadcast_to(ladder.glaze[0], ladder.multiply.shape), atol=1e-9
     )
 
@@ -82,9 +83,9 @@ def test_multiply_leaves_the_surface_reflection_alone():
     glossy = render(STACK, sphere, coats=COATS).ladder
     matt = render(STACK, Hemispherical(8.0, specular=False), coats=COATS).ladder
     surface = float(dielectric_reflectance(np.cos(np.deg2rad(8.0)), 1.5))
-    np.testing.assert_allclose(glossy.multiply, matt.multiply + surface, atol=1e-5)
+    assert_allclose(glossy.multiply, matt.multiply + surface, atol=1e-5)
     # The ratio that looks nearest depends a little on the gloss.
-    np.testing.assert_allclose(glossy.mixing, matt.mixing + surface, atol=5e-3)
+    assert_allclose(glossy.mixing, matt.mixing + surface, atol=5e-3)
 
 
 def test_mixing_is_opaque_paint_of_mixed_coefficients():
@@ -122,7 +123,7 @@ def test_mixing_is_opaque_paint_of_mixed_coefficients():
             np.asarray(lab(W, mixed(n, best))) - np.asarray(lab(W, ladder.mixing[n]))
         )
         assert apart < 2.5  # The search above has steps of a third.
-    np.testing.assert_array_equal(ladder.mixing[0], ladder.glaze[0])
+    assert_array_equal(ladder.mixing[0], ladder.glaze[0])
     finer = np.linalg.norm(np.asarray(lab(W, ladder.mixing[1])) - first)
     assert finer <= np.linalg.norm(seen - first, axis=-1).min() + 0.05
 
@@ -142,7 +143,7 @@ def test_edges_stay_finite(ground, thickness):
 def test_absent_paint_changes_nothing():
     ladder = ladder_of(RED, 0.0, 0.7)
     for way in (ladder.glaze, ladder.multiply, ladder.mixing):
-        np.testing.assert_allclose(way, np.broadcast_to(ladder.glaze[0], way.shape), atol=2e-5)
+        assert_allclose(way, np.broadcast_to(ladder.glaze[0], way.shape), atol=2e-5)
 
 
 def test_bad_requests():

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.testing import assert_allclose
 from scipy.interpolate import make_interp_spline
 
 from glazejax.spectra import (
@@ -71,7 +72,7 @@ def test_resampling_is_the_linear_spline(values, places):
     new = np.unique(old[0] + np.array(places) * (old[-1] - old[0]))
     new = new[np.concatenate([[True], np.diff(new) > 1e-6])]
     expected = make_interp_spline(old, values, k=1)(new)
-    np.testing.assert_allclose(resample(old, values, new), expected, atol=1e-12)
+    assert_allclose(resample(old, values, new), expected, atol=1e-12)
 
 
 def test_resampling_keeps_kind_and_batch():
@@ -80,12 +81,12 @@ def test_resampling_keeps_kind_and_batch():
     assert isinstance(resample(old, stack, new), np.ndarray)
     there = resample(old, jnp.asarray(stack), new)
     assert isinstance(there, jax.Array)
-    np.testing.assert_allclose(there, stack[..., :-1] + 0.5)
+    assert_allclose(there, stack[..., :-1] + 0.5)
 
 
 def test_resampling_is_differentiable():
     slope = jax.grad(lambda r: resample([400, 410, 420], r, [404.0]).sum())(jnp.zeros(3))
-    np.testing.assert_allclose(slope, [0.6, 0.4, 0.0], atol=1e-12)
+    assert_allclose(slope, [0.6, 0.4, 0.0], atol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -114,7 +115,7 @@ def test_fraction_stays():
 
 def test_percent_is_divided_and_said():
     values, note = as_fraction([50.0, 4.0])
-    np.testing.assert_allclose(values, [0.5, 0.04])
+    assert_allclose(values, [0.5, 0.04])
     assert note is not None
     assert "percent" in note
 
@@ -122,7 +123,7 @@ def test_percent_is_divided_and_said():
 def test_black_below_the_limit_of_one_band_is_still_percent():
     # A matt ultramarine dips to 2 %, but nowhere is its whole spectrum that dark.
     values, _ = as_fraction([[1.2, 6.0], [80.0, 90.0]])
-    np.testing.assert_allclose(values[0], [0.012, 0.06])
+    assert_allclose(values[0], [0.012, 0.06])
 
 
 @pytest.mark.parametrize(

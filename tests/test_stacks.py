@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 import glazejax as gj
 import glazejax.stacks
@@ -44,7 +45,7 @@ def test_a_file_that_was_written_is_read_again(tmp_path):
     assert stack_to_dict(again) == stack_to_dict(stack)
     assert again.coats[1] == Coat(((0.9, "ZincWhite"), (0.1, "Eosin")), 20e-6, 1)
     assert again.hidden == (False, True)
-    np.testing.assert_allclose(again.pigments["Mine"].absorption, MINE["absorption"])
+    assert_allclose(again.pigments["Mine"].absorption, MINE["absorption"])
     with pytest.raises(FileExistsError, match="overwrite=True"):
         write_stack(path, stack)
 
@@ -53,7 +54,7 @@ def test_the_glaze_is_that_of_the_shown_coats():
     stack = stack_from_dict(GIVEN)
     blue = gj.catalogue.pigment("CobaltBlue")
     expected = gj.reflectance(gj.Glaze([gj.Layer(blue, 2e-6)], 0.6, 1.4), gj.Hemispherical(8.0))
-    np.testing.assert_allclose(gj.reflectance(stack.glaze(), stack.seen_by), expected, atol=1e-12)
+    assert_allclose(gj.reflectance(stack.glaze(), stack.seen_by), expected, atol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -79,7 +80,7 @@ def test_a_measured_ground_cuts_the_wavelengths_to_its_own():
     assert isinstance(stack.ground, Spectrum)
     glaze = stack.glaze()
     assert (glaze.wavelengths[0], glaze.wavelengths[-1]) == (430.0, 600.0)
-    np.testing.assert_allclose(np.asarray(glaze.ground)[[0, -1]], [0.2, 0.4])
+    assert_allclose(np.asarray(glaze.ground)[[0, -1]], [0.2, 0.4])
 
 
 def test_paints_of_two_catalogues_share_their_wavelengths():
@@ -174,8 +175,8 @@ def test_a_glaze_is_saved_and_loaded(tmp_path):
         "Mine'",
     ]
     seen = gj.reflectance(glaze, "d:8")
-    np.testing.assert_allclose(gj.reflectance(again, "d:8"), seen, atol=1e-9)
-    np.testing.assert_array_equal(again.coats[2].medium.absorption, other.absorption)
+    assert_allclose(gj.reflectance(again, "d:8"), seen, atol=1e-9)
+    assert_array_equal(again.coats[2].medium.absorption, other.absorption)
     assert (again.refractive_index, read_stack(path).instrument) == (1.45, "d:8")
     assert set(json.loads(path.read_text())["pigments"]) == {"Mine", "Mine'"}
     with pytest.raises(FileExistsError, match="overwrite=True"):
@@ -186,7 +187,7 @@ def test_a_glaze_is_saved_and_loaded(tmp_path):
 def test_a_glaze_over_both_sides_of_a_card(tmp_path):
     (tmp_path / "s.json").write_text(json.dumps({**GIVEN, "ground": "card"}))
     grounds = [gj.load_glaze(tmp_path / "s.json", side=side).ground for side in ("white", "black")]
-    np.testing.assert_allclose(grounds, [WHITE, BLACK])
+    assert_allclose(grounds, [WHITE, BLACK])
 
 
 @pytest.mark.usefixtures("unchecked")

@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from jax.test_util import check_grads
+from numpy.testing import assert_allclose, assert_array_equal
 
 from glazejax.appearance.display.display import Display
 from glazejax.appearance.display.tone import ToneCurve, look_up
@@ -35,20 +36,18 @@ def display(request):
 @pytest.mark.parametrize("colours", [GREYS, COLOURS], ids=["greys", "colours"])
 def test_round_trip_is_exact(display, colours):
     found = display.to_rgb(display.to_xyz(colours))
-    np.testing.assert_array_equal(found.rgb, colours)
+    assert_array_equal(found.rgb, colours)
     assert not np.any(found.outside)
     # Nothing is lost in either way of bringing colours in, either.
     for gamut in ("dim", "desaturate"):
-        np.testing.assert_array_equal(
-            display.to_rgb(display.to_xyz(colours), gamut=gamut).rgb, colours
-        )
+        assert_array_equal(display.to_rgb(display.to_xyz(colours), gamut=gamut).rgb, colours)
 
 
 @pytest.mark.parametrize("dtype", [jnp.float64, jnp.float32])
 def test_round_trip_in_jax(display, dtype):
     found = display.to_rgb(display.to_xyz(jnp.asarray(COLOURS, dtype)))
     assert isinstance(found.rgb, jax.Array)
-    np.testing.assert_array_equal(found.rgb, COLOURS)
+    assert_array_equal(found.rgb, COLOURS)
     assert not np.any(found.outside)
 
 
@@ -62,11 +61,11 @@ def test_matrix_of_the_papers_monitor():
     )
     x, y = xy.T
     corrected = np.diag(255 / top) @ np.linalg.inv(np.array([x / y, [1, 1, 1], (1 - x - y) / y]))
-    np.testing.assert_allclose(found, corrected, rtol=1e-12, atol=1e-12)
+    assert_allclose(found, corrected, rtol=1e-12, atol=1e-12)
     # Each primary alone is one channel at 255.
     for k in range(3):
         primary = top[k] * np.array([x[k] / y[k], 1, (1 - x[k] - y[k]) / y[k]])
-        np.testing.assert_allclose(found @ primary, 255 * np.eye(3)[k], atol=1e-9)
+        assert_allclose(found @ primary, 255 * np.eye(3)[k], atol=1e-9)
 
 
 def test_srgb_against_colour_science():
@@ -89,9 +88,9 @@ def test_gamut_is_named():
     xyz = np.array([inside, saturated, bright])
     for gamut in ("clip", "dim", "desaturate"):
         found = display.to_rgb(xyz, gamut=gamut)
-        np.testing.assert_array_equal(found.outside, [False, True, True])
+        assert_array_equal(found.outside, [False, True, True])
         assert np.all((np.asarray(found.rgb) >= 0) & (np.asarray(found.rgb) <= 255))
-        np.testing.assert_array_equal(found.rgb[0], display.to_rgb(np.array(inside)).rgb)
+        assert_array_equal(found.rgb[0], display.to_rgb(np.array(inside)).rgb)
     with pytest.raises(
         ValueError, match=r"2 of 3 colours lie outside sRGB, the first with XYZ \[0.1"
     ):
@@ -105,7 +104,7 @@ def test_dimming_keeps_chromaticity_and_desaturating_luminance():
     display = Display.preset("sRGB")
     bright = np.asarray(display.to_xyz(np.array([200.0, 120.0, 40.0]))) * 3
     dimmed = np.asarray(display.to_xyz(display.to_rgb(bright, gamut="dim").rgb))
-    np.testing.assert_allclose(dimmed / dimmed.sum(), bright / bright.sum(), atol=2e-3)
+    assert_allclose(dimmed / dimmed.sum(), bright / bright.sum(), atol=2e-3)
     saturated = np.array([0.1, 0.4, 0.02])
     paled = np.asarray(display.to_xyz(display.to_rgb(saturated, gamut="desaturate").rgb))
     assert paled[1] == pytest.approx(0.4, abs=3e-3)
@@ -117,7 +116,7 @@ def test_dimming_keeps_chromaticity_and_desaturating_luminance():
 def test_adaptation_brings_white_to_white():
     display, lamp = Display.preset("sRGB"), np.array([1.0985, 1.0, 0.3558])
     found = display.to_rgb(display.adapt(lamp * np.array([[1.0], [0.2]]), lamp))
-    np.testing.assert_array_equal(found.rgb[0], [255, 255, 255])
+    assert_array_equal(found.rgb[0], [255, 255, 255])
     assert np.ptp(np.asarray(found.rgb[1])) == 0
 
 
@@ -136,18 +135,16 @@ def test_fine_table_below_14():
     # Read as knots they make a curve again, the same where it has any light.
     again = ToneCurve.from_tables(coarse, fine)
     light = np.linspace(1, 255, 2001) / 255
-    np.testing.assert_allclose(again.level(light), tone.level(light), atol=0.15)
+    assert_allclose(again.level(light), tone.level(light), atol=0.15)
     again = Display([[0.6, 0.35], [0.3, 0.6], [0.15, 0.07]], [1.0, 3.0, 0.5], again)
-    np.testing.assert_array_equal(again.to_rgb(again.to_xyz(COLOURS)).rgb, COLOURS)
+    assert_array_equal(again.to_rgb(again.to_xyz(COLOURS)).rgb, COLOURS)
 
 
 def test_readings_are_met():
     levels = np.array([0, 30, 90, 200, 255])
     readings = 0.4 + 50 * (levels / 255.0) ** 2.3
     tone = ToneCurve.from_readings(levels, readings)
-    np.testing.assert_allclose(
-        tone.light(levels), (readings - readings[0]) / np.ptp(readings), atol=1e-12
-    )
+    assert_allclose(tone.light(levels), (readings - readings[0]) / np.ptp(readings), atol=1e-12)
     assert np.all(np.diff(tone.lights) > 0)
 
 
@@ -157,11 +154,11 @@ def test_display_from_readings_is_the_one_that_was_read():
     room = np.array([0.3, 0.31, 0.28])
     readings = np.asarray(display.to_xyz(levels[:, None] * np.eye(3)[:, None])) + room
     found = Display.from_readings(levels, readings)
-    np.testing.assert_allclose(found.chromaticities, display.chromaticities, atol=1e-12)
-    np.testing.assert_allclose(found.luminances, display.luminances, rtol=1e-12)
+    assert_allclose(found.chromaticities, display.chromaticities, atol=1e-12)
+    assert_allclose(found.luminances, display.luminances, rtol=1e-12)
     # Between the readings both interpolate, this one from 18 and the other from 12 levels.
     wanted = np.asarray(display.to_xyz(COLOURS))
-    np.testing.assert_allclose(found.to_xyz(COLOURS), wanted, atol=0.004 * display.white.max())
+    assert_allclose(found.to_xyz(COLOURS), wanted, atol=0.004 * display.white.max())
     with pytest.raises(ValueError, match=r"18 levels need readings \(3, 18, 3\)"):
         Display.from_readings(levels, readings[:, 1:])
 
@@ -201,7 +198,7 @@ def test_looking_up_is_as_near_as_levels_allow():
     outside = display.look_up(
         np.array([[0.0, 80.0, 0.0], [60.0, 60.0, 60.0], [900.0, 900.0, 900.0]])
     ).outside
-    np.testing.assert_array_equal(outside, [True, False, True])
+    assert_array_equal(outside, [True, False, True])
 
 
 def test_colours_can_be_differentiated():

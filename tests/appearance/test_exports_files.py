@@ -2,12 +2,11 @@
 
 import io
 import json
-import re
-from functools import partial
 from xml.etree import ElementTree as xml
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from typer.testing import CliRunner
 
 import glazejax as gj
@@ -21,7 +20,6 @@ from glazejax.appearance.exports import (
 from glazejax.appearance.exports.image_files import normals, png
 from glazejax.appearance.exports.materialx import ImageNode
 from glazejax.colour import encoded_srgb
-from glazejax.commands import progress
 from glazejax.commands.main import make_app
 from glazejax.paint.describe import Coat
 from glazejax.stacks import Stack, write_stack
@@ -80,7 +78,7 @@ def test_a_materialx_file_holds_the_material(fit, tmp_path):
     given = inputs(path, "open_pbr_surface")
     for name, value in fit.material.parameters().items():
         written = [float(part) for part in given[name]["value"].split(",")]
-        np.testing.assert_allclose(written, value, rtol=1e-5)
+        assert_allclose(written, value, rtol=1e-5)
     assert inputs(path, "surfacematerial")["surfaceshader"]["nodename"] == "blue_surface"
 
 
@@ -113,7 +111,7 @@ def test_materialx_takes_the_files(fit, tmp_path):
     values = mx.createDocument()
     mx.readFromXmlFile(values, str(files[0]))
     colour = values.getNode("glaze_surface").getInput("base_color").getValue()
-    np.testing.assert_allclose([colour[k] for k in range(3)], fit.material.base_color, atol=1e-6)
+    assert_allclose([colour[k] for k in range(3)], fit.material.base_color, atol=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -132,11 +130,9 @@ def test_png_has_sixteen_bits():
     grey = np.linspace(0, 1, 60).reshape(5, 12)
     pillow = pytest.importorskip("PIL.Image")
     found = np.asarray(pillow.open(io.BytesIO(png(grey))))
-    np.testing.assert_array_equal(found, np.round(grey * 65535).astype(np.uint16))
+    assert_array_equal(found, np.round(grey * 65535).astype(np.uint16))
     colour = np.random.default_rng(0).uniform(size=(4, 3, 3))
-    np.testing.assert_allclose(
-        read_png(io.BytesIO(png(colour, encoded=True))), colour, atol=1.01 / 255
-    )
+    assert_allclose(read_png(io.BytesIO(png(colour, encoded=True))), colour, atol=1.01 / 255)
     assert pillow.open(io.BytesIO(png(colour, encoded=True))).info["srgb"] == 0
 
 
@@ -144,9 +140,7 @@ def test_normals_of_a_slope_point_down_it():
     rise = np.broadcast_to(np.arange(4.0) * 1e-6, (3, 4))
     n = 2 * normals(rise, 1e-6) - 1
     # A height that rises to the right by one pixel a pixel: 45 degrees, towards the left.
-    np.testing.assert_allclose(
-        n, np.broadcast_to([-np.sqrt(0.5), 0, np.sqrt(0.5)], n.shape), atol=1e-12
-    )
+    assert_allclose(n, np.broadcast_to([-np.sqrt(0.5), 0, np.sqrt(0.5)], n.shape), atol=1e-12)
     # Rising downwards: green points up the picture.
     assert np.all((2 * normals(rise.T, 1e-6) - 1)[..., 1] > 0.7)
 
@@ -167,7 +161,7 @@ def test_a_pixel_is_the_fit_of_its_glaze(textures):
         alone = fit_openpbr(angular_colour(blue(thickness[place])))
         expected = encoded_srgb(np.array(alone.material.base_color))
         assert alone.material.base_diffuse_roughness < 0.02
-        np.testing.assert_allclose(picture[place], expected, atol=1.01 / 255 + 2e-3)
+        assert_allclose(picture[place], expected, atol=1.01 / 255 + 2e-3)
 
 
 def test_textures_come_with_words_and_a_material(textures):
@@ -189,7 +183,7 @@ def test_textures_come_with_words_and_a_material(textures):
     assert "Scale 8e-06" in text
     pillow = pytest.importorskip("PIL.Image")
     height = np.asarray(pillow.open(found.files["height"]), float) / 65535
-    np.testing.assert_allclose(height * 8e-6, thickness, atol=1e-10)
+    assert_allclose(height * 8e-6, thickness, atol=1e-10)
     assert np.asarray(pillow.open(found.files["roughness"])).max() == 0
     mx = pytest.importorskip("MaterialX")
     document = mx.createDocument()
@@ -210,7 +204,7 @@ def test_a_large_map_is_interpolated(tmp_path):
     few = texture_set(blue(), tmp_path / "few", thickness=thickness[:, ::29])
     assert few.interpolation == 0
     # Half a unit of Delta E is a few steps of eight bits at most.
-    np.testing.assert_allclose(picture[:, ::29], read_png(few.files["base_color"]), atol=3 / 255)
+    assert_allclose(picture[:, ::29], read_png(few.files["base_color"]), atol=3 / 255)
 
 
 @pytest.mark.slow
@@ -223,9 +217,7 @@ def test_fractions_and_grounds(tmp_path):
     for k in range(3):
         parts = gj.Mixture(mixed.pigments, [1 - fraction[0, k], fraction[0, k]])
         alone = fit_openpbr(gj.Glaze([gj.Layer(parts, 20e-6)], ground[0, k]), coat=False)
-        np.testing.assert_allclose(
-            picture[0, k], encoded_srgb(np.array(alone.material.base_color)), atol=1e-2
-        )
+        assert_allclose(picture[0, k], encoded_srgb(np.array(alone.material.base_color)), atol=1e-2)
 
 
 @pytest.mark.slow
@@ -247,7 +239,7 @@ def test_exr_holds_acescg(fit, tmp_path):
     assert found.outside == 0
     with exr.File(str(found.files["base_color"])) as file:
         pixels = file.channels()["RGB"].pixels
-    np.testing.assert_allclose(pixels[2, 3], fit.material.base_color, atol=2e-3)
+    assert_allclose(pixels[2, 3], fit.material.base_color, atol=2e-3)
     assert 'colorspace="acescg"' in found.files["materialx"].read_text()
 
 
@@ -308,9 +300,7 @@ def test_the_command_fits_openpbr(run, tmp_path, monkeypatch):
     )
     assert f"RMS {fit.errors.rms:.3f}" in done.output
     given = inputs(tmp_path / "glaze.mtlx", "open_pbr_surface")["base_color"]["value"]
-    np.testing.assert_allclose(
-        [float(part) for part in given.split(",")], fit.material.base_color, rtol=1e-4
-    )
+    assert_allclose([float(part) for part in given.split(",")], fit.material.base_color, rtol=1e-4)
     again = run(COATS)
     assert "--out glaze.mtlx exists" in str(again.exception)
 
@@ -337,7 +327,7 @@ def test_the_command_reads_a_stack_and_maps(run, tmp_path):
     )
     assert second.exit_code == 0, second.output
     pictures = [read_png(tmp_path / folder / "glaze_base_color.png") for folder in ("a", "b")]
-    np.testing.assert_array_equal(pictures[0], pictures[1])
+    assert_array_equal(pictures[0], pictures[1])
     assert (tmp_path / "b" / "glaze_normal.png").exists()
     again = run(*words, "--thickness-map", tmp_path / "thin.npy", "--out", tmp_path / "a")
     assert "exists" in str(again.exception)
@@ -373,46 +363,20 @@ def test_a_ground_that_no_paint_meets_is_named(run, tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
-        (("--to", "unreal"), "--to is 'unreal'; it must be one of openpbr, textures"),
-        (("--layering", "arnold"), "--layering is 'arnold'; it must be one of materialx"),
-        (("--format", "tga"), "--format is 'tga'; it must be one of png, exr"),
+        ("--to unreal", "--to is 'unreal'; it must be one of openpbr, textures"),
+        ("--layering arnold", "--layering is 'arnold'; it must be one of materialx"),
+        ("--format tga", "--format is 'tga'; it must be one of png, exr"),
         (
-            ("--to", "textures"),
+            "--to textures",
             "textures need a map that says what changes: add --thickness-map FILE",
         ),
-        (("--space", "ACEScg", "--pixel", "5um"), "--pixel is for textures: add --to textures"),
-        (("--space", "rgb"), "the colour space 'rgb' is not known"),
-        (("--thickness-map", "a.npy"), "--thickness-map is for textures"),
+        ("--space ACEScg --pixel 5um", "--pixel is for textures: add --to textures"),
+        ("--space rgb", "the colour space 'rgb' is not known"),
+        ("--thickness-map a.npy", "--thickness-map is for textures"),
     ],
 )
 def test_wrong_options_are_one_sentence(run, tmp_path, monkeypatch, words, complaint):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "a.npy").touch()
-    assert complaint in str(run(COATS, *words).exception)
+    assert complaint in str(run(COATS, *words.split()).exception)
     assert [path.name for path in tmp_path.iterdir()] == ["a.npy"]
-
-
-@pytest.mark.parametrize(
-    ("words", "stages"),
-    [
-        (
-            ["--roughness", "0.3"],
-            ["computing pairs of angles", "fitting the material"],
-        ),
-        (
-            ["--to", "textures", "--thickness-map", "ramp.npy"],
-            [r"computing glazes, round \d+,", "comparing pixels at all angles"],
-        ),
-    ],
-)
-def test_without_a_terminal_lines_say_how_far_an_export_is(
-    run, tmp_path, monkeypatch, words, stages
-):
-    monkeypatch.setattr(progress, "lines", partial(progress.lines, 0.001))
-    monkeypatch.chdir(tmp_path)
-    np.save("ramp.npy", np.linspace(1e-6, 4e-6, 80)[None])
-    done = run(COATS, *words)
-    assert done.exit_code == 0, done.output
-    for stage in stages:
-        shares = re.findall(rf"^{stage} \d+ of \d+ \((\d+)%\), after", done.stderr, re.MULTILINE)
-        assert len({*shares}) > 1, stage

@@ -3,10 +3,10 @@ found again.
 """
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 import glazejax as gj
 from glazejax.appearance.exports import (
@@ -53,7 +53,7 @@ def hemisphere(function, cos_out: float) -> np.ndarray:
 def test_a_white_rough_body_keeps_all_light(roughness):
     for cos_out in (0.2, 0.9):
         found = hemisphere(lambda *at: diffuse_factor(np.ones(3), roughness, *at), cos_out)
-        np.testing.assert_allclose(found, 1.0, atol=1e-4)
+        assert_allclose(found, 1.0, atol=1e-4)
 
 
 @pytest.mark.parametrize("roughness", [pytest.param(0.3, marks=pytest.mark.slow), 1.0])
@@ -74,7 +74,7 @@ def test_light_that_facets_send_to_facets_is_coloured_by_each(roughness):
 
     leaving = albedo(np.ones(3), bounces=False)[0]
     assert 0.5 < leaving < 0.99
-    np.testing.assert_allclose(
+    assert_allclose(
         albedo(colour, bounces=True),
         colour * leaving / (1.0 - colour * (1.0 - leaving)),
         atol=1e-3,
@@ -86,15 +86,13 @@ def test_light_that_facets_send_to_facets_is_coloured_by_each(roughness):
 def test_the_albedo_of_a_rough_surface_is_that_of_its_lobe(alpha, index):
     for cos_out in (0.25, 0.9):
         brute = hemisphere(lambda i, o, turn: lobe_factor(i, o, turn, alpha, index), cos_out)
-        np.testing.assert_allclose(
-            lobe_albedo(np.array([cos_out]), alpha, index)[0], brute, rtol=2e-3
-        )
+        assert_allclose(lobe_albedo(np.array([cos_out]), alpha, index)[0], brute, rtol=2e-3)
 
 
 def test_a_surface_that_gets_smooth_reflects_as_fresnel_says():
     # n = 1.5 straight on: ((n - 1)/(n + 1))^2.
-    np.testing.assert_allclose(lobe_albedo(np.ones(1), 0.0, 1.5), 0.04, rtol=1e-12)
-    np.testing.assert_allclose(
+    assert_allclose(lobe_albedo(np.ones(1), 0.0, 1.5), 0.04, rtol=1e-12)
+    assert_allclose(
         lobe_albedo(COSINES[1:], 1e-3, 1.5), lobe_albedo(COSINES[1:], 0.0, 1.5), rtol=2e-4
     )
 
@@ -108,14 +106,14 @@ def test_a_white_material_reflects_everything(layering):
         nodes, weights = np.polynomial.legendre.leggauss(16)
         mu = 0.5 * (nodes + 1)
         mean = np.array([weights * mu @ directional_albedo(plain, mu, layering=layering)])
-    np.testing.assert_allclose(mean, 1.0, atol=2e-4)
+    assert_allclose(mean, 1.0, atol=2e-4)
 
 
 # MaterialX darkens by the colour alone.
 @pytest.mark.parametrize("layering", [name for name in LAYERINGS if name != "materialx"])
 def test_the_weight_of_the_base_is_a_factor_of_its_colour(layering):
     """Below a coat that darkens it, too."""
-    rest: dict[str, Any] = {
+    rest: dict = {
         "coat_weight": 0.7,
         "coat_darkening": 1.0,
         "coat_ior": 1.6,
@@ -127,7 +125,7 @@ def test_the_weight_of_the_base_is_a_factor_of_its_colour(layering):
         reflectance_factor(material, COSINES, np.full(5, 0.7), np.full(5, 120.0), layering=layering)
         for material in (half, whole)
     ]
-    np.testing.assert_allclose(*seen, rtol=1e-12)
+    assert_allclose(*seen, rtol=1e-12)
 
 
 @pytest.mark.parametrize("layering", LAYERINGS)
@@ -136,15 +134,15 @@ def test_a_coat_adds_its_mirror_and_takes_light_away(layering):
     bare = replace(coated, coat_weight=0.0)
     body = [reflectance_factor(m, 1.0, 1.0, layering=layering, gloss=False) for m in (coated, bare)]
     assert np.all(body[0] < body[1])
-    np.testing.assert_allclose(surface_albedo(coated, 1.0, layering=layering), 0.04, rtol=1e-6)
+    assert_allclose(surface_albedo(coated, 1.0, layering=layering), 0.04, rtol=1e-6)
     tinted = replace(coated, coat_color=(0.25, 1.0, 1.0))
     through = reflectance_factor(tinted, 1.0, 1.0, layering=layering, gloss=False) / body[0]
-    np.testing.assert_allclose(through, [0.25, 1.0, 1.0])
+    assert_allclose(through, [0.25, 1.0, 1.0])
     slanted = reflectance_factor(tinted, 0.5, 0.5, layering=layering, gloss=False)
     slanted /= reflectance_factor(coated, 0.5, 0.5, layering=layering, gloss=False)
     inside = np.sqrt(1 - 0.75 / 1.5**2)
     expected = 0.25 if layering == "materialx" else 0.25 ** (1 / inside)
-    np.testing.assert_allclose(slanted[0], expected, rtol=1e-9)
+    assert_allclose(slanted[0], expected, rtol=1e-9)
 
 
 def test_layers_that_are_reciprocal_are():
@@ -161,7 +159,7 @@ def test_layers_that_are_reciprocal_are():
         reflectance_factor(material, *pair, 40.0, layering="reciprocal", gloss=False)
         for pair in ((0.3, 0.9), (0.9, 0.3))
     )
-    np.testing.assert_allclose(there, back, rtol=1e-12)
+    assert_allclose(there, back, rtol=1e-12)
     one, other = (
         reflectance_factor(material, *pair, layering="materialx", gloss=False)
         for pair in ((0.3, 0.9), (0.9, 0.3))
@@ -193,7 +191,7 @@ def test_reciprocal_layers_of_a_clear_coat_are_what_the_solver_computes(index):
             tolerance=1e-8,
         )
         found = reflectance_factor(material, *pair, layering="reciprocal", gloss=False)
-        np.testing.assert_allclose(found, solved, atol=1e-6)
+        assert_allclose(found, solved, atol=1e-6)
 
 
 def test_a_material_is_found_again(truth):
@@ -203,7 +201,7 @@ def test_a_material_is_found_again(truth):
         body=np.broadcast_to((1 - truth.surface)[:, None] * (0.1, 0.6, 0.3), truth.body.shape),
     )
     fit = fit_openpbr(flat)
-    np.testing.assert_allclose(fit.material.base_color, (0.1, 0.6, 0.3), atol=2e-5)
+    assert_allclose(fit.material.base_color, (0.1, 0.6, 0.3), atol=2e-5)
     assert fit.material.base_diffuse_roughness < 1e-3
     assert fit.material.coat_weight == 0
     assert max(fit.errors) < 1e-2
@@ -223,7 +221,7 @@ def test_a_coat_is_found_again(truth, layering):
         material, truth.cosines[:, None], truth.cosines, layering=layering, gloss=False
     )
     fit = fit_openpbr(replace(truth, body=seen), layering=layering)
-    np.testing.assert_allclose(fit.material.coat_color, tint, atol=5e-3)
+    assert_allclose(fit.material.coat_color, tint, atol=5e-3)
     assert fit.errors.rms < 2e-4
 
 
@@ -249,36 +247,36 @@ def test_errors_are_what_they_say(truth):
     share = (weights * mu)[:, None] * weights * mu
     seen = np.array([[reflectance_factor(material, i, o) for o in mu] for i in mu])
     square = ((seen - truth.body[truth.nodes, truth.nodes]) ** 2).mean(axis=-1)
-    np.testing.assert_allclose(errors.rms, np.sqrt((share * square).sum()), rtol=1e-9)
+    assert_allclose(errors.rms, np.sqrt((share * square).sum()), rtol=1e-9)
     sky = np.array([directional_albedo(material, c) for c in truth.cosines[truth.views]])
     expected = truth.directional_albedo()[truth.views]
-    np.testing.assert_allclose(errors.albedo, np.abs(sky - expected).max(), rtol=1e-9)
-    np.testing.assert_allclose(errors.sky_most, delta_e(sky, expected, "acescg").max(), rtol=1e-9)
+    assert_allclose(errors.albedo, np.abs(sky - expected).max(), rtol=1e-9)
+    assert_allclose(errors.sky_most, delta_e(sky, expected, "acescg").max(), rtol=1e-9)
 
 
 def test_the_computed_glaze_is_the_solvers(truth):
     made = blue()
 
     views = truth.cosines[truth.views]
-    np.testing.assert_allclose(views[4], 0.5)
+    assert_allclose(views[4], 0.5)
     seen = gj.reflectance(made, gj.Bidirectional(60.0, 0.0))
     xyz = gj.colour.xyz(made.wavelengths, seen)
     expected = rgb_of_xyz(np.asarray(xyz), gj.colour.white_point(made.wavelengths), "acescg")
     whole = angular_colour(made, space="acescg")
-    np.testing.assert_allclose(whole.body[whole.views, whole.views][4, 0], expected, atol=2e-4)
+    assert_allclose(whole.body[whole.views, whole.views][4, 0], expected, atol=2e-4)
 
     # The mirror's share and the body's together are what a sphere sees.
     sphere = gj.reflectance(made, gj.Hemispherical(45.0))
     xyz = np.asarray(gj.colour.xyz(made.wavelengths, sphere))
     expected = rgb_of_xyz(xyz, gj.colour.white_point(made.wavelengths), "acescg")
-    np.testing.assert_allclose(whole.directional_albedo()[whole.views][3], expected, atol=2e-4)
+    assert_allclose(whole.directional_albedo()[whole.views][3], expected, atol=2e-4)
 
 
 def test_colour_spaces():
     white = gj.colour.white_point(GRID, "A")
     for space in ("lin_rec709", "acescg"):
-        np.testing.assert_allclose(rgb_of_xyz(white, white, space), 1.0, atol=1e-12)
-        np.testing.assert_allclose(lab_of_rgb(np.ones(3), space), [100, 0, 0], atol=1e-9)
+        assert_allclose(rgb_of_xyz(white, white, space), 1.0, atol=1e-12)
+        assert_allclose(lab_of_rgb(np.ones(3), space), [100, 0, 0], atol=1e-9)
     # ACES: AP1's red, green and blue in linear sRGB, as colour-science has them (Bradford).
     colour = gj.colour.colour_science()
     expected = colour.RGB_to_RGB(np.eye(3), "ACEScg", "sRGB", "Bradford")
@@ -286,10 +284,8 @@ def test_colour_spaces():
     ours = np.linalg.inv(rgb_of_xyz(np.eye(3), d65, "acescg")) @ rgb_of_xyz(
         np.eye(3), d65, "lin_rec709"
     )
-    np.testing.assert_allclose(ours, expected, atol=2e-4)
-    np.testing.assert_array_equal(
-        outside(np.array([[0.5, 0, 1], [-0.01, 0, 0], [0, 1.2, 0]])), [0, 1, 1]
-    )
+    assert_allclose(ours, expected, atol=2e-4)
+    assert_array_equal(outside(np.array([[0.5, 0, 1], [-0.01, 0, 0], [0, 1.2, 0]])), [0, 1, 1])
 
 
 @pytest.mark.slow

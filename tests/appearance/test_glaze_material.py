@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from jax.test_util import check_grads
+from numpy.testing import assert_allclose
 
 import glazejax as gj
 from glazejax.appearance.glaze.table import GlazeTable, glaze_table
@@ -61,7 +62,7 @@ def test_a_map_of_one_thickness_may_be_the_thickest_there_is():
         glaze(), WAVELENGTHS, angles=((0, 0), (0, 0)), thickness=np.full((2, 2), MAX_THICKNESS)
     )
     found = thick.reflectance_factor(1.0, 1.0, MAX_THICKNESS)
-    np.testing.assert_allclose(
+    assert_allclose(
         found,
         gj.reflectance(glaze(MAX_THICKNESS, wavelengths=WAVELENGTHS), gj.Bidirectional()),
         atol=1e-3,
@@ -91,13 +92,11 @@ def test_grazing_light_vanishes_and_directions_can_be_exchanged(table):
         table.reflectance_factor(COS_IN, COS_OUT),
         table.reflectance_factor(COS_OUT, COS_IN),
     )
-    np.testing.assert_allclose(forth, back, atol=1e-12)
+    assert_allclose(forth, back, atol=1e-12)
 
 
 def test_mirror_is_the_outer_surface(table):
-    np.testing.assert_allclose(
-        table.mirror(COS_IN)[:, 2], dielectric_reflectance(COS_IN, 1.5), rtol=1e-13
-    )
+    assert_allclose(table.mirror(COS_IN)[:, 2], dielectric_reflectance(COS_IN, 1.5), rtol=1e-13)
     assert np.all(np.asarray(table.mirror(-0.5)) == 1.0)
 
 
@@ -109,7 +108,7 @@ def test_only_angles_asked_for():
     viewing = np.cos(np.deg2rad(np.linspace(0, 20, 9)))
     wide = glaze_table(glaze(), WAVELENGTHS, tolerance=1e-4)
     lit = np.full(9, np.cos(np.pi / 4))
-    np.testing.assert_allclose(
+    assert_allclose(
         narrow.reflectance_factor(lit, viewing), wide.reflectance_factor(lit, viewing), atol=2e-4
     )
 
@@ -136,18 +135,16 @@ def test_bare_ground():
     expected = gj.stack_reflectance_factor(
         [0.0], [0.0], 0.5, cos_incidence=COS_IN, cos_viewing=COS_OUT
     )
-    np.testing.assert_allclose(found.reflectance_factor(COS_IN, COS_OUT)[:, 3], expected, atol=1e-4)
+    assert_allclose(found.reflectance_factor(COS_IN, COS_OUT)[:, 3], expected, atol=1e-4)
 
 
 def test_through_jit_vmap_and_slopes(deep):
     depths = RNG.uniform(1e-6, 29e-6, 60)
     plain = deep.reflectance_factor(COS_IN, COS_OUT, depths)
     arrays = (jnp.asarray(COS_IN), jnp.asarray(COS_OUT), jnp.asarray(depths))
-    np.testing.assert_allclose(
-        jax.jit(GlazeTable.reflectance_factor)(deep, *arrays), plain, atol=1e-12
-    )
+    assert_allclose(jax.jit(GlazeTable.reflectance_factor)(deep, *arrays), plain, atol=1e-12)
     one = jax.vmap(deep.reflectance_factor)(*arrays)
-    np.testing.assert_allclose(one, plain, atol=1e-12)
+    assert_allclose(one, plain, atol=1e-12)
 
     def total(a, b, d):
         return jnp.sum(deep.reflectance_factor(a, b, d * 1e-6))
@@ -169,7 +166,7 @@ def test_slopes_at_the_ends(deep):
             np.array(at),
             np.array(at) - np.array([1e-7 * (at[0] == 1), -1e-6 * (at[1] == 0)]),
         )
-        np.testing.assert_allclose(slopes(end), slopes(inside), rtol=1e-3)
+        assert_allclose(slopes(end), slopes(inside), rtol=1e-3)
 
 
 def test_slopes_by_the_paint(table):
@@ -182,7 +179,7 @@ def test_slopes_by_the_paint(table):
 
     slope = jax.grad(seen)(15.0)
     assert slope == pytest.approx(float((seen(15.01) - seen(14.99)) / 0.02), rel=1e-4)
-    np.testing.assert_allclose(
+    assert_allclose(
         table.for_glaze(glaze(), WAVELENGTHS).reflectance_factor(COS_IN, COS_OUT),
         table.reflectance_factor(COS_IN, COS_OUT),
         atol=1e-4,

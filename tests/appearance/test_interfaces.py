@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from jax.test_util import check_grads
+from numpy.testing import assert_allclose
 
 from glazejax import colour
 from glazejax.appearance.metals import SOURCES, metal
@@ -32,8 +33,8 @@ def test_conductors_against_another_program():
         np.array([float(c[key]) for c in cases]) for key in ("n", "k", "degrees", "reflectance")
     )
     cosine = np.cos(np.deg2rad(degrees))
-    np.testing.assert_allclose(conductor_reflectance(cosine, n, k), expected, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(
+    assert_allclose(conductor_reflectance(cosine, n, k), expected, rtol=0, atol=1e-12)
+    assert_allclose(
         conductor_reflectance(*map(jnp.asarray, (cosine, n, k))), expected, rtol=0, atol=1e-12
     )
 
@@ -46,14 +47,14 @@ def test_conductors_against_complex_amplitudes():
     inside = np.sqrt(1.0 - (1.0 - c**2) / index**2)
     s = (c - index * inside) / (c + index * inside)
     p = (index * c - inside) / (index * c + inside)
-    np.testing.assert_allclose(
+    assert_allclose(
         conductor_reflectance(c, n, k), 0.5 * (abs(s) ** 2 + abs(p) ** 2), rtol=0, atol=1e-13
     )
 
 
 def test_limits_of_conductors():
     cosine = np.linspace(0.0, 1.0, 11)
-    np.testing.assert_allclose(
+    assert_allclose(
         conductor_reflectance(cosine, 1.5, 0.0), dielectric_reflectance(cosine, 1.5), atol=1e-15
     )
     assert conductor_reflectance(0.0, 0.2, 3.0) == pytest.approx(1.0, abs=1e-15)
@@ -88,8 +89,8 @@ def test_cook_torrance_as_printed():
     g = np.sqrt(n**2 + c**2 - 1)
     bracket = 1 + ((c * (g + c) - 1) / (c * (g - c) + 1)) ** 2
     printed = 0.5 * ((g - c) / (g + c)) ** 2 * bracket
-    np.testing.assert_allclose(cook_torrance_reflectance(c, f0), printed, atol=1e-14)
-    np.testing.assert_allclose(cook_torrance_reflectance(1.0, f0), f0, atol=1e-15)
+    assert_allclose(cook_torrance_reflectance(c, f0), printed, atol=1e-14)
+    assert_allclose(cook_torrance_reflectance(1.0, f0), f0, atol=1e-15)
 
 
 def test_hall_as_printed():
@@ -106,13 +107,13 @@ def test_hall_as_printed():
     printed = f0 + (1 - f0) * (average(c) - average(1.0)) / (1 - average(1.0))
     assert average(1.0) == pytest.approx(mean)
     assert hall_extinction(mean) == pytest.approx(k, rel=1e-15)
-    np.testing.assert_allclose(hall_reflectance(c, f0, k), printed, atol=1e-14)
-    np.testing.assert_allclose(hall_reflectance(1.0, f0, k, 0.5), f0, atol=1e-15)
-    np.testing.assert_allclose(hall_reflectance(0.0, f0, k, 0.5), 1.0, atol=1e-15)
+    assert_allclose(hall_reflectance(c, f0, k), printed, atol=1e-14)
+    assert_allclose(hall_reflectance(1.0, f0, k, 0.5), f0, atol=1e-15)
+    assert_allclose(hall_reflectance(0.0, f0, k, 0.5), 1.0, atol=1e-15)
     # Ditchburn's (20)-(22) neglect sin^2 beside n^2 + k^2, so a strong metal is met by its own mean
     # n and k.
     exact = conductor_reflectance(c, 3.0, 60.0)
-    np.testing.assert_allclose(hall_reflectance(c, exact[:1], 60.0, 3.0), exact, atol=1e-4)
+    assert_allclose(hall_reflectance(c, exact[:1], 60.0, 3.0), exact, atol=1e-4)
 
 
 def chromaticity(spectra, illuminant="D65"):
@@ -155,10 +156,10 @@ def test_metals(name):
     assert np.all(np.diff(bare.wavelengths) > 0)
     assert bare.wavelengths[0] < 380 < 780 < bare.wavelengths[-1]
     same = bare.resample(bare.wavelengths)
-    np.testing.assert_allclose(same.refractive_index, bare.refractive_index, atol=1e-12)
+    assert_allclose(same.refractive_index, bare.refractive_index, atol=1e-12)
     fine = bare.resample(GRID)
     reflectance = conductor_reflectance(1.0, fine.refractive_index, fine.extinction)
-    np.testing.assert_allclose(fine.reflectance([1.0, 0.5])[0], reflectance, rtol=1e-14)
+    assert_allclose(fine.reflectance([1.0, 0.5])[0], reflectance, rtol=1e-14)
     assert np.all((reflectance > 0.3) & (reflectance < 1))
 
 

@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from jax.test_util import check_grads
+from numpy.testing import assert_allclose
 
 from glazejax import colour
 from glazejax.appearance.interreflection import all_bounces, configuration_factor, one_bounce
@@ -40,7 +41,7 @@ def test_configuration_factor_as_printed():
     printed = 0.5 * (
         1 + (np.cos(gamma) - POSITIONS) / np.sqrt(POSITIONS**2 + 1 - 2 * POSITIONS * np.cos(gamma))
     )
-    np.testing.assert_allclose(configuration_factor(POSITIONS, 30.0), printed, atol=1e-14)
+    assert_allclose(configuration_factor(POSITIONS, 30.0), printed, atol=1e-14)
     assert configuration_factor(0.0, 30.0) == pytest.approx((1 + np.cos(gamma)) / 2, abs=1e-15)
     assert np.all(np.diff(configuration_factor(POSITIONS, 30.0)) < 0)
 
@@ -70,7 +71,7 @@ def test_colours_move_to_the_product_towards_the_joint(bounces):
             own = chromaticity(body * lamp)
             along = product - own
             share = (found - own) @ along / (along @ along)
-            np.testing.assert_allclose(found, own + share[:, None] * along, atol=1e-12)
+            assert_allclose(found, own + share[:, None] * along, atol=1e-12)
             assert np.all(np.diff(share) < 0)
 
 
@@ -90,8 +91,8 @@ def test_all_bounces_end_where_they_must(angle):
     joint = (a * lit_a + a * f * b * lit_b) / (1 - a * b * f**2)
     assert found.a[0, 0] == pytest.approx(joint, rel=2e-4)
     black = all_bounces([a], [0.0], lit_a, lit_b, 1.0, POSITIONS, angle)
-    np.testing.assert_allclose(black.a, a * lit_a, rtol=1e-12)
-    np.testing.assert_allclose(black.b, 0.0, atol=1e-15)
+    assert_allclose(black.a, a * lit_a, rtol=1e-12)
+    assert_allclose(black.b, 0.0, atol=1e-15)
 
 
 def test_all_bounces_against_following_them_one_by_one():
@@ -108,8 +109,8 @@ def test_all_bounces_against_following_them_one_by_one():
     for _ in range(60):
         on_a, on_b = a * lit_a + a * kernel @ on_b, b * lit_b + b * kernel @ on_a
     found = all_bounces([a], [b], lit_a, lit_b, 1.0, places[::20], 60.0)
-    np.testing.assert_allclose(found.a[:, 0], on_a[::20], atol=2e-4)
-    np.testing.assert_allclose(found.b[:, 0], on_b[::20], atol=2e-4)
+    assert_allclose(found.a[:, 0], on_a[::20], atol=2e-4)
+    assert_allclose(found.b[:, 0], on_b[::20], atol=2e-4)
 
 
 def test_slopes():

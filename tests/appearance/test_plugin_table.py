@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 import glazejax as gj
 from glazejax.appearance.mitsuba.coats import Axes, on_even_grid, read_coats
@@ -47,8 +48,8 @@ def test_any_thickness_and_any_ground(coats):
             *stack, ground, cos_incidence=a[:, None], cos_viewing=b[:, None]
         )
         found = looked_up(body, a, b, {"thickness": depth}, ground)
-        np.testing.assert_allclose(found, exact, rtol=0, atol=body.error)
-        np.testing.assert_allclose(
+        assert_allclose(found, exact, rtol=0, atol=body.error)
+        assert_allclose(
             looked_up(body, b, a, {"thickness": depth}, ground), found, rtol=1e-12, atol=1e-14
         )
 
@@ -73,7 +74,7 @@ def test_hermites_cubics_are_exact_for_cubics():
         found = (
             lower * cubic(0) + lower_slope * slope(0) + upper * cubic(1) + upper_slope * slope(1)
         )
-        np.testing.assert_allclose(found, cubic(t), atol=1e-14)
+        assert_allclose(found, cubic(t), atol=1e-14)
 
 
 @pytest.mark.slow
@@ -92,16 +93,14 @@ def test_a_rough_surfaces_matrix_is_its_ports():
             cos_viewing=cosines,
             tolerance=tolerance,
         )
-        np.testing.assert_allclose(parts.black[:, i], ports.dark, atol=1e-12)
-        np.testing.assert_allclose(parts.through, ports.viewing, atol=1e-12)
-        np.testing.assert_allclose(
-            np.broadcast_to(parts.back[:, None], (2, 3)), ports.back, atol=1e-12
-        )
+        assert_allclose(parts.black[:, i], ports.dark, atol=1e-12)
+        assert_allclose(parts.through, ports.viewing, atol=1e-12)
+        assert_allclose(np.broadcast_to(parts.back[:, None], (2, 3)), ports.back, atol=1e-12)
 
 
 def test_wavelengths_come_at_even_distances():
     grid = np.array([400.0, 420.0, 430.0, 460.0])
     paint = gj.Pigment("p", grid, [1e4] * 4, [2e5] * 4)
     even = on_even_grid(gj.Glaze([gj.Layer(paint, 1e-6)], np.array([0.1, 0.3, 0.4, 0.7])))
-    np.testing.assert_allclose(even.wavelengths, np.arange(400, 461, 10))
-    np.testing.assert_allclose(even.ground, np.linspace(0.1, 0.7, 7), atol=1e-9)
+    assert_allclose(even.wavelengths, np.arange(400, 461, 10))
+    assert_allclose(even.ground, np.linspace(0.1, 0.7, 7), atol=1e-9)

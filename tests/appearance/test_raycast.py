@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import trimesh
+from numpy.testing import assert_allclose, assert_array_equal
 
 from glazejax.appearance.scene.draw.intersect import (
     Hit,
@@ -65,10 +66,10 @@ def hit_of(shape, origin, direction):
 )
 def test_single_rays(shape, origin, direction, distance, normal, uv):
     hit, found = hit_of(shape, origin, direction)
-    np.testing.assert_allclose(hit.distance, [distance], rtol=1e-12)
+    assert_allclose(hit.distance, [distance], rtol=1e-12)
     if normal is not None:
-        np.testing.assert_allclose(found.normal, [normal], atol=1e-12)
-        np.testing.assert_allclose(found.uv, [uv], atol=1e-12)
+        assert_allclose(found.normal, [normal], atol=1e-12)
+        assert_allclose(found.uv, [uv], atol=1e-12)
 
 
 def test_missed_shapes():
@@ -79,10 +80,10 @@ def test_missed_shapes():
 
 
 def test_rotation_turns_as_it_says():
-    np.testing.assert_allclose(rotation((90, 0, 0)) @ [0, 1, 0], [0, 0, 1], atol=1e-15)
-    np.testing.assert_allclose(rotation((0, 90, 0)) @ [0, 0, 1], [1, 0, 0], atol=1e-15)
-    np.testing.assert_allclose(rotation((0, 0, 90)) @ [1, 0, 0], [0, 1, 0], atol=1e-15)
-    np.testing.assert_allclose(rotation((90, 0, 90)) @ [0, 1, 0], [0, 0, 1], atol=1e-15)
+    assert_allclose(rotation((90, 0, 0)) @ [0, 1, 0], [0, 0, 1], atol=1e-15)
+    assert_allclose(rotation((0, 90, 0)) @ [0, 0, 1], [1, 0, 0], atol=1e-15)
+    assert_allclose(rotation((0, 0, 90)) @ [1, 0, 0], [0, 1, 0], atol=1e-15)
+    assert_allclose(rotation((90, 0, 90)) @ [0, 1, 0], [0, 0, 1], atol=1e-15)
 
 
 def bumpy(count=24):
@@ -118,7 +119,7 @@ def test_rays_find_what_trying_all_triangles_finds():
         )[..., 0].T
         best = np.where(good & (u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0) & (t < best), t, best)
     assert np.isfinite(best).mean() > 0.5
-    np.testing.assert_allclose(
+    assert_allclose(
         np.where(np.isfinite(best), best, -1), np.where(hit.shape >= 0, hit.distance, -1), atol=1e-9
     )
 
@@ -145,7 +146,7 @@ def test_rays_from_a_mesh_do_not_meet_where_they_start():
             geometry, jnp.asarray(middle - geometry.clearance * outward), jnp.asarray(-outward)
         )
         assert np.all(inward.shape == 0)
-        np.testing.assert_allclose(inward.distance, 2 * size, rtol=0.02)
+        assert_allclose(inward.distance, 2 * size, rtol=0.02)
 
 
 def test_triangles_that_touch_leave_no_gap_and_edges_seen_end_on_do_no_harm():
@@ -157,7 +158,7 @@ def test_triangles_that_touch_leave_no_gap_and_edges_seen_end_on_do_no_harm():
         [[5.0, y, y] for y in np.linspace(-0.99, 0.99, 23)] + [[5.0, 1.0 + 1e-5, 0.0]]
     )
     hit = nearest(geometry, origin, jnp.broadcast_to(jnp.asarray([-1.0, 0.0, 0.0]), origin.shape))
-    np.testing.assert_allclose(hit.distance, [4.0] * 23 + [np.inf], rtol=1e-12)
+    assert_allclose(hit.distance, [4.0] * 23 + [np.inf], rtol=1e-12)
 
 
 def test_a_mesh_without_trimesh_says_what_to_install(monkeypatch):
@@ -180,7 +181,7 @@ def test_smooth_normals_are_those_of_a_sphere():
     mesh = Mesh("m", ball.vertices, ball.faces, ball.vertices)
     hit, found = hit_of(mesh, (0.3, -5, 0.4), (0, 1, 0))
     exact = np.array([0.3, -np.sqrt(1 - 0.25), 0.4])
-    np.testing.assert_allclose(found.normal[0], exact, atol=3e-3)
+    assert_allclose(found.normal[0], exact, atol=3e-3)
     assert abs(float(np.dot(found.face[0], exact))) < 1
     assert isinstance(hit, Hit)
 
@@ -199,7 +200,7 @@ def test_lambert_sphere_is_the_cosine():
     towards = -np.array(light.direction) / np.linalg.norm(light.direction)
     exact = 0.6 * np.maximum(normal @ towards, 0)[:, None] * spectrum
     exact = np.where(inside[:, None] > 0, exact, 0.125)
-    np.testing.assert_allclose(picture.reshape(-1, GRID.size), exact, atol=1e-6)
+    assert_allclose(picture.reshape(-1, GRID.size), exact, atol=1e-6)
 
 
 def test_shadow_edge_of_a_rectangle_is_where_it_falls():
@@ -211,7 +212,7 @@ def test_shadow_edge_of_a_rectangle_is_where_it_falls():
         made = scene(shapes, {"m": Lambert(1.0)}, [light], camera, width=300, height=2, antialias=1)
         lit = render(made).radiance[0, :, 0] > 0
         x = np.tan(np.deg2rad(75)) * 0.9 * (2 * (np.arange(300) + 0.5) / 300 - 1)
-        np.testing.assert_array_equal(lit, np.abs(x) > half)
+        assert_array_equal(lit, np.abs(x) > half)
 
 
 def test_point_light_falls_with_the_square_of_the_distance():
@@ -230,7 +231,7 @@ def test_point_light_falls_with_the_square_of_the_distance():
         for s in (1.0, 2.0)
     ]
     # Distance 5, cosine 4/5.
-    np.testing.assert_allclose(values, [0.8 / 25, 1.6 / 25], rtol=1e-4)
+    assert_allclose(values, [0.8 / 25, 1.6 / 25], rtol=1e-4)
 
 
 def test_mirror_of_mirror():
@@ -257,13 +258,11 @@ def test_mirror_of_mirror():
         antialias=1,
     )
     once = conductor_reflectance(np.sqrt(0.5), n, k)
-    np.testing.assert_allclose(
-        render(made).radiance[0, 0], once**2 * wall * np.sqrt(0.5), rtol=1e-6
-    )
+    assert_allclose(render(made).radiance[0, 0], once**2 * wall * np.sqrt(0.5), rtol=1e-6)
     short = scene(
         shapes, made.materials, [light], camera, width=1, height=1, antialias=1, bounces=1
     )
-    np.testing.assert_allclose(render(short).radiance[0, 0], 0.0, atol=1e-12)
+    assert_allclose(render(short).radiance[0, 0], 0.0, atol=1e-12)
 
 
 def test_rays_that_carry_little_are_not_followed():

@@ -2,13 +2,12 @@
 variant is used.
 """
 
-import subprocess
-import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from benchmarks.render.mitsuba_compare import LIMIT, cases, differences, on_objects, ours, theirs
+from numpy.testing import assert_allclose, assert_array_equal
 
 import glazejax as gj
 from glazejax.appearance.mitsuba import variants
@@ -20,6 +19,8 @@ from glazejax.appearance.scene.path.mitsuba import mitsuba_scene
 from glazejax.appearance.scene.path.path_trace import passes_of, path_trace
 from glazejax.appearance.scene.scene import Camera, Scene
 from glazejax.appearance.scene.shapes import Box, Mesh, Plane, Shape, Sphere
+
+from ..fresh import run_python
 
 WAVELENGTHS = np.arange(400.0, 701.0, 20.0)
 ABOVE = Camera((0.0, 0.0, 10.0), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), field_of_view=1.0)
@@ -75,7 +76,7 @@ def test_a_sphere_that_shines_lights_as_its_solid_angle_says(mi):
     found = luminance(made(GROUND, GREY, [light], camera))
     expected = 0.5 * 50.0 * (0.3 / 3.0) ** 2
     # Y = 1 is light at all wavelengths that the eye sees; the bands end at 400 and 700 nm.
-    np.testing.assert_allclose(found.mean(), expected, rtol=4e-3)
+    assert_allclose(found.mean(), expected, rtol=4e-3)
 
 
 def test_a_rectangle_that_shines_is_bright_in_front_and_black_behind(mi):
@@ -86,7 +87,7 @@ def test_a_rectangle_that_shines_is_bright_in_front_and_black_behind(mi):
     below = Camera((0.0, 0.0, 0.0), (0.0, 0.0, 2.0), UP, field_of_view=2.0)
     # The ground is far away, and so as good as black.
     ground: list[Shape] = [Plane("m", (0.0, 0.0, -1000.0), size=(0.1, 0.1))]
-    np.testing.assert_allclose(luminance(made(ground, GREY, [light], below), 64), 2.0, rtol=2e-2)
+    assert_allclose(luminance(made(ground, GREY, [light], below), 64), 2.0, rtol=2e-2)
     assert luminance(made(ground, GREY, [light], ABOVE), 64).max() < 1e-6
 
 
@@ -110,8 +111,8 @@ def test_a_relief_tilts_what_the_lamp_lights(mi, tilt):
     plane = Plane("m", size=(2.0, 2.0), up=UP, relief=relief)
     found = luminance(made([plane], GREY, [light]), 64)
     normal = np.array([0.0, -tilt, 1.0]) / np.hypot(tilt, 1.0)
-    np.testing.assert_allclose(found.mean(), 0.5 * normal @ towards, rtol=4e-3)
-    np.testing.assert_allclose(found, 0.5 * normal @ towards, rtol=3e-2)
+    assert_allclose(found.mean(), 0.5 * normal @ towards, rtol=4e-3)
+    assert_allclose(found, 0.5 * normal @ towards, rtol=3e-2)
 
 
 def test_a_relief_stands_out_by_its_heights(mi):
@@ -126,10 +127,10 @@ def test_a_relief_stands_out_by_its_heights(mi):
     found = luminance(made([plane], GREY, [light], camera, width=20, height=20), 64, max_depth=2)
     row = found[10]
     lit = 0.5 * 0.5 / np.hypot(1.0, 0.5)
-    np.testing.assert_allclose(row[:9], lit, rtol=1e-2)
+    assert_allclose(row[:9], lit, rtol=1e-2)
     # The shadow is 0.4 long: two pixels of ten a side each 0.1.
     assert (row[11:13] < 0.02 * lit).all()
-    np.testing.assert_allclose(row[15:], lit, rtol=1e-2)
+    assert_allclose(row[15:], lit, rtol=1e-2)
 
 
 def test_noise_is_what_seeds_differ_by(mi):
@@ -142,7 +143,7 @@ def test_noise_is_what_seeds_differ_by(mi):
     spread = np.sqrt(pictures.var(axis=0, ddof=1).mean()) / pictures.mean()
     said = np.mean([f.report.pixel_noise for f in found])
     assert 0.6 < said / spread < 1.6
-    np.testing.assert_array_equal(path_trace(scene, samples=64, seed=3).values, found[3].values)
+    assert_array_equal(path_trace(scene, samples=64, seed=3).values, found[3].values)
     words = found[0].report.describe()
     assert f"{found[0].report.samples} of each pixel" in words
     assert "standard error" in words
@@ -231,15 +232,27 @@ def test_materials_without_a_counterpart_become_the_nearest_and_that_is_said(mi)
     )
 
 
+def rough_glaze(roughness):
+    paint = gj.catalogue.load()["ZincWhite"].resample(WAVELENGTHS)
+    return Glazed(gj.Glaze([gj.Layer(paint, 1e-5)], 0.8), roughness=roughness)
+
+
+ROUGH = r"roughness must be 0 \(smooth\) to 1, GGX's alpha, not"
+
+
 def test_the_ray_caster_says_what_it_cannot_draw():
     shine = AreaLight(Sphere("", (0.0, 0.0, 3.0), 0.3), 1.0)
     sun = ParallelLight((0.0, 0.0, -1.0), 1.0)
     flat, raised = Plane("m", size=(1.0, 1.0)), Plane("m", size=(1.0, 1.0), relief=np.zeros((3, 3)))
-    for shape, light, words in ((flat, shine, "draw area lights:"), (raised, sun, "draw relief:")):
+    for shape, materials, light, words in (
+        (flat, GREY, shine, "area lights"),
+        (raised, GREY, sun, "relief"),
+        (flat, {"m": rough_glaze(0.1)}, sun, "glazes with a rough surface"),
+    ):
         with pytest.raises(
-            ValueError, match=f"{words} use path_trace, or glazejax scene --renderer mitsuba"
+            ValueError, match=f"draw {words}: use path_trace, or glazejax scene --renderer mitsuba"
         ):
-            render(made([shape], GREY, [light]))
+            render(made([shape], materials, [light]))
     between = replace(made([flat], GREY, [sun]), diffuse_bounces=2)
     with pytest.raises(
         ValueError,
@@ -247,19 +260,6 @@ def test_the_ray_caster_says_what_it_cannot_draw():
         r"scene --renderer mitsuba \(pip install 'glazejax\[render\]'\)",
     ):
         render(between)
-
-
-def test_a_rough_glaze_is_for_the_path_tracer():
-    paint = gj.catalogue.load()["ZincWhite"].resample(WAVELENGTHS)
-    rough = Glazed(gj.Glaze([gj.Layer(paint, 1e-5)], 0.8), roughness=0.1)
-    sun = ParallelLight((0.0, 0.0, -1.0), 1.0)
-    with pytest.raises(ValueError, match="cannot draw glazes with a rough surface: use path_trace"):
-        render(made([Sphere("m")], {"m": rough}, [sun]))
-    for value in (-0.1, 1.5, float("nan")):
-        with pytest.raises(
-            ValueError, match=r"roughness must be 0 \(smooth\) to 1, GGX's alpha, not"
-        ):
-            Glazed(rough.glaze, roughness=value)
 
 
 @pytest.mark.parametrize(
@@ -280,6 +280,9 @@ def test_a_rough_glaze_is_for_the_path_tracer():
         ),
         (lambda: Plane("m", relief=np.zeros((2, 2))), "a plane with a relief needs a size"),
         (lambda: AreaLight(Plane(""), 1.0), "an area light needs a size"),
+        (lambda: rough_glaze(-0.1), ROUGH),
+        (lambda: rough_glaze(1.5), ROUGH),
+        (lambda: rough_glaze(float("nan")), ROUGH),
         (lambda: AreaLight(Box(""), 1.0), "a rectangle or a sphere, not a Box"),
         (
             lambda: AreaLight(Plane("", size=(1.0, 1.0), relief=np.zeros((2, 2))), 1.0),
@@ -307,19 +310,19 @@ def test_meshes_keep_their_coordinates(tmp_path):
     assert isinstance(mesh, Mesh)
     vertices = np.asarray(mesh.vertices).reshape(3, 4, 3)
     # The first row is on top, u and v run right and up.
-    np.testing.assert_allclose(vertices[0, :, 1], 1.0)
-    np.testing.assert_allclose(vertices[:, 0, 0], -2.0)
-    np.testing.assert_allclose(vertices[..., 2], relief)
+    assert_allclose(vertices[0, :, 1], 1.0)
+    assert_allclose(vertices[:, 0, 0], -2.0)
+    assert_allclose(vertices[..., 2], relief)
     assert mesh.uv is not None
-    np.testing.assert_allclose(np.asarray(mesh.uv).reshape(3, 4, 2)[0, -1], [1.0, 1.0])
+    assert_allclose(np.asarray(mesh.uv).reshape(3, 4, 2)[0, -1], [1.0, 1.0])
     points = np.asarray(mesh.vertices)[np.asarray(mesh.faces)]
     assert (np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])[:, 2] > 0).all()
     found = write_ply(tmp_path / "m.ply", mesh)
     assert found["type"] == "ply"
     trimesh = pytest.importorskip("trimesh")
     again = trimesh.load(tmp_path / "m.ply", process=False)
-    np.testing.assert_allclose(again.vertices, mesh.vertices, rtol=1e-6)
-    np.testing.assert_array_equal(again.faces, mesh.faces)
+    assert_allclose(again.vertices, mesh.vertices, rtol=1e-6)
+    assert_array_equal(again.faces, mesh.faces)
 
 
 def test_reading_scenes_needs_no_mitsuba():
@@ -327,7 +330,7 @@ def test_reading_scenes_needs_no_mitsuba():
         "import sys; import glazejax.appearance.scene.path.path_trace, glazejax.appearance.scene.file;"
         "assert 'mitsuba' not in sys.modules"
     )
-    subprocess.run([sys.executable, "-c", code], check=True, timeout=120)
+    run_python(code)
     assert tracing.MOST_SAMPLES > 1000
 
 

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from jax.test_util import check_grads
+from numpy.testing import assert_allclose, assert_array_equal
 
 import glazejax as gj
 from glazejax import colour
@@ -69,7 +70,7 @@ def test_a_flat_glaze_is_the_solver_at_the_angles_of_the_scene(incidence, viewin
     glaze = blue_glaze()
     made = render(flat(Glazed(glaze, gloss=False), light, camera), tolerance=1e-5).radiance[0, 0]
     exact = gj.reflectance(glaze, gj.Bidirectional(incidence, viewing)) * np.cos(a) * light.spectrum
-    np.testing.assert_allclose(made, exact, atol=1e-5)
+    assert_allclose(made, exact, atol=1e-5)
 
 
 def test_highlights_are_where_the_vectors_say():
@@ -84,13 +85,13 @@ def test_highlights_are_where_the_vectors_say():
     mirrored = 2 * (normal @ view) * normal - view
     shiny = (body * (normal @ towards) + 0.7 * (mirrored @ towards) ** 8) * light.spectrum
     made = render(flat(Phong(body, 0.7, 8.0), light, camera)).radiance[0, 0]
-    np.testing.assert_allclose(made, shiny, rtol=1e-6)
+    assert_allclose(made, shiny, rtol=1e-6)
     facing = np.exp(-np.log(2) * (np.arccos(half @ normal) / np.deg2rad(25)) ** 2)
     hidden = min(1, *(2 * (normal @ half) * (normal @ x) / (view @ half) for x in (view, towards)))
     fresnel = conductor_reflectance(view @ half, 0.3, 3.0)
     rough = facing * hidden * fresnel / (normal @ view) * light.spectrum
     made = render(flat(Conductor(0.3, 3.0, 25.0), light, camera)).radiance[0, 0]
-    np.testing.assert_allclose(made, rough, rtol=1e-6)
+    assert_allclose(made, rough, rtol=1e-6)
 
 
 def test_gloss_adds_the_mirrored_surroundings():
@@ -102,9 +103,7 @@ def test_gloss_adds_the_mirrored_surroundings():
         for g in (True, False)
     ]
     added = (pictures[0].radiance - pictures[1].radiance)[0, 0]
-    np.testing.assert_allclose(
-        added, dielectric_reflectance(np.sqrt(0.5), 1.5) * background, rtol=1e-6
-    )
+    assert_allclose(added, dielectric_reflectance(np.sqrt(0.5), 1.5) * background, rtol=1e-6)
 
 
 def test_a_thickness_map_is_where_it_belongs():
@@ -122,7 +121,7 @@ def test_a_thickness_map_is_where_it_belongs():
     viewing = np.rad2deg(np.arctan(np.hypot(0.5 * across - 0.75, 0.75 - 0.5 * down) / 10))
     even = gj.Glaze([gj.Layer(paint("UltramarineBlue"), depths[down // 2, across // 2])], 0.8)
     exact = gj.reflectance(even, gj.Bidirectional(45.0, viewing)) * np.sqrt(0.5)
-    np.testing.assert_allclose(picture, exact, atol=2e-5)
+    assert_allclose(picture, exact, atol=2e-5)
 
 
 def test_maps_are_bilinear_between_the_middles_of_pixels():
@@ -130,7 +129,7 @@ def test_maps_are_bilinear_between_the_middles_of_pixels():
     uv = jnp.array(
         [[0.25, 0.75], [0.75, 0.25], [0.5, 0.5], [0.0, 1.0], [1.0, 0.0], [1.25, 0.75], [0.5, 0.75]]
     )
-    np.testing.assert_allclose(sample_map(values, uv), [0, 4, 1.75, 0, 4, 0, 0.5], atol=1e-12)
+    assert_allclose(sample_map(values, uv), [0, 4, 1.75, 0, 4, 0, 0.5], atol=1e-12)
 
 
 def still_life(**options):
@@ -205,7 +204,7 @@ def test_a_picture_without_spectra_has_the_same_colours():
             save_spectral("a.npz", part)
         with pytest.raises(ValueError, match="spectral=True for another"):
             picture_xyz(part, grid, 10)
-        np.testing.assert_allclose(picture_xyz(part, grid), picture_xyz(full, grid), rtol=1e-12)
+        assert_allclose(picture_xyz(part, grid), picture_xyz(full, grid), rtol=1e-12)
 
 
 def test_an_interrupted_picture_keeps_what_it_has(monkeypatch):
@@ -259,7 +258,7 @@ def test_lamps_have_luminance_one_and_keep_their_lines():
     for grid in (np.arange(400.0, 701.0, 10.0), np.arange(380.0, 781.0, 5.0)):
         for name in ("D65", "A", "FL2"):
             spectrum = lamp(name, grid)
-            np.testing.assert_allclose(spectrum @ colour.colour_weights(grid, "E")[:, 1], 1.0)
+            assert_allclose(spectrum @ colour.colour_weights(grid, "E")[:, 1], 1.0)
     # Against ASTM's weights of the illuminant itself: a paint under a fluorescent lamp.
     grid = np.arange(400.0, 701.0, 10.0)
     reflectance = gj.reflectance(
@@ -277,7 +276,7 @@ def test_measured_lamps(tmp_path):
     table = tmp_path / "lamps.csv"
     table.write_text("nm,one,two\n" + "\n".join(f"{w},{w},{2000 - w}" for w in range(380, 800, 5)))
     one = measured_lamp(f"{table}:one", GRID, 2.0)
-    np.testing.assert_allclose(one[1:] / one[:-1], GRID[1:] / GRID[:-1], rtol=2e-3)
+    assert_allclose(one[1:] / one[:-1], GRID[1:] / GRID[:-1], rtol=2e-3)
     with pytest.raises(ValueError, match="holds 2 lamps: choose one"):
         measured_lamp(table, GRID)
     with pytest.raises(ValueError, match="no lamp 'three'; there are one, two"):
@@ -295,13 +294,13 @@ def test_measured_lamps(tmp_path):
 def test_pictures_and_spectra_are_written(tmp_path, rendered):
     save_spectral(tmp_path / "a.npz", rendered)
     with np.load(tmp_path / "a.npz") as stored:
-        np.testing.assert_allclose(stored["radiance"], rendered.radiance, rtol=1e-6)
-        np.testing.assert_array_equal(stored["wavelengths"], GRID)
+        assert_allclose(stored["radiance"], rendered.radiance, rtol=1e-6)
+        assert_array_equal(stored["wavelengths"], GRID)
     screen = screen_picture(picture_xyz(rendered, GRID), np.array([0.95, 1.0, 1.09]))
     save_png(tmp_path / "a.png", screen.rgb)
     from matplotlib.image import imread
 
-    np.testing.assert_array_equal(np.round(imread(tmp_path / "a.png")[..., :3] * 255), screen.rgb)
+    assert_array_equal(np.round(imread(tmp_path / "a.png")[..., :3] * 255), screen.rgb)
     assert 0 <= screen.bright < 0.5
     with pytest.raises(ValueError, match=r"as .npz or .exr"):
         save_spectral(tmp_path / "a.txt", rendered)
@@ -315,7 +314,7 @@ def test_spectra_in_openexr(tmp_path, rendered):
         assert sorted(channels) == [f"S0.{w:.0f},000000nm" for w in GRID]
         for k, wavelength in enumerate(GRID):
             pixels = channels[f"S0.{wavelength:.0f},000000nm"].pixels
-            np.testing.assert_allclose(pixels, rendered.radiance[..., k], rtol=1e-6, atol=1e-9)
+            assert_allclose(pixels, rendered.radiance[..., k], rtol=1e-6, atol=1e-9)
 
 
 @pytest.mark.parametrize(

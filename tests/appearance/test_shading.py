@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from jax.test_util import check_grads
+from numpy.testing import assert_allclose
 
 from glazejax.appearance import shading
 from glazejax.radiative.common.fresnel import conductor_reflectance
@@ -13,12 +14,10 @@ from glazejax.radiative.common.fresnel import conductor_reflectance
 def test_phong_as_printed_and_several_lights():
     body, lamp = np.array([0.2, 0.5]), np.array([2.0, 3.0])
     expected = body * 0.6 * lamp + 0.4 * 0.8**11 * lamp
-    np.testing.assert_allclose(
-        shading.phong(body, lamp, 0.6, 0.8, specular=0.4), expected, rtol=1e-13
-    )
+    assert_allclose(shading.phong(body, lamp, 0.6, 0.8, specular=0.4), expected, rtol=1e-13)
     # Eq (24): lights add.
     two = sum(shading.phong(body, lamp, c, m, specular=0.4) for c, m in ((0.6, 0.8), (0.3, -0.1)))
-    np.testing.assert_allclose(two, expected + body * 0.3 * lamp, rtol=1e-13)
+    assert_allclose(two, expected + body * 0.3 * lamp, rtol=1e-13)
     # Neither the back nor a highlight below the horizon shows.
     assert not np.any(shading.phong(body, lamp, -0.2, 0.9))
     assert not np.any(shading.lambert(body, -0.2, lamp))
@@ -40,7 +39,7 @@ def test_torrance_sparrow_as_printed():
     body, lamp = np.array([0.1, 0.2]), np.array([1.0, 2.0])
     expected = (body * nl[:, None] + (d * g / nv)[:, None] * fresnel) * lamp
     found = jax.jit(shading.torrance_sparrow)(fresnel, lamp, nl, nv, nh, vh, width=width, body=body)
-    np.testing.assert_allclose(found, expected, rtol=1e-11)
+    assert_allclose(found, expected, rtol=1e-11)
     # At half width D is one half.
     assert shading.facet_distribution(np.cos(width), width) == pytest.approx(0.5, rel=1e-12)
 
@@ -57,7 +56,7 @@ def test_squared_angle_is_seamless():
     u = np.concatenate([[0.0], np.geomspace(1e-12, 1.99, 400)])
     exact = (2 * np.arcsin(np.sqrt(u / 2))) ** 2
     found = jax.jit(shading._squared_angle)(1 - u)
-    np.testing.assert_allclose(found, exact, rtol=1e-9, atol=1e-15)
+    assert_allclose(found, exact, rtol=1e-9, atol=1e-15)
     assert jax.jit(jax.grad(shading._squared_angle))(1.0) == pytest.approx(-2.0, rel=1e-12)
 
 

@@ -115,7 +115,7 @@ def run(command_line):
 
 def test_command_says_what_to_add(run, tmp_path, weak):
     file = write_films(tmp_path / "mine.tsv", weak)
-    asked = ("--lab", "60,45,30", "--after", file, "--instrument", "d:8")
+    asked = f"--lab 60,45,30 --after {file} --instrument d:8".split()
     mixed = ("--mixed", "10 Vermillion + 90 ZincWhite")
     status, out, err = run(*asked, *mixed, "--only", "Vermillion,BoneBlack", "--batch", 20)
     assert (status, err) == (0, "")
@@ -150,7 +150,7 @@ def test_command_takes_a_reading_of_few_bands(run, tmp_path, weak):
         )
         file = write_films(tmp_path / f"{len(bands)}.tsv", read)
         status, out, err = run(
-            *("--lab", "60,45,30", "--after", file, "--instrument", "d:8", "--batch", 20),
+            *f"--lab 60,45,30 --after {file} --instrument d:8 --batch 20".split(),
             *("--mixed", "10 Vermillion + 90 ZincWhite", "--only", "Vermillion"),
         )
         assert (status, err) == (0, "")

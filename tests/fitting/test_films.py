@@ -2,6 +2,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.integrate import quad
 
 from glazefit import Films, Instrument, Noise, read_films, read_loose_films
@@ -42,8 +43,8 @@ def write(tmp_path):
 def test_percent_and_fraction_in_any_table_read_the_same(write, separator, scale):
     films = read_films(write(table(scale=scale, separator=separator)))
     assert films.names == ("A1",)
-    np.testing.assert_allclose(films.over_white, [[0.30, 0.35, 0.40]])
-    np.testing.assert_allclose(films.bare_black, 0.05)
+    assert_allclose(films.over_white, [[0.30, 0.35, 0.40]])
+    assert_allclose(films.bare_black, 0.05)
     assert ("values are in percent; divided by 100" in films.notes) == (scale == 1.0)
 
 
@@ -119,7 +120,7 @@ def test_cards_obey_saunderson(specular):
     outer, inner = fresnel(np.cos(np.deg2rad(8)), 1.5), 0.59634
     bare = specular * outer + (1 - outer) * ground * (1 - inner) / (1 - inner * ground)
     inside, slope = card_reflectance(bare, instrument)
-    np.testing.assert_allclose(inside, ground, atol=3e-5)
+    assert_allclose(inside, ground, atol=3e-5)
     step = 1e-6
     numeric = (
         (
@@ -129,7 +130,7 @@ def test_cards_obey_saunderson(specular):
         / step
         / 2
     )
-    np.testing.assert_allclose(slope, numeric, rtol=1e-5)
+    assert_allclose(slope, numeric, rtol=1e-5)
 
 
 def test_card_without_specular_part_is_explained(write):
@@ -185,7 +186,7 @@ def test_of_both_kinds_of_readings_those_with_the_specular_component_are_films(t
     path.write_text("\n".join(",".join(map(str, row)) for row in [["Name", *bands], *rows]))
     films = read_films(path)
     assert films.names == ("red",)
-    np.testing.assert_array_equal(films.over_white[0], values["ow"])
+    assert_array_equal(films.over_white[0], values["ow"])
     assert "readings with the specular component included (SCI) are used" in films.notes[-1]
     without = read_loose_films(path, specular=False)
-    np.testing.assert_allclose(without.over_white[0], values["ow"] - 0.04)
+    assert_allclose(without.over_white[0], values["ow"] - 0.04)

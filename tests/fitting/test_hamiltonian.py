@@ -8,6 +8,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from glazefit import Instrument, Noise, posterior_of_bands, simulate_films
 from glazefit.film.problem import FilmProblem, Quantity
@@ -94,7 +95,7 @@ def test_gaussian_posteriors_are_met():
         assert np.abs(off).max() < 0.06
         # In coordinates in which the posterior is round.
         white = np.linalg.solve(np.linalg.cholesky(covariance), (draws - draws.mean(axis=0)).T)
-        np.testing.assert_allclose(np.cov(white), np.eye(2), atol=0.12)
+        assert_allclose(np.cov(white), np.eye(2), atol=0.12)
 
 
 @pytest.mark.slow
@@ -112,7 +113,7 @@ def test_two_modes_have_their_shares():
 
 def test_a_seed_gives_its_chain_and_another_seed_another():
     first, second, other = (sampled(gaussians(), steps=20, seed=s).free for s in (3, 3, 4))
-    np.testing.assert_array_equal(first, second)
+    assert_array_equal(first, second)
     assert np.abs(first - other).max() > 0
 
 
@@ -122,8 +123,8 @@ def test_a_chain_thinned_by_three_keeps_every_third_step():
     problem = gaussians()
     thinned = sample(problem, find_modes(problem), (), Sampling(steps=110, seed=3, thin=3))
     assert thinned.chain is not None
-    np.testing.assert_array_equal(thinned.chain.free, whole.free[2::3])
-    np.testing.assert_array_equal(thinned.chain.log_probability, whole.log_probability[2::3])
+    assert_array_equal(thinned.chain.free, whole.free[2::3])
+    assert_array_equal(thinned.chain.log_probability, whole.log_probability[2::3])
     # Nothing is left out after the warm-up; what is reported is told in steps.
     assert thinned.convergence is not None
     assert (thinned.convergence.discarded, thinned.convergence.length) == (0, 108)
@@ -165,7 +166,7 @@ def test_a_bent_sheet_is_met_all_around():
     free = sampled(on_graph(circle, WIDE), steps=200, seed=2).free[:, :, 0]
     angle = np.arctan2(free[..., 1], free[..., 0])
     counts = np.histogram(angle, 8, (-np.pi, np.pi))[0] / angle.size
-    np.testing.assert_allclose(counts, 1 / 8, atol=0.03)
+    assert_allclose(counts, 1 / 8, atol=0.03)
     assert count_samples(np.cos(angle)[..., None])[1][0] < 1.05
     assert np.std(np.linalg.norm(free, axis=-1)) == pytest.approx(THIN, rel=0.05)
 
@@ -177,8 +178,8 @@ def test_a_metric_of_the_readings_finds_the_same_gaussians():
     for block in range(3):
         one, other = (free[:, :, block].reshape(-1, 2) for free in (flat, bent))
         spread = one.std(axis=0)
-        np.testing.assert_allclose(one.mean(axis=0) / spread, other.mean(axis=0) / spread, atol=0.1)
-        np.testing.assert_allclose(other.std(axis=0) / spread, 1.0, atol=0.1)
+        assert_allclose(one.mean(axis=0) / spread, other.mean(axis=0) / spread, atol=0.1)
+        assert_allclose(other.std(axis=0) / spread, 1.0, atol=0.1)
 
 
 def film(seed: int = 0):
@@ -187,7 +188,7 @@ def film(seed: int = 0):
     return simulate_films(GRID[[0, -1]], k, s, names=["film"], seed=seed)
 
 
-SHORT: dict[str, Any] = {"sampler": "hmc", "walkers": 16}
+SHORT: dict = {"sampler": "hmc", "walkers": 16}
 
 
 def test_resumed_chain_equals_the_uninterrupted_one_and_files_are_guarded(tmp_path):
@@ -205,8 +206,8 @@ def test_resumed_chain_equals_the_uninterrupted_one_and_files_are_guarded(tmp_pa
     rest = posterior_of_bands(film(), steps=60, thin=2, path=path, resume=True, **SHORT).chain
     assert whole is not None
     assert rest is not None
-    np.testing.assert_array_equal(rest.free, whole.free)
-    np.testing.assert_array_equal(rest.log_probability, whole.log_probability)
+    assert_array_equal(rest.free, whole.free)
+    assert_array_equal(rest.log_probability, whole.log_probability)
     with pytest.raises(FileNotFoundError, match="no chain to resume"):
         posterior_of_bands(film(), path=tmp_path / "none.h5", resume=True, **SHORT)
     posterior_of_bands(film(), steps=20, path=path, overwrite=True, **SHORT)

@@ -1,15 +1,14 @@
 import sys
-from typing import Any
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from glazefit import (
     Films,
     Identification,
     Instrument,
     ModelError,
-    Prior,
     ground_from_air,
     identify,
     identify_films,
@@ -135,13 +134,13 @@ def test_fractions_and_thickness_are_found(blind):
 def test_probabilities_and_none_sum_to_one(blind):
     found = blind[-1]
     total = found.probability.sum(axis=1) + found.none
-    np.testing.assert_allclose(total, 1.0, rtol=1e-9)
+    assert_allclose(total, 1.0, rtol=1e-9)
     assert np.all(np.diff(found.probability, axis=1) <= 1e-12)
 
 
 def test_residuals_are_measured_minus_fitted_and_small(blind):
     found = blind[-1]
-    np.testing.assert_allclose(
+    assert_allclose(
         found.residual + found.fitted, found.measured.readings[:, None] + 0 * found.fitted
     )
     assert np.median(found.rmse[:BLIND, 0]) < 0.01
@@ -171,17 +170,7 @@ def test_one_spectrum_alone_gives_what_it_gives_in_a_batch(paints, blind):
         identify(GRID, part, paints, ground=GROUNDS, thorough=True)
         for part in (readings[6:10], readings[7:8])
     )
-    np.testing.assert_allclose(
-        alone.probability[0, :5], some.probability[1, :5], rtol=1e-4, atol=1e-6
-    )
-
-
-@pytest.mark.slow
-def test_in_single_precision_a_batch_changes_what_nobody_sees(paints, blind):
-    """Evidences are good to a thousandth there, and which films are fitted again hangs on them."""
-    found = blind[-1]
-    alone = identify(GRID, found.measured.readings[7:8], paints, ground=GROUNDS)
-    np.testing.assert_allclose(alone.probability[0, :5], found.probability[7, :5], atol=1e-4)
+    assert_allclose(alone.probability[0, :5], some.probability[1, :5], rtol=1e-4, atol=1e-6)
 
 
 @pytest.mark.slow
@@ -192,8 +181,8 @@ def test_an_answer_does_not_hang_on_what_was_asked_before(paints, blind):
     asked_before = identify(GRID, some, paints, ground=lighter)
     table._MADE.clear()
     asked_first = identify(GRID, some, paints, ground=lighter)
-    np.testing.assert_array_equal(asked_before.probability, asked_first.probability)
-    np.testing.assert_array_equal(asked_before.members, asked_first.members)
+    assert_array_equal(asked_before.probability, asked_first.probability)
+    assert_array_equal(asked_before.members, asked_first.members)
 
 
 @pytest.mark.slow
@@ -202,7 +191,7 @@ def test_two_equal_paints_share_their_probability(paints):
     twin = Pigment("Twin", GRID, red.absorption, red.scattering)
     spectra = films_of(paints, [{2: 1.0}], np.array([UNIT]))
     found = identify(GRID, spectra, [*paints[:3], twin], ground=GROUNDS, max_paints=1)
-    np.testing.assert_allclose(found.probability[0, :2], 0.5, atol=0.01)
+    assert_allclose(found.probability[0, :2], 0.5, atol=0.01)
     assert {found.ranked(0)[0].paints, found.ranked(0)[1].paints} == {("Vermillion",), ("Twin",)}
 
 
@@ -254,7 +243,7 @@ def test_grounds_read_bare_are_turned_into_internal_ones():
     inside = np.array([0.0, 0.3, 0.93])
     for geometry in (Bidirectional(45, 0), None):
         air = [float(reflectance(Glaze([], r), geometry or Hemispherical())[0]) for r in inside]
-        np.testing.assert_allclose(ground_from_air(np.array(air), geometry), inside, atol=1e-5)
+        assert_allclose(ground_from_air(np.array(air), geometry), inside, atol=1e-5)
     with pytest.raises(ValueError, match="less than its surface alone"):
         ground_from_air(np.array([0.01]))
 
@@ -279,7 +268,7 @@ def test_cards_are_read_by_the_instrument_that_read_the_films(monkeypatch, text)
     identify_films(films, [], instrument=text)
     assert len(asked) == 3
     for options in asked:
-        np.testing.assert_allclose(options["ground"][0].mean(axis=-1), inside, atol=2e-5)
+        assert_allclose(options["ground"][0].mean(axis=-1), inside, atol=2e-5)
 
 
 @pytest.mark.slow
@@ -332,7 +321,7 @@ def test_bad_input_is_one_clear_error(paints):
         ({"wavelengths": GRID + 300}, "does not cover the spectra"),
         ({"names": ["a", "b"]}, "2 names were given for 1 spectra"),
     ):
-        given: dict[str, Any] = {
+        given: dict = {
             "spectra": good,
             "wavelengths": GRID,
             "pigments": paints,
@@ -341,13 +330,6 @@ def test_bad_input_is_one_clear_error(paints):
         spectra, grid, known = (given.pop(what) for what in ("spectra", "wavelengths", "pigments"))
         with pytest.raises(ValueError, match=complaint):
             identify(grid, spectra, known, **given)
-    for make in (
-        lambda: ModelError(amplitude=-1.0),
-        lambda: Prior(unknown=0.0),
-        lambda: Prior(thickness=25.0),
-    ):
-        with pytest.raises(ValueError, match=r"must be|lie between|metres"):
-            make()
 
 
 @pytest.mark.slow

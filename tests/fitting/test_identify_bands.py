@@ -5,6 +5,7 @@ from dataclasses import replace
 import jax
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from glazefit.film.films import Instrument, Noise
 from glazefit.film.model.errors import ModelError
@@ -127,9 +128,7 @@ def test_bands_are_what_a_linear_fit_of_the_amounts_leaves(level: float):
     solved = np.linalg.solve(covariance, lever)
     left = covariance - lever @ np.linalg.solve(lever.T @ solved, lever.T)
     band = bands(found, replace(NEAT, level=level))
-    np.testing.assert_allclose(
-        band[0, 0].ravel(), 1.6448536 * np.sqrt(np.diagonal(left)), rtol=0.01
-    )
+    assert_allclose(band[0, 0].ravel(), 1.6448536 * np.sqrt(np.diagonal(left)), rtol=0.01)
 
 
 def test_bands_hold_the_errors_that_are_stated():
@@ -153,4 +152,4 @@ def test_bands_of_many_spectra_are_those_of_each():
         np.resize(spectra, (70, *spectra.shape[1:])), ["White", "Red"], [0.9, 0.1], 30e-6
     )
     one = bands(many.take(np.array([69])), NEAT)
-    np.testing.assert_allclose(bands(many, NEAT)[69:], one, rtol=1e-6)
+    assert_allclose(bands(many, NEAT)[69:], one, rtol=1e-6)

@@ -543,16 +543,6 @@ def test_an_element_is_found_or_not():
         evidence.log_odds_of_elements([], ["Cu"], ["Cu"])
 
 
-def test_elements_change_odds(mockups, find):
-    rows = rows_of(mockups[0], "smalt")
-    plain, cobalt, copper = (find(rows, elements=elements) for elements in ((), ("Co",), ("Cu",)))
-
-    def chance(found):
-        return sum(p for names, p in found.families(0) if "smalt" in names)
-
-    assert chance(copper) < chance(plain) < chance(cobalt)
-
-
 def test_the_year_and_the_elements_move_the_headline(mockups, find):
     rows = rows_of(mockups[0], "vermilion")
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from glazefit import identify
 from glazefit.identify.families.identify_pigments import usual_misfit
@@ -113,7 +114,7 @@ def test_each_answer_is_drawn_by_its_nearest_film(shelf, found):
     # A film of paints is drawn as it was fitted.
     own = replace(found, family_sets=())
     for film, candidate in zip(explanations(own, 0, 3), own.ranked(0, 3), strict=True):
-        np.testing.assert_array_equal(film.fitted, candidate.fitted)
+        assert_array_equal(film.fitted, candidate.fitted)
         assert film.words == candidate.words
 
 
@@ -143,10 +144,10 @@ def test_residuals_are_of_the_film_that_is_drawn(found, tmp_path):
     (film,) = explanations(found, 0, 1)
     fitted = [float(line["fitted at the reading's gloss and brightness"]) for line in lines]
     bands = film.fitted.shape[1]
-    np.testing.assert_allclose(fitted[:bands], film.fitted[0], rtol=1e-4)
+    assert_allclose(fitted[:bands], film.fitted[0], rtol=1e-4)
     measured = np.array([float(line["measured"]) for line in lines[:bands]])
     off = np.array([float(line["residual"]) for line in lines[:bands]])
-    np.testing.assert_allclose(off, measured - fitted[:bands], atol=1e-5)
+    assert_allclose(off, measured - fitted[:bands], atol=1e-5)
 
 
 def test_a_page_by_family_says_how_large_a_misfit_is_usual(shelf, found):

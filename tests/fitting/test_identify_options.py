@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from glazefit import (
     Films,
@@ -73,9 +74,7 @@ def test_identify_films_hands_on_all_that_it_is_given(monkeypatch):
     monkeypatch.setattr(MODULE, "identify", stop)
     half = np.full((1, GRID.size), 0.3)
     films = Films(("one",), GRID, 0.2 * half, 3.0 * half, half, 1.5 * half)
-    given: dict[str, Any] = {name: object() for name in asked(identify_films)} | {
-        "noise": Noise(0.01)
-    }
+    given: dict = {name: object() for name in asked(identify_films)} | {"noise": Noise(0.01)}
     given |= {"instrument": Instrument(Hemispherical(8.0), 1.4)}
     with pytest.raises(Reached) as reached:
         identify_films(films, [], **given)
@@ -99,7 +98,7 @@ def find(paints):
     spectrum = 0.04 + np.asarray(film_response(Hemispherical()).body(k, s, GROUNDS))
 
     def call(**options: Any) -> Identification:
-        chosen: dict[str, Any] = {"max_paints": 1, **options}
+        chosen: dict = {"max_paints": 1, **options}
         return identify(GRID, spectrum[None], paints, ground=GROUNDS, **chosen)
 
     return call
@@ -120,7 +119,7 @@ def test_each_option_changes_what_it_should(find):
     usual = find()
     assert told(usual) == 2
     assert find(keep=1).members.shape[1] == 1
-    np.testing.assert_array_equal(find(keep=1).members[:, 0], usual.members[:, 0])
+    assert_array_equal(find(keep=1).members[:, 0], usual.members[:, 0])
     assert find(names=["leaf"]).measured.names == ("leaf",)
     # What is read or predicted less well says less about the film.
     assert spread(find(noise=Noise(0.2, 0.0))) > 1.5 * spread(usual)
@@ -129,7 +128,7 @@ def test_each_option_changes_what_it_should(find):
     # A reading that says next to nothing leaves what was expected: a film as thick as films are.
     for thickness in (10e-6, 40e-6):
         vague = find(noise=Noise(30.0), prior=Prior(thickness=thickness))
-        np.testing.assert_allclose(vague.amounts[0, :, 0], thickness, rtol=0.1)
+        assert_allclose(vague.amounts[0, :, 0], thickness, rtol=0.1)
     often, rarely = (float(find(prior=Prior(unknown=unknown)).none[0]) for unknown in (0.9, 0.01))
     assert often / (1.0 - often) > 100.0 * rarely / (1.0 - rarely)
 
@@ -147,7 +146,7 @@ def test_a_film_is_computed_as_its_instrument_reads_it(paints):
     assert found.ranked(0)[0].paints == ("Vermillion",)
     assert float(found.amounts[0, 0, 0]) == pytest.approx(25e-6, rel=0.01)
     assert float(found.gloss[0, 0]) == pytest.approx(1.0, abs=0.05)
-    np.testing.assert_allclose(found.fitted[0, 0], spectrum, atol=1e-3)
+    assert_allclose(found.fitted[0, 0], spectrum, atol=1e-3)
 
 
 @pytest.mark.slow
@@ -165,4 +164,4 @@ def test_pigments_carry_their_own_grid():
     # A catalogue as `glazejax.catalogue.load` gives it, or a list.
     for catalogue_of_one in ([pigment], {"x": pigment}):
         (known,) = SEARCHER.check_pigments(catalogue_of_one, GRID)
-        np.testing.assert_allclose(known.absorption, GRID)
+        assert_allclose(known.absorption, GRID)

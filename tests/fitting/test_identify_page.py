@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal, assert_equal
 
 from glazefit.identify.result import STRENGTH, Identification
 from glazefit.identify.result.odds import CoatsOdds
@@ -214,12 +215,12 @@ def test_the_table_and_the_json_hold_the_numbers_exactly(tmp_path):
         [best.fractions[n], *best.fractions_90[n], 1e6 * best.amounts_90[n, 0]], rel=1e-12
     )
     spot = filed["spots"][0]
-    np.testing.assert_allclose(spot["explanations"][1]["fitted"], found.fitted[0, 1], atol=1e-6)
+    assert_allclose(spot["explanations"][1]["fitted"], found.fitted[0, 1], atol=1e-6)
     assert spot["coats_probability"] == 0.3
 
 
 def test_names_are_text_and_nothing_comes_from_elsewhere():
-    filed = record(identification())
+    filed = record(replace(identification(), paints=(EVIL, *PAINTS[1:])))
     text = "".join(page(filed, "report.csv", "report.json"))
     assert not re.search(r"<script|://|@import|url\((?!#)", text)
     seen = Parsed(text)
@@ -232,15 +233,8 @@ def test_names_are_text_and_nothing_comes_from_elsewhere():
     assert all(given["aria-label"] for given in plots(seen))
     assert "reflectance over black card and over white card" in seen.words["spot-1"]
     assert EVIL in seen.words["spot-2"]
-
-
-def test_a_paint_of_any_name_is_text():
-    name = '<b>&"'
-    filed = record(replace(identification(), paints=(name, *PAINTS[1:])))
-    seen = parsed(filed)
-    assert "b" not in {tag for tag, _ in seen.tags}
-    assert name in [cells[0] for cells in seen.spots["spot-1"]]
-    assert name in (plots(seen)[0]["aria-label"] or "")
+    assert EVIL in [cells[0] for cells in seen.spots["spot-1"]]
+    assert EVIL in (plots(seen)[0]["aria-label"] or "")
 
 
 def test_of_very_many_spots_the_first_are_drawn():
@@ -372,7 +366,7 @@ def test_why_a_paint_is_ruled_out():
         )
         found = {paint.paint: paint for paint in ruled_out(held, 0)}
         if "Chalk" in found and share >= 0.01:
-            np.testing.assert_equal(found["Chalk"].delta_e, held.delta_e[0, 1])
+            assert_equal(found["Chalk"].delta_e, held.delta_e[0, 1])
             assert found["Chalk"].rmse == held.rmse[0, 1]
         return found
 
@@ -418,8 +412,8 @@ def test_fractions_of_unknown_amounts_are_nan(unknown):
     # The others stay as they were.
     for name in ("fractions", "fractions_90"):
         kept = getattr(emptied, name)
-        np.testing.assert_array_equal(kept[0, 0], getattr(found, name)[0, 0])
-        np.testing.assert_array_equal(kept[1], getattr(found, name)[1])
+        assert_array_equal(kept[0, 0], getattr(found, name)[0, 0])
+        assert_array_equal(kept[1], getattr(found, name)[1])
 
 
 def test_intervals_are_those_of_the_log_normal_amounts():
@@ -432,18 +426,18 @@ def test_intervals_are_those_of_the_log_normal_amounts():
             np.zeros(size), covariance, 400_000
         )
         amounts = np.exp(logs)
-        np.testing.assert_allclose(
+        assert_allclose(
             found.amounts_90[0, n, :size].T, np.quantile(amounts, [0.05, 0.95], axis=0), rtol=0.01
         )
         # To first order about the best amounts.
         total = np.quantile(amounts.sum(axis=1), [0.05, 0.95])
-        np.testing.assert_allclose(found.thickness_90[0, n], total, rtol=0.15)
+        assert_allclose(found.thickness_90[0, n], total, rtol=0.15)
         parts = np.quantile(amounts / amounts.sum(axis=1, keepdims=True), [0.05, 0.95], axis=0)
-        np.testing.assert_allclose(found.fractions_90[0, n, :size].T, parts, rtol=0.02)
+        assert_allclose(found.fractions_90[0, n, :size].T, parts, rtol=0.02)
     assert (found.fractions_90[:, :, 2] == 0).all()
     ranked = found.ranked(0, 1)[0]
     assert ranked.paints == ("White", "Red")
-    np.testing.assert_array_equal(ranked.amounts_90, found.amounts_90[0, 0, [1, 0]])
+    assert_array_equal(ranked.amounts_90, found.amounts_90[0, 0, [1, 0]])
 
 
 def test_every_line_and_number_lies_within_its_plot():
@@ -464,7 +458,7 @@ def test_every_line_and_number_lies_within_its_plot():
         # A value's place is as far up as it is of the height: nothing is moved to fit in.
         for line in lines:
             y = [float(pair.split(",")[1]) for pair in axes.line(line).split()]
-            np.testing.assert_allclose(y, 100 - 100 * np.array(line) / axes.high, atol=0.01)
+            assert_allclose(y, 100 - 100 * np.array(line) / axes.high, atol=0.01)
         for places in (axes.across, axes.up):
             assert all(0 <= place <= 100 for place, _ in places)
             assert 3 <= len(places) <= 7
@@ -554,30 +548,6 @@ def test_a_spot_is_printed_on_a_page(tmp_path, paper):
         browser.quit()
     summary, method = 1, 1
     assert pages(found["data"]) == summary + 3 + method
-
-
-@pytest.mark.browser
-def test_numbers_of_a_plot_are_whole_and_of_the_page_s_size(tmp_path):
-    """On a desk and on a telephone."""
-    write_page(record(identification(["one"])), tmp_path / "report.html")
-    browser = start_browser(tmp_path)
-    ask = """return [...document.querySelectorAll('.plot span')].filter(e => e.offsetParent).map(e => {
-        const r = e.getBoundingClientRect();
-        return [r.left, document.documentElement.clientWidth - r.right,
-                parseFloat(getComputedStyle(e).fontSize)];
-    })"""
-    try:
-        for width in (1200, 390):
-            size = {"width": width, "height": 800, "deviceScaleFactor": 1, "mobile": width < 500}
-            browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
-            browser.get((tmp_path / "report.html").as_uri())
-            left, right, letters = np.array(browser.execute_script(ask)).T
-            assert min(left.min(), right.min()) >= 0
-            assert left.size > 20
-            # A table's are .84 to .9 of the page's 16 px.
-            assert letters == pytest.approx(np.full(letters.size, 12.8))
-    finally:
-        browser.quit()
 
 
 def pages(data: str) -> int:

@@ -5,6 +5,7 @@ none of these.
 import numpy as np
 import pytest
 from benchmarks.results import read
+from numpy.testing import assert_allclose
 
 from glazefit import Identification, ModelError, identify
 from glazefit.film.model.errors import (
@@ -237,8 +238,8 @@ def test_what_the_modes_leave_out_is_in_the_standard_deviations():
     )
     rest = relative_errors([blue], BETWEEN_FILMS)[0]
     held = error_modes([blue], BETWEEN_FILMS)[0]
-    np.testing.assert_allclose(rest[0], 0.12)
-    np.testing.assert_allclose(np.sqrt(rest**2 + np.sum(held**2, axis=-1))[1], BETWEEN_FILMS.most)
+    assert_allclose(rest[0], 0.12)
+    assert_allclose(np.sqrt(rest**2 + np.sum(held**2, axis=-1))[1], BETWEEN_FILMS.most)
     # Modes that are larger than what is stated leave nothing.
     sure = Pigment(
         "Blue", GRID, k, s, absorption_sd=0.01 * k, scattering_sd=0.01 * s, error_modes=0.05 * ones
@@ -253,7 +254,7 @@ def test_error_modes_are_capped_and_read_back(tmp_path):
     path.write_text("\n".join(lines) + "\n")
     blue = read_pigments(path)["Blue"]
     assert blue.error_modes is not None
-    np.testing.assert_allclose(blue.error_modes[:, :, 0], [[0.1, -0.2], [3.0, 0.0]])
+    assert_allclose(blue.error_modes[:, :, 0], [[0.1, -0.2], [3.0, 0.0]])
     capped = error_modes([blue], BETWEEN_FILMS)[0]
     assert np.sqrt((capped**2).sum(axis=-1)).max() == pytest.approx(BETWEEN_FILMS.most)
     between = blue.resample(np.array([450.0, 550.0])).error_modes

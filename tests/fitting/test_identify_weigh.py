@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from glazefit.film.model.errors import Prior
 from glazefit.identify.result import Candidate, Identification
@@ -69,7 +70,7 @@ def test_none_by_bayes_rule():
             none_to_one(misfit, unknown) / (unknown / (1.0 - unknown))
             for unknown in (0.1, 0.4, 0.8)
         ]
-        np.testing.assert_allclose(said, said[0], rtol=1e-12)
+        assert_allclose(said, said[0], rtol=1e-12)
 
 
 def test_a_fit_that_looks_the_same_speaks_for_its_paints_and_one_that_is_seen_to_be_off_against():
@@ -169,7 +170,7 @@ def test_probabilities_of_paints_are_those_of_the_sets_they_are_in():
     assert found.members.shape == (1, 2, 3)
     odds, none, *_ = odds_of(film(), candidates, Prior())
     share = odds[0] / (odds.sum() + none[0])
-    np.testing.assert_allclose(
+    assert_allclose(
         found.paint_probability[0], [share[0], share[0] + share[1], share[1] + share[2]]
     )
     assert float(found.none[0]) == pytest.approx(1.0 - share.sum())

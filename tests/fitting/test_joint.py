@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from jax.flatten_util import ravel_pytree
+from numpy.testing import assert_allclose
 
 from glazefit.film.films import Films, Instrument, Noise
 from glazefit.film.model.mixing import MixingLaw, weight_table
@@ -137,7 +138,7 @@ def test_steps_equal_a_dense_solve(small, dense_jacobian):
     step = solve(factorise(seen.normal), np.asarray(seen.gradient))
     assert float(seen.cost) == pytest.approx(0.5 * np.sum(ravel_pytree(right)[0] ** 2))
     expected = np.linalg.lstsq(dense_jacobian, ravel_pytree(right)[0], rcond=None)[0]
-    np.testing.assert_allclose(step, expected, rtol=1e-6, atol=1e-8)
+    assert_allclose(step, expected, rtol=1e-6, atol=1e-8)
 
 
 def test_covariance_equals_the_dense_inverse(small, whole):
@@ -146,14 +147,14 @@ def test_covariance_equals_the_dense_inverse(small, whole):
     count = point.bands.size
     for band, block in enumerate(found.of_bands(GRID.size)):
         rows = slice(6 * band, 6 * band + 6)
-        np.testing.assert_allclose(block, whole[rows, rows], rtol=1e-6, atol=1e-10)
-    np.testing.assert_allclose(found.of_shared, whole[count:, count:], rtol=1e-6, atol=1e-10)
-    np.testing.assert_allclose(found.times(np.eye(len(whole))), whole, rtol=1e-6, atol=1e-10)
+        assert_allclose(block, whole[rows, rows], rtol=1e-6, atol=1e-10)
+    assert_allclose(found.of_shared, whole[count:, count:], rtol=1e-6, atol=1e-10)
+    assert_allclose(found.times(np.eye(len(whole))), whole, rtol=1e-6, atol=1e-10)
     others = len(problem.thickness_modes)
     slopes, across = found.regress(range(others))
     first = len(whole) - others
-    np.testing.assert_allclose(across, whole[first:, :count], rtol=1e-6, atol=1e-10)
-    np.testing.assert_allclose(whole[first:, first:] @ slopes, across, rtol=1e-6, atol=1e-10)
+    assert_allclose(across, whole[first:, :count], rtol=1e-6, atol=1e-10)
+    assert_allclose(whole[first:, first:] @ slopes, across, rtol=1e-6, atol=1e-10)
 
 
 def test_error_modes_are_the_largest_of_the_dense_inverse(small, whole):
@@ -179,7 +180,7 @@ def test_error_modes_are_the_largest_of_the_dense_inverse(small, whole):
         best = (vectors[:, -some:] * values[-some:]) @ vectors[:, -some:].T
         found = modes.reshape(some, -1)
         assert modes.shape == (some, *point.bands.shape)
-        np.testing.assert_allclose(found.T @ found, best, atol=1e-4 * values[-1])
+        assert_allclose(found.T @ found, best, atol=1e-4 * values[-1])
 
 
 def test_steps_end_where_the_cost_has_no_slope(small):
@@ -196,7 +197,7 @@ def test_what_is_known_is_added_and_taken_away(small):
     problem, _, point = small
     there = totals(point, problem)
     for first, second in zip(point, deviations(there, problem), strict=True):
-        np.testing.assert_allclose(first, second, atol=1e-12)
+        assert_allclose(first, second, atol=1e-12)
     if len(problem.thickness_modes):
         assert np.abs(np.asarray(there.bands - point.bands)).max() > 0.01
         assert np.abs(np.asarray(there.films - point.films)).max() > 0.01
@@ -217,7 +218,7 @@ def test_gloss_and_weights_of_a_film_reach_its_reading(small):
     added = float(problem.surface * (np.exp(one + more) - np.exp(one)))
     expected = np.zeros_like(before)
     expected[:, film] = added
-    np.testing.assert_allclose(glossy - before, expected, atol=1e-12)
+    assert_allclose(glossy - before, expected, atol=1e-12)
 
     # The film's own errors of weight, all its minor parts: the same as weights that are so much
     # larger.
@@ -231,20 +232,18 @@ def test_gloss_and_weights_of_a_film_reach_its_reading(small):
     stated = point._replace(
         films=point.films.at[film, 1].add((problem.shares - other.shares)[film] @ point.paints)
     )
-    np.testing.assert_allclose(wrong, read(stated, other, response), atol=1e-12)
+    assert_allclose(wrong, read(stated, other, response), atol=1e-12)
     assert np.abs(np.asarray(wrong) - before)[:, film].max() > 1e-3
 
     at_scale = point._replace(
         films=problem.film_scale, paints=problem.paint_mean + problem.paint_scale
     )
     off = residuals(at_scale, (problem, response))
-    np.testing.assert_allclose(off.films[:, :2], 1.0)
-    np.testing.assert_allclose(off.paints, 1.0)
+    assert_allclose(off.films[:, :2], 1.0)
+    assert_allclose(off.paints, 1.0)
     freedom = float(problem.tail)
     used = np.asarray(problem.minor).any(axis=2)
-    np.testing.assert_allclose(
-        np.asarray(off.films)[:, 2:][used] ** 2, (freedom + 1) * np.log1p(1 / freedom)
-    )
+    assert_allclose(np.asarray(off.films)[:, 2:][used] ** 2, (freedom + 1) * np.log1p(1 / freedom))
 
 
 def test_a_film_of_its_own_gloss_and_a_wrong_weight_are_found():
@@ -335,8 +334,8 @@ def test_a_film_left_out_is_predicted():
     use = np.array([1.0, 1.0, 1.0, 0.0, 1.0, 1.0])
     result = recover_jointly(films, RECIPES, use=use)
     (found,) = predict_films(result, films.select(["half"]), RECIPES)
-    np.testing.assert_allclose(found.over_black, films.over_black[3], atol=0.01)
-    np.testing.assert_allclose(found.over_white, films.over_white[3], atol=0.01)
+    assert_allclose(found.over_black, films.over_black[3], atol=0.01)
+    assert_allclose(found.over_white, films.over_white[3], atol=0.01)
 
 
 def test_draws_spread_as_laplace_says(small):
@@ -347,13 +346,13 @@ def test_draws_spread_as_laplace_says(small):
     drawn = whole.draw(middle, 3000)
     off = np.asarray(drawn.bands) - np.asarray(middle.bands)
     for band in (0, GRID.size - 1):
-        np.testing.assert_allclose(
+        assert_allclose(
             np.std(off[:, band], axis=0),
             np.sqrt(np.diagonal(whole.of_bands(GRID.size)[band])),
             rtol=0.07,
         )
     films = np.asarray(drawn.films).reshape(3000, -1) - np.asarray(middle.films).ravel()
-    np.testing.assert_allclose(
+    assert_allclose(
         np.std(films, axis=0), np.sqrt(np.diagonal(whole.of_shared))[: films.shape[1]], rtol=0.07
     )
     # Errors of one band go with those of the next: the curvature ties them.
@@ -398,7 +397,7 @@ def test_what_is_held_out_does_not_matter():
 
     spoilt = replace(films, over_white=np.where(use[:, None] > 0, films.over_white, 0.5))
     first, second = (recover_jointly(f, RECIPES, use=use) for f in (films, spoilt))
-    np.testing.assert_allclose(first.absorption, second.absorption, rtol=1e-6)
+    assert_allclose(first.absorption, second.absorption, rtol=1e-6)
 
 
 def test_curvature_is_the_same_integral_on_any_grid():
@@ -418,7 +417,7 @@ def test_heavy_tail_is_students_t():
     from scipy.stats import t
 
     x = np.array([-30.0, -1.0, 0.0, 1e-5, 0.5, 8.0])
-    np.testing.assert_allclose(
+    assert_allclose(
         heavy_tail(jnp.asarray(x), jnp.asarray(3.0)) ** 2,
         2 * (t.logpdf(0, 3) - t.logpdf(x, 3)),
         atol=1e-9,

@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from glazefit.film.numerics.least_squares import (
     Bounds,
@@ -66,8 +67,8 @@ def test_steps_are_those_of_optimistix(max_steps):
     ours, settled = levenberg_marquardt(
         decay, jnp.asarray(start), times, seen, rtol=1e-4, atol=1e-5, max_steps=max_steps
     )
-    np.testing.assert_allclose(ours, theirs, atol=1e-9, rtol=1e-9)
-    np.testing.assert_array_equal(settled, ended)
+    assert_allclose(ours, theirs, atol=1e-9, rtol=1e-9)
+    assert_array_equal(settled, ended)
     if max_steps == 60:
         assert 0.9 < np.mean(settled) <= 1.0
 
@@ -89,7 +90,7 @@ def test_what_has_settled_stays():
             atol=1e-5,
             max_steps=60,
         )
-        np.testing.assert_allclose(alone[0], together[row], atol=1e-12)
+        assert_allclose(alone[0], together[row], atol=1e-12)
 
 
 def test_a_start_without_a_number_never_settles():
@@ -111,7 +112,7 @@ def test_damped_solution_is_that_of_numpy(unknowns, damping):
     for a, b, x in zip(matrix, right, found, strict=True):
         whole = np.concatenate([a, np.sqrt(damping) * np.eye(unknowns)])
         wanted = np.linalg.lstsq(whole, np.concatenate([b, np.zeros(unknowns)]), rcond=None)[0]
-        np.testing.assert_allclose(x, wanted, rtol=1e-9, atol=1e-14)
+        assert_allclose(x, wanted, rtol=1e-9, atol=1e-14)
 
 
 def test_unknowns_that_change_nothing_stay():
@@ -120,7 +121,7 @@ def test_unknowns_that_change_nothing_stay():
     found = jax.jit(damped_solution)(
         jnp.asarray(matrix), jnp.asarray([[2.0, 2.0, 2.0]]), jnp.zeros(1)
     )
-    np.testing.assert_allclose(found, [[2.0, 0.0]], atol=1e-12)
+    assert_allclose(found, [[2.0, 0.0]], atol=1e-12)
 
 
 @pytest.mark.parametrize("unknowns", [1, 7, 30])
@@ -129,7 +130,7 @@ def test_normal_equations_agree_with_numpy(unknowns):
     right = RNG.standard_normal((3, unknowns + 10))
     found = jax.jit(normal_solution)(jnp.asarray(matrix), jnp.asarray(right), jnp.full(3, 1e-12))
     for a, b, x in zip(matrix, right, found, strict=True):
-        np.testing.assert_allclose(x, np.linalg.lstsq(a, b, rcond=None)[0], rtol=1e-8, atol=1e-10)
+        assert_allclose(x, np.linalg.lstsq(a, b, rcond=None)[0], rtol=1e-8, atol=1e-10)
 
 
 @pytest.mark.parametrize("solution", [damped_solution, normal_solution])
@@ -178,7 +179,7 @@ def test_numpys_descent_ends_where_the_cost_has_no_slope():
     assert found.settled
     assert found.steps == len(tries)
     assert told == list(range(found.steps))
-    np.testing.assert_allclose(found.point, target, atol=1e-5)
+    assert_allclose(found.point, target, atol=1e-5)
 
 
 def quadratics(count=12):
@@ -216,7 +217,7 @@ def test_descent_within_bounds_follows_a_narrow_valley():
         look, start, look(np.zeros(1, int), start), bounds, promise=1e-6, max_steps=60
     )
     assert found.settled.all()
-    np.testing.assert_allclose(found.point, [[-8.0, 7.0]], atol=1e-3)
+    assert_allclose(found.point, [[-8.0, 7.0]], atol=1e-3)
 
 
 def test_descent_within_bounds_ends_at_the_best_point_inside():
@@ -236,10 +237,10 @@ def test_descent_within_bounds_ends_at_the_best_point_inside():
     assert found.settled.all()
     for a, b, x in zip(matrix, right, found.point, strict=True):
         best = optimize.lsq_linear(a, b, (bounds.low, bounds.high), tol=1e-14).x
-        np.testing.assert_allclose(x, best, atol=3e-4)
+        assert_allclose(x, best, atol=3e-4)
     # The start is the caller's: nothing of it changes.
-    np.testing.assert_array_equal(start, 0.0)
-    np.testing.assert_array_equal(seen.cost, np.sum(right**2, axis=1))
+    assert_array_equal(start, 0.0)
+    assert_array_equal(seen.cost, np.sum(right**2, axis=1))
     far, gain = bounded_step(start, seen, bounds, np.full(len(matrix), 1e-9))
     assert np.all((far >= bounds.low) & (far <= bounds.high))
     assert np.all(np.abs(far - start) <= 0.3)

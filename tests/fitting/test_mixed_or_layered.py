@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from benchmarks.measured import data_folder
 from benchmarks.paintbench.sources import read_sources
+from numpy.testing import assert_allclose
 from scipy.integrate import quad
 from scipy.stats import multivariate_normal, norm
 
@@ -83,9 +84,9 @@ def test_readings_on_the_grid_are_those_of_the_forward_solver(oils):
             Layer(paint, 25e-6 * np.exp(nodes[number]))
             for paint, number in zip(paints, (top, below), strict=True)
         ]
-        np.testing.assert_allclose(table.readings[15 * top + below], read(coats), atol=2e-3)
+        assert_allclose(table.readings[15 * top + below], read(coats), atol=2e-3)
         # Where the upper coat is missing, the lower one is seen.
-        np.testing.assert_allclose(table.patches[0, 15 * top + below], read(coats[1:]), atol=2e-3)
+        assert_allclose(table.patches[0, 15 * top + below], read(coats[1:]), atol=2e-3)
 
 
 def test_slopes_are_those_of_the_readings(oils):
@@ -98,7 +99,7 @@ def test_slopes_are_those_of_the_readings(oils):
         one[at] *= np.exp(0.1)
         other[at] *= np.exp(-0.1)
         several = [films._replace(coefficients=k).read(OVER, amounts[None]) for k in (one, other)]
-        np.testing.assert_allclose(slopes[:, number], (several[0] - several[1]) / 0.2, atol=0.01)
+        assert_allclose(slopes[:, number], (several[0] - several[1]) / 0.2, atol=0.01)
 
 
 def test_coats_that_no_mixture_looks_like_are_among_the_nearest(oils):
@@ -118,7 +119,7 @@ def test_coats_that_no_mixture_looks_like_are_among_the_nearest(oils):
 def test_a_film_that_hides_does_not_know_its_ground(oils):
     table = grid_readings(MIXED, in_usual_coats(oils[:2])._replace(hides=True))
     same = read([Layer(Mixture(oils[:2], [0.5, 0.5]), 5e-3)], np.full(GRID.size, 0.1))
-    np.testing.assert_allclose(table.readings[15 * 7 + 7], same, atol=2e-3)
+    assert_allclose(table.readings[15 * 7 + 7], same, atol=2e-3)
 
 
 def test_the_prior_sums_to_one_and_fractions_are_uniform():
@@ -143,7 +144,7 @@ def test_a_gain_is_integrated_as_a_gaussian():
     covariance = np.eye(6) + 0.09 * np.outer(computed[0, 0], computed[0, 0])
     gaussian: Any = multivariate_normal
     exact = gaussian.logpdf(seen[0], computed[0, 0], covariance)
-    np.testing.assert_allclose(found - 3.0 * np.log(2.0 * np.pi), exact, rtol=1e-10)
+    assert_allclose(found - 3.0 * np.log(2.0 * np.pi), exact, rtol=1e-10)
 
 
 def test_what_lies_between_two_nodes_adds_covariance_along_each_amount():
@@ -167,7 +168,7 @@ def test_what_lies_between_two_nodes_adds_covariance_along_each_amount():
     )
     step = 0.6 * (nodes[1] - nodes[0]) / 4
     expected = np.broadcast_to(step**2 * slopes.T @ slopes, straight.shape)
-    np.testing.assert_allclose(straight - flat, expected, atol=1e-13)
+    assert_allclose(straight - flat, expected, atol=1e-13)
 
 
 def _better(share, length, product):
@@ -199,9 +200,7 @@ def test_evidence_tells_the_amounts(oils):
 
 
 def odds(spectrum, paints, **options):
-    given: dict[str, Any] = (
-        dict(ground=GROUND, instrument="45:0", max_paints=2, max_coats=2) | options
-    )
+    given: dict = dict(ground=GROUND, instrument="45:0", max_paints=2, max_coats=2) | options
     return identify(GRID, spectrum, paints, **given)
 
 

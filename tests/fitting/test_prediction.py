@@ -6,6 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from glazefit.film.model.errors import ModelError
 from glazefit.film.model.variation import SIZES, Variation
@@ -29,8 +30,8 @@ def test_a_band_holds_its_share_of_the_draws():
     for level in (0.9, 0.5):
         low, high = found.interval(level)
         assert low.shape == high.shape == (2, GRID.size)
-        np.testing.assert_allclose(low, (1 - level) / 2)
-        np.testing.assert_allclose(high, (1 + level) / 2)
+        assert_allclose(low, (1 - level) / 2)
+        assert_allclose(high, (1 + level) / 2)
     for wrong in (0.0, 1.0, 1.5):
         with pytest.raises(
             ValueError, match=f"the level is {wrong:g}; give a share between 0 and 1"
@@ -73,7 +74,7 @@ def test_errors_of_the_model_are_added_to_both_cards(recovered):
     """
     added = draws(recovered, "white", amplitude=0.02, shared=0.8) - draws(recovered, "white")
     count = len(added)
-    np.testing.assert_allclose(added.std(axis=0), 0.02, rtol=4 / np.sqrt(2 * count))
+    assert_allclose(added.std(axis=0), 0.02, rtol=4 / np.sqrt(2 * count))
     alike = [np.corrcoef(added[:, 0, band], added[:, 1, band])[0, 1] for band in range(GRID.size)]
     assert np.mean(alike) == pytest.approx(0.8, abs=4 * 0.36 / np.sqrt(count))
     assert draws(recovered, "shade", amplitude=1.0).min() == 0.0

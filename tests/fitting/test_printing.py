@@ -1,7 +1,5 @@
 """Results print as one line that says what they are, not as pages of arrays."""
 
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -39,7 +37,7 @@ def identification() -> Identification:
     members[1] = members[1, ::-1]
     five = np.ones((5, 2))
     bands = np.ones((5, 1, GRID.size))
-    given: dict[str, Any] = {
+    given: dict = {
         "measured": Measured(NAMES, GRID, bands, bands, bands, bands[:, None]),
         "paints": ("Eosin", "ZincWhite", "Umber"),
         "members": members,

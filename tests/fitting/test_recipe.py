@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 import glazejax as gj
 from glazefit import Variation, find_recipes, lab_target, spectral_target
@@ -67,11 +68,11 @@ def test_every_number_is_finite_and_what_is_out_of_reach_says_so(found):
 def test_the_glaze_is_what_was_described(found):
     for recipe in (recipe for recipes in found for recipe in recipes[:2]):
         solved = np.asarray(gj.reflectance(recipe.glaze, SEEN))
-        np.testing.assert_allclose(recipe.reflectance, solved, atol=2e-5)
+        assert_allclose(recipe.reflectance, solved, atol=2e-5)
         coats = parse_coats(recipe.text)
         media = make_media(coats, {p.name: p for p in palette()})
         typed = gj.Glaze([gj.Layer(m, c.thickness) for m, c in zip(media, coats, strict=True)], 0.9)
-        np.testing.assert_allclose(gj.reflectance(typed, SEEN), solved, atol=1e-6)
+        assert_allclose(gj.reflectance(typed, SEEN), solved, atol=1e-6)
 
 
 def test_colour_differences_are_those_of_colour_science(found, known):
@@ -98,7 +99,7 @@ def test_numbers_are_round_and_within_the_limits(found):
             size, shares = coat.thickness * 1e6, np.array([share for share, _ in coat.parts])
             assert 1.0 - 1e-9 <= size <= 50.0 + 1e-9
             assert size * 10 == pytest.approx(round(size * 10), abs=1e-6)
-            np.testing.assert_allclose(shares * 1000, np.round(shares * 1000), atol=1e-6)
+            assert_allclose(shares * 1000, np.round(shares * 1000), atol=1e-6)
             assert shares.sum() == pytest.approx(1.0)
 
 

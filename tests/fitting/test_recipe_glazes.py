@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.testing import assert_array_equal
 from rich.console import Console
 
 import glazejax as gj
@@ -93,7 +94,7 @@ def test_the_answer_says_what_mixing_would_gain(found):
 
 
 def task(**others: Any) -> RecipeTask:
-    given: dict[str, Any] = {"glazes": True, **others}
+    given: dict = {"glazes": True, **others}
     return make_task([lab_target((50, 0, 0))], palette(), **given)
 
 
@@ -135,8 +136,8 @@ def test_a_coat_is_added_anywhere_and_never_mixed_in():
 def test_coats_that_become_neighbours_of_one_paint_are_one():
     stack = np.zeros((3, 2))
     stack[0, 0], stack[1, 0], stack[2, 1] = 20.0, 25.0, 4.0
-    np.testing.assert_array_equal(merge_coats(stack[None], 50.0), [[[45.0, 0], [0, 4.0], [0, 0]]])
-    np.testing.assert_array_equal(merge_coats(stack[None], 40.0), stack[None])
+    assert_array_equal(merge_coats(stack[None], 50.0), [[[45.0, 0], [0, 4.0], [0, 0]]])
+    assert_array_equal(merge_coats(stack[None], 40.0), stack[None])
 
 
 def test_six_coats_have_every_rounding():

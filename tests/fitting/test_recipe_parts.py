@@ -1,9 +1,9 @@
 import json
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from rich.console import Console
 
 from glazefit import find_recipes
@@ -41,7 +41,7 @@ def test_the_table_is_exact_for_one_coat_and_near_for_two(task):
         [read(task.model, stacks(20, n), optics).spectrum for optics in (None, task.optics)]
         for n in (1, 2)
     )
-    np.testing.assert_allclose(one[0], one[1], atol=3e-5)
+    assert_allclose(one[0], one[1], atol=3e-5)
     apart = np.abs(two[0] - two[1])
     assert apart.mean() < 0.005
     assert apart.max() < 0.05
@@ -51,8 +51,8 @@ def test_an_empty_coat_is_no_coat(task):
     one = stacks(5, 1)
     for optics in (None, task.optics):
         below, above = (read(task.model, sizes, optics).spectrum for sizes in (one[:, ::-1], one))
-        np.testing.assert_allclose(below, above, atol=1e-6)
-    np.testing.assert_array_equal(pack_coats(one[:, ::-1]), one)
+        assert_allclose(below, above, atol=1e-6)
+    assert_array_equal(pack_coats(one[:, ::-1]), one)
 
 
 def test_unknowns_hold_a_stack(task):
@@ -61,7 +61,7 @@ def test_unknowns_hold_a_stack(task):
     places, point, _ = start(task, some)
     # Coats outside the bounds of thickness begin at them.
     inside = (sizes.sum(axis=2) >= 1).all(axis=1)
-    np.testing.assert_allclose(places.sizes(point, 5)[inside], sizes[inside], rtol=1e-12)
+    assert_allclose(places.sizes(point, 5)[inside], sizes[inside], rtol=1e-12)
     assert inside.sum() > 10
 
 
@@ -109,7 +109,7 @@ def test_parts_stand_to_each_other_as_shares_do():
         shares = shares / shares.sum()
         parts = np.array(whole_parts(shares))
         assert parts.min() >= 1
-        np.testing.assert_allclose(parts / parts.sum(), shares, rtol=0.08)
+        assert_allclose(parts / parts.sum(), shares, rtol=0.08)
 
 
 @pytest.mark.slow
@@ -142,7 +142,7 @@ def test_the_metric_is_the_colour_difference_of_small_steps():
     metric = lab_metric(labs)
     length = np.linalg.norm(np.einsum("nij,nj->ni", metric, steps), axis=1)
     expected = colour.delta_e_2000(labs - steps / 2, labs + steps / 2)
-    np.testing.assert_allclose(length, expected, rtol=0.02)
+    assert_allclose(length, expected, rtol=0.02)
 
 
 def test_roundings_are_all_neighbours():
@@ -152,24 +152,24 @@ def test_roundings_are_all_neighbours():
     for option in options:
         assert np.abs(option.sum(axis=1) - sizes.sum(axis=1)).max() < 0.1
         shares = option / option.sum(axis=1, keepdims=True)
-        np.testing.assert_allclose(shares * 1000, np.round(shares * 1000), atol=1e-6)
+        assert_allclose(shares * 1000, np.round(shares * 1000), atol=1e-6)
 
 
 def test_roundings_keep_to_the_bounds():
     options = roundings(np.array([[1.02]]), (1.02, 1.08))
-    np.testing.assert_allclose(options, [[[1.02]]])
+    assert_allclose(options, [[[1.02]]])
     assert {round(float(o.sum()), 6) for o in roundings(np.array([[1.02]]), (1.0, 1.05))} == {1.0}
 
 
 def test_targets_of_a_screen():
     white = srgb_target("#fff").lab(D65, colour.CIE_1931)
-    np.testing.assert_allclose(white, [100, 0, 0], atol=1e-6)
+    assert_allclose(white, [100, 0, 0], atol=1e-6)
     science = colour.colour_science()
     expected = science.XYZ_to_Lab(science.sRGB_to_XYZ(np.array([0x8A, 0x4B, 0x2D]) / 255))
-    np.testing.assert_allclose(srgb_target("8a4b2d").lab(D65, colour.CIE_1931), expected, atol=0.02)
+    assert_allclose(srgb_target("8a4b2d").lab(D65, colour.CIE_1931), expected, atol=0.02)
     same = srgb_target("138, 75, 45")
     assert same.name == "#8a4b2d"
-    np.testing.assert_allclose(same.lab(D65, colour.CIE_1931), expected, atol=0.02)
+    assert_allclose(same.lab(D65, colour.CIE_1931), expected, atol=0.02)
     for wrong in ("300,0,0", "1,2", "0.5,0.5,0.5"):
         with pytest.raises(
             ValueError, match="write red, green and blue from 0 to 255, such as 138,75,45"
@@ -217,7 +217,7 @@ def test_the_grid_has_every_set_within_the_bounds(task):
         assert thickness.min() == pytest.approx(1.0)
         assert thickness.max() == pytest.approx(50.0)
         shares = coats.amounts / thickness[..., None]
-        np.testing.assert_allclose(shares, np.broadcast_to(shares[:, :1], shares.shape))
+        assert_allclose(shares, np.broadcast_to(shares[:, :1], shares.shape))
     assert (coats_of(task.model, 3, 1).amounts != coats_of(task.model, 3, 0).amounts).any()
 
 
@@ -240,7 +240,7 @@ def test_no_paint_lies_over_itself_and_no_more_paints_than_allowed(limits):
     seen = read(asked.model, found.sizes, None)
     miss = seen.lab - asked.target_arrays.lab[found.target]
     moved = np.einsum("nlij,nlj->nli", asked.target_arrays.metric[found.target], miss)
-    np.testing.assert_allclose(np.sum(moved**2, axis=(1, 2)), found.cost, rtol=1e-3, atol=1e-3)
+    assert_allclose(np.sum(moved**2, axis=(1, 2)), found.cost, rtol=1e-3, atol=1e-3)
 
 
 def scored(*some: tuple[dict[int, float], float]) -> Stacks:
@@ -297,33 +297,3 @@ def test_stacks_differ_by_the_order_of_their_coats(task):
     assert select(task, both, 5).size == 2
     assert both.coats.tolist() == both.paints.tolist() == [2, 2]
     assert by_effort(task, both).tolist() == [1, 0]
-
-
-def test_recipes_for_one_target_are_drawn_on_one_scale():
-    from glazefit.recipe.plots import recipe_figure
-
-    def recipe(target, reflectance):
-        spectrum = np.full(GRID.size, reflectance)
-        return SimpleNamespace(
-            target=target,
-            wavelengths=GRID,
-            reflectance=spectrum,
-            coats=(),
-            distance=0.1,
-            delta_e={"D65": 0.1},
-            lab={"D65": np.array([40.0, 0.0, 0.0])},
-        )
-
-    brown, white = (
-        SimpleNamespace(
-            wavelengths=None,
-            reflectance=None,
-            spectral=False,
-            labs={"D65": np.array([40.0, 0.0, 0.0])},
-        )
-        for _ in range(2)
-    )
-    recipes = [recipe(brown, 0.44), recipe(brown, 0.2), recipe(white, 0.3)]
-    figure = recipe_figure(recipes, titles=["1", "2", "3"], heading="h", subtitle="s")  # pyright: ignore
-    tops = [axes.get_ylim()[1] for axes in figure.axes[1::2]]
-    assert tops == [1.0, 1.0, 0.4]

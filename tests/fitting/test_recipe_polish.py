@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 import glazejax as gj
 from glazefit import lab_target
@@ -57,8 +58,8 @@ def test_slopes_are_those_of_the_solver():
     sizes = stacks([{RED: 3.0, WHITE: 2.0}, {BLUE: 6.0}]).sizes
     task = task_for(np.zeros((1, GRID.size)))
     seen = read(task.model, sizes, task.optics)
-    np.testing.assert_allclose(seen.spectrum[0], spectrum(sizes[0]), atol=2e-6)
-    np.testing.assert_allclose(seen.lab[0, 0], colour.lab(GRID, seen.spectrum[0]), atol=1e-9)
+    assert_allclose(seen.spectrum[0], spectrum(sizes[0]), atol=2e-6)
+    assert_allclose(seen.lab[0, 0], colour.lab(GRID, seen.spectrum[0]), atol=1e-9)
     for coat, paint in np.argwhere(sizes[0] > 0):
         ends = []
         for factor in (1.001, 0.999):
@@ -70,7 +71,7 @@ def test_slopes_are_those_of_the_solver():
             seen.by_absorption[0, coat] * task.model.absorption[paint]
             + seen.by_scattering[0, coat] * task.model.scattering[paint]
         )
-        np.testing.assert_allclose(slope, expected, atol=2e-3 * np.abs(expected).max() + 1e-6)
+        assert_allclose(slope, expected, atol=2e-3 * np.abs(expected).max() + 1e-6)
 
 
 @pytest.mark.parametrize("table", [False, True])
@@ -89,7 +90,7 @@ def test_slopes_under_two_lights_are_those_of_the_cost(table):
         differences = (looks.cost[1:6] - looks.cost[6:]) / (2 * step)
         # Of slopes of some tens a millionth is left, by this difference and by the one that slopes
         # of CIEDE2000 are.
-        np.testing.assert_allclose(looks.slope[0], 0.5 * differences, rtol=1e-5, atol=1e-5)
+        assert_allclose(looks.slope[0], 0.5 * differences, rtol=1e-5, atol=1e-5)
         assert not looks.slope[0, unknowns:].any()
 
 
@@ -100,14 +101,12 @@ def test_the_misfit_is_as_long_as_the_colour_difference():
     lab = aim + rng.normal(size=aim.shape) * rng.uniform(0.01, 20, (40, 1, 1))
     lab[0] = aim[0]
     vector, slope = colour_misfit(lab, aim)
-    np.testing.assert_allclose(
-        np.linalg.norm(vector, axis=-1), colour.delta_e_2000(lab, aim), atol=1e-9
-    )
+    assert_allclose(np.linalg.norm(vector, axis=-1), colour.delta_e_2000(lab, aim), atol=1e-9)
     assert np.all(np.isfinite(slope))
     step = 1e-3 * rng.normal(size=aim.shape)
     moved = colour.delta_e_2000(lab + step, aim) ** 2
     expected = np.sum((vector + np.einsum("nlij,nlj->nli", slope, step)) ** 2, axis=-1)
-    np.testing.assert_allclose(expected, moved, rtol=2e-3, atol=1e-4)
+    assert_allclose(expected, moved, rtol=2e-3, atol=1e-4)
 
 
 def test_amounts_that_made_a_colour_are_found_again():
@@ -122,11 +121,11 @@ def test_amounts_that_made_a_colour_are_found_again():
     assert found.settled.all()
     assert np.all(found.steps > 0)
     assert np.all(found.before > 0.5)
-    np.testing.assert_allclose(found.sizes, made.sizes, rtol=0.02, atol=1e-3)
+    assert_allclose(found.sizes, made.sizes, rtol=0.02, atol=1e-3)
     seen = read(task.model, found.sizes, task.optics)
     chosen_by = score(task, found, seen.spectrum, seen.lab)
     assert chosen_by.distance.max() < 0.01
-    np.testing.assert_allclose(np.sqrt(found.cost), np.sqrt(chosen_by.cost), atol=2e-3)
+    assert_allclose(np.sqrt(found.cost), np.sqrt(chosen_by.cost), atol=2e-3)
 
 
 def test_a_coat_at_its_bound_and_a_paint_that_fades_settle():
@@ -135,7 +134,7 @@ def test_a_coat_at_its_bound_and_a_paint_that_fades_settle():
     task = task_for(np.ones((3, GRID.size)))
     found = refine(task, begin, task.optics)
     assert found.settled.all()
-    np.testing.assert_allclose(found.sizes[0, 0], [50.0, 0, 0, 0, 0])
+    assert_allclose(found.sizes[0, 0], [50.0, 0, 0, 0, 0])
     shares = found.sizes[:, 0] / found.sizes[:, 0].sum(axis=1, keepdims=True)
     assert np.all(shares[:, [RED, BLACK]] < 1e-3)
 

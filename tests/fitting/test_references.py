@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from typer.testing import CliRunner
 
 from glazefit import identify
@@ -174,7 +175,7 @@ def test_an_opaque_reference_has_the_ratio_that_the_solver_was_given(odd):
         (paint,) = references_of(films_of({"PB29": reading}), instrument=instrument).paints
         ratio = np.asarray(paint.pigment.absorption / paint.pigment.scattering)
         assert paint.coefficients == OPAQUE
-        np.testing.assert_allclose(ratio, K / S, rtol=0.02)
+        assert_allclose(ratio, K / S, rtol=0.02)
 
 
 def test_cards_and_tints_tell_scattering(odd):
@@ -216,7 +217,7 @@ def test_paint_that_hides_both_cards_has_a_ratio_alone():
     (paint,) = references(spectra | cards).paints
     assert paint.coefficients == OPAQUE
     ratio = np.asarray(paint.pigment.absorption / paint.pigment.scattering)
-    np.testing.assert_allclose(np.interp(GRID, paint.pigment.wavelengths, ratio), K / S, rtol=0.1)
+    assert_allclose(np.interp(GRID, paint.pigment.wavelengths, ratio), K / S, rtol=0.1)
 
 
 def test_a_coat_over_one_card_is_refused(odd):
@@ -256,7 +257,7 @@ def test_order_and_duplicates_change_nothing(shelf, odd):
     ):
         two, repeated = answer(shelf, 0.95 * odd, references(again).pigments)
         assert repeated == pytest.approx(chances, abs=1e-9)
-        np.testing.assert_allclose(two.none, one.none, atol=1e-9)
+        assert_allclose(two.none, one.none, atol=1e-9)
 
 
 def test_references_do_not_teach_how_far_paints_are_apart(shelf, odd):
@@ -269,7 +270,7 @@ def test_references_do_not_teach_how_far_paints_are_apart(shelf, odd):
     )
     for one, two in zip(alone.ranges, beside.ranges, strict=True):
         for metric, other in zip(one.metrics, two.metrics, strict=True):
-            np.testing.assert_array_equal(metric.whiten, other.whiten)
+            assert_array_equal(metric.whiten, other.whiten)
 
 
 def test_references_of_the_visible_do_not_cost_the_infrared():

@@ -2,6 +2,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from glazefit.film.model.optics import Optics
 from glazefit.film.model.response import (
@@ -49,7 +50,7 @@ def solved(kd, sd, ground, tolerance=1e-7):
 
 def test_equals_the_solver(table):
     films = random_films()
-    np.testing.assert_allclose(table.body(*films), solved(*films), atol=5e-6)
+    assert_allclose(table.body(*films), solved(*films), atol=5e-6)
 
 
 def test_clear_and_opaque_ends(table):
@@ -59,7 +60,7 @@ def test_clear_and_opaque_ends(table):
     values = np.asarray(table.body(kd, sd, ground))
     # Beyond the table its ends hold: an opaque film's own k/s is then the end's, so only the first
     # three are exact.
-    np.testing.assert_allclose(values[:3], solved(kd, sd, ground)[:3], atol=5e-6)
+    assert_allclose(values[:3], solved(kd, sd, ground)[:3], atol=5e-6)
     assert np.all(np.isfinite(values))
     # A spline through noughts is nought but for rounding.
     assert np.all((values > -1e-15) & (values < 1))
@@ -82,7 +83,7 @@ def test_slopes_equal_finite_differences_of_the_solver(table):
         )
         height = jax.jit(jax.grad(lambda k, s: jnp.sum(table.body(k, s, ground)), argnums=which))
         slope = height(kd, sd)
-        np.testing.assert_allclose(slope, expected, rtol=2e-3, atol=1e-5)
+        assert_allclose(slope, expected, rtol=2e-3, atol=1e-5)
 
 
 def test_slopes_are_finite_at_the_ends(table):
@@ -104,7 +105,7 @@ def test_reflectance_factor():
         cos_incidence=np.cos(np.pi / 4),
         tolerance=1e-7,
     )
-    np.testing.assert_allclose(table.body(kd, sd, ground), expected, atol=5e-6)
+    assert_allclose(table.body(kd, sd, ground), expected, atol=5e-6)
 
 
 def test_many_angles_are_refused():
@@ -128,7 +129,7 @@ def test_tables_that_ship_are_the_solver_s(name):
     black, gain, back = values[:, rows, columns, None]
     deep_k, deep_s = (jnp.asarray(depth[:, None, None]) for depth in (kd, sd))
     expected = np.asarray(optics.body(deep_k, deep_s, jnp.asarray(grounds), 1e-6))
-    np.testing.assert_allclose(black + gain * grounds / (1 - back * grounds), expected, atol=1e-9)
+    assert_allclose(black + gain * grounds / (1 - back * grounds), expected, atol=1e-9)
 
 
 def test_other_instruments_ship_no_table():
@@ -142,9 +143,9 @@ def test_numpy_and_jax_read_the_same_film(table):
     known = table.body(kd, sd, ground)
     traced = jax.jit(lambda *films: table.body(*films))(kd, sd, ground)
     assert isinstance(known, jax.Array)
-    np.testing.assert_allclose(known, traced, atol=1e-14)
+    assert_allclose(known, traced, atol=1e-14)
     body = known[:5]
-    np.testing.assert_allclose(
+    assert_allclose(
         table.internal(body), jax.jit(lambda body: table.internal(body))(body), atol=1e-13
     )
 
@@ -163,10 +164,10 @@ def test_slopes_from_one_look_are_those_of_tangents(table):
         # No film is at the table's end, where a tangent is half the slope: a hair beyond it.
         film = (jnp.maximum(kd, 1e-13), jnp.maximum(sd, 1e-13))
         exact, expected = jax.jit(lambda film, along: jax.jvp(seen, film, along))(film, tangent)
-        np.testing.assert_allclose(values, exact, rtol=1e-9)
-        np.testing.assert_allclose(slopes, expected, rtol=1e-8, atol=1e-9)
+        assert_allclose(values, exact, rtol=1e-9)
+        assert_allclose(slopes, expected, rtol=1e-8, atol=1e-9)
     # Only k/s counts there: readings are those where the table ends, and do not change with depth.
     inside = table.body(jnp.array([200.0, 300.0]), jnp.array([1000.0, 6.0]), ground)
-    np.testing.assert_allclose(values[:, -2:], inside, rtol=1e-12)
-    np.testing.assert_allclose((kd * by_k + sd * by_s)[:, -2:], 0.0, atol=1e-15)
+    assert_allclose(values[:, -2:], inside, rtol=1e-12)
+    assert_allclose((kd * by_k + sd * by_s)[:, -2:], 0.0, atol=1e-15)
     assert np.all(by_k[:, -2:] < 0.0)

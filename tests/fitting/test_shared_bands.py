@@ -4,6 +4,7 @@ one.
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from glazefit.film.shared_bands import shared_bands
 from glazejax import catalogue
@@ -20,17 +21,17 @@ def test_a_spectrum_from_the_ultraviolet_to_the_infrared_is_cut_and_averaged():
     )
     assert bands.wavelengths[0] >= 400
     assert bands.wavelengths[-1] <= 700
-    np.testing.assert_allclose(np.diff(bands.wavelengths)[1:-1], 10.0)
+    assert_allclose(np.diff(bands.wavelengths)[1:-1], 10.0)
     # Means: a straight line stays one.
-    np.testing.assert_allclose((0.1 + grid / 2000) @ bands.mean, 0.1 + bands.wavelengths / 2000)
+    assert_allclose((0.1 + grid / 2000) @ bands.mean, 0.1 + bands.wavelengths / 2000)
 
 
 def test_bands_that_fit_stay_as_they_are():
     grid = np.arange(420.0, 651.0, 10.0)
     bands = shared_bands(grid, PAINTS)
     assert bands.notes == ()
-    np.testing.assert_array_equal(bands.wavelengths, grid)
-    np.testing.assert_array_equal(bands.mean, np.eye(grid.size))
+    assert_array_equal(bands.wavelengths, grid)
+    assert_array_equal(bands.mean, np.eye(grid.size))
 
 
 def test_paints_and_spectra_that_do_not_meet():

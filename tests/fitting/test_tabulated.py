@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_array_equal
 
 import glazejax as gj
 from glazefit.film.films import Films
@@ -34,7 +35,7 @@ def check_units(result):
 
 def test_films():
     data = check_units(FILMS)
-    np.testing.assert_array_equal(data.over_white.sel(film="red"), FILMS.over_white[1])
+    assert_array_equal(data.over_white.sel(film="red"), FILMS.over_white[1])
     # What was not measured is no number.
     assert np.isnan(data.over_black.sel(film="red")).all()
     frame = FILMS.to_dataframe()
@@ -46,11 +47,11 @@ def test_films():
 def test_a_recovery():
     found = recover_films(FILMS.take([0]))
     data = check_units(found)
-    np.testing.assert_array_equal(data.absorption[0], found.absorption[0])
-    np.testing.assert_array_equal(data.over_black[0], FILMS.over_black[0])
+    assert_array_equal(data.absorption[0], found.absorption[0])
+    assert_array_equal(data.over_black[0], FILMS.over_black[0])
     frame = found.to_dataframe()
     assert len(frame) == 4
-    np.testing.assert_array_equal(frame.scattering_sd, found.scattering_sd[0])
+    assert_array_equal(frame.scattering_sd, found.scattering_sd[0])
     assert frame.identifiable.dtype == bool
 
 
@@ -68,8 +69,8 @@ def test_a_prediction():
         variation=Variation(),
     )
     data = check_units(found)
-    np.testing.assert_array_equal(data.reflectance.sel(over="white"), found.over_white)
-    np.testing.assert_array_equal(data.upper_90, found.interval()[1])
+    assert_array_equal(data.reflectance.sel(over="white"), found.over_white)
+    assert_array_equal(data.upper_90, found.interval()[1])
     frame = found.to_dataframe()
     assert list(frame) == ["over", "wavelength_nm", "reflectance", "lower_90", "upper_90"]
     assert (frame.lower_90 < frame.reflectance).all()
@@ -113,8 +114,8 @@ def test_an_identification():
     grid = paints["CobaltBlue"].wavelengths
     found = identify(grid, spectrum[None], paints, ground=0.9, names=["spot"])
     data = check_units(found)
-    np.testing.assert_array_equal(data.measured.sel(spectrum="spot", ground=1), spectrum)
-    np.testing.assert_array_equal(data.fitted, found.fitted)
+    assert_array_equal(data.measured.sel(spectrum="spot", ground=1), spectrum)
+    assert_array_equal(data.fitted, found.fitted)
     frame = found.to_dataframe(top=2)
     assert frame["rank"].tolist() == [1, 2]
     first = found.ranked(0, 1)[0]

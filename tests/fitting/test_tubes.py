@@ -6,6 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from glazefit import Films, Instrument, Noise, recover_films, simulate_films
 from glazefit.film.films import USUAL_CARD_SD, bare_surface, cards, usual_cards
@@ -58,7 +59,7 @@ def test_a_whole_table_reads_as_before(tmp_path):
     loose, strict = read_loose_films(path), read_films(path)
     assert loose.complete
     for what in ("bare_black", "bare_white", "over_black", "over_white"):
-        np.testing.assert_array_equal(getattr(loose, what), getattr(strict, what))
+        assert_array_equal(getattr(loose, what), getattr(strict, what))
     assert (loose.names, loose.notes) == (strict.names, strict.notes)
 
 
@@ -68,13 +69,13 @@ def test_rows_that_are_not_there(tmp_path):
     assert one.seen.tolist() == [[False, True]] * 2
     assert not one.assumed[:, 1].any()
     assert not any("not measured" in note for note in one.notes)
-    np.testing.assert_array_equal(one.over_black, one.over_white)
+    assert_array_equal(one.over_black, one.over_white)
 
     bare = read_loose_films(write_films(tmp_path / "bare.csv", films, ends=("ob", "ow")))
     assert bare.assumed.all()
     assert any("the black and the white card was not measured" in note for note in bare.notes)
-    np.testing.assert_array_equal(cards(bare, Instrument(), Noise())[0][0], usual_cards(GRID)[0])
-    np.testing.assert_array_equal(cards(bare, Instrument(), Noise())[3], USUAL_CARD_SD[1])
+    assert_array_equal(cards(bare, Instrument(), Noise())[0][0], usual_cards(GRID)[0])
+    assert_array_equal(cards(bare, Instrument(), Noise())[3], USUAL_CARD_SD[1])
 
     opaque = read_loose_films(write_films(tmp_path / "opaque.csv", films, ends=("",)))
     assert opaque.opaque.all()
@@ -88,7 +89,7 @@ def test_rows_that_are_not_there(tmp_path):
     path.write_text(path.read_text() + "\n".join(card) + "\n")
     shared = read_loose_films(path)
     assert shared.complete
-    np.testing.assert_allclose(shared.bare_white[1], films.bare_white[0], atol=1e-6)
+    assert_allclose(shared.bare_white[1], films.bare_white[0], atol=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -130,8 +131,8 @@ def test_fine_grids_are_averaged_and_cropped_with_a_word():
     wide = Films(NAMES, fine, arrays[0], arrays[1], arrays[2], arrays[3])
     less = average(wide)
     assert less.wavelengths.size == 431
-    np.testing.assert_allclose(np.diff(less.wavelengths)[1:-1], 5.0)
-    np.testing.assert_allclose(less.over_white[0, 10], arrays[3][0, 48:53].mean())
+    assert_allclose(np.diff(less.wavelengths)[1:-1], 5.0)
+    assert_allclose(less.over_white[0, 10], arrays[3][0, 48:53].mean())
     assert less.notes == ("2151 bands averaged to steps of 5 nm",)
     near = crop(less, 400.0, 700.0, "the white is known there only")
     assert (near.wavelengths[0], near.wavelengths[-1]) == (400.0, 700.0)
@@ -180,10 +181,10 @@ def test_films_that_are_rough_themselves_do_not_pass_for_noisy_ones():
 def test_roughness_of_noise_is_the_noise_and_of_polynomials_nothing():
     grid = np.sort(np.random.default_rng(0).uniform(400, 700, 31))
     rough, level = roughness(grid, np.stack([0.3 + 1e-3 * (grid - 500), ((grid - 550) / 300) ** 5]))
-    np.testing.assert_allclose(rough, 0.0, atol=1e-12)
+    assert_allclose(rough, 0.0, atol=1e-12)
     assert level.shape == rough.shape
     noise = np.random.default_rng(1).standard_normal((400, 31))
-    np.testing.assert_allclose(roughness(grid, noise)[0].std(axis=0), 1.0, atol=0.15)
+    assert_allclose(roughness(grid, noise)[0].std(axis=0), 1.0, atol=0.15)
 
 
 @pytest.mark.parametrize("geometry", ["d:8", "de:8", "45:0"])
@@ -205,7 +206,7 @@ def test_film_by_film_at_45_0():
     found = recover_films(films, instrument=instrument, noise=Noise(1e-4, 0.0))
     known = found.identifiable[0]
     assert known.mean() > 0.7
-    np.testing.assert_allclose(found.absorption[0, known], BLUE[0, known], rtol=0.03)
+    assert_allclose(found.absorption[0, known], BLUE[0, known], rtol=0.03)
     with pytest.raises(ValueError, match="fit jointly"):
         recover_films(
             dataclasses.replace(films, seen=np.array([[True, False]])), instrument=instrument
@@ -225,17 +226,17 @@ def test_a_masstone_and_a_tint_with_a_known_white(geometry):
     found = fitted(painted(instrument), instrument, pigments=KNOWN)
     assert found.known == ("White",)
     row = found.row("Blue")
-    np.testing.assert_allclose(found.absorption[row], BLUE[0], rtol=0.25)
-    np.testing.assert_allclose(found.scattering[row], BLUE[1], rtol=0.25)
+    assert_allclose(found.absorption[row], BLUE[0], rtol=0.25)
+    assert_allclose(found.scattering[row], BLUE[1], rtol=0.25)
     # The scale is the white's: thicknesses come out as they are, not as typical ones.
-    np.testing.assert_allclose(found.thickness, [1.3, 0.8], rtol=0.12)
+    assert_allclose(found.thickness, [1.3, 0.8], rtol=0.12)
     # A white twice as strong makes the films half as thick and the paint as strong.
     twice = Pigment("White", GRID, *(2 * PALE / UNIT), error_modes=np.full((1, 2, GRID.size), 0.05))
     other = fitted(painted(instrument), instrument, pigments={"White": twice})
-    np.testing.assert_allclose(other.absorption[row] / found.absorption[row], 2.0, rtol=0.1)
+    assert_allclose(other.absorption[row] / found.absorption[row], 2.0, rtol=0.1)
     # Neither need be the usual one.
     thin = fitted(painted(instrument, thickness=(0.3, 0.2)), instrument, pigments=KNOWN)
-    np.testing.assert_allclose(thin.thickness, [0.3, 0.2], rtol=0.15)
+    assert_allclose(thin.thickness, [0.3, 0.2], rtol=0.15)
 
 
 def test_readings_that_are_not_there_do_not_matter():
@@ -252,8 +253,8 @@ def test_readings_that_are_not_there_do_not_matter():
         )
         for lost in (films.over_white, 0.9)
     )
-    np.testing.assert_allclose(first.absorption, second.absorption, rtol=1e-3)
-    np.testing.assert_array_equal(first.residual[1, 0], first.residual[1, 1])
+    assert_allclose(first.absorption, second.absorption, rtol=1e-3)
+    assert_array_equal(first.residual[1, 0], first.residual[1, 1])
 
 
 def test_opaque_films_tell_k_over_s():
@@ -262,10 +263,10 @@ def test_opaque_films_tell_k_over_s():
     hidden = dataclasses.replace(films, opaque=np.ones(2, bool), bare_white=films.bare_white * 0.5)
     found = fitted(hidden, instrument, pigments=KNOWN)
     ratio = found.absorption[0] / found.scattering[0]
-    np.testing.assert_allclose(ratio, BLUE[0] / BLUE[1], rtol=0.15)
+    assert_allclose(ratio, BLUE[0] / BLUE[1], rtol=0.15)
     # As thick as films go, whatever thickness is expected.
     assert np.all(found.film_absorption + found.film_scattering > 250)
-    np.testing.assert_allclose(found.absorption[0], BLUE[0], rtol=0.3)
+    assert_allclose(found.absorption[0], BLUE[0], rtol=0.3)
 
 
 def test_a_gauge_sets_the_scale():
@@ -279,12 +280,12 @@ def test_a_gauge_sets_the_scale():
     assert np.median(wrong.log_sd[:, 0]) > max(0.45, 2 * np.median(found.log_sd[:, 0]))
     expected = Expectations(thickness=0.3)
     constraints = gather_constraints(films, ("Blue", "White"), {}, gauge, 100e-6, expected)
-    np.testing.assert_allclose(constraints.arrays["film_mean"], np.log([1.3, 0.8]))
-    np.testing.assert_allclose(constraints.thickness_sd, 0.1)
+    assert_allclose(constraints.arrays["film_mean"], np.log([1.3, 0.8]))
+    assert_allclose(constraints.thickness_sd, 0.1)
     # On the scale of a known paint thicknesses are open by a common factor; on their own they have
     # none.
     on_white = gather_constraints(films, ("Blue", "White"), KNOWN, None, UNIT, expected)
-    np.testing.assert_array_equal(on_white.arrays["thickness_modes"][-1], 1.0)
+    assert_array_equal(on_white.arrays["thickness_modes"][-1], 1.0)
     alone = gather_constraints(films, ("Blue", "White"), {}, None, UNIT, expected)
     assert len(alone.arrays["thickness_modes"]) == 0
     with pytest.raises(ValueError, match="no film is called 'Red'"):
@@ -317,7 +318,7 @@ def test_error_modes_of_a_pigment_without_them_have_its_size():
         "a", GRID, BLUE[0], BLUE[1], absorption_sd=sd * BLUE[0], scattering_sd=2 * sd * BLUE[1]
     )
     size = np.sqrt(np.sum(error_modes(paint) ** 2, axis=0))
-    np.testing.assert_allclose(size, [sd, 2 * sd], rtol=0.05)
+    assert_allclose(size, [sd, 2 * sd], rtol=0.05)
 
 
 def test_entries_keep_what_is_there_and_share_the_errors_of_the_white(tmp_path):
@@ -330,14 +331,14 @@ def test_entries_keep_what_is_there_and_share_the_errors_of_the_white(tmp_path):
     assert list(mine) == ["Blue", "White"]
     first = "Blue, White: glazejax recover, 2 films, scale of White."
     assert mine["White"].provenance == mine["Blue"].provenance == f"{first} White: mine"
-    np.testing.assert_allclose(modes_of(mine["White"])[0], 0.05, rtol=1e-2)
-    np.testing.assert_allclose(modes_of(mine["White"])[1:], 0.0)
+    assert_allclose(modes_of(mine["White"])[0], 0.05, rtol=1e-2)
+    assert_allclose(modes_of(mine["White"])[1:], 0.0)
     # A stronger white would make the blue stronger.
     assert np.median(np.asarray(mine["Blue"].error_modes)[0]) > 0.02
     total = np.sqrt(np.sum(np.asarray(mine["Blue"].error_modes) ** 2, axis=0))
     sd = mine["Blue"].absorption_sd
     assert sd is not None
-    np.testing.assert_allclose(total[0], sd / mine["Blue"].absorption, rtol=0.1)
+    assert_allclose(total[0], sd / mine["Blue"].absorption, rtol=0.1)
 
     # Another paint goes beside them; their lines stay, with nought in the columns that are new.
     before = path.read_text().splitlines()
@@ -351,12 +352,12 @@ def test_entries_keep_what_is_there_and_share_the_errors_of_the_white(tmp_path):
         assert new.startswith(old)
         assert set(new[len(old) :]) <= set(",0")
     again = catalogue.read(path)
-    np.testing.assert_array_equal(again["Blue"].absorption, mine["Blue"].absorption)
+    assert_array_equal(again["Blue"].absorption, mine["Blue"].absorption)
     there = len(modes_of(mine["Blue"]))
-    np.testing.assert_array_equal(modes_of(again["Blue"])[:there], modes_of(mine["Blue"]))
-    np.testing.assert_array_equal(modes_of(again["Blue"])[there:], 0.0)
+    assert_array_equal(modes_of(again["Blue"])[:there], modes_of(mine["Blue"]))
+    assert_array_equal(modes_of(again["Blue"])[there:], 0.0)
     assert len(modes_of(again["Blue"])) > there
-    np.testing.assert_allclose(again["Sky"].absorption / again["Blue"].absorption, 1.0, rtol=0.4)
+    assert_allclose(again["Sky"].absorption / again["Blue"].absorption, 1.0, rtol=0.4)
     # Both inherit the white's error.
     assert np.median(np.asarray(again["Sky"].error_modes)[0]) > 0.02
 

@@ -8,6 +8,7 @@ import dataclasses
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from glazefit import Films, Noise, simulate_films
 from glazefit.film.films import SPECTRA
@@ -106,8 +107,8 @@ def test_sizes_that_films_have_are_found(size):
 
 def test_nothing_left_out_is_as_expected_beforehand():
     assert learn([]).films == 0
-    np.testing.assert_array_equal(learn([]).weights, Variation().weights)
-    np.testing.assert_allclose(Variation().of(["red"]), PRIOR)
+    assert_array_equal(learn([]).weights, Variation().weights)
+    assert_allclose(Variation().of(["red"]), PRIOR)
     assert sum(PRIOR) == pytest.approx(1.0)
 
 
@@ -129,10 +130,10 @@ def test_a_paint_with_one_film_leans_to_all_films():
     silent = SizeEvidence(frozenset({"new"}), np.zeros(len(SIZES)))
     sure = SizeEvidence(frozenset({"sure"}), np.where(np.arange(len(SIZES)) == 5, 0, -1e3))
     found = learn([*evidence(0.1, 12, "calm", np.random.default_rng(3)), silent, sure])
-    np.testing.assert_allclose(found.of(["new"]), found.weights, rtol=1e-12)
+    assert_allclose(found.of(["new"]), found.weights, rtol=1e-12)
     assert np.max(np.abs(found.weights - PRIOR)) > 0.05
     expected = (2.0 * found.weights + np.eye(len(SIZES))[5]) / 3.0
-    np.testing.assert_allclose(found.of(["sure"]), expected, rtol=1e-12)
+    assert_allclose(found.of(["sure"]), expected, rtol=1e-12)
 
 
 def test_paint_whose_films_are_far_off_is_probably_unsteady():
@@ -191,9 +192,7 @@ def test_modes_of_a_mixture_are_slopes_of_its_logs(paints):
         axis=0,
     )
     # Eight shapes hold nearly all of the smooth error.
-    np.testing.assert_allclose(
-        np.sum(np.asarray(found.error_modes) ** 2, axis=0), total + film, rtol=0.03
-    )
+    assert_allclose(np.sum(np.asarray(found.error_modes) ** 2, axis=0), total + film, rtol=0.03)
 
 
 def test_mixing_is_by_weight(paints):
@@ -201,7 +200,7 @@ def test_mixing_is_by_weight(paints):
     k = 0.25 * np.asarray(paints["Vermillion"].absorption) + 0.75 * np.asarray(
         paints["BoneBlack"].absorption
     )
-    np.testing.assert_allclose(found.absorption, k)
+    assert_allclose(found.absorption, k)
     assert found.name == "25 Vermillion + 75 BoneBlack"
 
 
@@ -311,8 +310,8 @@ def test_what_a_reading_was_off_holds_over_the_other_card(paints):
     assert wide[2] < 0.5 * wide[0]
     assert wide[2] < wide[1] < wide[0]
     for other in others[1:]:
-        np.testing.assert_allclose(other.reflectance, others[0].reflectance, rtol=1e-9)
-        np.testing.assert_allclose(other.draws, others[0].draws, rtol=1e-9)
+        assert_allclose(other.reflectance, others[0].reflectance, rtol=1e-9)
+        assert_allclose(other.draws, others[0].draws, rtol=1e-9)
 
 
 def test_errors_of_a_reading_are_one_draw_for_all_thicknesses(paints):
@@ -321,7 +320,7 @@ def test_errors_of_a_reading_are_one_draw_for_all_thicknesses(paints):
     gauge = Gauge({films.names[0]: 400e-6})
     found = calibrate(paints, films, gauge=gauge)
     thick, thicker = predict(paints, [800e-6, 1600e-6], calibrated=found)
-    np.testing.assert_allclose(thick.deviations["paint"], thicker.deviations["paint"], atol=1e-4)
+    assert_allclose(thick.deviations["paint"], thicker.deviations["paint"], atol=1e-4)
 
 
 def test_a_reading_in_a_few_bands_tells_the_others(paints):
@@ -334,7 +333,7 @@ def test_a_reading_in_a_few_bands_tells_the_others(paints):
         **{what: getattr(films, what)[:, few] for what in SPECTRA},
     )
     found = calibrate(paints, read, wavelengths=GRID)
-    np.testing.assert_array_equal(found.wavelengths, GRID)
+    assert_array_equal(found.wavelengths, GRID)
     length = [20e-6]
     (before,) = predict(paints, length)
     length = [found.thickness[0] * UNIT]
@@ -345,8 +344,8 @@ def test_a_reading_in_a_few_bands_tells_the_others(paints):
     truth = np.stack([films.over_black[0], films.over_white[0]])
     assert np.mean((low <= truth) & (truth <= high)) > 0.9
     # What was not read is not fitted.
-    np.testing.assert_array_equal(found.films.over_black[0, few], read.over_black[0])
-    np.testing.assert_array_equal(found.residual[:, :, [0, 1, 3]], 0.0)
+    assert_array_equal(found.films.over_black[0, few], read.over_black[0])
+    assert_array_equal(found.residual[:, :, [0, 1, 3]], 0.0)
     # Nor does anything hold there that a reading was off.
     assert np.isinf(found.residual_sd[:, :, [0, 1, 3]]).all()
     assert np.isfinite(found.residual_sd[:, :, few]).all()
@@ -392,9 +391,7 @@ def test_the_other_card_is_the_reading_that_helps_most(paints):
 def test_a_prediction_without_errors_is_the_film(paints):
     films = painted(paints, TINT, 1.0, [12e-6])
     (found,) = predict(paints, [12e-6])
-    np.testing.assert_allclose(
-        found.reflectance, [films.over_black[0], films.over_white[0]], atol=2e-4
-    )
+    assert_allclose(found.reflectance, [films.over_black[0], films.over_white[0]], atol=2e-4)
 
 
 def test_more_variation_is_a_wider_band(paints):
@@ -525,7 +522,7 @@ def test_light_and_eye_reach_the_colours(run, light, eye, degrees, geometry):
     (paint,) = predict_mixture(
         catalogue.load(), {"Vermillion": 1.0}, [10e-6], instrument=Instrument.parse(geometry)
     )
-    words = ["--illuminant", light, "--observer", eye, "--instrument", geometry]
+    words = f"--illuminant {light} --observer {eye} --instrument {geometry}".split()
     _, out, _ = run("Vermillion", "--thickness", "10um", *words)
     lab = np.asarray(
         colour.lab(paint.wavelengths, paint.over_white, illuminant=light, observer=degrees)

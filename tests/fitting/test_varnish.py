@@ -3,6 +3,7 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from glazefit import identify
 from glazefit.film.model.optics import Optics
@@ -33,13 +34,13 @@ def test_varnish_on_a_diffuse_white_is_a_coat_that_only_absorbs(geometry):
     bare = np.asarray(response.body(np.zeros_like(GRID), np.zeros_like(GRID), WHITE))
     depth, ground = jnp.asarray(coat)[:, None], jnp.full(GRID.size, WHITE)
     solved = np.asarray(optics.body(depth, 0.0 * depth, ground, 1e-7))
-    np.testing.assert_allclose(under_varnish(response, bare, coat), solved, atol=3e-5)
+    assert_allclose(under_varnish(response, bare, coat), solved, atol=3e-5)
 
 
 def test_varnish_comes_off_again():
     response, coat = film_response(Hemispherical()), 0.8 * yellow(GRID)
     body = np.linspace(0.02, 0.85, GRID.size)
-    np.testing.assert_allclose(
+    assert_allclose(
         without_varnish(response, under_varnish(response, body, coat), coat), body, atol=1e-9
     )
     # The blue end loses more than the red.
@@ -82,17 +83,17 @@ def test_a_film_taken_from_under_a_varnish_keeps_what_is_not_known():
             ("film",), GRID, whole, np.full_like(whole, 0.9), np.full_like(whole, noise), empty
         )
         found, change = remove_varnish(film, response, surface, name)
-        np.testing.assert_allclose(found.readings[0, 0], body + surface, atol=1e-9)
+        assert_allclose(found.readings[0, 0], body + surface, atol=1e-9)
 
         def off(change: float, depth: float, read=read) -> np.ndarray:
             return without_varnish(response, read + change, depth * yellow(GRID))
 
         slope = (off(1e-5, level) - off(-1e-5, level)) / 2e-5
-        np.testing.assert_allclose(found.noise_sd[0, 0], noise * slope, rtol=1e-3)
-        np.testing.assert_allclose(change[0, 0], slope, rtol=1e-3)
+        assert_allclose(found.noise_sd[0, 0], noise * slope, rtol=1e-3)
+        assert_allclose(change[0, 0], slope, rtol=1e-3)
         by_level = (off(0.0, level + 1e-4) - off(0.0, level - 1e-4)) / 2e-4
         ratio = found.doubt[0, 0, 0] / by_level
-        np.testing.assert_allclose(ratio, ratio.mean(), rtol=0.02)
+        assert_allclose(ratio, ratio.mean(), rtol=0.02)
         spreads[level] = float(ratio.mean())
     # A standard deviation less is still a varnish, and the two levels leave no gap.
     assert all(0.0 < spread < level for level, spread in spreads.items())

@@ -28,74 +28,15 @@ from glazejax.paint.pigment_table import read_pigments
 
 from .samples import ASD_WHITE, CGATS, CXF, ENVI, GRID, asd_body, asd_header, jcamp_block, spectra
 
+_PLAIN = """
+0 -1 1 2 3 65536 2147483648 4294967297 9223372036854775808 400000000 1e308 1e999 -1e999 nan inf
+0x10 1_0 1,5 1e-320 J9 s999999 name true null END &lt; &a; ## $$
+"""
 WORDS = (
-    *(
-        "",
-        "0",
-        "-1",
-        "1",
-        "2",
-        "3",
-        "65536",
-        "2147483648",
-        "4294967297",
-        "9223372036854775808",
-        "400000000",
-        "1e308",
-    ),
-    *(
-        "1e999",
-        "-1e999",
-        "nan",
-        "inf",
-        "0x10",
-        "1_0",
-        "1,5",
-        "1e-320",
-        "9" * 40,
-        "9" * 1000,
-        "9" * 5000,
-        '"',
-        "{",
-        "}",
-    ),
-    *(
-        "[",
-        "[" * 3000,
-        "<",
-        ">",
-        "=",
-        "##",
-        "$$",
-        "#",
-        "\t",
-        "\n",
-        "\r",
-        "\0",
-        " ",
-        ",",
-        ";",
-        "é",
-        "\ud7ff",
-        "\ufeff",
-    ),
-    *(
-        "\u2028",
-        "'",
-        "&lt;",
-        "&a;",
-        "<!DOCTYPE a>",
-        "%",
-        "J9",
-        "s999999",
-        "name",
-        "true",
-        "null",
-        "-",
-        "+",
-        ".",
-        "END",
-    ),
+    *_PLAIN.split(),
+    *("9" * count for count in (40, 1000, 5000)),
+    *('{}[<>=#,;é%-+."' + "\t\n\r\0 \ud7ff\ufeff\u2028'"),
+    *("", "[" * 3000, "<!DOCTYPE a>"),
 )
 # Words of Python and NumPy that are no answer to a user.
 _RIDDLES = re.compile(

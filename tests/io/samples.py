@@ -3,10 +3,12 @@
 import struct
 
 import numpy as np
+import pytest
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
+from numpy.testing import assert_allclose
 
-from glazejax.io import SpectraTable
+from glazejax.io import SpectraTable, read_spectra
 
 GRID = np.arange(400.0, 701.0, 10.0)
 
@@ -20,16 +22,18 @@ def spectra(rows=3, grid=GRID):
 def same(table, grid, values, names, atol=0.0):
     """Assert that a table holds this."""
     assert table.names == tuple(names)
-    np.testing.assert_allclose(table.wavelengths, grid, rtol=0, atol=1e-9)
-    np.testing.assert_allclose(table.reflectance, values, rtol=0, atol=atol)
+    assert_allclose(table.wavelengths, grid, rtol=0, atol=1e-9)
+    assert_allclose(table.reflectance, values, rtol=0, atol=atol)
 
 
-def complains(error, path):
-    """Assert that an error is one line that names the file."""
-    message = str(error.value)
+def refused(path, complaint, read=read_spectra, error: type[Exception] = ValueError, **how):
+    """Assert that a reader refuses a file in one line that names it."""
+    with pytest.raises(error, match=complaint) as caught:
+        read(path, **how)
+    message = str(caught.value)
     assert "\n" not in message
     assert path.stem in message
-    return True
+    return message
 
 
 # Letters of all kinds, but no blanks at the ends or in a row and no control characters: those are

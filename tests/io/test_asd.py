@@ -1,41 +1,34 @@
 import logging
-import subprocess
-import sys
 
 import numpy as np
 import pytest
 
-from glazejax.io import read_spectra
-
+from ..fresh import run_python
 from .samples import ASD_GRID as GRID
 from .samples import ASD_WHITE as WHITE
 from .samples import asd_body as body
 from .samples import asd_header as header
-from .samples import complains, same, spectra
+from .samples import refused, same, spectra
 
-
-def put(tmp_path, content, name="ochre.asd"):
-    path = tmp_path / name
-    path.write_bytes(content)
-    return path
+FILE = "ochre.asd"
 
 
 @pytest.mark.parametrize("magic", [b"as2", b"as5", b"as8"])
-def test_counts_over_white(tmp_path, magic):
+def test_counts_over_white(read, magic):
     reflectance = spectra(1, GRID)
-    table = read_spectra(put(tmp_path, header(magic=magic) + body(reflectance[0] * WHITE)))
+    table = read(header(magic=magic) + body(reflectance[0] * WHITE))
     same(table, GRID, reflectance, ["ochre"], atol=1e-12)
     assert table.format == "ASD binary"
 
 
-def test_stored_reflectance_of_the_first_version(tmp_path):
+def test_stored_reflectance_of_the_first_version(read):
     content = header(magic=b"ASD", comment=b"") + body(spectra(1, GRID)[0], None)
-    same(read_spectra(put(tmp_path, content, "red.000")), GRID, spectra(1, GRID), ["red"])
+    same(read(content, "red.000"), GRID, spectra(1, GRID), ["red"])
 
 
-def test_bands_where_white_is_dark_are_left_out(tmp_path):
+def test_bands_where_white_is_dark_are_left_out(read):
     white = np.where(GRID > 2400, 0, WHITE)
-    table = read_spectra(put(tmp_path, header() + body(spectra(1, GRID)[0] * WHITE, white)))
+    table = read(header() + body(spectra(1, GRID)[0] * WHITE, white))
     assert table.wavelengths[-1] == 2400
     assert "100 bands without data are left out" in table.notes
 
@@ -66,25 +59,20 @@ SIGNALLING[199] = 0
         (header(magic=b"as9") + body(WHITE), "not UTF-8 text|not a text file"),
     ],
 )
-def test_errors_are_one_line(tmp_path, content, complaint):
-    path = put(tmp_path, content)
-    with pytest.raises(ValueError, match=complaint) as caught:
-        read_spectra(path)
-    assert complains(caught, path)
+def test_errors_are_one_line(put, content, complaint):
+    refused(put(content), complaint)
 
 
-def test_no_log_file_and_no_root_logger(tmp_path):
+def test_no_log_file_and_no_root_logger(put, tmp_path):
     # The package opens a log where it is imported; a process of its own has not imported it yet.
-    path = put(tmp_path, WHOLE[:5000])
+    path = put(WHOLE[:5000])
     code = (
         "import sys, logging; from glazejax.io import read_spectra\n"
         "try: read_spectra(sys.argv[1])\n"
         "except ValueError: pass\n"
         "assert not logging.getLogger().handlers"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", code, path], cwd=tmp_path, capture_output=True, text=True, check=True
-    )
+    done = run_python(code, path, cwd=tmp_path)
     assert (done.stdout, done.stderr) == ("", "")
     assert [file.name for file in tmp_path.iterdir()] == ["ochre.asd"]
     assert logging.getLogger("pyASDReader").level in (logging.NOTSET, logging.CRITICAL + 1)

@@ -1,18 +1,13 @@
 import numpy as np
 import pytest
 
-from glazejax.io import read_spectra
-
 from .samples import CGATS as PLAIN
-from .samples import complains, same
+from .samples import refused, same
 
 GRID, VALUES = [400, 410, 420], [[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]]
 
 
-def put(tmp_path, text, name="chart.txt"):
-    path = tmp_path / name
-    path.write_bytes(text if isinstance(text, bytes) else text.encode())
-    return path
+FILE = "chart.txt"
 
 
 @pytest.mark.parametrize(
@@ -29,8 +24,8 @@ def put(tmp_path, text, name="chart.txt"):
         PLAIN.replace("\t0.60", "\n0.60").replace("\n0.60", "\t0.60"),
     ],
 )
-def test_ways_to_name_bands(tmp_path, text):
-    table = read_spectra(put(tmp_path, text))
+def test_ways_to_name_bands(read, text):
+    table = read(text)
     same(table, GRID, VALUES, ["red, light", "blue"], atol=1e-12)
     assert table.format == "CGATS text"
     assert table.notes == ["no unit is stated: taken as fractions"]
@@ -52,7 +47,7 @@ def pairs(text, unit, factor):
 
 
 @pytest.mark.parametrize(("unit", "factor"), [("PCT", 100), ("DEC", 1)])
-def test_units_said_by_fields_and_pairs_of_fields(tmp_path, unit, factor):
+def test_units_said_by_fields_and_pairs_of_fields(read, unit, factor):
     """Dark ones: no size of numbers tells percent."""
     dark = np.array(VALUES) / 100
     text = PLAIN.replace("SPECTRAL_NM", f"SPECTRAL_{unit}")
@@ -60,19 +55,19 @@ def test_units_said_by_fields_and_pairs_of_fields(tmp_path, unit, factor):
         text = text.replace(f"{value:.2f}", f"{value / 100 * factor:g}")
     for chart in (text, pairs(PLAIN, unit, factor)):
         right = dark if chart is text else VALUES
-        same(read_spectra(put(tmp_path, chart)), GRID, right, ["red, light", "blue"], atol=1e-12)
+        same(read(chart), GRID, right, ["red, light", "blue"], atol=1e-12)
 
 
-def test_pairs_of_other_wavelengths_are_refused(tmp_path):
+def test_pairs_of_other_wavelengths_are_refused(read):
     text = pairs(PLAIN, "PCT", 100)
     other = text[::-1].replace("014", "114", 1)[::-1]
     with pytest.raises(ValueError, match="the wavelength is 411 where the first set has 410"):
-        read_spectra(put(tmp_path, other))
+        read(other)
     with pytest.raises(ValueError, match="SPECTRAL_NM is followed by XYZ_X"):
-        read_spectra(put(tmp_path, text.replace("SPECTRAL_PCT", "XYZ_X")))
+        read(text.replace("SPECTRAL_PCT", "XYZ_X"))
 
 
-def test_percent_by_name_by_norm_and_by_sight(tmp_path):
+def test_percent_by_name_by_norm_and_by_sight(read):
     percent = PLAIN
     for value in ("0.10", "0.20", "0.30", "0.40", "0.50", "0.60"):
         percent = percent.replace(value, str(100 * float(value)))
@@ -81,33 +76,30 @@ def test_percent_by_name_by_norm_and_by_sight(tmp_path):
         percent.replace("SPECTRAL_NM", "SPECTRAL_PCT_"),
         percent.replace("NUMBER_OF_SETS", 'SPECTRAL_NORM "100.0"\nNUMBER_OF_SETS'),
     ):
-        table = read_spectra(put(tmp_path, text))
+        table = read(text)
         same(table, GRID, VALUES, ["red, light", "blue"], atol=1e-12)
         assert table.unit == "percent"
         assert table.notes == ["values are in percent; divided by 100"]
 
 
-def test_dark_percent_is_known_by_its_norm(tmp_path):
+def test_dark_percent_is_known_by_its_norm(read):
     text = PLAIN.replace("NUMBER_OF_SETS", "SPECTRAL_NORM 100\nNUMBER_OF_SETS")
-    assert read_spectra(put(tmp_path, text)).reflectance.max() == pytest.approx(0.006)
+    assert read(text).reflectance.max() == pytest.approx(0.006)
 
 
-def test_names_that_repeat_are_numbered(tmp_path):
-    table = read_spectra(put(tmp_path, PLAIN.replace('"red, light"', "blue")))
+def test_names_that_repeat_are_numbered(read):
+    table = read(PLAIN.replace('"red, light"', "blue"))
     assert table.names == ("blue", "blue (2)")
     assert table.notes[0] == "names that repeat were numbered: blue"
 
 
-def test_old_text_is_latin(tmp_path):
-    assert (
-        read_spectra(put(tmp_path, PLAIN.replace("blue", "grün").encode("latin-1"))).names[1]
-        == "grün"
-    )
+def test_old_text_is_latin(read):
+    assert read(PLAIN.replace("blue", "grün").encode("latin-1")).names[1] == "grün"
 
 
-def test_second_table_has_the_spectra(tmp_path):
+def test_second_table_has_the_spectra(read):
     first = "CTI3\nBEGIN_DATA_FORMAT\nINDEX VALUE\nEND_DATA_FORMAT\nBEGIN_DATA\n1 2\nEND_DATA\n"
-    table = read_spectra(put(tmp_path, first + PLAIN))
+    table = read(first + PLAIN)
     assert np.shape(table.reflectance) == (2, 3)
     assert "2 tables" in table.notes[0]
 
@@ -139,8 +131,5 @@ def test_second_table_has_the_spectra(tmp_path):
         ("CGATS.17\nBEGIN_DATA\n1 2\nEND_DATA\n", "BEGIN_DATA without BEGIN_DATA_FORMAT"),
     ],
 )
-def test_errors_are_one_line(tmp_path, text, complaint):
-    path = put(tmp_path, text)
-    with pytest.raises(ValueError, match=complaint) as caught:
-        read_spectra(path)
-    assert complains(caught, path)
+def test_errors_are_one_line(put, text, complaint):
+    refused(put(text), complaint)

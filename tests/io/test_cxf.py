@@ -3,35 +3,31 @@ from typing import Any
 import numpy as np
 import pytest
 
-from glazejax.io import SpectraTable, read_spectra, write_spectra
+from glazejax.io import SpectraTable, write_spectra
 
 from .samples import CXF as SAMPLE
-from .samples import GRID, complains, same, spectra
+from .samples import GRID, refused, same, spectra
+
+FILE = "chart.cxf"
 
 
-def put(tmp_path, text):
-    path = tmp_path / "chart.cxf"
-    path.write_text(text, encoding="utf-8")
-    return path
-
-
-def test_a_file_of_another_program(tmp_path):
-    table = read_spectra(put(tmp_path, SAMPLE))
+def test_a_file_of_another_program(read):
+    table = read(SAMPLE)
     same(table, [380, 390, 400], [[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]], ["red", "red (2)"])
     assert table.format == "CxF3"
     assert table.attributes["ColorSpecification"] == ("M0", "M0")
 
 
-def test_text_between_the_tags_is_a_note(tmp_path, caplog):
-    table = read_spectra(put(tmp_path, SAMPLE.replace("</cc:Object>", "</cc:Object> see below")))
+def test_text_between_the_tags_is_a_note(read, caplog):
+    table = read(SAMPLE.replace("</cc:Object>", "</cc:Object> see below"))
     assert len(table) == 2
     assert [note for note in table.notes if note.startswith("text between the tags")]
     assert not caplog.records
 
 
-def test_percent_against_the_standard_is_seen(tmp_path):
+def test_percent_against_the_standard_is_seen(read):
     text = SAMPLE.replace("0.1 0.2 0.3", "10 20 30").replace("0.4 0.5 0.6", "40 50 60")
-    table = read_spectra(put(tmp_path, text))
+    table = read(text)
     np.testing.assert_allclose(table.reflectance, [[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]])
     assert table.unit == "percent"
 
@@ -84,8 +80,5 @@ def test_what_is_written_follows_the_schema(tmp_path):
         (SAMPLE.replace('Increment="10"', f'Increment="{"9" * 400}"'), "no wavelengths for 'red'"),
     ],
 )
-def test_errors_are_one_line(tmp_path, text, complaint):
-    path = put(tmp_path, text)
-    with pytest.raises(ValueError, match=complaint) as caught:
-        read_spectra(path)
-    assert complains(caught, path)
+def test_errors_are_one_line(put, text, complaint):
+    refused(put(text), complaint)

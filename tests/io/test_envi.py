@@ -7,11 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 import spectral.io.envi as spy
+from numpy.testing import assert_allclose
 
 from glazejax.io import SpectraCube, open_cube, read_cube, read_spectra
 
 from .samples import ENVI as HEADER
-from .samples import GRID, complains, same, spectra
+from .samples import GRID, refused, same, spectra
 
 
 def put(folder, values=None, *, name="lib", **changes):
@@ -179,18 +180,13 @@ def bad(values, where, value):
     ],
 )
 def test_errors_are_one_line(tmp_path, values, changes, complaint):
-    path = put(tmp_path, values, **changes)
-    with pytest.raises(ValueError, match=complaint) as caught:
-        read_spectra(path)
-    assert complains(caught, path)
+    refused(put(tmp_path, values, **changes), complaint)
 
 
 def test_header_cut_short(tmp_path):
     path = put(tmp_path)
     path.write_text(path.read_text()[:-9])
-    with pytest.raises(ValueError, match="not a legal ENVI header") as caught:
-        read_spectra(path)
-    assert complains(caught, path)
+    refused(path, "not a legal ENVI header")
 
 
 def test_header_without_data(tmp_path):
@@ -229,8 +225,8 @@ def test_images_of_every_order(tmp_path, interleave, order):
         opened = read_cube(tmp_path / name)
         assert opened.shape == (4, 5, 31)
         assert isinstance(opened.raw, np.memmap)
-        np.testing.assert_allclose(opened[1:3, 2], image[1:3, 2], atol=1e-4)
-        np.testing.assert_allclose(opened[-1, -1], image[-1, -1], atol=1e-4)
+        assert_allclose(opened[1:3, 2], image[1:3, 2], atol=1e-4)
+        assert_allclose(opened[-1, -1], image[-1, -1], atol=1e-4)
 
 
 def test_image_as_a_table(tmp_path):
@@ -239,7 +235,7 @@ def test_image_as_a_table(tmp_path):
     assert table.format == "ENVI image"
     assert table.unit == "percent"
     assert table.names[:6] == (*(f"line 1 sample {i}" for i in range(1, 6)), "line 2 sample 1")
-    np.testing.assert_allclose(table.reflectance, image.reshape(20, -1), atol=1e-6)
+    assert_allclose(table.reflectance, image.reshape(20, -1), atol=1e-6)
 
 
 def test_missing_pixels_and_bad_bands_of_an_image(tmp_path):
@@ -259,7 +255,7 @@ def test_missing_pixels_and_bad_bands_of_an_image(tmp_path):
     table = opened.table()
     assert len(table) == 19
     assert "line 3 sample 4" not in table.names
-    np.testing.assert_allclose(table["line 1 sample 1"], image[0, 0, 1:], atol=1e-4)
+    assert_allclose(table["line 1 sample 1"], image[0, 0, 1:], atol=1e-4)
 
 
 @pytest.mark.parametrize(("dtype", "mark"), [("u2", -999), ("f4", -1.23e34), ("i2", -999)])
@@ -271,7 +267,7 @@ def test_mark_of_missing_data_in_the_files_own_type(tmp_path, dtype, mark):
         raw.flush()
     opened = read_cube(tmp_path / "image.hdr")
     assert np.isnan(opened[0, 0]).all() == (dtype != "u2")
-    np.testing.assert_allclose(opened[0, 1], image[0, 1], atol=1e-4)
+    assert_allclose(opened[0, 1], image[0, 1], atol=1e-4)
 
 
 def test_header_with_both_endings(tmp_path):
@@ -320,7 +316,7 @@ def test_whole_numbers_are_counts_until_a_scale_is_said(tmp_path, dtype):
     for read in (read_cube, read_spectra, open_cube):
         with pytest.raises(ValueError, match=r"whole numbers up to \d+ are a camera's counts"):
             read(tmp_path / "image.hdr")
-    np.testing.assert_allclose(open_cube(tmp_path / "image.hdr", scale=100), image, atol=0.01)
+    assert_allclose(open_cube(tmp_path / "image.hdr", scale=100), image, atol=0.01)
 
 
 @pytest.mark.parametrize("words", ["data", "data reflectance"])
@@ -332,17 +328,17 @@ def test_gains_and_offsets_of_a_header_are_applied(tmp_path, words, interleave):
     image = cube(tmp_path, interleave, bbl=[1, 0] + [1] * 29, **fields)
     right = (np.trunc(image * 10_000) * gains + offsets)[..., np.arange(31) != 1]
     opened = open_cube(tmp_path / "image.hdr")
-    np.testing.assert_allclose(opened, right, atol=1e-6)
+    assert_allclose(opened, right, atol=1e-6)
     assert opened.attrs["saturated"] == np.inf
     assert any("gain and offset" in note for note in opened.attrs["notes"])
     older = read_cube(tmp_path / "image.hdr")
-    np.testing.assert_allclose(older[:, :], right, atol=1e-12)
+    assert_allclose(older[:, :], right, atol=1e-12)
     assert older.notes == opened.attrs["notes"]
 
 
 def test_offsets_without_gains_are_applied(tmp_path):
     image = cube(tmp_path, data_offset_values=[-1000.0] * 31, reflectance_scale_factor=10_000)
-    np.testing.assert_allclose(read_cube(tmp_path / "image.hdr")[:, :], image - 0.1, atol=1e-4)
+    assert_allclose(read_cube(tmp_path / "image.hdr")[:, :], image - 0.1, atol=1e-4)
 
 
 def test_gains_of_another_length_are_refused(tmp_path):
@@ -356,7 +352,7 @@ def test_a_header_without_byte_order_is_read_and_said(tmp_path):
     header = tmp_path / "image.hdr"
     header.write_text(re.sub("byte order.*\n", "", header.read_text()))
     opened = open_cube(header)
-    np.testing.assert_allclose(opened, image, atol=1e-6)
+    assert_allclose(opened, image, atol=1e-6)
     assert any("byte order" in note for note in opened.attrs["notes"])
 
 
@@ -395,7 +391,7 @@ def test_pigment_charts(shared_data):
     assert table.reflectance.shape == (1592, 186)
     # The figures of its SOURCE.md: shades get lighter, values reach 1.65.
     shades = [table.reflectance[i::4].mean() for i in range(4)]
-    np.testing.assert_allclose(shades, [0.158, 0.217, 0.320, 0.488], atol=6e-4)
+    assert_allclose(shades, [0.158, 0.217, 0.320, 0.488], atol=6e-4)
     assert table.reflectance.max() == pytest.approx(1.65, abs=0.005)
     assert table.unit == "fraction"
     assert any("1.65" in note for note in table.notes)

@@ -2,20 +2,18 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from glazejax.io import read_spectra
 
-from .samples import GRID, complains, same, spectra
+from .samples import GRID, refused, same, spectra
 
 R = spectra(2)
 RED, BLUE = (100 * R).round(3)
 BANDS = ",".join(f"{w:g}" for w in GRID)
 
 
-def put(tmp_path, text, name="film.txt"):
-    path = tmp_path / name
-    path.write_text(text, encoding="utf-8")
-    return path
+FILE = "film.txt"
 
 
 def cells(values):
@@ -38,8 +36,8 @@ SPECTRAMAGIC = (
 
 
 @pytest.mark.parametrize("delimiter", [",", "\t"])
-def test_both_readings_of_spectramagic_are_rows(tmp_path, delimiter):
-    table = read_spectra(put(tmp_path, SPECTRAMAGIC.replace(",", delimiter)))
+def test_both_readings_of_spectramagic_are_rows(read, delimiter):
+    table = read(SPECTRAMAGIC.replace(",", delimiter))
     values = np.stack([RED, RED - 4, BLUE, BLUE - 4]) / 100
     same(table, GRID, values, ["red SCI", "red SCE", "blue SCI", "blue SCE"], atol=1e-9)
     assert table.attributes["a*(D65)"] == ("-3.2", "-3.2", "0", "0")
@@ -51,15 +49,15 @@ def test_both_readings_of_spectramagic_are_rows(tmp_path, delimiter):
     ]
 
 
-def test_a_column_that_says_the_reading_tells_names_apart(tmp_path):
+def test_a_column_that_says_the_reading_tells_names_apart(read):
     text = f"Data Name,SCI/SCE,{BANDS}\nred,SCI,{cells(RED)}\nred,SCE,{cells(RED - 4)}\n"
-    assert read_spectra(put(tmp_path, text)).names == ("red SCI", "red SCE")
+    assert read(text).names == ("red SCI", "red SCE")
 
 
-def test_readings_at_other_wavelengths_are_refused(tmp_path):
+def test_readings_at_other_wavelengths_are_refused(read):
     text = "Name,SCI 400,SCI 410,SCE 400,SCE 420\nred,10,20,5,15\n"
     with pytest.raises(ValueError, match="bands of SCE are others than those of SCI"):
-        read_spectra(put(tmp_path, text))
+        read(text)
 
 
 @pytest.mark.parametrize(
@@ -77,23 +75,23 @@ def test_readings_at_other_wavelengths_are_refused(tmp_path):
         "{} nm (%)",
     ],
 )
-def test_titles_of_bands_as_makers_write_them(tmp_path, title):
+def test_titles_of_bands_as_makers_write_them(read, title):
     header = ",".join(title.format(f"{w:g}") for w in GRID)
-    table = read_spectra(put(tmp_path, f"Sample,{header}\nred,{cells(RED)}\n"))
+    table = read(f"Sample,{header}\nred,{cells(RED)}\n")
     same(table, GRID, [RED / 100], ["red"], atol=1e-9)
 
 
-def test_one_kind_of_reading_keeps_names_and_is_said(tmp_path):
-    table = read_spectra(put(tmp_path, "Name,SCE 400,SCE 410\nred,10,20\n"))
+def test_one_kind_of_reading_keeps_names_and_is_said(read):
+    table = read("Name,SCE 400,SCE 410\nred,10,20\n")
     assert table.names == ("red",)
     assert table.notes[0] == "all bands are taken as specular component excluded, de:8"
 
 
 @pytest.mark.parametrize("count", [3, len(GRID)])
-def test_colours_stand_beside_bands(tmp_path, count):
+def test_colours_stand_beside_bands(read, count):
     text = f"Name,L*,a*,b*,X,Y,Z,{','.join(BANDS.split(',')[:count])}\n"
     text += f"red,40,30,-20,1,2,3,{cells(RED[:count])}\n"
-    table = read_spectra(put(tmp_path, text))
+    table = read(text)
     same(table, GRID[:count], [RED[:count] / 100], ["red"], atol=1e-9)
     assert table.attributes["b*"] == ("-20",)
 
@@ -106,10 +104,10 @@ def test_colours_stand_beside_bands(tmp_path, count):
         '"red - RawData"\n"Wavelength nm.","R%"\n' + columns(RED[::-1], grid=GRID[::-1]),
     ],
 )
-def test_descending_wavelengths_are_sorted_and_said(tmp_path, text):
-    table = read_spectra(put(tmp_path, text))
-    np.testing.assert_array_equal(table.wavelengths, GRID)
-    np.testing.assert_allclose(table.reflectance[0], RED / 100, atol=1e-5)
+def test_descending_wavelengths_are_sorted_and_said(read, text):
+    table = read(text)
+    assert_array_equal(table.wavelengths, GRID)
+    assert_allclose(table.reflectance[0], RED / 100, atol=1e-5)
     assert "bands were sorted by wavelength" in table.notes
 
 
@@ -130,47 +128,44 @@ OCEAN += "Number of Pixels in Spectrum: 31\n>>>>>Begin Spectral Data<<<<<\n"
         OCEAN + columns(RED).replace(",", "\t") + ">>>>>End Processed Spectral Data<<<<<\n",
     ],
 )
-def test_two_columns_without_a_header(tmp_path, text):
-    table = read_spectra(put(tmp_path, text))
+def test_two_columns_without_a_header(read, text):
+    table = read(text)
     same(table, GRID, [RED / 100], ["film"], atol=1e-9)
     above = any("above the table" in note for note in table.notes)
     assert above == (not text.startswith("400"))
 
 
 @pytest.mark.parametrize("below", ["", "# µ\n", ">>>>>End Processed Spectral Data<<<<<\n"])
-def test_nothing_below_the_line_where_the_spectrum_begins_is_said(tmp_path, below):
-    path = put(tmp_path, OCEAN + below)
-    with pytest.raises(ValueError, match=r"line 6: no numbers below .* export it again") as caught:
-        read_spectra(path)
-    assert complains(caught, path)
+def test_nothing_below_the_line_where_the_spectrum_begins_is_said(put, below):
+    refused(put(OCEAN + below), r"line 6: no numbers below .* export it again")
 
 
 @pytest.mark.parametrize(
     "text",
     ["nm,red\n" + "400,12,5\n410,13,5\n420,14,5\n", "\n\nX,Y\n1,2\n"],
 )
-def test_titles_that_lack_something_are_no_lines_above(tmp_path, text):
+def test_titles_that_lack_something_are_no_lines_above(read, text):
     with pytest.raises(ValueError, match="header"):
-        read_spectra(put(tmp_path, text))
+        read(text)
 
 
-def test_bright_rows_of_numbers_are_no_header(tmp_path):
+def test_bright_rows_of_numbers_are_no_header(read):
     text = "".join(f"{w:g},101,102,103,104\n" for w in GRID)
-    assert len(read_spectra(put(tmp_path, text))) == 4
+    assert len(read(text)) == 4
 
 
-def test_titles_are_said_on_one_line(tmp_path):
-    table = read_spectra(put(tmp_path, f"Name,\x7fa,{BANDS}\nred,1,{cells(RED)}\n"))
+def test_titles_are_said_on_one_line(read):
+    table = read(f"Name,\x7fa,{BANDS}\nred,1,{cells(RED)}\n")
     assert all(note.isprintable() for note in table.notes)
 
 
-def test_two_or_three_numbers_may_be_the_instruments_own(tmp_path):
+def test_two_or_three_numbers_may_be_the_instruments_own(read):
     text = "Scans,10\nSerial No.,123\nnm,red\n" + columns(RED)
-    assert read_spectra(put(tmp_path, text)).names == ("red",)
+    assert read(text).names == ("red",)
 
 
-def test_samples_of_a_table_of_wavelengths_may_be_called_as_bands_are(tmp_path):
-    table = read_spectra(put(tmp_path, "wavelength,R400,R410\n400,10,20\n410,30,40\n"))
+def test_samples_of_a_table_of_wavelengths_may_be_called_as_bands_are(read):
+    table = read("wavelength,R400,R410\n400,10,20\n410,30,40\n")
     assert table.names == ("R400", "R410")
 
 
@@ -182,9 +177,9 @@ def test_samples_of_a_table_of_wavelengths_may_be_called_as_bands_are(tmp_path):
         "640;50;3\n\nred\n" + columns(RED, BLUE).replace(",", ";"),
     ],
 )
-def test_rows_above_their_header_are_refused(tmp_path, text):
+def test_rows_above_their_header_are_refused(read, text):
     with pytest.raises(ValueError, match="line 1: a row of the table stands above its beginning"):
-        read_spectra(put(tmp_path, text))
+        read(text)
 
 
 def test_lines_above_in_another_encoding(tmp_path):
@@ -197,30 +192,30 @@ def test_lines_above_in_another_encoding(tmp_path):
     assert "2 lines above the table are not read" in table.notes
 
 
-def test_ends_where_a_spectrometer_reads_noise_are_left_out(tmp_path):
+def test_ends_where_a_spectrometer_reads_noise_are_left_out(read):
     values = RED.copy()
     values[[1, 28]] = -7.0, 900.0
-    table = read_spectra(put(tmp_path, OCEAN + columns(values).replace(",", "\t")))
+    table = read(OCEAN + columns(values).replace(",", "\t"))
     same(table, GRID[2:28], [RED[2:28] / 100], ["film"], atol=1e-9)
     noise = "5 bands at the ends are left out, at 400-410, 680-700 nm: they hold noise alone"
     assert noise in table.notes
     values[15] = -7.0
     with pytest.raises(ValueError, match="'film' is negative"):
-        read_spectra(put(tmp_path, OCEAN + columns(values).replace(",", "\t")))
+        read(OCEAN + columns(values).replace(",", "\t"))
 
 
-def test_what_a_person_may_have_written_keeps_its_ends(tmp_path):
+def test_what_a_person_may_have_written_keeps_its_ends(read):
     values = RED.copy()
     values[0] = -7.0
     with pytest.raises(ValueError, match="'film' is negative"):
-        read_spectra(put(tmp_path, columns(values)))
+        read(columns(values))
 
 
-def test_noisy_ends_of_wavelengths_that_descend(tmp_path):
+def test_noisy_ends_of_wavelengths_that_descend(read):
     values = RED.copy()
     values[[1, 28]] = -7.0, 900.0
     text = OCEAN + columns(values[::-1], grid=GRID[::-1]).replace(",", "\t")
-    same(read_spectra(put(tmp_path, text)), GRID[2:28], [RED[2:28] / 100], ["film"], atol=1e-9)
+    same(read(text), GRID[2:28], [RED[2:28] / 100], ["film"], atol=1e-9)
 
 
 SVC = "/*** Spectra Vista SIG Data ***/\nname= HR.1.sig\ninstrument= HI: 1 (HR-1024i)\n"
@@ -231,25 +226,25 @@ def svc(grid, values):
     return SVC + "".join(f"{w:.1f}  2.0  1.0  {r:.3f}\n" for w, r in zip(grid, values, strict=True))
 
 
-def test_svc_reads_its_last_column(tmp_path):
-    table = read_spectra(put(tmp_path, svc(GRID, RED), "film.sig"))
+def test_svc_reads_its_last_column(read):
+    table = read(svc(GRID, RED), "film.sig")
     same(table, GRID, [RED / 100], ["red panel"], atol=1e-9)
     assert table.format == "SVC text (.sig)"
     assert "last column" in table.notes[0]
 
 
-def test_svc_is_percent_however_dark(tmp_path):
-    table = read_spectra(put(tmp_path, svc(GRID, RED / 100)))
-    np.testing.assert_allclose(table.reflectance[0], RED / 1e4, atol=1e-5)
+def test_svc_is_percent_however_dark(read):
+    table = read(svc(GRID, RED / 100))
+    assert_allclose(table.reflectance[0], RED / 1e4, atol=1e-5)
 
 
-def test_svc_detectors_that_overlap_change_in_the_middle(tmp_path):
+def test_svc_detectors_that_overlap_change_in_the_middle(read):
     first, second = GRID[:21], GRID[17:] + 3
-    table = read_spectra(put(tmp_path, svc([*first, *second], [*RED[:21], *BLUE[17:]])))
+    table = read(svc([*first, *second], [*RED[:21], *BLUE[17:]]))
     # The overlap is 573 to 600 nm.
     assert "detectors overlap: the change is at 586.5 nm" in table.notes
-    np.testing.assert_allclose(table.wavelengths, [*GRID[:19], *(GRID[19:] + 3)])
-    np.testing.assert_allclose(table.reflectance[0], [*RED[:19] / 100, *BLUE[19:] / 100], atol=1e-9)
+    assert_allclose(table.wavelengths, [*GRID[:19], *(GRID[19:] + 3)])
+    assert_allclose(table.reflectance[0], [*RED[:19] / 100, *BLUE[19:] / 100], atol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -260,9 +255,9 @@ def test_svc_detectors_that_overlap_change_in_the_middle(tmp_path):
         (SVC + "400 1 2 1_0\n", "line 7: '400 1 2 1_0' are not four numbers"),
     ],
 )
-def test_errors_of_svc(tmp_path, text, complaint):
+def test_errors_of_svc(read, text, complaint):
     with pytest.raises(ValueError, match=complaint):
-        read_spectra(put(tmp_path, text))
+        read(text)
 
 
 @pytest.mark.parametrize("version", [b"K", b"L", b"M"])
@@ -273,14 +268,14 @@ def test_galactic_spc_is_named(tmp_path, version):
         read_spectra(path)
 
 
-def test_i1profiler_names_with_blanks_stand_between_tabs(tmp_path):
+def test_i1profiler_names_with_blanks_stand_between_tabs(read):
     fields = "\t".join(["SAMPLE_ID", "SAMPLE_NAME", *(f"SPECTRAL_NM{w:g}" for w in GRID)])
     row = "\t".join(f"{value / 100:.5f}" for value in RED)
     text = (
         f'CGATS.17\nORIGINATOR\t"i1Profiler"\nNUMBER_OF_FIELDS\t33\nBEGIN_DATA_FORMAT\n{fields}\n'
     )
     text += f"END_DATA_FORMAT\nNUMBER_OF_SETS\t1\nBEGIN_DATA\n1\tlight red\t{row}\t\nEND_DATA\n"
-    same(read_spectra(put(tmp_path, text)), GRID, [RED / 100], ["light red"], atol=1e-9)
+    same(read(text), GRID, [RED / 100], ["light red"], atol=1e-9)
 
 
 def test_three_rows_of_two_numbers_are_a_table_below_any_lines(tmp_path):

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from scipy.interpolate import CubicSpline
 
 from glazejax.io import SpectraTable, resample
@@ -13,7 +14,7 @@ def table(grid, values=None):
 
 
 def test_same_wavelengths_change_nothing():
-    np.testing.assert_allclose(resample(table(GRID), GRID).reflectance, spectra(), atol=1e-12)
+    assert_allclose(resample(table(GRID), GRID).reflectance, spectra(), atol=1e-12)
 
 
 def test_even_grids_as_colour_science_does_it():
@@ -23,17 +24,13 @@ def test_even_grids_as_colour_science_does_it():
     wanted = colour.SpectralDistribution(spectra()[1], GRID).interpolate(
         colour.SpectralShape(400, 700, 5)
     )
-    np.testing.assert_allclose(
-        resample(table(GRID), finer).reflectance[1], wanted.values, atol=1e-7
-    )
+    assert_allclose(resample(table(GRID), finer).reflectance[1], wanted.values, atol=1e-7)
 
 
 def test_uneven_grids_by_cubic_splines():
     grid = 400 + 300 * np.linspace(0, 1, 60) ** 1.3
     new = resample(table(grid), GRID)
-    np.testing.assert_allclose(
-        new.reflectance[2], CubicSpline(grid, spectra(3, grid)[2])(GRID), atol=1e-12
-    )
+    assert_allclose(new.reflectance[2], CubicSpline(grid, spectra(3, grid)[2])(GRID), atol=1e-12)
     # The true curve, which linear interpolation misses by more.
     assert np.abs(new.reflectance - spectra()).max() < 1e-3
     assert "cubic splines" in new.notes[-1]
@@ -41,7 +38,7 @@ def test_uneven_grids_by_cubic_splines():
 
 def test_few_bands_are_joined_by_lines():
     new = resample(table(np.array([400.0, 500.0]), np.array([[0.2, 0.4]])), [400, 425, 500])
-    np.testing.assert_allclose(new.reflectance, [[0.2, 0.25, 0.4]])
+    assert_allclose(new.reflectance, [[0.2, 0.25, 0.4]])
 
 
 def test_no_overshoot_below_zero_or_above_the_peak():

@@ -1,7 +1,7 @@
 """FILE and FILE:SAMPLE name one measured spectrum, or say what is wrong in one line."""
 
-import numpy as np
 import pytest
+from numpy.testing import assert_array_equal
 
 from glazejax.io import read_sample, read_spectra
 from glazejax.io.files.sample import split_sample
@@ -22,8 +22,8 @@ def test_the_named_spectrum_alone_is_read(cards, tmp_path):
         found = read_sample(text, folder=folder)
         assert found.names == ("black card",)
         assert found.notes == whole.notes
-        np.testing.assert_array_equal(found.reflectance, whole.reflectance[1:])
-        np.testing.assert_array_equal(found.wavelengths, whole.wavelengths)
+        assert_array_equal(found.reflectance, whole.reflectance[1:])
+        assert_array_equal(found.wavelengths, whole.wavelengths)
 
 
 def test_a_single_spectrum_needs_no_name(tmp_path):
@@ -32,7 +32,7 @@ def test_a_single_spectrum_needs_no_name(tmp_path):
     # The colon belongs to the file's own name.
     assert split_sample(str(path)) == (path, "")
     assert split_sample(f"{path}:grey") == (path, "grey")
-    np.testing.assert_array_equal(read_sample(str(path)).reflectance, [[0.4, 0.5]])
+    assert_array_equal(read_sample(str(path)).reflectance, [[0.4, 0.5]])
 
 
 @pytest.mark.parametrize(

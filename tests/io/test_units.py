@@ -4,11 +4,13 @@ import json
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from glazejax.io import read_spectra
 from glazejax.io.quantity import nanometres
 
-from . import test_envi, test_jcamp
+from . import test_envi
+from .samples import jcamp_block
 
 # Wavelengths in nm of Hg (green), Hg (yellow) and Na D2, and the same lines as tables print them in
 # other units.
@@ -47,7 +49,9 @@ def written(folder, format_name: str, unit: str, values):
             spectra_names="{lamp}",
         )
     if format_name == "jcamp":
-        return test_jcamp.put(folder, test_jcamp.block("lamp", VALUES, grid=values, xunits=unit))
+        path = folder / "lamp.dx"
+        path.write_text(jcamp_block("lamp", VALUES, grid=values, xunits=unit), encoding="utf-8")
+        return path
     path = folder / "lamp.json"
     grid = {"type": "wavelengths", "values": values.tolist(), "unit": unit}
     path.write_text(json.dumps([grid, {"name": "lamp", "reflectance": VALUES}]), encoding="utf-8")
@@ -59,14 +63,14 @@ def written(folder, format_name: str, unit: str, values):
 def test_lines_are_where_they_are(tmp_path, format_name, unit):
     values = IN_UNITS[unit]
     table = read_spectra(written(tmp_path, format_name, unit, values))
-    np.testing.assert_allclose(table.wavelengths, LINES, rtol=1e-6)
-    np.testing.assert_allclose(table.reflectance[0], VALUES, atol=1e-6)
+    assert_allclose(table.wavelengths, LINES, rtol=1e-6)
+    assert_allclose(table.reflectance[0], VALUES, atol=1e-6)
 
 
 def test_without_a_unit_small_numbers_are_micrometres():
     for unit in (None, "", "Unknown"):
-        np.testing.assert_allclose(nanometres(np.array(IN_UNITS["um"]), unit)[0], LINES)
-        np.testing.assert_allclose(nanometres(LINES, unit)[0], LINES)
+        assert_allclose(nanometres(np.array(IN_UNITS["um"]), unit)[0], LINES)
+        assert_allclose(nanometres(LINES, unit)[0], LINES)
         # No spectrum of paint begins at 100 nm, and no spectrometer's ends below it in micrometres.
         assert nanometres(np.array([50.0, 100.0]), unit)[0][-1] == 100.0
         assert nanometres(np.array([0.5, 99.5]), unit)[0][-1] == 99500.0
@@ -86,6 +90,6 @@ def test_whole_wavelengths_in_wavenumbers_stay_whole():
     grid = np.arange(400.0, 701.0, 10.0)
     for decimals in (1, 2, 3):
         found, _ = nanometres(np.round(1e7 / grid, decimals), "1/cm")
-        np.testing.assert_array_equal(found, grid)
+        assert_array_equal(found, grid)
     fine = np.array([10000.0, 9998.0, 9996.0])
-    np.testing.assert_array_equal(nanometres(fine, "1/cm")[0], 1e7 / fine)
+    assert_array_equal(nanometres(fine, "1/cm")[0], 1e7 / fine)

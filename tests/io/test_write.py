@@ -96,13 +96,6 @@ def test_existing_files_are_kept(tmp_path, name):
     same(read_spectra(path), GRID, brighter.reflectance, table.names)
 
 
-def test_half_a_library_is_not_written(tmp_path):
-    (tmp_path / "t.hdr").write_text("mine")
-    with pytest.raises(FileExistsError, match=r"t\.hdr exists"):
-        write_spectra(SpectraTable(GRID, ("a", "b", "c"), spectra()), tmp_path / "t.sli")
-    assert [file.name for file in tmp_path.iterdir()] == ["t.hdr"]
-
-
 @pytest.mark.parametrize(
     ("grid", "names", "name", "how", "complaint"),
     [

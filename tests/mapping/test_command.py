@@ -7,17 +7,13 @@ import functools
 import json
 import os
 import signal
-import sys
 import time
-import warnings
 from dataclasses import dataclass
 from pathlib import Path
-from unittest import mock
 
 import numpy as np
 import pytest
-import typer
-from typer.testing import CliRunner
+from numpy.testing import assert_allclose
 
 import glazefit.mapping.example
 import glazefit.mapping.map_cube
@@ -29,11 +25,11 @@ from glazefit.mapping.store.layout import VARIABLES, Status
 from glazefit.mapping.store.run import run_chunks
 from glazefit.mapping.store.store import MapStore, open_map
 from glazejax import catalogue
+from tests.commands import invoke
 
 xarray = pytest.importorskip("xarray")
 pytest.importorskip("zarr")
 
-RUNNER = CliRunner()
 GRID = np.arange(400.0, 701.0, 30.0)
 SHAPE, CHUNK = (12, 10), (4, 10)
 
@@ -41,13 +37,7 @@ SHAPE, CHUNK = (12, 10), (4, 10)
 OILS = ("--catalogue", "oils")
 
 
-def run(*arguments):
-    app = typer.Typer()
-    register(app)
-    app.callback()(lambda: None)
-    words = ["map", *map(str, arguments)]
-    with mock.patch.object(sys, "argv", ["glazejax", *words]):
-        return RUNNER.invoke(app, words)
+run = functools.partial(invoke, register, "map")
 
 
 @pytest.fixture(scope="module")
@@ -172,34 +162,34 @@ def mapped(monkeypatch) -> list[dict]:
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
-        ([], "no CUBE was given"),
-        (["none.hdr", "--example"], "leave out none.hdr, or leave out --example"),
-        (["none.hdr"], "what is under the paint"),
-        (["none.hdr", "--opaque"], "there is no such file"),
-        (["none.hdr", "--opaque", "--ground", "0.9"], "show no ground"),
-        (["none.hdr", "--opaque", "--bare"], "give --ground too"),
-        (["none.hdr", "--opaque", "--max-paints", "4"], "--max-paints is 4"),
-        (["none.hdr", "--opaque", "--memory", "much"], "--memory is 'much'"),
-        (["none.hdr", "--opaque", "--window", "3:1,0:4"], "--window is '3:1,0:4'"),
-        (["none.hdr", "--opaque", "--bin", "0"], "--bin is '0'"),
-        (["none.hdr", "--opaque", "--bands", "700-400"], "--bands is '700-400'"),
-        (["none.hdr", "--opaque", "--wavelengths", "none.txt"], "--wavelengths is 'none.txt'"),
-        (["none.hdr", "--opaque", "--white-reflectance", "99"], "--white-reflectance is 99"),
+        ("", "no CUBE was given"),
+        ("none.hdr --example", "leave out none.hdr, or leave out --example"),
+        ("none.hdr", "what is under the paint"),
+        ("none.hdr --opaque", "there is no such file"),
+        ("none.hdr --opaque --ground 0.9", "show no ground"),
+        ("none.hdr --opaque --bare", "give --ground too"),
+        ("none.hdr --opaque --max-paints 4", "--max-paints is 4"),
+        ("none.hdr --opaque --memory much", "--memory is 'much'"),
+        ("none.hdr --opaque --window 3:1,0:4", "--window is '3:1,0:4'"),
+        ("none.hdr --opaque --bin 0", "--bin is '0'"),
+        ("none.hdr --opaque --bands 700-400", "--bands is '700-400'"),
+        ("none.hdr --opaque --wavelengths none.txt", "--wavelengths is 'none.txt'"),
+        ("none.hdr --opaque --white-reflectance 99", "--white-reflectance is 99"),
         (
-            ["none.hdr", "--opaque", "--white-reflectance", "none.txt"],
+            "none.hdr --opaque --white-reflectance none.txt",
             "neither a number nor a file",
         ),
-        (["none.hdr", "--opaque", "--export", "map.tif"], "--export map.tif: maps are exported as"),
-        (["none.hdr", "--opaque", "--out", "none.hdr"], "which is CUBE"),
-        (["none.hdr", "--opaque", "--out", "none/map.zarr"], "does not exist"),
-        (["none.hdr", "--opaque", "--csv", "a.nc", "--export", "a.nc"], "are both a.nc"),
-        (["none.hdr", "--opaque", "--report", "map.zarr"], "are both map.zarr"),
-        (["none.hdr", "--opaque", "--scheduler", "tcp://127.0.0.1:1"], "there is no such file"),
+        ("none.hdr --opaque --export map.tif", "--export map.tif: maps are exported as"),
+        ("none.hdr --opaque --out none.hdr", "which is CUBE"),
+        ("none.hdr --opaque --out none/map.zarr", "does not exist"),
+        ("none.hdr --opaque --csv a.nc --export a.nc", "are both a.nc"),
+        ("none.hdr --opaque --report map.zarr", "are both map.zarr"),
+        ("none.hdr --opaque --scheduler tcp://127.0.0.1:1", "there is no such file"),
     ],
 )
 def test_bad_options_end_in_one_sentence(arguments, complaint, tmp_path, monkeypatch, mapped):
     monkeypatch.chdir(tmp_path)
-    done = run(*arguments)
+    done = run(*arguments.split())
     assert isinstance(done.exception, ValueError | OSError), done.output
     assert complaint in str(done.exception)
     assert "\n" not in str(done.exception)
@@ -310,29 +300,6 @@ def test_a_stop_keeps_what_is_finished_and_says_how_to_go_on(
     assert "110 mapped" in again.output
 
 
-def test_a_damaged_window_is_named(tmp_path, monkeypatch, cube, mapped):
-    monkeypatch.chdir(tmp_path)
-    assert run(cube, "--opaque", *OILS, "--only", "ZincWhite,Eosin").exception is None
-    Path("map.zarr/misfit/c/1/0").unlink()
-    for named in (1, 0):
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            done = run(cube, "--opaque", *OILS, "--only", "ZincWhite,Eosin")
-        assert done.exception is None, done.output
-        words = "window y4-8_x0-10 of map.zarr is damaged (misfit/c/1/0 is missing), and is mapped again"
-        assert " ".join(done.output.split()).count(words) == named
-
-
-def test_a_map_that_another_run_writes_is_not_replaced(tmp_path, monkeypatch, cube, mapped):
-    monkeypatch.chdir(tmp_path)
-    assert run(cube, "--opaque", *OILS, "--only", "ZincWhite,Eosin").exception is None
-    with MapStore("map.zarr").writing():
-        done = run(cube, "--opaque", *OILS, "--only", "ZincWhite,Eosin", "--overwrite")
-    assert str(done.exception) == (
-        "another run is writing map.zarr; wait for it or stop it, or name another map"
-    )
-
-
 def test_an_interrupt_before_there_is_a_map_is_only_that(tmp_path, monkeypatch, cube):
     monkeypatch.chdir(tmp_path)
 
@@ -380,8 +347,8 @@ def test_ground_and_spots_are_measured_in_the_cube(tmp_path, monkeypatch, cube, 
     assert call["ground"].shape == GRID.shape
     # In air it reads 0.7; under paint it is brighter, as the surface throws light back to it.
     assert 0.8 < call["ground"].min() <= call["ground"].max() < 0.95
-    np.testing.assert_allclose(call["spots"]["Grey"], 0.4, rtol=1e-6)
-    np.testing.assert_allclose(call["spots"]["Bare"], 0.7, rtol=1e-6)
+    assert_allclose(call["spots"]["Grey"], 0.4, rtol=1e-6)
+    assert_allclose(call["spots"]["Bare"], 0.7, rtol=1e-6)
     assert call["cube"].path.is_absolute()
     assert call["noise"] is None
     for words, complaint in (
@@ -408,7 +375,7 @@ def test_a_ground_needs_to_be_known_only_where_paints_are(tmp_path, monkeypatch,
     Path("ground.csv").write_text("Name,450,550,650\ncard,0.5,0.6,0.7\n")
     done = run(cube, "--pigments", "own.csv", "--ground", "ground.csv")
     assert done.exception is None, done.output
-    np.testing.assert_allclose(
+    assert_allclose(
         mapped[0]["ground"][2:9], np.interp(GRID[2:9], [450, 550, 650], [0.5, 0.6, 0.7]), atol=0.01
     )
 
@@ -442,7 +409,7 @@ def test_the_example_is_made_and_mapped(tmp_path, monkeypatch, mapped):
     assert done.exception is None, done.output
     made = small()
     assert mapped[0]["cube"].path == tmp_path / "small-example" / "painting.hdr"
-    np.testing.assert_allclose(mapped[0]["ground"], made.ground, atol=1e-6)
+    assert_allclose(mapped[0]["ground"], made.ground, atol=1e-6)
     foreign = {paint.name for paint in made.foreign}
     assert not foreign & {paint.name for paint in mapped[0]["pigments"]}
     assert {paint.name for paint in mapped[0]["pigments"]} == {paint.name for paint in made.paints}

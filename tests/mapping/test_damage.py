@@ -25,9 +25,10 @@ pytest.importorskip("zarr")
 WINDOW = Window(16, 32, 20, 40)
 
 
-def copy(store: MapStore, folder: Path) -> Path:
-    shutil.copytree(store.path, folder / "map.zarr")
-    return folder / "map.zarr"
+@pytest.fixture
+def path(undisturbed, tmp_path):  # noqa: F811
+    """A whole map, to be damaged."""
+    return shutil.copytree(undisturbed.path, tmp_path / "map.zarr")
 
 
 def cut(file: Path) -> None:
@@ -50,6 +51,14 @@ def read_all(path: Path) -> None:
         _ = dataset[name].values
 
 
+def check_again(path, whole, match: str, solver: Toy) -> int:
+    """Assert that what is damaged is named and mapped again; how many windows that are."""
+    with pytest.warns(DamagedWindow, match=match) as warned:
+        run_chunks(store_at(path), solver)
+    same(MapStore(path), whole)
+    return len(warned)
+
+
 @dataclass(frozen=True)
 class Counted(Toy):
     """Keeps what it was asked for."""
@@ -70,14 +79,7 @@ class Counted(Toy):
         ("paint_probability/c/1/1/0", empty, "paint_probability/c/1/1/0 is not as it was written"),
     ],
 )
-def test_a_damaged_window_is_named_and_mapped_again(
-    tmp_path,
-    undisturbed,  # noqa: F811
-    place,
-    damage,
-    words,
-):
-    path = copy(undisturbed, tmp_path)
+def test_a_damaged_window_is_named_and_mapped_again(path, undisturbed, place, damage, words):  # noqa: F811
     damage(path / place)
     named = rf"^window y16-32_x20-40 of .*map\.zarr is damaged \({words}\)"
     with pytest.raises(ValueError, match=named + "; run the same `glazejax map` again, .*$"):
@@ -85,56 +87,38 @@ def test_a_damaged_window_is_named_and_mapped_again(
     # The others can be read.
     assert (open_map(path).status[:16].values == 1).all()
     solver = Counted()
-    with pytest.warns(DamagedWindow, match=named + ", and is mapped again$") as warned:
-        run_chunks(store_at(path), solver)
-    assert len(warned) == 1
+    assert check_again(path, undisturbed, named + ", and is mapped again$", solver) == 1
     assert solver.asked == [WINDOW]
-    same(MapStore(path), undisturbed)
 
 
-@pytest.mark.parametrize("damage", [cut, flip, Path.unlink])
-def test_a_window_whose_sums_are_damaged_is_mapped_again(
-    tmp_path,
-    undisturbed,  # noqa: F811
-    damage,
-):
-    path = copy(undisturbed, tmp_path)
+@pytest.mark.parametrize("damage", [cut, flip, empty, Path.unlink])
+def test_a_window_whose_sums_are_damaged_is_mapped_again(path, undisturbed, damage):  # noqa: F811
     damage(path / ".glazejax" / "sums" / f"{WINDOW}.npz")
     words = rf"^window {WINDOW} of .*map\.zarr is damaged \(its sums cannot be read\)"
     with pytest.raises(ValueError, match=words):
         MapStore(path).sums()
-    with pytest.warns(DamagedWindow, match=words + ", and is mapped again$"):
-        run_chunks(store_at(path), Toy())
-    same(MapStore(path), undisturbed)
+    check_again(path, undisturbed, words + ", and is mapped again$", Toy())
 
 
-def test_a_status_that_is_missing_in_a_complete_map_is_damage(tmp_path, undisturbed):  # noqa: F811
+def test_a_status_that_is_missing_in_a_complete_map_is_damage(path, undisturbed):  # noqa: F811
     """Elsewhere a window without status is one that is not finished."""
-    path = copy(undisturbed, tmp_path)
     (path / "status" / "c" / "1" / "1").unlink()
     assert (open_map(path).status[WINDOW.slices].values == 0).all()
     MapStore(path).note(complete=True)
     with pytest.raises(ValueError, match=r"is damaged \(status/c/1/1 is missing\)"):
         read_all(path)
-    with pytest.warns(DamagedWindow, match="status/c/1/1 is missing"):
-        run_chunks(store_at(path), Toy())
-    same(MapStore(path), undisturbed)
+    check_again(path, undisturbed, "status/c/1/1 is missing", Toy())
 
 
-def test_an_array_that_was_removed_is_made_again(tmp_path, undisturbed):  # noqa: F811
-    path = copy(undisturbed, tmp_path)
+def test_an_array_that_was_removed_is_made_again(path, tmp_path, undisturbed):  # noqa: F811
     shutil.rmtree(path / "thickness")
     with pytest.raises(ValueError, match=r"is damaged \(thickness/c/./. is missing"):
         read_all(path)
-    with pytest.warns(DamagedWindow) as warned:
-        run_chunks(store_at(path), Toy())
-    assert len(warned) == WINDOWS
-    same(MapStore(path), undisturbed)
+    assert check_again(path, undisturbed, "", Toy()) == WINDOWS
     assert sorted(file.name for file in tmp_path.iterdir()) == ["map.zarr"]
 
 
-def test_a_map_with_a_damaged_window_is_not_complete(tmp_path, undisturbed):  # noqa: F811
-    path = copy(undisturbed, tmp_path)
+def test_a_map_with_a_damaged_window_is_not_complete(path):
     store = MapStore(path)
     store.note(complete=True)
     with store.writing():
@@ -146,8 +130,7 @@ def test_a_map_with_a_damaged_window_is_not_complete(tmp_path, undisturbed):  # 
     assert open_map(path).attrs["complete"] is False
 
 
-def test_a_map_with_damaged_coordinates_is_refused(tmp_path, undisturbed):  # noqa: F811
-    path = copy(undisturbed, tmp_path)
+def test_a_map_with_damaged_coordinates_is_refused(path):
     flip(path / "x" / "c" / "0")
     with pytest.raises(ValueError, match=r"is a damaged map, .* overwrite=True \(--overwrite"):
         open_map(path)
@@ -176,8 +159,7 @@ def without(*names: str):
         without("glazejax"),
     ],
 )
-def test_a_map_that_does_not_say_what_it_is_is_refused(tmp_path, undisturbed, damage):  # noqa: F811
-    path = copy(undisturbed, tmp_path)
+def test_a_map_that_does_not_say_what_it_is_is_refused(path, damage):
     damage(path / "zarr.json")
     for reads in (open_map, store_at):
         with pytest.raises(
@@ -189,9 +171,8 @@ def test_a_map_that_does_not_say_what_it_is_is_refused(tmp_path, undisturbed, da
 
 
 @pytest.mark.parametrize("name", ["map.nc", "map.hdr"])
-def test_a_damaged_window_is_not_exported(tmp_path, undisturbed, name):  # noqa: F811
+def test_a_damaged_window_is_not_exported(path, tmp_path, name):
     pytest.importorskip("h5netcdf")
-    path = copy(undisturbed, tmp_path)
     flip(path / "misfit" / "c" / "1" / "1")
     with pytest.raises(ValueError, match="window y16-32_x20-40 of"):
         export_map(path, tmp_path / name)

@@ -245,21 +245,14 @@ def test_pictures_lie_beside_the_page(report):
         assert path.read_bytes().startswith(b"\x89PNG")
 
 
-def test_a_report_is_replaced_only_if_asked_for(made, report):
+def test_a_file_that_is_there_is_replaced_only_if_asked_for(made, report, tmp_path):
     dataset, tallies, sets = made
-    before = report.read_bytes()
-    with pytest.raises(FileExistsError, match="--overwrite replaces it"):
-        write_report(dataset, tallies, sets, ABOUT, report.parent)
-    assert report.read_bytes() == before
-
-
-def test_a_users_file_next_to_the_report_stays(made, tmp_path):
-    dataset, tallies, sets = made
-    classes = tmp_path / CLASSES
-    classes.write_text("mine")
-    with pytest.raises(FileExistsError, match=CLASSES):
-        write_report(dataset, tallies, sets, ABOUT, tmp_path)
-    assert classes.read_text() == "mine"
+    (tmp_path / CLASSES).write_text("mine")
+    for file, words in ((report, "--overwrite replaces it"), (tmp_path / CLASSES, CLASSES)):
+        before = file.read_bytes()
+        with pytest.raises(FileExistsError, match=words):
+            write_report(dataset, tallies, sets, ABOUT, file.parent)
+        assert file.read_bytes() == before
 
 
 def test_a_map_that_is_not_finished_or_empty_says_so(part, tmp_path):

@@ -4,6 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from glazefit.mapping.show.legend import (
     BLANK,
@@ -94,9 +95,9 @@ def test_paints_in_another_order_are_the_same_set(made, look):
     again = overview(turned, *counts)
     for members in look.ranked:
         assert look.where(members).sum() == look.sets[members]
-        np.testing.assert_array_equal(again.where(members), look.where(members))
-    np.testing.assert_array_equal(again.examples["fraction"], look.examples["fraction"])
-    np.testing.assert_array_equal(again.paint_amount, look.paint_amount)
+        assert_array_equal(again.where(members), look.where(members))
+    assert_array_equal(again.examples["fraction"], look.examples["fraction"])
+    assert_array_equal(again.paint_amount, look.paint_amount)
 
 
 def test_a_large_map_is_seen_in_squares_of_few_rows_at_a_time(made, look, monkeypatch):
@@ -108,9 +109,9 @@ def test_a_large_map_is_seen_in_squares_of_few_rows_at_a_time(made, look, monkey
     assert (pieces.likely == whole.likely).all()
     assert (pieces.likely == look.likely).all()
     for name, values in whole.means.items():
-        np.testing.assert_allclose(pieces.means[name], values, rtol=1e-6)
+        assert_allclose(pieces.means[name], values, rtol=1e-6)
         assert values.shape == (20, 26)
-    np.testing.assert_array_equal(pieces.examples["members"], whole.examples["members"])
+    assert_array_equal(pieces.examples["members"], whole.examples["members"])
     # The upper left square of the rows that are not masked, by hand.
     status, thickness = dataset["status"].values[5:10, :5], dataset["thickness"].values[5:10, :5]
     mean = np.nanmean(np.where(status == Status.MAPPED, thickness, np.nan))
@@ -120,7 +121,7 @@ def test_a_large_map_is_seen_in_squares_of_few_rows_at_a_time(made, look, monkey
 
 def test_square_means_leave_out_what_is_not_known():
     values = np.array([[1.0, np.nan, 5.0], [3.0, np.nan, 7.0], [np.nan, 4.0, np.nan]])
-    np.testing.assert_allclose(square_means(values, 2), [[2.0, 6.0], [4.0, np.nan]])
+    assert_allclose(square_means(values, 2), [[2.0, 6.0], [4.0, np.nan]])
 
 
 def test_amounts_are_those_of_the_truth(scene, look):
@@ -128,9 +129,7 @@ def test_amounts_are_those_of_the_truth(scene, look):
     known = (look.examples["status"] == Status.MAPPED) & ~truth["foreign"]
     for paint in found_paints(look):
         amount = np.where(truth["members"] == paint, truth["amounts"], 0.0).sum(axis=-1)
-        np.testing.assert_allclose(
-            look.paint_amount[known][:, paint], amount[known], rtol=1e-5, atol=1e-12
-        )
+        assert_allclose(look.paint_amount[known][:, paint], amount[known], rtol=1e-5, atol=1e-12)
     assert np.isnan(look.paint_amount[~known]).all()
 
 
@@ -222,9 +221,7 @@ def test_a_number_is_its_colour_and_grey_where_it_is_not_known():
     side = image.shape[1] // 2
     corners = image[:: 2 * side - 1, :: 2 * side - 1]
     for at, level in (((0, 0), 0.0), ((0, 1), 0.5), ((1, 0), 1.0)):
-        np.testing.assert_allclose(
-            corners[at], np.array(colormaps["viridis"](level)[:3]) * 255, atol=1
-        )
+        assert_allclose(corners[at], np.array(colormaps["viridis"](level)[:3]) * 255, atol=1)
     assert len(set(corners[1, 1])) == 1
 
 

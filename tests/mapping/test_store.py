@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from glazefit.mapping.solve.solver import _sums
 from glazefit.mapping.solve.update import Answers
@@ -40,14 +41,14 @@ def same(one: MapStore, other: MapStore) -> None:
     """Two maps are the same, bit for bit."""
     ours, theirs = open_map(one.path), open_map(other.path)
     for variable in VARIABLES:
-        np.testing.assert_array_equal(ours[variable.name].values, theirs[variable.name].values)
+        assert_array_equal(ours[variable.name].values, theirs[variable.name].values)
         assert ours[variable.name].dtype == variable.dtype
     (tallies, sets), (others, other_sets) = one.sums(), other.sums()
     assert tallies == others
     packed = pack(ChunkMaps({}, others, dict(sorted(other_sets.items())), other.unexplained()))
     mine = pack(ChunkMaps({}, tallies, dict(sorted(sets.items())), one.unexplained()))
     for name, values in mine.items():
-        np.testing.assert_array_equal(values, packed[name])
+        assert_array_equal(values, packed[name])
 
 
 def unfinish(store: MapStore, window: Window) -> None:
@@ -102,7 +103,7 @@ def test_what_is_written_reads_back(undisturbed: MapStore):
             wanted = maps.arrays.get(
                 variable.name, np.full(there.shape, variable.fill, variable.dtype)
             )
-            np.testing.assert_array_equal(there, wanted)
+            assert_array_equal(there, wanted)
 
 
 def test_others_open_the_store_without_a_word(undisturbed: MapStore):
@@ -127,7 +128,7 @@ def test_sums_are_those_of_the_windows_in_order(undisturbed: MapStore):
         m: (s.pixels, s.thickness) for m, s in expected.items()
     }
     for members, one in sets.items():
-        np.testing.assert_array_equal(one.square, expected[members].square)
+        assert_array_equal(one.square, expected[members].square)
 
 
 def test_sums_of_two_windows_are_those_of_all_their_pixels():
@@ -152,9 +153,9 @@ def test_sums_of_two_windows_are_those_of_all_their_pixels():
     for members, rows in (((1,), [0, 3, 6]), ((0, 2), [1, 2, 4, 5, 7, 8])):
         one = both[members]
         assert one.pixels == len(rows)
-        np.testing.assert_allclose(one.spectrum, readings[rows].sum(axis=0))
-        np.testing.assert_allclose(one.fitted, 0.5 * readings[rows].sum(axis=0))
-        np.testing.assert_allclose(one.square, (readings[rows] ** 2).sum(axis=0))
+        assert_allclose(one.spectrum, readings[rows].sum(axis=0))
+        assert_allclose(one.fitted, 0.5 * readings[rows].sum(axis=0))
+        assert_allclose(one.square, (readings[rows] ** 2).sum(axis=0))
         assert one.thickness == pytest.approx((1e-6 * len(members) * len(rows), len(rows)))
 
 
@@ -171,22 +172,11 @@ def test_sums_pack_bit_for_bit():
     sets = found.sets
     assert found.tallies == {"a": 0.1 + 0.2}
     for name in ("pixels", "readings", "positions"):
-        np.testing.assert_array_equal(getattr(found.unexplained, name), getattr(spots, name))
+        assert_array_equal(getattr(found.unexplained, name), getattr(spots, name))
     assert list(sets) == [(), (1, 40, 41)]
     assert sets[1, 40, 41].pixels == 6
     assert sets[()].thickness == (0.1, 7)
-    np.testing.assert_array_equal(sets[()].spectrum, one.spectrum)
-
-
-def test_sums_that_are_damaged_are_said(tmp_path):
-    store = store_at(tmp_path / "map.zarr")
-    run_chunks(store, Toy())
-    file = next((store.path / ".glazejax" / "sums").glob("*.npz"))
-    whole = file.read_bytes()
-    for broken in (b"", b"PK", whole[:-40]):
-        file.write_bytes(broken)
-        with pytest.raises(ValueError, match=r"window y.* is damaged \(its sums cannot be read\)"):
-            store.sums()
+    assert_array_equal(sets[()].spectrum, one.spectrum)
 
 
 def test_a_window_without_its_status_is_not_there(tmp_path):
@@ -336,7 +326,7 @@ def test_a_full_disk_keeps_what_is_finished(tmp_path, monkeypatch, undisturbed, 
     assert len(store.done()) == np.sum(files < failing)
     assert not list(store.path.rglob("*.part*"))
     for window in store.done():
-        np.testing.assert_array_equal(
+        assert_array_equal(
             open_map(store.path).rmse[window.slices], open_map(undisturbed.path).rmse[window.slices]
         )
     run_chunks(store_at(store.path), Toy())

@@ -3,6 +3,7 @@
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.testing import assert_allclose
 
 from glazefit.mapping.solve.survey import Features, nearest, spread_out, survey
 
@@ -16,8 +17,8 @@ def test_the_nearest_centre_is_the_nearest(count, centres, seed):
     )
     apart = np.linalg.norm(points[:, None] - middles, axis=-1)
     which, far = nearest(points, middles)
-    np.testing.assert_allclose(apart[np.arange(count), which], apart.min(axis=1), atol=1e-5)
-    np.testing.assert_allclose(far, apart.min(axis=1), atol=1e-6)
+    assert_allclose(apart[np.arange(count), which], apart.min(axis=1), atol=1e-5)
+    assert_allclose(far, apart.min(axis=1), atol=1e-6)
 
 
 @given(st.integers(2, 100), st.integers(0, 2**31))

@@ -6,6 +6,7 @@ import re
 import numpy as np
 import pytest
 import xarray
+from numpy.testing import assert_allclose, assert_array_equal
 
 from glazefit.mapping.show.page_sets import share_words
 from glazefit.mapping.show.page_spots import PAINTS, spot_rows
@@ -79,15 +80,15 @@ def test_spots_are_files_that_a_second_map_reads(tmp_path):
     seen_with = resolve_instrument("d:8")
     files = write_spots(tmp_path, found, GRID, small.paints(), instrument=seen_with)
     table = np.loadtxt(files[0], delimiter=",", skiprows=1)
-    np.testing.assert_array_equal(table[:, 0], bands)
-    np.testing.assert_array_equal(table[:, 2], readings["Spot2"])
+    assert_array_equal(table[:, 0], bands)
+    assert_array_equal(table[:, 2], readings["Spot2"])
     known = catalogue.read(files[1])
     assert list(known) == [*small.PAINTS, "Spot1", "Spot2"]
     # As wide as the image, so that no band is lost, and a hiding film reads the spot.
     paint = known["Spot2"]
     assert (paint.wavelengths[0], paint.wavelengths[-1]) == (400.0, 700.0)
     film = reflectance(Glaze([Layer(paint, 0.01)], 0.0, 1.5), Hemispherical())
-    np.testing.assert_allclose(film, 0.4, atol=2e-3)
+    assert_allclose(film, 0.4, atol=2e-3)
     none = found.assign_attrs(spots=[])
     assert write_spots(tmp_path, none, GRID, small.paints(), instrument=seen_with) == []
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from glazefit import Noise
 from glazefit.film.noise import spectra_noise
@@ -19,17 +20,15 @@ def test_bands_are_means_of_what_the_paints_cover():
     assert bands.count.sum() == np.sum((FINE >= 400) & (FINE <= 700))
     assert np.median(np.diff(bands.wavelengths)) == pytest.approx(10.0, abs=0.1)
     # A mean of what is linear is what it is at the mean wavelength.
-    np.testing.assert_allclose(
-        bands.means((0.001 * FINE)[None])[0], 0.001 * bands.wavelengths, rtol=1e-6
-    )
+    assert_allclose(bands.means((0.001 * FINE)[None])[0], 0.001 * bands.wavelengths, rtol=1e-6)
 
 
 def test_coarse_bands_stay_as_they_are():
     grid = np.arange(400.0, 701.0, 20.0)
     bands = WorkingBands.of(grid, small.paints())
-    np.testing.assert_array_equal(bands.wavelengths, grid)
+    assert_array_equal(bands.wavelengths, grid)
     spectra = np.random.default_rng(0).random((3, grid.size))
-    np.testing.assert_allclose(bands.means(spectra), spectra, rtol=1e-6)
+    assert_allclose(bands.means(spectra), spectra, rtol=1e-6)
 
 
 def test_paints_that_do_not_cover_the_image_are_named():
@@ -48,7 +47,7 @@ def test_noise_of_means_is_what_it_is():
         bands.noise_sd(np.full(bands.count.shape, 0.4), told) ** 2
         - Noise().sd(np.asarray(0.4)) ** 2
     )
-    np.testing.assert_allclose(seen, rest, rtol=0.15)
+    assert_allclose(seen, rest, rtol=0.15)
 
 
 @pytest.mark.parametrize(("floor", "share"), [(0.001, 0.002), (0.003, 0.0), (0.0005, 0.01)])

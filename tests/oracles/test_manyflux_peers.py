@@ -3,7 +3,6 @@ interpolates.
 """
 
 import warnings
-from typing import Any
 
 import numpy as np
 import pytest
@@ -26,7 +25,7 @@ def theirs(g: float, streams: int) -> tuple[np.ndarray, np.ndarray]:
     pydisort = pytest.importorskip("PythonicDISORT").pydisort
     moments = g ** np.arange(2 * streams)
     found, mu = [], np.zeros(0)
-    peak: dict[str, Any] = {} if abs(g) < 0.7 else {"f_arr": moments[streams], "NT_cor": True}
+    peak: dict = {} if abs(g) < 0.7 else {"f_arr": moments[streams], "NT_cor": True}
     for q, depth in zip(ALBEDO, THICKNESS, strict=True):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")

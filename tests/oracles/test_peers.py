@@ -18,6 +18,7 @@ from benchmarks.peers import (
     pythonic_disort,
     sasktran,
 )
+from numpy.testing import assert_allclose
 
 import glazejax as gj
 
@@ -68,13 +69,13 @@ def expected(index: float) -> np.ndarray:
     ],
 )
 def test_no_surface(peer: Any, setting: Any, error: float) -> None:
-    np.testing.assert_allclose(peer.reflectance(WORK, setting)(), expected(1.0), rtol=error)
+    assert_allclose(peer.reflectance(WORK, setting)(), expected(1.0), rtol=error)
 
 
 @needs(adding_doubling)
 def test_surface() -> None:
     found = adding_doubling.reflectance(WORK, adding_doubling.Setting(8, 18, 4), 1.5)()
-    np.testing.assert_allclose(found, expected(1.5), rtol=3e-8)
+    assert_allclose(found, expected(1.5), rtol=3e-8)
 
 
 @pytest.mark.slow
@@ -82,6 +83,6 @@ def test_surface() -> None:
 def test_derivatives() -> None:
     value, theirs = sasktran.reflectance_and_gradient(WORK, Streams(64, 1))()
     mine: Any = ours.reflectance(WORK, 1.0, 1e-9, gradient=True)()
-    np.testing.assert_allclose(value, mine[0], rtol=1e-8)
+    assert_allclose(value, mine[0], rtol=1e-8)
     for a, b in zip(theirs, mine[1], strict=True):
-        np.testing.assert_allclose(a, b, rtol=1e-6, atol=2e-7 * np.max(np.abs(b)))
+        assert_allclose(a, b, rtol=1e-6, atol=2e-7 * np.max(np.abs(b)))

@@ -243,7 +243,7 @@ def test_paint_under_a_rough_surface(alpha, index, scattering, absorption, groun
     rng, azimuth = np.random.default_rng(10), np.array([0.0, 0.0, 90.0, 180.0])
     flux = position_free.albedo(stack, cosine, paths, rng)
     factor = position_free.reflectance_factor(stack, cosine, Views(COS, azimuth), paths // 4, rng)
-    surface: dict[str, Any] = {"roughness": alpha, "refractive_index": index}
+    surface: dict = {"roughness": alpha, "refractive_index": index}
     given = surface | {"cos_incidence": cosine, "tolerance": 1e-4}
     paint = s / (s + k), s + k, ground
     assert _close(flux, rough.rough_hemispherical_reflectance(*paint, **given))
@@ -274,7 +274,7 @@ def test_layers_that_scatter_forward_or_back(name):
     )
     flux = position_free.albedo(stack, cosine, 700_000, rng)
     s, depth = stack.scattering, stack.scattering + stack.absorption[:, 0]
-    given: dict[str, Any] = {
+    given: dict = {
         "phase": henyey_greenstein(stack.g, 60),
         "refractive_index": float(stack.refractive_index[0]),
         "cos_incidence": cosine,

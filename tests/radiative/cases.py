@@ -1,9 +1,6 @@
 """Stacks for the solver's tests: the reference values, padded to one shape, and edge values."""
 
-import os
 import re
-import subprocess
-import sys
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -13,6 +10,8 @@ import jax
 import numpy as np
 
 from tests.reference import isotropic_stacks
+
+from ..fresh import run_python
 
 LAYERS = 5
 EDGE_ALBEDO = (0.0, 1e-300, 0.3, 1 - 1e-15, 1.0)
@@ -114,22 +113,13 @@ def run_fresh(code: str, cache: Path, count: int) -> list[str]:
     """What some processes print that run the same program, two at a time; they share what is
     compiled, for what may hang is running it.
     """
-    environment = os.environ | {
+    environment = {
         "JAX_COMPILATION_CACHE_DIR": str(cache),
         "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",
     }
 
     def run(limit: float) -> str:
-        done = subprocess.run(
-            [sys.executable, "-c", code],
-            capture_output=True,
-            text=True,
-            timeout=limit,
-            env=environment,
-            check=False,
-        )
-        assert done.returncode == 0, done.stderr
-        return done.stdout
+        return run_python(code, timeout=limit, env=environment).stdout
 
     first = run(900)
     with ThreadPoolExecutor(2) as pool:

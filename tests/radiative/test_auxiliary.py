@@ -2,9 +2,6 @@
 never a hang.
 """
 
-import subprocess
-import sys
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -329,26 +326,6 @@ def test_own_steps_compile_without_lapack():
     # The direct variant holds all that the decomposed one does but a gather.
     settings = GridSettings("direct", True, 1.5, 0.08, 8)
     assert not lapack_calls(lambda *given: solve(*given, (), settings), batch, jnp.full(1, 8))
-
-
-_SINGLE = """
-import sys
-import jax, numpy as np
-from glazejax.radiative.auxiliary import reflectance_factor
-assert not jax.config.jax_enable_x64
-data = np.load(sys.argv[1])
-out = reflectance_factor(*(data[k] for k in "qdg"), cos_incidence=data["i"], cos_viewing=data["v"], step=0.02)
-assert out.dtype == np.float32
-np.save(sys.argv[2], out)
-"""
-
-
-@pytest.mark.slow
-def test_single_precision(tmp_path, truth):
-    np.savez(tmp_path / "in.npz", q=ALBEDO, d=THICKNESS, g=GROUND, i=INCIDENCE, v=VIEWING)
-    command = [sys.executable, "-c", _SINGLE, str(tmp_path / "in.npz"), str(tmp_path / "out.npy")]
-    subprocess.run(command, check=True, timeout=300)
-    assert np.max(np.abs(np.load(tmp_path / "out.npy") - truth)) < 2e-4
 
 
 _BULK = """

@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 import glazejax as gj
 from glazejax.radiative.common import chunks
@@ -50,7 +51,7 @@ def test_value_is_that_of_one_program(stacks, parts, reflectance):
     assert len(parts) == 3
     assert together.shape == (COUNT,)
     # Sums in chunks of another size round otherwise.
-    np.testing.assert_allclose(together, jax.jit(reflectance)(*stacks), rtol=0, atol=LAST_DIGITS)
+    assert_allclose(together, jax.jit(reflectance)(*stacks), rtol=0, atol=LAST_DIGITS)
 
 
 def test_slopes_are_those_of_one_program(stacks, parts):
@@ -61,15 +62,15 @@ def test_slopes_are_those_of_one_program(stacks, parts):
     value, found = slopes(*stacks)
     assert len(parts) == 3
     exact_value, exact = jax.jit(slopes)(*stacks)
-    np.testing.assert_allclose(value, exact_value, rtol=1e-13)
+    assert_allclose(value, exact_value, rtol=1e-13)
     for one, other in zip(found, exact, strict=True):
-        np.testing.assert_allclose(one, other, rtol=0, atol=ROUNDING)
+        assert_allclose(one, other, rtol=0, atol=ROUNDING)
     along = jax.jvp(factor, stacks, stacks)[1]
     total = (
         sum(jnp.sum((a * b).reshape(COUNT, -1), axis=1) for a, b in zip(found, stacks, strict=True))
         / weights
     )
-    np.testing.assert_allclose(along, total, rtol=0, atol=ROUNDING)
+    assert_allclose(along, total, rtol=0, atol=ROUNDING)
 
 
 @pytest.mark.parametrize("double", [True, False])
@@ -83,7 +84,7 @@ def test_threads_share_one_program(double):
 
     with jax.enable_x64(double):
         found = on_all_cores(counted, jnp.ones(10), least=1)
-        np.testing.assert_array_equal(found, 2)
+        assert_array_equal(found, 2)
         assert traced == [jnp.result_type(float)]
 
 
@@ -97,8 +98,8 @@ def test_small_or_traced_batches_stay_whole(stacks, parts):
 def test_every_entry_comes_once_whatever_the_size(size):
     batch = {"x": jnp.arange(float(size)), "y": jnp.arange(2.0 * size).reshape(size, 2)}
     found = on_all_cores(_twice, batch, 2.0, least=1)
-    np.testing.assert_array_equal(found["x"], 2 * batch["x"])
-    np.testing.assert_array_equal(found["y"], 2 * batch["y"])
+    assert_array_equal(found["x"], 2 * batch["x"])
+    assert_array_equal(found["y"], 2 * batch["y"])
 
 
 def _twice(batch, factor):

@@ -2,12 +2,11 @@
 beams beside it.
 """
 
-from typing import Any
-
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from glazejax import stack_reflectance_factor
 from glazejax.radiative.common.directions import whole_range
@@ -101,9 +100,9 @@ def test_what_a_beam_excites_is_the_integral(mirrored: bool):
 
     # The quadrature's own slope by lambda does not exist in this form at lambda = 0.
     found, expected = value_and_slopes(ours), value_and_slopes(theirs)
-    np.testing.assert_allclose(found[0], expected[0], rtol=2e-9, atol=1e-13)
+    assert_allclose(found[0], expected[0], rtol=2e-9, atol=1e-13)
     smooth = lam > 1e-8
-    np.testing.assert_allclose(found[1][smooth], expected[1][smooth], rtol=1e-6, atol=2e-8)
+    assert_allclose(found[1][smooth], expected[1][smooth], rtol=1e-6, atol=2e-8)
     assert np.all(np.isfinite(found[1]))
 
 
@@ -119,7 +118,7 @@ def cosines_in_air_at_eigenvalues(albedo: float) -> np.ndarray:
     inside = 1.0 / kappa[kappa > 1.0]
     inside = inside[inside > np.sqrt(1.0 - 1.0 / INDEX**2) + 1e-3]
     air = np.sqrt(1.0 - INDEX**2 * (1.0 - inside**2))
-    np.testing.assert_allclose(cos_refracted(air, INDEX), inside, rtol=1e-13)
+    assert_allclose(cos_refracted(air, INDEX), inside, rtol=1e-13)
     return air
 
 
@@ -141,9 +140,9 @@ def test_the_slowest_mode_keeps_its_digits_as_absorption_goes():
         for _ in range(200):
             root = lost / (albedo * np.sum(weights * mu**2 / (1.0 - root * mu**2)))
         exact.append(root)
-    np.testing.assert_allclose(slowest[3:], exact[3:], rtol=2e-12)
+    assert_allclose(slowest[3:], exact[3:], rtol=2e-12)
     known = np.asarray(layer_modes(q, mu, weights).decay_squared)[0]
-    np.testing.assert_allclose(slowest, known, rtol=1e-11)
+    assert_allclose(slowest, known, rtol=1e-11)
 
 
 @pytest.mark.slow
@@ -156,7 +155,7 @@ def test_a_beam_at_an_eigenvalue_is_like_those_beside_it():
     albedo, air = np.array(beams).T
     shifts = np.array([0.0, 1e-13, 1e-9, -2e-3, -1e-3, 1e-3, 2e-3])
     cosines = air[:, None] + shifts
-    given: dict[str, Any] = {"refractive_index": INDEX, "cos_viewing": 0.55, "tolerance": TOLERANCE}
+    given: dict = {"refractive_index": INDEX, "cos_viewing": 0.55, "tolerance": TOLERANCE}
 
     def factor(q, d, cosine):
         albedo, depth = (
@@ -179,7 +178,7 @@ def test_a_beam_at_an_eigenvalue_is_like_those_beside_it():
         at = np.asarray(quantity).reshape(cosines.shape)
         # The cubic through four beams, a thousandth and two away.
         between = (-at[:, 3] + 4.0 * at[:, 4] + 4.0 * at[:, 5] - at[:, 6]) / 6.0
-        np.testing.assert_allclose(at[:, :3], np.repeat(between[:, None], 3, axis=1), rtol=2e-6)
+        assert_allclose(at[:, :3], np.repeat(between[:, None], 3, axis=1), rtol=2e-6)
 
 
 def test_kernels_are_their_integrals_on_both_sides_of_every_switch():
@@ -188,13 +187,9 @@ def test_kernels_are_their_integrals_on_both_sides_of_every_switch():
     """
     x = np.concatenate([[0.0], np.geomspace(1e-9, 8.0, 60), [0.0999, 0.1001, 0.4999, 0.5001]])
     nodes, weights = NODES
-    np.testing.assert_allclose(
-        phi(jnp.asarray(x)), np.exp(-np.outer(x, nodes)) @ weights, rtol=1e-13
-    )
+    assert_allclose(phi(jnp.asarray(x)), np.exp(-np.outer(x, nodes)) @ weights, rtol=1e-13)
     slope = jax.vmap(jax.grad(phi))(jnp.asarray(x))
-    np.testing.assert_allclose(
-        slope, np.exp(-np.outer(x, nodes)) @ (-nodes * weights), rtol=ROUNDING
-    )
+    assert_allclose(slope, np.exp(-np.outer(x, nodes)) @ (-nodes * weights), rtol=ROUNDING)
     assert float(
         jax.grad(lambda a: decay_integral(a, jnp.asarray(2.0)))(jnp.asarray(0.0))
     ) == pytest.approx(-2.0)
@@ -210,9 +205,9 @@ def test_kernels_are_their_integrals_on_both_sides_of_every_switch():
         found = jax.jit(jax.vmap(jax.value_and_grad(pair, (0, 1)), (None, 0, None)))(
             a, jnp.asarray(b), depth
         )
-        np.testing.assert_allclose(found[0], terms.sum(axis=1), rtol=2e-13)
-        np.testing.assert_allclose(found[1][1], terms @ -t, rtol=2e-11)
-        np.testing.assert_allclose(found[1][0], terms @ (t - depth), rtol=2e-11)
+        assert_allclose(found[0], terms.sum(axis=1), rtol=2e-13)
+        assert_allclose(found[1][1], terms @ -t, rtol=2e-11)
+        assert_allclose(found[1][0], terms @ (t - depth), rtol=2e-11)
 
     # By lambda: d tanh(kappa D)/kappa = -int (sinh kappa t/kappa)^2 /cosh^2 kappa D, as of y'' =
     # lambda y.
@@ -221,6 +216,6 @@ def test_kernels_are_their_integrals_on_both_sides_of_every_switch():
     tanh, by_lam = jax.vmap(jax.value_and_grad(lambda s: tanh_sech(s, jnp.asarray(1.0))[0]))(
         jnp.asarray(lam)
     )
-    np.testing.assert_allclose(tanh, np.tanh(kappa) / kappa, rtol=LAST_DIGITS)
+    assert_allclose(tanh, np.tanh(kappa) / kappa, rtol=LAST_DIGITS)
     squares = (np.sinh(np.outer(kappa, nodes)) / kappa[:, None]) ** 2 @ weights
-    np.testing.assert_allclose(by_lam, -squares / np.cosh(kappa) ** 2, rtol=ROUNDING)
+    assert_allclose(by_lam, -squares / np.cosh(kappa) ** 2, rtol=ROUNDING)

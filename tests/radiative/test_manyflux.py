@@ -1,11 +1,10 @@
 """The many-flux solver: conservation, reciprocity, limits, slopes."""
 
-from typing import Any
-
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from glazejax.radiative.common.fresnel import cos_refracted, dielectric_reflectance
 from glazejax.radiative.common.phase import henyey_greenstein, two_term_henyey_greenstein
@@ -37,14 +36,12 @@ def test_nothing_is_lost_without_absorption(index):
     stack = np.ones(2), np.stack([thickness, np.full_like(thickness, 0.5)], axis=-1), 1.0
     flux = manyflux_hemispherical_reflectance(*stack, cos_incidence=cos, **given)
     assert flux.shape == (5, 3)
-    np.testing.assert_allclose(
-        flux + dielectric_reflectance(cos, index), np.ones((5, 3)), atol=CONSERVED
-    )
+    assert_allclose(flux + dielectric_reflectance(cos, index), np.ones((5, 3)), atol=CONSERVED)
     # Even light loses what the surface reflects of it, twice the mean of R mu; six directions see
     # it to one per cent.
     nodes, weights = gauss(200)
     outer = 2.0 * weights @ (nodes * dielectric_reflectance(nodes, index))
-    np.testing.assert_allclose(
+    assert_allclose(
         manyflux_diffuse_reflectance(*stack, **given),
         1.0 - outer,
         atol=0.015 if index > 1 else 1e-10,
@@ -56,18 +53,18 @@ def test_reciprocity_and_table():
     """Light and eye change places; a table holds what single calls give."""
     cos, azimuth = np.array([1.0, 0.8, 0.3]), np.array([0.0, 70.0, 180.0])
     stack = [0.95, 0.6], [0.7, 2.0], 0.4
-    given: dict[str, Any] = {
+    given: dict = {
         "phase": jnp.stack([PHASES["forward"][:30], PHASES["backward"][:30]]),
         "streams": 6,
     }
     table = np.pi * np.asarray(
         brdf_table(*stack, cos_incidence=cos, cos_viewing=cos, azimuth=azimuth, **given)
     )
-    np.testing.assert_allclose(table, np.swapaxes(table, 0, 1), atol=ROUNDING)
+    assert_allclose(table, np.swapaxes(table, 0, 1), atol=ROUNDING)
     one = manyflux_reflectance_factor(
         *stack, cos_incidence=0.8, cos_viewing=0.3, azimuth=70.0, **given
     )
-    np.testing.assert_allclose(one, table[2, 1, 1], atol=ROUNDING)
+    assert_allclose(one, table[2, 1, 1], atol=ROUNDING)
 
 
 @pytest.mark.parametrize("index", [1.0, 1.5])
@@ -132,7 +129,7 @@ def test_two_layers_scatter_once_through_each_other():
 @pytest.mark.slow
 def test_layers_of_equal_paint_join():
     phase = PHASES["two lobes"]
-    given: dict[str, Any] = {
+    given: dict = {
         "phase": phase,
         "cos_incidence": 0.7,
         "cos_viewing": 0.5,
@@ -141,7 +138,7 @@ def test_layers_of_equal_paint_join():
     }
     whole = manyflux_reflectance_factor([0.9], [2.0], 0.3, **given)
     parts = manyflux_reflectance_factor([0.9, 0.4, 0.9], [0.3, 0.0, 1.7], 0.3, **given)
-    np.testing.assert_allclose(parts, whole, atol=ROUNDING)
+    assert_allclose(parts, whole, atol=ROUNDING)
 
 
 @pytest.mark.slow
@@ -168,7 +165,7 @@ def test_slopes():
     moved = jax.jit(jax.vmap(value))(
         jnp.asarray(x + CENTRAL[0][:, None, None] * steps).reshape(-1, 6)
     ).reshape(8, 6)
-    np.testing.assert_allclose(slope(x), CENTRAL[1] @ np.asarray(moved) / 1e-3, atol=1e-9)
+    assert_allclose(slope(x), CENTRAL[1] @ np.asarray(moved) / 1e-3, atol=1e-9)
     assert np.all(np.isfinite(slope(np.array([1.0, 0.0, 0.0, 5.0, 1.0, 0.0]))))
 
 

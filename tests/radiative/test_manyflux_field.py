@@ -1,10 +1,9 @@
 """The field inside: at the faces it is what goes in and comes out, in between flux is kept."""
 
-from typing import Any
-
 import jax
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from glazejax.radiative.common.fresnel import cos_refracted, dielectric_reflectance
 from glazejax.radiative.common.phase import henyey_greenstein
@@ -25,10 +24,10 @@ def check_surface(field, stack, given, azimuth, index, rounding):
     """
     outside = manyflux_reflectance_factor(*stack, cos_viewing=0.6, azimuth=azimuth, **given)
     out = (1 - dielectric_reflectance(0.6, index)) / index**2
-    np.testing.assert_allclose(out * field.up[0, 0], outside, atol=rounding)
+    assert_allclose(out * field.up[0, 0], outside, atol=rounding)
     kept = 1 - dielectric_reflectance(0.7, index)
     kept = kept - manyflux_hemispherical_reflectance(*stack, **given)
-    np.testing.assert_allclose(field.flux_down[0] - field.flux_up[0], kept, atol=rounding)
+    assert_allclose(field.flux_down[0] - field.flux_up[0], kept, atol=rounding)
 
 
 @pytest.mark.parametrize("solution", ["doubling", pytest.param("modes", marks=pytest.mark.slow)])
@@ -37,7 +36,7 @@ def test_field_meets_the_outside(solution):
     ground's.
     """
     stack = [0.9, 0.7], [0.4, 1.1], 0.5
-    given: dict[str, Any] = {"phase": PHASE, "cos_incidence": 0.7, "streams": 8}
+    given: dict = {"phase": PHASE, "cos_incidence": 0.7, "streams": 8}
     seen = float(cos_refracted(0.6, 1.5))
     field = manyflux_field(
         *stack,
@@ -50,14 +49,14 @@ def test_field_meets_the_outside(solution):
     check_surface(field, stack, given, np.array([0.0, 130.0]), 1.5, ROUNDING)
     # What the surface sends back: Fresnel's share in a direction that leaves, all beyond the
     # critical angle.
-    np.testing.assert_allclose(
+    assert_allclose(
         field.down[0, 0], dielectric_reflectance(0.6, 1.5) * field.up[0, 0], atol=ROUNDING
     )
-    np.testing.assert_allclose(field.down[0, 1], field.up[0, 1], atol=ROUNDING)
-    np.testing.assert_allclose(field.up[-1], 0.5 * field.flux_down[-1], atol=ROUNDING)
-    np.testing.assert_allclose(field.flux_up[-1], 0.5 * field.flux_down[-1], atol=ROUNDING)
+    assert_allclose(field.down[0, 1], field.up[0, 1], atol=ROUNDING)
+    assert_allclose(field.up[-1], 0.5 * field.flux_down[-1], atol=ROUNDING)
+    assert_allclose(field.flux_up[-1], 0.5 * field.flux_down[-1], atol=ROUNDING)
     entered = 1 - dielectric_reflectance(0.7, 1.5)
-    np.testing.assert_allclose(
+    assert_allclose(
         field.beam, entered * np.exp(-np.array([0, 0.4, 0.8, 1.5]) / cos_refracted(0.7, 1.5))
     )
     assert np.all(np.diff(field.flux_down - field.flux_up) < 0)
@@ -84,7 +83,7 @@ def test_field_through_layers_of_different_index():
     Fresnel's law joins it.
     """
     stack = [0.9, 0.7, 0.95], [0.4, 1.1, 0.3], 0.5
-    given: dict[str, Any] = {
+    given: dict = {
         "phase": MORE,
         "cos_incidence": 0.7,
         "streams": 16,
@@ -102,18 +101,16 @@ def test_field_through_layers_of_different_index():
     second = manyflux_field(*stack, depth=[0.4], cos_direction=[across], azimuth=turned, **given)
     last = manyflux_field(*stack, depth=[1.8], cos_direction=[0.9, 0.1], azimuth=turned, **given)
     check_surface(first, stack, given, turned, 1.6, 1e-10)
-    np.testing.assert_allclose(last.up[0], 0.5 * last.flux_down[0], atol=1e-10)
+    assert_allclose(last.up[0], 0.5 * last.flux_down[0], atol=1e-10)
     net = first.flux_down - first.flux_up
-    np.testing.assert_allclose(net[1], (second.flux_down - second.flux_up)[0], atol=1e-10)
+    assert_allclose(net[1], (second.flux_down - second.flux_up)[0], atol=1e-10)
     r = np.asarray(interface_reflectance(1.6, 1.35, np.array([steep]), np.array([across])))[0]
     down, up = first.down[1, 1], first.up[1, 1]
-    np.testing.assert_allclose(
+    assert_allclose(
         second.down[0, 0], (1 - r) * (1.35 / 1.6) ** 2 * down + r * second.up[0, 0], atol=1e-8
     )
-    np.testing.assert_allclose(
-        up, r * down + (1 - r) * (1.6 / 1.35) ** 2 * second.up[0, 0], atol=1e-8
-    )
-    np.testing.assert_allclose(first.up[1, 2], first.down[1, 2], atol=1e-8)
+    assert_allclose(up, r * down + (1 - r) * (1.6 / 1.35) ** 2 * second.up[0, 0], atol=1e-8)
+    assert_allclose(first.up[1, 2], first.down[1, 2], atol=1e-8)
 
 
 @pytest.mark.slow
@@ -136,5 +133,5 @@ def test_no_flux_is_lost_without_absorption(thickness, depth, index, rounding):
         refractive_index=index,
     )
     net = np.asarray(field.flux_down - field.flux_up)
-    np.testing.assert_allclose(net, net[0], atol=rounding)
-    np.testing.assert_allclose(field.flux_up[-1], 0.3 * field.flux_down[-1], atol=rounding)
+    assert_allclose(net, net[0], atol=rounding)
+    assert_allclose(field.flux_up[-1], 0.3 * field.flux_down[-1], atol=rounding)

@@ -2,14 +2,13 @@
 and conservation.
 """
 
-from typing import Any
-
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from benchmarks.papers.many_flux_example import join_in_series
 from jax.test_util import check_grads
+from numpy.testing import assert_allclose
 
 from glazejax.radiative.common.fresnel import dielectric_reflectance
 from glazejax.radiative.common.phase import henyey_greenstein
@@ -46,13 +45,13 @@ def test_directions_of_all_media():
         assert np.sum(weights * mu) == pytest.approx(0.5, abs=LAST_DIGITS)
         assert np.all(weights[~exists] == 0)
         kept = index**2 * (1 - mu[exists] ** 2)
-        np.testing.assert_allclose(kept, (common.end**2 - common.beyond)[exists], atol=1e-13)
+        assert_allclose(kept, (common.end**2 - common.beyond)[exists], atol=1e-13)
 
 
 @pytest.mark.parametrize("index", [(1.5, 1.3), pytest.param((1.3, 1.6), marks=pytest.mark.slow)])
 def test_nothing_is_lost_between_media(index):
     """Without absorption all light comes back from a white ground, whatever the indices."""
-    given: dict[str, Any] = {
+    given: dict = {
         "phase": PHASE,
         "refractive_index": index,
         "cos_incidence": COS,
@@ -60,7 +59,7 @@ def test_nothing_is_lost_between_media(index):
     }
     outer = dielectric_reflectance(COS, index[0])
     flux = manyflux_hemispherical_reflectance([1.0, 1.0], THICKNESS, 1.0, **given)
-    np.testing.assert_allclose(flux + outer, np.ones((3, 3)), atol=CONSERVED)
+    assert_allclose(flux + outer, np.ones((3, 3)), atol=CONSERVED)
 
 
 def through_two_faces(cosines, upper: float, lower: float):
@@ -86,19 +85,19 @@ def test_ground_below_faces_alone_is_the_closed_form():
     between. Nine directions give t to one per cent.
     """
     ground, upper, lower = 0.6, 1.5, 1.3
-    given: dict[str, Any] = {"phase": PHASE, "refractive_index": (upper, lower), "streams": 9}
+    given: dict = {"phase": PHASE, "refractive_index": (upper, lower), "streams": 9}
     stack = [1.0, 1.0], 0.0 * THICKNESS, ground
     nodes, weights = gauss(200)
     even = 2.0 * np.sum(weights * nodes * through_two_faces(nodes, upper, lower)[0])
     beam, _ = through_two_faces(COS, upper, lower)
     left = lower**2 * (1.0 - ground) + ground * even
     flux = manyflux_hemispherical_reflectance(*stack, cos_incidence=COS, **given)
-    np.testing.assert_allclose(flux, np.tile(beam * ground * even / left, (3, 1)), rtol=0.02)
+    assert_allclose(flux, np.tile(beam * ground * even / left, (3, 1)), rtol=0.02)
     diffuse = manyflux_diffuse_reflectance(*stack, **given)
-    np.testing.assert_allclose(diffuse, np.full((3, 1), ground * even**2 / left), rtol=0.02)
+    assert_allclose(diffuse, np.full((3, 1), ground * even**2 / left), rtol=0.02)
     factor = manyflux_reflectance_factor(*stack, cos_incidence=COS, cos_viewing=0.4, **given)
     seen, _ = through_two_faces(np.array(0.4), upper, lower)
-    np.testing.assert_allclose(factor, np.tile(beam * seen * ground / left, (3, 1)), rtol=0.02)
+    assert_allclose(factor, np.tile(beam * seen * ground / left, (3, 1)), rtol=0.02)
 
 
 @pytest.mark.slow
@@ -131,7 +130,7 @@ def test_thin_layer_below_a_face_scatters_once():
 @pytest.mark.slow
 @pytest.mark.parametrize("index", [(1.5, 1.3), (1.3, 1.6), (1.5, 1.5)])
 def test_what_does_not_come_back_goes_through(index):
-    given: dict[str, Any] = {
+    given: dict = {
         "phase": PHASE,
         "refractive_index": index,
         "cos_incidence": COS,
@@ -141,12 +140,12 @@ def test_what_does_not_come_back_goes_through(index):
     both = [
         free_hemispherical([1.0, 1.0], THICKNESS, transmitted=t, **given) for t in (False, True)
     ]
-    np.testing.assert_allclose(both[0] + both[1] + outer, np.ones((3, 3)), atol=CONSERVED)
+    assert_allclose(both[0] + both[1] + outer, np.ones((3, 3)), atol=CONSERVED)
 
 
 @pytest.mark.slow
 def test_reciprocity_between_media():
-    given: dict[str, Any] = {
+    given: dict = {
         "phase": PHASE,
         "refractive_index": (1.5, 1.3),
         "azimuth": 50.0,
@@ -173,7 +172,7 @@ def test_clear_slab_is_the_closed_form():
     """Fresnel's reflections back and forth: (1 - r)^2 e/(1 - r^2 e^2)."""
     r, e = dielectric_reflectance(COS, 1.5), np.exp(-0.4 / np.sqrt(1 - (1 - COS**2) / 2.25))
     found = free_regular([0.0], [0.4], cos_incidence=COS)
-    np.testing.assert_allclose(found, (1 - r) ** 2 * e / (1 - (r * e) ** 2), atol=1e-11)
+    assert_allclose(found, (1 - r) ** 2 * e / (1 - (r * e) ** 2), atol=1e-11)
 
 
 @pytest.mark.slow
@@ -182,7 +181,7 @@ def test_factor_sums_to_the_flux():
     diffuse one.
     """
     cos, weights = gauss(40)
-    given: dict[str, Any] = {"phase": PHASE, "refractive_index": 1.4, "streams": 16}
+    given: dict = {"phase": PHASE, "refractive_index": 1.4, "streams": 16}
     stack = [0.9, 0.8], [0.3, 2.0]
     for transmitted in (False, True):
         each = free_factor(
@@ -222,14 +221,14 @@ def test_white_table_is_a_lambertian_ground():
     """The joined program with a table of ones against the one for a single index."""
     table = ground_table([1.0, 0.5, 0.0], np.ones((3, 3)))
     stack = [0.95, 0.6], [0.7, 2.0], 0.4
-    given: dict[str, Any] = {
+    given: dict = {
         "phase": PHASE,
         "cos_incidence": [0.8],
         "cos_viewing": [0.6, 0.1],
         "azimuth": [50.0],
         "tolerance": 1e-5,
     }
-    np.testing.assert_allclose(
+    assert_allclose(
         brdf_table(*stack, ground=table, **given), brdf_table(*stack, **given), atol=2e-6
     )
 
@@ -253,7 +252,7 @@ def test_ground_seen_through_nothing():
     )
     wave = 1 + 0.5 * np.cos(np.deg2rad([0, 100])) + 0.2 * np.cos(np.deg2rad([0, 300]))
     expected = 0.9 * np.array([[0.3, 0.35], [0.2, 0.25]])[..., None] * wave
-    np.testing.assert_allclose(np.pi * found, expected, atol=1e-10)
+    assert_allclose(np.pi * found, expected, atol=1e-10)
 
 
 def test_series_and_its_bound():

@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from glazejax.radiative.common.phase import henyey_greenstein
 from glazejax.radiative.manyflux.bordered import Bordered, Diagonal
@@ -36,8 +37,8 @@ def test_eigenvectors(n):
     rng = np.random.default_rng(n)
     a = rng.normal(size=(3, n, n))
     values, vectors = symmetric_eigen(jnp.asarray(a + np.swapaxes(a, -1, -2)))
-    np.testing.assert_allclose(values, np.linalg.eigvalsh(a + np.swapaxes(a, -1, -2)), atol=1e-13)
-    np.testing.assert_allclose(
+    assert_allclose(values, np.linalg.eigvalsh(a + np.swapaxes(a, -1, -2)), atol=1e-13)
+    assert_allclose(
         (vectors * values[:, None, :]) @ np.swapaxes(vectors, -1, -2),
         a + a.swapaxes(-1, -2),
         atol=1e-13,
@@ -52,9 +53,7 @@ def test_small_eigenvalues_keep_their_digits():
     a = scale[:, None] * (basis @ basis.T) * scale
     values, _ = symmetric_eigen(jnp.asarray(a))
     # The product of all of them, exact in relative terms.
-    np.testing.assert_allclose(
-        np.prod(values / scale[::-1] ** 2), np.linalg.det(basis) ** 2, rtol=ROUNDING
-    )
+    assert_allclose(np.prod(values / scale[::-1] ** 2), np.linalg.det(basis) ** 2, rtol=ROUNDING)
 
 
 def operators(albedo, thickness, g, lit, seen):
@@ -94,7 +93,7 @@ def test_modes_are_doubling():
     value, slope = (jax.tree.leaves(x) for x in value_and_slope(layer_by_modes))
     expected, steep = (jax.tree.leaves(x) for x in value_and_slope(by_doubling))
     for one, other in zip(value, expected, strict=True):
-        np.testing.assert_allclose(one, other, rtol=0, atol=1e-10)
+        assert_allclose(one, other, rtol=0, atol=1e-10)
     for one, other in zip(slope, steep, strict=True):
         size = np.maximum(
             1.0, np.max(np.abs(other), axis=tuple(range(1, other.ndim)), keepdims=True)
@@ -129,8 +128,8 @@ def test_one_direction_is_kubelka_munk(solution):
 
     reflection, loss = jax.jit(solution)(one(k + 2 * s), one(k), jnp.ones(3))
     expected = two_flux_layer(k, s)
-    np.testing.assert_allclose(reflection.core[:, 0, 0], expected[0], atol=LAST_DIGITS)
-    np.testing.assert_allclose(1 - loss.core[:, 0, 0], expected[1], atol=LAST_DIGITS)
+    assert_allclose(reflection.core[:, 0, 0], expected[0], atol=LAST_DIGITS)
+    assert_allclose(1 - loss.core[:, 0, 0], expected[1], atol=LAST_DIGITS)
 
 
 @pytest.mark.slow

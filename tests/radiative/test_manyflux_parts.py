@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from scipy.special import factorial, lpmv
 
 from glazejax.radiative.common.linalg import inverse, inverse_symmetric
@@ -63,7 +64,7 @@ def test_bordered_matrices_are_the_limit_of_small_weights():
             (slice(4, 7), slice(7, 9)),
         ):
             size = np.outer(scale, scale)[rows, columns]
-            np.testing.assert_allclose(
+            assert_allclose(
                 whole(found)[rows, columns] / size, expected[rows, columns] / size, rtol=1e-9
             )
 
@@ -73,10 +74,10 @@ def test_inverses_and_their_slopes():
     a = rng.normal(size=(3, 9, 9))
     a = jnp.asarray(a @ np.swapaxes(a, -1, -2) + np.eye(9))
     for function in (inverse, inverse_symmetric):
-        np.testing.assert_allclose(jax.jit(function)(a), np.linalg.inv(a), atol=ROUNDING)
+        assert_allclose(jax.jit(function)(a), np.linalg.inv(a), atol=ROUNDING)
     moved = jax.jit(lambda a: jax.jvp(inverse, (a,), (jnp.ones_like(a),))[1])(a)
     expected = (np.linalg.inv(a + 1e-5) - np.linalg.inv(a - 1e-5)) / 2e-5
-    np.testing.assert_allclose(moved, expected, atol=1e-7)
+    assert_allclose(moved, expected, atol=1e-7)
 
 
 def test_legendre_functions():
@@ -85,9 +86,7 @@ def test_legendre_functions():
     for m in range(6):
         for degree in range(12):
             scale = np.sqrt(factorial(degree - m) / factorial(degree + m)) if degree >= m else 0.0
-            np.testing.assert_allclose(
-                found[m, degree], (-1) ** m * scale * lpmv(m, degree, mu), atol=1e-13
-            )
+            assert_allclose(found[m, degree], (-1) ** m * scale * lpmv(m, degree, mu), atol=1e-13)
 
 
 @pytest.fixture(scope="module")
@@ -120,24 +119,22 @@ def test_slabs_joined_are_the_layers_laid_one_by_one(layers):
     between = (slab.below @ ground).scaled(-1.0).plus_identity().inverse()
     found = slab.above + slab.up @ (ground @ (between @ slab.down))
     for one, other in zip(found, expected, strict=True):
-        np.testing.assert_allclose(one, other, atol=LAST_DIGITS)
+        assert_allclose(one, other, atol=LAST_DIGITS)
 
 
 def test_reciprocity_of_joined_slabs(layers):
     """Light and eye change places: down is up transposed."""
     r, loss, _ = layers
     slab = jax.jit(lambda r, loss: join_all(slab_of_layer(r, loss)))(r, loss)
-    np.testing.assert_allclose(slab.up.core, np.swapaxes(slab.down.core, -1, -2), atol=LAST_DIGITS)
-    np.testing.assert_allclose(
-        slab.up.rows, np.swapaxes(slab.down.columns, -1, -2), atol=LAST_DIGITS
-    )
+    assert_allclose(slab.up.core, np.swapaxes(slab.down.core, -1, -2), atol=LAST_DIGITS)
+    assert_allclose(slab.up.rows, np.swapaxes(slab.down.columns, -1, -2), atol=LAST_DIGITS)
 
 
 def test_laying_over_black_is_the_layer(layers):
     r, loss, ground = layers
     first, lost = (jax.tree.map(lambda leaf: leaf[0], operator) for operator in (r, loss))
     found = reflection_over(slab_of_layer(first, lost), ground.scaled(0.0))
-    np.testing.assert_allclose(found.body, first.body, atol=1e-15)
+    assert_allclose(found.body, first.body, atol=1e-15)
 
 
 def test_more_moments_and_tighter_tolerances_need_more_directions():

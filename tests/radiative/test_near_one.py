@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from glazejax import stack_hemispherical_reflectance, stack_reflectance_factor
 from glazejax.radiative.common.directions import Resolution, half_range, resolve
@@ -172,7 +173,7 @@ def test_flux_of_grazing_light_stays_below_the_tolerance(index, traced):
         )
 
     call = jax.jit(flux, static_argnums=1) if traced else flux
-    np.testing.assert_allclose(call(cosines, 1e-4), flux(cosines, 1e-7), atol=1e-4, rtol=0)
+    assert_allclose(call(cosines, 1e-4), flux(cosines, 1e-7), atol=1e-4, rtol=0)
 
 
 def of_index(hemispherical, tolerance):
@@ -207,13 +208,13 @@ def test_slopes_by_an_index_of_one_and_just_above(hemispherical):
     ]
     once = [2 * secants[0] - secants[1], 2 * secants[1] - secants[2]]
     # What is left goes as e^(3/2) log e.
-    np.testing.assert_allclose(slope(at(0.0)), once[0], rtol=2e-3, atol=2e-3)
+    assert_allclose(slope(at(0.0)), once[0], rtol=2e-3, atol=2e-3)
     assert np.max(np.abs(np.asarray(slope(at(0.0))) - secants[0])) > 0  # no difference in disguise
     # At 1.0001 there are neighbours on both sides.
     step = 5e-6
     central = (np.asarray(f(at(1e-4 + step))) - np.asarray(f(at(1e-4 - step)))) / (2 * step)
     wide = (np.asarray(f(at(1e-4 + 2 * step))) - np.asarray(f(at(1e-4 - 2 * step)))) / (4 * step)
-    np.testing.assert_allclose(slope(at(1e-4)), (4 * central - wide) / 3, rtol=2e-5, atol=1e-5)
+    assert_allclose(slope(at(1e-4)), (4 * central - wide) / 3, rtol=2e-5, atol=1e-5)
 
 
 @pytest.mark.slow

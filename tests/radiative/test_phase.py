@@ -3,6 +3,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from jax.core import Tracer
+from numpy.testing import assert_allclose, assert_array_equal
 
 from glazejax.radiative.common.phase import (
     check_moments,
@@ -24,7 +25,7 @@ def closed_form(g, cosine):
 
 @pytest.mark.parametrize("g", [-0.5, 0.0, 0.3, 0.9])
 def test_moments_make_henyey_and_greensteins_function(g):
-    np.testing.assert_allclose(
+    assert_allclose(
         evaluate(henyey_greenstein(g), COSINES), closed_form(g, COSINES), rtol=0, atol=1e-8
     )
 
@@ -33,24 +34,20 @@ def test_two_lobes_and_batches():
     g = np.array([0.2, 0.8])
     found = evaluate(two_term_henyey_greenstein(g, -0.4, 0.7)[:, None], COSINES)
     expected = [0.7 * closed_form(a, COSINES) + 0.3 * closed_form(-0.4, COSINES) for a in g]
-    np.testing.assert_allclose(found, expected, atol=1e-8)
+    assert_allclose(found, expected, atol=1e-8)
 
 
 def test_table_is_its_own_function():
     """Linear pieces: 1 + x/2 has the moments 1, 1/6; a table of Henyey and Greenstein's comes near
     g^l.
     """
-    np.testing.assert_allclose(
-        tabulated([-1, 0.3, 1], [1.0, 2.3, 3.0], 4), [1, 1 / 6, 0, 0], atol=1e-15
-    )
+    assert_allclose(tabulated([-1, 0.3, 1], [1.0, 2.3, 3.0], 4), [1, 1 / 6, 0, 0], atol=1e-15)
     x = np.cos(np.linspace(0, np.pi, 2001))
-    np.testing.assert_allclose(
-        tabulated(x, 7 * closed_form(0.6, x), 20), 0.6 ** np.arange(20), atol=1e-5
-    )
+    assert_allclose(tabulated(x, 7 * closed_form(0.6, x), 20), 0.6 ** np.arange(20), atol=1e-5)
 
 
 def test_isotropic_is_one_everywhere():
-    np.testing.assert_array_equal(evaluate(isotropic(), COSINES), np.ones(41))
+    assert_array_equal(evaluate(isotropic(), COSINES), np.ones(41))
 
 
 def test_delta_m_keeps_absorption_and_what_it_can():
@@ -58,9 +55,9 @@ def test_delta_m_keeps_absorption_and_what_it_can():
     moments = henyey_greenstein(np.array([0.9]))
     albedo, thickness, kept = delta_m(q, d, moments, 16)
     assert kept.shape == (1, 16)
-    np.testing.assert_allclose((1 - albedo) * thickness, (1 - q) * d, rtol=LAST_DIGITS)
+    assert_allclose((1 - albedo) * thickness, (1 - q) * d, rtol=LAST_DIGITS)
     # What is turned away from its direction, to each order that is kept.
-    np.testing.assert_allclose(
+    assert_allclose(
         albedo * thickness * (1 - kept[0]), q * d * (1 - moments[0, :16]), rtol=ROUNDING, atol=1e-15
     )
     assert delta_m(q, d, moments[:, :10], 16)[2].shape == (1, 10)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
 
 from glazejax import stack_hemispherical_reflectance, stack_reflectance_factor
 from glazejax.radiative.plan import bounds, closed_form
@@ -66,7 +67,7 @@ def direct(
 def test_savings_stay_within_the_tolerance(hemispherical: bool, seed: int):
     scene = random_scene(seed)
     exact = direct(scene, hemispherical)
-    asked: dict[str, Any] = {**scene, **({"cos_viewing": None} if hemispherical else {})}
+    asked: dict = {**scene, **({"cos_viewing": None} if hemispherical else {})}
     for savings in (
         NONE,
         ALL,
@@ -74,7 +75,7 @@ def test_savings_stay_within_the_tolerance(hemispherical: bool, seed: int):
         NONE._replace(layers=True, scattering=True),
     ):
         values = np.asarray(plan_stacks(**asked, tolerance=TOLERANCE, savings=savings).run())
-        np.testing.assert_allclose(values, exact, rtol=0, atol=TOLERANCE)
+        assert_allclose(values, exact, rtol=0, atol=TOLERANCE)
 
 
 @pytest.mark.parametrize(
@@ -92,7 +93,7 @@ def test_each_saving_alone(name: str, share: float):
     scene = random_scene(3)
     off = plan_stacks(**scene, tolerance=TOLERANCE, savings=NONE).run()
     plan = plan_stacks(**scene, tolerance=TOLERANCE, savings=NONE._replace(**{name: True}))
-    np.testing.assert_allclose(plan.run(), off, rtol=0, atol=share)
+    assert_allclose(plan.run(), off, rtol=0, atol=share)
 
 
 def test_bound_on_what_is_hidden_holds_and_is_not_idle():
@@ -105,7 +106,7 @@ def test_bound_on_what_is_hidden_holds_and_is_not_idle():
     albedo = np.where(pale, 1 - 10 ** rng.uniform(-3, -1, shape), rng.uniform(0, 0.9, shape))
     thickness = 10 ** rng.uniform(-2, 0.7, shape)
     cosines = rng.uniform(0.02, 1, (2, 256))
-    scene: dict[str, Any] = {
+    scene: dict = {
         "albedo": albedo,
         "optical_thickness": thickness,
         "cos_incidence": cosines[0],
@@ -141,7 +142,7 @@ def test_bound_on_what_is_hidden_is_nearly_reached():
         np.array([[3.0], [3.5], [4.0]]),
     )
     nothing = np.zeros((3, 1))
-    given: dict[str, Any] = {"refractive_index": n, "tolerance": TOLERANCE}
+    given: dict = {"refractive_index": n, "tolerance": TOLERANCE}
     white = (
         np.concatenate([clear, nothing + 1.0], axis=1),
         np.concatenate([depth, nothing + 1e5], axis=1),
@@ -171,7 +172,7 @@ def test_bound_on_what_is_scattered_again_is_nearly_reached():
     n, albedo, depth, cosine = 2.4, 1e-3, 1e-3, np.ones(1)
     rows = np.array([[albedo]]), np.array([[depth]])
     first = closed_form.without_multiple_scattering(*rows, np.ones(1), n, cosine, cosine)
-    given: dict[str, Any] = {"refractive_index": n, "tolerance": 1e-9}
+    given: dict = {"refractive_index": n, "tolerance": 1e-9}
     left_out = float(stack_reflectance_factor([albedo], [depth], 1.0, **given)) - float(
         first.reflectance[0]
     )
@@ -204,7 +205,7 @@ def test_decay_rate_is_rounded_down():
 def test_closed_form_without_scattering_is_exact(index: float, hemispherical: bool):
     """Bare and absorbing stacks against the solver."""
     thickness = np.array([[0.0], [1e-3], [0.3], [2.0]])
-    scene: dict[str, Any] = {
+    scene: dict = {
         "albedo": 0 * thickness,
         "optical_thickness": thickness,
         "substrate_reflectance": np.array([1.0, 0.9, 0.5, 1.0]),
@@ -213,7 +214,7 @@ def test_closed_form_without_scattering_is_exact(index: float, hemispherical: bo
     plan = plan_stacks(**scene, cos_viewing=None if hemispherical else 0.31, tolerance=1e-8)
     assert plan.report().closed == 4
     exact = direct(scene | {"cos_viewing": 0.31}, hemispherical, tolerance=1e-8)
-    np.testing.assert_allclose(plan.run(), exact, rtol=0, atol=1e-8)
+    assert_allclose(plan.run(), exact, rtol=0, atol=1e-8)
 
 
 def test_report_counts_what_is_left_out():
@@ -226,7 +227,7 @@ def test_report_counts_what_is_left_out():
     assert report.groups == ((1, 2),)
     assert "2 layers are hidden" in plan.describe()
     assert "1 layer" in repr(plan)
-    np.testing.assert_allclose(plan.run()[0], plan.run()[1], rtol=1e-15)
+    assert_allclose(plan.run()[0], plan.run()[1], rtol=1e-15)
 
 
 def test_exchanged_directions_are_solved_once():
@@ -234,7 +235,7 @@ def test_exchanged_directions_are_solved_once():
     plan = plan_stacks([0.8], [1.0], 0.5, cos_incidence=cosines[:, None], cos_viewing=cosines)
     assert plan.report().solved == 6
     values = np.asarray(plan.run())
-    np.testing.assert_array_equal(values, values.T)
+    assert_array_equal(values, values.T)
 
 
 def test_entries_not_wanted_are_nan_and_not_computed():
@@ -243,10 +244,10 @@ def test_entries_not_wanted_are_nan_and_not_computed():
     plan = plan_stacks(**scene, wanted=wanted)
     values = np.asarray(plan.run())
     assert plan.report().unwanted == STACKS // 2
-    np.testing.assert_array_equal(np.isnan(values), ~wanted)
-    np.testing.assert_allclose(values[wanted], direct(scene)[wanted], rtol=0, atol=TOLERANCE)
+    assert_array_equal(np.isnan(values), ~wanted)
+    assert_allclose(values[wanted], direct(scene)[wanted], rtol=0, atol=TOLERANCE)
     off = plan_stacks(**scene, wanted=wanted, savings=NONE)
-    np.testing.assert_array_equal(np.isnan(np.asarray(off.run())), ~wanted)
+    assert_array_equal(np.isnan(np.asarray(off.run())), ~wanted)
 
 
 @given(weights=hnp.arrays(float, (16, 2), elements=st.floats(-1, 1)), power=st.floats(0, 12))
@@ -254,7 +255,7 @@ def test_entries_not_wanted_are_nan_and_not_computed():
 def test_bands_left_out_do_not_move_the_sums(weights: np.ndarray, power: float):
     x = np.linspace(0, 1, 16)
     weights = weights * np.exp(-power * (x[:, None] * 4) ** 2)
-    scene: dict[str, Any] = {
+    scene: dict = {
         "albedo": np.stack([0.9 * x, 1 - x**2], -1),
         "optical_thickness": [2.0, 1.0],
         "substrate_reflectance": 0.9,
@@ -318,7 +319,7 @@ def test_a_plan_needs_numbers():
 def test_no_stacks_and_bare_ground():
     assert plan_stacks(np.zeros((0, 2)), np.zeros((0, 2)), 0.5).run().shape == (0,)
     bare = plan_stacks(np.zeros(0), np.zeros(0), 0.5)
-    np.testing.assert_allclose(
+    assert_allclose(
         bare.run(),
         direct({"albedo": [0.0], "optical_thickness": [0.0], "substrate_reflectance": 0.5}),
         atol=TOLERANCE,

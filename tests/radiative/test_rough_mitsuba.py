@@ -6,8 +6,6 @@ variant of Mitsuba is set once for all.
 """
 
 import json
-import subprocess
-import sys
 from importlib.util import find_spec
 
 import numpy as np
@@ -15,6 +13,8 @@ import pytest
 
 from glazejax.radiative import rough
 from glazejax.radiative.rough.facets import scatter
+
+from ..fresh import run_python
 
 pytestmark = pytest.mark.skipif(find_spec("mitsuba") is None, reason="needs mitsuba")
 
@@ -60,14 +60,7 @@ print(json.dumps(out))
     [(0.3, 1.5, 0.7), pytest.param(0.2, 1.7, 0.5, marks=pytest.mark.slow)],
 )
 def test_single_facets_are_those_of_mitsuba(roughness, index, cosine):
-    run = subprocess.run(
-        [sys.executable, "-c", ASKED, json.dumps([roughness, index, cosine])],
-        capture_output=True,
-        text=True,
-        timeout=600,
-        check=False,
-    )
-    assert run.returncode == 0, run.stderr
+    run = run_python(ASKED, json.dumps([roughness, index, cosine]))
     theirs = json.loads(run.stdout.splitlines()[-1])
     for side, name in ((False, "1"), (True, "-1")):
         found = scatter(np.array([cosine]), roughness, index, (16, 16), from_paint=side)

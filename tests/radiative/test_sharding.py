@@ -3,11 +3,11 @@ each other; four of them are made of one processor.
 """
 
 import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+
+from ..fresh import run_python
 
 _ROOT = Path(__file__).parents[2]
 _RUN = """
@@ -84,11 +84,5 @@ def test_a_batch_split_over_devices_stays_split(axes, what, asked):
         "--xla_backend_optimization_level=0"
     )
     paths = os.pathsep.join([str(_ROOT / "src"), str(_ROOT / "fitting")])
-    done = subprocess.run(
-        [sys.executable, "-c", _RUN, axes, what, asked],
-        capture_output=True,
-        text=True,
-        check=False,
-        env=os.environ | {"XLA_FLAGS": flags, "JAX_PLATFORMS": "cpu", "PYTHONPATH": paths},
-    )
-    assert done.stdout == "done\n", done.stderr
+    given = {"XLA_FLAGS": flags, "JAX_PLATFORMS": "cpu", "PYTHONPATH": paths}
+    assert run_python(_RUN, axes, what, asked, env=given).stdout == "done\n"

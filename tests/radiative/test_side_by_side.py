@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from glazejax.radiative.common.kernels import quotient
 from glazejax.radiative.common.side_by_side import diagonal, inverse_positive, product, transpose
@@ -24,7 +25,7 @@ def test_inverses_of_every_size(n: int):
     found = batch_first(jax.jit(inverse_positive)(jnp.moveaxis(jnp.asarray(a), -3, -1)))
     unit = found * scale[..., :, None] * scale[..., None, :]
     expected = np.linalg.inv(a / scale[..., :, None] / scale[..., None, :])
-    np.testing.assert_allclose(unit, expected, atol=20 * ROUNDING)
+    assert_allclose(unit, expected, atol=20 * ROUNDING)
 
 
 @pytest.mark.parametrize(("rows", "terms"), [(2, 3), (2, 30), (7, 3), (7, 30)])
@@ -33,15 +34,15 @@ def test_products_by_either_way(rows: int, terms: int):
     a = rng.normal(size=(3, rows, terms, 5))
     b = rng.normal(size=(terms, 4, 5))
     found = batch_first(jax.jit(product)(jnp.asarray(a), jnp.asarray(b)))
-    np.testing.assert_allclose(found, batch_first(a) @ batch_first(b), atol=20 * ROUNDING)
+    assert_allclose(found, batch_first(a) @ batch_first(b), atol=20 * ROUNDING)
     turned = batch_first(product(transpose(jnp.asarray(b)), transpose(jnp.asarray(a[0]))))
-    np.testing.assert_allclose(turned, np.swapaxes(found[0], -1, -2), atol=20 * ROUNDING)
+    assert_allclose(turned, np.swapaxes(found[0], -1, -2), atol=20 * ROUNDING)
 
 
 def test_a_diagonal_has_its_values_and_nothing_else():
     values = np.arange(1.0, 7.0).reshape(3, 2)
     expected = [np.diag(column) for column in values.T]
-    np.testing.assert_array_equal(batch_first(diagonal(jnp.asarray(values))), expected)
+    assert_array_equal(batch_first(diagonal(jnp.asarray(values))), expected)
 
 
 def test_a_quotient_has_the_slopes_of_a_division():
@@ -50,4 +51,4 @@ def test_a_quotient_has_the_slopes_of_a_division():
     changes = jnp.array([0.3, -2.0, 5.0]), jnp.array([1.0, 0.7, -40.0])
     found = jax.jvp(quotient, (a, b), changes)
     expected = jax.jvp(jnp.divide, (a, b), changes)
-    np.testing.assert_allclose(found, expected, rtol=LAST_DIGITS)
+    assert_allclose(found, expected, rtol=LAST_DIGITS)

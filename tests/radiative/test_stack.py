@@ -2,7 +2,6 @@
 
 import itertools
 import json
-from typing import Any
 
 import numpy as np
 import pytest
@@ -52,7 +51,7 @@ def test_reference_values_within_the_tolerance(method, tolerance, index):
     layers = 3 if (method, tolerance) == ("auxiliary", 1e-3) else LAYERS
     kept = np.all(c.optical_thickness[:, layers:] == 0, axis=1)
     tolerance = within_reach(tolerance)
-    given: dict[str, Any] = {
+    given: dict = {
         "refractive_index": index,
         "cos_incidence": c.cos_incidence,
         "tolerance": tolerance,
@@ -73,7 +72,7 @@ def test_split_adds_up_and_agrees_between_methods(hemispherical):
     c = reference_cases()[1.5]
     thin = np.sum(c.optical_thickness > 0, axis=1) <= 2
     stack = c.albedo[thin, :2], c.optical_thickness[thin, :2], c.ground[thin]
-    given: dict[str, Any] = {"cos_incidence": c.cos_incidence[thin], "tolerance": 1e-4}
+    given: dict = {"cos_incidence": c.cos_incidence[thin], "tolerance": 1e-4}
     if not hemispherical:
         given["cos_viewing"] = c.cos_viewing[thin]
     whole = (stack_hemispherical_reflectance if hemispherical else stack_reflectance_factor)(
@@ -114,7 +113,7 @@ def test_thick_layer_is_the_half_space_of_chandrasekhar():
     for q in (0.1, 0.6, 0.95, 0.999):
         for mu_i, mu_v in ((1.0, 0.3), (0.2, 0.7)):
             h_i, h_v = h_function(mu_i, q), h_function(mu_v, q)
-            given: dict[str, Any] = {
+            given: dict = {
                 "refractive_index": 1.0,
                 "cos_incidence": mu_i,
                 "tolerance": within_reach(1e-9),
@@ -189,7 +188,7 @@ def conservative_stacks(layers: int) -> tuple[np.ndarray, np.ndarray, np.ndarray
 @pytest.mark.parametrize("layers", [2, 3])
 def test_opaque_layers_that_absorb_nothing_are_as_one(layers):
     """Nothing of the size of the thickness cancels, which no rounding would survive."""
-    given: dict[str, Any] = {"cos_incidence": 0.7, "tolerance": 1e-4}
+    given: dict = {"cos_incidence": 0.7, "tolerance": 1e-4}
     whole, cut = (stack_reflectance_factor(*conservative_stacks(n), **given) for n in (1, layers))
     assert np.max(np.abs(cut - whole)) < ROUNDING
     # Without a ground that takes light, no surface and a half space: Chandrasekhar's H at an albedo

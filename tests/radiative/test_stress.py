@@ -1,9 +1,6 @@
 """Edges, extremes, batches and bulk use: finite, right, and never a hang."""
 
 import itertools
-import os
-import subprocess
-import sys
 import warnings
 from typing import get_args
 
@@ -13,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from hypothesis import example, given
+from numpy.testing import assert_allclose
 
 from glazejax import stack_hemispherical_reflectance, stack_reflectance_factor
 from glazejax.radiative.common.directions import half_range
@@ -22,6 +20,7 @@ from glazejax.radiative.ordinates.resolution import resolve_known
 from glazejax.radiative.stack import Method
 from tests.tolerances import ROUNDING
 
+from ..fresh import run_python
 from .cases import (
     EDGE_ALBEDO,
     EDGE_COSINE,
@@ -260,11 +259,7 @@ print((resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024)
 def test_memory_stays_bounded():
     # All at once the layers' matrices alone would take 200 000 x 2 x 11 x 11 x 8 bytes = 370 MiB
     # each, eight times.
-    done = subprocess.run(
-        [sys.executable, "-c", _MEMORY], capture_output=True, text=True, timeout=240
-    )
-    assert done.returncode == 0, done.stderr
-    assert float(done.stdout) < 600
+    assert float(run_python(_MEMORY, timeout=240).stdout) < 600
 
 
 @pytest.mark.usefixtures("unchecked")
@@ -371,14 +366,7 @@ for absorbed, thickness in [(0, 1e3), (0, 1e5), (2.0**-20, 1e4), (2.0**-20, 3e5)
 
 @pytest.mark.slow
 def test_single_precision_says_what_rounding_leaves_of_layers_that_absorb_nothing():
-    done = subprocess.run(
-        [sys.executable, "-c", _ROUNDING],
-        capture_output=True,
-        text=True,
-        timeout=240,
-        env=os.environ | {"JAX_ENABLE_X64": "0"},
-    )
-    assert done.returncode == 0, done.stderr
+    run_python(_ROUNDING, timeout=240, env={"JAX_ENABLE_X64": "0"})
 
 
 def test_what_rounding_leaves_grows_with_the_depth_that_light_reaches():
@@ -431,9 +419,7 @@ def test_inside_the_loops_of_jax():
 
     scanned, mapped, chosen, slope = looped(depth)
     alone = np.array([one(ground, depth) for ground in grounds])
-    np.testing.assert_allclose(scanned, alone, rtol=max(1e-9, ROUNDING))
-    np.testing.assert_allclose(mapped, alone, rtol=max(1e-9, ROUNDING))
-    np.testing.assert_allclose(chosen, alone[1], rtol=max(1e-9, ROUNDING))
-    np.testing.assert_allclose(
-        slope, jax.grad(lambda d: one(grounds[1], d))(depth), rtol=max(1e-7, ROUNDING)
-    )
+    assert_allclose(scanned, alone, rtol=max(1e-9, ROUNDING))
+    assert_allclose(mapped, alone, rtol=max(1e-9, ROUNDING))
+    assert_allclose(chosen, alone[1], rtol=max(1e-9, ROUNDING))
+    assert_allclose(slope, jax.grad(lambda d: one(grounds[1], d))(depth), rtol=max(1e-7, ROUNDING))

@@ -60,26 +60,24 @@ def test_the_finest_tolerance_against_more_directions(index):
     assert worst(found, exact, 1e-10) < 1.0
 
 
-@pytest.mark.parametrize("layers", [40, 200])
+@pytest.mark.parametrize(
+    ("count", "how", "stacks", "finer"),
+    [
+        (24, {}, {"layers": 40, "thickest": 1.0}, 1e-6),
+        (24, {}, {"layers": 200, "thickest": 1.0}, 1e-6),
+        # Thin layers that absorb, over one that does not and is opaque, are the worst here too.
+        (60, {"method": "auxiliary"}, {}, 1e-5),
+        (60, {"method": "manyflux"}, {}, 1e-5),
+    ],
+    ids=["40 layers", "200 layers", "auxiliary", "manyflux"],
+)
 @pytest.mark.parametrize("index", [1.0, 1.5, 2.5])
-def test_many_layers(index, layers):
-    *stack, light, view = stacks_of_all_kinds(24, 0.05, layers=layers, thickest=1.0)
+def test_many_layers_and_other_methods_against_the_default(index, count, how, stacks, finer):
+    *stack, light, view = stacks_of_all_kinds(count, 0.05, **stacks)
     given = {"refractive_index": index, "cos_incidence": light, "cos_viewing": view}
     exact = stack_reflectance_factor(*stack, tolerance=1e-10, **given)
-    for tolerance in (1e-3, 1e-6):
-        found = stack_reflectance_factor(*stack, tolerance=tolerance, **given)
-        assert worst(found, exact, tolerance) < 1.0
-
-
-@pytest.mark.parametrize("method", ["auxiliary", "manyflux"])
-@pytest.mark.parametrize("index", [1.0, 1.5, 2.5])
-def test_other_methods_against_the_default(index, method):
-    *stack, light, view = stacks_of_all_kinds(60, 0.05)
-    given = {"refractive_index": index, "cos_incidence": light, "cos_viewing": view}
-    exact = stack_reflectance_factor(*stack, tolerance=1e-10, **given)
-    # Thin layers that absorb, over one that does not and is opaque, are the worst here too.
-    for tolerance in (1e-3, 1e-5):
-        found = stack_reflectance_factor(*stack, tolerance=tolerance, method=method, **given)
+    for tolerance in (1e-3, finer):
+        found = stack_reflectance_factor(*stack, tolerance=tolerance, **given, **how)
         assert worst(found, exact, tolerance) < 1.0
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.testing import assert_allclose
 
 from glazejax.radiative.common.phase import henyey_greenstein
 from glazejax.radiative.manyflux.reflectance import manyflux_diffuse_reflectance
@@ -35,16 +36,16 @@ def test_equals_the_hyperbolic_form():
     b = np.sqrt(a**2 - 1)
     below = a * np.sinh(b * s) + b * np.cosh(b * s)
     reflectance, transmittance = two_flux_layer(k, s)
-    np.testing.assert_allclose(reflectance, np.sinh(b * s) / below, rtol=ROUNDING)
-    np.testing.assert_allclose(transmittance, b / below, rtol=ROUNDING)
+    assert_allclose(reflectance, np.sinh(b * s) / below, rtol=ROUNDING)
+    assert_allclose(transmittance, b / below, rtol=ROUNDING)
 
 
 def test_limits():
     reflectance, transmittance = two_flux_layer(
         np.array([0.0, 2.0, 0.0, 1e4]), np.array([3.0, 0.0, 0.0, 0.0])
     )
-    np.testing.assert_allclose(reflectance, [3 / 4, 0, 0, 0], atol=ROUNDING)
-    np.testing.assert_allclose(transmittance, [1 / 4, np.exp(-2), 1, 0], atol=ROUNDING)
+    assert_allclose(reflectance, [3 / 4, 0, 0, 0], atol=ROUNDING)
+    assert_allclose(transmittance, [1 / 4, np.exp(-2), 1, 0], atol=ROUNDING)
     # An opaque layer: Kubelka and Munk's 1 + K/S - sqrt((K/S)^2 + 2 K/S).
     ratio = 0.2
     assert two_flux_reflectance(200.0, 1000.0, 0.5) == pytest.approx(
@@ -60,7 +61,7 @@ def test_layers_join(k1, s1, k2, s2, ground):
     share = k1 / (k1 + k2) if k1 + k2 > 0 else 0.5
     k, s = k1 + k2, s1 + s2
     lower = two_flux_reflectance((1 - share) * k, (1 - share) * s, ground)
-    np.testing.assert_allclose(
+    assert_allclose(
         two_flux_reflectance(share * k, share * s, lower),
         two_flux_reflectance(k, s, ground),
         atol=1e-10,
@@ -92,9 +93,7 @@ def test_saunderson_keeps_what_a_perfect_white_reflects():
 def test_saunderson_is_a_slab_over_the_paint():
     paint = two_flux_slab(0.3, 2.0)
     joined = two_flux_join(two_flux_surface(0.04, 0.6), paint)
-    np.testing.assert_allclose(
-        joined.above, 0.04 + saunderson(paint.above, 0.04, 0.6), rtol=LAST_DIGITS
-    )
+    assert_allclose(joined.above, 0.04 + saunderson(paint.above, 0.04, 0.6), rtol=LAST_DIGITS)
 
 
 def test_stack_is_the_product_of_transfers():
@@ -106,7 +105,7 @@ def test_stack_is_the_product_of_transfers():
         expected = transfer_from_slab(two_flux_slab(k[layer], s[layer])) @ expected
     found = two_flux_join(surface, two_flux_stack(k, s))
     for one, other in zip(found, slab_from_transfer(expected), strict=True):
-        np.testing.assert_allclose(one, other, rtol=ROUNDING)
+        assert_allclose(one, other, rtol=ROUNDING)
 
 
 def test_opaque_layers_join():
@@ -124,11 +123,11 @@ def test_field_is_the_printed_one():
     rest = b * s * (1 - np.array([0.0, 0.3, 1.0]))
     below = a * np.sinh(b * s) + b * np.cosh(b * s)
     down, up = two_flux_field(k, s, np.array([0.0, 0.3, 1.0]))
-    np.testing.assert_allclose(down, (a * np.sinh(rest) + b * np.cosh(rest)) / below, rtol=ROUNDING)
-    np.testing.assert_allclose(up, np.sinh(rest) / below, atol=1e-15)
+    assert_allclose(down, (a * np.sinh(rest) + b * np.cosh(rest)) / below, rtol=ROUNDING)
+    assert_allclose(up, np.sinh(rest) / below, atol=1e-15)
     down, up = two_flux_field(0.0, s, np.linspace(0, 1, 5), 1.0)
-    np.testing.assert_allclose(down, 1.0, rtol=ROUNDING)
-    np.testing.assert_allclose(up, 1.0, rtol=ROUNDING)
+    assert_allclose(down, 1.0, rtol=ROUNDING)
+    assert_allclose(up, 1.0, rtol=ROUNDING)
 
 
 def test_conversion():

@@ -3,8 +3,6 @@
 import base64
 import io
 import json
-import re
-import time
 
 import numpy as np
 import pytest
@@ -14,7 +12,7 @@ from selenium.webdriver import ActionChains
 from glazejax.studio.one_file import one_file
 
 from .browser import Page, start_browser
-from .test_browser import TWO, check_swatch, expected, fragment, off
+from .test_browser import TWO, check_swatch, expected, fragment
 
 pytestmark = pytest.mark.browser
 
@@ -40,36 +38,6 @@ def page(browser, link):
     yield found
     assert found.errors() == []
     browser.execute_script("document.querySelector('#studio').replaceChildren()")
-
-
-def test_a_stack_is_made_dragged_lit_linked_and_undone(page, browser):
-    for name in ("ZincWhite", "ChromeYellow", "CobaltBlue"):
-        page.click(f".tile[data-paint='{name}'] .paint")
-    page.settle()
-    page.slide(page.at("slider"), 0.0)
-    stack = page.stack()
-    assert [next(iter(coat["paint"])) for coat in stack["coats"]] == [
-        "CobaltBlue",
-        "ChromeYellow",
-        "ZincWhite",
-    ]
-    assert stack["coats"][0]["um"] == 1
-    check_swatch(page, stack)
-    page.js(
-        "const s = document.querySelector('[data-at=lamp-0]'); s.value = 'A'; "
-        "s.dispatchEvent(new Event('change'))"
-    )
-    page.settle()
-    assert off(page, "swatch", 0.25, 0.5, stack, "white", "A") <= 1
-    address = browser.current_url
-    page.press("undo")
-    page.settle()
-    assert page.stack()["coats"][0]["um"] == 10
-    browser.get("about:blank")
-    browser.get(address)
-    page.until(lambda: page.js("return document.querySelector('#studio')?.dataset.seen"), "colours")
-    page.settle()
-    assert page.stack()["coats"] == stack["coats"]
 
 
 @pytest.mark.slow
@@ -137,57 +105,6 @@ def brush_each(page, brushed: int) -> None:
         at("pointerup", 1);"""
     for coat in range(brushed):
         page.js(code, coat)
-
-
-@pytest.mark.slow
-def test_eight_coats_are_brushed(page):
-    """A pixel that six strokes cross, and one that none does, are what the library says."""
-    paints = [
-        "CobaltBlue",
-        "ChromeYellow",
-        "ZincWhite",
-        "Eosin",
-        "Minium",
-        "LeadWhite",
-        "ViridianGreen",
-        "Vermillion",
-    ]
-    stack = {
-        **TWO,
-        "coats": [{"paint": {name: 1}, "um": 0.5 + i / 4} for i, name in enumerate(paints)],
-    }
-    page.open(fragment(stack))
-    page.press("tab-canvas")
-    page.js("document.querySelector('[data-at=brush]').value = 120")
-    for coat in range(8):
-        page.js(
-            """
-            const [coat, thick] = arguments, canvas = document.querySelector("[data-at=easel]"), box = canvas.getBoundingClientRect();
-            document.querySelectorAll(".coat")[coat].dispatchEvent(new PointerEvent("pointerdown", {bubbles: true}));
-            for (const type of ["pointerdown", "pointerup"]) canvas.dispatchEvent(new PointerEvent(type, {bubbles: true, pointerId: 1, isPrimary: true,
-                clientX: box.left + box.width * (thick ? 0.3 : 0.8), clientY: box.top + box.height * 0.5}));""",
-            coat,
-            coat % 4 != 3,
-        )
-    page.until(lambda: "within" in page.at("easel-state").text, "the colours")
-    [error] = re.findall(r"ΔE00 (\S+) of", page.at("easel-state").text)
-    assert float(error) < 0.6
-    bare = {**stack, "coats": [{**coat, "um": 0} for coat in stack["coats"]]}
-    assert off(page, "easel", 0.1, 0.1, bare, "white") <= 2
-    # A touch lays .8 of the coat in its middle.
-    some = [{**coat, "um": 0.8 * coat["um"]} for i, coat in enumerate(stack["coats"]) if i % 4 != 3]
-    thick = expected({**stack, "coats": some}, "white")
-    assert np.abs(page.pixel("easel", 0.3, 0.5) - thick).max() <= 3
-    # The link holds all eight maps, small, and opens at the canvas.
-    time.sleep(0.4)
-    address = page.browser.current_url
-    page.js("document.querySelector('#studio').replaceChildren()")
-    page.open("#" + address.partition("#")[2])
-    page.until(lambda: "within" in page.at("easel-state").text, "the colours")
-    assert np.abs(page.pixel("easel", 0.3, 0.5) - thick).max() <= 6
-    assert off(page, "easel", 0.1, 0.1, bare, "white") <= 2
-    page.press("tab-away")
-    assert "brushed at" in page.at("held").text
 
 
 def test_it_asks_no_host_for_anything(page):

@@ -8,6 +8,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 import glazejax as gj
 from glazejax import colour
@@ -72,7 +73,7 @@ def test_spectra_and_colours_are_those_of_the_library(coats):
     found = see(given)
     stack = stack_from_dict(given)
     grid = stack.glaze().wavelengths
-    np.testing.assert_allclose(found["wavelengths"], grid)
+    assert_allclose(found["wavelengths"], grid)
     for row, (side, geometry) in enumerate(
         [
             ("white", stack.seen_by),
@@ -82,18 +83,18 @@ def test_spectra_and_colours_are_those_of_the_library(coats):
         ]
     ):
         expected = np.asarray(gj.reflectance(stack.glaze(side), geometry))
-        np.testing.assert_allclose(found["spectra"][row], expected, atol=1e-4)
+        assert_allclose(found["spectra"][row], expected, atol=1e-4)
         rgb = 255 * np.asarray(colour.srgb(grid, expected, illuminant="FL11"))
         assert np.abs(found["colours"][1][row]["rgb"] - rgb).max() <= 1
     lab = np.asarray(colour.lab(grid, np.array(found["spectra"][0])))
-    np.testing.assert_allclose(found["colours"][0][0]["lab"], lab, atol=1e-6)
+    assert_allclose(found["colours"][0][0]["lab"], lab, atol=1e-6)
     assert found["delta"] == pytest.approx(colour.delta_e_2000([50.0, 0, 0], lab), abs=1e-6)
     # The ladder repeats the first coat.
     thick = stack_from_dict(
         {**given, "coats": [{**coats[0], "um": 3 * coats[0]["um"]}, *coats[1:]]}
     )
     lab = colour.lab(grid, gj.reflectance(thick.glaze(), stack.seen_by))
-    np.testing.assert_allclose(found["ladder"][2]["lab"], lab, atol=0.05)
+    assert_allclose(found["ladder"][2]["lab"], lab, atol=0.05)
 
 
 @pytest.mark.parametrize(
@@ -110,7 +111,7 @@ def test_spectra_and_colours_are_those_of_the_library(coats):
 def test_geometries_and_grounds_are_those_of_the_library(change):
     stack = stack_from_dict({**STACK, **change})
     expected = gj.reflectance(stack.glaze(), stack.seen_by)
-    np.testing.assert_allclose(see({**STACK, **change})["spectra"][0], expected, atol=1e-4)
+    assert_allclose(see({**STACK, **change})["spectra"][0], expected, atol=1e-4)
 
 
 @pytest.mark.parametrize(
@@ -137,7 +138,7 @@ def test_the_band_is_that_of_the_paints_errors(paint, um, ground):
     grid = gj.catalogue.pigment("Eosin").wavelengths
     drawn = gj.Glaze([gj.Layer(gj.Pigment("drawn", grid, *mixed), np.full(400, um * 1e-6))], ground)
     spread = np.asarray(gj.reflectance(drawn, gj.Bidirectional(45, 0))).std(axis=0) / 0.05
-    np.testing.assert_allclose(found["sd"], spread, rtol=0.15, atol=2e-4)
+    assert_allclose(found["sd"], spread, rtol=0.15, atol=2e-4)
     assert spread.max() > 0.002
 
 
@@ -153,9 +154,7 @@ def test_the_band_of_an_own_paint_is_that_of_its_standard_deviations():
         np.asarray(gj.reflectance(gj.Glaze([gj.Layer(paint, 3e-6)], 0.93), "45:0"))
         for paint in (one, more)
     ]
-    np.testing.assert_allclose(
-        found["sd"], 100 * np.abs(spectra[1] - spectra[0]), rtol=0.05, atol=1e-5
-    )
+    assert_allclose(found["sd"], 100 * np.abs(spectra[1] - spectra[0]), rtol=0.05, atol=1e-5)
 
 
 def test_a_paint_that_does_not_say_how_sure_it_is_has_no_band():
@@ -229,7 +228,7 @@ def test_a_table_of_own_paints_is_read_as_python_reads_it(tmp_path):
     python = read_pigments(tmp_path / "mine.csv")
     for (_, paint), one in zip(found["pigments"].items(), python.values(), strict=True):
         for key in ("wavelengths", "absorption", "scattering"):
-            np.testing.assert_allclose(paint[key], getattr(one, key), rtol=1e-6)
+            assert_allclose(paint[key], getattr(one, key), rtol=1e-6)
         assert ("scattering_sd" in paint) == (one.scattering_sd is not None)
         assert paint["provenance"] == "read at home"
     assert found["entries"][2]["unknown"] == "400-420 nm"
@@ -262,13 +261,17 @@ BAD_TABLES = [
 ]
 
 
-def test_a_bad_table_of_paints_is_one_sentence():
-    for said, (text, words) in zip(
-        read_paints(*(one for one, _ in BAD_TABLES)), BAD_TABLES, strict=True
-    ):
-        assert isinstance(said, str), text
-        assert said.startswith("Sentence: mine.csv"), said
+def check_sentences(answers: list, table: list, start: str) -> None:
+    for said, (given, words) in zip(answers, table, strict=True):
+        assert isinstance(said, str), given
+        assert said.startswith(start), said
         assert words in said, said
+        assert "\n" not in said
+
+
+def test_a_bad_table_of_paints_is_one_sentence():
+    said = read_paints(*(one for one, _ in BAD_TABLES))
+    check_sentences(said, BAD_TABLES, "Sentence: mine.csv")
 
 
 def test_what_is_no_table_of_paints_is_left_to_others():
@@ -301,11 +304,7 @@ BAD = [
 
 
 def test_what_is_wrong_is_one_sentence():
-    for (given, words), said in zip(BAD, check(*(one for one, _ in BAD)), strict=True):
-        assert isinstance(said, str), given
-        assert said.startswith("Sentence: "), said
-        assert words in said, said
-        assert "\n" not in said
+    check_sentences(check(*(one for one, _ in BAD)), BAD, "Sentence: ")
 
 
 def test_a_whole_number_of_400_digits_is_one_sentence():
@@ -344,7 +343,7 @@ def test_lines_of_python_run_and_give_the_same_spectrum():
     exec(text.replace("print(", "found = ("), names)
     stack = stack_from_dict(STACK)
     expected = gj.reflectance(stack.glaze(), stack.seen_by)
-    np.testing.assert_allclose(names["spectrum"], expected, atol=1e-9)
+    assert_allclose(names["spectrum"], expected, atol=1e-9)
     own = {"Mine": pigment_to_dict(gj.catalogue.pigment("Eosin"))}
     assert "gj.load_glaze" in run(code, {"data": known(), "stack": {**whole, "pigments": own}})
 

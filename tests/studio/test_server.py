@@ -7,11 +7,11 @@ import signal
 import subprocess
 import sys
 import time
+from functools import partial
 from urllib.error import HTTPError
 from urllib.request import Request, urlopen
 
 import pytest
-from typer.testing import CliRunner
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 from websockets.typing import Origin
@@ -19,7 +19,9 @@ from websockets.typing import Origin
 from glazejax.extras import advice
 from glazejax.stacks import stack_from_dict, write_stack
 from glazejax.studio import jobs, server
+from glazejax.studio.command import register
 from glazejax.studio.messages import MOST_BYTES, unpack
+from tests.commands import invoke
 
 from .browser import Served
 
@@ -245,31 +247,21 @@ def test_the_command_prints_its_link_and_ends_with_ctrl_c(tmp_path):
 
 
 def test_what_the_command_cannot_do_is_told(tmp_path):
-    import typer
-
-    from glazejax.studio import command
-
-    app, run = typer.Typer(), CliRunner()
-    command.register(app)
-    assert "--port is 99999" in str(run.invoke(app, ["--port", "99999"]).exception)
-    missing = run.invoke(app, [str(tmp_path / "none.json")])
+    run = partial(invoke, register, "studio")
+    assert "--port is 99999" in str(run("--port", "99999").exception)
+    missing = run(tmp_path / "none.json")
     assert isinstance(missing.exception, FileNotFoundError)
 
 
 def test_the_page_as_one_file(tmp_path):
     """Own paints and a stack to begin with are in it, and no host is named; nothing is replaced."""
-    import typer
-
-    from glazejax.studio import command
-
-    app, run = typer.Typer(), CliRunner()
-    command.register(app)
+    run = partial(invoke, register, "studio")
     stack = write_stack(tmp_path / "stack.json", stack_from_dict(STACK))
     mine, page = tmp_path / "mine.csv", tmp_path / "studio.html"
     rows = [f"Mine</script>,{w},1000,50000" for w in range(400, 701, 10)]
     mine.write_text("\n".join(["pigment,wavelength_nm,absorption,scattering", *rows]) + "\n")
-    given = [str(stack), "--page", str(page), "--catalogue", str(mine)]
-    done = run.invoke(app, given)
+    given = stack, "--page", page, "--catalogue", mine
+    done = run(*given)
     assert done.exit_code == 0, done.exception
     assert "MB" in done.output
     text = page.read_text()
@@ -281,10 +273,10 @@ def test_the_page_as_one_file(tmp_path):
     assert "default-src 'none'" in text
     for word in ("src=", "@import", "https://", "fetch("):
         assert word not in text, word
-    again = run.invoke(app, given)
+    again = run(*given)
     assert isinstance(again.exception, FileExistsError)
     assert "--overwrite" in str(again.exception)
-    assert run.invoke(app, [*given, "--overwrite"]).exit_code == 0
+    assert run(*given, "--overwrite").exit_code == 0
 
 
 def test_a_port_that_is_taken_is_one_sentence(served):

@@ -6,6 +6,7 @@ import json
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 import glazejax as gj
 from glazejax import colour
@@ -36,7 +37,7 @@ def test_messages_come_back_as_they_were():
     header, found, rest = unpack(pack({"type": "x", "words": "µ"}, arrays) + b"more")
     assert header == {"type": "x", "words": "µ"}
     assert rest == b"more"
-    np.testing.assert_array_equal(found["one"], arrays["one"])
+    assert_array_equal(found["one"], arrays["one"])
     assert found["none"].shape == (0,)
 
 
@@ -84,7 +85,7 @@ def test_the_page_is_told_all_that_it_needs_to_see(ask):
     assert listed["acrylics/TitaniumWhite"]["label"] == "Titanium White"
     blue = gj.catalogue.pigment("CobaltBlue")
     found = listed["CobaltBlue"]["curves"]
-    np.testing.assert_allclose(found["absorption"], blue.absorption, rtol=1e-5)
+    assert_allclose(found["absorption"], blue.absorption, rtol=1e-5)
     assert "modes" in found
     assert {"D65", "A", "FL11"} <= set(data["lamps"])
     assert len(data["eye"]["y"]) == 421
@@ -94,7 +95,7 @@ def test_own_paints_are_told_beside_the_catalogues():
     mine = gj.catalogue.pigment("Eosin").renamed("Mine")
     data = page_data({"Mine": mine})
     assert data["paints"][-1]["name"] == "Mine"
-    np.testing.assert_allclose(data["own"]["Mine"]["scattering"], mine.scattering, rtol=1e-5)
+    assert_allclose(data["own"]["Mine"]["scattering"], mine.scattering, rtol=1e-5)
 
 
 @pytest.mark.parametrize("message", ["start", "stop", "file", "hello"])
@@ -134,7 +135,7 @@ def test_a_dropped_file_of_spectra(ask):
     )
     [(header, found)] = ask({"type": "file", "name": "one.csv"}, rest=content)
     assert (header["films"], header["names"]) == (False, ["grey"])
-    np.testing.assert_allclose(
+    assert_allclose(
         found["rgb"][0],
         255 * np.asarray(colour.srgb(found["wavelengths"].astype(float), np.full(31, 0.2))),
         atol=0.5,

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import traitlets
+from numpy.testing import assert_allclose
 
 import glazejax as gj
 from glazejax import colour
@@ -124,9 +125,9 @@ def test_its_page_is_the_same_studio(wired, tmp_path):
         seen = browser.execute_script("return window.state.seen")
         stack = stack_from_dict(STACK)
         expected = np.asarray(gj.reflectance(stack.glaze(), stack.seen_by))
-        np.testing.assert_allclose(seen["reflectance"], expected, atol=1e-4)
+        assert_allclose(seen["reflectance"], expected, atol=1e-4)
         rgb = 255 * np.asarray(colour.srgb(seen["wavelengths"], expected))
-        np.testing.assert_allclose(seen["rgb"], rgb, atol=1)
+        assert_allclose(seen["rgb"], rgb, atol=1)
         assert np.abs(np.array(browser.execute_script(code)) - seen["rgb"]).max() <= 1
         found.seen = seen
         assert found.seen["lab"] == seen["lab"]

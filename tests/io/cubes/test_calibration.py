@@ -2,10 +2,9 @@
 divide by.
 """
 
-from typing import Any
-
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from glazejax.io import open_cube, write_table
 
@@ -35,15 +34,15 @@ def test_references_of_the_cubes_size(scene):
     paths = {n: counts(folder, v, n) for n, v in (("raw", raw), ("white", white), ("dark", dark))}
     cube = open_cube(paths["raw"], white=paths["white"], dark=paths["dark"], white_reflectance=0.98)
     expected = (raw - dark) / (white - dark) * 0.98
-    np.testing.assert_allclose(cube.values, expected, rtol=2e-6)
-    np.testing.assert_allclose(cube.values, truth * 0.98, atol=4e-5)
+    assert_allclose(cube.values, expected, rtol=2e-6)
+    assert_allclose(cube.values, truth * 0.98, atol=4e-5)
     part = cube.isel(y=slice(3, 19, 5), x=slice(4, 9))
-    np.testing.assert_allclose(part.values, expected[3:19:5, 4:9], rtol=2e-6)
+    assert_allclose(part.values, expected[3:19:5, 4:9], rtol=2e-6)
 
 
 def test_frames_of_a_line_camera_are_averaged_over_their_lines(scene):
     folder, _, raw, white, dark = scene
-    paths: dict[str, Any] = {
+    paths: dict = {
         "path": counts(folder, raw, "raw", interleave="bil"),
         "white": counts(folder, white[:9], "white", interleave="bip", dtype="i4"),
         "dark": counts(folder, dark[:150], "dark", dtype="f4"),
@@ -55,7 +54,7 @@ def test_frames_of_a_line_camera_are_averaged_over_their_lines(scene):
     expected = (
         ((raw - zero) / (one - zero))[2:20, 5:25, :6].reshape(9, 2, 10, 2, 3, 2).mean((1, 3, 5))
     )
-    np.testing.assert_allclose(cube.values, expected, rtol=1e-5)
+    assert_allclose(cube.values, expected, rtol=1e-5)
     notes = " | ".join(cube.attrs["notes"])
     assert "the white reference is the mean of its 9 lines" in notes
     assert f"the dark reference is the mean of its {8 * LINES} lines" in notes
@@ -69,13 +68,13 @@ def test_one_spectrum_as_text_npy_or_a_pixel(scene):
     np.save(folder / "dark.npy", zero)
     expected = (raw - zero) / (one - zero)
     cube = open_cube(path, white=folder / "white.txt", dark=folder / "dark.npy")
-    np.testing.assert_allclose(cube.values, expected, rtol=2e-6)
+    assert_allclose(cube.values, expected, rtol=2e-6)
     again = open_cube(
         path, white=counts(folder, one[None, None], "pixel"), dark=folder / "dark.npy"
     )
-    np.testing.assert_allclose(again.values, expected, rtol=2e-6)
+    assert_allclose(again.values, expected, rtol=2e-6)
     without = open_cube(path, white=folder / "white.txt")
-    np.testing.assert_allclose(without.values, raw / one, rtol=2e-6)
+    assert_allclose(without.values, raw / one, rtol=2e-6)
 
 
 def test_the_whites_own_spectrum(scene):
@@ -88,10 +87,10 @@ def test_the_whites_own_spectrum(scene):
         [["tile", *own], ["other", *own / 2]],
     )
     paths = {n: counts(folder, v, n) for n, v in (("raw", raw), ("white", white), ("dark", dark))}
-    references: dict[str, Any] = {"white": paths["white"], "dark": paths["dark"]}
+    references: dict = {"white": paths["white"], "dark": paths["dark"]}
     cube = open_cube(paths["raw"], **references, white_reflectance=f"{folder / 'own.csv'}:tile")
     expected = (raw - dark) / (white - dark) * np.interp(WAVELENGTHS, grid, own)
-    np.testing.assert_allclose(cube.values, expected, rtol=3e-6)
+    assert_allclose(cube.values, expected, rtol=3e-6)
     with pytest.raises(ValueError, match="holds 2 spectra: choose one"):
         open_cube(paths["raw"], **references, white_reflectance=folder / "own.csv")
     write_table(folder / "short.csv", ["name", "450", "460"], [["tile", 0.9, 0.9]])
@@ -120,8 +119,8 @@ def test_no_light_gives_nan_and_saturation_gives_infinity(scene):
         paths["raw"], white=paths["white"], dark=paths["dark"], binning=(2, 2, 1)
     ).values
     assert np.isposinf(coarse[3, 3, 1])
-    np.testing.assert_allclose(coarse[2, 3, 2], values[4:6, 6:8, 2].mean(), rtol=1e-5)
-    np.testing.assert_allclose(coarse[1, 1, 2], values[2:4, 2, 2].mean(), rtol=1e-5)
+    assert_allclose(coarse[2, 3, 2], values[4:6, 6:8, 2].mean(), rtol=1e-5)
+    assert_allclose(coarse[1, 1, 2], values[2:4, 2, 2].mean(), rtol=1e-5)
 
 
 def test_saturated_readings_in_bins_without_calibration(tmp_path):
@@ -149,7 +148,7 @@ def test_references_of_another_size(tmp_path, size, complaint):
     path = counts(tmp_path, image() * 10_000, "raw")
     np.save(tmp_path / "white.npy", np.full(size, 20_000, "u2"))
     if complaint is None:
-        np.testing.assert_allclose(
+        assert_allclose(
             open_cube(path, white=tmp_path / "white.npy").values, image() / 2, rtol=1e-5
         )
         return

@@ -1,13 +1,17 @@
 """What is wrong with a file or an option is one sentence that names it."""
 
+from functools import partial
+
 import h5py
 import numpy as np
 import pytest
 import tifffile
 import xarray as xr
 import zarr as zarr_package
+from numpy.testing import assert_allclose
 
 from glazejax.io import CubeSource, open_cube, write_table
+from tests.io import samples
 
 from .images import (
     BANDS,
@@ -25,15 +29,7 @@ from .images import (
     zarr,
 )
 
-
-def refused(path, complaint, kind: type[Exception] = ValueError, **further):
-    """Assert that a file is refused in one line that names it."""
-    with pytest.raises(kind, match=complaint) as caught:
-        open_cube(path, **further)
-    message = str(caught.value)
-    assert "\n" not in message
-    assert path.stem in message or path.parent.stem in message
-    assert len(message) < 500
+refused = partial(samples.refused, read=open_cube)
 
 
 def test_header_that_promises_more_than_there_is(tmp_path):
@@ -43,7 +39,7 @@ def test_header_that_promises_more_than_there_is(tmp_path):
     refused(path, "promises .* the file was cut short")
     refused(data, "promises .* the file was cut short")
     data.unlink()
-    refused(path, "no data beside this ENVI header", FileNotFoundError)
+    refused(path, "no data beside this ENVI header", error=FileNotFoundError)
 
 
 @pytest.mark.parametrize(
@@ -60,11 +56,11 @@ def test_wavelengths_that_are_none(tmp_path, wavelengths, complaint):
 
 def test_given_wavelengths(tmp_path):
     path = envi(tmp_path, image(), wavelengths=None)
-    np.testing.assert_allclose(open_cube(path, wavelengths=WAVELENGTHS).values, image(), atol=1e-6)
+    assert_allclose(open_cube(path, wavelengths=WAVELENGTHS).values, image(), atol=1e-6)
     micrometres = np.array(WAVELENGTHS) / 1000
-    np.testing.assert_allclose(open_cube(path, wavelengths=micrometres)["wavelength"], WAVELENGTHS)
+    assert_allclose(open_cube(path, wavelengths=micrometres)["wavelength"], WAVELENGTHS)
     envi(tmp_path, image(), wavelengths=range(1, 8))
-    np.testing.assert_allclose(open_cube(path, wavelengths=WAVELENGTHS).values, image(), atol=1e-6)
+    assert_allclose(open_cube(path, wavelengths=WAVELENGTHS).values, image(), atol=1e-6)
     refused(path, "6 wavelengths were given for 7 bands", wavelengths=WAVELENGTHS[:-1])
     (tmp_path / "image.txt").write_text("400 410 x")
     refused(tmp_path / "image.txt", "not an image of spectra")
@@ -122,7 +118,7 @@ def test_datasets_that_are_not_there(tmp_path):
     with h5py.File(path, "a") as file:
         file.move("SITE/Reflectance/Reflectance_Data", "SITE/Reflectance/data")
     refused(path, r"3 arrays can be meant, choose a dataset: .*SITE/Reflectance/data \(23, 31, 7\)")
-    np.testing.assert_allclose(open_cube(path, dataset="b/raw").values, image(), atol=1e-6)
+    assert_allclose(open_cube(path, dataset="b/raw").values, image(), atol=1e-6)
     refused(envi(tmp_path, image()), "has no datasets; leave 'x' out", dataset="x")
 
 
@@ -139,7 +135,7 @@ def test_files_without_an_image(tmp_path):
     (tmp_path / "nothing").mkdir()
     refused(tmp_path / "nothing", "a folder without an image")
     refused(tmp_path / "nothing", "no datasets", dataset="a")
-    refused(tmp_path / "gone.hdr", "gone.hdr", FileNotFoundError)
+    refused(tmp_path / "gone.hdr", "gone.hdr", error=FileNotFoundError)
     write_table(tmp_path / "table.csv", ["name", "400"], [["a", 0.5]])
     refused(tmp_path / "table.csv", "not an image of spectra that is known: ENVI, zarr")
     np.save(tmp_path / "flat.npy", np.ones((4, 5)))

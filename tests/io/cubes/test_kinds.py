@@ -9,6 +9,7 @@ import pytest
 import spectral.io.envi as spy
 import tifffile
 import zarr as zarr_package
+from numpy.testing import assert_allclose, assert_array_equal
 
 from glazejax.io import open_cube, probe, read_cube
 
@@ -33,11 +34,11 @@ def agree(cube, values, atol=2e-7):
     """Assert that a cube holds this, as a whole and in windows."""
     assert cube.dims == ("y", "x", "wavelength")
     assert cube.dtype == np.float32
-    np.testing.assert_array_equal(cube["wavelength"], WAVELENGTHS)
-    np.testing.assert_allclose(cube.values, values, rtol=0, atol=atol)
+    assert_array_equal(cube["wavelength"], WAVELENGTHS)
+    assert_allclose(cube.values, values, rtol=0, atol=atol)
     window = cube.isel(y=slice(5, 20, 4), x=slice(3, 17))
-    np.testing.assert_allclose(window.values, values[5:20:4, 3:17], rtol=0, atol=atol)
-    np.testing.assert_allclose(
+    assert_allclose(window.values, values[5:20:4, 3:17], rtol=0, atol=atol)
+    assert_allclose(
         cube.isel(y=-2, wavelength=[4, 1]).values, values[-2][:, [4, 1]], rtol=0, atol=atol
     )
 
@@ -64,7 +65,7 @@ def test_envi_of_every_interleave_order_and_type(tmp_path, interleave, order, dt
     agree(open_cube(path.with_suffix(".img")), values)
     theirs: Any = spy.open(str(path))
     read = np.asarray(theirs.load(scale=True))
-    np.testing.assert_allclose(open_cube(path).values, read, rtol=0, atol=1e-6)
+    assert_allclose(open_cube(path).values, read, rtol=0, atol=1e-6)
 
 
 def test_envi_as_the_older_reader_gives_it(tmp_path):
@@ -77,8 +78,8 @@ def test_envi_as_the_older_reader_gives_it(tmp_path):
     micrometres = np.array(WAVELENGTHS[::-1]) / 1000
     path = envi(tmp_path, values, wavelengths=micrometres, **fields)
     old, new = read_cube(path), open_cube(path)
-    np.testing.assert_allclose(new["wavelength"], old.wavelengths)
-    np.testing.assert_allclose(new.values, old[:, :], atol=1e-6)
+    assert_allclose(new["wavelength"], old.wavelengths)
+    assert_allclose(new.values, old[:, :], atol=1e-6)
     assert new.attrs["notes"] == old.notes
     assert any("micrometres" in note for note in new.attrs["notes"])
     assert any("marks as bad" in note for note in new.attrs["notes"])
@@ -117,7 +118,7 @@ def test_a_mark_that_is_not_declared_is_missing_and_said(tmp_path, dtype):
     assert np.isnan(cube.values[:3, :4]).all()
     assert np.isfinite(cube.values[3:]).all()
     older = read_cube(path)
-    np.testing.assert_array_equal(np.isnan(older[:, :]), np.isnan(cube.values))
+    assert_array_equal(np.isnan(older[:, :]), np.isnan(cube.values))
     assert len(older.table()) == LINES * SAMPLES - 12
     for notes in (cube.attrs["notes"], older.notes):
         assert any("-9999, which no reading is" in note for note in notes)
@@ -135,18 +136,16 @@ def test_a_mark_in_a_corner_alone_is_said(tmp_path, monkeypatch):
 def test_percent_and_given_scales(tmp_path):
     values = image()
     assert open_cube(envi(tmp_path, values * 100, dtype="f4")).attrs["unit"] == "percent"
-    np.testing.assert_allclose(open_cube(tmp_path / "image.hdr").values, values, atol=1e-6)
+    assert_allclose(open_cube(tmp_path / "image.hdr").values, values, atol=1e-6)
     envi(tmp_path, values * 5000, dtype="f4")
     with pytest.raises(ValueError, match="neither fraction nor percent: give the scale"):
         open_cube(tmp_path / "image.hdr")
-    np.testing.assert_allclose(
-        open_cube(tmp_path / "image.hdr", scale=5000).values, values, atol=1e-6
-    )
+    assert_allclose(open_cube(tmp_path / "image.hdr", scale=5000).values, values, atol=1e-6)
 
 
 def test_a_given_scale_goes_before_the_files_own(tmp_path):
     cube = open_cube(envi(tmp_path, image()), scale=20_000)
-    np.testing.assert_allclose(cube.values, image() / 2, atol=1e-6)
+    assert_allclose(cube.values, image() / 2, atol=1e-6)
     assert any(
         "10000 is a reflectance of 1; 20000 was given" in note for note in cube.attrs["notes"]
     )
@@ -177,29 +176,29 @@ def test_map_info_gives_coordinates(tmp_path):
             **{"map info": info, "coordinate system string": ['PROJCS["x"', "y]"]},
         )
     )
-    np.testing.assert_allclose(cube["x"], 500_001 + 2 * np.arange(SAMPLES))
-    np.testing.assert_allclose(cube["y"], 3_999_998.5 - 3 * np.arange(LINES))
+    assert_allclose(cube["x"], 500_001 + 2 * np.arange(SAMPLES))
+    assert_allclose(cube["y"], 3_999_998.5 - 3 * np.arange(LINES))
     assert cube["x"].attrs == {"units": "meters", "pixel_size": 2.0}
     assert cube["y"].attrs["pixel_size"] == 3.0
     assert cube.attrs["crs_wkt"] == 'PROJCS["x",y]'
     part = open_cube(tmp_path / "image.hdr", window=(4, 12, 6, 20), binning=(2, 2, 1))
-    np.testing.assert_allclose(part["x"], 500_000 + 2 * (6 + 1 + 2 * np.arange(7)))
+    assert_allclose(part["x"], 500_000 + 2 * (6 + 1 + 2 * np.arange(7)))
     assert part["x"].attrs["pixel_size"] == 4.0
 
 
 def test_without_coordinates_pixels_are_counted(tmp_path):
     cube = open_cube(envi(tmp_path, image()), window=(4, 12, 6, 20))
-    np.testing.assert_allclose(cube["y"], np.arange(4, 12) + 0.5)
+    assert_allclose(cube["y"], np.arange(4, 12) + 0.5)
     assert cube["x"].attrs == {"units": "pixel", "pixel_size": 1.0}
     turned = ["Arbitrary", "1", "1", "0", "0", "0.1", "0.1", "units=Millimeters", "rotation=30"]
     cube = open_cube(envi(tmp_path, image(), **{"map info": turned}))
-    np.testing.assert_allclose(cube["x"], (np.arange(SAMPLES) + 0.5) * 0.1)
+    assert_allclose(cube["x"], (np.arange(SAMPLES) + 0.5) * 0.1)
     assert cube["x"].attrs == {"units": "millimeters", "pixel_size": 0.1}
     cube = open_cube(envi(tmp_path, image(), **{"pixel size": ["0.2", "0.3", "units=Meters"]}))
-    np.testing.assert_allclose(cube["y"], (np.arange(LINES) + 0.5) * 0.3)
+    assert_allclose(cube["y"], (np.arange(LINES) + 0.5) * 0.3)
     for damaged in (["UTM", "x"], ["UTM"], ["UTM", "1", "1", "0", "0", "0", "0"]):
         cube = open_cube(envi(tmp_path, image(), **{"map info": damaged}))
-        np.testing.assert_allclose(cube["y"], np.arange(LINES) + 0.5)
+        assert_allclose(cube["y"], np.arange(LINES) + 0.5)
 
 
 @pytest.mark.parametrize("version", [2, 3])
@@ -211,7 +210,7 @@ def test_zarr_of_both_versions_in_any_order(tmp_path, version, dims):
     cube = open_cube(zarr(tmp_path, dataset, version=version, encoding=PACKED))
     agree(cube, values, atol=2e-7)
     agree(open_cube(zarr(tmp_path, dataset, version=version, name="plain.zarr")), values)
-    np.testing.assert_allclose(cube["x"], np.arange(SAMPLES) * 0.5 + 7)
+    assert_allclose(cube["x"], np.arange(SAMPLES) * 0.5 + 7)
     assert cube["y"].attrs == {"units": "mm", "pixel_size": 0.5}
 
 
@@ -255,7 +254,7 @@ def test_netcdf_without_coordinates(tmp_path):
     labelled(image()).drop_vars(["y", "x"]).to_netcdf(tmp_path / "a.nc", engine="h5netcdf")
     cube = open_cube(tmp_path / "a.nc")
     agree(cube, image())
-    np.testing.assert_allclose(cube["y"], np.arange(LINES) + 0.5)
+    assert_allclose(cube["y"], np.arange(LINES) + 0.5)
 
 
 def test_hdf5_in_groups_with_its_own_scale(tmp_path):
@@ -307,15 +306,15 @@ def test_folder_of_tiffs_with_given_wavelengths(tmp_path):
     path = tiffs(tmp_path, values, form="f{:04.0f}.tif", compression="zlib")
     (tmp_path / "nm.txt").write_text("# filters\n" + "\n".join(str(w + 5) for w in WAVELENGTHS))
     cube = open_cube(path, wavelengths=tmp_path / "nm.txt")
-    np.testing.assert_allclose(cube["wavelength"], np.array(WAVELENGTHS) + 5)
-    np.testing.assert_allclose(cube.values, values, atol=1e-6)
+    assert_allclose(cube["wavelength"], np.array(WAVELENGTHS) + 5)
+    assert_allclose(cube.values, values, atol=1e-6)
 
 
 def test_pictures_are_counted_as_people_count(tmp_path):
     for band in range(12):
         tifffile.imwrite(tmp_path / f"b{band}.tif", np.full((2, 3), band / 20, "f4"))
     cube = open_cube(tmp_path, wavelengths=np.arange(400.0, 520.0, 10.0))
-    np.testing.assert_allclose(cube.values[0, 0], np.arange(12) / 20)
+    assert_allclose(cube.values[0, 0], np.arange(12) / 20)
 
 
 def test_geotiff(tmp_path):
@@ -327,8 +326,8 @@ def test_geotiff(tmp_path):
     values = image()
     values[0, 0] = -1
     cube = open_cube(tiff(tmp_path, values, extratags=tags))
-    np.testing.assert_allclose(cube["x"], 5001 + 2 * np.arange(SAMPLES))
-    np.testing.assert_allclose(cube["y"], 898.5 - 3 * np.arange(LINES))
+    assert_allclose(cube["x"], 5001 + 2 * np.arange(SAMPLES))
+    assert_allclose(cube["y"], 898.5 - 3 * np.arange(LINES))
     assert np.isnan(cube.values[0, 0]).all()
 
 
@@ -344,11 +343,11 @@ def test_repeated_and_unsorted_wavelengths(tmp_path):
     path = envi(tmp_path, values, wavelengths=(500, 400, 410, 410, 450, 430, 470))
     cube = open_cube(path)
     assert cube["wavelength"].values.tolist() == [400, 410, 430, 450, 470, 500]
-    np.testing.assert_allclose(cube.values, values[..., [1, 2, 5, 4, 6, 0]], atol=1e-6)
+    assert_allclose(cube.values, values[..., [1, 2, 5, 4, 6, 0]], atol=1e-6)
     assert "1 bands repeat a wavelength (410 nm) and are left out" in cube.attrs["notes"]
 
 
 def test_limits_of_wavelength(tmp_path):
     cube = open_cube(envi(tmp_path, image()), bands=(410, 450))
     assert cube["wavelength"].values.tolist() == [410, 420, 430, 450]
-    np.testing.assert_allclose(cube.values, image()[..., 1:5], atol=1e-6)
+    assert_allclose(cube.values, image()[..., 1:5], atol=1e-6)

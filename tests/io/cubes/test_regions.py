@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
 from PIL import Image
 
 from glazejax.io import open_cube, quick_source_hash, read_mask, read_spot
@@ -44,7 +45,7 @@ def test_pictures_of_all_kinds(tmp_path, kind):
         "grey alpha": lambda: grey.convert("LA"),
     }[kind]()
     made.save(tmp_path / "mask.png")
-    np.testing.assert_array_equal(read_mask(tmp_path / "mask.png", SHAPE), used)
+    assert_array_equal(read_mask(tmp_path / "mask.png", SHAPE), used)
 
 
 def test_mask_of_another_size(tmp_path):
@@ -62,8 +63,8 @@ def test_masks_are_windowed_and_binned_as_the_cube_is(tmp_path):
     used = np.random.default_rng(0).random(SHAPE) < 0.5
     cube = open_cube(envi(tmp_path, image()), window=(2, 21, 3, 30), binning=(2, 3, 1))
     expected = used[2:20, 3:30].reshape(9, 2, 9, 3).mean((1, 3)) >= 0.5
-    np.testing.assert_array_equal(read_mask(png(tmp_path, used), cube), expected)
-    np.testing.assert_array_equal(read_mask(png(tmp_path, expected), cube), expected)
+    assert_array_equal(read_mask(png(tmp_path, used), cube), expected)
+    assert_array_equal(read_mask(png(tmp_path, expected), cube), expected)
 
 
 @pytest.mark.parametrize("closed", [False, True])
@@ -88,7 +89,7 @@ def test_polygons_of_all_forms(tmp_path, form, closed):
     (tmp_path / "shape.txt").write_text(made)
     expected = np.zeros(SHAPE, bool)
     expected[3:8, 4:10] = True
-    np.testing.assert_array_equal(read_mask(tmp_path / "shape.txt", SHAPE), expected)
+    assert_array_equal(read_mask(tmp_path / "shape.txt", SHAPE), expected)
 
 
 def test_holes_and_polygons_that_overlap(tmp_path):
@@ -99,12 +100,12 @@ def test_holes_and_polygons_that_overlap(tmp_path):
     expected = np.zeros(SHAPE, bool)
     expected[3:8, 4:10] = expected[6:12, 8:12] = True
     expected[4:6, 5:7] = False
-    np.testing.assert_array_equal(read_mask(tmp_path / "a.json", SHAPE), expected)
+    assert_array_equal(read_mask(tmp_path / "a.json", SHAPE), expected)
     (tmp_path / "b.csv").write_text(
         "\n\n".join("\n".join(f"{x};{y}" for x, y in ring) for ring in (BOX, other))
     )
     expected[4:6, 5:7] = True
-    np.testing.assert_array_equal(read_mask(tmp_path / "b.csv", SHAPE), expected)
+    assert_array_equal(read_mask(tmp_path / "b.csv", SHAPE), expected)
 
 
 @given(
@@ -129,7 +130,7 @@ def test_simple_polygons_as_matplotlib_has_them(points):
         places, radius=-1e-3
     )
     found = inside([ring], SHAPE).ravel()
-    np.testing.assert_array_equal(found[certain], path.contains_points(places)[certain])
+    assert_array_equal(found[certain], path.contains_points(places)[certain])
 
 
 @pytest.mark.parametrize(
@@ -168,19 +169,19 @@ def test_spots(tmp_path):
     values[3, 4, 1] = np.nan
     cube = open_cube(envi(tmp_path, values, dtype="f4"))
     spot = read_spot(cube, "4,3")
-    np.testing.assert_allclose(spot.reflectance, values[3, 4], atol=1e-6)
+    assert_allclose(spot.reflectance, values[3, 4], atol=1e-6)
     assert spot.pixels == 1
     assert np.isnan(spot.deviation).all()
     spot = read_spot(cube, " 2:9, 1:6 ")
     part = values[1:6, 2:9].reshape(-1, BANDS)
-    np.testing.assert_allclose(spot.reflectance, np.nanmean(part, 0), atol=1e-6)
-    np.testing.assert_allclose(spot.deviation, np.nanstd(part, 0, ddof=1), atol=1e-6)
+    assert_allclose(spot.reflectance, np.nanmean(part, 0), atol=1e-6)
+    assert_allclose(spot.deviation, np.nanstd(part, 0, ddof=1), atol=1e-6)
     assert spot.pixels == 35
-    np.testing.assert_array_equal(spot.wavelengths, cube["wavelength"])
+    assert_array_equal(spot.wavelengths, cube["wavelength"])
     used = np.random.default_rng(0).random(SHAPE) < 0.3
     spot = read_spot(cube, png(tmp_path, used))
-    np.testing.assert_allclose(spot.reflectance, np.nanmean(values[used], 0), atol=1e-6)
-    np.testing.assert_allclose(spot.deviation, np.nanstd(values[used], 0, ddof=1), atol=1e-6)
+    assert_allclose(spot.reflectance, np.nanmean(values[used], 0), atol=1e-6)
+    assert_allclose(spot.deviation, np.nanstd(values[used], 0, ddof=1), atol=1e-6)
 
 
 def test_spots_in_parts_and_near_one_value(tmp_path, monkeypatch):
@@ -189,8 +190,8 @@ def test_spots_in_parts_and_near_one_value(tmp_path, monkeypatch):
     monkeypatch.setattr("glazejax.io.cubes.regions._AT_ONCE", SAMPLES * BANDS)
     spot = read_spot(cube, f"0:{SAMPLES},0:{LINES}")
     part = values.astype("f4").reshape(-1, BANDS).astype(float)
-    np.testing.assert_allclose(spot.reflectance, part.mean(0), rtol=1e-12)
-    np.testing.assert_allclose(spot.deviation, part.std(0, ddof=1), rtol=1e-6)
+    assert_allclose(spot.reflectance, part.mean(0), rtol=1e-12)
+    assert_allclose(spot.deviation, part.std(0, ddof=1), rtol=1e-6)
 
 
 def test_spots_leave_saturated_readings_out(tmp_path):
@@ -199,7 +200,7 @@ def test_spots_leave_saturated_readings_out(tmp_path):
     raw[2, 5, 6] = 65535
     raw.flush()
     spot = read_spot(open_cube(path), "6:8,5")
-    np.testing.assert_allclose(spot.reflectance[2], image()[5, 7, 2], atol=1e-6)
+    assert_allclose(spot.reflectance[2], image()[5, 7, 2], atol=1e-6)
 
 
 def test_spots_elsewhere(tmp_path):

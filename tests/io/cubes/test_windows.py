@@ -17,6 +17,7 @@ import tifffile
 import xarray as xr
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
 
 from glazejax.io import CubeSource, open_cube
 
@@ -76,20 +77,20 @@ def test_windows_bins_and_slices_are_those_of_numpy(files, data, kind):
     cube = open_cube(**files[kind], window=(y0, y1, x0, x1), binning=each)
     expected = binned(gappy()[y0:y1, x0:x1], each)
     assert cube.shape == expected.shape
-    np.testing.assert_allclose(cube.values, expected, rtol=0, atol=3e-7)
+    assert_allclose(cube.values, expected, rtol=0, atol=3e-7)
     key = tuple(data.draw(parts(n)) for n in expected.shape)
     part = cube.isel(dict(zip(cube.dims, key, strict=True)))
     for axis in (2, 1, 0):  # one axis at a time, as xarray does
         expected = expected[(slice(None),) * axis + (key[axis],)]
-    np.testing.assert_allclose(part.values, expected, rtol=0, atol=3e-7)
+    assert_allclose(part.values, expected, rtol=0, atol=3e-7)
     if kind in ("envi", "npy", "hdf5", "tiff"):
-        np.testing.assert_allclose(cube["y"], y0 + (np.arange(cube.shape[0]) + 0.5) * each[0])
-        np.testing.assert_allclose(cube["x"], x0 + (np.arange(cube.shape[1]) + 0.5) * each[1])
+        assert_allclose(cube["y"], y0 + (np.arange(cube.shape[0]) + 0.5) * each[0])
+        assert_allclose(cube["x"], x0 + (np.arange(cube.shape[1]) + 0.5) * each[1])
 
 
 def test_bins_of_wavelength_have_the_mean_wavelength(files):
     cube = open_cube(**files["envi"], binning=(1, 1, 3), bands=(400, 470))
-    np.testing.assert_allclose(cube["wavelength"], [410, 450])
+    assert_allclose(cube["wavelength"], [410, 450])
     assert cube.attrs["binning"] == [1, 1, 3]
 
 
@@ -114,14 +115,12 @@ def test_scattered_points(files, data, kind, each):
     y, x, band = (
         xr.DataArray([pair[i] for pair in pairs], dims="point").astype(int) for i in range(3)
     )
-    np.testing.assert_allclose(cube.isel(y=y, x=x).values, expected[y.values, x.values], atol=3e-7)
+    assert_allclose(cube.isel(y=y, x=x).values, expected[y.values, x.values], atol=3e-7)
     three = cube.isel(y=y, x=x, wavelength=band).values
-    np.testing.assert_allclose(three, expected[y.values, x.values, band.values], atol=3e-7)
+    assert_allclose(three, expected[y.values, x.values, band.values], atol=3e-7)
     across = xr.DataArray(x.values, dims="other")
     two = cube.isel(y=y, x=across, wavelength=band).values
-    np.testing.assert_allclose(
-        two, expected[y.values[:, None], x.values, band.values[:, None]], atol=3e-7
-    )
+    assert_allclose(two, expected[y.values[:, None], x.values, band.values[:, None]], atol=3e-7)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -151,8 +150,8 @@ def test_sources_and_cubes_can_be_sent(files, kind):
     again, open_again = pickle.loads(sent)
     assert again == source
     assert hash(again) == hash(source)
-    np.testing.assert_allclose(again.open().values, expected, atol=1e-6)
-    np.testing.assert_allclose(open_again.values, expected, atol=1e-6)
+    assert_allclose(again.open().values, expected, atol=1e-6)
+    assert_allclose(open_again.values, expected, atol=1e-6)
 
 
 def total(source):
@@ -202,12 +201,17 @@ def test_a_window_of_a_large_image_takes_its_own_memory_only(tmp_path, interleav
     assert binning < 60e6
 
 
+def counted(file, title):
+    """A number that Linux counts of this process."""
+    told = Path("/proc/self") / file
+    if not told.exists():
+        pytest.skip("the system does not count it")
+    return int(told.read_text().split(title)[1].split()[0])
+
+
 def mapped_now():
     """Bytes of mapped files that count as this process' memory."""
-    told = Path("/proc/self/status")
-    if not told.exists():
-        pytest.skip("the system does not count what is mapped")
-    return int(told.read_text().split("RssFile:")[1].split()[0]) * 1024
+    return counted("status", "RssFile:") * 1024
 
 
 @pytest.mark.parametrize("interleave", ["bsq", "bil", "bip"])
@@ -232,14 +236,6 @@ def test_a_mapped_file_does_not_pile_up_in_memory(tmp_path, interleave):
             cube.isel(y=slice(y, y + 500), x=slice(x, x + 300)).load()
             most = max(most, mapped_now() - before)
     assert most < 150e6  # of 450 MB
-
-
-def read_bytes():
-    """What this process has asked the system to read."""
-    told = Path("/proc/self/io")
-    if not told.exists():
-        pytest.skip("the system does not count what is read")
-    return int(told.read_text().split("rchar: ")[1].split()[0])
 
 
 @pytest.mark.parametrize("kind", ["zarr", "netcdf", "tiff", "pages"])
@@ -268,11 +264,9 @@ def test_a_window_reads_its_own_chunks_only(tmp_path, kind):
                 )
     cube = open_cube(path, scale=1)
     cube.isel(y=0, x=0).load()  # opens the file
-    before = read_bytes()
-    np.testing.assert_array_equal(
-        cube.isel(y=slice(64, 128), x=slice(32, 64)).values, values[64:128, 32:64]
-    )
-    part = read_bytes() - before
+    before = counted("io", "rchar: ")
+    assert_array_equal(cube.isel(y=slice(64, 128), x=slice(32, 64)).values, values[64:128, 32:64])
+    part = counted("io", "rchar: ") - before
     # Two chunks of 28 kB, or two strips of eight chunks' width; a little is the system's own.
     assert part < (8 if kind == "pages" else 1) * 2 * 32 * 32 * BANDS * 4 * 1.3 + 10_000
     assert part < 0.3 * values.nbytes
@@ -293,9 +287,9 @@ def test_pieces_that_a_file_stores_are_read_once(tmp_path, monkeypatch):
         (70, 140),
         (140, 190),
     ]
-    np.testing.assert_allclose(cube.values, values[30:190], atol=1e-6)
+    assert_allclose(cube.values, values[30:190], atol=1e-6)
     coarse = open_cube(path, wavelengths=WAVELENGTHS, window=(30, 190, 0, 400), binning=(3, 2, 1))
-    np.testing.assert_allclose(coarse.values, binned(values[30:190], (3, 2, 1)), atol=1e-6)
+    assert_allclose(coarse.values, binned(values[30:190], (3, 2, 1)), atol=1e-6)
 
 
 def test_nothing_is_read_before_it_is_asked_for(files, monkeypatch):

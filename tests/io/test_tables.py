@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
 
 from glazejax.io import read_spectra, write_table
 from glazejax.io.quantity import not_stated
@@ -13,10 +14,7 @@ from glazejax.io.quantity import not_stated
 WIDE = "Name,400,410,420\nred,0.1,0.2,0.3\nblue,0.4,0.5,0.6\n"
 
 
-def put(tmp_path, text, name="t.csv"):
-    path = tmp_path / name
-    path.write_bytes(text if isinstance(text, bytes) else text.encode())
-    return path
+FILE = "t.csv"
 
 
 @pytest.mark.parametrize(
@@ -39,31 +37,31 @@ def put(tmp_path, text, name="t.csv"):
         "## date = today\n" + WIDE,
     ],
 )
-def test_every_layout_reads_the_same(tmp_path, text):
-    table = read_spectra(put(tmp_path, text))
+def test_every_layout_reads_the_same(read, text):
+    table = read(text)
     assert table.names == ("red", "blue")
-    np.testing.assert_array_equal(table.wavelengths, [400, 410, 420])
-    np.testing.assert_array_equal(table.reflectance, [[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]])
-    np.testing.assert_array_equal(table["blue"], [0.4, 0.5, 0.6])
+    assert_array_equal(table.wavelengths, [400, 410, 420])
+    assert_array_equal(table.reflectance, [[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]])
+    assert_array_equal(table["blue"], [0.4, 0.5, 0.6])
     assert set(table.notes) <= {not_stated("fractions"), not_stated("nm", "fractions")}
     assert len(table) == 2
 
 
-def test_numbered_samples_are_not_wavelengths(tmp_path):
-    table = read_spectra(put(tmp_path, "wavelength,1,2\n400,0.1,0.4\n410,0.2,0.5\n"))
+def test_numbered_samples_are_not_wavelengths(read):
+    table = read("wavelength,1,2\n400,0.1,0.4\n410,0.2,0.5\n")
     assert table.names == ("1", "2")
     assert table.wavelengths.tolist() == [400, 410]
 
 
-def test_rows_named_by_number(tmp_path):
-    table = read_spectra(put(tmp_path, "wavelength,400,410\n1,0.1,0.4\n2,0.2,0.5\n"))
+def test_rows_named_by_number(read):
+    table = read("wavelength,400,410\n1,0.1,0.4\n2,0.2,0.5\n")
     assert table.names == ("1", "2")
     assert table.wavelengths.tolist() == [400, 410]
 
 
-def test_percent_is_said(tmp_path):
-    table = read_spectra(put(tmp_path, "Name,400,410\nred,5,90\n"))
-    np.testing.assert_allclose(table.reflectance, [[0.05, 0.9]])
+def test_percent_is_said(read):
+    table = read("Name,400,410\nred,5,90\n")
+    assert_allclose(table.reflectance, [[0.05, 0.9]])
     assert table.notes == [not_stated("nm"), "values are in percent; divided by 100"]
 
 
@@ -78,18 +76,18 @@ def test_percent_is_said(tmp_path):
         "Våglängd",
     ],
 )
-def test_a_table_of_a_european_spreadsheet(tmp_path, title):
+def test_a_table_of_a_european_spreadsheet(read, title):
     text = f"{title};Mantel, links;Weiß\n400;12,5;80\n410;13,5;81,25\n"
     for content in (text, text.encode("cp1252")):
-        table = read_spectra(put(tmp_path, content))
+        table = read(content)
         assert table.names == ("Mantel, links", "Weiß")
-        np.testing.assert_allclose(table.reflectance, [[0.125, 0.135], [0.8, 0.8125]])
+        assert_allclose(table.reflectance, [[0.125, 0.135], [0.8, 0.8125]])
         told = any("read as Windows-1252" in note for note in table.notes)
         assert told == (isinstance(content, bytes))
 
 
-def test_slightly_negative_readings_are_noise(tmp_path):
-    table = read_spectra(put(tmp_path, "nm,red\n400,-.002\n410,.2\n"))
+def test_slightly_negative_readings_are_noise(read):
+    table = read("nm,red\n400,-.002\n410,.2\n")
     assert table["red"].tolist() == [0.0, 0.2]
     assert table.notes[-1] == "1 value slightly below 0 (noise, down to -0.002) became 0"
 
@@ -144,8 +142,8 @@ def test_slightly_negative_readings_are_noise(tmp_path):
         ("nm,red\n400,2000\n410,3000\n", "too much for a fraction .* divide by what stands for"),
     ],
 )
-def test_errors_are_one_line_that_says_where(tmp_path, text, complaint):
-    path = put(tmp_path, text)
+def test_errors_are_one_line_that_says_where(put, text, complaint):
+    path = put(text)
     with pytest.raises(ValueError, match=complaint) as caught:
         read_spectra(path)
     assert str(path) in str(caught.value)
@@ -175,10 +173,10 @@ TRIPLES = "sample,wavelength,reflectance\nred,400,0.1\nblue,410,0.5\nred,410,0.2
 @pytest.mark.parametrize(
     "text", [TRIPLES, TRIPLES.replace("sample,w", "Paint,W").replace(",", "\t")]
 )
-def test_a_value_a_row(tmp_path, text):
-    table = read_spectra(put(tmp_path, text))
+def test_a_value_a_row(read, text):
+    table = read(text)
     assert table.names == ("red", "blue")
-    np.testing.assert_array_equal(table.reflectance, [[0.1, 0.2], [0.4, 0.5]])
+    assert_array_equal(table.reflectance, [[0.1, 0.2], [0.4, 0.5]])
 
 
 @pytest.mark.parametrize(
@@ -200,9 +198,9 @@ def test_a_value_a_row(tmp_path, text):
         (TRIPLES.replace("blue,410", ",410"), "line 3: a sample has no name"),
     ],
 )
-def test_errors_of_a_value_a_row(tmp_path, text, complaint):
+def test_errors_of_a_value_a_row(read, text, complaint):
     with pytest.raises(ValueError, match=complaint):
-        read_spectra(put(tmp_path, text))
+        read(text)
 
 
 COLUMNS = "# spectrometer\n400.5 0.10 0.40\n410.7 0.20 0.50\n420.2 0.30 0.60\n"
@@ -211,11 +209,11 @@ COLUMNS = "# spectrometer\n400.5 0.10 0.40\n410.7 0.20 0.50\n420.2 0.30 0.60\n"
 @pytest.mark.parametrize(
     "text", [COLUMNS, COLUMNS.replace(" 0", "\t0"), "\n".join(COLUMNS.splitlines()[::-1])]
 )
-def test_columns_without_a_header(tmp_path, text):
-    table = read_spectra(put(tmp_path, text))
+def test_columns_without_a_header(read, text):
+    table = read(text)
     assert table.names == ("column 2", "column 3")
-    np.testing.assert_array_equal(table.wavelengths, [400.5, 410.7, 420.2])
-    np.testing.assert_array_equal(table.reflectance, [[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]])
+    assert_array_equal(table.wavelengths, [400.5, 410.7, 420.2])
+    assert_array_equal(table.reflectance, [[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]])
     assert "no header" in table.notes[0]
 
 
@@ -234,35 +232,35 @@ def test_columns_without_a_header(tmp_path, text):
         (COLUMNS.replace(" 0.60", " -0.60"), "'column 3' is negative at band 3"),
     ],
 )
-def test_errors_of_columns(tmp_path, text, complaint):
+def test_errors_of_columns(read, text, complaint):
     with pytest.raises(ValueError, match=complaint):
-        read_spectra(put(tmp_path, text))
+        read(text)
 
 
-def test_declared_unit(tmp_path):
+def test_declared_unit(read):
     dark = "Name,400,410\nblack,0.5,0.6\n"
-    table = read_spectra(put(tmp_path, "# unit: percent\n" + dark))
-    np.testing.assert_allclose(table.reflectance, [[0.005, 0.006]])
+    table = read("# unit: percent\n" + dark)
+    assert_allclose(table.reflectance, [[0.005, 0.006]])
     assert table.notes == [not_stated("nm"), "values are in percent; divided by 100"]
-    assert read_spectra(put(tmp_path, dark)).reflectance.max() == 0.6
+    assert read(dark).reflectance.max() == 0.6
 
 
-def test_names_do_not_decide_the_format(tmp_path):
-    assert read_spectra(put(tmp_path, WIDE, "t.cxf")).format == "CSV table, a sample a row"
-    assert read_spectra(put(tmp_path, WIDE.replace("Name", "ENVI"), "t.hdr")).names == (
+def test_names_do_not_decide_the_format(read):
+    assert read(WIDE, "t.cxf").format == "CSV table, a sample a row"
+    assert read(WIDE.replace("Name", "ENVI"), "t.hdr").names == (
         "red",
         "blue",
     )
 
 
 @pytest.mark.parametrize("line", ["\n", "   \n", "##\n", "$$ \n"])
-def test_blank_files_are_refused_in_time_of_their_length(tmp_path, line):
+def test_blank_files_are_refused_in_time_of_their_length(read, line):
     seconds = []
     # The first is a warm-up; a square of the length would take sixteen times as long.
     for count in (100, 4_000, 16_000):
         start = time.thread_time()
         with pytest.raises(ValueError, match=r"empty|header"):
-            read_spectra(put(tmp_path, line * count))
+            read(line * count)
         seconds.append(time.thread_time() - start)
     assert seconds[2] < 8 * seconds[1] + 0.05
 
@@ -307,8 +305,8 @@ def test_array_cells_are_plain_numbers(tmp_path):
     assert cells == ["1e-07", repr(1 / 3), "0.1", "3"]
 
 
-def test_nothing_is_written_on_error(tmp_path):
-    path = put(tmp_path, "mine")
+def test_nothing_is_written_on_error(put, tmp_path):
+    path = put("mine")
     with pytest.raises(ValueError, match="row 2 has 2 cells where the header has 1"):
         write_table(path, ["a"], [[1], [1, 2]], overwrite=True)
     assert path.read_text() == "mine"

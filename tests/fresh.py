@@ -1,0 +1,28 @@
+"""Programs in a Python of their own."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+
+def run_python(
+    code: str,
+    *words: Any,
+    cwd: Path | None = None,
+    timeout: float = 600.0,
+    env: dict[str, str] | None = None,
+) -> subprocess.CompletedProcess[str]:
+    """A program that has ended well, with words and further variables of its environment, and what it says."""
+    done = subprocess.run(
+        [sys.executable, "-c", code, *map(str, words)],
+        cwd=cwd,
+        timeout=timeout,
+        env=os.environ | (env or {}),
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return done
