@@ -2,6 +2,8 @@
 
 import io
 import json
+import re
+from functools import partial
 from xml.etree import ElementTree as xml
 
 import numpy as np
@@ -20,6 +22,7 @@ from glazejax.appearance.exports import (
 from glazejax.appearance.exports.image_files import normals, png
 from glazejax.appearance.exports.materialx import ImageNode
 from glazejax.colour import encoded_srgb
+from glazejax.commands import progress
 from glazejax.commands.main import make_app
 from glazejax.paint.describe import Coat
 from glazejax.stacks import Stack, write_stack
@@ -380,3 +383,29 @@ def test_wrong_options_are_one_sentence(run, tmp_path, monkeypatch, words, compl
     (tmp_path / "a.npy").touch()
     assert complaint in str(run(COATS, *words.split()).exception)
     assert [path.name for path in tmp_path.iterdir()] == ["a.npy"]
+
+
+@pytest.mark.parametrize(
+    ("words", "stages"),
+    [
+        (
+            ["--roughness", "0.3"],
+            ["computing pairs of angles", "fitting the material"],
+        ),
+        (
+            ["--to", "textures", "--thickness-map", "ramp.npy"],
+            [r"computing glazes, round \d+,", "comparing pixels at all angles"],
+        ),
+    ],
+)
+def test_without_a_terminal_lines_say_how_far_an_export_is(
+    run, tmp_path, monkeypatch, words, stages
+):
+    monkeypatch.setattr(progress, "lines", partial(progress.lines, 0.001))
+    monkeypatch.chdir(tmp_path)
+    np.save("ramp.npy", np.linspace(1e-6, 4e-6, 80)[None])
+    done = run(COATS, *words)
+    assert done.exit_code == 0, done.output
+    for stage in stages:
+        shares = re.findall(rf"^{stage} \d+ of \d+ \((\d+)%\), after", done.stderr, re.MULTILINE)
+        assert len({*shares}) > 1, stage

@@ -2,6 +2,7 @@
 value.
 """
 
+import re
 import tomllib
 from functools import partial
 from pathlib import Path
@@ -515,3 +516,17 @@ def test_without_llvm_the_time_and_the_way_out_are_said_first(tmp_path, monkeypa
         # 640 x 480 pixels, 256 paths each, 3,400 a second.
         assert ("about 6.4 hours" in words) == told
         assert ("libllvm19" in words) == told
+
+
+def test_without_a_terminal_lines_say_how_far_a_picture_is(write, tmp_path, monkeypatch):
+    from glazejax.commands import progress
+
+    monkeypatch.setattr(progress, "lines", partial(progress.lines, 0.01))
+    done = run(write(SMALL), "-o", tmp_path / "a.png")
+    assert done.exit_code == 0
+    found = [
+        line
+        for line in done.stderr.splitlines()
+        if re.search(r" of [\d,]+ \(\d+%\), after \d+ s", line)
+    ]
+    assert found

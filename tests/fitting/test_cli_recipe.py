@@ -1,5 +1,7 @@
 import csv
 import json
+import re
+from functools import partial
 from pathlib import Path
 
 import matplotlib.image
@@ -8,6 +10,7 @@ import pytest
 
 from glazefit import colourchecker_targets
 from glazefit.recipe import recipe
+from glazejax.commands import progress
 from glazejax.io import read_spectra
 
 from .palette import GRID, palette
@@ -155,3 +158,15 @@ def test_mistakes_get_one_line(run, words, message):
     assert out == ""
     assert message in err
     assert len(err.strip().splitlines()) == 1
+
+
+@pytest.mark.slow
+def test_one_target_shows_how_far_its_search_is(run, monkeypatch):
+    """Without a terminal: percent of both stages, and the time left."""
+    monkeypatch.setattr(progress, "lines", partial(progress.lines, 0.001))
+    status, _, err = run("--lab", "50,20,30", "--max-coats", 2, "--max-paints", 2)
+    assert status == 0
+    for stage in ("looking through all sets of paints", "refining recipes"):
+        shares = re.findall(rf"^{stage} \d+ of \d+ \((\d+)%\), after", err, re.MULTILINE)
+        assert len({*shares}) > 1, stage
+    assert re.search(r"refining recipes .* about \d+ s left", err)

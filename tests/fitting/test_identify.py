@@ -347,3 +347,11 @@ def test_what_is_shown_comes_near_the_reading():
     )
     assert found.rmse[:, 0].max() < 0.03
     assert found.explained.all()
+
+
+@pytest.mark.slow
+def test_in_single_precision_a_batch_changes_what_nobody_sees(paints, blind):
+    """Evidences are good to a thousandth there, and which films are fitted again hangs on them."""
+    found = blind[-1]
+    alone = identify(GRID, found.measured.readings[7:8], paints, ground=GROUNDS)
+    assert_allclose(alone.probability[0, :5], found.probability[7, :5], atol=1e-4)

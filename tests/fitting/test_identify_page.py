@@ -564,3 +564,27 @@ def test_a_large_catalogue_is_listed_in_the_json_alone():
     assert "that of each paint, in report.json" in words
     filed["catalogue"]["paints"].pop()
     assert "Paint7, Paint8" in parsed(filed).words[""]
+
+
+@pytest.mark.browser
+def test_numbers_of_a_plot_are_whole_and_of_the_page_s_size(tmp_path):
+    """On a desk and on a telephone."""
+    write_page(record(identification(["one"])), tmp_path / "report.html")
+    browser = start_browser(tmp_path)
+    ask = """return [...document.querySelectorAll('.plot span')].filter(e => e.offsetParent).map(e => {
+        const r = e.getBoundingClientRect();
+        return [r.left, document.documentElement.clientWidth - r.right,
+                parseFloat(getComputedStyle(e).fontSize)];
+    })"""
+    try:
+        for width in (1200, 390):
+            size = {"width": width, "height": 800, "deviceScaleFactor": 1, "mobile": width < 500}
+            browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+            browser.get((tmp_path / "report.html").as_uri())
+            left, right, letters = np.array(browser.execute_script(ask)).T
+            assert min(left.min(), right.min()) >= 0
+            assert left.size > 20
+            # A table's are .84 to .9 of the page's 16 px.
+            assert letters == pytest.approx(np.full(letters.size, 12.8))
+    finally:
+        browser.quit()

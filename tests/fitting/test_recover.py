@@ -19,6 +19,7 @@ from glazefit.recover.films.film_by_film import (
     ScatteringPrior,
     pose,
     recover_chunks,
+    solve,
     starts,
 )
 from glazefit.recover.films.result import told_apart
@@ -259,3 +260,20 @@ def test_masstones_of_the_revigo_data_are_reproduced_to_the_noise(shared_data):
     assert recovery.gloss[named["UltramarineBlue"]] == pytest.approx(0.52, abs=0.05)
     assert np.delete(recovery.gloss, named["UltramarineBlue"]).min() == 1.0
     assert not recovery.identifiable[named["Vermillion"]].any()
+
+
+@pytest.mark.slow
+def test_compiled_program_calls_no_library_for_linear_algebra():
+    size = 2
+    problem = pose(
+        simulate_films(GRID[:2], *[np.ones((1, 2))] * 2, names=["x"]),
+        np.ones(1),
+        INSTRUMENT,
+        Noise(),
+    )
+    prior = ScatteringPrior(jnp.zeros(size), jnp.zeros(size))
+    # What the compiler is given; it adds no library calls of its own, and compiling again takes
+    # long.
+    program = solve.jitted.lower(*problem, prior).as_text("hlo")
+    assert "lapack_" not in program
+    assert "while" in program, "the solver's loop is missing: is this the program that runs?"

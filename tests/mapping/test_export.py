@@ -15,7 +15,7 @@ from glazefit.mapping.store.run import run_chunks
 from glazefit.mapping.store.store import MapStore, open_map
 
 from .test_store import unfinish
-from .toy import CHUNK, PAINTS, SHAPE, Toy
+from .toy import CHUNK, PAINTS, SHAPE, WINDOWS, Toy
 
 xarray = pytest.importorskip("xarray")
 pytest.importorskip("zarr")
@@ -216,3 +216,10 @@ def test_a_full_disk_leaves_no_half_file(store, tmp_path, monkeypatch, name):
     with pytest.raises(OSError, match="the disk is full; the map itself is kept"):
         export_map(store.path, tmp_path / name, progress=lambda *n: told.append(n))
     assert not list(tmp_path.iterdir())
+
+
+def test_progress_is_told(store, tmp_path):
+    told = []
+    export_map(store.path, tmp_path / "map.bsq", progress=lambda *n: told.append(n))
+    assert told == [(number + 1, WINDOWS, "writing the bands") for number in range(WINDOWS)]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["map.bsq", "map.hdr"]

@@ -395,3 +395,19 @@ def test_an_image_that_changed_is_another(options: dict[str, Any], tmp_path):
     os.utime(white, ns=(0, time))
     with pytest.raises(ValueError, match=r"other options \(image: hash is another\)"):
         begin()
+
+
+def test_the_bar_moves_in_every_stage(made):
+    said = made[1]
+    assert list(dict.fromkeys(stage for _, _, stage in said)) == [
+        "reading",
+        "surveying",
+        "searching",
+        "checking",
+        "mapping",
+    ]
+    for stage in ("reading", "surveying"):
+        done = [done for done, _, words in said if words == stage]
+        assert len(set(done)) > 20
+        assert done == sorted(done)
+        assert next(d == of for d, of, words in reversed(said) if words == stage)

@@ -520,3 +520,16 @@ def test_by_keyboard_alone(page):
         assert outline != "none" or tag == "BODY", (tag, at)
         reached.add(at)
     assert {"tab-look", "pin", "lamp-0", "slider", "um", "handle", "hide"} <= reached
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("width", [2560, 1440, 1024, 390])
+def test_nothing_is_wider_than_the_page(page, width):
+    command = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": False}
+    page.browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", command)
+    try:
+        for tab in ("look", "canvas", "backwards", "away"):
+            page.press(f"tab-{tab}")
+            assert page.js("return document.documentElement.scrollWidth") <= width
+    finally:
+        page.browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
