@@ -522,7 +522,7 @@ def test_light_and_eye_reach_the_colours(run, light, eye, degrees, geometry):
     (paint,) = predict_mixture(
         catalogue.load(), {"Vermillion": 1.0}, [10e-6], instrument=Instrument.parse(geometry)
     )
-    words = f"--illuminant {light} --observer {eye} --instrument {geometry}".split()
+    words = ["--illuminant", light, "--observer", eye, "--instrument", geometry]
     _, out, _ = run("Vermillion", "--thickness", "10um", *words)
     lab = np.asarray(
         colour.lab(paint.wavelengths, paint.over_white, illuminant=light, observer=degrees)
