@@ -28,7 +28,7 @@ from glazejax.io.spectra_table import list_names
 
 from .films import SPECTRA, Films
 from .readers import ROWS, build_films, one_reading
-from .shared_bands import FINEST, crop_bands, means_of_steps
+from .shared_bands import crop_bands, means_of_steps
 
 USUAL_RANGE = (380.0, 780.0)
 """Where usual cards are known, nm."""
@@ -184,8 +184,11 @@ def crop(films: Films, low: float, high: float, why: str) -> Films:
     return _on(films, np.eye(used.size)[:, used], *notes) if notes else films
 
 
-def average(films: Films, step: float = FINEST) -> Films:
-    """Films whose bands are averaged to steps (nm), where theirs are finer; a note says so."""
+def average(films: Films, step: float = 5.0) -> Films:
+    """Films whose bands are averaged to steps (nm), where theirs are finer; a note says so.
+
+    By default to 5 nm: k and s of paint change little over it.
+    """
     grid = films.wavelengths
     matrix = means_of_steps(grid, step)
     if matrix is None:

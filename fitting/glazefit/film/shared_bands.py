@@ -11,8 +11,6 @@ from jaxtyping import Bool, Float
 from glazejax import Pigment
 from glazejax.spectra import common_range, describe_grid, lie_between
 
-FINEST = 5.0
-"""Step in nm to which finer spectra are averaged: k and s of paint change little over it."""
 SEARCHED = 10.0
 """Step in nm to which finer spectra are averaged where paints are searched: errors of paints are
 alike over more, and a misfit would count the less the more bands share it.

@@ -58,8 +58,8 @@ def odds_of(measured: Measured, pool: Pool, prior: Prior) -> Odds:
         pool: their candidates.
         prior: what was expected.
     """
-    weight = np.where(np.isfinite(pool.log_weight), pool.log_weight, -np.inf)
-    return weigh(weight, _misfits(measured, pool, _shares(weight)), prior)
+    weight = pool.log_weight
+    return weigh(weight, _misfits(measured, pool, evidence_shares(weight)), prior)
 
 
 def weigh(weight: Float[np.ndarray, "spectra candidates"], misfits: Misfits, prior: Prior) -> Odds:
@@ -70,7 +70,7 @@ def weigh(weight: Float[np.ndarray, "spectra candidates"], misfits: Misfits, pri
         misfits: how far each is off.
         prior: what was expected.
     """
-    share = _shares(weight)
+    share = evidence_shares(weight)
     # Invisible differences count equally: what fits best is not for that more likely to be
     # there.
     judged = _judged_misfit(misfits)
@@ -90,12 +90,13 @@ def weigh(weight: Float[np.ndarray, "spectra candidates"], misfits: Misfits, pri
     return Odds(candidates=odds, none=none, misfit=misfit, rejected=rejected, misfits=misfits)
 
 
-def _shares(
+def evidence_shares(
     weight: Float[np.ndarray, "spectra candidates"],
 ) -> Float[np.ndarray, "spectra candidates"]:
     """Probability of each candidate before its misfit counts, if the film is of the catalogue's
-    paints.
+    paints; none of one whose log weight is not finite.
     """
+    weight = np.where(np.isfinite(weight), weight, -np.inf)
     share = np.exp(weight - weight.max(axis=1, keepdims=True))
     return share / share.sum(axis=1, keepdims=True)
 

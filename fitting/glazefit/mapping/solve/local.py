@@ -33,7 +33,7 @@ from ...identify.search.searcher import Searcher
 from ...identify.search.surface import NuisanceMode
 from ...identify.search.task import IdentificationTask, Measured
 from ...identify.search.unstated_conditions import CONDITIONS, FilmsUnderCondition, films_under
-from ...identify.search.weigh import Odds
+from ...identify.search.weigh import Odds, evidence_shares
 
 _STEP = 1e-3
 _terms = jax.jit(jax.vmap(prior_terms, in_axes=(0, 0, None, None)))
@@ -165,8 +165,7 @@ def _local_models(
     present = (pool.members[..., None] == np.arange(len(searcher.paints))).any(axis=2)
     left_out = np.where(likely, 0.0, share)
     remainder = left_out.sum(axis=1)
-    evidence = np.exp(pool.log_weight - pool.log_weight.max(axis=1, keepdims=True))
-    rest_evidence = np.where(likely, 0.0, evidence).sum(axis=1) / evidence.sum(axis=1)
+    rest_evidence = np.where(likely, 0.0, evidence_shares(pool.log_weight)).sum(axis=1)
     of_rest = left_out / np.maximum(remainder, 1e-12)[:, None]
     rest_paints = np.einsum("sc,scp->sp", of_rest, present)
     # A colour difference is a length in this metric, to first order.
