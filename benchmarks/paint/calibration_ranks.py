@@ -7,7 +7,8 @@ many truths the share of draws below the truth is uniform in [0, 1] if posterior
 Betancourt, Simpson, Vehtari and Gelman, arXiv:1804.06788). A heap at both ends says that posteriors
 are too narrow, one in the middle that they are too wide, one at one end that they are shifted.
 
-film: one to three paints of the catalogue, all else drawn from `glazefit.Prior`. bands: k d and s d
+film: one to three paints of the catalogue, all else drawn from `glazefit.Prior`, and each paint's
+strength from how films of one paint differ. bands: k d and s d
 of every band drawn from the prior of `posterior_of_bands`, each band by itself. coats: a glaze of a
 known paint over a body of two. unknown, two grounds and unknown, one ground: a coat whose k d and s d
 are drawn from `glazefit.SpectraPrior` over 30 um of a known paint.
@@ -30,6 +31,7 @@ from benchmarks.paint.layers_inverted import (
     known_paints,
     smooth_errors,
     unknown_paint,
+    without_strengths,
 )
 from benchmarks.results import Results, command_line, percent, progress, quantity
 from benchmarks.rivals.baselines import spectra_of
@@ -114,6 +116,7 @@ def simulate(
     names = tuple(f"film {i}" for i in range(count))
     cards = (bare[..., 0], bare[..., 1], over[..., 0], over[..., 1])
     films = readings(Films(names, grid, *cards), instrument, noise)
+    thickness, fractions = without_strengths(rng, thickness, fractions)
     truth = {f"fraction {i + 1}": fractions[:, i] for i in range(paints if paints > 1 else 0)}
     return films, chosen, truth | {"thickness": thickness, "gloss": shine, "model error": error}
 

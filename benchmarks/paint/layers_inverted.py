@@ -22,6 +22,7 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Float
 
 from benchmarks.results import Quantity, Results, command_line, ends, quantities, quantity
 from benchmarks.rivals.baselines import spectra_of
@@ -108,6 +109,22 @@ def read(
     return films
 
 
+def without_strengths(
+    rng: np.random.Generator,
+    thickness: Float[np.ndarray, "*films"],
+    fractions: Float[np.ndarray, "*films paints"],
+) -> tuple[Float[np.ndarray, "*films"], Float[np.ndarray, "*films paints"]]:
+    """Thickness and fractions of films whose readings show these, if each paint's strength differs
+    from film to film.
+    """
+    from glazefit.film.model.variation import STRENGTH
+
+    amounts = thickness[..., None] * fractions
+    amounts = amounts * np.exp(STRENGTH * rng.standard_normal(amounts.shape))
+    total = amounts.sum(axis=-1)
+    return total, amounts / total[..., None]
+
+
 def known_paints(count: int, rng: np.random.Generator) -> Simulated:
     """A glaze of one paint over a body of two."""
     from glazefit import CoatPrior, Prior
@@ -128,8 +145,10 @@ def known_paints(count: int, rng: np.random.Generator) -> Simulated:
     optical = optical * smooth_errors(rng, error, 2, prior.error_length)
     spread = prior.spread
     coats = [[CoatPrior(p[:1], GLAZE, spread), CoatPrior(p[1:], BODY, spread)] for p in chosen]
-    truth = {"thickness of coat 1": thick[:, 0], "fraction 1 of coat 2": share[:, 0]}
-    truth |= {"thickness of coat 2": thick[:, 1], "gloss": gloss, "model error": error}
+    glaze, _ = without_strengths(rng, thick[:, 0], np.ones((count, 1)))
+    below, shares = without_strengths(rng, thick[:, 1], share)
+    truth = {"thickness of coat 1": glaze, "fraction 1 of coat 2": shares[:, 0]}
+    truth |= {"thickness of coat 2": below, "gloss": gloss, "model error": error}
     return Simulated(read(rng, optical, gloss, np.full(count, 2), "stack"), coats, truth)
 
 

@@ -91,7 +91,7 @@ def measured(posed: Posed, settings: dict[str, Any], seed: int) -> Measured:
     assert state is not None
     return Measured(
         seconds,
-        effective_draws(posterior.problem, posterior.draws),
+        effective_draws(posterior.problem, posterior.free),
         float(np.max(state.apart)),
         held,
     )
@@ -107,16 +107,17 @@ def share_held(draws: Mapping[str, np.ndarray], truth: Mapping[str, np.ndarray])
     return float(np.mean(held))
 
 
-def effective_draws(problem: Any, draws: Mapping[str, np.ndarray]) -> float:
-    """Of the quantity that is worst mixed; draws are (steps, chains, blocks)."""
+def effective_draws(problem: Any, free: np.ndarray) -> float:
+    """Of the quantity that is worst mixed, without strengths of paints, which no chain draws; free
+    unknowns are (steps, chains, blocks, dims).
+    """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         import arviz
 
         least = np.inf
         for quantity in problem.quantities:
-            values = draws[quantity.name]
-            scaled = np.log(values) if quantity.logarithmic else values
+            scaled = quantity.scaled(free)
             for block in range(scaled.shape[-1]):
                 least = min(least, float(arviz.ess(np.swapaxes(scaled[..., block], 0, 1))))
     return least
@@ -170,7 +171,7 @@ def measured_aies(posed: Posed, steps: int, seed: int) -> Measured:
     )
     return Measured(
         seconds=seconds,
-        effective=effective_draws(problem, draws),
+        effective=effective_draws(problem, free),
         apart=float(np.max(count_samples(flat)[1])),
         held=share_held(draws, posed.truth),
     )

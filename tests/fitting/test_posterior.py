@@ -84,7 +84,10 @@ def test_truth_is_found_and_laplace_agrees(mixed):
     assert mixed.converged
     assert found["fraction blue"].mean == pytest.approx(0.3, abs=4 * found["fraction blue"].sd)
     assert found["thickness"].mean == pytest.approx(20e-6, abs=4 * found["thickness"].sd)
-    assert found["fraction blue"].sd < 0.02
+    # The readings are clear; the paint's strength in this film is not.
+    (blue,) = [q for q in mixed.problem.quantities if q.name == "fraction blue"]
+    assert blue.values(mixed.free).std() < 0.02
+    assert blue.values(mixed.free).mean() == pytest.approx(0.3, abs=0.02)
     assert found["fraction blue"].laplace == "agrees"
     assert found["fraction blue"].laplace_sd == pytest.approx(found["fraction blue"].sd, rel=0.25)
     # The film was made without an error of the paints.

@@ -25,6 +25,7 @@ from glazejax.programs import Program
 from glazejax.radiative.common.chunks import in_chunks
 
 from .forward import Film
+from .model.variation import STRENGTH
 from .prior import Law
 
 Residuals = Callable[[Float[Array, "dims"], Any, Any], Float[Array, "rows"]]
@@ -52,7 +53,8 @@ class Quantity(NamedTuple):
     Attributes:
         name: such as "fraction ZincWhite".
         logarithmic: positive, and best looked at by its logarithm.
-        values: of the free unknowns, (..., dims) -> (...); NumPy.
+        values: of the free unknowns, (..., dims) -> (...); NumPy. They may be followed by the logs
+            of the paints' strengths in this film, (..., dims + strengths).
         spectrum: "absorption", "scattering" or "ratio" if it is one band of that; else empty.
     """
 
@@ -85,6 +87,8 @@ class FilmProblem:
         bands: wavelengths that one evaluation of a block computes.
         fingerprint: of the measurement and the settings; two chains may be joined if theirs are
             equal.
+        strengths: paints that may be stronger or weaker in this film than in others
+            (`glazefit.film.model.variation.STRENGTH`): readings show thickness times strength.
         starts: points from which modes are looked for.
         scaled: readings in units of their errors, (rows,), from the same arguments as the
             residuals: how far they change is how far apart two places of the posterior are
@@ -104,6 +108,7 @@ class FilmProblem:
     quantities: tuple[Quantity, ...]
     bands: int
     fingerprint: str
+    strengths: int = 0
     starts: int = 8
     scaled: Residuals | None = None
 
@@ -162,7 +167,11 @@ class FilmProblem:
     def draws(
         self, free: Float[np.ndarray, "*shape dims"]
     ) -> Mapping[str, Float[np.ndarray, "*shape"]]:
-        """The reported quantities of some values of the free unknowns."""
+        """The reported quantities of some values of the free unknowns; strengths of the paints are
+        drawn, alike at each call.
+        """
+        drawn = np.random.default_rng(0).standard_normal((*free.shape[:-1], self.strengths))
+        free = np.concatenate([free, STRENGTH * drawn], axis=-1)
         return {quantity.name: quantity.values(free) for quantity in self.quantities}
 
     def spectra(

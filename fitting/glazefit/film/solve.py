@@ -53,7 +53,7 @@ class Gaussians(NamedTuple):
     def of(cls, approximation: "Laplace") -> "Gaussians":
         """Those of Laplace's approximation."""
         roots = np.linalg.cholesky(approximation.covariances)
-        log_weights = np.log(np.maximum(approximation.weights, 1e-300))
+        log_weights = np.log(np.maximum(approximation.weights, 1e-30))
         return cls(approximation.modes, roots, np.linalg.inv(roots), log_weights)
 
     def draw(self, key: Array, chains: int) -> Float[Array, "chains blocks dims"]:

@@ -2,6 +2,7 @@
 
 import functools
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -137,6 +138,7 @@ def pose_stack(
             for coat in first
         ],
         suffixes=["" if kind == "paints" else f" of coat {n + 1}" for n in range(len(first))],
+        shares=data.shares,
         median=median[0],
         grid=grid,
         levels=levels,
@@ -160,6 +162,7 @@ def pose_stack(
         fingerprint=fingerprint(
             kind, *measurements, coefficients, expectation, prior, spectra, instrument
         ),
+        strengths=sum(film.sizes),
         # An opaque coat and a thin one may read the same, and each is a narrow valley.
         starts=24 if film.tabulated else 8,
         scaled=ScaledReadings(film) if film.tabulated else None,
@@ -179,19 +182,47 @@ def reading_parts(reading: Reading) -> tuple[object, ...]:
     return reading.wavelengths, reading.reflectance, reading.ground, reading.sd, reading.ground_sd
 
 
-def _fraction(free: Float[np.ndarray, "*n dims"], at: slice, which: int) -> np.ndarray:
-    """One paint's fraction, from the log-ratios that stand at these places, (...)."""
-    ratios = np.concatenate([free[..., at], np.zeros_like(free[..., :1])], axis=-1)
-    return softmax(ratios, axis=-1)[..., which]
+@dataclass(frozen=True, eq=False)
+class _Coat:
+    """A coat's thickness and fractions from the free unknowns, (..., dims), and from the logs of
+    all paints' strengths where these follow.
+
+    Readings show an amount of each paint, thickness times fraction times strength.
+    """
+
+    median: float  # thickness expected, m
+    thickness: slice  # places of the unknowns
+    ratios: slice
+    strengths: slice  # of the coat's paints, behind the unknowns
+    shares: Float[np.ndarray, "*blocks paints"]  # of fractions that are known
+
+    def amounts(self, values: Float[np.ndarray, "*n numbers"]) -> Float[np.ndarray, "*n paints"]:
+        """Thickness times fraction of each paint, m."""
+        shares = self.shares
+        if self.ratios.stop > self.ratios.start:
+            logs = values[..., self.ratios]
+            shares = softmax(np.concatenate([logs, np.zeros_like(logs[..., :1])], axis=-1), axis=-1)
+        shown = self.median * np.exp(values[..., self.thickness].sum(axis=-1))[..., None] * shares
+        strengths = values[..., self.strengths]
+        return shown * np.exp(-strengths) if strengths.shape[-1] else shown
+
+    def fraction(self, values: Float[np.ndarray, "*n numbers"], which: int) -> np.ndarray:
+        """Of one paint."""
+        amounts = self.amounts(values)
+        return amounts[..., which] / amounts.sum(axis=-1)
+
+    def total(self, values: Float[np.ndarray, "*n numbers"]) -> np.ndarray:
+        """Thickness, m."""
+        return self.amounts(values).sum(axis=-1)
 
 
 def _exponential(
-    free: Float[np.ndarray, "*n dims"],
+    free: Float[np.ndarray, "*n numbers"],
     mean: float | np.floating,
     weights: Float[np.ndarray, "dims"],
 ) -> np.ndarray:
     """A quantity whose logarithm is linear in the unknowns, (...)."""
-    return np.exp(mean + free @ weights)
+    return np.exp(mean + free[..., : weights.size] @ weights)
 
 
 def name_unknowns(
@@ -199,6 +230,7 @@ def name_unknowns(
     *,
     paints: Sequence[Sequence[object]],
     suffixes: Sequence[str],
+    shares: Float[np.ndarray, "blocks paints"],
     median: Float[np.ndarray, "coats"],
     grid: Float[np.ndarray, "bands"],
     levels: Float[np.ndarray, "2"],
@@ -211,6 +243,7 @@ def name_unknowns(
         film: whose unknowns they are.
         paints: names of each coat's paints.
         suffixes: of the names of what a coat has.
+        shares: of all paints in their coats, where they are known.
         median: of the thicknesses' prior, m.
         grid: wavelengths, nm.
         levels, modes: of log k d and log s d of an unknown paint.
@@ -225,16 +258,24 @@ def name_unknowns(
 
     unit = np.eye(film.dims)
     for n, suffix in enumerate(suffixes):
+        members = film.paints[n]
+        coat = _Coat(
+            median=median[n],
+            thickness=positions.thickness[n],
+            ratios=positions.ratios[n],
+            strengths=slice(film.dims + members.start, film.dims + members.stop),
+            shares=shares[..., members],
+        )
         if film.fractions[n]:
             fractions = [f"fraction {paint}{suffix}" for paint in paints[n]]
             names += fractions[:-1]
             reported += [
-                Quantity(name, False, functools.partial(_fraction, at=positions.ratios[n], which=i))
+                Quantity(name, False, functools.partial(coat.fraction, which=i))
                 for i, name in enumerate(fractions)
             ]
         if film.thickness[n]:
             names.append(f"thickness{suffix}")
-            report(names[-1], np.log(median[n]), unit[positions.thickness[n].start])
+            reported.append(Quantity(names[-1], True, coat.total))
     if film.spectra:
         # A mode is of k d or of s d alone.
         counts = np.any(modes != 0, axis=1).sum(axis=1)

@@ -10,6 +10,7 @@ from rich.table import Table
 from glazejax.io import write_table
 from glazejax.report import plain_table
 
+from ..film.model.variation import STRENGTH
 from ..film.solve import TRUSTED_TAIL
 from .posterior import Posterior
 from .summary import AGREES, MEDIANS, Numbers, Row, Summary, in_units, interval
@@ -21,6 +22,11 @@ def print_posterior(posterior: Posterior, console: Console) -> None:
     spectral = {q.name for q in posterior.problem.quantities if q.spectrum}
     plain = [row for row in rows if row.quantity not in spectral]
     console.print(_table(posterior, Summary(plain, sampled=rows.sampled, by=rows.by)))
+    if posterior.problem.strengths:
+        console.print(
+            "Thicknesses and fractions allow for paint that is stronger or weaker in one film than "
+            f"in others, by {STRENGTH:.0%}."
+        )
     if spectral:
         console.print(_spectra(posterior))
     for sentence in posterior.identifiability.sentences:

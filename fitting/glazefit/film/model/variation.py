@@ -28,6 +28,12 @@ PRIOR = (0.05, 0.08, 0.15, 0.22, 0.25, 0.18, 0.07)
 revigo films lie in their bands with it (`python -m benchmarks.paint.prediction`); it was chosen on
 them.
 """
+STRENGTH = float(
+    np.hypot(MIXED.level, MIXED.coefficient) * np.sqrt(np.dot(PRIOR, np.square(SIZES)))
+)
+"""Standard deviation of the log of a paint's strength in one film relative to others: level and
+shape of its k and s.
+"""
 UNSTEADY = 0.1
 """How probable it is of a paint, a priori, that its films are farther off than others."""
 

@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float, Int
 
 from glazejax.catalogue import family
 
-from ...film.model.variation import MIXED, PRIOR, SIZES
+from ...film.model.variation import STRENGTH
 from ...film.tables import WAVELENGTH, Tabulated, Variables, as_frame
 from ..search.pool import NOBODY, Pool
 from ..search.task import Measured
@@ -26,12 +26,6 @@ _SHOWN = 3
 
 NINETY = np.array([-1.6448536269514722, 1.6448536269514722])
 """Standard deviations from the middle of a Gaussian to the ends of its central 90 %."""
-STRENGTH = float(
-    np.hypot(MIXED.level, MIXED.coefficient) * np.sqrt(np.dot(PRIOR, np.square(SIZES)))
-)
-"""Standard deviation of the log of a paint's strength in one film relative to others: level and
-shape of its k and s.
-"""
 
 
 @dataclass(frozen=True)

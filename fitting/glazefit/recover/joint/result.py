@@ -11,6 +11,7 @@ from glazejax import Pigment
 
 from ...film.films import Films, Instrument, Noise
 from ...film.model.mixing import MixingLaw
+from ...film.model.variation import STRENGTH
 from ..films.result import RELATIVE_LIMIT, FittedFilms
 from .constraints import MOST_ERROR, PaintModes
 from .covariance import JointCovariance
@@ -155,12 +156,15 @@ class JointRecovery(FittedFilms):
 
     @property
     def thickness_sd(self) -> Float[np.ndarray, "films"]:
-        """Standard deviation of `thickness`."""
+        """Standard deviation of `thickness`: what the readings leave open and, where no gauge
+        measured it, that paints known before may be stronger or weaker in these films.
+        """
         films, per_film = self.unknowns.films.shape
-        return (
-            self.thickness
-            * np.sqrt(np.diagonal(self.shared_covariance))[: films * per_film : per_film]
-        )
+        variance = np.diagonal(self.shared_covariance)[: films * per_film : per_film]
+        if not self.gauged:
+            known = [paint in self.known_paints for paint in self.paints]
+            variance = variance + STRENGTH**2 * (self.shares**2 @ known)
+        return self.thickness * np.sqrt(variance)
 
     def depth(
         self, films: Float[Array | np.ndarray, "*draws films 2+parts"]
