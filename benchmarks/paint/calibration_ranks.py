@@ -7,8 +7,9 @@ many truths the share of draws below the truth is uniform in [0, 1] if posterior
 Betancourt, Simpson, Vehtari and Gelman, arXiv:1804.06788). A heap at both ends says that posteriors
 are too narrow, one in the middle that they are too wide, one at one end that they are shifted.
 
-film: one to three paints of the catalogue, all else drawn from `glazefit.Prior`, and each paint's
-strength from how films of one paint differ. bands: k d and s d
+film: one to three paints of the catalogue, all else drawn from `glazefit.Prior`. Thicknesses and
+fractions are ranked as the readings show them, times the strength of their paints: what strength
+adds is drawn, not measured. bands: k d and s d
 of every band drawn from the prior of `posterior_of_bands`, each band by itself. coats: a glaze of a
 known paint over a body of two. unknown, two grounds and unknown, one ground: a coat whose k d and s d
 are drawn from `glazefit.SpectraPrior` over 30 um of a known paint.
@@ -29,9 +30,9 @@ import numpy as np
 from benchmarks.paint.layers_inverted import (
     held,
     known_paints,
+    shown_spread,
     smooth_errors,
     unknown_paint,
-    without_strengths,
 )
 from benchmarks.results import Results, command_line, percent, progress, quantity
 from benchmarks.rivals.baselines import spectra_of
@@ -90,7 +91,8 @@ def simulate(
         [known[i] for i in rng.choice(len(known), paints, replace=False)] for _ in range(count)
     ]
     fractions = rng.dirichlet(np.full(paints, prior.concentration_known), count)
-    thickness = prior.thickness * np.exp(prior.spread * rng.standard_normal(count))
+    spread = shown_spread(prior.spread, paints)
+    thickness = prior.thickness * np.exp(spread * rng.standard_normal(count))
     shine = rng.uniform(size=count)
     error = prior.error * np.exp(prior.error_spread * rng.standard_normal(count))
     off = smooth_errors(rng, error, 1, prior.error_length, grid)[:, 0]
@@ -116,7 +118,6 @@ def simulate(
     names = tuple(f"film {i}" for i in range(count))
     cards = (bare[..., 0], bare[..., 1], over[..., 0], over[..., 1])
     films = readings(Films(names, grid, *cards), instrument, noise)
-    thickness, fractions = without_strengths(rng, thickness, fractions)
     truth = {f"fraction {i + 1}": fractions[:, i] for i in range(paints if paints > 1 else 0)}
     return films, chosen, truth | {"thickness": thickness, "gloss": shine, "model error": error}
 
@@ -191,9 +192,10 @@ def ranked(posed: Posed, options: Any) -> Ranks:
     films = len(posed.films)
     below = {}
     laplace = []
-    for name, draws in posterior.draws.items():
+    shown = posterior.problem.shown
+    for name, draws in shown(posterior.free).items():
         if name in posed.truth:
-            rough = (posterior.laplace_draws[name] < posed.truth[name]).mean(axis=0)
+            rough = (shown(posterior.laplace.sample)[name] < posed.truth[name]).mean(axis=0)
             rough = np.where(posterior.laplace.trusted, rough, np.nan)
             laplace.append(rough.reshape(films, -1))
             shares = (draws < posed.truth[name]).mean(axis=(0, 1))

@@ -22,7 +22,6 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
 
 from benchmarks.results import Quantity, Results, command_line, ends, quantities, quantity
 from benchmarks.rivals.baselines import spectra_of
@@ -109,20 +108,13 @@ def read(
     return films
 
 
-def without_strengths(
-    rng: np.random.Generator,
-    thickness: Float[np.ndarray, "*films"],
-    fractions: Float[np.ndarray, "*films paints"],
-) -> tuple[Float[np.ndarray, "*films"], Float[np.ndarray, "*films paints"]]:
-    """Thickness and fractions of films whose readings show these, if each paint's strength differs
-    from film to film.
+def shown_spread(spread: float, paints: int) -> float:
+    """Standard deviation of the log of thickness times strength, of a film of so many paints with
+    uniform fractions; `spread` is that of the thickness.
     """
     from glazefit.film.model.variation import STRENGTH
 
-    amounts = thickness[..., None] * fractions
-    amounts = amounts * np.exp(STRENGTH * rng.standard_normal(amounts.shape))
-    total = amounts.sum(axis=-1)
-    return total, amounts / total[..., None]
+    return float(np.hypot(spread, STRENGTH * np.sqrt(2.0 / (paints + 1))))
 
 
 def known_paints(count: int, rng: np.random.Generator) -> Simulated:
@@ -133,7 +125,9 @@ def known_paints(count: int, rng: np.random.Generator) -> Simulated:
     prior = Prior()
     shelf = [p.resample(GRID) for p in catalogue.load().values()]
     chosen = [[shelf[i] for i in rng.choice(len(shelf), 3, replace=False)] for _ in range(count)]
-    thick = np.array([GLAZE, BODY]) * np.exp(prior.spread * rng.standard_normal((count, 2)))
+    # As readings show them.
+    spreads = np.array([shown_spread(prior.spread, paints) for paints in (1, 2)])
+    thick = np.array([GLAZE, BODY]) * np.exp(spreads * rng.standard_normal((count, 2)))
     share, gloss = (
         rng.dirichlet(np.full(2, prior.concentration_known), count),
         rng.uniform(size=count),
@@ -145,10 +139,8 @@ def known_paints(count: int, rng: np.random.Generator) -> Simulated:
     optical = optical * smooth_errors(rng, error, 2, prior.error_length)
     spread = prior.spread
     coats = [[CoatPrior(p[:1], GLAZE, spread), CoatPrior(p[1:], BODY, spread)] for p in chosen]
-    glaze, _ = without_strengths(rng, thick[:, 0], np.ones((count, 1)))
-    below, shares = without_strengths(rng, thick[:, 1], share)
-    truth = {"thickness of coat 1": glaze, "fraction 1 of coat 2": shares[:, 0]}
-    truth |= {"thickness of coat 2": below, "gloss": gloss, "model error": error}
+    truth = {"thickness of coat 1": thick[:, 0], "fraction 1 of coat 2": share[:, 0]}
+    truth |= {"thickness of coat 2": thick[:, 1], "gloss": gloss, "model error": error}
     return Simulated(read(rng, optical, gloss, np.full(count, 2), "stack"), coats, truth)
 
 
@@ -209,19 +201,20 @@ def find(simulated: Simulated, steps: int, seed: int) -> tuple[dict[str, Found],
         tuple(films),
         Sampling(steps=steps, walkers=WALKERS, seed=seed),
     )
-    before = problem.draws(problem.prior_draws(np.random.default_rng(seed), 4000)[:, None])
+    shown = problem.shown
+    before = shown(problem.prior_draws(np.random.default_rng(seed), 4000)[:, None])
     found = {}
     for asked in problem.quantities:
         if asked.name not in simulated.truth:
             continue
         scale = np.log if asked.logarithmic else np.asarray
         value = simulated.truth[asked.name]
-        draws = posterior.draws[asked.name].reshape(-1, value.size)
+        draws = shown(posterior.free)[asked.name].reshape(-1, value.size)
         low, high = np.quantile(scale(draws), (0.05, 0.95), axis=0)
         first, last = np.quantile(scale(before[asked.name]), (0.05, 0.95))
         found[asked.name] = Found(
             (draws < value).mean(axis=0),
-            (posterior.laplace_draws[asked.name] < value).mean(axis=0),
+            (shown(posterior.laplace.sample)[asked.name] < value).mean(axis=0),
             (high - low) / (last - first),
             posterior.laplace.trusted,
         )

@@ -82,7 +82,7 @@ def measured(posed: Posed, settings: dict[str, Any], seed: int) -> Measured:
     began = time.perf_counter()
     posterior = sample(posed.problem, posed.modes, posed.films, Sampling(seed=seed + 1, **settings))
     seconds = time.perf_counter() - began
-    held = share_held(posterior.draws, posed.truth)
+    held = share_held(posterior.problem.shown(posterior.free), posed.truth)
     if posterior.chain is None:
         good = posterior.laplace.trusted.all()
         effective = float(np.min(posterior.laplace.effective)) if good else 0.0
@@ -91,7 +91,7 @@ def measured(posed: Posed, settings: dict[str, Any], seed: int) -> Measured:
     assert state is not None
     return Measured(
         seconds,
-        effective_draws(posterior.problem, posterior.free),
+        effective_draws(posterior.problem, posterior.problem.shown(posterior.free)),
         float(np.max(state.apart)),
         held,
     )
@@ -107,17 +107,16 @@ def share_held(draws: Mapping[str, np.ndarray], truth: Mapping[str, np.ndarray])
     return float(np.mean(held))
 
 
-def effective_draws(problem: Any, free: np.ndarray) -> float:
-    """Of the quantity that is worst mixed, without strengths of paints, which no chain draws; free
-    unknowns are (steps, chains, blocks, dims).
-    """
+def effective_draws(problem: Any, draws: Mapping[str, np.ndarray]) -> float:
+    """Of the quantity that is worst mixed; draws are (steps, chains, blocks)."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         import arviz
 
         least = np.inf
         for quantity in problem.quantities:
-            scaled = quantity.scaled(free)
+            values = draws[quantity.name]
+            scaled = np.log(values) if quantity.logarithmic else values
             for block in range(scaled.shape[-1]):
                 least = min(least, float(arviz.ess(np.swapaxes(scaled[..., block], 0, 1))))
     return least
@@ -165,13 +164,13 @@ def measured_aies(posed: Posed, steps: int, seed: int) -> Measured:
     whole, samples = run(steps)
     seconds = max(whole - compiling, 1e-3)
     free = np.swapaxes(samples, 0, 1).reshape(-1, chains, blocks, dims)
-    draws = problem.draws(free)
+    draws = problem.shown(free)
     flat = np.concatenate(
         [draws[q.name].reshape(len(free), chains, -1) for q in problem.quantities], 2
     )
     return Measured(
         seconds=seconds,
-        effective=effective_draws(problem, free),
+        effective=effective_draws(problem, draws),
         apart=float(np.max(count_samples(flat)[1])),
         held=share_held(draws, posed.truth),
     )

@@ -5,8 +5,17 @@ import pytest
 from numpy.testing import assert_allclose
 
 import glazejax.samples
-from glazefit import identify_films, posterior_of_film, read_films, recover_jointly
-from glazefit.film.model.variation import STRENGTH
+from glazefit import (
+    CoatPrior,
+    Prior,
+    identify_films,
+    posterior_of_coats,
+    posterior_of_film,
+    read_films,
+    recover_jointly,
+)
+from glazefit.film.model.variation import STRENGTH, thickness_variance
+from glazefit.recover.joint.constraints import Gauge
 from glazefit.recover.joint.problem import Expectations
 from glazejax import catalogue
 
@@ -29,22 +38,48 @@ def test_three_tasks_state_the_same_spread_of_thickness():
         named = next(c for c in candidates if set(c.paints) == set(recipes[name]))
         searched.append(named.thickness_sd / named.thickness)
         paints = [oils[paint] for paint in recipes[name]]
-        summary = posterior_of_film(films.take([row]), paints, steps=0).summary()
-        (thickness,) = [line for line in summary if line.quantity == "thickness"]
-        estimated.append(thickness.sd / thickness.mean)
+        posterior = posterior_of_film(films.take([row]), paints, steps=0)
+        estimated.append(np.log(posterior.draws["thickness"]).std())
     assert_allclose(recovered, searched, rtol=0.1)
     assert_allclose(estimated, searched, rtol=0.1)
     assert_allclose(estimated, recovered, rtol=0.1)
 
 
-def test_a_gauge_leaves_no_strength_to_tell_from_thickness():
-    from glazefit.recover.joint.constraints import Gauge
-
-    films = read_films(glazejax.samples.path()).select(["12A"])
+def test_a_gauge_counts_for_the_films_that_it_measured():
+    films = read_films(glazejax.samples.path()).select(["12A", "10A"])
+    recipes = {"12A": {"CobaltBlue": 1.0}, "10A": {"EmeraldGreen": 1.0}}
     oils = catalogue.load("oils")
-    gauge = Gauge({"12A": 11e-6}, error=0.05, common=0.01)
-    recovery = recover_jointly(films, {"12A": {"CobaltBlue": 1.0}}, pigments=oils, gauge=gauge)
-    assert recovery.thickness_sd[0] / recovery.thickness[0] < 0.1
+
+    def spreads(error):
+        gauge = Gauge({"12A": 11e-6}, error=error, common=0.01)
+        recovery = recover_jointly(films, recipes, pigments=oils, gauge=gauge)
+        return recovery.thickness_sd / recovery.thickness
+
+    sharp, rough = spreads(0.05), spreads(0.6)
+    assert sharp[0] < 0.06
+    assert rough[0] > 0.25
+    # The other film was not measured.
+    assert min(sharp[1], rough[1]) > 0.2
+
+
+def test_a_stated_thickness_holds():
+    films = read_films(glazejax.samples.path()).select(["12A"])
+    blue = catalogue.load("oils")["CobaltBlue"]
+    coat = CoatPrior([blue], 25e-6, spread=0.05)
+    draws = posterior_of_coats(films, [coat], steps=0).draws["thickness of coat 1"]
+    # The readings show 11 um: this paint is weak here.
+    assert np.log(draws).std() == pytest.approx(0.05, rel=0.1)
+    assert np.median(draws) == pytest.approx(25e-6, rel=0.05)
+
+
+def test_variance_of_thickness_has_its_limits():
+    # A film of which nothing is shown is as thick as expected, a clear one as strength allows.
+    assert thickness_variance(0.49, 0.49, 1.0) == pytest.approx(0.49)
+    assert thickness_variance(1e-9, 1e6, 1.0) == pytest.approx(STRENGTH**2, rel=1e-3)
+    assert thickness_variance(0.01, 0.49, 0.0) == pytest.approx(0.01)
+    # Normal thickness and strength, of which the sum is read without error.
+    expected = 0.49 * STRENGTH**2 / (0.49 + STRENGTH**2)
+    assert thickness_variance(1e-9, 0.49, 1.0) == pytest.approx(expected, rel=1e-3)
 
 
 @pytest.mark.parametrize("kind", ["posterior", "laplace"])
@@ -55,17 +90,33 @@ def test_strengths_of_paints_widen_what_the_readings_leave_open(kind):
     free = posterior.laplace.sample if kind == "laplace" else posterior.free
     draws = posterior.laplace_draws if kind == "laplace" else posterior.draws
     names = [f"fraction {paint.name}" for paint in paints]
-    shown = {q.name: q.values(free) for q in posterior.problem.quantities}
-    # The log of a ratio of two amounts is off by two independent strengths.
+    shown = posterior.problem.shown(free)
+    # The log of a ratio of two amounts is off by two strengths.
     before, after = (np.log(values[names[0]] / values[names[1]]) for values in (shown, draws))
     assert after.std() == pytest.approx(np.hypot(before.std(), STRENGTH * np.sqrt(2.0)), rel=0.1)
     assert after.mean() == pytest.approx(before.mean(), abs=0.1)
-    # One strength for each paint moves all quantities together.
-    amounts = [np.log(draws["thickness"] * draws[name]) for name in names]
-    assert np.corrcoef(np.ravel(amounts[0]), np.ravel(amounts[1]))[0, 1] < 0.5
+    # The white is nearly all of the film: its strength is the thickness's, the red's is its own.
+    fractions = np.stack([shown[name] for name in names])
+    red = (after - before) + np.log(draws["thickness"] / shown["thickness"]) / fractions[1]
+    assert abs(np.corrcoef(np.ravel(red), np.ravel(np.log(draws["thickness"])))[0, 1]) < 0.2
+    variance = thickness_variance(
+        np.log(shown["thickness"]).var(), Prior().spread ** 2, np.mean(np.sum(fractions**2, axis=0))
+    )
+    assert np.log(draws["thickness"]).var() == pytest.approx(variance, rel=0.15)
     assert_allclose(draws[names[0]] + draws[names[1]], 1.0, rtol=1e-12)
     # What strengths do not touch stays as drawn.
     assert_allclose(draws["gloss"], shown["gloss"], rtol=0)
-    # Two looks at one posterior are alike.
-    again = posterior.problem.draws(free)
-    assert_allclose(again["thickness"], draws["thickness"], rtol=0)
+
+
+def test_strengths_of_two_films_are_their_own():
+    films = read_films(glazejax.samples.path())
+    oils = catalogue.load("oils")
+    names = {"12A": "CobaltBlue", "10A": "EmeraldGreen"}
+    logs = []
+    for film, paint in names.items():
+        posterior = posterior_of_film(films.select([film]), [oils[paint]], steps=0)
+        logs.append(np.log(posterior.draws["thickness"]).ravel())
+        # Two looks at one posterior are alike.
+        again = posterior.problem.draws(posterior.free)
+        assert_allclose(again["thickness"], posterior.draws["thickness"], rtol=0)
+    assert abs(np.corrcoef(logs)[0, 1]) < 0.1

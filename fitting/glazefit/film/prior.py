@@ -4,6 +4,7 @@ Fractions are Dirichlet, gloss is uniform in [0, 1], and all else Gaussian: log
 thickness, what the spectra of an unknown paint are made of, and the log size of the paints' error.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -15,6 +16,7 @@ from scipy.special import polygamma
 
 from .forward import Film, FilmShared, log_fractions
 from .model.errors import Prior
+from .model.variation import STRENGTH
 
 
 class Law(Protocol):
@@ -46,23 +48,31 @@ class FilmPrior:
     concentration: float
 
     def moments(
-        self, spread: Float[np.ndarray, "coats"], prior: Prior
+        self,
+        spread: Float[np.ndarray, "coats"],
+        shares: Sequence[Float[np.ndarray, "paints"]],
+        prior: Prior,
     ) -> tuple[Float[np.ndarray, "dims"], Float[np.ndarray, "dims"]]:
         """Means and standard deviations of the free unknowns.
 
+        Readings show thickness times strength, which scatters more than thickness.
+
         Args:
             spread: standard deviation of each coat's log thickness.
+            shares: of each coat's paints, where they are known.
             prior: of the film.
         """
         positions = self.film.places
         mean = np.zeros(self.film.dims)
         sd = np.ones(self.film.dims)
-        for ratios, thickness, off in zip(
-            positions.ratios, positions.thickness, spread, strict=True
-        ):
+        for n, own in enumerate(shares):
             # Trigamma functions of the concentrations (Aitchison 1986).
-            sd[ratios] = np.sqrt(2.0 * polygamma(1, self.concentration))
-            sd[thickness] = off
+            sd[positions.ratios[n]] = np.sqrt(2.0 * polygamma(1, self.concentration))
+            squares = np.sum(own**2)
+            if self.film.fractions[n]:
+                # Expected of Dirichlet's distribution.
+                squares = (self.concentration + 1.0) / (len(own) * self.concentration + 1.0)
+            sd[positions.thickness[n]] = np.sqrt(spread[n] ** 2 + STRENGTH**2 * squares)
         # Of the logistic distribution, whose sigmoid is uniform.
         sd[positions.gloss] = np.pi / np.sqrt(3.0)
         mean[positions.error] = np.log(prior.error)

@@ -25,7 +25,6 @@ from glazejax.programs import Program
 from glazejax.radiative.common.chunks import in_chunks
 
 from .forward import Film
-from .model.variation import STRENGTH
 from .prior import Law
 
 Residuals = Callable[[Float[Array, "dims"], Any, Any], Float[Array, "rows"]]
@@ -53,8 +52,8 @@ class Quantity(NamedTuple):
     Attributes:
         name: such as "fraction ZincWhite".
         logarithmic: positive, and best looked at by its logarithm.
-        values: of the free unknowns, (..., dims) -> (...); NumPy. They may be followed by the logs
-            of the paints' strengths in this film, (..., dims + strengths).
+        values: of the free unknowns, (..., dims) -> (...); NumPy. Random numbers may follow,
+            for what the readings leave open of the paints' strengths, (..., dims + random).
         spectrum: "absorption", "scattering" or "ratio" if it is one band of that; else empty.
     """
 
@@ -87,8 +86,8 @@ class FilmProblem:
         bands: wavelengths that one evaluation of a block computes.
         fingerprint: of the measurement and the settings; two chains may be joined if theirs are
             equal.
-        strengths: paints that may be stronger or weaker in this film than in others
-            (`glazefit.film.model.variation.STRENGTH`): readings show thickness times strength.
+        random: how many random numbers the quantities take for paints that may be stronger or
+            weaker in this film than in others: readings show thickness times strength.
         starts: points from which modes are looked for.
         scaled: readings in units of their errors, (rows,), from the same arguments as the
             residuals: how far they change is how far apart two places of the posterior are
@@ -108,7 +107,7 @@ class FilmProblem:
     quantities: tuple[Quantity, ...]
     bands: int
     fingerprint: str
-    strengths: int = 0
+    random: int = 0
     starts: int = 8
     scaled: Residuals | None = None
 
@@ -168,10 +167,16 @@ class FilmProblem:
         self, free: Float[np.ndarray, "*shape dims"]
     ) -> Mapping[str, Float[np.ndarray, "*shape"]]:
         """The reported quantities of some values of the free unknowns; strengths of the paints are
-        drawn, alike at each call.
+        drawn, alike at each call for one measurement.
         """
-        drawn = np.random.default_rng(0).standard_normal((*free.shape[:-1], self.strengths))
-        free = np.concatenate([free, STRENGTH * drawn], axis=-1)
+        rng = np.random.default_rng(list(self.fingerprint[:16].encode()))
+        random = rng.standard_normal((*free.shape[:-1], self.random))
+        return self.shown(np.concatenate([free, random], axis=-1))
+
+    def shown(
+        self, free: Float[np.ndarray, "*shape dims"]
+    ) -> Mapping[str, Float[np.ndarray, "*shape"]]:
+        """The reported quantities as the readings show them, were paints as strong as elsewhere."""
         return {quantity.name: quantity.values(free) for quantity in self.quantities}
 
     def spectra(

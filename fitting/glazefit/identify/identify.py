@@ -67,7 +67,13 @@ def identify_chunks(
     measured = searcher.measure(spectra, ground, names)
     for batch, pool, odds in searcher.search(measured):
         identification = Identification.of(
-            batch, pool, odds, paints=searcher.paints, opaque=opaque, keep=options.keep
+            batch,
+            pool,
+            odds,
+            paints=searcher.paints,
+            opaque=opaque,
+            keep=options.keep,
+            spread=searcher.task.prior.spread,
         )
         if options.max_coats > 1:
             from .coats.weigh_coats import weigh_coats

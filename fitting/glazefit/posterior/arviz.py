@@ -26,8 +26,10 @@ def inference_data(
     """Groups posterior, sample_stats, log_likelihood, posterior_predictive, observed_data and
     constant_data.
 
-    The predictive group holds spectra without noise, of some draws; log-likelihoods are up to a
-    constant.
+    Thicknesses and fractions hold strengths of the paints, drawn at random, which would hide that a
+    chain has not converged. Those with `_shown` behind their names are as the readings show them,
+    and go with the log-likelihoods. The predictive group holds spectra without noise, of some
+    draws; log-likelihoods are up to a constant.
 
     Args:
         problem: what was sampled.
@@ -64,9 +66,16 @@ def inference_data(
     # What has a further axis: of paints, or of the bands of a spectrum.
     axes: dict[str, tuple[str, list[np.ndarray]]] = {}
     spectrum = {q.name: q.spectrum for q in problem.quantities}
-    for name, values in draws.items():
+    shown = problem.shown(free) if problem.random else {}
+    rows = [(name, "", values) for name, values in draws.items()]
+    rows += [
+        (name, "_shown", values)
+        for name, values in shown.items()
+        if name.startswith(("fraction", "thickness"))
+    ]
+    for name, suffix, values in rows:
         paint = name.startswith("fraction ")
-        key = "fraction" if paint else spectrum[name] or name.replace(" ", "_")
+        key = ("fraction" if paint else spectrum[name] or name.replace(" ", "_")) + suffix
         values = by_block(key, values)
         if paint or spectrum[name]:
             axis = "paint" if paint else "wavelength"

@@ -17,6 +17,7 @@ from ..film.forward import Film, FilmData, FilmShared, tabulate
 from ..film.model.errors import Prior, smooth_kernel
 from ..film.model.optics import Optics
 from ..film.model.response import film_response
+from ..film.model.variation import STRENGTH
 from ..film.prior import FilmPrior
 from ..film.problem import FilmProblem, Quantity, fingerprint
 from ..film.reading import Reading
@@ -102,7 +103,8 @@ def pose_stack(
     ).reshape(len(films), -1, 2, grid.size)
     depth = coefficients * np.repeat(median, film.sizes, axis=1)[..., None, None]
     law = FilmPrior(film, prior.concentration_known)
-    mean, sd = law.moments(spread[0], prior)
+    shares = [np.asarray(values) for values in of_coats(lambda c: c.shares)[0]]
+    mean, sd = law.moments(spread[0], shares, prior)
     levels = np.log([spectra.absorption, spectra.scattering])
     shared = FilmShared(
         response=film_response(instrument) if len(first) == 1 else None,
@@ -140,6 +142,7 @@ def pose_stack(
         suffixes=["" if kind == "paints" else f" of coat {n + 1}" for n in range(len(first))],
         shares=data.shares,
         median=median[0],
+        spread=spread[0],
         grid=grid,
         levels=levels,
         modes=modes,
@@ -162,7 +165,7 @@ def pose_stack(
         fingerprint=fingerprint(
             kind, *measurements, coefficients, expectation, prior, spectra, instrument
         ),
-        strengths=sum(film.sizes),
+        random=sum(film.sizes) + len(film.sizes) if any((*film.fractions, *film.thickness)) else 0,
         # An opaque coat and a thin one may read the same, and each is a narrow valley.
         starts=24 if film.tabulated else 8,
         scaled=ScaledReadings(film) if film.tabulated else None,
@@ -184,36 +187,57 @@ def reading_parts(reading: Reading) -> tuple[object, ...]:
 
 @dataclass(frozen=True, eq=False)
 class _Coat:
-    """A coat's thickness and fractions from the free unknowns, (..., dims), and from the logs of
-    all paints' strengths where these follow.
+    """A coat's thickness and fractions from the free unknowns, (..., dims), and from random numbers
+    where these follow.
 
-    Readings show an amount of each paint, thickness times fraction times strength.
+    Readings show an amount of each paint, thickness times fraction times strength. Without random
+    numbers all strengths are 1.
     """
 
     median: float  # thickness expected, m
+    spread: float  # standard deviation of its log; 0 where the thickness is known
     thickness: slice  # places of the unknowns
     ratios: slice
-    strengths: slice  # of the coat's paints, behind the unknowns
+    random: slice  # one for the thickness, one for each paint
     shares: Float[np.ndarray, "*blocks paints"]  # of fractions that are known
 
-    def amounts(self, values: Float[np.ndarray, "*n numbers"]) -> Float[np.ndarray, "*n paints"]:
-        """Thickness times fraction of each paint, m."""
-        shares = self.shares
-        if self.ratios.stop > self.ratios.start:
-            logs = values[..., self.ratios]
-            shares = softmax(np.concatenate([logs, np.zeros_like(logs[..., :1])], axis=-1), axis=-1)
-        shown = self.median * np.exp(values[..., self.thickness].sum(axis=-1))[..., None] * shares
-        strengths = values[..., self.strengths]
-        return shown * np.exp(-strengths) if strengths.shape[-1] else shown
+    def shown(self, values: Float[np.ndarray, "*n numbers"]) -> Float[np.ndarray, "*n paints"]:
+        """Fractions, were all paints as strong as elsewhere."""
+        if self.ratios.start == self.ratios.stop:
+            return self.shares
+        logs = values[..., self.ratios]
+        return softmax(np.concatenate([logs, np.zeros_like(logs[..., :1])], axis=-1), axis=-1)
+
+    def log_strengths(
+        self, values: Float[np.ndarray, "*n numbers"]
+    ) -> Float[np.ndarray, "*n paints"]:
+        """Of the paints, from their distribution and the thickness expected.
+
+        Draws of both before the readings are moved by what the readings show of their product
+        (Matheron's rule: Journel, Huijbregts, Mining Geostatistics, 1978).
+        """
+        thickness, *strengths = np.moveaxis(values[..., self.random], -1, 0)
+        fractions = self.shown(values)
+        before = STRENGTH * np.stack(strengths, axis=-1)
+        product = self.spread * thickness + np.sum(fractions * before, axis=-1)
+        variance = self.spread**2 + STRENGTH**2 * np.sum(fractions**2, axis=-1)
+        off = (values[..., self.thickness].sum(axis=-1) - product) / variance
+        return before + STRENGTH**2 * fractions * off[..., None]
 
     def fraction(self, values: Float[np.ndarray, "*n numbers"], which: int) -> np.ndarray:
         """Of one paint."""
-        amounts = self.amounts(values)
-        return amounts[..., which] / amounts.sum(axis=-1)
+        fractions = self.shown(values)
+        if values.shape[-1] >= self.random.stop:
+            amounts = fractions * np.exp(-self.log_strengths(values))
+            fractions = amounts / amounts.sum(axis=-1, keepdims=True)
+        return fractions[..., which]
 
     def total(self, values: Float[np.ndarray, "*n numbers"]) -> np.ndarray:
         """Thickness, m."""
-        return self.amounts(values).sum(axis=-1)
+        logs = values[..., self.thickness].sum(axis=-1)
+        if values.shape[-1] >= self.random.stop:
+            logs = logs - np.sum(self.shown(values) * self.log_strengths(values), axis=-1)
+        return self.median * np.exp(logs)
 
 
 def _exponential(
@@ -232,6 +256,7 @@ def name_unknowns(
     suffixes: Sequence[str],
     shares: Float[np.ndarray, "blocks paints"],
     median: Float[np.ndarray, "coats"],
+    spread: Float[np.ndarray, "coats"],
     grid: Float[np.ndarray, "bands"],
     levels: Float[np.ndarray, "2"],
     modes: Float[np.ndarray, "2 bands spectra"],
@@ -244,7 +269,7 @@ def name_unknowns(
         paints: names of each coat's paints.
         suffixes: of the names of what a coat has.
         shares: of all paints in their coats, where they are known.
-        median: of the thicknesses' prior, m.
+        median, spread: of the thicknesses' prior, m, and standard deviation of the log.
         grid: wavelengths, nm.
         levels, modes: of log k d and log s d of an unknown paint.
     """
@@ -259,12 +284,15 @@ def name_unknowns(
     unit = np.eye(film.dims)
     for n, suffix in enumerate(suffixes):
         members = film.paints[n]
+        fractions = shares[..., members]
         coat = _Coat(
             median=median[n],
+            spread=spread[n] if film.thickness[n] else 0.0,
             thickness=positions.thickness[n],
             ratios=positions.ratios[n],
-            strengths=slice(film.dims + members.start, film.dims + members.stop),
-            shares=shares[..., members],
+            random=slice(film.dims + members.start + n, film.dims + members.stop + n + 1),
+            # What is the same for all films needs no axis of them.
+            shares=fractions[0] if np.all(fractions == fractions[0]) else fractions,
         )
         if film.fractions[n]:
             fractions = [f"fraction {paint}{suffix}" for paint in paints[n]]

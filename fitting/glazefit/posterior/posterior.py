@@ -85,7 +85,9 @@ class Posterior:
 
     @cached_property
     def draws(self) -> Mapping[str, Float[np.ndarray, "steps walkers blocks"]]:
-        """Draws of every reported quantity, from `free`."""
+        """Draws of every reported quantity, from `free`, and from strengths of the paints for
+        thicknesses and fractions.
+        """
         return self.problem.draws(self.free)
 
     @cached_property
@@ -113,6 +115,8 @@ class Posterior:
             if state is None
             else (state.samples, state.times, state.converged)
         )
+        # Random strengths, alike in both, would hide how far the two are apart.
+        by_chain, by_laplace = map(self.problem.shown, (self.free, self.laplace.sample))
         rows = []
         for quantity in self.problem.quantities:
             chain = Numbers.of(self.draws[quantity.name])
@@ -121,8 +125,8 @@ class Posterior:
                 verdicts = ["trusted" if good else "not trusted" for good in self.laplace.trusted]
             else:
                 verdicts = compare(
-                    chain,
-                    gaussian,
+                    Numbers.of(by_chain[quantity.name]),
+                    Numbers.of(by_laplace[quantity.name]),
                     logarithmic=quantity.logarithmic,
                     share=not quantity.logarithmic,
                     multimodal=self.laplace.many,
@@ -218,6 +222,9 @@ def posterior_of_film(
 ) -> Posterior:
     """Fractions, thickness, gloss and model error of a film of known paints.
 
+    Thickness and fractions allow for paint that is stronger or weaker in one film than in others
+    (`glazefit.film.model.variation.STRENGTH`), of which readings show the product with thickness.
+
     Args:
         film: one film over black and white, or a `Reading` (see `reading_over` for one spectrum).
         pigments: one to five, with k and s in 1/m.
@@ -252,8 +259,9 @@ def posterior_of_coats(
     """Thickness and fractions of every coat of a film, gloss and the paints' error; k and s of one
     unknown paint.
 
-    Readings of several coats, and their slopes, come from the solver itself, at an error of 1e-4.
-    `Posterior.identifiability` names what the readings leave open.
+    Thicknesses and fractions allow for strengths as in `posterior_of_film`; a thickness that is
+    stated holds. Readings of several coats, and their slopes, come from the solver itself, at an
+    error of 1e-4. `Posterior.identifiability` names what the readings leave open.
 
     Args:
         film: one film over black and white, or a `Reading`, over one ground or more.

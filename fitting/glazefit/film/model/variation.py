@@ -10,7 +10,7 @@ for all paints, and more for their own.
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -38,6 +38,22 @@ UNSTEADY = 0.1
 """How probable it is of a paint, a priori, that its films are farther off than others."""
 
 Weights = Float[np.ndarray, "sizes"]
+
+
+def thickness_variance(shown: Any, prior: Any, shares: Any) -> np.ndarray:
+    """Variance of a film's log thickness, if readings show thickness times strength.
+
+    A film is as strong as each of its paints by its share. The readings alone leave d open, 1/d =
+    1/shown - 1/prior. Strength adds to d, and the prior holds the thickness: 1/(1/prior + 1/(d +
+    strength)). Where a prior leaves the thickness open, strength counts in full.
+
+    Args:
+        shown: variance of the log of thickness times strength after the readings, by this prior.
+        prior: variance of the log thickness before them.
+        shares: sum of the squared shares of the paints whose strength varies.
+    """
+    information = np.maximum(1.0 / np.maximum(shown, 1e-12) - 1.0 / prior, 1e-12)
+    return 1.0 / (1.0 / prior + 1.0 / (1.0 / information + STRENGTH**2 * shares))
 
 
 class Spread(NamedTuple):

@@ -12,6 +12,7 @@ from scipy.special import logsumexp
 from glazejax import Pigment
 
 from ...film.model.errors import Prior
+from ...film.model.variation import STRENGTH
 from ...film.shared_bands import SEARCHED
 from ..families.templates import coefficients
 from ..result import NINETY, Identification
@@ -289,7 +290,8 @@ def _odds(
             chance = chances[:, number]
             best = int(np.argmax(chance))
             evidence = weighed_set.evidence[best]
-            spread = np.sqrt(np.maximum(np.diagonal(evidence.covariance[number]), 0.0))
+            variance = np.maximum(np.diagonal(evidence.covariance[number]), 0.0)
+            spread = np.sqrt(variance + STRENGTH**2)
             logs_90 = evidence.log_amounts[number][:, None] + spread[:, None] * NINETY
             amounts_90 = np.full((len(set_names), 2), np.nan)
             amounts_90[list(weighed_set.arrangements[best].paints)] = usual * np.exp(logs_90)

@@ -10,7 +10,8 @@ from jaxtyping import Bool, Float, Int
 
 from glazejax.catalogue import family
 
-from ...film.model.variation import STRENGTH
+from ...film.model.errors import Prior
+from ...film.model.variation import STRENGTH, thickness_variance
 from ...film.tables import WAVELENGTH, Tabulated, Variables, as_frame
 from ..search.pool import NOBODY, Pool
 from ..search.task import Measured
@@ -153,6 +154,7 @@ class Identification(Tabulated):
         paint_families: of each paint, its family; empty where paints were searched.
         coats_odds: of each spectrum, how the paints of the best sets may lie, most probable set
             first; empty where one coat alone was tried.
+        spread: standard deviation of the log thickness before the readings.
     """
 
     measured: Measured
@@ -173,6 +175,7 @@ class Identification(Tabulated):
     family_sets: tuple[tuple[FamilySet, ...], ...] = ()
     paint_families: tuple[str, ...] = ()
     coats_odds: tuple[tuple[CoatsOdds, ...], ...] = ()
+    spread: float = Prior.spread
 
     def __len__(self) -> int:
         return len(self.measured)
@@ -228,7 +231,7 @@ class Identification(Tabulated):
 
     @cached_property
     def _log_sd(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        return log_sds(self.members, self.fractions, self.log_covariance)
+        return log_sds(self.members, self.fractions, self.log_covariance, self.spread)
 
     @cached_property
     def amounts_90(self) -> Float[np.ndarray, "spectra candidates 3 2"]:
@@ -505,6 +508,7 @@ class Identification(Tabulated):
         paints: tuple[str, ...],
         opaque: bool,
         keep: int,
+        spread: float = Prior.spread,
     ) -> "Identification":
         """Probabilities of all candidates and of none, and the best candidates in full."""
         total = odds.total
@@ -528,6 +532,7 @@ class Identification(Tabulated):
             fitted=top.readings.reshape(*best.shape, *measured.readings.shape[1:]),
             condition=top.condition,
             opaque=opaque,
+            spread=spread,
         )
 
     def take(self, rows: Int[np.ndarray, "rows"]) -> "Identification":
@@ -580,7 +585,7 @@ _OF_SPECTRA = ("none", "misfit", "paint_probability")
 _OF_CANDIDATES = tuple(
     field.name
     for field in fields(Identification)
-    if field.name not in ("measured", "paints", "opaque", *_OF_SPECTRA)
+    if field.name not in ("measured", "paints", "opaque", "spread", *_OF_SPECTRA)
     if field.name not in ("family_sets", "paint_families", "coats_odds")
 )
 """Arrays with a row for each spectrum, and with a place for each of its candidates."""
@@ -590,17 +595,25 @@ def log_sds(
     members: Int[np.ndarray, "*n places"],
     fractions: Float[np.ndarray, "*n places"],
     log_covariance: Float[np.ndarray, "*n places places"],
+    prior: float = Prior.spread,
 ) -> tuple[Float[np.ndarray, "*n places"], Float[np.ndarray, "*n places"], Float[np.ndarray, "*n"]]:
     """Standard deviations of the logs of amounts, of fractions and of the thickness.
 
     What the readings leave open, and that a paint is stronger or weaker in one film than in others.
+
+    Args:
+        members: paints by number, `NOBODY` where there is none.
+        fractions: of these.
+        log_covariance: of the log amounts that the readings show.
+        prior: standard deviation of the log thickness before the readings.
     """
     varied = np.where(members != NOBODY, STRENGTH, 0.0) ** 2
     covariance = log_covariance + varied[..., None] * np.eye(members.shape[-1])
     # d log f = d u - sum f d u, and d log thickness = sum f d u.
     slope = np.eye(members.shape[-1]) - fractions[..., None, :]
     spread = np.einsum("...ij,...jk,...ik->...i", slope, covariance, slope, optimize=True)
-    thickness = np.einsum("...i,...ij,...j->...", fractions, covariance, fractions, optimize=True)
+    shown = np.einsum("...i,...ij,...j->...", fractions, log_covariance, fractions, optimize=True)
+    thickness = thickness_variance(shown, prior**2, np.sum(fractions**2, axis=-1))
     variances = np.diagonal(covariance, axis1=-2, axis2=-1), spread, thickness
     # Standard deviations of a logarithm beyond 50 say that nothing is known.
     amounts, fraction_sds, thickness_sd = (

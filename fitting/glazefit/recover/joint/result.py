@@ -11,7 +11,7 @@ from glazejax import Pigment
 
 from ...film.films import Films, Instrument, Noise
 from ...film.model.mixing import MixingLaw
-from ...film.model.variation import STRENGTH
+from ...film.model.variation import thickness_variance
 from ..films.result import RELATIVE_LIMIT, FittedFilms
 from .constraints import MOST_ERROR, PaintModes
 from .covariance import JointCovariance
@@ -156,15 +156,17 @@ class JointRecovery(FittedFilms):
 
     @property
     def thickness_sd(self) -> Float[np.ndarray, "films"]:
-        """Standard deviation of `thickness`: what the readings leave open and, where no gauge
-        measured it, that paints known before may be stronger or weaker in these films.
+        """Standard deviation of `thickness`: what the readings leave open, and that paints known
+        before may be stronger or weaker in these films.
         """
         films, per_film = self.unknowns.films.shape
-        variance = np.diagonal(self.shared_covariance)[: films * per_film : per_film]
+        shown = np.diagonal(self.shared_covariance)[: films * per_film : per_film]
+        # What was expected of each film; without a gauge all may share a factor besides.
+        prior = np.asarray(self.problem.film_scale)[:, 0] ** 2
         if not self.gauged:
-            known = [paint in self.known_paints for paint in self.paints]
-            variance = variance + STRENGTH**2 * (self.shares**2 @ known)
-        return self.thickness * np.sqrt(variance)
+            prior = prior + np.sum(np.square(self.problem.thickness_modes), axis=0)
+        varied = self.shares**2 @ [paint in self.known_paints for paint in self.paints]
+        return self.thickness * np.sqrt(thickness_variance(shown, prior, varied))
 
     def depth(
         self, films: Float[Array | np.ndarray, "*draws films 2+parts"]
