@@ -226,6 +226,9 @@ def test_mixtures_are_left_out_when_asked(run, tmp_path):
     assert [row["film"] for row in rows] == names[2:]
     assert rows[1]["recipe"] == "Red 50% + White 50%"
     assert all(float(row["delta_e_black"]) < 5 for row in rows)
+    status, _, err = run(file, "--out", "other", "--check")
+    assert status == 2
+    assert "add --joint" in err
 
 
 @pytest.fixture
