@@ -278,30 +278,30 @@ def test_what_is_no_table_of_paints_is_left_to_others():
     assert read_paints("Name,400,500\na,0.1,0.2\n", '{"glazejax": "stack"}') == [False, False]
 
 
-def changed(**changes):
+def question_with(**changes):
     """A question for a check of the stack with other parts."""
     return {"stack": {**STACK, **changes}}
 
 
 BAD = [
     ({"stack": {}}, "this is no stack"),
-    (changed(version=9), "of version 9"),
-    (changed(coat=[]), "has no 'coat'"),
+    (question_with(version=9), "of version 9"),
+    (question_with(coat=[]), "has no 'coat'"),
     ({"text": '{"glazejax": "sta'}, "cut short"),
-    (changed(coats=STACK["coats"] * 5), "8 at most"),
-    (changed(coats=STACK["coats"] * 51), f"{MOST_COATS} coats at most"),
-    (changed(coats=[{"paint": {"Eosin": 1}, "um": 1e9}]), "between 0 and 10000"),
-    (changed(coats=[{"paint": {"Eosin": 1}, "um": "5 um"}]), "without a unit"),
-    (changed(coats=[{"paint": {"Eosin": 0}, "um": 5}]), "all parts are 0"),
+    (question_with(coats=STACK["coats"] * 5), "8 at most"),
+    (question_with(coats=STACK["coats"] * 51), f"{MOST_COATS} coats at most"),
+    (question_with(coats=[{"paint": {"Eosin": 1}, "um": 1e9}]), "between 0 and 10000"),
+    (question_with(coats=[{"paint": {"Eosin": 1}, "um": "5 um"}]), "without a unit"),
+    (question_with(coats=[{"paint": {"Eosin": 0}, "um": 5}]), "all parts are 0"),
     (
-        changed(coats=[{"paint": {"CobaltBleu": 1}, "um": 5}]),
+        question_with(coats=[{"paint": {"CobaltBleu": 1}, "um": 5}]),
         "nearest is CobaltBlue",
     ),
-    (changed(ground=40), "the ground is 40"),
-    (changed(ground="red"), "white, black or card"),
-    (changed(geometry="45:95"), 'geometry is "45:95"'),
-    (changed(refractive_index=0.9), "between 1 and 2.5"),
-    (changed(pigments={"A": {"wavelengths": [1]}}), "absorption and scattering"),
+    (question_with(ground=40), "the ground is 40"),
+    (question_with(ground="red"), "white, black or card"),
+    (question_with(geometry="45:95"), 'geometry is "45:95"'),
+    (question_with(refractive_index=0.9), "between 1 and 2.5"),
+    (question_with(pigments={"A": {"wavelengths": [1]}}), "absorption and scattering"),
     ({"lamp": {"name": "x", "wavelengths": [800, 900], "power": [1, 1]}}, "420 to 680 nm"),
     ({"lamp": {"name": "x", "wavelengths": [400, 700], "power": [0, 0]}}, "gives no light"),
     ({"lamp": {"name": "x", "wavelengths": [400, 700], "power": [1e308, 1e308]}}, "0 to 1e100"),
@@ -327,15 +327,15 @@ JUNK = (None, True, -1, 1e30, "", "x", [], [1, "a"], {}, {"a": 1}, ["D65", 3], [
 
 def test_junk_in_any_place_is_refused_and_never_a_fault():
     places = ("coats", "ground", "geometry", "refractive_index", "pigments", "version")
-    given = [changed(**{place: junk}) for place in places for junk in JUNK]
-    given += [changed(coats=[junk]) for junk in JUNK]
+    given = [question_with(**{place: junk}) for place in places for junk in JUNK]
+    given += [question_with(coats=[junk]) for junk in JUNK]
     given += [{"lamp": {"name": "x", "wavelengths": a, "power": b}} for a in JUNK for b in JUNK]
     for one, said in zip(given, check(*given), strict=True):
         assert not isinstance(said, str) or said.startswith("Sentence: "), (one, said)
 
 
 def test_a_check_gives_the_stack_as_it_is_understood():
-    [found] = check(changed(coats=[{"paint": {"cobalt blue": 5}, "um": 2}]))
+    [found] = check(question_with(coats=[{"paint": {"cobalt blue": 5}, "um": 2}]))
     assert found["coats"] == [{"paint": {"CobaltBlue": 5}, "um": 2}]
 
 
