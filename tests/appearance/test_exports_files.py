@@ -31,11 +31,11 @@ GRID = np.arange(400.0, 701.0, 20.0)
 COATS = "UltramarineBlue:3um, ZincWhite:20um"
 
 
-def paint(name: str) -> gj.Pigment:
+def paint(name):
     return gj.catalogue.load()[name].resample(GRID)
 
 
-def blue(thickness: float = 3e-6) -> gj.Glaze:
+def blue(thickness=3e-6):
     return gj.Glaze(
         [gj.Layer(paint("UltramarineBlue"), thickness), gj.Layer(paint("ZincWhite"), 20e-6)], 0.9
     )
@@ -43,7 +43,7 @@ def blue(thickness: float = 3e-6) -> gj.Glaze:
 
 @pytest.fixture
 def run():
-    def call(*words: object):
+    def call(*words):
         return CliRunner().invoke(make_app(), ["export", *map(str, words)])
 
     return call
@@ -54,7 +54,7 @@ def fit():
     return fit_openpbr(blue(), space="acescg")
 
 
-def read_png(path) -> np.ndarray:
+def read_png(path):
     """Values of a PNG from 0 to 1, by matplotlib and Pillow, which keeps the upper 8 bits of each
     colour.
     """
@@ -63,7 +63,7 @@ def read_png(path) -> np.ndarray:
     return np.asarray(imread(path), float)
 
 
-def inputs(path, node: str) -> dict[str, dict[str, str]]:
+def inputs(path, node):
     found = xml.parse(path).getroot().find(node)
     assert found is not None
     return {one.attrib["name"]: one.attrib for one in found}
@@ -111,10 +111,6 @@ def test_materialx_takes_the_files(fit, tmp_path):
         # A name that the definition does not have would be ignored in silence by a renderer.
         known = {one.getName() for one in definition.getActiveInputs()}
         assert {one.getName() for one in shader.getInputs()} <= known
-    values = mx.createDocument()
-    mx.readFromXmlFile(values, str(files[0]))
-    colour = values.getNode("glaze_surface").getInput("base_color").getValue()
-    assert_allclose([colour[k] for k in range(3)], fit.material.base_color, atol=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -36,16 +36,6 @@ def test_configuration_factor_is_what_a_point_sees(angle):
         assert configuration_factor(place, angle) == pytest.approx(np.sum(weight[seen]), abs=2e-5)
 
 
-def test_configuration_factor_as_printed():
-    gamma = np.deg2rad(30.0)
-    printed = 0.5 * (
-        1 + (np.cos(gamma) - POSITIONS) / np.sqrt(POSITIONS**2 + 1 - 2 * POSITIONS * np.cos(gamma))
-    )
-    assert_allclose(configuration_factor(POSITIONS, 30.0), printed, atol=1e-14)
-    assert configuration_factor(0.0, 30.0) == pytest.approx((1 + np.cos(gamma)) / 2, abs=1e-15)
-    assert np.all(np.diff(configuration_factor(POSITIONS, 30.0)) < 0)
-
-
 def chromaticity(spectra):
     values = np.asarray(spectra) @ colour.colour_weights(GRID, "E")
     return values[..., :2] / values.sum(axis=-1, keepdims=True)

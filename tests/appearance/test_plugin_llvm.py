@@ -66,38 +66,6 @@ def many(mi, cosine, count, wavelength=500.0):
     return si
 
 
-@pytest.mark.parametrize(
-    ("coats", "roughness"),
-    [pytest.param(*each, marks=[] if each == BLUES[1] else pytest.mark.slow) for each in BLUES],
-)
-def test_what_is_drawn_has_the_albedo(mitsuba, coats, roughness):
-    """Mean weight of sampling: body and surface, by the integral of eval over even directions for
-    the body.
-    """
-    mi, count = mitsuba, 400_000
-    bsdf = mi.load_dict(
-        {"type": "glaze", "coats": coats, "roughness": roughness, "tolerance": COARSE}
-    )
-    rng = mi.PCG32(size=count)
-    for cosine in (0.95, 0.3):
-        si = many(mi, cosine, count)
-        one, two = rng.next_float32(), mi.Point2f(rng.next_float32(), rng.next_float32())
-        _, weight = bsdf.sample(mi.BSDFContext(), si, one, two)
-        drawn = np.array(weight[0])
-        wo = mi.warp.square_to_cosine_hemisphere(mi.Point2f(rng.next_float32(), rng.next_float32()))
-        value = np.array(
-            bsdf.eval(mi.BSDFContext(), si, wo)[0] / mi.warp.square_to_cosine_hemisphere_pdf(wo)
-        )
-        mirror = 0.0
-        if roughness == 0:
-            from glazejax.radiative.common.fresnel import dielectric_reflectance
-
-            mirror = float(dielectric_reflectance(cosine, 1.5))
-        noise = np.hypot(drawn.std(), value.std()) / np.sqrt(count)
-        assert abs(drawn.mean() - value.mean() - mirror) < 4 * noise + 1e-4
-        assert noise < 0.02
-
-
 @pytest.mark.slow
 def test_derivatives_by_textures_are_those_of_the_solver(mitsuba):
     import drjit as dr

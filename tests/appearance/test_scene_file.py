@@ -438,15 +438,6 @@ def test_the_example_by_a_window_is_for_the_path_tracer():
     assert found.scene.needs_path_tracing() == "area lights and glazes with a rough surface"
 
 
-def test_the_ray_caster_names_the_other_renderer(write, tmp_path):
-    done = run(write(LIT), "-o", tmp_path / "a.png")
-    assert (
-        "the ray caster cannot draw area lights: use path_trace, or glazejax scene --renderer"
-        in str(done.exception)
-    )
-    assert not (tmp_path / "a.png").exists()
-
-
 def test_a_path_traced_picture_that_was_interrupted_says_so(write, tmp_path, monkeypatch):
     pytest.importorskip("mitsuba", reason="Mitsuba is not installed (extra render)")
     from glazejax.appearance.scene.path import path_trace as tracing

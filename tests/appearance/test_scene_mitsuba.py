@@ -40,14 +40,12 @@ def mi():
         found.set_variant(before)
 
 
-def made(
-    shapes: list[Shape], materials: dict, lights: list, camera: Camera = ABOVE, **how
-) -> Scene:
+def made(shapes, materials, lights, camera=ABOVE, **how):
     """A small scene, dark around."""
     return Scene(WAVELENGTHS, shapes, materials, lights, camera, **{"width": 8, "height": 8} | how)
 
 
-def luminance(scene: Scene, samples: int = 4096, **how) -> np.ndarray:
+def luminance(scene, samples=4096, **how):
     """Y of every pixel."""
     return path_trace(scene, samples=samples, **how).values[..., 1]
 
@@ -237,9 +235,6 @@ def rough_glaze(roughness):
     return Glazed(gj.Glaze([gj.Layer(paint, 1e-5)], 0.8), roughness=roughness)
 
 
-ROUGH = r"roughness must be 0 \(smooth\) to 1, GGX's alpha, not"
-
-
 def test_the_ray_caster_says_what_it_cannot_draw():
     shine = AreaLight(Sphere("", (0.0, 0.0, 3.0), 0.3), 1.0)
     sun = ParallelLight((0.0, 0.0, -1.0), 1.0)
@@ -280,9 +275,10 @@ def test_the_ray_caster_says_what_it_cannot_draw():
         ),
         (lambda: Plane("m", relief=np.zeros((2, 2))), "a plane with a relief needs a size"),
         (lambda: AreaLight(Plane(""), 1.0), "an area light needs a size"),
-        (lambda: rough_glaze(-0.1), ROUGH),
-        (lambda: rough_glaze(1.5), ROUGH),
-        (lambda: rough_glaze(float("nan")), ROUGH),
+        (
+            lambda: rough_glaze(float("nan")),
+            r"roughness must be 0 \(smooth\) to 1, GGX's alpha, not",
+        ),
         (lambda: AreaLight(Box(""), 1.0), "a rectangle or a sphere, not a Box"),
         (
             lambda: AreaLight(Plane("", size=(1.0, 1.0), relief=np.zeros((2, 2))), 1.0),

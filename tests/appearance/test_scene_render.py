@@ -323,7 +323,6 @@ def test_spectra_in_openexr(tmp_path, rendered):
         ({"shapes": []}, "at least one shape"),
         ({"lights": []}, "at least one light"),
         ({"shapes": [Sphere("none")]}, "material 'none'"),
-        ({"width": 0}, "width must be a whole number from 1 to 20000, not 0"),
         ({"background": np.ones(3)}, "background has shape"),
         ({"background": np.nan}, "background holds nan"),
         (
@@ -370,12 +369,7 @@ def test_scenes_that_cannot_be(change, words):
             "a face names vertex 3, but they are 0 to 2",
         ),
         (lambda: Mesh("m", np.eye(3), np.array([[0, 1, 1.5]])), "faces must be whole numbers"),
-        (
-            lambda: Conductor(0.3, 3.0, -5.0),
-            r"roughness must be 0 \(polished\) to 60 degrees, not -5",
-        ),
         (lambda: Camera((0, 0, 1), (0, 0, 0)), "looks along its up"),
-        (lambda: Camera((0, 0, 0), (0, 0, 0)), "target"),
         (
             lambda: Camera((0, -1, 0), field_of_view=200),
             "field_of_view must be between 0 and 170 degrees, not 200",

@@ -27,15 +27,9 @@ run = partial(invoke, register, "identify")
 def table(tmp_path_factory):
     """Films of a red and a tint of it, in a table of four rows each."""
     known = catalogue.load()
-    parts = [np.array([1.0, 0.0]), np.array([0.3, 0.7])]
-    paints = known["Vermillion"], known["ZincWhite"]
+    shares = np.array([[1.0, 0.0], [0.3, 0.7]])
     k, s = (
-        np.array(
-            [
-                sum(w * np.asarray(getattr(p, what)) for w, p in zip(part, paints, strict=True))
-                for part in parts
-            ]
-        )
+        shares @ np.stack([getattr(known[name], what) for name in ("Vermillion", "ZincWhite")])
         for what in ("absorption", "scattering")
     )
     films = simulate_films(GRID, k * 25e-6, s * 25e-6, names=["red", "tint"])

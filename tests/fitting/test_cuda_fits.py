@@ -7,19 +7,23 @@ import pytest
 
 import glazejax.radiative.stack  # noqa: F401  what is watched must be loaded
 from glazefit import find_recipes, identify, lab_target, recover_films, simulate_films
-from tests.cuda import Programs, watch
+from tests.cuda import watch
 
 from .palette import GRID, palette
 
 pytestmark = pytest.mark.slow
 
 
-def watched(monkeypatch) -> Programs:
-    """Every jitted function of both packages, after a call that has loaded them."""
-    return watch(monkeypatch, "glazejax", "glazefit")
+def check(monkeypatch, name, call, first=None):
+    """Assert that the programs of a call lower, after one that has loaded them."""
+    (first or call)()
+    programs = watch(monkeypatch, "glazejax", "glazefit")
+    call()
+    assert any(name in program for program in programs.seen)
+    assert programs.trouble == {}
 
 
-def films(count: int):
+def films(count):
     rng = np.random.default_rng(0)
     k, s = rng.uniform(0.1, 1.0, (count, GRID.size)), rng.uniform(1.0, 4.0, (count, GRID.size))
     return simulate_films(GRID, k, s, names=[str(i) for i in range(count)])
@@ -28,27 +32,21 @@ def films(count: int):
 def test_identification(monkeypatch):
     spectra = np.clip(np.linspace(0.2, 0.6, GRID.size) * np.array([[1.0], [1.2]]), 0, 1)[None]
     grounds = np.array([[0.05], [0.85]]) * np.ones((2, GRID.size))
-    identify(GRID, spectra, palette()[:3], ground=grounds, max_paints=1)
-    programs = watched(monkeypatch)
-    identify(GRID, spectra, palette()[:3], ground=grounds, max_paints=2)
-    assert any("identify" in name for name in programs.seen)
-    assert programs.trouble == {}
+
+    def find(most):
+        identify(GRID, spectra, palette()[:3], ground=grounds, max_paints=most)
+
+    check(monkeypatch, "identify", lambda: find(2), lambda: find(1))
 
 
 def test_recipes(monkeypatch):
-    def find():
-        return find_recipes(lab_target((60.0, 20.0, 20.0)), palette()[:3], max_paints=2, count=1)
-
-    find()
-    programs = watched(monkeypatch)
-    find()
-    assert any("recipe" in name for name in programs.seen)
-    assert programs.trouble == {}
+    target = lab_target((60.0, 20.0, 20.0))
+    check(
+        monkeypatch,
+        "recipe",
+        lambda: find_recipes(target, palette()[:3], max_paints=2, count=1),
+    )
 
 
 def test_recovery_film_by_film(monkeypatch):
-    recover_films(films(2))
-    programs = watched(monkeypatch)
-    recover_films(films(2))
-    assert any("recover" in name for name in programs.seen)
-    assert programs.trouble == {}
+    check(monkeypatch, "recover", lambda: recover_films(films(2)))

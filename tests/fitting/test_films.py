@@ -148,11 +148,6 @@ def test_too_bright_a_card_is_refused(write):
         cards(films, Instrument(), Noise())
 
 
-def test_unknown_sample_names_the_nearest(write):
-    with pytest.raises(ValueError, match="unknown sample 'a1'; nearest: 'A1'"):
-        read_films(write(table())).select(["a1"])
-
-
 @pytest.mark.usefixtures("unchecked")
 def test_films_check_what_they_are_given(write):
     films = read_films(write(table()))

@@ -5,9 +5,8 @@ import importlib
 import numpy as np
 import pytest
 
-from glazefit import Identification, identify
+from glazefit import identify
 from glazefit.film.model.response import film_response
-from glazefit.film.shared_bands import SEARCHED, shared_bands
 from glazefit.identify.search.options import IdentificationOptions
 from glazefit.identify.search.searcher import Searcher
 from glazejax import Hemispherical, Pigment, catalogue
@@ -17,22 +16,10 @@ CONDITIONS = importlib.import_module("glazefit.identify.search.unstated_conditio
 NAMES = ("ZincWhite", "PrussianBlue", "Vermillion", "CobaltBlue", "ChromeYellow", "BoneBlack")
 
 
-def _paints(bands: int):
+def _paints(bands):
     grid = np.linspace(400.0, 700.0, bands)
     known = catalogue.load()
     return grid, [known[name].resample(grid) for name in NAMES]
-
-
-def test_fine_bands_are_averaged():
-    grid, paints = _paints(301)
-    searcher = Searcher.of(grid, paints, IdentificationOptions(max_paints=2))
-    assert searcher.averaged is not None
-    few, step = searcher.averaged
-    assert step == SEARCHED
-    bands = shared_bands(grid, paints)
-    np.testing.assert_array_equal(few.task.wavelengths, bands.wavelengths)
-    grid, paints = _paints(31)
-    assert Searcher.of(grid, paints).averaged is None
 
 
 def test_a_wide_range_is_averaged_to_some_hundred_bands():
@@ -43,7 +30,7 @@ def test_a_wide_range_is_averaged_to_some_hundred_bands():
     assert searcher.averaged[0].task.wavelengths.size == 101
 
 
-def find(bands: int, **options) -> Identification:
+def find(bands, **options):
     """Films of two paints that were read at so many bands, with as much noise in all."""
     grid, paints = _paints(bands)
     k, s = (

@@ -1,17 +1,13 @@
 """What `identify` is asked for reaches the search, and changes what it finds as it should."""
 
 import importlib
-import inspect
 from dataclasses import fields
-from typing import Any
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from glazefit import (
-    Films,
-    Identification,
     IdentificationOptions,
     Instrument,
     ModelError,
@@ -30,19 +26,6 @@ MODULE = importlib.import_module("glazefit.identify.identify")
 SEARCHER = importlib.import_module("glazefit.identify.search.searcher")
 GRID = np.arange(400.0, 701.0, 50.0)
 GROUNDS = np.array([[0.03], [0.9]]) * np.ones((2, GRID.size))
-
-
-class Reached(Exception):
-    def __init__(self, given: dict[str, Any]):
-        self.given = given
-
-
-def asked(function) -> list[str]:
-    """Keyword arguments of a function, and options that it hands on."""
-    named = [
-        p.name for p in inspect.signature(function).parameters.values() if p.kind is p.KEYWORD_ONLY
-    ]
-    return [*named, *(field.name for field in fields(IdentificationOptions))]
 
 
 @pytest.mark.parametrize(
@@ -66,22 +49,6 @@ def test_options_and_their_keywords_are_the_same():
     }
 
 
-@pytest.mark.usefixtures("unchecked")  # objects stand for what is given
-def test_identify_films_hands_on_all_that_it_is_given(monkeypatch):
-    def stop(*_, **named):
-        raise Reached(named)
-
-    monkeypatch.setattr(MODULE, "identify", stop)
-    half = np.full((1, GRID.size), 0.3)
-    films = Films(("one",), GRID, 0.2 * half, 3.0 * half, half, 1.5 * half)
-    given: dict = {name: object() for name in asked(identify_films)} | {"noise": Noise(0.01)}
-    given |= {"instrument": Instrument(Hemispherical(8.0), 1.4)}
-    with pytest.raises(Reached) as reached:
-        identify_films(films, [], **given)
-    assert {name: reached.value.given[name] for name in given} == given
-    assert reached.value.given["names"] == ("one",)
-
-
 @pytest.fixture(scope="module")
 def paints() -> list[Pigment]:
     """A white and a red of the catalogue."""
@@ -97,19 +64,19 @@ def find(paints):
     k, s = (25e-6 * np.asarray(getattr(paints[1], what)) for what in ("absorption", "scattering"))
     spectrum = 0.04 + np.asarray(film_response(Hemispherical()).body(k, s, GROUNDS))
 
-    def call(**options: Any) -> Identification:
+    def call(**options):
         chosen: dict = {"max_paints": 1, **options}
         return identify(GRID, spectrum[None], paints, ground=GROUNDS, **chosen)
 
     return call
 
 
-def told(found: Identification) -> int:
+def told(found):
     """Candidates under the conditions that were told."""
     return int((found.condition[0] == 0).sum())
 
 
-def spread(found: Identification) -> float:
+def spread(found):
     """Standard deviation of the log thickness of the best explanation."""
     return float(np.sqrt(found.log_covariance[0, 0, 0, 0]))
 
@@ -147,14 +114,6 @@ def test_a_film_is_computed_as_its_instrument_reads_it(paints):
     assert float(found.amounts[0, 0, 0]) == pytest.approx(25e-6, rel=0.01)
     assert float(found.gloss[0, 0]) == pytest.approx(1.0, abs=0.05)
     assert_allclose(found.fitted[0, 0], spectrum, atol=1e-3)
-
-
-@pytest.mark.slow
-def test_more_paints_are_tried_when_asked(find):
-    assert (find().members[..., 1:] < 0).all()
-    both = find(max_paints=2)
-    assert (both.members[..., 1] >= 0).any()
-    assert told(both) == 3
 
 
 def test_pigments_carry_their_own_grid():

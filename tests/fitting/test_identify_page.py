@@ -53,17 +53,15 @@ ABOUT = RunProvenance(
 )
 
 
-def identification(names=("one", EVIL), grid=GRID, opaque=False) -> Identification:
+def identification(names=("one", EVIL), grid=GRID, opaque=False):
     """Two candidates for each spectrum, one of them of two coats; spectra differ in one amount."""
     count, rng = len(names), np.random.default_rng(3)
     readings = (
         np.broadcast_to(0.3 + 0.4 * (grid > 560), (count, 2, grid.size))
         * np.array([0.8, 1.0])[:, None]
     )
-    members = np.broadcast_to(np.array([[0, 1, NOBODY], [0, 2, NOBODY]]), (count, 2, 3))
-    amounts = np.broadcast_to(
-        np.array([[2.0, 6.0, 0.0], [3.0, 3.0, 0.0]]) * 1e-6, (count, 2, 3)
-    ).copy()
+    members = np.broadcast_to([[0, 1, NOBODY], [0, 2, NOBODY]], (count, 2, 3))
+    amounts = np.tile([[2e-6, 6e-6, 0.0], [3e-6, 3e-6, 0.0]], (count, 1, 1))
     amounts[:, 0, 0] += 1e-7 * np.arange(count)
     root = 0.2 * rng.standard_normal((count, 2, 3, 5))
     covariance = root @ np.swapaxes(root, -1, -2)
@@ -79,7 +77,7 @@ def identification(names=("one", EVIL), grid=GRID, opaque=False) -> Identificati
         ),
         paints=PAINTS,
         members=members,
-        coats=np.broadcast_to(np.array([[0, 0, 0], [0, 1, 0]]), members.shape),
+        coats=np.broadcast_to([[0, 0, 0], [0, 1, 0]], members.shape),
         amounts=amounts,
         log_covariance=covariance,
         probability=np.broadcast_to([0.6, 0.3], (count, 2)),
@@ -94,7 +92,7 @@ def identification(names=("one", EVIL), grid=GRID, opaque=False) -> Identificati
     )
 
 
-def record(found: Identification, about: RunProvenance = ABOUT, top: int = 2) -> dict:
+def record(found, about=ABOUT, top=2):
     return make_record(found, np.full(found.fitted.shape, 0.01), about, top)
 
 
@@ -103,10 +101,10 @@ class Parsed(HTMLParser):
 
     def __init__(self, text: str):
         super().__init__()
-        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.tags: list = []
         self.open: list[str] = []
         self.rows: list[list[str]] = []
-        self.spots: dict[str, list[list[str]]] = {}
+        self.spots: dict[str, list] = {}
         self.words: dict[str, str] = {}
         self.spot = ""
         self.feed(text)
@@ -115,7 +113,7 @@ class Parsed(HTMLParser):
     def handle_starttag(self, tag, attrs):
         given = dict(attrs)
         self.tags.append((tag, given))
-        if tag not in ("meta", "br"):
+        if tag not in ("meta", "img", "br"):
             self.open.append(tag)
         if tag == "article":
             self.spot = given["id"] or ""
@@ -141,16 +139,16 @@ class Parsed(HTMLParser):
             self.rows[-1][-1] += data
 
 
-def parsed(filed: dict) -> Parsed:
+def parsed(filed):
     return Parsed("".join(page(filed, "report.csv", "report.json")))
 
 
-def plots(seen: Parsed) -> list[dict[str, str | None]]:
+def plots(seen):
     """Attributes of the plots of a page."""
     return [given for _, given in seen.tags if given.get("class") == "plot"]
 
 
-def numbers(text: str) -> list[float]:
+def numbers(text):
     return [float(n) for n in re.findall(r"\d+(?:\.\d+)?", text)]
 
 
@@ -348,7 +346,7 @@ def test_a_failure_while_a_page_is_made_leaves_the_old_one(tmp_path, monkeypatch
 def test_why_a_paint_is_ruled_out():
     """Chalk is in the second candidate, which misses the reading as told; Black is in none."""
 
-    def judged(off, chances=(0.9, 0.6, 0.3, 0.004, 0.002), grid=GRID, share=0.5) -> dict:
+    def judged(off, chances=(0.9, 0.6, 0.3, 0.004, 0.002), grid=GRID, share=0.5):
         one = identification(grid=grid)
         members = one.members.copy()
         members[:, 1, 1] = PAINTS.index("Chalk")
@@ -510,7 +508,7 @@ def test_what_a_page_of_paper_has_no_room_for_is_named_there():
         assert spot["ruled_out"][-1]["paint"] in said.rpartition("next to this page: ")[2]
 
 
-def crowded(filed: dict) -> dict:
+def crowded(filed):
     """The same with five sets of three paints for each spot, many paints that are ruled out, and
     much that is open.
     """
@@ -550,7 +548,7 @@ def test_a_spot_is_printed_on_a_page(tmp_path, paper):
     assert pages(found["data"]) == summary + 3 + method
 
 
-def pages(data: str) -> int:
+def pages(data):
     """Pages of a PDF, as base64."""
     return len(re.findall(rb"/Type\s*/Page\b", base64.b64decode(data)))
 

@@ -24,16 +24,14 @@ from glazefit.film.model.errors import (
 from glazefit.film.model.response import film_response
 from glazefit.film.numerics.least_squares import inverse_small
 from glazefit.identify.search.fit import (
-    Fitted,
     Weights,
     fit_films,
     log_prior,
     log_set_prior,
-    pool_of,
     trace_curvature,
 )
 from glazefit.identify.search.options import IdentificationOptions
-from glazefit.identify.search.screen import grow, score, table_over
+from glazefit.identify.search.screen import grow, score
 from glazefit.identify.search.searcher import Searcher
 from glazefit.identify.search.table import Paints, film_table, sets_of
 from glazefit.identify.search.task import Expected
@@ -262,26 +260,6 @@ def _misfits(problem, white, spectra, members, amounts):
     return np.sum(((spectra - film) @ white.T) ** 2, axis=-1)
 
 
-def test_a_table_serves_its_own_ground_alone(problem):
-    _, paints, ground, _ = problem
-    ground = np.asarray(ground[0])
-    pigments = [
-        Pigment(name, GRID, 1e4 * np.asarray(k), 1e4 * np.asarray(s))
-        for name, k, s in zip("ab", *paints, strict=True)
-    ]
-    task = Searcher.of(GRID, pigments, IdentificationOptions(max_paints=1)).task
-    first = table_over(task, ground)
-    assert table_over(task, ground * (1 + 1e-15)) is first
-    assert table_over(task, 0.99 * ground) is not first
-    other = table_over(task, 0.5 * ground)
-    assert np.abs(other.sizes[0].films - first.sizes[0].films).max() > 0.1
-    alone = table_over(task, ground[:1])
-    assert alone.project.shape == (GRID.size, GRID.size)
-    # A later task of the same paints and instrument has the same tables.
-    later = Searcher.of(GRID, pigments, IdentificationOptions(max_paints=1)).task
-    assert table_over(later, ground) is first
-
-
 def test_few_components_lose_only_what_films_have_in_common():
     """A table of more readings than components: misfits differ by the same for all films, next to
     what tells them.
@@ -369,26 +347,6 @@ def test_sets_of_a_size_share_what_is_expected_of_it(largest):
         wide = np.pad(sets, ((0, 0), (0, 3 - size)), constant_values=-1)
         assert_allclose(np.exp(log_set_prior(cast(Any, task), wide)), found)
     assert np.exp(log_set_prior(cast(Any, task), np.full((1, 3), -1)))[0] == 0
-
-
-def test_a_first_fit_weighs_by_evidence_and_by_what_was_expected():
-    task = SimpleNamespace(
-        prior=Prior(),
-        max_paints=2,
-        paint_count=4,
-        extenders=np.array([False, False, True, False]),
-    )
-    sets = np.array([[[0, -1], [1, 2], [0, 3]]])
-    fitted = Fitted(
-        jnp.zeros((1, 3, 2)),
-        jnp.zeros((1, 3, 2, 2)),
-        jnp.array([[1.0, 2.0, -3.0]]),
-        jnp.zeros((1, 3, 1)),
-    )
-    found = pool_of(cast(Any, task), sets, fitted).log_weight
-    expected = np.array([[1.0, 2.0, -3.0]])
-    assert_allclose(found, expected + log_set_prior(cast(Any, task), sets))
-    assert np.ptp(log_set_prior(cast(Any, task), sets)) > 1
 
 
 def test_what_is_expected_of_sets_is_in_the_weight_of_every_candidate():

@@ -37,13 +37,13 @@ NAMES = (
 )
 
 
-def read_film(
-    recipe: dict[str, float], units: float = 1.0, grounds=GROUNDS, geometry=None
-) -> np.ndarray:
+def read_film(recipe, units=1.0, grounds=GROUNDS, geometry=None):
     """What a film of the catalogue's paints reads, without error, (grounds, bands)."""
     known, geometry = catalogue.load(), geometry or Hemispherical()
-    k = units * UNIT * sum(w * np.asarray(known[p].absorption) for p, w in recipe.items())
-    s = units * UNIT * sum(w * np.asarray(known[p].scattering) for p, w in recipe.items())
+    k, s = (
+        units * UNIT * sum(w * getattr(known[p], what) for p, w in recipe.items())
+        for what in ("absorption", "scattering")
+    )
     surface = 0.04 if isinstance(geometry, Hemispherical) else 0.0
     return np.asarray(film_response(geometry).body(k, s, grounds)) + surface
 
@@ -65,7 +65,7 @@ def shelf():
 
 
 @pytest.fixture(scope="module")
-def found(shelf) -> Identification:
+def found(shelf):
     """Four films, as told: a pure one, a tint, a tint under varnish, and one whose paint is taken
     off the shelf; then three readings that no paint gives, over both grounds.
     """
@@ -197,11 +197,8 @@ def test_paints_of_one_source_are_wrong_together():
     )
     other = Pigment("c", GRID, 1e4 * shape, 1e4 * shape, error_modes=modes, provenance="elsewhere")
     all_modes = error_modes([one, two, other], BETWEEN_FILMS)
-    slopes = np.zeros((3, 1, 2, GRID.size))
-    for paint in range(3):
-        slopes[paint, 0, paint % 2] = 0.5
 
-    def together(a: int, b: int) -> float:
+    def together(a, b):
         """Variance of a reading that two paints' log k move alike."""
         slopes = 0.5 * np.ones((2, GRID.size))
         stacked = np.stack([all_modes[a, 0], all_modes[b, 0]])

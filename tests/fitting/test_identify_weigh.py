@@ -1,7 +1,5 @@
 """Probabilities of candidates and of none: Bayes' rule, what is seen and what is not."""
 
-from collections.abc import Sequence
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -16,7 +14,7 @@ GRID = np.arange(1000.0, 1701.0, 50.0)
 """No colour is seen here: a root mean square of .01 counts as a Delta E00 of 1."""
 
 
-def film(noise: float = 0.0, spectra: int = 1) -> Measured:
+def film(noise=0.0, spectra=1):
     shape = spectra, 1, GRID.size
     half = np.full(shape, 0.5)
     names = tuple(map(str, range(spectra)))
@@ -26,10 +24,10 @@ def film(noise: float = 0.0, spectra: int = 1) -> Measured:
 
 
 def pool(
-    sets: Sequence[Sequence[int]],
-    misfit: Sequence[float],
-    log_weight: Sequence[float],
-) -> Pool:
+    sets,
+    misfit,
+    log_weight,
+):
     """Candidates of one spectrum, off by so many Delta E00."""
     count = len(sets)
     members = np.array([[[*paints, *[NOBODY] * (3 - len(paints))] for paints in sets]])
@@ -48,16 +46,7 @@ def pool(
     )
 
 
-def test_candidates_of_one_spectrum_stand_side_by_side():
-    alone = Pool.join([pool([[paint]], [0.0], [float(paint)]) for paint in range(3)])
-    wide = alone.spread(np.array([2, 0, 2]), 4)
-    nobody = [NOBODY, NOBODY]
-    assert wide.members[..., 0].tolist() == [[1, NOBODY], nobody, [0, 2], nobody]
-    nothing = [-np.inf, -np.inf]
-    assert wide.log_weight.tolist() == [[1.0, -np.inf], nothing, [0.0, 2.0], nothing]
-
-
-def none_to_one(misfit: float, unknown: float = 0.4, noise: float = 0.0) -> float:
+def none_to_one(misfit, unknown=0.4, noise=0.0):
     """Odds of none against the only candidate."""
     odds = odds_of(film(noise), pool([[0]], [misfit], [0.0]), Prior(unknown=unknown))
     return float(odds.none[0] / odds.candidates[0, 0])
@@ -113,7 +102,7 @@ def test_evidence_ranks_candidates_that_look_alike():
     assert odds[0, 1] / odds[0, 0] == pytest.approx(3.0)
 
 
-def candidate(fractions: Sequence[float], coats: tuple[int, ...], condition: str = "") -> Candidate:
+def candidate(fractions, coats, condition=""):
     shares, nothing = np.array(fractions), np.zeros((len(fractions), 2))
     curve = np.zeros((1, GRID.size))
     return Candidate(

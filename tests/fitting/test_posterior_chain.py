@@ -25,7 +25,7 @@ SHORT: dict = {"sampler": "emcee", "walkers": 12, "thin": 2}
 OTHER: dict = {**SHORT, "walkers": 14}
 
 
-def film(seed: int = 0):
+def film(seed=0):
     k, s = np.geomspace(0.05, 0.5, GRID.size)[None], np.full((1, GRID.size), 1.0)
     return simulate_films(GRID, k, s, names=["film"], seed=seed)
 
@@ -287,21 +287,3 @@ def test_a_wider_spectrum_is_cropped_to_where_the_paints_are_known(tmp_path, mon
         command._read_measured(
             tmp_path / "infrared.csv", "", {}, made_of, "0.9", Noise(), Console(file=io.StringIO())
         )
-
-
-@pytest.mark.slow
-def test_files_are_guarded(tmp_path):
-    path = tmp_path / "c.h5"
-    with pytest.raises(FileNotFoundError, match="no chain to resume"):
-        posterior_of_bands(film(), steps=20, path=path, resume=True, **SHORT)
-    posterior_of_bands(film(), steps=20, path=path, **SHORT)
-    with pytest.raises(FileExistsError, match="a chain already"):
-        posterior_of_bands(film(), steps=20, path=path, **SHORT)
-    with pytest.raises(ValueError, match="another problem"):
-        posterior_of_bands(film(seed=9), steps=40, path=path, resume=True, **SHORT)
-    with pytest.raises(ValueError, match="12 walkers"):
-        posterior_of_bands(film(), steps=40, path=path, resume=True, **OTHER)
-    posterior_of_bands(film(), steps=20, path=path, overwrite=True, **SHORT)
-    (tmp_path / "not.h5").write_text("no")
-    with pytest.raises(ValueError, match="no chain of emcee"):
-        posterior_of_bands(film(), steps=40, path=tmp_path / "not.h5", resume=True, **SHORT)

@@ -18,7 +18,7 @@ OF_SIZE_ONE = Variation(np.array([float(size == 1.0) for size in SIZES]))
 NONE = ModelError(coefficient=0.0, level=0.0, amplitude=0.0)
 
 
-def flat(draws: np.ndarray) -> Prediction:
+def flat(draws):
     grey = np.full(GRID.size, 0.5)
     off = (draws[:, None, None] - 0.5) * np.ones((1, 2, GRID.size))
     parts = {"scale": 0.0 * off, "paint": off, "film": 0.0 * off}
@@ -51,11 +51,11 @@ def test_the_expected_error_is_the_mean_over_draws_and_cards():
 
 @pytest.fixture(scope="module")
 def recovered():
-    films = painted(np.array([1.0, 0.8, 1.2, 1.0, 0.9, 1.1]))
+    films = painted()
     return recover_jointly(films, RECIPES), films
 
 
-def draws(recovered, name: str, **errors: float) -> np.ndarray:
+def draws(recovered, name, **errors):
     result, films = recovered
     (found,) = predict_films(
         result,

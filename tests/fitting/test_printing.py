@@ -5,18 +5,17 @@ import pytest
 
 from glazefit import (
     Films,
-    Identification,
     Noise,
     Posterior,
     Prediction,
-    Reading,
     Recovery,
     Variation,
     reading_over,
 )
-from glazefit.identify.search.task import Measured
 from glazefit.recover.predict.crossvalidation import LeftOut
 from glazejax.appearance import Mesh
+
+from .test_identify_page import identification
 
 GRID = np.arange(400.0, 701.0, 10.0)
 DARK, LIGHT = np.full((5, GRID.size), 0.1), np.full((5, GRID.size), 0.8)
@@ -24,40 +23,15 @@ NAMES = ("01A", "02A", "03A", "04A", "05A")
 ON = "400-700 nm step 10 (31 bands)"
 
 
-def films() -> Films:
+def films():
     return Films(NAMES, GRID, DARK, LIGHT, DARK, LIGHT)
 
 
-def reading() -> Reading:
+def reading():
     return reading_over(GRID, LIGHT[0], 0.9, name="spot", noise=Noise())
 
 
-def identification() -> Identification:
-    members = np.tile(np.array([[[0, 1, -1], [2, -1, -1]]]), (5, 1, 1))
-    members[1] = members[1, ::-1]
-    five = np.ones((5, 2))
-    bands = np.ones((5, 1, GRID.size))
-    given: dict = {
-        "measured": Measured(NAMES, GRID, bands, bands, bands, bands[:, None]),
-        "paints": ("Eosin", "ZincWhite", "Umber"),
-        "members": members,
-        "coats": 0 * members,
-        "amounts": 1e-6 * (members >= 0),
-        "probability": five,
-        "log_covariance": np.tile(np.eye(3), (5, 2, 1, 1)),
-        "none": five[:, 0],
-        "misfit": five[:, 0],
-        "rejected": five < 0,
-        "paint_probability": np.ones((5, 3)),
-        "gloss": five,
-        "condition": 0 * members[..., 0],
-        "fitted": np.ones((5, 2, 1, GRID.size)),
-        "opaque": False,
-    }
-    return Identification(**given)
-
-
-def recovery() -> Recovery:
+def recovery():
     yes = np.arange(5 * GRID.size).reshape(5, -1) % 2 == 0
     return Recovery(
         films(),
@@ -74,7 +48,7 @@ def recovery() -> Recovery:
     )
 
 
-def prediction() -> Prediction:
+def prediction():
     off = {"film": np.zeros((2, 2, GRID.size))}
     return Prediction(
         "a tint", GRID, 1.0, 1.0, DARK[0], LIGHT[0], ("Eosin", "ZincWhite"), off, Variation()
@@ -87,9 +61,9 @@ def prediction() -> Prediction:
         (films(), f"Films(5 films, {ON}: 01A, 02A, 03A and 2 more)"),
         (reading(), f"Reading('spot' over the ground, {ON})"),
         (
-            identification(),
-            "Identification(5 spectra among 3 paints; '01A': Eosin + ZincWhite, '02A': Umber, "
-            "'03A': Eosin + ZincWhite, and 2 more)",
+            identification(NAMES),
+            "Identification(5 spectra among 5 paints; '01A': Red + White, '02A': Red + White, "
+            "'03A': Red + White, and 2 more)",
         ),
         (
             recovery(),
@@ -114,6 +88,6 @@ def test_a_result_prints_as_a_line(result, line):
 
 
 def test_a_candidate_prints_as_its_words():
-    assert repr(identification().ranked(1, 1)[0]).startswith(
-        "Candidate('Umber', probability 1.00, Delta E "
+    assert repr(identification().ranked(0, 1)[0]).startswith(
+        "Candidate('75 % White + 25 % Red', probability 0.60, Delta E "
     )

@@ -11,12 +11,12 @@ from glazefit import find_recipes
 from glazefit.film.colour_metric import lab_metric
 from glazefit.recipe.model import read
 from glazefit.recipe.parts import whole_parts
-from glazefit.recipe.refine import pack_coats, start
+from glazefit.recipe.refine import pack_coats
 from glazefit.recipe.report import describe_coat, print_best, print_recipes, write_json
 from glazefit.recipe.screen import Stacks, coats_of, screen, spread
 from glazefit.recipe.selection import by_effort, roundings, select
 from glazefit.recipe.targets import colourchecker_targets, lab_target, spectral_target, srgb_target
-from glazefit.recipe.task import RecipeTask, make_task
+from glazefit.recipe.task import make_task
 from glazejax import catalogue, colour
 
 from .palette import GRID, palette
@@ -25,11 +25,11 @@ D65 = colour.find_illuminant("D65")
 
 
 @pytest.fixture(scope="module")
-def task() -> RecipeTask:
+def task():
     return make_task([lab_target((40, 40, 40)), lab_target((60, 0, -20))], palette())
 
 
-def stacks(count: int, coats: int) -> np.ndarray:
+def stacks(count, coats):
     rng = np.random.default_rng(1)
     sizes = rng.uniform(0, 6, (count, 2, 5)) * (rng.uniform(size=(count, 2, 5)) < 0.4)
     sizes[:, 0, 0] += 1.0
@@ -54,16 +54,6 @@ def test_an_empty_coat_is_no_coat(task):
         below, above = (read(task.model, sizes, optics).spectrum for sizes in (one[:, ::-1], one))
         assert_allclose(below, above, atol=1e-6)
     assert_array_equal(pack_coats(one[:, ::-1]), one)
-
-
-def test_unknowns_hold_a_stack(task):
-    sizes = stacks(20, 2)
-    some = Stacks.before_refinement(sizes, np.zeros(20, int), np.zeros(20))
-    places, point, _ = start(task, some)
-    # Coats outside the bounds of thickness begin at them.
-    inside = (sizes.sum(axis=2) >= 1).all(axis=1)
-    assert_allclose(places.sizes(point, 5)[inside], sizes[inside], rtol=1e-12)
-    assert inside.sum() > 10
 
 
 def test_of_like_stacks_the_best_is_kept():
@@ -244,7 +234,7 @@ def test_no_paint_lies_over_itself_and_no_more_paints_than_allowed(limits):
     assert_allclose(np.sum(moved**2, axis=(1, 2)), found.cost, rtol=1e-3, atol=1e-3)
 
 
-def scored(*some: tuple[dict[int, float], float]) -> Stacks:
+def scored(*some):
     """Stacks of one coat for one target, by the thickness of each paint and by Delta E."""
     sizes = np.zeros((len(some), 2, 4))
     for row, (paints, _) in enumerate(some):
@@ -254,7 +244,7 @@ def scored(*some: tuple[dict[int, float], float]) -> Stacks:
     return stacks._replace(distance=distance)
 
 
-def names(task: RecipeTask, stacks: Stacks, count: int) -> list[tuple[set[int], float]]:
+def names(task, stacks, count):
     found = select(task, stacks, count)
     paints = [set(np.flatnonzero(sizes.any(axis=0)).tolist()) for sizes in found.sizes]
     return list(zip(paints, found.distance.tolist(), strict=True))

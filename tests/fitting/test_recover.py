@@ -160,7 +160,7 @@ def test_k_and_s_are_told_apart_as_the_rule_says():
     """
     optical = np.array([[1.0, 4.0], [0.005, 4.0]])
 
-    def told(sd_k: float, sd_s: float, contrast: float = 9.0) -> list[bool]:
+    def told(sd_k, sd_s, contrast=9.0):
         covariance = np.broadcast_to(np.diag([sd_k**2, sd_s**2]), (2, 2, 2))
         return told_apart(optical, covariance, np.full(2, contrast)).tolist()
 
@@ -170,17 +170,6 @@ def test_k_and_s_are_told_apart_as_the_rule_says():
     assert told(0.009, 2.01) == [False, False]
     assert told(0.009, 0.1, contrast=5.0) == [True, True]
     assert told(0.009, 0.1, contrast=4.99) == [False, False]
-
-
-def even_film(k, s):
-    return recover_films(simulate_films(GRID, k * ONES, s * ONES, names=["x"]))
-
-
-def test_black_film_stays_finite():
-    recovery = even_film(50.0, 0.01)
-    assert not recovery.identifiable.any()
-    assert np.isfinite(recovery.covariance).all()
-    assert recovery.rmse[0] < 1e-3
 
 
 def test_a_film_blacker_than_any_that_is_seen_through_keeps_its_ratio():
@@ -195,7 +184,7 @@ def test_a_film_blacker_than_any_that_is_seen_through_keeps_its_ratio():
 
 
 def test_clear_film_has_known_small_values():
-    recovery = even_film(0.004, 0.003)
+    recovery = recover_films(simulate_films(GRID, 0.004 * ONES, 0.003 * ONES, names=["x"]))
     assert recovery.identifiable.mean() > 0.9
     assert_allclose(recovery.absorption, 0.004, atol=0.005)
 

@@ -9,7 +9,6 @@ from glazefit.film.model.response import (
     _NODES,
     HIGHEST,
     SHIPPED,
-    FilmResponse,
     _load_shipped,
     film_response,
 )
@@ -21,11 +20,11 @@ SPHERE = Hemispherical()
 
 
 @pytest.fixture(scope="module")
-def table() -> FilmResponse:
+def table():
     return film_response(SPHERE)
 
 
-def random_films(count: int = 500) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def random_films(count=500):
     rng = np.random.default_rng(5)
     return (
         np.exp(rng.uniform(np.log(1e-7), np.log(100), count)),
@@ -136,18 +135,6 @@ def test_other_instruments_ship_no_table():
     assert _load_shipped(Optics.of(SPHERE, 1.51)) is None
     assert _load_shipped(Optics.of(Bidirectional(45, 1), 1.5)) is None
     assert _load_shipped(Optics.of(Hemispherical(8.0, specular=False), 1.5)) is not None
-
-
-def test_numpy_and_jax_read_the_same_film(table):
-    kd, sd, ground = random_films(50)
-    known = table.body(kd, sd, ground)
-    traced = jax.jit(lambda *films: table.body(*films))(kd, sd, ground)
-    assert isinstance(known, jax.Array)
-    assert_allclose(known, traced, atol=1e-14)
-    body = known[:5]
-    assert_allclose(
-        table.internal(body), jax.jit(lambda body: table.internal(body))(body), atol=1e-13
-    )
 
 
 def test_slopes_from_one_look_are_those_of_tangents(table):

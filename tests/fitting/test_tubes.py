@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from glazefit import Films, Instrument, Noise, recover_films, simulate_films
 from glazefit.film.films import USUAL_CARD_SD, bare_surface, cards, usual_cards
 from glazefit.film.model.response import film_response
-from glazefit.film.noise import estimate_noise, roughness
+from glazefit.film.noise import estimate_noise
 from glazefit.film.partial_films import average, crop, read_loose_films, recipes_from_names, tint
 from glazefit.recover.joint.constraints import Gauge, error_modes, gather_constraints
 from glazefit.recover.joint.entries import add_paints
@@ -29,13 +29,13 @@ NAMES = ("Blue", "Blue 1:10 White")
 RECIPES = recipes_from_names(NAMES, {})
 
 
-def modes_of(pigment: Pigment) -> np.ndarray:
+def modes_of(pigment):
     """Error modes of a pigment that has them."""
     assert pigment.error_modes is not None
     return np.asarray(pigment.error_modes)
 
 
-def white(provenance: str = "mine", size: float = 0.05) -> Pigment:
+def white(provenance="mine", size=0.05):
     """The white of the films in 1/m, with one error mode: its strength."""
     modes = np.full((1, 2, GRID.size), size)
     return Pigment("White", GRID, *(PALE / UNIT), error_modes=modes, provenance=provenance)
@@ -44,7 +44,7 @@ def white(provenance: str = "mine", size: float = 0.05) -> Pigment:
 KNOWN = {"White": white()}
 
 
-def painted(instrument: Instrument, thickness=(1.3, 0.8), noise=Noise(), seed=1) -> Films:  # noqa: B008
+def painted(instrument, thickness=(1.3, 0.8), noise=Noise(), seed=1):  # noqa: B008
     shares = np.array([1.0, 1 / 11])[:, None, None]
     k, s = np.moveaxis(
         (shares * BLUE + (1 - shares) * PALE) * np.array(thickness)[:, None, None], 1, 0
@@ -178,15 +178,6 @@ def test_films_that_are_rough_themselves_do_not_pass_for_noisy_ones():
     assert float(found.sd(np.asarray(0.5))) == pytest.approx(0.002, rel=0.35)
 
 
-def test_roughness_of_noise_is_the_noise_and_of_polynomials_nothing():
-    grid = np.sort(np.random.default_rng(0).uniform(400, 700, 31))
-    rough, level = roughness(grid, np.stack([0.3 + 1e-3 * (grid - 500), ((grid - 550) / 300) ** 5]))
-    assert_allclose(rough, 0.0, atol=1e-12)
-    assert level.shape == rough.shape
-    noise = np.random.default_rng(1).standard_normal((400, 31))
-    assert_allclose(roughness(grid, noise)[0].std(axis=0), 1.0, atol=0.15)
-
-
 @pytest.mark.parametrize("geometry", ["d:8", "de:8", "45:0"])
 def test_bare_cards_read_as_the_films_model_says(geometry):
     """The closed form of a bare card and the table of films agree where the film is nothing."""
@@ -213,7 +204,7 @@ def test_film_by_film_at_45_0():
         )
 
 
-def fitted(films: Films, instrument: Instrument, **given):
+def fitted(films, instrument, **given):
     tight = Expectations(model_floor=0.001, model_share=0.001)
     return recover_jointly(
         films, RECIPES, instrument=instrument, noise=Noise(), expectations=tight, **given
@@ -334,8 +325,8 @@ def test_entries_keep_what_is_there_and_share_the_errors_of_the_white(tmp_path):
     assert_allclose(modes_of(mine["White"])[0], 0.05, rtol=1e-2)
     assert_allclose(modes_of(mine["White"])[1:], 0.0)
     # A stronger white would make the blue stronger.
-    assert np.median(np.asarray(mine["Blue"].error_modes)[0]) > 0.02
-    total = np.sqrt(np.sum(np.asarray(mine["Blue"].error_modes) ** 2, axis=0))
+    assert np.median(modes_of(mine["Blue"])[0]) > 0.02
+    total = np.sqrt(np.sum(modes_of(mine["Blue"]) ** 2, axis=0))
     sd = mine["Blue"].absorption_sd
     assert sd is not None
     assert_allclose(total[0], sd / mine["Blue"].absorption, rtol=0.1)
@@ -359,7 +350,7 @@ def test_entries_keep_what_is_there_and_share_the_errors_of_the_white(tmp_path):
     assert len(modes_of(again["Blue"])) > there
     assert_allclose(again["Sky"].absorption / again["Blue"].absorption, 1.0, rtol=0.4)
     # Both inherit the white's error.
-    assert np.median(np.asarray(again["Sky"].error_modes)[0]) > 0.02
+    assert np.median(modes_of(again["Sky"])[0]) > 0.02
 
     whole = path.read_text()
     with pytest.raises(

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from glazefit import Films, Noise, simulate_films
+from glazefit import Noise, simulate_films
 from glazefit.film.films import SPECTRA
 from glazefit.film.model.errors import ModelError, relative_errors
 from glazefit.film.model.variation import (
@@ -46,7 +46,7 @@ def paints() -> dict[str, Pigment]:
     }
 
 
-def painted(paints, recipe, strength, thickness, names=None, noise=None) -> Films:
+def painted(paints, recipe, strength, thickness, names=None, noise=None):
     """Films of a mixture in which the first paint counts for more than its weight."""
     first = next(iter(recipe))
     counted = {
@@ -67,7 +67,7 @@ def painted(paints, recipe, strength, thickness, names=None, noise=None) -> Film
     )
 
 
-def over_white(films: Films, **changes) -> Films:
+def over_white(films, **changes):
     """Of one film only what was read over white."""
     return dataclasses.replace(films, seen=np.array([[False, True]]), **changes)
 
@@ -80,7 +80,7 @@ def predict(paints, thickness, **how):
     return predict_mixture(paints, TINT, thickness, wavelengths=GRID, **how)
 
 
-def evidence(size: float, count: int, paint: str, rng) -> list[SizeEvidence]:
+def evidence(size, count, paint, rng):
     """Films whose errors really have this size."""
     known = 0.001 * rng.standard_normal((200, 2, GRID.size))
     own = 0.05 * rng.standard_normal((200, 2, 1)) + 0.02 * rng.standard_normal((200, 2, GRID.size))
@@ -193,15 +193,6 @@ def test_modes_of_a_mixture_are_slopes_of_its_logs(paints):
     )
     # Eight shapes hold nearly all of the smooth error.
     assert_allclose(np.sum(np.asarray(found.error_modes) ** 2, axis=0), total + film, rtol=0.03)
-
-
-def test_mixing_is_by_weight(paints):
-    found = mix(paints, {"Vermillion": 1.0, "BoneBlack": 3.0})
-    k = 0.25 * np.asarray(paints["Vermillion"].absorption) + 0.75 * np.asarray(
-        paints["BoneBlack"].absorption
-    )
-    assert_allclose(found.absorption, k)
-    assert found.name == "25 Vermillion + 75 BoneBlack"
 
 
 def test_one_reading_tells_the_strength(paints):
@@ -452,11 +443,6 @@ def test_a_family_is_no_paint_of_a_mixture():
 def test_mixtures_that_are_none(paints, recipe, words):
     with pytest.raises(ValueError, match=words):
         mix(paints, recipe)
-
-
-def test_thickness_is_above_nothing(paints):
-    with pytest.raises(ValueError, match="thickness of 0 m"):
-        predict_mixture(paints, TINT, [0.0])
 
 
 @pytest.fixture

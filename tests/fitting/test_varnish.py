@@ -9,12 +9,8 @@ from glazefit import identify
 from glazefit.film.model.optics import Optics
 from glazefit.film.model.response import film_response
 from glazefit.film.model.varnish import AMOUNTS, DECAY, under_varnish, without_varnish, yellow
-from glazefit.identify.search.options import VARNISHES
 from glazefit.identify.search.task import Measured
 from glazefit.identify.search.unstated_conditions import (
-    CONDITIONS,
-    CONDITIONS_OF_VARNISH,
-    Condition,
     remove_varnish,
 )
 from glazejax import Bidirectional, Hemispherical, catalogue
@@ -85,7 +81,7 @@ def test_a_film_taken_from_under_a_varnish_keeps_what_is_not_known():
         found, change = remove_varnish(film, response, surface, name)
         assert_allclose(found.readings[0, 0], body + surface, atol=1e-9)
 
-        def off(change: float, depth: float, read=read) -> np.ndarray:
+        def off(change, depth, read=read):
             return without_varnish(response, read + change, depth * yellow(GRID))
 
         slope = (off(1e-5, level) - off(-1e-5, level)) / 2e-5
@@ -100,23 +96,17 @@ def test_a_film_taken_from_under_a_varnish_keeps_what_is_not_known():
     assert 0.2 + spreads[0.2] > 0.6 - spreads[0.6]
 
 
-def test_what_nobody_mentioned_is_possible_and_less_likely_than_what_was_told():
-    assert CONDITIONS[0] == Condition("", 1.0)
-    for condition in CONDITIONS[1:]:
-        assert condition.words
-        assert 0.0 < condition.chance < 1.0
-        assert condition.ground is None or 0.0 < condition.ground < 1.0
-    assert tuple(CONDITIONS_OF_VARNISH) == VARNISHES
-    varnished = {condition for condition in CONDITIONS if condition.varnish}
-    assert set(CONDITIONS_OF_VARNISH["unknown"]) == varnished
-    assert {condition.varnish for condition in varnished} == set(AMOUNTS)
-    assert CONDITIONS.light_ground.opaque is False
-    # Places in this order are in maps' files.
-    assert len(set(CONDITIONS)) == len(CONDITIONS)
-
-
 def test_yellow_falls_by_e_over_its_length():
     assert yellow(np.array([400.0, 400.0 + DECAY])) == pytest.approx([1.0, np.exp(-1.0)])
+
+
+def film_of(paint, depth):
+    """Reflectance of a film of one paint over white, without its surface."""
+    return np.asarray(
+        film_response(Hemispherical()).body(
+            paint.absorption * depth, paint.scattering * depth, WHITE
+        )
+    )
 
 
 @pytest.mark.parametrize(
@@ -125,21 +115,11 @@ def test_yellow_falls_by_e_over_its_length():
 )
 def test_what_is_stated_of_a_varnish_says_what_is_tried(stated, under):
     """A film of one paint under a varnish: nobody sees a varnish who states that there is none."""
-    paints = [
-        paint
-        for name, paint in catalogue.load("oils").items()
-        if name in ("ZincWhite", "PrussianBlue")
-    ]
-    white = next(paint for paint in paints if paint.name == "ZincWhite")
-    grid = np.asarray(white.wavelengths)
-    response = film_response(Hemispherical())
-    depth = 60e-6
-    body = response.body(
-        np.asarray(white.absorption) * depth, np.asarray(white.scattering) * depth, WHITE
-    )
-    surface = resolve_instrument(None).seen_surface
-    level = 0.6 if stated == "yellowed" else 0.2
-    seen = under_varnish(response, np.asarray(body), level * yellow(grid)) + surface
+    paints = [catalogue.pigment(name) for name in ("ZincWhite", "PrussianBlue")]
+    grid = np.asarray(paints[0].wavelengths)
+    coat = (0.6 if stated == "yellowed" else 0.2) * yellow(grid)
+    body = under_varnish(film_response(Hemispherical()), film_of(paints[0], 60e-6), coat)
+    seen = body + resolve_instrument(None).seen_surface
     found = identify(grid, seen, paints, ground=WHITE, max_paints=1, varnish=stated)
     best = found.ranked(0)[0]
     assert ("varnish" in best.condition) == under
@@ -152,16 +132,10 @@ def test_what_is_stated_of_a_varnish_says_what_is_tried(stated, under):
 def test_a_stated_varnish_that_is_not_there_weighs_little():
     paints = list(catalogue.load("oils").values())[:4]
     grid = np.asarray(paints[0].wavelengths)
-    response = film_response(Hemispherical())
-    depth = 40e-6
-    body = response.body(
-        np.asarray(paints[0].absorption) * depth, np.asarray(paints[0].scattering) * depth, WHITE
-    )
-    seen = np.asarray(body) + resolve_instrument(None).seen_surface
-    plain = identify(grid, seen, paints, ground=WHITE, max_paints=1, varnish="none")
-    stated = identify(grid, seen, paints, ground=WHITE, max_paints=1, varnish="yellowed")
+    seen = film_of(paints[0], 40e-6) + resolve_instrument(None).seen_surface
 
-    def chance_without(found):
+    def chance_without(stated):
+        found = identify(grid, seen, paints, ground=WHITE, max_paints=1, varnish=stated)
         return sum(c.probability for c in found.ranked(0) if not c.condition)
 
-    assert chance_without(stated) < chance_without(plain)
+    assert chance_without("yellowed") < chance_without("none")

@@ -13,7 +13,6 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-import jax
 import numpy as np
 import pytest
 
@@ -99,23 +98,6 @@ def test_the_death_of_workers_is_survived(tmp_path, client, undisturbed):  # noq
     same(store, undisturbed)
 
 
-def test_work_goes_on_from_here_to_a_cluster_and_back(tmp_path, client, undisturbed):  # noqa: F811
-    store = store_at(tmp_path / "map.zarr")
-
-    def stop(done, total, words):
-        if done in stops:
-            stops.remove(done)
-            raise KeyboardInterrupt
-
-    stops = {3, 6}
-    for where in (None, client):
-        with pytest.raises(KeyboardInterrupt):
-            run_chunks(store, Toy(), where, stop)
-    assert len(store.done()) == 6
-    run_chunks(store_at(store.path), Toy())
-    same(store, undisturbed)
-
-
 @dataclass(frozen=True)
 class Failing:
     """Work that fails so many times, then succeeds; files count across processes."""
@@ -157,19 +139,10 @@ def test_a_piece_that_kills_every_worker_ends_in_a_sentence(tmp_path, client):
         finish(["a", "b"], Failing(str(tmp_path / "tries"), 99, kills=True), results, client)
 
 
-def precision(key: str) -> dict[str, np.ndarray]:
+def precision(key):
     import jax.numpy as jnp
 
     return {"third": np.asarray(jnp.ones(()) / 3)}
-
-
-def test_workers_compute_in_the_precision_of_the_one_who_asks(tmp_path, client):
-    for wanted in (True, False):
-        with jax.enable_x64(wanted):
-            results = KeyedResults(tmp_path / str(wanted))
-            finish(["a"], precision, results, client)
-            np.testing.assert_array_equal(results.get("a")["third"], precision("a")["third"])
-            assert results.get("a")["third"].dtype == (np.float64 if wanted else np.float32)
 
 
 def test_a_cluster_that_is_lost_ends_in_a_sentence(tmp_path, undisturbed):  # noqa: F811

@@ -1,8 +1,5 @@
 """Two runs never write one map, and no dead run keeps a living one from it."""
 
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -11,7 +8,7 @@ from glazefit.mapping.store.lock import hold
 from glazefit.mapping.store.run import run_chunks
 
 from .test_store import finished, same, undisturbed  # noqa: F401
-from .toy import Toy, store_at
+from .toy import Toy, start_run, store_at
 
 pytest.importorskip("zarr")
 
@@ -26,15 +23,7 @@ def test_a_map_that_was_replaced_before_it_was_written_is_left_alone(tmp_path):
 
 def test_a_run_in_another_process_holds_its_map_until_it_dies(tmp_path):
     path = tmp_path / "map.zarr"
-    source = Path(__file__).parents[2]
-    paths = [str(source / "src"), str(source / "fitting"), str(source)]
-    with subprocess.Popen(
-        [sys.executable, "-m", "tests.mapping.toy", str(path), "0.2"],
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
-        stdout=subprocess.PIPE,
-    ) as run:
-        assert run.stdout is not None
-        assert run.stdout.readline() == b"begun\n"
+    with start_run(path, 0.2) as run:
         while not finished(path):
             assert run.poll() is None
         for overwrite in (False, True):

@@ -3,7 +3,6 @@
 import html
 import re
 from dataclasses import replace
-from html.parser import HTMLParser
 
 import numpy as np
 import pytest
@@ -17,6 +16,7 @@ from glazefit.mapping.store.chunk import SetSum
 from glazefit.mapping.store.layout import Status, Way
 from glazefit.page.templates import fill_template
 
+from ..fitting.test_identify_page import Parsed
 from .truth_map import GRID, painting, truth_map
 
 xr = pytest.importorskip("xarray")
@@ -70,25 +70,6 @@ def part(made, tmp_path_factory):
         return part, write_report(part, tallies, sets, about, tmp_path_factory.mktemp("part"))
 
 
-class Tags(HTMLParser):
-    """Open and closed tags, and what is loaded."""
-
-    def __init__(self):
-        super().__init__()
-        self.open, self.loaded, self.alone = [], [], {"meta", "img", "br"}
-
-    def handle_starttag(self, tag, attrs):
-        if tag not in self.alone:
-            self.open.append(tag)
-        self.loaded += [value for name, value in attrs if name in ("src", "href")]
-
-    def handle_startendtag(self, tag, attrs):
-        pass
-
-    def handle_endtag(self, tag):
-        assert self.open.pop() == tag
-
-
 def words(page):
     """Text of a page."""
     page = re.sub(r"<(style|svg).*?</\1>", "", page, flags=re.DOTALL)
@@ -97,11 +78,11 @@ def words(page):
 
 def test_the_page_is_whole_and_loads_nothing_from_elsewhere(report):
     page = report.read_text(encoding="utf-8")
-    tags = Tags()
-    tags.feed(page)
-    assert tags.open == []
-    assert tags.loaded
-    assert all(each.startswith(("data:image/png;base64,", "#")) for each in tags.loaded)
+    parsed = Parsed(page)
+    assert parsed.open == []
+    loaded = [tag[name] for _, tag in parsed.tags for name in ("src", "href") if name in tag]
+    assert loaded
+    assert all(each.startswith(("data:image/png;base64,", "#")) for each in loaded)
     assert "<script" not in page
     assert not re.search(r"url\(|@import|https?:", page)
     assert "<b>painting" not in page

@@ -14,7 +14,7 @@ from glazefit.mapping.show.legend import (
     legend_colours,
     seen_colours,
 )
-from glazefit.mapping.show.overview import overview, square_means
+from glazefit.mapping.show.overview import overview
 from glazefit.mapping.show.pictures import (
     MapPicture,
     Scale,
@@ -119,11 +119,6 @@ def test_a_large_map_is_seen_in_squares_of_few_rows_at_a_time(made, look, monkey
     assert np.isnan(overview(*made, most=(48, 64)).means["thickness"][0, 0])
 
 
-def test_square_means_leave_out_what_is_not_known():
-    values = np.array([[1.0, np.nan, 5.0], [3.0, np.nan, 7.0], [np.nan, 4.0, np.nan]])
-    assert_allclose(square_means(values, 2), [[2.0, 6.0], [4.0, np.nan]])
-
-
 def test_amounts_are_those_of_the_truth(scene, look):
     truth = scene.truth(0, 96)
     known = (look.examples["status"] == Status.MAPPED) & ~truth["foreign"]
@@ -173,7 +168,7 @@ def test_numbers_of_sets_stand_within_them(look):
         assert look.where(members)[int(y * 96), int(x * 128)]
 
 
-def apart(colours: list[str]) -> float:
+def apart(colours):
     """The least CIEDE2000 between two colours, whoever looks."""
     shades = np.array([rgb(colour) for colour in colours]) / 255.0
     pairs = np.array(list(itertools.combinations(range(len(colours)), 2)))

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose, assert_array_equal
+from numpy.testing import assert_allclose
 
 from glazefit import Noise
 from glazefit.film.noise import spectra_noise
@@ -21,14 +21,6 @@ def test_bands_are_means_of_what_the_paints_cover():
     assert np.median(np.diff(bands.wavelengths)) == pytest.approx(10.0, abs=0.1)
     # A mean of what is linear is what it is at the mean wavelength.
     assert_allclose(bands.means((0.001 * FINE)[None])[0], 0.001 * bands.wavelengths, rtol=1e-6)
-
-
-def test_coarse_bands_stay_as_they_are():
-    grid = np.arange(400.0, 701.0, 20.0)
-    bands = WorkingBands.of(grid, small.paints())
-    assert_array_equal(bands.wavelengths, grid)
-    spectra = np.random.default_rng(0).random((3, grid.size))
-    assert_allclose(bands.means(spectra), spectra, rtol=1e-6)
 
 
 def test_paints_that_do_not_cover_the_image_are_named():

@@ -2,6 +2,8 @@
 bit.
 """
 
+import os
+import subprocess
 import sys
 import time
 from dataclasses import dataclass
@@ -59,6 +61,20 @@ def store_at(path: str | Path, **more) -> MapStore:
     return MapStore.create(
         path, SHAPE, CHUNK, PAINTS, options={"noise": 0.003, "layers": 1}, **more
     )
+
+
+def start_run(path: Path, seconds: float) -> subprocess.Popen:
+    """A run in a process of its own, once its map is there."""
+    source = Path(__file__).parents[2]
+    paths = [str(source / "src"), str(source / "fitting"), str(source)]
+    run = subprocess.Popen(
+        [sys.executable, "-m", "tests.mapping.toy", str(path), str(seconds)],
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
+        stdout=subprocess.PIPE,
+    )
+    assert run.stdout is not None
+    assert run.stdout.readline() == b"begun\n"
+    return run
 
 
 if __name__ == "__main__":

@@ -28,7 +28,7 @@ def painting(shape: tuple[int, int], seed: int) -> Rough:
     return Rough(**{field.name: getattr(made, field.name) for field in dataclasses.fields(made)})
 
 
-def truth_map(painting: Painting, *, unit: str | None = "mm"):
+def truth_map(painting: Painting):
     """Dataset, tallies and sums of sets of a map that is right everywhere.
 
     The first three rows are masked, and one corner is saturated; foreign paint is "none of these".
@@ -84,7 +84,7 @@ def truth_map(painting: Painting, *, unit: str | None = "mm"):
             (readings[there].astype(float) ** 2).sum(axis=0),
             (float(thick.sum()), thick.size),
         )
-    attrs = {} if unit is None else {"units": unit}
+    attrs = {"units": "mm"}
     coordinates = {
         "y": ("y", 0.25 * (np.arange(height) + 0.5), attrs),
         "x": ("x", 0.25 * (np.arange(width) + 0.5), attrs),

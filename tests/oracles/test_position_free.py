@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.special import expn
 
 from glazejax.radiative import rough
 from glazejax.radiative.common.phase import henyey_greenstein
@@ -100,18 +99,6 @@ def test_nothing_is_lost_where_nothing_absorbs(alpha):
         assert _close(found, 1.0 - surface, least=2e-4)
 
 
-def test_absorption_alone():
-    """Without scattering and surface light goes down and up once."""
-    k = np.array([[0.1, 0.7], [0.2, 0.5]])
-    stack = _stack([0.0, 0.0], k, index=1.0, ground=0.8)
-    rng = np.random.default_rng(3)
-    factor = position_free.reflectance_factor(stack, 0.5, Views(COS, 0 * COS), 40_000, rng)
-    through = np.exp(-k.sum(axis=0) / 0.5)
-    assert _close(factor, 0.8 * through * np.exp(-k.sum(axis=0) / COS[:, None]), least=1e-9)
-    flux = position_free.albedo(stack, 0.5, 40_000, rng)
-    assert _close(flux, 0.8 * through * 2 * expn(3, k.sum(axis=0)), least=1e-9)
-
-
 def test_a_thin_layer_scatters_once():
     """Without surface and ground, to first order in s: the phase function and the angles alone."""
     s, k, g = 0.004, 0.3, 0.6
@@ -167,59 +154,6 @@ def test_reciprocal_and_of_one_flux(alpha):
     total, spread = _flux_of_factors(stack, 0.6, 45.0, rng)
     flux = position_free.albedo(stack, 0.6, 60_000, rng)
     assert np.all(np.abs(total - flux.mean) < 4 * np.hypot(flux.error, spread))
-
-
-def test_facets_lose_what_the_integral_says():
-    """Drawn facets against the integral of the same share, from above and below, and the lobe's
-    directions.
-    """
-    rng, alpha = np.random.default_rng(8), 0.5
-    for cosine, ratio in ((0.3, 1.5), (0.8, 1.5), (0.3, 1 / 1.5), (0.8, 1 / 1.5)):
-        ones = np.ones(50_000)
-        seen = np.sqrt(1 - cosine**2) * ones, 0 * ones, cosine * ones
-        found = rough_surface.facets(
-            rng.random(ones.size), rng.random(ones.size), seen, alpha, ratio
-        )
-        lost = 1 - found.reflects - found.refracts
-        expected = float(rough_surface.loss(np.array([cosine]), alpha, ratio)[0])
-        assert abs(lost.mean() - expected) < 4 * lost.std() / ones.size**0.5 + 1e-4
-    inside, (_, _, z) = rough_surface.Lobe(rng, alpha, 1.5).take(20_000)
-    lost = rough_surface.lost_light(alpha, 1.5)
-    assert abs(inside.mean() - (1 - lost.air_total / lost.total)) < 0.015
-    assert np.all(z > 0)
-
-
-@pytest.mark.parametrize("alpha", [0.1, 0.5])
-def test_the_surface_reflects_what_its_factor_says(alpha):
-    """Mean of the reflection factor over all views is the albedo; the factor is reciprocal."""
-    y, w = np.polynomial.legendre.leggauss(60)
-    cosines, azimuth = 0.5 * (1 + y), 180.0 * (np.arange(160) + 0.5) / 160
-    factor = rough_surface.surface_factor(np.array(0.6), cosines[:, None], azimuth, alpha, 1.5)
-    albedo = np.sum(w * cosines * factor.mean(axis=1))
-    assert albedo == pytest.approx(
-        float(rough_surface.surface_albedo(np.array(0.6), alpha, 1.5)), abs=2e-4
-    )
-    one, two = (
-        rough_surface.surface_factor(np.array(a), np.array(b), np.array(30.0), alpha, 1.5)
-        for a, b in ((0.3, 0.8), (0.8, 0.3))
-    )
-    assert one == pytest.approx(two, rel=1e-9)
-
-
-def test_a_rough_surface_over_several_indices_is_refused():
-    stack = _stack([1.0, 1.0], [[0.1], [0.1]], index=(1.5, 1.4), roughness=0.1)
-    with pytest.raises(ValueError, match="layers of different index"):
-        position_free.albedo(stack, 0.5, 10, np.random.default_rng(0))
-
-
-@pytest.mark.parametrize("alpha", [0.05, 0.5])
-def test_closed_form_to_a_thousandth(alpha):
-    albedo, even = _surface(alpha, 1.5)
-    inside = 1.0 - (1.0 - even) / 1.5**2
-    stack = _stack([0.0], [[0.0]], ground=0.9, roughness=alpha)
-    found = position_free.albedo(stack, float(COS[3]), 1_500_000, np.random.default_rng(9))
-    assert _close(found, (1 - albedo[3]) * 0.9 * (1 - inside) / (1 - 0.9 * inside), least=5e-5)
-    assert found.error.max() < 3e-4
 
 
 @pytest.mark.parametrize(

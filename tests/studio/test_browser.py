@@ -7,6 +7,7 @@ from urllib.parse import quote
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 import glazejax as gj
 from glazejax import colour
@@ -25,7 +26,18 @@ TWO = {
 }
 
 
-def fragment(stack: dict) -> str:
+def with_top(um):
+    """The same with another thickness of the upper coat."""
+    top, below = TWO["coats"]
+    return {**TWO, "coats": [{**top, "um": um}, below]}
+
+
+def pure(paint):
+    """A paint that hides the ground."""
+    return {**TWO, "coats": [{"paint": {paint: 1}, "um": 200}]}
+
+
+def fragment(stack):
     return "#" + quote(json.dumps(stack))
 
 
@@ -58,19 +70,24 @@ def page(served, browser):
     browser.execute_script("document.querySelector('#studio').replaceChildren()")
 
 
-def expected(stack: dict, side: str, lamp: str = "D65") -> np.ndarray:
+def spectrum_of(stack, side="white"):
+    """Wavelengths and reflectance of the whole computation."""
+    read = stack_from_dict(stack)
+    glaze = read.glaze(side)
+    return glaze.wavelengths, gj.reflectance(glaze, read.seen_by)
+
+
+def expected(stack, side, lamp="D65"):
     """8-bit sRGB of the whole computation."""
-    found = stack_from_dict(stack)
-    spectrum = gj.reflectance(found.glaze(side), found.seen_by)
-    return 255 * np.asarray(colour.srgb(found.glaze().wavelengths, spectrum, illuminant=lamp))
+    return 255 * np.asarray(colour.srgb(*spectrum_of(stack, side), illuminant=lamp))
 
 
-def off(page: Page, name: str, x: float, y: float, stack: dict, side: str, lamp="D65") -> float:
+def off(page, name, x, y, stack, side, lamp="D65"):
     """Largest difference of a canvas's pixel from the whole computation."""
     return np.abs(page.pixel(name, x, y) - expected(stack, side, lamp)).max()
 
 
-def check_swatch(page: Page, stack: dict) -> None:
+def check_swatch(page, stack):
     for side, x in (("white", 0.25), ("black", 0.75)):
         assert off(page, "swatch", x, 0.5, stack, side) <= 1, side
 
@@ -127,11 +144,7 @@ def test_undo_and_redo(page):
 def test_lamps_are_switched(page):
     for i, lamp in enumerate(("D65", "A", "FL11", "LED-B3")):
         assert off(page, f"under-{i}", 0.25, 0.5, TWO, "white", lamp) <= 1
-    page.js(
-        "const s = document.querySelector('[data-at=lamp-0]'); s.value = 'FL2'; "
-        "s.dispatchEvent(new Event('change'))"
-    )
-    page.settle()
+    page.choose("lamp-0", "FL2")
     assert off(page, "swatch", 0.25, 0.5, TWO, "white", "FL2") <= 1
 
 
@@ -171,11 +184,7 @@ def test_a_pinned_colour_gets_its_difference(page):
     page.press("pin")
     page.slide(page.at("slider"), 1.0)
     stack = page.stack()
-    labs = []
-    for one in (TWO, stack):
-        found = stack_from_dict(one)
-        spectrum = gj.reflectance(found.glaze(), found.seen_by)
-        labs.append(np.asarray(colour.lab(found.glaze().wavelengths, spectrum)))
+    labs = [colour.lab(*spectrum_of(one)) for one in (TWO, stack)]
     assert f"{colour.delta_e_2000(*labs):.2f}" in page.at("numbers").text
 
 
@@ -207,19 +216,8 @@ def test_a_thickness_of_nothing_and_of_a_kilometre(page):
     number.send_keys("1e9\t")
     assert "between 0 and 10000 µm" in page.said()
     assert page.stack()["coats"][0]["um"] == 1
-    page.js(
-        "arguments[0].value = 0; arguments[0].dispatchEvent(new Event('change'))", page.at("um")
-    )
-    page.settle()
-    check_swatch(page, {**TWO, "coats": [{**TWO["coats"][0], "um": 0}, TWO["coats"][1]]})
-
-
-def test_a_file_that_is_none_is_one_sentence(page, tmp_path):
-    path = tmp_path / "poem.csv"
-    path.write_text("roses are red\n")
-    page.drop(path)
-    page.until(lambda: "Poem.csv" in page.said(), "the sentence")
-    check_swatch(page, TWO)
+    page.choose("um", 0)
+    check_swatch(page, with_top(0))
 
 
 def test_a_file_of_two_gigabytes_is_not_even_read(page, tmp_path):
@@ -257,10 +255,10 @@ def test_a_stroke_is_painted_undone_and_painted_again(page):
         drag = drag.move_by_offset(35, 0)
     drag.release().perform()
     page.until(lambda: "within" in page.at("easel-state").text, "the colours")
-    no_blue = {**TWO, "coats": [{**TWO["coats"][0], "um": 0}, TWO["coats"][1]]}
+    no_blue = with_top(0)
 
-    def near(x: float, y: float, stack: dict, side: str) -> bool:
-        return bool(np.abs(page.pixel("easel", x, y) - expected(stack, side)).max() <= 2)
+    def near(x, y, stack, side):
+        return off(page, "easel", x, y, stack, side) <= 2
 
     page.until(lambda: near(0.35, 0.1, no_blue, "white"), "the bare canvas")
     page.until(lambda: near(0.35, 0.5, TWO, "white"), "the stroke")
@@ -281,11 +279,9 @@ def test_the_canvas_is_brushed_by_keys(page):
     assert page.at("easel-state").text == "brush at 384, 512; space lays paint"
     assert page.all(".ring")[0].is_displayed()
     canvas.send_keys("   ")
-    bare = {**TWO, "coats": [{**TWO["coats"][0], "um": 0}, TWO["coats"][1]]}
-    for x, y, stack in ((0.1, 0.1, bare), (384.5 / 1024, 0.5, TWO)):
-        found = expected(stack, "white")
+    for x, y, stack in ((0.1, 0.1, with_top(0)), (384.5 / 1024, 0.5, TWO)):
         page.until(
-            lambda x=x, y=y, f=found: np.abs(page.pixel("easel", x, y) - f).max() <= 4,
+            lambda x=x, y=y, stack=stack: off(page, "easel", x, y, stack, "white") <= 4,
             "the touch",
             20,
         )
@@ -305,27 +301,20 @@ def test_maps_are_saved_and_loaded(page, downloads):
     np.save(downloads / "ramp.npy", np.tile(np.linspace(0, 4e-6, 64), (64, 1)))
     page.js("document.querySelector('[data-at=map-file]').hidden = false")
     page.at("map-file").send_keys(str(downloads / "ramp.npy"))
-    thick = {**TWO, "coats": [{**TWO["coats"][0], "um": 4}, TWO["coats"][1]]}
-    page.until(
-        lambda: off(page, "easel", 0.995, 0.5, thick, "black") <= 2,
-        "the ramp",
-    )
+
+    def shows(um):
+        return off(page, "easel", 0.995, 0.5, with_top(um), "black") <= 2
+
+    page.until(lambda: shows(4), "the ramp")
     # The same as a picture: white is the thickness in its name.
     page.press("map-png")
     picture = page.until(
         lambda: next(downloads.glob("thickness*white=4um.png"), None), "the picture"
     )
     page.press("clear")
-    bare = {**TWO, "coats": [{**TWO["coats"][0], "um": 0}, TWO["coats"][1]]}
-    page.until(
-        lambda: off(page, "easel", 0.995, 0.5, bare, "black") <= 2,
-        "the bare canvas",
-    )
+    page.until(lambda: shows(0), "the bare canvas")
     page.at("map-file").send_keys(str(picture))
-    page.until(
-        lambda: off(page, "easel", 0.995, 0.5, thick, "black") <= 2,
-        "the ramp again",
-    )
+    page.until(lambda: shows(4), "the ramp again")
 
 
 def test_what_is_taken_away_is_what_is_seen(page, downloads):
@@ -333,13 +322,10 @@ def test_what_is_taken_away_is_what_is_seen(page, downloads):
     page.press("csv")
     page.until((downloads / "spectra.csv").exists, "the table")
     table = gj.io.read_spectra(downloads / "spectra.csv")
-    found = stack_from_dict(TWO)
-    np.testing.assert_allclose(
-        table["over_white"], gj.reflectance(found.glaze(), found.seen_by), atol=3e-5
-    )
+    assert_allclose(table["over_white"], spectrum_of(TWO)[1], atol=3e-5)
     page.press("json")
     page.until((downloads / "stack.json").exists, "the stack")
-    assert read_stack(downloads / "stack.json").shown == found.shown
+    assert read_stack(downloads / "stack.json").shown == stack_from_dict(TWO).shown
     text = page.until(lambda: page.at("python").get_attribute("value"), "the lines")
     assert 'gj.Layer(oils["CobaltBlue"], 1e-6)' in text
     page.press("png")
@@ -395,7 +381,7 @@ def test_a_recipe_is_stopped_and_one_is_taken(page):
     assert page.stack()["coats"] == TWO["coats"]
 
 
-def write_film(path, film: str, rows: str = "") -> None:
+def write_film(path, film, rows=""):
     """Some rows of a film of the samples."""
     first, *lines = gj.samples.path().read_text().splitlines()
     path.write_text(
@@ -440,10 +426,7 @@ def test_a_spectrum_becomes_the_ground(page, tmp_path):
     write_film(tmp_path / "film.csv", "06A", "ow")
     page.drop(tmp_path / "film.csv")
     page.until(lambda: "06A_ow" in page.at("aim").text, "the spectrum")
-    page.js(
-        "arguments[0].value = 'spectrum'; arguments[0].dispatchEvent(new Event('change'))",
-        page.at("ground"),
-    )
+    page.choose("ground", "spectrum")
     page.press("tab-look")
     page.settle()
     stack = page.stack()
@@ -466,12 +449,11 @@ def test_a_colour_is_picked_in_a_photograph(page, tmp_path):
 
 @pytest.mark.slow
 def test_a_colour_beyond_srgb_is_marked(page):
-    page.open(fragment({**TWO, "coats": [{"paint": {"ChromeYellow": 1}, "um": 200}]}))
-    found = stack_from_dict({**TWO, "coats": [{"paint": {"ChromeYellow": 1}, "um": 200}]})
-    spectrum = gj.reflectance(found.glaze(), found.seen_by)
-    assert np.asarray(colour.srgb(found.glaze().wavelengths, spectrum, clip=False)).min() < -0.002
+    yellow = pure("ChromeYellow")
+    page.open(fragment(yellow))
+    assert np.min(colour.srgb(*spectrum_of(yellow), clip=False)) < -0.002
     assert "outside sRGB" in page.js("return document.querySelector('.beyond')?.textContent ?? ''")
-    page.open(fragment({**TWO, "coats": [{"paint": {"ZincWhite": 1}, "um": 200}]}))
+    page.open(fragment(pure("ZincWhite")))
     assert page.all(".beyond") == []
 
 
@@ -480,7 +462,7 @@ def test_a_wide_screen_gets_the_colour_itself(page):
     wide = {"features": [{"name": "color-gamut", "value": "p3"}]}
     page.browser.execute_cdp_cmd("Emulation.setEmulatedMedia", wide)
     try:
-        yellow = {**TWO, "coats": [{"paint": {"ChromeYellow": 1}, "um": 200}]}
+        yellow = pure("ChromeYellow")
         page.open(fragment(yellow))
         code = """
             const c = document.querySelector("[data-at=swatch]");
@@ -489,9 +471,7 @@ def test_a_wide_screen_gets_the_colour_itself(page):
         shown = np.array(page.js(code))
     finally:
         page.browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
-    found = stack_from_dict(yellow)
-    spectrum = gj.reflectance(found.glaze(), found.seen_by)
-    encoded = np.asarray(colour.srgb(found.glaze().wavelengths, spectrum, clip=False))
+    encoded = np.asarray(colour.srgb(*spectrum_of(yellow), clip=False))
     # SMPTE EG 432-1: chromaticities of the primaries, and the white of sRGB.
     primaries = np.array([[0.68, 0.32, 0.0], [0.265, 0.69, 0.045], [0.15, 0.06, 0.79]]).T
     matrix = primaries * np.linalg.solve(primaries, colour.srgb_to_xyz(np.ones(3)))

@@ -12,7 +12,7 @@ from selenium.webdriver import ActionChains
 from glazejax.studio.one_file import one_file
 
 from .browser import Page, start_browser
-from .test_browser import TWO, check_swatch, expected, fragment
+from .test_browser import TWO, check_swatch, expected, fragment, with_top
 
 pytestmark = pytest.mark.browser
 
@@ -67,14 +67,14 @@ def test_a_graphics_card_and_typed_arrays_draw_the_same(link, tmp_path):
         assert np.abs(drawn["webgl2"] - drawn["arrays"]).max() <= 1
 
 
-def pixels_of(page) -> np.ndarray:
+def pixels_of(page):
     """All pixels of the canvas."""
     code = "return arguments[0].toDataURL('image/png')"
     picture = base64.b64decode(page.js(code, page.at("easel")).partition(",")[2])
     return np.asarray(Image.open(io.BytesIO(picture)).convert("RGB"), int)
 
 
-def lose_card(page) -> None:
+def lose_card(page):
     """The graphics card goes, as after a sleep, and comes back."""
     before = int(page.at("easel").get_attribute("data-done"))
     page.js(
@@ -93,7 +93,7 @@ def lose_card(page) -> None:
     )
 
 
-def brush_each(page, brushed: int) -> None:
+def brush_each(page, brushed):
     """A stroke of each coat, its own way across the canvas."""
     code = """
         const [coat] = arguments, canvas = document.querySelector("[data-at=easel]"), box = canvas.getBoundingClientRect();
@@ -166,10 +166,7 @@ def test_all_that_is_on_the_page_is_in_its_link(page, browser):
     """Lamps, angles, the pinned colour and what was brushed come back with the link."""
     page.open(fragment(TWO))
     page.press("pin")
-    page.js(
-        "const s = document.querySelector('[data-at=lamp-1]'); s.value = 'FL2'; "
-        "s.dispatchEvent(new Event('change'))"
-    )
+    page.choose("lamp-1", "FL2")
     page.slide(page.at("angle-light"), 20)
     page.press("tab-canvas")
     canvas = page.at("easel")
@@ -184,8 +181,7 @@ def test_all_that_is_on_the_page_is_in_its_link(page, browser):
     assert page.at("angle-light").get_attribute("value") == "20"
     assert page.at("pin").text == "Unpin"
     page.press("tab-canvas")
-    no_blue = {**TWO, "coats": [{**TWO["coats"][0], "um": 0}, TWO["coats"][1]]}
-    found = expected(no_blue, "white")
+    found = expected(with_top(0), "white")
     page.until(lambda: np.abs(page.pixel("easel", 0.1, 0.1) - found).max() <= 2, "the bare canvas")
     far = page.js(
         "const c = arguments[0], b = c.getBoundingClientRect(); return 0.5 - 100 / b.width",

@@ -51,15 +51,15 @@ _CHECK = """
 
 
 @cache
-def known() -> dict:
+def known():
     return page_data()
 
 
-def see(stack: dict, view: dict = VIEW) -> dict:
+def see(stack, view=VIEW):
     return run(_SEE, {"data": known(), "stack": stack, "view": view})
 
 
-def check(*given: dict) -> list:
+def check(*given):
     return run(_CHECK, {"data": known(), "all": list(given)})
 
 
@@ -203,7 +203,7 @@ _PAINTS = """
 """
 
 
-def read_paints(*texts: str) -> list:
+def read_paints(*texts):
     return run(_PAINTS, {"data": known(), "texts": texts})
 
 
@@ -236,7 +236,7 @@ def test_a_table_of_own_paints_is_read_as_python_reads_it(tmp_path):
     assert read_paints("\ufeff" + text.replace("\n", "\r\n")) == [found]
 
 
-def spoilt(old: str, new: str) -> str:
+def spoilt(old, new):
     return "\n".join(TABLE).replace(old, new, 1)
 
 
@@ -261,7 +261,7 @@ BAD_TABLES = [
 ]
 
 
-def check_sentences(answers: list, table: list, start: str) -> None:
+def check_sentences(answers, table, start):
     for said, (given, words) in zip(answers, table, strict=True):
         assert isinstance(said, str), given
         assert said.startswith(start), said
@@ -278,25 +278,30 @@ def test_what_is_no_table_of_paints_is_left_to_others():
     assert read_paints("Name,400,500\na,0.1,0.2\n", '{"glazejax": "stack"}') == [False, False]
 
 
+def question_with(**changes):
+    """A question for a check of the stack with other parts."""
+    return {"stack": {**STACK, **changes}}
+
+
 BAD = [
     ({"stack": {}}, "this is no stack"),
-    ({"stack": {**STACK, "version": 9}}, "of version 9"),
-    ({"stack": {**STACK, "coat": []}}, "has no 'coat'"),
+    (question_with(version=9), "of version 9"),
+    (question_with(coat=[]), "has no 'coat'"),
     ({"text": '{"glazejax": "sta'}, "cut short"),
-    ({"stack": {**STACK, "coats": STACK["coats"] * 5}}, "8 at most"),
-    ({"stack": {**STACK, "coats": STACK["coats"] * 51}}, f"{MOST_COATS} coats at most"),
-    ({"stack": {**STACK, "coats": [{"paint": {"Eosin": 1}, "um": 1e9}]}}, "between 0 and 10000"),
-    ({"stack": {**STACK, "coats": [{"paint": {"Eosin": 1}, "um": "5 um"}]}}, "without a unit"),
-    ({"stack": {**STACK, "coats": [{"paint": {"Eosin": 0}, "um": 5}]}}, "all parts are 0"),
+    (question_with(coats=STACK["coats"] * 5), "8 at most"),
+    (question_with(coats=STACK["coats"] * 51), f"{MOST_COATS} coats at most"),
+    (question_with(coats=[{"paint": {"Eosin": 1}, "um": 1e9}]), "between 0 and 10000"),
+    (question_with(coats=[{"paint": {"Eosin": 1}, "um": "5 um"}]), "without a unit"),
+    (question_with(coats=[{"paint": {"Eosin": 0}, "um": 5}]), "all parts are 0"),
     (
-        {"stack": {**STACK, "coats": [{"paint": {"CobaltBleu": 1}, "um": 5}]}},
+        question_with(coats=[{"paint": {"CobaltBleu": 1}, "um": 5}]),
         "nearest is CobaltBlue",
     ),
-    ({"stack": {**STACK, "ground": 40}}, "the ground is 40"),
-    ({"stack": {**STACK, "ground": "red"}}, "white, black or card"),
-    ({"stack": {**STACK, "geometry": "45:95"}}, 'geometry is "45:95"'),
-    ({"stack": {**STACK, "refractive_index": 0.9}}, "between 1 and 2.5"),
-    ({"stack": {**STACK, "pigments": {"A": {"wavelengths": [1]}}}}, "absorption and scattering"),
+    (question_with(ground=40), "the ground is 40"),
+    (question_with(ground="red"), "white, black or card"),
+    (question_with(geometry="45:95"), 'geometry is "45:95"'),
+    (question_with(refractive_index=0.9), "between 1 and 2.5"),
+    (question_with(pigments={"A": {"wavelengths": [1]}}), "absorption and scattering"),
     ({"lamp": {"name": "x", "wavelengths": [800, 900], "power": [1, 1]}}, "420 to 680 nm"),
     ({"lamp": {"name": "x", "wavelengths": [400, 700], "power": [0, 0]}}, "gives no light"),
     ({"lamp": {"name": "x", "wavelengths": [400, 700], "power": [1e308, 1e308]}}, "0 to 1e100"),
@@ -322,15 +327,15 @@ JUNK = (None, True, -1, 1e30, "", "x", [], [1, "a"], {}, {"a": 1}, ["D65", 3], [
 
 def test_junk_in_any_place_is_refused_and_never_a_fault():
     places = ("coats", "ground", "geometry", "refractive_index", "pigments", "version")
-    given = [{"stack": {**STACK, place: junk}} for place in places for junk in JUNK]
-    given += [{"stack": {**STACK, "coats": [junk]}} for junk in JUNK]
+    given = [question_with(**{place: junk}) for place in places for junk in JUNK]
+    given += [question_with(coats=[junk]) for junk in JUNK]
     given += [{"lamp": {"name": "x", "wavelengths": a, "power": b}} for a in JUNK for b in JUNK]
     for one, said in zip(given, check(*given), strict=True):
         assert not isinstance(said, str) or said.startswith("Sentence: "), (one, said)
 
 
 def test_a_check_gives_the_stack_as_it_is_understood():
-    [found] = check({"stack": {**STACK, "coats": [{"paint": {"cobalt blue": 5}, "um": 2}]}})
+    [found] = check(question_with(coats=[{"paint": {"cobalt blue": 5}, "um": 2}]))
     assert found["coats"] == [{"paint": {"CobaltBlue": 5}, "um": 2}]
 
 
@@ -417,7 +422,7 @@ def test_brushed_pixels_are_those_of_a_full_computation(coats, quick, within):
     assert np.all(pixels[:, 3] == 255)
 
 
-def maps_of(maps: list) -> list:
+def maps_of(maps):
     return [one.tolist() for one in maps]
 
 
@@ -428,7 +433,7 @@ def test_the_pages_modules_as_one_text_are_a_program():
     assert run("new Function(given); return true;", text)
 
 
-def contrast(one: np.ndarray, other: np.ndarray) -> float:
+def contrast(one, other):
     """Of two colours in 8 bits (WCAG 2.2, 1.4.3)."""
     light = [float(colour.srgb_to_xyz(np.asarray(rgb) / 255)[1]) for rgb in (one, other)]
     return (max(light) + 0.05) / (min(light) + 0.05)

@@ -12,7 +12,6 @@ import glazejax as gj
 from glazejax import colour
 from glazejax.studio.jobs import Jobs
 from glazejax.studio.messages import pack, unpack
-from glazejax.studio.page_data import page_data
 from glazejax.studio.session import Session
 
 from .test_seen import JUNK, STACK
@@ -89,13 +88,6 @@ def test_the_page_is_told_all_that_it_needs_to_see(ask):
     assert "modes" in found
     assert {"D65", "A", "FL11"} <= set(data["lamps"])
     assert len(data["eye"]["y"]) == 421
-
-
-def test_own_paints_are_told_beside_the_catalogues():
-    mine = gj.catalogue.pigment("Eosin").renamed("Mine")
-    data = page_data({"Mine": mine})
-    assert data["paints"][-1]["name"] == "Mine"
-    assert_allclose(data["own"]["Mine"]["scattering"], mine.scattering, rtol=1e-5)
 
 
 @pytest.mark.parametrize("message", ["start", "stop", "file", "hello"])
