@@ -186,7 +186,7 @@ def reading_parts(reading: Reading) -> tuple[object, ...]:
 
 
 @dataclass(frozen=True, eq=False)
-class _Coat:
+class _CoatAmounts:
     """A coat's thickness and fractions from the free unknowns, (..., dims), and from random numbers
     where these follow.
 
@@ -285,7 +285,7 @@ def name_unknowns(
     for n, suffix in enumerate(suffixes):
         members = film.paints[n]
         fractions = shares[..., members]
-        coat = _Coat(
+        coat = _CoatAmounts(
             median=median[n],
             spread=spread[n] if film.thickness[n] else 0.0,
             thickness=positions.thickness[n],
