@@ -10,6 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from glazejax import colour as gc
 
 from .fresh import run_python
+from .refusals import refusal
 
 colour = gc.colour_science()
 
@@ -202,15 +203,13 @@ def test_names_in_short():
     ],
 )
 def test_unknown_names_list_the_nearest(call, name, near):
-    with pytest.raises(ValueError, match=f"unknown .*{name}.*nearest are .*{near}"):
+    with refusal(f"unknown .*{name}.*nearest are .*{near}"):
         call(name)
 
 
 @pytest.mark.parametrize("name", ["X", "!"])
 def test_a_name_like_none_is_answered_by_some(name):
-    with pytest.raises(
-        ValueError, match=f"^unknown illuminant '{name}'; some are A, .*D50.{{,20}}$"
-    ):
+    with refusal(f"^unknown illuminant '{name}'; some are A, .*D50.{{,20}}$"):
         gc.find_illuminant(name)
 
 
@@ -232,12 +231,12 @@ def test_every_lamp_and_observer_works():
     ],
 )
 def test_useless_grids_are_refused(grid, complaint):
-    with pytest.raises(ValueError, match=complaint):
+    with refusal(complaint):
         gc.colour_weights(grid)
 
 
 def test_shapes_must_match():
-    with pytest.raises(ValueError, match="31 bands"):
+    with refusal("31 bands"):
         gc.xyz(np.arange(400, 701, 10), np.ones(30))
 
 
@@ -276,7 +275,7 @@ def test_far_bands_may_be_as_coarse_as_they_like():
 
 def test_a_lamp_whose_sums_would_overflow_is_refused():
     grid = np.arange(400.0, 701.0, 10.0)
-    with pytest.raises(ValueError, match=r"power is 1e\+308; it is relative"):
+    with refusal(r"power is 1e\+308; it is relative"):
         gc.lamp_weights(grid, grid, np.full(31, 1e308))
     strong = gc.lamp_weights(grid, grid, np.full(31, 1e99))
     assert_allclose(strong, gc.lamp_weights(grid, grid, np.ones(31)), rtol=1e-12)
@@ -302,7 +301,7 @@ def test_a_lamp_whose_sums_would_overflow_is_refused():
     ],
 )
 def test_what_is_no_colour_is_one_sentence(call, words):
-    with pytest.raises(ValueError, match=words):
+    with refusal(words):
         call()
 
 

@@ -11,6 +11,8 @@ from glazejax.paint.describe import (
 )
 from glazejax.paint.media import make_media
 
+from .refusals import refusal
+
 
 @pytest.mark.parametrize(
     ("text", "thickness", "repeats"),
@@ -82,20 +84,19 @@ def test_names_may_hold_blanks_digits_and_hyphens():
     ],
 )
 def test_bad_text_is_refused_in_one_line(text, complaint):
-    with pytest.raises(ValueError, match=complaint) as caught:
+    with refusal(complaint):
         parse_coats(text)
-    assert "\n" not in str(caught.value)
 
 
 def test_names_are_found_whatever_their_spelling():
     names = ["UltramarineBlue", "CobaltBlue", "Zinc-White"]
     assert find_name("ultramarine blue", names) == "UltramarineBlue"
     assert find_name("ZINC_WHITE", names) == "Zinc-White"
-    with pytest.raises(ValueError, match="there is no pigment 'Cobalt': the nearest is CobaltBlue"):
+    with refusal("there is no pigment 'Cobalt': the nearest is CobaltBlue"):
         find_name("Cobalt", names)
-    with pytest.raises(ValueError, match="nearest is UltramarineBlue"):
+    with refusal("nearest is UltramarineBlue"):
         find_name("Ultramrineblu", names)
-    with pytest.raises(ValueError, match="`glazejax render --list` shows all names"):
+    with refusal("`glazejax render --list` shows all names"):
         find_name("xyz", names)
 
 
@@ -135,7 +136,7 @@ def test_bands_in_words():
 
 
 def test_a_missing_plus_is_said():
-    with pytest.raises(ValueError, match=r"stands a \+, such as 10 Vermillion \+ 90 ZincWhite"):
+    with refusal(r"stands a \+, such as 10 Vermillion \+ 90 ZincWhite"):
         find_name("Vermillion 90 ZincWhite", ["Vermillion", "ZincWhite"])
-    with pytest.raises(ValueError, match="the nearest is Red 2"):
+    with refusal("the nearest is Red 2"):
         find_name("Red 3", ["Red 2"])

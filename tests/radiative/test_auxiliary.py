@@ -17,6 +17,7 @@ from glazejax.radiative.auxiliary.uniform_solver import GridSettings, solve
 from glazejax.radiative.common.fresnel import cos_refracted
 from tests.tolerances import ROUNDING
 
+from ..refusals import refusal
 from .cases import CENTRAL, lapack_calls, reference_cases, run_fresh
 
 # Interfaces and thicknesses that no step used here fits; the last three are an absent glaze, no
@@ -380,9 +381,8 @@ def test_bad_input_says_what_and_how_to_mend(change, message):
         "optical_thickness": [1.0, 1.0],
         "substrate_reflectance": 0.5,
     }
-    with pytest.raises(ValueError, match=message) as error:
+    with refusal(message):
         reflectance_factor(**(given | change))
-    assert "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize(
@@ -390,5 +390,5 @@ def test_bad_input_says_what_and_how_to_mend(change, message):
     [("decomposed", "give segments="), ("fixed_step", "table=KernelTable")],
 )
 def test_a_traced_thickness_is_told_what_it_needs(variant, message):
-    with pytest.raises(ValueError, match=message):
+    with refusal(message):
         jax.jit(lambda d: reflectance_factor([0.5], d, 0.5, variant=variant))(jnp.ones(1))

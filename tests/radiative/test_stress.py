@@ -21,6 +21,7 @@ from glazejax.radiative.stack import Method
 from tests.tolerances import ROUNDING
 
 from ..fresh import run_python
+from ..refusals import refusal
 from .cases import (
     EDGE_ALBEDO,
     EDGE_COSINE,
@@ -296,9 +297,8 @@ def test_bad_input_says_what_and_how_to_mend(change, message):
         "optical_thickness": [1.0, 1.0],
         "substrate_reflectance": 0.5,
     } | change
-    with pytest.raises(ValueError, match=message) as error:
+    with refusal(message):
         stack_reflectance_factor(**given)
-    assert "\n" not in str(error.value)
 
 
 @pytest.mark.single
@@ -392,7 +392,7 @@ def test_a_traced_tolerance_is_told_to_be_static():
     def seen(tolerance):
         return stack_reflectance_factor([0.5], [1.0], 0.5, tolerance=tolerance)
 
-    with pytest.raises(ValueError, match=r"tolerance is traced.*static_argnames='tolerance'"):
+    with refusal(r"tolerance is traced.*static_argnames='tolerance'"):
         jax.jit(seen)(1e-3)
 
 

@@ -16,6 +16,7 @@ from glazejax.io import open_cube, quick_source_hash, read_mask, read_spot
 from glazejax.io.cubes.hashes import time_of_change
 from glazejax.io.cubes.regions import inside
 
+from ...refusals import refusal
 from .images import BANDS, LINES, SAMPLES, envi, image, labelled, zarr
 
 SHAPE = (LINES, SAMPLES)
@@ -50,12 +51,10 @@ def test_pictures_of_all_kinds(tmp_path, kind):
 
 def test_mask_of_another_size(tmp_path):
     path = png(tmp_path, np.ones((SAMPLES, LINES), "u1"))
-    with pytest.raises(
-        ValueError, match=f"has {SAMPLES} lines x {LINES} samples; the image has {LINES} lines"
-    ):
+    with refusal(f"has {SAMPLES} lines x {LINES} samples; the image has {LINES} lines"):
         read_mask(path, SHAPE)
     cube = open_cube(envi(tmp_path, image()), binning=(2, 3, 1))
-    with pytest.raises(ValueError, match="opened as 11 x 10"):
+    with refusal("opened as 11 x 10"):
         read_mask(path, cube)
 
 
@@ -149,18 +148,17 @@ def test_simple_polygons_as_matplotlib_has_them(points):
 )
 def test_polygons_that_are_none(tmp_path, text, complaint):
     (tmp_path / "shape.json").write_text(text)
-    with pytest.raises(ValueError, match=complaint) as caught:
+    with refusal(complaint) as caught:
         read_mask(tmp_path / "shape.json", SHAPE)
     assert "shape.json" in str(caught.value)
-    assert "\n" not in str(caught.value)
 
 
 def test_damaged_and_black_pictures(tmp_path):
     path = png(tmp_path, np.random.default_rng(0).integers(0, 255, SHAPE).astype("u1"))
     path.write_bytes(path.read_bytes()[:200])
-    with pytest.raises(ValueError, match="not a whole picture"):
+    with refusal("not a whole picture"):
         read_mask(path, SHAPE)
-    with pytest.raises(ValueError, match="uses no pixel"):
+    with refusal("uses no pixel"):
         read_mask(png(tmp_path, np.zeros(SHAPE, "u1")), SHAPE)
 
 
@@ -207,13 +205,13 @@ def test_spots_elsewhere(tmp_path):
     values = image()
     values[3, 4] = np.nan
     cube = open_cube(envi(tmp_path, values, dtype="f4"))
-    with pytest.raises(ValueError, match=f"x goes from 0 to {SAMPLES}, y from 0 to {LINES}"):
+    with refusal(f"x goes from 0 to {SAMPLES}, y from 0 to {LINES}"):
         read_spot(cube, f"{SAMPLES},2")
-    with pytest.raises(ValueError, match="does not lie in the image"):
+    with refusal("does not lie in the image"):
         read_spot(cube, "5:2,3")
-    with pytest.raises(ValueError, match="has no data"):
+    with refusal("has no data"):
         read_spot(cube, "4,3")
-    with pytest.raises(FileNotFoundError, match="neither a place such as 120,45"):
+    with refusal("neither a place such as 120,45", FileNotFoundError):
         read_spot(cube, "here")
 
 
