@@ -102,34 +102,30 @@ def test_what_a_file_need_not_say():
     assert stack_from_dict({"glazejax": "stack", "version": 1, "coats": coats}) == found
 
 
+def coat(um=1, **paint):
+    """A stack of one coat, of eosin where no paint is named."""
+    return {"coats": [{"paint": paint or {"Eosin": 1}, "um": um}]}
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [
         ({"glazejax": "scene"}, '"glazejax": "stack"'),
         ({"version": 2}, "version 2"),
         ({"coat": []}, "a stack has no 'coat'"),
-        (
-            {"coats": [{"paint": {"CobaltBleu": 1}, "um": 1}]},
-            "coat 1: there is no pigment 'CobaltBleu'.*CobaltBlue",
-        ),
-        (
-            {"coats": [{"paint": {"Eosin": 1}, "um": 1e9}]},
-            "coat 1 is .* micrometres thick; .* between 0 and 10000",
-        ),
-        ({"coats": [{"paint": {"Eosin": 1}, "um": -1}]}, "between 0 and 10000"),
-        (
-            {"coats": [{"paint": {"Eosin": 1}, "um": None}]},
-            'coat 1: "um" is None; it must be a number of micro',
-        ),
-        ({"coats": [{"paint": {"Eosin": 1}, "um": "4um"}]}, "\"um\" is '4um'; .* without a unit"),
+        (coat(CobaltBleu=1), "coat 1: there is no pigment 'CobaltBleu'.*CobaltBlue"),
+        (coat(1e9), "coat 1 is .* micrometres thick; .* between 0 and 10000"),
+        (coat(-1), "between 0 and 10000"),
+        (coat(None), 'coat 1: "um" is None; it must be a number of micro'),
+        (coat("4um"), "\"um\" is '4um'; .* without a unit"),
         (
             {"coats": [{"paint": "Eosin", "um": 1}]},
             'parts by weight, such as "paint": {"Eosin": 1}',
         ),
         ({"ground": 85}, "the ground is 85; .* between 0 and 1: 85 percent are 0.85"),
-        ({"coats": [{"paint": {"Eosin": 0}, "um": 1}]}, "all parts are 0"),
-        ({"coats": [{"paint": {"Eosin": -1}, "um": 1}]}, "the part of Eosin is -1"),
-        ({"coats": [{"paint": dict.fromkeys("abcde", 1), "um": 1}]}, "1 to 4 paints"),
+        (coat(Eosin=0), "all parts are 0"),
+        (coat(Eosin=-1), "the part of Eosin is -1"),
+        (coat(**dict.fromkeys("abcde", 1)), "1 to 4 paints"),
         ({"coats": [{"um": 1}]}, 'coat 1 must have "paint" and "um"'),
         ({"ground": 1.2}, "the ground is 1.2; .* between 0 and 1"),
         ({"ground": "pink"}, "white, black or card"),
@@ -138,8 +134,8 @@ def test_what_a_file_need_not_say():
         ({"refractive_index": 3}, "refractive_index is 3"),
         ({"refractive_index": 10**400}, "refractive_index is 1000.*; it must be a number"),
         ({"ground": 10**400}, "the ground is 1000.*; it must be a number"),
-        ({"coats": [{"paint": {"Eosin": 10**400}, "um": 1}]}, "the part of Eosin is 1000"),
-        ({"coats": [{"paint": {"Eosin": 1}, "um": 10**400}]}, '"um" is 1000.*; it must be'),
+        (coat(Eosin=10**400), "the part of Eosin is 1000"),
+        (coat(10**400), '"um" is 1000.*; it must be'),
         ({"pigments": {"Mine": {"wavelengths": GRID}}}, "paint 'Mine' must have"),
         ({"pigments": {"Mine": {**MINE, "absorption": [1, 2, 3, -4]}}}, "absorption of 'Mine'"),
     ],

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from glazejax.io import read_spectra
 
 from ..refusals import refusal
-from .samples import CGATS, CXF, GRID, jcamp_block, refused, same, spectra
+from .samples import CGATS, CXF, GRID, jcamp_block, refused, rows, same, spectra
 
 RED, BLUE = spectra(2).round(4)
 DARK = 0.3 + 0.9 * RED  # percent of a black
@@ -17,10 +17,6 @@ EXPORT = "only reflectance can be read: export it"
 
 
 FILE = "film.txt"
-
-
-def rows(*columns, by=",", grid=GRID):
-    return "".join(by.join(map(str, row)) + "\n" for row in zip(grid, *columns, strict=True))
 
 
 @pytest.mark.parametrize(
@@ -91,6 +87,7 @@ def test_the_user_says_what_it_is(shared_cases):
     (infrared,) = shared_cases.glob("05*/ftir_desc.dpt")
     assert read_spectra(infrared, unit="1/cm").wavelengths[[0, -1]].tolist() == [2500.0, 25000.0]
     assert read_spectra(infrared, unit="nm").wavelengths[[0, -1]].tolist() == [400.0, 4000.0]
+    refused(suite, "'colour' is not known, and only reflectance", quantity="colour")
 
 
 @pytest.mark.parametrize(
@@ -112,31 +109,6 @@ def test_percent_in_a_title_is_before_the_size_of_the_numbers(read, title):
 def test_names_of_paints_are_no_quantities(read, name):
     table = read(f"nm,{name},other\n" + rows(RED, BLUE))
     same(table, GRID, [RED, BLUE], [name, "other"])
-
-
-@pytest.mark.parametrize(
-    ("title", "quantity"),
-    [
-        ("Absorbance red", "absorbance"),
-        ("log(1/R)", "absorbance"),
-        ("-log R", "absorbance"),
-        ("K/S", "K/S"),
-        ("Transmittance [%]", "transmittance"),
-        ("Radiance (W/m^2/sr/nm)", "radiance"),
-        ("uW/cm^2/nm", "irradiance"),
-        ("Emission", "emission"),
-        ("S1 [counts]", "counts"),
-        ("Norm. DN", "counts"),
-    ],
-)
-def test_other_quantities_are_refused_by_name_unless_the_user_says_so(put, title, quantity):
-    path = put(f"nm,{title}\n" + rows(RED))
-    with refusal(f"is {quantity}, and only reflectance can be read"):
-        read_spectra(path)
-    table = read_spectra(path, quantity="reflectance", unit="fraction")
-    assert_array_equal(table.reflectance[0], RED)
-    with refusal("'colour' is not known, and only reflectance"):
-        read_spectra(path, quantity="colour")
 
 
 @pytest.mark.parametrize(
@@ -232,10 +204,8 @@ def test_blocks_of_their_own_wavelengths_are_read_where_all_have_some(read):
     text = "Glaze 1\t\tGlaze 2\t\nnm\tR\tnm\tR\n"
     long = np.arange(380.0, 731.0, 10.0)
     values = np.interp(long, GRID, BLUE)
-    short = [*zip(GRID, RED, strict=True), *[("", "")] * 5]
-    for (w, r), wavelength, value in zip(short, long, values, strict=True):
-        text += f"{w}\t{r}\t{wavelength}\t{value}\n"
-    table = read(text)
+    short = [[*array, *[""] * 5] for array in (GRID, RED)]
+    table = read(text + rows(short[1], long, values, by="\t", grid=short[0]))
     same(table, GRID, [RED, BLUE], ["Glaze 1", "Glaze 2"], atol=1e-9)
     assert "spectra share 400-700 nm step 10 (31 bands), and are read there" in table.notes
     with refusal("have none in common"):
@@ -243,26 +213,22 @@ def test_blocks_of_their_own_wavelengths_are_read_where_all_have_some(read):
 
 
 def test_cary_descends_and_says_more_below(read):
+    down = GRID[::-1]
     text = "Red,,Blue,,\nWavelength (nm),%R,Wavelength (nm),%R,\n"
-    for w, r, b in zip(GRID[::-1], RED[::-1], BLUE[::-1], strict=True):
-        text += f"{w:.6f},{100 * r},{w:.6f},{100 * b},\n"
+    text += rows(100 * RED[::-1], down, 100 * BLUE[::-1], [""] * 31, grid=down)
     text += "\nRed\nCollection Time: 3/1/2021\nInstrument,Cary 5000\nStart (nm),700.0\n"
     same(read(text), GRID, [RED, BLUE], ["Red", "Blue"], atol=1e-9)
 
 
 def test_the_column_of_wavelengths_is_found_where_nothing_titles_it(read):
     number = np.arange(1, GRID.size + 1)
-    text = "Nr;x;red\n" + "".join(
-        f"{i};{w:g};{r}\n".replace(".", ",") for i, w, r in zip(number, GRID, RED, strict=True)
-    )
-    table = read(text)
+    table = read("Nr;x;red\n" + rows(GRID, RED, by=";", grid=number).replace(".", ","))
     same(table, GRID, [RED], ["red"], atol=1e-9)
     assert "left out, as they hold no spectra: Nr" in table.notes
 
 
 def test_empty_and_text_columns_and_means_below_are_left_out(read):
-    text = "nm,red,,seen,blue\n"
-    text += "".join(f"{w},{r},,fine,{b}\n" for w, r, b in zip(GRID, RED, BLUE, strict=True))
+    text = "nm,red,,seen,blue\n" + rows(RED, [""] * 31, ["fine"] * 31, BLUE)
     table = read(text + "\nmean,0.4,,,0.5\n")
     same(table, GRID, [RED, BLUE], ["red", "blue"])
     assert "left out, as they hold no spectra: column 3, seen" in table.notes
@@ -364,33 +330,34 @@ def test_percent_behind_the_wavelength_of_a_band(read, band):
     assert_allclose(read(text)["black"], DARK / 100)
 
 
-@pytest.mark.parametrize(
-    ("title", "quantity"),
-    [
-        ("A.U.", "absorbance"),
-        ("O.D.", "absorbance"),
-        ("Assorbanza", "absorbance"),
-        ("Abs. Irradiance", "irradiance"),
-        ("µW/cm²/nm", "irradiance"),
-        ("Strahldichte", "radiance"),
-        ("k over s", "K/S"),
-        ("Level (dB)", "decibels"),
-        ("Raw DN", "counts"),
-        ("S1 (cts)", "counts"),
-        ("Intensity (a.u.)", "intensity"),
-        ("Emittance", "emission"),
-        ("Standard deviation", "a deviation"),
-        ("First derivative", "a derivative"),
-    ],
-)
-def test_quantities_in_a_title_a_row_of_units_and_a_line_above(read, title, quantity):
-    for text in (
-        f"nm;{title}\n",
-        f"Wavelength;sample 1\nnm;{title}\n",
-        f"Jaz\nY Axis: {title}\nWavelength;sample 1\n",
-    ):
-        with refusal(f"is {quantity}, and only reflectance can be read"):
-            read(text + rows(RED, by=";"))
+QUANTITIES = {
+    "absorbance": ["Absorbance red", "log(1/R)", "-log R", "A.U.", "O.D.", "Assorbanza"],
+    "K/S": ["K/S", "k over s"],
+    "transmittance": ["Transmittance [%]"],
+    "radiance": ["Radiance (W/m^2/sr/nm)", "Strahldichte"],
+    "irradiance": ["uW/cm^2/nm", "Abs. Irradiance", "µW/cm²/nm"],
+    "emission": ["Emission", "Emittance"],
+    "counts": ["S1 [counts]", "Norm. DN", "Raw DN", "S1 (cts)"],
+    "decibels": ["Level (dB)"],
+    "intensity": ["Intensity (a.u.)"],
+    "a deviation": ["Standard deviation"],
+    "a derivative": ["First derivative"],
+}
+
+
+@pytest.mark.parametrize("quantity", QUANTITIES)
+def test_quantities_in_a_title_a_row_of_units_and_a_line_above(put, quantity):
+    """They are refused by name, unless the user says that it is reflectance."""
+    for title in QUANTITIES[quantity]:
+        for text in (
+            f"nm;{title}\n",
+            f"Wavelength;sample 1\nnm;{title}\n",
+            f"Jaz\nY Axis: {title}\nWavelength;sample 1\n",
+        ):
+            path = put(text + rows(RED, by=";"))
+            refused(path, f"is {quantity}, and only reflectance can be read")
+        table = read_spectra(path, quantity="reflectance", unit="fraction")
+        assert_array_equal(table.reflectance[0], RED)
 
 
 def test_names_of_paints_with_letters_of_quantities(read):
@@ -425,8 +392,7 @@ def test_what_is_no_wavelength_is_refused_or_left_out(read):
         with refusal(complaint):
             read(f"{title};red\n" + rows(RED, by=";"))
     text = "Wavenumber (cm-1);nm;Energy (eV);red\n"
-    text += "".join(f"{1e7 / w};{w};{1240 / w};{r}\n" for w, r in zip(GRID, RED, strict=True))
-    table = read(text)
+    table = read(text + rows(GRID, 1240 / GRID, RED, by=";", grid=1e7 / GRID))
     same(table, GRID, [RED], ["red"])
     assert "left out, as they hold no spectra: Wavenumber (cm-1), Energy (eV)" in table.notes
 

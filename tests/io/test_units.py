@@ -16,23 +16,14 @@ from .samples import jcamp_block
 # Wavelengths in nm of Hg (green), Hg (yellow) and Na D2, and the same lines as tables print them in
 # other units.
 LINES = np.array([546.07, 579.07, 589.00])
-IN_UNITS = {
-    "nm": LINES,
-    "Nanometers": LINES,
-    "um": [0.54607, 0.57907, 0.589],
-    "Micrometers": [0.54607, 0.57907, 0.589],
-    "µm": [0.54607, 0.57907, 0.589],
-    "microns": [0.54607, 0.57907, 0.589],
-    "A": [5460.7, 5790.7, 5890.0],
-    "Å": [5460.7, 5790.7, 5890.0],
-    "Angstrom": [5460.7, 5790.7, 5890.0],
-    "ANGSTROMS": [5460.7, 5790.7, 5890.0],
-    "m": [5.4607e-7, 5.7907e-7, 5.89e-7],
-    "metres": [5.4607e-7, 5.7907e-7, 5.89e-7],
-    "1/cm": [18312.67, 17269.07, 16977.93],
-    "cm-1": [18312.67, 17269.07, 16977.93],
-    "Wavenumber": [18312.67, 17269.07, 16977.93],
+PRINTED = {
+    "nm Nanometers": LINES,
+    "um Micrometers µm microns": [0.54607, 0.57907, 0.589],
+    "A Å Angstrom ANGSTROMS": [5460.7, 5790.7, 5890.0],
+    "m metres": [5.4607e-7, 5.7907e-7, 5.89e-7],
+    "1/cm cm-1 Wavenumber": [18312.67, 17269.07, 16977.93],
 }
+IN_UNITS = {unit: values for units, values in PRINTED.items() for unit in units.split()}
 VALUES = [0.2, 0.4, 0.6]
 
 

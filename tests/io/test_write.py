@@ -22,35 +22,28 @@ EVEN = st.builds(
 )
 
 
-def written(tmp_path_factory, table, name, **how):
+@pytest.mark.parametrize(
+    ("name", "layout", "kind"),
+    [
+        ("t.csv", {}, tables()),
+        (
+            "t.tsv",
+            {"long": True},
+            tables(
+                names=NAMES.filter(lambda name: name[0] not in ".," and not name[0].isdecimal())
+            ),
+        ),
+        ("t.cxf", {}, tables(EVEN)),
+        ("t.hdr", {}, tables(names=NAMES.filter(lambda name: not set(name) & set(",{}")))),
+    ],
+    ids=["wide", "long", "CxF", "ENVI library"],
+)
+@given(data=st.data())
+def test_files_read_back(tmp_path_factory, name, layout, kind, data):
+    table = data.draw(kind)
     path = tmp_path_factory.mktemp("out") / name
-    assert write_spectra(table, path, **how) == []
-    return read_spectra(path)
-
-
-@given(tables())
-def test_wide_tables_read_back(tmp_path_factory, table):
-    back = written(tmp_path_factory, table, "t.csv")
-    same(back, table.wavelengths, table.reflectance, table.names)
-
-
-@given(tables(names=NAMES.filter(lambda name: not name[0].isdecimal() and name[0] not in ".,")))
-def test_long_tables_read_back(tmp_path_factory, table):
-    back = written(tmp_path_factory, table, "t.tsv", long=True)
-    same(back, table.wavelengths, table.reflectance, table.names)
-
-
-@given(tables(EVEN))
-def test_cxf_reads_back(tmp_path_factory, table):
-    back = written(tmp_path_factory, table, "t.cxf")
-    same(back, table.wavelengths, table.reflectance, table.names)
-
-
-@given(tables(names=NAMES.filter(lambda name: not set(name) & set(",{}"))))
-def test_envi_libraries_read_back(tmp_path_factory, table):
-    back = written(tmp_path_factory, table, "t.hdr")
-    same(back, table.wavelengths, table.reflectance, table.names)
-    assert back.format == "ENVI spectral library"
+    assert write_spectra(table, path, **layout) == []
+    same(read_spectra(path), table.wavelengths, table.reflectance, table.names)
 
 
 def test_envi_is_legal_for_spectral_python(tmp_path):
@@ -125,13 +118,6 @@ def test_only_legal_fractions_are_written(tmp_path, value):
         write_spectra(SpectraTable(GRID, ("a", "b", "c"), values), tmp_path / "t.csv")
     with refusal("make no table"):
         write_spectra(SpectraTable(GRID, ("a",), spectra()), tmp_path / "t.csv")
-
-
-def test_the_ends_of_what_is_legal_read_back(tmp_path):
-    values = spectra()
-    values[1, 2], values[2, 4] = 0.0, 3.0
-    write_spectra(SpectraTable(GRID, ("a", "b", "c"), values), tmp_path / "t.csv")
-    same(read_spectra(tmp_path / "t.csv"), GRID, values, ["a", "b", "c"])
 
 
 def test_what_is_left_behind_is_said(tmp_path):

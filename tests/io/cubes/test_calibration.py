@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 from glazejax.io import open_cube, write_table
 
 from ...refusals import refusal
-from .images import BANDS, LINES, SAMPLES, WAVELENGTHS, envi, image
+from .images import BANDS, LINES, SAMPLES, WAVELENGTHS, envi, image, saturated
 
 
 @pytest.fixture
@@ -30,10 +30,15 @@ def counts(folder, values, name, **further):
     return envi(folder, values, name=name, **{"reflectance scale factor": 1} | further)
 
 
+def readings(folder, **cubes):
+    """Counts of a cube and its references, as arguments of `open_cube`."""
+    return {name: counts(folder, values, name) for name, values in cubes.items()}
+
+
 def test_references_of_the_cubes_size(scene):
     folder, truth, raw, white, dark = scene
-    paths = {n: counts(folder, v, n) for n, v in (("raw", raw), ("white", white), ("dark", dark))}
-    cube = open_cube(paths["raw"], white=paths["white"], dark=paths["dark"], white_reflectance=0.98)
+    paths = readings(folder, path=raw, white=white, dark=dark)
+    cube = open_cube(**paths, white_reflectance=0.98)
     expected = (raw - dark) / (white - dark) * 0.98
     assert_allclose(cube.values, expected, rtol=2e-6)
     assert_allclose(cube.values, truth * 0.98, atol=4e-5)
@@ -87,16 +92,15 @@ def test_the_whites_own_spectrum(scene):
         ["name", *(f"{w:.12g}" for w in grid)],
         [["tile", *own], ["other", *own / 2]],
     )
-    paths = {n: counts(folder, v, n) for n, v in (("raw", raw), ("white", white), ("dark", dark))}
-    references: dict = {"white": paths["white"], "dark": paths["dark"]}
-    cube = open_cube(paths["raw"], **references, white_reflectance=f"{folder / 'own.csv'}:tile")
+    paths = readings(folder, path=raw, white=white, dark=dark)
+    cube = open_cube(**paths, white_reflectance=f"{folder / 'own.csv'}:tile")
     expected = (raw - dark) / (white - dark) * np.interp(WAVELENGTHS, grid, own)
     assert_allclose(cube.values, expected, rtol=3e-6)
     with refusal("holds 2 spectra: choose one"):
-        open_cube(paths["raw"], **references, white_reflectance=folder / "own.csv")
+        open_cube(**paths, white_reflectance=folder / "own.csv")
     write_table(folder / "short.csv", ["name", "450", "460"], [["tile", 0.9, 0.9]])
     with refusal("white's own reflectance: cannot resample"):
-        open_cube(paths["raw"], **references, white_reflectance=folder / "short.csv")
+        open_cube(**paths, white_reflectance=folder / "short.csv")
 
 
 def test_no_light_gives_nan_and_saturation_gives_infinity(scene):
@@ -106,8 +110,8 @@ def test_no_light_gives_nan_and_saturation_gives_infinity(scene):
     white[:, 5, 2] = 65535
     raw[6, 7, 1] = 65535
     raw[0, 0] = 50
-    paths = {n: counts(folder, v, n) for n, v in (("raw", raw), ("white", white), ("dark", dark))}
-    cube = open_cube(paths["raw"], white=paths["white"], dark=paths["dark"])
+    paths = readings(folder, path=raw, white=white, dark=dark)
+    cube = open_cube(**paths)
     values = cube.values
     assert np.isnan(values[:, 3:6, 2]).all()
     assert np.isposinf(values[6, 7, 1])
@@ -116,20 +120,14 @@ def test_no_light_gives_nan_and_saturation_gives_infinity(scene):
     assert cube.attrs["saturated"] == np.inf
     # A bin that holds a saturated reading is saturated, one that holds a missing reading is the
     # mean of the others.
-    coarse = open_cube(
-        paths["raw"], white=paths["white"], dark=paths["dark"], binning=(2, 2, 1)
-    ).values
+    coarse = open_cube(**paths, binning=(2, 2, 1)).values
     assert np.isposinf(coarse[3, 3, 1])
     assert_allclose(coarse[2, 3, 2], values[4:6, 6:8, 2].mean(), rtol=1e-5)
     assert_allclose(coarse[1, 1, 2], values[2:4, 2, 2].mean(), rtol=1e-5)
 
 
 def test_saturated_readings_in_bins_without_calibration(tmp_path):
-    values = image()
-    path = envi(tmp_path, values)
-    raw = np.memmap(path.with_suffix(".img"), "<u2", "r+", shape=(BANDS, LINES, SAMPLES))
-    raw[2, 5, 6] = 65535
-    raw.flush()
+    path = saturated(tmp_path)
     assert open_cube(path).values[5, 6, 2] >= open_cube(path).attrs["saturated"]
     coarse = open_cube(path, binning=(2, 2, 1))
     assert coarse.attrs["saturated"] == np.inf

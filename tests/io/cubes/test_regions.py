@@ -17,7 +17,7 @@ from glazejax.io.cubes.hashes import time_of_change
 from glazejax.io.cubes.regions import inside
 
 from ...refusals import refusal
-from .images import BANDS, LINES, SAMPLES, envi, image, labelled, zarr
+from .images import BANDS, LINES, SAMPLES, envi, image, labelled, saturated, zarr
 
 SHAPE = (LINES, SAMPLES)
 BOX = [[4, 3], [10, 3], [10, 8], [4, 8]]
@@ -35,16 +35,16 @@ def test_pictures_of_all_kinds(tmp_path, kind):
     used = np.random.default_rng(0).random(SHAPE) < 0.5
     grey = Image.fromarray(np.where(used, 7, 0).astype("u1"))
     made = {
-        "grey": lambda: grey,
-        "16 bit": lambda: Image.fromarray(np.where(used, 256, 0).astype("u2")),
-        "1 bit": lambda: Image.fromarray(used),
-        "rgb": lambda: Image.fromarray(
+        "grey": grey,
+        "16 bit": Image.fromarray(np.where(used, 256, 0).astype("u2")),
+        "1 bit": Image.fromarray(used),
+        "rgb": Image.fromarray(
             np.stack([np.zeros(SHAPE, "u1"), used.astype("u1"), used * 0], 2).astype("u1")
         ),
-        "rgba": lambda: Image.fromarray(np.where(used[..., None], 255, [9, 9, 9, 0]).astype("u1")),
-        "palette": lambda: grey.convert("P"),
-        "grey alpha": lambda: grey.convert("LA"),
-    }[kind]()
+        "rgba": Image.fromarray(np.where(used[..., None], 255, [9, 9, 9, 0]).astype("u1")),
+        "palette": grey.convert("P"),
+        "grey alpha": grey.convert("LA"),
+    }[kind]
     made.save(tmp_path / "mask.png")
     assert_array_equal(read_mask(tmp_path / "mask.png", SHAPE), used)
 
@@ -193,11 +193,7 @@ def test_spots_in_parts_and_near_one_value(tmp_path, monkeypatch):
 
 
 def test_spots_leave_saturated_readings_out(tmp_path):
-    path = envi(tmp_path, image())
-    raw = np.memmap(path.with_suffix(".img"), "<u2", "r+", shape=(BANDS, LINES, SAMPLES))
-    raw[2, 5, 6] = 65535
-    raw.flush()
-    spot = read_spot(open_cube(path), "6:8,5")
+    spot = read_spot(open_cube(saturated(tmp_path)), "6:8,5")
     assert_allclose(spot.reflectance[2], image()[5, 7, 2], atol=1e-6)
 
 
@@ -231,26 +227,25 @@ def test_hash_follows_header_data_and_nothing_else(tmp_path):
     assert len({first, second, quick_source_hash(path)}) == 3
 
 
+def overwrite(path, place, content):
+    with path.open("r+b") as file:
+        file.seek(place)
+        file.write(content)
+
+
 def test_hash_of_a_large_file_and_of_a_folder(tmp_path):
     big = tmp_path / "big.npy"
     with big.open("wb") as file:
         file.truncate(10 << 30)
     first = quick_source_hash(big)
-    with big.open("r+b") as file:
-        file.seek((10 << 30) - 5)
-        file.write(b"x")
+    overwrite(big, (10 << 30) - 5, b"x")
     assert quick_source_hash(big) != first
     first = quick_source_hash(big)
-    with big.open("r+b") as file:
-        file.seek(5)
-        file.write(b"x")
+    overwrite(big, 5, b"x")
     assert quick_source_hash(big) != first
     first = quick_source_hash(big)
     # A hundredth of it, far from both ends.
-    with big.open("r+b") as file:
-        file.seek(3 << 30)
-        for _ in range(100):
-            file.write(b"x" * (1 << 20))
+    overwrite(big, 3 << 30, b"x" * (100 << 20))
     assert quick_source_hash(big) != first
     path = zarr(tmp_path, labelled(image()))
     first = quick_source_hash(path)
