@@ -76,15 +76,6 @@ def test_traced_angles_are_not_checked():
     assert jax.jit(lambda a: Hemispherical(a).cos_incidence)(120.0) == pytest.approx(-0.5)
 
 
-def test_defaults_are_those_of_the_instruments():
-    assert (Bidirectional().incidence, Bidirectional().viewing, Bidirectional().specular) == (
-        0,
-        0,
-        False,
-    )
-    assert (Hemispherical().incidence, Hemispherical().specular) == (8, True)
-
-
 @pytest.mark.parametrize("n", [1.5, pytest.param(2.0, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("ground", [0.0, 0.025, 1.0])
 def test_bare_ground_in_closed_form(ground, n):

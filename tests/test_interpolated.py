@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 import glazejax as gj
-from glazejax.chebyshev_table import Axis, Mirrored
+from glazejax.chebyshev_table import Mirrored
 from glazejax.radiative.common import chunks
 
 from .refusals import refusal
@@ -250,15 +250,3 @@ def test_what_cannot_be_reached_is_said():
     assert table.error > 1e-6
     assert not table.converged
     assert "not the 1e-06 asked for" in repr(table)
-
-
-def test_coordinates_and_back():
-    x = np.linspace(1e-6, 3e-5, 7)
-    axes = [Axis(1e-6, 3e-5, curvature) for curvature in (0.0, 10.0, 1e4)] + [
-        Mirrored(1e-6, 3e-5, 100.0)
-    ]
-    for axis in axes:
-        u = axis.coordinate(x, np)
-        assert u[0] == pytest.approx(-1)
-        assert u[-1] == pytest.approx(1)
-        assert_allclose(axis.point(u), x, rtol=1e-9)

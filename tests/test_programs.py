@@ -176,11 +176,6 @@ def test_what_is_wrong_ahead_shows_in_the_call(counted):
     check(program(VALUES, MORE))
 
 
-def test_nothing_is_kept_unless_asked_for(tmp_path, counted):
-    check(counted.program()(VALUES, MORE))
-    assert not list(tmp_path.iterdir())
-
-
 @pytest.mark.slow
 def test_a_kept_program_that_calls_lapack_runs_in_a_new_process(tmp_path):
     """JAX loads LAPACK when it lowers a call of it, which nobody does for a kept program: once that
