@@ -102,7 +102,7 @@ def test_what_a_file_need_not_say():
     assert stack_from_dict({"glazejax": "stack", "version": 1, "coats": coats}) == found
 
 
-def coat(um=1, **paint):
+def coat(um: object = 1, **paint):
     """A stack of one coat, of eosin where no paint is named."""
     return {"coats": [{"paint": paint or {"Eosin": 1}, "um": um}]}
 

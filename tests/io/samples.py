@@ -1,6 +1,7 @@
 """Spectra that tests write and read, files of every format, and strategies that make them."""
 
 import struct
+from typing import Any
 
 import numpy as np
 import pytest
@@ -99,7 +100,7 @@ def lines(rows, by=","):
     return "".join(by.join(map(str, row)) + "\n" for row in rows)
 
 
-def rows(*columns, by=",", grid=GRID):
+def rows(*columns, by=",", grid: Any = GRID):
     """Rows of a table whose first column is the wavelength."""
     return lines(zip(grid, *columns, strict=True), by)
 

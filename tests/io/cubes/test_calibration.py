@@ -30,7 +30,7 @@ def counts(folder, values, name, **further):
     return envi(folder, values, name=name, **{"reflectance scale factor": 1} | further)
 
 
-def readings(folder, **cubes):
+def readings(folder, **cubes) -> dict:
     """Counts of a cube and its references, as arguments of `open_cube`."""
     return {name: counts(folder, values, name) for name, values in cubes.items()}
 
