@@ -6,14 +6,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from benchmarks.papers.many_flux_example import join_in_series
 from jax.test_util import check_grads
 from numpy.testing import assert_allclose
 
 from glazejax.radiative.common.fresnel import dielectric_reflectance
 from glazejax.radiative.common.phase import henyey_greenstein
 from glazejax.radiative.common.quadrature import gauss
-from glazejax.radiative.manyflux.bordered import Bordered
 from glazejax.radiative.manyflux.free import (
     free_diffuse,
     free_factor,
@@ -28,7 +26,6 @@ from glazejax.radiative.manyflux.reflectance import (
     manyflux_hemispherical_reflectance,
     manyflux_reflectance_factor,
 )
-from glazejax.radiative.manyflux.star_product import Slab, join
 from tests.tolerances import CONSERVED, LAST_DIGITS, ROUNDING
 
 from ..refusals import refusal
@@ -255,33 +252,6 @@ def test_ground_seen_through_nothing():
     wave = 1 + 0.5 * np.cos(np.deg2rad([0, 100])) + 0.2 * np.cos(np.deg2rad([0, 300]))
     expected = 0.9 * np.array([[0.3, 0.35], [0.2, 0.25]])[..., None] * wave
     assert_allclose(np.pi * found, expected, atol=1e-10)
-
-
-def test_series_and_its_bound():
-    """Order by order nearer to the inverse, always within what it says is left out."""
-    rng = np.random.default_rng(0)
-    roots = jnp.sqrt(jnp.asarray(gauss(6)[0] * gauss(6)[1]))
-
-    def slab(reflected: float) -> Slab:
-        # Symmetric, positive, and no direction gives back more than it gets.
-        core = rng.uniform(size=(2, 6, 6)) * roots[:, None] * roots
-        core = core + np.swapaxes(core, -1, -2)
-        core *= reflected / np.max(np.einsum("i,mij->mj", roots, core) / roots)
-        made = Bordered(jnp.asarray(core), jnp.zeros((2, 0)), jnp.zeros((2, 0)))
-        through = made.scaled(0.3 / reflected)
-        return Slab(made, made, through, through)
-
-    upper, lower = slab(0.6), slab(0.5)
-    exact = join(upper, lower)
-    before = np.inf
-    for order in range(5):
-        found, bound = join_in_series(upper, lower, order, roots)
-        error = np.max(roots @ np.abs(found.down.core - exact.down.core)[0] / roots / bound)
-        assert error <= 1
-        assert np.max(bound) < 0.5 * before
-        before = np.max(bound)
-    with refusal("order is -1"):
-        join_in_series(upper, lower, -1, roots)
 
 
 @pytest.mark.slow

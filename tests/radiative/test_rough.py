@@ -14,7 +14,6 @@ from jax.test_util import check_grads
 
 import glazejax as gj
 from glazejax.radiative import rough
-from glazejax.radiative.rough.operators import operators
 from glazejax.radiative.rough.resolution import resolve
 from tests.tolerances import ROUNDING
 
@@ -134,7 +133,7 @@ def test_ports_are_the_reflectance_over_any_ground():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("index", [pytest.param(1.0, marks=pytest.mark.slow), 1.5])
+@pytest.mark.parametrize("index", [1.0, 1.5])
 def test_ports_of_a_smooth_surface_are_those_of_the_smooth_solver(index):
     given = {"cos_incidence": COSINES, "cos_viewing": 0.6}
     ports = rough.rough_ports(ALBEDO, THICKNESS, refractive_index=index, tolerance=1e-5, **given)
@@ -291,8 +290,3 @@ def test_what_must_be_known_is_not_traced():
         rough.surface_reflectance_factor(0.5, 0.5, roughness=0.0)
     with refusal("side 'below' is unknown"):
         rough.surface_loss(0.5, roughness=0.1, side="below")  # pyright: ignore[reportArgumentType]
-
-
-def test_operators_are_made_once():
-    surface = resolve(1.5, 0.2, 1e-3)
-    assert operators(*surface) is surface.operators()
