@@ -50,7 +50,7 @@ def envi(
     return path
 
 
-def saturated(folder: Path) -> Path:
+def bright_image(folder: Path) -> Path:
     """Such an image with one reading as high as there are."""
     path = envi(folder, image())
     raw = np.memmap(path.with_suffix(".img"), "<u2", "r+", shape=(BANDS, LINES, SAMPLES))

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 from glazejax.io import open_cube, write_table
 
 from ...refusals import refusal
-from .images import BANDS, LINES, SAMPLES, WAVELENGTHS, envi, image, saturated
+from .images import BANDS, LINES, SAMPLES, WAVELENGTHS, bright_image, envi, image
 
 
 @pytest.fixture
@@ -127,7 +127,7 @@ def test_no_light_gives_nan_and_saturation_gives_infinity(scene):
 
 
 def test_saturated_readings_in_bins_without_calibration(tmp_path):
-    path = saturated(tmp_path)
+    path = bright_image(tmp_path)
     assert open_cube(path).values[5, 6, 2] >= open_cube(path).attrs["saturated"]
     coarse = open_cube(path, binning=(2, 2, 1))
     assert coarse.attrs["saturated"] == np.inf

@@ -17,7 +17,7 @@ from glazejax.io.cubes.hashes import time_of_change
 from glazejax.io.cubes.regions import inside
 
 from ...refusals import refusal
-from .images import BANDS, LINES, SAMPLES, envi, image, labelled, saturated, zarr
+from .images import BANDS, LINES, SAMPLES, bright_image, envi, image, labelled, zarr
 
 SHAPE = (LINES, SAMPLES)
 BOX = [[4, 3], [10, 3], [10, 8], [4, 8]]
@@ -193,7 +193,7 @@ def test_spots_in_parts_and_near_one_value(tmp_path, monkeypatch):
 
 
 def test_spots_leave_saturated_readings_out(tmp_path):
-    spot = read_spot(open_cube(saturated(tmp_path)), "6:8,5")
+    spot = read_spot(open_cube(bright_image(tmp_path)), "6:8,5")
     assert_allclose(spot.reflectance[2], image()[5, 7, 2], atol=1e-6)
 
 
