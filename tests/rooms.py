@@ -60,14 +60,10 @@ def imports(module: str) -> frozenset[str]:
     """Modules of the project that a module imports anywhere in its text: also for types only, in a
     function, and by name.
     """
-    return imported(module, MODULES[module].read_text(encoding="utf-8"))
-
-
-def imported(module: str, text: str) -> frozenset[str]:
-    """What a text imports in a module's place."""
     inside = MODULES[module].name == "__init__.py"
     package = module if inside else module.rpartition(".")[0]
-    return frozenset(map(module_of, _imported(package, ast.parse(text)))) - {""}
+    tree = ast.parse(MODULES[module].read_text(encoding="utf-8"))
+    return frozenset(map(module_of, _imported(package, tree))) - {""}
 
 
 def _imported(package: str, tree: ast.AST) -> Iterator[str]:

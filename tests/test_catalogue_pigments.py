@@ -71,29 +71,22 @@ def test_what_a_painter_of_today_may_not_want():
 
 
 @pytest.mark.parametrize(
-    ("paint", "words"),
+    ("name", "shelf", "changes", "words"),
     [
-        (lambda: catalogue.pigment("LeadWhite"), "poisonous (lead), rarely sold"),
-        (lambda: catalogue.pigment("ChromeYellowOtero"), "poisonous (lead chromate), rarely sold"),
-        (lambda: catalogue.pigment("UltramarineBlue"), ""),
-        (
-            lambda: catalogue.pigment("CadmiumOrange", "acrylics").renamed(
-                "acrylics:CadmiumOrange"
-            ),
-            "poisonous (cadmium)",
+        ("LeadWhite", "oils", {}, "poisonous (lead), rarely sold"),
+        ("ChromeYellowOtero", "oils", {}, "poisonous (lead chromate), rarely sold"),
+        ("UltramarineBlue", "oils", {}, ""),
+        *(
+            ("CadmiumOrange", "acrylics", {"name": name}, "poisonous (cadmium)")
+            for name in ("acrylics:CadmiumOrange", "acrylics/CadmiumOrange")
         ),
-        (
-            lambda: catalogue.pigment("CadmiumOrange", "acrylics").renamed(
-                "acrylics/CadmiumOrange"
-            ),
-            "poisonous (cadmium)",
-        ),
-        (lambda: catalogue.pigment("PyrroleRed", "acrylics"), ""),
-        (lambda: catalogue.pigment("LeadWhite").renamed("LeadWhite", provenance="mine"), ""),
+        ("PyrroleRed", "acrylics", {}, ""),
+        ("LeadWhite", "oils", {"provenance": "mine"}, ""),
     ],
 )
-def test_a_paint_is_marked_by_its_pigment(paint, words):
-    assert catalogue.caution(paint()) == words
+def test_a_paint_is_marked_by_its_pigment(name, shelf, changes, words):
+    paint = catalogue.pigment(name, shelf).renamed(**{"name": name} | changes)
+    assert catalogue.caution(paint) == words
 
 
 def test_an_exemplar_is_marked_by_its_family(shelf):

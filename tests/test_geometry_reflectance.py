@@ -22,6 +22,7 @@ from glazejax import (
 from tests.reference import isotropic_stacks
 
 from .fresh import run_python
+from .refusals import refusal
 
 GRID = np.array([400.0, 500.0, 600.0])
 RED = Pigment("red", GRID, [9e4, 6e4, 1e3], [1e4, 2e4, 9e4])
@@ -48,16 +49,16 @@ def inner_reflectance(n):
 
 @pytest.mark.parametrize("angle", [-1, 90, 91, np.nan, [10, 100]])
 def test_wrong_angles(angle):
-    with pytest.raises(ValueError, match=r"incidence must lie in \[0, 90\)"):
+    with refusal(r"incidence must lie in \[0, 90\)"):
         Bidirectional(incidence=angle)
-    with pytest.raises(ValueError, match=r"viewing must lie in \[0, 90\)"):
+    with refusal(r"viewing must lie in \[0, 90\)"):
         Bidirectional(viewing=angle)
-    with pytest.raises(ValueError, match="incidence"):
+    with refusal("incidence"):
         Hemispherical(angle)
 
 
 def test_angle_must_be_a_number():
-    with pytest.raises(ValueError, match="number of degrees"):
+    with refusal("number of degrees"):
         Hemispherical("8")  # pyright: ignore[reportArgumentType]
 
 
@@ -73,15 +74,6 @@ def test_cosines(angle):
 
 def test_traced_angles_are_not_checked():
     assert jax.jit(lambda a: Hemispherical(a).cos_incidence)(120.0) == pytest.approx(-0.5)
-
-
-def test_defaults_are_those_of_the_instruments():
-    assert (Bidirectional().incidence, Bidirectional().viewing, Bidirectional().specular) == (
-        0,
-        0,
-        False,
-    )
-    assert (Hemispherical().incidence, Hemispherical().specular) == (8, True)
 
 
 @pytest.mark.parametrize("n", [1.5, pytest.param(2.0, marks=pytest.mark.slow)])
@@ -170,11 +162,11 @@ def test_slopes_are_those_of_finite_differences(geometry):
 @pytest.mark.usefixtures("unchecked")
 @pytest.mark.parametrize("glaze", [Bidirectional(45, 0), [], "CobaltBlue"])
 def test_what_is_no_glaze_is_refused(glaze):
-    with pytest.raises(TypeError, match=r"glaze must be a Glaze, not .*: write Glaze\("):
+    with refusal(r"glaze must be a Glaze, not .*: write Glaze\(", TypeError):
         reflectance(glaze, Bidirectional(45, 0))
-    with pytest.raises(TypeError, match="glaze must be a Glaze"):
+    with refusal("glaze must be a Glaze", TypeError):
         appearance.glaze_table(glaze, [400.0, 500.0])
-    with pytest.raises(TypeError, match="glaze must be a Glaze"):
+    with refusal("glaze must be a Glaze", TypeError):
         appearance.exports.fit_openpbr(glaze)
 
 
@@ -183,7 +175,7 @@ def test_public_names(package):
     for name in package.__all__:
         assert getattr(package, name) is not None
     assert set(package.__all__) <= set(dir(package))
-    with pytest.raises(AttributeError, match="color"):
+    with refusal("color", AttributeError):
         _ = package.color
 
 

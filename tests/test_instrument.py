@@ -9,6 +9,8 @@ import glazejax
 from glazejax import Bidirectional, Hemispherical, Instrument
 from glazejax.geometry import parse_geometry, resolve_instrument
 
+from .refusals import refusal
+
 
 @pytest.mark.parametrize(
     ("text", "geometry", "notation"),
@@ -29,11 +31,6 @@ from glazejax.geometry import parse_geometry, resolve_instrument
 )
 def test_words_for_a_geometry(text, geometry, notation):
     found = parse_geometry(text)
-    assert (type(found), found.incidence, found.specular) == (
-        type(geometry),
-        geometry.incidence,
-        geometry.specular,
-    )
     assert found == geometry
     assert found.notation == notation
     assert parse_geometry(notation) == geometry
@@ -68,17 +65,16 @@ def test_a_geometry_in_words(text, words):
     ],
 )
 def test_other_words_are_one_sentence(text, complaint):
-    with pytest.raises(ValueError, match=complaint) as error:
+    with refusal(complaint) as error:
         parse_geometry(text, argument="--instrument")
     assert str(error.value).startswith(f"--instrument is {text!r}")
-    assert "\n" not in str(error.value)
 
 
 def test_the_class_has_one_name_in_both_packages():
     assert glazefit.Instrument is glazejax.Instrument
     assert Instrument() == Instrument(Hemispherical(8.0, True), 1.5)
     assert hash(Instrument.parse("45:0")) == hash(Instrument(Bidirectional(45, 0)))
-    with pytest.raises(ValueError, match="refractive index 3 is outside"):
+    with refusal("refractive index 3 is outside"):
         Instrument(refractive_index=3)
 
 
@@ -124,12 +120,10 @@ def test_one_argument_names_an_instrument_in_four_ways():
 
 
 def test_what_names_no_instrument_is_refused(unchecked):
-    with pytest.raises(ValueError, match="45;0"):
+    with refusal("45;0"):
         resolve_instrument("45;0")
     for wrong in (45.0, Bidirectional):
-        with pytest.raises(
-            TypeError, match=r"give a geometry, such as Bidirectional\(45, 0\), its words"
-        ):
+        with refusal(r"give a geometry, such as Bidirectional\(45, 0\), its words", TypeError):
             resolve_instrument(wrong)  # pyright: ignore[reportArgumentType]
 
 

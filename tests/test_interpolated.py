@@ -11,8 +11,10 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 import glazejax as gj
-from glazejax.chebyshev_table import Axis, Mirrored
+from glazejax.chebyshev_table import Mirrored
 from glazejax.radiative.common import chunks
+
+from .refusals import refusal
 
 GRID = np.arange(400.0, 701.0, 60.0)
 TOLERANCE = 1e-4
@@ -145,18 +147,18 @@ def test_traced_values_outside_are_moved_to_the_end_with_its_slope(table):
     ],
 )
 def test_values_outside_are_named(table, values, words):
-    with pytest.raises(ValueError, match=words):
+    with refusal(words):
         table(*values)
-    with pytest.raises(ValueError, match="by name"):
+    with refusal("by name"):
         table(1e-6, shade=0.5)
 
 
 def test_what_the_function_refuses_is_passed_on():
-    with pytest.raises(ValueError, match="thickness"):
+    with refusal("thickness"):
         gj.interpolated(
             lambda thickness: spectrum(thickness, 0 * thickness), {"thickness": (-1e-6, 1e-5)}
         )
-    with pytest.raises(ValueError, match="not finite at x -1"):
+    with refusal("not finite at x -1"):
         gj.interpolated(lambda x: np.sqrt(np.where(x < 0, np.nan, x)), {"x": (-1, 1)})
 
 
@@ -176,22 +178,22 @@ def test_what_the_function_refuses_is_passed_on():
 )
 def test_what_is_wrong_is_named(change, words):
     asked = {"function": paint, "ranges": {"x": (0, 1)}} | change
-    with pytest.raises(ValueError, match=words):
+    with refusal(words):
         gj.interpolated(asked.pop("function"), asked.pop("ranges"), **asked)
 
 
 def test_what_is_no_number_is_named(unchecked, table):
-    with pytest.raises(ValueError, match="thickness is '2um'; it must be a number"):
+    with refusal("thickness is '2um'; it must be a number"):
         table("2um", 0.5)
 
 
 def test_ranges_go_by_name(unchecked):
-    with pytest.raises(ValueError, match=r"ranges is \(0.0, 5.0\); write them by name, such as"):
+    with refusal(r"ranges is \(0.0, 5.0\); write them by name, such as"):
         gj.interpolated(paint, (0.0, 5.0))  # pyright: ignore[reportArgumentType]
 
 
 def test_a_table_is_built_outside_jit():
-    with pytest.raises(ValueError, match="outside jit"):
+    with refusal("outside jit"):
         jax.jit(lambda y: gj.interpolated(lambda x: y * x[:, None], {"x": (0, 1)})(0.5))(1.0)
 
 
@@ -248,15 +250,3 @@ def test_what_cannot_be_reached_is_said():
     assert table.error > 1e-6
     assert not table.converged
     assert "not the 1e-06 asked for" in repr(table)
-
-
-def test_coordinates_and_back():
-    x = np.linspace(1e-6, 3e-5, 7)
-    axes = [Axis(1e-6, 3e-5, curvature) for curvature in (0.0, 10.0, 1e4)] + [
-        Mirrored(1e-6, 3e-5, 100.0)
-    ]
-    for axis in axes:
-        u = axis.coordinate(x, np)
-        assert u[0] == pytest.approx(-1)
-        assert u[-1] == pytest.approx(1)
-        assert_allclose(axis.point(u), x, rtol=1e-9)

@@ -13,6 +13,8 @@ from numpy.testing import assert_allclose
 from glazejax import Bidirectional
 from glazejax.paint.media import Glaze, Layer, Mixture, Pigment
 
+from .refusals import refusal
+
 GRID = np.array([400.0, 500.0, 600.0])
 RED = Pigment("red", GRID, [9e4, 6e4, 1e3], [1e4, 2e4, 9e4])
 BLUE = Pigment("blue", GRID, [2e3, 4e4, 8e4], [5e4, 1e4, 0.0])
@@ -30,14 +32,14 @@ BLUE = Pigment("blue", GRID, [2e3, 4e4, 8e4], [5e4, 1e4, 0.0])
     ],
 )
 def test_wrong_coefficients_are_named(absorption, scattering, complaint):
-    with pytest.raises(ValueError, match=complaint):
+    with refusal(complaint):
         Pigment("x", GRID, absorption, scattering)
 
 
 def test_identifiable_must_be_booleans_one_a_band():
-    with pytest.raises(ValueError, match="3 booleans"):
+    with refusal("3 booleans"):
         Pigment("x", GRID, GRID, GRID, identifiable=[1, 0, 1])
-    with pytest.raises(ValueError, match="3 booleans"):
+    with refusal("3 booleans"):
         Pigment("x", GRID, GRID, GRID, identifiable=[True])
 
 
@@ -60,7 +62,7 @@ def test_pigment_resampled_with_everything_it_carries():
     assert fine.identifiable is not None
     assert fine.identifiable.tolist() == [True, True, True, False]
     assert fine.provenance == "a jar"
-    with pytest.raises(ValueError, match="without guessing"):
+    with refusal("without guessing"):
         pigment.resample([380, 400])
 
 
@@ -114,18 +116,18 @@ def test_mixture_of_a_picture():
     ],
 )
 def test_wrong_weights(weights, complaint):
-    with pytest.raises(ValueError, match=complaint):
+    with refusal(complaint):
         Mixture([RED, BLUE], weights)
 
 
 def test_weights_may_miss_one_by_rounding():
     assert Mixture([RED] * 3, [0.3333333, 0.3333333, 0.3333333]).name == "red + red + red"
-    with pytest.raises(ValueError, match="sum to"):
+    with refusal("sum to"):
         Mixture([RED] * 3, [0.333333, 0.333333, 0.333332])
 
 
 def test_empty_mixture():
-    with pytest.raises(ValueError, match="at least one pigment"):
+    with refusal("at least one pigment"):
         Mixture([], [])
 
 
@@ -135,9 +137,7 @@ def test_grids_must_agree():
         lambda: Mixture([RED, other], [0.5, 0.5]),
         lambda: Glaze([Layer(RED, 1e-5), Layer(other, 1e-5)], 0.5),
     ):
-        with pytest.raises(
-            ValueError, match=r"'red' has 400-600 nm step 100.*'green' has .*\.resample"
-        ):
+        with refusal(r"'red' has 400-600 nm step 100.*'green' has .*\.resample"):
             build()
 
 
@@ -146,7 +146,7 @@ def test_grids_must_agree():
     [(-1e-6, "not -1e-06"), (np.nan, "not nan"), (20.0, "in metres"), ([1e-5, -1.0], "not -1")],
 )
 def test_wrong_thickness(thickness, complaint):
-    with pytest.raises(ValueError, match=f"thickness of 'red'.*{complaint}"):
+    with refusal(f"thickness of 'red'.*{complaint}"):
         Layer(RED, thickness)
 
 
@@ -162,7 +162,7 @@ def test_wrong_thickness(thickness, complaint):
     ],
 )
 def test_wrong_glaze(ground, index, complaint):
-    with pytest.raises(ValueError, match=complaint):
+    with refusal(complaint):
         Glaze([Layer(RED, 1e-5)], ground, index)
 
 
@@ -180,7 +180,7 @@ def test_wrong_glaze(ground, index, complaint):
     ],
 )
 def test_what_is_no_paint_or_number_is_said_in_words(build, complaint):
-    with pytest.raises(ValueError, match=complaint):
+    with refusal(complaint):
         build()
 
 
@@ -202,7 +202,7 @@ def test_batches_broadcast():
 def test_bare_ground_has_no_layers():
     assert Glaze([], np.full(3, 0.5)).albedo.shape == (3, 0)
     assert Glaze([], 0.5).optical_thickness.shape == (1, 0)
-    with pytest.raises(ValueError, match="no wavelengths of its own"):
+    with refusal("no wavelengths of its own"):
         _ = Glaze([], 0.5).wavelengths
 
 
@@ -252,7 +252,7 @@ def test_traced_values_are_not_checked_but_shapes_are():
 
     assert np.isfinite(jax.jit(thick)(-1.0))
     assert np.isfinite(jax.jit(lambda w: Mixture([RED, BLUE], [w, w]).absorption.sum())(3.0))
-    with pytest.raises(ValueError, match="shape"):
+    with refusal("shape"):
         jax.jit(lambda k: Pigment("x", GRID, k, k).absorption)(jnp.zeros(2))
 
 
@@ -298,10 +298,10 @@ def test_coats_of_different_batches_are_one_sentence():
     grid = np.array([500.0, 600.0])
     paint = Pigment("P", grid, [1e4, 1e4], [1e4, 1e4])
     three, four = (Layer(paint, np.full(n, 1e-6)) for n in (3, 4))
-    with pytest.raises(ValueError, match=r"shapes \(3,\), \(4,\) over .*thickness\[:, None\]"):
+    with refusal(r"shapes \(3,\), \(4,\) over .*thickness\[:, None\]"):
         Glaze([three, four], 0.9)
-    with pytest.raises(ValueError, match=r"grounds of shape \(3,\)"):
+    with refusal(r"grounds of shape \(3,\)"):
         Glaze([four], np.full((3, 2), 0.9))
-    with pytest.raises(ValueError, match="1 of 2 values are masked"):
+    with refusal("1 of 2 values are masked"):
         Layer(paint, np.ma.masked_array([1e-6, 2e-6], [False, True]))
     assert Glaze([Layer(paint, np.zeros(0))], 0.9).optical_thickness.shape == (0, 2, 1)

@@ -10,6 +10,8 @@ import glazejax as gj
 from glazejax.radiative.common.phase import henyey_greenstein
 from glazejax.radiative.manyflux.reflectance import manyflux_reflectance_factor
 
+from .refusals import refusal
+
 GRID = [500.0, 600.0]
 FORWARD = gj.Pigment("forward", GRID, [1e4, 2e4], [2e5, 1e5], phase=henyey_greenstein(0.5, 6))
 PLAIN = gj.Pigment("plain", GRID, [1e4, 5e4], [1e5, 3e5])
@@ -104,16 +106,16 @@ def test_a_full_turn_of_azimuth_changes_nothing():
 
 
 def test_errors_name_the_value():
-    with pytest.raises(ValueError, match="'p': phase begins with 3"):
+    with refusal("'p': phase begins with 3"):
         gj.Pigment("p", GRID, [1.0, 1.0], [1.0, 1.0], phase=[3.0, 1.0])
-    with pytest.raises(ValueError, match=r"phase of 'p' has shape \(3, 2\)"):
+    with refusal(r"phase of 'p' has shape \(3, 2\)"):
         gj.Pigment("p", GRID, [1.0, 1.0], [1.0, 1.0], phase=np.ones((3, 2)))
     glaze = gj.Glaze([gj.Layer(FORWARD, 1e-6)], 0.4)
-    with pytest.raises(ValueError, match="'ordinates' takes isotropic scattering only"):
+    with refusal("'ordinates' takes isotropic scattering only"):
         gj.reflectance(glaze, gj.Hemispherical(), method="ordinates")
-    with pytest.raises(ValueError, match="a picture takes paint that scatters isotropically"):
+    with refusal("a picture takes paint that scatters isotropically"):
         gj.picture([FORWARD], [np.full((2, 2), 1e-6)], 0.5)
-    with pytest.raises(ValueError, match="azimuth must be a finite number"):
+    with refusal("azimuth must be a finite number"):
         gj.Bidirectional(45.0, 30.0, azimuth=np.nan)
-    with pytest.raises(ValueError, match="refractive_index must be a number"):
+    with refusal("refractive_index must be a number"):
         gj.reflectance(gj.Glaze(glaze.coats, 0.4, np.array([1.5, 1.6])), gj.Hemispherical())

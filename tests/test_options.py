@@ -16,6 +16,7 @@ from glazejax import catalogue, extras, samples
 from glazejax.commands import main as cli
 from glazejax.commands import options, progress
 
+from .refusals import refusal
 from .test_first_second import environment
 from .test_pigment_table import HEADER
 
@@ -139,7 +140,7 @@ def test_ranges_of_lengths(text, bounds):
     ],
 )
 def test_bad_lengths(read, text, complaint):
-    with pytest.raises(ValueError, match=complaint) as error:
+    with refusal(complaint) as error:
         read(text, "--thickness")
     assert str(error.value).startswith("--thickness is ")
 
@@ -157,9 +158,9 @@ def test_ground_is_a_number_or_a_spectrum(tmp_path):
     np.testing.assert_allclose(ground.on(np.array([450.0, 550.0])), [0.85, 0.95], atol=0.01)
     assert ground.words == "white (cards.csv, mean 0.90)"
     assert "inside the paint" in ground.notes[-1]
-    with pytest.raises(ValueError, match=r"cards\.csv: the ground: .* 300-500 nm .* keep to 400"):
+    with refusal(r"cards\.csv: the ground: .* 300-500 nm .* keep to 400"):
         ground.on(np.array([300.0, 400.0, 500.0]))
-    with pytest.raises(ValueError, match="a ground reflects 1 at most"):
+    with refusal("a ground reflects 1 at most"):
         options.read_ground(f"{path}:bright")
     bare = options.read_ground(f"{path}:bright", bare=True)
     assert not any("inside the paint" in note for note in bare.notes)
@@ -167,11 +168,11 @@ def test_ground_is_a_number_or_a_spectrum(tmp_path):
         ("90", r"--ground is 90; .* \(90 looks like percent: write 0.9\)"),
         ("-1", "--ground is -1"),
     ):
-        with pytest.raises(ValueError, match=complaint):
+        with refusal(complaint):
             options.read_ground(text)
-    with pytest.raises(FileNotFoundError, match=r"'none\.csv' is neither a number"):
+    with refusal(r"'none\.csv' is neither a number", FileNotFoundError):
         options.read_ground("none.csv")
-    with pytest.raises(ValueError, match="--backing is 2"):
+    with refusal("--backing is 2"):
         options.read_ground("2", "--backing")
 
 
@@ -189,21 +190,21 @@ def test_paints_of_a_shelf(tmp_path):
         ("", "Red", ["ZincWhite", "Blue"]),
     ):
         assert [paint.name for paint in options.choose_paints(shelf, only, without)] == kept
-    with pytest.raises(ValueError, match="leave no paint"):
+    with refusal("leave no paint"):
         options.choose_paints(shelf, "Red", "Red")
-    with pytest.raises(ValueError, match="no pigment 'Mauve'"):
+    with refusal("no pigment 'Mauve'"):
         options.choose_paints(shelf, "Mauve")
 
 
 @pytest.mark.parametrize("name", ["Titanium", "titanium white", "TitanumWhite"])
 def test_a_paint_of_another_catalogue_is_pointed_out(name):
-    with pytest.raises(ValueError, match="acrylics:TitaniumWhite") as elsewhere:
+    with refusal("acrylics:TitaniumWhite") as elsewhere:
         options.choose_paints(catalogue.load("oils"), name)
     assert "--catalogue" not in str(elsewhere.value)
-    with pytest.raises(ValueError, match="there is no pigment 'Nonsense'") as nowhere:
+    with refusal("there is no pigment 'Nonsense'") as nowhere:
         options.choose_paints(catalogue.load("oils"), "Nonsense")
     assert "acrylics" not in str(nowhere.value)
-    with pytest.raises(ValueError, match=r"the nearest are ZincWhite, ZincWhiteLinseed$"):
+    with refusal(r"the nearest are ZincWhite, ZincWhiteLinseed$"):
         options.choose_paints(catalogue.load("oils"), "Zinc")
 
 
@@ -241,21 +242,19 @@ def test_own_paints_stand_beside_a_catalogue_that_is_named(tmp_path, capsys):
 def test_no_two_options_write_one_file(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     options.check_outputs({"--out": Path("a.png"), "--csv": None, "--json": Path("b")}, False)
-    with pytest.raises(ValueError, match=r"--csv and --out are both a\.png, the same file"):
+    with refusal(r"--csv and --out are both a\.png, the same file"):
         options.check_outputs({"--out": tmp_path / "a.png", "--csv": Path("./a.png")}, False)
 
 
 def test_folders(tmp_path):
     assert options.check_folder(tmp_path / "new", False) == tmp_path / "new"
     (tmp_path / "x").touch()
-    with pytest.raises(
-        FileExistsError, match=r"not empty; choose another, or sing, or add --overwrite"
-    ):
+    with refusal(r"not empty; choose another, or sing, or add --overwrite", FileExistsError):
         options.check_folder(tmp_path, False, instead=", or sing")
     assert options.check_folder(tmp_path, True) == tmp_path
-    with pytest.raises(FileExistsError, match="is a file"):
+    with refusal("is a file", FileExistsError):
         options.check_folder(tmp_path / "x", True)
-    with pytest.raises(ValueError, match="--out FOLDER"):
+    with refusal("--out FOLDER"):
         options.check_folder(None, False)
 
 
@@ -289,7 +288,7 @@ def test_a_slip_of_our_own_is_no_missing_extra(monkeypatch):
         raise ModuleNotFoundError("No module named 'glazejax.nonsense'", name="glazejax.nonsense")
 
     monkeypatch.setattr(cli, "make_app", fail)
-    with pytest.raises(ModuleNotFoundError, match="nonsense"):
+    with refusal("nonsense", ModuleNotFoundError):
         cli.main()
     assert extras.advice(None) is None
 
@@ -318,7 +317,7 @@ def test_a_picture_is_refused_before_it_is_computed(monkeypatch, run, tmp_path):
 
 @pytest.mark.parametrize("path", [None, Path("own.csv")])
 def test_a_catalogue_of_no_name_is_refused(path):
-    with pytest.raises(ValueError, match="there is no catalogue 'oil'; choose from oils, acrylics"):
+    with refusal("there is no catalogue 'oil'; choose from oils, acrylics"):
         options.read_shelf(path, "oil")
 
 
@@ -332,7 +331,7 @@ def test_a_device_that_is_not_there_is_said(monkeypatch, error):
 
     monkeypatch.setenv("JAX_PLATFORMS", "foo")
     monkeypatch.setattr(jax, "devices", fail)
-    with pytest.raises(ValueError, match="JAX_PLATFORMS is 'foo', and JAX finds no such device"):
+    with refusal("JAX_PLATFORMS is 'foo', and JAX finds no such device"):
         cli._check_platforms()
     monkeypatch.delenv("JAX_PLATFORMS")
     cli._check_platforms()

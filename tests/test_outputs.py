@@ -1,10 +1,10 @@
 """Results go where there is room for them, and replace nothing unasked."""
 
-import pytest
-
 from glazejax.io.outputs import check_output
 from glazejax.io.write import write_files
 from glazejax.whole_file import whole_file
+
+from .refusals import refusal
 
 
 def test_free_names_and_files_that_may_be_replaced(tmp_path):
@@ -19,16 +19,16 @@ def test_what_is_wrong_is_said(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "old.csv").write_text("mine")
     (tmp_path / "folder").mkdir()
-    with pytest.raises(
-        FileExistsError, match=r"^--csv old.csv exists; choose another name, or .* --overwrite$"
+    with refusal(
+        r"^--csv old.csv exists; choose another name, or .* --overwrite$", FileExistsError
     ):
         check_output("old.csv", argument="--csv")
-    with pytest.raises(FileExistsError, match=r"^old.csv exists; .* with overwrite=True$"):
+    with refusal(r"^old.csv exists; .* with overwrite=True$", FileExistsError):
         check_output("old.csv", switch="overwrite=True")
-    with pytest.raises(FileNotFoundError, match=r"^none/new.csv: the folder none does not exist$"):
+    with refusal(r"^none/new.csv: the folder none does not exist$", FileNotFoundError):
         check_output("none/new.csv")
     for overwrite in (False, True):
-        with pytest.raises(IsADirectoryError, match=r"^folder is a folder: name a file in it$"):
+        with refusal(r"^folder is a folder: name a file in it$", IsADirectoryError):
             check_output("folder", overwrite=overwrite)
 
 
@@ -36,7 +36,7 @@ def test_several_files_are_written_all_or_none(tmp_path):
     """A file that is there stays as it is unless asked, and then no other is written either."""
     new, old = tmp_path / "new.csv", tmp_path / "old.csv"
     old.write_bytes(b"mine")
-    with pytest.raises(FileExistsError, match=r"old\.csv"):
+    with refusal(r"old\.csv", FileExistsError):
         write_files({new: [b"a", b"b"], old: [b"c"]})
     assert old.read_bytes() == b"mine"
     assert not new.exists()
@@ -57,5 +57,5 @@ def test_what_fails_names_the_users_file_and_no_part_of_it(tmp_path):
             (tmp_path / "gone").rmdir()
             part.write_text("")
 
-    with pytest.raises(FileNotFoundError, match=r"gone/o\.csv'$"):
+    with refusal(r"gone/o\.csv'$", FileNotFoundError):
         write()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from benchmarks.paintbench import sources, splits, tasks
 from benchmarks.paintbench.library import Answer, pure_table
-from benchmarks.paintbench.mixers import AbsorbanceUnmixing, KubelkaMunk, Mixtures
+from benchmarks.paintbench.mixers import KubelkaMunk, Mixtures
 from benchmarks.paintbench.spectra import GRID
 
 from glazejax import catalogue
@@ -116,51 +116,16 @@ def test_two_constants_are_found_again_in_their_own_mixtures(pairs):
     assert np.abs(found - rest.fractions[:3]).max() < 0.05
 
 
-def test_unmixing_is_exact_where_absorbances_add():
-    values = np.array([[0.9, 0.5, 0.3], [0.4, 0.8, 0.9]])
-    mixed = np.exp(0.25 * np.log(values[0]) + 0.75 * np.log(values[1]))
-    films = Mixtures(
-        wavelengths=np.array([450.0, 550.0, 650.0]),
-        readings=values,
-        fractions=np.eye(2),
-        paints=("A", "B"),
-        names=("A", "B"),
-    )
-    method = AbsorbanceUnmixing()
-    method.learn(films)
-    found = method.amounts(mixed[None], np.ones((1, 2), bool))
-    assert found == pytest.approx(np.array([[0.25, 0.75]]), abs=1e-9)
-    assert method.foretell(np.eye(2)) is None
-
-
 class Listener:
-    """A method that keeps which makers it was taught and asked, and answers nothing."""
+    """A method that keeps which groups it was taught, and answers nothing."""
 
     name = "listener"
 
     def __init__(self):
-        self.heard = []
         self.groups = set()
 
     def learn(self, library):
         self.groups |= set(library.groups.tolist())
-        self.heard.append({sample.name.split("-")[0] for sample in library.samples})
 
     def answer(self, sought, hidden, pairs):
-        asked = {sample.name.split("-")[0] for sample in sought.samples}
-        self.heard[-1] = (self.heard[-1], asked)
         return [Answer(ranked=(), doubt=0.0, refused=True)] * len(sought)
-
-
-def test_a_maker_is_asked_with_the_paints_of_all_others(measured):
-    method = Listener()
-    record = tasks.Record()
-    tasks.run_references([measured["makers"], measured["kimera"]], [method], record)
-    every = {sample.name.split("-")[0] for sample in measured["makers"].samples}
-    assert len(method.heard) == 2 * len(every)
-    for taught, (asked,) in method.heard:
-        assert every - taught == {asked}
-        assert taught - every, "the library is not there"
-    scores = record.results["references_380"]["makers"]["listener"]
-    assert (scores["n"] or 0) > 300
-    assert scores["refused"] == 1.0

@@ -12,12 +12,9 @@ from numpy.polynomial.legendre import leggauss
 import glazefit
 from glazejax import (
     Instrument,
-    Mixture,
-    Pigment,
     stack_hemispherical_reflectance,
     stack_reflectance_factor,
 )
-from glazejax.radiative.twoflux import kubelka_munk_from_radiative
 
 PAGE = (Path(__file__).parents[1] / "docs" / "physics.md").read_text("utf-8")
 INDEX = 1.5
@@ -109,17 +106,6 @@ def test_the_program_solves_them(case):
     assert (float(factor), float(flux)) == pytest.approx(solved(*case), abs=2e-9)
 
 
-def test_paint_is_the_sum_of_its_shares():
-    grid = np.array([500.0, 600.0])
-    one, two = (
-        Pigment("a", grid, [1e3, 2e3], [5e4, 6e4]),
-        Pigment("b", grid, [9e4, 1e3], [2e3, 1e4]),
-    )
-    mixed = Mixture([one, two], [0.25, 0.75])
-    assert np.asarray(mixed.absorption) == pytest.approx([0.25e3 + 6.75e4, 0.5e3 + 0.75e3])
-    assert np.asarray(mixed.scattering) == pytest.approx([1.25e4 + 1.5e3, 1.5e4 + 7.5e3])
-
-
 def said(words: str) -> float:
     """The number in the one group of a pattern, which the page must hold."""
     found = re.search(words, " ".join(PAGE.split()))
@@ -146,5 +132,5 @@ def test_numbers_of_the_surface_and_the_card():
 
 
 def test_kubelka_munks_numbers():
+    """That the program follows them, `tests/radiative/test_twoflux.py` says."""
     assert r"$K = 2k$ and $S \approx 3s(1 - g)/4$" in " ".join(PAGE.split())
-    assert kubelka_munk_from_radiative(2.0, 8.0, 0.5) == (4.0, 3.0)

@@ -10,6 +10,7 @@ from glazejax.radiative.plan.plan import ALL
 
 GRID = np.arange(400.0, 701.0, 30.0)
 SIZE = (24, 32)
+FLAT = np.full(SIZE, 1e-6)
 
 
 @pytest.fixture(scope="module")
@@ -99,16 +100,16 @@ def test_picture_is_written(paints, maps, tmp_path):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"maps": (np.full(SIZE, 12.0), 1e-6)}, "thickness is in metres"),
+        ({"thickness_maps": (np.full(SIZE, 12.0), 1e-6)}, "thickness is in metres"),
         (
-            {"maps": (np.full(SIZE, np.nan), 1e-6)},
+            {"thickness_maps": (np.full(SIZE, np.nan), 1e-6)},
             "thickness of 'blue' must be finite|thickness of 'blue' must be in",
         ),
-        ({"maps": (np.full(SIZE, -1e-6), 1e-6)}, "not -1e-06"),
-        ({"maps": (np.full(SIZE, 1e-6), np.full((3, 3), 1e-6))}, "maps differ in shape"),
-        ({"maps": (np.full(7, 1e-6), 1e-6)}, r"map \(h, w\) or one number"),
-        ({"maps": (1e-6, 1e-6)}, "glazejax.reflectance"),
-        ({"maps": (np.full(SIZE, 1e-6),)}, "2 coats and 1 thickness maps"),
+        ({"thickness_maps": (np.full(SIZE, -1e-6), 1e-6)}, "not -1e-06"),
+        ({"thickness_maps": (FLAT, np.full((3, 3), 1e-6))}, "maps differ in shape"),
+        ({"thickness_maps": (np.full(7, 1e-6), 1e-6)}, r"map \(h, w\) or one number"),
+        ({"thickness_maps": (1e-6, 1e-6)}, "glazejax.reflectance"),
+        ({"thickness_maps": (FLAT,)}, "2 coats and 1 thickness maps"),
         ({"ground": np.full(SIZE, 84.0)}, "percent"),
         ({"ground": np.full(5, 0.5)}, "bands"),
         ({"delta_e": 0.0}, "delta_e is 0"),
@@ -116,13 +117,6 @@ def test_picture_is_written(paints, maps, tmp_path):
     ],
 )
 def test_what_is_wrong_is_named(paints, change: dict, words: str):
-    asked = {
-        "maps": (np.full(SIZE, 1e-6), 1e-6),
-        "ground": 0.5,
-        "instrument": None,
-        "delta_e": 0.1,
-    } | change
+    asked = {"thickness_maps": (FLAT, 1e-6), "ground": 0.5} | change
     with pytest.raises(ValueError, match=words):
-        gj.picture(
-            paints, asked["maps"], asked["ground"], asked["instrument"], delta_e=asked["delta_e"]
-        )
+        gj.picture(paints, **asked)

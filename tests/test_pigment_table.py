@@ -4,6 +4,8 @@ from numpy.testing import assert_array_equal
 from glazejax import Pigment, catalogue
 from glazejax.paint.pigment_table import read_pigments, write_pigments
 
+from .refusals import refusal
+
 HEADER = "pigment,wavelength_nm,absorption,scattering,absorption_sd,scattering_sd,identifiable\n"
 GOOD = (
     HEADER
@@ -91,13 +93,12 @@ def test_columns_in_any_order_comments_and_extras(tmp_path):
     ],
 )
 def test_bad_tables_are_refused(tmp_path, text, complaint):
-    with pytest.raises(ValueError, match=complaint) as caught:
+    with refusal(complaint):
         read_pigments(put(tmp_path, text))
-    assert "\n" not in str(caught.value)
 
 
 def test_missing_file_and_folder(tmp_path):
-    with pytest.raises(FileNotFoundError, match="no such file of pigments"):
+    with refusal("no such file of pigments", FileNotFoundError):
         read_pigments(tmp_path / "none.csv")
-    with pytest.raises(ValueError, match="is a folder"):
+    with refusal("is a folder"):
         read_pigments(tmp_path)

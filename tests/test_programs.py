@@ -12,6 +12,7 @@ from glazejax import programs
 from glazejax.programs import Program, keep_traced
 
 from .fresh import run_python
+from .refusals import refusal
 
 
 class Sums(NamedTuple):
@@ -139,7 +140,7 @@ def test_numbers_of_python_and_arrays_are_programs_of_their_own(folder):
     program = Program(lambda a, b: a * b)
     single = jnp.ones(2, jnp.float32)
     assert program(single, 2.0).dtype == np.float32
-    with pytest.raises(ValueError, match="promotion"):
+    with refusal("promotion"):
         program(single, np.float64(2.0))
 
 
@@ -170,14 +171,9 @@ def test_what_was_compiled_ahead_is_not_compiled_again(tmp_path, counted, kept):
 def test_what_is_wrong_ahead_shows_in_the_call(counted):
     program = counted.program()
     program.ahead(VALUES, {"shift": np.zeros(7)})
-    with pytest.raises(ValueError, match="broadcast"):
+    with refusal("broadcast"):
         program(VALUES, {"shift": np.zeros(7)})
     check(program(VALUES, MORE))
-
-
-def test_nothing_is_kept_unless_asked_for(tmp_path, counted):
-    check(counted.program()(VALUES, MORE))
-    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.slow

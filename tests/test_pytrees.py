@@ -43,14 +43,6 @@ def test_labels_stay_with_their_paint():
     assert BLUE.name not in repr(jax.tree.structure(BLUE))
 
 
-def test_glazes_stack():
-    other = gj.Glaze([gj.Layer(WHITE, 3e-6), gj.Layer(MIXTURE, 2e-5)], 0.9)
-    both = jax.tree.map(lambda *leaves: jnp.stack(leaves), GLAZE, other)
-    found = jax.vmap(lambda glaze: glaze.optical_thickness)(both)
-    for one, glaze in zip(found, (GLAZE, other), strict=True):
-        assert_allclose(one, glaze.optical_thickness, rtol=1e-6)
-
-
 @pytest.mark.parametrize(
     "leaf",
     [(), (1, 2), None, True, "word", object(), jax.ShapeDtypeStruct((3,), float)],

@@ -6,7 +6,6 @@ import os
 import re
 import subprocess
 import sys
-from importlib.metadata import entry_points
 
 import numpy as np
 import pytest
@@ -15,8 +14,6 @@ from numpy.testing import assert_allclose, assert_array_equal
 import glazejax
 from glazejax import Bidirectional, Glaze, Hemispherical, Layer, Mixture, Pigment
 from glazejax.colour import lab, xyz
-from glazejax.commands import main as cli
-from glazejax.commands import render as cli_render
 from glazejax.io import read_spectra
 from glazejax.paint.pigment_table import read_pigments
 from glazejax.stacks import read_stack
@@ -41,33 +38,13 @@ def pigments_csv(tmp_path_factory):
 
 
 @pytest.fixture
-def run(tmp_path, monkeypatch, capsys, pigments_csv):
+def run(command_line, pigments_csv):
     """Run a command line in an empty folder; returns exit status, stdout, stderr."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("COLUMNS", "100")
-
-    class OnlyRender:
-        name = "render"
-
-        @staticmethod
-        def load():
-            return cli_render.register
+    render = command_line("render", columns=100)
 
     def call(*arguments, pigments=pigments_csv):
-        monkeypatch.setattr(
-            "importlib.metadata.entry_points",
-            lambda **wanted: (
-                [OnlyRender]
-                if wanted.get("group") == "glazejax.commands"
-                else entry_points(**wanted)
-            ),
-        )
-        own = [] if pigments is None else ["--pigments", str(pigments)]
-        monkeypatch.setattr(sys, "argv", ["glazejax", "render", *arguments, *own])
-        with pytest.raises(SystemExit) as end:
-            cli.main()
-        captured = capsys.readouterr()
-        return end.value.code or 0, captured.out, captured.err
+        own = [] if pigments is None else ["--pigments", pigments]
+        return render(*arguments, *own)
 
     return call
 

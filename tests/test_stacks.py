@@ -22,6 +22,8 @@ from glazejax.stacks import (
     write_stack,
 )
 
+from .refusals import refusal
+
 COATS = [
     {"paint": {"CobaltBlue": 1}, "um": 2},
     {"paint": {"ZincWhite": 9, "Eosin": 1}, "um": 20, "hidden": True},
@@ -46,7 +48,7 @@ def test_a_file_that_was_written_is_read_again(tmp_path):
     assert again.coats[1] == Coat(((0.9, "ZincWhite"), (0.1, "Eosin")), 20e-6, 1)
     assert again.hidden == (False, True)
     assert_allclose(again.pigments["Mine"].absorption, MINE["absorption"])
-    with pytest.raises(FileExistsError, match="overwrite=True"):
+    with refusal("overwrite=True", FileExistsError):
         write_stack(path, stack)
 
 
@@ -100,34 +102,30 @@ def test_what_a_file_need_not_say():
     assert stack_from_dict({"glazejax": "stack", "version": 1, "coats": coats}) == found
 
 
+def coat(um: object = 1, **paint):
+    """A stack of one coat, of eosin where no paint is named."""
+    return {"coats": [{"paint": paint or {"Eosin": 1}, "um": um}]}
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [
         ({"glazejax": "scene"}, '"glazejax": "stack"'),
         ({"version": 2}, "version 2"),
         ({"coat": []}, "a stack has no 'coat'"),
-        (
-            {"coats": [{"paint": {"CobaltBleu": 1}, "um": 1}]},
-            "coat 1: there is no pigment 'CobaltBleu'.*CobaltBlue",
-        ),
-        (
-            {"coats": [{"paint": {"Eosin": 1}, "um": 1e9}]},
-            "coat 1 is .* micrometres thick; .* between 0 and 10000",
-        ),
-        ({"coats": [{"paint": {"Eosin": 1}, "um": -1}]}, "between 0 and 10000"),
-        (
-            {"coats": [{"paint": {"Eosin": 1}, "um": None}]},
-            'coat 1: "um" is None; it must be a number of micro',
-        ),
-        ({"coats": [{"paint": {"Eosin": 1}, "um": "4um"}]}, "\"um\" is '4um'; .* without a unit"),
+        (coat(CobaltBleu=1), "coat 1: there is no pigment 'CobaltBleu'.*CobaltBlue"),
+        (coat(1e9), "coat 1 is .* micrometres thick; .* between 0 and 10000"),
+        (coat(-1), "between 0 and 10000"),
+        (coat(None), 'coat 1: "um" is None; it must be a number of micro'),
+        (coat("4um"), "\"um\" is '4um'; .* without a unit"),
         (
             {"coats": [{"paint": "Eosin", "um": 1}]},
             'parts by weight, such as "paint": {"Eosin": 1}',
         ),
         ({"ground": 85}, "the ground is 85; .* between 0 and 1: 85 percent are 0.85"),
-        ({"coats": [{"paint": {"Eosin": 0}, "um": 1}]}, "all parts are 0"),
-        ({"coats": [{"paint": {"Eosin": -1}, "um": 1}]}, "the part of Eosin is -1"),
-        ({"coats": [{"paint": dict.fromkeys("abcde", 1), "um": 1}]}, "1 to 4 paints"),
+        (coat(Eosin=0), "all parts are 0"),
+        (coat(Eosin=-1), "the part of Eosin is -1"),
+        (coat(**dict.fromkeys("abcde", 1)), "1 to 4 paints"),
         ({"coats": [{"um": 1}]}, 'coat 1 must have "paint" and "um"'),
         ({"ground": 1.2}, "the ground is 1.2; .* between 0 and 1"),
         ({"ground": "pink"}, "white, black or card"),
@@ -136,16 +134,15 @@ def test_what_a_file_need_not_say():
         ({"refractive_index": 3}, "refractive_index is 3"),
         ({"refractive_index": 10**400}, "refractive_index is 1000.*; it must be a number"),
         ({"ground": 10**400}, "the ground is 1000.*; it must be a number"),
-        ({"coats": [{"paint": {"Eosin": 10**400}, "um": 1}]}, "the part of Eosin is 1000"),
-        ({"coats": [{"paint": {"Eosin": 1}, "um": 10**400}]}, '"um" is 1000.*; it must be'),
+        (coat(Eosin=10**400), "the part of Eosin is 1000"),
+        (coat(10**400), '"um" is 1000.*; it must be'),
         ({"pigments": {"Mine": {"wavelengths": GRID}}}, "paint 'Mine' must have"),
         ({"pigments": {"Mine": {**MINE, "absorption": [1, 2, 3, -4]}}}, "absorption of 'Mine'"),
     ],
 )
 def test_what_is_wrong_is_one_sentence(change, words):
-    with pytest.raises(ValueError, match=words) as raised:
+    with refusal(words) as raised:
         parse_stack(json.dumps({**GIVEN, **change}))
-    assert "\n" not in str(raised.value)
     assert len(str(raised.value)) < 300
 
 
@@ -153,7 +150,7 @@ def test_text_that_is_no_stack(tmp_path):
     path = tmp_path / "stack.json"
     for text in ("{", "[1]", "NaN"):
         path.write_text(text)
-        with pytest.raises(ValueError, match="stack"):
+        with refusal("stack"):
             read_stack(path)
 
 
@@ -179,7 +176,7 @@ def test_a_glaze_is_saved_and_loaded(tmp_path):
     assert_array_equal(again.coats[2].medium.absorption, other.absorption)
     assert (again.refractive_index, read_stack(path).instrument) == (1.45, "d:8")
     assert set(json.loads(path.read_text())["pigments"]) == {"Mine", "Mine'"}
-    with pytest.raises(FileExistsError, match="overwrite=True"):
+    with refusal("overwrite=True", FileExistsError):
         gj.save_glaze(glaze, path)
     assert gj.save_glaze(glaze, path, overwrite=True) == path
 
@@ -193,7 +190,7 @@ def test_a_glaze_over_both_sides_of_a_card(tmp_path):
 @pytest.mark.usefixtures("unchecked")
 def test_a_card_has_two_sides(tmp_path):
     (tmp_path / "s.json").write_text(json.dumps(GIVEN))
-    with pytest.raises(ValueError, match="side is 'grey'"):
+    with refusal("side is 'grey'"):
         gj.load_glaze(tmp_path / "s.json", side="grey")  # pyright: ignore[reportArgumentType]
 
 
@@ -218,7 +215,7 @@ FORWARD = gj.Pigment("F", GRID, [1e4] * 4, [1e4] * 4, phase=[1.0, 0.5])
     ],
 )
 def test_what_no_file_holds_is_said(tmp_path, glaze, words):
-    with pytest.raises(ValueError, match=words):
+    with refusal(words):
         gj.save_glaze(glaze, tmp_path / "glaze.json")
 
 
@@ -231,7 +228,7 @@ def test_a_long_value_is_not_echoed_whole(place, kind):
     long = "9x" * 150_000
     value = {str: long, list: [long], dict: {long: long}}[kind]
     stack = {"glazejax": "stack", "coats": [{"paint": {"CobaltBlue": 1}, "um": 9}], place: value}
-    with pytest.raises(ValueError, match=r"^.{1,700}$"):
+    with refusal(r"^.{1,700}$"):
         stack_from_dict(stack)
 
 
@@ -244,5 +241,5 @@ def test_a_long_word_of_a_coat_is_not_echoed_whole(key):
         {"CobaltBlue": "9x" * 150_000},
     ):
         coat = {"paint": {"CobaltBlue": 1}, "um": 9} | {key: value}
-        with pytest.raises(ValueError, match=r"^.{1,700}$"):
+        with refusal(r"^.{1,700}$"):
             stack_from_dict({"glazejax": "stack", "coats": [coat]})

@@ -26,7 +26,19 @@ from glazejax.appearance.scene.lights import measured_lamp
 from glazejax.io import SpectraTable, read_cube, read_spectra
 from glazejax.paint.pigment_table import read_pigments
 
-from .samples import ASD_WHITE, CGATS, CXF, ENVI, GRID, asd_body, asd_header, jcamp_block, spectra
+from .samples import (
+    ASD_WHITE,
+    CGATS,
+    CXF,
+    ENVI,
+    GRID,
+    asd_body,
+    asd_header,
+    envi_header,
+    jcamp_block,
+    lines,
+    spectra,
+)
 
 _PLAIN = """
 0 -1 1 2 3 65536 2147483648 4294967297 9223372036854775808 400000000 1e308 1e999 -1e999 nan inf
@@ -55,23 +67,35 @@ a scene compiles programs, so there is room for these.
 """
 
 
-@dataclass(frozen=True)
+@dataclass
 class Subject:
     """A sample file and its reader.
 
     Attributes:
         name: name of the file that is damaged.
-        content: what it holds before.
+        content: what it holds before; text becomes bytes.
         read: the reader.
         beside: files that belong to it.
         counts: what is wrong with a result by the counts that the content declares, or nothing.
     """
 
     name: str
-    content: bytes
-    read: Callable[[Path], Any]
+    content: Any
+    read: Callable[[Path], Any] = read_spectra
     beside: dict[str, bytes] = field(default_factory=dict)
     counts: Callable[[bytes, Any], str] = lambda content, found: ""
+
+    def __post_init__(self) -> None:
+        self.content = self.content.encode() if isinstance(self.content, str) else self.content
+
+    def put(self, folder: Path, content: bytes | None = None) -> Path:
+        """Write the file, or what was made of it, and what belongs to it."""
+        path = folder / self.name
+        for name, text in (
+            self.beside | {self.name: self.content if content is None else content}
+        ).items():
+            (folder / name).write_bytes(text)
+        return path
 
 
 class Fault(Exception):
@@ -144,8 +168,7 @@ def outcome(subject: Subject, folder: Path, content: bytes) -> bool:
         Fault: it raises what it may not, says what is no answer, or gives another number of things
             than declared.
     """
-    path = folder / subject.name
-    path.write_bytes(content)
+    path = subject.put(folder, content)
     try:
         with warnings.catch_warnings(), _no_log():
             # Users see them as lines of Python's.
@@ -317,50 +340,42 @@ _DAMAGES = (_flip, _flip, _cut, _insert, _swap, _swap, _number, _number, _field,
 
 def subjects() -> dict[str, Subject]:
     """One of each kind, by what the kind is called."""
-    values = spectra()
-    names = ["red", "green, light", "blue"]
-    cells = [[f"{value:.4f}" for value in row] for row in values]
-    wide = "Name," + ",".join(f"{w:g}" for w in GRID) + "\n"
-    wide += "".join(
-        f'"{name}",' + ",".join(row) + "\n" for name, row in zip(names, cells, strict=True)
-    )
-    long = "# unit: fraction\nwavelength (nm);red;green;blue\n"
-    columns = "# µ spectrometer\n"
-    for w, row in zip(GRID, values.T, strict=True):
-        long += f"{w:g};" + ";".join(f"{value:.4f}" for value in row).replace(".", ",") + "\n"
-        columns += f"{w:g} " + " ".join(f"{value:.4f}" for value in row) + "\n"
-    triples = "sample\twavelength\treflectance\n"
-    for name, row in zip(names, cells, strict=True):
-        triples += "".join(f"{name}\t{w:g}\t{cell}\n" for w, cell in zip(GRID, row, strict=True))
+    values = spectra().round(4).tolist()
+    names = ["red", '"green, light"', "blue"]
+    rows = [[name, *row] for name, row in zip(names, values, strict=True)]
+    wide = lines([["Name", *GRID], *rows])
+    columns = "# µ spectrometer\n" + lines(zip(GRID, *values, strict=True), " ")
+    long = columns.replace(" ", ";").replace(".", ",").partition("\n")[2]
+    long = f"# unit: fraction\nwavelength (nm);red;green;blue\n{long}"
+    triples = [[row[0], *pair] for row in rows for pair in zip(GRID, row[1:], strict=True)]
+    triples = lines([["sample", "wavelength", "reflectance"], *triples], "\t")
     entries: list[dict[str, Any]] = [{"type": "wavelengths", "values": GRID.tolist()}]
-    entries += [
-        {"name": n, "reflectance": (100 * v).tolist(), "grams": 2}
-        for n, v in zip(names, values, strict=True)
-    ]
-    library = _envi(ENVI)
-    fields = {
-        "samples": 4,
-        "lines": 3,
-        "bands": 31,
-        "file type": "ENVI Standard",
-        "data type": 12,
-        "interleave": "bil",
-    }
-    fields |= {"reflectance scale factor": 10000, "spectra names": None, "header offset": 0}
-    image = _envi(ENVI | fields)
-    pixels = (
-        np.round(1e4 * spectra(12).reshape(3, 4, 31).transpose(0, 2, 1)).astype("<u2").tobytes()
-    )
-    numbers = values.astype("<f4").tobytes()
-    films = "name\t400\t500\t600\n"
-    for film in ("A", "B"):
-        films += "".join(
-            f"{film}_{end}\t0.1\t0.{i}\t0.5\n"
-            for i, end in enumerate(("b", "w", "ob", "ow"), start=2)
-        )
-    pigments = "# fitted\npigment,wavelength_nm,absorption,scattering,absorption_sd,scattering_sd,identifiable\n"
+    for name, *row in rows:
+        percent = [100 * value for value in row]
+        entries.append({"name": name.strip('"'), "reflectance": percent, "grams": 2})
+    library = envi_header(ENVI).encode()
+    image = envi_header(
+        ENVI
+        | {
+            "samples": 4,
+            "lines": 3,
+            "bands": 31,
+            "file type": "ENVI Standard",
+            "data type": 12,
+            "interleave": "bil",
+            "reflectance scale factor": 10000,
+            "spectra names": None,
+            "header offset": 0,
+        }
+    ).encode()
+    pixels = np.round(1e4 * spectra(12).reshape(3, 4, 31).transpose(0, 2, 1))
+    pixels = pixels.astype("<u2").tobytes()
+    numbers = spectra().astype("<f4").tobytes()
+    films = [["name", 400, 500, 600]]
+    pigments = []
     for name in "AB":
-        pigments += "".join(f"{name},{w},{10 + w},20.5,1,inf,true\n" for w in (400, 500, 600, 700))
+        films += [[f"{name}_{end}", 0.1, i / 10, 0.5] for i, end in enumerate(READINGS, 2)]
+        pigments += [[name, w, 10 + w, 20.5, 1, "inf", "true"] for w in (400, 500, 600, 700)]
     array = io.BytesIO()
     np.save(array, np.linspace(0, 1, 12).reshape(3, 4))
     asd = asd_header() + asd_body(0.5 * ASD_WHITE)
@@ -368,54 +383,49 @@ def subjects() -> dict[str, Subject]:
     flat = np.repeat(np.round(spectra(1)[0, ::2], 3), 2)[:-1]
     packed = jcamp_block(values=flat, form="DIFDUP")
     return {
-        "CSV, a sample a row": Subject("wide.csv", wide.encode(), read_spectra, counts=_lines),
-        "CSV, a sample a column": Subject("long.csv", long.encode(), read_spectra, counts=_lines),
-        "TSV, a value a row": Subject("longest.tsv", triples.encode(), read_spectra, counts=_lines),
-        "columns without a header": Subject(
-            "columns.txt", columns.encode(), read_spectra, counts=_lines
-        ),
-        "SpectraMagic": Subject("both.csv", _spectramagic().encode(), read_spectra),
+        "CSV, a sample a row": Subject("wide.csv", wide, counts=_lines),
+        "CSV, a sample a column": Subject("long.csv", long, counts=_lines),
+        "TSV, a value a row": Subject("longest.tsv", triples, counts=_lines),
+        "columns without a header": Subject("columns.txt", columns, counts=_lines),
+        "SpectraMagic": Subject("both.csv", _spectramagic()),
         "Ocean Optics": Subject(
-            "ocean.txt",
-            f"Date: x\nScans: 3\n>>>>>Begin Spectral Data<<<<<\n{columns}".encode(),
-            read_spectra,
+            "ocean.txt", f"Date: x\nScans: 3\n>>>>>Begin Spectral Data<<<<<\n{columns}"
         ),
         "SVC": Subject(
             "panel.sig",
-            b"/*** Spectra Vista SIG Data ***/\ncomm= red\ndata= \n"
-            + b"".join(b"%d.0  2.0  1.0  %d.5\n" % (w, w // 10) for w in range(400, 701, 10)),
-            read_spectra,
+            "/*** Spectra Vista SIG Data ***/\ncomm= red\ndata= \n"
+            + lines(([w, 2.0, 1.0, w // 10 + 0.5] for w in GRID), "  "),
         ),
         **_workbooks(),
-        "CGATS": Subject("chart.txt", CGATS.encode(), read_spectra, counts=_cgats),
-        "CxF3": Subject("chart.cxf", CXF.encode(), read_spectra, counts=_cxf),
-        "JCAMP-DX pairs": Subject("pairs.dx", jcamp_block().encode(), read_spectra, counts=_jcamp),
-        "JCAMP-DX steps": Subject(
-            "steps.dx", (steps + steps).encode(), read_spectra, counts=_jcamp
-        ),
-        "JCAMP-DX packed": Subject("packed.dx", packed.encode(), read_spectra, counts=_jcamp),
-        "ASD": Subject("ochre.asd", asd, read_spectra, counts=_asd),
-        "JSON": Subject("paints.json", json.dumps(entries).encode(), read_spectra, counts=_json),
+        "CGATS": Subject("chart.txt", CGATS, counts=_cgats),
+        "CxF3": Subject("chart.cxf", CXF, counts=_cxf),
+        "JCAMP-DX pairs": Subject("pairs.dx", jcamp_block(), counts=_jcamp),
+        "JCAMP-DX steps": Subject("steps.dx", steps + steps, counts=_jcamp),
+        "JCAMP-DX packed": Subject("packed.dx", packed, counts=_jcamp),
+        "ASD": Subject("ochre.asd", asd, counts=_asd),
+        "JSON": Subject("paints.json", json.dumps(entries), counts=_json),
         "ENVI library, header": Subject(
-            "lib.hdr", library, read_spectra, {"lib.sli": numbers}, _envi_counts
+            "lib.hdr", library, beside={"lib.sli": numbers}, counts=_envi_counts
         ),
         "ENVI library, data": Subject(
-            "lib.sli", numbers, read_spectra, {"lib.hdr": library}, _fixed(3, 31)
+            "lib.sli", numbers, beside={"lib.hdr": library}, counts=_fixed(3, 31)
         ),
         "ENVI image, header": Subject(
             "cube.hdr", image, read_cube, {"cube.img": pixels}, _envi_counts
         ),
         "ENVI image, data": Subject(
-            "cube.img", pixels, read_spectra, {"cube.hdr": image}, _fixed(12, 31)
+            "cube.img", pixels, beside={"cube.hdr": image}, counts=_fixed(12, 31)
         ),
-        "pigments": Subject("pigments.csv", pigments.encode(), read_pigments, counts=_pigments),
-        "films": Subject("films.tsv", films.encode(), read_films),
+        "pigments": Subject(
+            "pigments.csv", PIGMENTS + lines(pigments), read_pigments, counts=_pigments
+        ),
+        "films": Subject("films.tsv", lines(films, "\t"), read_films),
         "names of films": Subject(
-            "mixtures.tsv", b"# paints\n01\tRed-White|100-0\n02\tBlue|100\n", read_recipes
+            "mixtures.tsv", "# paints\n01\tRed-White|100-0\n02\tBlue|100\n", read_recipes
         ),
         "scene": Subject(
             "scene.toml",
-            SCENE.encode(),
+            SCENE,
             read_scene,
             {"map.npy": array.getvalue(), "wide.csv": wide.encode()},
         ),
@@ -423,10 +433,17 @@ def subjects() -> dict[str, Subject]:
         "picture of thickness": Subject("map.png", _png(), read_grey),
         "lamp": Subject(
             "lamp.csv",
-            b"nm,one\n" + b"".join(b"%d,%d.5\n" % (w, w - 300) for w in range(380, 781, 10)),
+            "nm,one\n" + lines([w, w - 299.5] for w in range(380, 781, 10)),
             lambda path: measured_lamp(path, GRID),
         ),
     }
+
+
+READINGS = ("b", "w", "ob", "ow")
+PIGMENTS = (
+    "# fitted\n"
+    "pigment,wavelength_nm,absorption,scattering,absorption_sd,scattering_sd,identifiable\n"
+)
 
 
 SCENE = """[picture]
@@ -458,8 +475,8 @@ radius = 1.0
 def _spectramagic() -> str:
     bands = [f"{word}_{w:g}nm" for word in ("SCI", "SCE") for w in GRID]
     rows = [["Instrument", "CM-700d"], [], ["Data Name", "L*(D65)", *bands]]
-    rows += [[f"red {i}", "50.5", *map(str, [*row, *row])] for i, row in enumerate(spectra(2))]
-    return "\n".join(",".join(row) for row in rows)
+    rows += [[f"red {i}", 50.5, *row, *row] for i, row in enumerate(spectra(2))]
+    return lines(rows)
 
 
 def _workbooks() -> dict[str, Subject]:
@@ -485,11 +502,6 @@ def _workbooks() -> dict[str, Subject]:
         "workbook": Subject("films.xlsx", file.getvalue(), read_spectra),
         "old workbook": Subject("films.xls", old_file.getvalue(), read_spectra),
     }
-
-
-def _envi(fields: dict[str, object]) -> bytes:
-    lines = [f"{title} = {text}" for title, text in fields.items() if text is not None]
-    return "\n".join(["ENVI", *lines, ""]).encode()
 
 
 def _png() -> bytes:
@@ -524,7 +536,7 @@ def _lines(content: bytes, found: Any) -> str:
     # Which bands are left out where detectors overlap, or data are missing, other tests say.
     if any(note.startswith(("detectors overlap", "values below")) for note in found.notes):
         return ""
-    lines = [
+    rows_of_text = [
         line
         for line in text.splitlines()[above:below]
         if line.strip(" \t,;") and not line.lstrip().startswith("#")
@@ -542,7 +554,7 @@ def _lines(content: bytes, found: Any) -> str:
     titled = " table, " in found.format
     # A damage may have made it a file of another format.
     counted = titled or "columns of numbers" in found.format
-    below = len(lines) - titled
+    below = len(rows_of_text) - titled
     return f"{below} lines, {found!r}" if counted and below != wanted else ""
 
 

@@ -1,6 +1,7 @@
 """Spectra that tests write and read, files of every format, and strategies that make them."""
 
 import struct
+from typing import Any
 
 import numpy as np
 import pytest
@@ -93,6 +94,22 @@ CXF = """<?xml version="1.0" encoding="UTF-8"?>
 </cc:Resources></cc:CxF>
 """
 
+
+def lines(rows, by=","):
+    """Rows of cells as a file has them."""
+    return "".join(by.join(map(str, row)) + "\n" for row in rows)
+
+
+def rows(*columns, by=",", grid: Any = GRID):
+    """Rows of a table whose first column is the wavelength."""
+    return lines(zip(grid, *columns, strict=True), by)
+
+
+def envi_header(fields):
+    """Header of ENVI, without the fields that are None."""
+    return "ENVI\n" + lines((item for item in fields.items() if item[1] is not None), " = ")
+
+
 ENVI = {
     "samples": 31,
     "lines": 3,
@@ -165,64 +182,13 @@ ASD_WHITE = 20_000 * (1 + 0.5 * np.sin(ASD_GRID / 300))
 
 
 def asd_header(*, magic=b"as5", kind=1, channels=ASD_GRID.size, start=350.0, comment=b"ochre"):
-    """First 484 bytes, as in ASD's document 600545 (file format version 8)."""
-    layout = "<3s157s18sBBbblblffbbbbbH128s56sLhhHHffffhb4bHHHbLHHHHff27s5b"
-    when = struct.pack("<9h", 0, 0, 12, 1, 0, 124, 1, 1, 0)
-    fields = [
-        magic,
-        comment,
-        when,
-        0,
-        0,
-        1,
-        1,
-        0,
-        kind,
-        0,
-        start,
-        1.0,
-        2,
-        1,
-        1,
-        1,
-        1,
-        channels,
-        b"",
-        b"",
-        17,
-        0,
-        0,
-        0,
-    ]
-    fields += [
-        1,
-        0.0,
-        1.0,
-        350.0,
-        2500.0,
-        16,
-        0,
-        0,
-        0,
-        0,
-        0,
-        1,
-        1,
-        1,
-        4,
-        0,
-        1,
-        1,
-        0,
-        0,
-        1000.0,
-        1800.0,
-        b"",
-        *[0] * 5,
-    ]
-    content = struct.pack(layout, *fields)
-    assert len(content) == 484
-    return content
+    """First 484 bytes, as far as they are used, as in ASD's document 600545 (version 8)."""
+    content = bytearray(484)
+    struct.pack_into("<3s157s9h", content, 0, magic, comment, 0, 0, 12, 1, 0, 124, 1, 1, 0)
+    content[186] = kind
+    # Doubles, as 2 states.
+    struct.pack_into("<ffb4xH", content, 191, start, 1.0, 2, channels)
+    return bytes(content)
 
 
 def asd_body(values, white: np.ndarray | None = ASD_WHITE):

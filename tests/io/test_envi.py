@@ -11,16 +11,16 @@ from numpy.testing import assert_allclose
 
 from glazejax.io import SpectraCube, open_cube, read_cube, read_spectra
 
+from ..refusals import refusal
 from .samples import ENVI as HEADER
-from .samples import GRID, refused, same, spectra
+from .samples import GRID, envi_header, refused, same, spectra
 
 
 def put(folder, values=None, *, name="lib", **changes):
     """Write a library by hand; fields that are None are left out."""
     header = HEADER | {title.replace("_", " "): text for title, text in changes.items()}
-    lines = [f"{title} = {text}" for title, text in header.items() if text is not None]
     path = folder / f"{name}.hdr"
-    path.write_text("\n".join(["ENVI", *lines, ""]), encoding="utf-8")
+    path.write_text(envi_header(header), encoding="utf-8")
     values = spectra() if values is None else values
     (folder / f"{name}.sli").write_bytes(np.asarray(values, "<f4").tobytes())
     return path
@@ -118,7 +118,7 @@ def test_values_above_one_are_kept_and_said(tmp_path):
 def test_percent_is_said(tmp_path):
     table = read_spectra(put(tmp_path, spectra() * 100))
     same(table, GRID, spectra(), ["red", "green", "blue"], atol=1e-6)
-    assert table.unit == "percent"
+    assert (table.format, table.unit) == ("ENVI spectral library", "percent")
     assert table.notes == ["values are in percent; divided by 100"]
 
 
@@ -137,50 +137,47 @@ def bad(values, where, value):
 
 
 @pytest.mark.parametrize(
-    ("values", "changes", "complaint"),
+    ("changes", "complaint"),
     [
-        (None, {"wavelength": None}, "no wavelengths; add"),
-        (None, {"wavelength": "{400, 410}"}, "2 wavelengths for 31 bands"),
+        ({"wavelength": None}, "no wavelengths; add"),
+        ({"wavelength": "{400, 410}"}, "2 wavelengths for 31 bands"),
         (
-            None,
             {"wavelength": "{x" + ",x" * 30 + "}"},
             "number 1 in the header is .x., not a number",
         ),
-        (None, {"wavelength": "{" + ",".join(["500"] * 31) + "}"}, "500 nm is given twice"),
-        (None, {"wavelength_units": "GHz"}, "wavelengths are in 'GHz'"),
+        ({"wavelength": "{" + ",".join(["500"] * 31) + "}"}, "500 nm is given twice"),
+        ({"wavelength_units": "GHz"}, "wavelengths are in 'GHz'"),
         (
-            None,
             {"wavelength": "{" + ",".join(map(str, range(1, 32))) + "}", "wavelength_units": None},
             "band numbers",
         ),
-        (None, {"wavelength_units": "Index"}, "wavelengths are in 'Index'"),
-        (None, {"samples": None}, "lacks 'samples'"),
-        (None, {"samples": "many"}, "not legal"),
-        (None, {"data_type": 77}, "not legal"),
-        (None, {"interleave": "xyz"}, "not legal"),
-        (None, {"lines": 0}, "sizes below 1"),
-        (None, {"data_type": 6}, "complex"),
-        (None, {"data_type": 5}, "the file was cut short"),
-        (None, {"lines": 4}, "the file was cut short"),
+        ({"wavelength_units": "Index"}, "wavelengths are in 'Index'"),
+        ({"samples": None}, "lacks 'samples'"),
+        ({"samples": "many"}, "not legal"),
+        ({"data_type": 77}, "not legal"),
+        ({"interleave": "xyz"}, "not legal"),
+        ({"lines": 0}, "sizes below 1"),
+        ({"data_type": 6}, "complex"),
+        ({"data_type": 5}, "the file was cut short"),
+        ({"lines": 4}, "the file was cut short"),
         (
-            None,
             {"spectra_names": "{a, b, c, d}"},
             "4 spectra names for 3 spectra; does a name hold a comma",
         ),
-        (None, {"bbl": "{0, 1}"}, "2 entries for 31 bands"),
-        (None, {"bbl": "{1, good}"}, "'bbl' number 2 in the header is 'good', not a number"),
-        (None, {"bbl": "{" + ",".join("0" * 31) + "}"}, "every band as bad"),
-        (None, {"reflectance_scale_factor": 0}, "must be positive"),
-        (None, {"reflectance_scale_factor": "ten"}, "not a number"),
-        (None, {"reflectance_scale_factor": 0.01}, "is the file's unit or scale factor right"),
-        (bad(spectra(), (1, 4), np.nan), {}, "'green' is not finite at band 5"),
-        (bad(spectra(), (1, 4), -0.5), {}, "'green' is negative at band 5"),
-        (bad(spectra(), (2,), 60), {}, "mixed: blue in percent .*, green in fractions"),
-        (np.full((3, 31), 0), {"data_ignore_value": 0}, "no spectrum has any data"),
+        ({"bbl": "{0, 1}"}, "2 entries for 31 bands"),
+        ({"bbl": "{1, good}"}, "'bbl' number 2 in the header is 'good', not a number"),
+        ({"bbl": "{" + ",".join("0" * 31) + "}"}, "every band as bad"),
+        ({"reflectance_scale_factor": 0}, "must be positive"),
+        ({"reflectance_scale_factor": "ten"}, "not a number"),
+        ({"reflectance_scale_factor": 0.01}, "is the file's unit or scale factor right"),
+        ({"values": bad(spectra(), (1, 4), np.nan)}, "'green' is not finite at band 5"),
+        ({"values": bad(spectra(), (1, 4), -0.5)}, "'green' is negative at band 5"),
+        ({"values": bad(spectra(), (2,), 60)}, "mixed: blue in percent .*, green in fractions"),
+        ({"values": np.zeros((3, 31)), "data_ignore_value": 0}, "no spectrum has any data"),
     ],
 )
-def test_errors_are_one_line(tmp_path, values, changes, complaint):
-    refused(put(tmp_path, values, **changes), complaint)
+def test_errors_are_one_line(tmp_path, changes, complaint):
+    refused(put(tmp_path, **changes), complaint)
 
 
 def test_header_cut_short(tmp_path):
@@ -192,15 +189,22 @@ def test_header_cut_short(tmp_path):
 def test_header_without_data(tmp_path):
     path = put(tmp_path)
     (tmp_path / "lib.sli").unlink()
-    with pytest.raises(FileNotFoundError, match="no data beside this ENVI header"):
+    with refusal("no data beside this ENVI header", FileNotFoundError):
         read_spectra(path)
 
 
 def test_data_without_header(tmp_path):
     path = put(tmp_path)
     path.unlink()
-    with pytest.raises(ValueError, match=r"lib\.sli: not"):
+    with refusal(r"lib\.sli: not"):
         read_spectra(tmp_path / "lib.sli")
+
+
+def overwrite(folder, dtype, place, value):
+    """Change what stands in the file of such an image, its lines by bands and samples."""
+    raw = np.memmap(folder / "image.img", dtype, "r+", shape=(4, 31, 5))
+    raw[place] = value
+    raw.flush()
 
 
 def cube(folder, interleave="bil", dtype="u2", scale=10_000, order="little", **fields):
@@ -215,18 +219,6 @@ def cube(folder, interleave="bil", dtype="u2", scale=10_000, order="little", **f
         byteorder=order,
     )
     return image
-
-
-@pytest.mark.parametrize("interleave", ["bil", "bip", "bsq"])
-@pytest.mark.parametrize("order", ["little", "big"])
-def test_images_of_every_order(tmp_path, interleave, order):
-    image = cube(tmp_path, interleave, order=order, reflectance_scale_factor=10000)
-    for name in ("image.hdr", "image.img"):
-        opened = read_cube(tmp_path / name)
-        assert opened.shape == (4, 5, 31)
-        assert isinstance(opened.raw, np.memmap)
-        assert_allclose(opened[1:3, 2], image[1:3, 2], atol=1e-4)
-        assert_allclose(opened[-1, -1], image[-1, -1], atol=1e-4)
 
 
 def test_image_as_a_table(tmp_path):
@@ -246,9 +238,7 @@ def test_missing_pixels_and_bad_bands_of_an_image(tmp_path):
         data_ignore_value=0,
         bbl=[0] + [1] * 30,
     )
-    raw = np.memmap(tmp_path / "image.img", "<u2", "r+", shape=(4, 31, 5))
-    raw[2, :, 3] = 0
-    raw.flush()
+    overwrite(tmp_path, "<u2", np.s_[2, :, 3], 0)
     opened = read_cube(tmp_path / "image.hdr")
     assert opened.wavelengths[0] == 410
     assert np.isnan(opened[2, 3]).all()
@@ -262,9 +252,7 @@ def test_missing_pixels_and_bad_bands_of_an_image(tmp_path):
 def test_mark_of_missing_data_in_the_files_own_type(tmp_path, dtype, mark):
     image = cube(tmp_path, dtype=dtype, reflectance_scale_factor=10000, data_ignore_value=mark)
     if dtype != "u2":
-        raw = np.memmap(tmp_path / "image.img", f"<{dtype}", "r+", shape=(4, 31, 5))
-        raw[0, :, 0] = mark
-        raw.flush()
+        overwrite(tmp_path, f"<{dtype}", np.s_[0, :, 0], mark)
     opened = read_cube(tmp_path / "image.hdr")
     assert np.isnan(opened[0, 0]).all() == (dtype != "u2")
     assert_allclose(opened[0, 1], image[0, 1], atol=1e-4)
@@ -298,15 +286,13 @@ def test_large_images_stay_on_disk(tmp_path):
     }
     spy.create_image(str(tmp_path / "big.hdr"), fields, force=True)
     assert isinstance(read_cube(tmp_path / "big.hdr"), SpectraCube)
-    with pytest.raises(ValueError, match="1000 x 1000 pixels are too many"):
+    with refusal("1000 x 1000 pixels are too many"):
         read_spectra(tmp_path / "big.hdr")
 
 
 def test_images_without_a_scale(tmp_path):
     cube(tmp_path)
-    with pytest.raises(
-        ValueError, match="neither fraction nor percent: add 'reflectance scale factor"
-    ):
+    with refusal("neither fraction nor percent: add 'reflectance scale factor"):
         read_cube(tmp_path / "image.hdr")
 
 
@@ -314,7 +300,7 @@ def test_images_without_a_scale(tmp_path):
 def test_whole_numbers_are_counts_until_a_scale_is_said(tmp_path, dtype):
     image = cube(tmp_path, dtype=dtype, scale=100)
     for read in (read_cube, read_spectra, open_cube):
-        with pytest.raises(ValueError, match=r"whole numbers up to \d+ are a camera's counts"):
+        with refusal(r"whole numbers up to \d+ are a camera's counts"):
             read(tmp_path / "image.hdr")
     assert_allclose(open_cube(tmp_path / "image.hdr", scale=100), image, atol=0.01)
 
@@ -343,7 +329,7 @@ def test_offsets_without_gains_are_applied(tmp_path):
 
 def test_gains_of_another_length_are_refused(tmp_path):
     cube(tmp_path, data_gain_values=[1, 2, 3])
-    with pytest.raises(ValueError, match="'data gain values' has 3 entries for 31 bands"):
+    with refusal("'data gain values' has 3 entries for 31 bands"):
         open_cube(tmp_path / "image.hdr")
 
 
@@ -368,9 +354,7 @@ def test_deleted_channels_of_a_library_are_missing(tmp_path):
 
 def test_deleted_pixels_of_an_image_are_missing(tmp_path):
     cube(tmp_path, dtype="f4", scale=1)
-    raw = np.memmap(tmp_path / "image.img", "<f4", "r+", shape=(4, 31, 5))
-    raw[2, :, 3] = -3.4e38
-    raw.flush()
+    overwrite(tmp_path, "<f4", np.s_[2, :, 3], -3.4e38)
     opened = open_cube(tmp_path / "image.hdr")
     assert np.isnan(opened[2, 3]).all()
     assert np.isfinite(opened[:2]).all()
@@ -378,10 +362,10 @@ def test_deleted_pixels_of_an_image_are_missing(tmp_path):
 
 
 def test_libraries_are_no_images(tmp_path):
-    with pytest.raises(ValueError, match="use read_spectra"):
+    with refusal("use read_spectra"):
         read_cube(put(tmp_path))
     (tmp_path / "t.csv").write_text("Name,400,410\na,.1,.2\n")
-    with pytest.raises(ValueError, match="not an ENVI image"):
+    with refusal("not an ENVI image"):
         read_cube(tmp_path / "t.csv")
 
 

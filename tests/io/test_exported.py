@@ -6,7 +6,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from glazejax.io import read_spectra
 
-from .samples import GRID, refused, same, spectra
+from ..refusals import refusal
+from .samples import GRID, refused, rows, same, spectra
 
 R = spectra(2)
 RED, BLUE = (100 * R).round(3)
@@ -18,10 +19,6 @@ FILE = "film.txt"
 
 def cells(values):
     return ",".join(f"{value:.3f}" for value in values)
-
-
-def columns(*spectra, grid=GRID):
-    return "".join(",".join(map(str, row)) + "\n" for row in zip(grid, *spectra, strict=True))
 
 
 SPECTRAMAGIC = (
@@ -56,7 +53,7 @@ def test_a_column_that_says_the_reading_tells_names_apart(read):
 
 def test_readings_at_other_wavelengths_are_refused(read):
     text = "Name,SCI 400,SCI 410,SCE 400,SCE 420\nred,10,20,5,15\n"
-    with pytest.raises(ValueError, match="bands of SCE are others than those of SCI"):
+    with refusal("bands of SCE are others than those of SCI"):
         read(text)
 
 
@@ -99,9 +96,9 @@ def test_colours_stand_beside_bands(read, count):
 @pytest.mark.parametrize(
     "text",
     [
-        "nm,red\n" + columns(RED[::-1], grid=GRID[::-1]),
+        "nm,red\n" + rows(RED[::-1], grid=GRID[::-1]),
         f"Name,{','.join(BANDS.split(',')[::-1])}\nred,{cells(RED[::-1])}\n",
-        '"red - RawData"\n"Wavelength nm.","R%"\n' + columns(RED[::-1], grid=GRID[::-1]),
+        '"red - RawData"\n"Wavelength nm.","R%"\n' + rows(RED[::-1], grid=GRID[::-1]),
     ],
 )
 def test_descending_wavelengths_are_sorted_and_said(read, text):
@@ -118,14 +115,14 @@ OCEAN += "Number of Pixels in Spectrum: 31\n>>>>>Begin Spectral Data<<<<<\n"
 @pytest.mark.parametrize(
     "text",
     [
-        columns(RED),
-        columns(RED).replace(",", ";").replace(".", ","),
-        columns(RED).replace(",", "\t").replace(".", ","),
-        columns(RED).replace(",", "\t"),
-        "red ochre\nmeasured in the church: 1/5/2024\n" + columns(RED),
-        OCEAN + columns(RED).replace(",", "\t"),
-        OCEAN.replace(".", ",") + columns(RED).replace(",", "\t").replace(".", ","),
-        OCEAN + columns(RED).replace(",", "\t") + ">>>>>End Processed Spectral Data<<<<<\n",
+        rows(RED),
+        rows(RED).replace(",", ";").replace(".", ","),
+        rows(RED).replace(",", "\t").replace(".", ","),
+        rows(RED).replace(",", "\t"),
+        "red ochre\nmeasured in the church: 1/5/2024\n" + rows(RED),
+        OCEAN + rows(RED).replace(",", "\t"),
+        OCEAN.replace(".", ",") + rows(RED).replace(",", "\t").replace(".", ","),
+        OCEAN + rows(RED).replace(",", "\t") + ">>>>>End Processed Spectral Data<<<<<\n",
     ],
 )
 def test_two_columns_without_a_header(read, text):
@@ -145,7 +142,7 @@ def test_nothing_below_the_line_where_the_spectrum_begins_is_said(put, below):
     ["nm,red\n" + "400,12,5\n410,13,5\n420,14,5\n", "\n\nX,Y\n1,2\n"],
 )
 def test_titles_that_lack_something_are_no_lines_above(read, text):
-    with pytest.raises(ValueError, match="header"):
+    with refusal("header"):
         read(text)
 
 
@@ -160,7 +157,7 @@ def test_titles_are_said_on_one_line(read):
 
 
 def test_two_or_three_numbers_may_be_the_instruments_own(read):
-    text = "Scans,10\nSerial No.,123\nnm,red\n" + columns(RED)
+    text = "Scans,10\nSerial No.,123\nnm,red\n" + rows(RED)
     assert read(text).names == ("red",)
 
 
@@ -173,12 +170,12 @@ def test_samples_of_a_table_of_wavelengths_may_be_called_as_bands_are(read):
     "text",
     [
         f"red,{cells(RED)}\nName,{BANDS}\nblue,{cells(BLUE)}\n",
-        "640,50\nnm,red\n" + columns(RED),
-        "640;50;3\n\nred\n" + columns(RED, BLUE).replace(",", ";"),
+        "640,50\nnm,red\n" + rows(RED),
+        "640;50;3\n\nred\n" + rows(RED, BLUE).replace(",", ";"),
     ],
 )
 def test_rows_above_their_header_are_refused(read, text):
-    with pytest.raises(ValueError, match="line 1: a row of the table stands above its beginning"):
+    with refusal("line 1: a row of the table stands above its beginning"):
         read(text)
 
 
@@ -195,26 +192,26 @@ def test_lines_above_in_another_encoding(tmp_path):
 def test_ends_where_a_spectrometer_reads_noise_are_left_out(read):
     values = RED.copy()
     values[[1, 28]] = -7.0, 900.0
-    table = read(OCEAN + columns(values).replace(",", "\t"))
+    table = read(OCEAN + rows(values).replace(",", "\t"))
     same(table, GRID[2:28], [RED[2:28] / 100], ["film"], atol=1e-9)
     noise = "5 bands at the ends are left out, at 400-410, 680-700 nm: they hold noise alone"
     assert noise in table.notes
     values[15] = -7.0
-    with pytest.raises(ValueError, match="'film' is negative"):
-        read(OCEAN + columns(values).replace(",", "\t"))
+    with refusal("'film' is negative"):
+        read(OCEAN + rows(values).replace(",", "\t"))
 
 
 def test_what_a_person_may_have_written_keeps_its_ends(read):
     values = RED.copy()
     values[0] = -7.0
-    with pytest.raises(ValueError, match="'film' is negative"):
-        read(columns(values))
+    with refusal("'film' is negative"):
+        read(rows(values))
 
 
 def test_noisy_ends_of_wavelengths_that_descend(read):
     values = RED.copy()
     values[[1, 28]] = -7.0, 900.0
-    text = OCEAN + columns(values[::-1], grid=GRID[::-1]).replace(",", "\t")
+    text = OCEAN + rows(values[::-1], grid=GRID[::-1]).replace(",", "\t")
     same(read(text), GRID[2:28], [RED[2:28] / 100], ["film"], atol=1e-9)
 
 
@@ -256,7 +253,7 @@ def test_svc_detectors_that_overlap_change_in_the_middle(read):
     ],
 )
 def test_errors_of_svc(read, text, complaint):
-    with pytest.raises(ValueError, match=complaint):
+    with refusal(complaint):
         read(text)
 
 
@@ -264,7 +261,7 @@ def test_errors_of_svc(read, text, complaint):
 def test_galactic_spc_is_named(tmp_path, version):
     path = tmp_path / "film.spc"
     path.write_bytes(b"\x00" + version + bytes(600))
-    with pytest.raises(ValueError, match=r"a Galactic SPC file .* as JCAMP-DX or as text"):
+    with refusal(r"a Galactic SPC file .* as JCAMP-DX or as text"):
         read_spectra(path)
 
 
@@ -284,5 +281,5 @@ def test_three_rows_of_two_numbers_are_a_table_below_any_lines(tmp_path):
     path.write_text(f"{above}400,0.10\n450,0.20\n500,0.30\n")
     assert read_spectra(path).wavelengths.tolist() == [400.0, 450.0, 500.0]
     path.write_text(f"{above}400,0.10\n450,0.20\n")
-    with pytest.raises(ValueError, match="no wavelengths in the header"):
+    with refusal("no wavelengths in the header"):
         read_spectra(path)

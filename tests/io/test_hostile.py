@@ -27,8 +27,9 @@ from glazejax.io import SpectraTable, read_cube, read_sample, read_spectra, sour
 from glazejax.paint.pigment_table import read_pigments
 
 from ..fresh import run_python
+from ..refusals import refusal
 from .hostile import SCENE, damaged_files, limits, outcome, subjects
-from .samples import CGATS, CXF, ENVI, GRID, jcamp_block, refused, spectra
+from .samples import CGATS, CXF, ENVI, GRID, envi_header, jcamp_block, lines, refused, spectra
 
 READERS = [
     read_spectra,
@@ -43,6 +44,7 @@ READERS = [
 ]
 WIDE = "Name,400,410,420\nred,0.1,0.2,0.3\nblue,0.4,0.5,0.6\n"
 SUBJECTS = subjects()
+has_pipes = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes here")
 CONTENTS = [subject.content for subject in SUBJECTS.values()]
 
 
@@ -54,16 +56,12 @@ def folder(tmp_path_factory):
 @pytest.mark.parametrize("kind", SUBJECTS)
 def test_samples_are_legal(tmp_path, kind):
     subject = SUBJECTS[kind]
-    for name, content in subject.beside.items():
-        (tmp_path / name).write_bytes(content)
     assert outcome(subject, tmp_path, subject.content)
 
 
 @pytest.mark.parametrize("kind", SUBJECTS)
 def test_content_of_another_format_is_no_fault(folder, kind):
     subject = SUBJECTS[kind]
-    for name, content in subject.beside.items():
-        (folder / name).write_bytes(content)
     for content in CONTENTS:
         outcome(subject, folder, content)
     # What is left of a header of ENVI, and a table of numbers below it.
@@ -79,8 +77,6 @@ def test_damaged_files_of_every_kind_never_surprise(folder, file):
     """20,000 files: `--hypothesis-profile=fuzz`."""
     kind, damaged = file
     subject = SUBJECTS[kind]
-    for name, content in subject.beside.items():
-        (folder / name).write_bytes(content)
     with limits(len(damaged)):
         accepted = outcome(subject, folder, damaged)
     # Counts of both: `--hypothesis-show-statistics`.
@@ -104,7 +100,7 @@ def test_no_reader_takes_a_name_that_cannot_be_or_a_device(tmp_path, reader):
     assert time.perf_counter() - start < 5
 
 
-@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes here")
+@has_pipes
 @pytest.mark.parametrize("reader", READERS)
 def test_a_pipe_that_nobody_writes_into_is_given_up(tmp_path, monkeypatch, reader):
     monkeypatch.setattr(source, "NOBODY", 0.1)
@@ -115,14 +111,14 @@ def test_a_pipe_that_nobody_writes_into_is_given_up(tmp_path, monkeypatch, reade
     assert time.perf_counter() - start < 10
 
 
-@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes here")
+@has_pipes
 def test_a_writer_that_says_nothing_is_given_up(tmp_path, monkeypatch):
     monkeypatch.setattr(source, "SILENCE", 0.1)
     pipe = tmp_path / "pipe.csv"
     os.mkfifo(pipe)
     with (
         pipe.open("r+b", buffering=0),
-        pytest.raises(ValueError, match="nothing came through this pipe"),
+        refusal("nothing came through this pipe"),
     ):
         read_spectra(pipe)
 
@@ -136,14 +132,13 @@ def fill(pipe, content):
             time.sleep(0.01)
 
 
-@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes here")
+@has_pipes
 @pytest.mark.parametrize(
     "kind", [kind for kind in SUBJECTS if not SUBJECTS[kind].beside and "ickness" not in kind]
 )
 def test_pipes_read_as_files_do(tmp_path, kind):
     subject = SUBJECTS[kind]
-    path, pipe = tmp_path / subject.name, tmp_path / f"pipe_{subject.name}"
-    path.write_bytes(subject.content)
+    path, pipe = subject.put(tmp_path), tmp_path / f"pipe_{subject.name}"
     os.mkfifo(pipe)
     writer = threading.Thread(target=fill, args=(pipe, subject.content), daemon=True)
     writer.start()
@@ -158,12 +153,12 @@ def test_pipes_read_as_files_do(tmp_path, kind):
 @pytest.mark.skipif(not Path("/dev/stdin").exists(), reason="no /dev/stdin here")
 @pytest.mark.parametrize("name", ["/dev/stdin", "<(cat -)"])
 def test_the_command_reads_what_is_piped(tmp_path, name):
-    lines = "".join(f"s{i},0.1,0.25,0.3\n" for i in range(5000))  # more than a pipe holds
+    more = "".join(f"s{i},0.1,0.25,0.3\n" for i in range(5000))  # more than a pipe holds
     command = (
         f'"{sys.executable}" -c "from glazejax.commands.main import main; main()" convert {name} '
         "out.csv"
     )
-    text = (WIDE + lines).encode()
+    text = (WIDE + more).encode()
     done = subprocess.run(
         ["bash", "-c", command], input=text, cwd=tmp_path, capture_output=True, timeout=300
     )
@@ -188,10 +183,7 @@ class Failing:
 @pytest.mark.parametrize("kind", SUBJECTS)
 def test_a_failing_disk_is_one_sentence(tmp_path, monkeypatch, kind):
     subject = SUBJECTS[kind]
-    for name, content in subject.beside.items():
-        (tmp_path / name).write_bytes(content)
-    path = tmp_path / subject.name
-    path.write_bytes(subject.content)
+    path = subject.put(tmp_path)
     monkeypatch.setattr(os, "read", Failing(10))
     refused(path, r"cannot be read: Input/output error", subject.read, error=OSError)
 
@@ -339,9 +331,7 @@ def test_long_runs_of_one_letter_are_refused_soon(tmp_path, reader, content):
     ],
 )
 def test_headers_that_promise_what_is_not_there(tmp_path, fields, size, complaint):
-    fields = {**ENVI, **fields}
-    lines = [f"{title} = {text}" for title, text in fields.items() if text is not None]
-    (tmp_path / "t.hdr").write_text("\n".join(["ENVI", *lines, ""]))
+    (tmp_path / "t.hdr").write_text(envi_header(ENVI | fields))
     with (tmp_path / "t.sli").open("wb") as file:
         file.truncate(size)  # a sparse file, whatever its size
     refused(tmp_path / "t", complaint, lambda _: read_spectra(tmp_path / "t.hdr"))
@@ -376,8 +366,7 @@ def test_headers_that_promise_what_is_not_there(tmp_path, fields, size, complain
 def test_hostile_scenes(tmp_path, content, complaint):
     path = tmp_path / "t.toml"
     path.write_text(content)
-    for name, beside in SUBJECTS["scene"].beside.items():
-        (tmp_path / name).write_bytes(beside)
+    SUBJECTS["scene"].put(tmp_path)
     refused(path, complaint, read_scene)
 
 
@@ -392,18 +381,18 @@ def test_hostile_maps(tmp_path):
         .replace(b"(3, 4), ", b"(3000000000000, 4), "[:8])
         .replace(b"(3, 4)", b"(3, 9)")
     )
-    with pytest.raises(ValueError, match="not an array that can be read"):
+    with refusal("not an array that can be read"):
         read_grey(path)
     with path.open("wb") as file:
         np.savez(file, np.zeros((3, 4)))
-    with pytest.raises(ValueError, match=r"t\.npy: an archive .* save one array"):
+    with refusal(r"t\.npy: an archive .* save one array"):
         read_grey(path)
     np.save(path, np.zeros((0, 4)))
-    with pytest.raises(ValueError, match="must hold finite numbers"):
+    with refusal("must hold finite numbers"):
         read_grey(path)
     path = tmp_path / "t.png"
     Image.new("L", (6000, 6000)).save(path)  # some kilobytes
-    with pytest.raises(ValueError, match="6000 x 6000 pixels are too many"):
+    with refusal("6000 x 6000 pixels are too many"):
         read_grey(path)
     Image.new("I;16", (4, 4), 60_000).save(path)
     assert read_grey(path).max() <= 1
@@ -412,7 +401,7 @@ def test_hostile_maps(tmp_path):
 def test_lamps_of_many_lines_are_refused(tmp_path):
     path = tmp_path / "t.csv"
     path.write_text("nm,one\n" + "4\n" * 400_000)
-    with limits(800_000), pytest.raises(ValueError, match="more than 20000 lines"):
+    with limits(800_000), refusal("more than 20000 lines"):
         measured_lamp(path, GRID)
 
 
@@ -431,23 +420,19 @@ def test_pieces_do_not_show(tmp_path, monkeypatch, layout, end):
     monkeypatch.setattr(source, "HEAD", 1000)
     monkeypatch.setattr(source, "_PIECE", 7)
     values, names = spectra(5), ["réd", "b", "c", "日本", "e"]
-    if layout == "wide":
-        lines = ["Name," + ",".join(f"{w:g}" for w in GRID)]
-        lines += [
-            name + "," + ",".join(map(repr, row))
-            for name, row in zip(names, values.tolist(), strict=True)
-        ]
-    elif layout == "long":
-        lines = ["nm," + ",".join(names)]
-        lines += [
-            f"{w:g}," + ",".join(map(repr, row))
-            for w, row in zip(GRID, values.T.tolist(), strict=True)
-        ]
-    else:
-        lines = ["name,wavelength,value"]
-        for name, row in zip(names, values.tolist(), strict=True):
-            lines += [f"{name},{w:g},{value!r}" for w, value in zip(GRID, row, strict=True)]
-    (tmp_path / "t.csv").write_bytes(end.join(["\ufeff" + lines[0], *lines[1:]]).encode())
+    by_name = [[name, *row] for name, row in zip(names, values.tolist(), strict=True)]
+    text = (
+        "\ufeff"
+        + {
+            "wide": lines([["Name", *GRID], *by_name]),
+            "long": lines([["nm", *names], *zip(GRID, *values.tolist(), strict=True)]),
+            "longest": "name,wavelength,value\n"
+            + lines(
+                [name, *pair] for name, *row in by_name for pair in zip(GRID, row, strict=True)
+            ),
+        }[layout].rstrip()
+    )
+    (tmp_path / "t.csv").write_bytes(text.replace("\n", end).encode())
     table = read_spectra(tmp_path / "t.csv")
     assert table.names == tuple(names)
     assert_array_equal(table.reflectance, values)

@@ -16,6 +16,7 @@ from scipy.io import savemat
 
 from glazejax.io import open_cube, read_spectra
 
+from ..refusals import refusal
 from .cubes.images import WAVELENGTHS, image
 from .cubes.test_kinds import agree
 from .samples import GRID, same, spectra
@@ -58,7 +59,7 @@ def test_datacolor_qtx_is_percent_however_dark(tmp_path):
 def test_qtx_that_is_not_legal(tmp_path, changes, message):
     path = tmp_path / "match.qtx"
     path.write_text(qtx(**changes))
-    with pytest.raises(ValueError, match=message):
+    with refusal(message):
         read_spectra(path)
 
 
@@ -87,9 +88,7 @@ def test_procspec_is_read(tmp_path):
     same(table, GRID, spectra(1), ["leaf"], atol=1e-9)
     assert table.format == "SpectraSuite .ProcSpec"
     path.write_bytes(procspec(channelWavelengths=wavelengths))
-    with pytest.raises(
-        ValueError, match=r"no plain numbers of processedPixels: .*save it as ASCII"
-    ):
+    with refusal(r"no plain numbers of processedPixels: .*save it as ASCII"):
         read_spectra(path)
 
 
@@ -113,7 +112,7 @@ def test_formats_that_are_not_read_are_named_with_the_way_out(tmp_path, maker):
     content, way_out = NAMED[maker]
     path = tmp_path / "file.dat"
     path.write_bytes(content)
-    with pytest.raises(ValueError, match=f"{maker}.*{way_out}"):
+    with refusal(f"{maker}.*{way_out}"):
         read_spectra(path)
     # A table may begin with such a word.
     path.write_text("PEPE,400,410,420\nWDF1,.1,.2,.3\nSpectral Data File,.1,.2,.3\n")
@@ -155,10 +154,10 @@ def test_a_folder_of_png_is_a_cube_of_counts(tmp_path, dtype):
     cube = open_cube(tmp_path, scale=most)
     agree(cube, values / most)
     np.testing.assert_allclose(cube[3:9:2, 4], (values / most)[3:9:2, 4], atol=1e-6)
-    with pytest.raises(ValueError, match="a camera's counts"):
+    with refusal("a camera's counts"):
         open_cube(tmp_path)
     Image.new("RGB", (31, 23)).save(tmp_path / "scene_600nm.png")
-    with pytest.raises(ValueError, match=r"scene_600nm.png: \(23, 31, 3\)"):
+    with refusal(r"scene_600nm.png: \(23, 31, 3\)"):
         open_cube(tmp_path, scale=most)
 
 

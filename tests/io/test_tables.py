@@ -11,6 +11,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from glazejax.io import read_spectra, write_table
 from glazejax.io.quantity import not_stated
 
+from ..refusals import refusal
+
 WIDE = "Name,400,410,420\nred,0.1,0.2,0.3\nblue,0.4,0.5,0.6\n"
 
 
@@ -144,16 +146,15 @@ def test_slightly_negative_readings_are_noise(read):
 )
 def test_errors_are_one_line_that_says_where(put, text, complaint):
     path = put(text)
-    with pytest.raises(ValueError, match=complaint) as caught:
+    with refusal(complaint) as caught:
         read_spectra(path)
     assert str(path) in str(caught.value)
-    assert "\n" not in str(caught.value)
 
 
 def test_missing_file_and_folder(tmp_path):
-    with pytest.raises(FileNotFoundError, match="there is no such file"):
+    with refusal("there is no such file", FileNotFoundError):
         read_spectra(tmp_path / "none.csv")
-    with pytest.raises(ValueError, match="folder"):
+    with refusal("folder"):
         read_spectra(tmp_path)
 
 
@@ -199,7 +200,7 @@ def test_a_value_a_row(read, text):
     ],
 )
 def test_errors_of_a_value_a_row(read, text, complaint):
-    with pytest.raises(ValueError, match=complaint):
+    with refusal(complaint):
         read(text)
 
 
@@ -233,7 +234,7 @@ def test_columns_without_a_header(read, text):
     ],
 )
 def test_errors_of_columns(read, text, complaint):
-    with pytest.raises(ValueError, match=complaint):
+    with refusal(complaint):
         read(text)
 
 
@@ -259,7 +260,7 @@ def test_blank_files_are_refused_in_time_of_their_length(read, line):
     # The first is a warm-up; a square of the length would take sixteen times as long.
     for count in (100, 4_000, 16_000):
         start = time.thread_time()
-        with pytest.raises(ValueError, match=r"empty|header"):
+        with refusal(r"empty|header"):
             read(line * count)
         seconds.append(time.thread_time() - start)
     assert seconds[2] < 8 * seconds[1] + 0.05
@@ -307,8 +308,8 @@ def test_array_cells_are_plain_numbers(tmp_path):
 
 def test_nothing_is_written_on_error(put, tmp_path):
     path = put("mine")
-    with pytest.raises(ValueError, match="row 2 has 2 cells where the header has 1"):
+    with refusal("row 2 has 2 cells where the header has 1"):
         write_table(path, ["a"], [[1], [1, 2]], overwrite=True)
     assert path.read_text() == "mine"
-    with pytest.raises(FileNotFoundError, match="folder"):
+    with refusal("folder", FileNotFoundError):
         write_table(tmp_path / "no" / "t.csv", ["a"], [[1]])

@@ -8,6 +8,7 @@ from glazejax.io import SpectraTable, read_spectra, write_spectra, write_table
 from glazejax.io.words import shield_name, unshield_name
 from glazejax.paint.pigment_table import read_pigments
 
+from ..refusals import refusal
 from .samples import CGATS, GRID, jcamp_block, spectra
 
 FORMULAS = ("=1+1", "+cmd", "-a", "@SUM(A1)", "'=1", "''+x")
@@ -51,9 +52,8 @@ def test_shields_come_off_again(name):
 def test_python_s_own_and_other_scripts_digits_are_no_numbers(tmp_path, text, word):
     path = tmp_path / "t.csv"
     path.write_text(text.replace("WORD", word), encoding="utf-8")
-    with pytest.raises(ValueError, match=r"t\.csv") as error:
+    with refusal(r"t\.csv"):
         read_spectra(path)
-    assert "\n" not in str(error.value)
 
 
 def test_shields_come_off_in_every_layout(tmp_path):

@@ -2,16 +2,13 @@
 
 import re
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
 
+from glazejax import stack_hemispherical_reflectance, stack_reflectance_factor
 from tests.reference import isotropic_stacks
-
-from ..fresh import run_python
 
 LAYERS = 5
 EDGE_ALBEDO = (0.0, 1e-300, 0.3, 1 - 1e-15, 1.0)
@@ -41,23 +38,14 @@ def reference_cases() -> dict[float, Cases]:
     for entry in isotropic_stacks():
         by_index.setdefault(entry["refractive_index"], []).append(entry)
 
-    def padded(values: list[float]) -> list[float]:
-        return values + [0.0] * (LAYERS - len(values))
-
     def column(group: list[dict], key: str) -> np.ndarray:
-        return np.array([entry[key] for entry in group])
+        values = [entry["substrate_reflectance" if key == "ground" else key] for entry in group]
+        if isinstance(values[0], list):
+            values = [layers + [0.0] * (LAYERS - len(layers)) for layers in values]
+        return np.array(values)
 
     return {
-        index: Cases(
-            np.array([padded(e["albedo"]) for e in group]),
-            np.array([padded(e["optical_thickness"]) for e in group]),
-            column(group, "substrate_reflectance"),
-            column(group, "cos_incidence"),
-            column(group, "cos_viewing"),
-            column(group, "reflectance_factor"),
-            column(group, "hemispherical_reflectance"),
-            column(group, "uncertainty"),
-        )
+        index: Cases(*(column(group, key) for key in Cases._fields))
         for index, group in by_index.items()
     }
 
@@ -72,6 +60,20 @@ def random_cases(count: int, seed: int = 0) -> tuple[np.ndarray, ...]:
         rng.uniform(0, 1, count),
         rng.uniform(0.05, 1, count),
         rng.uniform(0.05, 1, count),
+    )
+
+
+def factor(albedo, thickness, ground, light, view, **options: Any) -> jax.Array:
+    """Reflectance factor of stacks as `random_cases` gives them."""
+    return stack_reflectance_factor(
+        albedo, thickness, ground, cos_incidence=light, cos_viewing=view, **options
+    )
+
+
+def flux(albedo, thickness, ground, light, **options: Any) -> jax.Array:
+    """Hemispherical reflectance of the same."""
+    return stack_hemispherical_reflectance(
+        albedo, thickness, ground, cos_incidence=light, **options
     )
 
 
@@ -107,20 +109,3 @@ def lapack_calls(program: Callable, *arguments) -> list[str]:
     text = jax.jit(program).lower(*arguments).compile().as_text()
     assert text
     return re.findall(r'custom_call_target="[^"]*lapack', text, re.IGNORECASE)
-
-
-def run_fresh(code: str, cache: Path, count: int) -> list[str]:
-    """What some processes print that run the same program, two at a time; they share what is
-    compiled, for what may hang is running it.
-    """
-    environment = {
-        "JAX_COMPILATION_CACHE_DIR": str(cache),
-        "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",
-    }
-
-    def run(limit: float) -> str:
-        return run_python(code, timeout=limit, env=environment).stdout
-
-    first = run(900)
-    with ThreadPoolExecutor(2) as pool:
-        return [first, *pool.map(run, [240] * (count - 1))]

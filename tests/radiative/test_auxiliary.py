@@ -17,7 +17,8 @@ from glazejax.radiative.auxiliary.uniform_solver import GridSettings, solve
 from glazejax.radiative.common.fresnel import cos_refracted
 from tests.tolerances import ROUNDING
 
-from .cases import CENTRAL, lapack_calls, reference_cases, run_fresh
+from ..refusals import refusal
+from .cases import CENTRAL, factor, lapack_calls, reference_cases
 
 # Interfaces and thicknesses that no step used here fits; the last three are an absent glaze, no
 # scattering at all and no absorption at all.
@@ -243,20 +244,15 @@ def test_gradients():
         map(jnp.asarray, (SLOPE_ALBEDO, SLOPE_THICKNESS, GROUND[:5], INCIDENCE[:5], VIEWING[:5]))
     )
 
-    def value(q, d, g, ci, cv):
-        return reflectance_factor(q, d, g, cos_incidence=ci, cos_viewing=cv, step=step)
+    def total(*stack):
+        *layers, light, view = stack
+        cosines = {"cos_incidence": light, "cos_viewing": view}
+        return reflectance_factor(*layers, **cosines, step=step).sum()
 
-    def total(*a):
-        return value(*a).sum()
+    def exact(*stack):
+        return factor(*stack, tolerance=1e-8).sum()
 
-    found = jax.grad(total, argnums=tuple(range(5)))(*arguments)
-
-    def exact(q, d, g, ci, cv):
-        return stack_reflectance_factor(
-            q, d, g, cos_incidence=ci, cos_viewing=cv, tolerance=1e-8
-        ).sum()
-
-    right = jax.grad(exact, argnums=tuple(range(5)))(*arguments)
+    found, right = (jax.grad(f, argnums=tuple(range(5)))(*arguments) for f in (total, exact))
     for slope, wanted in zip(found, right, strict=True):
         assert np.all(np.isfinite(slope))
         assert np.max(np.abs(slope - wanted)) < 0.5 * step  # slopes lose one order
@@ -328,27 +324,6 @@ def test_own_steps_compile_without_lapack():
     assert not lapack_calls(lambda *given: solve(*given, (), settings), batch, jnp.full(1, 8))
 
 
-_BULK = """
-import jax
-jax.config.update("jax_enable_x64", True)
-import jax.numpy as jnp, numpy as np
-from glazejax.radiative.auxiliary import reflectance_factor
-rng = np.random.default_rng(0)
-q, d = (jnp.asarray(rng.uniform(0, high, (100, 3))) for high in (1, 1))
-own = {"variant": "decomposed", "corrected": False}
-for settings in ({}, {"product": "fft"}, own | {"product": "fft"}, own | {"product": "matrix"}):
-    f = lambda q: reflectance_factor(q, d, 0.8, step=0.1, **settings).sum()
-    value, slope = jax.value_and_grad(f)(q)
-    assert bool(jnp.all(jnp.isfinite(slope)))
-    print(float(value))
-"""
-
-
-@pytest.mark.slow
-def test_fresh_processes_finish(tmp_path):
-    assert len(set(run_fresh(_BULK, tmp_path, 8))) == 1
-
-
 @pytest.mark.usefixtures("unchecked")
 @pytest.mark.parametrize(
     ("change", "message"),
@@ -380,9 +355,8 @@ def test_bad_input_says_what_and_how_to_mend(change, message):
         "optical_thickness": [1.0, 1.0],
         "substrate_reflectance": 0.5,
     }
-    with pytest.raises(ValueError, match=message) as error:
+    with refusal(message):
         reflectance_factor(**(given | change))
-    assert "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize(
@@ -390,5 +364,5 @@ def test_bad_input_says_what_and_how_to_mend(change, message):
     [("decomposed", "give segments="), ("fixed_step", "table=KernelTable")],
 )
 def test_a_traced_thickness_is_told_what_it_needs(variant, message):
-    with pytest.raises(ValueError, match=message):
+    with refusal(message):
         jax.jit(lambda d: reflectance_factor([0.5], d, 0.5, variant=variant))(jnp.ones(1))

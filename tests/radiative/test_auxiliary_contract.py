@@ -3,7 +3,6 @@ differences.
 """
 
 import itertools
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -11,7 +10,6 @@ import numpy as np
 import pytest
 from jax.test_util import check_grads
 
-from glazejax import stack_hemispherical_reflectance, stack_reflectance_factor
 from glazejax.radiative.common.fresnel import dielectric_reflectance
 from tests.tolerances import BETWEEN_METHODS, ROUNDING
 
@@ -20,6 +18,8 @@ from .cases import (
     EDGE_COSINE,
     EDGE_GROUND,
     EDGE_THICKNESS,
+    factor,
+    flux,
     lapack_calls,
     random_cases,
 )
@@ -27,30 +27,25 @@ from .cases import (
 pytestmark = pytest.mark.optimised
 
 
-def auxiliary(q, d, ground, *, hemispherical=False, **given: Any):
-    if hemispherical:
-        return stack_hemispherical_reflectance(q, d, ground, method="auxiliary", **given)
-    return stack_reflectance_factor(q, d, ground, method="auxiliary", **given)
+AUXILIARY: dict = {"method": "auxiliary"}
 
 
 @pytest.mark.slow
 def test_agrees_with_discrete_ordinates_and_itself_reversed():
-    q, d, g, ci, cv = (a[:200] for a in random_cases(200, seed=5))
-    q, d = q[:, :2], d[:, :2]
-    found = auxiliary(q, d, g, tolerance=1e-4, cos_incidence=ci, cos_viewing=cv)
-    other = stack_reflectance_factor(q, d, g, tolerance=1e-8, cos_incidence=ci, cos_viewing=cv)
+    q, d, g, ci, cv = random_cases(200, seed=5)
+    stack = q[:, :2], d[:, :2], g
+    found = factor(*stack, ci, cv, **AUXILIARY, tolerance=1e-4)
+    other = factor(*stack, ci, cv, tolerance=1e-8)
     assert np.max(np.abs(found - other)) < 1e-4
-    reverse = auxiliary(q, d, g, tolerance=1e-4, cos_incidence=cv, cos_viewing=ci)
+    reverse = factor(*stack, cv, ci, **AUXILIARY, tolerance=1e-4)
     assert np.max(np.abs(found - reverse)) < 1e-4
 
 
 def test_nothing_is_lost_without_absorption():
     d = np.array([[0.0, 1e-3], [0.1, 5.0], [3.0, 7.9], [1e-9, 2.5]])
     cosines = np.array([1.0, 0.3, 0.7, 0.05])
-    flux = auxiliary(
-        np.ones_like(d), d, 1.0, cos_incidence=cosines, tolerance=1e-4, hemispherical=True
-    )
-    assert np.max(np.abs(flux - (1 - dielectric_reflectance(cosines, 1.5)))) < ROUNDING
+    body = flux(np.ones_like(d), d, 1.0, cosines, **AUXILIARY, tolerance=1e-4)
+    assert np.max(np.abs(body - (1 - dielectric_reflectance(cosines, 1.5)))) < ROUNDING
 
 
 @pytest.mark.parametrize("depth", [1.0, 100.0], ids=["thin", "thick"])
@@ -58,8 +53,9 @@ def test_both_precisions_serve_one_process(depth):
     """In turn, where tables of the first lie ready as the second is traced."""
     for double in (True, False, True):
         with jax.enable_x64(double):
-            found = auxiliary([0.5], [depth], 0.5, tolerance=1e-2)
-            other = stack_reflectance_factor([0.5], [depth], 0.5, tolerance=1e-2)
+            stack = [0.5], [depth], 0.5, 1.0, 1.0
+            found = factor(*stack, **AUXILIARY, tolerance=1e-2)
+            other = factor(*stack, tolerance=1e-2)
             assert found.dtype == (jnp.float64 if double else jnp.float32)
             assert abs(found - other) < 2e-2
 
@@ -74,12 +70,12 @@ def test_edges_are_finite_and_right():
         jnp.stack([t, jnp.full_like(a, 0.2)], axis=1),
     )
 
-    def f(q, d, g, ci):
-        return auxiliary(q, d, g, cos_incidence=ci, cos_viewing=0.5, tolerance=1e-3)
+    def solve(q, d, g, ci):
+        return factor(q, d, g, ci, 0.5, **AUXILIARY, tolerance=1e-3)
 
-    value, pull = jax.vjp(f, q, d, g, ci)
+    value, pull = jax.vjp(solve, q, d, g, ci)
     assert all(bool(jnp.all(jnp.isfinite(leaf))) for leaf in (value, *pull(jnp.ones_like(value))))
-    other = stack_reflectance_factor(q, d, g, cos_incidence=ci, cos_viewing=0.5, tolerance=1e-6)
+    other = factor(q, d, g, ci, 0.5, tolerance=1e-6)
     assert np.max(np.abs(value - other)) < 1e-3
 
 
@@ -90,18 +86,18 @@ def test_gradient_against_differences_and_the_other_method():
     g, ci = np.clip(g, 0.1, 0.9), np.clip(ci, 0.1, 0.9)
     g, ci = jnp.asarray(g), jnp.asarray(ci)
 
-    def f(q, d, g, ci, **given):
-        return stack_reflectance_factor(q, d, g, cos_incidence=ci, cos_viewing=cv, **given)
+    def slopes(**options):
+        def total(q, d, g, ci):
+            return factor(q, d, g, ci, cv, **options).sum()
 
-    def slopes(**given):
-        return jax.grad(lambda *a: f(*a, **given).sum(), argnums=(0, 1, 2, 3))(q, d, g, ci)
+        return jax.grad(total, argnums=(0, 1, 2, 3))(q, d, g, ci)
 
-    found = slopes(method="auxiliary", tolerance=1e-4)
+    found = slopes(**AUXILIARY, tolerance=1e-4)
     for one, two in zip(found, slopes(tolerance=1e-8), strict=True):
         assert np.allclose(one, two, atol=BETWEEN_METHODS)
     # Not by the thickness: the mesh's proportions depend on it.
     check_grads(
-        lambda q, g, ci: f(q, d, g, ci, method="auxiliary", tolerance=1e-4),
+        lambda q, g, ci: factor(q, d, g, ci, cv, **AUXILIARY, tolerance=1e-4),
         (q, g, ci),
         order=1,
         modes=("rev",),
@@ -116,14 +112,8 @@ def test_no_depth_overflows():
     q, d, ground = jnp.array([[0.5], [1.0], [0.0]]), jnp.array([1e300, 1e300, 1e6])[:, None], 0.7
 
     def f(q, d):
-        return auxiliary(
-            q,
-            d,
-            ground,
-            cos_incidence=[1.0, 1e-4, 1e-12],
-            cos_viewing=[1e-4, 1.0, 0.3],
-            tolerance=1e-2,
-        )
+        light, view = [1.0, 1e-4, 1e-12], [1e-4, 1.0, 0.3]
+        return factor(q, d, ground, light, view, **AUXILIARY, tolerance=1e-2)
 
     value, pull = jax.vjp(f, q, d)
     by_albedo, by_thickness = pull(jnp.ones(3))
@@ -137,23 +127,13 @@ def test_no_depth_overflows():
 def test_a_beam_that_does_not_enter_is_no_nan():
     # So grazing that the surface reflects all of it, to rounding.
     for index in (1.0000001, 1.5):
-        flux = auxiliary(
-            [0.5],
-            [0.7],
-            0.7,
-            refractive_index=index,
-            cos_incidence=1e-30,
-            tolerance=1e-2,
-            hemispherical=True,
-        )
-        assert flux == 0
+        options = {"refractive_index": index, "tolerance": 1e-2}
+        assert flux([0.5], [0.7], 0.7, 1e-30, **AUXILIARY, **options) == 0
 
 
 @pytest.mark.slow
 def test_no_lapack_call():
     q, d, g, ci, cv = (jnp.asarray(a) for a in random_cases(40))
     q, d = q[:, :2], d[:, :2]
-    slope = jax.grad(
-        lambda q: auxiliary(q, d, g, cos_incidence=ci, cos_viewing=cv, tolerance=1e-2).sum()
-    )
+    slope = jax.grad(lambda q: factor(q, d, g, ci, cv, **AUXILIARY, tolerance=1e-2).sum())
     assert not lapack_calls(slope, q)

@@ -48,22 +48,16 @@ def test_a_product_is_the_matrix_times_the_vector(n):
 
 
 @pytest.mark.parametrize("corrected", [pytest.param(False, marks=pytest.mark.slow), True])
-@pytest.mark.parametrize("product", ["matrices", "fft"])
-def test_all_stacks_at_once_are_as_one_by_one(product, corrected):
-    settings = OWN | {"corrected": corrected}
+@pytest.mark.parametrize(
+    ("product", "variant"),
+    [("matrices", "decomposed"), ("fft", "decomposed"), ("fft", "fixed_step")],
+)
+def test_products_of_all_stacks_at_once_are_as_one_by_one(product, variant, corrected):
+    settings = OWN | {"corrected": corrected, "variant": variant}
     each = split_reflectance_factor(*STACKS, **ANGLES, **settings, product="matrix")
     together = split_reflectance_factor(*STACKS, **ANGLES, **settings, product=product)
     for part, name in zip(together, each._fields, strict=True):
         assert np.allclose(part, getattr(each, name), rtol=0, atol=1e-11), name
-
-
-@pytest.mark.parametrize("corrected", [pytest.param(False, marks=pytest.mark.slow), True])
-def test_a_shared_matrix_by_transforms_is_itself(corrected):
-    settings: dict = {"step": 0.04, "corrected": corrected}
-    matrix = reflectance_factor(*STACKS, **ANGLES, **settings, product="matrix")
-    assert np.allclose(
-        reflectance_factor(*STACKS, **ANGLES, **settings, product="fft"), matrix, rtol=0, atol=1e-11
-    )
 
 
 def test_one_program_serves_all_thicknesses_and_more_room_changes_nothing(monkeypatch):

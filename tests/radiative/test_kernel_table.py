@@ -10,6 +10,8 @@ from glazejax.radiative.auxiliary.kernel_table import MOST_SEGMENTS, KernelTable
 from glazejax.radiative.common.fresnel import dielectric_reflectance
 from tests.tolerances import ROUNDING
 
+from ..refusals import refusal
+
 
 def reflectance(mu, n):
     outside = 1.0 - n * n * (1.0 - mu * mu)
@@ -71,7 +73,7 @@ def test_kept_in_a_file(tmp_path):
     table = KernelTable(1.33, 0.05, 12)
     path = table.save(tmp_path / "kernels.npz")
     assert [p.name for p in tmp_path.iterdir()] == ["kernels.npz"]
-    with pytest.raises(FileExistsError, match="overwrite=True"):
+    with refusal("overwrite=True", FileExistsError):
         table.save(path)
     table.grow(20)
     table.save(path, overwrite=True)
@@ -85,7 +87,7 @@ def test_kept_in_a_file(tmp_path):
 
 
 def test_files_that_hold_no_table_are_refused(tmp_path):
-    with pytest.raises(FileNotFoundError, match="no kernel table at"):
+    with refusal("no kernel table at", FileNotFoundError):
         KernelTable.load(tmp_path / "absent.npz")
     (tmp_path / "text.npz").write_text("step,0.01\n")
     np.savez(tmp_path / "other.npz", a=np.ones(3))
@@ -102,7 +104,7 @@ def test_files_that_hold_no_table_are_refused(tmp_path):
         ("version", "this version reads"),
         ("short", "is damaged: e3"),
     ]:
-        with pytest.raises(ValueError, match=message):
+        with refusal(message):
             KernelTable.load(tmp_path / f"{name}.npz")
 
 
@@ -116,5 +118,5 @@ def test_files_that_hold_no_table_are_refused(tmp_path):
     ],
 )
 def test_bad_arguments(given, message):
-    with pytest.raises(ValueError, match=message):
+    with refusal(message):
         KernelTable(**given)

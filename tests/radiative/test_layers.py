@@ -1,6 +1,4 @@
-"""One layer's two-port, and beams that meet one of its eigenvalues, against integrals and against
-beams beside it.
-"""
+"""One layer's two-port, and beams that meet one of its eigenvalues, against integrals."""
 
 import jax
 import jax.numpy as jnp
@@ -8,9 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from glazejax import stack_reflectance_factor
 from glazejax.radiative.common.directions import whole_range
-from glazejax.radiative.common.fresnel import cos_refracted
 from glazejax.radiative.common.kernels import decay_integral, phi, tanh_sech, two_decays
 from glazejax.radiative.common.quadrature import gauss
 from glazejax.radiative.ordinates.layers import Beams, two_ports
@@ -106,22 +102,6 @@ def test_what_a_beam_excites_is_the_integral(mirrored: bool):
     assert np.all(np.isfinite(found[1]))
 
 
-def cosines_in_air_at_eigenvalues(albedo: float) -> np.ndarray:
-    """Cosines in air of beams whose 1/mu inside is a decay constant of the layer as the solver has
-    it.
-    """
-    rule = whole_range(INDEX, resolve_known(TOLERANCE, INDEX))
-    assert rule is not None
-    mu, weights = np.asarray(rule[0]), np.asarray(rule[1])
-    modes = layer_modes(jnp.asarray([albedo]), mu, weights)
-    kappa = np.sqrt(np.asarray(modes.decay_squared)[:, 0])
-    inside = 1.0 / kappa[kappa > 1.0]
-    inside = inside[inside > np.sqrt(1.0 - 1.0 / INDEX**2) + 1e-3]
-    air = np.sqrt(1.0 - INDEX**2 * (1.0 - inside**2))
-    assert_allclose(cos_refracted(air, INDEX), inside, rtol=1e-13)
-    return air
-
-
 def test_the_slowest_mode_keeps_its_digits_as_absorption_goes():
     """Its eigenvalue goes with 1 - q; the difference that it is far from there has no digits left.
     Directions that are traced take another way than those that are known.
@@ -143,42 +123,6 @@ def test_the_slowest_mode_keeps_its_digits_as_absorption_goes():
     assert_allclose(slowest[3:], exact[3:], rtol=2e-12)
     known = np.asarray(layer_modes(q, mu, weights).decay_squared)[0]
     assert_allclose(slowest, known, rtol=1e-11)
-
-
-@pytest.mark.slow
-def test_a_beam_at_an_eigenvalue_is_like_those_beside_it():
-    """No beam is special: value and slopes at an eigenvalue are the interpolation between beams on
-    both sides.
-    """
-    beams = [(q, cosine) for q in (0.2, 0.8, 0.97) for cosine in cosines_in_air_at_eigenvalues(q)]
-    assert len(beams) >= 3
-    albedo, air = np.array(beams).T
-    shifts = np.array([0.0, 1e-13, 1e-9, -2e-3, -1e-3, 1e-3, 2e-3])
-    cosines = air[:, None] + shifts
-    given: dict = {"refractive_index": INDEX, "cos_viewing": 0.55, "tolerance": TOLERANCE}
-
-    def factor(q, d, cosine):
-        albedo, depth = (
-            jnp.stack([jnp.full_like(q, 0.4), q], -1),
-            jnp.stack([jnp.full_like(d, 0.2), d], -1),
-        )
-        return stack_reflectance_factor(albedo, depth, 0.5, cos_incidence=cosine, **given)
-
-    shape = cosines.ravel().shape
-    arguments = (
-        jnp.asarray(np.repeat(albedo, shifts.size)),
-        jnp.full(shape, 0.9),
-        jnp.asarray(cosines.ravel()),
-    )
-    value, slope = (
-        jax.jit(lambda *x: jax.vjp(factor, *x)[0]),
-        jax.jit(jax.grad(lambda *x: factor(*x).sum(), (0, 1, 2))),
-    )
-    for quantity in (value(*arguments), *slope(*arguments)):
-        at = np.asarray(quantity).reshape(cosines.shape)
-        # The cubic through four beams, a thousandth and two away.
-        between = (-at[:, 3] + 4.0 * at[:, 4] + 4.0 * at[:, 5] - at[:, 6]) / 6.0
-        assert_allclose(at[:, :3], np.repeat(between[:, None], 3, axis=1), rtol=2e-6)
 
 
 def test_kernels_are_their_integrals_on_both_sides_of_every_switch():

@@ -6,14 +6,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from benchmarks.papers.many_flux_example import join_in_series
 from jax.test_util import check_grads
 from numpy.testing import assert_allclose
 
 from glazejax.radiative.common.fresnel import dielectric_reflectance
 from glazejax.radiative.common.phase import henyey_greenstein
 from glazejax.radiative.common.quadrature import gauss
-from glazejax.radiative.manyflux.bordered import Bordered
 from glazejax.radiative.manyflux.free import (
     free_diffuse,
     free_factor,
@@ -28,8 +26,9 @@ from glazejax.radiative.manyflux.reflectance import (
     manyflux_hemispherical_reflectance,
     manyflux_reflectance_factor,
 )
-from glazejax.radiative.manyflux.star_product import Slab, join
 from tests.tolerances import CONSERVED, LAST_DIGITS, ROUNDING
+
+from ..refusals import refusal
 
 PHASE = henyey_greenstein(jnp.array([0.6, -0.3]), 12)
 COS = np.array([0.05, 0.6, 1.0])
@@ -255,33 +254,6 @@ def test_ground_seen_through_nothing():
     assert_allclose(np.pi * found, expected, atol=1e-10)
 
 
-def test_series_and_its_bound():
-    """Order by order nearer to the inverse, always within what it says is left out."""
-    rng = np.random.default_rng(0)
-    roots = jnp.sqrt(jnp.asarray(gauss(6)[0] * gauss(6)[1]))
-
-    def slab(reflected: float) -> Slab:
-        # Symmetric, positive, and no direction gives back more than it gets.
-        core = rng.uniform(size=(2, 6, 6)) * roots[:, None] * roots
-        core = core + np.swapaxes(core, -1, -2)
-        core *= reflected / np.max(np.einsum("i,mij->mj", roots, core) / roots)
-        made = Bordered(jnp.asarray(core), jnp.zeros((2, 0)), jnp.zeros((2, 0)))
-        through = made.scaled(0.3 / reflected)
-        return Slab(made, made, through, through)
-
-    upper, lower = slab(0.6), slab(0.5)
-    exact = join(upper, lower)
-    before = np.inf
-    for order in range(5):
-        found, bound = join_in_series(upper, lower, order, roots)
-        error = np.max(roots @ np.abs(found.down.core - exact.down.core)[0] / roots / bound)
-        assert error <= 1
-        assert np.max(bound) < 0.5 * before
-        before = np.max(bound)
-    with pytest.raises(ValueError, match="order is -1"):
-        join_in_series(upper, lower, -1, roots)
-
-
 @pytest.mark.slow
 def test_slopes_between_media():
     def value(x):
@@ -304,21 +276,21 @@ def test_slopes_between_media():
 
 @pytest.mark.usefixtures("unchecked")
 def test_errors_name_the_value():
-    with pytest.raises(ValueError, match="refractive_index has 3 values"):
+    with refusal("refractive_index has 3 values"):
         manyflux_diffuse_reflectance([0.5], [1.0], 0.3, refractive_index=(1.5, 1.4, 1.3))
-    with pytest.raises(ValueError, match=r"refractive_index holds 0\.9"):
+    with refusal(r"refractive_index holds 0\.9"):
         manyflux_diffuse_reflectance([0.5, 0.5], [1.0, 1.0], 0.3, refractive_index=(1.5, 0.9))
-    with pytest.raises(ValueError, match=r"index_below is 1\.6"):
+    with refusal(r"index_below is 1\.6"):
         free_diffuse([0.5], [1.0], transmitted=True, index_below=1.6)
-    with pytest.raises(ValueError, match="need at least 6"):
+    with refusal("need at least 6"):
         manyflux_diffuse_reflectance(
             [0.5, 0.5], [1.0, 1.0], 0.3, refractive_index=(1.5, 1.4), streams=4
         )
-    with pytest.raises(ValueError, match="solution 'exact' is unknown"):
+    with refusal("solution 'exact' is unknown"):
         manyflux_diffuse_reflectance([0.5], [1.0], 0.3, solution="exact")  # pyright: ignore[reportArgumentType]
-    with pytest.raises(ValueError, match="is not reciprocal"):
+    with refusal("is not reciprocal"):
         ground_table([1.0, 0.0], [[0.5, 0.2], [0.4, 0.5]])
-    with pytest.raises(ValueError, match=r"the ground reflects 1\.5"):
+    with refusal(r"the ground reflects 1\.5"):
         ground_table([1.0, 0.0], np.full((2, 2), 1.5))
-    with pytest.raises(ValueError, match="cosines must descend"):
+    with refusal("cosines must descend"):
         ground_table([0.0, 1.0], np.ones((2, 2)))

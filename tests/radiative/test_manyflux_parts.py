@@ -8,11 +8,9 @@ from numpy.testing import assert_allclose
 from scipy.special import factorial, lpmv
 
 from glazejax.radiative.common.linalg import inverse, inverse_symmetric
-from glazejax.radiative.common.phase import henyey_greenstein
 from glazejax.radiative.manyflux.bordered import Bordered, Diagonal
-from glazejax.radiative.manyflux.directions import NodeSpread, fewest_directions, spread_directions
-from glazejax.radiative.manyflux.doubling import doublings, layer_by_doubling
-from glazejax.radiative.manyflux.scattering import associated_legendre, rates, scattering
+from glazejax.radiative.manyflux.directions import fewest_directions
+from glazejax.radiative.manyflux.scattering import associated_legendre
 from glazejax.radiative.manyflux.star_product import (
     join_all,
     lambert,
@@ -21,6 +19,8 @@ from glazejax.radiative.manyflux.star_product import (
     stack_reflection,
 )
 from tests.tolerances import LAST_DIGITS, ROUNDING
+
+from .test_manyflux_modes import MU, RULE, by_doubling, operators
 
 TINY = 2.0**-60
 
@@ -91,22 +91,20 @@ def test_legendre_functions():
 
 @pytest.fixture(scope="module")
 def layers():
-    """Three layers' R and U in two azimuth modes, with one added direction, and the ground below."""
-    rule = spread_directions(1.0, NodeSpread(6, 0, 1.0))
+    """Three layers' R and U in three azimuth modes, with one added direction, and the ground below."""
+    added = jnp.array([0.7])
 
     @jax.jit
     def make():
-        mu, weights = jnp.asarray(rule.cosines), jnp.asarray(rule.weights)
-        added = jnp.array([0.7])
-        tables = [associated_legendre(c, 2, 8) for c in (mu, added, added)]
-        moments = henyey_greenstein(jnp.array([0.6, -0.3, 0.1]), 8)
-        even, odd = scattering(moments, tables[0], tables[1], tables[2], jnp.sqrt(weights))
-        cosines = Diagonal(mu, added, added)
-        a, b = rates(jnp.array([[0.99], [0.5], [1.0]]), even, odd, cosines)
-        times = doublings(1.5, float(rule.cosines.min()))
-        r, loss = layer_by_doubling(a, b, jnp.array([[0.3], [1.5], [0.6]]), times)
-        roots = Diagonal(jnp.sqrt(mu * weights), jnp.sqrt(added), jnp.sqrt(added))
-        return r, loss, lambert(jnp.asarray(0.7), roots, 2, mu.dtype)
+        paints = (
+            jnp.array([0.99, 0.5, 1.0]),
+            jnp.array([0.3, 1.5, 0.6]),
+            jnp.array([0.6, -0.3, 0.1]),
+        )
+        r, loss = by_doubling(*operators(*paints, added, added))
+        roots = jnp.sqrt(MU * jnp.asarray(RULE.weights))
+        roots = Diagonal(roots, jnp.sqrt(added), jnp.sqrt(added))
+        return r, loss, lambert(jnp.asarray(0.7), roots, 3, MU.dtype)
 
     return make()
 

@@ -10,10 +10,12 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from glazejax import stack_hemispherical_reflectance, stack_reflectance_factor
+from glazejax import stack_reflectance_factor
 from glazejax.radiative.common.directions import Resolution, half_range, resolve
 from glazejax.radiative.ordinates import solver as ordinates
 from glazejax.radiative.ordinates.resolution import resolve_known
+
+from .cases import factor, flux
 
 # Far more directions, whose rise is followed down to a cosine of 1e-5.
 FINE = Resolution(64, 12, reach=12.5)
@@ -47,8 +49,8 @@ def worst(stacks, index, directions, truth):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("least", [pytest.param(0.05, marks=pytest.mark.slow), 4e-4])
-@pytest.mark.parametrize("tolerance", [1e-4, pytest.param(1e-6, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("least", [0.05, 4e-4])
+@pytest.mark.parametrize("tolerance", [1e-4, 1e-6])
 def test_error_of_grazing_light_and_view_stays_below_the_tolerance(least, tolerance):
     # Both of a cosine of 4e-4: the reflectance factor is some 150 then, and its error is still an
     # absolute one.
@@ -67,18 +69,9 @@ def test_thin_layers_seen_aslant_stay_below_the_tolerance():
     # One of 6000 random stacks with cosines from 0.05 on, which all get the same directions.
     albedo, thickness = [0.99999922, 0.49685725, 1.0], [0.00398201, 0.00089455, 0.00040152]
 
-    def factor(tolerance):
-        return stack_reflectance_factor(
-            albedo,
-            thickness,
-            0.5,
-            refractive_index=1.0,
-            cos_incidence=[0.11253014, 0.05],
-            cos_viewing=[0.15220655, 0.05],
-            tolerance=tolerance,
-        )
-
-    assert float(factor(1e-8)[0]) == pytest.approx(float(factor(1e-10)[0]), abs=1e-8)
+    stack = albedo, thickness, 0.5, [0.11253014, 0.05], [0.15220655, 0.05]
+    coarse, fine = (factor(*stack, refractive_index=1.0, tolerance=t)[0] for t in (1e-8, 1e-10))
+    assert float(coarse) == pytest.approx(float(fine), abs=1e-8)
 
 
 def test_grazing_angles_that_are_known_or_may_come_take_more_directions():
@@ -97,35 +90,18 @@ def test_grazing_angles_that_are_known_or_may_come_take_more_directions():
 def test_cosines_of_a_call_decide(index):
     """Light and view both graze, or an unknown cosine may: what the solver gets, by its error."""
 
-    def factor(light, view, tolerance=1e-4):
-        return stack_reflectance_factor(
-            [0.9],
-            [1.0],
-            0.5,
-            refractive_index=index,
-            cos_incidence=light,
-            cos_viewing=view,
-            tolerance=tolerance,
-        )
+    def aslant(light, view, tolerance=1e-4):
+        return factor([0.9], [1.0], 0.5, light, view, refractive_index=index, tolerance=tolerance)
 
-    fine = factor(4e-4, 4e-4, 1e-8)
-    for found in (factor(4e-4, 4e-4), jax.jit(factor)(4e-4, 4e-4)):
+    fine = aslant(4e-4, 4e-4, 1e-8)
+    for found in (aslant(4e-4, 4e-4), jax.jit(aslant)(4e-4, 4e-4)):
         assert float(found) == pytest.approx(float(fine), abs=1e-4)
 
 
 def glancing(thickness, cosines, tolerance):
     """A layer that absorbs nothing, at index one, lit and seen along the same cosines."""
-    return np.asarray(
-        stack_reflectance_factor(
-            [1.0],
-            thickness,
-            0.5,
-            refractive_index=1.0,
-            cos_incidence=cosines,
-            cos_viewing=cosines,
-            tolerance=tolerance,
-        )
-    )
+    stack = [1.0], thickness, 0.5, cosines, cosines
+    return np.asarray(factor(*stack, refractive_index=1.0, tolerance=tolerance))
 
 
 def test_the_most_grazing_cosine_of_a_call_decides():
@@ -149,31 +125,19 @@ def test_cosines_between_two_decades_stay_below_the_tolerance(finest):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("index", "traced"),
-    [
-        (1.0, False),
-        *(pytest.param(1 + excess, True, marks=pytest.mark.slow) for excess in (1e-8, 1e-6)),
-    ],
-)
+@pytest.mark.parametrize(("index", "traced"), [(1.0, False), (1 + 1e-8, True), (1 + 1e-6, True)])
 def test_flux_of_grazing_light_stays_below_the_tolerance(index, traced):
     """What leaves a medium into which light has grazed comes from just below its face, and grazes
     too: 30 times the tolerance was missed where only the view's cosine chose directions.
     """
     cosines = np.array([1e-5, 1e-4, 4e-4, 1e-3, 3e-3, 0.01, 0.03])
 
-    def flux(light, tolerance):
-        return stack_hemispherical_reflectance(
-            [0.97, 0.5],
-            [0.3, 1.0],
-            0.5,
-            refractive_index=index,
-            cos_incidence=light,
-            tolerance=tolerance,
-        )
+    def body(light, tolerance):
+        stack = [0.97, 0.5], [0.3, 1.0], 0.5, light
+        return flux(*stack, refractive_index=index, tolerance=tolerance)
 
-    call = jax.jit(flux, static_argnums=1) if traced else flux
-    assert_allclose(call(cosines, 1e-4), flux(cosines, 1e-7), atol=1e-4, rtol=0)
+    call = jax.jit(body, static_argnums=1) if traced else body
+    assert_allclose(call(cosines, 1e-4), body(cosines, 1e-7), atol=1e-4, rtol=0)
 
 
 def of_index(hemispherical, tolerance):
@@ -186,16 +150,15 @@ def of_index(hemispherical, tolerance):
     light, view = jnp.array([1.0, 0.8, 0.5, 0.9, 0.7]), jnp.array([0.7, 1.0, 0.6, 0.4, 0.9])
 
     def f(index):
-        options = {"refractive_index": index, "cos_incidence": light, "tolerance": tolerance}
-        if hemispherical:
-            return stack_hemispherical_reflectance(albedo, thickness, ground, **options)
-        return stack_reflectance_factor(albedo, thickness, ground, **options, cos_viewing=view)
+        solve, cosines = (flux, [light]) if hemispherical else (factor, [light, view])
+        options = {"refractive_index": index, "tolerance": tolerance}
+        return solve(albedo, thickness, ground, *cosines, **options)
 
     return f
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("hemispherical", [False, pytest.param(True, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("hemispherical", [False, True])
 def test_slopes_by_an_index_of_one_and_just_above(hemispherical):
     f = jax.jit(of_index(hemispherical, 1e-8))
     slope = jax.jit(lambda n: jax.jvp(f, (n,), (jnp.ones_like(n),))[1])

@@ -14,6 +14,8 @@ from glazejax import (
 )
 from glazejax.radiative.profile import _piecewise_linear
 
+from ..refusals import refusal
+
 DEPTH = 2e-5
 METHODS = ("ordinates", "auxiliary")
 
@@ -122,6 +124,5 @@ def test_bad_input_says_what_and_how_to_mend(change, message):
         "thickness": 1e-5,
         "substrate_reflectance": 0.5,
     }
-    with pytest.raises(ValueError, match=message) as error:
+    with refusal(message):
         profile_reflectance_factor(**(given | change))
-    assert "\n" not in str(error.value)

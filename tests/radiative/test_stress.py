@@ -1,5 +1,6 @@
 """Edges, extremes, batches and bulk use: finite, right, and never a hang."""
 
+import functools
 import itertools
 import warnings
 from typing import get_args
@@ -10,9 +11,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from hypothesis import example, given
-from numpy.testing import assert_allclose
 
-from glazejax import stack_hemispherical_reflectance, stack_reflectance_factor
+from glazejax import stack_reflectance_factor
 from glazejax.radiative.common.directions import half_range
 from glazejax.radiative.common.fresnel import dielectric_reflectance
 from glazejax.radiative.common.rounding import Rounding, warn_of_rounding
@@ -21,35 +21,27 @@ from glazejax.radiative.stack import Method
 from tests.tolerances import ROUNDING
 
 from ..fresh import run_python
+from ..refusals import refusal
 from .cases import (
     EDGE_ALBEDO,
     EDGE_COSINE,
     EDGE_GROUND,
     EDGE_THICKNESS,
     LAYERS,
+    factor,
+    flux,
     lapack_calls,
     random_cases,
-    run_fresh,
     stacks_of_all_kinds,
 )
 
 pytestmark = pytest.mark.optimised
 
 _value_and_gradient = jax.jit(
-    jax.value_and_grad(
-        lambda q, d, g, ci, cv: stack_reflectance_factor(
-            q, d, g, cos_incidence=ci, cos_viewing=cv, tolerance=1e-4
-        ).sum(),
-        argnums=(0, 1, 2, 3, 4),
-    )
+    jax.value_and_grad(lambda *stack: factor(*stack, tolerance=1e-4).sum(), argnums=tuple(range(5)))
 )
 _flux = jax.jit(
-    jax.value_and_grad(
-        lambda q, d, g, ci: stack_hemispherical_reflectance(
-            q, d, g, cos_incidence=ci, tolerance=1e-4
-        ).sum(),
-        argnums=(0, 1, 2, 3),
-    )
+    jax.value_and_grad(lambda *stack: flux(*stack, tolerance=1e-4).sum(), argnums=tuple(range(4)))
 )
 
 unit = st.one_of(st.sampled_from(EDGE_ALBEDO), st.floats(0, 1))
@@ -83,15 +75,14 @@ def finite(tree) -> bool:
 def test_any_stack_is_finite_and_conserves_energy(albedo, thickness, ground, ci, cv):
     q, d = jnp.array([albedo]), jnp.array([thickness])
     g, ci, cv = jnp.array([ground]), jnp.array([ci]), jnp.array([cv])
-    factor = _value_and_gradient(q, d, g, ci, cv)
-    flux = _flux(q, d, g, ci)
-    assert finite(factor)
-    assert finite(flux)
-    assert factor[0] >= -ROUNDING
-    assert -ROUNDING <= flux[0] <= 1 - dielectric_reflectance(float(ci[0]), 1.5) + ROUNDING
+    value, slopes = _value_and_gradient(q, d, g, ci, cv)
+    body = _flux(q, d, g, ci)
+    assert finite((value, slopes, body))
+    assert value >= -ROUNDING
+    assert -ROUNDING <= body[0] <= 1 - dielectric_reflectance(float(ci[0]), 1.5) + ROUNDING
     # More scattering in place of absorption, or a paler ground, never darkens.
-    assert jnp.all(factor[1][0] >= -DARKER * (1 + d))
-    assert factor[1][2][0] >= -DARKER
+    assert jnp.all(slopes[0] >= -DARKER * (1 + d))
+    assert slopes[2][0] >= -DARKER
 
 
 @pytest.mark.slow
@@ -103,21 +94,18 @@ def test_errors_stay_below_the_tolerance(index, least_cosine, tolerance):
     """Against the finest tolerance. Thin layers that absorb, in white that does not, are the worst
     case; where there is no surface, thin layers seen aslant.
     """
-    *stack, light, view = stacks_of_all_kinds(400, least_cosine)
-    given = {"refractive_index": index, "cos_incidence": light, "cos_viewing": view}
-    exact = stack_reflectance_factor(*stack, tolerance=1e-10, **given)
-    found = stack_reflectance_factor(*stack, tolerance=tolerance, **given)
+    stacks = stacks_of_all_kinds(400, least_cosine)
+    exact = factor(*stacks, refractive_index=index, tolerance=1e-10)
+    found = factor(*stacks, refractive_index=index, tolerance=tolerance)
     assert float(jnp.max(jnp.abs(found - exact))) < tolerance
 
 
 @pytest.mark.slow
 def test_errors_stay_below_the_tolerance_for_an_array_of_indices():
     """Which takes directions of its own."""
-    *stack, light, view = stacks_of_all_kinds(300, 0.05)
-    given = {"cos_incidence": light, "cos_viewing": view}
-    exact = stack_reflectance_factor(*stack, refractive_index=2.5, tolerance=1e-10, **given)
-    index = np.full(300, 2.5)
-    found = stack_reflectance_factor(*stack, refractive_index=index, tolerance=1e-8, **given)
+    stacks = stacks_of_all_kinds(300, 0.05)
+    exact = factor(*stacks, refractive_index=2.5, tolerance=1e-10)
+    found = factor(*stacks, refractive_index=np.full(300, 2.5), tolerance=1e-8)
     assert float(jnp.max(jnp.abs(found - exact))) < 1e-8
 
 
@@ -146,13 +134,8 @@ def test_every_combination_of_edges(index):
     a, t, g, ci, cv = map(jnp.asarray, np.array(edges).T)
     q = jnp.stack([a, jnp.full_like(a, 0.6), a, a, a], axis=1)
     d = jnp.stack([t, jnp.full_like(a, 0.2), t, t, t], axis=1)
-
-    def f(q, d, g, ci, cv):
-        return stack_reflectance_factor(
-            q, d, g, refractive_index=index, cos_incidence=ci, cos_viewing=cv, tolerance=1e-4
-        )
-
-    value, pull = jax.vjp(f, q, d, g, ci, cv)
+    solve = functools.partial(factor, refractive_index=index, tolerance=1e-4)
+    value, pull = jax.vjp(solve, q, d, g, ci, cv)
     assert finite((value, pull(jnp.ones_like(value))))
     assert jnp.all(value >= -ROUNDING)
 
@@ -167,9 +150,7 @@ def test_beams_on_nodes_are_nothing_special():
         q, d = np.tile([0.9, 0.4], (len(beams), 1)), np.tile([0.3, 1.0], (len(beams), 1))
 
         def f(cos, q=q, d=d, index=index):
-            return stack_reflectance_factor(
-                q, d, 0.8, refractive_index=index, cos_incidence=cos, cos_viewing=cos
-            )
+            return factor(q, d, 0.8, cos, cos, refractive_index=index)
 
         on = f(beams)
         around = 0.5 * (f(beams * (1 - 1e-5)) + f(np.minimum(beams * (1 + 1e-5), 1)))
@@ -179,18 +160,13 @@ def test_beams_on_nodes_are_nothing_special():
 
 @pytest.mark.single
 def test_jit_vmap_loop_and_chunks_agree():
-    q, d, g, ci, cv = random_cases(700)
-
-    def f(q, d, g, ci, cv):
-        return stack_reflectance_factor(q, d, g, cos_incidence=ci, cos_viewing=cv)
-
-    whole = f(q, d, g, ci, cv)  # several chunks, the last one filled up
-    assert np.allclose(jax.jit(f)(q, d, g, ci, cv), whole, rtol=0, atol=ROUNDING)
-    few = slice(695, 700)  # of the last chunk
-    mapped = jax.vmap(f)(*(jnp.asarray(a[few]) for a in (q, d, g, ci, cv)))
-    looped = [float(f(q[i], d[i], g[i], ci[i], cv[i])) for i in range(695, 700)]
-    assert np.allclose(mapped, whole[few], rtol=0, atol=ROUNDING)
-    assert np.allclose(looped, whole[few], rtol=0, atol=ROUNDING)
+    stacks = random_cases(700)
+    whole = factor(*stacks)  # several chunks, the last one filled up
+    assert np.allclose(jax.jit(factor)(*stacks), whole, rtol=0, atol=ROUNDING)
+    few = [jnp.asarray(array[695:]) for array in stacks]  # of the last chunk
+    looped = [float(factor(*stack)) for stack in zip(*few, strict=True)]
+    for values in (jax.vmap(factor)(*few), looped):
+        assert np.allclose(values, whole[695:], rtol=0, atol=ROUNDING)
 
 
 def test_batches_broadcast():
@@ -209,34 +185,11 @@ def test_compiled_programs_hold_no_lapack_call(index):
 
     def f(q, d, g, ci, cv):
         n = 1.5 if index == 1.5 else 1.4 + 0.1 * g
-        factor = stack_reflectance_factor(
-            q, d, g, refractive_index=n, cos_incidence=ci, cos_viewing=cv, tolerance=1e-3
-        )
-        flux = stack_hemispherical_reflectance(
-            q, d, g, refractive_index=n, cos_incidence=ci, tolerance=1e-3
-        )
-        return (factor + flux).sum()
+        options = {"refractive_index": n, "tolerance": 1e-3}
+        return (factor(q, d, g, ci, cv, **options) + flux(q, d, g, ci, **options)).sum()
 
     for program in (f, jax.value_and_grad(f, argnums=(0, 1, 2))):
         assert not lapack_calls(program, q, d, g, ci, cv)
-
-
-_BULK = """
-import jax
-jax.config.update("jax_enable_x64", True)
-import jax.numpy as jnp, numpy as np
-from glazejax import stack_reflectance_factor
-rng = np.random.default_rng()
-q, d = (jnp.asarray(rng.uniform(0, high, (2000, 3))) for high in (1, 3))
-g = jnp.full(2000, 0.8)
-f = lambda q, d, g: stack_reflectance_factor(q, d, g, tolerance=1e-4).sum()
-print(float(jax.jit(jax.value_and_grad(f, argnums=(0, 1, 2)))(q, d, g)[0]))
-"""
-
-
-@pytest.mark.slow
-def test_ten_fresh_processes_finish(tmp_path):
-    assert np.isfinite([float(out) for out in run_fresh(_BULK, tmp_path, 10)]).all()
 
 
 _MEMORY = """
@@ -296,9 +249,8 @@ def test_bad_input_says_what_and_how_to_mend(change, message):
         "optical_thickness": [1.0, 1.0],
         "substrate_reflectance": 0.5,
     } | change
-    with pytest.raises(ValueError, match=message) as error:
+    with refusal(message):
         stack_reflectance_factor(**given)
-    assert "\n" not in str(error.value)
 
 
 @pytest.mark.single
@@ -392,34 +344,5 @@ def test_a_traced_tolerance_is_told_to_be_static():
     def seen(tolerance):
         return stack_reflectance_factor([0.5], [1.0], 0.5, tolerance=tolerance)
 
-    with pytest.raises(ValueError, match=r"tolerance is traced.*static_argnames='tolerance'"):
+    with refusal(r"tolerance is traced.*static_argnames='tolerance'"):
         jax.jit(seen)(1e-3)
-
-
-@pytest.mark.slow
-@pytest.mark.single
-def test_inside_the_loops_of_jax():
-    """In scan, map and cond, under a checkpoint and its gradient, in one program: as one by one."""
-    grounds, depth = jnp.linspace(0.1, 0.9, 3), jnp.array([0.5, 2.0])
-
-    def one(ground, depth):
-        return stack_reflectance_factor([0.6, 0.98], depth, ground, tolerance=1e-3)
-
-    @jax.jit
-    def looped(depth):
-        _, scanned = jax.lax.scan(lambda last, ground: (last, one(ground, depth)), 0.0, grounds)
-        mapped = jax.lax.map(lambda ground: one(ground, depth), grounds)
-        chosen = jax.lax.cond(depth[0] > 0, lambda d: one(grounds[1], d), jnp.sum, depth)
-        return (
-            scanned,
-            mapped,
-            chosen,
-            jax.grad(jax.checkpoint(lambda d: one(grounds[1], d)))(depth),
-        )
-
-    scanned, mapped, chosen, slope = looped(depth)
-    alone = np.array([one(ground, depth) for ground in grounds])
-    assert_allclose(scanned, alone, rtol=max(1e-9, ROUNDING))
-    assert_allclose(mapped, alone, rtol=max(1e-9, ROUNDING))
-    assert_allclose(chosen, alone[1], rtol=max(1e-9, ROUNDING))
-    assert_allclose(slope, jax.grad(lambda d: one(grounds[1], d))(depth), rtol=max(1e-7, ROUNDING))

@@ -11,14 +11,13 @@ import numpy as np
 import pytest
 from benchmarks.peers.ours import CONVERGED
 
-from glazejax import stack_reflectance_factor
 from glazejax.radiative.common.phase import henyey_greenstein
 from glazejax.radiative.common.rounding import FINEST_SINGLE
 from glazejax.radiative.common.stack_arrays import StackArrays
 from glazejax.radiative.manyflux.reflectance import manyflux_reflectance_factor
 from glazejax.radiative.ordinates import solver
 
-from .cases import stacks_of_all_kinds
+from .cases import factor, stacks_of_all_kinds
 
 pytestmark = [pytest.mark.optimised, pytest.mark.slow]
 
@@ -33,7 +32,7 @@ def worst(found, exact, tolerance: float) -> float:
 
 @pytest.mark.parametrize("index", [1.0, 1.5])
 def test_the_finest_tolerance_against_more_directions(index):
-    albedo, depth, ground, light, view = stacks_of_all_kinds(200, 0.05)
+    stacks = stacks_of_all_kinds(200, 0.05)
 
     @jax.jit
     def converged(albedo, depth, ground, light, view):
@@ -47,17 +46,8 @@ def test_the_finest_tolerance_against_more_directions(index):
         )
         return solver.reflectance(stack, CONVERGED[index])
 
-    exact = converged(albedo, depth, ground, light, view)
-    found = stack_reflectance_factor(
-        albedo,
-        depth,
-        ground,
-        refractive_index=index,
-        cos_incidence=light,
-        cos_viewing=view,
-        tolerance=1e-10,
-    )
-    assert worst(found, exact, 1e-10) < 1.0
+    found = factor(*stacks, refractive_index=index, tolerance=1e-10)
+    assert worst(found, converged(*stacks), 1e-10) < 1.0
 
 
 @pytest.mark.parametrize(
@@ -73,11 +63,10 @@ def test_the_finest_tolerance_against_more_directions(index):
 )
 @pytest.mark.parametrize("index", [1.0, 1.5, 2.5])
 def test_many_layers_and_other_methods_against_the_default(index, count, how, stacks, finer):
-    *stack, light, view = stacks_of_all_kinds(count, 0.05, **stacks)
-    given = {"refractive_index": index, "cos_incidence": light, "cos_viewing": view}
-    exact = stack_reflectance_factor(*stack, tolerance=1e-10, **given)
+    cases = stacks_of_all_kinds(count, 0.05, **stacks)
+    exact = factor(*cases, refractive_index=index, tolerance=1e-10)
     for tolerance in (1e-3, finer):
-        found = stack_reflectance_factor(*stack, tolerance=tolerance, **given, **how)
+        found = factor(*cases, refractive_index=index, tolerance=tolerance, **how)
         assert worst(found, exact, tolerance) < 1.0
 
 
@@ -88,15 +77,11 @@ def test_single_precision(index, tolerance):
     precision changes is no error of the solver.
     """
     rounded = [np.float32(part) for part in stacks_of_all_kinds(200, 0.05)]
-    *stack, light, view = rounded
-    given = {"refractive_index": index, "cos_incidence": light, "cos_viewing": view}
     with jax.enable_x64(False):
-        found = np.asarray(stack_reflectance_factor(*stack, tolerance=tolerance, **given))
+        found = np.asarray(factor(*rounded, refractive_index=index, tolerance=tolerance))
     assert found.dtype == np.float32
-    *stack, light, view = [np.float64(part) for part in rounded]
-    given |= {"cos_incidence": light, "cos_viewing": view}
     with jax.enable_x64(True):
-        exact = stack_reflectance_factor(*stack, tolerance=1e-10, **given)
+        exact = factor(*map(np.float64, rounded), refractive_index=index, tolerance=1e-10)
     assert worst(found, exact, tolerance) < 1.0
 
 

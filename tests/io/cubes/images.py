@@ -50,6 +50,15 @@ def envi(
     return path
 
 
+def bright_image(folder: Path) -> Path:
+    """Such an image with one reading as high as there are."""
+    path = envi(folder, image())
+    raw = np.memmap(path.with_suffix(".img"), "<u2", "r+", shape=(BANDS, LINES, SAMPLES))
+    raw[2, 5, 6] = 65535
+    raw.flush()
+    return path
+
+
 def labelled(values, wavelengths=WAVELENGTHS, **attributes):
     """The same as a data set of xarray, with coordinates in millimetres."""
     places = {

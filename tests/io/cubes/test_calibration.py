@@ -8,7 +8,8 @@ from numpy.testing import assert_allclose
 
 from glazejax.io import open_cube, write_table
 
-from .images import BANDS, LINES, SAMPLES, WAVELENGTHS, envi, image
+from ...refusals import refusal
+from .images import BANDS, LINES, SAMPLES, WAVELENGTHS, bright_image, envi, image
 
 
 @pytest.fixture
@@ -29,10 +30,15 @@ def counts(folder, values, name, **further):
     return envi(folder, values, name=name, **{"reflectance scale factor": 1} | further)
 
 
+def readings(folder, **cubes) -> dict:
+    """Counts of a cube and its references, as arguments of `open_cube`."""
+    return {name: counts(folder, values, name) for name, values in cubes.items()}
+
+
 def test_references_of_the_cubes_size(scene):
     folder, truth, raw, white, dark = scene
-    paths = {n: counts(folder, v, n) for n, v in (("raw", raw), ("white", white), ("dark", dark))}
-    cube = open_cube(paths["raw"], white=paths["white"], dark=paths["dark"], white_reflectance=0.98)
+    paths = readings(folder, path=raw, white=white, dark=dark)
+    cube = open_cube(**paths, white_reflectance=0.98)
     expected = (raw - dark) / (white - dark) * 0.98
     assert_allclose(cube.values, expected, rtol=2e-6)
     assert_allclose(cube.values, truth * 0.98, atol=4e-5)
@@ -86,16 +92,15 @@ def test_the_whites_own_spectrum(scene):
         ["name", *(f"{w:.12g}" for w in grid)],
         [["tile", *own], ["other", *own / 2]],
     )
-    paths = {n: counts(folder, v, n) for n, v in (("raw", raw), ("white", white), ("dark", dark))}
-    references: dict = {"white": paths["white"], "dark": paths["dark"]}
-    cube = open_cube(paths["raw"], **references, white_reflectance=f"{folder / 'own.csv'}:tile")
+    paths = readings(folder, path=raw, white=white, dark=dark)
+    cube = open_cube(**paths, white_reflectance=f"{folder / 'own.csv'}:tile")
     expected = (raw - dark) / (white - dark) * np.interp(WAVELENGTHS, grid, own)
     assert_allclose(cube.values, expected, rtol=3e-6)
-    with pytest.raises(ValueError, match="holds 2 spectra: choose one"):
-        open_cube(paths["raw"], **references, white_reflectance=folder / "own.csv")
+    with refusal("holds 2 spectra: choose one"):
+        open_cube(**paths, white_reflectance=folder / "own.csv")
     write_table(folder / "short.csv", ["name", "450", "460"], [["tile", 0.9, 0.9]])
-    with pytest.raises(ValueError, match="white's own reflectance: cannot resample"):
-        open_cube(paths["raw"], **references, white_reflectance=folder / "short.csv")
+    with refusal("white's own reflectance: cannot resample"):
+        open_cube(**paths, white_reflectance=folder / "short.csv")
 
 
 def test_no_light_gives_nan_and_saturation_gives_infinity(scene):
@@ -105,8 +110,8 @@ def test_no_light_gives_nan_and_saturation_gives_infinity(scene):
     white[:, 5, 2] = 65535
     raw[6, 7, 1] = 65535
     raw[0, 0] = 50
-    paths = {n: counts(folder, v, n) for n, v in (("raw", raw), ("white", white), ("dark", dark))}
-    cube = open_cube(paths["raw"], white=paths["white"], dark=paths["dark"])
+    paths = readings(folder, path=raw, white=white, dark=dark)
+    cube = open_cube(**paths)
     values = cube.values
     assert np.isnan(values[:, 3:6, 2]).all()
     assert np.isposinf(values[6, 7, 1])
@@ -115,20 +120,14 @@ def test_no_light_gives_nan_and_saturation_gives_infinity(scene):
     assert cube.attrs["saturated"] == np.inf
     # A bin that holds a saturated reading is saturated, one that holds a missing reading is the
     # mean of the others.
-    coarse = open_cube(
-        paths["raw"], white=paths["white"], dark=paths["dark"], binning=(2, 2, 1)
-    ).values
+    coarse = open_cube(**paths, binning=(2, 2, 1)).values
     assert np.isposinf(coarse[3, 3, 1])
     assert_allclose(coarse[2, 3, 2], values[4:6, 6:8, 2].mean(), rtol=1e-5)
     assert_allclose(coarse[1, 1, 2], values[2:4, 2, 2].mean(), rtol=1e-5)
 
 
 def test_saturated_readings_in_bins_without_calibration(tmp_path):
-    values = image()
-    path = envi(tmp_path, values)
-    raw = np.memmap(path.with_suffix(".img"), "<u2", "r+", shape=(BANDS, LINES, SAMPLES))
-    raw[2, 5, 6] = 65535
-    raw.flush()
+    path = bright_image(tmp_path)
     assert open_cube(path).values[5, 6, 2] >= open_cube(path).attrs["saturated"]
     coarse = open_cube(path, binning=(2, 2, 1))
     assert coarse.attrs["saturated"] == np.inf
@@ -152,7 +151,7 @@ def test_references_of_another_size(tmp_path, size, complaint):
             open_cube(path, white=tmp_path / "white.npy").values, image() / 2, rtol=1e-5
         )
         return
-    with pytest.raises(ValueError, match=complaint) as caught:
+    with refusal(complaint) as caught:
         open_cube(path, white=tmp_path / "white.npy")
     assert "white.npy" in str(caught.value)
 
@@ -160,16 +159,16 @@ def test_references_of_another_size(tmp_path, size, complaint):
 def test_calibrations_that_mean_nothing(tmp_path):
     path = counts(tmp_path, image() * 10_000, "raw")
     np.save(tmp_path / "white.npy", np.full(BANDS, 20_000.0))
-    with pytest.raises(ValueError, match="a dark reference alone"):
+    with refusal("a dark reference alone"):
         open_cube(path, dark=tmp_path / "white.npy")
-    with pytest.raises(ValueError, match="not both"):
+    with refusal("not both"):
         open_cube(path, white=tmp_path / "white.npy", scale=3)
     for own in (0, -1, 99, np.nan):
-        with pytest.raises(ValueError, match="the white's own reflectance is"):
+        with refusal("the white's own reflectance is"):
             open_cube(path, white=tmp_path / "white.npy", white_reflectance=own)
     other = counts(tmp_path, image() * 10_000, "other", wavelengths=np.array(WAVELENGTHS) + 3)
-    with pytest.raises(ValueError, match="other wavelengths than the cube"):
+    with refusal("other wavelengths than the cube"):
         open_cube(path, white=other)
     np.save(tmp_path / "short.npy", np.ones(BANDS - 1))
-    with pytest.raises(ValueError, match="6 readings; the cube has 7 bands"):
+    with refusal("6 readings; the cube has 7 bands"):
         open_cube(path, white=tmp_path / "short.npy")

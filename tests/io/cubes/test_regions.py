@@ -16,7 +16,8 @@ from glazejax.io import open_cube, quick_source_hash, read_mask, read_spot
 from glazejax.io.cubes.hashes import time_of_change
 from glazejax.io.cubes.regions import inside
 
-from .images import BANDS, LINES, SAMPLES, envi, image, labelled, zarr
+from ...refusals import refusal
+from .images import BANDS, LINES, SAMPLES, bright_image, envi, image, labelled, zarr
 
 SHAPE = (LINES, SAMPLES)
 BOX = [[4, 3], [10, 3], [10, 8], [4, 8]]
@@ -34,28 +35,26 @@ def test_pictures_of_all_kinds(tmp_path, kind):
     used = np.random.default_rng(0).random(SHAPE) < 0.5
     grey = Image.fromarray(np.where(used, 7, 0).astype("u1"))
     made = {
-        "grey": lambda: grey,
-        "16 bit": lambda: Image.fromarray(np.where(used, 256, 0).astype("u2")),
-        "1 bit": lambda: Image.fromarray(used),
-        "rgb": lambda: Image.fromarray(
+        "grey": grey,
+        "16 bit": Image.fromarray(np.where(used, 256, 0).astype("u2")),
+        "1 bit": Image.fromarray(used),
+        "rgb": Image.fromarray(
             np.stack([np.zeros(SHAPE, "u1"), used.astype("u1"), used * 0], 2).astype("u1")
         ),
-        "rgba": lambda: Image.fromarray(np.where(used[..., None], 255, [9, 9, 9, 0]).astype("u1")),
-        "palette": lambda: grey.convert("P"),
-        "grey alpha": lambda: grey.convert("LA"),
-    }[kind]()
+        "rgba": Image.fromarray(np.where(used[..., None], 255, [9, 9, 9, 0]).astype("u1")),
+        "palette": grey.convert("P"),
+        "grey alpha": grey.convert("LA"),
+    }[kind]
     made.save(tmp_path / "mask.png")
     assert_array_equal(read_mask(tmp_path / "mask.png", SHAPE), used)
 
 
 def test_mask_of_another_size(tmp_path):
     path = png(tmp_path, np.ones((SAMPLES, LINES), "u1"))
-    with pytest.raises(
-        ValueError, match=f"has {SAMPLES} lines x {LINES} samples; the image has {LINES} lines"
-    ):
+    with refusal(f"has {SAMPLES} lines x {LINES} samples; the image has {LINES} lines"):
         read_mask(path, SHAPE)
     cube = open_cube(envi(tmp_path, image()), binning=(2, 3, 1))
-    with pytest.raises(ValueError, match="opened as 11 x 10"):
+    with refusal("opened as 11 x 10"):
         read_mask(path, cube)
 
 
@@ -149,18 +148,17 @@ def test_simple_polygons_as_matplotlib_has_them(points):
 )
 def test_polygons_that_are_none(tmp_path, text, complaint):
     (tmp_path / "shape.json").write_text(text)
-    with pytest.raises(ValueError, match=complaint) as caught:
+    with refusal(complaint) as caught:
         read_mask(tmp_path / "shape.json", SHAPE)
     assert "shape.json" in str(caught.value)
-    assert "\n" not in str(caught.value)
 
 
 def test_damaged_and_black_pictures(tmp_path):
     path = png(tmp_path, np.random.default_rng(0).integers(0, 255, SHAPE).astype("u1"))
     path.write_bytes(path.read_bytes()[:200])
-    with pytest.raises(ValueError, match="not a whole picture"):
+    with refusal("not a whole picture"):
         read_mask(path, SHAPE)
-    with pytest.raises(ValueError, match="uses no pixel"):
+    with refusal("uses no pixel"):
         read_mask(png(tmp_path, np.zeros(SHAPE, "u1")), SHAPE)
 
 
@@ -195,11 +193,7 @@ def test_spots_in_parts_and_near_one_value(tmp_path, monkeypatch):
 
 
 def test_spots_leave_saturated_readings_out(tmp_path):
-    path = envi(tmp_path, image())
-    raw = np.memmap(path.with_suffix(".img"), "<u2", "r+", shape=(BANDS, LINES, SAMPLES))
-    raw[2, 5, 6] = 65535
-    raw.flush()
-    spot = read_spot(open_cube(path), "6:8,5")
+    spot = read_spot(open_cube(bright_image(tmp_path)), "6:8,5")
     assert_allclose(spot.reflectance[2], image()[5, 7, 2], atol=1e-6)
 
 
@@ -207,13 +201,13 @@ def test_spots_elsewhere(tmp_path):
     values = image()
     values[3, 4] = np.nan
     cube = open_cube(envi(tmp_path, values, dtype="f4"))
-    with pytest.raises(ValueError, match=f"x goes from 0 to {SAMPLES}, y from 0 to {LINES}"):
+    with refusal(f"x goes from 0 to {SAMPLES}, y from 0 to {LINES}"):
         read_spot(cube, f"{SAMPLES},2")
-    with pytest.raises(ValueError, match="does not lie in the image"):
+    with refusal("does not lie in the image"):
         read_spot(cube, "5:2,3")
-    with pytest.raises(ValueError, match="has no data"):
+    with refusal("has no data"):
         read_spot(cube, "4,3")
-    with pytest.raises(FileNotFoundError, match="neither a place such as 120,45"):
+    with refusal("neither a place such as 120,45", FileNotFoundError):
         read_spot(cube, "here")
 
 
@@ -233,26 +227,25 @@ def test_hash_follows_header_data_and_nothing_else(tmp_path):
     assert len({first, second, quick_source_hash(path)}) == 3
 
 
+def overwrite(path, place, content):
+    with path.open("r+b") as file:
+        file.seek(place)
+        file.write(content)
+
+
 def test_hash_of_a_large_file_and_of_a_folder(tmp_path):
     big = tmp_path / "big.npy"
     with big.open("wb") as file:
         file.truncate(10 << 30)
     first = quick_source_hash(big)
-    with big.open("r+b") as file:
-        file.seek((10 << 30) - 5)
-        file.write(b"x")
+    overwrite(big, (10 << 30) - 5, b"x")
     assert quick_source_hash(big) != first
     first = quick_source_hash(big)
-    with big.open("r+b") as file:
-        file.seek(5)
-        file.write(b"x")
+    overwrite(big, 5, b"x")
     assert quick_source_hash(big) != first
     first = quick_source_hash(big)
     # A hundredth of it, far from both ends.
-    with big.open("r+b") as file:
-        file.seek(3 << 30)
-        for _ in range(100):
-            file.write(b"x" * (1 << 20))
+    overwrite(big, 3 << 30, b"x" * (100 << 20))
     assert quick_source_hash(big) != first
     path = zarr(tmp_path, labelled(image()))
     first = quick_source_hash(path)
