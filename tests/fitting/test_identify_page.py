@@ -427,9 +427,16 @@ def test_intervals_are_those_of_the_log_normal_amounts():
         assert_allclose(
             found.amounts_90[0, n, :size].T, np.quantile(amounts, [0.05, 0.95], axis=0), rtol=0.01
         )
-        # To first order about the best amounts.
-        total = np.quantile(amounts.sum(axis=1), [0.05, 0.95])
-        assert_allclose(found.thickness_90[0, n], total, rtol=0.15)
+        # What is left of a thickness, expected to .7, by a reading of its product with strength.
+        shares = found.fractions[0, n, :size]
+        shown = shares @ found.log_covariance[0, n, :size, :size] @ shares
+        data = 1.0 / (1.0 / shown - 1.0 / 0.7**2)
+        thickness = 0.7 * rng.standard_normal(400_000)
+        product = thickness + STRENGTH * rng.standard_normal((400_000, size)) @ shares
+        product += np.sqrt(data) * rng.standard_normal(400_000)
+        slope = np.cov(thickness, product)[0, 1] / product.var()
+        low, high = np.log(found.thickness_90[0, n])
+        assert_allclose((high - low) / 2, 1.6449 * (thickness - slope * product).std(), rtol=0.01)
         parts = np.quantile(amounts / amounts.sum(axis=1, keepdims=True), [0.05, 0.95], axis=0)
         assert_allclose(found.fractions_90[0, n, :size].T, parts, rtol=0.02)
     assert (found.fractions_90[:, :, 2] == 0).all()
