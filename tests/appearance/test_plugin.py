@@ -15,7 +15,7 @@ from glazejax.radiative.common.fresnel import dielectric_reflectance
 from glazejax.stacks import read_stack
 
 from ..fresh import run_python
-from .plugin import BLUE, WAVELENGTHS, direction, factor, interaction, mitsuba_in
+from .plugin import BLUE, WAVELENGTHS, WHITE, direction, factor, interaction, mitsuba_in
 
 PAIRS = [(1.0, 1.0), (0.9, 0.2), (0.5, 0.7), (0.05, 0.95), (0.1, 0.1), (0.02, 0.3)]
 
@@ -345,3 +345,16 @@ assert "Eosin" in str(mitsuba.load_dict(made))
 @pytest.mark.slow
 def test_variants_without_spectra_are_refused(mitsuba):
     run_python(_VARIANTS)
+
+
+def test_reciprocity(mitsuba, blue):
+    for one, two in PAIRS:
+        there, back = factor(mitsuba, blue, one, two), factor(mitsuba, blue, two, one)
+        assert_allclose(there, back, rtol=2e-6)
+
+
+def test_all_light_comes_back_where_nothing_absorbs(mitsuba):
+    bsdf = mitsuba.load_dict({"type": "glaze", "coats": WHITE})
+    for cosine in (1.0, 0.4, 0.1):
+        whole = albedo(mitsuba, bsdf, cosine) + float(dielectric_reflectance(cosine, 1.5))
+        assert whole == pytest.approx(1.0, abs=2e-3)

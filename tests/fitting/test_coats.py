@@ -25,6 +25,7 @@ from glazefit import (
 from glazefit.film.errors import ScaledReadings
 from glazefit.film.forward import slopes
 from glazefit.film.model.errors import smooth_kernel
+from glazefit.film.model.variation import STRENGTH
 from glazefit.film.solve import solve
 from glazefit.posterior.bands import pose_bands
 from glazefit.posterior.coats import parse_coats
@@ -230,7 +231,11 @@ def test_prior_is_what_the_log_probability_says(coats):
     expected = np.zeros(len(free))
     for name, x in zip(names, free.T, strict=True):
         if name.startswith("thickness"):
-            expected -= 0.5 * (x / PRIOR.spread) ** 2
+            # Readings show thickness times strength: of one paint, and of two whose squared shares
+            # sum to 2/3 on average.
+            paints = len(coats[int(name[-1]) - 1].paints)
+            squares = {1: 1.0, 2: 2.0 / 3.0}[paints]
+            expected -= 0.5 * x**2 / (PRIOR.spread**2 + STRENGTH**2 * squares)
         elif name.startswith("mode "):
             expected -= 0.5 * x**2
         elif name == "model error":

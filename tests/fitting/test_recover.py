@@ -266,3 +266,10 @@ def test_compiled_program_calls_no_library_for_linear_algebra():
     program = solve.jitted.lower(*problem, prior).as_text("hlo")
     assert "lapack_" not in program
     assert "while" in program, "the solver's loop is missing: is this the program that runs?"
+
+
+def test_black_film_stays_finite():
+    recovery = recover_films(simulate_films(GRID, 50.0 * ONES, 0.01 * ONES, names=["x"]))
+    assert not recovery.identifiable.any()
+    assert np.isfinite(recovery.covariance).all()
+    assert recovery.rmse[0] < 1e-3

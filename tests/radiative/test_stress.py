@@ -3,6 +3,7 @@
 import functools
 import itertools
 import warnings
+from concurrent.futures import ThreadPoolExecutor
 from typing import get_args
 
 import hypothesis.strategies as st
@@ -11,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from hypothesis import example, given
+from numpy.testing import assert_allclose
 
 from glazejax import stack_reflectance_factor
 from glazejax.radiative.common.directions import half_range
@@ -346,3 +348,55 @@ def test_a_traced_tolerance_is_told_to_be_static():
 
     with refusal(r"tolerance is traced.*static_argnames='tolerance'"):
         jax.jit(seen)(1e-3)
+
+
+_BULK = """
+import jax
+jax.config.update("jax_enable_x64", True)
+import jax.numpy as jnp, numpy as np
+from glazejax import stack_reflectance_factor
+rng = np.random.default_rng()
+q, d = (jnp.asarray(rng.uniform(0, high, (2000, 3))) for high in (1, 3))
+g = jnp.full(2000, 0.8)
+f = lambda q, d, g: stack_reflectance_factor(q, d, g, tolerance=1e-4).sum()
+print(float(jax.jit(jax.value_and_grad(f, argnums=(0, 1, 2)))(q, d, g)[0]))
+"""
+
+
+@pytest.mark.slow
+def test_ten_fresh_processes_finish(tmp_path):
+    """JAX may hang on a batch of LAPACK calls at any run; they share what is compiled."""
+    cache = {
+        "JAX_COMPILATION_CACHE_DIR": str(tmp_path),
+        "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",
+    }
+
+    def run(limit):
+        return float(run_python(_BULK, timeout=limit, env=cache).stdout)
+
+    first = run(900)
+    with ThreadPoolExecutor(2) as pool:
+        assert np.isfinite([first, *pool.map(run, [240] * 9)]).all()
+
+
+@pytest.mark.slow
+@pytest.mark.single
+def test_inside_the_loops_of_jax():
+    """In scan, map and cond, under a checkpoint and its gradient, in one program: as one by one."""
+    grounds, depth = jnp.linspace(0.1, 0.9, 3), jnp.array([0.5, 2.0])
+
+    def one(ground, depth):
+        return stack_reflectance_factor([0.6, 0.98], depth, ground, tolerance=1e-3)
+
+    @jax.jit
+    def looped(depth):
+        _, scanned = jax.lax.scan(lambda last, ground: (last, one(ground, depth)), 0.0, grounds)
+        mapped = jax.lax.map(lambda ground: one(ground, depth), grounds)
+        chosen = jax.lax.cond(depth[0] > 0, lambda d: one(grounds[1], d), jnp.sum, depth)
+        slope = jax.grad(jax.checkpoint(lambda d: one(grounds[1], d)))(depth)
+        return scanned, mapped, chosen, slope
+
+    alone = jnp.array([one(ground, depth) for ground in grounds])
+    slope = jax.grad(lambda d: one(grounds[1], d))(depth)
+    for values, expected in zip(looped(depth), (alone, alone, alone[1], slope), strict=True):
+        assert_allclose(values, expected, rtol=max(1e-7, ROUNDING))
