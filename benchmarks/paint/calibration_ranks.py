@@ -192,10 +192,10 @@ def ranked(posed: Posed, options: Any) -> Ranks:
     films = len(posed.films)
     below = {}
     laplace = []
-    shown = posterior.problem.shown
-    for name, draws in shown(posterior.free).items():
+    by_laplace = posterior.problem.shown(posterior.laplace.sample)
+    for name, draws in posterior.problem.shown(posterior.free).items():
         if name in posed.truth:
-            rough = (shown(posterior.laplace.sample)[name] < posed.truth[name]).mean(axis=0)
+            rough = (by_laplace[name] < posed.truth[name]).mean(axis=0)
             rough = np.where(posterior.laplace.trusted, rough, np.nan)
             laplace.append(rough.reshape(films, -1))
             shares = (draws < posed.truth[name]).mean(axis=(0, 1))

@@ -201,20 +201,19 @@ def find(simulated: Simulated, steps: int, seed: int) -> tuple[dict[str, Found],
         tuple(films),
         Sampling(steps=steps, walkers=WALKERS, seed=seed),
     )
-    shown = problem.shown
-    before = shown(problem.prior_draws(np.random.default_rng(seed), 4000)[:, None])
+    before = problem.prior_draws(np.random.default_rng(seed), 4000)[:, None]
     found = {}
     for asked in problem.quantities:
         if asked.name not in simulated.truth:
             continue
         scale = np.log if asked.logarithmic else np.asarray
         value = simulated.truth[asked.name]
-        draws = shown(posterior.free)[asked.name].reshape(-1, value.size)
+        draws = asked.values(posterior.free).reshape(-1, value.size)
         low, high = np.quantile(scale(draws), (0.05, 0.95), axis=0)
-        first, last = np.quantile(scale(before[asked.name]), (0.05, 0.95))
+        first, last = np.quantile(scale(asked.values(before)), (0.05, 0.95))
         found[asked.name] = Found(
             (draws < value).mean(axis=0),
-            (shown(posterior.laplace.sample)[asked.name] < value).mean(axis=0),
+            (asked.values(posterior.laplace.sample) < value).mean(axis=0),
             (high - low) / (last - first),
             posterior.laplace.trusted,
         )

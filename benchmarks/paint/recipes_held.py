@@ -125,21 +125,24 @@ def main() -> None:
         film = films.take([row])
         weighed = float(log_ratio(np.array(list(recipe.values()))))
         intervals = [*by_posterior(film, paints, options.seed), by_search(film, paints)]
-        rows.append([i and bool(i.low <= weighed <= i.high) for i in intervals])
+        rows.append([i is not None and i.low <= weighed <= i.high for i in intervals])
         cells = [f"{i.low:6.2f} {i.high:6.2f}" if i else "   not listed" for i in intervals]
         results(
             f"{name:<5}{' / '.join(recipe):<27}{weighed:>8.2f}   {cells[0]:<15}{cells[1]:<18}{cells[2]}"
         )
     progress()
-    held = np.array([[bool(cell) for cell in row] for row in rows])
-    posterior, readings, search = 100.0 * held.mean(axis=0)
+    means = np.array(rows).mean(axis=0)
+    # Of a share, by counting.
+    errors = np.sqrt(means * (1.0 - means) / len(rows))
+    (posterior, readings, search), errors = 100.0 * means, 100.0 * errors
     results(
-        f"\nheld by 90 % intervals, of {len(held)} mixtures: posterior {posterior:.0f} %, with "
+        f"\nheld by 90 % intervals, of {len(rows)} mixtures: posterior {posterior:.0f} %, with "
         f"strengths taken as known {readings:.0f} %, identify {search:.0f} %"
     )
     shares = {"posterior": posterior, "readings": readings, "identify": search}
+    shares |= {f"{name}_error": error for name, error in zip(list(shares), errors, strict=True)}
     results.record(
-        **quantities(shares, "%", 0, n=len(held)), mixtures=quantity(len(held), digits=0)
+        **quantities(shares, "%", 0, n=len(rows)), mixtures=quantity(len(rows), digits=0)
     )
     spreads(results)
     results.save()

@@ -82,7 +82,8 @@ def measured(posed: Posed, settings: dict[str, Any], seed: int) -> Measured:
     began = time.perf_counter()
     posterior = sample(posed.problem, posed.modes, posed.films, Sampling(seed=seed + 1, **settings))
     seconds = time.perf_counter() - began
-    held = share_held(posterior.problem.shown(posterior.free), posed.truth)
+    shown = posterior.problem.shown(posterior.free)
+    held = share_held(shown, posed.truth)
     if posterior.chain is None:
         good = posterior.laplace.trusted.all()
         effective = float(np.min(posterior.laplace.effective)) if good else 0.0
@@ -91,7 +92,7 @@ def measured(posed: Posed, settings: dict[str, Any], seed: int) -> Measured:
     assert state is not None
     return Measured(
         seconds,
-        effective_draws(posterior.problem, posterior.problem.shown(posterior.free)),
+        effective_draws(posterior.problem, shown),
         float(np.max(state.apart)),
         held,
     )

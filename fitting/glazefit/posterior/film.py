@@ -103,8 +103,8 @@ def pose_stack(
     ).reshape(len(films), -1, 2, grid.size)
     depth = coefficients * np.repeat(median, film.sizes, axis=1)[..., None, None]
     law = FilmPrior(film, prior.concentration_known)
-    shares = [np.asarray(values) for values in of_coats(lambda c: c.shares)[0]]
-    mean, sd = law.moments(spread[0], shares, prior)
+    shares = of_coats(lambda c: c.shares)
+    mean, sd = law.moments(spread[0], shares[0], prior)
     levels = np.log([spectra.absorption, spectra.scattering])
     shared = FilmShared(
         response=film_response(instrument) if len(first) == 1 else None,
@@ -119,7 +119,7 @@ def pose_stack(
     data = FilmData(
         absorption=absorption,
         scattering=scattering,
-        shares=np.array([np.concatenate(shares) for shares in of_coats(lambda c: c.shares)]),
+        shares=np.array([np.concatenate(stack) for stack in shares]),
         **join_readings(films, np.stack),
     )
     if not film.tabulated:
@@ -284,7 +284,7 @@ def name_unknowns(
     unit = np.eye(film.dims)
     for n, suffix in enumerate(suffixes):
         members = film.paints[n]
-        fractions = shares[..., members]
+        stated = shares[:, members]
         coat = _CoatAmounts(
             median=median[n],
             spread=spread[n] if film.thickness[n] else 0.0,
@@ -292,7 +292,7 @@ def name_unknowns(
             ratios=positions.ratios[n],
             random=slice(film.dims + members.start + n, film.dims + members.stop + n + 1),
             # What is the same for all films needs no axis of them.
-            shares=fractions[0] if np.all(fractions == fractions[0]) else fractions,
+            shares=stated[0] if np.all(stated == stated[0]) else stated,
         )
         if film.fractions[n]:
             fractions = [f"fraction {paint}{suffix}" for paint in paints[n]]

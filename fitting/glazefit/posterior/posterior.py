@@ -115,8 +115,6 @@ class Posterior:
             if state is None
             else (state.samples, state.times, state.converged)
         )
-        # Random strengths, alike in both, would hide how far the two are apart.
-        by_chain, by_laplace = map(self.problem.shown, (self.free, self.laplace.sample))
         rows = []
         for quantity in self.problem.quantities:
             chain = Numbers.of(self.draws[quantity.name])
@@ -124,9 +122,10 @@ class Posterior:
             if state is None:
                 verdicts = ["trusted" if good else "not trusted" for good in self.laplace.trusted]
             else:
+                # Random strengths, alike in both, would hide how far the two are apart.
                 verdicts = compare(
-                    Numbers.of(by_chain[quantity.name]),
-                    Numbers.of(by_laplace[quantity.name]),
+                    Numbers.of(quantity.values(self.free)),
+                    Numbers.of(quantity.values(self.laplace.sample)),
                     logarithmic=quantity.logarithmic,
                     share=not quantity.logarithmic,
                     multimodal=self.laplace.many,
