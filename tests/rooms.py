@@ -145,8 +145,13 @@ def beneath(room: str) -> frozenset[str]:
 @functools.cache
 def used(test: str) -> frozenset[str]:
     """A test's module, and what it and the helpers beside it import."""
-    helpers = [used(each) for each in imports(test) if each.startswith("tests.")]
-    return frozenset({test}.union(imports(test), *helpers))
+    reached = {test}
+    # Helpers may name each other or themselves, in a program for another Python say.
+    while more := {
+        other for each in reached if each.startswith("tests.") for other in imports(each)
+    } - reached:
+        reached |= more
+    return frozenset(reached)
 
 
 def rooms_of(test: str) -> set[str]:

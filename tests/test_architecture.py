@@ -17,6 +17,7 @@ from .rooms import (
     arrows,
     asked_for,
     called,
+    chosen,
     imports,
 )
 
@@ -74,6 +75,14 @@ def test_no_file_is_in_a_circle():
 
 def test_no_room_is_in_a_circle():
     assert _circle(arrows()) == ""
+
+
+def test_a_change_asks_for_the_tests_of_its_room():
+    """Helpers that start a program which imports them again are in the walk, too."""
+    tests = [module for module in MODULES if ".test_" in module]
+    reasons = chosen(tests, ["src/glazejax/radiative/rough/lobes.py"], 0)
+    assert "tests.radiative.test_rough" in reasons["what changed"]
+    assert "tests.studio.test_server" not in reasons["what changed"]
 
 
 def test_imports_by_name_say_the_name():
