@@ -3,8 +3,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 import glazejax as gj
-from glazefit import Variation, find_recipes, lab_target, spectral_target
-from glazefit.film.model.variation import MIXED
+from glazefit import find_recipes, lab_target, spectral_target
+from glazefit.film.model.variation import STRENGTH
 from glazejax import colour
 from glazejax.paint.describe import parse_coats
 from glazejax.paint.media import make_media
@@ -130,7 +130,7 @@ def test_sensitivity_is_what_a_tenth_more_or_less_does(found):
 def test_mixings_differ_as_their_paints_do(found):
     """Against mixings whose paints really are stronger or weaker, through the solver."""
     recipe = found[0][0]
-    rng, spread = np.random.default_rng(8), MIXED.level * Variation().size_of([])
+    rng = np.random.default_rng(8)
     labs = []
     for _ in range(60):
         layers = []
@@ -138,7 +138,7 @@ def test_mixings_differ_as_their_paints_do(found):
             mixed = isinstance(layer.medium, gj.Mixture)
             paints = layer.medium.pigments if mixed else [layer.medium]
             shares = np.asarray(layer.medium.weights) if mixed else np.ones(1)
-            amounts = shares * np.exp(spread * rng.standard_normal(len(paints)))
+            amounts = shares * np.exp(STRENGTH * rng.standard_normal(len(paints)))
             medium = gj.Mixture(paints, amounts / amounts.sum()) if mixed else paints[0]
             layers.append(gj.Layer(medium, layer.thickness * amounts.sum()))
         labs.append(np.asarray(colour.lab(GRID, gj.reflectance(gj.Glaze(layers, 0.9), SEEN))))

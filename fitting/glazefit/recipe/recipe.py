@@ -21,7 +21,7 @@ from glazejax.paint.media import make_media
 from glazejax.progress import Progress, counted, no_progress
 
 from ..film.model.mixing import Pigments
-from ..film.model.variation import MIXED, Variation
+from ..film.model.variation import STRENGTH
 from ..film.tables import WAVELENGTH, Tabulated, Variables, as_frame
 from .model import OneStack, Sizes, read, read_ahead
 from .parts import parts_by_paint
@@ -33,9 +33,6 @@ from .task import RecipeOptions, RecipeTask, make_task
 
 PAINT_COLUMNS = ("coat", "thickness_um", "paint", "share", "parts", "delta_e_per_10_percent")
 """Of a recipe's paints."""
-
-STRONGER = np.exp(MIXED.level * Variation().size_of([]))
-"""Strength of a paint in a mixing, in which it is stronger by a standard deviation."""
 
 # Targets whose recipes are refined together.
 _GROUP = 8
@@ -273,7 +270,7 @@ def _neighbours(sizes: OneStack) -> Sizes:
     """
     coats = np.flatnonzero(sizes.any(axis=1))
     changes: list[tuple[Any, float]] = list(itertools.product(coats, (1.1, 1 / 1.1)))
-    changes += [(tuple(at), STRONGER) for at in np.argwhere(sizes > 0)]
+    changes += [(tuple(at), np.exp(STRENGTH)) for at in np.argwhere(sizes > 0)]
     near = np.repeat(sizes[None], 1 + len(changes), axis=0)
     for stack, (entry, factor) in zip(near[1:], changes, strict=True):
         stack[entry] *= factor
