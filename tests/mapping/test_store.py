@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+from glazefit import Prior
 from glazefit.mapping.solve.solver import _sums
 from glazefit.mapping.solve.update import Answers
 from glazefit.mapping.store.atomic_files import KeyedResults
@@ -119,6 +120,21 @@ def test_sums_are_those_of_the_windows_in_order(undisturbed):
     }
     for members, one in sets.items():
         assert_array_equal(one.square, expected[members].square)
+
+
+def test_a_thickness_is_as_sure_as_the_prior_holds_it():
+    """Two films of which the readings show little: a map's prior is not always the usual one."""
+    film = replace(
+        Answers.empty(2, len(PAINTS), BANDS),
+        members=np.tile([0, -1, -1], (2, 1)),
+        amounts=np.tile([np.log(1e-5), -np.inf, -np.inf], (2, 1)),
+        covariance=np.diag([0.05**2, 0.0, 0.0]) * np.ones((2, 1, 1)),
+    )
+    maps = film.columns(Prior(spread=0.05))
+    relative = maps["thickness_sd"] / maps["thickness"]
+    assert_allclose(relative, 0.05, rtol=1e-3)
+    usual = film.columns(Prior())
+    assert (usual["thickness_sd"] > 5.0 * maps["thickness_sd"]).all()
 
 
 def test_sums_of_two_windows_are_those_of_all_their_pixels():

@@ -159,7 +159,7 @@ def map_cube(
         if "checked" not in store.work.done():
             progress(0, 1, "checking")
             answers, _ = atlas.answers(surveyed.checked.astype(np.float32))
-            compared = agreement(task, surveyed.checked, answers.columns())
+            compared = agreement(task, surveyed.checked, answers.columns(task.prior))
             store.work.put("checked", compared._asdict())
         solver = PixelSolver(task, atlas, reach=float(surveyed.reach))
         run_chunks(store, solver, client, progress)

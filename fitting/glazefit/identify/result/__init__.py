@@ -595,7 +595,7 @@ def log_sds(
     members: Int[np.ndarray, "*n places"],
     fractions: Float[np.ndarray, "*n places"],
     log_covariance: Float[np.ndarray, "*n places places"],
-    prior: float = Prior.spread,
+    prior: float,
 ) -> tuple[Float[np.ndarray, "*n places"], Float[np.ndarray, "*n places"], Float[np.ndarray, "*n"]]:
     """Standard deviations of the logs of amounts, of fractions and of the thickness.
 

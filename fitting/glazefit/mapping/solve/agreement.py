@@ -66,7 +66,9 @@ def agreement(
     rows = np.flatnonzero(same & np.isfinite(mapped["thickness"]))
     if isinstance(searched, Identification) and rows.size:
         fractions = np.where(members[rows] != NOBODY, searched.fractions[rows, 0], 0.0)
-        spread = log_sds(members[rows], fractions, searched.log_covariance[rows, 0])[2]
+        _, _, spread = log_sds(
+            members[rows], fractions, searched.log_covariance[rows, 0], task.prior.spread
+        )
         thickness = searched.amounts[rows, 0].sum(axis=1)
         shifts = np.log(mapped["thickness"][rows] / thickness) / spread
     differences = np.abs(mapped["paint_probability"] - searched.paint_probability).max(axis=1)

@@ -59,7 +59,11 @@ class PixelSolver:
             "status": status.reshape(window.shape),
             "true_colour": seen_as.reshape(*window.shape, 3),
         }
-        columns = {**answers.columns(), "rmse": rms_difference(spectra, answers.fitted), "way": way}
+        columns = {
+            **answers.columns(self.task.prior),
+            "rmse": rms_difference(spectra, answers.fitted),
+            "way": way,
+        }
         for name in BY_NAME.keys() & columns.keys():
             values = columns[name]
             variable = BY_NAME[name]

@@ -67,11 +67,13 @@ class Answers(Columns):
         """Of the film, m; NaN where it hides its ground."""
         return np.where(self.opaque, np.nan, np.exp(self.amounts).sum(axis=1))
 
-    def columns(self) -> dict[str, np.ndarray]:
-        """Arrays of a map by the names of `layout.VARIABLES`."""
+    def columns(self, prior: Prior) -> dict[str, np.ndarray]:
+        """Arrays of a map by the names of `layout.VARIABLES`; `prior` is what was expected."""
         fractions = self.fractions
         # Standard deviations of the logs of the fractions and of the thickness.
-        _, fraction_sd, thickness_sd = log_sds(self.members, fractions, self.covariance)
+        _, fraction_sd, thickness_sd = log_sds(
+            self.members, fractions, self.covariance, prior.spread
+        )
         absent = self.members == NOBODY
         columns = {
             "fraction": fractions,
