@@ -5,7 +5,7 @@ compilation cache and again.
         [--before CHECKOUT]
 
 Each command runs in processes of its own: once with an empty cache of compiled programs, and again
-with what that run left there. JAX's own monitoring tells how many programs were compiled and where
+with what that run left there. JAX's own monitoring says how many programs were compiled and where
 the time went: tracing Python, lowering to XLA, compiling (or taking from the cache); the rest is
 imports and work. Python and `import jax` alone are timed, too, which nobody who uses JAX can go
 below. Seconds of the processor, over all threads, are given next to the seconds that pass: other

@@ -45,7 +45,7 @@ def start(device: str) -> Any:
 
 
 def file_name(benchmark: str, device: str) -> str:
-    """Name of the file of results: those of a GPU stand beside those of the processor."""
+    """Name of the file of results: those of a GPU stand next to those of the processor."""
     return benchmark if device == "cpu" else f"{benchmark}_{device}"
 
 

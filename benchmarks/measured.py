@@ -1,4 +1,4 @@
-"""Where measured films are: GLAZEJAX_DATA, or the folder shared/data beside the repository."""
+"""Where measured films are: GLAZEJAX_DATA, or the folder shared/data next to the repository."""
 
 import os
 from collections.abc import Collection
@@ -12,7 +12,7 @@ FEW = ("Minium", "Vermillion", "ZincWhite", "BoneBlack")
 
 
 def data_folder() -> Path:
-    """GLAZEJAX_DATA, or shared/data beside the repository."""
+    """GLAZEJAX_DATA, or shared/data next to the repository."""
     return Path(os.environ.get("GLAZEJAX_DATA") or Path(__file__).parents[2] / "shared" / "data")
 
 

@@ -202,7 +202,7 @@ class Results:
 
     def __call__(self, line: str = "") -> None:
         """Print a line, or several, at once, and keep it."""
-        # The head comes with the first line: by then the benchmark has told JAX which device to
+        # The head comes with the first line: by then the benchmark has set for JAX which device to
         # take.
         if not self._lines:
             self._begin()

@@ -100,7 +100,7 @@ def peak_memory() -> int:
 
 
 def processor() -> str:
-    """Name of the processor, where the system tells it."""
+    """Name of the processor, where the system states it."""
     try:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
     except OSError:

@@ -90,7 +90,7 @@ ours = {
 }
 look.write_text("".join(f"{name}: {str(value).lstrip('#')}\n" for name, value in ours.items()))
 os.environ["MATPLOTLIBRC"] = str(look)
-# Commands in notebooks print without colours; TERM, which a kernel sets anew, is theirs to say.
+# Commands in notebooks print without colours; TERM, which a kernel sets again, is theirs to say.
 os.environ |= {"NO_COLOR": "1", "COLUMNS": "92"}
 os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
 # One notebook maps the painting of the benchmarks.

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 
 import pytest
 
+from .rooms import MODULES
 from .test_architecture import FILES
 
 VAGUE = re.findall(
@@ -71,7 +72,19 @@ def test_docstrings_open_with_a_noun_or_a_verb():
     assert len(questions) <= 0.02 * len(openings), questions[:10]
 
 
+@functools.cache
+def words_of_texts() -> list[tuple[str, frozenset[str]]]:
+    """Words of each docstring of the packages, and of each benchmark as a whole."""
+    texts = [(module, " ".join(words)) for module, words in docstrings()]
+    texts += [
+        (module, path.read_text(encoding="utf-8"))
+        for module, path in MODULES.items()
+        if module.startswith("benchmarks.")
+    ]
+    return [(module, frozenset(re.findall(r"\w+", text.lower()))) for module, text in texts]
+
+
 @pytest.mark.parametrize("word", sorted(DIALECT))
-def test_docstrings_are_in_plain_words(word: str):
-    texts = [module for module, words in docstrings() if word in map(str.lower, words)]
+def test_texts_are_in_plain_words(word: str):
+    texts = [module for module, words in words_of_texts() if word in words]
     assert len(texts) <= 2, f"{word!r} (CONTRIBUTING.md has the usual word): {texts}"

@@ -108,10 +108,10 @@ def test_two_constants_are_found_again_in_their_own_mixtures(pairs):
     method = KubelkaMunk(pairs=pairs)
     method.learn(films.take(np.arange(15)))
     rest = films.take(np.arange(15, len(films)))
-    foretold = method.foretell(rest.fractions)
+    predicted = method.predict(rest.fractions)
     # Half of the error that the method counts with: its priors pull by some of that.
-    assert np.abs(foretold.readings - rest.readings).max() < 5e-3
-    assert ((foretold.low <= rest.readings) & (rest.readings <= foretold.high)).all()
+    assert np.abs(predicted.readings - rest.readings).max() < 5e-3
+    assert ((predicted.low <= rest.readings) & (rest.readings <= predicted.high)).all()
     found = method.amounts(rest.readings[:3], np.ones((3, 3), bool))
     assert np.abs(found - rest.fractions[:3]).max() < 0.05
 
@@ -127,5 +127,5 @@ class Listener:
     def learn(self, library):
         self.groups |= set(library.groups.tolist())
 
-    def answer(self, sought, hidden, pairs):
-        return [Answer(ranked=(), doubt=0.0, refused=True)] * len(sought)
+    def answer(self, unnamed, hidden, pairs):
+        return [Answer(ranked=(), doubt=0.0, refused=True)] * len(unnamed)

@@ -1,4 +1,4 @@
-"""The tables of one film for the instruments that `glazefit` takes when it is told none:
+"""The tables of one film for the instruments that `glazefit` takes when none is stated:
 `glazefit/film/tables.npz`.
 
     python -m benchmarks.make.film_tables [--out FILE]

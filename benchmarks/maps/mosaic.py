@@ -33,7 +33,7 @@ PARTS_NEED = ("sklearn",)
 
 LEAST = 0.01
 """Share of an image from which a set counts by itself."""
-# Brush strokes of a panel that has them, and its size beside that of one of flat fields.
+# Brush strokes of a panel that has them, and its size compared with that of one of flat fields.
 _STROKES, _LARGER = 24, 1.5
 # Share of a group's probability from which a family of it is counted as named.
 _WITHIN = 0.05
@@ -122,7 +122,7 @@ def score_panel(panel: Panel, pixels: int) -> dict[str, Score]:
     scores = {"the map": score_answers(panel, drawn, answers, time.perf_counter() - start)}
     readings = panel.readings.reshape(height * width, -1)[drawn]
     asked = on_grid(panel.wavelengths, readings, GRID)
-    sought = Table(
+    unnamed = Table(
         readings=asked,
         families=np.full(len(drawn), ""),
         groups=np.full(len(drawn), panel.group),
@@ -135,7 +135,7 @@ def score_panel(panel: Panel, pixels: int) -> dict[str, Score]:
         progress(f"{panel.group}: {rival.name}")
         start = time.perf_counter()
         rival.learn(library)
-        answers = rival.answer(sought, [None] * len(drawn), pairs=False)
+        answers = rival.answer(unnamed, [None] * len(drawn), pairs=False)
         scores[rival.name] = score_answers(panel, drawn, answers, time.perf_counter() - start)
     progress()
     return scores

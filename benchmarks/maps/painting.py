@@ -36,7 +36,7 @@ _SEED, _OTHER = 3, 4
 SIZES = ("small", "million", "large")
 """What texts call the paintings, by size."""
 PAINTS = "paints.csv"
-"""Paints that the map is given, beside a cube; without such a file the oils that ship."""
+"""Paints that the map is given, next to a cube; without such a file the oils that ship."""
 
 
 def main() -> None:

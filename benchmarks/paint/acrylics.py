@@ -315,7 +315,7 @@ def main() -> None:
     source = read_source(path)
     paints = convert(source)
     write_table(options.table, source, paints)
-    # What is told is told of the numbers as written.
+    # What is stated is stated of the numbers as written.
     written = read_pigments(options.table)
     shelf = [written[name] for name in source.names]
     paints = paints._replace(

@@ -4,7 +4,7 @@
 
 Films left out of a fit, with known truth, are in `benchmarks.paint.truth`, paints of other people in
 `benchmarks.paintbench`. HypPigments: three shades of each of 398 patches are known, the fourth is
-sought; and the same pigment on another card. The bar is the nearest spectral angle.
+searched; and the same pigment on another card. The bar is the nearest spectral angle.
 """
 
 import functools

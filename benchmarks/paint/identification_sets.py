@@ -19,12 +19,12 @@ SHADES = {
 
 
 def hyppigments(results: Results) -> None:
-    """398 patches, four shades each: every shade in turn is sought with the other three known."""
+    """398 patches, four shades each: every shade in turn is searched with the other three known."""
     table = read_spectra(measured_data("hyppigments") / "speclib_averages.hdr")
     spectra = table.reflectance.reshape(398, 4, -1)
     names = [name.rpartition("_")[0] for name in table.names[::4]]
     results(
-        "HypPigments: three shades of 398 patches known, the fourth sought; share right, shade 1 "
+        "HypPigments: three shades of 398 patches known, the fourth searched; share right, shade 1 "
         "to 4 and mean"
     )
     for words, smoothed in (("as measured", 0), ("smoothed to 60 nm", 8)):
@@ -62,7 +62,7 @@ def hyppigments_across_cards(results: Results) -> None:
     elsewhere = card[:, None] != card
     known = np.flatnonzero(((pigment[:, None] == pigment) & elsewhere).any(axis=1))
     results(
-        "HypPigments across cards: each shade is sought among the patches of all other cards, "
+        "HypPigments across cards: each shade is searched among the patches of all other cards, "
         "shade 1 to 4 and mean"
     )
     slopes = np.diff(-np.log(np.maximum(spectra, 4e-3)), axis=-1)

@@ -3,7 +3,7 @@ checkout, and with the thorough search.
 
     python -m benchmarks.paint.identification_speed [--before CHECKOUT] [--out FOLDER]
 
-Simulated films of two paints with an instrument's noise, sought among all single paints and pairs
+Simulated films of two paints with an instrument's noise, searched among all single paints and pairs
 of the 20 oils. Each line is a process of its own, in turn with one of the other checkout: the same
 spectra twice, of which the second time counts.
 """

@@ -1,8 +1,8 @@
-"""Coats of a brush: how well the next coat is foretold from the first one or two.
+"""Coats of a brush: how well the next coat is predicted from the first one or two.
 
     python -m benchmarks.paint.ladders [--out FOLDER] [--paints N] [--every N]
 
-One coat is read, or two, and the next are foretold, each on its own ground. Simulated: paints of
+One coat is read, or two, and the next are predicted, each on its own ground. Simulated: paints of
 the catalogues, one coat's scattering times thickness e^-.3 with a spread of .6, thickness n coats
 with a spread of .3, marble that is not the same everywhere, readings off by 1 %; made by glazejax,
 and by Kubelka and Munk's formula with Saunderson's surface. Measured: patches of a chart of
@@ -47,7 +47,7 @@ NOISE, OFF = Noise(0.001, 0.003), 0.01
 
 
 class Square(NamedTuple):
-    """One film of a ladder, read beside its bare ground."""
+    """One film of a ladder, read next to its bare ground."""
 
     coats: float
     ground: Float[np.ndarray, "bands"]
@@ -58,7 +58,7 @@ Ladders = Mapping[str, Sequence[Square]]
 
 
 class Method(NamedTuple):
-    """How coats are foretold.
+    """How coats are predicted.
 
     `key` begins the names of what is recorded.
     """

@@ -1,5 +1,5 @@
 """Stacks of coats found again: do 90 % intervals hold the truth nine times in ten, and what is not
-told?
+known?
 
     python -m benchmarks.paint.layers_inverted [--stacks 40] [--unknown 8] [--seed 0] [--out FOLDER]
 
@@ -11,7 +11,7 @@ of that size. Unknown paint: a coat whose k d and s d are drawn from
 their place, paints of the catalogue, which no prior drew. Readings come from the public solver at
 an error of 1e-6, over a black and a white ground, every 50 nm, with the noise of `glazefit.Noise`.
 
-A quantity counts as told if its interval is less than .9 as wide as before the measurement. The
+A quantity counts as known if its interval is less than .9 as wide as before the measurement. The
 error behind a share is by counting stacks, whose quantities hang together: the standard deviation
 of their shares over the root of their number.
 """
@@ -242,7 +242,7 @@ class Row(NamedTuple):
     """
 
     cases: int
-    told: float
+    known: float
     hmc: Share
     hmc_told: Share
     laplace: Share
@@ -272,7 +272,7 @@ def table(
     """A line for each quantity, with all of its bands, and one for all of them; what they state."""
     say(f"\n{title}")
     say(
-        f"{'':<22}{'cases':>6}{'told':>6}{'hmc':>13}{'where told':>13}{'Laplace':>13}{'where trusted':>20}"
+        f"{'':<22}{'cases':>6}{'known':>6}{'hmc':>13}{'where known':>13}{'Laplace':>13}{'where trusted':>20}"
     )
     whole = [one for many in found.values() for one in many]
     stated = {}
@@ -280,19 +280,19 @@ def table(
         hmc, laplace, width, trusted = (
             np.stack([getattr(one, field) for one in many], axis=1)[rows] for field in Found._fields
         )
-        told = width < 0.9
+        known = width < 0.9
         row = stated[name] = Row(
             cases=hmc.size,
-            told=told.mean(),
+            known=known.mean(),
             hmc=held(hmc),
-            hmc_told=held(hmc, told),
+            hmc_known=held(hmc, known),
             laplace=held(laplace),
             trusted=held(laplace, trusted),
             trusts=trusted.mean(),
         )
         sure = f"{row.trusted} ({row.trusts:.0%})"
         say(
-            f"{name:<22}{row.cases:>6}{row.told:>6.0%}{row.hmc!s:>13}{row.hmc_told!s:>13}"
+            f"{name:<22}{row.cases:>6}{row.known:>6.0%}{row.hmc!s:>13}{row.hmc_known!s:>13}"
             f"{row.laplace!s:>13}{sure:>20}"
         )
     return stated

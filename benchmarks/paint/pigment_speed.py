@@ -35,7 +35,7 @@ def spectra(wavelengths: Float[np.ndarray, "bands"], count: int) -> Float[np.nda
     return np.clip(body + rng.normal(0.0, 0.002, body.shape), 0.005, 1.0)
 
 
-def seek(wavelengths: Float[np.ndarray, "bands"], readings: Float[np.ndarray, "n bands"]) -> None:
+def search(wavelengths: Float[np.ndarray, "bands"], readings: Float[np.ndarray, "n bands"]) -> None:
     """All pigments, singles and pairs."""
     from glazefit import identify
     from glazejax import catalogue
@@ -49,7 +49,7 @@ def first_use() -> float:
     code = (
         "import numpy as np; from benchmarks.paint import pigment_speed as p; "
         "grid = np.arange(400.0, 701.0, 10.0); "
-        "p.seek(grid, np.full((1, 31), 0.4) + 0.2 * (grid > 550))"
+        "p.search(grid, np.full((1, 31), 0.4) + 0.2 * (grid > 550))"
     )
     return time_call(lambda: in_a_process("-c", code))[1]
 
@@ -77,7 +77,9 @@ def main() -> None:
     ):
         progress(words)
         readings = spectra(grid, count)
-        (_, cold), (_, warm) = (time_call(lambda g=grid, r=readings: seek(g, r)) for _ in range(2))
+        (_, cold), (_, warm) = (
+            time_call(lambda g=grid, r=readings: search(g, r)) for _ in range(2)
+        )
         results(
             f"{count} spectra of {words}, all pigments, singles and pairs:"
             f"{cold:8.1f} set up and compiled, {warm:6.1f} again"

@@ -3,8 +3,8 @@ source's readings.
 
     python -m benchmarks.paint.pigments [--out FOLDER] [--tables FOLDER]
 
-Writes `exemplars.csv` (k and s in 1/m) and `exemplars.tsv` (family, source, binder, how k was told
-from s) of the catalogue, and a table of how closely each source's readings are met. What tells k
+Writes `exemplars.csv` (k and s in 1/m) and `exemplars.tsv` (family, source, binder, how k was separated
+from s) of the catalogue, and a table of how closely each source's readings are met. What separates k
 from s: tints with a white, a coat over a ground that is seen through it, or coats of several
 thicknesses. Where nothing does, only k/s is known: s is then that of the paint's family, or of all
 families, with its spread as the error. Each source has a unit of length of its own; they are
@@ -44,7 +44,7 @@ _LADDER = Expectations(thickness=1.0)
 _COATS = Expectations(thickness=0.5)
 # A reading above this is a level that a probe or a chart's calibration got wrong.
 _BRIGHTEST, _DARKEST = 0.985, 0.001
-# Standard deviation of log k and log s beyond which they are not told apart, as in a recovery.
+# Standard deviation of log k and log s beyond which they are not separated, as in a recovery.
 _OPEN = 0.5
 
 
@@ -60,7 +60,7 @@ class Exemplar:
     source: str
     binder: str
     paint: str
-    told_by: str
+    separated_by: str
     wavelengths: Float[np.ndarray, "bands"]
     absorption: Float[np.ndarray, "bands"]
     scattering: Float[np.ndarray, "bands"]
@@ -68,8 +68,8 @@ class Exemplar:
     rms: float
 
     @property
-    def told(self) -> bool:
-        """Whether its readings tell k from s at most bands."""
+    def separated(self) -> bool:
+        """Whether its readings separate k from s at most bands."""
         return bool(np.median(self.log_sd) < _OPEN)
 
 
@@ -157,7 +157,7 @@ def exemplar(
     *,
     mark: str = "",
     binder: str = "",
-    told_by: str = "",
+    separated_by: str = "",
 ) -> Exemplar:
     """A paint of a recovery in the catalogue's unit of length.
 
@@ -165,9 +165,9 @@ def exemplar(
         recovery: of films of the source.
         row: of the paint in it.
         source, code: of the paint.
-        mark: what tells it from others of its family and source; by default its code.
+        mark: what distinguishes it from others of its family and source; by default its code.
         binder: in words.
-        told_by: what told k from s; empty where nothing did.
+        separated_by: what separated k from s; empty where nothing did.
     """
     family = source.paints[code].family
     off = recovery.fitted_white - recovery.films.over_white
@@ -178,11 +178,11 @@ def exemplar(
         source=source.group,
         binder=binder,
         paint=source.paints[code].name,
-        told_by=told_by,
+        separated_by=separated_by,
         wavelengths=np.asarray(recovery.wavelengths),
         absorption=np.asarray(recovery.absorption[row]) / UNIT,
         scattering=np.asarray(recovery.scattering[row]) / UNIT,
-        log_sd=recovery.relative_log_sd[:, row] + (0.0 if told_by else np.inf),
+        log_sd=recovery.relative_log_sd[:, row] + (0.0 if separated_by else np.inf),
         rms=float(np.sqrt(np.mean(off[own] ** 2))),
     )
 
@@ -214,8 +214,8 @@ def _chart(source: Source, every: int) -> Iterator[Exemplar]:
             expectations=_LADDER,
         )
         number = sample.name.split()[0].removesuffix("-1")
-        told_by = "four thicknesses over white"
-        yield exemplar(recovery, 0, source, code, mark=number, told_by=told_by)
+        separated_by = "four thicknesses over white"
+        yield exemplar(recovery, 0, source, code, mark=number, separated_by=separated_by)
 
 
 def _on_paper(source: Source, binder: str, control: str) -> Iterator[Exemplar]:
@@ -254,7 +254,7 @@ def _on_paper(source: Source, binder: str, control: str) -> Iterator[Exemplar]:
             code,
             mark=f"{word}-{code}",
             binder=binder.lower(),
-            told_by="a coat over paper, and mixtures",
+            separated_by="a coat over paper, and mixtures",
         )
 
 
@@ -280,7 +280,7 @@ def _opaque_mixtures(source: Source) -> list[Exemplar]:
     recovery = fit(list(recipes), grid, np.array(readings), recipes)
     binder = "oil" if source.group == "grillini" else ""
     return [
-        exemplar(recovery, number, source, code, binder=binder, told_by="mixtures")
+        exemplar(recovery, number, source, code, binder=binder, separated_by="mixtures")
         for number, code in enumerate(recovery.paints)
         if any(codes == (code,) for codes, _ in by_recipe)
     ]
@@ -320,8 +320,8 @@ def _thin_and_thick(source: Source) -> Iterator[Exemplar]:
             bare=bare,
             expectations=_LADDER,
         )
-        told_by = "a thin and a thick coat over gypsum" if len(rows) > 1 else ""
-        yield exemplar(recovery, 0, source, code, told_by=told_by)
+        separated_by = "a thin and a thick coat over gypsum" if len(rows) > 1 else ""
+        yield exemplar(recovery, 0, source, code, separated_by=separated_by)
 
 
 # ---- all sources ---------------------------------------------------------------------------------
@@ -348,17 +348,17 @@ def on_one_scale(exemplars: Sequence[Exemplar]) -> list[Exemplar]:
 
 
 def with_usual_scattering(exemplars: Sequence[Exemplar]) -> list[Exemplar]:
-    """Exemplars whose readings tell k/s alone get the s of their family's others, or of all, at
+    """Exemplars whose readings show k/s alone get the s of their family's others, or of all, at
     each band; its spread is their error.
     """
-    told = [found for found in exemplars if found.told]
+    separated = [found for found in exemplars if found.separated]
     out = []
     for found in exemplars:
-        if found.told:
+        if found.separated:
             out.append(found)
             continue
-        own = [other for other in told if other.family == found.family]
-        logs = log_scattering(own or told, found.wavelengths)
+        own = [other for other in separated if other.family == found.family]
+        logs = log_scattering(own or separated, found.wavelengths)
         log_s = np.median(logs, axis=0)
         spread = np.maximum(logs.std(axis=0), 0.5) if len(own) > 1 else np.full(log_s.size, 1.0)
         scattering = np.exp(log_s)
@@ -368,7 +368,7 @@ def with_usual_scattering(exemplars: Sequence[Exemplar]) -> list[Exemplar]:
                 absorption=found.absorption / found.scattering * scattering,
                 scattering=scattering,
                 log_sd=np.stack([spread, spread]),
-                told_by="k/s alone; s is that of "
+                separated_by="k/s alone; s is that of "
                 + (f"{len(own)} other paints of its family" if own else "other families"),
             )
         )
@@ -376,14 +376,14 @@ def with_usual_scattering(exemplars: Sequence[Exemplar]) -> list[Exemplar]:
 
 
 def lines_of(exemplars: Sequence[Exemplar]) -> list[str]:
-    """How closely readings are met, source by source, and how many paints are told."""
-    lines = ["source        exemplars  families  k told from s  rms of readings: median     worst"]
+    """How closely readings are met, source by source, and of how many paints k is separated from s."""
+    lines = ["source        exemplars  families  k and s known  rms of readings: median     worst"]
     for source in dict.fromkeys(found.source for found in exemplars):
         own = [found for found in exemplars if found.source == source]
         rms = [found.rms for found in own]
         lines.append(
             f"{source:<14}{len(own):>9}{len({found.family for found in own}):>10}"
-            f"{sum(not found.told_by.startswith('k/s') for found in own):>15}"
+            f"{sum(not found.separated_by.startswith('k/s') for found in own):>15}"
             f"{np.median(rms):>25.4f}{max(rms):>10.4f}"
         )
     lines.append(f"{'all':<14}{len(exemplars):>9}{len({found.family for found in exemplars}):>10}")
@@ -415,7 +415,16 @@ def write_tables(folder: Path, exemplars: Sequence[Exemplar]) -> None:
     with (folder / "exemplars.tsv").open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, delimiter="\t", lineterminator="\n")
         writer.writerow(
-            ["exemplar", "family", "source", "binder", "paint", "first_nm", "last_nm", "told_by"]
+            [
+                "exemplar",
+                "family",
+                "source",
+                "binder",
+                "paint",
+                "first_nm",
+                "last_nm",
+                "separated_by",
+            ]
         )
         for found in ordered:
             writer.writerow(
@@ -427,7 +436,7 @@ def write_tables(folder: Path, exemplars: Sequence[Exemplar]) -> None:
                     found.paint,
                     f"{found.wavelengths[0]:g}",
                     f"{found.wavelengths[-1]:g}",
-                    found.told_by,
+                    found.separated_by,
                 ]
             )
 

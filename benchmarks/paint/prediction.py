@@ -6,9 +6,9 @@ Kubelka-Munk's.
 Every tint and shade of the measured films (revigo) is left out of a joint fit of all the others and
 then predicted, with a 90 % band as wide as the other films left out say. Both models go through the
 same fit, with the same instrument and expectations; only what one film reflects differs. Films
-of the same recipes are simulated too, faultless and with scatter of strength. What one reading of a mixture tells, and what two do, is a result of its own,
+of the same recipes are simulated too, faultless and with scatter of strength. What one reading of a mixture shows, and what two do, is a result of its own,
 `prediction_readings.txt` (see `readings_of_mixtures.py`); with --readings it is made alone. With --scan,
-what is expected beforehand is varied instead.
+what is expected a priori is varied instead.
 """
 
 import dataclasses
@@ -82,12 +82,12 @@ def leave_out(
     if again:
         _, warm = time_call(lambda: recover_jointly(films, recipes, **given))
 
-    def tell(done: int, total: int | None, words: str) -> None:
+    def show(done: int, total: int | None, words: str) -> None:
         progress(f"{name}: {words}")
 
     chosen = mixtures(films.names, recipes)[::EVERY]
     out = cross_validate(
-        whole, films, recipes, only=lambda film: film in chosen, progress=tell, **given
+        whole, films, recipes, only=lambda film: film in chosen, progress=show, **given
     )
     return Scores(out, seconds, warm)
 
@@ -248,8 +248,8 @@ def compare(say: Results, films: Films, recipes: Recipes) -> None:
 def main() -> None:
     parser = command_line(__doc__)
     alone = parser.add_mutually_exclusive_group()
-    alone.add_argument("--scan", action="store_true", help="vary what is expected beforehand")
-    alone.add_argument("--readings", action="store_true", help="what one reading tells, and two")
+    alone.add_argument("--scan", action="store_true", help="vary what is expected a priori")
+    alone.add_argument("--readings", action="store_true", help="what one reading shows, and two")
     options = parser.parse_args()
     if options.quick:
         globals().update(EVERY=2)

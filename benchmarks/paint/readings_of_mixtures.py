@@ -1,16 +1,16 @@
-"""What one reading of a mixture tells of its other readings, and what two tell of another film;
+"""What one reading of a mixture shows of its other readings, and what two show of another film;
 part of `benchmarks.paint.prediction`, which runs it.
 
 One reading: each measured mixture (revigo) is calibrated by its reading over one card, with paints
-of a fit that never saw it, and foretold over the other card. How far films scatter is chosen for each
+of a fit that never saw it, and predicted over the other card. How far films scatter is chosen for each
 by all others, by the energy score of the colours drawn (Gneiting, Raftery, J. Am. Stat. Assoc. 102
 (2007) 359, eq. 21), which judges where they are and how wide.
 
-Two readings: no mixture of the data that are at hand was read three times. So two things are told.
-Measured: one film is read, and another of the same two paints is foretold, as if more of one paint
-had been added to what was read. It was mixed anew, so it is as far from its recipe as any film.
-Simulated: a film of each recipe, as far from it as films are taken to be, is read and foretold twice
-as thick. That is as true as what is taken for granted; foretelling its other card, as it is done with
+Two readings: no mixture of the data that are at hand was read three times. So two things are stated.
+Measured: one film is read, and another of the same two paints is predicted, as if more of one paint
+had been added to what was read. It was mixed again, so it is as far from its recipe as any film.
+Simulated: a film of each recipe, as far from it as films are taken to be, is read and predicted twice
+as thick. That is as true as what is taken for granted; predicting its other card, as it is done with
 measured films, shows how far.
 """
 
@@ -39,7 +39,7 @@ from glazejax import Pigment, colour
 
 Recipes = dict[str, dict[str, float]]
 
-# How far films may scatter, of which those that are not foretold choose. A gain that both cards share
+# How far films may scatter, of which those that are not predicted choose. A gain that both cards share
 # changes nothing here: this judges how it differs between them.
 SCATTER = tuple(
     (thickness, gain) for thickness in (0.15, 0.25, 0.4) for gain in (0.005, 0.01, 0.02)
@@ -50,7 +50,7 @@ SPREADS = tuple(Spread(*scatter, alike) for scatter in SCATTER for alike in ALIK
 _MOST = 1.0
 _POINTS = 241
 _SPAN = 1.5
-# The card that a film is read over, and what is foretold by that.
+# The card that a film is read over, and what is predicted by that.
 OTHER_CARD = {"white": "black by the reading over white", "black": "white by that over black"}
 # Which readings of a film are given: over black, over white.
 GIVEN = {"white": (False, True), "black": (True, False), "both": (True, True)}
@@ -65,7 +65,7 @@ class Read:
         recipe: paint -> weight.
         shelf: paints that never saw it.
         ground: internal reflectance of its cards.
-        before: what its recipe foretells, over black and white, with its thickness fitted to both.
+        before: what its recipe predicts, over black and white, with its thickness fitted to both.
     """
 
     film: Films
@@ -75,8 +75,8 @@ class Read:
     before: np.ndarray
 
 
-class Foretold(NamedTuple):
-    """One card's reading, foretold by the other's: Delta E00, what was expected of it, the share of
+class Predicted(NamedTuple):
+    """One card's reading, predicted by the other's: Delta E00, what was expected of it, the share of
     the readings in the 90 % band, and the energy score, a Delta E76.
     """
 
@@ -128,14 +128,14 @@ def calibrate(
     )
 
 
-def foretell(
+def predict(
     read: Read,
     found: JointRecovery,
     metres: float,
     truth: tuple[np.ndarray, np.ndarray],
     spread: Spread,
     response: Response | None,
-) -> list[Foretold]:
+) -> list[Predicted]:
     """A film of the mixture over black and over white, compared with what it reads."""
     (then,) = predict_mixture(
         read.shelf,
@@ -149,7 +149,7 @@ def foretell(
     )
     low, high = then.interval()
     return [
-        Foretold(
+        Predicted(
             off=float(then.delta_e(*truth)[card]),
             said=float(then.expected_errors()[card]),
             inside=float(np.mean((low[card] <= truth[card]) & (truth[card] <= high[card]))),
@@ -171,7 +171,7 @@ def _energy_score(then: Prediction, card: int, truth: Float[np.ndarray, "bands"]
 
 
 def choose_without(off: Float[np.ndarray, "spreads cards films"]) -> Int[np.ndarray, "films"]:
-    """For each film the spread with which all others are foretold best."""
+    """For each film the spread with which all others are predicted best."""
     errors = off.mean(axis=1)
     others = errors.sum(axis=1, keepdims=True) - errors
     return others.argmin(axis=0)
@@ -180,10 +180,10 @@ def choose_without(off: Float[np.ndarray, "spreads cards films"]) -> Int[np.ndar
 def one_reading(
     say: Results, name: str, reads: Sequence[Read], response: Response | None
 ) -> tuple[list[str], Spread]:
-    """Each mixture read over one card and foretold over the other; and the spread that most films
+    """Each mixture read over one card and predicted over the other; and the spread that most films
     choose.
     """
-    tried = np.zeros((len(SPREADS), 2, len(reads), len(Foretold._fields)))
+    tried = np.zeros((len(SPREADS), 2, len(reads), len(Predicted._fields)))
     for number, read in enumerate(reads):
         progress(f"{name}: over the other card, {read.film.names[0]}")
         truth = (read.film.over_black[0], read.film.over_white[0])
@@ -194,9 +194,9 @@ def one_reading(
                 for more in range(len(ALIKE)):
                     place = first * len(ALIKE) + more
                     spread = SPREADS[place]
-                    told = foretell(read, found, metres, truth, spread, response)
-                    tried[place, card, number] = told[card]
-    chosen = choose_without(tried[..., Foretold._fields.index("score")])
+                    predictions = predict(read, found, metres, truth, spread, response)
+                    tried[place, card, number] = predictions[card]
+    chosen = choose_without(tried[..., Predicted._fields.index("score")])
     lines = []
     for card, (given, words) in enumerate(OTHER_CARD.items()):
         off, said, inside, _ = tried[chosen, card, np.arange(len(reads))].T
@@ -221,12 +221,12 @@ def one_reading(
                 },
             )
     often = np.bincount(chosen, minlength=len(SPREADS))
-    told = SPREADS[int(often.argmax())]
+    usual = SPREADS[int(often.argmax())]
     lines.append(
-        f"{name}, chosen most often: thickness {told.thickness:g}, gain {told.gain:g}, alike "
-        f"{told.alike:g} ({often.max()} of {len(reads)})"
+        f"{name}, chosen most often: thickness {usual.thickness:g}, gain {usual.gain:g}, alike "
+        f"{usual.alike:g} ({often.max()} of {len(reads)})"
     )
-    return lines, told
+    return lines, usual
 
 
 def key_of(response: Response | None, name: str) -> str:
@@ -288,7 +288,7 @@ def simulated(
     rng = np.random.default_rng(5)
     other = np.zeros((2, len(reads)))
     least = np.zeros(len(reads))
-    twice: dict[str, list[list[Foretold]]] = {given: [] for given in GIVEN}
+    twice: dict[str, list[list[Predicted]]] = {given: [] for given in GIVEN}
     for number, read in enumerate(reads):
         progress(f"{name}: simulated, {read.film.names[0]}")
         made, thicker, least[number] = simulated_reading(read, spread, response, rng)
@@ -297,17 +297,17 @@ def simulated(
             own = float(found.thickness[0]) * UNIT
             if not all(seen):
                 truth = (made.film.over_black[0], made.film.over_white[0])
-                told = foretell(made, found, own, truth, spread, response)
-                other[int(seen[0]), number] = told[int(seen[0])].off
-            twice[given].append(foretell(made, found, 2.0 * own, thicker, spread, response))
+                predictions = predict(made, found, own, truth, spread, response)
+                other[int(seen[0]), number] = predictions[int(seen[0])].off
+            twice[given].append(predict(made, found, 2.0 * own, thicker, spread, response))
     lines = []
     for off, (given, words) in zip(other, OTHER_CARD.items(), strict=True):
         lines.append(f"{name}, the other card, {words}: {off.mean():.2f} ({np.median(off):.2f})")
         if response is None:
             say.record(**median(f"other_{given}", off))
     for given, films in twice.items():
-        told = np.array(films)
-        off, said, inside, _ = np.moveaxis(told.mean(axis=1), -1, 0)
+        scores = np.array(films)
+        off, said, inside, _ = np.moveaxis(scores.mean(axis=1), -1, 0)
         lines.append(
             f"{name}, twice as thick, read over {given}: {off.mean():.2f} ({np.median(off):.2f}), "
             f"{inside.mean():.1%}, {spearmanr(off, said)[0]:.2f}"
@@ -352,7 +352,7 @@ def another_film(
     spread: Spread,
     response: Response | None,
 ) -> list[str]:
-    """One film read, and another of its two paints foretold from that."""
+    """One film read, and another of its two paints predicted from that."""
     black, white, _, _ = cards(films, whole.instrument, whole.noise)
     off: dict[str, list[float]] = {"nothing": [], **{given: [] for given in GIVEN}}
     pairs = additions(films.names, recipes)
@@ -458,7 +458,7 @@ def reading_tables(
         "are as all other films choose by the energy score",
         *first,
         "",
-        "ANOTHER FILM of the same two paints, mixed anew, by readings of the first and the recipe of",
+        "ANOTHER FILM of the same two paints, mixed again, by readings of the first and the recipe of",
         "what was added: Delta E00 over both cards, mean (median)",
         *more,
         "",

@@ -148,7 +148,7 @@ def _misfit(
 def _probability(
     misfit: Float[np.ndarray, "spectra paints"], exponent: float
 ) -> Float[np.ndarray, "spectra paints"]:
-    """Equal paints beforehand, and Gaussian errors of a size that is not known: likelihood
+    """Equal paints a priori, and Gaussian errors of a size that is not known: likelihood
     misfit^-exponent.
     """
     height = -exponent * np.log(misfit)

@@ -4,9 +4,9 @@ simpler methods.
     python -m benchmarks.paint.truth [--out FOLDER]
 
 Every film of the revigo set is left out of a joint fit of all others, unless a paint of it would be
-unknown without. It is then sought among that fit's paints: once with all of them, once without the
-family of its main paint, where the right answer is 'none'. The tints and shades are sought again as
-a conservator may meet them: noise and a varnish that nobody mentioned, another ground than told,
+unknown without. It is then searched among that fit's paints: once with all of them, once without the
+family of its main paint, where the right answer is 'none'. The tints and shades are searched again as
+a conservator may meet them: noise and a varnish that nobody mentioned, another ground than stated,
 another instrument. The curve of 'none' is refitted without each family.
 """
 
@@ -309,7 +309,7 @@ def reliability(answers: list[Answer]) -> dict[int, tuple[float, float, int]]:
 
 
 def conditions(results: Results, films: Films, left: list[Case]) -> None:
-    """Tints and shades as they may be met, with nothing told but what is said."""
+    """Tints and shades as they may be met, with nothing stated but what is said."""
     rng = np.random.default_rng(5)
     mixed = [case for case in left if len(case.truth) > 1]
     grid = films.wavelengths
@@ -325,10 +325,10 @@ def conditions(results: Results, films: Films, left: list[Case]) -> None:
     all_wrong = "45:0, noise .005, varnish, said to be opaque"
     ways = (
         ("", "as they are, cards known", over, under, None),
-        ("noise", "noise of .01, untold", noisy, under, None),
-        ("varnish", "yellowed varnish, untold", varnished, under, None),
+        ("noise", "noise of .01, not stated", noisy, under, None),
+        ("varnish", "yellowed varnish, not stated", varnished, under, None),
         ("opaque", "over white, said to be opaque", over[:, 1], None, None),
-        ("ground", "over white, ground told as .5", over[:, 1], 0.5, None),
+        ("ground", "over white, ground stated as .5", over[:, 1], 0.5, None),
         ("all_wrong", all_wrong, other, None, Bidirectional(45, 0)),
     )
     results(

@@ -1,10 +1,10 @@
-"""Own tubes: what a masstone and one tint tell of a paint, on simulated films and on measured ones.
+"""Own tubes: what a masstone and one tint show of a paint, on simulated films and on measured ones.
 
     python -m benchmarks.paint.tubes [--out FOLDER] [--paints N]
 
-Noise untold: films of the catalogue's paints with a noise of .002, film by film; do 90 % intervals
-hold k and s where both are told apart? Tubes, simulated: a masstone and a 1:10 tint with a zinc
-white that is the catalogue's but for its own errors, thicknesses unknown, noise .002 untold; do the
+Noise not stated: films of the catalogue's paints with a noise of .002, film by film; do 90 % intervals
+hold k and s where both are separated? Tubes, simulated: a masstone and a 1:10 tint with a zinc
+white that is the catalogue's but for its own errors, thicknesses unknown, noise .002 not stated; do the
 entry's 90 % intervals hold k and s, and how far off is a 1:3 tint that was not fitted? Tubes,
 measured (revigo): the masstone and the white tint of one paint, with zinc white and bone black as a
 fit of all other paints' films knows them; the paint's other tints and shades are predicted, and by
@@ -48,12 +48,12 @@ WHITE, BLACK = "ZincWhite", "BoneBlack"
 
 
 def film_by_film(say: Results) -> None:
-    """Coverage where noise is told, told wrongly, and not told."""
+    """Coverage where noise is stated, stated wrongly, and not stated."""
     times = {1: "once", 3: "three times"}[SEEDS]
     say(
         f"\nFilm by film, all paints of the catalogue, {times}: 90 % intervals where the noise "
         f"is {NOISE.floor}\n"
-        f"{'':<32}{'bands told apart':>18}{'k held':>9}{'s held':>9}"
+        f"{'':<32}{'bands separated':>18}{'k held':>9}{'s held':>9}"
     )
     paints = list(catalogue.load().values())
     truth = np.stack([np.stack([p.absorption, p.scattering], axis=-1) for p in paints]) * UNIT
@@ -64,9 +64,9 @@ def film_by_film(say: Results) -> None:
             for seed in range(SEEDS)
         ]
         for key, title, noise in (
-            ("untold", "told nothing", None),
-            ("usual", "told .0005 + .002 R", Noise()),
-            ("told", "told .002", NOISE),
+            ("untold", "nothing stated", None),
+            ("usual", "stated .0005 + .002 R", Noise()),
+            ("told", "stated .002", NOISE),
         ):
             held = []
             for films in measured:
@@ -163,7 +163,7 @@ def simulated(say: Results, count: int) -> None:
     say(
         f"\nSimulated tubes: {len(paints)} paints, a masstone and a 1:10 tint with {WHITE}, {grid}\n"
         f"{'':<44}{'90 % intervals':>18}{'1:3 tint kept aside':>34}{'seconds':>9}\n"
-        f"{'':<44}{'k held':>9}{'s held':>9}{'dE00':>8}{'foretold':>10}{'in 90 % band':>16}{'a paint':>9}"
+        f"{'':<44}{'k held':>9}{'s held':>9}{'dE00':>8}{'predicted':>10}{'in 90 % band':>16}{'a paint':>9}"
     )
     known = []
     for case in CASES:
@@ -234,8 +234,8 @@ def real(say: Results) -> None:
     full_off = dict(zip(full.names, full.predicted.mean(axis=1), strict=True))
     say(
         f"\nMeasured tubes (revigo): {len(tubes)} paints, masstone and white tint fitted, "
-        f"{len(others)} films foretold\n"
-        f"{'':<46}{'dE00 of the tube':>18}{'foretold':>10}{'in 90 % band':>14}{'joint fit of all others':>26}"
+        f"{len(others)} films predicted\n"
+        f"{'':<46}{'dE00 of the tube':>18}{'predicted':>10}{'in 90 % band':>14}{'joint fit of all others':>26}"
     )
     rows, sums = [], []
     for paint, names in tubes.items():

@@ -200,9 +200,9 @@ def run(
 
     Args:
         sources: of samples.
-        own_films: whether paints are sought among the oils and acrylics, too.
+        own_films: whether paints are searched among the oils and acrylics, too.
         pairs: mixtures, and superpositions, that the task coats takes of each source; None for all.
-        every: one maker in so many is sought among the others' paints.
+        every: one maker in so many is searched among the others' paints.
     """
     record = Record()
     progress("names of pigments")

@@ -127,7 +127,7 @@ class _Libraries:
         rows: dict[tuple[tuple[str, ...], tuple[float, ...]], list[int]] = {}
         for row, sample in enumerate(source.samples):
             pure = sample.kind == "pure"
-            # Where no ground was read levels are a probe's, and mixtures tell little.
+            # Where no ground was read levels are a probe's, and mixtures show little.
             mixed = bare is not None and sample.kind == "mixture" and bool(sample.fractions)
             if sample.binder == binder and (pure or (mixed and set(sample.paints) != pair)):
                 shares = (1.0,) if pure else sample.fractions

@@ -98,7 +98,7 @@ class Answer:
 
     Attributes:
         ranked: sets of families, most probable first; each family of a set is a tuple of those that
-            it may be, of one name where it is told.
+            it may be, of one name where it is stated.
         chances: probability of each set, where the method states one.
         doubt: what 'none' is judged by: larger is more foreign.
         refused: whether it says that nothing it knows explains the reading.
@@ -125,11 +125,11 @@ class Namer(Protocol):
         """Take a library of pure paints."""
         ...
 
-    def answer(self, sought: Table, hidden: Sequence[str | None], pairs: bool) -> list[Answer]:
+    def answer(self, unnamed: Table, hidden: Sequence[str | None], pairs: bool) -> list[Answer]:
         """Answer for each sample.
 
         Args:
-            sought: samples; only their readings may be looked at.
+            unnamed: samples; only their readings may be looked at.
             hidden: for each a family that is to be unknown, or None.
             pairs: whether the samples are of two paints.
         """
@@ -142,11 +142,11 @@ def known_families(library: Table) -> list[str]:
 
 
 def family_distances(
-    distances: Float[np.ndarray, "sought known"],
+    distances: Float[np.ndarray, "unnamed known"],
     families: np.ndarray,
     wanted: Sequence[str],
     nearest: int = NEAREST,
-) -> Float[np.ndarray, "sought families"]:
+) -> Float[np.ndarray, "unnamed families"]:
     """Mean distance to the nearest few spectra of each family; infinite where there is none."""
     out = np.full((len(distances), len(wanted)), np.inf)
     for column, family in enumerate(wanted):
@@ -160,7 +160,7 @@ def family_distances(
 
 
 def rank_families(
-    distances: Float[np.ndarray, "sought families"],
+    distances: Float[np.ndarray, "unnamed families"],
     wanted: Sequence[str],
     hidden: Sequence[str | None],
     limit: float,

@@ -1,4 +1,4 @@
-"""Methods that foretell mixtures from recipes, and amounts from readings of mixtures whose paints
+"""Methods that predict mixtures from recipes, and amounts from readings of mixtures whose paints
 are known: Kubelka-Munk with two constants, without and with pair terms, and unmixing of -log R.
 
 All take films as hiding what is below them. They learn from pure paints and mixtures of one source.
@@ -50,7 +50,7 @@ class Mixtures:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Foretold:
+class Predicted:
     """Predicted readings, a 90 % band, and the root mean square error that each film is expected to
     have; NaN where a method states none.
     """
@@ -70,8 +70,8 @@ class Mixer(Protocol):
         """Take pure paints and mixtures."""
         ...
 
-    def foretell(self, recipes: Float[np.ndarray, "films paints"]) -> Foretold | None:
-        """Readings of mixtures, or None where the method does not foretell any."""
+    def predict(self, recipes: Float[np.ndarray, "films paints"]) -> Predicted | None:
+        """Readings of mixtures, or None where the method does not predict any."""
         ...
 
     def amounts(
@@ -81,8 +81,8 @@ class Mixer(Protocol):
         ...
 
 
-# How far log S of a paint is from a white's beforehand, and log K from that of its masstone alone;
-# and how large a pair's term is beside the sum of the pair's own.
+# How far log S of a paint is from a white's a priori, and log K from that of its masstone alone;
+# and how large a pair's term is compared with the sum of the pair's own.
 _LOG_S_SD = 1.0
 _PAIR_SD = 0.3
 # Error of a reading that all methods count with.
@@ -169,11 +169,11 @@ class KubelkaMunk:
             absorption = absorption + size * (fractions[:, a] * fractions[:, b])
         return hiding_reflectance(np.maximum(absorption, 1e-9) / (s @ fractions.T)).T
 
-    def foretell(self, recipes: Float[np.ndarray, "films paints"]) -> Foretold:
+    def predict(self, recipes: Float[np.ndarray, "films paints"]) -> Predicted:
         """Readings, with one band for all films."""
         readings = self._reading(self._log_k, self._log_s, self._pair, recipes)
         spread = _NINETY * np.maximum(self._sd, _ERROR)
-        return Foretold(
+        return Predicted(
             readings=readings,
             low=readings - spread,
             high=readings + spread,
@@ -231,7 +231,7 @@ class AbsorbanceUnmixing:
             ]
         )
 
-    def foretell(self, recipes: Float[np.ndarray, "films paints"]) -> None:
+    def predict(self, recipes: Float[np.ndarray, "films paints"]) -> None:
         """It does not: -log R of a tint is nowhere near the sum of its paints'."""
         return None
 

@@ -27,7 +27,7 @@ from glazejax import Pigment, catalogue
 from glazejax.io import SpectraTable
 
 from .library import Answer, Table
-from .mixers import Foretold, Mixtures
+from .mixers import Mixtures, Predicted
 from .sources import COLOURLESS, FOREIGN, WHITE_CARD, Source
 from .spectra import GRID, bounded
 
@@ -55,7 +55,7 @@ class FamilyCatalogue:
         references: str = "",
         own_paints: str = "",
     ):
-        """For an instrument; told or not which elements each sample's pigment holds, and with or
+        """For an instrument; with or without a statement of which elements each sample's pigment holds, and with or
         without the samples of a group as reference paints, or with the exemplars of a group instead
         of all others of their families.
         """
@@ -84,40 +84,40 @@ class FamilyCatalogue:
             self._pigments += references_in(library, self._references, self._instrument).pigments
         self._searches: dict[tuple[bytes, bool], FamilySearch] = {}
 
-    def answer(self, sought: Table, hidden: Sequence[str | None], pairs: bool) -> list[Answer]:
+    def answer(self, unnamed: Table, hidden: Sequence[str | None], pairs: bool) -> list[Answer]:
         """Sets of families of films that are said to hide their ground; groups of families where
         one is named.
         """
-        seen = np.isfinite(sought.readings).all(axis=0)
+        seen = np.isfinite(unnamed.readings).all(axis=0)
         # Bands are no finer than exemplars are known.
         bands = np.flatnonzero(seen & (GRID % 10 == 0))
         try:
             search = self._search(bands, pairs)
         except ValueError:  # Too few exemplars are left: nothing can be named.
-            return [Answer(ranked=(), doubt=np.inf, refused=True)] * len(sought)
-        unknown = np.zeros((len(sought), len(search.families)), dtype=bool)
+            return [Answer(ranked=(), doubt=np.inf, refused=True)] * len(unnamed)
+        unknown = np.zeros((len(unnamed), len(search.families)), dtype=bool)
         for row, family in enumerate(hidden):
             if family in search.families:
                 unknown[row, search.families.index(family)] = True
         if self._elements:
-            return self._answers_with_elements(search, sought, bands, unknown)
-        return self._answers(search, sought.readings[:, bands], bands, unknown)
+            return self._answers_with_elements(search, unnamed, bands, unknown)
+        return self._answers(search, unnamed.readings[:, bands], bands, unknown)
 
     def _answers_with_elements(
         self,
         search: FamilySearch,
-        sought: Table,
+        unnamed: Table,
         bands: Int[np.ndarray, "bands"],
         unknown: Bool[np.ndarray, "samples families"],
     ) -> list[Answer]:
         """Answers to samples of which X-ray fluorescence found all heavy elements and no other."""
         about = catalogue.families()
-        answers: list[Answer | None] = [None] * len(sought)
-        for family in np.unique(sought.families):
-            rows = np.flatnonzero(sought.families == family)
+        answers: list[Answer | None] = [None] * len(unnamed)
+        for family in np.unique(unnamed.families):
+            rows = np.flatnonzero(unnamed.families == family)
             found = about[family].elements if family in about else ()
             known = with_facts(search, elements=found)
-            readings = sought.readings[np.ix_(rows, bands)]
+            readings = unnamed.readings[np.ix_(rows, bands)]
             for row, answer in zip(
                 rows, self._answers(known, readings, bands, unknown[rows]), strict=True
             ):
@@ -204,11 +204,11 @@ class FilmCatalogues:
                 self._pigments[f"{shelf}:{name}"] = pigment.renamed(f"{shelf}:{name}")
                 self._family[f"{shelf}:{name}"] = family
 
-    def answer(self, sought: Table, hidden: Sequence[str | None], pairs: bool) -> list[Answer]:
+    def answer(self, unnamed: Table, hidden: Sequence[str | None], pairs: bool) -> list[Answer]:
         """Sets of families by `Identification.ranked`, of films that are said to hide their
         ground.
         """
-        answers: list[Answer | None] = [None] * len(sought)
+        answers: list[Answer | None] = [None] * len(unnamed)
         for unknown in dict.fromkeys(hidden):
             rows = [row for row, family in enumerate(hidden) if family == unknown]
             pigments = {
@@ -216,14 +216,14 @@ class FilmCatalogues:
                 for name, pigment in self._pigments.items()
                 if self._family[name] != unknown
             }
-            for row, answer in zip(rows, self._answers(sought.take(rows), pigments), strict=True):
+            for row, answer in zip(rows, self._answers(unnamed.take(rows), pigments), strict=True):
                 answers[row] = answer
         return [answer for answer in answers if answer is not None]
 
-    def _answers(self, sought: Table, pigments: dict[str, Pigment]) -> list[Answer]:
+    def _answers(self, unnamed: Table, pigments: dict[str, Pigment]) -> list[Answer]:
         columns = np.searchsorted(GRID, _FILM_GRID)
-        seen = np.isfinite(sought.readings[:, columns]).all(axis=0)
-        readings = np.clip(bounded(sought.readings[:, columns[seen]]), 0.0, 1.0)
+        seen = np.isfinite(unnamed.readings[:, columns]).all(axis=0)
+        readings = np.clip(bounded(unnamed.readings[:, columns[seen]]), 0.0, 1.0)
         found = identify(
             _FILM_GRID[seen],
             readings,
@@ -233,7 +233,7 @@ class FilmCatalogues:
             max_paints=2,
         )
         out = []
-        for row in range(len(sought)):
+        for row in range(len(unnamed)):
             chances: dict[frozenset[str], float] = {}
             for candidate in found.ranked(row):
                 families = frozenset(self._family[paint] for paint in candidate.paints)
@@ -287,7 +287,7 @@ class JointFit:
         )
         self._pigments: dict[str, Pigment] = recovery.pigments(UNIT)
 
-    def foretell(self, recipes: Float[np.ndarray, "films paints"]) -> Foretold:
+    def predict(self, recipes: Float[np.ndarray, "films paints"]) -> Predicted:
         """Each mixture so thick that nothing shines through."""
         found: list[Prediction] = []
         for fractions in recipes:
@@ -300,7 +300,7 @@ class JointFit:
             )
         bands = [prediction.interval() for prediction in found]
         drawn = [prediction.draws[:, 0] - prediction.over_black for prediction in found]
-        return Foretold(
+        return Predicted(
             readings=np.stack([prediction.over_black for prediction in found]),
             low=np.stack([low[0] for low, _ in bands]),
             high=np.stack([high[0] for _, high in bands]),
@@ -359,7 +359,7 @@ class FilmsOverCards:
     """Films that were read over a white and a black card, whose cards were read bare: the same
     joint fit with this program's optics or with Kubelka-Munk's.
 
-    A film's thickness is not in its recipe, so each is foretold with its thickness fitted to its
+    A film's thickness is not in its recipe, so each is predicted with its thickness fitted to its
     own readings. The bands are those that films of the library which were left out in turn taught.
     """
 
@@ -367,9 +367,9 @@ class FilmsOverCards:
         self.name = name
         self._response = response
 
-    def foretell(
+    def predict(
         self, taught: Films, tests: Films, recipes: Mapping[str, Mapping[str, float]]
-    ) -> Foretold:
+    ) -> Predicted:
         """Readings over black and white of films that were not learnt from, film by film."""
         response = self._response(Instrument())
         recovery = recover_jointly(taught, recipes, response=response)
@@ -379,7 +379,7 @@ class FilmsOverCards:
         )
         bands = [prediction.interval() for prediction in found]
         drawn = [prediction.draws - prediction.reflectance for prediction in found]
-        return Foretold(
+        return Predicted(
             readings=np.concatenate([prediction.reflectance for prediction in found]),
             low=np.concatenate([low for low, _ in bands]),
             high=np.concatenate([high for _, high in bands]),

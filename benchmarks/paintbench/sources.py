@@ -1,7 +1,7 @@
 """Sources of measured paint in one form: samples, what they are made of, and readings of one or
 more cameras.
 
-A source in that form is a folder of four tables (`README.md` beside this file has them); the other
+A source in that form is a folder of four tables (`README.md` next to this file has them); the other
 sources of the measured data are brought to it here, one function each.
 """
 
@@ -55,7 +55,7 @@ class Sample:
         paints: codes of its paints; of layers the lower one first, where that is known.
         fractions: of each, summing to one; empty where they are not known.
         binder, support: in words; empty where they are not known.
-        test: whether it is sought or predicted, and never learnt from.
+        test: whether it is to be named or predicted, and never learnt from.
     """
 
     name: str
@@ -388,7 +388,7 @@ def read_rrt(folder: Path) -> Source:
 def read_hyppigments(folder: Path) -> Source:
     """A chart of Kremer's pigments, four shades each; shades 1 and 4 are the darkest and lightest.
 
-    Families by Kremer's numbers are in `kremer_families.tsv` beside this file.
+    Families by Kremer's numbers are in `kremer_families.tsv` next to this file.
     """
     families = {row["number"]: row for row in _rows(HERE / "kremer_families.tsv", ("number",))}
     head = (folder / "speclib_averages.hdr").read_text(encoding="utf-8")

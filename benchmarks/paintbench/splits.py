@@ -2,7 +2,7 @@
 
     python -m benchmarks.paintbench.splits
 
-prints whether the tables in `splits` are those whose hashes stand beside them, and whether they
+prints whether the tables in `splits` are those whose hashes stand next to them, and whether they
 follow the rule: a mixture is a test where the SHA-256 of its source, paints and fractions is odd, so
 that readings of one recipe stand together; layers are tests; pure paints and controls are not.
 """

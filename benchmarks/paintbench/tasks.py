@@ -1,4 +1,4 @@
-"""The bench's tasks: what is sought, what may be learnt, and how an answer is scored.
+"""The bench's tasks: what is to be named, what may be learnt, and how an answer is scored.
 
 Each task gives, for every source and method, a number of samples and scores; and a list of what
 went wrong.
@@ -16,7 +16,7 @@ from glazefit.identify.result.in_tests import has_infrared
 from glazejax import colour
 
 from .library import Answer, Namer, Table, grid_readings, known_families, pure_table
-from .mixers import Foretold, Mixer, Mixtures
+from .mixers import Mixer, Mixtures, Predicted
 from .program import films_over_cards, over_cards
 from .sources import COLOURLESS, FOREIGN, Sample, Source
 from .spectra import GRID, RANGES, REACHED, VISIBLE, WHOLE, bounded, finite_columns, within
@@ -26,17 +26,17 @@ Results = dict[str, dict[str, dict[str, Scores]]]
 """task -> source -> method -> scores."""
 
 LARGEST_GROUP = 4
-"""Families that an answer may name together where spectra cannot tell them, and still be right."""
+"""Families that an answer may name together where spectra do not separate them, and still be right."""
 BINS = 10
 """Of stated probabilities."""
 LEAST_BANDS = 10
 """A source that has fewer in a task's range takes no part in it."""
 
-# Grid on which mixtures are foretold, nm; grids finer than it are averaged.
+# Grid on which mixtures are predicted, nm; grids finer than it are averaged.
 _MIX_GRID = np.arange(420.0, 981.0, 20.0)
 # The source that the catalogue of oils was made from.
 _OILS = "revigo"
-# Its coefficients are no readings, and are never sought.
+# Its coefficients are no readings, and are never to be named.
 _GOLDEN = "golden"
 # Sources whose readings have an unknown level: a probe held by hand.
 _FREE_LEVEL = ("bath",)
@@ -241,7 +241,7 @@ def run_names(
 ) -> None:
     """Tasks that name pigments, and what `calibration` needs.
 
-    Of each source that is sought, all sources of its group are hidden.
+    Of each source that is to be named, all sources of its group are hidden.
     """
     learnable = [source for source in sources if source.learnable]
     table = pure_table(learnable)
@@ -257,16 +257,16 @@ def run_names(
             for task in (task for task in RANGES if task in tasks):
                 limits = RANGES[task]
                 bands = within(limits)
-                sought = pure.within(bands)
+                unnamed = pure.within(bands)
                 there = finite_columns([readings])
                 if (there & bands).sum() < LEAST_BANDS:
                     continue
                 if task in REACHED and not there[REACHED[task] == GRID].all():
                     continue
                 learner = _whole_grid(namer, library, bands)
-                _pigment(task, source, learner, library, _blank(sought, bands), record)
+                _pigment(task, source, learner, library, _blank(unnamed, bands), record)
                 if task == "pigment" and "none" in tasks:
-                    _none(source, learner, library, _blank(sought, bands), record)
+                    _none(source, learner, library, _blank(unnamed, bands), record)
                 if task == "pigment" and "mixture" in tasks:
                     _mixture("mixture", source, learner, library, bands, record)
 
@@ -293,9 +293,9 @@ def stated_and_right(
             if (limits is WHOLE) != infrared:
                 continue
             learner = _whole_grid(namer, library, bands)
-            sought = _blank(pure.within(bands), bands)
-            answers = learner.answer(sought, [None] * len(sought), pairs=False)
-            for answer, family in zip(answers, sought.families, strict=True):
+            unnamed = _blank(pure.within(bands), bands)
+            answers = learner.answer(unnamed, [None] * len(unnamed), pairs=False)
+            for answer, family in zip(answers, unnamed.families, strict=True):
                 if not answer.refused:
                     right = is_right(answer.ranked[0], (str(family),))
                     out.append((source.name, infrared, answer.chances[0], right))
@@ -309,15 +309,15 @@ def run_references(
     group: str = "makers",
     every: int = 1,
 ) -> None:
-    """Tasks `references_400` and `references_380`: each maker of a group's paints is sought with
-    those of its other makers beside the library, as a user's own references are.
+    """Tasks `references_400` and `references_380`: each maker of a group's paints is to be named with
+    those of its other makers in addition to the library, as a user's own references are.
 
     Args:
         sources: of samples.
         namers: methods.
         record: that the scores go to.
         group: whose samples' names begin with a maker, up to a hyphen.
-        every: one maker in so many is sought.
+        every: one maker in so many is to be named.
     """
     table = pure_table([s for s in sources if s.learnable or s.group == group])
     own = table.groups == group
@@ -332,12 +332,12 @@ def run_references(
                 is_sought = own & (maker == one)
                 library = table.take(~is_sought)
                 has_family = np.isin(table.families, known_families(library))
-                sought = _blank(table.take(is_sought & has_family).within(bands), bands)
+                unnamed = _blank(table.take(is_sought & has_family).within(bands), bands)
                 learner = _whole_grid(namer, library, bands)
-                answers += learner.answer(sought, [None] * len(sought), pairs=False)
-                asked.append(sought)
-            truths = [(str(family),) for sought in asked for family in sought.families]
-            readings = np.concatenate([sought.readings for sought in asked])
+                answers += learner.answer(unnamed, [None] * len(unnamed), pairs=False)
+                asked.append(unnamed)
+            truths = [(str(family),) for unnamed in asked for family in unnamed.families]
+            readings = np.concatenate([unnamed.readings for unnamed in asked])
             scores = score_names(answers, truths) | score_headlines(answers, truths, readings)
             record.add(task.replace("pigment", "references"), group, namer.name, scores)
 
@@ -352,8 +352,8 @@ def run_own(sources: Sequence[Source], namer: Namer, record: Record) -> None:
         if source.name != _OILS:
             continue
         learner = _whole_grid(namer, table, bands)
-        sought = pure_table([source]).within(bands)
-        _pigment("pigment_own", source, learner, table, _blank(sought, bands), record)
+        unnamed = pure_table([source]).within(bands)
+        _pigment("pigment_own", source, learner, table, _blank(unnamed, bands), record)
         _mixture("mixture_own", source, learner, table, bands, record)
 
 
@@ -384,26 +384,26 @@ def _whole_grid(namer: Namer, library: Table, bands: Bool[np.ndarray, "bands"]) 
     return namer
 
 
-def _blank(sought: Table, bands: Bool[np.ndarray, "bands"]) -> Table:
+def _blank(unnamed: Table, bands: Bool[np.ndarray, "bands"]) -> Table:
     """Samples of some bands on the whole grid again, NaN elsewhere."""
-    readings = np.full((len(sought), bands.size), np.nan)
-    readings[:, bands] = sought.readings
-    return replace(sought, readings=readings)
+    readings = np.full((len(unnamed), bands.size), np.nan)
+    readings[:, bands] = unnamed.readings
+    return replace(unnamed, readings=readings)
 
 
 def _pigment(
-    task: str, source: Source, namer: Namer, library: Table, sought: Table, record: Record
+    task: str, source: Source, namer: Namer, library: Table, unnamed: Table, record: Record
 ) -> None:
     known = set(known_families(library))
-    sought = sought.take([row for row in range(len(sought)) if sought.families[row] in known])
-    if not len(sought):
+    unnamed = unnamed.take([row for row in range(len(unnamed)) if unnamed.families[row] in known])
+    if not len(unnamed):
         return
-    answers = namer.answer(sought, [None] * len(sought), pairs=False)
-    truths = [(str(family),) for family in sought.families]
+    answers = namer.answer(unnamed, [None] * len(unnamed), pairs=False)
+    truths = [(str(family),) for family in unnamed.families]
     scores = score_names(answers, truths)
-    scores |= score_headlines(answers, truths, sought.readings)
+    scores |= score_headlines(answers, truths, unnamed.readings)
     record.add(task, source.name, namer.name, scores)
-    for answer, truth, sample in zip(answers, truths, sought.samples, strict=True):
+    for answer, truth, sample in zip(answers, truths, unnamed.samples, strict=True):
         right = bool(answer.ranked) and is_right(answer.ranked[0], truth)
         if answer.chances and task == "pigment":
             record.state(source.name, namer.name, stated_chance(answer), right)
@@ -439,13 +439,13 @@ def words_of(answer: Answer) -> str:
     return f"none; nearest {named}{chance}" if answer.refused else f"{named}{chance}"
 
 
-def _none(source: Source, namer: Namer, library: Table, sought: Table, record: Record) -> None:
+def _none(source: Source, namer: Namer, library: Table, unnamed: Table, record: Record) -> None:
     """Each pure sample with its family taken out of all sources, and with it."""
     known = set(known_families(library))
-    has = np.array([family in known for family in sought.families.tolist()], dtype=bool)
-    foreign = sought.families == FOREIGN
-    out = sought.take(has | foreign)
-    kept = sought.take(has)
+    has = np.array([family in known for family in unnamed.families.tolist()], dtype=bool)
+    foreign = unnamed.families == FOREIGN
+    out = unnamed.take(has | foreign)
+    kept = unnamed.take(has)
     if not len(out) or not len(kept):
         return
     without = namer.answer(out, [str(family) for family in out.families], pairs=False)
@@ -493,16 +493,16 @@ def _mixture(
     if not rows:
         return
     readings = np.where(bands, grid_readings(source, rows), np.nan)
-    sought = Table(
+    unnamed = Table(
         readings=readings,
         families=np.array([""] * len(rows)),
         groups=np.array([source.group] * len(rows)),
         samples=tuple(source.samples[row] for row in rows),
     )
-    answers = namer.answer(sought, [None] * len(rows), pairs=True)
-    truths = [source.families(sample) for sample in sought.samples]
+    answers = namer.answer(unnamed, [None] * len(rows), pairs=True)
+    truths = [source.families(sample) for sample in unnamed.samples]
     record.add(task, source.name, namer.name, score_names(answers, truths))
-    for answer, truth, sample in zip(answers, truths, sought.samples, strict=True):
+    for answer, truth, sample in zip(answers, truths, unnamed.samples, strict=True):
         if answer.refused or not (answer.ranked and is_right(answer.ranked[0], truth)):
             record.fail(task, source, namer, sample, truth, answer)
 
@@ -560,9 +560,9 @@ def mixing_films(
         return None, None
     grid = _MIX_GRID
     films = _films(pieces, paints, grid)
-    sought = _films([(source, tests)], paints, grid)
-    both = finite_columns([films.readings, sought.readings])
-    return _in_bands(films, both), _in_bands(sought, both)
+    unnamed = _films([(source, tests)], paints, grid)
+    both = finite_columns([films.readings, unnamed.readings])
+    return _in_bands(films, both), _in_bands(unnamed, both)
 
 
 def _may_teach(sample: Sample, extra: bool) -> bool:
@@ -601,60 +601,60 @@ def _in_bands(films: Mixtures, bands: Bool[np.ndarray, "bands"]) -> Mixtures:
 
 
 def _predict_over_cards(source: Source, record: Record) -> None:
-    """Films over a white and a black card: of each, two readings are foretold."""
+    """Films over a white and a black card: of each, two readings are predicted."""
     rows = [row for row, sample in enumerate(source.samples) if sample.kind in ("pure", "mixture")]
     learnt = [row for row in rows if not source.samples[row].test]
     known = {code for row in learnt for code in source.samples[row].paints}
     tests = [row for row in rows if source.samples[row].test]
     tests = [row for row in tests if set(source.samples[row].paints) <= known]
     taught = films_over_cards(source, learnt)
-    sought = films_over_cards(source, tests)
+    unnamed = films_over_cards(source, tests)
     recipes = {
         sample.name.removesuffix(" over white"): dict(
             zip(sample.paints, sample.fractions, strict=True)
         )
         for sample in source.samples
     }
-    seen = np.stack([sought.over_black, sought.over_white], axis=1)
-    seen = seen.reshape(-1, sought.wavelengths.size)
+    seen = np.stack([unnamed.over_black, unnamed.over_white], axis=1)
+    seen = seen.reshape(-1, unnamed.wavelengths.size)
     for method in over_cards():
-        foretold = method.foretell(taught, sought, recipes)
+        predicted = method.predict(taught, unnamed, recipes)
         gain = np.ones((len(seen), 1))
-        scores = score_foretold(sought.wavelengths, foretold, seen, gain)
-        record.add("predict", source.name, method.name, {"n": len(sought), **scores})
+        scores = score_predicted(unnamed.wavelengths, predicted, seen, gain)
+        record.add("predict", source.name, method.name, {"n": len(unnamed), **scores})
 
 
 def _predict(source: Source, mixer: Mixer, tests: Mixtures, record: Record) -> None:
-    foretold = mixer.foretell(tests.fractions)
-    if foretold is None:
+    predicted = mixer.predict(tests.fractions)
+    if predicted is None:
         return
     seen = bounded(tests.readings)
     gain = np.ones((len(tests), 1))
-    if source.group in _FREE_LEVEL:  # The level that meets best: only the shape can be foretold.
-        gain = np.sum(seen * foretold.readings, axis=1, keepdims=True)
-        gain = gain / np.sum(foretold.readings**2, axis=1, keepdims=True)
-    scores = score_foretold(tests.wavelengths, foretold, seen, gain)
+    if source.group in _FREE_LEVEL:  # The level that meets best: only the shape can be predicted.
+        gain = np.sum(seen * predicted.readings, axis=1, keepdims=True)
+        gain = gain / np.sum(predicted.readings**2, axis=1, keepdims=True)
+    scores = score_predicted(tests.wavelengths, predicted, seen, gain)
     record.add("predict", source.name, mixer.name, {"n": len(tests), **scores})
 
 
-def score_foretold(
+def score_predicted(
     wavelengths: Float[np.ndarray, "bands"],
-    foretold: Foretold,
+    predicted: Predicted,
     seen: Float[np.ndarray, "films bands"],
     gain: Float[np.ndarray, "films 1"],
 ) -> Scores:
     """`rmse`, `delta_e`, `inside` of 90 % bands, and `rank`: Spearman's correlation of stated and
     true errors, None where a method states none.
     """
-    off = gain * foretold.readings - seen
+    off = gain * predicted.readings - seen
     each = np.sqrt(np.mean(off**2, axis=1))
-    inside = (gain * foretold.low <= seen) & (seen <= gain * foretold.high)
-    stated = np.isfinite(foretold.expected).all() and np.ptp(foretold.expected) > 0
+    inside = (gain * predicted.low <= seen) & (seen <= gain * predicted.high)
+    stated = np.isfinite(predicted.expected).all() and np.ptp(predicted.expected) > 0
     return {
         "rmse": float(np.sqrt(np.mean(off**2))),
-        "delta_e": delta_e(wavelengths, gain * foretold.readings, seen),
+        "delta_e": delta_e(wavelengths, gain * predicted.readings, seen),
         "inside": float(inside.mean()),
-        "rank": float(np.asarray(spearmanr(foretold.expected, each))[0]) if stated else None,
+        "rank": float(np.asarray(spearmanr(predicted.expected, each))[0]) if stated else None,
     }
 
 

@@ -75,7 +75,7 @@ def speed(say: Results) -> None:
         f"errors: rms of the lobe over its rms, light from {angle:.0f} degrees (the middle of a "
         "cell), against 1e-7\n"
     )
-    # The paths' error falls with the root of their number; many seeds tell it better than one.
+    # The paths' error falls with the root of their number; many seeds show it better than one.
     errors = {
         n: np.sqrt(np.mean([off(lobe_by_paths(lit[0], n, seed), fine) ** 2 for seed in range(4)]))
         for n in (PATHS, 4 * PATHS)

@@ -66,7 +66,7 @@ class Monitor(NamedTuple):
         )
 
     def known(self) -> Display:
-        """The display as its readings tell."""
+        """The display as its readings show."""
         primaries = READ[:, None] * np.eye(3)[:, None]
         return Display.from_readings(READ, self.read(primaries))
 

@@ -6,7 +6,7 @@ figure 2.
 The fixed step changes h to a multiple of dh, at each wavelength by another part of it, as chance
 has it. So table 4 has one draw a pair. Here h is varied by some per cent, so that every wavelength
 is rounded again, and the colours of each draw are compared as in the table. The exact solver on the
-rounded stack tells how much of the error is rounding. The paper's times tell how thick its glazes
+rounded stack shows how much of the error is rounding. The paper's times show how thick its glazes
 were, which its text does not: the last table uses that.
 """
 

@@ -34,7 +34,7 @@ PAINTS = {
 }
 """Exemplars of the catalogue of pigments: the oils where it has them. Lead-tin yellow is in no oil.
 """
-# No reading tells how strongly lead-tin yellow scatters, and so how thick a glaze of it is
+# No reading shows how strongly lead-tin yellow scatters, and so how thick a glaze of it is
 # optically. This yellow is five times as thick: it shows what depends on that.
 THICKER = "chrome yellow/revigo-ChromeYellow"
 # The paper's glazes hold 2.3 % of pigment by volume (section 2.2); the catalogue's films are
@@ -229,7 +229,7 @@ def say_paints(say: Results) -> None:
     )
     spread = spread_of_scattering(PAINTS["a"])
     say(
-        "Readings of lead-tin yellow tell k/s alone: its s is that of other families, known to a "
+        "Readings of lead-tin yellow show k/s alone: its s is that of other families, known to a "
         f"factor of {spread:.1f}"
     )
     say.record(scattering_factor=quantity(spread, digits=1))

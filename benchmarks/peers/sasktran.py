@@ -1,6 +1,6 @@
 """sasktran2 (PyPI): discrete ordinates with analytic derivatives, no refracting surface.
 
-Isotropic scattering needs one azimuth mode. sasktran2 solves all of them unless told otherwise, so
+Isotropic scattering needs one azimuth mode. sasktran2 solves all of them unless it is asked for fewer, so
 both are offered:
 `modes=1` is its best, `modes=0` its default. A layer of zero thickness ends the process;
 the derivative by an albedo of zero comes out as zero.

@@ -1,4 +1,4 @@
-"""The ray caster beside Mitsuba 3: the same scenes, direct light, pixel by pixel.
+"""The ray caster compared with Mitsuba 3: the same scenes, direct light, pixel by pixel.
 
     python -m benchmarks.render.mitsuba_compare [--out FOLDER] [--samples N]
 

@@ -1,4 +1,4 @@
-"""The plugin beside Mitsuba's own `roughplastic` and the exported measured BSDF: speed and error,
+"""The plugin compared with Mitsuba's own `roughplastic` and the exported measured BSDF: speed and error,
 in one run.
 
     python -m benchmarks.render.mitsuba_plugin [--out FOLDER] [--count N]
@@ -6,7 +6,7 @@ in one run.
 For each material in LLVM: millions of `eval`, of `sample`, and of paths of a whole picture a
 second, best of several turns that go round by round; and the largest error of the reflectance
 factor of the body against the solver, at random pairs of angles. `roughplastic` is no model of
-these glazes: its diffuse part has the glaze's colour at 45:0, and what it misses is told the same
+these glazes: its diffuse part has the glaze's colour at 45:0, and what it misses is stated the same
 way.
 """
 

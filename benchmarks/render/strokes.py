@@ -84,7 +84,7 @@ def impasto(
     seed: int = 0,
 ) -> Float[np.ndarray, "rows columns"]:
     """Heights of thick paint laid on with a stiff brush, 0 to about 1: furrows of bristles, ridges
-    beside a stroke and a lip where the brush was lifted. The shorter side is one unit long; `swirl`
+    next to a stroke and a lip where the brush was lifted. The shorter side is one unit long; `swirl`
     is the point that the strokes turn around, in units, right and up from the lower left corner,
     and `brush` half the width of the brush.
     """

@@ -37,7 +37,7 @@ class Neighbours:
     """Nearest families by one minus the cosine of some features of the spectra.
 
     A family's distance is the mean of its three nearest spectra. The limit of 'none' refuses a
-    twentieth of what the library's sources would be told by each other.
+    twentieth of what the library's sources would be named by each other.
     """
 
     def __init__(self, name: str, features: Sequence[Feature]):
@@ -53,21 +53,21 @@ class Neighbours:
         distances = np.where(library.groups[:, None] == library.groups, np.inf, distances)
         known = np.isin(library.families, self._families)
         nearest = family_distances(distances, library.families, self._families).min(axis=1)
-        told = nearest[known & np.isfinite(nearest)]
-        if told.size:
-            self._limit = float(np.quantile(told, 1.0 - FALSE_ALARMS))
+        named = nearest[known & np.isfinite(nearest)]
+        if named.size:
+            self._limit = float(np.quantile(named, 1.0 - FALSE_ALARMS))
 
-    def answer(self, sought: Table, hidden: Sequence[str | None], pairs: bool) -> list[Answer]:
+    def answer(self, unnamed: Table, hidden: Sequence[str | None], pairs: bool) -> list[Answer]:
         """Nearest first; pure paints only, whatever is asked."""
         distances = family_distances(
-            self._distances(sought), self._library.families, self._families
+            self._distances(unnamed), self._library.families, self._families
         )
         return rank_families(distances, self._families, hidden, self._limit)
 
-    def _distances(self, sought: Table) -> Float[np.ndarray, "sought known"]:
+    def _distances(self, unnamed: Table) -> Float[np.ndarray, "unnamed known"]:
         return np.sum(
             [
-                cosine_distance(feature(sought.readings), feature(self._library.readings))
+                cosine_distance(feature(unnamed.readings), feature(self._library.readings))
                 for feature in self._features
             ],
             axis=0,
@@ -115,19 +115,19 @@ class Unmixing:
         if misfits:
             self._limit = float(np.quantile(misfits, 1.0 - FALSE_ALARMS))
 
-    def answer(self, sought: Table, hidden: Sequence[str | None], pairs: bool) -> list[Answer]:
+    def answer(self, unnamed: Table, hidden: Sequence[str | None], pairs: bool) -> list[Answer]:
         """Largest shares first: of pairs the two largest together."""
-        return self._answers(self._library, sought, hidden, pairs)
+        return self._answers(self._library, unnamed, hidden, pairs)
 
     def _answers(
-        self, library: Table, sought: Table, hidden: Sequence[str | None], pairs: bool
+        self, library: Table, unnamed: Table, hidden: Sequence[str | None], pairs: bool
     ) -> list[Answer]:
-        usable = np.isfinite(library.readings[:, finite_columns([sought.readings])]).mean(axis=1)
+        usable = np.isfinite(library.readings[:, finite_columns([unnamed.readings])]).mean(axis=1)
         library = library.take(usable > 0.5)
         families = known_families(library)
         values = absorbance(library.readings)
         answers = []
-        for reading, unknown in zip(absorbance(sought.readings), hidden, strict=True):
+        for reading, unknown in zip(absorbance(unnamed.readings), hidden, strict=True):
             wanted = [family for family in families if family != unknown]
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", RuntimeWarning)  # bands that a family has not
@@ -188,15 +188,15 @@ class Classifier:
             doubts += (1.0 - chances.max(axis=1)).tolist()
         self._limit = float(np.quantile(doubts, 1.0 - FALSE_ALARMS)) if doubts else np.inf
 
-    def answer(self, sought: Table, hidden: Sequence[str | None], pairs: bool) -> list[Answer]:
+    def answer(self, unnamed: Table, hidden: Sequence[str | None], pairs: bool) -> list[Answer]:
         """Most probable first; pure paints only, whatever is asked."""
-        key = finite_columns([sought.readings]).tobytes()
+        key = finite_columns([unnamed.readings]).tobytes()
         if key not in self._fitted:
-            self._fitted[key] = self._fit(self._library, sought)
+            self._fitted[key] = self._fit(self._library, unnamed)
         model, bands = self._fitted[key]
         families = [str(family) for family in model.classes_]
         answers = []
-        probabilities = self._chances(model, sought.readings[:, bands])
+        probabilities = self._chances(model, unnamed.readings[:, bands])
         for chances, unknown in zip(probabilities, hidden, strict=True):
             chances = np.where([family == unknown for family in families], 0.0, chances)
             chances = chances / max(chances.sum(), 1e-300)
@@ -212,8 +212,8 @@ class Classifier:
             )
         return answers
 
-    def _fit(self, library: Table, sought: Table) -> tuple[Any, Bool[np.ndarray, "bands"]]:
-        """A model for the bands that the sought readings have and enough of the library, too."""
+    def _fit(self, library: Table, unnamed: Table) -> tuple[Any, Bool[np.ndarray, "bands"]]:
+        """A model for the bands that the readings to be named have and enough of the library, too."""
         from sklearn.decomposition import PCA  # pyright: ignore[reportMissingImports]
         from sklearn.linear_model import LogisticRegression  # pyright: ignore[reportMissingImports]
         from sklearn.pipeline import make_pipeline  # pyright: ignore[reportMissingImports]
@@ -221,7 +221,7 @@ class Classifier:
         from sklearn.svm import SVC  # pyright: ignore[reportMissingImports]
 
         learnt = library.take(np.isin(library.families, known_families(library)))
-        bands = finite_columns([sought.readings])
+        bands = finite_columns([unnamed.readings])
         usable = complete_rows(learnt.readings[:, bands])
         if usable.mean() < 0.5:  # Bands that few sources have are left out.
             bands = bands & (np.isfinite(learnt.readings).mean(axis=0) > 0.5)

@@ -319,7 +319,7 @@ def main() -> None:
         "says, streams/threads;\n"
         "the others offer none. BLAS, which the peers call, keeps to one thread: more cost them "
         "time.\n"
-        "sasktran2 is told that isotropic scattering has one azimuth mode ('all modes' is its "
+        "sasktran2 is set up knowing that isotropic scattering has one azimuth mode ('all modes' is its "
         "default).\n"
         "CDISORT, sasktran2 and PythonicDISORT cannot do a refracting surface and solve n = 1.\n"
         "Paper A's method (direct, decomposed, fixed step: as printed; corrected: without its "

@@ -1,4 +1,4 @@
-"""The picture of run time against error, in colours that colour-blind readers can tell."""
+"""The picture of run time against error, in colours that colour-blind readers can distinguish."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 PAPER, OTHERS = "left", "right"
 BOTH = (PAPER, OTHERS)
-_TITLES = {PAPER: "beside the method of paper A", OTHERS: "beside other programs"}
+_TITLES = {PAPER: "next to the method of paper A", OTHERS: "next to other programs"}
 
 
 class Style(NamedTuple):

@@ -1,4 +1,4 @@
-"""Smooth parameters from a table: error beside time, and beside the solver itself in the same run.
+"""Smooth parameters from a table: error against time, and compared with the solver itself in the same run.
 
     python -m benchmarks.solver.interpolated [--out FOLDER] [--pixels N]
 

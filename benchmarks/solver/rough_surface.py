@@ -1,5 +1,5 @@
-"""Paint under a rough surface: error against time by the number of nodes, beside the smooth solver
-and beside paths.
+"""Paint under a rough surface: error against time by the number of nodes, compared with the smooth solver
+and with paths.
 
 Random stacks of one or two layers (optical thickness 0.003 to 30, albedo up to 1 - 1e-6, grounds 0
 to 1, cosines 0.05 to 1), surfaces of roughness 0.001 to 1 and index 1.05 to 2.5. The errors are

@@ -1,4 +1,4 @@
-/* Words beside a found page are taken from its text, without the buttons above it and the list of headings. */
+/* Words next to a page are taken from its text, without the buttons above it and the list of headings. */
 document.addEventListener("DOMContentLoaded", () => {
   if (typeof Search === "undefined") return;
   const whole = Search.htmlToText;

@@ -189,7 +189,7 @@ def test_header_cut_short(tmp_path):
 def test_header_without_data(tmp_path):
     path = put(tmp_path)
     (tmp_path / "lib.sli").unlink()
-    with refusal("no data beside this ENVI header", FileNotFoundError):
+    with refusal("no data next to this ENVI header", FileNotFoundError):
         read_spectra(path)
 
 

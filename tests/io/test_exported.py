@@ -40,7 +40,7 @@ def test_both_readings_of_spectramagic_are_rows(read, delimiter):
     assert table.attributes["a*(D65)"] == ("-3.2", "-3.2", "0", "0")
     assert table.notes[:3] == [
         "4 lines above the table are not read",
-        "columns that are no bands are kept beside the spectra: No., Date, L*(D65), a*(D65)",
+        "columns that are no bands are kept with the spectra: No., Date, L*(D65), a*(D65)",
         "each line gives a spectrum for each kind of reading: NAME SCI (specular component "
         "included, d:8), NAME SCE (specular component excluded, de:8)",
     ]

@@ -40,7 +40,7 @@ def test_header_that_promises_more_than_there_is(tmp_path):
     refused(path, "promises .* the file was cut short")
     refused(data, "promises .* the file was cut short")
     data.unlink()
-    refused(path, "no data beside this ENVI header", error=FileNotFoundError)
+    refused(path, "no data next to this ENVI header", error=FileNotFoundError)
 
 
 @pytest.mark.parametrize(

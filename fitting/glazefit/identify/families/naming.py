@@ -16,7 +16,7 @@ from jaxtyping import Bool, Float, Int
 from ..result.groups import COLOURLESS, GROUPS, FamilySet, answer_of, group_of
 from .search import FamilySearch
 
-TOLD = 0.8
+DISTINGUISHED = 0.8
 """Share of a group's probability from which one family of it is named."""
 LARGEST = 4
 """Families of a group that are named with it."""
@@ -90,7 +90,7 @@ def _answer(
     for group, families in by_group.items():
         ranked = sorted(families, key=lambda family: -families[family])
         group_total = sum(families.values())
-        if families[ranked[0]] >= TOLD * group_total and group != "a black":
+        if families[ranked[0]] >= DISTINGUISHED * group_total and group != "a black":
             names.append(ranked[0])
             continue
         names.append(group)

@@ -313,7 +313,7 @@ class EnviFile:
             if name != self.path and is_there(name):
                 return name
         raise FileNotFoundError(
-            f"{show_path(self.path)}: no data beside this ENVI header; looked for {stem.name} and "
+            f"{show_path(self.path)}: no data next to this ENVI header; looked for {stem.name} and "
             f"{stem.name}.sli, .img, ..."
         )
 

@@ -417,7 +417,7 @@ def _choose_columns(cells: _Cells) -> tuple[list[int], list[int]]:
 def _reflectances(cells: _Cells, columns: list[int]) -> tuple[list[int], str]:
     """Columns of reflectance of those of a table, and the title that says what they are.
 
-    Beside reflectance nothing else is read. Where there is none, what says nothing is; else all
+    With reflectance nothing else is read. Where there is none, what says nothing is; else all
     that is of another quantity, which is refused unless the user says that it is reflectance.
     """
     words = [re.split(r"[\[(]", title)[0].strip().lower() for title in cells.header]
@@ -605,7 +605,7 @@ def _read_wide(cells: _Cells, attributes: dict[str, list[str]]) -> tuple[list[st
     kind_at = next((i for i in others if _KIND_TITLE.search(header[i])), None)
     if others:
         other_titles = shorten(", ".join(header[i] for i in others))
-        notes.append(f"columns that are no bands are kept beside the spectra: {other_titles}")
+        notes.append(f"columns that are no bands are kept with the spectra: {other_titles}")
     if more:
         words = ", ".join(f"NAME {word} ({MODES[word]})" for word in bands if word)
         notes.append(f"each line gives a spectrum for each kind of reading: {words}")
