@@ -68,7 +68,7 @@ def test_reciprocity_and_table():
     assert_allclose(one, table[2, 1, 1], atol=ROUNDING)
 
 
-@pytest.mark.parametrize("index", [1.0, 1.5])
+@pytest.mark.parametrize("index", [pytest.param(1.0, marks=pytest.mark.slow), 1.5])
 def test_thin_layer_scatters_once(index):
     """Over black, with the whole phase function: q p(T)/(4 mu mu') by the cosines inside, however
     thin.
@@ -125,21 +125,6 @@ def test_two_layers_scatter_once_through_each_other():
         streams=6,
     )
     assert found == pytest.approx(exact, rel=1e-8, abs=0)
-
-
-@pytest.mark.slow
-def test_layers_of_equal_paint_join():
-    phase = PHASES["two lobes"]
-    given: dict = {
-        "phase": phase,
-        "cos_incidence": 0.7,
-        "cos_viewing": 0.5,
-        "azimuth": 30.0,
-        "streams": 8,
-    }
-    whole = manyflux_reflectance_factor([0.9], [2.0], 0.3, **given)
-    parts = manyflux_reflectance_factor([0.9, 0.4, 0.9], [0.3, 0.0, 1.7], 0.3, **given)
-    assert_allclose(parts, whole, atol=ROUNDING)
 
 
 @pytest.mark.slow
