@@ -2,8 +2,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from jax.test_util import check_grads
 from numpy.testing import assert_allclose
 from scipy.integrate import quad
@@ -19,14 +17,11 @@ from glazejax import (
     appearance,
     reflectance,
 )
-from tests.reference import isotropic_stacks
 
 from .fresh import run_python
 from .refusals import refusal
+from .test_media import BLUE, GRID, RED
 
-GRID = np.array([400.0, 500.0, 600.0])
-RED = Pigment("red", GRID, [9e4, 6e4, 1e3], [1e4, 2e4, 9e4])
-BLUE = Pigment("blue", GRID, [2e3, 4e4, 8e4], [5e4, 1e4, 0.0])
 INSTRUMENTS = [Bidirectional(45, 0), Bidirectional(45, 45, specular=True), Hemispherical()]
 
 
@@ -62,16 +57,6 @@ def test_angle_must_be_a_number():
         Hemispherical("8")  # pyright: ignore[reportArgumentType]
 
 
-@given(st.floats(0, 89.99))
-def test_cosines(angle):
-    assert Bidirectional(viewing=angle).cos_viewing == pytest.approx(
-        np.sin(np.deg2rad(90 - angle)), abs=1e-15
-    )
-    assert Hemispherical(jnp.asarray(angle)).cos_incidence == pytest.approx(
-        np.sin(np.deg2rad(90 - angle))
-    )
-
-
 def test_traced_angles_are_not_checked():
     assert jax.jit(lambda a: Hemispherical(a).cos_incidence)(120.0) == pytest.approx(-0.5)
 
@@ -100,33 +85,6 @@ def test_pure_absorber_without_surface_is_beer_lambert():
     path = 3e-5 * (1 / np.cos(np.deg2rad(30)) + 1 / np.cos(np.deg2rad(60)))
     expected = np.array([0.9, 0.5, 1.0]) * np.exp(-np.array([1e3, 1e4, 1e5]) * path)
     assert_allclose(reflectance(glaze, Bidirectional(30, 60)), expected, atol=1e-6)
-
-
-@pytest.mark.parametrize("count", [pytest.param(1, marks=pytest.mark.slow), 2])
-def test_stacks_of_the_reference(count):
-    cases = [
-        case
-        for case in isotropic_stacks()
-        if case["refractive_index"] == 1.5 and len(case["albedo"]) == count
-    ]
-    assert len(cases) > 10
-
-    def column(key):
-        return np.array([case[key] for case in cases])
-
-    thickness = 1e-5
-    layers = []
-    for q, depth in zip(column("albedo").T, column("optical_thickness").T, strict=True):
-        extinction = depth / thickness
-        medium = Pigment("p", [550.0], ((1 - q) * extinction)[:, None], (q * extinction)[:, None])
-        layers.append(Layer(medium, thickness))
-    glaze = Glaze(layers, column("substrate_reflectance")[:, None])
-    i, v = (np.rad2deg(np.arccos(column(key))) for key in ("cos_incidence", "cos_viewing"))
-    for geometry, key in (
-        (Bidirectional(i, v), "reflectance_factor"),
-        (Hemispherical(i, specular=False), "hemispherical_reflectance"),
-    ):
-        assert_allclose(reflectance(glaze, geometry)[:, 0], column(key), atol=2e-6, rtol=0)
 
 
 @pytest.mark.parametrize("angle", [60.0, pytest.param(0.0, marks=pytest.mark.slow)])
