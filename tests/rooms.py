@@ -147,9 +147,10 @@ def used(test: str) -> frozenset[str]:
     """A test's module, and what it and the helpers beside it import."""
     reached = {test}
     # Helpers may name each other or themselves, in a program for another Python say.
-    while more := {
-        other for each in reached if each.startswith("tests.") for other in imports(each)
-    } - reached:
+    while (
+        more := {other for each in reached if each.startswith("tests.") for other in imports(each)}
+        - reached
+    ):
         reached |= more
     return frozenset(reached)
 

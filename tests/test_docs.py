@@ -16,6 +16,7 @@ import tomllib
 from pathlib import Path
 from urllib.parse import unquote
 
+import numpy as np
 import pytest
 from benchmarks.fill import documents
 
@@ -252,3 +253,15 @@ def test_stacks_of_the_notebooks_open_in_the_studio():
                 assert re.search(rf"\b{1e6 * coat.thickness:g}(e-6)?\b", text), path.name
             found += 1
     assert found >= 5
+
+
+def test_the_example_of_readme_prints_what_is_shown(capsys):
+    text = (ROOT / "README.md").read_text("utf-8")
+    (code,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    exec(code, {})
+    shown = re.findall(r"^# (\[.+\])$", code, re.MULTILINE)
+    printed = capsys.readouterr().out.splitlines()
+    assert len(shown) == len(printed) == 2
+    for one, other in zip(shown, printed, strict=True):
+        values = [np.fromstring(line.strip("[]"), sep=" ") for line in (one, other)]
+        np.testing.assert_allclose(values[1], values[0], atol=5e-3)

@@ -2,8 +2,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from jax.test_util import check_grads
 from numpy.testing import assert_allclose
 from scipy.integrate import quad
@@ -23,10 +21,8 @@ from tests.reference import isotropic_stacks
 
 from .fresh import run_python
 from .refusals import refusal
+from .test_media import BLUE, GRID, RED
 
-GRID = np.array([400.0, 500.0, 600.0])
-RED = Pigment("red", GRID, [9e4, 6e4, 1e3], [1e4, 2e4, 9e4])
-BLUE = Pigment("blue", GRID, [2e3, 4e4, 8e4], [5e4, 1e4, 0.0])
 INSTRUMENTS = [Bidirectional(45, 0), Bidirectional(45, 45, specular=True), Hemispherical()]
 
 
@@ -60,16 +56,6 @@ def test_wrong_angles(angle):
 def test_angle_must_be_a_number():
     with refusal("number of degrees"):
         Hemispherical("8")  # pyright: ignore[reportArgumentType]
-
-
-@given(st.floats(0, 89.99))
-def test_cosines(angle):
-    assert Bidirectional(viewing=angle).cos_viewing == pytest.approx(
-        np.sin(np.deg2rad(90 - angle)), abs=1e-15
-    )
-    assert Hemispherical(jnp.asarray(angle)).cos_incidence == pytest.approx(
-        np.sin(np.deg2rad(90 - angle))
-    )
 
 
 def test_traced_angles_are_not_checked():

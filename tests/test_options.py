@@ -176,13 +176,15 @@ def test_ground_is_a_number_or_a_spectrum(tmp_path):
         options.read_ground("2", "--backing")
 
 
+def own_paints(folder, *names):
+    """A table of paints that are alike."""
+    rows = [f"{name},{nm},1,1,0,0,True" for name in names for nm in (400, 500)]
+    (folder / "mine.csv").write_text("\n".join([HEADER, *rows]))
+    return folder / "mine.csv"
+
+
 def test_paints_of_a_shelf(tmp_path):
-    path = tmp_path / "pigments.csv"
-    rows = [
-        f"{name},{nm},1,1,0,0,True" for name in ("Red", "ZincWhite", "Blue") for nm in (400, 500)
-    ]
-    path.write_text("\n".join([HEADER, *rows]))
-    shelf = options.read_shelf(path)
+    shelf = options.read_shelf(own_paints(tmp_path, "Red", "ZincWhite", "Blue"))
     assert list(shelf) == ["Red", "ZincWhite", "Blue"]
     for only, without, kept in (
         ("", "", ["Red", "ZincWhite", "Blue"]),
@@ -225,9 +227,7 @@ def test_a_paint_of_another_catalogue_is_found_by_both(name, capsys):
 
 
 def test_own_paints_stand_beside_a_catalogue_that_is_named(tmp_path, capsys):
-    path = tmp_path / "mine.csv"
-    rows = [f"{name},{nm},1,1,0,0,True" for name in ("ZincWhite", "Mine") for nm in (400, 500)]
-    path.write_text("\n".join([HEADER, *rows]))
+    path = own_paints(tmp_path, "ZincWhite", "Mine")
     assert list(options.read_shelf(path)) == ["ZincWhite", "Mine"]
     assert capsys.readouterr().err == ""
     both = options.read_shelf(path, "oils")

@@ -1,7 +1,10 @@
-"""The bench of real paint: sources are read as they say, answers are judged as its README says."""
+"""The bench of real paint: sources are read as they say, answers are judged as its README says; and what
+chooses how far films scatter in `benchmarks.paint.prediction`.
+"""
 
 import numpy as np
 import pytest
+from benchmarks.paint import readings_of_mixtures
 from benchmarks.paintbench import sources, splits, tasks
 from benchmarks.paintbench.library import Answer, pure_table
 from benchmarks.paintbench.mixers import KubelkaMunk, Mixtures
@@ -129,3 +132,13 @@ class Listener:
 
     def answer(self, unnamed, hidden, pairs):
         return [Answer(ranked=(), doubt=0.0, refused=True)] * len(unnamed)
+
+
+def test_a_film_has_no_say_in_how_far_films_scatter():
+    """Two spreads, over two cards: what one film alone gains by the second is chosen for the
+    others, not for itself.
+    """
+    off = np.ones((2, 2, 3))
+    off[1, :, 0] = 0.1
+    off[1, :, 1:] = 1.1
+    np.testing.assert_array_equal(readings_of_mixtures.choose_without(off), [0, 1, 1])

@@ -3,16 +3,13 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from glazejax import Bidirectional, Glaze, Layer, Pigment, plots
+from glazejax import Bidirectional, Glaze, Layer, plots
 from glazejax.colour import lab, srgb
 from glazejax.commands.plots import glaze_figure
 from glazejax.commands.rendering import render
 
 from .refusals import refusal
-
-W = np.arange(400.0, 701.0, 20.0)
-RED = Pigment("Red", W, 2e5 * np.exp(-0.5 * ((W - 520) / 40) ** 2) + 500, np.full(W.size, 3e3))
-BLUE = Pigment("Blue", W, 1.5e5 * np.exp(-0.5 * ((W - 600) / 60) ** 2) + 500, np.full(W.size, 1e4))
+from .test_rendering import BLUE, RED, W
 
 
 @pytest.fixture(scope="module")

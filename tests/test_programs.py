@@ -205,9 +205,6 @@ def test_functions_of_modules_are_told_apart_by_their_names(folder):
     program = Program(apply, fixed=("change",))
     assert_array_equal(program(VALUES, change=twice), 2.0 * VALUES)
     assert len(list(folder.glob("traced-*"))) == 1
-    assert_array_equal(program(VALUES, change=lambda v: v + 1.0), VALUES + 1.0)
-    # Two functions without a name would share a file.
-    assert len(list(folder.glob("traced-*"))) == 1
 
 
 def test_of_many_shapes_the_newest_are_held(counted):

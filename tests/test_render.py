@@ -120,12 +120,6 @@ def test_ground_from_a_file(run, tmp_path, pigments_csv):
     expected = spectrum(pigments_csv, Bidirectional(), ground)[inside]
     assert_allclose(table["glaze"], expected, atol=1e-6)
 
-    status, _, err = run(*STACK, "--ground", "cards.csv", "--out", "b.png")
-    assert status == 2
-    assert "holds 2 spectra: choose one, as cards.csv:white card" in err
-    status, _, err = run(*STACK, "--ground", "cards.csv:grey", "--out", "b.png")
-    assert status == 2
-    assert "no spectrum 'grey'; there are white card, black card" in err
     (tmp_path / "infrared.csv").write_text("wavelength,card\n1000,0.5\n1100,0.5\n")
     status, _, err = run(*STACK, "--ground", "infrared.csv", "--out", "b.png")
     assert status == 2

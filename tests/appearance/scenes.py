@@ -1,10 +1,23 @@
-"""Small scenes that the tests share."""
+"""Small scenes and a glaze that the tests share."""
 
 import numpy as np
 
+import glazejax as gj
 from glazejax.appearance.scene.scene import Scene
+from glazejax.spectra import Numbers
 
 GRID = np.arange(400.0, 701.0, 30.0)
+
+
+def paint(name):
+    """A paint of the catalogue on `GRID`."""
+    return gj.catalogue.load()[name].resample(GRID)
+
+
+def blue_glaze(thickness: Numbers = 3e-6):
+    """Ultramarine blue over zinc white, on a bright ground."""
+    top, below = gj.Layer(paint("UltramarineBlue"), thickness), gj.Layer(paint("ZincWhite"), 20e-6)
+    return gj.Glaze([top, below], 0.8)
 
 
 def scene(shapes, materials, lights, camera, **options):

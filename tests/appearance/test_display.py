@@ -11,7 +11,10 @@ from glazejax.appearance.display.display import Display
 from glazejax.appearance.display.tone import ToneCurve
 from glazejax.colour import colour_science
 
+from ..refusals import refusal
+
 PRINTED = np.array([[4.784, -2.342, -0.694], [-1.481, 2.592, 0.037], [0.045, -0.169, 0.894]])
+PRIMARIES = [[0.6, 0.35], [0.3, 0.6], [0.15, 0.07]]
 GREYS = np.repeat(np.arange(256)[:, None], 3, axis=1)
 COLOURS = np.random.default_rng(0).integers(0, 256, (10_000, 3))
 
@@ -87,12 +90,10 @@ def test_gamut_is_named():
         assert_array_equal(found.outside, [False, True, True])
         assert np.all((np.asarray(found.rgb) >= 0) & (np.asarray(found.rgb) <= 255))
         assert_array_equal(found.rgb[0], display.to_rgb(np.array(inside)).rgb)
-    with pytest.raises(
-        ValueError, match=r"2 of 3 colours lie outside sRGB, the first with XYZ \[0.1"
-    ):
+    with refusal(r"2 of 3 colours lie outside sRGB, the first with XYZ \[ ?0.1"):
         display.to_rgb(xyz, gamut="error")
     assert not np.any(display.to_rgb(np.array([inside]), gamut="error").outside)
-    with pytest.raises(ValueError, match="gamut is 'squash'"):
+    with refusal("gamut is 'squash'"):
         display.to_rgb(xyz, gamut="squash")  # pyright: ignore[reportArgumentType]
 
 
@@ -126,7 +127,7 @@ def test_fine_table_below_14():
     again = ToneCurve.from_tables(coarse, fine)
     light = np.linspace(1, 255, 2001) / 255
     assert_allclose(again.level(light), tone.level(light), atol=0.15)
-    again = Display([[0.6, 0.35], [0.3, 0.6], [0.15, 0.07]], [1.0, 3.0, 0.5], again)
+    again = Display(PRIMARIES, [1.0, 3.0, 0.5], again)
     assert_array_equal(again.to_rgb(again.to_xyz(COLOURS)).rgb, COLOURS)
 
 
@@ -149,7 +150,7 @@ def test_display_from_readings_is_the_one_that_was_read():
     # Between the readings both interpolate, this one from 18 and the other from 12 levels.
     wanted = np.asarray(display.to_xyz(COLOURS))
     assert_allclose(found.to_xyz(COLOURS), wanted, atol=0.004 * display.white.max())
-    with pytest.raises(ValueError, match=r"18 levels need readings \(3, 18, 3\)"):
+    with refusal(r"18 levels need readings \(3, 18, 3\)"):
         Display.from_readings(levels, readings[:, 1:])
 
 
@@ -209,9 +210,9 @@ def test_colours_can_be_differentiated():
     [
         (lambda: Display.preset("Trinitron"), "unknown display 'Trinitron': there are sRGB"),
         (lambda: Display([[0.3, 0.3], [0.4, 0.4], [0.5, 0.5]], [1, 1, 1]), "lie on one line"),
-        (lambda: Display([[0.6, 0.3], [0.3, 0.6]], [1, 1]), r"chromaticities \(3, 2\)"),
-        (lambda: Display([[0.6, 0.3], [0.3, 0.6], [0.1, 0.1]], [1, 0, 1]), "must be positive"),
-        (lambda: Display([[0.6, 0.3], [0.3, 0.6], [0.1, 0.1]], [1, 1, 1], -2.2), "gamma is -2.2"),
+        (lambda: Display(PRIMARIES[:2], [1, 1]), r"chromaticities \(3, 2\)"),
+        (lambda: Display(PRIMARIES, [1, 0, 1]), "must be positive"),
+        (lambda: Display(PRIMARIES, [1, 1, 1], -2.2), "gamma is -2.2"),
         (
             lambda: ToneCurve(np.array([0.0, 1, 2]), np.array([0.0, 0.5, 0.4])),
             "number 3 is 0.4 after 0.5",
@@ -224,5 +225,5 @@ def test_colours_can_be_differentiated():
     ],
 )
 def test_what_is_refused(make, message):
-    with pytest.raises(ValueError, match=message):
+    with refusal(message):
         make()

@@ -14,7 +14,6 @@ from typer.testing import CliRunner
 import glazejax as gj
 from glazejax.appearance.exports import (
     OpenPBR,
-    angular_colour,
     fit_openpbr,
     texture_set,
     write_materialx,
@@ -27,18 +26,10 @@ from glazejax.commands.main import make_app
 from glazejax.paint.describe import Coat
 from glazejax.stacks import Stack, write_stack
 
-GRID = np.arange(400.0, 701.0, 20.0)
+from ..refusals import refusal
+from .scenes import blue_glaze, paint
+
 COATS = "UltramarineBlue:3um, ZincWhite:20um"
-
-
-def paint(name):
-    return gj.catalogue.load()[name].resample(GRID)
-
-
-def blue(thickness=3e-6):
-    return gj.Glaze(
-        [gj.Layer(paint("UltramarineBlue"), thickness), gj.Layer(paint("ZincWhite"), 20e-6)], 0.9
-    )
 
 
 @pytest.fixture
@@ -51,7 +42,7 @@ def run():
 
 @pytest.fixture(scope="module")
 def fit():
-    return fit_openpbr(blue(), space="acescg")
+    return fit_openpbr(blue_glaze(), space="acescg", coat=False, tolerance=1e-3)
 
 
 def read_png(path):
@@ -121,7 +112,7 @@ def test_materialx_takes_the_files(fit, tmp_path):
     ],
 )
 def test_bad_names_are_refused(tmp_path, name, file, words):
-    with pytest.raises(ValueError, match=words):
+    with refusal(words):
         write_materialx(OpenPBR(), tmp_path / file, name=name)
 
 
@@ -148,19 +139,7 @@ def test_normals_of_a_slope_point_down_it():
 def textures(tmp_path_factory):
     folder = tmp_path_factory.mktemp("out") / "glaze"
     thickness = np.linspace(0, 8e-6, 12).reshape(3, 4)
-    return thickness, texture_set(blue(), folder, thickness=thickness, pixel=50e-6)
-
-
-@pytest.mark.slow
-def test_a_pixel_is_the_fit_of_its_glaze(textures):
-    thickness, found = textures
-    picture = read_png(found.files["base_color"])
-    assert picture.shape == (3, 4, 3)
-    for place in ((0, 0), (2, 3)):
-        alone = fit_openpbr(angular_colour(blue(thickness[place])))
-        expected = encoded_srgb(np.array(alone.material.base_color))
-        assert alone.material.base_diffuse_roughness < 0.02
-        assert_allclose(picture[place], expected, atol=1.01 / 255 + 2e-3)
+    return thickness, texture_set(blue_glaze(), folder, thickness=thickness, pixel=50e-6)
 
 
 def test_textures_come_with_words_and_a_material(textures):
@@ -197,10 +176,10 @@ def test_textures_come_with_words_and_a_material(textures):
 @pytest.mark.slow
 def test_a_large_map_is_interpolated(tmp_path):
     thickness = np.linspace(0, 8e-6, 600).reshape(20, 30)
-    one = texture_set(blue(), tmp_path / "many", thickness=thickness, delta_e=0.5)
+    one = texture_set(blue_glaze(), tmp_path / "many", thickness=thickness, delta_e=0.5)
     assert 0 < one.interpolation <= 0.5
     picture = read_png(one.files["base_color"])
-    few = texture_set(blue(), tmp_path / "few", thickness=thickness[:, ::29])
+    few = texture_set(blue_glaze(), tmp_path / "few", thickness=thickness[:, ::29])
     assert few.interpolation == 0
     # Half a unit of Delta E is a few steps of eight bits at most.
     assert_allclose(picture[:, ::29], read_png(few.files["base_color"]), atol=3 / 255)
@@ -221,7 +200,9 @@ def test_fractions_and_grounds(tmp_path):
 
 @pytest.mark.slow
 def test_a_coat_is_a_picture_of_its_own(tmp_path):
-    found = texture_set(blue(), tmp_path / "c", thickness=np.array([[0.0, 2e-6, 6e-6]]), coat=True)
+    found = texture_set(
+        blue_glaze(), tmp_path / "c", thickness=np.array([[0.0, 2e-6, 6e-6]]), coat=True
+    )
     base, coat = (read_png(found.files[what])[0] for what in ("base_color", "coat_color"))
     assert np.ptp(base, axis=0).max() == 0
     assert np.all(np.diff(coat[:, 2]) < 0)
@@ -234,7 +215,9 @@ def test_a_coat_is_a_picture_of_its_own(tmp_path):
 def test_exr_holds_acescg(fit, tmp_path):
     exr = pytest.importorskip("OpenEXR")
     thickness = np.linspace(0, 3e-6, 12).reshape(3, 4)
-    found = texture_set(blue(), tmp_path / "e", thickness=thickness, kind="exr", space="acescg")
+    found = texture_set(
+        blue_glaze(), tmp_path / "e", thickness=thickness, kind="exr", space="acescg"
+    )
     assert found.outside == 0
     with exr.File(str(found.files["base_color"])) as file:
         pixels = file.channels()["RGB"].pixels
@@ -270,8 +253,8 @@ MAP = np.full((2, 2), 3e-6)
     ],
 )
 def test_maps_that_cannot_be_meant_are_refused(tmp_path, given, words):
-    with pytest.raises(ValueError, match=words):
-        texture_set(blue(), tmp_path / "t", **given)
+    with refusal(words):
+        texture_set(blue_glaze(), tmp_path / "t", **given)
     assert not (tmp_path / "t").exists()
 
 
@@ -385,11 +368,11 @@ def test_wrong_options_are_one_sentence(run, tmp_path, monkeypatch, words, compl
     ("words", "stages"),
     [
         (
-            ["--roughness", "0.3"],
+            ["--roughness", "0.3", "--no-coat"],
             ["computing pairs of angles", "fitting the material"],
         ),
         (
-            ["--to", "textures", "--thickness-map", "ramp.npy"],
+            ["--to", "textures", "--thickness-map", "ramp.npy", "--delta-e", "1"],
             [r"computing glazes, round \d+,", "comparing pixels at all angles"],
         ),
     ],
@@ -400,7 +383,7 @@ def test_without_a_terminal_lines_say_how_far_an_export_is(
     monkeypatch.setattr(progress, "lines", partial(progress.lines, 0.001))
     monkeypatch.chdir(tmp_path)
     np.save("ramp.npy", np.linspace(1e-6, 4e-6, 80)[None])
-    done = run(COATS, *words)
+    done = run("Eosin:3um", "--tolerance", "0.01", *words)
     assert done.exit_code == 0, done.output
     for stage in stages:
         shares = re.findall(rf"^{stage} \d+ of \d+ \((\d+)%\), after", done.stderr, re.MULTILINE)

@@ -11,10 +11,12 @@ from numpy.testing import assert_allclose, assert_array_equal
 import glazejax as gj
 from glazejax.appearance.mitsuba import glaze_bsdf
 from glazejax.appearance.mitsuba.bsdf import _table
+from glazejax.appearance.mitsuba.coats import on_even_grid
 from glazejax.radiative.common.fresnel import dielectric_reflectance
 from glazejax.stacks import read_stack
 
 from ..fresh import run_python
+from ..refusals import refusal
 from .plugin import BLUE, WAVELENGTHS, WHITE, direction, factor, interaction, mitsuba_in
 
 PAIRS = [(1.0, 1.0), (0.9, 0.2), (0.5, 0.7), (0.05, 0.95), (0.1, 0.1), (0.02, 0.3)]
@@ -53,10 +55,16 @@ def bitmap(mi, values):
 
 
 @pytest.mark.parametrize(
-    ("ground", "index"), [(0.8, 1.5), (0.1, 1.3), (np.linspace(0.2, 0.9, 31), 1.3)]
+    ("below", "depth", "ground", "index"),
+    [
+        ("ZincWhite", 20e-6, 0.8, 1.5),
+        ("ZincWhite", 20e-6, np.linspace(0.2, 0.9, 31), 1.3),
+        # It hides its ground: how the ground is seen cannot be computed.
+        ("BoneBlack", 2e-3, 0.8, 1.5),
+    ],
 )
-def test_eval_is_the_solvers_reflectance(mitsuba, paints, ground, index):
-    layers = [gj.Layer(paints["UltramarineBlue"], 3e-6), gj.Layer(paints["ZincWhite"], 20e-6)]
+def test_eval_is_the_solvers_reflectance(mitsuba, paints, below, depth, ground, index):
+    layers = [gj.Layer(paints["UltramarineBlue"], 3e-6), gj.Layer(paints[below], depth)]
     glaze = gj.Glaze(layers, ground, index)
     bsdf = mitsuba.load_dict(glaze_bsdf(glaze))
     assert 0 < bsdf.table.error < 1e-3
@@ -145,7 +153,7 @@ def test_what_glaze_bsdf_is_given(unchecked, tmp_path):
     (tmp_path / "glaze.json").write_text(text)
     stack = read_stack(tmp_path / "glaze.json")
     assert glaze_bsdf(stack) == glaze_bsdf(stack.glaze())
-    with pytest.raises(TypeError, match="glaze must be a Glaze, not a list"):
+    with refusal("glaze must be a Glaze, not a list", TypeError):
         glaze_bsdf(["Eosin:1um"])  # pyright: ignore[reportArgumentType]
 
 
@@ -308,13 +316,13 @@ def test_maps_that_are_refused(mitsuba, paints):
         ({"ground": np.full(5, 0.5)}, "the ground has 5 bands, but the table has 31"),
         ({"ground": np.full((2, 2, 31), 1.5)}, "ground has the value 1.5"),
     ]:
-        with pytest.raises(ValueError, match=sentence):
+        with refusal(sentence):
             glaze_bsdf(glaze, **given)
     with pytest.raises(RuntimeError, match="the ground has 5 bands, but the coats have 31"):
         mitsuba.load_dict(glaze_bsdf(glaze, ground=np.full((2, 2, 5), 0.5)))
-    with pytest.raises(ValueError, match="wavelengths belong to a Glaze"):
+    with refusal("wavelengths belong to a Glaze"):
         glaze_bsdf(BLUE, wavelengths=WAVELENGTHS)
-    with pytest.raises(ValueError, match="a glaze without coats is its ground"):
+    with refusal("a glaze without coats is its ground"):
         glaze_bsdf(gj.Glaze([], 0.5))
 
 
@@ -358,3 +366,11 @@ def test_all_light_comes_back_where_nothing_absorbs(mitsuba):
     for cosine in (1.0, 0.4, 0.1):
         whole = albedo(mitsuba, bsdf, cosine) + float(dielectric_reflectance(cosine, 1.5))
         assert whole == pytest.approx(1.0, abs=2e-3)
+
+
+def test_wavelengths_come_at_even_distances():
+    grid = np.array([400.0, 420.0, 430.0, 460.0])
+    paint = gj.Pigment("p", grid, [1e4] * 4, [2e5] * 4)
+    even = on_even_grid(gj.Glaze([gj.Layer(paint, 1e-6)], np.array([0.1, 0.3, 0.4, 0.7])))
+    assert_allclose(even.wavelengths, np.arange(400, 461, 10))
+    assert_allclose(even.ground, np.linspace(0.1, 0.7, 7), atol=1e-9)

@@ -34,19 +34,9 @@ from glazejax.appearance.scene.picture import (
 from glazejax.appearance.scene.scene import Camera, Scene
 from glazejax.appearance.scene.shapes import Box, Mesh, Plane, Sphere
 from glazejax.radiative.common.fresnel import conductor_reflectance, dielectric_reflectance
-from glazejax.spectra import Numbers
 
-from .scenes import GRID, scene
-
-
-def paint(name, grid=GRID):
-    return gj.catalogue.load()[name].resample(grid)
-
-
-def blue_glaze(thickness: Numbers = 3e-6):
-    return gj.Glaze(
-        [gj.Layer(paint("UltramarineBlue"), thickness), gj.Layer(paint("ZincWhite"), 20e-6)], 0.8
-    )
+from ..refusals import refusal
+from .scenes import GRID, blue_glaze, paint, scene
 
 
 def forward():
@@ -61,7 +51,7 @@ def flat(material, light, camera, **options):
 
 
 @pytest.mark.parametrize(
-    ("incidence", "viewing"), [(0, 45), pytest.param(45, 0, marks=pytest.mark.slow), (60, 30)]
+    ("incidence", "viewing"), [(60, 30), pytest.param(0, 45, marks=pytest.mark.slow)]
 )
 def test_a_flat_glaze_is_the_solver_at_the_angles_of_the_scene(incidence, viewing):
     a, b = np.deg2rad([incidence, viewing])
@@ -200,9 +190,9 @@ def test_a_picture_without_spectra_has_the_same_colours():
         )
         part, full = render(made, spectral=False), render(made)
         assert part.values.shape[-1] == 3
-        with pytest.raises(ValueError, match="no spectra"):
+        with refusal("no spectra"):
             save_spectral("a.npz", part)
-        with pytest.raises(ValueError, match="spectral=True for another"):
+        with refusal("spectral=True for another"):
             picture_xyz(part, grid, 10)
         assert_allclose(picture_xyz(part, grid), picture_xyz(full, grid), rtol=1e-12)
 
@@ -277,44 +267,52 @@ def test_measured_lamps(tmp_path):
     table.write_text("nm,one,two\n" + "\n".join(f"{w},{w},{2000 - w}" for w in range(380, 800, 5)))
     one = measured_lamp(f"{table}:one", GRID, 2.0)
     assert_allclose(one[1:] / one[:-1], GRID[1:] / GRID[:-1], rtol=2e-3)
-    with pytest.raises(ValueError, match="holds 2 lamps: choose one"):
+    with refusal("holds 2 lamps: choose one"):
         measured_lamp(table, GRID)
-    with pytest.raises(ValueError, match="no lamp 'three'; there are one, two"):
+    with refusal("no lamp 'three'; there are one, two"):
         measured_lamp(f"{table}:three", GRID)
-    with pytest.raises(FileNotFoundError, match="no file"):
+    with refusal("no file", FileNotFoundError):
         measured_lamp(tmp_path / "none.csv", GRID)
-    with pytest.raises(ValueError, match="known at 450-550 nm"):
+    with refusal("known at 450-550 nm"):
         lamp_on_bands(np.arange(450.0, 551.0, 10), np.ones(11), GRID)
-    with pytest.raises(ValueError, match="power above 0"):
+    with refusal("power above 0"):
         lamp_on_bands(np.arange(300.0, 800.0, 10), np.zeros(50), GRID)
-    with pytest.raises(ValueError, match=r"power of 1e\+308, where sums overflow"):
+    with refusal(r"power of 1e\+308, where sums overflow"):
         lamp_on_bands(np.arange(300.0, 800.0, 10), np.full(50, 1e308), GRID)
 
 
-def test_pictures_and_spectra_are_written(tmp_path, rendered):
-    save_spectral(tmp_path / "a.npz", rendered)
+@pytest.fixture(scope="module")
+def picture():
+    """A ball in the light of the sun, before a grey background."""
+    sun, camera = ParallelLight((0.3, 1.0, -0.5), 1.0), Camera((0, -5, 0), field_of_view=30)
+    body = Lambert(np.linspace(0.2, 0.6, GRID.size))
+    return render(scene([Sphere("m")], {"m": body}, [sun], camera, background=0.3))
+
+
+def test_pictures_and_spectra_are_written(tmp_path, picture):
+    save_spectral(tmp_path / "a.npz", picture)
     with np.load(tmp_path / "a.npz") as stored:
-        assert_allclose(stored["radiance"], rendered.radiance, rtol=1e-6)
+        assert_allclose(stored["radiance"], picture.radiance, rtol=1e-6)
         assert_array_equal(stored["wavelengths"], GRID)
-    screen = screen_picture(picture_xyz(rendered, GRID), np.array([0.95, 1.0, 1.09]))
+    screen = screen_picture(picture_xyz(picture, GRID), np.array([0.95, 1.0, 1.09]))
     save_png(tmp_path / "a.png", screen.rgb)
     from matplotlib.image import imread
 
     assert_array_equal(np.round(imread(tmp_path / "a.png")[..., :3] * 255), screen.rgb)
     assert 0 <= screen.bright < 0.5
-    with pytest.raises(ValueError, match=r"as .npz or .exr"):
-        save_spectral(tmp_path / "a.txt", rendered)
+    with refusal(r"as .npz or .exr"):
+        save_spectral(tmp_path / "a.txt", picture)
 
 
-def test_spectra_in_openexr(tmp_path, rendered):
+def test_spectra_in_openexr(tmp_path, picture):
     OpenEXR = pytest.importorskip("OpenEXR")
-    save_spectral(tmp_path / "a.exr", rendered)
+    save_spectral(tmp_path / "a.exr", picture)
     with OpenEXR.File(str(tmp_path / "a.exr"), separate_channels=True) as file:
         channels = file.channels()
         assert sorted(channels) == [f"S0.{w:.0f},000000nm" for w in GRID]
         for k, wavelength in enumerate(GRID):
             pixels = channels[f"S0.{wavelength:.0f},000000nm"].pixels
-            assert_allclose(pixels, rendered.radiance[..., k], rtol=1e-6, atol=1e-9)
+            assert_allclose(pixels, picture.radiance[..., k], rtol=1e-6, atol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -348,7 +346,7 @@ def test_spectra_in_openexr(tmp_path, rendered):
     ],
 )
 def test_scenes_that_cannot_be(change, words):
-    with pytest.raises(ValueError, match=words):
+    with refusal(words):
         replace(still_life(), **change)
 
 
@@ -377,5 +375,5 @@ def test_scenes_that_cannot_be(change, words):
     ],
 )
 def test_things_that_cannot_be(make, words):
-    with pytest.raises(ValueError, match=words):
+    with refusal(words):
         make()

@@ -59,7 +59,10 @@ def test_samples_are_legal(tmp_path, kind):
     assert outcome(subject, tmp_path, subject.content)
 
 
-@pytest.mark.parametrize("kind", SUBJECTS)
+# The name of a file does not decide its format: one kind for each reader.
+@pytest.mark.parametrize(
+    "kind", {subject.read: kind for kind, subject in reversed(SUBJECTS.items())}.values()
+)
 def test_content_of_another_format_is_no_fault(folder, kind):
     subject = SUBJECTS[kind]
     for content in CONTENTS:
@@ -240,7 +243,6 @@ PACKED = jcamp_block(form="DIFDUP")
             jcamp_block().replace("=31\n", "=400000000\n"),
             "promises 400000000 points and holds 31",
         ),
-        ("t.dx", jcamp_block().replace("=31\n", "=30\n"), "promises 30 points and holds 31"),
         ("t.dx", PACKED.replace("\n400", "\n400A%s99999999"), "are not an abscissa and ordinates"),
         (
             "t.dx",
@@ -407,7 +409,7 @@ def test_lamps_of_many_lines_are_refused(tmp_path):
 
 def test_progress_is_told(tmp_path):
     path, told = tmp_path / "t.csv", []
-    path.write_text(WIDE + "".join(f"s{i},0.1,0.25,0.3\n" for i in range(100_000)))
+    path.write_text(WIDE + "".join(f"s{i},0.1,0.25,0.3\n" for i in range(30_000)))
     read_spectra(path, progress=lambda done, size, words: told.append((done, size)))
     assert told[-1] == (path.stat().st_size, path.stat().st_size)
     assert len(told) > 2

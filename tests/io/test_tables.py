@@ -49,14 +49,15 @@ def test_every_layout_reads_the_same(read, text):
     assert len(table) == 2
 
 
-def test_numbered_samples_are_not_wavelengths(read):
-    table = read("wavelength,1,2\n400,0.1,0.4\n410,0.2,0.5\n")
-    assert table.names == ("1", "2")
-    assert table.wavelengths.tolist() == [400, 410]
-
-
-def test_rows_named_by_number(read):
-    table = read("wavelength,400,410\n1,0.1,0.4\n2,0.2,0.5\n")
+@pytest.mark.parametrize(
+    "text",
+    [
+        "wavelength,1,2\n400,0.1,0.4\n410,0.2,0.5\n",
+        "wavelength,400,410\n1,0.1,0.4\n2,0.2,0.5\n",
+    ],
+)
+def test_numbers_of_samples_are_no_wavelengths(read, text):
+    table = read(text)
     assert table.names == ("1", "2")
     assert table.wavelengths.tolist() == [400, 410]
 

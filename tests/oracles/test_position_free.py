@@ -1,5 +1,5 @@
-"""The position-free paths on their own: closed forms, conservation, reciprocity, another program of
-paths; and both solvers of paint that no other program computes against them.
+"""The position-free paths against closed forms, and both solvers of paint that no other program
+computes against the paths.
 """
 
 import functools
@@ -52,22 +52,6 @@ def _close(tally: position_free.Tally, expected, least: float = 1e-4, sigmas: fl
     return bool(np.all(np.abs(tally.mean - expected) < sigmas * tally.error + least))
 
 
-def _flux_of_factors(
-    stack: Stack, cosine: float, azimuth: float, rng
-) -> tuple[np.ndarray, np.ndarray]:
-    """Flux as the factor's mean over all views, by Gauss' rule, and its standard error from run to
-    run.
-    """
-    y, w = np.polynomial.legendre.leggauss(12)
-    nodes = 0.5 * (1 + y)
-    views = Views(nodes, azimuth + 0 * nodes)
-    runs = [
-        position_free.reflectance_factor(stack, cosine, views, 5_000, rng).mean for _ in range(12)
-    ]
-    sums = np.einsum("v,rvb->rb", w * nodes, np.array(runs))
-    return sums.mean(axis=0), sums.std(axis=0, ddof=1) / np.sqrt(len(runs))
-
-
 @pytest.mark.parametrize(
     ("alpha", "index"), [(0.0, 1.5), (0.1, 1.5), (0.5, 1.5), (0.4, 1.7), (0.3, 1.3)]
 )
@@ -88,72 +72,6 @@ def test_a_ground_under_a_surface_has_a_closed_form(alpha, index):
     assert _close(flux, (1 - albedo[3]) * ground * (1 - inside) / (1 - ground * inside))
     assert factor.error.max() < 6e-3
     assert flux.error.max() < 3e-3
-
-
-@pytest.mark.parametrize("alpha", [0.0, 0.05, 0.2, 0.5])
-def test_nothing_is_lost_where_nothing_absorbs(alpha):
-    albedo, _ = _surface(alpha, 1.5)
-    stack = _stack([0.4, 1.0], [[0.0], [0.0]], ground=1.0, roughness=alpha)
-    for cosine, surface in zip(COS[[0, 3]], albedo[[0, 3]], strict=True):
-        found = position_free.albedo(stack, float(cosine), 20_000, np.random.default_rng(2))
-        assert _close(found, 1.0 - surface, least=2e-4)
-
-
-def test_a_thin_layer_scatters_once():
-    """Without surface and ground, to first order in s: the phase function and the angles alone."""
-    s, k, g = 0.004, 0.3, 0.6
-    stack = _stack([s], [[k]], g=g, index=1.0, ground=0.0)
-    azimuth = np.array([0.0, 0.0, 90.0, 180.0])
-    found = position_free.reflectance_factor(
-        stack, 0.5, Views(COS, azimuth), 400_000, np.random.default_rng(4)
-    )
-    turned = np.sqrt(0.75) * np.sqrt(1 - COS**2) * np.cos(np.deg2rad(azimuth)) - 0.5 * COS
-    phase = (1 - g**2) / (1 + g**2 - 2 * g * turned) ** 1.5
-    way = 1 / 0.5 + 1 / COS
-    expected = s / (s + k) * phase / (4 * (0.5 + COS)) * (1 - np.exp(-(s + k) * way))
-    assert _close(found, expected[:, None], least=0.01 * expected.max())
-
-
-@pytest.mark.parametrize("index", [(1.5, 1.4), (1.05, 2.4)])
-def test_surfaces_between_layers(index):
-    """Fluxes as by the older program; next events by way of all mirror images add up to the same
-    flux.
-    """
-    albedo, thickness, g = np.array([0.95, 0.9]), np.array([0.7, 1.0]), np.array([0.0, 0.0])
-    stack = _stack(albedo * thickness, ((1 - albedo) * thickness)[:, None], index=index, ground=0.0)
-    rng = np.random.default_rng(6)
-    flux = position_free.albedo(stack, 0.7, 100_000, rng)
-    other = simulate_fluxes(
-        Indexed(albedo, thickness, g, np.array(index), index[-1]), 0.7, 100_000
-    )[0]
-    assert abs(flux.mean[0] - other[0]) < 4 * np.hypot(flux.error[0], other[1])
-    for ground in (0.0, 0.8):
-        both = stack._replace(ground=ground)
-        flux = position_free.albedo(both, 0.7, 60_000, rng)
-        total, spread = _flux_of_factors(both, 0.7, 0.0, rng)
-        # What the inner surface mirrors without any scattering goes in one direction: in the flux,
-        #     in no factor.
-        dark = both._replace(scattering=0 * thickness, absorption=thickness[:, None], ground=0.0)
-        mirrored = position_free.albedo(dark, 0.7, 60_000, rng)
-        error = np.sqrt(flux.error[0] ** 2 + mirrored.error[0] ** 2 + spread[0] ** 2)
-        assert abs(total[0] + mirrored.mean[0] - flux.mean[0]) < 4 * error
-
-
-@pytest.mark.parametrize("alpha", [0.0, 0.2, 0.5])
-def test_reciprocal_and_of_one_flux(alpha):
-    """Light and view exchanged; the factor over all views is the albedo."""
-    stack = _stack([0.4, 2.0], [[0.3, 0.0], [0.1, 1.0]], roughness=alpha, ground=0.4)
-    rng = np.random.default_rng(7)
-    one = position_free.reflectance_factor(
-        stack, float(COS[1]), Views(COS[3:], np.zeros(1)), 20_000, rng
-    )
-    two = position_free.reflectance_factor(
-        stack, float(COS[3]), Views(COS[1:2], np.zeros(1)), 20_000, rng
-    )
-    assert np.all(np.abs(one.mean - two.mean) < 4 * np.hypot(one.error, two.error))
-    total, spread = _flux_of_factors(stack, 0.6, 45.0, rng)
-    flux = position_free.albedo(stack, 0.6, 60_000, rng)
-    assert np.all(np.abs(total - flux.mean) < 4 * np.hypot(flux.error, spread))
 
 
 @pytest.mark.parametrize(

@@ -30,17 +30,6 @@ pytestmark = pytest.mark.optimised
 AUXILIARY: dict = {"method": "auxiliary"}
 
 
-@pytest.mark.slow
-def test_agrees_with_discrete_ordinates_and_itself_reversed():
-    q, d, g, ci, cv = random_cases(200, seed=5)
-    stack = q[:, :2], d[:, :2], g
-    found = factor(*stack, ci, cv, **AUXILIARY, tolerance=1e-4)
-    other = factor(*stack, ci, cv, tolerance=1e-8)
-    assert np.max(np.abs(found - other)) < 1e-4
-    reverse = factor(*stack, cv, ci, **AUXILIARY, tolerance=1e-4)
-    assert np.max(np.abs(found - reverse)) < 1e-4
-
-
 def test_nothing_is_lost_without_absorption():
     d = np.array([[0.0, 1e-3], [0.1, 5.0], [3.0, 7.9], [1e-9, 2.5]])
     cosines = np.array([1.0, 0.3, 0.7, 0.05])

@@ -1,6 +1,4 @@
-"""H + U by fast transforms: the matrix's product, its solutions and derivatives, in one program for
-all stacks.
-"""
+"""H + U by fast transforms: its solutions and derivatives, in one program for all stacks."""
 
 import jax
 import jax.numpy as jnp
@@ -8,7 +6,7 @@ import numpy as np
 import pytest
 from jax.test_util import check_grads
 
-from glazejax.radiative.auxiliary import structured, uniform
+from glazejax.radiative.auxiliary import uniform
 from glazejax.radiative.auxiliary.uniform import reflectance_factor, split_reflectance_factor
 from glazejax.radiative.auxiliary.uniform_solver import solve
 from tests.tolerances import ROUNDING
@@ -19,32 +17,6 @@ from .test_auxiliary import ALBEDO, ANGLES, GROUND, STACKS, THICKNESS
 # Beside every way to multiply, the one that makes one matrix after the other.
 OWN: dict = {"variant": "decomposed", "step": 0.04}
 FFT: dict = {"product": "fft"}
-
-
-@pytest.mark.parametrize("n", [1, 2, 3, 12, 64])
-def test_a_product_is_the_matrix_times_the_vector(n):
-    rng = np.random.default_rng(n)
-    toeplitz, hankel, x = (
-        rng.normal(size=(5, n)),
-        rng.normal(size=(5, 2 * n + 2)),
-        rng.normal(size=(n, 5, 3)),
-    )
-    i = np.arange(n)
-    matrix = toeplitz[:, np.abs(i[:, None] - i)] + hankel[:, i[:, None] + i]
-
-    @jax.jit
-    def product(toeplitz, hankel, x):
-        return structured.times_all(structured.spectra(toeplitz, hankel), x)
-
-    assert np.allclose(
-        product(toeplitz, hankel, x), np.einsum("sij,jsc->isc", matrix, x), rtol=0, atol=1e-13 * n
-    )
-    assert np.allclose(
-        product(toeplitz[0], hankel[0], x),
-        np.einsum("ij,jsc->isc", matrix[0], x),
-        rtol=0,
-        atol=1e-13 * n,
-    )
 
 
 @pytest.mark.parametrize("corrected", [pytest.param(False, marks=pytest.mark.slow), True])

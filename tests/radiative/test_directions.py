@@ -2,7 +2,6 @@
 
 import itertools
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.integrate import quad
@@ -12,8 +11,6 @@ from glazejax.radiative.common.fresnel import dielectric_reflectance
 from glazejax.radiative.common.simultaneous import fine_half_range, simultaneous_rule
 from glazejax.radiative.ordinates.resolution import flux_error, flux_sums, resolve_known
 from tests.tolerances import LAST_DIGITS, ROUNDING
-
-from ..refusals import refusal
 
 INDICES = (1.0, 1.0001, 1.07, 1.33, 1.5, 2.5)
 
@@ -106,10 +103,3 @@ def test_degree_of_exactness():
             )
             agrees = abs(found / exact - 1) < ROUNDING
             assert agrees == (power < degree), (power, degree)
-
-
-def test_whole_range_wants_a_number():
-    with refusal("index that is a number"):
-        half_range(jnp.array([1.5]), Resolution(2, 4, crowding=2.0))
-    with refusal("no directions for the whole half range"):
-        half_range(1.5, Resolution(2, 4, crowding=40.0))

@@ -14,7 +14,7 @@ from glazejax.radiative.common.fresnel import dielectric_reflectance
 from tests.reference import slopes
 from tests.tolerances import DTYPE, LAST_DIGITS, ROUNDING, within_reach
 
-from .cases import CENTRAL, FORWARD, LAYERS, factor, flux, random_cases, reference_cases
+from .cases import CENTRAL, FORWARD, LAYERS, factor, flux, random_cases
 
 pytestmark = pytest.mark.optimised
 
@@ -53,34 +53,6 @@ NOISE = 5e-14
 def close(found, expected, scale):
     """Relative 1e-6, down to the rounding of the difference itself."""
     return np.all(np.abs(found - expected) <= 1e-6 * np.abs(expected) + scale)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("index", "hemispherical"), [(1.33, False), (1.5, False), (1.7, True)])
-def test_reference_stacks(index, hemispherical):
-    c = reference_cases()[index]
-    f = directional((c.cos_incidence, c.cos_viewing), hemispherical)
-    n = np.full(len(c.ground), index)
-    arguments = (c.albedo, c.optical_thickness, c.ground, n)
-    found = gradient(f, *arguments)
-    for layer in range(LAYERS):
-        present = c.optical_thickness[:, layer] > 0
-        q = c.albedo[:, layer]
-        step = np.where(present, np.minimum(1e-2, 0.1 * np.minimum(q, 1 - q)), 1e-3)
-        moved = (np.where(present[:, None], c.albedo, 0.5), *arguments[1:])
-        expected = difference(f, moved, 0, step, CENTRAL, layer)
-        assert close(found[0][present, layer], expected[present], (NOISE / step)[present]), "albedo"
-        step = np.where(present, 0.03 * c.optical_thickness[:, layer], 1e-3)
-        moved = (c.albedo, np.where(present[:, None], c.optical_thickness, 0.1), *arguments[2:])
-        expected = difference(f, moved, 1, step, CENTRAL, layer)
-        assert close(found[1][present, layer], expected[present], (NOISE / step)[present]), (
-            "thickness"
-        )
-    inside = (c.ground > 0) & (c.ground < 1)
-    expected = difference(f, (*arguments[:2], np.where(inside, c.ground, 0.5), n), 2, 1e-2, CENTRAL)
-    assert close(np.asarray(found[2])[inside], expected[inside], NOISE / 1e-3), "ground"
-    expected = difference(f, arguments, 3, 1e-2, CENTRAL)
-    assert close(found[3], expected, NOISE / 1e-3), "index"
 
 
 def test_hemispherical_slopes_by_each_thickness_over_a_bright_ground():

@@ -45,7 +45,9 @@ def parts(monkeypatch) -> list[int]:
     return begun
 
 
-@pytest.mark.parametrize("reflectance", [factor, hemispherical])
+@pytest.mark.parametrize(
+    "reflectance", [factor, pytest.param(hemispherical, marks=pytest.mark.slow)]
+)
 def test_value_is_that_of_one_program(stacks, parts, reflectance):
     together = reflectance(*stacks)
     assert len(parts) == 3

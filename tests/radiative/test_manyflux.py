@@ -68,7 +68,7 @@ def test_reciprocity_and_table():
     assert_allclose(one, table[2, 1, 1], atol=ROUNDING)
 
 
-@pytest.mark.parametrize("index", [1.0, 1.5])
+@pytest.mark.parametrize("index", [pytest.param(1.0, marks=pytest.mark.slow), 1.5])
 def test_thin_layer_scatters_once(index):
     """Over black, with the whole phase function: q p(T)/(4 mu mu') by the cosines inside, however
     thin.

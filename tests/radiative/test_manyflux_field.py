@@ -17,7 +17,7 @@ from tests.tolerances import ROUNDING
 
 from ..refusals import refusal
 
-PHASE = henyey_greenstein(np.array([0.6, -0.3]), 8)
+PHASE = henyey_greenstein(np.array([0.6, -0.3]), 4)
 
 
 def check_surface(field, stack, given, azimuth, index, rounding):
@@ -38,7 +38,7 @@ def test_field_meets_the_outside(solution):
     ground's.
     """
     stack = [0.9, 0.7], [0.4, 1.1], 0.5
-    given: dict = {"phase": PHASE, "cos_incidence": 0.7, "streams": 8}
+    given: dict = {"phase": PHASE, "cos_incidence": 0.7, "streams": 4}
     seen = float(cos_refracted(0.6, 1.5))
     field = manyflux_field(
         *stack,

@@ -1,5 +1,5 @@
-"""Eigenvectors by rotations, and layers by their eigenvectors: the same as by doubling, in value
-and slope.
+"""Layers by their eigenvectors, the same as by doubling in value and slope, and what both are made
+of: inverses, Legendre functions, directions.
 """
 
 import functools
@@ -9,10 +9,15 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.special import factorial, lpmv
 
+from glazejax.radiative.common.linalg import inverse, inverse_symmetric
 from glazejax.radiative.common.phase import henyey_greenstein
 from glazejax.radiative.manyflux.bordered import Bordered, Diagonal
-from glazejax.radiative.manyflux.directions import NodeSpread, spread_directions
+from glazejax.radiative.manyflux.directions import (
+    NodeSpread,
+    spread_directions,
+)
 from glazejax.radiative.manyflux.doubling import doublings, layer_by_doubling
 from glazejax.radiative.manyflux.eigenmodes import layer_by_modes, layer_modes
 from glazejax.radiative.manyflux.jacobi import symmetric_eigen
@@ -139,3 +144,23 @@ def test_nothing_is_left_that_can_hang(solution):
         return jnp.sum(solution(*operators(albedo, albedo, albedo, LIT, SEEN))[0].body)
 
     assert not lapack_calls(jax.grad(layers), ALBEDO)
+
+
+def test_inverses_and_their_slopes():
+    rng = np.random.default_rng(0)
+    a = rng.normal(size=(3, 9, 9))
+    a = jnp.asarray(a @ np.swapaxes(a, -1, -2) + np.eye(9))
+    for function in (inverse, inverse_symmetric):
+        assert_allclose(jax.jit(function)(a), np.linalg.inv(a), atol=ROUNDING)
+    moved = jax.jit(lambda a: jax.jvp(inverse, (a,), (jnp.ones_like(a),))[1])(a)
+    expected = (np.linalg.inv(a + 1e-5) - np.linalg.inv(a - 1e-5)) / 2e-5
+    assert_allclose(moved, expected, atol=1e-7)
+
+
+def test_legendre_functions():
+    mu = np.array([0.05, 0.5, 1.0])
+    found = associated_legendre(jnp.asarray(mu), 6, 12)
+    for m in range(6):
+        for degree in range(12):
+            scale = np.sqrt(factorial(degree - m) / factorial(degree + m)) if degree >= m else 0.0
+            assert_allclose(found[m, degree], (-1) ** m * scale * lpmv(m, degree, mu), atol=1e-13)

@@ -74,14 +74,6 @@ def test_thin_layers_seen_aslant_stay_below_the_tolerance():
     assert float(coarse) == pytest.approx(float(fine), abs=1e-8)
 
 
-def test_grazing_angles_that_are_known_or_may_come_take_more_directions():
-    usual, grazing = (sum(resolve_known(1e-6, 1.0, least)[:2]) for least in (0.3, 1e-3))
-    assert grazing > usual
-    assert resolve_known(1e-6, 1.5, 1e-4) == resolve_known(1e-6, 1.5)  # nothing grazes inside
-    assert resolve(1e-6, 1.0, 2.5, 1e-4).cone > resolve(1e-6, 1.0, 2.5, 0.1).cone
-    assert resolve(1e-6, 1.3, 2.5, 1e-4) == resolve(1e-6, 1.3, 2.5)
-
-
 # Far from one, and too near to tell from it, they are as at its neighbours.
 @pytest.mark.parametrize(
     "index",
@@ -93,7 +85,7 @@ def test_cosines_of_a_call_decide(index):
     def aslant(light, view, tolerance=1e-4):
         return factor([0.9], [1.0], 0.5, light, view, refractive_index=index, tolerance=tolerance)
 
-    fine = aslant(4e-4, 4e-4, 1e-8)
+    fine = aslant(4e-4, 4e-4, 1e-6)
     for found in (aslant(4e-4, 4e-4), jax.jit(aslant)(4e-4, 4e-4)):
         assert float(found) == pytest.approx(float(fine), abs=1e-4)
 
@@ -173,11 +165,12 @@ def test_slopes_by_an_index_of_one_and_just_above(hemispherical):
     # What is left goes as e^(3/2) log e.
     assert_allclose(slope(at(0.0)), once[0], rtol=2e-3, atol=2e-3)
     assert np.max(np.abs(np.asarray(slope(at(0.0))) - secants[0])) > 0  # no difference in disguise
-    # At 1.0001 there are neighbours on both sides.
-    step = 5e-6
-    central = (np.asarray(f(at(1e-4 + step))) - np.asarray(f(at(1e-4 - step)))) / (2 * step)
-    wide = (np.asarray(f(at(1e-4 + 2 * step))) - np.asarray(f(at(1e-4 - 2 * step)))) / (4 * step)
-    assert_allclose(slope(at(1e-4)), (4 * central - wide) / 3, rtol=2e-5, atol=1e-5)
+    # At 1.0001 and above there are neighbours on both sides.
+    for excess, step in ((1e-4, 5e-6), (0.5, 1e-3)):
+        central, wide = (
+            np.asarray(f(at(excess + h)) - f(at(excess - h))) / (2 * h) for h in (step, 2 * step)
+        )
+        assert_allclose(slope(at(excess)), (4 * central - wide) / 3, rtol=2e-5, atol=1e-5)
 
 
 @pytest.mark.slow

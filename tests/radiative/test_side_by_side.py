@@ -4,10 +4,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose, assert_array_equal
+from numpy.testing import assert_allclose
 
 from glazejax.radiative.common.kernels import quotient
-from glazejax.radiative.common.side_by_side import diagonal, inverse_positive, product, transpose
+from glazejax.radiative.common.side_by_side import inverse_positive, product, transpose
 from tests.tolerances import LAST_DIGITS, ROUNDING
 
 
@@ -37,12 +37,6 @@ def test_products_by_either_way(rows: int, terms: int):
     assert_allclose(found, batch_first(a) @ batch_first(b), atol=20 * ROUNDING)
     turned = batch_first(product(transpose(jnp.asarray(b)), transpose(jnp.asarray(a[0]))))
     assert_allclose(turned, np.swapaxes(found[0], -1, -2), atol=20 * ROUNDING)
-
-
-def test_a_diagonal_has_its_values_and_nothing_else():
-    values = np.arange(1.0, 7.0).reshape(3, 2)
-    expected = [np.diag(column) for column in values.T]
-    assert_array_equal(batch_first(diagonal(jnp.asarray(values))), expected)
 
 
 def test_a_quotient_has_the_slopes_of_a_division():

@@ -3,8 +3,6 @@
 import threading
 import time
 
-import jax
-import jax.numpy as jnp
 import pytest
 
 from glazejax.radiative.common import threads
@@ -27,13 +25,6 @@ def test_answers_come_in_order_and_side_by_side():
     assert in_threads(work, [3, 1, 2, 5]) == [30, 10, 20, 50]
     assert in_threads(lambda item: item, [7]) == [7]
     assert in_threads(lambda item: item, []) == []
-
-
-@pytest.mark.parametrize("double", [True, False])
-def test_threads_compute_in_the_precision_of_the_caller(double: bool):
-    with jax.enable_x64(double):
-        kinds = in_threads(lambda item: jnp.asarray(item, float).dtype, [0.1, 0.2, 0.3])
-    assert kinds == [jnp.dtype("float64" if double else "float32")] * 3
 
 
 def test_a_mistake_is_raised_and_ends_what_has_not_begun():

@@ -106,6 +106,13 @@ class Page:
         """Click the button of this name, as `click` does."""
         self.click(f"[data-at='{name}']")
 
+    def stack_after(self, *names: str) -> dict[str, Any]:
+        """The stack once these buttons were clicked."""
+        for name in names:
+            self.press(name)
+        self.settle()
+        return self.stack()
+
     def settle(self) -> None:
         """Wait until every change has been answered."""
         time.sleep(0.05)

@@ -126,19 +126,11 @@ def test_coats_are_reordered_by_hand_and_by_keys(page):
 
 def test_undo_and_redo(page):
     page.slide(page.at("slider"), 1.0)
-    page.press("remove")
-    page.settle()
-    assert len(page.stack()["coats"]) == 1
-    page.press("undo")
-    page.settle()
-    assert page.stack()["coats"][0]["um"] == 10
-    page.press("undo")
-    page.settle()
-    assert page.stack()["coats"][0]["um"] == 1
+    assert len(page.stack_after("remove")["coats"]) == 1
+    assert page.stack_after("undo")["coats"][0]["um"] == 10
+    assert page.stack_after("undo")["coats"][0]["um"] == 1
     check_swatch(page, TWO)
-    page.press("redo")
-    page.settle()
-    assert page.stack()["coats"][0]["um"] == 10
+    assert page.stack_after("redo")["coats"][0]["um"] == 10
 
 
 def test_lamps_are_switched(page):
@@ -149,15 +141,10 @@ def test_lamps_are_switched(page):
 
 
 def test_hidden_duplicated_and_mixed_coats(page):
-    page.press("hide")
-    page.settle()
-    stack = page.stack()
+    stack = page.stack_after("hide")
     assert stack["coats"][0]["hidden"] is True
     check_swatch(page, stack)
-    page.press("hide")
-    page.press("copy")
-    page.settle()
-    stack = page.stack()
+    stack = page.stack_after("hide", "copy")
     assert len(stack["coats"]) == 3
     check_swatch(page, stack)
     page.click(".tile[data-paint='ZincWhite'] .mix")
@@ -368,17 +355,13 @@ def test_a_recipe_is_stopped_and_one_is_taken(page):
     page.js("document.querySelector('[data-at=max-coats]').value = '1'")
     page.press("find")
     page.until(lambda: page.all("[data-at=take]"), "recipes", 400)
-    page.press("take")
-    page.settle()
-    stack = page.stack()
+    stack = page.stack_after("take")
     assert len(stack["coats"]) == 1
     page.press("tab-look")
     page.settle()
     wanted = np.array([0x8A, 0x4B, 0x2D])
     assert np.abs(page.pixel("swatch", 0.25, 0.5) - wanted).max() <= 6
-    page.press("undo")
-    page.settle()
-    assert page.stack()["coats"] == TWO["coats"]
+    assert page.stack_after("undo")["coats"] == TWO["coats"]
 
 
 def write_film(path, film, rows=""):
@@ -407,9 +390,7 @@ def test_a_film_is_identified_and_recovered(page, tmp_path):
     )
     text = page.js("return document.querySelector('.found').textContent")
     assert "none of these paints" in text
-    page.press("take")
-    page.settle()
-    stack = page.stack()
+    stack = page.stack_after("take")
     assert list(stack["coats"][0]["paint"]) == ["Vermillion"]
     page.press("recover")
     page.until(lambda: page.all(".tile[data-paint='06A']"), "the paint", 400)
@@ -427,9 +408,7 @@ def test_a_spectrum_becomes_the_ground(page, tmp_path):
     page.drop(tmp_path / "film.csv")
     page.until(lambda: "06A_ow" in page.at("aim").text, "the spectrum")
     page.choose("ground", "spectrum")
-    page.press("tab-look")
-    page.settle()
-    stack = page.stack()
+    stack = page.stack_after("tab-look")
     assert len(stack["ground"]["wavelengths"]) == 31
     assert off(page, "swatch", 0.5, 0.4, stack, "white") <= 1
 

@@ -153,10 +153,7 @@ def test_it_finds_recipes_by_itself(page):
     page.until(lambda: page.all("[data-at=take]"), "recipes")
     assert "the page's own search" in page.js("return document.querySelector('.found').textContent")
     assert not page.at("find").is_displayed()
-    page.press("take")
-    page.press("tab-look")
-    page.settle()
-    stack = page.stack()
+    stack = page.stack_after("take", "tab-look")
     wanted = np.array([0x8A, 0x4B, 0x2D])
     assert np.abs(expected(stack, "white") - wanted).max() <= 6
     check_swatch(page, stack)

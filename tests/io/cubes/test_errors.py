@@ -21,7 +21,6 @@ from .images import (
     SAMPLES,
     WAVELENGTHS,
     envi,
-    every,
     hdf5,
     image,
     labelled,
@@ -154,8 +153,8 @@ def test_files_without_an_image(tmp_path):
 @pytest.mark.parametrize(
     "kind", ["npy", "netcdf", "classic", "hdf5", "tiff", "packed tiff", "pages"]
 )
-def test_files_cut_short(tmp_path, kind):
-    further = every(tmp_path, image())[kind]
+def test_files_cut_short(files, kind):
+    further = dict(files[kind])
     path = further.pop("path")
     content = path.read_bytes()
     for length in (20, len(content) // 3, len(content) // 2):
@@ -164,11 +163,12 @@ def test_files_cut_short(tmp_path, kind):
             open_cube(path, **further).load()
         assert path.name in str(caught.value)
         assert "\n" not in str(caught.value)
+    path.write_bytes(content)
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_damaged_files_are_read_or_refused_in_one_line(tmp_path, kind):
-    further = every(tmp_path, image())[kind]
+def test_damaged_files_are_read_or_refused_in_one_line(files, kind):
+    further = dict(files[kind])
     path = further.pop("path")
     rng = np.random.default_rng(0)
     for _ in range(12):
