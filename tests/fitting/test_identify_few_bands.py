@@ -5,21 +5,23 @@ import importlib
 import numpy as np
 import pytest
 
-from glazefit import identify
+from glazefit import ModelError, identify
 from glazefit.film.model.response import film_response
 from glazefit.identify.search.options import IdentificationOptions
 from glazefit.identify.search.searcher import Searcher
 from glazejax import Hemispherical, Pigment, catalogue
+
+from .palette import optical_depths
 
 SCREEN = importlib.import_module("glazefit.identify.search.screen")
 CONDITIONS = importlib.import_module("glazefit.identify.search.unstated_conditions")
 NAMES = ("ZincWhite", "PrussianBlue", "Vermillion", "CobaltBlue", "ChromeYellow", "BoneBlack")
 
 
-def _paints(bands):
+def _paints(bands, names=NAMES):
     grid = np.linspace(400.0, 700.0, bands)
     known = catalogue.load()
-    return grid, [known[name].resample(grid) for name in NAMES]
+    return grid, [known[name].resample(grid) for name in names]
 
 
 def test_a_wide_range_is_averaged_to_some_hundred_bands():
@@ -33,12 +35,10 @@ def test_a_wide_range_is_averaged_to_some_hundred_bands():
 def find(bands, **options):
     """Films of two paints that were read at so many bands, with as much noise in all."""
     grid, paints = _paints(bands)
-    k, s = (
-        25e-6 * np.stack([np.asarray(getattr(paint, what)) for paint in paints])
-        for what in ("absorption", "scattering")
-    )
     share = np.array([[0.3, 0, 0.7, 0, 0, 0], [0.6, 0.4, 0, 0, 0, 0], [0, 0, 0, 0.8, 0.2, 0]])
-    body = np.asarray(film_response(Hemispherical()).body(share @ k, share @ s, 0.9))
+    body = np.asarray(
+        film_response(Hemispherical()).body(*optical_depths(paints, 25e-6 * share), 0.9)
+    )
     noise = np.random.default_rng(2).standard_normal(body.shape)
     spectra = body + 0.04 + 0.0005 * np.sqrt((bands - 1) / 30) * noise
     return identify(grid, spectra, paints, ground=0.9, max_paints=2, **options)
@@ -51,6 +51,20 @@ def test_paints_are_as_sure_at_fine_bands(bands):
     assert answer.probability[:, 0].min() > 0.85
     # Between the means, and beyond them, lines.
     assert np.abs(answer.residual[:, 0]).max() < 0.02
+
+
+def test_films_of_three_paints_are_found():
+    """Of 120 sets of three those are fitted that grow from likely pairs and come nearest."""
+    names = (*NAMES, "ViridianGreen", "Cochineal", "EmeraldGreen", "Minium")
+    grid, paints = _paints(31, names)
+    share = np.zeros((2, len(names)))
+    share[0, [0, 2, 3]] = 0.5, 0.3, 0.2
+    share[1, [1, 4, 7]] = 0.1, 0.6, 0.3
+    body = film_response(Hemispherical()).body(*optical_depths(paints, 25e-6 * share), 0.9)
+    sure = ModelError(coefficient=0.01, most=0.02, amplitude=0.0005)
+    found = identify(grid, np.asarray(body) + 0.04, paints, ground=0.9, discrepancy=sure)
+    for members, fractions, truth in zip(found.members, found.fractions, share, strict=True):
+        assert truth[members[0]] == pytest.approx(fractions[0], abs=0.02)
 
 
 def test_films_are_computed_once_for_a_catalogue_and_an_instrument(monkeypatch):
