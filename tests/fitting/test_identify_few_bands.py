@@ -5,7 +5,7 @@ import importlib
 import numpy as np
 import pytest
 
-from glazefit import ModelError, identify
+from glazefit import identify
 from glazefit.film.model.response import film_response
 from glazefit.identify.search.options import IdentificationOptions
 from glazefit.identify.search.searcher import Searcher
@@ -18,10 +18,10 @@ CONDITIONS = importlib.import_module("glazefit.identify.search.unstated_conditio
 NAMES = ("ZincWhite", "PrussianBlue", "Vermillion", "CobaltBlue", "ChromeYellow", "BoneBlack")
 
 
-def _paints(bands, names=NAMES):
+def _paints(bands):
     grid = np.linspace(400.0, 700.0, bands)
     known = catalogue.load()
-    return grid, [known[name].resample(grid) for name in names]
+    return grid, [known[name].resample(grid) for name in NAMES]
 
 
 def test_a_wide_range_is_averaged_to_some_hundred_bands():
@@ -51,20 +51,6 @@ def test_paints_are_as_sure_at_fine_bands(bands):
     assert answer.probability[:, 0].min() > 0.85
     # Between the means, and beyond them, lines.
     assert np.abs(answer.residual[:, 0]).max() < 0.02
-
-
-def test_films_of_three_paints_are_found():
-    """Of 120 sets of three those are fitted that grow from likely pairs and come nearest."""
-    names = (*NAMES, "ViridianGreen", "Cochineal", "EmeraldGreen", "Minium")
-    grid, paints = _paints(31, names)
-    share = np.zeros((2, len(names)))
-    share[0, [0, 2, 3]] = 0.5, 0.3, 0.2
-    share[1, [1, 4, 7]] = 0.1, 0.6, 0.3
-    body = film_response(Hemispherical()).body(*optical_depths(paints, 25e-6 * share), 0.9)
-    sure = ModelError(coefficient=0.01, most=0.02, amplitude=0.0005)
-    found = identify(grid, np.asarray(body) + 0.04, paints, ground=0.9, discrepancy=sure)
-    for members, fractions, truth in zip(found.members, found.fractions, share, strict=True):
-        assert truth[members[0]] == pytest.approx(fractions[0], abs=0.02)
 
 
 def test_films_are_computed_once_for_a_catalogue_and_an_instrument(monkeypatch):
