@@ -72,6 +72,16 @@ def test_a_fit_that_looks_the_same_speaks_for_its_paints_and_one_that_is_seen_to
     assert chance[-1] == pytest.approx(0.75, abs=0.02)
 
 
+def test_what_a_person_rejects_is_at_most_as_probable_as_none():
+    rejected = odds_of(film(), pool([[0], [1]], [3.99, 4.01], [0.0, 0.0]), Prior()).rejected
+    assert rejected.tolist() == [[False, True]]
+    for unknown in (0.01, 0.4):
+        odds, none, *_ = odds_of(
+            film(), pool([[0], [1]], [5.0, 6.0], [0.0, 1.0]), Prior(unknown=unknown)
+        )
+        assert odds.sum() <= none[0]
+
+
 def test_what_the_noise_explains_is_no_misfit():
     """A residual as large as the noise is not seen; the same residual of a quiet instrument is."""
     assert none_to_one(2.0, noise=0.02) < none_to_one(1.0)
