@@ -244,7 +244,7 @@ class Row(NamedTuple):
     cases: int
     known: float
     hmc: Share
-    hmc_told: Share
+    hmc_known: Share
     laplace: Share
     trusted: Share
     trusts: float

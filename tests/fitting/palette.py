@@ -1,6 +1,9 @@
 """Made-up paints with smooth spectra: a white, a black, a red, a yellow and a blue."""
 
+from collections.abc import Sequence
+
 import numpy as np
+from numpy.typing import ArrayLike
 
 from glazejax import Pigment
 
@@ -24,3 +27,9 @@ def palette() -> list[Pigment]:
         Pigment(name, GRID, values, np.full(GRID.size, scattering[name]))
         for name, values in absorption.items()
     ]
+
+
+def optical_depths(paints: Sequence[Pigment], amounts: ArrayLike) -> np.ndarray:
+    """k d and s d of films, (2, films, bands), by the amount of each paint in m, (films, paints)."""
+    known = np.array([[paint.absorption, paint.scattering] for paint in paints])
+    return np.einsum("...p,pcb->c...b", amounts, known)

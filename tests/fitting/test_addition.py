@@ -38,6 +38,18 @@ def calibrated(paints, weak):
     return calibrate_mixture(paints, TINT, weak, noise=Noise())
 
 
+@pytest.fixture(scope="module")
+def metres(calibrated):
+    """Of the film that was read."""
+    return float(calibrated.thickness[0]) * 25e-6
+
+
+def add(calibrated, paints, colour, batch=100.0):
+    """To meet a colour over white."""
+    aim = lab_target(colour)
+    return next_addition(calibrated, aim, [*paints.values()], batch, ground=WHITE_GROUND)
+
+
 def colour_of(paints, recipe, metres):
     (film,) = predict_mixture(
         paints, recipe, [metres], wavelengths=GRID, ground=(0.0, WHITE_GROUND)
@@ -45,37 +57,34 @@ def colour_of(paints, recipe, metres):
     return np.asarray(colour.lab(GRID, film.over_white))
 
 
-def test_what_was_too_weak_gets_more_colour(paints, calibrated):
+def test_what_was_too_weak_gets_more_colour(paints, calibrated, metres):
     """100 g with 6 parts that count and 90 of white: 4 g more are what was meant."""
-    metres = float(calibrated.thickness[0]) * 25e-6
-    aim = lab_target(colour_of(paints, TINT, metres))
-    found = next_addition(calibrated, aim, [*paints.values()], 100.0, ground=WHITE_GROUND)
+    aim = colour_of(paints, TINT, metres)
+    found = add(calibrated, paints, aim)
     assert found.grams["Vermillion"] == pytest.approx(4.0, rel=0.25)
     assert found.before > 3.0
     assert found.after < 0.3 * found.before
     assert 0.0 < found.expected < found.before
-    half = next_addition(calibrated, aim, [*paints.values()], 50.0, ground=WHITE_GROUND)
+    half = add(calibrated, paints, aim, 50.0)
     assert half.grams["Vermillion"] == pytest.approx(0.5 * found.grams["Vermillion"])
     assert found.film.delta_e(found.film.over_black, found.film.over_white)[1] < 1e-6
 
 
-def test_what_is_right_gets_nothing(paints, calibrated):
-    metres = float(calibrated.thickness[0]) * 25e-6
+def test_what_is_right_gets_nothing(paints, calibrated, metres):
     name = calibrated.paints[0]
     made = {name: calibrated.pigment(name, 25e-6)}
-    aim = lab_target(colour_of(made, {name: 1.0}, metres))
-    found = next_addition(calibrated, aim, [*paints.values()], 100.0, ground=WHITE_GROUND)
+    aim = colour_of(made, {name: 1.0}, metres)
+    found = add(calibrated, paints, aim)
     assert found.grams == {}
     assert found.after == found.before < 0.2
 
 
-def test_a_colour_between_two_paints_needs_both(paints, calibrated):
+def test_a_colour_between_two_paints_needs_both(paints, calibrated, metres):
     """Darker and redder: one paint alone does either."""
-    metres = float(calibrated.thickness[0]) * 25e-6
     name = calibrated.paints[0]
     made = paints | {name: calibrated.pigment(name, 25e-6)}
-    aim = lab_target(colour_of(made, {name: 100.0, "Vermillion": 20.0, "BoneBlack": 3.0}, metres))
-    found = next_addition(calibrated, aim, [*paints.values()], 100.0, ground=WHITE_GROUND)
+    aim = colour_of(made, {name: 100.0, "Vermillion": 20.0, "BoneBlack": 3.0}, metres)
+    found = add(calibrated, paints, aim)
     assert set(found.grams) == {"Vermillion", "BoneBlack"}
     assert found.grams["Vermillion"] == pytest.approx(20.0, rel=0.05)
     assert found.grams["BoneBlack"] == pytest.approx(3.0, rel=0.05)
@@ -85,7 +94,7 @@ def test_a_colour_between_two_paints_needs_both(paints, calibrated):
 @pytest.mark.parametrize("batch", [0.0, -1.0, np.nan, np.inf])
 def test_a_batch_weighs_something(paints, calibrated, batch):
     with pytest.raises(ValueError, match="the batch is"):
-        next_addition(calibrated, lab_target((50, 20, 30)), [*paints.values()], batch)
+        add(calibrated, paints, (50, 20, 30), batch)
 
 
 def test_what_is_added_must_be_known_where_the_mixture_is(paints, calibrated):

@@ -14,6 +14,7 @@ from glazejax import catalogue
 from glazejax.io import write_table
 from tests.commands import invoke
 
+from .palette import optical_depths
 from .tables import write_films
 
 GRID = np.arange(400.0, 701.0, 10.0)
@@ -28,11 +29,8 @@ def table(tmp_path_factory):
     """Films of a red and a tint of it, in a table of four rows each."""
     known = catalogue.load()
     shares = np.array([[1.0, 0.0], [0.3, 0.7]])
-    k, s = (
-        shares @ np.stack([getattr(known[name], what) for name in ("Vermillion", "ZincWhite")])
-        for what in ("absorption", "scattering")
-    )
-    films = simulate_films(GRID, k * 25e-6, s * 25e-6, names=["red", "tint"])
+    k, s = optical_depths([known["Vermillion"], known["ZincWhite"]], 25e-6 * shares)
+    films = simulate_films(GRID, k, s, names=["red", "tint"])
     return write_films(tmp_path_factory.mktemp("films") / "films.csv", films)
 
 
@@ -95,49 +93,6 @@ def test_ground_must_be_a_reflectance_a_file_or_said(table, tmp_path):
     )
 
 
-@pytest.mark.slow
-def test_spectra_beyond_the_catalogue_are_cut_with_a_word(tmp_path):
-    wide, red = np.arange(360.0, 1001.0, 2.0), tmp_path / "wide.csv"
-    write_table(red, ["nm", "red"], [[nm, 0.05 if nm < 590 else 0.6] for nm in wide])
-    write_table(
-        tmp_path / "ground.csv",
-        ["nm", "chalk"],
-        [[nm, 0.8] for nm in np.arange(390.0, 721.0, 10.0)],
-    )
-    oils = ["--catalogue", "oils", "--only", "Vermillion", "--csv"]
-    result = run(red, "--ground", tmp_path / "ground.csv", *oils, tmp_path / "found.csv")
-    assert result.exception is None
-    said = " ".join(result.output.split())
-    assert "cropped to 400-700 nm step 2 (151 bands): the paints are known there only" in said
-    assert "151 bands averaged to steps of 10 nm" in said
-    assert "Vermillion" in (tmp_path / "found.csv").read_text()
-    infrared = tmp_path / "infrared.csv"
-    write_table(infrared, ["nm", "red"], [[nm, 0.5] for nm in wide[wide > 720]])
-    assert "the paints are known from 400 to 700 nm: 0 bands" in str(
-        run(infrared, "--opaque", "--catalogue", "oils").exception
-    )
-
-
-@pytest.mark.slow
-def test_films_are_identified_written_and_drawn(table, tmp_path):
-    paths = [tmp_path / name for name in ("found.csv", "residuals.csv", "found.png")]
-    options = ["--catalogue", "oils", "--only", "Vermillion,ZincWhite,CobaltBlue"]
-    options += ["--max-paints", "2"]
-    result = run(table, *options, "--csv", paths[0], "--residuals", paths[1], "--out", paths[2])
-    assert result.exit_code == 0, result.output
-    assert "Most probable" in result.output
-    rows = list(csv.DictReader(paths[0].open()))
-    first = {row["spectrum"]: row for row in rows if row["rank"] == "1"}
-    assert first["red"]["paint_1"] == "Vermillion"
-    assert {first["tint"]["paint_1"], first["tint"]["paint_2"]} == {"Vermillion", "ZincWhite"}
-    residuals = list(csv.DictReader(paths[1].open()))
-    assert len(residuals) == 2 * 2 * GRID.size
-    assert float(residuals[0]["measured"]) - float(residuals[0]["fitted"]) == pytest.approx(
-        float(residuals[0]["residual"]), abs=1e-12
-    )
-    assert paths[2].stat().st_size > 10_000
-
-
 def test_a_whole_image_is_told_of_maps_before_it_is_searched(tmp_path, monkeypatch):
     """Nothing is searched here: the note comes first."""
     monkeypatch.setattr(importlib.import_module("glazefit.identify.command"), "_MANY", 3)
@@ -183,6 +138,23 @@ def test_pigments_are_asked_unless_another_catalogue_is_named(tmp_path, no_searc
     )
     counts = [count for count, _, _ in no_search]
     assert counts == [everything, len(catalogue.load("oils")), azurites, everything - azurites]
+
+
+def test_spectra_beyond_the_catalogue_are_cut_with_a_word(tmp_path, no_search):
+    ground, oils = tmp_path / "ground.csv", ["--catalogue", "oils", "--only", "Vermillion"]
+    write_table(ground, ["nm", "chalk"], [[nm, 0.8] for nm in np.arange(390.0, 721.0, 10.0)])
+    words = []
+    for name, start in (("wide", 360.0), ("infrared", 722.0)):
+        file = tmp_path / f"{name}.csv"
+        write_table(file, ["nm", "red"], [[nm, 0.5] for nm in np.arange(start, 1001.0, 2.0)])
+        result = run(file, "--ground", ground, *oils)
+        words.append(" ".join(result.output.split()) + str(result.exception))
+    assert "cropped to 400-700 nm step 2 (151 bands): the paints are known there only" in words[0]
+    assert "151 bands averaged to steps of 10 nm" in words[0]
+    assert "the paints are known from 400 to 700 nm: 0 bands" in words[1]
+    ((paints, read, below),) = no_search
+    assert paints == 1
+    assert read[-1] == below[-1] == 31
 
 
 @pytest.mark.slow
@@ -245,11 +217,13 @@ def test_a_report_by_family_is_filed(shared_data, tmp_path):
 @pytest.mark.slow
 def test_a_report_is_filed(table, tmp_path):
     page, ground = tmp_path / "report.html", tmp_path / "ground.csv"
+    paths = [tmp_path / name for name in ("found.csv", "residuals.csv", "found.png")]
     write_table(ground, NAMES, [["card", *np.full(GRID.size, 0.8)]])
     options = f"--ground {ground} --catalogue oils --max-paints 2 --report {page}".split()
     options += ["--only", "Vermillion,ZincWhite,CobaltBlue", "--inventory", "A-1", "--spot", "sky"]
     options += ["--object", "A <panel>"]
     options += ["--operator", "N. N."]
+    options += ["--csv", paths[0], "--residuals", paths[1], "--out", paths[2]]
     result = run(table, "--samples", "red_ow,tint_ow", *options)
     assert result.exit_code == 0, result.output
     assert f"Wrote the report to {page}" in " ".join(result.output.split()).replace("- ", "-")
@@ -274,3 +248,13 @@ def test_a_report_is_filed(table, tmp_path):
     ]
     assert "CobaltBlue" in {paint["paint"] for paint in tint["ruled_out"]}
     assert "tint_ow" in page.read_text(encoding="utf-8")
+    assert "Most probable" in result.output
+    with paths[0].open() as file:
+        first = {row["spectrum"]: row for row in csv.DictReader(file) if row["rank"] == "1"}
+    assert first["red_ow"]["paint_1"] == "Vermillion"
+    with paths[1].open() as file:
+        residuals = list(csv.DictReader(file))
+    assert len(residuals) == 2 * GRID.size
+    left = float(residuals[0]["measured"]) - float(residuals[0]["fitted"])
+    assert left == pytest.approx(float(residuals[0]["residual"]), abs=1e-12)
+    assert paths[2].stat().st_size > 10_000

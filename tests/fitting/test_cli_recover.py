@@ -16,6 +16,7 @@ from glazejax import Pigment
 from glazejax.spectra import ranges
 
 from .tables import write_films
+from .test_joint import RECIPES, painted
 
 GRID = np.arange(400.0, 701.0, 10.0)
 write = functools.partial(write_films, scale=100.0)
@@ -201,21 +202,13 @@ def test_joint_fit_on_the_command_line(run, tmp_path, films):
 
 @pytest.mark.slow
 def test_mixtures_are_left_out_when_asked(run, tmp_path):
-    grid = GRID[::3]
-    k = np.stack(
-        [np.geomspace(0.05, 3.0, grid.size), np.full(grid.size, 0.02), np.full(grid.size, 9.0)]
+    films = painted()
+    file = write(tmp_path / "f.tsv", films)
+    lines = (
+        f"{name}\t{'-'.join(recipe)}|{'-'.join(f'{weight:g}' for weight in recipe.values())}"
+        for name, recipe in RECIPES.items()
     )
-    s = np.stack([np.full(grid.size, 1.0), np.full(grid.size, 8.0), np.full(grid.size, 0.3)])
-    shares = np.array(
-        [[1, 0, 0], [0, 1, 0], [0.1, 0.9, 0], [0.5, 0.5, 0], [0, 0.95, 0.05], [0.95, 0, 0.05]]
-    )
-    names = [f"{i:02d}A" for i in range(1, 7)]
-    file = write(tmp_path / "f.tsv", simulate_films(grid, shares @ k, shares @ s, names=names))
-    recipes = (
-        f"{n}\tRed-White-Black|" + "-".join(f"{100 * w:g}" for w in row)
-        for n, row in zip(names, shares, strict=True)
-    )
-    (tmp_path / "mixtures.tsv").write_text("\n".join(recipes) + "\n")
+    (tmp_path / "mixtures.tsv").write_text("\n".join(lines) + "\n")
     status, out, _ = run(
         *f"{file} --out res --joint --check --no-plots --wet-film 25um±50%".split()
     )
@@ -223,8 +216,8 @@ def test_mixtures_are_left_out_when_asked(run, tmp_path):
     assert "4 mixtures: ΔE00" in out
     assert "Two mixings of one recipe differ by about ΔE00" in " ".join(out.split())
     rows = read_rows(tmp_path / "res" / "left_out.csv")
-    assert [row["film"] for row in rows] == names[2:]
-    assert rows[1]["recipe"] == "Red 50% + White 50%"
+    assert [row["film"] for row in rows] == [*films.names[2:]]
+    assert rows[1]["recipe"] == "CobaltBlue 50% + ZincWhite 50%"
     assert all(float(row["delta_e_black"]) < 5 for row in rows)
     status, _, err = run(file, "--out", "other", "--check")
     assert status == 2

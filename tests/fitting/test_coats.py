@@ -442,15 +442,11 @@ def test_bad_input(call, message):
 
 @pytest.fixture(scope="module")
 def unknown_over_white():
-    """A red coat of which nothing is told, over white: the problem, and the film."""
+    """A red coat of which nothing is told, over white: the problem, the film, and from unknowns the
+    optical thickness and what its table says.
+    """
     film = read([Layer(RED, 8e-6), Layer(WHITE, 15e-6)])
-    coats = [CoatPrior(), CoatPrior([WHITE], 15e-6)]
-    return problem_of(coats, film), film
-
-
-def test_a_table_of_an_unknown_coat_reads_as_the_solver(unknown_over_white):
-    """Readings, and slopes by errors of the coat below, at draws of the prior; by the solver."""
-    problem, _ = unknown_over_white
+    problem = problem_of([CoatPrior(), CoatPrior([WHITE], 15e-6)], film)
     model = problem.film
     data = jax.tree.map(lambda a: a[0], problem.data)
 
@@ -459,6 +455,14 @@ def test_a_table_of_an_unknown_coat_reads_as_the_solver(unknown_over_white):
         thickness = model.optical(free, data, problem.shared)
         return thickness, model.look_up(thickness[..., 0], data, problem.shared)
 
+    return problem, film, looked_up
+
+
+def test_a_table_of_an_unknown_coat_reads_as_the_solver(unknown_over_white):
+    """Readings, and slopes by errors of the coat below, at draws of the prior; by the solver."""
+    problem, _, looked_up = unknown_over_white
+    model = problem.film
+    data = jax.tree.map(lambda a: a[0], problem.data)
     solved = jax.jit(lambda thickness: model.body(None, thickness[:, :, None], data.ground))
     for free in problem.prior_draws(np.random.default_rng(1), 4):
         thickness, seen = looked_up(free)
@@ -479,7 +483,7 @@ def test_a_table_of_an_unknown_coat_reads_as_the_solver(unknown_over_white):
 
 
 def test_slopes_of_an_unknown_coats_readings_are_their_derivatives(unknown_over_white):
-    problem, _ = unknown_over_white
+    problem, *_ = unknown_over_white
     data = jax.tree.map(lambda a: a[0], problem.data)
     scaled = problem.scaled
     assert isinstance(scaled, ScaledReadings)
@@ -491,26 +495,20 @@ def test_slopes_of_an_unknown_coats_readings_are_their_derivatives(unknown_over_
 
 def test_the_likelihood_of_an_unknown_coat_is_the_gaussian_of_noise_and_errors(unknown_over_white):
     """Against SciPy's density with the covariance diag(v) + e^2 J K J^T, differences of two places."""
-    problem, film = unknown_over_white
-    model = problem.film
-    data = jax.tree.map(lambda a: a[0], problem.data)
+    problem, film, looked_up = unknown_over_white
     place = problem.prior_draws(np.random.default_rng(4), 1)
     places = place + np.array([[0.0], [0.02]]) * np.ones(problem.dims)
     smooth, heights = smooth_kernel(GRID, PRIOR.error_length), []
-
-    @jax.jit
-    def looked_up(free):
-        thickness = model.optical(free, data, problem.shared)
-        return model.look_up(thickness[..., 0], data, problem.shared)
-
     for free in places:
-        seen = looked_up(free)
+        seen = looked_up(free)[1]
         assert seen.by_log is not None
         jacobian = np.einsum("ebg,bc->bgec", np.asarray(seen.by_log), np.eye(GRID.size))
         jacobian = jacobian.reshape(film.sd.size, 2, GRID.size)
         caused = sum(jacobian[:, e] @ smooth @ jacobian[:, e].T for e in range(2))
         covariance = np.diag(film.sd.ravel() ** 2) + np.exp(2 * free[-1]) * caused
-        mean = np.asarray(seen.body) + float(model.surface(jnp.asarray(free), problem.shared))
+        mean = np.asarray(seen.body) + float(
+            problem.film.surface(jnp.asarray(free), problem.shared)
+        )
         heights.append(
             multivariate_normal(mean.ravel(), covariance).logpdf(film.reflectance.ravel())
         )
@@ -530,6 +528,10 @@ def test_a_coat_of_unknown_paint_is_its_bands():
             for what in ("ratio", "scattering")
         )
         bands = pose_bands([film], named["gloss"], INSTRUMENT)
-        apart = bands.log_likelihood(np.log(np.stack([ratio, s], axis=-1))[None])
+        logs = np.log(np.stack([ratio, s], axis=-1))
+        found = {q.name: q.values(logs) for q in bands.quantities}
+        assert_allclose(found["absorption"], ratio * s)
+        assert_allclose([found["ratio"], found["scattering"]], [ratio, s])
+        apart = bands.log_likelihood(logs[None])
         whole = problem.log_likelihood(free[None, None])
         assert whole[0, 0] == pytest.approx(apart.sum(), rel=1e-9)

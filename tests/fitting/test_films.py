@@ -105,32 +105,22 @@ def fresnel(cos_air, n):
 
 
 @pytest.mark.parametrize("n", [1.3, 1.5, 1.7])
-def test_internal_reflectance_is_the_integral_of_fresnel(n):
+@pytest.mark.parametrize("specular", [True, False])
+def test_cards_obey_saunderson(specular, n):
+    """What a Lambertian ground under a smooth surface reads (Saunderson 1942)."""
+    instrument = Instrument(Hemispherical(8.0, specular), n)
+    ground = np.array([[0.0, 0.025, 0.5, 0.93, 1.0]])
+    outer = fresnel(np.cos(np.deg2rad(8)), n)
     # 1 - r_i = (1 - r_e)/n^2, by the conservation of radiance / n^2 (Duntley 1942).
     outside = quad(lambda c: 2 * c * fresnel(c, n), 0, 1)[0]
-    expected = 1 - (1 - outside) / n**2
-    assert bare_surface(Instrument(refractive_index=n)).back == pytest.approx(expected, abs=1e-5)
-
-
-@pytest.mark.parametrize("specular", [True, False])
-def test_cards_obey_saunderson(specular):
-    # Saunderson (1942): what a Lambertian ground under a smooth surface reads.
-    instrument = Instrument(Hemispherical(8.0, specular))
-    ground = np.array([[0.0, 0.025, 0.5, 0.93, 1.0]])
-    outer, inner = fresnel(np.cos(np.deg2rad(8)), 1.5), 0.59634
+    inner = 1 - (1 - outside) / n**2
+    assert bare_surface(instrument).back == pytest.approx(inner, abs=1e-5)
     bare = specular * outer + (1 - outer) * ground * (1 - inner) / (1 - inner * ground)
     inside, slope = card_reflectance(bare, instrument)
     assert_allclose(inside, ground, atol=3e-5)
     step = 1e-6
-    numeric = (
-        (
-            card_reflectance(bare + step, instrument)[0]
-            - card_reflectance(bare - step, instrument)[0]
-        )
-        / step
-        / 2
-    )
-    assert_allclose(slope, numeric, rtol=1e-5)
+    above, below = (card_reflectance(bare + move, instrument)[0] for move in (step, -step))
+    assert_allclose(slope, (above - below) / (2 * step), rtol=1e-5)
 
 
 def test_card_without_specular_part_is_explained(write):

@@ -1,7 +1,6 @@
 """Gloss of films, by readings with the specular part and without it."""
 
 import dataclasses
-from typing import Any
 
 import numpy as np
 import pytest
@@ -10,6 +9,8 @@ from glazefit import Films, Instrument, ModelError, Noise, identify, recover_joi
 from glazefit.film.gloss import measure_gloss
 from glazefit.film.model.response import film_response
 from glazejax import Bidirectional, Hemispherical, catalogue
+
+from .palette import optical_depths
 
 GRID = np.arange(400.0, 701.0, 20.0)
 RECIPES = {"blue": {"Blue": 1.0}, "white": {"White": 1.0}, "tint": {"Blue": 1.0, "White": 9.0}}
@@ -27,11 +28,7 @@ def films() -> tuple[Films, Films]:
     surface = Instrument().seen_surface
     seen = {over: getattr(smooth, over) - 0.25 * surface for over in ("over_black", "over_white")}
     dull = {over: getattr(smooth, over) - surface for over in seen}
-    return _read(smooth, seen), _read(smooth, dull)
-
-
-def _read(films: Films, readings: dict[str, Any]) -> Films:
-    return dataclasses.replace(films, **readings)
+    return dataclasses.replace(smooth, **seen), dataclasses.replace(smooth, **dull)
 
 
 def test_the_difference_is_the_gloss(films):
@@ -88,14 +85,7 @@ def test_haze_at_45_0_refuses_no_film_that_is_known(haze):
     grid = np.asarray(paints[0].wavelengths)
     response = film_response(Bidirectional(45, 0))
     depth = 60e-6
-    films = np.stack(
-        [
-            response.body(
-                np.asarray(paint.absorption) * depth, np.asarray(paint.scattering) * depth, 0.8
-            )
-            for paint in paints
-        ]
-    )
+    films = response.body(*optical_depths(paints, depth * np.eye(len(paints))), 0.8)
     found = identify(
         grid, np.asarray(films) + haze, oils, ground=0.8, instrument="45:0", max_paints=1
     )

@@ -6,7 +6,6 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from glazefit import (
     Films,
-    Identification,
     Instrument,
     ModelError,
     ground_from_air,
@@ -20,12 +19,12 @@ from glazejax import (
     Bidirectional,
     Glaze,
     Hemispherical,
-    Layer,
-    Mixture,
     Pigment,
     catalogue,
     reflectance,
 )
+
+from .palette import optical_depths
 
 BETWEEN_FILMS = ModelError()
 
@@ -56,17 +55,8 @@ def films_of(paints, recipes, thickness, seed=0, model_error=0.0):
     """
     rng = np.random.default_rng(seed)
     shares = np.array([[r.get(n, 0.0) for n in range(len(paints))] for r in recipes])
-    k, s = (
-        shares @ np.stack([getattr(paint, what) for paint in paints])
-        for what in ("absorption", "scattering")
-    )
-    films = simulate_films(
-        GRID,
-        k * thickness[:, None],
-        s * thickness[:, None],
-        names=[str(i) for i in range(len(recipes))],
-        seed=seed,
-    )
+    k, s = optical_depths(paints, shares * thickness[:, None])
+    films = simulate_films(GRID, k, s, names=[str(i) for i in range(len(recipes))], seed=seed)
     shape = np.linalg.cholesky(smooth_kernel(GRID, 40.0) + 1e-9 * np.eye(GRID.size))
     spectra = np.stack([films.over_black, films.over_white], axis=1)
     off = model_error * rng.standard_normal((len(recipes), GRID.size)) @ shape.T
@@ -210,28 +200,6 @@ def test_black_white_clear_and_opaque_give_numbers(blind):
 
 
 @pytest.mark.slow
-def test_opaque_films_need_no_ground(paints):
-    thick = films_of(paints, [{0: 0.6, 2: 0.4}, {4: 1.0}], np.full(2, 1e-3))
-    found = identify(GRID, thick[:, 0], paints, opaque=True, max_paints=2)
-    assert {"ZincWhite", "Vermillion"} == set(found.ranked(0)[0].paints)
-    assert np.isnan(found.ranked(0)[0].thickness)
-    assert found.ranked(0)[0].fractions[0] == pytest.approx(0.6, abs=0.1)
-
-
-@pytest.mark.slow
-def test_a_45_0_instrument_sees_no_surface(paints):
-    film = Glaze([Layer(Mixture(paints[:3:2], [0.8, 0.2]), UNIT)], 0.9)
-    spectrum = np.asarray(reflectance(film, Bidirectional(45, 0)))
-    sure = ModelError(coefficient=0.02, amplitude=0.001, screening=0.005)
-    options = {"instrument": "45:0", "discrepancy": sure, "max_paints": 2}
-    found = identify(GRID, spectrum, paints, ground=0.9, **options)
-    first = found.ranked(0)[0]
-    assert set(first.paints) == {"ZincWhite", "Vermillion"}
-    assert first.fractions.max() == pytest.approx(0.8, abs=0.03)
-    assert first.rmse < 0.002
-
-
-@pytest.mark.slow
 def test_grounds_read_bare_are_turned_into_internal_ones():
     inside = np.array([0.0, 0.3, 0.93])
     for geometry in (Bidirectional(45, 0), None):
@@ -262,38 +230,6 @@ def test_cards_are_read_by_the_instrument_that_read_the_films(monkeypatch, text)
     assert len(asked) == 3
     for options in asked:
         assert_allclose(options["ground"][0].mean(axis=-1), inside, atol=2e-5)
-
-
-@pytest.mark.slow
-def test_films_over_measured_cards(paints):
-    k, s = (
-        np.asarray(getattr(paints[2], what))[None] * UNIT for what in ("absorption", "scattering")
-    )
-    found = identify_films(simulate_films(GRID, k, s, names=["red"]), paints, max_paints=2)
-    assert isinstance(found, Identification)
-    assert found.ranked(0)[0].paints == ("Vermillion",)
-    assert found.words(0).startswith("red: ")
-
-
-@pytest.mark.slow
-def test_order_of_two_coats_is_found(paints):
-    spectra = []
-    for order in ((3, 4), (4, 3)):
-        coats = [Layer(paints[order[0]], 8e-6), Layer(paints[order[1]], 25e-6)]
-        spectra.append(
-            [np.asarray(reflectance(Glaze(coats, g), Hemispherical())) for g in (0.025, 0.93)]
-        )
-    found = identify(
-        GRID, np.array(spectra), paints[2:5], ground=GROUNDS, max_paints=2, max_coats=2
-    )
-    for row, paints_down in enumerate(
-        (("CobaltBlue", "ChromeYellow"), ("ChromeYellow", "CobaltBlue"))
-    ):
-        first = found.ranked(row)[0]
-        assert first.paints == paints_down
-        assert first.coats == (0, 1)
-        assert first.fractions[0] == pytest.approx(8 / 33, abs=0.05)
-    assert found.probability[:, 0].min() > 0.5
 
 
 def test_bad_input_is_one_clear_error(paints):

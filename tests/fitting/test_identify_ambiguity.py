@@ -11,7 +11,6 @@ from rich.console import Console
 
 from glazefit import Noise
 from glazefit.identify.result import STRENGTH, Identification, percent
-from glazefit.identify.search.pool import NOBODY
 from glazefit.identify.search.searcher import check_spectra
 from glazefit.identify.search.unstated_conditions import CONDITIONS
 from glazefit.identify.show.ambiguity import (
@@ -23,6 +22,8 @@ from glazefit.identify.show.ambiguity import (
 )
 from glazefit.identify.show.terminal import print_identification
 
+from .answers import made_up
+
 GRID = np.arange(400.0, 701.0, 10.0)
 PAINTS = ("ZincWhite", "LeadWhite", "CobaltBlue", "BariumSulphate", "Eosin", "Vermillion")
 CURVE = np.linspace(0.3, 0.6, GRID.size)
@@ -32,32 +33,17 @@ def answer(candidates, covariance=0.04) -> Identification:
     """An identification of one spectrum from (paints, fractions, probability, condition,
     fitted).
     """
-    count = len(candidates)
-    members, amounts = np.full((1, count, 3), NOBODY), np.zeros((1, count, 3))
-    for n, (paints, fractions, *_) in enumerate(candidates):
-        members[0, n, : len(paints)] = [PAINTS.index(paint) for paint in paints]
-        amounts[0, n, : len(paints)] = np.asarray(fractions) * 25e-6
-    chances = np.array([[c[2] for c in candidates]])
-    fitted = np.stack([c[4] for c in candidates])[None, :, None]
-    present = np.zeros((1, len(PAINTS)))
-    for (paints, *_), chance in zip(candidates, chances[0], strict=True):
-        present[0, [PAINTS.index(paint) for paint in paints]] += chance
-    return Identification(
-        measured=check_spectra(GRID, CURVE, 0.5, ["spot"], Noise()),
-        paints=PAINTS,
-        members=members,
-        coats=np.zeros_like(members),
-        amounts=amounts,
-        log_covariance=np.broadcast_to(covariance * np.eye(3), (1, count, 3, 3)),
-        probability=chances,
-        none=np.array([1.0 - chances.sum()]),
-        misfit=np.ones(1),
-        rejected=np.zeros((1, count), bool),
-        paint_probability=present,
-        gloss=np.ones((1, count)),
-        fitted=fitted,
+    sets = [
+        (paints, np.asarray(fractions) * 25e-6, chance)
+        for paints, fractions, chance, *_ in candidates
+    ]
+    return made_up(
+        check_spectra(GRID, CURVE, 0.5, ["spot"], Noise()),
+        PAINTS,
+        sets,
+        np.stack([c[4] for c in candidates])[None, :, None],
+        log_covariance=np.broadcast_to(covariance * np.eye(3), (1, len(sets), 3, 3)),
         condition=np.array([[c[3] for c in candidates]]),
-        opaque=False,
     )
 
 
@@ -199,6 +185,32 @@ def test_shares_that_no_reading_tells_are_not_said():
         "99.8 % Eosin + 0.2 % LeadWhite + a trace of CobaltBlue",
     ]
     assert "any amount of Eosin" in describe_additions(found, 0)
+
+
+@pytest.mark.parametrize(
+    ("fractions", "coats", "condition", "words"),
+    [
+        ([1.0], (0,), 0, "ZincWhite"),
+        ([1.0], (0,), 3, "ZincWhite, over a light ground"),
+        ([0.9, 0.1], (0, 0), 0, "90 % ZincWhite + 10 % LeadWhite"),
+        ([0.955, 0.045], (0, 0), 0, "95.5 % ZincWhite + 4.5 % LeadWhite"),
+        ([0.9955, 0.0045], (0, 0), 0, "99.6 % ZincWhite + 0.4 % LeadWhite"),
+        ([0.3, 0.7], (0, 1), 0, "30 % ZincWhite over 70 % LeadWhite"),
+        (
+            [0.3, 0.2, 0.5],
+            (0, 0, 1),
+            1,
+            "(30 % ZincWhite + 20 % LeadWhite) over 50 % CobaltBlue, under a yellowed varnish",
+        ),
+    ],
+)
+def test_words_of_an_explanation(fractions, coats, condition, words):
+    found = answer([(PAINTS[: len(fractions)], fractions, 0.9, condition, CURVE)])
+    laid = np.zeros_like(found.coats)
+    laid[0, 0, : len(coats)] = coats
+    (candidate,) = dataclasses.replace(found, coats=laid).ranked(0)
+    assert candidate.words == words
+    assert candidate.mixture == words.partition(", ")[0]
 
 
 # ---- headlines -----------------------------------------------------------------------------------

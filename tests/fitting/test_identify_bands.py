@@ -8,17 +8,29 @@ import pytest
 from numpy.testing import assert_allclose
 
 from glazefit.film.films import Instrument, Noise
-from glazefit.film.model.errors import ModelError
+from glazefit.film.model.errors import ModelError, smooth_kernel
 from glazefit.film.model.response import film_response
 from glazefit.identify.result import Identification
 from glazefit.identify.search.options import IdentificationOptions
-from glazefit.identify.search.pool import NOBODY
 from glazefit.identify.search.searcher import Searcher, check_spectra
 from glazefit.identify.show.bands import expected_bands
-from glazejax import Glaze, Hemispherical, Layer, Mixture, reflectance
-from tests.fitting.palette import GRID, palette
+from glazejax import Glaze, Hemispherical, Layer, Mixture, Pigment, reflectance
+from tests.fitting.answers import made_up
+from tests.fitting.palette import GRID, optical_depths, palette
 
-PAINTS = palette()
+STATED = np.random.default_rng(4).uniform(0.02, 0.08, (5, 2, GRID.size))
+"""Relative standard deviations of k and s that the paints state."""
+PAINTS = [
+    Pigment(
+        paint.name,
+        GRID,
+        paint.absorption,
+        paint.scattering,
+        absorption_sd=sd[0] * np.asarray(paint.absorption),
+        scattering_sd=sd[1] * np.asarray(paint.scattering),
+    )
+    for paint, sd in zip(palette(), STATED, strict=True)
+]
 NAMES = [paint.name for paint in PAINTS]
 SPHERE = Hemispherical(8.0)
 INSTRUMENT = Instrument(SPHERE, 1.5)
@@ -28,7 +40,7 @@ NEAT = ModelError(
     freedom=1e9,
     gloss_sd=0.0,
     coefficient=0.0,
-    unstated=0.0,
+    most=0.0,
     level=0.0,
     amplitude=0.0,
     share=0.0,
@@ -46,28 +58,11 @@ def explained(
     readings: np.ndarray, members: list[str], fractions: list[float], thickness: float
 ) -> Identification:
     """An identification that gives every spectrum this one explanation."""
-    count = len(readings)
-    measured = check_spectra(GRID, readings, GROUNDS, None, Noise())
-    places = [NAMES.index(name) for name in members] + [NOBODY] * (3 - len(members))
-    amounts = thickness * np.array(fractions + [0.0] * (3 - len(members)))
-    fitted = film(dict(zip(members, fractions, strict=True)), thickness)
-    present = np.array([1.0 if name in members else 0.0 for name in NAMES])
-    return Identification(
-        measured=measured,
-        paints=tuple(NAMES),
-        members=np.broadcast_to(np.array(places), (count, 1, 3)),
-        coats=np.zeros((count, 1, 3), int),
-        amounts=np.broadcast_to(amounts, (count, 1, 3)),
-        log_covariance=np.zeros((count, 1, 3, 3)),
-        probability=np.full((count, 1), 0.9),
-        none=np.full(count, 0.1),
-        misfit=np.full(count, 0.5),
-        rejected=np.zeros((count, 1), bool),
-        paint_probability=np.broadcast_to(0.9 * present, (count, len(NAMES))),
-        gloss=np.ones((count, 1)),
-        fitted=np.broadcast_to(fitted, (count, 1, *fitted.shape)),
-        condition=np.zeros((count, 1), int),
-        opaque=False,
+    return made_up(
+        check_spectra(GRID, readings, GROUNDS, None, Noise()),
+        NAMES,
+        [(members, thickness * np.array(fractions), 0.9)],
+        film(dict(zip(members, fractions, strict=True)), thickness),
     )
 
 
@@ -77,57 +72,42 @@ def bands(found: Identification, discrepancy: ModelError) -> np.ndarray:
     return expected_bands(found, Searcher.of(GRID, PAINTS, options).task)
 
 
-def test_bands_lose_what_a_fit_takes_away():
-    """With noise alone the variance that is left adds up to the readings less the unknowns."""
-    spectra = film({"Red": 0.1, "White": 0.9}, 30e-6)[None]
-    found = explained(spectra, ["White", "Red"], [0.9, 0.1], 30e-6)
-    gloss = replace(NEAT, gloss_sd=1e3)
-    noise = found.measured.noise_sd[0]
-    half = {
-        name: bands(found, d)[0, 0] / 1.6448536 for name, d in (("known", NEAT), ("free", gloss))
-    }
-    count = spectra.size
-    assert found.measured.noise_sd.shape == spectra.shape
-    kept = {name: np.sum((sd / noise) ** 2) for name, sd in half.items()}
-    assert kept["known"] == pytest.approx(count - 2, abs=0.1)
-    assert kept["free"] == pytest.approx(count - 3, abs=0.1)
-
-
-@pytest.mark.parametrize("level", [0.0, 0.05])
-def test_bands_are_what_a_linear_fit_of_the_amounts_leaves(level: float):
+@pytest.mark.parametrize(
+    "errors",
+    [{}, {"level": 0.05}, {"coefficient": 0.05}, {"most": 0.5}, {"gloss_sd": 1e3}],
+    ids=["noise", "level", "coefficient", "stated", "free gloss"],
+)
+def test_bands_are_what_a_linear_fit_of_the_amounts_leaves(errors: dict[str, float]):
     """Covariance less what generalised least squares explains, with slopes by finite
     differences.
     """
     thickness, amounts = 30e-6, np.array([0.9, 0.1])
     spectra = film({"White": 0.9, "Red": 0.1}, thickness)[None]
     found = explained(spectra, ["White", "Red"], amounts.tolist(), thickness)
-    k, s = (
-        np.stack(
-            [
-                thickness * np.asarray(getattr(PAINTS[NAMES.index(name)], what))
-                for name in ("White", "Red")
-            ]
-        )
-        for what in ("absorption", "scattering")
-    )
+    rows = [NAMES.index(name) for name in ("White", "Red")]
+    k, s = optical_depths([PAINTS[row] for row in rows], thickness * np.eye(2))
     response = film_response(SPHERE, 1.5)
     body = jax.jit(lambda *film: response.body(*film))
 
-    def read(log_k: np.ndarray, log_s: np.ndarray) -> np.ndarray:
-        return np.asarray(
-            body((amounts * np.exp(log_k)) @ k, (amounts * np.exp(log_s)) @ s, GROUNDS)
-        ).ravel()
+    def read(logs: np.ndarray) -> np.ndarray:
+        by_k, by_s = amounts * np.exp(logs.reshape(2, 2))
+        return np.asarray(body(by_k @ k, by_s @ s, GROUNDS)).ravel()
 
-    steps, nothing = 1e-4 * np.eye(2), np.zeros(2)
-    by_k = np.stack([read(step, nothing) - read(-step, nothing) for step in steps], axis=-1) / 2e-4
-    by_s = np.stack([read(nothing, step) - read(nothing, -step) for step in steps], axis=-1) / 2e-4
-    covariance = np.diag(found.measured.noise_sd.ravel() ** 2) + level**2 * (
-        by_k @ by_k.T + by_s @ by_s.T
-    )
-    lever = by_k + by_s
+    steps = 1e-4 * np.eye(4)
+    slopes = np.stack([read(step) - read(-step) for step in steps], axis=-1) / 2e-4
+    stated = np.tile(STATED[rows].swapaxes(0, 1).reshape(4, -1), 2).T
+    alike = np.tile(smooth_kernel(GRID, NEAT.coefficient_length), (2, 2))
+    covariance = np.diag(found.measured.noise_sd.ravel() ** 2)
+    covariance += errors.get("level", 0.0) ** 2 * slopes @ slopes.T
+    covariance += errors.get("coefficient", 0.0) ** 2 * slopes @ slopes.T * alike
+    if "most" in errors:
+        covariance += (stated * slopes) @ (stated * slopes).T * alike
+    lever = slopes[:, :2] + slopes[:, 2:]
+    if "gloss_sd" in errors:
+        lever = np.column_stack([lever, np.ones(len(lever))])
     solved = np.linalg.solve(covariance, lever)
     left = covariance - lever @ np.linalg.solve(lever.T @ solved, lever.T)
-    band = bands(found, replace(NEAT, level=level))
+    band = bands(found, replace(NEAT, **errors))
     assert_allclose(band[0, 0].ravel(), 1.6448536 * np.sqrt(np.diagonal(left)), rtol=0.01)
 
 
@@ -136,7 +116,7 @@ def test_bands_hold_the_errors_that_are_stated():
     found = explained(spectra, ["White", "Red"], [0.9, 0.1], 30e-6)
 
     def mean(**changed) -> float:
-        return float(bands(found, ModelError(**{"unstated": 0.05, **changed})).mean())
+        return float(bands(found, ModelError(**{"most": 0.05, **changed})).mean())
 
     usual = mean()
     assert mean(coefficient=0.2) > 1.2 * usual

@@ -229,12 +229,6 @@ def test_a_black_is_a_black_whatever_the_instrument(others, instrument):
     assert found.gloss[0, 0] == pytest.approx(expected, rel=0.02)
 
 
-def test_readings_beyond_the_visible_are_refused(shelf):
-    grid = np.arange(900.0, 1701.0, 10.0)
-    with pytest.raises(ValueError, match=r"too little is known there: .* give readings"):
-        identify(grid, np.full(grid.size, 0.5), shelf, opaque=True, instrument="45:0")
-
-
 def test_a_teal_is_no_white(others):
     """An edge of rutile between 380 and 410 nm once outweighed all other bands."""
     grid = np.arange(380.0, 731.0, 10.0)
@@ -394,17 +388,6 @@ def test_a_coat_over_a_ground_is_named_too(others):
     for row in range(2):
         assert found.families(row)[0][0] == ("azurite",)
         assert 0 < found.ranked(row, 1)[0].thickness < 1e-3
-
-
-@pytest.mark.slow
-def test_finer_bands_say_the_same_and_rows_keep_their_order(mockups, others):
-    source, wavelengths, readings = mockups
-    fine = np.arange(400.0, 1000.5, 1.0)
-    rows = rows_of(source, "azurite")[:1] + rows_of(source, "malachite")
-    dense = np.stack([np.interp(fine, wavelengths, readings[row]) for row in rows])
-    found = identify(fine, dense, others, opaque=True, instrument="45:0", names=["a", "m"])
-    assert [found.families(row)[0][0][0] for row in range(2)] == ["azurite", "malachite"]
-    assert found.measured.names == ("a", "m")
 
 
 def test_films_over_different_grounds_keep_their_order(mockups, others):
@@ -584,6 +567,10 @@ def test_anachronisms_are_said():
         (dict(varnish="old"), "varnish is 'old'; say one of none, thin, yellowed"),
         (dict(elements=("Xx",)), "there is no element 'Xx'"),
         (dict(wavelengths=np.linspace(3e3, 3.1e3, GRID.size)), "no three bands lie there"),
+        (
+            dict(wavelengths=np.linspace(900.0, 1700.0, GRID.size)),
+            "too little is known there: .* give readings",
+        ),
         (
             dict(
                 spectra=np.full((1, 2, GRID.size), 0.5),

@@ -11,6 +11,8 @@ from glazefit.identify.search.options import IdentificationOptions
 from glazefit.identify.search.searcher import Searcher
 from glazejax import Hemispherical, Pigment, catalogue
 
+from .palette import optical_depths
+
 SCREEN = importlib.import_module("glazefit.identify.search.screen")
 CONDITIONS = importlib.import_module("glazefit.identify.search.unstated_conditions")
 NAMES = ("ZincWhite", "PrussianBlue", "Vermillion", "CobaltBlue", "ChromeYellow", "BoneBlack")
@@ -33,12 +35,10 @@ def test_a_wide_range_is_averaged_to_some_hundred_bands():
 def find(bands, **options):
     """Films of two paints that were read at so many bands, with as much noise in all."""
     grid, paints = _paints(bands)
-    k, s = (
-        25e-6 * np.stack([np.asarray(getattr(paint, what)) for paint in paints])
-        for what in ("absorption", "scattering")
-    )
     share = np.array([[0.3, 0, 0.7, 0, 0, 0], [0.6, 0.4, 0, 0, 0, 0], [0, 0, 0, 0.8, 0.2, 0]])
-    body = np.asarray(film_response(Hemispherical()).body(share @ k, share @ s, 0.9))
+    body = np.asarray(
+        film_response(Hemispherical()).body(*optical_depths(paints, 25e-6 * share), 0.9)
+    )
     noise = np.random.default_rng(2).standard_normal(body.shape)
     spectra = body + 0.04 + 0.0005 * np.sqrt((bands - 1) / 30) * noise
     return identify(grid, spectra, paints, ground=0.9, max_paints=2, **options)

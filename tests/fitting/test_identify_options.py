@@ -22,6 +22,8 @@ from glazefit.identify.search.options import IdentificationKeywords
 from glazejax import Hemispherical, Pigment, catalogue
 from glazejax.radiative.common.fresnel import dielectric_reflectance
 
+from .palette import optical_depths
+
 MODULE = importlib.import_module("glazefit.identify.identify")
 SEARCHER = importlib.import_module("glazefit.identify.search.searcher")
 GRID = np.arange(400.0, 701.0, 50.0)
@@ -61,7 +63,7 @@ def find(paints):
     """Identify one film of two paints over two grounds; options as given. All calls share their
     programs.
     """
-    k, s = (25e-6 * np.asarray(getattr(paints[1], what)) for what in ("absorption", "scattering"))
+    k, s = optical_depths(paints[1:], [25e-6])
     spectrum = 0.04 + np.asarray(film_response(Hemispherical()).body(k, s, GROUNDS))
 
     def call(**options):
@@ -106,7 +108,7 @@ def test_a_film_is_computed_as_its_instrument_reads_it(paints):
     are right.
     """
     seen_by = Instrument(Hemispherical(30.0), 1.3)
-    k, s = (25e-6 * np.asarray(getattr(paints[1], what)) for what in ("absorption", "scattering"))
+    k, s = optical_depths(paints[1:], [25e-6])
     surface = float(dielectric_reflectance(np.cos(np.deg2rad(30.0)), 1.3))
     spectrum = surface + np.asarray(film_response(seen_by.geometry, 1.3).body(k, s, GROUNDS))
     found = identify(GRID, spectrum[None], paints, ground=GROUNDS, max_paints=1, instrument=seen_by)

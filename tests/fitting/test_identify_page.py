@@ -9,14 +9,14 @@ import json
 import re
 from dataclasses import replace
 from datetime import UTC, datetime
-from html.parser import HTMLParser
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal, assert_equal
 
-from glazefit.identify.result import STRENGTH, Identification
+from glazefit.identify.result import STRENGTH
 from glazefit.identify.result.odds import CoatsOdds
 from glazefit.identify.search.pool import NOBODY
 from glazefit.identify.search.task import Measured
@@ -29,6 +29,7 @@ from glazefit.page.plot import PlotAxes
 from glazefit.page.subject import check_subject
 
 from ..studio.browser import start_browser
+from .answers import made_up
 
 # `glazefit.identify` is the function too, so that the name alone does not lead there.
 MODULE = importlib.import_module("glazefit.identify.show.page")
@@ -60,14 +61,11 @@ def identification(names=("one", EVIL), grid=GRID, opaque=False):
         np.broadcast_to(0.3 + 0.4 * (grid > 560), (count, 2, grid.size))
         * np.array([0.8, 1.0])[:, None]
     )
-    members = np.broadcast_to([[0, 1, NOBODY], [0, 2, NOBODY]], (count, 2, 3))
-    amounts = np.tile([[2e-6, 6e-6, 0.0], [3e-6, 3e-6, 0.0]], (count, 1, 1))
-    amounts[:, 0, 0] += 1e-7 * np.arange(count)
     root = 0.2 * rng.standard_normal((count, 2, 3, 5))
     covariance = root @ np.swapaxes(root, -1, -2)
     covariance[..., 2, :] = covariance[..., :, 2] = 0.0
-    return Identification(
-        measured=Measured(
+    found = made_up(
+        Measured(
             tuple(names),
             grid,
             readings,
@@ -75,68 +73,39 @@ def identification(names=("one", EVIL), grid=GRID, opaque=False):
             readings * 0 + 0.001,
             np.empty((count, 0, *readings.shape[1:])),
         ),
-        paints=PAINTS,
-        members=members,
-        coats=np.broadcast_to([[0, 0, 0], [0, 1, 0]], members.shape),
-        amounts=amounts,
+        PAINTS,
+        [(("Red", "White"), (2e-6, 6e-6), 0.6), (("Red", "Blue"), (3e-6, 3e-6), 0.3)],
+        readings[:, None] + np.array([0.002, -0.004])[:, None, None],
+        coats=np.broadcast_to([[0, 0, 0], [0, 1, 0]], (count, 2, 3)),
         log_covariance=covariance,
-        probability=np.broadcast_to([0.6, 0.3], (count, 2)),
-        none=np.full(count, 0.1),
-        misfit=np.full(count, 0.5),
-        rejected=np.zeros((count, 2), bool),
         paint_probability=np.broadcast_to([0.9, 0.6, 0.3, 0.004, 0.002], (count, 5)),
-        gloss=np.ones((count, 2)),
-        fitted=readings[:, None] + np.array([0.002, -0.004])[:, None, None],
-        condition=np.zeros((count, 2), int),
         opaque=opaque,
     )
+    found.amounts[:, 0, 0] += 1e-7 * np.arange(count)
+    return found
 
 
 def record(found, about=ABOUT, top=2):
     return make_record(found, np.full(found.fitted.shape, 0.01), about, top)
 
 
-class Parsed(HTMLParser):
-    """Ids, elements, attributes and texts of a page."""
+class Parsed:
+    """Elements, tables and texts of a page, and of its articles by their ids; it is well formed."""
 
     def __init__(self, text: str):
-        super().__init__()
-        self.tags: list = []
-        self.open: list[str] = []
-        self.rows: list[list[str]] = []
-        self.spots: dict[str, list] = {}
-        self.words: dict[str, str] = {}
-        self.spot = ""
-        self.feed(text)
-        self.close()
+        root = ElementTree.fromstring(re.sub(r"<((?:meta|img|br)\b[^>]*)>", r"<\1/>", text))
+        articles = {article.attrib["id"]: article for article in root.iter("article")}
+        self.tags = [(each.tag, each.attrib) for each in root.iter()]
+        self.rows = _rows(root)
+        self.spots = {spot: _rows(article) for spot, article in articles.items()}
+        self.words = {spot: "".join(article.itertext()) for spot, article in articles.items()}
+        for article in articles.values():
+            article.clear()
+        self.words[""] = "".join(root.itertext())
 
-    def handle_starttag(self, tag, attrs):
-        given = dict(attrs)
-        self.tags.append((tag, given))
-        if tag not in ("meta", "img", "br"):
-            self.open.append(tag)
-        if tag == "article":
-            self.spot = given["id"] or ""
-            self.spots[self.spot] = []
-        if tag == "tr":
-            self.rows.append([])
-            if self.spot:
-                self.spots[self.spot].append(self.rows[-1])
-        if tag in ("td", "th"):
-            self.rows[-1].append("")
 
-    def handle_startendtag(self, tag, attrs):
-        self.tags.append((tag, dict(attrs)))
-
-    def handle_endtag(self, tag):
-        assert self.open.pop() == tag
-        if tag == "article":
-            self.spot = ""
-
-    def handle_data(self, data):
-        self.words[self.spot] = self.words.get(self.spot, "") + data
-        if "tr" in self.open and {"td", "th"} & set(self.open):
-            self.rows[-1][-1] += data
+def _rows(element: ElementTree.Element) -> list[list[str]]:
+    return [["".join(cell.itertext()) for cell in row] for row in element.iter("tr")]
 
 
 def parsed(filed):
@@ -348,18 +317,14 @@ def test_why_a_paint_is_ruled_out():
 
     def judged(off, chances=(0.9, 0.6, 0.3, 0.004, 0.002), grid=GRID, share=0.5):
         one = identification(grid=grid)
-        members = one.members.copy()
-        members[:, 1, 1] = PAINTS.index("Chalk")
-        amounts = one.amounts.copy()
-        amounts[:, 1, :2] = np.array([1.0 - share, share]) * 6e-6
-        fitted = one.fitted.copy()
-        fitted[:, 1] = one.measured.readings + off
-        held = replace(
-            one,
-            members=members,
-            amounts=amounts,
-            fitted=fitted,
-            coats=np.zeros_like(members),
+        held = made_up(
+            one.measured,
+            PAINTS,
+            [
+                (("Red", "White"), (2e-6, 6e-6), 0.6),
+                (("Red", "Chalk"), ((1.0 - share) * 6e-6, share * 6e-6), 0.3),
+            ],
+            np.stack([one.fitted[:, 0], one.measured.readings + off], axis=1),
             paint_probability=np.broadcast_to(chances, (2, 5)),
         )
         found = {paint.paint: paint for paint in ruled_out(held, 0)}

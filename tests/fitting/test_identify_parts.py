@@ -13,10 +13,8 @@ from scipy.special import gamma, kv, logsumexp
 from glazefit.film.model.errors import (
     ModelError,
     Prior,
-    draw_coefficient_errors,
     draw_model_errors,
     model_correlation,
-    paints_covariance,
     relative_errors,
     smooth_kernel,
     whitening,
@@ -28,7 +26,6 @@ from glazefit.identify.search.fit import (
     fit_films,
     log_prior,
     log_set_prior,
-    trace_curvature,
 )
 from glazefit.identify.search.options import IdentificationOptions
 from glazefit.identify.search.screen import grow, score
@@ -48,22 +45,6 @@ def test_small_inverse_is_numpys(size):
     inverse, log_det = inverse_small(jnp.asarray(matrix))
     assert_allclose(inverse, np.linalg.inv(matrix), rtol=1e-9)
     assert float(log_det) == pytest.approx(np.linalg.slogdet(matrix)[1], abs=1e-9)
-
-
-def test_errors_of_coefficients_are_the_pigments_own_and_some_more():
-    rng = np.random.default_rng(1)
-    d = ModelError(coefficient=0.1, level=0.1)
-    slopes = rng.standard_normal((4, 2 * GRID.size))  # k of two paints, then s, over two grounds
-    known = rng.uniform(0.05, 0.4, (3, 2, GRID.size))
-    members, none = np.array([2, 0]), np.zeros((3, 2, GRID.size, 0))
-    covariance = paints_covariance(slopes, members, known, none, GRID, d)
-    errors = draw_coefficient_errors(rng, (40_000, 4), GRID, d)
-    root = np.linalg.cholesky(smooth_kernel(GRID, d.coefficient_length))
-    stated = np.concatenate([known[members, 0], known[members, 1]])
-    errors = errors + stated * (rng.standard_normal(errors.shape) @ root.T)
-    moved = np.einsum("nep,ep->np", np.concatenate([errors, errors], axis=-1), slopes)
-    sd = np.sqrt(np.diagonal(covariance))
-    assert_allclose(np.cov(moved.T) / np.outer(sd, sd), covariance / np.outer(sd, sd), atol=0.03)
 
 
 def test_errors_at_two_wavelengths_go_together_as_materns():
@@ -195,19 +176,6 @@ def _log_joint(logs, problem):
     return weights.height[0] - 0.5 * misfit + prior
 
 
-@pytest.mark.parametrize("start", [-9.0, -2.0, 0.5])
-def test_a_step_to_a_trace_ends_where_data_and_prior_balance(start):
-    """Newton's step in u of A e^u - c, whose root is known."""
-    data, prior = 3.0 * np.exp(start), -0.4
-    step = -(data + prior) / trace_curvature(jnp.asarray([data]), jnp.asarray([prior]))[0]
-    assert start + float(step) == pytest.approx(np.log(0.4 / 3.0), abs=1e-5)
-
-
-def test_curvature_of_a_trace_is_its_gradient_at_the_balance_and_nothing_where_more_is_wanted():
-    found = trace_curvature(jnp.asarray([0.4, 0.4001, -2.0]), jnp.asarray([-0.4, -0.4, -0.4]))
-    assert_allclose(found, [0.4, 0.4, 0.0], rtol=1e-3)
-
-
 def test_a_paint_that_is_not_there_is_let_go_in_few_steps(problem):
     response, paints, ground, weights = problem
     k, s = (0.9 * part[0] for part in paints)
@@ -221,35 +189,6 @@ def test_a_paint_that_is_not_there_is_let_go_in_few_steps(problem):
     assert np.exp(many.logs[0, 1]) < 0.02
     assert_allclose(few.log_evidence, many.log_evidence, atol=0.01)
     assert_allclose(few.logs, many.logs, atol=0.01)
-
-
-def test_screening_finds_the_least_misfit_of_all_that_is_tried(problem):
-    """The table against films computed and compared one by one; errors that differ from reading to
-    reading.
-    """
-    response, paints, ground, _ = problem
-    ground = np.asarray(ground[0])
-    rng = np.random.default_rng(4)
-    white = np.tril(rng.uniform(1.0, 50.0, (ground.size, ground.size)))
-    spectra = np.stack([rng.uniform(0.05, 0.9, ground.size) for _ in range(3)])
-    table = film_table(response, paints, 2, 0.7, ground, white)
-    for kind, near in zip(table.sizes, table.nearest(spectra, 1), strict=True):
-        every = np.array(
-            [
-                [_misfits(problem, white, spectra, members, amounts) for amounts in kind.grid]
-                for members in kind.sets
-            ]
-        )
-        least = every.min(axis=1)
-        order = np.argsort(least, axis=0).T
-        # Of one paint all are kept, of two as many as were asked for.
-        assert near.sets.shape[1] == (2 if near.sets.shape[2] == 1 else 1)
-        for row in range(3):
-            assert_array_equal(near.sets[row], kind.sets[order[row]])
-            assert_allclose(near.misfit[row], least[order[row], row], rtol=1e-4)
-            for n, amounts in zip(order[row], near.amounts[row], strict=True):
-                (place,) = np.flatnonzero((kind.grid == amounts).all(axis=1))
-                assert every[n, place, row] == pytest.approx(least[n, row], rel=1e-4)
 
 
 def _misfits(problem, white, spectra, members, amounts):

@@ -21,6 +21,8 @@ from glazefit.identify.search.weigh import log_odds_of_none
 from glazejax import Bidirectional, Hemispherical, Pigment, catalogue
 from glazejax.paint.pigment_table import read_pigments
 
+from .palette import optical_depths
+
 BETWEEN_FILMS = ModelError()
 
 GRID = np.arange(400.0, 701.0, 10.0)
@@ -40,10 +42,8 @@ NAMES = (
 def read_film(recipe, units=1.0, grounds=GROUNDS, geometry=None):
     """What a film of the catalogue's paints reads, without error, (grounds, bands)."""
     known, geometry = catalogue.load(), geometry or Hemispherical()
-    k, s = (
-        units * UNIT * sum(w * getattr(known[p], what) for p, w in recipe.items())
-        for what in ("absorption", "scattering")
-    )
+    amounts = units * UNIT * np.array([*recipe.values()])
+    k, s = optical_depths([known[paint] for paint in recipe], amounts)
     surface = 0.04 if isinstance(geometry, Hemispherical) else 0.0
     return np.asarray(film_response(geometry).body(k, s, grounds)) + surface
 
@@ -187,15 +187,23 @@ def test_extenders_are_those_that_hardly_show():
     assert hardly == ["BariumSulphate", "CalciumCarbonate"]
 
 
+def flat_paint(modes, sd=None, name="Blue", provenance=""):
+    """The same at all wavelengths: error modes, and relative standard deviations of k and s."""
+    ones = np.ones(GRID.size)
+    stated = {}
+    if sd is not None:
+        stated = {"absorption_sd": sd[0] * 1e4 * ones, "scattering_sd": sd[1] * 2e4 * ones}
+    modes = np.asarray(modes)[..., None] * ones
+    given = {"error_modes": modes, "provenance": provenance, **stated}
+    return Pigment(name, GRID, 1e4 * ones, 2e4 * ones, **given)
+
+
 def test_paints_of_one_source_are_wrong_together():
     """Errors of paints fitted together are correlated; of another source they are independent."""
-    shape = np.ones(GRID.size)
-    modes = np.array([[0.1 * shape, 0.2 * shape], [0.0 * shape, 0.1 * shape]])
-    one, two = (
-        Pigment(n, GRID, 1e4 * shape, 1e4 * shape, error_modes=modes, provenance="lab")
-        for n in "ab"
+    one, two, other = (
+        flat_paint([[0.1, 0.2], [0.0, 0.1]], name=name, provenance=source)
+        for name, source in (("a", "lab"), ("b", "lab"), ("c", "elsewhere"))
     )
-    other = Pigment("c", GRID, 1e4 * shape, 1e4 * shape, error_modes=modes, provenance="elsewhere")
     all_modes = error_modes([one, two, other], BETWEEN_FILMS)
 
     def together(a, b):
@@ -222,25 +230,13 @@ def test_a_clear_film_over_a_ground_that_nobody_told_is_no_answer(shelf):
 
 def test_what_the_modes_leave_out_is_in_the_standard_deviations():
     """Modes and the rest make up what is stated; with what counts at most as the limit of both."""
-    k, s, ones = np.full(GRID.size, 1e4), np.full(GRID.size, 2e4), np.ones((1, 2, GRID.size))
-    stated = np.array([0.13, 0.9])
-    blue = Pigment(
-        "Blue",
-        GRID,
-        k,
-        s,
-        absorption_sd=stated[0] * k,
-        scattering_sd=stated[1] * s,
-        error_modes=0.05 * ones,
-    )
+    blue = flat_paint([[0.05, 0.05]], (0.13, 0.9))
     rest = relative_errors([blue], BETWEEN_FILMS)[0]
     held = error_modes([blue], BETWEEN_FILMS)[0]
     assert_allclose(rest[0], 0.12)
     assert_allclose(np.sqrt(rest**2 + np.sum(held**2, axis=-1))[1], BETWEEN_FILMS.most)
     # Modes that are larger than what is stated leave nothing.
-    sure = Pigment(
-        "Blue", GRID, k, s, absorption_sd=0.01 * k, scattering_sd=0.01 * s, error_modes=0.05 * ones
-    )
+    sure = flat_paint([[0.05, 0.05]], (0.01, 0.01))
     assert np.all(relative_errors([sure], BETWEEN_FILMS) == 0)
 
 

@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from glazefit.film.model.errors import Prior
-from glazefit.identify.result import Candidate, Identification
+from glazefit.identify.result import Identification
 from glazefit.identify.search.pool import NOBODY, Pool
 from glazefit.identify.search.task import Measured
 from glazefit.identify.search.weigh import odds_of
@@ -100,54 +100,6 @@ def test_evidence_ranks_candidates_that_look_alike():
     """Below what is seen only the evidence counts: its ratio is that of the probabilities."""
     odds = odds_of(film(), pool([[0], [1]], [0.2, 0.9], [0.0, np.log(3.0)]), Prior()).candidates
     assert odds[0, 1] / odds[0, 0] == pytest.approx(3.0)
-
-
-def candidate(fractions, coats, condition=""):
-    shares, nothing = np.array(fractions), np.zeros((len(fractions), 2))
-    curve = np.zeros((1, GRID.size))
-    return Candidate(
-        ("A", "B", "C")[: len(fractions)],
-        shares,
-        shares,
-        nothing,
-        shares,
-        nothing,
-        coats,
-        25e-6,
-        1e-6,
-        nothing[0],
-        0.9,
-        condition,
-        1.0,
-        curve,
-        curve,
-        0.0,
-        0.0,
-        0.0,
-    )
-
-
-@pytest.mark.parametrize(
-    ("fractions", "coats", "condition", "words"),
-    [
-        ([1.0], (0,), "", "A"),
-        ([1.0], (0,), "over a light ground", "A, over a light ground"),
-        ([0.9, 0.1], (0, 0), "", "90 % A + 10 % B"),
-        ([0.955, 0.045], (0, 0), "", "95.5 % A + 4.5 % B"),
-        ([0.9955, 0.0045], (0, 0), "", "99.6 % A + 0.4 % B"),
-        ([0.3, 0.7], (0, 1), "", "30 % A over 70 % B"),
-        (
-            [0.2, 0.3, 0.5],
-            (0, 0, 1),
-            "under a varnish",
-            "(20 % A + 30 % B) over 50 % C, under a varnish",
-        ),
-    ],
-)
-def test_words_of_an_explanation(fractions, coats, condition, words):
-    found = candidate(fractions, coats, condition)
-    assert found.words == words
-    assert found.mixture == words.removesuffix(f", {condition}")
 
 
 def test_probabilities_of_paints_are_those_of_the_sets_they_are_in():

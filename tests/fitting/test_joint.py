@@ -59,13 +59,13 @@ def truth() -> tuple[np.ndarray, np.ndarray]:
 THICKNESS = np.array([1.0, 0.8, 1.2, 1.0, 0.9, 1.1])
 
 
-def painted(thickness=THICKNESS):
+def painted(thickness=THICKNESS, recipes=RECIPES):
     k, s = truth()
-    order, weights = weight_table(tuple(RECIPES), RECIPES)
+    order, weights = weight_table(tuple(recipes), recipes)
     shares = weights / weights.sum(axis=1, keepdims=True)
     amounts = thickness[:, None] * shares[:, [order.index(paint) for paint in PAINTS]]
     return simulate_films(
-        GRID, amounts @ k, amounts @ s, names=tuple(RECIPES), noise=Noise(), seed=1
+        GRID, amounts @ k, amounts @ s, names=tuple(recipes), noise=Noise(), seed=1
     )
 
 
@@ -272,13 +272,7 @@ def test_bronzing_is_not_taken_for_scattering():
         "blue": {"CobaltBlue": 100.0},
         "tint": {"CobaltBlue": 20.0, "ZincWhite": 80.0},
     }
-    k, s = truth()
-    _, weights = weight_table(tuple(recipes), recipes)
-    shares = weights / weights.sum(axis=1, keepdims=True)
-    order = [weight_table(tuple(recipes), recipes)[0].index(paint) for paint in PAINTS]
-    clean = simulate_films(
-        GRID, shares[:, order] @ k, shares[:, order] @ s, names=tuple(recipes), noise=Noise()
-    )
+    clean = painted(np.ones(6), recipes)
     bronze = np.where(np.arange(6)[:, None] == 0, 0.01 * ((GRID - 400) / 300) ** 2, 0.0)
     films = dataclasses.replace(
         clean, over_black=clean.over_black + bronze, over_white=clean.over_white + bronze
@@ -319,10 +313,15 @@ def test_draws_spread_as_laplace_says(small):
     assert np.corrcoef(off[:, 3, 0], off[:, 4, 0])[0, 1] > 0.5
 
 
-@pytest.mark.slow
-def test_films_left_out_lie_within_their_bands():
+@pytest.fixture(scope="module")
+def recovered():
     films = painted()
-    whole = recover_jointly(films, RECIPES)
+    return recover_jointly(films, RECIPES), films
+
+
+@pytest.mark.slow
+def test_films_left_out_lie_within_their_bands(recovered):
+    whole, films = recovered
     seen: list[str] = []
     out = cross_validate(whole, films, RECIPES, progress=lambda *step: seen.append(step[2]))
     assert out.names == ("tint", "half", "grey", "shade")
@@ -337,9 +336,8 @@ def test_films_left_out_lie_within_their_bands():
         cross_validate(whole, films, RECIPES, only=lambda name: False)
 
 
-def test_an_interrupt_keeps_the_films_that_are_done():
-    films = painted()
-    whole = recover_jointly(films, RECIPES)
+def test_an_interrupt_keeps_the_films_that_are_done(recovered):
+    whole, films = recovered
 
     def stop(done, total, words):
         if words == "leaving out half":

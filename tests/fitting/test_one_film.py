@@ -22,22 +22,25 @@ from glazejax import catalogue
 # Of the twelve samples those that show their cards; of 09B the three say .32 to .49.
 SHOWN = ("12A", "10A", "08A", "02A", "15C", "05B", "13G", "04B")
 
+FILMS = read_films(glazejax.samples.path())
+OILS = catalogue.load("oils")
+
 
 def test_three_tasks_state_the_same_spread_of_thickness():
-    films = read_films(glazejax.samples.path()).select(SHOWN)
+    films = FILMS.select(SHOWN)
     recipes = {name: recipe for name, recipe in glazejax.samples.recipes().items() if name in SHOWN}
-    oils = catalogue.load("oils")
     # The same belief about thicknesses as a posterior's.
     expected = Expectations(thickness=0.7, scale=0.01)
-    recovery = recover_jointly(films, recipes, pigments=oils, expectations=expected)
+    recovery = recover_jointly(films, recipes, pigments=OILS, expectations=expected)
     recovered = recovery.thickness_sd / recovery.thickness
     searched, estimated = [], []
-    identification = identify_films(films, oils, own_films=True, varnish="none")
+    shelf = {paint: OILS[paint] for recipe in recipes.values() for paint in recipe}
+    identification = identify_films(films, shelf, own_films=True, varnish="none")
     for row, name in enumerate(SHOWN):
         candidates = identification.ranked(row)
         named = next(c for c in candidates if set(c.paints) == set(recipes[name]))
         searched.append(named.thickness_sd / named.thickness)
-        paints = [oils[paint] for paint in recipes[name]]
+        paints = [OILS[paint] for paint in recipes[name]]
         posterior = posterior_of_film(films.take([row]), paints, steps=0)
         estimated.append(np.log(posterior.draws["thickness"]).std())
     assert_allclose(recovered, searched, rtol=0.1)
@@ -46,13 +49,12 @@ def test_three_tasks_state_the_same_spread_of_thickness():
 
 
 def test_a_gauge_counts_for_the_films_that_it_measured():
-    films = read_films(glazejax.samples.path()).select(["12A", "10A"])
+    films = FILMS.select(["12A", "10A"])
     recipes = {"12A": {"CobaltBlue": 1.0}, "10A": {"EmeraldGreen": 1.0}}
-    oils = catalogue.load("oils")
 
     def spreads(error):
         gauge = Gauge({"12A": 11e-6}, error=error, common=0.01)
-        recovery = recover_jointly(films, recipes, pigments=oils, gauge=gauge)
+        recovery = recover_jointly(films, recipes, pigments=OILS, gauge=gauge)
         return recovery.thickness_sd / recovery.thickness
 
     sharp, rough = spreads(0.05), spreads(0.6)
@@ -63,8 +65,8 @@ def test_a_gauge_counts_for_the_films_that_it_measured():
 
 
 def test_a_stated_thickness_holds():
-    films = read_films(glazejax.samples.path()).select(["12A"])
-    blue = catalogue.load("oils")["CobaltBlue"]
+    films = FILMS.select(["12A"])
+    blue = OILS["CobaltBlue"]
     coat = CoatPrior([blue], 25e-6, spread=0.05)
     draws = posterior_of_coats(films, [coat], steps=0).draws["thickness of coat 1"]
     # The readings show 11 um: this paint is weak here.
@@ -84,8 +86,8 @@ def test_variance_of_thickness_has_its_limits():
 
 @pytest.mark.parametrize("kind", ["posterior", "laplace"])
 def test_strengths_of_paints_widen_what_the_readings_leave_open(kind):
-    films = read_films(glazejax.samples.path()).select(["05B"])
-    paints = [catalogue.load("oils")[name] for name in ("Minium", "ZincWhite")]
+    films = FILMS.select(["05B"])
+    paints = [OILS[name] for name in ("Minium", "ZincWhite")]
     posterior = posterior_of_film(films, paints, steps=0 if kind == "laplace" else 100)
     free = posterior.laplace.sample if kind == "laplace" else posterior.free
     draws = posterior.laplace_draws if kind == "laplace" else posterior.draws
@@ -109,12 +111,10 @@ def test_strengths_of_paints_widen_what_the_readings_leave_open(kind):
 
 
 def test_strengths_of_two_films_are_their_own():
-    films = read_films(glazejax.samples.path())
-    oils = catalogue.load("oils")
     names = {"12A": "CobaltBlue", "10A": "EmeraldGreen"}
     logs = []
     for film, paint in names.items():
-        posterior = posterior_of_film(films.select([film]), [oils[paint]], steps=0)
+        posterior = posterior_of_film(FILMS.select([film]), [OILS[paint]], steps=0)
         logs.append(np.log(posterior.draws["thickness"]).ravel())
         # Two looks at one posterior are alike.
         again = posterior.problem.draws(posterior.free)

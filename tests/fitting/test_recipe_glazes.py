@@ -13,7 +13,6 @@ import glazejax as gj
 from glazefit import find_recipes, lab_target, spectral_target
 from glazefit.recipe.refine import enlargements, merge_coats
 from glazefit.recipe.report import print_best, print_recipes
-from glazefit.recipe.selection import roundings
 from glazefit.recipe.task import RecipeTask, make_task
 from glazejax import colour
 
@@ -138,8 +137,3 @@ def test_coats_that_become_neighbours_of_one_paint_are_one():
     stack[0, 0], stack[1, 0], stack[2, 1] = 20.0, 25.0, 4.0
     assert_array_equal(merge_coats(stack[None], 50.0), [[[45.0, 0], [0, 4.0], [0, 0]]])
     assert_array_equal(merge_coats(stack[None], 40.0), stack[None])
-
-
-def test_six_coats_have_every_rounding():
-    sizes = np.diag([1.23, 2.34, 3.45, 4.56, 5.67, 6.78])
-    assert len(roundings(sizes, (1.0, 50.0))) == 2**6

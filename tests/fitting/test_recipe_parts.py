@@ -8,12 +8,11 @@ from numpy.testing import assert_allclose, assert_array_equal
 from rich.console import Console
 
 from glazefit import find_recipes
-from glazefit.film.colour_metric import lab_metric
 from glazefit.recipe.model import read
 from glazefit.recipe.parts import whole_parts
 from glazefit.recipe.refine import pack_coats
 from glazefit.recipe.report import describe_coat, print_best, print_recipes, write_json
-from glazefit.recipe.screen import Stacks, coats_of, screen, spread
+from glazefit.recipe.screen import Stacks, screen
 from glazefit.recipe.selection import by_effort, roundings, select
 from glazefit.recipe.targets import colourchecker_targets, lab_target, spectral_target, srgb_target
 from glazefit.recipe.task import make_task
@@ -125,17 +124,6 @@ def test_what_is_poisonous_is_marked_and_parts_stand_beside_per_cent(capsys, tmp
     assert found["cautions"] == recipe.cautions
 
 
-def test_the_metric_is_the_colour_difference_of_small_steps():
-    rng = np.random.default_rng(0)
-    labs = rng.uniform((5, -80, -80), (95, 80, 80), (50, 3))
-    labs[0] = (50, 0, 0)
-    steps = rng.normal(size=(50, 3)) * 0.05
-    metric = lab_metric(labs)
-    length = np.linalg.norm(np.einsum("nij,nj->ni", metric, steps), axis=1)
-    expected = colour.delta_e_2000(labs - steps / 2, labs + steps / 2)
-    assert_allclose(length, expected, rtol=0.02)
-
-
 def test_roundings_are_all_neighbours():
     sizes = np.array([[1.234, 0.0, 2.0], [0.0, 5.55, 0.0]])
     options = roundings(sizes, (1.0, 50.0))
@@ -144,12 +132,6 @@ def test_roundings_are_all_neighbours():
         assert np.abs(option.sum(axis=1) - sizes.sum(axis=1)).max() < 0.1
         shares = option / option.sum(axis=1, keepdims=True)
         assert_allclose(shares * 1000, np.round(shares * 1000), atol=1e-6)
-
-
-def test_roundings_keep_to_the_bounds():
-    options = roundings(np.array([[1.02]]), (1.02, 1.08))
-    assert_allclose(options, [[[1.02]]])
-    assert {round(float(o.sum()), 6) for o in roundings(np.array([[1.02]]), (1.0, 1.05))} == {1.0}
 
 
 def test_targets_of_a_screen():
@@ -197,19 +179,6 @@ def test_targets_of_a_chart():
 def test_bad_targets_are_refused(make, match):
     with pytest.raises(ValueError, match=match):
         make()
-
-
-def test_the_grid_has_every_set_within_the_bounds(task):
-    for n, count in ((1, 5 * 2), (2, 10 * 7), (3, 10 * 20)):
-        coats = coats_of(task.model, n, 0)
-        assert len(coats.paints) == count
-        assert (spread(coats.paints, coats.amounts[:, 0] > 0, 5).sum(axis=1) == n).all()
-        thickness = coats.amounts.sum(axis=2)
-        assert thickness.min() == pytest.approx(1.0)
-        assert thickness.max() == pytest.approx(50.0)
-        shares = coats.amounts / thickness[..., None]
-        assert_allclose(shares, np.broadcast_to(shares[:, :1], shares.shape))
-    assert (coats_of(task.model, 3, 1).amounts != coats_of(task.model, 3, 0).amounts).any()
 
 
 @pytest.mark.parametrize("limits", [(3, 2), (2, 2), (1, 1)])

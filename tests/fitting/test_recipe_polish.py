@@ -53,27 +53,6 @@ def task_for(spectra: np.ndarray, spectral: float = 0.0) -> RecipeTask:
     return replace(task, target_arrays=arrays)
 
 
-def test_slopes_are_those_of_the_solver():
-    """Against differences of readings that the public solver gives for mixtures and layers."""
-    sizes = stacks([{RED: 3.0, WHITE: 2.0}, {BLUE: 6.0}]).sizes
-    task = task_for(np.zeros((1, GRID.size)))
-    seen = read(task.model, sizes, task.optics)
-    assert_allclose(seen.spectrum[0], spectrum(sizes[0]), atol=2e-6)
-    assert_allclose(seen.lab[0, 0], colour.lab(GRID, seen.spectrum[0]), atol=1e-9)
-    for coat, paint in np.argwhere(sizes[0] > 0):
-        ends = []
-        for factor in (1.001, 0.999):
-            moved = sizes[0].copy()
-            moved[coat, paint] *= factor
-            ends.append(spectrum(moved))
-        expected = (ends[0] - ends[1]) / (0.002 * sizes[0, coat, paint])
-        slope = (
-            seen.by_absorption[0, coat] * task.model.absorption[paint]
-            + seen.by_scattering[0, coat] * task.model.scattering[paint]
-        )
-        assert_allclose(slope, expected, atol=2e-3 * np.abs(expected).max() + 1e-6)
-
-
 @pytest.mark.parametrize("table", [False, True])
 def test_slopes_under_two_lights_are_those_of_the_cost(table):
     """Half the cost's differences by the logs of thicknesses and free shares."""

@@ -42,20 +42,21 @@ def white(provenance="mine", size=0.05):
 
 
 KNOWN = {"White": white()}
+INSTRUMENT = Instrument()
 
 
-def painted(instrument, thickness=(1.3, 0.8), noise=Noise(), seed=1):  # noqa: B008
+def painted(thickness=(1.3, 0.8), instrument=INSTRUMENT, seed=1):
     shares = np.array([1.0, 1 / 11])[:, None, None]
     k, s = np.moveaxis(
         (shares * BLUE + (1 - shares) * PALE) * np.array(thickness)[:, None, None], 1, 0
     )
-    return simulate_films(GRID, k, s, names=NAMES, instrument=instrument, noise=noise, seed=seed)
+    return simulate_films(GRID, k, s, names=NAMES, instrument=instrument, seed=seed)
 
 
 def test_a_whole_table_reads_as_before(tmp_path):
     from glazefit import read_films
 
-    path = write_films(tmp_path / "films.csv", painted(Instrument()), scale=100.0)
+    path = write_films(tmp_path / "films.csv", painted(), scale=100.0)
     loose, strict = read_loose_films(path), read_films(path)
     assert loose.complete
     for what in ("bare_black", "bare_white", "over_black", "over_white"):
@@ -64,7 +65,7 @@ def test_a_whole_table_reads_as_before(tmp_path):
 
 
 def test_rows_that_are_not_there(tmp_path):
-    films = painted(Instrument())
+    films = painted()
     one = read_loose_films(write_films(tmp_path / "one.csv", films, ends=("w", "ow")))
     assert one.seen.tolist() == [[False, True]] * 2
     assert not one.assumed[:, 1].any()
@@ -74,8 +75,8 @@ def test_rows_that_are_not_there(tmp_path):
     bare = read_loose_films(write_films(tmp_path / "bare.csv", films, ends=("ob", "ow")))
     assert bare.assumed.all()
     assert any("the black and the white card was not measured" in note for note in bare.notes)
-    assert_array_equal(cards(bare, Instrument(), Noise())[0][0], usual_cards(GRID)[0])
-    assert_array_equal(cards(bare, Instrument(), Noise())[3], USUAL_CARD_SD[1])
+    assert_array_equal(cards(bare, INSTRUMENT, Noise())[0][0], usual_cards(GRID)[0])
+    assert_array_equal(cards(bare, INSTRUMENT, Noise())[3], USUAL_CARD_SD[1])
 
     opaque = read_loose_films(write_films(tmp_path / "opaque.csv", films, ends=("",)))
     assert opaque.opaque.all()
@@ -122,7 +123,7 @@ def test_films_are_called_by_what_is_in_them():
 
 
 def test_fine_grids_are_averaged_and_cropped_with_a_word():
-    films = painted(Instrument())
+    films = painted()
     fine = np.arange(350.0, 2501.0)
     arrays = [
         np.stack([np.interp(fine, GRID, row) for row in getattr(films, what)])
@@ -204,7 +205,7 @@ def test_film_by_film_at_45_0():
         )
 
 
-def fitted(films, instrument, **given):
+def fitted(films, instrument=INSTRUMENT, **given):
     tight = Expectations(model_floor=0.001, model_share=0.001)
     return recover_jointly(
         films, RECIPES, instrument=instrument, noise=Noise(), expectations=tight, **given
@@ -214,7 +215,7 @@ def fitted(films, instrument, **given):
 @pytest.mark.parametrize("geometry", ["d:8", "45:0"])
 def test_a_masstone_and_a_tint_with_a_known_white(geometry):
     instrument = Instrument.parse(geometry)
-    found = fitted(painted(instrument), instrument, pigments=KNOWN)
+    found = fitted(painted(instrument=instrument), instrument, pigments=KNOWN)
     assert found.known == ("White",)
     row = found.row("Blue")
     assert_allclose(found.absorption[row], BLUE[0], rtol=0.25)
@@ -223,23 +224,21 @@ def test_a_masstone_and_a_tint_with_a_known_white(geometry):
     assert_allclose(found.thickness, [1.3, 0.8], rtol=0.12)
     # A white twice as strong makes the films half as thick and the paint as strong.
     twice = Pigment("White", GRID, *(2 * PALE / UNIT), error_modes=np.full((1, 2, GRID.size), 0.05))
-    other = fitted(painted(instrument), instrument, pigments={"White": twice})
+    other = fitted(painted(instrument=instrument), instrument, pigments={"White": twice})
     assert_allclose(other.absorption[row] / found.absorption[row], 2.0, rtol=0.1)
     # Neither need be the usual one.
-    thin = fitted(painted(instrument, thickness=(0.3, 0.2)), instrument, pigments=KNOWN)
+    thin = fitted(painted((0.3, 0.2), instrument), instrument, pigments=KNOWN)
     assert_allclose(thin.thickness, [0.3, 0.2], rtol=0.15)
 
 
 def test_readings_that_are_not_there_do_not_matter():
-    instrument = Instrument()
-    films = painted(instrument)
+    films = painted()
     seen = np.array([[True, True], [False, True]])
     first, second = (
         fitted(
             dataclasses.replace(
                 films, seen=seen, over_black=np.where(seen[:, :1], films.over_white, lost)
             ),
-            instrument,
             pigments=KNOWN,
         )
         for lost in (films.over_white, 0.9)
@@ -249,10 +248,9 @@ def test_readings_that_are_not_there_do_not_matter():
 
 
 def test_opaque_films_tell_k_over_s():
-    instrument = Instrument()
-    films = painted(instrument, thickness=(60.0, 60.0))
+    films = painted((60.0, 60.0))
     hidden = dataclasses.replace(films, opaque=np.ones(2, bool), bare_white=films.bare_white * 0.5)
-    found = fitted(hidden, instrument, pigments=KNOWN)
+    found = fitted(hidden, pigments=KNOWN)
     ratio = found.absorption[0] / found.scattering[0]
     assert_allclose(ratio, BLUE[0] / BLUE[1], rtol=0.15)
     # As thick as films go, whatever thickness is expected.
@@ -261,13 +259,12 @@ def test_opaque_films_tell_k_over_s():
 
 
 def test_a_gauge_sets_the_scale():
-    instrument = Instrument()
-    films = painted(instrument)
+    films = painted()
     gauge = Gauge({"Blue": 130e-6, "Blue 1:10 White": 80e-6})
-    found = fitted(films, instrument, gauge=gauge, unit=100e-6)
+    found = fitted(films, gauge=gauge, unit=100e-6)
     assert found.pigment("Blue", 100e-6).absorption == pytest.approx(BLUE[0] / 100e-6, rel=0.25)
     # k and s share the gauge's error.
-    wrong = fitted(films, instrument, gauge=Gauge(gauge.thickness, common=0.5), unit=100e-6)
+    wrong = fitted(films, gauge=Gauge(gauge.thickness, common=0.5), unit=100e-6)
     assert np.median(wrong.log_sd[:, 0]) > max(0.45, 2 * np.median(found.log_sd[:, 0]))
     expected = Expectations(thickness=0.3)
     constraints = gather_constraints(films, ("Blue", "White"), {}, gauge, 100e-6, expected)
@@ -291,13 +288,12 @@ def test_a_gauge_sets_the_scale():
 
 def test_a_card_that_was_not_measured_is_fitted():
     """A usual card is assumed; the one below the films was darker, and the fit finds how much."""
-    instrument = Instrument()
-    films = painted(instrument)
+    films = painted()
     black, pale = usual_cards(GRID)
     brighter = pale * 1.5 / (1 - pale + pale * 1.5)
     bare = {"bare_black": np.tile(black, (2, 1)), "bare_white": np.tile(brighter, (2, 1))}
     assumed = dataclasses.replace(films, **bare, assumed=np.ones((2, 2), bool))
-    found = fitted(assumed, instrument, pigments={"White": white(size=0.01)})
+    found = fitted(assumed, pigments={"White": white(size=0.01)})
     level = found.unknowns.others[-2] * 0.5
     assert level == pytest.approx(-np.log(1.5), abs=0.25)
     assert found.rmse.max() < 0.004
@@ -313,9 +309,8 @@ def test_error_modes_of_a_pigment_without_them_have_its_size():
 
 
 def test_entries_keep_what_is_there_and_share_the_errors_of_the_white(tmp_path):
-    instrument = Instrument()
     path = tmp_path / "mine.csv"
-    found = fitted(painted(instrument), instrument, pigments=KNOWN)
+    found = fitted(painted(), pigments=KNOWN)
     assert repr(found) == "JointRecovery(Blue from 2 films, known: White)"
     assert add_paints(found, path) == ("Blue", "White")
     mine = catalogue.read(path)
@@ -333,7 +328,7 @@ def test_entries_keep_what_is_there_and_share_the_errors_of_the_white(tmp_path):
 
     # Another paint goes beside them; their lines stay, with nought in the columns that are new.
     before = path.read_text().splitlines()
-    films = dataclasses.replace(painted(instrument, seed=5), names=("Sky", "Sky 1:10 White"))
+    films = dataclasses.replace(painted(seed=5), names=("Sky", "Sky 1:10 White"))
     recipes = recipes_from_names(films.names, {})
     sky = recover_jointly(films, recipes, noise=Noise(), pigments={"White": mine["White"]})
     assert add_paints(sky, path) == ("Sky",)
@@ -378,8 +373,7 @@ def test_entries_keep_what_is_there_and_share_the_errors_of_the_white(tmp_path):
 
 @pytest.mark.slow
 def test_a_tint_teaches_most_where_there_is_none():
-    instrument = Instrument()
-    films = painted(instrument, thickness=(20.0, 1.0)).take([0])
+    films = painted((20.0, 1.0)).take([0])
     alone = recover_jointly(films, RECIPES, noise=Noise())
     found = rank_next_films(alone, "Blue", white=white())
     assert "tint of Blue with White" in found.films[0].film
@@ -387,7 +381,7 @@ def test_a_tint_teaches_most_where_there_is_none():
     assert [further.expected for further in found.films] == sorted(
         further.expected for further in found.films
     )
-    both = fitted(painted(instrument), instrument, pigments=KNOWN)
+    both = fitted(painted(), pigments=KNOWN)
     after = rank_next_films(both, "Blue")
     assert after.now < found.now
     assert not any("1:10" in further.film for further in after.films)

@@ -30,6 +30,7 @@ from glazefit.recover.predict.next_reading import rank_next_readings
 from glazefit.recover.predict_command import read_mixture, read_recipe
 from glazejax import Instrument, Pigment, catalogue, colour
 
+from .palette import optical_depths
 from .tables import write_films
 
 BETWEEN_FILMS = ModelError()
@@ -53,16 +54,13 @@ def painted(paints, recipe, strength, thickness, names=None, noise=None):
         name: weight * (strength if name == first else 1.0) for name, weight in recipe.items()
     }
     total = sum(recipe.values())
-    k, s = (
-        sum(w / total * np.asarray(getattr(paints[n], what)) for n, w in counted.items())
-        for what in ("absorption", "scattering")
-    )
-    d = np.asarray(thickness)[:, None]
+    amounts = np.outer(thickness, [*counted.values()]) / total
+    k, s = optical_depths([paints[name] for name in counted], amounts)
     return simulate_films(
         GRID,
-        k * d,
-        s * d,
-        names=names or [f"f{i}" for i in range(len(d))],
+        k,
+        s,
+        names=names or [f"f{i}" for i in range(len(k))],
         noise=noise or Noise(1e-5, 0),
     )
 
@@ -143,21 +141,6 @@ def test_paint_whose_films_are_far_off_is_probably_unsteady():
     # A film that says nothing leaves what was expected.
     silent = SizeEvidence(frozenset({"new"}), np.zeros(len(SIZES)))
     assert learn([silent]).unsteady["new"] == pytest.approx(UNSTEADY)
-
-
-def test_likelihood_is_that_of_a_gaussian():
-    rng = np.random.default_rng(5)
-    known, own, off = (0.02 * rng.standard_normal((50, 2, 3)) for _ in range(3))
-    found = log_likelihood(off[0], known, own, np.array([400.0, 500.0, 600.0]))
-    from scipy.stats import multivariate_normal
-
-    for place, size in enumerate(SIZES):
-        covariance = np.einsum("di,dj->ij", known.reshape(50, 6), known.reshape(50, 6)) / 50
-        covariance += size**2 * np.einsum("di,dj->ij", own.reshape(50, 6), own.reshape(50, 6)) / 50
-        exact = multivariate_normal(np.zeros(6), covariance + 0.003**2 * np.eye(6)).logpdf(
-            off[0].ravel()
-        )
-        assert found[place] - exact == pytest.approx(3 * np.log(2 * np.pi))
 
 
 def test_modes_of_a_mixture_are_slopes_of_its_logs(paints):

@@ -44,20 +44,24 @@ def test_varnish_comes_off_again():
     assert lost[0] < 0.5 * lost[-1]
 
 
+def read_as(reading, noise):
+    """A film over white, with the surface."""
+    whole = np.broadcast_to(reading, (1, 1, GRID.size))
+    return Measured(
+        names=("film",),
+        wavelengths=GRID,
+        readings=whole,
+        grounds=np.full_like(whole, WHITE),
+        noise_sd=np.full_like(whole, noise),
+        doubt=np.empty((1, 0, 1, GRID.size)),
+    )
+
+
 @pytest.mark.parametrize("reading", [0.0, 0.039, 0.95])
 def test_a_film_that_no_paint_under_a_varnish_reads_is_finite(reading):
     """Brighter in the blue than any paint under the varnish is not possible; darker may be noise."""
     response, surface = film_response(Hemispherical()), 0.04
-    whole = np.full((1, 1, GRID.size), reading)
-    film = Measured(
-        names=("film",),
-        wavelengths=GRID,
-        readings=whole,
-        grounds=np.full_like(whole, 0.9),
-        noise_sd=np.full_like(whole, 1e-4),
-        doubt=np.empty((1, 0, 1, GRID.size)),
-    )
-    found, change = remove_varnish(film, response, surface, "yellowed")
+    found, change = remove_varnish(read_as(reading, 1e-4), response, surface, "yellowed")
     for values in (found.readings, found.noise_sd, found.doubt):
         assert np.isfinite(values).all()
     assert (found.noise_sd > 0).all()
@@ -73,12 +77,7 @@ def test_a_film_taken_from_under_a_varnish_keeps_what_is_not_known():
     spreads = {}
     for name, (level, _) in AMOUNTS.items():
         read = under_varnish(response, body, level * yellow(GRID))
-        whole = np.array([[read + surface]])
-        empty = np.empty((1, 0, 1, GRID.size))
-        film = Measured(
-            ("film",), GRID, whole, np.full_like(whole, 0.9), np.full_like(whole, noise), empty
-        )
-        found, change = remove_varnish(film, response, surface, name)
+        found, change = remove_varnish(read_as(read + surface, noise), response, surface, name)
         assert_allclose(found.readings[0, 0], body + surface, atol=1e-9)
 
         def off(change, depth, read=read):

@@ -40,17 +40,23 @@ def cube(paints):
     return small.image(np.array(strokes)[:, None] * level, GRID)
 
 
-def test_a_map_by_families_says_what_identify_says(cube, paints, tmp_path):
+KNOWN = {"instrument": "45:0", "painted": 1900, "elements": ("Cu",)}
+
+
+@pytest.fixture(scope="module")
+def made(cube, paints, tmp_path_factory):
+    """A map, what it said on the way, and where it lies."""
     identify_pigments._SEARCHES.clear()
     said: list[tuple[int, int | None, str]] = []
+    out = tmp_path_factory.mktemp("map") / "map.zarr"
     found = map_cube(
-        cube,
-        paints,
-        opaque=True,
-        out=tmp_path / "map.zarr",
-        instrument="45:0",
-        progress=lambda *n: said.append(n),
+        cube, paints, opaque=True, out=out, progress=lambda *n: said.append(n), **KNOWN
     )
+    return found, said, out
+
+
+def test_a_map_by_families_says_what_identify_says(cube, paints, made):
+    found, said, _ = made
     # The bar moves while the search is set up, which takes longer than all else.
     assert list(dict.fromkeys(stage for *_, stage in said)) == [
         "reading",
@@ -62,9 +68,7 @@ def test_a_map_by_families_says_what_identify_says(cube, paints, tmp_path):
         "mapping",
     ]
     assert len({done for done, _, stage in said if stage == "trying families"}) > 2
-    single = identify(
-        GRID, cube.to_numpy().reshape(-1, GRID.size), paints, opaque=True, instrument="45:0"
-    )
+    single = identify(GRID, cube.to_numpy().reshape(-1, GRID.size), paints, opaque=True, **KNOWN)
     labels = set_labels(found).to_numpy().ravel()
     expected = [" + ".join(single.families(row)[0][0]) for row in range(len(single))]
     assert labels.tolist() == expected
@@ -85,14 +89,13 @@ def test_a_map_by_families_says_what_identify_says(cube, paints, tmp_path):
     assert found.attrs["agreement"]["first"] == 1.0
 
 
-def test_a_report_says_what_the_sets_are(cube, paints, tmp_path):
+def test_a_report_says_what_the_sets_are(paints, made, tmp_path):
     """Their families with the nearest exemplars, and what is unexplained as references."""
-    known = {"instrument": "45:0", "painted": 1900, "elements": ("Cu",)}
-    found = map_cube(cube, paints, opaque=True, out=tmp_path / "map.zarr", **known)
-    store = MapStore(tmp_path / "map.zarr")
+    found, _, out = made
+    store = MapStore(out)
     assert store.options["elements"] == [["Cu"], []]
     _, sets = store.sums()
-    asked = IdentificationOptions(**known)
+    asked = IdentificationOptions(**KNOWN)
     facts = describe_sets(found, sets, list(paints.values()), asked, store.options["ground"])
     assert set(facts) == set(shown_sets({members: one.pixels for members, one in sets.items()}))
     names = found["paint"].to_numpy()
@@ -106,12 +109,13 @@ def test_a_report_says_what_the_sets_are(cube, paints, tmp_path):
     }
     assert late == {"azurite"}
     reading = sets[next(iter(facts))].spectrum / sets[next(iter(facts))].pixels
-    found.attrs["spots"] = [
-        {"name": "Spot1", "reading": reading},
-        {"name": "Spot2", "reading": reading[::-1]},
-    ]
+    spots = [{"name": "Spot1", "reading": reading}, {"name": "Spot2", "reading": reading[::-1]}]
     (file,) = write_spots(
-        tmp_path, found, GRID, list(paints.values()), instrument=resolve_instrument("45:0")
+        tmp_path,
+        found.assign_attrs(spots=spots),
+        GRID,
+        list(paints.values()),
+        instrument=resolve_instrument("45:0"),
     )
     file.write_text(file.read_text().replace("Spot1,,", "Spot1,PB29,"))
     read = read_references(file, "45:0")

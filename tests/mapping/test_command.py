@@ -216,6 +216,7 @@ def test_a_map_its_report_its_table_and_its_exports_are_written(
     tmp_path, monkeypatch, cube, mapped
 ):
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("glazefit.mapping.show.page.write_pictures", lambda *_, **__: [])
     files = ["--report", "page", "--csv", "sets.csv", "--export", "map.nc", "--out", "panel.zarr"]
     subject = ["--object", "Panel", "--inventory", "A-1", "--operator", "N.N."]
     done = run(cube, "--ground", "0.9", *OILS, "--only", "ZincWhite,Eosin", *files, *subject)

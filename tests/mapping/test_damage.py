@@ -11,7 +11,7 @@ import pytest
 
 from glazefit.mapping.store.chunk import ChunkMaps
 from glazefit.mapping.store.export import export_map
-from glazefit.mapping.store.layout import VARIABLES
+from glazefit.mapping.store.layout import VARIABLES, Status
 from glazefit.mapping.store.run import run_chunks
 from glazefit.mapping.store.store import DamagedWindow, MapStore, open_map
 from glazefit.mapping.store.windows import Window
@@ -103,7 +103,12 @@ def test_a_window_whose_sums_are_damaged_is_mapped_again(path, undisturbed, dama
 def test_a_status_that_is_missing_in_a_complete_map_is_damage(path, undisturbed):  # noqa: F811
     """Elsewhere a window without status is one that is not finished."""
     (path / "status" / "c" / "1" / "1").unlink()
-    assert (open_map(path).status[WINDOW.slices].values == 0).all()
+    dataset = open_map(path)
+    assert (dataset.status[WINDOW.slices] == Status.UNDONE).all()
+    assert np.isnan(dataset.paint_probability[WINDOW.slices].values).all()
+    # A region that crosses it, too.
+    assert np.unique(dataset.status[: WINDOW.y1].values).tolist() == [Status.UNDONE, Status.MAPPED]
+    assert set(MapStore(path).windows()) - MapStore(path).done() == {WINDOW}
     MapStore(path).note(complete=True)
     with pytest.raises(ValueError, match=r"is damaged \(status/c/1/1 is missing\)"):
         read_all(path)

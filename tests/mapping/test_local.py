@@ -133,21 +133,6 @@ def test_spectra_between_representatives_are_answered_as_searched(problem):
     assert np.median(np.abs(off)) < 0.0035
 
 
-@pytest.mark.slow
-def test_what_is_kept_comes_back(problem):
-    arrays = problem.known.arrays()
-    halves = 2 * [
-        search_locally(problem.searcher, problem.readings, problem.sd, problem.ground).arrays()
-    ]
-    both = Searched.joined(2, lambda n, name: halves[n][name])
-    count = len(problem.readings)
-    assert both.candidates[count].start == both.candidates[count - 1].stop == both.kept.sum() // 2
-    for name, values in both.arrays().items():
-        half = len(values) // 2
-        assert_allclose(values[:half], arrays[name], rtol=1e-5, atol=1e-6)
-        assert_array_equal(values[half:], halves[1][name])
-
-
 def test_colours_differ_as_the_metric_says():
     rng = np.random.default_rng(3)
     grid = np.arange(400.0, 701.0, 10.0)
