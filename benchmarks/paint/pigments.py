@@ -60,7 +60,7 @@ class Exemplar:
     source: str
     binder: str
     paint: str
-    separated_by: str
+    told_by: str
     wavelengths: Float[np.ndarray, "bands"]
     absorption: Float[np.ndarray, "bands"]
     scattering: Float[np.ndarray, "bands"]
@@ -157,7 +157,7 @@ def exemplar(
     *,
     mark: str = "",
     binder: str = "",
-    separated_by: str = "",
+    told_by: str = "",
 ) -> Exemplar:
     """A paint of a recovery in the catalogue's unit of length.
 
@@ -167,7 +167,7 @@ def exemplar(
         source, code: of the paint.
         mark: what distinguishes it from others of its family and source; by default its code.
         binder: in words.
-        separated_by: what separated k from s; empty where nothing did.
+        told_by: what separated k from s; empty where nothing did.
     """
     family = source.paints[code].family
     off = recovery.fitted_white - recovery.films.over_white
@@ -178,11 +178,11 @@ def exemplar(
         source=source.group,
         binder=binder,
         paint=source.paints[code].name,
-        separated_by=separated_by,
+        told_by=told_by,
         wavelengths=np.asarray(recovery.wavelengths),
         absorption=np.asarray(recovery.absorption[row]) / UNIT,
         scattering=np.asarray(recovery.scattering[row]) / UNIT,
-        log_sd=recovery.relative_log_sd[:, row] + (0.0 if separated_by else np.inf),
+        log_sd=recovery.relative_log_sd[:, row] + (0.0 if told_by else np.inf),
         rms=float(np.sqrt(np.mean(off[own] ** 2))),
     )
 
@@ -214,8 +214,8 @@ def _chart(source: Source, every: int) -> Iterator[Exemplar]:
             expectations=_LADDER,
         )
         number = sample.name.split()[0].removesuffix("-1")
-        separated_by = "four thicknesses over white"
-        yield exemplar(recovery, 0, source, code, mark=number, separated_by=separated_by)
+        told_by = "four thicknesses over white"
+        yield exemplar(recovery, 0, source, code, mark=number, told_by=told_by)
 
 
 def _on_paper(source: Source, binder: str, control: str) -> Iterator[Exemplar]:
@@ -254,7 +254,7 @@ def _on_paper(source: Source, binder: str, control: str) -> Iterator[Exemplar]:
             code,
             mark=f"{word}-{code}",
             binder=binder.lower(),
-            separated_by="a coat over paper, and mixtures",
+            told_by="a coat over paper, and mixtures",
         )
 
 
@@ -280,7 +280,7 @@ def _opaque_mixtures(source: Source) -> list[Exemplar]:
     recovery = fit(list(recipes), grid, np.array(readings), recipes)
     binder = "oil" if source.group == "grillini" else ""
     return [
-        exemplar(recovery, number, source, code, binder=binder, separated_by="mixtures")
+        exemplar(recovery, number, source, code, binder=binder, told_by="mixtures")
         for number, code in enumerate(recovery.paints)
         if any(codes == (code,) for codes, _ in by_recipe)
     ]
@@ -320,8 +320,8 @@ def _thin_and_thick(source: Source) -> Iterator[Exemplar]:
             bare=bare,
             expectations=_LADDER,
         )
-        separated_by = "a thin and a thick coat over gypsum" if len(rows) > 1 else ""
-        yield exemplar(recovery, 0, source, code, separated_by=separated_by)
+        told_by = "a thin and a thick coat over gypsum" if len(rows) > 1 else ""
+        yield exemplar(recovery, 0, source, code, told_by=told_by)
 
 
 # ---- all sources ---------------------------------------------------------------------------------
@@ -368,7 +368,7 @@ def with_usual_scattering(exemplars: Sequence[Exemplar]) -> list[Exemplar]:
                 absorption=found.absorption / found.scattering * scattering,
                 scattering=scattering,
                 log_sd=np.stack([spread, spread]),
-                separated_by="k/s alone; s is that of "
+                told_by="k/s alone; s is that of "
                 + (f"{len(own)} other paints of its family" if own else "other families"),
             )
         )
@@ -383,7 +383,7 @@ def lines_of(exemplars: Sequence[Exemplar]) -> list[str]:
         rms = [found.rms for found in own]
         lines.append(
             f"{source:<14}{len(own):>9}{len({found.family for found in own}):>10}"
-            f"{sum(not found.separated_by.startswith('k/s') for found in own):>15}"
+            f"{sum(not found.told_by.startswith('k/s') for found in own):>15}"
             f"{np.median(rms):>25.4f}{max(rms):>10.4f}"
         )
     lines.append(f"{'all':<14}{len(exemplars):>9}{len({found.family for found in exemplars}):>10}")
@@ -423,7 +423,7 @@ def write_tables(folder: Path, exemplars: Sequence[Exemplar]) -> None:
                 "paint",
                 "first_nm",
                 "last_nm",
-                "separated_by",
+                "told_by",
             ]
         )
         for found in ordered:
@@ -436,7 +436,7 @@ def write_tables(folder: Path, exemplars: Sequence[Exemplar]) -> None:
                     found.paint,
                     f"{found.wavelengths[0]:g}",
                     f"{found.wavelengths[-1]:g}",
-                    found.separated_by,
+                    found.told_by,
                 ]
             )
 

@@ -29,7 +29,8 @@ def palette() -> list[Pigment]:
     ]
 
 
-def optical_depths(paints: Sequence[Pigment], amounts: ArrayLike) -> np.ndarray:
-    """k d and s d of films, (2, films, bands), by the amount of each paint in m, (films, paints)."""
+def optical_depths(paints: Sequence[Pigment], amounts: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+    """k d and s d of films, each (films, bands), by the amount of each paint in m, (films, paints)."""
     known = np.array([[paint.absorption, paint.scattering] for paint in paints])
-    return np.einsum("...p,pcb->c...b", amounts, known)
+    absorption, scattering = np.einsum("...p,pcb->c...b", np.asarray(amounts), known)
+    return absorption, scattering

@@ -3,6 +3,7 @@
 import os
 import signal
 from dataclasses import dataclass, replace
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -189,23 +190,27 @@ SAMPLERS = pytest.mark.parametrize(
 
 
 @SAMPLERS
-def test_resumed_chain_equals_the_uninterrupted_one_and_files_are_guarded(tmp_path, short):
+def test_resumed_chain_equals_the_uninterrupted_one_and_files_are_guarded(
+    tmp_path, short: dict[str, Any]
+):
     path = tmp_path / "c.h5"
 
-    def draw(steps=60, seed=0, **options):
-        return posterior_of_bands(film(seed), steps=steps, **{**short, "thin": 2, **options}).chain
+    def draw(steps=60, seed=0, **options: Any):
+        asked: dict[str, Any] = {**short, "thin": 2, **options}
+        return posterior_of_bands(film(seed), steps=steps, **asked).chain
 
     whole = draw()
     draw(24, path=path)
     with pytest.raises(FileExistsError, match="a chain already"):
         draw(24, path=path)
     other = {"hmc": "emcee", "emcee": "hmc"}[short["sampler"]]
-    for changed, words in (
+    changes: tuple[tuple[dict[str, Any], str], ...] = (
         ({"seed": 9}, "another problem"),
         ({"thin": 3}, r"has 16 walkers and keeps every 2\. step, not 16 and 3"),
         ({"walkers": 14}, r"has 16 walkers and keeps every 2\. step, not 14 and 2"),
         ({"sampler": other}, f"no chain of {other}"),
-    ):
+    )
+    for changed, words in changes:
         with pytest.raises(ValueError, match=words):
             draw(path=path, resume=True, **changed)
     rest = draw(path=path, resume=True)
@@ -222,7 +227,7 @@ def test_resumed_chain_equals_the_uninterrupted_one_and_files_are_guarded(tmp_pa
 
 
 @SAMPLERS
-def test_interrupt_keeps_what_is_done(tmp_path, short):
+def test_interrupt_keeps_what_is_done(tmp_path, short: dict[str, Any]):
     def stop(done, total, words, /):
         if words == "sampling" and done == 50:
             os.kill(os.getpid(), signal.SIGINT)

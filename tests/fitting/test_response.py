@@ -71,7 +71,7 @@ def test_slopes_equal_finite_differences_of_the_solver(table):
     _, *slopes = table.body_and_slopes(*films, ground)
     for which, slope in enumerate(slopes):
         step = 1e-3 * films * (np.arange(2)[:, None] == which)
-        up, down = (solved(*moved, ground, 1e-9) for moved in (films + step, films - step))
+        up, down = (solved(k, s, ground, 1e-9) for k, s in (films + step, films - step))
         assert_allclose(slope, (up - down) / (2 * step[which]), rtol=2e-3, atol=1e-5)
 
 
