@@ -13,7 +13,7 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from importlib.util import resolve_name
 from pathlib import Path
 
@@ -133,26 +133,26 @@ def arrows() -> dict[str, frozenset[str]]:
     return {room: frozenset(others & rooms.keys() - {room}) for room, others in rooms.items()}
 
 
+def _reached(start: str, following: Callable[[str], Iterable[str]]) -> frozenset[str]:
+    """What a walk comes to, its start too, also where it comes to a place again."""
+    reached = {start}
+    while more := {other for each in reached for other in following(each)} - reached:
+        reached |= more
+    return frozenset(reached)
+
+
 @functools.cache
 def beneath(room: str) -> frozenset[str]:
     """Rooms that a room stands on, itself or by others."""
-    reached = {room}
-    while more := {other for each in reached for other in arrows()[each]} - reached:
-        reached |= more
-    return frozenset(reached)
+    return _reached(room, lambda each: arrows()[each])
 
 
 @functools.cache
 def used(test: str) -> frozenset[str]:
-    """A test's module, and what it and the helpers beside it import."""
-    reached = {test}
-    # Helpers may name each other or themselves, in a program for another Python say.
-    while (
-        more := {other for each in reached if each.startswith("tests.") for other in imports(each)}
-        - reached
-    ):
-        reached |= more
-    return frozenset(reached)
+    """A test's module, and what it and its helpers import. A helper may name itself, in a program
+    for another Python say.
+    """
+    return _reached(test, lambda each: imports(each) if each.startswith("tests.") else ())
 
 
 def rooms_of(test: str) -> set[str]:
