@@ -230,18 +230,21 @@ class Identification(Tabulated):
         return self.amounts / np.where(total == 0, np.nan, total)
 
     @cached_property
-    def _log_sd(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def log_sd(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Standard deviations of the logs of amounts, of fractions and of the thickness of all
+        candidates (`log_sds`).
+        """
         return log_sds(self.members, self.fractions, self.log_covariance, self.spread)
 
     @cached_property
     def amounts_90(self) -> Float[np.ndarray, "spectra candidates 3 2"]:
         """90 % intervals of the amounts if the film is of these paints, m: log-normal."""
-        return self.amounts[..., None] * np.exp(self._log_sd[0][..., None] * NINETY)
+        return self.amounts[..., None] * np.exp(self.log_sd[0][..., None] * NINETY)
 
     @cached_property
     def thickness_90(self) -> Float[np.ndarray, "spectra candidates 2"]:
         """90 % intervals of the thickness if the film is of these paints, m: log-normal."""
-        return self.amounts.sum(axis=-1)[..., None] * np.exp(self._log_sd[2][..., None] * NINETY)
+        return self.amounts.sum(axis=-1)[..., None] * np.exp(self.log_sd[2][..., None] * NINETY)
 
     @cached_property
     def fractions_90(self) -> Float[np.ndarray, "spectra candidates 3 2"]:
@@ -252,7 +255,7 @@ class Identification(Tabulated):
         interior = (share > 0) & (share < 1)
         safe = np.where(interior, share, 0.5)
         # d log odds = d log f / (1 - f).
-        spread = np.where(interior, self._log_sd[1], 0.0)
+        spread = np.where(interior, self.log_sd[1], 0.0)
         half_width = (spread / (1.0 - safe))[..., None] * NINETY
         log_odds = np.log(safe / (1.0 - safe))[..., None] + half_width
         ends = np.exp(-np.logaddexp(0.0, -log_odds))
@@ -327,8 +330,8 @@ class Identification(Tabulated):
             order = present[np.lexsort((-fractions[row, n, present], self.coats[row, n, present]))]
             share = fractions[row, n]
             total = float(self.amounts[row, n].sum())
-            spread = self._log_sd[1][row, n] * share
-            thickness_sd = total * float(self._log_sd[2][row, n])
+            spread = self.log_sd[1][row, n] * share
+            thickness_sd = total * float(self.log_sd[2][row, n])
             # The ground of a film that hides it says nothing on lengths.
             length = np.nan if hidden else 1.0
             out.append(

@@ -6,8 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from ...identify.result import Identification, log_sds
-from ...identify.search.pool import NOBODY
+from ...identify.result import Identification
 from .by_family import FamilySearcher
 from .local import as_measured
 from .task import MapTask
@@ -55,7 +54,13 @@ def agreement(
     else:
         measured = as_measured(searcher, readings, task.image.noise_sd(readings), task.ground)
         batches = [
-            Identification.of(*batch, paints=searcher.paints, opaque=searcher.opaque, keep=3)
+            Identification.of(
+                *batch,
+                paints=searcher.paints,
+                opaque=searcher.opaque,
+                keep=3,
+                spread=task.prior.spread,
+            )
             for batch in searcher.search(measured)
         ]
         searched = Identification.join(batches)
@@ -65,12 +70,9 @@ def agreement(
     shifts = np.full(1, np.nan)
     rows = np.flatnonzero(same & np.isfinite(mapped["thickness"]))
     if isinstance(searched, Identification) and rows.size:
-        fractions = np.where(members[rows] != NOBODY, searched.fractions[rows, 0], 0.0)
-        _, _, spread = log_sds(
-            members[rows], fractions, searched.log_covariance[rows, 0], task.prior.spread
-        )
+        _, _, thickness_sd = searched.log_sd
         thickness = searched.amounts[rows, 0].sum(axis=1)
-        shifts = np.log(mapped["thickness"][rows] / thickness) / spread
+        shifts = np.log(mapped["thickness"][rows] / thickness) / thickness_sd[rows, 0]
     differences = np.abs(mapped["paint_probability"] - searched.paint_probability).max(axis=1)
     probability, probability_90 = np.quantile(differences, [0.5, 0.9])
     amount, amount_90 = np.quantile(np.abs(shifts), [0.5, 0.9])
