@@ -3,8 +3,8 @@ source's readings.
 
     python -m benchmarks.paint.pigments [--out FOLDER] [--tables FOLDER]
 
-Writes `exemplars.csv` (k and s in 1/m) and `exemplars.tsv` (family, source, binder, how k was separated
-from s) of the catalogue, and a table of how closely each source's readings are met. What separates k
+Writes `exemplars.csv` (k and s in 1/m) and `exemplars.tsv` (family, source, binder, how k was
+separated from s) of the catalogue, and a table of how closely each source's readings are met. What separates k
 from s: tints with a white, a coat over a ground that is seen through it, or coats of several
 thicknesses. Where nothing does, only k/s is known: s is then that of the paint's family, or of all
 families, with its spread as the error. Each source has a unit of length of its own; they are
@@ -376,7 +376,7 @@ def with_usual_scattering(exemplars: Sequence[Exemplar]) -> list[Exemplar]:
 
 
 def lines_of(exemplars: Sequence[Exemplar]) -> list[str]:
-    """How closely readings are met, source by source, and of how many paints k is separated from s."""
+    """How closely readings are met, source by source, and how many paints have k separated from s."""
     lines = ["source        exemplars  families  k and s known  rms of readings: median     worst"]
     for source in dict.fromkeys(found.source for found in exemplars):
         own = [found for found in exemplars if found.source == source]
@@ -415,16 +415,7 @@ def write_tables(folder: Path, exemplars: Sequence[Exemplar]) -> None:
     with (folder / "exemplars.tsv").open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, delimiter="\t", lineterminator="\n")
         writer.writerow(
-            [
-                "exemplar",
-                "family",
-                "source",
-                "binder",
-                "paint",
-                "first_nm",
-                "last_nm",
-                "told_by",
-            ]
+            ["exemplar", "family", "source", "binder", "paint", "first_nm", "last_nm", "told_by"]
         )
         for found in ordered:
             writer.writerow(

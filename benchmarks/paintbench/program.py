@@ -55,7 +55,7 @@ class FamilyCatalogue:
         references: str = "",
         own_paints: str = "",
     ):
-        """For an instrument; with or without a statement of which elements each sample's pigment holds, and with or
+        """For an instrument; with or without the elements that each sample's pigment holds, with or
         without the samples of a group as reference paints, or with the exemplars of a group instead
         of all others of their families.
         """

@@ -26,7 +26,7 @@ Results = dict[str, dict[str, dict[str, Scores]]]
 """task -> source -> method -> scores."""
 
 LARGEST_GROUP = 4
-"""Families that an answer may name together where spectra do not separate them, and still be right."""
+"""Families that an answer may name together, where spectra do not separate them, to be right."""
 BINS = 10
 """Of stated probabilities."""
 LEAST_BANDS = 10
@@ -329,10 +329,10 @@ def run_references(
             answers: list[Answer] = []
             asked: list[Table] = []
             for one in makers:
-                is_sought = own & (maker == one)
-                library = table.take(~is_sought)
+                is_chosen = own & (maker == one)
+                library = table.take(~is_chosen)
                 has_family = np.isin(table.families, known_families(library))
-                unnamed = _blank(table.take(is_sought & has_family).within(bands), bands)
+                unnamed = _blank(table.take(is_chosen & has_family).within(bands), bands)
                 learner = _whole_grid(namer, library, bands)
                 answers += learner.answer(unnamed, [None] * len(unnamed), pairs=False)
                 asked.append(unnamed)

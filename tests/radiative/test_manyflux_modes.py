@@ -14,10 +14,7 @@ from scipy.special import factorial, lpmv
 from glazejax.radiative.common.linalg import inverse, inverse_symmetric
 from glazejax.radiative.common.phase import henyey_greenstein
 from glazejax.radiative.manyflux.bordered import Bordered, Diagonal
-from glazejax.radiative.manyflux.directions import (
-    NodeSpread,
-    spread_directions,
-)
+from glazejax.radiative.manyflux.directions import NodeSpread, spread_directions
 from glazejax.radiative.manyflux.doubling import doublings, layer_by_doubling
 from glazejax.radiative.manyflux.eigenmodes import layer_by_modes, layer_modes
 from glazejax.radiative.manyflux.jacobi import symmetric_eigen

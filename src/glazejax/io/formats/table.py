@@ -417,8 +417,8 @@ def _choose_columns(cells: _Cells) -> tuple[list[int], list[int]]:
 def _reflectances(cells: _Cells, columns: list[int]) -> tuple[list[int], str]:
     """Columns of reflectance of those of a table, and the title that says what they are.
 
-    With reflectance nothing else is read. Where there is none, what says nothing is; else all
-    that is of another quantity, which is refused unless the user says that it is reflectance.
+    Where there is reflectance nothing else is read. Where there is none, what says nothing is; else
+    all that is of another quantity, which is refused unless the user says that it is reflectance.
     """
     words = [re.split(r"[\[(]", title)[0].strip().lower() for title in cells.header]
     if set(words) >= set(_LETTERS):
