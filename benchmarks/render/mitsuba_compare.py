@@ -24,7 +24,7 @@ from benchmarks.results import Results, command_line, quantities
 from benchmarks.timing import time_call
 from glazejax.appearance.metals import metal
 from glazejax.appearance.mitsuba.variants import usable_variant
-from glazejax.appearance.scene.draw.intersect import scene_geometry
+from glazejax.appearance.scene.draw.intersect import make_geometry
 from glazejax.appearance.scene.draw.rays import lamps, trace
 from glazejax.appearance.scene.draw.render import render
 from glazejax.appearance.scene.lights import ParallelLight, PointLight
@@ -141,7 +141,7 @@ def on_objects(case: Case) -> np.ndarray:
     pixels = np.arange(scene.width * scene.height)
     rays = scene.rays(pixels % scene.width + 0.5, pixels // scene.width + 0.5)
     level = trace(
-        scene_geometry(scene),
+        make_geometry(scene.shapes, scene.materials),
         lamps(scene.lights),
         *rays,
         reflects=lambda number, cosines: 0 * cosines,

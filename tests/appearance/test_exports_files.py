@@ -244,7 +244,7 @@ MAP = np.full((2, 2), 3e-6)
             r"maps differ in shape: thickness \(2, 2\), ground \(3, 2\)",
         ),
         ({"thickness": MAP, "layer": 2}, "layer is 2, but the glaze has 2 coats"),
-        ({"fraction": MAP}, "a map of fractions needs a coat of two paints"),
+        ({"fraction": MAP}, "fraction is the share of the second paint of coat 0"),
         ({"ground": MAP, "pixel": 1e-5}, "height and normals are those of a thickness map"),
         ({"thickness": MAP, "pixel": 50.0}, "pixel is 50.0; it is a pixel's width in metres"),
         ({"thickness": MAP, "kind": "jpg"}, "kind is 'jpg'; choose png or exr"),

@@ -277,7 +277,7 @@ def test_alike_glazes_share_a_table(mitsuba):
         ),
         (
             {"coats": BLUE, "thickness": 1e-6, "layer": 2},
-            "layer is 2, but there are 2 coats, the top one is number 0",
+            "layer is 2, but the glaze has 2 coats, the top one is number 0",
         ),
         (
             {"coats": BLUE, "fraction": 0.5},

@@ -16,7 +16,6 @@ from glazejax.appearance.scene.draw.intersect import (
     Hit,
     make_geometry,
     nearest,
-    scene_geometry,
     surface,
 )
 from glazejax.appearance.scene.draw.rays import lamps, trace
@@ -250,7 +249,7 @@ def test_rays_that_carry_little_are_not_followed():
         [Sphere("m")], {"m": Lambert(1.0)}, [ParallelLight((0, 1, 0), 1.0)], Camera((0, -4, 0))
     )
     rays = made.rays(np.array([16.0]), np.array([12.0]))
-    arguments = (scene_geometry(made), lamps(made.lights), *rays)
+    arguments = (make_geometry(made.shapes, made.materials), lamps(made.lights), *rays)
     follow = trace(*arguments, reflects=lambda number, cosines: 0.01 + 0 * cosines, most_bounces=3)
     assert len(follow) == 2
     assert (

@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import glazejax as gj
 from glazejax import colour
-from glazejax.appearance.scene.draw.intersect import scene_geometry
+from glazejax.appearance.scene.draw.intersect import make_geometry
 from glazejax.appearance.scene.draw.rays import lamps, trace
 from glazejax.appearance.scene.draw.render import render
 from glazejax.appearance.scene.draw.shade import radiance, sample_map
@@ -219,7 +219,7 @@ def test_gradient_of_a_pixel_by_the_spectrum_of_a_material():
     materials = list(made.materials.values())
     pixels = np.arange(48)
     levels = trace(
-        scene_geometry(made),
+        make_geometry(made.shapes, made.materials),
         lamps(made.lights),
         *made.rays(pixels % 8 + 0.5, pixels // 8 + 0.5),
         reflects=lambda number, cosines: np.ones(len(cosines)) * (number == 3),

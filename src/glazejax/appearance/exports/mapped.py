@@ -16,13 +16,13 @@ from jaxtyping import Float
 
 from ...colour import colour_weights, delta_e_2000, white_point, xyz_to_lab
 from ...interpolated import at_points
-from ...paint.media import Glaze, Mixture
+from ...paint.media import Glaze
 from ...progress import Progress, no_progress
 from ...radiative.common.fresnel import cos_refracted
 from ...radiative.common.quadrature import gauss
 from ...radiative.rough.lobes import lobe_albedo
 from ...spectra import validate_wavelengths
-from ..glaze.solve import indices, on_grid, with_variables
+from ..glaze.solve import check_layer, indices, on_grid, with_variables
 from .angles import pair_spectra
 from .rgb import Triples, rgb_of_xyz
 from .spaces import Space
@@ -70,19 +70,7 @@ class MappedGlaze:
     kinds: tuple[str, ...]
 
     def __post_init__(self) -> None:
-        if not 0 <= self.layer < len(self.glaze.coats):
-            raise ValueError(
-                f"layer is {self.layer}, but the glaze has {len(self.glaze.coats)} coats, the "
-                "top one is number 0"
-            )
-        medium = self.glaze.coats[self.layer].medium
-        if "fraction" in self.kinds and not (
-            isinstance(medium, Mixture) and len(medium.pigments) == 2
-        ):
-            raise ValueError(
-                f"layer {self.layer} is {medium.name!r}: a map of fractions needs a coat of two "
-                "paints, such as 0.5*ZincWhite+0.5*CobaltBlue:20um"
-            )
+        check_layer(self.glaze, self.layer, mixed="fraction" in self.kinds)
 
     def at(self, points: Float[np.ndarray, "*points kinds"]) -> Glaze:
         """The glaze at a point with its values of `kinds`, or at many: a batch."""

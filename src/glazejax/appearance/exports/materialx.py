@@ -7,13 +7,11 @@ from xml.etree import ElementTree as xml
 
 from ...io.outputs import check_output
 from .fit import OpenPBRFit
-from .openpbr import OpenPBR
+from .openpbr import COLOURS, OpenPBR
 from .rgb import SPACES
 from .spaces import find_space
 
 VERSION = "1.39"
-# Names of what OpenPBR fits are of, in MaterialX.
-_COLOURS = ("base_color", "coat_color")
 
 
 class ImageNode(NamedTuple):
@@ -69,7 +67,7 @@ def write_materialx(
     if comment:
         root.set("doc", comment)
     for parameter, image in (images or {}).items():
-        _image(root, f"{name}_{parameter}", "color3" if parameter in _COLOURS else "float", image)
+        _image(root, f"{name}_{parameter}", "color3" if parameter in COLOURS else "float", image)
     if normal is not None:
         _image(root, f"{name}_normal_picture", "vector3", normal)
         node = xml.SubElement(root, "normalmap", {"name": f"{name}_normal", "type": "vector3"})
@@ -80,7 +78,7 @@ def write_materialx(
         root, "open_pbr_surface", {"name": f"{name}_surface", "type": "surfaceshader"}
     )
     for parameter, value in material.parameters().items():
-        kind = "color3" if parameter in _COLOURS else "float"
+        kind = "color3" if parameter in COLOURS else "float"
         attributes = {"name": parameter, "type": kind}
         if parameter in (images or {}):
             attributes["nodename"] = f"{name}_{parameter}"

@@ -47,18 +47,8 @@ Cosines: TypeAlias = Float[np.ndarray, "..."] | float
 
 Colour: TypeAlias = tuple[float, float, float]
 
-_ZERO_TO_ONE = (
-    "base_weight",
-    "base_color",
-    "base_diffuse_roughness",
-    "specular_weight",
-    "specular_roughness",
-    "coat_weight",
-    "coat_color",
-    "coat_roughness",
-    "coat_darkening",
-)
-_INDICES = ("specular_ior", "coat_ior")
+COLOURS = ("base_color", "coat_color")
+"""Parameters that are colours; all others are one number."""
 
 
 @dataclass(frozen=True)
@@ -86,17 +76,13 @@ class OpenPBR:
     coat_darkening: float = 1.0
 
     def __post_init__(self) -> None:
-        for name in (*_ZERO_TO_ONE, *_INDICES):
-            low, high = (1.0, 3.0) if name in _INDICES else (0.0, 1.0)
-            values = np.asarray(getattr(self, name), float)
-            if values.shape != ((3,) if name.endswith("color") else ()):
-                raise ValueError(
-                    f"{name} is {getattr(self, name)!r}; a colour has three numbers, all else one"
-                )
+        for name, value in self.parameters().items():
+            low, high = (1.0, 3.0) if name.endswith("ior") else (0.0, 1.0)
+            values = np.asarray(value, float)
+            if values.shape != ((3,) if name in COLOURS else ()):
+                raise ValueError(f"{name} is {value!r}; a colour has three numbers, all else one")
             if not np.all((values >= low) & (values <= high)):
-                raise ValueError(
-                    f"{name} is {getattr(self, name)}; OpenPBR takes {low:g} to {high:g} here"
-                )
+                raise ValueError(f"{name} is {value}; OpenPBR takes {low:g} to {high:g} here")
 
     def parameters(self) -> dict[str, Any]:
         """Name and value of every parameter."""

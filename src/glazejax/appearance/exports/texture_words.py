@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from .openpbr import OpenPBR
+from .openpbr import COLOURS, OpenPBR
 
 SOCKETS = {
     "base_color": "Base Color",
@@ -14,8 +14,6 @@ SOCKETS = {
     "height": "Displacement of the material's output, through a Displacement node",
 }
 """Sockets of Blender's Principled BSDF."""
-
-_COLOURS = ("base_color", "coat_color")
 
 
 def readme(material: OpenPBR, files: Mapping[str, Path], record: Mapping[str, Any]) -> str:
@@ -37,10 +35,10 @@ def readme(material: OpenPBR, files: Mapping[str, Path], record: Mapping[str, An
         if what in files:
             space = (
                 "sRGB"
-                if what in _COLOURS and record["textures"][what]["encoded"] == "sRGB"
+                if what in COLOURS and record["textures"][what]["encoded"] == "sRGB"
                 else "Non-Color"
             )
-            if what in _COLOURS and space != "sRGB":
+            if what in COLOURS and space != "sRGB":
                 space = "Linear Rec.709" if record["space"] == "linear sRGB" else record["space"]
             lines.append(f"  {files[what].name:28} -> {socket} (image colour space: {space})")
     lines += [f"  IOR {material.specular_ior:g}, Metallic 0"]

@@ -20,7 +20,7 @@ from .fit import Errors, colour_tuple, material_errors
 from .image_files import FORMATS, normals, write_image
 from .mapped import KINDS, Colours, MappedGlaze, mapped_colours
 from .materialx import ImageNode, write_materialx
-from .openpbr import OpenPBR, paint_surface
+from .openpbr import COLOURS, OpenPBR, paint_surface
 from .rgb import SPACES, outside
 from .rgb import delta_e as difference
 from .spaces import Layering, Space, find_space
@@ -287,11 +287,7 @@ def _write_words(
     files = result.files
     pictures = [what for what in result.files if what in SOCKETS]
     colour = "srgb_texture" if kind == "png" else space
-    images = {
-        what: ImageNode(files[what].name, colour)
-        for what in ("base_color", "coat_color")
-        if what in files
-    }
+    images = {what: ImageNode(files[what].name, colour) for what in COLOURS if what in files}
     rough = ImageNode(files["roughness"].name)
     images |= {"specular_roughness": rough} | (
         {"coat_roughness": rough} if "coat_color" in files else {}
@@ -313,10 +309,8 @@ def _write_words(
         "textures": {
             what: {
                 "file": files[what].name,
-                "colour": what in ("base_color", "coat_color"),
-                "encoded": "sRGB"
-                if kind == "png" and what in ("base_color", "coat_color")
-                else "linear",
+                "colour": what in COLOURS,
+                "encoded": "sRGB" if kind == "png" and what in COLOURS else "linear",
                 "blender": SOCKETS[what],
             }
             for what in pictures

@@ -158,7 +158,7 @@ def evaluate(table: GlazeTable, flat: Any, points: Any, xp: ModuleType) -> Any:
     if table.thickness.shape[0] > 1:
         span = table.ranges[2]
         further_weights.append(
-            _lagrange(span.coordinate(span.clamp(points[2], xp), xp), table.thickness.shape[0], xp)
+            lagrange(span.coordinate(span.clamp(points[2], xp), xp), table.thickness.shape[0], xp)
         )
     # All products at once, and one product of matrices: quicker than axis after axis where there
     # are many bands.
@@ -195,12 +195,12 @@ def _angle_weights(table: GlazeTable, axis: int, cosine: Any, xp: ModuleType) ->
     ends = (
         cos_refracted(xp.asarray(end), table.coordinate_index) for end in table.ranges[axis][:2]
     )
-    return _lagrange(
+    return lagrange(
         Axis(*ends).coordinate(cos_refracted(cosine, table.coordinate_index), xp), count, xp
     )
 
 
-def _lagrange(x: Any, count: int, xp: ModuleType) -> Any:
+def lagrange(x: Any, count: int, xp: ModuleType = np) -> Any:
     """Lagrange's polynomials of the roots at x in [-1, 1], (points,): (points, nodes)."""
     # By sums of Chebyshev polynomials: no division, so slopes are right at the nodes as well.
     return matmul(

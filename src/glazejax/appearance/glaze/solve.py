@@ -30,21 +30,8 @@ def on_grid(glaze: Glaze, wavelengths_nm: Grid) -> Glaze:
         ValueError: it has batch axes or phase functions, or the wavelengths reach beyond those of
             its paints.
     """
-    if glaze.phase is not None:
-        raise ValueError(
-            "a paint here has a phase function, and then the azimuth matters too: a table of "
-            "angles takes isotropic scattering only; use glazejax.reflectance for single "
-            "directions"
-        )
+    check_single(glaze)
     new = validate_wavelengths(wavelengths_nm)
-    if (
-        any(coat.thickness.ndim for coat in glaze.coats)
-        or glaze.albedo.ndim > 2
-        or glaze.ground.ndim > 1
-    ):
-        raise ValueError(
-            "a material is one glaze, without batch axes; give a map of thicknesses as thickness"
-        )
     old = glaze.wavelengths if glaze.coats else new
 
     def at(values: Numbers) -> Numbers:
@@ -56,6 +43,48 @@ def on_grid(glaze: Glaze, wavelengths_nm: Grid) -> Glaze:
     ground = jnp.broadcast_to(as_float_array(at(glaze.ground)), new.shape)
     index = glaze.refractive_index
     return Glaze(coats, ground, index if isinstance(index, float) else at(index))
+
+
+def check_single(glaze: Glaze) -> None:
+    """Refuse what no table of angles can be made of.
+
+    Raises:
+        ValueError: the glaze has batch axes or phase functions.
+    """
+    if glaze.phase is not None:
+        raise ValueError(
+            "a paint here has a phase function, and then the azimuth matters too: a table of "
+            "angles takes isotropic scattering only; use glazejax.reflectance for single "
+            "directions"
+        )
+    if (
+        any(coat.thickness.ndim for coat in glaze.coats)
+        or glaze.albedo.ndim > 2
+        or glaze.ground.ndim > 1
+    ):
+        raise ValueError(
+            "a material is one glaze, without batch axes; give a map of thicknesses as thickness"
+        )
+
+
+def check_layer(glaze: Glaze, layer: int, *, mixed: bool = False) -> None:
+    """Refuse a coat that there is not, or, if its fraction is to vary, one that is no mixture of
+    two.
+
+    Raises:
+        ValueError: the message names the coat and the value.
+    """
+    if not 0 <= layer < len(glaze.coats):
+        raise ValueError(
+            f"layer is {layer}, but the glaze has {len(glaze.coats)} coats, the top one is number 0"
+        )
+    medium = glaze.coats[layer].medium
+    if mixed and not (isinstance(medium, Mixture) and len(medium.pigments) == 2):
+        raise ValueError(
+            f"fraction is the share of the second paint of coat {layer}, but that is "
+            f"{medium.name}: write it as a mixture of two paints, such as "
+            "0.5*ZincWhite+0.5*Eosin:12um"
+        )
 
 
 def with_variables(

@@ -27,6 +27,7 @@ from ...radiative.common.fresnel import cos_refracted
 from ...spectra import Grid, Numbers, concrete
 from .interpolation import GlazeTable, evaluate, interior
 from .solve import (
+    check_layer,
     fixed_thickness,
     indices,
     on_grid,
@@ -259,10 +260,7 @@ def _thickness_range(
     """(least, largest) thickness in m, or None if it does not vary."""
     if thickness is None:
         return None
-    if not 0 <= layer < len(glaze.coats):
-        raise ValueError(
-            f"layer is {layer}, but the glaze has {len(glaze.coats)} coats, the top one is number 0"
-        )
+    check_layer(glaze, layer)
     values = concrete(thickness)
     if values is None or values.size == 0:
         raise ValueError("thickness must be known numbers: the thicknesses of the scene, in metres")

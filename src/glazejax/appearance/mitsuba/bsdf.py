@@ -12,9 +12,9 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from ..glaze.solve import with_variables
+from ..glaze.solve import check_layer, with_variables
 from . import table
-from .coats import Axes, check_layer, ground_of, index_of, read_coats
+from .coats import index_of, read_coats
 from .device import DrJit, renderer
 from .lobes import Facets, Mirror
 from .parameters import GlazeParameters, read_parameters
@@ -44,29 +44,24 @@ def _table(
     """
     with jax.enable_x64(True):
         glaze = read_coats(coats, refractive_index)
-        axes = Axes(*(x if isinstance(x, tuple) else None for x in (thickness, fraction)))
+        given = {"thickness": thickness, "fraction": fraction}
+        ranges = {name: x for name, x in given.items() if isinstance(x, tuple)}
         if thickness is not None or fraction is not None:
             # A fixed share of a mixture needs the two paints too.
-            asked = axes._replace(fraction=(0.0, 1.0)) if fraction is not None else axes
-            check_layer(glaze, layer, asked)
-            fixed = [x if isinstance(x, float) else None for x in (thickness, fraction)]
+            check_layer(glaze, layer, mixed=fraction is not None)
+            fixed = [x if isinstance(x, float) else None for x in given.values()]
             glaze = with_variables(glaze, layer, *fixed)
-        bands = glaze.wavelengths.size
-        ground_spectrum = (
-            None
-            if ground == "any"
-            else ground_of(glaze)
-            if ground == "own"
-            else np.broadcast_to(ground, (bands,))
-        )
-        ground_spectrum = None if ground_spectrum is None else np.asarray(ground_spectrum, float)
+        ground_spectrum = None
+        if ground != "any":
+            known = np.asarray(glaze.ground if ground == "own" else ground, float)
+            ground_spectrum = np.broadcast_to(known, glaze.wavelengths.shape)
         index = index_of(glaze)
         surface = Rough(index, roughness) if roughness > 0 else Smooth(index)
         return body_table(
             surface=surface,
             glaze=glaze,
             layer=layer,
-            axes=axes,
+            ranges=ranges,
             ground=ground_spectrum,
             mean_ground=mean_ground,
             tolerance=tolerance,

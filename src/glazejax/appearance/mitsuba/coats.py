@@ -3,30 +3,13 @@ text of one.
 """
 
 from pathlib import Path
-from typing import NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
 
 from ...paint.describe import parse_coats
-from ...paint.media import MAX_THICKNESS, Glaze, Mixture
+from ...paint.media import Glaze
 from ...stacks import Ground, Stack, parse_stack, read_stack
 from ..glaze.solve import on_grid
-
-
-class Axes(NamedTuple):
-    """Ranges of what varies over a surface: ends of each range, or None for what does not vary."""
-
-    thickness: tuple[float, float] | None = None
-    """Of the coat, m."""
-    fraction: tuple[float, float] | None = None
-    """Share of the coat's second paint."""
-
-    @property
-    def ranges(self) -> dict[str, tuple[float, float]]:
-        """(low, high) by name, of those that vary."""
-        return {name: span for name, span in self._asdict().items() if span is not None}
 
 
 def read_coats(text: str, refractive_index: float | None = None) -> Glaze:
@@ -68,34 +51,6 @@ def on_even_grid(glaze: Glaze) -> Glaze:
     return on_grid(glaze, np.linspace(grid[0], grid[-1], max(count, 2)) if grid.size > 1 else grid)
 
 
-def check_layer(glaze: Glaze, layer: int, axes: Axes) -> None:
-    """Refuse a coat that there is not, or whose fraction or thickness cannot vary as asked.
-
-    Raises:
-        ValueError: the message names the coat and the value.
-    """
-    if not 0 <= layer < len(glaze.coats):
-        raise ValueError(
-            f"layer is {layer}, but there are {len(glaze.coats)} coats, the top one is number 0"
-        )
-    medium = glaze.coats[layer].medium
-    if axes.fraction is not None and not (
-        isinstance(medium, Mixture) and len(medium.pigments) == 2
-    ):
-        raise ValueError(
-            f"fraction is the share of the second paint of coat {layer}, but that is "
-            f"{medium.name}: write it as a "
-            "mixture of two paints, such as 0.5*ZincWhite+0.5*Eosin:12um"
-        )
-    if axes.thickness is not None:
-        low, high = axes.thickness
-        if not 0 <= low < high <= MAX_THICKNESS:
-            raise ValueError(
-                f"coat {layer} is {low:g} to {high:g} m thick; thickness_max must be above 0 and "
-                f"at most {MAX_THICKNESS:g} m (20 micrometres are 20e-6)"
-            )
-
-
 def index_of(glaze: Glaze) -> float:
     """The one refractive index of a glaze.
 
@@ -109,8 +64,3 @@ def index_of(glaze: Glaze) -> float:
             "number"
         )
     return float(values[0])
-
-
-def ground_of(glaze: Glaze) -> Float[Array, "bands"]:
-    """Reflectance of the glaze's own ground in each band."""
-    return jnp.broadcast_to(glaze.ground, glaze.wavelengths.shape)

@@ -10,7 +10,8 @@ import numpy as np
 from ...paint.media import MAX_THICKNESS, Glaze, Layer, Mixture, Pigment, check_glaze
 from ...spectra import Grid, Numbers, resample, validate_wavelengths
 from ...stacks import Stack
-from .coats import Axes, check_layer, index_of
+from ..glaze.solve import check_layer, check_single
+from .coats import index_of
 from .device import renderer
 
 Surface: TypeAlias = "Numbers | Mapping[str, Any] | None"
@@ -86,9 +87,8 @@ def glaze_bsdf(
         )
         ground = ground if spectrum is None else None
         description["coats"] = _json(glaze, wavelengths, layer, fraction is not None, spectrum)
-        axes = Axes(fraction=None if fraction is None else (0.0, 1.0))
         if fraction is not None or thickness is not None:
-            check_layer(glaze, layer, axes)
+            check_layer(glaze, layer, mixed=fraction is not None)
     elif wavelengths is not None:
         raise ValueError(
             "wavelengths belong to a Glaze; coats given as text or a file keep those of their "
@@ -109,20 +109,9 @@ def _json(
     """The text of a stack, with all digits; only the coat whose mixture varies keeps its paints
     apart.
     """
-    if glaze.phase is not None:
-        raise ValueError(
-            "a paint here has a phase function: a renderer's table takes isotropic scattering only"
-        )
+    check_single(glaze)
     if not glaze.coats:
         raise ValueError("a glaze without coats is its ground: use Mitsuba's plastic")
-    if (
-        any(coat.thickness.ndim for coat in glaze.coats)
-        or glaze.albedo.ndim > 2
-        or glaze.ground.ndim > 1
-    ):
-        raise ValueError(
-            "a material is one glaze, without batch axes; give a map of thicknesses as thickness"
-        )
     grid = np.asarray(
         glaze.wavelengths if wavelengths is None else validate_wavelengths(wavelengths), float
     )
@@ -132,7 +121,7 @@ def _json(
         coats.append(
             {
                 "paint": _parts(coat, number, grid, pigments, mixed and number == layer),
-                "um": _um(coat),
+                "um": float(coat.thickness) / _MICROMETRE,
             }
         )
     reflectance = (
@@ -182,31 +171,33 @@ def _on(old: Numbers, values: Numbers, new: np.ndarray) -> np.ndarray:
     return array if same else np.asarray(resample(grid, array, new), float)
 
 
-def _um(layer: Layer) -> float:
-    return float(layer.thickness) / _MICROMETRE
-
-
 def _thickness(thickness: Surface, most: float | None) -> dict[str, Any]:
     description: dict[str, Any] = {} if most is None else {"thickness_max": float(most)}
     if isinstance(thickness, Mapping) or np.ndim(thickness) == 0:  # pyright: ignore[reportArgumentType]
         return description | {"thickness": _map("thickness", thickness, 0.0, MAX_THICKNESS)}
-    _map("thickness", thickness, 0.0, MAX_THICKNESS)
-    largest = float(np.max(np.asarray(thickness)))
+    values = _checked("thickness", thickness, 0.0, MAX_THICKNESS)
+    largest = float(values.max())
     if most is not None and largest > most * (1 + 1e-6):
         raise ValueError(
             f"thickness reaches {largest:g} m, beyond the thickness_max of {most:g} m: raise that"
         )
     # In micrometres an optimiser meets numbers near 1.
-    scaled = np.asarray(thickness, float) / _MICROMETRE
-    return description | {"thickness": _texture(scaled), "thickness_scale": _MICROMETRE}
+    scaled = _texture(values / _MICROMETRE)
+    return description | {"thickness": scaled, "thickness_scale": _MICROMETRE}
 
 
 def _map(name: str, surface: Surface, low: float, high: float) -> Any:
     """A number or texture, checked."""
     if isinstance(surface, Mapping):
         return dict(surface)
+    values = _checked(name, surface, low, high)
+    return float(values) if values.ndim == 0 else _texture(values)
+
+
+def _checked(name: str, surface: Any, low: float, high: float, most_axes: int = 2) -> np.ndarray:
+    """A number or a map; with `most_axes` of 3 a map of spectra too."""
     values = np.asarray(surface, float)
-    if values.ndim not in (0, 2) or values.size == 0:
+    if values.ndim not in (0, 2, most_axes) or values.size == 0:
         raise ValueError(
             f"{name} is an array of shape {values.shape}; give a number, a map (rows, columns) "
             "or a texture of Mitsuba"
@@ -215,7 +206,7 @@ def _map(name: str, surface: Surface, low: float, high: float) -> Any:
         wrong = values[~((values >= low) & (values <= high))].flat[0]
         unit = " metres (20 micrometres are 20e-6)" if name == "thickness" else ""
         raise ValueError(f"{name} has the value {wrong:g}; it must be {low:g} to {high:g}{unit}")
-    return float(values) if values.ndim == 0 else _texture(values)
+    return values
 
 
 def _texture(values: np.ndarray) -> dict[str, Any]:
@@ -233,9 +224,6 @@ def _texture(values: np.ndarray) -> dict[str, Any]:
 def _ground(ground: Surface) -> Any:
     if isinstance(ground, Mapping) or np.ndim(ground) != 3:  # pyright: ignore[reportArgumentType]
         return _map("ground", ground, 0.0, 1.0)
-    values = np.asarray(ground, float)
-    if not (values.min() >= 0 and values.max() <= 1):
-        wrong = values[~((values >= 0) & (values <= 1))].flat[0]
-        raise ValueError(f"ground has the value {wrong:g}; it must be 0 to 1")
+    values = _checked("ground", ground, 0.0, 1.0, most_axes=3)
     mi, _ = renderer()
     return mi.Bitmap(np.ascontiguousarray(values, np.float32))

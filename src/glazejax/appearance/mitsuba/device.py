@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...extras import require
+from .lookup import Arithmetic
 from .table import Body
 
 VARIANTS = ("scalar_spectral", "llvm_ad_spectral", "cuda_ad_spectral")
@@ -40,8 +41,8 @@ def renderer() -> tuple[Any, Any]:
     return mi, dr
 
 
-class DrJit:
-    """`lookup.Arithmetic` of Dr.Jit: packets are four-vectors; in a scalar variant all numbers are
+class DrJit(Arithmetic):
+    """Of Dr.Jit: packets are four-vectors; in a scalar variant all numbers are
     Python's.
     """
 

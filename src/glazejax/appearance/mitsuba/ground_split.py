@@ -1,4 +1,4 @@
-"""Terms of a reflectance over any ground, and angles as polynomials.
+"""Terms of a reflectance over any ground, and the nodes of an angle.
 
 The ground enters in closed form: with R0 over black, T the light that reaches a black ground and S
 what the stack throws back to the ground, R = R0 + g T T/(1 - g S) for any Lambertian ground g.
@@ -8,9 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
-from numpy.polynomial import chebyshev
 
-from ...chebyshev_table import coefficients_from_nodes, roots
+from ...chebyshev_table import roots
 
 
 class GroundTerms(NamedTuple):
@@ -37,11 +36,6 @@ def split(values: Float[np.ndarray, "*batch rows"], angles: int) -> GroundTerms:
 def factor_of(black: Any, through_in: Any, through_out: Any, back: Any, ground: Any) -> Any:
     """R0 + g T T/(1 - g S)."""
     return black + ground * through_in * through_out / (1.0 - ground * back)
-
-
-def lagrange(x: np.ndarray, count: int) -> Float[np.ndarray, "points nodes"]:
-    """Lagrange's polynomials of the roots at x in [-1, 1]."""
-    return chebyshev.chebvander(x, count - 1) @ coefficients_from_nodes(roots, count)
 
 
 def evenly(count: int) -> Float[np.ndarray, "nodes"]:

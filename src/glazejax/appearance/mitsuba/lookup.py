@@ -7,48 +7,11 @@ wavelengths linearly.
 """
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ...chebyshev_table import Axis, Mirrored
-
-
-@runtime_checkable
-class Arithmetic(Protocol):
-    """Functions that the lookup asks of an array library."""
-
-    def packet(self, table: Any, number: Any) -> Any:
-        """Four numbers, beginning at 4 `number`."""
-        ...
-
-    def whole(self, x: Any) -> Any:
-        """Whole number of x >= 0, without slope."""
-        ...
-
-    def clip(self, x: Any, low: float, high: float) -> Any:
-        """x within [low, high]."""
-        ...
-
-    def maximum(self, x: Any, y: Any) -> Any:
-        """The larger one."""
-        ...
-
-    def dot(self, a: Any, b: Any) -> Any:
-        """Sum of the four products."""
-        ...
-
-    def sqrt(self, x: Any) -> Any:
-        """Square root."""
-        ...
-
-    def log1p(self, x: Any) -> Any:
-        """Logarithm of 1 + x."""
-        ...
-
-    def asinh(self, x: Any) -> Any:
-        """Inverse hyperbolic sine."""
-        ...
 
 
 class Place(NamedTuple):
@@ -58,8 +21,31 @@ class Place(NamedTuple):
     along: Any
 
 
-class NumPy:
-    """`Arithmetic` of NumPy: packets are (4, points)."""
+class Arithmetic:
+    """Functions that the lookup asks of an array library: NumPy's, whose packets are (4, points).
+
+    `device.DrJit` has those of Dr.Jit.
+    """
+
+    def packet(self, table: Any, number: Any) -> Any:
+        """Four numbers, beginning at 4 `number`."""
+        return np.moveaxis(table.reshape(-1, 4)[number], -1, 0)
+
+    def whole(self, x: Any) -> Any:
+        """Whole number of x >= 0, without slope."""
+        return np.floor(x).astype(int)
+
+    def clip(self, x: Any, low: float, high: float) -> Any:
+        """x within [low, high]."""
+        return np.clip(x, low, high)
+
+    def maximum(self, x: Any, y: Any) -> Any:
+        """The larger one."""
+        return np.maximum(x, y)
+
+    def dot(self, a: Any, b: Any) -> Any:
+        """Sum of the four products."""
+        return np.sum(a * b, axis=0)
 
     def sqrt(self, x: Any) -> Any:
         """Square root."""
@@ -72,26 +58,6 @@ class NumPy:
     def asinh(self, x: Any) -> Any:
         """Inverse hyperbolic sine."""
         return np.arcsinh(x)
-
-    def clip(self, x: Any, low: float, high: float) -> Any:
-        """Within [low, high]."""
-        return np.clip(x, low, high)
-
-    def maximum(self, x: Any, y: Any) -> Any:
-        """The larger one."""
-        return np.maximum(x, y)
-
-    def packet(self, table: np.ndarray, number: Any) -> np.ndarray:
-        """(4, points)."""
-        return np.moveaxis(table.reshape(-1, 4)[number], -1, 0)
-
-    def whole(self, x: Any) -> Any:
-        """Whole numbers."""
-        return np.floor(x).astype(int)
-
-    def dot(self, a: Any, b: Any) -> Any:
-        """Sum over the first axis."""
-        return np.sum(a * b, axis=0)
 
 
 def place(ops: Arithmetic, x: Any, count: int) -> Place:
@@ -191,4 +157,4 @@ def line_sum(ops: Arithmetic, table: Any, a: Place, packets: int) -> list[Any]:
     return total
 
 
-NUMPY = NumPy()
+NUMPY = Arithmetic()

@@ -3,7 +3,7 @@ all of them.
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from jaxtyping import Float
@@ -12,15 +12,22 @@ from numpy.polynomial import chebyshev
 from ...chebyshev_table import SAFETY, Axis, Mirrored
 from ...interpolated import interpolated
 from ...paint.media import Glaze
+from ..glaze.interpolation import lagrange
 from ..glaze.solve import with_variables
 from ..glaze.table import LEAST_COSINE
-from .coats import Axes
-from .ground_split import GroundTerms, factor_of, lagrange
+from .ground_split import GroundTerms, factor_of
 from .lookup import NUMPY
-from .surfaces import GlazeSurface, inside
+from .rough import Rough
+from .smooth import Smooth
+from .surfaces import inside
+
+GlazeSurface: TypeAlias = Smooth | Rough
+"""What lies above a body."""
 
 # Share of the tolerance that the solver has.
 SOLVER = 0.1
+# Thicknesses and fractions that are computed at most.
+_MOST_POINTS = 4000
 
 
 class Nodes(NamedTuple):
@@ -33,7 +40,7 @@ class Nodes(NamedTuple):
     axes: dict[str, Axis | Mirrored]
     """Those of "thickness" and "fraction" that vary."""
     coefficients: Float[np.ndarray, "*terms bands rows"]
-    """Of `GlazeSurface.terms`."""
+    """Of the surface's `terms`."""
     tolerance: float
 
     def terms(self, coordinates: list[np.ndarray]) -> GroundTerms:
@@ -64,7 +71,7 @@ class NodeSolver:
     def terms(
         self, points: dict[str, np.ndarray], cosines: np.ndarray
     ) -> Float[np.ndarray, "points bands rows"]:
-        """Rows of `GlazeSurface.terms`."""
+        """Rows of the surface's `terms`."""
         return self.surface.terms(self._stack(points), cosines, self.tolerance)
 
     def _stack(self, points: dict[str, np.ndarray]) -> dict[str, Any]:
@@ -89,9 +96,8 @@ def solve_nodes(
     surface: GlazeSurface,
     glaze: Glaze,
     layer: int,
-    axes: Axes,
+    ranges: dict[str, tuple[float, float]],
     tolerance: float,
-    most_points: int = 4000,
 ) -> Nodes:
     """Few angles, thicknesses and fractions that give all others within the tolerance.
 
@@ -99,12 +105,10 @@ def solve_nodes(
         surface: above.
         glaze: of `read_coats`.
         layer: the coat that varies.
-        axes: what varies.
+        ranges: least and largest value of what varies, "thickness" in m and "fraction".
         tolerance: absolute error wanted of the reflectance factor, for any ground.
-        most_points: thicknesses and fractions that are computed at most.
     """
     solver = NodeSolver(surface, glaze, layer, SOLVER * tolerance)
-    ranges = axes.ranges
     # The angles have this share of the tolerance, and thickness and fraction as much.
     share = 0.3 * tolerance
     cosines = surface.angles(_error_of_nodes(solver, ranges), share)
@@ -123,7 +127,7 @@ def solve_nodes(
         ranges,
         tolerance=share,
         distance=lambda coarse, fine: _distance(solver, cosines, coarse, fine),
-        most_points=most_points,
+        most_points=_MOST_POINTS,
     )
     coefficients = np.asarray(interpolant.coefficients).reshape(
         *interpolant.coefficients.shape[:-1], *interpolant.shape
@@ -147,22 +151,23 @@ def _distance(
     # R0, T and S count differently over each of these.
     largest = np.zeros(len(coarse))
     for ground in (0.0, 0.5, 1.0):
-        a, b = (_over(p, ground) for p in terms)
+        a, b = (over(p, ground) for p in terms)
         largest = np.maximum(largest, np.max(np.abs(a - b) * weight, axis=(1, 2, 3)))
     return largest
 
 
-def _over(terms: GroundTerms, ground: Any) -> np.ndarray:
-    """Reflectance factor (..., angles, angles) over a ground that broadcasts to it."""
+def over(terms: GroundTerms, ground: Any) -> np.ndarray:
+    """Reflectance factor (..., bands, angles, angles) over a ground: a number, or one
+    for each band.
+    """
     back = np.clip(terms.back, 0.0, 0.999)[..., None, None]
     return factor_of(
-        terms.black, terms.through[..., :, None], terms.through[..., None, :], back, ground
+        terms.black,
+        terms.through[..., :, None],
+        terms.through[..., None, :],
+        back,
+        np.reshape(ground, (-1, 1, 1)),
     )
-
-
-def over(terms: GroundTerms, ground: Any) -> np.ndarray:
-    """The same over a number or one for each band."""
-    return _over(terms, np.reshape(ground, (-1, 1, 1)))
 
 
 def error_weight(surface: GlazeSurface, cos_in: np.ndarray, cos_out: np.ndarray) -> np.ndarray:

@@ -9,20 +9,6 @@ from jaxtyping import Float
 from ...names import nearest_names
 from ...paint.media import MAX_THICKNESS
 
-KNOWN = (
-    "coats",
-    "layer",
-    "thickness",
-    "thickness_scale",
-    "thickness_max",
-    "fraction",
-    "ground",
-    "refractive_index",
-    "roughness",
-    "gloss",
-    "tolerance",
-)
-
 
 class GlazeParameters(NamedTuple):
     """The parameters of one glaze; textures are Mitsuba's."""
@@ -52,11 +38,12 @@ def read_parameters(mi: Any, props: Any) -> GlazeParameters:
             names the value and the fix.
     """
     names = set(props.keys() if hasattr(props, "keys") else props.property_names())
-    for name in sorted(names - set(KNOWN)):
-        near = nearest_names(name, KNOWN)
+    known = GlazeParameters._fields
+    for name in sorted(names - set(known)):
+        near = nearest_names(name, known)
         raise ValueError(
             f"a glaze has no {name!r}"
-            + (f"; you may mean {near[0]!r}" if near else f"; it has {KNOWN}")
+            + (f"; you may mean {near[0]!r}" if near else f"; it has {known}")
         )
     if "coats" not in names or not isinstance(props["coats"], str):
         raise ValueError('a glaze needs "coats", such as "UltramarineBlue:3um, ZincWhite:20um"')

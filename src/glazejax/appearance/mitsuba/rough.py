@@ -22,8 +22,9 @@ from ...radiative.rough.body import Lit, reflectance
 from ...radiative.rough.body import Surface as Resolved
 from ...radiative.rough.resolution import FINEST, resolve
 from ...spectra import Numbers
+from ..glaze.interpolation import lagrange
 from . import lookup
-from .ground_split import GroundTerms, evenly, lagrange, split
+from .ground_split import GroundTerms, evenly, split
 from .lookup import NUMPY, Arithmetic
 from .surfaces import by_blocks, in_blocks
 
@@ -32,7 +33,7 @@ _ANGLE_NODES = (12, 16, 20, 24, 32, 40, 48)
 
 
 class Rough:
-    """GGX facets, their loss made good; a `surfaces.Surface`.
+    """GGX facets, their loss made good; it answers what `smooth.Smooth` does.
 
     Attributes:
         lost: what the compensation divides by, C of `glazejax.radiative.rough.surface`.

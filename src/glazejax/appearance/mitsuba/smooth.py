@@ -18,8 +18,10 @@ _ANGLES = (4, 5, 6, 8, 10, 12, 16, 24, 32)
 
 
 class Smooth:
-    """Fresnel's surface, a `surfaces.Surface`: what is smooth is smooth in the cosine inside the
-    paint.
+    """Fresnel's surface: what is smooth is smooth in the cosine inside the paint.
+
+    The table of a body asks a surface for the coordinate in which angles are smooth, what is known
+    of its transmission in closed form, and the solver's answers for the body below.
     """
 
     def __init__(self, refractive_index: float):
@@ -42,7 +44,9 @@ class Smooth:
         return np.sqrt(np.clip(n**2 * (within**2 - 1.0) + 1.0, 0.0, 1.0))
 
     def let_in(self, ops: Arithmetic, cosine: Any) -> Any:
-        """1 - Fresnel's reflectance, which is `dielectric_reflectance` for NumPy and JAX."""
+        """Closed-form factor of T: 1 - Fresnel's reflectance, which is `dielectric_reflectance` for
+        NumPy and JAX.
+        """
         n = self.refractive_index
         within = n * inside(ops, cosine, n)
         s = (cosine - within) / (cosine + within)
@@ -50,7 +54,7 @@ class Smooth:
         return 1.0 - 0.5 * (s * s + p * p)
 
     def analytic_factor(self, ops: Arithmetic, cos_in: Any, cos_out: Any) -> Any:
-        """T T/(mu_I + mu_F): what changes fast with the angle."""
+        """Closed-form factor of R0, T T/(mu_I + mu_F): what changes fast with the angle."""
         n = self.refractive_index
         total = ops.maximum(inside(ops, cos_in, n) + inside(ops, cos_out, n), LEAST_SUM)
         return self.let_in(ops, cos_in) * self.let_in(ops, cos_out) / total
@@ -58,7 +62,9 @@ class Smooth:
     def factor(
         self, stack: dict[str, Any], cos_in: Numbers, cos_out: Numbers, tolerance: float
     ) -> np.ndarray:
-        """`stack_reflectance_factor`."""
+        """`stack_reflectance_factor` of stacks: albedo, optical_thickness,
+        substrate_reflectance.
+        """
         return in_blocks(
             stack_reflectance_factor, stack, cos_in, cos_out, tolerance, self.refractive_index
         )
@@ -66,7 +72,7 @@ class Smooth:
     def angles(
         self, error: Callable[[np.ndarray], float], tolerance: float
     ) -> Float[np.ndarray, "angles"]:
-        """Fewest nodes that will do."""
+        """Cosines in air of as few nodes (`evenly`) as will do; `error` tries some."""
         cosines = np.zeros(0)
         for count in _ANGLES:
             cosines = self.cosine(evenly(count))
@@ -77,7 +83,10 @@ class Smooth:
     def terms(
         self, stack: dict[str, Any], cosines: np.ndarray, tolerance: float
     ) -> Float[np.ndarray, "*stacks rows"]:
-        """R0 of all pairs of angles, T of each and S, from three levels of the ground."""
+        """R0 of all pairs of angles, T of each and S, from three levels of the ground.
+
+        Stacks are albedo and optical_thickness, (*stacks, layers).
+        """
         n = cosines.size
         rows, columns = np.triu_indices(n)
         # The last angle is the steepest, which lets most light through.
@@ -101,11 +110,11 @@ class Smooth:
         return np.concatenate([black, np.sqrt(full * (1.0 - back)), back], axis=-1)
 
     def expand(self, values: np.ndarray, cosines: np.ndarray, tolerance: float) -> GroundTerms:
-        """They are those of the nodes as they are."""
+        """`GroundTerms` at the nodes from sums of those numbers, which are theirs already."""
         return split(values, cosines.size)
 
     def on(self, upload: Callable[[np.ndarray], Any]) -> "Smooth":
-        """It has no tables."""
+        """The same with its tables as `Arithmetic.packet` takes them; it has none."""
         return self
 
 

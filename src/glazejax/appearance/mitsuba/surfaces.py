@@ -1,67 +1,13 @@
-"""Questions that the table of a body asks the surface above it; `smooth` and `rough` are the two
-there are.
-"""
+"""Parts that both surfaces of a glaze share: solutions in blocks, and cosines inside the paint."""
 
 from collections.abc import Callable, Sequence
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
 from ...spectra import Numbers
-from .ground_split import GroundTerms
 from .lookup import Arithmetic
-
-
-@runtime_checkable
-class GlazeSurface(Protocol):
-    """Transmission of the surface, coordinate in which angles are smooth, and solver of the body
-    below.
-    """
-
-    refractive_index: float
-
-    def coordinate(self, ops: Arithmetic, cosine: Any) -> Any:
-        """From cosines in air to [0, 1]."""
-        ...
-
-    def cosine(self, coordinate: Any) -> Any:
-        """From [0, 1] to cosines in air, for NumPy."""
-        ...
-
-    def let_in(self, ops: Arithmetic, cosine: Any) -> Any:
-        """Closed-form factor of T."""
-        ...
-
-    def analytic_factor(self, ops: Arithmetic, cos_in: Any, cos_out: Any) -> Any:
-        """Closed-form factor of R0."""
-        ...
-
-    def factor(
-        self, stack: dict[str, Any], cos_in: Numbers, cos_out: Numbers, tolerance: float
-    ) -> np.ndarray:
-        """The solver's reflectance factor of stacks (albedo, optical_thickness,
-        substrate_reflectance).
-        """
-        ...
-
-    def angles(self, error: Callable[[np.ndarray], float], tolerance: float) -> np.ndarray:
-        """Cosines in air of as many nodes (`evenly`) as it takes; `error` tries some."""
-        ...
-
-    def terms(self, stack: dict[str, Any], cosines: np.ndarray, tolerance: float) -> np.ndarray:
-        """Numbers (*stacks, rows) that hold `GroundTerms`; stacks are albedo and optical_thickness,
-        (*stacks, layers).
-        """
-        ...
-
-    def expand(self, values: np.ndarray, cosines: np.ndarray, tolerance: float) -> GroundTerms:
-        """`GroundTerms` at the nodes from sums of those numbers."""
-        ...
-
-    def on(self, upload: Callable[[np.ndarray], Any]) -> "GlazeSurface":
-        """The same with its tables as `Arithmetic.packet` takes them."""
-        ...
 
 
 def in_blocks(

@@ -17,13 +17,12 @@ from numpy.polynomial import chebyshev
 from ...chebyshev_table import SAFETY, Axis, Mirrored, coefficients_from_nodes, extrema
 from ...paint.media import Glaze
 from ...radiative.common.quadrature import gauss
+from ..glaze.interpolation import lagrange
 from ..glaze.table import LEAST_COSINE
 from . import lookup
-from .coats import Axes
-from .ground_split import factor_of, lagrange
+from .ground_split import factor_of
 from .lookup import NUMPY, Arithmetic, Place
-from .nodes import SOLVER, Nodes, NodeSolver, error_weight, over, solve_nodes
-from .surfaces import GlazeSurface
+from .nodes import SOLVER, GlazeSurface, Nodes, NodeSolver, error_weight, over, solve_nodes
 
 _ANGLES = (33, 65, 129, 257)
 _LINE = (9, 17, 33, 65, 129)
@@ -126,11 +125,11 @@ def angle_at(ops: Arithmetic, body: Body, cosine: Any) -> Place:
 def body_table(
     surface: GlazeSurface,
     glaze: Glaze,
-    layer: int = 0,
-    axes: Axes = Axes(),  # noqa: B008
-    ground: Float[np.ndarray, "bands"] | None = None,
-    mean_ground: float = 0.5,
-    tolerance: float = 1e-3,
+    layer: int,
+    ranges: dict[str, tuple[float, float]],
+    ground: Float[np.ndarray, "bands"] | None,
+    mean_ground: float,
+    tolerance: float,
 ) -> Body:
     """Table of a glaze under a surface.
 
@@ -138,7 +137,7 @@ def body_table(
         surface: above.
         glaze: on even wavelengths (`read_coats`).
         layer: number of the coat that varies, 0 on top.
-        axes: what varies of it, and from where to where.
+        ranges: what varies of it, and from where to where.
         ground: reflectance of the ground in each band, put into the table; None for any ground,
             given at each lookup.
         mean_ground: about what the ground then reflects, for choosing directions.
@@ -150,7 +149,7 @@ def body_table(
     tries = tolerance
     best = None
     for _ in range(3):
-        nodes = solve_nodes(surface, glaze, layer, axes, tries)
+        nodes = solve_nodes(surface, glaze, layer, ranges, tries)
         body = _compress(nodes, ground, mean_ground)
         error = (
             _error(body, NodeSolver(surface, glaze, layer, SOLVER * tolerance), ground)
@@ -277,7 +276,8 @@ def _compress(nodes: Nodes, ground: np.ndarray | None, mean_ground: float) -> Bo
     if through is not None:
         counts = tuple(max(c, _line_count(through, k, limit)) for k, c in enumerate(counts))
     # Each shape over all directions of the second angle gives its albedo.
-    cosines, measure = _hemisphere()
+    cosines, measure = gauss(64)
+    measure = 2.0 * measure * cosines
     onto_sphere = lagrange(2.0 * surface.coordinate(NUMPY, cosines) - 1.0, n) * measure[:, None]
     # Without what it lets in, which is not straight between nodes where light grazes.
     steps = np.maximum(surface.cosine(np.linspace(0.0, 1.0, count)), 1e-6)
@@ -389,8 +389,6 @@ def _line_count(series: np.ndarray, k: int, tolerance: float) -> int:
 
 def _slopes(x: np.ndarray, series: np.ndarray) -> np.ndarray:
     """Derivatives (points, channels) of Chebyshev series (terms, channels)."""
-    if len(series) == 1:
-        return np.zeros((x.size, series.shape[1]))
     down = chebyshev.chebder(series, axis=0)
     return chebyshev.chebvander(x, len(down) - 1) @ down
 
@@ -428,12 +426,6 @@ def _pack(values: np.ndarray) -> np.ndarray:
     """Channels in packets of four, float32."""
     padded = _pad(values)
     return np.ascontiguousarray(padded.reshape(*padded.shape[:-1], -1, 4), np.float32)
-
-
-def _hemisphere() -> tuple[np.ndarray, np.ndarray]:
-    """Cosines and weights of the integral over the hemisphere, 2 mu d mu."""
-    cosines, weights = gauss(64)
-    return cosines, 2.0 * weights * cosines
 
 
 def _error(body: Body, solver: NodeSolver, ground: np.ndarray | None) -> float:

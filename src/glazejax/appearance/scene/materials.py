@@ -21,9 +21,9 @@ from ...radiative.common.fresnel import (
     hall_reflectance,
 )
 from ...radiative.common.inputs import check_choice
-from ...spectra import Bands, Grid, as_float_array, concrete, describe_grid, same_grid
+from ...spectra import Bands, Numbers, as_float_array, concrete, describe_grid, same_grid
 from .. import shading
-from ..glaze.solve import on_grid
+from ..glaze.solve import check_layer, on_grid
 from ..glaze.table import GlazeTable, glaze_table
 
 ThicknessMap: TypeAlias = Float[Array | np.ndarray, "h w"]
@@ -63,6 +63,23 @@ class SeenRanges(eqx.Module):
     thickness: tuple[float, float]
 
 
+def check_spectrum(what: str, spectrum: Numbers, wavelengths: Bands) -> None:
+    """Refuse a spectrum that does not fit the scene; values that JAX traces pass.
+
+    Raises:
+        ValueError: another number of bands, or a value that is below 0 or not finite.
+    """
+    if np.shape(spectrum) not in ((), wavelengths.shape):
+        raise ValueError(
+            f"{what} has shape {np.shape(spectrum)}, but the scene has {describe_grid(wavelengths)}"
+        )
+    numbers = concrete(spectrum)
+    if numbers is not None and not np.all((numbers >= 0) & np.isfinite(numbers)):
+        raise ValueError(
+            f"{what} holds {float(np.min(numbers)):g}; it must be finite and 0 or more"
+        )
+
+
 class Material(eqx.Module):
     """Base of all materials."""
 
@@ -73,17 +90,7 @@ class Material(eqx.Module):
             ValueError: names the material and the value.
         """
         for what, spectrum in self.spectra().items():
-            if np.shape(spectrum) not in ((), wavelengths.shape):
-                raise ValueError(
-                    f"{what} of material {name!r} has shape {np.shape(spectrum)}, but the scene "
-                    f"has {describe_grid(wavelengths)}"
-                )
-            numbers = concrete(spectrum)
-            if numbers is not None and not np.all((numbers >= 0) & np.isfinite(numbers)):
-                raise ValueError(
-                    f"{what} of material {name!r} holds {float(np.min(numbers)):g}; it must be 0 "
-                    "or more"
-                )
+            check_spectrum(f"{what} of material {name!r}", spectrum, wavelengths)
 
     def spectra(self) -> dict[str, Any]:
         """Spectra by name, (bands,) or one number each."""
@@ -297,14 +304,12 @@ class Glazed(_GlazedSurface, Material):
             )
         try:
             on_grid(self.glaze, wavelengths)
+            if self.thickness is not None:
+                check_layer(self.glaze, self.layer)
         except ValueError as error:
             raise ValueError(f"material {name!r}: {error}") from None
         if self.thickness is None:
             return
-        if not 0 <= self.layer < len(self.glaze.coats):
-            raise ValueError(
-                f"material {name!r}: layer {self.layer} of a glaze of {len(self.glaze.coats)} coats"
-            )
         if np.ndim(self.thickness) != 2:
             raise ValueError(
                 f"the thickness map of material {name!r} must be (h, w), not "
@@ -335,13 +340,6 @@ class GlazedTable(_GlazedSurface, Material):
     table: GlazeTable
     thickness: ThicknessMap | None
     gloss: bool = eqx.field(static=True)
-
-    def spectra(self) -> dict[str, Any]:
-        """None: those of the glaze are checked."""
-        return {}
-
-    def check(self, name: str, wavelengths: Grid) -> None:
-        """Nothing is left to check."""
 
     def direct(self, angles: Angles) -> PairSpectra:
         """Reflectance factor times the cosine of the fall."""

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from ...spectra import Bands, Grid, Numbers, concrete, validate_wavelengths
+from ...spectra import Bands, Grid, Numbers, validate_wavelengths
 from .lights import AreaLight, Light
-from .materials import Glazed, Material
-from .shapes import Plane, Shape, Vector, positive, vector
+from .materials import Glazed, Material, check_spectrum
+from .shapes import Plane, Shape, Vector, positive, vector, whole
 
 # Pictures beyond are a slip of the hand: 100 megapixels of 31 bands fill the memory of a
 # workstation.
@@ -110,17 +110,9 @@ class Scene:
     diffuse_bounces: int = 0
 
     def __post_init__(self) -> None:
-        bands = validate_wavelengths(self.wavelengths).size
+        grid = validate_wavelengths(self.wavelengths)
         for name, (low, high) in _WHOLE.items():
-            value = getattr(self, name)
-            if (
-                not isinstance(value, int | np.integer)
-                or isinstance(value, bool)
-                or not low <= value <= high
-            ):
-                raise ValueError(
-                    f"{name} must be a whole number from {low} to {high}, not {value!r}"
-                )
+            whole(name, getattr(self, name), low, high)
         if self.width * self.height > _MOST_PIXELS:
             raise ValueError(
                 f"{self.width} x {self.height} pixels are too many (at most {_MOST_PIXELS:g} in "
@@ -137,21 +129,10 @@ class Scene:
                     f"a shape has the material {shape.material!r}, but there are: {names}"
                 )
         for name, material in self.materials.items():
-            material.check(name, validate_wavelengths(self.wavelengths))
-        for what, spectrum in [("light", light.spectrum) for light in self.lights] + [
-            ("background", self.background)
-        ]:
-            if np.shape(spectrum) not in ((), (bands,)):
-                raise ValueError(
-                    f"the spectrum of a {what} has shape {np.shape(spectrum)}, but there are "
-                    f"{bands} bands"
-                )
-            names = concrete(spectrum)
-            if names is not None and not np.all((names >= 0) & np.isfinite(names)):
-                raise ValueError(
-                    f"the spectrum of a {what} holds {np.min(names):g}; it must be finite and 0 "
-                    "or more"
-                )
+            material.check(name, grid)
+        for light in self.lights:
+            check_spectrum("the spectrum of a light", light.spectrum, grid)
+        check_spectrum("the spectrum of the background", self.background, grid)
 
     def light_spectra(self) -> Float[np.ndarray, "lights bands"]:
         """Spectra of the lights."""

@@ -57,6 +57,18 @@ def positive(name: str, value: float) -> float:
     return float(value)
 
 
+def whole(name: str, value: int, low: int, high: int) -> int:
+    """A whole number from `low` to `high`.
+
+    Raises:
+        ValueError: anything else.
+    """
+    number = isinstance(value, int | np.integer) and not isinstance(value, bool)
+    if not number or not low <= value <= high:
+        raise ValueError(f"{name} must be a whole number from {low} to {high}, not {value!r}")
+    return int(value)
+
+
 @dataclass(frozen=True)
 class Sphere:
     """A ball; u runs once around its z axis, v from its lowest point (0) to its highest (1).
@@ -246,13 +258,6 @@ def plane_frame(plane: Plane) -> np.ndarray:
 
 def rotation(degrees: Numbers) -> Float[np.ndarray, "3 3"]:
     """Matrix of rotations about x, then y, then z; it turns column vectors."""
-    total = np.eye(3)
-    for axis, angle in enumerate(np.deg2rad(np.asarray(degrees, float))):
-        a, b = [k for k in range(3) if k != axis]
-        turn = np.eye(3)
-        turn[a, a] = turn[b, b] = np.cos(angle)
-        # From the axis after this one towards the one after that.
-        sign = -1.0 if axis != 1 else 1.0
-        turn[a, b], turn[b, a] = sign * np.sin(angle), -sign * np.sin(angle)
-        total = turn @ total
-    return total
+    from scipy.spatial.transform import Rotation
+
+    return Rotation.from_euler("xyz", np.asarray(degrees, float), degrees=True).as_matrix()

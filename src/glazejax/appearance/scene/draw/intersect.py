@@ -5,7 +5,7 @@ All rays at once against every sphere, plane and box, in JAX; triangles by trime
 compiled program.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import jax
@@ -13,7 +13,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ..scene import Scene
 from ..shapes import Box, Mesh, Plane, Shape, Sphere, plane_frame, rotation
 from .triangles import TriangleCaster, Triangles, Vectors, make_triangles, triangle_surface
 
@@ -70,18 +69,12 @@ class SurfacePoints(NamedTuple):
     uv: Float[Array, "rays 2"]
 
 
-def scene_geometry(scene: Scene) -> Geometry:
-    """Arrays of the shapes of a scene, for the ray caster."""
-    number = {name: k for k, name in enumerate(scene.materials)}
-    return make_geometry(scene.shapes, number)
-
-
-def make_geometry(shapes: Sequence[Shape], materials: Mapping[str, int]) -> Geometry:
-    """Arrays of shapes.
+def make_geometry(shapes: Sequence[Shape], materials: Iterable[str]) -> Geometry:
+    """Arrays of shapes, for the ray caster.
 
     Args:
         shapes: of a scene.
-        materials: number of each material.
+        materials: names of its materials, in the order of their numbers.
 
     Raises:
         ValueError: there is a mesh, but no trimesh.
@@ -96,6 +89,7 @@ def make_geometry(shapes: Sequence[Shape], materials: Mapping[str, int]) -> Geom
         for k, shape in enumerate(shapes)
         if isinstance(shape, kind)
     ]
+    number = {name: k for k, name in enumerate(materials)}
     before = len(order) - len(meshes)
     # Extreme points of all shapes give the scene's size; an endless plane counts by its point.
     ends = np.concatenate(
@@ -125,7 +119,7 @@ def make_geometry(shapes: Sequence[Shape], materials: Mapping[str, int]) -> Geom
         sides=_rows([b.size for b in boxes], 3) / 2,
         turns=np.array([rotation(b.rotation).T for b in boxes]).reshape(-1, 3, 3),
         triangles=triangles,
-        material=np.array([materials[shapes[k].material] for k in order]),
+        material=np.array([number[shapes[k].material] for k in order]),
         order=np.array(order),
         clearance=np.array(rounding * max(1.0, float(np.abs(ends).max()))),
         caster=None if triangles is None else TriangleCaster(triangles),
@@ -173,23 +167,25 @@ def _nearest_solid(
     best = limit
     shape = jnp.full(limit.shape, -1)
     before = 0
-    for distances in (_spheres, _planes, _boxes):
-        met = distances(geometry, origin, direction)
-        if met is None:
+    for distances, count in (
+        (_spheres, len(geometry.radii)),
+        (_planes, len(geometry.points)),
+        (_boxes, len(geometry.sides)),
+    ):
+        if not count:
             continue
+        met = distances(geometry, origin, direction)
         # The nearest of this kind, where it is nearer than all kinds before.
         which = jnp.argmin(met, axis=1)
         near = jnp.take_along_axis(met, which[:, None], axis=1)[:, 0]
         shape = jnp.where(near < best, before + which, shape)
         best = jnp.minimum(near, best)
-        before += met.shape[1]
+        before += count
     return best, shape
 
 
-def _spheres(geometry: Geometry, origin: Array, direction: Array) -> Array | None:
+def _spheres(geometry: Geometry, origin: Array, direction: Array) -> Array:
     """Distances to spheres, (rays, spheres); infinite where missed."""
-    if len(geometry.radii) == 0:
-        return None
     between = jnp.asarray(geometry.centres) - origin[:, None]
     # Distance along the ray to the point next to the centre.
     along = jnp.sum(between * direction[:, None], axis=-1)
@@ -204,10 +200,8 @@ def _spheres(geometry: Geometry, origin: Array, direction: Array) -> Array | Non
     return jnp.where((half_square >= 0) & (met > 0), met, jnp.inf)
 
 
-def _planes(geometry: Geometry, origin: Array, direction: Array) -> Array | None:
+def _planes(geometry: Geometry, origin: Array, direction: Array) -> Array:
     """Distances to planes, (rays, planes); infinite where missed."""
-    if len(geometry.points) == 0:
-        return None
     frames = jnp.asarray(geometry.frames)
     # Start and direction in each plane's own axes, the third along its normal.
     offset = jnp.einsum("rpk,pak->rpa", origin[:, None] - jnp.asarray(geometry.points), frames)
@@ -221,10 +215,8 @@ def _planes(geometry: Geometry, origin: Array, direction: Array) -> Array | None
     )
 
 
-def _boxes(geometry: Geometry, origin: Array, direction: Array) -> Array | None:
+def _boxes(geometry: Geometry, origin: Array, direction: Array) -> Array:
     """Distances to boxes, (rays, boxes); infinite where missed."""
-    if len(geometry.sides) == 0:
-        return None
     turns = jnp.asarray(geometry.turns)
     # In the box's own axes it is what lies between three pairs of faces.
     start = jnp.einsum("rbk,bak->rba", origin[:, None] - jnp.asarray(geometry.middles), turns)

@@ -18,7 +18,7 @@ from ....progress import Progress, no_progress
 from ..materials import Material
 from ..render_result import Rendered, RenderReport
 from ..scene import Scene
-from .intersect import scene_geometry
+from .intersect import make_geometry
 from .rays import TILE, Bounce, Lamps, lamps, trace
 from .shade import lit_pairs, radiance
 from .visibility import MaterialsInView
@@ -89,22 +89,18 @@ class _Work:
         self.refines: bool = adaptive and scene.antialias > 1
         self.tolerance = tolerance
         self.progress = progress
-        self.geometry = scene_geometry(scene)
+        self.geometry = make_geometry(scene.shapes, scene.materials)
         self.places: Lamps = lamps(scene.lights)
         self.all_materials = list(scene.materials.values())
         self.in_view = MaterialsInView(self.all_materials)
         self.prepared: Sequence[Material | None] = []
         self.kept = 0
-        full = scene.antialias**2 if scene.antialias > 1 else 1
         self.report = RenderReport(
             bands=count,
             bands_full=count,
             materials_full=len(self.all_materials),
             pixels=scene.width * scene.height,
-            rays_full=0,
-            pairs_full=0,
         )
-        self.full = full
 
     def run(self) -> Rendered:
         """All passes."""
@@ -144,7 +140,7 @@ class _Work:
         self.report.materials = sum(m is not None for m in self.prepared)
         self.report.angles = self.in_view.describe()
         # Without skipping, every ray would be one of a full pixel, and meet every light.
-        scale = self.full * self.report.pixels
+        scale = scene.antialias**2 * self.report.pixels
         self.report.rays_full = max(int(scale * self.in_view.rays_a_sample), self.report.rays)
         self.report.pairs_full = self.report.rays_full * len(self.places.point)
         return Rendered(

@@ -73,7 +73,6 @@ class MaterialsInView:
             before: what was prepared already, and stays as it is.
         """
         prepared: list[Material | None] = []
-        done: dict[tuple, Material] = {}
         for number, material in enumerate(self.materials):
             if number < len(before) and before[number] is not None:
                 prepared.append(before[number])
@@ -90,11 +89,7 @@ class MaterialsInView:
             light = _legal(self._light[number])
             view = _legal(self._view[number])
             ranges = SeenRanges(light, view, depths)
-            # One material under two names has one table.
-            key = (id(material), ranges.light, ranges.view)
-            if key not in done:
-                done[key] = material.prepare(wavelengths, ranges, tolerance)
-            prepared.append(done[key])
+            prepared.append(material.prepare(wavelengths, ranges, tolerance))
         return prepared
 
     def describe(self) -> str:

@@ -61,9 +61,9 @@ def mitsuba_scene(
     grid = np.asarray(scene.wavelengths, float)
     camera = scene.camera
     view = mi.ScalarTransform4f().look_at(
-        origin=list(map(float, np.asarray(camera.position))),
-        target=list(map(float, np.asarray(camera.target))),
-        up=list(map(float, np.asarray(camera.up))),
+        origin=numbers(camera.position),
+        target=numbers(camera.target),
+        up=numbers(camera.up),
     )
     description: dict[str, Any] = {
         "type": "scene",
@@ -107,7 +107,11 @@ def mitsuba_scene(
                 tolerance=tolerance,
                 notes=notes,
             )
-            description[f"material_{materials[key]}"] = bsdf | {"id": materials[key]}
+            description[f"material_{materials[key]}"] = {
+                "type": "twosided",
+                "bsdf": bsdf,
+                "id": materials[key],
+            }
         body = mitsuba_shape(shape, folder / f"mesh_{k}.ply", mapped=mapped)
         description[f"shape_{k}"] = body | {"bsdf": {"type": "ref", "id": materials[key]}}
     for k, light in enumerate(scene.lights):
@@ -146,11 +150,11 @@ def _bsdf(
     notes: list[str] | None,
 ) -> dict[str, Any]:
     if isinstance(material, Lambert):
-        return _both_sides({"type": "diffuse", "reflectance": spectrum(material.reflectance, grid)})
+        return {"type": "diffuse", "reflectance": spectrum(material.reflectance, grid)}
     if isinstance(material, Conductor) and material.is_mirror and material.fresnel == "exact":
-        return _both_sides({"type": "conductor"} | _metal(material, grid))
+        return {"type": "conductor"} | _metal(material, grid)
     if isinstance(material, Glazed):
-        return _both_sides(_glaze(material, grid, on_sphere, gloss, tolerance))
+        return _glaze(material, grid, on_sphere, gloss, tolerance)
     if notes is None:
         raise ValueError(f"material {name!r}: Mitsuba has no counterpart of {_describe(material)}")
     if isinstance(material, Conductor):
@@ -158,7 +162,7 @@ def _bsdf(
             f"material {name!r}: Mitsuba has no {_describe(material)[2:]}; drawn with "
             f"{_nearest(material)}"
         )
-        return _both_sides(_near_metal(material, grid))
+        return _near_metal(material, grid)
     if isinstance(material, Phong):
         notes.append(
             f"material {name!r}: Mitsuba has no Phong; drawn as a plastic with a highlight of "
@@ -167,7 +171,7 @@ def _bsdf(
         # Facets whose highlight is as wide as Phong's: alpha^2 = 2/(n + 2).
         width = float(np.sqrt(2.0 / (float(material.exponent) + 2.0)))
         body = spectrum(material.body, grid)
-        return _both_sides({"type": "roughplastic", "alpha": width, "diffuse_reflectance": body})
+        return {"type": "roughplastic", "alpha": width, "diffuse_reflectance": body}
     raise ValueError(f"material {name!r}: Mitsuba has no counterpart of {_describe(material)}")
 
 
@@ -222,10 +226,6 @@ def _describe(material: Material) -> str:
         if material.roughness
         else f"a metal by the estimate {material.fresnel!r}"
     )
-
-
-def _both_sides(bsdf: dict[str, Any]) -> dict[str, Any]:
-    return {"type": "twosided", "bsdf": bsdf}
 
 
 def _light(light: Light, grid: np.ndarray, path: Path) -> dict[str, Any]:

@@ -165,7 +165,7 @@ def _quads(material: str, quads: list, scale: float = 1.0, start: float = 0.0) -
 
 def numbers(values: Numbers) -> list[float]:
     """Plain numbers."""
-    return [float(v) for v in np.asarray(values)]
+    return np.asarray(values, float).tolist()
 
 
 def _transform(axes: Float[np.ndarray, "3 3"], point: Numbers) -> Any:

@@ -16,6 +16,7 @@ from ....progress import Progress, no_progress
 from ...mitsuba.variants import spectral_variant
 from ..render_result import Rendered, RenderReport
 from ..scene import Scene
+from ..shapes import whole
 from .mitsuba import mitsuba_scene
 
 MOST_SAMPLES = 1 << 20
@@ -100,21 +101,14 @@ def path_trace(
         ModuleNotFoundError: Mitsuba is not installed.
         ValueError: samples out of range, or what `mitsuba_scene` refuses.
     """
-    if (
-        not isinstance(samples, int | np.integer)
-        or isinstance(samples, bool)
-        or not 1 <= samples <= MOST_SAMPLES
-    ):
-        raise ValueError(
-            f"samples must be a whole number from 1 to {MOST_SAMPLES}, not {samples!r}"
-        )
+    samples = whole("samples", samples, 1, MOST_SAMPLES)
     with spectral_variant() as variant, tempfile.TemporaryDirectory() as folder:
         import mitsuba as mi  # pyright: ignore[reportMissingImports]
 
         pixels = scene.width * scene.height
         report = PathReport(variant=variant, pixels=pixels, materials=len(scene.materials))
         # Passes with seeds of their own are independent, and their spread is the noise.
-        samples_each, report.passes_full = passes_of(int(samples), pixels)
+        samples_each, report.passes_full = passes_of(samples, pixels)
         progress(0, report.passes_full, "computing glazes")
         description = mitsuba_scene(
             scene,
