@@ -51,14 +51,10 @@ def predict(
     ],
     reading: Annotated[
         Path | None,
-        typer.Option(
-            "--reading",
-            metavar="FILE",
-            callback=options.there,
+        options.file_option(
             help="Spectra of one film of this mixture, to learn its strength: rows NAME_ob and "
             "NAME_ow (over a black, a white card), or one of them, or NAME alone (opaque), and "
             "card_b, card_w.",
-            show_default=False,
         ),
     ] = None,
     samples: options.Samples = "",
@@ -67,24 +63,20 @@ def predict(
     scale: options.Scale = None,
     film_thickness: Annotated[
         str,
-        typer.Option(
-            "--film-thickness",
+        options.option(
             metavar="LENGTH",
             help="Measured thickness of the film in --reading, on the scale of the paints: "
             "20um, or 20um±20%.",
-            show_default=False,
         ),
     ] = "",
     thickness: Annotated[
         str,
-        typer.Option(
-            "--thickness",
+        options.option(
             metavar="LENGTHS",
             help=(
                 "Thicknesses of the films to predict: 5um,25um. Default: 25um, or with "
                 "--reading half, once and twice its film's."
             ),
-            show_default=False,
         ),
     ] = "",
     out: options.Csv = None,
