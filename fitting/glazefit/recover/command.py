@@ -243,11 +243,9 @@ def recover(
         recipes, names_file = _recipes(file, names)
         if masstones:
             films = _masstones(films, recipes, names_file)
-        together = (
-            joint or knowledge.any or not films.complete or any(tint(name) for name in films.names)
-        )
-        if together:
-            if joint and not recipes and not any(tint(name) for name in films.names):
+        tints = any(map(tint, films.names))
+        if joint or knowledge.any or not films.complete or tints:
+            if joint and not recipes and not tints:
                 raise ValueError(
                     "--joint needs to know what the films are made of: add --names FILE, or "
                     f"{names_file}"

@@ -119,7 +119,6 @@ def predict(
     from rich.console import Console
 
     from ..film.films import Instrument, cards
-    from ..film.noise import estimate_noise
     from .command_joint import read_gauge
     from .joint.joint import UNIT
     from .predict.mixture import calibrate_mixture, predict_mixture
@@ -134,7 +133,6 @@ def predict(
         film = read_film(
             reading, samples, shelf, recipe, console, **options.stated(quantity, unit, scale)
         )
-        noise = estimate_noise(film)
         gauge = read_gauge(film_thickness, film.names, "--film-thickness")
         with progress.follow("compiling, then fitting the reading") as report:
             calibrated = calibrate_mixture(
@@ -142,13 +140,12 @@ def predict(
                 recipe,
                 film,
                 instrument=seen_with,
-                noise=noise,
                 gauge=gauge,
                 wavelengths=complete_grid(film, [shelf[paint] for paint in recipe]),
                 progress=report,
             )
         grid = calibrated.wavelengths
-        black, white, _, _ = cards(calibrated.films, seen_with, noise)
+        black, white, _, _ = cards(calibrated.films, seen_with, calibrated.noise)
         ground = (black[0], white[0])
         read_thickness = float(f"{calibrated.thickness[0] * UNIT:.2g}")
         thicknesses = thicknesses or (

@@ -200,8 +200,9 @@ class Recovery(FittedFilms, Tabulated):
         """
         if not parts:
             raise ValueError("no film was recovered")
-        names = [field.name for field in fields(cls) if field.name != "films"]
         arrays = {
-            name: np.concatenate([getattr(recovery, name) for recovery in parts]) for name in names
+            field.name: np.concatenate([getattr(recovery, field.name) for recovery in parts])
+            for field in fields(cls)
+            if field.name != "films"
         }
         return cls(films=films.take(slice(sum(map(len, parts)))), **arrays)
