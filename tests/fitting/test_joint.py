@@ -184,7 +184,7 @@ def test_error_modes_are_the_largest_of_the_dense_inverse(small, whole):
 
 def test_steps_end_where_the_cost_has_no_slope(small):
     problem, response, point = small
-    end, descent = solve_jointly(problem, response, point, 1.0, 100)
+    end, descent = solve_jointly(problem, response, point, 1.0, 100, lambda steps: None)
     assert descent.settled
     assert descent.steps < 90
     before, after = look(problem, response, point), look(problem, response, end)

@@ -1,6 +1,5 @@
 """The command `glazejax recipe`: a colour or a spectrum in, glazes out."""
 
-import functools
 import shlex
 import time
 from collections.abc import Mapping, Sequence
@@ -25,8 +24,6 @@ if TYPE_CHECKING:
 _GEOMETRY = "45:0"
 _GROUND = "0.9"
 _COATS = "1-50um"
-
-_option = functools.partial(typer.Option, show_default=False)
 
 
 def register(app: typer.Typer) -> None:

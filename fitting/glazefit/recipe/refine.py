@@ -23,7 +23,7 @@ from ..film.model.optics import Optics
 from ..film.numerics.least_squares import Bounds, Looks, descend_within
 from .model import OneStack, Sizes, read
 from .screen import MOST_SCREENED, PerStack, Stacks
-from .targets import Indices
+from .targets import Indices, take_rows
 from .task import RecipeTask
 
 Points: TypeAlias = Float[np.ndarray, "n unknowns"]
@@ -36,10 +36,6 @@ class Amounts(NamedTuple):
     target: Indices
     place: Int[np.ndarray, "n places"]  # in the stack, of all coats' paints in one row
     member: Bool[np.ndarray, "n coats places"]  # which are there, and in which coat
-
-    def take(self, rows: Indices) -> "Amounts":
-        """Those of some stacks."""
-        return Amounts(*(values[rows] for values in self))
 
     def shares(
         self, point: Points
@@ -92,8 +88,7 @@ def improve(task: RecipeTask, rough: Stacks, note: Callable[[], object]) -> Stac
     # What the table puts first, at the best amounts by the solver itself. Unmixed stacks are of
     # more kinds.
     solved = refined(pool.best(4 if task.glazes else count), task.optics)
-    readings = read(task.model, solved.sizes, task.optics)
-    return score(task, solved, readings.spectrum, readings.lab)
+    return read_and_score(task, solved, task.optics)
 
 
 def refine(
@@ -122,7 +117,7 @@ def refine(
     amounts, point, bounds = start(task, stacks)
     first_look, before = look(task, amounts, point, optics, hold=hold)
     solution = descend_within(
-        lambda rows, points: look(task, amounts.take(rows), points, optics, hold=hold)[0],
+        lambda rows, points: look(task, take_rows(amounts, rows), points, optics, hold=hold)[0],
         point,
         first_look,
         bounds,
@@ -172,7 +167,7 @@ def look(
 ) -> tuple[Looks, PerStack]:
     """Cost and its slopes at a point, and the largest Delta E under the lights."""
     model = task.model
-    goal = task.target_arrays.take(amounts.target)
+    goal = take_rows(task.target_arrays, amounts.target)
     share, amount = amounts.shares(point)
     paints = len(model.absorption)
     readings = read(model, amounts.sizes(point, paints), optics)
@@ -228,6 +223,12 @@ def colour_misfit(
     return vector[0], np.moveaxis(slopes, 0, -1)
 
 
+def read_and_score(task: RecipeTask, stacks: Stacks, optics: Optics | None) -> Stacks:
+    """Stacks with their cost and distance, by the solver or without `optics` by the table."""
+    readings = read(task.model, stacks.sizes, optics)
+    return score(task, stacks, readings.spectrum, readings.lab)
+
+
 def score(
     task: RecipeTask,
     stacks: Stacks,
@@ -237,7 +238,7 @@ def score(
     """Stacks with their cost and distance by what they read: the cost that `look` has, without
     slopes.
     """
-    goal = task.target_arrays.take(stacks.target)
+    goal = take_rows(task.target_arrays, stacks.target)
     delta_e = delta_e_2000(labs, goal.lab)
     miss = np.sum((spectra - goal.spectrum) ** 2, axis=1)
     return stacks._replace(
@@ -294,9 +295,8 @@ def grown(task: RecipeTask, parents: Stacks) -> Stacks:
     if target.size == 0:
         return parents.take(target)
     sizes = np.stack(list(itertools.chain.from_iterable(children)))
-    readings = read(task.model, sizes, None)
     stacks = Stacks.before_refinement(sizes, target, np.zeros(len(target)))
-    return score(task, stacks, readings.spectrum, readings.lab)
+    return read_and_score(task, stacks, None)
 
 
 def enlargements(task: RecipeTask, stack: OneStack) -> Iterator[OneStack]:

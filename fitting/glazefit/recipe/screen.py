@@ -23,7 +23,7 @@ from glazejax.progress import Progress, counted, no_progress
 from glazejax.radiative.common.threads import in_threads
 
 from .model import Sizes, StackModel, internal, lab_of
-from .targets import Indices, TargetArrays
+from .targets import Indices, TargetArrays, take_rows
 from .task import RecipeTask
 
 PerStack: TypeAlias = Float[np.ndarray, "n"]
@@ -83,7 +83,7 @@ class Stacks(NamedTuple):
 
     def take(self, rows: Sequence[int] | Indices) -> "Stacks":
         """Some of them."""
-        return Stacks(*(values[np.asarray(rows, int)] for values in self))
+        return take_rows(self, np.asarray(rows, int))
 
     def best(self, count: int) -> "Stacks":
         """The `count` of least cost for each target, by number of coats and paints; of stacks with
@@ -115,10 +115,6 @@ class Coats(NamedTuple):
 
     paints: Any  # Int (coats, 3), filled up by paint 0, of which there is nothing then
     amounts: Any  # Float (coats, thicknesses, 3), um
-
-    def take(self, rows: Indices) -> "Coats":
-        """Some of them."""
-        return Coats(self.paints[rows], self.amounts[rows])
 
 
 def screen(
@@ -245,7 +241,7 @@ def _all_distances(
     def look(block: tuple[np.ndarray, np.ndarray]) -> None:
         rows, columns = block
         at = np.ix_(rows, columns)
-        pair = top.take(rows), bottom.take(columns)
+        pair = take_rows(top, rows), take_rows(bottom, columns)
         cost[at], point[at] = _distances(task.model, targets, *pair, together=together)
         note()
 

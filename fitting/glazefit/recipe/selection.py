@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from .model import OneStack, lab_of, read
-from .refine import refine, score
+from .refine import read_and_score, refine, score
 from .screen import Stacks, leaders
 from .targets import Indices
 from .task import RecipeTask
@@ -118,6 +118,5 @@ def round_recipes(task: RecipeTask, exact: Stacks) -> Stacks:
     guessed = score(task, rounded, guess, np.asarray(lab_of(task.model, guess)))
     # Round numbers of a recipe that the solver reads.
     rows = sorted(leaders(by_effort(task, guessed), owner.tolist(), 4))
-    readings = read(task.model, rounded.sizes[rows], task.optics)
-    solved = score(task, rounded.take(rows), readings.spectrum, readings.lab)
+    solved = read_and_score(task, rounded.take(rows), task.optics)
     return solved.take(sorted(leaders(by_effort(task, solved), owner[rows].tolist(), 1)))

@@ -61,77 +61,61 @@ def recover(
     ] = False,
     names: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FILE",
-            callback=options.there,
+        options.file_option(
             help="Recipes of the samples, a line each: 'SAMPLE<TAB>PaintA-PaintB|90-10'. Default: "
             "mixtures.tsv in the folder of the table, if it exists.",
-            show_default=False,
         ),
     ] = None,
     into: Annotated[
         Path | None,
-        typer.Option(
-            "--into",
+        options.option(
             metavar="FILE",
             help=(
                 "Add the new paints to your own file of paints, such as mine.csv, whose paints "
                 "stay fixed."
             ),
-            show_default=False,
         ),
     ] = None,
     white: Annotated[
         str,
-        typer.Option(
+        options.option(
             metavar="NAME",
             help="White of the tints, which sets the scale: a paint of --into, of --catalogue "
             "(ZincWhite), or acrylics:TitaniumWhite.",
-            show_default=False,
         ),
     ] = "",
     catalogue: options.CatalogueName = None,
     wet_film: Annotated[
         str,
-        typer.Option(
-            "--wet-film",
+        options.option(
             metavar="LENGTHS",
             help="Thickness by a gauge, or gap of the drawdown bar: 100um, 100um±20%, "
             "'Red=100um,Blue=50um', or 'same' (one bar of unknown gap). Give the dry thickness "
             "of acrylics, which lose about half.",
-            show_default=False,
         ),
     ] = "",
     excluded: Annotated[
         Path | None,
-        typer.Option(
-            "--excluded",
-            metavar="FILE",
-            callback=options.there,
+        options.file_option(
             help="The same films read without the specular part (de:8), if FILE includes it: the "
             "difference is the gloss of each film.",
-            show_default=False,
         ),
     ] = None,
     thickness: options.Thickness = "25um",
     noise: Annotated[
         float | None,
-        typer.Option(
-            "--noise",
+        options.option(
             callback=options.between(0.0),
             help="Noise of the instrument near black: standard deviation of a reflectance. "
             "Default: estimated from the roughness of the spectra, 0.0005 or more.",
-            show_default=False,
         ),
     ] = None,
     noise_share: Annotated[
         float | None,
-        typer.Option(
-            "--noise-share",
+        options.option(
             callback=options.between(0.0),
             help="Noise proportional to the reading, added to --noise per unit of reflectance. "
             "Default: 0.002, or estimated from the spectra.",
-            show_default=False,
         ),
     ] = None,
     instrument: Annotated[str | None, options.instrument_option(_GEOMETRY)] = None,
@@ -259,11 +243,9 @@ def recover(
         recipes, names_file = _recipes(file, names)
         if masstones:
             films = _masstones(films, recipes, names_file)
-        together = (
-            joint or knowledge.any or not films.complete or any(tint(name) for name in films.names)
-        )
-        if together:
-            if joint and not recipes and not any(tint(name) for name in films.names):
+        tints = any(map(tint, films.names))
+        if joint or knowledge.any or not films.complete or tints:
+            if joint and not recipes and not tints:
                 raise ValueError(
                     "--joint needs to know what the films are made of: add --names FILE, or "
                     f"{names_file}"

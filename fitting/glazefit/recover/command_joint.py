@@ -120,7 +120,7 @@ def _measured_gloss(
     assert path is not None
     grid = films.wavelengths
     excluded = crop(
-        average(read_loose_films(path, specular=False, **(knowledge.stated or {}))),
+        average(read_loose_films(path, specular=False, **knowledge.stated)),
         grid[0],
         grid[-1],
         "as the films with the specular part",
@@ -140,7 +140,7 @@ def known_paints(
     file: "PaintFile | None",
     white: str,
     overwrite: bool,
-    catalogue: str = options.OILS,
+    catalogue: str,
 ) -> "dict[str, Pigment]":
     """Paints of the recipes that are known: those of the file, and the white, which is one of the
     file or of a catalogue.

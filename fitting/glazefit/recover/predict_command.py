@@ -51,14 +51,10 @@ def predict(
     ],
     reading: Annotated[
         Path | None,
-        typer.Option(
-            "--reading",
-            metavar="FILE",
-            callback=options.there,
+        options.file_option(
             help="Spectra of one film of this mixture, to learn its strength: rows NAME_ob and "
             "NAME_ow (over a black, a white card), or one of them, or NAME alone (opaque), and "
             "card_b, card_w.",
-            show_default=False,
         ),
     ] = None,
     samples: options.Samples = "",
@@ -67,24 +63,20 @@ def predict(
     scale: options.Scale = None,
     film_thickness: Annotated[
         str,
-        typer.Option(
-            "--film-thickness",
+        options.option(
             metavar="LENGTH",
             help="Measured thickness of the film in --reading, on the scale of the paints: "
             "20um, or 20um±20%.",
-            show_default=False,
         ),
     ] = "",
     thickness: Annotated[
         str,
-        typer.Option(
-            "--thickness",
+        options.option(
             metavar="LENGTHS",
             help=(
                 "Thicknesses of the films to predict: 5um,25um. Default: 25um, or with "
                 "--reading half, once and twice its film's."
             ),
-            show_default=False,
         ),
     ] = "",
     out: options.Csv = None,
@@ -127,7 +119,6 @@ def predict(
     from rich.console import Console
 
     from ..film.films import Instrument, cards
-    from ..film.noise import estimate_noise
     from .command_joint import read_gauge
     from .joint.joint import UNIT
     from .predict.mixture import calibrate_mixture, predict_mixture
@@ -142,7 +133,6 @@ def predict(
         film = read_film(
             reading, samples, shelf, recipe, console, **options.stated(quantity, unit, scale)
         )
-        noise = estimate_noise(film)
         gauge = read_gauge(film_thickness, film.names, "--film-thickness")
         with progress.follow("compiling, then fitting the reading") as report:
             calibrated = calibrate_mixture(
@@ -150,13 +140,12 @@ def predict(
                 recipe,
                 film,
                 instrument=seen_with,
-                noise=noise,
                 gauge=gauge,
                 wavelengths=complete_grid(film, [shelf[paint] for paint in recipe]),
                 progress=report,
             )
         grid = calibrated.wavelengths
-        black, white, _, _ = cards(calibrated.films, seen_with, noise)
+        black, white, _, _ = cards(calibrated.films, seen_with, calibrated.noise)
         ground = (black[0], white[0])
         read_thickness = float(f"{calibrated.thickness[0] * UNIT:.2g}")
         thicknesses = thicknesses or (

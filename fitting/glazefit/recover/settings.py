@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from glazejax.commands import options, progress
+from glazejax.commands import progress
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -85,9 +85,9 @@ class PriorKnowledge(NamedTuple):
     into: Path | None
     white: str
     wet_film: str
-    excluded: Path | None = None
-    catalogue: str = options.OILS
-    stated: "Stated | None" = None
+    excluded: Path | None
+    catalogue: str
+    stated: "Stated"
 
     @property
     def any(self) -> bool:

@@ -23,7 +23,7 @@ from jaxtyping import Array, Float
 from glazejax.colour import delta_e_of_spectra
 from glazejax.geometry import resolve_instrument
 from glazejax.progress import Progress, no_progress
-from glazejax.spectra import describe_grid
+from glazejax.spectra import Bands, describe_grid
 
 from ...film.films import Films, InstrumentLike, Noise, card_reflectance, cards
 from ...film.model.errors import smooth_kernel
@@ -75,8 +75,8 @@ class CoatFilm(NamedTuple):
 
     name: str
     coats: float
-    reflectance: Float[np.ndarray, "bands"]
-    ground: Float[np.ndarray, "bands"]  # bare
+    reflectance: Bands
+    ground: Bands  # bare
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,7 @@ class CoatRecovery:
         return f"CoatRecovery({', '.join(self.paints)} from {len(self.films)} films)"
 
     @property
-    def wavelengths(self) -> Float[np.ndarray, "bands"]:
+    def wavelengths(self) -> Bands:
         """nm, (bands,)."""
         return self.films.wavelengths
 
@@ -153,7 +153,7 @@ class CoatPrediction:
 
     paint: str
     coats: float
-    wavelengths: Float[np.ndarray, "bands"]
+    wavelengths: Bands
     draws: Float[np.ndarray, "draws bands"]
 
     def __repr__(self) -> str:
@@ -163,13 +163,11 @@ class CoatPrediction:
         )
 
     @property
-    def reflectance(self) -> Float[np.ndarray, "bands"]:
+    def reflectance(self) -> Bands:
         """Median of the draws."""
         return np.median(self.draws, axis=0)
 
-    def interval(
-        self, level: float = 0.9
-    ) -> tuple[Float[np.ndarray, "bands"], Float[np.ndarray, "bands"]]:
+    def interval(self, level: float = 0.9) -> tuple[Bands, Bands]:
         """Lower and upper end of the band that holds this share of the draws.
 
         Raises:
@@ -184,14 +182,12 @@ class CoatPrediction:
         observer: str | int = 10,
     ) -> Float[np.ndarray, "*n"]:
         """CIEDE2000 between the prediction and other spectra."""
-        return np.asarray(
-            delta_e_of_spectra(
-                self.wavelengths,
-                self.reflectance,
-                measured,
-                illuminant=illuminant,
-                observer=observer,
-            )
+        return delta_e_of_spectra(
+            self.wavelengths,
+            self.reflectance,
+            measured,
+            illuminant=illuminant,
+            observer=observer,
         )
 
     def expected_error(self, illuminant: str = "D65", observer: str | int = 10) -> float:
@@ -246,12 +242,12 @@ def recover_coats(
     paint_names = dict.fromkeys(coat.paint for coat in named_coats.values())
     for paint in paint_names:
         progress(len(fits), len(paint_names), "fitting the coats of each paint")
-        rows = [row for row, name in enumerate(films.names) if named_coats[name].paint == paint]
-        names = [films.names[row] for row in rows]
-        thickness = {name: named_coats[name].coats * UNIT for name in names}
+        thickness = {
+            name: coat.coats * UNIT for name, coat in named_coats.items() if coat.paint == paint
+        }
         fits[paint] = recover_jointly(
-            films.take(rows),
-            {name: {paint: 1.0} for name in names},
+            films.select(list(thickness)),
+            {name: {paint: 1.0} for name in thickness},
             instrument=instrument,
             noise=noise,
             response=response,
@@ -274,7 +270,7 @@ def predict_next_coat(
     recovery: CoatRecovery,
     paint: str,
     coats: float,
-    ground: Float[np.ndarray, "bands"],
+    ground: Bands,
     *,
     seed: int = 0,
 ) -> CoatPrediction:

@@ -33,7 +33,7 @@ from ...film.model.body import HIGHEST
 from ...film.model.response import FilmResponse
 from ...film.noise import estimate_noise
 from ...film.numerics.least_squares import levenberg_marquardt
-from .result import Recovery, told_apart
+from .result import FilmSpectra, PerFilm, Recovery, told_apart
 
 CHUNK = 8
 """Films a chunk."""
@@ -175,7 +175,7 @@ def solve(film: Film, data: FilmData, shared: FilmShared, prior: ScatteringPrior
 
 
 def pose(
-    films: Films, gloss: Float[np.ndarray, "films"], instrument: Instrument, noise: Noise
+    films: Films, gloss: PerFilm, instrument: Instrument, noise: Noise
 ) -> tuple[Film, FilmData, FilmShared]:
     """Problems of all bands of some films, (films * bands,), without the surface's part; unknown
     are log k d and log s d.
@@ -244,52 +244,53 @@ def _recover_chunk(films: Films, instrument: Instrument, noise: Noise) -> Recove
     # The last chunk is filled up, so that one compiled program serves all.
     rows = np.minimum(np.arange(size), count * bands - 1)
     data = jax.tree.map(lambda values: values[rows], data)
+
+    def by_film(values: Array) -> np.ndarray:
+        return np.reshape(values, (CHUNK, bands, *values.shape[1:]))[:count]
+
     nothing = ScatteringPrior(np.zeros(size), np.zeros(size))
-    free = jax.tree.map(np.asarray, solve(film, data, shared, nothing))
+    free = chosen = jax.tree.map(by_film, solve(film, data, shared, nothing))
     # Where the noise leaves k and s apart, and one solution, both are known.
-    contrast = (free.fitted[:, 1] - free.fitted[:, 0]) / np.linalg.norm(data.sd[:, 0], axis=1)
-    distinct = told_apart(free.optical, free.covariance, contrast)
-    identifiable = (distinct & ~free.ambiguous).reshape(-1, bands)
+    noise_sd = np.linalg.norm(by_film(data.sd)[:, :, 0], axis=2)
+    contrast = (free.fitted[..., 1] - free.fitted[..., 0]) / noise_sd
+    identifiable = told_apart(free.optical, free.covariance, contrast) & ~free.ambiguous
     # Elsewhere s follows the known bands next to it, and k the ratio.
-    mean, weight = neighbours_scattering(
-        films.wavelengths,
-        np.log(free.optical[:, 1]).reshape(-1, bands),
-        identifiable,
-        free.least_scattering.reshape(-1, bands),
-    )
-    prior = ScatteringPrior(mean.ravel(), weight.ravel())
-    drawn = free if identifiable[:count].all() else solve(film, data, shared, prior)
-    chosen = jax.tree.map(
-        lambda a, b: np.where(identifiable.ravel().reshape(-1, *[1] * (a.ndim - 1)), a, b),
-        free,
-        drawn,
-    )
-
-    def cut_bands(values: np.ndarray) -> np.ndarray:
-        return values.reshape(-1, bands, *values.shape[1:])[:count]
-
+    if not identifiable.all():
+        expected = neighbours_scattering(
+            films.wavelengths,
+            np.log(free.optical[..., 1]),
+            identifiable,
+            free.least_scattering,
+        )
+        prior = ScatteringPrior(*(values.ravel()[rows] for values in expected))
+        drawn = jax.tree.map(by_film, solve(film, data, shared, prior))
+        chosen = jax.tree.map(
+            lambda a, b: np.where(identifiable.reshape(count, bands, *[1] * (a.ndim - 2)), a, b),
+            free,
+            drawn,
+        )
     surface = (gloss * instrument.seen_surface)[:, None]
     return Recovery(
         films=films,
-        absorption=cut_bands(chosen.optical[:, 0]),
-        scattering=cut_bands(chosen.optical[:, 1]),
-        covariance=cut_bands(chosen.covariance),
-        identifiable=identifiable[:count],
+        absorption=chosen.optical[..., 0],
+        scattering=chosen.optical[..., 1],
+        covariance=chosen.covariance,
+        identifiable=identifiable,
         gloss=gloss,
-        fitted_black=cut_bands(chosen.fitted[:, 0]) + surface,
-        fitted_white=cut_bands(chosen.fitted[:, 1]) + surface,
-        misfit=cut_bands(chosen.misfit),
-        converged=cut_bands(chosen.converged),
-        ambiguous=cut_bands(free.ambiguous),
+        fitted_black=chosen.fitted[..., 0] + surface,
+        fitted_white=chosen.fitted[..., 1] + surface,
+        misfit=chosen.misfit,
+        converged=chosen.converged,
+        ambiguous=free.ambiguous,
     )
 
 
 def neighbours_scattering(
     wavelengths: Float[np.ndarray, "bands"],
-    log_scattering: Float[np.ndarray, "films bands"],
+    log_scattering: FilmSpectra,
     identifiable: Bool[np.ndarray, "films bands"],
-    least: Float[np.ndarray, "films bands"],
-) -> tuple[Float[np.ndarray, "films bands"], Float[np.ndarray, "films bands"]]:
+    least: FilmSpectra,
+) -> tuple[FilmSpectra, FilmSpectra]:
     """Mean and weight of a prior on log(s d): nothing at known bands, continuity with them
     elsewhere.
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from typing import TypeAlias
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -14,6 +15,10 @@ from glazejax.spectra import describe_grid
 from ...film.films import Films
 from ...film.tables import Tabulated, Variables
 
+PerFilm: TypeAlias = Float[np.ndarray, "films"]
+"""A number a film."""
+FilmSpectra: TypeAlias = Float[np.ndarray, "films bands"]
+"""A number a film and band."""
 _IN_TABLES = (
     "absorption",
     "absorption_sd",
@@ -61,8 +66,8 @@ class FittedFilms:
     """Fit of spectra to films over two cards."""
 
     films: Films
-    fitted_black: Float[np.ndarray, "films bands"]
-    fitted_white: Float[np.ndarray, "films bands"]
+    fitted_black: FilmSpectra
+    fitted_white: FilmSpectra
 
     @property
     def residual(self) -> Float[np.ndarray, "films 2 bands"]:
@@ -74,7 +79,7 @@ class FittedFilms:
         return films.where_seen(difference)
 
     @property
-    def rmse(self) -> Float[np.ndarray, "films"]:
+    def rmse(self) -> PerFilm:
         """Root mean square of measured minus fitted reflectance, both cards together."""
         return np.sqrt(np.mean(self.residual**2, axis=(1, 2)))
 
@@ -108,14 +113,14 @@ class Recovery(FittedFilms, Tabulated):
     """
 
     films: Films
-    absorption: Float[np.ndarray, "films bands"]
-    scattering: Float[np.ndarray, "films bands"]
+    absorption: FilmSpectra
+    scattering: FilmSpectra
     covariance: Float[np.ndarray, "films bands 2 2"]
     identifiable: Bool[np.ndarray, "films bands"]
-    gloss: Float[np.ndarray, "films"]
-    fitted_black: Float[np.ndarray, "films bands"]
-    fitted_white: Float[np.ndarray, "films bands"]
-    misfit: Float[np.ndarray, "films bands"]
+    gloss: PerFilm
+    fitted_black: FilmSpectra
+    fitted_white: FilmSpectra
+    misfit: FilmSpectra
     converged: Bool[np.ndarray, "films bands"]
     ambiguous: Bool[np.ndarray, "films bands"]
 
@@ -138,27 +143,27 @@ class Recovery(FittedFilms, Tabulated):
         }, axes
 
     @property
-    def absorption_sd(self) -> Float[np.ndarray, "films bands"]:
+    def absorption_sd(self) -> FilmSpectra:
         """Standard deviation of k d."""
         return np.sqrt(self.covariance[..., 0, 0])
 
     @property
-    def scattering_sd(self) -> Float[np.ndarray, "films bands"]:
+    def scattering_sd(self) -> FilmSpectra:
         """Standard deviation of s d."""
         return np.sqrt(self.covariance[..., 1, 1])
 
     @property
-    def ratio(self) -> Float[np.ndarray, "films bands"]:
+    def ratio(self) -> FilmSpectra:
         """Ratio k/s, which needs no thickness."""
         return self.absorption / self.scattering
 
     @property
-    def ratio_sd(self) -> Float[np.ndarray, "films bands"]:
+    def ratio_sd(self) -> FilmSpectra:
         """Standard deviation of k/s, by the delta method."""
         slope = np.stack([1.0 / self.scattering, -self.absorption / self.scattering**2], axis=-1)
         return np.sqrt(np.einsum("...i,...ij,...j->...", slope, self.covariance, slope))
 
-    def delta_e(self, illuminant: str) -> Float[np.ndarray, "films"]:
+    def delta_e(self, illuminant: str) -> PerFilm:
         """The larger CIEDE2000 difference of the two fitted spectra from the measured ones, 2
         degree observer.
         """
@@ -195,8 +200,9 @@ class Recovery(FittedFilms, Tabulated):
         """
         if not parts:
             raise ValueError("no film was recovered")
-        names = [field.name for field in fields(cls) if field.name != "films"]
         arrays = {
-            name: np.concatenate([getattr(recovery, name) for recovery in parts]) for name in names
+            field.name: np.concatenate([getattr(recovery, field.name) for recovery in parts])
+            for field in fields(cls)
+            if field.name != "films"
         }
         return cls(films=films.take(slice(sum(map(len, parts)))), **arrays)

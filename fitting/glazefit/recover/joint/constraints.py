@@ -15,10 +15,11 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from glazejax import Pigment
-from glazejax.spectra import describe_grid
+from glazejax.spectra import Bands, describe_grid
 
 from ...film.films import Films
 from ...film.model.errors import ModelError, relative_errors, smooth_modes
+from ..films.result import PerFilm
 from .problem import Expectations
 
 MOST_ERROR = 0.5
@@ -87,7 +88,7 @@ class Constraints(NamedTuple):
 
     arrays: Mapping[str, np.ndarray]
     known: Bool[np.ndarray, "paints"]
-    thickness_sd: Float[np.ndarray, "films"]
+    thickness_sd: PerFilm
     modes_of: Mapping[str, PaintModes]
 
 
@@ -151,7 +152,7 @@ def gather_constraints(
     )
 
 
-def _on(paint: Pigment, grid: Float[np.ndarray, "bands"]) -> Pigment:
+def _on(paint: Pigment, grid: Bands) -> Pigment:
     try:
         return paint.resample(grid)
     except ValueError:
@@ -207,9 +208,7 @@ def error_modes(paint: Pigment) -> Float[np.ndarray, "modes 2 bands"]:
 
 def _thicknesses(
     films: Films, gauge: Gauge | None, unit: float, spread: float, common: float
-) -> tuple[
-    Float[np.ndarray, "films"], Float[np.ndarray, "films"], Float[np.ndarray, "modes films"]
-]:
+) -> tuple[PerFilm, PerFilm, Float[np.ndarray, "modes films"]]:
     """Log of each film's expected relative thickness, its standard deviation, and the factor that
     they share.
     """

@@ -221,26 +221,25 @@ def pose(
     pull[fixed], stiffness[fixed], steepness[:, fixed] = (0.0, 0.01), 0.0, 0.0
     scale[~np.isnan(gloss), 1] = GLOSS_SD
     # Bands first, where arrays have them.
-    arrays = {
-        "reading": np.moveaxis(measured, 1, 0),
-        "ground": np.moveaxis(card_data.ground, 1, 0),
-        "weight": np.moveaxis(1.0 / deviation, 1, 0),
-        "shares": shares,
-        "minor": minor,
-        "surface": np.array(instrument.seen_surface),
-        "curvature": curvature_matrix(films.wavelengths),
-        "stiffness": stiffness,
-        "steepness": steepness,
-        "pull": np.stack([pull[:, 0], 1.0 / pull[:, 1]], axis=1),
-        "film_scale": scale,
-        "paint_mean": paint_gloss(films, shares, instrument, noise),
-        "paint_scale": np.full(paints, expected.paint_gloss),
-        "tail": np.array(expected.tail),
-        "opaque": films.opaque.astype(float),
-        "gloss": np.log(gloss),
+    return JointProblem(
+        reading=np.moveaxis(measured, 1, 0),
+        ground=np.moveaxis(card_data.ground, 1, 0),
+        weight=np.moveaxis(1.0 / deviation, 1, 0),
+        shares=shares,
+        minor=minor,
+        surface=np.array(instrument.seen_surface),
+        curvature=curvature_matrix(films.wavelengths),
+        stiffness=stiffness,
+        steepness=steepness,
+        pull=np.stack([pull[:, 0], 1.0 / pull[:, 1]], axis=1),
+        film_scale=scale,
+        paint_mean=paint_gloss(films, shares, instrument, noise),
+        paint_scale=np.full(paints, expected.paint_gloss),
+        tail=np.array(expected.tail),
+        opaque=films.opaque.astype(float),
+        gloss=np.log(gloss),
         **constraints.arrays,
-    }
-    return JointProblem(**arrays)
+    )
 
 
 def paint_gloss(

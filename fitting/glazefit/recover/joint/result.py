@@ -12,7 +12,7 @@ from glazejax import Pigment
 from ...film.films import Films, Instrument, Noise
 from ...film.model.mixing import MixingLaw
 from ...film.model.variation import thickness_variance
-from ..films.result import RELATIVE_LIMIT, FittedFilms
+from ..films.result import RELATIVE_LIMIT, FilmSpectra, FittedFilms, PerFilm
 from .constraints import MOST_ERROR, PaintModes
 from .covariance import JointCovariance
 from .problem import Expectations, JointProblem, Unknowns
@@ -72,10 +72,10 @@ class JointRecovery(FittedFilms):
     log_covariance: Float[np.ndarray, "bands coefficients coefficients"]
     shared_covariance: Float[np.ndarray, "shared shared"]
     draws: Unknowns
-    film_absorption: Float[np.ndarray, "films bands"]
-    film_scattering: Float[np.ndarray, "films bands"]
-    fitted_black: Float[np.ndarray, "films bands"]
-    fitted_white: Float[np.ndarray, "films bands"]
+    film_absorption: FilmSpectra
+    film_scattering: FilmSpectra
+    fitted_black: FilmSpectra
+    fitted_white: FilmSpectra
     residual_sd: Float[np.ndarray, "films 2 bands"]
     expectations: Expectations
     instrument: Instrument
@@ -88,7 +88,7 @@ class JointRecovery(FittedFilms):
     whole_covariance: JointCovariance
     problem: JointProblem
     gauged: bool
-    measured_gloss: Float[np.ndarray, "films"]
+    measured_gloss: PerFilm
 
     def __repr__(self) -> str:
         new = [paint for paint in self.paints if paint not in self.known_paints]
@@ -150,12 +150,12 @@ class JointRecovery(FittedFilms):
         return np.all(self.log_sd <= RELATIVE_LIMIT, axis=0) & scaled[:, None]
 
     @property
-    def thickness(self) -> Float[np.ndarray, "films"]:
+    def thickness(self) -> PerFilm:
         """Relative thickness of each film."""
         return np.exp(self.unknowns.films[:, 0])
 
     @property
-    def thickness_sd(self) -> Float[np.ndarray, "films"]:
+    def thickness_sd(self) -> PerFilm:
         """Standard deviation of `thickness`: what the readings leave open, and that paints known
         before may be stronger or weaker in these films.
         """
@@ -178,14 +178,14 @@ class JointRecovery(FittedFilms):
         return np.sum(logs, axis=-1) / max(logs.shape[-1], 1)
 
     @property
-    def gloss(self) -> Float[np.ndarray, "films"]:
+    def gloss(self) -> PerFilm:
         """Share of the smooth surface's reflection that each film shows."""
         of_paints = np.exp(self.shares @ self.unknowns.paints)
         expected = np.where(np.isnan(self.measured_gloss), of_paints, self.measured_gloss)
         return expected * np.exp(self.unknowns.films[:, 1])
 
     @property
-    def chi_square(self) -> Float[np.ndarray, "films"]:
+    def chi_square(self) -> PerFilm:
         """Mean squared residual of each film in units of what was expected."""
         return np.mean((self.residual / self.residual_sd) ** 2, axis=(1, 2))
 

@@ -12,7 +12,7 @@ films.
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import jax
 import jax.numpy as jnp
@@ -24,6 +24,9 @@ from scipy.linalg import get_lapack_funcs
 from ...film.model.response import Response
 from ...film.numerics.least_squares import Descent, Surroundings, descend
 from .problem import JointProblem, JointResiduals, Unknowns, residuals
+
+Vectors: TypeAlias = Float[np.ndarray, "unknowns *columns"]
+"""Numbers of all unknowns in a row, or several such columns."""
 
 _factorise_band, _solve_band = get_lapack_funcs(("pbtrf", "tbtrs"), dtype=np.float64)
 
@@ -62,7 +65,7 @@ def solve_jointly(
     start: Unknowns,
     first_step: float,
     max_steps: int,
-    note: Callable[[int], object] = lambda steps: None,
+    note: Callable[[int], object],
 ) -> tuple[Unknowns, Descent]:
     """Levenberg and Marquardt's least squares from a start: the end, and how it was reached.
 
@@ -154,25 +157,19 @@ def factorise(normal: Normal, damping: float = 0.0) -> Factors:
     return Factors(factor, border, np.linalg.inv(np.linalg.cholesky(corner)))
 
 
-def solve(
-    factors: Factors, vectors: Float[np.ndarray, "unknowns *columns"]
-) -> Float[np.ndarray, "unknowns *columns"]:
+def solve(factors: Factors, vectors: Vectors) -> Vectors:
     """Solve the normal equations, for several right-hand sides at once where there are columns."""
     return unwhiten(factors, whiten(factors, vectors))
 
 
-def whiten(
-    factors: Factors, vectors: Float[np.ndarray, "unknowns *columns"]
-) -> Float[np.ndarray, "unknowns *columns"]:
+def whiten(factors: Factors, vectors: Vectors) -> Vectors:
     """Solve with the factor."""
     count = len(factors.border)
     bands, _ = _solve_band(factors.bands, vectors[:count], uplo="L")
     return np.concatenate([bands, factors.corner @ (vectors[count:] - factors.border.T @ bands)])
 
 
-def unwhiten(
-    factors: Factors, vectors: Float[np.ndarray, "unknowns *columns"]
-) -> Float[np.ndarray, "unknowns *columns"]:
+def unwhiten(factors: Factors, vectors: Vectors) -> Vectors:
     """Solve with the transposed factor: of independent standard normal numbers it makes ones whose
     covariance is the inverse normal matrix.
     """

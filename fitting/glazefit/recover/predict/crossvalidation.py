@@ -18,6 +18,7 @@ from glazejax.progress import Progress, no_progress
 
 from ...film.films import Films
 from ...film.model.variation import Variation, learn
+from ..films.result import PerFilm
 from ..joint.joint import recover_jointly
 from ..joint.result import JointRecovery
 from .prediction import Prediction, predict_films
@@ -62,12 +63,12 @@ class LeftOut:
         )
 
     @cached_property
-    def expected(self) -> Float[np.ndarray, "films"]:
+    def expected(self) -> PerFilm:
         """CIEDE2000 that each prediction said it would be off."""
         return np.array([prediction.expected_error() for prediction in self.predictions])
 
     @cached_property
-    def inside(self) -> Float[np.ndarray, "films"]:
+    def inside(self) -> PerFilm:
         """Share of each film's readings within the prediction's 90 % band."""
         low, high = np.stack([prediction.interval() for prediction in self.predictions], axis=1)
         return np.mean((low <= self.measured) & (self.measured <= high), axis=(1, 2))
@@ -152,16 +153,14 @@ def cross_validate(
     ]
     mixing = [film_evidence.paints for film_evidence in evidence]
     # Each prediction is as wide as the other films say, films to come as all say.
-    evidence_without = [evidence[:i] + evidence[i + 1 :] for i in range(len(evidence))]
     judged = [
-        replace(p, variation=learn(film_evidence, mixing))
-        for p, film_evidence in zip(predictions, evidence_without, strict=True)
+        replace(prediction, variation=learn(evidence[:i] + evidence[i + 1 :], mixing))
+        for i, prediction in enumerate(predictions)
     ]
-    learned = learn(evidence, mixing)
     return LeftOut(
         predictions=tuple(judged),
         fitted=whole.delta_e()[done],
         measured=measured,
-        variation=learned,
+        variation=learn(evidence, mixing),
         complete=len(done) == len(rows),
     )

@@ -19,6 +19,7 @@ from glazejax import Pigment
 from glazejax.geometry import resolve_instrument
 from glazejax.paint.describe import format_length
 from glazejax.progress import Progress, no_progress
+from glazejax.spectra import Bands
 
 from ...film.films import SPECTRA, Films, InstrumentLike, Noise, usual_cards
 from ...film.model.errors import (
@@ -48,7 +49,7 @@ class _MixedPaint(NamedTuple):
     """A mixture by the mixing law."""
 
     name: str
-    wavelengths: Float[np.ndarray, "bands"]
+    wavelengths: Bands
     coefficients: Float[np.ndarray, "2 bands"]  # k and s, 1/m
     modes: dict[str, Float[np.ndarray, "modes 2 bands"]]  # of the errors of their logs
 
@@ -57,7 +58,7 @@ def mix(
     pigments: Mapping[str, Pigment],
     recipe: Mapping[str, float],
     *,
-    wavelengths: Float[np.ndarray, "bands"] | None = None,
+    wavelengths: Bands | None = None,
     law: MixingLaw | None = None,
     variation: Variation | None = None,
     name: str = "",
@@ -102,7 +103,7 @@ def predict_mixture(
     recipe: Mapping[str, float],
     thickness: Sequence[float],
     *,
-    wavelengths: Float[np.ndarray, "bands"] | None = None,
+    wavelengths: Bands | None = None,
     ground: tuple[Any, Any] | None = None,
     instrument: InstrumentLike | None = None,
     law: MixingLaw | None = None,
@@ -163,11 +164,7 @@ def predict_mixture(
         gloss = float(calibrated.gloss[0])
         errors_at = reading_errors(calibrated, response, (spread or Spread()).alike)
     # Film by film: the mean reading, and the deviations of each draw from it.
-    grounds = (
-        usual_cards(grid)
-        if ground is None
-        else tuple(np.broadcast_to(g, grid.shape) for g in ground)
-    )
+    grounds = ground or usual_cards(grid)
     surface = instrument.seen_surface * gloss
     out = []
     for metres in thickness:
@@ -216,7 +213,7 @@ def calibrate_mixture(
     response: Response | None = None,
     spread: Spread | None = None,
     gauge: Gauge | None = None,
-    wavelengths: Float[np.ndarray, "bands"] | None = None,
+    wavelengths: Bands | None = None,
     progress: Progress = no_progress,
 ) -> JointRecovery:
     """k and s of one mixture, from its paints and a reading of it: above all how strong it came
@@ -278,7 +275,7 @@ def calibrate_mixture(
 
 
 def _spread_bands(
-    films: Films, wavelengths: Float[np.ndarray, "bands"] | None
+    films: Films, wavelengths: Bands | None
 ) -> tuple[Films, Bool[np.ndarray, "bands"]]:
     """Films at further wavelengths, interpolated, and at which they were read."""
     bands = films.wavelengths
@@ -319,7 +316,7 @@ def _paints(pigments: Mapping[str, Pigment], recipe: Mapping[str, float]) -> lis
 def _mix(
     pigments: Mapping[str, Pigment],
     recipe: Mapping[str, float],
-    wavelengths: Float[np.ndarray, "bands"] | None,
+    wavelengths: Bands | None,
     law: MixingLaw | None,
 ) -> _MixedPaint:
     """A mixture, called by its recipe.

@@ -16,6 +16,7 @@ from jaxtyping import Float
 
 from glazejax.colour import delta_e_of_spectra
 from glazejax.geometry import resolve_instrument
+from glazejax.spectra import Bands
 
 from ...film.films import InstrumentLike, usual_cards
 from ...film.model.response import Response, film_response
@@ -69,7 +70,7 @@ def rank_candidates(
     candidates: Sequence[CandidateReading],
     draws: Float[np.ndarray, "draws open"],
     looks: Callable[[np.ndarray], Float[np.ndarray, "draws films bands"]],
-    wavelengths: Float[np.ndarray, "bands"],
+    wavelengths: Bands,
 ) -> NextFilms:
     """Candidates in the order of what they would teach.
 
@@ -109,7 +110,7 @@ def rank_next_readings(
     calibrated: JointRecovery,
     thickness: Sequence[float],
     *,
-    ground: tuple[Float[np.ndarray, "bands"], Float[np.ndarray, "bands"]] | None = None,
+    ground: tuple[Bands, Bands] | None = None,
     instrument: InstrumentLike | None = None,
     response: Response | None = None,
 ) -> NextFilms:

@@ -8,6 +8,7 @@ paint.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import jax
 import jax.numpy as jnp
@@ -15,7 +16,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from glazejax.colour import delta_e_of_spectra
-from glazejax.spectra import describe_grid
+from glazejax.spectra import Bands, describe_grid
 
 from ...film.films import Films, Noise, card_readings
 from ...film.model.errors import ModelError, draw_coefficient_errors, draw_model_errors
@@ -27,6 +28,10 @@ from ..joint.problem import model_deviation
 from ..joint.result import JointRecovery
 
 PARTS = ("scale", "paint", "film")
+CardSpectra: TypeAlias = Float[np.ndarray, "2 bands"]
+"""Over black and over white."""
+DrawnSpectra: TypeAlias = Float[np.ndarray, "draws 2 bands"]
+"""The same of each draw."""
 
 
 @dataclass(frozen=True)
@@ -47,13 +52,13 @@ class Prediction(Tabulated):
     """
 
     name: str
-    wavelengths: Float[np.ndarray, "bands"]
+    wavelengths: Bands
     thickness: float
     gloss: float
-    over_black: Float[np.ndarray, "bands"]
-    over_white: Float[np.ndarray, "bands"]
+    over_black: Bands
+    over_white: Bands
     paints: tuple[str, ...]
-    deviations: Mapping[str, Float[np.ndarray, "draws 2 bands"]]
+    deviations: Mapping[str, DrawnSpectra]
     variation: Variation
 
     def __repr__(self) -> str:
@@ -63,7 +68,7 @@ class Prediction(Tabulated):
         )
 
     @property
-    def reflectance(self) -> Float[np.ndarray, "2 bands"]:
+    def reflectance(self) -> CardSpectra:
         """Over black and over white."""
         return np.stack([self.over_black, self.over_white])
 
@@ -75,27 +80,22 @@ class Prediction(Tabulated):
         return {name: (tuple(axes), values) for name, values in columns.items()}, axes
 
     @property
-    def draws(self) -> Float[np.ndarray, "draws 2 bands"]:
+    def draws(self) -> DrawnSpectra:
         """Reflectance over black and white as it may be too."""
         return self._draw(PARTS)
 
-    def _draw(self, sources: tuple[str, ...]) -> Float[np.ndarray, "draws 2 bands"]:
+    def _draw(self, sources: tuple[str, ...]) -> DrawnSpectra:
         count = len(self.deviations["film"])
         # Each size as often as it is probable, in an order that has nothing to do with the other
         # draws'.
         ranks = (np.random.default_rng(0).permutation(count) + 0.5) / count
         chances = np.cumsum(self.variation.of(self.paints))
         sizes = np.asarray(SIZES)[np.minimum(np.searchsorted(chances, ranks), len(SIZES) - 1)]
-        size = {"film": sizes[:, None, None]}
-        return np.maximum(
-            self.reflectance
-            + sum(size.get(source, 1.0) * self.deviations[source] for source in sources),
-            0.0,
-        )
+        film = sizes[:, None, None] * self.deviations["film"]
+        deviations = {**self.deviations, "film": film}
+        return np.maximum(self.reflectance + sum(deviations[part] for part in sources), 0.0)
 
-    def interval(
-        self, level: float = 0.9
-    ) -> tuple[Float[np.ndarray, "2 bands"], Float[np.ndarray, "2 bands"]]:
+    def interval(self, level: float = 0.9) -> tuple[CardSpectra, CardSpectra]:
         """Lower and upper end of the band that holds this share of the draws, over black and white.
 
         Raises:
@@ -150,7 +150,7 @@ class Prediction(Tabulated):
         )
         return float(off.mean())
 
-    def size_evidence(self, measured: Float[np.ndarray, "2 bands"]) -> SizeEvidence:
+    def size_evidence(self, measured: CardSpectra) -> SizeEvidence:
         """Evidence of the film on how large films' own errors are, now that it was measured over
         both cards.
         """
@@ -249,11 +249,6 @@ def predict_films(
         (mean,), *drawn = np.split(np.moveaxis(np.asarray(body), -1, 1) + surface, ends)
         deviations = {source: spectra - mean for source, spectra in zip(PARTS, drawn, strict=True)}
         deviations["film"] += model
-        present = tuple(
-            paint
-            for paint, paint_share in zip(recovery.paints, share, strict=True)
-            if paint_share > 0
-        )
         out.append(
             Prediction(
                 name=name,
@@ -262,7 +257,7 @@ def predict_films(
                 gloss=float(gloss[0]) if instrument.seen_surface else 0.0,
                 over_black=mean[0],
                 over_white=mean[1],
-                paints=present,
+                paints=tuple(recovery.paints[paint] for paint in np.flatnonzero(share > 0)),
                 deviations=deviations,
                 variation=variation,
             )

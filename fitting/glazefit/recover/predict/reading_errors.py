@@ -3,23 +3,27 @@ that holds for the same film over another card.
 """
 
 from collections.abc import Callable
+from typing import Any
 
 import jax
 import numpy as np
 from jaxtyping import Float
 
+from glazejax.spectra import Bands
+
 from ...film.model.errors import ModelError, draw_model_errors
 from ...film.model.response import Response
 from ..joint.problem import Expectations, Unknowns, readings_of_draws
 from ..joint.result import JointRecovery
+from .prediction import CardSpectra, DrawnSpectra
 
 SMOOTH = ModelError(amplitude=1.0, length=60.0, shared=0.8)
 """Errors of the model, of size one: similar at neighbouring bands."""
 
 
 ErrorsAt = Callable[
-    [float, Float[np.ndarray, "2 bands"]],
-    tuple[Float[np.ndarray, "2 bands"], Float[np.ndarray, "draws 2 bands"]],
+    [float, CardSpectra],
+    tuple[CardSpectra, DrawnSpectra],
 ]
 """Expected errors of readings of a film, and each draw's deviation from them, by its relative
 thickness and its reflectance over black and white.
@@ -60,9 +64,7 @@ def reading_errors(calibrated: JointRecovery, response: Response, correlation: f
     model = draw_model_errors(rng, len(gloss), 2, calibrated.wavelengths, SMOOTH)
     through = np.flatnonzero(~films.opaque)
 
-    def errors_at(
-        thickness: float, expected: Float[np.ndarray, "2 bands"]
-    ) -> tuple[Float[np.ndarray, "2 bands"], Float[np.ndarray, "draws 2 bands"]]:
+    def errors_at(thickness: float, expected: CardSpectra) -> tuple[CardSpectra, DrawnSpectra]:
         new = size.gain * expected * gain + size.model_sd(expected) * model
         if through.size == 0:
             return np.zeros_like(expected), surface + new
@@ -109,11 +111,11 @@ def _readings_of(
 
 def film_readings(
     response: Response,
-    kd: Float[np.ndarray, "bands"],
-    sd: Float[np.ndarray, "bands"],
+    kd: Bands,
+    sd: Bands,
     off: Float[np.ndarray, "draws 2 bands"],
-    grounds: tuple[Float[np.ndarray, "bands"] | Float[np.ndarray, "draws bands"], ...],
-) -> Float[np.ndarray, "draws 2 bands"]:
+    grounds: tuple[Any, Any],
+) -> DrawnSpectra:
     """Reflectance of the body over two grounds, with errors of log k and log s."""
     k = kd * np.exp(off[:, 0])
     s = sd * np.exp(off[:, 1])
