@@ -302,7 +302,6 @@ def _write_stack(
         path,
         Stack(
             coats=tuple(coats),
-            hidden=(),
             ground=ground,
             refractive_index=index,
             instrument=instrument,
@@ -388,17 +387,14 @@ def _lay(ground: options.Ground, coats: "Sequence[Coat]", shelf: "Mapping[str, P
             "pigments and ground differ in wavelengths; everything is computed at "
             f"{describe_grid(grid)}"
         )
-        used = {
-            name: paint if same_grid(grid, paint.wavelengths) else paint.resample(grid)
-            for name, paint in used.items()
-        }
+        used = {name: paint.resample(grid) for name, paint in used.items()}
     return _Bed(make_media(coats, used), ground.on(grid), ground.words, notes)
 
 
 def _remarks(used: "Mapping[str, Pigment]") -> list[tuple[str, str]]:
     """Remarks on where the pigments come from, and where their numbers cannot be relied on."""
     from .. import catalogue
-    from ..paint.describe import describe_bands
+    from ..spectra import ranges
 
     origins: dict[str, list[str]] = {}
     for name, pigment in used.items():
@@ -409,7 +405,7 @@ def _remarks(used: "Mapping[str, Pigment]") -> list[tuple[str, str]]:
     remarks += [("source", f"{', '.join(names)}: {origin}") for origin, names in origins.items()]
     for name, pigment in used.items():
         if pigment.identifiable is not None and not pigment.identifiable.all():
-            bands = describe_bands(pigment.wavelengths, ~pigment.identifiable)
+            bands = ranges(pigment.wavelengths, ~pigment.identifiable)
             remarks.append(
                 (
                     "warning",
