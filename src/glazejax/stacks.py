@@ -145,12 +145,8 @@ class Stack:
         grid = common_grid(self, shelf)
         coats = name_paints(self.shown, shelf)
         # Only the paints in use are brought to the grid.
-        used = {name: shelf[name] for coat in coats for _, name in coat.parts}
-        same = {
-            name: p if same_grid(p.wavelengths, grid) else p.resample(grid)
-            for name, p in used.items()
-        }
-        return make_media(coats, same)
+        used = {name: shelf[name].resample(grid) for coat in coats for _, name in coat.parts}
+        return make_media(coats, used)
 
     def glaze(self, side: str = "white") -> Glaze:
         """The stack for `glazejax.reflectance`.
