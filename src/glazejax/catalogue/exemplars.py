@@ -9,7 +9,7 @@ oils and acrylics, which are exemplars, too.
 import csv
 import functools
 from importlib.resources import as_file, files
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
     from ..paint.media import Pigment
@@ -142,18 +142,14 @@ def families() -> dict[str, Family]:
     """All families of pigments, by name."""
     out: dict[str, Family] = {}
     for row in _table("families.tsv"):
-        out[row["family"]] = Family(
-            name=row["family"],
-            formula=row["formula"],
-            elements=tuple(row["elements"].split()),
-            colour_index=row["colour_index"],
-            in_use=row["in_use"],
-            first_year=int(row["first_year"]),
-            last_year=int(row["last_year"]) if row["last_year"] else None,
-            poison=row["poison"],
-            sold=row["sold"],
-            common=float(row["common"]),
-        )
+        name = row.pop("family")
+        about: dict[str, Any] = row | {
+            "elements": tuple(row["elements"].split()),
+            "first_year": int(row["first_year"]),
+            "last_year": int(row["last_year"]) if row["last_year"] else None,
+            "common": float(row["common"]),
+        }
+        out[name] = Family(name, **about)
     return out
 
 
@@ -170,19 +166,9 @@ def provenance() -> dict[str, Provenance]:
     """Sources of the exemplars of ``catalogue.load("pigments")``, by its name."""
     out: dict[str, Provenance] = {}
     for row in _table("exemplars.tsv"):
-        source = _SOURCES[row["source"]]
-        out[row["exemplar"]] = Provenance(
-            exemplar=row["exemplar"],
-            family=row["family"],
-            source=row["source"],
-            binder=row["binder"],
-            paint=row["paint"],
-            first_nm=float(row["first_nm"]),
-            last_nm=float(row["last_nm"]),
-            told_by=row["told_by"],
-            licence=source.licence,
-            citation=source.citation,
-        )
+        ends = {key: float(row[key]) for key in ("first_nm", "last_nm")}
+        about: dict[str, Any] = row | ends | _SOURCES[row["source"]]._asdict()
+        out[row["exemplar"]] = Provenance(**about)
     # Paints of the two catalogues are exemplars too.
     for shelf, first, last in (("oils", 400.0, 700.0), ("acrylics", 380.0, 750.0)):
         name, binder = _SHELVES[shelf]
@@ -198,8 +184,7 @@ def provenance() -> dict[str, Provenance]:
                     first_nm=first,
                     last_nm=last,
                     told_by="tints and shades" if shelf == "oils" else "tints with white",
-                    licence=_SOURCES[name].licence,
-                    citation=_SOURCES[name].citation,
+                    **_SOURCES[name]._asdict(),
                 )
     return out
 
