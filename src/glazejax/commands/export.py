@@ -272,10 +272,8 @@ def _stack(text: str, ground: str | None, index: float, pigments: Path | None) -
         coats = name_paints(parse_coats(text), {**all_paints(), **own_paints})
         stack = Stack(
             coats=coats,
-            hidden=(),
             ground=float(_GROUND),
             refractive_index=index,
-            instrument="45:0",
             pigments=own_paints,
         )
     if ground is None:
@@ -321,7 +319,7 @@ def _maps(
             high = 1.0
             _check_metres(thickness, float(grey.min()), float(grey.max()))
         elif span is not None:
-            low, high = _range(span)
+            low, high = options.read_lengths(span, "--thickness-range", from_zero=True)
         else:
             low = 0.0
             high = float(np.asarray(glaze.coats[layer - 1].thickness))
@@ -342,11 +340,3 @@ def _check_metres(path: Path, low: float, high: float) -> None:
             f"{MAX_THICKNESS:g} (20 micrometres are "
             "20e-6); values from 0 to 1 take --thickness-range, such as 0-20um"
         )
-
-
-def _range(text: str) -> tuple[float, float]:
-    """Metres of LOW-HIGH; the lower end may be 0."""
-    low, dash, high = text.strip().partition("-")
-    if dash and low.strip().rstrip("umnµμ ") in ("0", "0.0"):
-        return 0.0, options.read_length(high, "--thickness-range")
-    return options.read_lengths(text, "--thickness-range")

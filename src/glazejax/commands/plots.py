@@ -59,14 +59,12 @@ def glaze_figure(
         A matplotlib figure of 16 x 10 inches; save it with ``.savefig(path, dpi=100)``.
 
     Raises:
-        ValueError: another number of names than layers, or what `lab` refuses.
+        ValueError: what `lab` refuses.
         ModuleNotFoundError: matplotlib is not installed.
     """
     require("matplotlib")
     from matplotlib.figure import Figure
 
-    if len(names) != len(rendering.alone):
-        raise ValueError(f"{len(names)} names were given for {len(rendering.alone)} layers")
     paint = _Paint(rendering, {"illuminant": illuminant, "observer": observer})
     last = rendering.ladder.counts[-1]
     with style({"font.size": 15}):
@@ -79,17 +77,11 @@ def glaze_figure(
         lightness = figure.add_axes(_box(0.235, 0.915, top=0.176, bottom=0.07), sharex=strips)
         _draw_strips(strips, paint, marked)
         _draw_curves(chroma, lightness, paint)
-        _fit(
-            figure.text(0.025, 0.957, title, fontsize=23, fontweight="bold", va="center"),
-            figure,
-            0.95,
-        )
-        _fit(figure.text(0.025, 0.916, subtitle, color=FAINT, va="center"), figure, 0.95)
+        _fit(figure.text(0.025, 0.957, title, fontsize=23, fontweight="bold", va="center"), figure)
+        _fit(figure.text(0.025, 0.916, subtitle, color=FAINT, va="center"), figure)
         heading = f"Coat after coat: {coat}, 1 to {last} times"
         _fit(
-            figure.text(0.025, 0.512, heading, fontsize=19, fontweight="bold", va="center"),
-            figure,
-            0.95,
+            figure.text(0.025, 0.512, heading, fontsize=19, fontweight="bold", va="center"), figure
         )
         note = _NOTE + (_CLIPPED if paint.clipped else "")
         figure.text(0.025, 0.29, note, fontsize=11, color=FAINT, va="top", linespacing=1.35)
@@ -131,14 +123,14 @@ def _box(
     return low, bottom, high - low, top - bottom
 
 
-def _fit(text: "Text", figure: "Figure", share: float) -> None:
-    """Shrink a line of text, and cut it if it would become too small to read, to a share of the
-    figure's width.
+def _fit(text: "Text", figure: "Figure") -> None:
+    """Shrink a line of text, and cut it if it would become too small to read, to the figure's
+    width without its margins.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     renderer = FigureCanvasAgg(figure).get_renderer()
-    room = share * figure.bbox.width
+    room = 0.95 * figure.bbox.width
     size = float(text.get_fontsize())
     smallest = 12.0
     # Widths of hinted letters are not quite proportional to their size.

@@ -81,8 +81,8 @@ def render(
     glaze: Glaze,
     geometry: Geometry,
     *,
-    layer: int = 0,
-    coat: float | None = None,
+    layer: int,
+    coat: float,
     coats: int = 40,
     illuminant: str = "D65",
     observer: str | int = CIE_1931,
@@ -94,34 +94,23 @@ def render(
         glaze: one glaze, without batch axes, of one layer at least.
         geometry: what the instrument does.
         layer: which layer the ladder repeats, counted from 0 at the top.
-        coat: thickness of one coat of the ladder in m; that of the layer if left out.
+        coat: thickness of one coat of the ladder in m.
         coats: longest stack of the ladder.
         illuminant, observer: under which mixing is matched to the first coat.
         tolerance: of the solver.
 
     Raises:
-        ValueError: `layer` is not in the glaze, `coats` is below 1, the glaze has batch axes, or
-            what
-            `reflectance` and `lab` refuse.
+        ValueError: what `reflectance` and `lab` refuse.
     """
     grid = glaze.wavelengths
     count = len(glaze.coats)
-    if not 0 <= layer < count:
-        raise ValueError(
-            f"the ladder repeats layer {layer}, but layers are numbered 0 to {count - 1}"
-        )
-    if coats < 1:
-        raise ValueError(f"a ladder needs 1 coat or more, not {coats}")
-    thickness = np.array([np.asarray(coat.thickness) for coat in glaze.coats])
-    if thickness.ndim != 1:
-        raise ValueError("render takes one glaze: thicknesses must be single numbers")
-    step = float(thickness[layer]) if coat is None else float(coat)
+    thickness = np.array([float(each.thickness) for each in glaze.coats])
     counts = np.arange(coats + 1)
     # Rows of one batch: the whole stack, the bare ground, each layer alone, one coat alone, then
     # the ladder.
-    coat_alone = np.where(np.arange(count) == layer, step, 0.0)
+    coat_alone = np.where(np.arange(count) == layer, coat, 0.0)
     ladder = np.tile(thickness, (coats + 1, 1))
-    ladder[:, layer] = np.minimum(counts * step, MAX_THICKNESS)
+    ladder[:, layer] = np.minimum(counts * coat, MAX_THICKNESS)
     rows = np.concatenate(
         [np.stack([thickness, 0 * thickness]), np.diag(thickness), coat_alone[None], ladder]
     )
@@ -134,7 +123,7 @@ def render(
     steps = spectra[3 + count :]
     multiply = _multiply(ground, first, steps[0], counts, opaque.surface)
     medium = glaze.coats[layer].medium
-    portion = np.stack([np.asarray(medium.absorption), np.asarray(medium.scattering)]) * step
+    portion = np.stack([np.asarray(medium.absorption), np.asarray(medium.scattering)]) * coat
     mixing = _mixing(opaque, portion, steps[0], steps[1], counts, (grid, illuminant, observer))
     return Rendering(
         wavelengths=grid,
@@ -147,7 +136,7 @@ def render(
             glaze=steps,
             multiply=multiply,
             mixing=mixing,
-            capped=coats * step > MAX_THICKNESS,
+            capped=coats * coat > MAX_THICKNESS,
         ),
     )
 
