@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..appearance.exports.spaces import LAYERINGS, find_space
+from ..paint.describe import MAX_THICKNESS, name_paints, parse_coats
 from . import options
 from .help_groups import help_groups
 
@@ -257,7 +258,6 @@ def _check_maps(to: str, of_maps: dict[str, Any]) -> None:
 
 def _stack(text: str, ground: str | None, index: float, pigments: Path | None) -> "Stack":
     """The stack of a file, or of coats as typed; options count before a file."""
-    from ..paint.describe import name_paints, parse_coats
     from ..paint.pigment_table import read_pigments
     from ..stacks import Spectrum, Stack, all_paints, common_grid, paints, read_stack
 
@@ -332,8 +332,6 @@ def _maps(
 
 def _check_metres(path: Path, low: float, high: float) -> None:
     """Refuse thicknesses that cannot be in metres."""
-    from ..paint.media import MAX_THICKNESS
-
     if low < 0 or high > MAX_THICKNESS:
         raise ValueError(
             f"{path}: holds {low:g} to {high:g}; thicknesses are in metres, 0 to "
