@@ -380,7 +380,7 @@ class Mixture(_Labelled):
         )
 
     @property
-    def _grid(self) -> tuple[float, ...]:
+    def _grid(self) -> tuple[float, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
         return self.pigments[0]._grid
 
     @property
