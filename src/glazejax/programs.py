@@ -14,6 +14,7 @@ import os
 import pickle
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import fields, is_dataclass, replace
 from importlib.metadata import version
 from importlib.util import find_spec
@@ -204,7 +205,9 @@ class Program(Generic[Result]):
             if (earlier := _read(path)) is not None:
                 return earlier
             traced = self._traced(request)
-            _write(path, pickle.dumps(traced))
+            # JAX's own cache, in the same folder, says what is wrong with it.
+            with suppress(OSError), whole_file(path) as temporary:
+                temporary.write_bytes(pickle.dumps(traced))
         except Exception:  # What this JAX cannot export or describe runs as always.
             return None
         return traced
@@ -306,15 +309,6 @@ def _read(path: Path) -> _Kept | None:
     except Exception:  # Not there, or written in part: it is traced again.
         return None
     return program if isinstance(program, _Kept) else None
-
-
-def _write(path: Path, data: bytes) -> None:
-    try:
-        with whole_file(path) as temporary:
-            temporary.write_bytes(data)
-    except OSError:
-        # JAX's own cache, in the same folder, says what is wrong with it.
-        return
 
 
 def _double() -> bool:
