@@ -18,7 +18,7 @@ from jaxtyping import Array, Float
 
 from . import colour
 from .extras import require
-from .geometry import Bidirectional, Geometry, Hemispherical, Instrument, geometry_of
+from .geometry import Geometry, Hemispherical, Instrument, geometry_of
 from .interpolated import MOST_AXES, at_points
 from .paint.media import Glaze, Layer, Mixture, Pigment
 from .radiative.common.fresnel import dielectric_reflectance
@@ -288,21 +288,16 @@ def _directions(
     """Cosines of incidence and viewing in air (None: hemispherical), and the surface's own
     reflectance, added.
     """
-    match geometry:
-        case Bidirectional():
-            viewing = np.asarray(geometry.cos_viewing, float)
-            mirror = geometry.incidence == geometry.viewing
-        case Hemispherical():
-            viewing = None
-            mirror = True
     incidence = np.asarray(geometry.cos_incidence, float)
-    if incidence.ndim or (viewing is not None and viewing.ndim):
+    hemispherical = isinstance(geometry, Hemispherical)
+    viewing = incidence if hemispherical else np.asarray(geometry.cos_viewing, float)
+    if incidence.ndim or viewing.ndim or np.ndim(geometry.sees_surface):
         raise ValueError(
             "a picture has one angle of incidence and one of viewing, not an array of them"
         )
-    # The outer surface's own reflection is seen in the mirror direction only.
-    specular = geometry.specular and bool(mirror)
     surface = (
-        np.asarray(dielectric_reflectance(float(incidence), index)) if specular else np.zeros(())
+        np.asarray(dielectric_reflectance(float(incidence), index))
+        if geometry.sees_surface
+        else np.zeros(())
     )
-    return (float(incidence), None if viewing is None else float(viewing)), surface
+    return (float(incidence), None if hemispherical else float(viewing)), surface
