@@ -276,9 +276,9 @@ def interpolation_matrix(
     """
     old = validate_wavelengths(wavelengths)
     new = validate_wavelengths(new_wavelengths)
-    slack = 1e-6
-    if new[0] < old[0] - slack or new[-1] > old[-1] + slack:
-        covered = new[(new >= old[0] - slack) & (new <= old[-1] + slack)]
+    inside = lie_between(new, old[0], old[-1])
+    if not inside.all():
+        covered = new[inside]
         fix = (
             f"keep to {describe_grid(covered)}"
             if covered.size
