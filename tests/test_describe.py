@@ -3,7 +3,6 @@ import pytest
 
 from glazejax import Mixture, Pigment
 from glazejax.paint.describe import (
-    describe_bands,
     find_name,
     format_length,
     name_paints,
@@ -128,12 +127,6 @@ def test_media_are_made_from_the_shelf():
 )
 def test_lengths_in_words(metres, words):
     assert format_length(metres) == words
-
-
-def test_bands_in_words():
-    w = np.arange(400.0, 480.0, 10.0)
-    assert describe_bands(w, np.array([1, 1, 1, 0, 1, 0, 0, 1], bool)) == "400-420, 440, 470 nm"
-    assert describe_bands(w, np.zeros(8, bool)) == ""
 
 
 def test_a_missing_plus_is_said():

@@ -59,7 +59,7 @@ BOXES = ["Common", "Input", "Method", "Output", "Advanced"]
 )
 def test_help_has_the_five_usual_options_first_and_all_others_in_boxes(run, command):
     function = command_group().commands[command].callback
-    boxes = function.help_groups.boxes
+    boxes = function.help_groups
     named = [name for names in boxes.values() for name in names]
     there = [p.opts[0] for p in command_group().commands[command].params if p.opts[0][:1] == "-"]
     assert named == there, "each option stands in one box, and the help has their order"

@@ -11,6 +11,7 @@ from glazejax.spectra import (
     DEFAULT_WAVELENGTHS,
     as_fraction,
     describe_grid,
+    ranges,
     resample,
     validate_wavelengths,
 )
@@ -147,3 +148,9 @@ def test_wrong_reflectance_names_the_row(rows, complaint):
 def test_names_must_fit_the_rows():
     with refusal("1 names were given for 2 rows"):
         as_fraction([[0.5], [0.6]], ["only"])
+
+
+def test_bands_in_words():
+    w = np.arange(400.0, 480.0, 10.0)
+    assert ranges(w, np.array([1, 1, 1, 0, 1, 0, 0, 1], bool)) == "400-420, 440, 470 nm"
+    assert ranges(w, np.zeros(8, bool)) == "none"

@@ -102,7 +102,8 @@ def _weights(
     grid: tuple[float, ...], illuminant: str, observer: str
 ) -> Float[np.ndarray, "bands 3"]:
     """Weights for full names; see `colour_weights`."""
-    return _on_bands(np.asarray(grid), *_illuminated_observer(illuminant, observer))
+    lamp = illuminants()[illuminant]
+    return _on_bands(np.asarray(grid), *_lit_observer(lamp.wavelengths, lamp.values, observer))
 
 
 def lamp_weights(
@@ -172,19 +173,12 @@ def _on_bands(
     return weights
 
 
-@lru_cache(maxsize=32)
-def _illuminated_observer(
-    illuminant: str, observer: str
-) -> tuple[Float[np.ndarray, "fine"], Float[np.ndarray, "fine 3"]]:
-    """Illuminant times colour matching functions at 1 nm, scaled so that the y column sums to 1."""
-    lamp = illuminants()[illuminant]
-    return _lit_observer(lamp.wavelengths, lamp.values, observer)
-
-
 def _lit_observer(
     wavelengths: Float[np.ndarray, "lamp"], values: Float[np.ndarray, "lamp"], observer: str
 ) -> tuple[Float[np.ndarray, "fine"], Float[np.ndarray, "fine 3"]]:
-    """Observer as of `_illuminated_observer`, for a lamp's power."""
+    """A lamp's power times colour matching functions at 1 nm, scaled so that the y column sums
+    to 1.
+    """
     curves = observers()[observer]
     visible = (curves[0].wavelengths >= _START) & (curves[0].wavelengths <= _END)
     fine = curves[0].wavelengths[visible]

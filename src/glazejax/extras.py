@@ -4,37 +4,21 @@ sentence.
 
 from importlib.metadata import PackageNotFoundError, distribution
 
-# Name to import -> name to install, and the extra that brings it.
+# Extra -> names to import of the packages that it brings.
 _EXTRAS = {
-    "typer": ("typer", "commands"),
-    "rich": ("rich", "commands"),
-    "platformdirs": ("platformdirs", "commands"),
-    "matplotlib": ("matplotlib", "plots"),
-    "corner": ("corner", "plots"),
-    "jinja2": ("jinja2", "plots"),
-    "python_calamine": ("python-calamine", "formats"),
-    "arviz": ("arviz", "arviz"),
-    "h5py": ("h5py", "arviz"),
-    "trimesh": ("trimesh", "scene"),
-    "embreex": ("embreex", "scene"),
-    "OpenEXR": ("OpenEXR", "scene"),
-    "xarray": ("xarray", "cube"),
-    "pandas": ("pandas", "cube"),
-    "zarr": ("zarr", "cube"),
-    "dask": ("dask", "cube"),
-    "distributed": ("distributed", "cube"),
-    "h5netcdf": ("h5netcdf", "cube"),
-    "tifffile": ("tifffile", "cube"),
-    "PIL": ("pillow", "cube"),
-    "threadpoolctl": ("threadpoolctl", "cube"),
-    "filelock": ("filelock", "cube"),
-    "starlette": ("starlette", "studio"),
-    "uvicorn": ("uvicorn", "studio"),
-    "websockets": ("websockets", "studio"),
-    "anywidget": ("anywidget", "studio"),
-    "selenium": ("selenium", "test"),
-    "mitsuba": ("mitsuba", "render"),
+    "commands": "typer rich platformdirs",
+    "plots": "matplotlib corner jinja2",
+    "formats": "python_calamine",
+    "arviz": "arviz h5py",
+    "scene": "trimesh embreex OpenEXR",
+    "cube": "xarray pandas zarr dask distributed h5netcdf tifffile PIL threadpoolctl filelock",
+    "studio": "starlette uvicorn websockets anywidget",
+    "test": "selenium",
+    "render": "mitsuba",
 }
+_EXTRA_OF = {module: extra for extra, modules in _EXTRAS.items() for module in modules.split()}
+# Names to install that differ from those to import.
+_PACKAGES = {"python_calamine": "python-calamine", "PIL": "pillow"}
 
 
 def advice(module: str | None) -> str | None:
@@ -44,12 +28,12 @@ def advice(module: str | None) -> str | None:
         module: what could not be imported, such as `ModuleNotFoundError.name`; a submodule counts
             as its package.
     """
-    if module is None or (entry := _EXTRAS.get(module.partition(".")[0])) is None:
+    name = (module or "").partition(".")[0]
+    if name not in _EXTRA_OF:
         return None
-    package, extra = entry
     return (
-        f"this needs the package {package}, which is not installed; install it with: pip install "
-        f'"glazejax[{extra}]"'
+        f"this needs the package {_PACKAGES.get(name, name)}, which is not installed; install it "
+        f'with: pip install "glazejax[{_EXTRA_OF[name]}]"'
     )
 
 
@@ -67,6 +51,6 @@ def require(*modules: str) -> None:
     """
     for module in modules:
         try:
-            distribution(_EXTRAS[module][0])
+            distribution(_PACKAGES.get(module, module))
         except PackageNotFoundError:
             raise ModuleNotFoundError(advice(module), name=module) from None

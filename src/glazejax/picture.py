@@ -18,7 +18,7 @@ from jaxtyping import Array, Float
 
 from . import colour
 from .extras import require
-from .geometry import Bidirectional, Geometry, Hemispherical, Instrument, geometry_of
+from .geometry import Geometry, Hemispherical, Instrument, geometry_of
 from .interpolated import MOST_AXES, at_points
 from .paint.media import Glaze, Layer, Mixture, Pigment
 from .radiative.common.fresnel import dielectric_reflectance
@@ -114,51 +114,65 @@ def picture(
         refractive_index=refractive_index,
         illuminant=illuminant,
         observer=observer,
+        # For one unit of the colour difference: near black, where colour differences are most
+        # sensitive, an error of 1e-5 in one of X, Y, Z makes about 0.06.
+        tolerance=min(1e-3, 1e-5 * delta_e),
+        savings=savings,
     )
-    # The solver's tolerance for one unit of the colour difference: near black, where colour
-    # differences are most sensitive, an error of 1e-5 in one of X, Y, Z makes about 0.06.
-    tolerance = min(1e-3, 1e-5 * delta_e)
     # Maps that vary are the parameters; equal pixels are computed once.
-    columns, varying = inputs.varying()
+    columns = list(inputs.varying.values())
     first, inverse = (
         distinct(columns) if columns else (np.zeros(1, int), np.zeros(inputs.pixels, int))
     )
     points = (
         np.stack([column[first] for column in columns], axis=1) if columns else np.zeros((1, 0))
     )
-    counter = _Computed(inputs, varying, tolerance, savings)
     values = None
+    computed = 0
     error = 0.0
     remark = ""
     # So few distinct pixels are computed one by one.
     if not full and len(first) > 256 and 1 <= points.shape[1] <= MOST_AXES:
         # The rest is the solver's.
         values_at_points, table = at_points(
-            counter, points, tolerance=0.9 * delta_e, distance=inputs.difference
+            inputs.compute, points, tolerance=0.9 * delta_e, distance=inputs.difference
         )
+        computed = table.evaluations
         if table.converged:
             error = table.error
             values = values_at_points
             shape = " x ".join(map(str, table.coefficients.shape[:-1]))
             remark = f", interpolated from {shape}, estimated Delta E00 {error:.2g}"
     if values is None:
-        values = counter(points)
+        values = inputs.compute(points)
+        computed += len(points)
     # Interpolation may fall below 0 next to black.
     xyz = jnp.maximum(jnp.asarray(values), 0.0)[inverse].reshape(*inputs.shape, 3)
-    report = f"{inputs.pixels} pixels, {len(first)} distinct, {counter.count} computed{remark}"
+    report = f"{inputs.pixels} pixels, {len(first)} distinct, {computed} computed{remark}"
     return Picture(
         srgb=colour.xyz_to_srgb(xyz, inputs.white),
         xyz=xyz,
         report=report,
         delta_e=error,
-        computed=counter.count,
+        computed=computed,
     )
 
 
 class _PictureInputs:
     """Inputs of the picture, checked, as NumPy arrays."""
 
-    def __init__(self, paints, maps, ground, geometry, refractive_index, illuminant, observer):
+    def __init__(
+        self,
+        paints,
+        maps,
+        ground,
+        geometry,
+        refractive_index,
+        illuminant,
+        observer,
+        tolerance,
+        savings,
+    ):
         paints = list(paints)
         maps = [as_array(m) for m in maps]
         if not paints or len(paints) != len(maps):
@@ -217,14 +231,41 @@ class _PictureInputs:
         grid = unit.wavelengths
         self.weights = colour.colour_weights(grid, illuminant, observer)
         self.white = colour.white_point(grid, illuminant, observer)
+        self.tolerance, self.savings = tolerance, savings
+        # Maps that are not constant, by the number of a layer, or -1 for the ground.
+        maps = [*enumerate(thickness), (-1, ground)]
+        self.varying = {k: m.reshape(-1) for k, m in maps if m.ndim == 2 and m.min() < m.max()}
 
-    def varying(self) -> tuple[list[np.ndarray], list[int]]:
-        """Maps that are not constant, flattened, and their number: that of a layer, or -1 for the
-        ground.
-        """
-        maps = [*enumerate(self.thickness), (-1, self.ground)]
-        chosen = [(k, m.reshape(-1)) for k, m in maps if m.ndim == 2 and m.min() < m.max()]
-        return [m for _, m in chosen], [k for k, _ in chosen]
+    def compute(self, points: np.ndarray) -> np.ndarray:
+        """XYZ by the solver, for points that hold the varying quantities, (points, varying)."""
+        size = max(1, _STACKS // len(self.weights))
+        return np.concatenate(
+            [self._some(points[i : i + size]) for i in range(0, len(points), size)]
+        )
+
+    def _some(self, points: np.ndarray) -> np.ndarray:
+        # What does not vary is the same for all points.
+        fixed = [0.0 if k in self.varying else m.flat[0] for k, m in enumerate(self.thickness)]
+        thickness = np.tile(np.array(fixed), (len(points), 1))
+        ground = np.asarray(self.ground.flat[0] if self.ground.ndim == 2 else self.ground)
+        for column, k in zip(points.T, self.varying, strict=True):
+            if k < 0:
+                ground = column[:, None]
+            else:
+                thickness[:, k] = column
+        incidence, viewing = self.directions
+        plan = plan_stacks(
+            self.albedo,
+            self.extinction * thickness[:, None, :],
+            ground,
+            refractive_index=self.refractive_index,
+            cos_incidence=incidence,
+            cos_viewing=viewing,
+            tolerance=self.tolerance,
+            savings=self.savings,
+            band_weights=self.weights,
+        )
+        return (np.asarray(plan.run(), float) + self.surface) @ self.weights
 
     def difference(self, first: np.ndarray, second: np.ndarray) -> np.ndarray:
         """CIEDE2000 difference of XYZ, (points,)."""
@@ -247,68 +288,16 @@ def _directions(
     """Cosines of incidence and viewing in air (None: hemispherical), and the surface's own
     reflectance, added.
     """
-    match geometry:
-        case Bidirectional():
-            viewing = np.asarray(geometry.cos_viewing, float)
-            mirror = geometry.incidence == geometry.viewing
-        case Hemispherical():
-            viewing = None
-            mirror = True
     incidence = np.asarray(geometry.cos_incidence, float)
-    if incidence.ndim or (viewing is not None and viewing.ndim):
+    hemispherical = isinstance(geometry, Hemispherical)
+    viewing = incidence if hemispherical else np.asarray(geometry.cos_viewing, float)
+    if incidence.ndim or viewing.ndim or np.ndim(geometry.sees_surface):
         raise ValueError(
             "a picture has one angle of incidence and one of viewing, not an array of them"
         )
-    # The outer surface's own reflection is seen in the mirror direction only.
-    specular = geometry.specular and bool(mirror)
     surface = (
-        np.asarray(dielectric_reflectance(float(incidence), index)) if specular else np.zeros(())
+        np.asarray(dielectric_reflectance(float(incidence), index))
+        if geometry.sees_surface
+        else np.zeros(())
     )
-    return (float(incidence), None if viewing is None else float(viewing)), surface
-
-
-class _Computed:
-    """XYZ by the solver, for points that hold the varying quantities; counts them."""
-
-    def __init__(
-        self, inputs: _PictureInputs, varying: list[int], tolerance: float, savings: Savings
-    ):
-        self.inputs, self.varying, self.tolerance, self.savings = (
-            inputs,
-            varying,
-            tolerance,
-            savings,
-        )
-        self.count = 0
-
-    def __call__(self, points: np.ndarray) -> np.ndarray:
-        self.count += len(points)
-        size = max(1, _STACKS // len(self.inputs.weights))
-        return np.concatenate(
-            [self._some(points[i : i + size]) for i in range(0, len(points), size)]
-        )
-
-    def _some(self, points: np.ndarray) -> np.ndarray:
-        inputs = self.inputs
-        # What does not vary is the same for all points.
-        fixed = [0.0 if k in self.varying else m.flat[0] for k, m in enumerate(inputs.thickness)]
-        thickness = np.tile(np.array(fixed), (len(points), 1))
-        ground = np.asarray(inputs.ground.flat[0] if inputs.ground.ndim == 2 else inputs.ground)
-        for column, k in zip(points.T, self.varying, strict=True):
-            if k < 0:
-                ground = column[:, None]
-            else:
-                thickness[:, k] = column
-        incidence, viewing = inputs.directions
-        plan = plan_stacks(
-            inputs.albedo,
-            inputs.extinction * thickness[:, None, :],
-            ground,
-            refractive_index=inputs.refractive_index,
-            cos_incidence=incidence,
-            cos_viewing=viewing,
-            tolerance=self.tolerance,
-            savings=self.savings,
-            band_weights=inputs.weights,
-        )
-        return (np.asarray(plan.run(), float) + inputs.surface) @ inputs.weights
+    return (float(incidence), None if hemispherical else float(viewing)), surface

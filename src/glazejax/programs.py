@@ -12,9 +12,9 @@ import hashlib
 import inspect
 import os
 import pickle
-import weakref
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import fields, is_dataclass, replace
 from importlib.metadata import version
 from importlib.util import find_spec
@@ -36,6 +36,7 @@ Result = TypeVar("Result")
 _MAKERS = ("jax", "jaxlib", "numpy", "equinox", "lineax", "optimistix")
 # Of one function, so many shapes are held: in a process that keeps programs on disk, and in others.
 _LAPACK = b"lapack_"
+_config: Any = jax.config
 _folder: Path | None = None
 
 
@@ -45,15 +46,6 @@ def keep_traced(folder: Path | None) -> None:
     """
     global _folder
     _folder = folder
-
-
-def let_programs_go() -> None:
-    """Hold no compiled program any longer, JAX's own among them: the next call makes its own
-    again.
-    """
-    for program in list(_programs):
-        program.let_go()
-    jax.clear_caches()
 
 
 class _ProgramRequest(NamedTuple):
@@ -77,7 +69,7 @@ class _ProgramRequest(NamedTuple):
         """The same between runs; None where an argument's words do not give its value, and on
         other devices than the processor, where nobody has tried it.
         """
-        if jax.default_backend() != "cpu" or _config().jax_default_device is not None:
+        if jax.default_backend() != "cpu" or _config.jax_default_device is not None:
             return None
         if not all(_plain(value) for _, value in self.fixed):
             return None
@@ -130,7 +122,6 @@ class Program(Generic[Result]):
         self._signature = inspect.signature(function)
         self._begun: dict[Any, Future[_Made]] = {}
         self._asked_for: set[Any] = set()
-        _programs.add(self)
 
     def ahead(self, *args: Any, **kwargs: Any) -> None:
         """Begin to compile for arguments like these, whose values do not matter; return at once."""
@@ -165,11 +156,6 @@ class Program(Generic[Result]):
             return self.jitted(*args, **kwargs)
         run = begun.result().run
         return self.jitted(*args, **kwargs) if run is None else run(request.leaves)
-
-    def let_go(self) -> None:
-        """Hold none of its programs any longer."""
-        self._begun.clear()
-        self._asked_for.clear()
 
     def _let_old_ones_go(self) -> None:
         """Hold the newest programs only: each takes some megabytes."""
@@ -219,7 +205,9 @@ class Program(Generic[Result]):
             if (earlier := _read(path)) is not None:
                 return earlier
             traced = self._traced(request)
-            _write(path, pickle.dumps(traced))
+            # JAX's own cache, in the same folder, says what is wrong with it.
+            with suppress(OSError), whole_file(path) as temporary:
+                temporary.write_bytes(pickle.dumps(traced))
         except Exception:  # What this JAX cannot export or describe runs as always.
             return None
         return traced
@@ -240,10 +228,6 @@ class Program(Generic[Result]):
         exported = jax.export.export(jax.jit(_named(flat, self._name)))(*shapes)
         # Its derivative, which nobody asks for, is a function, and can't be written.
         return _Kept(replace(exported, _get_vjp=None), results[-1])
-
-
-_programs: weakref.WeakSet[Program[Any]] = weakref.WeakSet()
-"""All that this process has."""
 
 
 def _settle(future: "Future[Result]", make: Callable[[], Result]) -> None:
@@ -297,7 +281,7 @@ def _words(value: Any) -> str:
 @functools.cache
 def _made_with() -> tuple[Any, ...]:
     """Dependencies of a traced program: versions, settings, the device, files of both packages."""
-    settings = _config().values
+    settings = _config.values
     return (
         [version(name) for name in _MAKERS],
         sorted((k, repr(v)) for k, v in settings.items() if k != "jax_compilation_cache_dir"),
@@ -327,21 +311,8 @@ def _read(path: Path) -> _Kept | None:
     return program if isinstance(program, _Kept) else None
 
 
-def _write(path: Path, data: bytes) -> None:
-    try:
-        with whole_file(path) as temporary:
-            temporary.write_bytes(data)
-    except OSError:
-        # JAX's own cache, in the same folder, says what is wrong with it.
-        return
-
-
 def _double() -> bool:
-    return bool(_config().jax_enable_x64)
-
-
-def _config() -> Any:
-    return jax.config
+    return bool(_config.jax_enable_x64)
 
 
 @functools.cache

@@ -48,19 +48,9 @@ def leave_out(table: Table, console: Console, spare: Iterable[str]) -> tuple[Tab
     for title in spare:
         if Measurement.get(console, unlimited, table).maximum <= console.width:
             break
-        columns = [column for column in table.columns if column.header != title]
-        rows = zip(*(list(column.cells) for column in columns), strict=True)
         table = copy(table)
-        table.columns, table.rows = [], []
-        for column in columns:
-            table.add_column(
-                column.header,
-                justify=column.justify,
-                overflow=column.overflow,
-                no_wrap=column.no_wrap,
-            )
-        for row in rows:
-            table.add_row(*row)
+        # A column holds its cells.
+        table.columns = [column for column in table.columns if column.header != title]
         gone.append(title)
     return table, gone
 

@@ -1,6 +1,7 @@
 """Wavelength grids in nm, and checks and resampling of spectra that live on them."""
 
 from collections.abc import Callable, Iterable, Sequence
+from itertools import compress
 from typing import Any, TypeAlias
 
 import jax
@@ -240,9 +241,10 @@ def as_fraction(
     percent = peaks > MIN_PERCENT
     fractions = peaks <= MAX_FRACTION
     if percent.any() and fractions.any():
+        bright, dark = (list_names([*compress(names, chosen)]) for chosen in (percent, fractions))
         raise ValueError(
-            f"percent and fraction are mixed: {_list_names(names, percent)} in percent "
-            f"(maximum above {MIN_PERCENT:g}), {_list_names(names, fractions)} in fractions; "
+            f"percent and fraction are mixed: {bright} in percent "
+            f"(maximum above {MIN_PERCENT:g}), {dark} in fractions; "
             "bring all to one unit"
         )
     scale = 100.0 if percent.any() else 1.0
@@ -258,11 +260,10 @@ def as_fraction(
     return values / scale, "values are in percent; divided by 100"
 
 
-def _list_names(names: Sequence[str], chosen: Bool[np.ndarray, "rows"]) -> str:
-    """First few of the chosen names."""
-    picked = [name for name, take in zip(names, chosen, strict=True) if take]
-    ending = f" and {len(picked) - 3} more" if len(picked) > 3 else ""
-    return ", ".join(picked[:3]) + ending
+def list_names(names: Sequence[str]) -> str:
+    """First few of some names."""
+    more = f" and {len(names) - 3} more" if len(names) > 3 else ""
+    return ", ".join(names[:3]) + more
 
 
 def interpolation_matrix(
@@ -275,9 +276,9 @@ def interpolation_matrix(
     """
     old = validate_wavelengths(wavelengths)
     new = validate_wavelengths(new_wavelengths)
-    slack = 1e-6
-    if new[0] < old[0] - slack or new[-1] > old[-1] + slack:
-        covered = new[(new >= old[0] - slack) & (new <= old[-1] + slack)]
+    inside = lie_between(new, old[0], old[-1])
+    if not inside.all():
+        covered = new[inside]
         fix = (
             f"keep to {describe_grid(covered)}"
             if covered.size

@@ -145,12 +145,8 @@ class Stack:
         grid = common_grid(self, shelf)
         coats = name_paints(self.shown, shelf)
         # Only the paints in use are brought to the grid.
-        used = {name: shelf[name] for coat in coats for _, name in coat.parts}
-        same = {
-            name: p if same_grid(p.wavelengths, grid) else p.resample(grid)
-            for name, p in used.items()
-        }
-        return make_media(coats, same)
+        used = {name: shelf[name].resample(grid) for coat in coats for _, name in coat.parts}
+        return make_media(coats, used)
 
     def glaze(self, side: str = "white") -> Glaze:
         """The stack for `glazejax.reflectance`.
@@ -249,12 +245,15 @@ def read_stack(path: str | Path) -> Stack:
             ) from None
 
 
-def write_stack(path: str | Path, stack: Stack, *, overwrite: bool = False) -> Path:
+def write_stack(
+    path: str | Path, stack: Stack, *, digits: int = 6, overwrite: bool = False
+) -> Path:
     """Write a stack as JSON, for the studio, ``glazejax render --stack`` and `read_stack`.
 
     Args:
         path: the file; its folder must exist.
         stack: what is written.
+        digits: of the coefficients of its own paints.
         overwrite: replace a file that is there.
 
     Returns:
@@ -264,12 +263,9 @@ def write_stack(path: str | Path, stack: Stack, *, overwrite: bool = False) -> P
         FileExistsError, FileNotFoundError, IsADirectoryError: see
             `glazejax.io.outputs.check_output`.
     """
-    return _write(path, stack_to_dict(stack), overwrite)
-
-
-def _write(path: str | Path, content: dict[str, Any], overwrite: bool) -> Path:
     path = check_output(path, overwrite=overwrite, switch="overwrite=True")
-    path.write_text(json.dumps(content, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    content = json.dumps(stack_to_dict(stack, digits), indent=1, ensure_ascii=False)
+    path.write_text(content + "\n", encoding="utf-8")
     return path
 
 
@@ -317,7 +313,7 @@ def save_glaze(
         FileExistsError, FileNotFoundError, IsADirectoryError: see
             `glazejax.io.outputs.check_output`.
     """
-    return _write(path, stack_to_dict(stack_of(glaze, instrument), digits=17), overwrite)
+    return write_stack(path, stack_of(glaze, instrument), digits=17, overwrite=overwrite)
 
 
 def stack_of(glaze: Glaze, instrument: Instrument | Geometry | str = "45:0") -> Stack:
@@ -530,16 +526,12 @@ def pigment_from_dict(name: str, content: Any) -> Pigment:
     Raises:
         ValueError: a column is missing or holds what is no coefficient.
     """
-    if not isinstance(content, dict) or not {"wavelengths", "absorption", "scattering"} <= set(
-        content
-    ):
+    needed = ("wavelengths", "absorption", "scattering")
+    if not isinstance(content, dict) or not {*needed} <= {*content}:
         raise ValueError(
             f"paint {name!r} must have wavelengths (nm), absorption and scattering (1/m)"
         )
-    columns = [
-        _curve(f"{key} of {name!r}", content[key])
-        for key in ("wavelengths", "absorption", "scattering")
-    ]
+    columns = [_curve(f"{key} of {name!r}", content[key]) for key in needed]
     # Errors are optional: a paint typed by hand has none.
     errors = {
         key: _curve(f"{key} of {name!r}", content[key])
@@ -579,7 +571,8 @@ def stack_to_dict(stack: Stack, digits: int = 6) -> dict[str, Any]:
     for coat, hidden in zip(stack.coats, stack.hidden, strict=True):
         entry: dict[str, Any] = {
             "paint": {name: weight for weight, name in coat.parts},
-            "um": _short(coat.total * 1e6),
+            # Without the digits that a change of unit leaves behind.
+            "um": float(f"{coat.total * 1e6:.12g}"),
         }
         coats.append(entry | ({"hidden": True} if hidden else {}))
     ground: Any = stack.ground
@@ -591,11 +584,6 @@ def stack_to_dict(stack: Stack, digits: int = 6) -> dict[str, Any]:
     content |= {"refractive_index": stack.refractive_index, "geometry": stack.instrument}
     own_paints = {name: pigment_to_dict(paint, digits) for name, paint in stack.pigments.items()}
     return content | ({"pigments": own_paints} if own_paints else {})
-
-
-def _short(value: float) -> float:
-    """Without the digits that a change of unit leaves behind."""
-    return float(f"{value:.12g}")
 
 
 def _real(value: Any) -> float | None:

@@ -2,14 +2,15 @@
 
 An exemplar is a paint of one source and binder. `exemplars.csv` has k and s, fitted to each
 source's own readings by ``python -m benchmarks.paint.pigments``; `exemplars.tsv` says of each where
-it is from; `families.tsv` has what is known of each pigment; `paints.tsv` names the families of the
-oils and acrylics, which are exemplars, too.
+it is from, and `sources.tsv` has the licence and citation of each source; `families.tsv` has what
+is known of each pigment; `paints.tsv` names the families of the oils and acrylics, which are
+exemplars, too.
 """
 
 import csv
 import functools
 from importlib.resources import as_file, files
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
     from ..paint.media import Pigment
@@ -87,52 +88,6 @@ class Provenance(NamedTuple):
     citation: str
 
 
-class _SourceRow(NamedTuple):
-    licence: str
-    citation: str
-
-
-_SOURCES = {
-    "hyppigments": _SourceRow(
-        "CC BY 4.0",
-        "H. Deborah, 'Hyperspectral pigment dataset', WHISPERS 2022, doi "
-        "10.1109/WHISPERS56178.2022.9955067; data doi 10.5281/zenodo.5592485",
-    ),
-    "hyperdoc": _SourceRow(
-        "CC BY 4.0",
-        "A. S. Reichert et al., Anal. Bioanal. Chem. 2025, doi 10.1007/s00216-025-05948-3; data "
-        "doi 10.6084/m9.figshare.28639103",
-    ),
-    "bath": _SourceRow(
-        "CC BY 4.0",
-        "A. R. Pallipurath, J. M. Skelton, P. Ricciardi, S. R. Elliott, Talanta 2016; data doi "
-        "10.15125/BATH-00183",
-    ),
-    "grillini": _SourceRow(
-        "CC BY 4.0",
-        "F. Grillini, J.-B. Thomas, S. George, Sensors 21 (2021) 2471, doi 10.3390/s21072471",
-    ),
-    "kimera": _SourceRow("CC BY 4.0", "github.com/miciwan/PaintMixing, commit e496fd4"),
-    "rrt": _SourceRow(
-        "CC0 1.0",
-        "R. Pillay, M. Picollo, J. Y. Hardeberg, S. George, Sensors 20 (2020) 3812; "
-        "github.com/ruven/RRT, commit 599fdcd",
-    ),
-    "usgs": _SourceRow(
-        "public domain",
-        "R. N. Clark et al., USGS Digital Spectral Library splib06a, U.S. Geological Survey Data "
-        "Series 231 (2007)",
-    ),
-    "revigo": _SourceRow(
-        "CC0 1.0",
-        "M. Geldof et al., Heritage Science 6:17 (2018), doi 10.1186/s40494-018-0181-6",
-    ),
-    "golden": _SourceRow(
-        "MIT",
-        "Artist Paint Spectral Database (Rochester Institute of Technology), as tabulated by "
-        "Wacton.Unicolour, commit 4bf3d8c",
-    ),
-}
 _SHELVES = {"oils": ("revigo", "oil"), "acrylics": ("golden", "acrylic")}
 """Catalogue -> source and binder of its paints."""
 
@@ -142,18 +97,14 @@ def families() -> dict[str, Family]:
     """All families of pigments, by name."""
     out: dict[str, Family] = {}
     for row in _table("families.tsv"):
-        out[row["family"]] = Family(
-            name=row["family"],
-            formula=row["formula"],
-            elements=tuple(row["elements"].split()),
-            colour_index=row["colour_index"],
-            in_use=row["in_use"],
-            first_year=int(row["first_year"]),
-            last_year=int(row["last_year"]) if row["last_year"] else None,
-            poison=row["poison"],
-            sold=row["sold"],
-            common=float(row["common"]),
-        )
+        name = row.pop("family")
+        about: dict[str, Any] = row | {
+            "elements": tuple(row["elements"].split()),
+            "first_year": int(row["first_year"]),
+            "last_year": int(row["last_year"]) if row["last_year"] else None,
+            "common": float(row["common"]),
+        }
+        out[name] = Family(name, **about)
     return out
 
 
@@ -166,23 +117,19 @@ def families_of(catalogue: str) -> dict[str, str]:
 
 
 @functools.cache
+def _sources() -> dict[str, dict[str, str]]:
+    """Licence and citation of each source."""
+    return {row.pop("source"): row for row in _table("sources.tsv")}
+
+
+@functools.cache
 def provenance() -> dict[str, Provenance]:
     """Sources of the exemplars of ``catalogue.load("pigments")``, by its name."""
     out: dict[str, Provenance] = {}
     for row in _table("exemplars.tsv"):
-        source = _SOURCES[row["source"]]
-        out[row["exemplar"]] = Provenance(
-            exemplar=row["exemplar"],
-            family=row["family"],
-            source=row["source"],
-            binder=row["binder"],
-            paint=row["paint"],
-            first_nm=float(row["first_nm"]),
-            last_nm=float(row["last_nm"]),
-            told_by=row["told_by"],
-            licence=source.licence,
-            citation=source.citation,
-        )
+        ends = {key: float(row[key]) for key in ("first_nm", "last_nm")}
+        about: dict[str, Any] = row | ends | _sources()[row["source"]]
+        out[row["exemplar"]] = Provenance(**about)
     # Paints of the two catalogues are exemplars too.
     for shelf, first, last in (("oils", 400.0, 700.0), ("acrylics", 380.0, 750.0)):
         name, binder = _SHELVES[shelf]
@@ -198,8 +145,7 @@ def provenance() -> dict[str, Provenance]:
                     first_nm=first,
                     last_nm=last,
                     told_by="tints and shades" if shelf == "oils" else "tints with white",
-                    licence=_SOURCES[name].licence,
-                    citation=_SOURCES[name].citation,
+                    **_sources()[name],
                 )
     return out
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..appearance.exports.spaces import LAYERINGS, find_space
+from ..paint.describe import MAX_THICKNESS, name_paints, parse_coats
 from . import options
 from .help_groups import help_groups
 
@@ -257,7 +258,6 @@ def _check_maps(to: str, of_maps: dict[str, Any]) -> None:
 
 def _stack(text: str, ground: str | None, index: float, pigments: Path | None) -> "Stack":
     """The stack of a file, or of coats as typed; options count before a file."""
-    from ..paint.describe import name_paints, parse_coats
     from ..paint.pigment_table import read_pigments
     from ..stacks import Spectrum, Stack, all_paints, common_grid, paints, read_stack
 
@@ -272,10 +272,8 @@ def _stack(text: str, ground: str | None, index: float, pigments: Path | None) -
         coats = name_paints(parse_coats(text), {**all_paints(), **own_paints})
         stack = Stack(
             coats=coats,
-            hidden=(),
             ground=float(_GROUND),
             refractive_index=index,
-            instrument="45:0",
             pigments=own_paints,
         )
     if ground is None:
@@ -321,7 +319,7 @@ def _maps(
             high = 1.0
             _check_metres(thickness, float(grey.min()), float(grey.max()))
         elif span is not None:
-            low, high = _range(span)
+            low, high = options.read_lengths(span, "--thickness-range", from_zero=True)
         else:
             low = 0.0
             high = float(np.asarray(glaze.coats[layer - 1].thickness))
@@ -334,19 +332,9 @@ def _maps(
 
 def _check_metres(path: Path, low: float, high: float) -> None:
     """Refuse thicknesses that cannot be in metres."""
-    from ..paint.media import MAX_THICKNESS
-
     if low < 0 or high > MAX_THICKNESS:
         raise ValueError(
             f"{path}: holds {low:g} to {high:g}; thicknesses are in metres, 0 to "
             f"{MAX_THICKNESS:g} (20 micrometres are "
             "20e-6); values from 0 to 1 take --thickness-range, such as 0-20um"
         )
-
-
-def _range(text: str) -> tuple[float, float]:
-    """Metres of LOW-HIGH; the lower end may be 0."""
-    low, dash, high = text.strip().partition("-")
-    if dash and low.strip().rstrip("umnµμ ") in ("0", "0.0"):
-        return 0.0, options.read_length(high, "--thickness-range")
-    return options.read_lengths(text, "--thickness-range")

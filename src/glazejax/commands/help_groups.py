@@ -3,36 +3,27 @@ each group in its own box.
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, TypeVar
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
-
-class HelpGroups(NamedTuple):
-    """Names of options, separated by blanks. Each field is a box of the help."""
-
-    usual: str
-    given: str = ""
-    tried: str = ""
-    written: str = ""
-    fine: str = ""
-
-    @property
-    def boxes(self) -> dict[str, list[str]]:
-        """Options by the title of their box, in the order of the help."""
-        titles = ("Common", "Input", "Method", "Output", "Advanced")
-        return {title: names.split() for title, names in zip(titles, self, strict=True)}
+_TITLES = ("Common", "Input", "Method", "Output", "Advanced")
+"""Titles of the boxes, in the order of the help."""
 
 
-def help_groups(**names: str) -> Callable[[_Function], _Function]:
+def help_groups(
+    *, usual: str, given: str = "", tried: str = "", written: str = "", fine: str = ""
+) -> Callable[[_Function], _Function]:
     """Order the options of a command's function in its ``--help``.
 
     Args:
-        names: fields of `HelpGroups`.
+        usual, given, tried, written, fine: options of each box, separated by blanks.
     """
+    groups = (usual, given, tried, written, fine)
+    boxes = dict(zip(_TITLES, map(str.split, groups), strict=True))
 
     def mark(function: _Function) -> _Function:
-        setattr(function, "help_groups", HelpGroups(**names))  # noqa: B010
+        setattr(function, "help_groups", boxes)  # noqa: B010
         return function
 
     return mark
@@ -45,10 +36,10 @@ def sort_options(function: Any, params: list[Any]) -> list[Any]:
         function: of the command; without groups, nothing changes.
         params: arguments and options as the function has them, then ``--help``.
     """
-    groups = getattr(function, "help_groups", None)
-    if groups is None:
+    boxes = getattr(function, "help_groups", None)
+    if boxes is None:
         return params
-    box_of = {name: title for title, names in groups.boxes.items() for name in names}
+    box_of = {name: title for title, names in boxes.items() for name in names}
     rank = {name: number for number, name in enumerate(box_of)}
     for param in params:
         if param.param_type_name == "option":

@@ -16,6 +16,17 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
+from .. import catalogue
+from ..geometry_words import split_geometry
+from ..paint.describe import (
+    ALL_NAMES,
+    MAX_THICKNESS,
+    UNITS,
+    find_name,
+    parse_coats,
+    same_name,
+)
+
 if TYPE_CHECKING:
     import numpy as np
     from jaxtyping import Float
@@ -86,12 +97,6 @@ def existing(path: Path, missing: str = "") -> None:
         raise FileNotFoundError(missing or f"{show_path(path)}: there is no such file") from None
 
 
-def _geometry(text: str) -> None:
-    from ..geometry_words import split_geometry
-
-    split_geometry(text, "--instrument")
-
-
 def check_illuminant(name: str) -> None:
     """Refuse the name of no CIE illuminant."""
     from ..cie import find_illuminant
@@ -115,12 +120,6 @@ def _unit(words: str) -> None:
     from ..io.quantity import read_units
 
     read_units({"unit": words})
-
-
-def _catalogue(name: str) -> None:
-    from ..catalogue import paint_families
-
-    paint_families(name)
 
 
 there: Callable[[Any], Any] = checked(existing)
@@ -184,7 +183,7 @@ def catalogue_option(default: str) -> Any:
     return option(
         "--catalogue",
         metavar="NAME",
-        callback=checked(_catalogue),
+        callback=checked(catalogue.paint_families),
         help="Catalogue of paints: pigments (families, by many makers), or paints of one maker: "
         f"oils or acrylics (Golden heavy body). Default: {default}.",
     )
@@ -309,7 +308,7 @@ def instrument_option(default: str) -> Any:
     return option(
         "--instrument",
         metavar="GEOMETRY",
-        callback=checked(_geometry),
+        callback=checked(lambda words: split_geometry(words, "--instrument")),
         help=f"{text} Default: {default}.",
     )
 
@@ -368,8 +367,6 @@ def read_length(text: str, argument: str = "--thickness") -> float:
     Raises:
         ValueError: no length, a unit that is not known, or a length out of range.
     """
-    from ..paint.describe import MAX_THICKNESS
-
     match = re.fullmatch(_LENGTH, text.strip(), re.IGNORECASE)
     if match is None:
         raise ValueError(
@@ -383,15 +380,18 @@ def read_length(text: str, argument: str = "--thickness") -> float:
     return metres
 
 
-def read_lengths(text: str, argument: str) -> tuple[float, float]:
+def read_lengths(text: str, argument: str, *, from_zero: bool = False) -> tuple[float, float]:
     """Metres of a range such as ``1-50um``; one length alone is both ends, and bare numbers are
     micrometres.
+
+    Args:
+        text: what was typed.
+        argument: the option it was given as.
+        from_zero: whether the range may begin at 0.
 
     Raises:
         ValueError: no range of lengths, a unit that is not known, or lengths out of range or order.
     """
-    from ..paint.describe import MAX_THICKNESS
-
     match = re.fullmatch(rf"{_LENGTH}(?:\s*-\s*{_LENGTH})?", text.strip(), re.IGNORECASE)
     if match is None:
         raise ValueError(
@@ -400,18 +400,19 @@ def read_lengths(text: str, argument: str) -> tuple[float, float]:
     low, low_unit, high, unit = match.groups()
     last = _per_metre(unit or low_unit, argument, text)
     first = _per_metre(low_unit, argument, text) if low_unit else last
-    bounds = float(low) / first, float(high or low) / last
-    if not 0 < bounds[0] <= bounds[1] <= MAX_THICKNESS:
+    thinnest = float(low) / first
+    thickest = float(high or low) / last
+    legal = thinnest >= 0 if from_zero else thinnest > 0
+    if not (legal and thickest > 0 and thinnest <= thickest <= MAX_THICKNESS):
+        begin = "0" if from_zero else "above 0"
         raise ValueError(
-            f"{argument} is {text}; it must ascend from above 0 to 10 mm at most, such as 1-50um"
+            f"{argument} is {text}; it must ascend from {begin} to 10 mm at most, such as 1-50um"
         )
-    return bounds
+    return thinnest, thickest
 
 
 def _per_metre(text: str, argument: str, length: str) -> int:
     """Number of units in a metre: a whole number, so that 25um is 25e-6 to the last digit."""
-    from ..paint.describe import UNITS
-
     scale = UNITS.get(text or "um", UNITS.get(text.lower()))
     if scale is None:
         raise ValueError(
@@ -544,7 +545,6 @@ def read_shelf(path: Path | None, name: str | None = None) -> "dict[str, Pigment
     Raises:
         ValueError: there is no catalogue of that name, or the file is no table of paints.
     """
-    from .. import catalogue
     from ..paint.pigment_table import read_pigments
 
     shelf = {} if path is not None and name is None else dict(catalogue.load(name or OILS))
@@ -606,9 +606,6 @@ def find_paints(names: Iterable[str], shelf: "Mapping[str, Pigment]") -> "dict[s
     Raises:
         ValueError: a name that none of them has; the message names the nearest.
     """
-    from .. import catalogue
-    from ..paint.describe import same_name
-
     shelves = all_named(shelf)
     matches = []
     for name in names:
@@ -623,20 +620,18 @@ def find_paints(names: Iterable[str], shelf: "Mapping[str, Pigment]") -> "dict[s
     return {paint.name: paint for paint in matches}
 
 
-def check_names(names: Iterable[str], pigments: Path | None, catalogue: str | None) -> None:
+def check_names(names: Iterable[str], pigments: Path | None, shelf: str | None) -> None:
     """Refuse the name of a paint that `find_paints` would not find on the shelf of `--pigments` and
     `--catalogue`, before a paint is read.
 
     Raises:
         ValueError: as `find_paints`.
     """
-    from ..catalogue import names as all_catalogues
-    from ..catalogue import paint_families
     from ..io.words import unshield_name
 
     names_and_families: dict[str, str] = {}
-    if catalogue is not None or pigments is None:
-        names_and_families |= paint_families(catalogue or OILS)
+    if shelf is not None or pigments is None:
+        names_and_families |= catalogue.paint_families(shelf or OILS)
     if pigments is not None:
         # What comes through a pipe can be read once only, and by whom reads it whole.
         if not pigments.is_file():
@@ -646,25 +641,23 @@ def check_names(names: Iterable[str], pigments: Path | None, catalogue: str | No
         names_and_families |= {
             unshield_name((row.get("pigment") or "").strip()): "" for row in rows
         }
-    for other_catalogue in all_catalogues():
+    for other_catalogue in catalogue.names():
         names_and_families |= dict.fromkeys(
-            (f"{other_catalogue}:{name}" for name in paint_families(other_catalogue)), ""
+            (f"{other_catalogue}:{name}" for name in catalogue.paint_families(other_catalogue)), ""
         )
     for name in names:
         _full_name(name, [*names_and_families, *filter(None, names_and_families.values())])
 
 
-def check_coats(text: str, pigments: Path | None, catalogue: str | None = None) -> None:
+def check_coats(text: str, pigments: Path | None, shelf: str | None = None) -> None:
     """Refuse coats that cannot be read, or of paints that there are not: own ones lie before a
     catalogue's here.
 
     Raises:
         ValueError: see `glazejax.paint.describe.parse_coats` and `find_paints`.
     """
-    from ..paint.describe import parse_coats
-
     named = [name for coat in parse_coats(text) for _, name in coat.parts]
-    check_names(named, pigments, catalogue or OILS)
+    check_names(named, pigments, shelf or OILS)
 
 
 def _full_name(name: str, all_names: Iterable[str]) -> str:
@@ -673,14 +666,12 @@ def _full_name(name: str, all_names: Iterable[str]) -> str:
     Raises:
         ValueError: none of them, but perhaps a family of pigments.
     """
-    from ..catalogue import families
-    from ..paint.describe import ALL_NAMES, find_name, same_name
-
     try:
         return find_name(name, all_names)
     except ValueError as error:
         family = next(
-            (family_name for family_name in families() if same_name(family_name, name)), None
+            (family_name for family_name in catalogue.families() if same_name(family_name, name)),
+            None,
         )
         if family is None or ALL_NAMES not in str(error):
             raise
@@ -691,8 +682,6 @@ def _full_name(name: str, all_names: Iterable[str]) -> str:
 
 def all_named(shelf: "Mapping[str, Pigment]") -> "dict[str, Pigment]":
     """A shelf, and behind it each paint of each catalogue as ``CATALOGUE:NAME``."""
-    from .. import catalogue
-
     shelves = dict(shelf)
     for name_of_catalogue in catalogue.names():
         for name, paint in catalogue.load(name_of_catalogue).items():

@@ -164,12 +164,7 @@ def _write(path: Path, origins: "list[Provenance]", overwrite: bool) -> None:
     from ..catalogue import Provenance
     from ..io import write_table
 
-    write_table(
-        path,
-        Provenance._fields,
-        ([getattr(origin, field) for field in Provenance._fields] for origin in origins),
-        overwrite=overwrite,
-    )
+    write_table(path, Provenance._fields, origins, overwrite=overwrite)
 
 
 def _draw(path: Path, about: "Family", pigments: "list[Pigment]") -> None:

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float
 
-from ..colour import CIE_1931, lab, srgb
 from ..extras import require
 from ..plots import EDGE, FAINT, GRID, INK, hex_colour, label_spectra, style
 from .rendering import Rendering
@@ -41,8 +40,6 @@ def glaze_figure(
     subtitle: str = "",
     coat: str = "one coat",
     marked: int | None = None,
-    illuminant: str = "D65",
-    observer: str | int = CIE_1931,
 ) -> "Figure":
     """Picture of a glaze in three panels: spectra, swatches, and the ladder of its colour against
     coats.
@@ -53,76 +50,50 @@ def glaze_figure(
         title, subtitle: lines above the panels.
         coat: what one coat of the ladder is, such as "Eosin 2 µm".
         marked: number of coats that is the glaze itself, marked on the ladder.
-        illuminant, observer: of every colour shown.
 
     Returns:
         A matplotlib figure of 16 x 10 inches; save it with ``.savefig(path, dpi=100)``.
 
     Raises:
-        ValueError: another number of names than layers, or what `lab` refuses.
+        ValueError: what `lab` refuses.
         ModuleNotFoundError: matplotlib is not installed.
     """
     require("matplotlib")
     from matplotlib.figure import Figure
 
-    if len(names) != len(rendering.alone):
-        raise ValueError(f"{len(names)} names were given for {len(rendering.alone)} layers")
-    paint = _Paint(rendering, {"illuminant": illuminant, "observer": observer})
     last = rendering.ladder.counts[-1]
     with style({"font.size": 15}):
         figure = Figure(figsize=(16, 10))
         top = {"top": 0.84, "bottom": 0.6}
-        _draw_spectra(figure.add_axes(_box(0.062, 0.615, **top)), paint, names)
-        _draw_swatches(figure.add_axes(_box(0.665, 0.975, **top)), paint)
+        _draw_spectra(figure.add_axes(_box(0.062, 0.615, **top)), rendering, names)
+        _draw_swatches(figure.add_axes(_box(0.665, 0.975, **top)), rendering)
         strips = figure.add_axes(_box(0.235, 0.915, top=0.475, bottom=0.312))
         chroma = figure.add_axes(_box(0.235, 0.915, top=0.298, bottom=0.192), sharex=strips)
         lightness = figure.add_axes(_box(0.235, 0.915, top=0.176, bottom=0.07), sharex=strips)
-        _draw_strips(strips, paint, marked)
-        _draw_curves(chroma, lightness, paint)
-        _fit(
-            figure.text(0.025, 0.957, title, fontsize=23, fontweight="bold", va="center"),
-            figure,
-            0.95,
-        )
-        _fit(figure.text(0.025, 0.916, subtitle, color=FAINT, va="center"), figure, 0.95)
+        _draw_strips(strips, rendering, marked)
+        _draw_curves(chroma, lightness, rendering)
+        _fit(figure.text(0.025, 0.957, title, fontsize=23, fontweight="bold", va="center"), figure)
+        _fit(figure.text(0.025, 0.916, subtitle, color=FAINT, va="center"), figure)
         heading = f"Coat after coat: {coat}, 1 to {last} times"
         _fit(
-            figure.text(0.025, 0.512, heading, fontsize=19, fontweight="bold", va="center"),
-            figure,
-            0.95,
+            figure.text(0.025, 0.512, heading, fontsize=19, fontweight="bold", va="center"), figure
         )
-        note = _NOTE + (_CLIPPED if paint.clipped else "")
+        note = _NOTE + (_CLIPPED if _clips(rendering) else "")
         figure.text(0.025, 0.29, note, fontsize=11, color=FAINT, va="top", linespacing=1.35)
     return figure
 
 
-class _Paint:
-    """A rendering with its colours."""
+def _clips(rendering: Rendering) -> bool:
+    """Test whether a colour of the ladder is outside sRGB."""
+    shades = [rendering.rgb(getattr(rendering.ladder, key), clip=False) for key in _WAYS]
+    return bool(np.any((np.asarray(shades) < -5e-4) | (np.asarray(shades) > 1 + 5e-4)))
 
-    def __init__(self, rendering: Rendering, light: dict):
-        self.spectra, self.light = rendering, light
 
-    @property
-    def clipped(self) -> bool:
-        """Test whether a colour of the ladder is outside sRGB."""
-        ladder = self.spectra.ladder
-        shades = [
-            srgb(self.spectra.wavelengths, getattr(ladder, key), clip=False, **self.light)
-            for key in _WAYS
-        ]
-        return bool(np.any((np.asarray(shades) < -5e-4) | (np.asarray(shades) > 1 + 5e-4)))
-
-    def rgb(self, spectra: Float[np.ndarray, "... bands"]) -> Float[np.ndarray, "... 3"]:
-        return np.asarray(srgb(self.spectra.wavelengths, spectra, **self.light))
-
-    def lab(self, spectra: Float[np.ndarray, "... bands"]) -> Float[np.ndarray, "... 3"]:
-        return np.asarray(lab(self.spectra.wavelengths, spectra, **self.light))
-
-    def ink(self, spectrum: Float[np.ndarray, "bands"]) -> str:
-        """The colour of a spectrum, darkened where it would vanish on white."""
-        shade = self.rgb(spectrum)
-        luminance = float(shade @ [0.2126, 0.7152, 0.0722])
-        return hex_colour(shade * min(1.0, 0.62 / max(luminance, 1e-3)))
+def _ink(rendering: Rendering, spectrum: Float[np.ndarray, "bands"]) -> str:
+    """The colour of a spectrum, darkened where it would vanish on white."""
+    shade = rendering.rgb(spectrum)
+    luminance = float(shade @ [0.2126, 0.7152, 0.0722])
+    return hex_colour(shade * min(1.0, 0.62 / max(luminance, 1e-3)))
 
 
 def _box(
@@ -131,14 +102,14 @@ def _box(
     return low, bottom, high - low, top - bottom
 
 
-def _fit(text: "Text", figure: "Figure", share: float) -> None:
-    """Shrink a line of text, and cut it if it would become too small to read, to a share of the
-    figure's width.
+def _fit(text: "Text", figure: "Figure") -> None:
+    """Shrink a line of text, and cut it if it would become too small to read, to the figure's
+    width without its margins.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     renderer = FigureCanvasAgg(figure).get_renderer()
-    room = share * figure.bbox.width
+    room = 0.95 * figure.bbox.width
     size = float(text.get_fontsize())
     smallest = 12.0
     # Widths of hinted letters are not quite proportional to their size.
@@ -151,28 +122,27 @@ def _fit(text: "Text", figure: "Figure", share: float) -> None:
         text.set_text(f"{shortened.rstrip()}…")
 
 
-def _draw_spectra(axes: "Axes", paint: _Paint, names: Sequence[str]) -> None:
-    spectra = paint.spectra
-    x = paint.spectra.wavelengths
-    axes.plot(x, spectra.ground, color=FAINT, lw=2, ls=(0, (1, 1.5)), label="bare ground")
-    highest = max(float(spectra.ground.max()), float(spectra.glaze.max()))
+def _draw_spectra(axes: "Axes", rendering: Rendering, names: Sequence[str]) -> None:
+    x = rendering.wavelengths
+    axes.plot(x, rendering.ground, color=FAINT, lw=2, ls=(0, (1, 1.5)), label="bare ground")
+    highest = max(float(rendering.ground.max()), float(rendering.glaze.max()))
     if len(names) > 1:
-        for name, spectrum in zip(names, spectra.alone, strict=True):
-            if np.allclose(spectrum, spectra.ground, rtol=0, atol=1e-9):
+        for name, spectrum in zip(names, rendering.alone, strict=True):
+            if np.allclose(spectrum, rendering.ground, rtol=0, atol=1e-9):
                 continue  # An absent layer.
             axes.plot(
-                x, spectrum, color=paint.ink(spectrum), lw=2.2, ls="--", label=f"{name} alone"
+                x, spectrum, color=_ink(rendering, spectrum), lw=2.2, ls="--", label=f"{name} alone"
             )
             highest = max(highest, float(spectrum.max()))
     else:
-        for count in (n for n in (40, 20, 10, 5) if n <= spectra.ladder.counts[-1]):
-            spectrum = spectra.ladder.glaze[count]
-            axes.plot(x, spectrum, color=paint.ink(spectrum), lw=1.6, label=f"{count} coats")
+        for count in (n for n in (40, 20, 10, 5) if n <= rendering.ladder.counts[-1]):
+            spectrum = rendering.ladder.glaze[count]
+            axes.plot(x, spectrum, color=_ink(rendering, spectrum), lw=1.6, label=f"{count} coats")
             highest = max(highest, float(spectrum.max()))
     axes.fill_between(
-        x, 0, spectra.glaze, color=hex_colour(paint.rgb(spectra.glaze)), alpha=0.18, lw=0
+        x, 0, rendering.glaze, color=hex_colour(rendering.rgb(rendering.glaze)), alpha=0.18, lw=0
     )
-    axes.plot(x, spectra.glaze, color=paint.ink(spectra.glaze), lw=4, label="the glaze")
+    axes.plot(x, rendering.glaze, color=_ink(rendering, rendering.glaze), lw=4, label="the glaze")
     label_spectra(axes, xlim=(x[0], x[-1]), ylim=(0, max(highest * 1.06, 0.05)))
     axes.grid(color=GRID, lw=1)
     axes.set_axisbelow(True)
@@ -193,13 +163,13 @@ def _draw_spectra(axes: "Axes", paint: _Paint, names: Sequence[str]) -> None:
     )
 
 
-def _draw_swatches(axes: "Axes", paint: _Paint) -> None:
+def _draw_swatches(axes: "Axes", rendering: Rendering) -> None:
     from matplotlib.patches import FancyBboxPatch
 
     axes.set(xlim=(0, 1), ylim=(0, 1))
     axes.set_axis_off()
-    ground = paint.spectra.ground
-    glaze = paint.spectra.glaze
+    ground = rendering.ground
+    glaze = rendering.glaze
 
     def patch(
         x: float, width: float, y: float, height: float, spectrum: np.ndarray, edge: str
@@ -211,7 +181,7 @@ def _draw_swatches(axes: "Axes", paint: _Paint) -> None:
             boxstyle="round,pad=0,rounding_size=0.012",
             lw=1,
             mutation_aspect=1.7,
-            facecolor=hex_colour(paint.rgb(spectrum)),
+            facecolor=hex_colour(rendering.rgb(spectrum)),
             edgecolor=edge,
             clip_on=False,
         )
@@ -220,21 +190,26 @@ def _draw_swatches(axes: "Axes", paint: _Paint) -> None:
     patch(0.0, 1.0, 0.26, 0.74, ground, EDGE)
     patch(0.04, 0.58, 0.33, 0.60, glaze, "none")
     for x, what, spectrum in ((0.04, "the glaze", glaze), (0.68, "bare ground", ground)):
-        lightness, a, b = (round(float(value), 1) + 0.0 for value in paint.lab(spectrum))
+        lightness, a, b = (round(float(value), 1) + 0.0 for value in rendering.lab(spectrum))
         axes.text(x, 0.185, what, fontweight="bold", va="center", fontsize=15)
         axes.text(
-            x, 0.085, hex_colour(paint.rgb(spectrum)), va="center", fontsize=15, family="monospace"
+            x,
+            0.085,
+            hex_colour(rendering.rgb(spectrum)),
+            va="center",
+            fontsize=15,
+            family="monospace",
         )
         axes.text(x, -0.01, f"Lab {lightness:.1f}, {a:.1f}, {b:.1f}", va="center", fontsize=13.5)
 
 
-def _draw_strips(axes: "Axes", paint: _Paint, marked: int | None) -> None:
+def _draw_strips(axes: "Axes", rendering: Rendering, marked: int | None) -> None:
     from matplotlib.collections import PatchCollection
     from matplotlib.patches import Rectangle
 
-    ladder = paint.spectra.ladder
+    ladder = rendering.ladder
     for row, (key, (name, explanation, *_)) in enumerate(_WAYS.items()):
-        shades = paint.rgb(getattr(ladder, key))
+        shades = rendering.rgb(getattr(ladder, key))
         cells = [Rectangle((n - 0.5, -row - 0.92), 1, 0.92) for n in ladder.counts]
         # Edges of its own colour close the hairlines between neighbours.
         axes.add_collection(PatchCollection(cells, facecolor=shades, edgecolor=shades, lw=0.6))
@@ -249,10 +224,10 @@ def _draw_strips(axes: "Axes", paint: _Paint, marked: int | None) -> None:
     axes.set_axis_off()
 
 
-def _draw_curves(chroma: "Axes", lightness: "Axes", paint: _Paint) -> None:
-    ladder = paint.spectra.ladder
+def _draw_curves(chroma: "Axes", lightness: "Axes", rendering: Rendering) -> None:
+    ladder = rendering.ladder
     last = int(ladder.counts[-1])
-    colours = {key: paint.lab(getattr(ladder, key)) for key in _WAYS}
+    colours = {key: rendering.lab(getattr(ladder, key)) for key in _WAYS}
     for axes, title, curves in (
         (
             chroma,

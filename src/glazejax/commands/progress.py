@@ -188,10 +188,10 @@ def collect(
 
 
 @contextmanager
-def doing(stage: str) -> Iterator[Callable[[str], object]]:
-    """Say what is being done, in one piece, while it is; what is yielded says it in other words."""
-    with follow(stage) as note:
-        yield lambda new_stage: note(0, 1, new_stage)
+def doing(stage: str) -> Iterator[None]:
+    """Say what is being done, in one piece, while it is."""
+    with follow(stage):
+        yield
 
 
 @contextmanager

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
+from ..catalogue import assumed_scale
+from ..paint.describe import find_name, format_length, name_paints, parse_coats, same_name
 from . import options
 from .help_groups import help_groups
 
@@ -116,8 +118,6 @@ def render(
             'give the coats, such as --coats "UltramarineBlue:12um,Vermillion:12um"; --list '
             "shows the pigments"
         )
-    from ..paint.describe import format_length, name_paints, parse_coats
-
     # Everything that can be wrong is looked at before anything is computed.
     if coats is not None:
         options.check_coats(coats, pigments, catalogue)
@@ -178,14 +178,6 @@ def render(
         )
     solved = time.perf_counter() - solving
     seen = seen_by.describe()
-    request = report.RenderRequest(
-        coats=described,
-        ground=bed.words,
-        refractive_index=refractive_index,
-        geometry=seen,
-        illuminant=illuminant,
-        observer=observer,
-    )
     coat = described[repeated]
     present = [f"{coat.name} {coat.size}" for coat in described if coat.total > 0]
     with doing("drawing"):
@@ -194,11 +186,9 @@ def render(
             [coat.name for coat in described],
             title=" over ".join(present) or "No paint at all",
             subtitle=f"on a ground of {bed.words}  ·  n = {refractive_index:g}  ·  {seen}  ·  "
-            f"{request.eye}",
+            f"{rendering.eye}",
             coat=f"{coat.name} {format_length(coat.thickness)}",
             marked=coat.repeats,
-            illuminant=illuminant,
-            observer=observer,
         )
         # Files first: a pager that closes early must not lose them.
         figure.savefig(out, dpi=100)
@@ -215,11 +205,13 @@ def render(
     if csv is not None:
         _write_table(csv, rendering, described, overwrite)
 
-    report.print_stack(console, request)
+    report.print_stack(
+        console, described, ground=bed.words, refractive_index=refractive_index, seen=seen
+    )
     report.print_spectrum(console, rendering)
-    report.print_colour(console, rendering, request)
-    report.print_comparison(console, rendering, request)
-    report.print_ladder(console, rendering, request)
+    report.print_colour(console, rendering)
+    report.print_comparison(console, rendering, described)
+    report.print_ladder(console, rendering, coat)
     used = {
         name: shelf[name]
         for coat in described
@@ -302,7 +294,6 @@ def _write_stack(
         path,
         Stack(
             coats=tuple(coats),
-            hidden=(),
             ground=ground,
             refractive_index=index,
             instrument=instrument,
@@ -316,8 +307,6 @@ def _ladder_layer(coats: "Sequence[Coat]", ladder: str | None) -> int:
     """Layer that the ladder repeats: the named one, else the uppermost that is there."""
     if ladder is None:
         return next((i for i, coat in enumerate(coats) if coat.total > 0), 0)
-    from ..paint.describe import same_name
-
     layers = [i for i, coat in enumerate(coats) if same_name(coat.name, ladder)]
     if not layers:
         names = ", ".join(dict.fromkeys(coat.name for coat in coats))
@@ -335,7 +324,6 @@ def _shelf(
     """Own pigments, and a catalogue behind them unless nothing is wanted from it; for names of
     paints, those of all catalogues as ``acrylics:TitaniumWhite`` too.
     """
-    from ..paint.describe import find_name
     from ..paint.pigment_table import read_pigments
 
     def has_all(shelf: "Mapping[str, Pigment]") -> bool:
@@ -388,28 +376,24 @@ def _lay(ground: options.Ground, coats: "Sequence[Coat]", shelf: "Mapping[str, P
             "pigments and ground differ in wavelengths; everything is computed at "
             f"{describe_grid(grid)}"
         )
-        used = {
-            name: paint if same_grid(grid, paint.wavelengths) else paint.resample(grid)
-            for name, paint in used.items()
-        }
+        used = {name: paint.resample(grid) for name, paint in used.items()}
     return _Bed(make_media(coats, used), ground.on(grid), ground.words, notes)
 
 
 def _remarks(used: "Mapping[str, Pigment]") -> list[tuple[str, str]]:
     """Remarks on where the pigments come from, and where their numbers cannot be relied on."""
-    from .. import catalogue
-    from ..paint.describe import describe_bands
+    from ..spectra import ranges
 
     origins: dict[str, list[str]] = {}
     for name, pigment in used.items():
         origins.setdefault(pigment.provenance or "no provenance is stated", []).append(name)
     remarks: list[tuple[str, str]] = []
-    scales = dict.fromkeys(filter(None, map(catalogue.assumed_scale, used.values())))
+    scales = dict.fromkeys(filter(None, map(assumed_scale, used.values())))
     remarks += [("note", f"{words}; thicknesses here are on that scale") for words in scales]
     remarks += [("source", f"{', '.join(names)}: {origin}") for origin, names in origins.items()]
     for name, pigment in used.items():
         if pigment.identifiable is not None and not pigment.identifiable.all():
-            bands = describe_bands(pigment.wavelengths, ~pigment.identifiable)
+            bands = ranges(pigment.wavelengths, ~pigment.identifiable)
             remarks.append(
                 (
                     "warning",

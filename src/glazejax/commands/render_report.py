@@ -1,8 +1,6 @@
 """Report of ``glazejax render``: the stack, its spectrum, its colour, the ladder and remarks."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from jaxtyping import Array, Float
@@ -10,7 +8,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from ..colour import delta_e_2000, lab, srgb, xyz
+from ..colour import delta_e_2000, xyz
 from ..paint.describe import Coat, format_length
 from ..plots import hex_colour
 from ..report import swatch
@@ -21,51 +19,19 @@ _WIDE = 72
 _LADDER_ROWS = (1, 2, 5, 10, 20, 40)
 
 
-@dataclass(frozen=True)
-class RenderRequest:
-    """Request in the user's words.
-
-    Attributes:
-        coats: top first.
-        ground: the ground in words.
-        refractive_index: of all layers.
-        geometry: the instrument in words.
-        illuminant, observer: full names.
-    """
-
-    coats: Sequence[Coat]
-    ground: str
-    refractive_index: float
-    geometry: str
-    illuminant: str
-    observer: str
-
-    @property
-    def light(self) -> dict[str, Any]:
-        """Arguments of the colour functions."""
-        return {"illuminant": self.illuminant, "observer": self.observer}
-
-    @property
-    def eye(self) -> str:
-        """Illuminant and observer in words, such as ``D65, CIE 1931 2° observer``."""
-        return (
-            f"{self.illuminant}, {self.observer.replace(' Degree Standard Observer', '° observer')}"
-        )
-
-
-def print_stack(console: Console, request: RenderRequest) -> None:
-    """Draw the layers from top to bottom."""
+def print_stack(
+    console: Console, coats: Sequence[Coat], *, ground: str, refractive_index: float, seen: str
+) -> None:
+    """Draw the layers from top to bottom, and say in words what is below and how they are seen."""
     bar = min(console.width, 72)
     console.print(
-        Text(
-            f"~~~~ smooth surface, n = {request.refractive_index:g} ".ljust(bar, "~"), style="cyan"
-        )
+        Text(f"~~~~ smooth surface, n = {refractive_index:g} ".ljust(bar, "~"), style="cyan")
     )
     table = Table.grid(padding=(0, 2))
     table.add_column(overflow="fold")
     table.add_column(justify="right", no_wrap=True)
     table.add_column(overflow="fold")
-    for coat in request.coats:
+    for coat in coats:
         remark = (
             "absent"
             if coat.total == 0
@@ -77,8 +43,8 @@ def print_stack(console: Console, request: RenderRequest) -> None:
             f"  {coat.name}", coat.size, remark, style="dim" if coat.total == 0 else "bold"
         )
     console.print(table)
-    console.print(Text(f"==== ground: {request.ground} ".ljust(bar, "="), style="cyan"))
-    console.print(Text(f"seen with {request.geometry}"))
+    console.print(Text(f"==== ground: {ground} ".ljust(bar, "="), style="cyan"))
+    console.print(Text(f"seen with {seen}"))
 
 
 def print_spectrum(console: Console, rendering: Rendering) -> None:
@@ -94,16 +60,15 @@ def print_spectrum(console: Console, rendering: Rendering) -> None:
         console.print(Text("  R  " + "".join(f"{r:>7.4f}" for r in values[columns_shown])))
 
 
-def print_colour(console: Console, rendering: Rendering, request: RenderRequest) -> None:
+def print_colour(console: Console, rendering: Rendering) -> None:
     """Print XYZ, Lab and sRGB of the glaze."""
-    grid = rendering.wavelengths
     spectrum = rendering.glaze
-    tristimulus = np.asarray(xyz(grid, spectrum, **request.light))
-    lightness, a, b = np.asarray(lab(grid, spectrum, **request.light))
-    raw = np.asarray(srgb(grid, spectrum, clip=False, **request.light))
+    tristimulus = np.asarray(xyz(rendering.wavelengths, spectrum, **rendering.light))
+    lightness, a, b = rendering.lab(spectrum)
+    raw = rendering.rgb(spectrum, clip=False)
     shade = hex_colour(raw)
     console.print()
-    console.print(Text("Colour", style="bold") + Text(f" under {request.eye}", style="not bold"))
+    console.print(Text("Colour", style="bold") + Text(f" under {rendering.eye}", style="not bold"))
     console.print(
         Text("  XYZ    " + "".join(f"{v:9.4f}" for v in tristimulus) + "  (white: Y = 1)")
     )
@@ -134,12 +99,12 @@ def out_of_gamut(raw: Float[Array | np.ndarray, "3"]) -> str:
     )
 
 
-def print_comparison(console: Console, rendering: Rendering, request: RenderRequest) -> None:
+def print_comparison(console: Console, rendering: Rendering, coats: Sequence[Coat]) -> None:
     """Print the colours of the bare ground and of each layer alone."""
     rows = [("the glaze", rendering.glaze)]
-    if len(request.coats) > 1:
-        coats = zip(request.coats, rendering.alone, strict=True)
-        rows += [(f"{coat.name} alone", spectrum) for coat, spectrum in coats if coat.total > 0]
+    if len(coats) > 1:
+        pairs = zip(coats, rendering.alone, strict=True)
+        rows += [(f"{coat.name} alone", spectrum) for coat, spectrum in pairs if coat.total > 0]
     rows.append(("bare ground", rendering.ground))
     wide = console.width >= _WIDE
     table = Table(box=None, padding=(0, 1), header_style="dim")
@@ -147,10 +112,10 @@ def print_comparison(console: Console, rendering: Rendering, request: RenderRequ
     for title in ("L*", "a*", "b*", *(["ΔE00"] if wide else [])):
         table.add_column(title, justify="right", no_wrap=True)
     table.add_column("sRGB", no_wrap=True)
-    glaze_lab = np.asarray(lab(rendering.wavelengths, rendering.glaze, **request.light))
+    glaze_lab = rendering.lab(rendering.glaze)
     for name, spectrum in rows:
-        values = np.asarray(lab(rendering.wavelengths, spectrum, **request.light))
-        shade = hex_colour(srgb(rendering.wavelengths, spectrum, **request.light))
+        values = rendering.lab(spectrum)
+        shade = hex_colour(rendering.rgb(spectrum))
         cells = [*values, float(delta_e_2000(glaze_lab, values))] if wide else [*values]
         table.add_row(
             f" {name}", *(format_decimals(v) for v in cells), Text(f"{shade} ") + swatch(shade, 4)
@@ -159,10 +124,9 @@ def print_comparison(console: Console, rendering: Rendering, request: RenderRequ
     console.print(table)
 
 
-def print_ladder(console: Console, rendering: Rendering, request: RenderRequest) -> None:
-    """Print a few rungs of the ladder."""
+def print_ladder(console: Console, rendering: Rendering, coat: Coat) -> None:
+    """Print a few rungs of the ladder of a coat."""
     ladder = rendering.ladder
-    coat = request.coats[ladder.layer]
     console.print()
     console.print(
         Text("Ladder", style="bold")
@@ -181,10 +145,8 @@ def print_ladder(console: Console, rendering: Rendering, request: RenderRequest)
             break
         cells = []
         for spectra in (ladder.glaze, ladder.multiply, ladder.mixing):
-            lightness, a, b = np.asarray(
-                lab(rendering.wavelengths, spectra[count], **request.light)
-            )
-            shade = hex_colour(srgb(rendering.wavelengths, spectra[count], **request.light))
+            lightness, a, b = rendering.lab(spectra[count])
+            shade = hex_colour(rendering.rgb(spectra[count]))
             numbers = "" if narrow else f"{lightness:4.0f}{np.hypot(a, b):4.0f} "
             patch = Text("") if console.width < 50 else swatch(shade, 4)
             cells.append(Text(f"{shade}{numbers} ") + patch)

@@ -20,13 +20,15 @@ mixing
 All three begin with the same R_0; over bare ground, multiply has the same first coat too.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TypeAlias
+from functools import partial
+from typing import Any, TypeAlias
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from ..colour import CIE_1931, lab
+from ..colour import CIE_1931, lab, srgb
 from ..geometry import Geometry
 from ..paint.media import MAX_THICKNESS, Glaze, Layer, Pigment
 from ..reflectance import reflectance
@@ -44,13 +46,11 @@ class Ladder:
     """Spectra against the number of coats, three ways.
 
     Attributes:
-        layer: which layer of the glaze is repeated, counted from the top.
         counts: (steps,), numbers of coats, 0 first.
         glaze, multiply, mixing: (steps, bands), reflectance; see the module.
         capped: whether the thickest coats were cut off at the thickest layer possible, 10 mm.
     """
 
-    layer: int
     counts: Counts
     glaze: Steps
     multiply: Steps
@@ -68,6 +68,7 @@ class Rendering:
         ground: (bands,), of the bare ground under the same smooth surface.
         alone: (layers, bands), of each layer alone on the ground.
         ladder: one layer repeated.
+        illuminant, observer: of every colour, full names.
     """
 
     wavelengths: Bands
@@ -75,17 +76,41 @@ class Rendering:
     ground: Bands
     alone: Float[np.ndarray, "layers bands"]
     ladder: Ladder
+    illuminant: str
+    observer: str
+
+    @property
+    def light(self) -> dict[str, Any]:
+        """Arguments of the colour functions."""
+        return {"illuminant": self.illuminant, "observer": self.observer}
+
+    @property
+    def eye(self) -> str:
+        """Illuminant and observer in words, such as ``D65, CIE 1931 2° observer``."""
+        return (
+            f"{self.illuminant}, {self.observer.replace(' Degree Standard Observer', '° observer')}"
+        )
+
+    def lab(self, spectra: Float[np.ndarray, "... bands"]) -> Float[np.ndarray, "... 3"]:
+        """CIE L*a*b* of spectra."""
+        return np.asarray(lab(self.wavelengths, spectra, **self.light))
+
+    def rgb(
+        self, spectra: Float[np.ndarray, "... bands"], *, clip: bool = True
+    ) -> Float[np.ndarray, "... 3"]:
+        """Encoded sRGB of spectra."""
+        return np.asarray(srgb(self.wavelengths, spectra, clip=clip, **self.light))
 
 
 def render(
     glaze: Glaze,
     geometry: Geometry,
     *,
-    layer: int = 0,
-    coat: float | None = None,
+    layer: int,
+    coat: float,
     coats: int = 40,
     illuminant: str = "D65",
-    observer: str | int = CIE_1931,
+    observer: str = CIE_1931,
     tolerance: float = 1e-6,
 ) -> Rendering:
     """Compute a glaze, its ground, its layers and its ladder in one batch of the solver.
@@ -94,34 +119,24 @@ def render(
         glaze: one glaze, without batch axes, of one layer at least.
         geometry: what the instrument does.
         layer: which layer the ladder repeats, counted from 0 at the top.
-        coat: thickness of one coat of the ladder in m; that of the layer if left out.
+        coat: thickness of one coat of the ladder in m.
         coats: longest stack of the ladder.
-        illuminant, observer: under which mixing is matched to the first coat.
+        illuminant, observer: of every colour, full names; mixing is matched under them to the first
+            coat.
         tolerance: of the solver.
 
     Raises:
-        ValueError: `layer` is not in the glaze, `coats` is below 1, the glaze has batch axes, or
-            what
-            `reflectance` and `lab` refuse.
+        ValueError: what `reflectance` and `lab` refuse.
     """
     grid = glaze.wavelengths
     count = len(glaze.coats)
-    if not 0 <= layer < count:
-        raise ValueError(
-            f"the ladder repeats layer {layer}, but layers are numbered 0 to {count - 1}"
-        )
-    if coats < 1:
-        raise ValueError(f"a ladder needs 1 coat or more, not {coats}")
-    thickness = np.array([np.asarray(coat.thickness) for coat in glaze.coats])
-    if thickness.ndim != 1:
-        raise ValueError("render takes one glaze: thicknesses must be single numbers")
-    step = float(thickness[layer]) if coat is None else float(coat)
+    thickness = np.array([float(each.thickness) for each in glaze.coats])
     counts = np.arange(coats + 1)
     # Rows of one batch: the whole stack, the bare ground, each layer alone, one coat alone, then
     # the ladder.
-    coat_alone = np.where(np.arange(count) == layer, step, 0.0)
+    coat_alone = np.where(np.arange(count) == layer, coat, 0.0)
     ladder = np.tile(thickness, (coats + 1, 1))
-    ladder[:, layer] = np.minimum(counts * step, MAX_THICKNESS)
+    ladder[:, layer] = np.minimum(counts * coat, MAX_THICKNESS)
     rows = np.concatenate(
         [np.stack([thickness, 0 * thickness]), np.diag(thickness), coat_alone[None], ladder]
     )
@@ -134,21 +149,23 @@ def render(
     steps = spectra[3 + count :]
     multiply = _multiply(ground, first, steps[0], counts, opaque.surface)
     medium = glaze.coats[layer].medium
-    portion = np.stack([np.asarray(medium.absorption), np.asarray(medium.scattering)]) * step
-    mixing = _mixing(opaque, portion, steps[0], steps[1], counts, (grid, illuminant, observer))
+    portion = np.stack([np.asarray(medium.absorption), np.asarray(medium.scattering)]) * coat
+    colour = partial(lab, grid, illuminant=illuminant, observer=observer)
+    mixing = _mixing(opaque, portion, steps[0], steps[1], counts, colour)
     return Rendering(
         wavelengths=grid,
         glaze=spectra[0],
         ground=ground,
         alone=spectra[2 : 2 + count],
         ladder=Ladder(
-            layer=layer,
             counts=counts,
             glaze=steps,
             multiply=multiply,
             mixing=mixing,
-            capped=coats * step > MAX_THICKNESS,
+            capped=coats * coat > MAX_THICKNESS,
         ),
+        illuminant=illuminant,
+        observer=observer,
     )
 
 
@@ -238,12 +255,11 @@ def _mixing(
     base: Bands,
     first: Bands,
     counts: Counts,
-    sight: tuple[Bands, str, str | int],
+    colour: Callable[..., Any],
 ) -> Steps:
     """n portions of paint, given as k d and s d, stirred into an opaque paint that looks like
-    `base`.
+    `base`; `colour` gives the Lab of spectra.
     """
-    grid, illuminant, observer = sight
     absorbing = portion[0]
     depth = portion.sum(axis=0)
     below = opaque.paleness_of(base) ** 4
@@ -255,12 +271,10 @@ def _mixing(
         paleness = ((n * absorbing + amount * below) / (n * depth + amount)) ** 0.25
         return opaque.reflectance(paleness)
 
-    def colour(spectra: Float[np.ndarray, "... bands"]) -> Float[np.ndarray, "... 3"]:
-        return np.asarray(lab(grid, spectra, illuminant=illuminant, observer=observer))
-
     scale = float(depth.max()) or 1.0
     amounts = scale * np.logspace(-4, 6, 2001)[:, None]
-    distance = np.linalg.norm(colour(mix_part(np.ones((1, 1)), amounts)) - colour(first), axis=-1)
+    one_portion = mix_part(np.ones((1, 1)), amounts)
+    distance = np.linalg.norm(np.asarray(colour(one_portion)) - np.asarray(colour(first)), axis=-1)
     mixed = mix_part(counts[:, None], float(amounts[distance.argmin(), 0]))
     mixed[0] = base  # What is below may be brighter than any paint; then only this step shows it.
     return mixed

@@ -27,34 +27,36 @@ def resample(table: "SpectraTable", wavelengths: "Grid") -> "SpectraTable":
     Raises:
         ValueError: the grid is not legal or reaches beyond the table's.
     """
-    from ..spectra import describe_grid, interpolation_matrix, validate_wavelengths
+    from ..spectra import describe_grid, validate_wavelengths
 
     new = validate_wavelengths(wavelengths)
     old = table.wavelengths
-    interpolation_matrix(old, new)  # refuses what lies outside, by one rule for all
-    inside = np.clip(new, old[0], old[-1])
-    values, how = _interpolate(old, table.reflectance, inside)
+    matrix, how = _interpolation(old, new)
     # Sums of products end in digits that mean nothing.
-    values = np.clip(np.round(values, 12), 0.0, table.reflectance.max(axis=1, keepdims=True))
+    values = np.round(table.reflectance @ matrix, 12)
+    values = np.clip(values, 0.0, table.reflectance.max(axis=1, keepdims=True))
     notes = [*table.notes, f"resampled from {describe_grid(old)} to {describe_grid(new)} by {how}"]
     if new.size > 1 and old.size > 1 and np.diff(new).min() > 2 * np.median(np.diff(old)):
         notes.append("the new step is much wider than the old one: bands were picked, not averaged")
     return replace(table, wavelengths=new, reflectance=values, notes=notes)
 
 
-def _interpolate(
-    old: Float[np.ndarray, "bands"],
-    values: Float[np.ndarray, "rows bands"],
-    new: Float[np.ndarray, "new"],
-) -> tuple[Float[np.ndarray, "rows new"], str]:
-    """Values on the new grid, and the method's name."""
+def _interpolation(
+    old: Float[np.ndarray, "bands"], new: Float[np.ndarray, "new"]
+) -> tuple[Float[np.ndarray, "bands new"], str]:
+    """Matrix from values at the old bands to the new ones, and the method's name."""
+    from ..spectra import interpolation_matrix
+
+    # It refuses what lies outside, by one rule for all.
+    linear = interpolation_matrix(old, new)
+    if old.size < 6:
+        return linear, "linear interpolation"
     import colour
 
-    if old.size < 6:
-        return np.stack([np.interp(new, old, row) for row in values]), "linear interpolation"
     steps = np.diff(old)
     even = np.allclose(steps, steps[0], rtol=1e-6, atol=0)
     kind = colour.SpragueInterpolator if even else colour.CubicSplineInterpolator
+    inside = np.clip(new, old[0], old[-1])
     # Both are linear in the values: the images of the unit vectors serve all spectra.
-    matrix = np.stack([np.atleast_1d(kind(old, unit)(new)) for unit in np.eye(old.size)])
-    return values @ matrix, "Sprague interpolation" if even else "cubic splines"
+    matrix = np.stack([np.atleast_1d(kind(old, unit)(inside)) for unit in np.eye(old.size)])
+    return matrix, "Sprague interpolation" if even else "cubic splines"

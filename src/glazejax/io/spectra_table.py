@@ -10,6 +10,7 @@ from jaxtyping import Bool, Float, Int
 from ..names import nearest_names
 from ..spectra import Bands as Bands
 from ..spectra import describe_grid
+from ..spectra import list_names as list_names
 
 Rows: TypeAlias = Float[np.ndarray, "rows bands"]
 """Spectra, a row each."""
@@ -64,9 +65,3 @@ def there_are(wanted: str, names: Sequence[str]) -> str:
     if near:
         return f"the nearest {'is' if len(near) == 1 else 'are'} {', '.join(near)}"
     return f"there are {', '.join(names[:6])}{', ...' if len(names) > 6 else ''}"
-
-
-def list_names(names: Sequence[str]) -> str:
-    """First few of some names."""
-    more = f" and {len(names) - 3} more" if len(names) > 3 else ""
-    return ", ".join(names[:3]) + more

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..whole_file import whole_file
 from .outputs import check_output
+from .source import naming
 from .words import shield_name
 
 
@@ -37,12 +38,10 @@ def write_table(
         ValueError: a row has another number of cells than the header.
     """
     path = check_output(path, overwrite=overwrite)
-    try:
+    with naming(path):
         content = table_bytes(
             header, rows, delimiter="\t" if path.suffix.lower() == ".tsv" else ","
         )
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
     path.write_bytes(content)
 
 

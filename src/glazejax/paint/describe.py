@@ -8,9 +8,6 @@ import re
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
-import numpy as np
-from jaxtyping import Bool, Float
-
 from ..names import nearest_names
 
 MAX_THICKNESS = 0.01
@@ -237,16 +234,3 @@ def name_paints(coats: Sequence[Coat], names: Iterable[str]) -> tuple[Coat, ...]
         coat._replace(parts=tuple((weight, find_name(name, names)) for weight, name in coat.parts))
         for coat in coats
     )
-
-
-def describe_bands(
-    wavelengths: Float[np.ndarray, "bands"], chosen: Bool[np.ndarray, "bands"]
-) -> str:
-    """The chosen bands as ranges, such as ``400-450, 620 nm``; empty if none is chosen."""
-    # Where runs of chosen bands begin and end.
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], chosen, [False]]).astype(int)))
-    ranges = [
-        f"{wavelengths[a]:g}" if b - a == 1 else f"{wavelengths[a]:g}-{wavelengths[b - 1]:g}"
-        for a, b in zip(edges[::2], edges[1::2], strict=True)
-    ]
-    return f"{', '.join(ranges)} nm" if ranges else ""

@@ -129,14 +129,23 @@ class _PlainModule(eqx.Module, metaclass=_PlainMeta):
 
 
 class _Labelled(_PlainModule):
-    """Base of what has a name."""
+    """Base of what has a name and wavelengths."""
 
     _labels: eqx.AbstractVar[_Labels]
+    _grid: eqx.AbstractVar[tuple[float, ...]]
 
     @property
     def name(self) -> str:
         """Name of it."""
         return self._labels.name
+
+    @property
+    def wavelengths(self) -> Float[np.ndarray, "bands"]:
+        """Wavelengths in nm, (bands,)."""
+        return np.asarray(self._grid)
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.name!r}, {describe_grid(self.wavelengths)})"
 
 
 class Pigment(_Labelled):
@@ -253,11 +262,6 @@ class Pigment(_Labelled):
         return self._labels.binder
 
     @property
-    def wavelengths(self) -> Float[np.ndarray, "bands"]:
-        """Wavelengths in nm, (bands,)."""
-        return np.asarray(self._grid)
-
-    @property
     def identifiable(self) -> Bool[np.ndarray, "bands"] | None:
         """Mask of bands where the data determine both k and s, (bands,), or None if not stated."""
         mask = self._labels.identifiable
@@ -271,7 +275,7 @@ class Pigment(_Labelled):
         Raises:
             ValueError: the new grid is not legal or reaches beyond the old one.
         """
-        if np.array_equal(self.wavelengths, np.asarray(wavelengths)):
+        if same_grid(self.wavelengths, validate_wavelengths(wavelengths)):
             return self
         matrix = interpolation_matrix(self.wavelengths, wavelengths)
 
@@ -314,9 +318,6 @@ class Pigment(_Labelled):
         renamed = copy(self)
         object.__setattr__(renamed, "_labels", replace(self._labels, name=name, **new))
         return renamed
-
-    def __repr__(self) -> str:
-        return f"Pigment({self.name!r}, {describe_grid(self.wavelengths)})"
 
 
 class Mixture(_Labelled):
@@ -379,23 +380,18 @@ class Mixture(_Labelled):
         )
 
     @property
-    def _grid(self) -> tuple[float, ...]:
+    def _grid(self) -> tuple[float, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
         return self.pigments[0]._grid
-
-    @property
-    def wavelengths(self) -> Float[np.ndarray, "bands"]:
-        """Wavelengths in nm, (bands,)."""
-        return self.pigments[0].wavelengths
 
     @property
     def absorption(self) -> Float[Array, "*batch bands"]:
         """Absorption k in 1/m, (..., bands)."""
-        return jnp.asarray(_blend(self.weights, [p.absorption for p in self.pigments]))
+        return jnp.asarray(_coefficient(self, "absorption"))
 
     @property
     def scattering(self) -> Float[Array, "*batch bands"]:
         """Scattering s in 1/m, (..., bands)."""
-        return jnp.asarray(_blend(self.weights, [p.scattering for p in self.pigments]))
+        return jnp.asarray(_coefficient(self, "scattering"))
 
     @property
     def phase(self) -> Float[Array, "*batch bands terms"] | None:
@@ -408,9 +404,6 @@ class Mixture(_Labelled):
     def resample(self, wavelengths: Grid) -> "Mixture":
         """The same mixture on another grid (nm); see `Pigment.resample`."""
         return type(self)([p.resample(wavelengths) for p in self.pigments], self.weights, self.name)
-
-    def __repr__(self) -> str:
-        return f"Mixture({self.name!r}, {describe_grid(self.wavelengths)})"
 
 
 class Layer(_PlainModule):
@@ -583,9 +576,13 @@ def stack_of(glaze: Glaze) -> tuple[Float[Known, "..."], Float[Known, "..."], Nu
         shape = np.broadcast_shapes(np.shape(glaze.ground), np.shape(glaze.refractive_index), (1,))
         nothing = jnp.zeros((*shape, 0))
         return nothing, nothing, glaze.ground
-    absorption, scattering = zip(*(_coefficients(coat.medium) for coat in glaze.coats), strict=True)
+    coefficients = [
+        _coefficient(coat.medium, what)
+        for what in ("absorption", "scattering")
+        for coat in glaze.coats
+    ]
     # Each for all coats at once; albedo apart, for it is known where only thickness is traced.
-    albedo, extinction = numpy_or_jax(_albedo_and_extinction, *absorption, *scattering)
+    albedo, extinction = numpy_or_jax(_albedo_and_extinction, *coefficients)
     depth = numpy_or_jax(_depth, extinction, *(coat.thickness for coat in glaze.coats))
     ground = numpy_or_jax(lambda _, values: values, glaze.ground)
     # What NumPy computed is computed once: no glaze ever changes.
@@ -595,26 +592,17 @@ def stack_of(glaze: Glaze) -> tuple[Float[Known, "..."], Float[Known, "..."], Nu
     return albedo, depth, ground
 
 
-def _coefficients(medium: Pigment | Mixture) -> tuple[Float[Known, "..."], Float[Known, "..."]]:
-    """k and s in 1/m, (..., bands)."""
+def _coefficient(medium: Pigment | Mixture, what: str) -> Float[Known, "*batch bands"]:
+    """Absorption or scattering in 1/m, (..., bands): of a mixture the weighted sum."""
     if isinstance(medium, Pigment):
-        return medium.absorption, medium.scattering
-    k = _blend(medium.weights, [p.absorption for p in medium.pigments])
-    s = _blend(medium.weights, [p.scattering for p in medium.pigments])
-    return k, s
-
-
-def _blend(
-    weights: Float[Known, "*batch pigments"], spectra: Sequence[Float[Array, "... bands"]]
-) -> Float[Known, "*batch bands"]:
-    """Sum of spectra, weighted."""
+        return getattr(medium, what)
 
     def total(_: Any, weights: Any, *spectra: Any) -> Any:
         return functools.reduce(
             operator.add, [weights[..., i, None] * spectrum for i, spectrum in enumerate(spectra)]
         )
 
-    return numpy_or_jax(total, weights, *spectra)
+    return numpy_or_jax(total, medium.weights, *(getattr(p, what) for p in medium.pigments))
 
 
 def _albedo_and_extinction(xp: Any, *coefficients: Any) -> tuple[Any, Any]:

@@ -12,9 +12,8 @@ import numpy as np
 
 from .. import catalogue, cie
 from ..colour import CIE_1931
-from ..paint.describe import describe_bands
 from ..paint.media import MAX_THICKNESS, Pigment
-from ..spectra import describe_grid
+from ..spectra import describe_grid, ranges
 from ..stacks import BLACK, MOST_COATS, MOST_PARTS, WHITE, all_paints, pigment_to_dict
 
 # What is seen of the eye's curves, nm.
@@ -53,9 +52,7 @@ def entry(name: str, paint: Pigment) -> dict[str, Any]:
     identifiable = paint.identifiable
     bands = paint.wavelengths
     # Bands at which the data leave k and s apart unknown.
-    unknown = (
-        "" if identifiable is None or identifiable.all() else describe_bands(bands, ~identifiable)
-    )
+    unknown = "" if identifiable is None or identifiable.all() else ranges(bands, ~identifiable)
     return {
         "name": name,
         "label": _space_words(own_label if slash and group in catalogue.names() else name),

@@ -48,8 +48,8 @@ def read_mask(path: str | Path, image: Any) -> Mask:
         text = "" if picture else source.text()
     if picture:
         used = _picture(path)
-        if used.shape == shape != whole:
-            return _some(path, used)
+        if used.shape == shape:
+            whole = shape
         if used.shape != whole:
             size = f"{whole[0]} lines x {whole[1]} samples"
             if shape != whole:
@@ -66,11 +66,6 @@ def read_mask(path: str | Path, image: Any) -> Mask:
         by, bx, _ = attributes.get("binning", (1, 1, 1))
         cropped = used[y0:y1, x0:x1][: shape[0] * by, : shape[1] * bx]
         used = cropped.reshape(shape[0], by, shape[1], bx).mean((1, 3)) >= 0.5
-    return _some(path, used)
-
-
-def _some(path: Path, used: Mask) -> Mask:
-    """The mask, unless it uses nothing."""
     if not used.any():
         raise refusal(path, "the mask uses no pixel of the image")
     return used

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Int
 
 from ...extras import require
-from ...spectra import describe_grid, validate_wavelengths
+from ...spectra import describe_grid, lie_between, same_grid, validate_wavelengths
 from ..finish import in_order
 from ..probe import scale_of, with_usual_mark
 from ..quantity import Stated, read_units
@@ -24,8 +24,6 @@ from .opening import raw_cube
 
 if TYPE_CHECKING:
     import xarray
-
-_SLACK = 1e-6
 
 
 @dataclass(frozen=True)
@@ -187,7 +185,7 @@ def _stored_wavelengths(raw: RawCube, given: Stored | None, unit: str, notes: li
     if given.size != count:
         raise refusal(raw.path, f"{given.size} wavelengths were given for {count} bands")
     with contextlib.suppress(ValueError):
-        if not np.allclose(raw.nanometres(unit)[0], given, rtol=0, atol=_SLACK):
+        if not same_grid(raw.nanometres(unit)[0], given):
             notes.append("the wavelengths that were given are used, not the file's own")
     return given
 
@@ -211,7 +209,7 @@ def _grid(
         validate_wavelengths(grid)
     if limits is not None:
         first, last = limits
-        inside = (grid >= first - _SLACK) & (grid <= last + _SLACK)
+        inside = lie_between(grid, first, last)
         if not inside.any():
             raise refusal(
                 raw.path,

@@ -66,7 +66,8 @@ def tiff_cube(path: Path, count: int | None) -> RawCube:
             order = (1, 2, 0)
             shape = (*shape, count)
             piece = (*_piece(_array(path, 0), (0, 1, 0))[:2], 1)
-            data = OnDisk(_pages, path, count, one_at_a_time=piece != (1, 1, 1))
+            pages = [(path, number) for number in range(count)]
+            data = OnDisk(_planes, *pages, one_at_a_time=piece != (1, 1, 1))
     dtype = _check_type(path, dtype)
     if wavelengths is not None and wavelengths.size != shape[2]:
         wavelengths = None
@@ -158,7 +159,8 @@ def picture_folder(path: Path, count: int | None) -> RawCube:
         order = np.argsort(wavelengths, kind="stable")
         files = [files[i] for i in order]
         wavelengths = wavelengths[order]
-    data = OnDisk(_files, *files, one_at_a_time=not all(memory))
+    places = [(file, None) for file in files]
+    data = OnDisk(_planes, *places, one_at_a_time=not all(memory))
     return RawCube(
         path=path,
         format="folder of pictures",
@@ -200,12 +202,8 @@ def _array(path: Path, page: int | None) -> Any:
         return zarr.open(store, mode="r")
 
 
-def _pages(path: Path, count: int) -> Planes:
-    return Planes([_array(path, number) for number in range(count)])
-
-
-def _files(*paths: Path) -> Planes:
-    return Planes([_array(path, None) for path in paths])
+def _planes(*places: tuple[Path, int | None]) -> Planes:
+    return Planes([_array(*place) for place in places])
 
 
 def _piece(array: Any, order: tuple[int, int, int]) -> tuple[int, int, int]:

@@ -13,6 +13,7 @@ from ...spectra import MAX_FRACTION, validate_wavelengths
 from ..finish import MAX_DECLARED, different, plain_name
 from ..outputs import file_format
 from ..quantity import names_sample
+from ..source import naming
 from ..spectra_table import SpectraTable, list_names
 from ..words import shield_name
 from ..write import write_files
@@ -70,10 +71,8 @@ def write_spectra(
     elif kind == "cxf":
         from ..formats.cxf import format_cxf
 
-        try:
+        with naming(path):
             files = {path: [format_cxf(table)]}
-        except ValueError as error:
-            raise ValueError(f"{path}: {error}") from None
     else:
         from ..formats.envi import format_envi
 
