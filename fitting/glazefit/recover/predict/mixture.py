@@ -164,7 +164,7 @@ def predict_mixture(
         gloss = float(calibrated.gloss[0])
         errors_at = reading_errors(calibrated, response, (spread or Spread()).alike)
     # Film by film: the mean reading, and the deviations of each draw from it.
-    grounds = ground or usual_cards(grid)
+    grounds = usual_cards(grid) if ground is None else ground
     surface = instrument.seen_surface * gloss
     out = []
     for metres in thickness:

@@ -2,8 +2,7 @@
 that holds for the same film over another card.
 """
 
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Sequence
 
 import jax
 import numpy as np
@@ -21,10 +20,7 @@ SMOOTH = ModelError(amplitude=1.0, length=60.0, shared=0.8)
 """Errors of the model, of size one: similar at neighbouring bands."""
 
 
-ErrorsAt = Callable[
-    [float, CardSpectra],
-    tuple[CardSpectra, DrawnSpectra],
-]
+ErrorsAt = Callable[[float, CardSpectra], tuple[CardSpectra, DrawnSpectra]]
 """Expected errors of readings of a film, and each draw's deviation from them, by its relative
 thickness and its reflectance over black and white.
 """
@@ -114,7 +110,7 @@ def film_readings(
     kd: Bands,
     sd: Bands,
     off: Float[np.ndarray, "draws 2 bands"],
-    grounds: tuple[Any, Any],
+    grounds: Sequence[Float[np.ndarray, "..."]],
 ) -> DrawnSpectra:
     """Reflectance of the body over two grounds, with errors of log k and log s."""
     k = kd * np.exp(off[:, 0])
