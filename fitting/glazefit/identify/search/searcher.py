@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import ArrayLike, Bool, Float
-from scipy.interpolate import make_interp_spline
 
 from glazejax import Pigment
 from glazejax.geometry import resolve_instrument
@@ -148,6 +147,9 @@ class Searcher(NamedTuple):
                 searcher.tasks, self.opaque, few, pool, self.varnish
             )
             if few is not batch:
+                # Most searches do not need this, and begin sooner without.
+                from scipy.interpolate import make_interp_spline
+
                 # Between the means, lines, which go on beyond the first and the last.
                 lines = make_interp_spline(few.wavelengths, np.eye(few.wavelengths.size), k=1)
                 pool = pool.at_bands(lines(batch.wavelengths).T)
