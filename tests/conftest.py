@@ -122,15 +122,10 @@ def _memory() -> int:
 
 def _let_programs_go() -> None:
     # Not before the annotations' hook, above.
-    import jax
-
-    from glazejax.programs import Program
+    from glazejax.programs import let_programs_go
 
     global _stayed
-    for program in [held for held in gc.get_objects() if isinstance(held, Program)]:
-        program._begun.clear()
-        program._asked_for.clear()
-    jax.clear_caches()
+    let_programs_go()
     gc.collect()
     if os.name == "posix" and hasattr(
         libc := ctypes.CDLL(None), "malloc_trim"

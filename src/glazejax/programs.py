@@ -12,6 +12,7 @@ import hashlib
 import inspect
 import os
 import pickle
+import weakref
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
@@ -36,7 +37,6 @@ Result = TypeVar("Result")
 _MAKERS = ("jax", "jaxlib", "numpy", "equinox", "lineax", "optimistix")
 # Of one function, so many shapes are held: in a process that keeps programs on disk, and in others.
 _LAPACK = b"lapack_"
-_config: Any = jax.config
 _folder: Path | None = None
 
 
@@ -46,6 +46,15 @@ def keep_traced(folder: Path | None) -> None:
     """
     global _folder
     _folder = folder
+
+
+def let_programs_go() -> None:
+    """Hold no compiled program any longer, JAX's own among them: the next call makes its own
+    again.
+    """
+    for program in list(_programs):
+        program.let_go()
+    jax.clear_caches()
 
 
 class _ProgramRequest(NamedTuple):
@@ -69,7 +78,7 @@ class _ProgramRequest(NamedTuple):
         """The same between runs; None where an argument's words do not give its value, and on
         other devices than the processor, where nobody has tried it.
         """
-        if jax.default_backend() != "cpu" or _config.jax_default_device is not None:
+        if jax.default_backend() != "cpu" or _config().jax_default_device is not None:
             return None
         if not all(_plain(value) for _, value in self.fixed):
             return None
@@ -122,6 +131,7 @@ class Program(Generic[Result]):
         self._signature = inspect.signature(function)
         self._begun: dict[Any, Future[_Made]] = {}
         self._asked_for: set[Any] = set()
+        _programs.add(self)
 
     def ahead(self, *args: Any, **kwargs: Any) -> None:
         """Begin to compile for arguments like these, whose values do not matter; return at once."""
@@ -156,6 +166,11 @@ class Program(Generic[Result]):
             return self.jitted(*args, **kwargs)
         run = begun.result().run
         return self.jitted(*args, **kwargs) if run is None else run(request.leaves)
+
+    def let_go(self) -> None:
+        """Hold none of its programs any longer."""
+        self._begun.clear()
+        self._asked_for.clear()
 
     def _let_old_ones_go(self) -> None:
         """Hold the newest programs only: each takes some megabytes."""
@@ -230,6 +245,10 @@ class Program(Generic[Result]):
         return _Kept(replace(exported, _get_vjp=None), results[-1])
 
 
+_programs: weakref.WeakSet[Program[Any]] = weakref.WeakSet()
+"""All that this process has."""
+
+
 def _settle(future: "Future[Result]", make: Callable[[], Result]) -> None:
     try:
         future.set_result(make())
@@ -281,7 +300,7 @@ def _words(value: Any) -> str:
 @functools.cache
 def _made_with() -> tuple[Any, ...]:
     """Dependencies of a traced program: versions, settings, the device, files of both packages."""
-    settings = _config.values
+    settings = _config().values
     return (
         [version(name) for name in _MAKERS],
         sorted((k, repr(v)) for k, v in settings.items() if k != "jax_compilation_cache_dir"),
@@ -312,7 +331,11 @@ def _read(path: Path) -> _Kept | None:
 
 
 def _double() -> bool:
-    return bool(_config.jax_enable_x64)
+    return bool(_config().jax_enable_x64)
+
+
+def _config() -> Any:
+    return jax.config
 
 
 @functools.cache
