@@ -13,8 +13,11 @@ from jaxtyping import Bool, Float
 
 from glazejax import colour
 
-BRIGHTEST, DARKEST = 0.995, 0.008
-"""Readings are taken to lie within these: what is darker is the surface's reflection or noise."""
+DARKEST = 0.008
+"""What is darker is the surface's reflection or noise."""
+# Added to K/S, whose log would make much of how bright a white was read: that of 93 %. Of exemplars
+# it is hardly known where they are brighter.
+_LEAST_RATIO = 0.003
 # What an outer surface adds to a reading at most (index 1.5: 4 %), and what is left in the view
 # of one gloss: with less, the noise of a dark paint would pass for its shape.
 _MOST_GLOSS, _ONE_GLOSS = 0.05, 0.02
@@ -25,13 +28,10 @@ _GAP = 1.7
 
 
 def bounded(readings: Float[np.ndarray, "*n bands"]) -> Float[np.ndarray, "*n bands"]:
-    """Readings within the bounds; a spectrum that is brighter than white anywhere is scaled down to
-    it.
+    """Readings from the darkest on; a spectrum that is brighter than white anywhere is scaled down
+    to it.
     """
-    top = readings.max(axis=-1, keepdims=True)
-    return np.clip(
-        readings * np.minimum(1.0, BRIGHTEST / np.maximum(top, DARKEST)), DARKEST, BRIGHTEST
-    )
+    return np.maximum(readings / np.maximum(readings.max(axis=-1, keepdims=True), 1.0), DARKEST)
 
 
 def views(
@@ -99,7 +99,7 @@ def features(
     near = step <= _GAP * np.median(step)
     absorbance = -np.log(values)
     # (1 - R)^2 / 2 R, Kubelka and Munk's K/S of a film that hides its ground.
-    ratio = np.log((1.0 - values) ** 2 / (2.0 * values))
+    ratio = np.log((1.0 - values) ** 2 / (2.0 * values) + _LEAST_RATIO)
     slopes = [_slopes(absorbance, near), _slopes(ratio, near)]
     shapes = [_shape(values) for values in slopes]
     return np.concatenate([*slopes, *shapes, absorbance.min(axis=-1, keepdims=True)], axis=-1)
