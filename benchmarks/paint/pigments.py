@@ -101,7 +101,12 @@ def fit_source(source: Source, every: int = 1) -> list[Exemplar]:
     if source.name == "hyppigments":
         return list(_chart(source, every))
     if source.name == "hyperdoc":
-        return [*_on_paper(source, "Gum arabic", "64A"), *_on_paper(source, "Egg glair", "65A")]
+        # Its mixtures are not fitted with the pure coats: these would then differ in thickness by
+        # factors of hundreds, though all were put on by one recipe.
+        return [
+            *_coats(source, "64A", "Gum arabic", _COATS),
+            *_coats(source, "65A", "Egg glair", _COATS),
+        ]
     if source.name in ("bath", "grillini"):
         return _opaque_mixtures(source)
     if source.name == "kimera":
@@ -110,7 +115,7 @@ def fit_source(source: Source, every: int = 1) -> list[Exemplar]:
     if source.name == "usgs":
         return list(_masstones(source, grid_of(source), "none: powder or mineral", ""))
     if source.name == "rrt":
-        return list(_thin_and_thick(source))
+        return list(_coats(source, "Gypsum ground", "", _LADDER))
     return []
 
 
@@ -218,46 +223,6 @@ def _chart(source: Source, every: int) -> Iterator[Exemplar]:
         yield exemplar(recovery, 0, source, code, mark=number, told_by=told_by)
 
 
-def _on_paper(source: Source, binder: str, control: str) -> Iterator[Exemplar]:
-    """Coats on paper, pure and mixed, in one binder: the paper under that binder is read alone."""
-    names = [sample.name for sample in source.samples]
-    # The second camera from where the first one ends.
-    grid = grid_of(source)
-    rows = [
-        row
-        for row, sample in enumerate(source.samples)
-        if sample.binder == binder and sample.kind in ("pure", "mixture")
-    ]
-    recipes = {}
-    for row in rows:
-        sample = source.samples[row]
-        shares = sample.fractions or (1.0,)
-        recipes[sample.name] = dict(zip(sample.paints, shares, strict=True))
-    progress(f"{source.name}, {binder}")
-    recovery = fit(
-        [source.samples[row].name for row in rows],
-        grid,
-        grid_readings(source, rows, grid),
-        recipes,
-        bare=grid_readings(source, [names.index(control)], grid)[0],
-        expectations=_COATS,
-    )
-    word = binder.lower().replace(" ", "-")
-    for number, code in enumerate(recovery.paints):
-        pure = any(source.samples[row].paints == (code,) for row in rows)
-        if not pure or source.paints[code].family in UNCLEAR:
-            continue
-        yield exemplar(
-            recovery,
-            number,
-            source,
-            code,
-            mark=f"{word}-{code}",
-            binder=binder.lower(),
-            told_by="a coat over paper, and mixtures",
-        )
-
-
 def _opaque_mixtures(source: Source) -> list[Exemplar]:
     """Films that hide what is below, pure and mixed by mass; repeats are averaged, at one level."""
     grid = grid_of(source)
@@ -301,14 +266,28 @@ def _masstones(
         yield replace(found, paint=f"{maker}{found.paint}")
 
 
-def _thin_and_thick(source: Source) -> Iterator[Exemplar]:
-    """A thin and a thick coat of each paint over gypsum, or one coat."""
+def _coats(
+    source: Source, control: str, binder: str, expectations: Expectations
+) -> Iterator[Exemplar]:
+    """Coats of each pure paint over a ground that was read alone: a thin and a thick one, or one.
+
+    Args:
+        source: its readings.
+        control: sample that is the bare ground.
+        binder: of the paints that are taken, as the source has it; empty where it states none.
+        expectations: of thickness.
+    """
     grid = grid_of(source)
-    ground = next(row for row, s in enumerate(source.samples) if s.kind == "control")
+    ground = next(row for row, sample in enumerate(source.samples) if sample.name == control)
     bare = grid_readings(source, [ground], grid)[0]
-    for code in source.paints:
-        rows = [row for row in source.chosen("pure") if source.samples[row].paints == (code,)]
-        if not rows:
+    word = binder.lower().replace(" ", "-")
+    for code, paint in source.paints.items():
+        rows = [
+            row
+            for row in source.chosen("pure")
+            if source.samples[row].paints == (code,) and binder in source.samples[row].binder
+        ]
+        if not rows or paint.family in UNCLEAR:
             continue
         progress(f"{source.name}: {code}")
         names = [source.samples[row].name for row in rows]
@@ -318,10 +297,17 @@ def _thin_and_thick(source: Source) -> Iterator[Exemplar]:
             grid_readings(source, rows, grid),
             {name: {code: 1.0} for name in names},
             bare=bare,
-            expectations=_LADDER,
+            expectations=expectations,
         )
-        told_by = "a thin and a thick coat over gypsum" if len(rows) > 1 else ""
-        yield exemplar(recovery, 0, source, code, told_by=told_by)
+        yield exemplar(
+            recovery,
+            0,
+            source,
+            code,
+            mark=f"{word}-{code}" if binder else code,
+            binder=binder.lower(),
+            told_by="a thin and a thick coat over gypsum" if len(rows) > 1 else "",
+        )
 
 
 # ---- all sources ---------------------------------------------------------------------------------
