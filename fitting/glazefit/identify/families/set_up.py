@@ -30,6 +30,8 @@ from .varnish import CONDITIONS, Varnish
 # fewest that teach a range: what fewer know, such as the bands beyond 1000 nm, says less of how far
 # paints of one family are apart than it costs.
 _NARROW, _WIDE, _FEWEST = 0.985, 0.45, 13
+# Wavelength from which readings are compared, nm.
+_FIRST = 415.0
 # Films whose features are held at a time.
 _FILMS = 8192
 
@@ -81,8 +83,9 @@ def search_families(
     shipped = np.array([pigment.name in catalogue.provenance() for pigment in pigments])
     teaches = shipped if shipped.any() else ~shipped
     k_and_s = coefficients(pigments, wavelengths)
-    # Few exemplars are known below 410 nm, and one edge of rutile would outweigh all other slopes.
-    k_and_s[:, :, wavelengths < 409.9] = np.nan
+    # At 410 nm most exemplars' instruments end, below it few exemplars are known, and one edge of
+    # rutile would outweigh all other slopes.
+    k_and_s[:, :, wavelengths < _FIRST] = np.nan
     members, number_of = _sets(len(families), max_paints)
     shared = _ranges(np.isfinite(k_and_s[0]), teaches)
     _check_span(wavelengths, shared[0][0], np.isfinite(k_and_s[0]))
