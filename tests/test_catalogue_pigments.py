@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from benchmarks.paint import pigments as maker
 from benchmarks.paintbench.library import grid_readings
-from benchmarks.paintbench.sources import read_kimera, read_rrt
+from benchmarks.paintbench.sources import read_kimera, read_rrt, read_source
 
 from glazefit.film.model.response import film_response
-from glazefit.identify.families.templates import hiding_body
-from glazejax import catalogue
+from glazefit.identify.families.templates import coefficients, hiding_body, pure_templates
+from glazejax import catalogue, colour
 
 
 @pytest.fixture(scope="module")
@@ -120,6 +120,26 @@ def test_films_that_hide_their_ground_reflect_what_was_read(shelf, shared_data):
         ratio = np.asarray(paint.absorption) / np.asarray(paint.scattering)
         found = hiding_body(response, ratio[None])[0]
         assert np.sqrt(np.mean((found - read) ** 2)) < 0.01, name
+
+
+def test_exemplars_of_a_palette_look_like_its_coats(shelf, shared_data):
+    """Of one recipe, so that hiding or a coat of usual thickness each must be near its reading."""
+    source = read_source(shared_data / "hyperdoc")
+    paints = {name: paint for name, paint in shelf.items() if paint.source == "hyperdoc"}
+    grid = np.arange(420.0, 701.0, 10.0)
+    k_and_s = coefficients(list(paints.values()), grid)
+    films = pure_templates(k_and_s, film_response("45:0"), None)
+    for number, (name, paint) in enumerate(paints.items()):
+        code = name.rpartition(f"{paint.binder.replace(' ', '-')}-")[2]
+        rows = [
+            row
+            for row in source.chosen("pure")
+            if source.samples[row].paints == (code,)
+            and source.samples[row].binder.lower() == paint.binder
+        ]
+        bodies = films.readings[films.members[:, 0] == number]
+        read = np.broadcast_to(grid_readings(source, rows, grid)[0], bodies.shape)
+        assert colour.delta_e_of_spectra(grid, read, bodies).min() < 10.0, name
 
 
 def test_a_fit_of_thin_and_thick_coats_meets_both(shared_data):

@@ -4,9 +4,9 @@ source's readings.
     python -m benchmarks.paint.pigments [--out FOLDER] [--tables FOLDER]
 
 Writes `exemplars.csv` (k and s in 1/m) and `exemplars.tsv` (family, source, binder, how k was
-separated from s) of the catalogue, and a table of how closely each source's readings are met. What separates k
-from s: tints with a white, a coat over a ground that is seen through it, or coats of several
-thicknesses. Where nothing does, only k/s is known: s is then that of the paint's family, or of all
+separated from s) of the catalogue, and a table of how closely each source's readings are met. What
+separates k from s: tints with a white, a coat over several grounds, or coats of several thicknesses
+over one that is seen through them. Where nothing does, only k/s is known: s is then that of the paint's family, or of all
 families, with its spread as the error. Each source has a unit of length of its own; they are
 brought together by the median of s over its paints. Needs all folders of measured data.
 """
@@ -42,6 +42,7 @@ INSTRUMENT = "45:0"
 # Coats of one paint by several recipes differ in thickness by more than films that are to be alike.
 _LADDER = Expectations(thickness=1.0)
 _COATS = Expectations(thickness=0.5)
+_ONE_COAT = Expectations(thickness=0.02)
 # A reading above this is a level that a probe or a chart's calibration got wrong.
 _BRIGHTEST, _DARKEST = 0.985, 0.001
 # Standard deviation of log k and log s beyond which they are not separated, as in a recovery.
@@ -69,8 +70,8 @@ class Exemplar:
 
     @property
     def separated(self) -> bool:
-        """Whether its readings separate k from s at most bands."""
-        return bool(np.median(self.log_sd) < _OPEN)
+        """Whether its readings show k or s at most bands, and not k/s alone."""
+        return bool(np.median(self.log_sd, axis=1).min() < _OPEN)
 
 
 def main() -> None:
@@ -175,8 +176,11 @@ def exemplar(
         told_by: what separated k from s; empty where nothing did.
     """
     family = source.paints[code].family
-    off = recovery.fitted_white - recovery.films.over_white
-    own = recovery.shares[:, row] > 0
+    films = recovery.films
+    off = np.stack(
+        [recovery.fitted_black - films.over_black, recovery.fitted_white - films.over_white], axis=1
+    )
+    own = films.seen & (recovery.shares[:, row] > 0)[:, None]
     return Exemplar(
         name=f"{family}/{source.group}-{mark or code}",
         family=family,
@@ -193,15 +197,17 @@ def exemplar(
 
 
 def _chart(source: Source, every: int) -> Iterator[Exemplar]:
-    """Each patch of a chart in four shades: coats of one paint, thinner and thinner, over white.
+    """Each patch of a chart: one coat over a black, a dark grey, a light grey and a white ground.
 
-    The chart's white is not in the data: it is taken as what the brightest of the lightest shades
-    reflect at each band.
+    So its data show, which state no ground: a paint that hides reads the same four times, and all
+    that are clear in the near infrared read the same four levels there.
     """
     grid = grid_of(source)
     rows = range(len(source.samples))
     readings = grid_readings(source, rows, grid).reshape(-1, 4, grid.size)
-    white = np.maximum.accumulate(np.percentile(readings[:, 3], 98.0, axis=0))
+    # What its darkest films read over all grounds is the matte surface's reflection.
+    readings = readings - np.quantile(readings, 0.001)
+    black, dark, light, white = _grounds(grid, readings)
     for patch in range(0, len(readings), every):
         sample = source.samples[4 * patch]
         (code,) = sample.paints
@@ -209,18 +215,38 @@ def _chart(source: Source, every: int) -> Iterator[Exemplar]:
         if paint.family in (*UNCLEAR, FOREIGN):
             continue
         progress(f"chart: {paint.name}")
-        shades = [f"shade {number + 1}" for number in range(4)]
-        recovery = fit(
-            shades,
-            grid,
-            readings[patch],
-            {shade: {code: 1.0} for shade in shades},
-            bare=np.minimum(white, 0.96),
-            expectations=_LADDER,
+        over = np.clip(readings[patch], _DARKEST, _BRIGHTEST)
+        # As two films of one thickness, each over two grounds.
+        films = Films(
+            names=("over black and white", "over greys"),
+            wavelengths=grid,
+            bare_black=np.stack([black, dark]),
+            bare_white=np.stack([white, light]),
+            over_black=over[[0, 1]],
+            over_white=over[[3, 2]],
+        )
+        recovery = recover_jointly(
+            films,
+            {name: {code: 1.0} for name in films.names},
+            instrument=INSTRUMENT,
+            expectations=_ONE_COAT,
         )
         number = sample.name.split()[0].removesuffix("-1")
-        told_by = "four thicknesses over white"
-        yield exemplar(recovery, 0, source, code, mark=number, told_by=told_by)
+        yield exemplar(
+            recovery, 0, source, code, mark=number, told_by="a coat over black, greys and white"
+        )
+
+
+def _grounds(
+    grid: Float[np.ndarray, "bands"], readings: Float[np.ndarray, "patches 4 bands"]
+) -> Float[np.ndarray, "4 bands"]:
+    """Grounds of a chart, as read bare: the same at all bands, what the ten coats that hide least
+    read beyond 730 nm.
+    """
+    infrared = readings[:, :, grid >= 730.0].mean(axis=2)
+    clearest = np.argsort(infrared[:, 0] - infrared[:, 3])[:10]
+    levels = np.median(infrared[clearest], axis=0)
+    return np.broadcast_to(levels[:, None], (4, grid.size))
 
 
 def _opaque_mixtures(source: Source) -> list[Exemplar]:

@@ -386,7 +386,7 @@ def read_rrt(folder: Path) -> Source:
 
 
 def read_hyppigments(folder: Path) -> Source:
-    """A chart of Kremer's pigments, four shades each; shades 1 and 4 are the darkest and lightest.
+    """A chart of Kremer's pigments, each coat over four grounds: shade 1 is over the darkest.
 
     Families by Kremer's numbers are in `kremer_families.tsv` next to this file.
     """
