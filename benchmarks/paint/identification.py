@@ -1,10 +1,9 @@
-"""Identification across shades and cards of a chart; and its speed.
+"""Speed of identification, and what the usual search leaves out of the thorough one.
 
     python -m benchmarks.paint.identification [--device gpu] [--out FOLDER]
 
 Films left out of a fit, with known truth, are in `benchmarks.paint.truth`, paints of other people in
-`benchmarks.paintbench`. HypPigments: three shades of each of 398 patches are known, the fourth is
-searched; and the same pigment on another card. The bar is the nearest spectral angle.
+`benchmarks.paintbench`.
 """
 
 import functools
@@ -12,7 +11,6 @@ import functools
 import numpy as np
 
 from benchmarks import device
-from benchmarks.paint.identification_sets import hyppigments, hyppigments_across_cards
 from benchmarks.results import Results, command_line, quantities, quantity
 from benchmarks.rivals.baselines import spectra_of
 from benchmarks.timing import time_call
@@ -20,8 +18,6 @@ from glazefit import Identification, Noise, identify
 from glazefit.film.model.response import film_response
 from glazejax import Hemispherical, Pigment, catalogue
 from glazejax.commands.main import start_jax
-
-NEEDS = ("data/hyppigments",)
 
 UNIT = 25e-6
 
@@ -143,10 +139,6 @@ def main() -> None:
         speed(results, 60, 20, 20)
     else:
         speed(results)
-    results()
-    for part in (hyppigments, hyppigments_across_cards):
-        part(results)
-        results()
     results.save()
 
 

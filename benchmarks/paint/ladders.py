@@ -1,14 +1,11 @@
 """Coats of a brush: how well the next coat is predicted from the first one or two.
 
-    python -m benchmarks.paint.ladders [--out FOLDER] [--paints N] [--every N]
+    python -m benchmarks.paint.ladders [--out FOLDER] [--paints N]
 
-One coat is read, or two, and the next are predicted, each on its own ground. Simulated: paints of
-the catalogues, one coat's scattering times thickness e^-.3 with a spread of .6, thickness n coats
+One coat is read, or two, and the next are predicted, each on its own ground. Simulated paints of
+the catalogues: one coat's scattering times thickness e^-.3 with a spread of .6, thickness n coats
 with a spread of .3, marble that is not the same everywhere, readings off by 1 %; made by glazejax,
-and by Kubelka and Munk's formula with Saunderson's surface. Measured: patches of a chart of
-Kremer's pigments (hyppigments) in shades over white, lightest first; their numbers of coats are not
-known, and are taken from what four shades of other patches say in the median. Nobody painted them
-as coats: thinner shades may well be diluted paint.
+and by Kubelka and Munk's formula with Saunderson's surface. None is measured.
 
 Compared with Kubelka and Munk's formula in the same fits, and with 'the same as the last coat'.
 CIEDE2000, means; D65, 10 degrees.
@@ -21,22 +18,15 @@ import numpy as np
 from jaxtyping import Float
 
 from benchmarks.kubelka_munk import KubelkaMunk
-from benchmarks.measured import data_folder
-from benchmarks.paint.pigments import fit
-from benchmarks.paintbench.library import grid_readings
-from benchmarks.paintbench.sources import read_sources
 from benchmarks.results import Quantity, Results, command_line, progress, quantities
 from glazefit import Films
 from glazefit.film.films import Noise, card_reflectance
 from glazefit.film.model.response import Response, film_response
 from glazefit.recover.coats.coats import predict_next_coat, recover_coats
-from glazefit.recover.joint.problem import Expectations
 from glazejax import catalogue
 from glazejax.colour import delta_e_of_spectra
 from glazejax.commands.main import start_jax
 from glazejax.geometry import resolve_instrument
-
-NEEDS = ("data/hyppigments",)
 
 INSTRUMENT = resolve_instrument("45:0")
 GRID = np.arange(400.0, 701.0, 10.0)
@@ -70,9 +60,7 @@ class Method(NamedTuple):
 
 def main() -> None:
     """Write the tables."""
-    options = command_line(
-        __doc__, paints=(40, 4, "simulated"), every=(14, 130, "patch of the chart is taken")
-    ).parse_args()
+    options = command_line(__doc__, paints=(40, 4, "simulated")).parse_args()
     start_jax()
     results = Results("ladders", options.out)
     optics, formula = film_response(INSTRUMENT), KubelkaMunk(INSTRUMENT)
@@ -81,14 +69,11 @@ def main() -> None:
         Method("km_", "Kubelka-Munk", formula),
     )
     ladders = simulate(optics, options.paints)
-    values = report(results, "Simulated by glazejax", ladders, GRID, methods)
+    values = report(results, "Simulated by glazejax", ladders, methods)
     # Of the simulated only the second coat's band is quoted.
     values["held"] = values.pop("held_second")
     results.record(**{name: values[name] for name in values if not name.startswith("held_")})
-    report(results, "Simulated by Kubelka-Munk", simulate(formula, options.paints), GRID, methods)
-    ladders, grid = chart(options.every)
-    values = report(results, "Chart of pigments", ladders, grid, methods)
-    results.record(**{f"chart_{name}": values[name] for name in values if name != "held_third"})
+    report(results, "Simulated by Kubelka-Munk", simulate(formula, options.paints), methods)
     results.save()
 
 
@@ -121,46 +106,10 @@ def simulate(truth: Response, paints: int, seed: int = 0) -> Ladders:
     return ladders
 
 
-def chart(every: int) -> tuple[Ladders, Float[np.ndarray, "bands"]]:
-    """Every second chosen patch of the chart as a ladder of its three lightest shades, and the
-    wavelengths; the patches between say how many coats the shades are.
-    """
-    (source,) = (found for found in read_sources(data_folder()) if found.name == "hyppigments")
-    grid = np.arange(410.0, 731.0, 10.0)
-    readings = grid_readings(source, range(len(source.samples)), grid).reshape(-1, 4, grid.size)
-    # As in `benchmarks.paint.pigments`: what the brightest of the lightest shades reflect.
-    bright = np.maximum.accumulate(np.percentile(readings[:, 3], 98.0, axis=0))
-    white = np.minimum(bright, 0.96)
-    chosen = [row for row in range(0, len(readings), every) if readings[row].max() < 0.99]
-    shades = [f"shade {number + 1}" for number in range(4)]
-    logs = []
-    for row in chosen[1::2]:
-        progress(f"chart: patch {row}")
-        found = fit(
-            shades,
-            grid,
-            readings[row],
-            {shade: {"paint": 1.0} for shade in shades},
-            bare=white,
-            expectations=Expectations(thickness=1.0),
-        )
-        logs.append(np.log(found.thickness[[3, 2, 1]]))
-    coats = np.exp(np.median(np.array(logs) - np.array(logs)[:, :1], axis=0))
-    ladders = {
-        f"patch {row}": [
-            Square(round(float(number), 2), white, np.clip(readings[row, shade], 0.001, 0.985))
-            for number, shade in zip(coats, (3, 2, 1), strict=True)
-        ]
-        for row in chosen[::2]
-    }
-    return ladders, grid
-
-
 def report(
     say: Results,
     title: str,
     ladders: Ladders,
-    grid: Float[np.ndarray, "bands"],
     methods: Sequence[Method],
 ) -> dict[str, Quantity]:
     """Print a table of methods; its numbers, and of the first method the shares within the band."""
@@ -174,7 +123,7 @@ def report(
         held = []
         for known, coming in ((1, (1, 2)), (2, (2,))):
             recovery = recover_coats(
-                films_of(ladders, known, grid),
+                films_of(ladders, known),
                 instrument=INSTRUMENT,
                 noise=NOISE,
                 response=method.response,
@@ -198,7 +147,7 @@ def report(
         if method is methods[0]:
             values |= _of_coats("held_", 100 * np.array(held), "%", 0, len(ladders))
     same = [
-        np.mean([_delta_e(grid, squares[a], squares[b]) for squares in ladders.values()])
+        np.mean([_delta_e(squares[a], squares[b]) for squares in ladders.values()])
         for a, b in ((0, 1), (0, 2), (1, 2))
     ]
     say(f"{'the same as the last coat':<38}{same[0]:>10.2f}{same[1]:>10.2f}{same[2]:>13.2f}")
@@ -213,7 +162,7 @@ def _of_coats(
     return quantities(dict(zip(named, three, strict=True)), unit, digits, n=paints)
 
 
-def films_of(ladders: Ladders, known: int, grid: Float[np.ndarray, "bands"]) -> Films:
+def films_of(ladders: Ladders, known: int) -> Films:
     """The first squares of each paint."""
     rows = {
         f"{paint} {square.coats:g} coats": square
@@ -224,7 +173,7 @@ def films_of(ladders: Ladders, known: int, grid: Float[np.ndarray, "bands"]) -> 
     count = len(rows)
     return Films(
         names=tuple(rows),
-        wavelengths=grid,
+        wavelengths=GRID,
         bare_black=np.full(readings.shape, 0.05),
         bare_white=np.stack([square.ground for square in rows.values()]),
         over_black=readings,
@@ -234,8 +183,8 @@ def films_of(ladders: Ladders, known: int, grid: Float[np.ndarray, "bands"]) -> 
     )
 
 
-def _delta_e(grid: Float[np.ndarray, "bands"], one: Square, other: Square) -> float:
-    return float(delta_e_of_spectra(grid, one.reading, other.reading, observer=10))
+def _delta_e(one: Square, other: Square) -> float:
+    return float(delta_e_of_spectra(GRID, one.reading, other.reading, observer=10))
 
 
 if __name__ == "__main__":
