@@ -240,13 +240,16 @@ def _chart(source: Source, every: int) -> Iterator[Exemplar]:
 def _grounds(
     grid: Float[np.ndarray, "bands"], readings: Float[np.ndarray, "patches 4 bands"]
 ) -> Float[np.ndarray, "4 bands"]:
-    """Grounds of a chart, as read bare: the same at all bands, what the ten coats that hide least
-    read beyond 730 nm.
+    """Grounds of a chart, as read bare: what the ten coats that hide least from 580 nm on read
+    there, and the same below.
     """
-    infrared = readings[:, :, grid >= 730.0].mean(axis=2)
-    clearest = np.argsort(infrared[:, 0] - infrared[:, 3])[:10]
-    levels = np.median(infrared[clearest], axis=0)
-    return np.broadcast_to(levels[:, None], (4, grid.size))
+    clear = grid >= 580.0
+    # Paint that fluoresces reads more than white.
+    contrast = (readings[:, 3] - readings[:, 0])[:, clear].mean(axis=1)
+    contrast[readings.max(axis=(1, 2)) > 1.0] = 0.0
+    levels = np.median(readings[np.argsort(-contrast)[:10]], axis=0)
+    levels[:, ~clear] = levels[:, clear][:, :1]
+    return levels
 
 
 def _opaque_mixtures(source: Source) -> list[Exemplar]:
