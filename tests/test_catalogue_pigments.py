@@ -142,6 +142,18 @@ def test_exemplars_of_a_palette_look_like_its_coats(shelf, shared_data):
         assert colour.delta_e_of_spectra(grid, read, bodies).min() < 12.0, name
 
 
+def test_thick_yellows_and_reds_are_bright_beyond_their_edge(shelf):
+    """No paint of these is dark there; one fitted over the wrong ground is."""
+    response = film_response("45:0")
+    clear_from = {"azo yellow": 600.0, "cadmium yellow": 600.0, "Naples yellow": 600.0}
+    clear_from |= dict.fromkeys(("cadmium orange", "cadmium red", "minium", "vermilion"), 650.0)
+    for name, paint in shelf.items():
+        if paint.family in clear_from:
+            band = np.abs(np.asarray(paint.wavelengths) - clear_from[paint.family]).argmin()
+            ratio = np.asarray(paint.absorption)[band] / np.asarray(paint.scattering)[band]
+            assert hiding_body(response, np.array([[ratio]]))[0, 0] > 0.35, name
+
+
 def test_a_fit_of_thin_and_thick_coats_meets_both(shared_data):
     source = read_rrt(shared_data / "rrt")
     kept = [row for row, s in enumerate(source.samples) if s.paints[0] in ("Azurite", "Gypsum")]
