@@ -29,7 +29,8 @@ def test_a_family_is_listed_and_drawn(tmp_path):
     picture = tmp_path / "smalt.png"
     text = said("--family", "smalt", "--out", str(picture))
     assert text.startswith("smalt: K-Co glass; PB32; in use 15th-19th c.")
-    assert "four thicknesses over white" in text
+    assert "k/s alone; s is that of other families" in text
+    assert "k and s by a coat over black, greys and white" in said("--family", "cadmium red")
     assert "CC BY 4.0" in text
     assert picture.stat().st_size > 5000
 
