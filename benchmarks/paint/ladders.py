@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Float
 
 from benchmarks.kubelka_munk import KubelkaMunk
-from benchmarks.results import Quantity, Results, command_line, progress, quantities
+from benchmarks.results import Quantity, Results, command_line, percent, progress, quantities
 from glazefit import Films
 from glazefit.film.films import Noise, card_reflectance
 from glazefit.film.model.response import Response, film_response
@@ -69,10 +69,7 @@ def main() -> None:
         Method("km_", "Kubelka-Munk", formula),
     )
     ladders = simulate(optics, options.paints)
-    values = report(results, "Simulated by glazejax", ladders, methods)
-    # Of the simulated only the second coat's band is quoted.
-    values["held"] = values.pop("held_second")
-    results.record(**{name: values[name] for name in values if not name.startswith("held_")})
+    results.record(**report(results, "Simulated by glazejax", ladders, methods))
     report(results, "Simulated by Kubelka-Munk", simulate(formula, options.paints), methods)
     results.save()
 
@@ -107,12 +104,11 @@ def simulate(truth: Response, paints: int, seed: int = 0) -> Ladders:
 
 
 def report(
-    say: Results,
-    title: str,
-    ladders: Ladders,
-    methods: Sequence[Method],
+    say: Results, title: str, ladders: Ladders, methods: Sequence[Method]
 ) -> dict[str, Quantity]:
-    """Print a table of methods; its numbers, and of the first method the shares within the band."""
+    """Print a table of methods; its numbers, and the share of the second coat within the first
+    method's band.
+    """
     coats = ", ".join(f"{square.coats:g}" for square in next(iter(ladders.values())))
     say(f"\n{title}: {len(ladders)} paints; {coats} coats")
     say(f"{'':<38}{'2 from 1':>10}{'3 from 1':>10}{'3 from both':>13}{'in 90 % band':>22}")
@@ -143,23 +139,21 @@ def report(
             + " " * 4
             + "".join(f"{share:>6.0%}" for share in held)
         )
-        values |= _of_coats(method.key, cells, "", 1, len(ladders))
+        values |= _of_coats(method.key, cells, len(ladders))
         if method is methods[0]:
-            values |= _of_coats("held_", 100 * np.array(held), "%", 0, len(ladders))
+            values["held"] = percent(held[0], n=len(ladders))
     same = [
         np.mean([_delta_e(squares[a], squares[b]) for squares in ladders.values()])
         for a, b in ((0, 1), (0, 2), (1, 2))
     ]
     say(f"{'the same as the last coat':<38}{same[0]:>10.2f}{same[1]:>10.2f}{same[2]:>13.2f}")
-    return values | _of_coats("same_", same, "", 1, len(ladders))
+    return values | _of_coats("same_", same, len(ladders))
 
 
-def _of_coats(
-    key: str, three: Iterable[Any], unit: str, digits: int, paints: int
-) -> dict[str, Quantity]:
+def _of_coats(key: str, three: Iterable[Any], paints: int) -> dict[str, Quantity]:
     """The second coat, the third by one, and by two, to be recorded."""
     named = (f"{key}{what}" for what in ("second", "third", "both"))
-    return quantities(dict(zip(named, three, strict=True)), unit, digits, n=paints)
+    return quantities(dict(zip(named, three, strict=True)), digits=1, n=paints)
 
 
 def films_of(ladders: Ladders, known: int) -> Films:

@@ -6,9 +6,10 @@ source's readings.
 Writes `exemplars.csv` (k and s in 1/m) and `exemplars.tsv` (family, source, binder, how k was
 separated from s) of the catalogue, and a table of how closely each source's readings are met. What
 separates k from s: tints with a white, a coat over several grounds, or coats of several thicknesses
-over one that is seen through them. Where nothing does, only k/s is known: s is then that of the paint's family, or of all
-families, with its spread as the error. Each source has a unit of length of its own; they are
-brought together by the median of s over its paints. Needs all folders of measured data.
+over one that is seen through them. Where nothing does, only k/s is known: s is then that of the
+paint's family, or of all families, with its spread as the error. Each source has a unit of length
+of its own; they are brought together by the median of s over its paints. Needs all folders of
+measured data.
 """
 
 import csv
@@ -70,8 +71,8 @@ class Exemplar:
 
     @property
     def separated(self) -> bool:
-        """Whether its readings show k or s at most bands, and not k/s alone."""
-        return bool(np.median(self.log_sd, axis=1).min() < _OPEN)
+        """Whether its readings separate k from s at most bands."""
+        return bool(np.median(self.log_sd) < _OPEN)
 
 
 def main() -> None:
@@ -102,8 +103,8 @@ def fit_source(source: Source, every: int = 1) -> list[Exemplar]:
     if source.name == "hyppigments":
         return list(_chart(source, every))
     if source.name == "hyperdoc":
-        # Its mixtures are not fitted with the pure coats: these would then differ in thickness by
-        # factors of hundreds, though all were put on by one recipe.
+        # Its mixtures are not fitted with the pure coats: these would then differ in thickness by a
+        # factor of a hundred thousand, though all were put on by one recipe.
         return [
             *_coats(source, "64A", "Gum arabic", _COATS),
             *_coats(source, "65A", "Egg glair", _COATS),
@@ -333,7 +334,7 @@ def _coats(
             0,
             source,
             code,
-            mark=f"{word}-{code}" if binder else code,
+            mark=f"{word}-{code}" if binder else "",
             binder=binder.lower(),
             told_by="a thin and a thick coat over gypsum" if len(rows) > 1 else "",
         )
