@@ -35,7 +35,7 @@ PAINTS = {
 """Exemplars of the catalogue of pigments: the oils where it has them. Lead-tin yellow is in no oil.
 """
 # No reading shows how strongly lead-tin yellow scatters, and so how thick a glaze of it is
-# optically. This yellow is five times as thick: it shows what depends on that.
+# optically. This yellow scatters five times as much: it shows what depends on that.
 THICKER = "chrome yellow/revigo-ChromeYellow"
 # The paper's glazes hold 2.3 % of pigment by volume (section 2.2); the catalogue's films are
 # masstones, of some ten times that. k and s of all its sources are in one unit.

@@ -39,7 +39,7 @@ class NuisanceMode(NamedTuple):
 
     Attributes:
         shapes: what each does per standard deviation.
-        found: matrix that estimates how much of each is in a residual, shapes by readings.
+        solved: matrix that estimates how much of each is in a residual, shapes by readings.
     """
 
     shapes: Float[np.ndarray, "spectra shapes readings"]
