@@ -140,9 +140,9 @@ class FamilyCatalogue:
             answer = self._answer(
                 name_sets(search, chances), float(none), bool(unlike) or none >= 0.5
             )
-            one, row = search.locate(int(best[chances.argmax()]))
+            films = search.compared
             film = np.full(GRID.size, np.nan)
-            film[bands[one.bands]] = one.templates.readings[row] + surface
+            film[bands[films.bands]] = films.templates.readings[best[chances.argmax()]] + surface
             answers.append(replace(answer, film=film))
         return answers
 

@@ -243,13 +243,10 @@ def test_a_light_grey_is_no_black(shelf):
     """A zinc white over black had the slopes of a thin coat of a warm black over white."""
     search = set_up.search_families(GRID, shelf, opaque=True, max_paints=1)
     of_blacks = np.append(np.isin(search.families, GROUPS["a black"]), True)
-    sets = np.concatenate([band_range.sets for band_range in search.ranges])
-    blacks = of_blacks[search.members[sets]].all(axis=1)
-    colours = np.concatenate([np.asarray(band_range.colours) for band_range in search.ranges])
-    films = np.concatenate([band_range.templates.readings for band_range in search.ranges])
-    light = blacks & (colours[:, 0] > 50.0)
+    blacks = of_blacks[search.members[search.compared.sets]].all(axis=1)
+    light = blacks & (search.compared.colours[:, 0] > 50.0)
     assert light.any()
-    possible = search._possible(films[light])
+    possible = search._possible(search.compared.templates.readings[light])
     assert not possible[:, blacks].any()
     assert possible.any(axis=1).all()
 
@@ -263,9 +260,9 @@ def test_probabilities_are_probabilities(found_search):
 
 
 def test_a_hidden_family_is_in_no_answer(found_search):
-    reading = found_search.ranges[0].templates.readings[:1]
-    whole = np.interp(GRID, GRID[found_search.ranges[0].bands], reading[0])[None]
-    family = found_search.family_of[found_search.ranges[0].templates.members[0, 0]]
+    films = found_search.compared
+    whole = np.interp(GRID, GRID[films.bands], films.templates.readings[0])[None]
+    family = found_search.family_of[films.templates.members[0, 0]]
     hidden = np.zeros((1, len(found_search.families)), bool)
     hidden[0, family] = True
     odds = found_search.odds(whole, hidden=hidden)
@@ -278,8 +275,7 @@ def test_exemplars_of_a_source_that_is_left_out_are_not_compared(found_search):
     readings, rows = calibration.exemplars_as_readings(found_search)
     own = found_search.source_of[rows[:5]]
     seen = found_search._evidence(found_search.body(readings[:5]), own)
-    members = np.concatenate([one.templates.members for one in found_search.ranges])
-    of_members = np.append(found_search.source_of, -1)[members]
+    of_members = np.append(found_search.source_of, -1)[found_search.compared.templates.members]
     for row, source in enumerate(own):
         assert np.isneginf(seen[row, (of_members == source).any(axis=1)]).all()
 

@@ -203,19 +203,13 @@ def _weights(
 def exemplars_as_readings(
     search: FamilySearch,
 ) -> tuple[Float[np.ndarray, "exemplars bands"], Int[np.ndarray, "exemplars"]]:
-    """One film of each exemplar, on all bands; where it is not known, as its last known band."""
-    rows = []
-    readings = []
-    for band_range in search.ranges:
-        pure = band_range.templates.members[:, 1] < 0
-        for exemplar in np.unique(band_range.templates.members[pure, 0]):
-            row = np.flatnonzero(pure & (band_range.templates.members[:, 0] == exemplar))[0]
-            filled = np.full(search.wavelengths.size, np.nan)
-            filled[band_range.bands] = band_range.templates.readings[row]
-            finite = np.isfinite(filled)
-            rows.append(int(exemplar))
-            readings.append(
-                np.interp(search.wavelengths, search.wavelengths[finite], filled[finite])
-                + search.surface
-            )
-    return np.array(readings), np.array(rows)
+    """One film of each exemplar, on all bands; beyond those that are compared, as at the last."""
+    films = search.compared
+    pure = np.flatnonzero(films.templates.members[:, 1] < 0)
+    rows, first = np.unique(films.templates.members[pure, 0], return_index=True)
+    grid = search.wavelengths[films.bands]
+    readings = [
+        np.interp(search.wavelengths, grid, reading) + search.surface
+        for reading in films.templates.readings[pure[first]]
+    ]
+    return np.array(readings), rows

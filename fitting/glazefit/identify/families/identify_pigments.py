@@ -177,6 +177,8 @@ def _identification(
     rows = np.arange(len(measured))[:, None]
     gloss = search.gloss(readings)
     thickness = usual_coat(search.exemplars)
+    templates = search.compared.templates
+    grid = search.wavelengths[search.compared.bands]
     # The best sets of each spectrum as candidates.
     shape = (len(measured), count)
     members = np.full((*shape, 3), NOBODY)
@@ -185,8 +187,7 @@ def _identification(
     fitted = np.full((*shape, 1, readings.shape[1]), np.nan)
     for row, index in np.ndindex(shape):
         number = best[row, index]
-        band_range, template = search.locate(int(odds.best[row, number]))
-        templates = band_range.templates
+        template = int(odds.best[row, number])
         paints = templates.members[template][templates.members[template] != NOBODY]
         own = slice(len(paints))
         members[row, index, own] = paints
@@ -198,7 +199,6 @@ def _identification(
             # Half of the variance of the log odds of the fractions to each log amount.
             spread = float(odds.fraction_sd[row, number]) / max(share * (1.0 - share), 1e-6)
             covariance[row, index, own, own] = 0.5 * spread**2 * np.eye(2)
-        grid = search.wavelengths[band_range.bands]
         near = (search.wavelengths >= grid[0] - _EDGE) & (search.wavelengths <= grid[-1] + _EDGE)
         film = templates.readings[template] + search.surface * float(gloss[row])
         fitted[row, index, 0, near] = np.interp(search.wavelengths[near], grid, film)

@@ -48,16 +48,15 @@ def misfit_of_right_answers(search: "FamilySearch") -> UsualMisfit | None:
     if not correct.any():
         return None
     # Residual of each right answer's film, at the bands where both are known.
+    films = search.compared
     off = np.full(readings.shape, np.nan)
     for row in np.flatnonzero(correct):
-        band_range, at = search.locate(int(odds.best[row, first[row]]))
+        template = int(odds.best[row, first[row]])
         grid = np.asarray(search.exemplars[rows[row]].wavelengths)
         # Beyond the bands that an exemplar is known at, its reading is made up.
-        covered = (
-            (search.wavelengths >= grid[0]) & (search.wavelengths <= grid[-1]) & band_range.bands
-        )
+        covered = (search.wavelengths >= grid[0]) & (search.wavelengths <= grid[-1]) & films.bands
         film = np.full(covered.size, np.nan)
-        film[band_range.bands] = band_range.templates.readings[at] + search.surface
+        film[films.bands] = films.templates.readings[template] + search.surface
         film[~covered] = np.nan
         off[row] = relative_misfit(readings[row], film)
     off = off[correct & np.isfinite(off).any(axis=1)]

@@ -1,8 +1,8 @@
 """Odds of sets of pigment families for readings: evidence of each computed film, summed by set.
 
 Evidence is the log of how much more probable a reading is as a paint like a template than as any
-paint at all (`metric.py`), over the bands at which the template's exemplars are known. What it is
-worth is learnt from the exemplars (`sureness.py`, `calibration.py`).
+paint at all (`metric.py`). What it is worth is learnt from the exemplars (`sureness.py`,
+`calibration.py`).
 """
 
 from collections.abc import Collection
@@ -35,15 +35,15 @@ _COMPARISONS = 3_000_000
 
 
 @dataclass(frozen=True, kw_only=True)
-class Range:
-    """Bands that some exemplars know, and the films of these.
+class Compared:
+    """Films that readings are compared with, and how.
 
     Attributes:
-        bands: of the readings.
-        metrics: of each view of a spectrum, learnt from the exemplars that know all of these bands.
-        templates: films of exemplars whose widest range this is.
+        bands: of the readings, at which they are compared.
+        metrics: of each view of a spectrum.
+        templates: films of all exemplars and of their mixtures.
         points: of the templates in each metric (`metric.as_columns`).
-        colours: of the templates; None where the range does not hold the visible.
+        colours: of the templates; None where the bands do not hold the visible.
         sets: number of each template's set of families.
     """
 
@@ -107,7 +107,7 @@ class FamilySearch:
         members: families of each set, -1 for none, (sets, 2).
         log_prior: of each set.
         unknown: prior probability that it is none of them.
-        ranges: from the narrowest.
+        compared: films that readings are compared with.
         surface: what the outer surface adds to readings.
         sureness: what evidence is worth.
     """
@@ -120,7 +120,7 @@ class FamilySearch:
     members: Int[np.ndarray, "sets 2"]
     log_prior: Float[np.ndarray, "sets"]
     unknown: float
-    ranges: tuple[Range, ...]
+    compared: Compared
     surface: float
     sureness: Sureness
 
@@ -161,7 +161,7 @@ class FamilySearch:
     @property
     def chunk(self) -> int:
         """Readings that are compared at a time."""
-        return max(1, _COMPARISONS // sum(len(band_range.templates) for band_range in self.ranges))
+        return max(1, _COMPARISONS // len(self.compared.templates))
 
     def _odds(
         self,
@@ -208,32 +208,24 @@ class FamilySearch:
         """True where a template may have the colour of a reading without the surface's part; all
         may where no visible range was read.
         """
-        return ~np.concatenate(
-            [self._is_another_colour(body, band_range) for band_range in self.ranges], axis=1
-        )
-
-    def _is_another_colour(
-        self, body: Float[np.ndarray, "spectra bands"], band_range: Range
-    ) -> Bool[np.ndarray, "spectra templates"]:
-        """True where a template's colour cannot be that of readings without the surface's part."""
-        read = colours(self.wavelengths[band_range.bands], body[:, band_range.bands])
-        if read is None or band_range.colours is None:
-            return np.zeros((len(body), len(band_range.templates)), dtype=bool)
-        another = squares_between(read, as_columns(band_range.colours)) > ANOTHER_COLOUR**2
+        films = self.compared
+        read = colours(self.wavelengths[films.bands], body[:, films.bands])
+        if read is None or films.colours is None:
+            return np.ones((len(body), len(films.templates)), dtype=bool)
+        possible = squares_between(read, as_columns(films.colours)) <= ANOTHER_COLOUR**2
         # Whites, extenders and blacks have hardly a chroma of their own, and one that shows is not
         # theirs.
-        colourless = self._made_of(COLOURLESS, band_range)
-        chromas = as_columns(band_range.colours[colourless, 1:])
-        squares = squares_between(read[:, 1:], chromas)
-        another[:, colourless] |= squares > ANOTHER_CHROMA**2
+        colourless = self._made_of(COLOURLESS)
+        chromas = as_columns(films.colours[colourless, 1:])
+        possible[:, colourless] &= squares_between(read[:, 1:], chromas) <= ANOTHER_CHROMA**2
         # A thin coat of black over white is grey, and a grey as light as that has other causes.
-        another[:, self._made_of(GROUPS["a black"], band_range)] |= read[:, :1] > LIGHTEST_BLACK
-        return np.asarray(another)
+        possible[:, self._made_of(GROUPS["a black"])] &= read[:, :1] <= LIGHTEST_BLACK
+        return np.asarray(possible)
 
-    def _made_of(self, names: Collection[str], band_range: Range) -> Bool[np.ndarray, "templates"]:
+    def _made_of(self, names: Collection[str]) -> Bool[np.ndarray, "templates"]:
         """True for templates that hold none but some families."""
         families = np.append([name in names for name in self.families], True)
-        return np.asarray(families[self.members[band_range.sets]].all(axis=1))
+        return np.asarray(families[self.members[self.compared.sets]].all(axis=1))
 
     def _is_hidden(
         self, hidden: Bool[np.ndarray, "spectra families"]
@@ -246,29 +238,25 @@ class FamilySearch:
         body: Float[np.ndarray, "spectra bands"],
         sources: Int[np.ndarray, "spectra"] | None,
     ) -> Float[np.ndarray, "spectra templates"]:
-        """Of all templates, those of the narrowest range first; -inf where one may not be used.
+        """Of all templates; -inf where one may not be used.
 
         Args:
             body: readings without the surface's part.
             sources: as for `odds`.
         """
-        out = []
-        for band_range in self.ranges:
-            # Views are not independent: their mean, a logarithmic pool (Genest and Zidek,
-            # Statistical Science 1 (1986) 114), says what both say.
-            evidence = np.zeros((len(body), len(band_range.templates)), dtype=np.float32)
-            features = views(self.wavelengths[band_range.bands], body[:, band_range.bands])
-            for metric, values, points in zip(
-                band_range.metrics, features, band_range.points, strict=True
-            ):
-                evidence += metric.log_evidence(metric.place(values), points)
-            evidence /= len(band_range.metrics)
-            if sources is not None:
-                of_members = np.append(self.source_of, NOBODY)[band_range.templates.members]
-                same_source = (of_members[None] == sources[:, None, None]).any(axis=-1)
-                evidence = np.where(same_source, -np.inf, evidence)
-            out.append(evidence)
-        return np.concatenate(out, axis=1)
+        films = self.compared
+        # Views are not independent: their mean, a logarithmic pool (Genest and Zidek,
+        # Statistical Science 1 (1986) 114), says what both say.
+        evidence = np.zeros((len(body), len(films.templates)), dtype=np.float32)
+        features = views(self.wavelengths[films.bands], body[:, films.bands])
+        for metric, values, points in zip(films.metrics, features, films.points, strict=True):
+            evidence += metric.log_evidence(metric.place(values), points)
+        evidence /= len(films.metrics)
+        if sources is not None:
+            of_members = np.append(self.source_of, NOBODY)[films.templates.members]
+            same_source = (of_members[None] == sources[:, None, None]).any(axis=-1)
+            evidence = np.where(same_source, -np.inf, evidence)
+        return evidence
 
     def _sum_by_set(
         self,
@@ -305,9 +293,7 @@ class FamilySearch:
         deviation of the fraction of its first family.
         """
         order, starts, counts = self._by_set
-        fraction = np.concatenate(
-            [band_range.templates.fractions[:, 0] for band_range in self.ranges]
-        )[order]
+        fraction = self.compared.templates.fractions[order, 0]
         totals = np.maximum(sums.sums, 1e-30)
         mean = np.add.reduceat(sums.weights * fraction, starts, axis=1) / totals
         mean = np.clip(mean, 0.0, 1.0)  # Sums of single precision have errors in the last digit.
@@ -325,15 +311,7 @@ class FamilySearch:
     @cached_property
     def _by_set(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Templates in the order of their sets, where each set starts, and how many it has."""
-        sets = np.concatenate([band_range.sets for band_range in self.ranges])
+        sets = self.compared.sets
         order = np.argsort(sets, kind="stable")
         starts = np.flatnonzero(np.diff(np.append(-1, sets[order])))
         return order, starts, np.diff(np.append(starts, len(sets)))
-
-    def locate(self, template: int) -> tuple[Range, int]:
-        """The range of a template by its number over all ranges, and its row there."""
-        for band_range in self.ranges:
-            if template < len(band_range.templates):
-                return band_range, template
-            template -= len(band_range.templates)
-        raise IndexError(template)

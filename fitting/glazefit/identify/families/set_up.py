@@ -21,15 +21,22 @@ from .calibration import calibrate
 from .expected import EXPECTED
 from .features import colours, views
 from .metric import Metric, as_columns, learn_metric
-from .search import FamilySearch, Range
+from .search import Compared, FamilySearch
+from .stand_ins import with_stand_ins
 from .sureness import Sureness
 from .templates import Templates, coefficients, mixed_templates, pure_templates
 from .varnish import CONDITIONS, Varnish
 
-# Shares of the exemplars that must know a band, for the narrowest and for a wider range, and the
-# fewest that teach a range: what fewer know, such as the bands beyond 1000 nm, says less of how far
-# paints of one family are apart than it costs.
-_NARROW, _WIDE, _FEWEST = 0.985, 0.45, 13
+# Share of the exemplars that must know a band that is compared: what fewer know, such as the bands
+# beyond 1000 nm, says less of how far paints of one family are apart than it costs.
+_ENOUGH = 0.45
+# Share of these bands that an exemplar must know to teach how far they are, and the fewest that do.
+_NEARLY_ALL, _FEWEST = 0.95, 13
+# Share of the exemplars that know a band which nearly all know, and the least that these must hold.
+_COMMON, _LEAST_SPAN = 0.985, 150.0
+# Bands in nm for each principal component of a spectrum: of one as it was read, and of one with its
+# gloss at one level, which has lost what separates dark paints.
+_COMPONENTS = (11.4, 24.0)
 # Wavelength from which readings are compared, nm.
 _FIRST = 415.0
 # Films whose features are held at a time.
@@ -87,31 +94,24 @@ def search_families(
     # rutile would outweigh all other slopes.
     k_and_s[:, :, wavelengths < _FIRST] = np.nan
     members, number_of = _sets(len(families), max_paints)
-    shared = _ranges(np.isfinite(k_and_s[0]), teaches)
-    _check_span(wavelengths, shared[0][0], np.isfinite(k_and_s[0]))
+    bands, teaches = _shared_bands(wavelengths, np.isfinite(k_and_s[0]), teaches)
 
-    # In each range a metric of its own, from all exemplars that know its bands.
-    ranges = []
-    for number, (bands, widest) in enumerate(shared):
-        progress(number, len(shared), "computing films")
-        ranges.append(
-            _set_up_range(
-                wavelengths[bands],
-                k_and_s[:, :, bands],
-                bands=bands,
-                widest=widest,
-                teaches=teaches,
-                family_of=family_of,
-                number_of=number_of,
-                response=response,
-                ground=None if ground is None else ground[bands],
-                mixed=max_paints > 1,
-                varnish=cover,
-            )
-        )
+    progress(0, 1, "computing films")
+    compared = _films_to_compare(
+        wavelengths[bands],
+        with_stand_ins(k_and_s[:, :, bands], family_of),
+        bands=bands,
+        teaches=teaches,
+        family_of=family_of,
+        number_of=number_of,
+        response=response,
+        ground=None if ground is None else ground[bands],
+        mixed=max_paints > 1,
+        varnish=cover,
+    )
 
-    # Sets without a template, two families that no exemplars share bands of, take no part.
-    used = np.unique(np.concatenate([band_range.sets for band_range in ranges]))
+    # Sets without a template, of a family that is known at no band, take no part.
+    used = np.unique(compared.sets)
     renumbered = np.full(len(members), -1)
     renumbered[used] = np.arange(len(used))
     search = FamilySearch(
@@ -123,9 +123,7 @@ def search_families(
         members=members[used],
         log_prior=_log_prior(members[used], expected.sizes[:max_paints], families),
         unknown=expected.unknown,
-        ranges=tuple(
-            replace(band_range, sets=renumbered[band_range.sets]) for band_range in ranges
-        ),
+        compared=replace(compared, sets=renumbered[compared.sets]),
         surface=seen_by.seen_surface,
         sureness=sureness or Sureness(),
     )
@@ -135,12 +133,11 @@ def search_families(
     return calibrate(search, change, progress)
 
 
-def _set_up_range(
+def _films_to_compare(
     wavelengths: Float[np.ndarray, "bands"],
     k_and_s: Float[np.ndarray, "2 exemplars bands"],
     *,
     bands: Bool[np.ndarray, "all_bands"],
-    widest: Bool[np.ndarray, "exemplars"],
     teaches: Bool[np.ndarray, "exemplars"],
     family_of: Int[np.ndarray, "exemplars"],
     number_of: Int[np.ndarray, "families families"],
@@ -148,14 +145,13 @@ def _set_up_range(
     ground: Float[np.ndarray, "bands"] | None,
     mixed: bool,
     varnish: Varnish | None,
-) -> Range:
-    """Metrics and templates of one range.
+) -> Compared:
+    """Films of all exemplars and of their mixtures, and the metrics that they are compared in.
 
     Args:
-        wavelengths: of its bands.
-        k_and_s: k and s of all exemplars there, NaN where they are not known.
-        bands: of the readings.
-        widest: exemplars that know no wider range, whose films are this one's.
+        wavelengths: at which they are compared.
+        k_and_s: k and s of all exemplars there, NaN for those that are known nowhere.
+        bands: of the readings, which these are.
         teaches: exemplars that the metric is learnt from.
         family_of: number of each exemplar's family.
         number_of: of a set, by its families.
@@ -189,13 +185,12 @@ def _set_up_range(
             differences,
             components=components,
         )
-        # The view of one gloss has lost what separates dark paints: fewer components hold it.
         for values, differences, components in zip(
-            view_features, view_differences, (25, 12), strict=True
+            view_features, view_differences, _components(wavelengths), strict=True
         )
     )
 
-    groups = [pure.take(np.flatnonzero(widest[pure.members[:, 0]]))]
+    groups = [pure]
     if mixed:
         mixtures = mixed_templates(
             k_and_s[:, exemplars],
@@ -204,12 +199,10 @@ def _set_up_range(
             response,
             ground,
         )
-        mixtures = replace(mixtures, members=exemplars[mixtures.members])
-        # Where both know more bands their mixture is a wider range's.
-        groups.append(cover(mixtures.take(np.flatnonzero(widest[mixtures.members].any(axis=1)))))
+        groups.append(cover(replace(mixtures, members=exemplars[mixtures.members])))
     templates = Templates.join(groups)
     families = np.sort(np.append(family_of, NOBODY)[templates.members], axis=1)
-    return Range(
+    return Compared(
         bands=bands,
         metrics=metrics,
         templates=templates,
@@ -278,59 +271,42 @@ def _sets(
     return members, number
 
 
-def _check_span(
+def _components(wavelengths: Float[np.ndarray, "bands"]) -> list[int]:
+    """Principal components that hold a spectrum in each view: as many as there is of it."""
+    return [round((wavelengths[-1] - wavelengths[0]) / width) for width in _COMPONENTS]
+
+
+def _shared_bands(
     wavelengths: Float[np.ndarray, "bands"],
-    shared: Bool[np.ndarray, "bands"],
-    coverage: Bool[np.ndarray, "exemplars bands"],
-) -> None:
-    """Refuse readings of which nearly all exemplars know a narrow stretch alone.
+    known: Bool[np.ndarray, "exemplars bands"],
+    teaches: Bool[np.ndarray, "exemplars"],
+) -> tuple[Bool[np.ndarray, "bands"], Bool[np.ndarray, "exemplars"]]:
+    """Bands that are compared, those that enough exemplars know of those that may teach the metric;
+    and which of these know nearly all of them, and do teach it.
 
     Raises:
-        ValueError: says how many exemplars know the rest.
+        ValueError: too few exemplars know any band, or nearly all know a narrow stretch alone; says
+            how many know the rest.
     """
-    first, last = wavelengths[shared][[0, -1]]
-    if last - first < 150.0:
-        count = int(coverage[:, ~shared].all(axis=1).sum()) if not shared.all() else len(coverage)
-        raise ValueError(
-            f"too little is known there: nearly all exemplars know {first:g} to {last:g} nm of the "
-            f"spectra's bands alone, {count} of {len(coverage)} the others; give readings that "
-            "hold the visible, 410-700 nm"
-        )
-
-
-def _ranges(
-    coverage: Bool[np.ndarray, "exemplars bands"], teaches: Bool[np.ndarray, "exemplars"]
-) -> list[tuple[Bool[np.ndarray, "bands"], Bool[np.ndarray, "exemplars"]]]:
-    """Ranges of bands, nested, by what those know that the metric is learnt from, and the exemplars
-    of which each is the widest that they know.
-
-    Raises:
-        ValueError: too few exemplars know any band.
-    """
-    taught = coverage[teaches]
-    share = taught.mean(axis=0)
+    share = known[teaches].mean(axis=0)
     if not share.max() > 0:
         raise ValueError("no exemplar is known at the wavelengths of the spectra")
-    # A narrow range that nearly all exemplars know, and a wide one that many know.
-    limits = [_NARROW * share.max(), _WIDE]
-    out: list[Bool[np.ndarray, "bands"]] = []
-    for limit in limits:
-        bands = share >= min(limit, share.max())
-        wider = not out or bands.sum() > out[-1].sum()
-        if bands.sum() >= 3 and wider and taught[:, bands].all(axis=1).sum() >= _FEWEST:
-            out.append(bands)
-    if not out:
+    common = share >= _COMMON * share.max()
+    first, last = wavelengths[common][[0, -1]]
+    if last - first < _LEAST_SPAN:
+        count = int(known[:, ~common].all(axis=1).sum()) if not common.all() else len(known)
         raise ValueError(
-            f"{int(coverage.any(axis=1).sum())} exemplars have the spectra's bands, too "
-            "few to learn how paints of one pigment differ: give more bands or exemplars, or "
-            "search them as paints by own_films=True (--own-films)"
+            f"too little is known there: nearly all exemplars know {first:g} to {last:g} nm of the "
+            f"spectra's bands alone, {count} of {len(known)} the others; give readings that "
+            "hold the visible, 410-700 nm"
         )
-    # Each exemplar belongs to the widest range that it knows.
-    covered = [coverage[:, bands].all(axis=1) for bands in out]
-    pairs = []
-    for number, bands in enumerate(out):
-        wider = np.zeros(len(coverage), bool)
-        for further in covered[number + 1 :]:
-            wider |= further
-        pairs.append((bands, covered[number] & ~wider))
-    return pairs
+    # Where too few know all that is compared, what nearly all know.
+    for bands in (share >= min(_ENOUGH, share.max()), common):
+        taught = teaches & (known[:, bands].mean(axis=1) >= _NEARLY_ALL)
+        if bands.sum() >= 3 and taught.sum() >= _FEWEST:
+            return bands, taught
+    raise ValueError(
+        f"{int(known.any(axis=1).sum())} exemplars have the spectra's bands, too few to learn how "
+        "paints of one pigment differ: give more bands or exemplars, or search them as paints by "
+        "own_films=True (--own-films)"
+    )
