@@ -244,7 +244,7 @@ def test_a_light_grey_is_no_black(shelf):
     search = set_up.search_families(GRID, shelf, opaque=True, max_paints=1)
     of_blacks = np.append(np.isin(search.families, GROUPS["a black"]), True)
     blacks = of_blacks[search.members[search.compared.sets]].all(axis=1)
-    light = blacks & (search.compared.colours[:, 0] > 50.0)
+    light = blacks & (np.asarray(search.compared.colours)[:, 0] > 50.0)
     assert light.any()
     possible = search._possible(search.compared.templates.readings[light])
     assert not possible[:, blacks].any()

@@ -45,4 +45,5 @@ def _known_at(
 ) -> Bool[np.ndarray, "exemplars"]:
     """Exemplars that are known at some bands: relatives, or all where none of these is."""
     there = known[:, bands].all(axis=1)
-    return there & relatives if (there & relatives).any() else there
+    near = there & relatives
+    return np.asarray(near if near.any() else there)
