@@ -87,8 +87,10 @@ def squares_between(
 
 def _log_t(squares: Float[np.ndarray, "*n"], dimensions: int) -> Float[np.ndarray, "*n"]:
     """Log density of a multivariate Student's t, but for its constant; in the squares' place."""
+    # NumPy's log of single precision takes a quarter of its log1p's time.
     squares /= _FREEDOM
-    np.log1p(squares, out=squares)
+    squares += 1.0
+    np.log(squares, out=squares)
     squares *= -0.5 * (_FREEDOM + dimensions)
     return squares
 

@@ -44,7 +44,7 @@ class Compared:
         templates: films of all exemplars and of their mixtures.
         points: of the templates in each metric (`metric.as_columns`).
         colours: of the templates; None where the bands do not hold the visible.
-        sets: number of each template's set of families.
+        sets: number of each template's set of families, ascending.
     """
 
     bands: Bool[np.ndarray, "bands"]
@@ -60,7 +60,7 @@ class _SetSums(NamedTuple):
 
     Attributes:
         logs: log mean of each set, next to nothing where all its films have another colour.
-        tempered: evidence of the templates in the order of their sets, times a power.
+        tempered: evidence of the templates, times a power.
         weights: exponentials of these, the largest of each set 1.
         sums: of the weights of each set.
     """
@@ -265,8 +265,8 @@ class FamilySearch:
         power: float,
     ) -> "_SetSums":
         """Evidence of templates, tempered by a power, averaged over each set's."""
-        order, starts, counts = self._by_set
-        tempered = power * evidence[:, order]
+        starts, counts = self._by_set
+        tempered = power * evidence
         top = np.maximum.reduceat(tempered, starts, axis=1)
         safe = np.where(np.isfinite(top), top, 0.0)
         weights = np.exp(tempered - np.repeat(safe, counts, axis=1))
@@ -274,7 +274,7 @@ class FamilySearch:
         usable = np.add.reduceat(np.isfinite(tempered), starts, axis=1, dtype=float)
         with np.errstate(divide="ignore"):
             logs = np.log(sums) + safe - np.log(np.maximum(usable, 1.0))
-        explains = np.logical_or.reduceat(possible[:, order], starts, axis=1)
+        explains = np.logical_or.reduceat(possible, starts, axis=1)
         return _SetSums(
             logs=np.where(explains, logs, np.minimum(logs, _IMPOSSIBLE)),
             tempered=tempered,
@@ -292,16 +292,16 @@ class FamilySearch:
         """Best template of each set, of the reading's colour where one is; mean and standard
         deviation of the fraction of its first family.
         """
-        order, starts, counts = self._by_set
-        fraction = self.compared.templates.fractions[order, 0]
+        starts, counts = self._by_set
+        fraction = self.compared.templates.fractions[:, 0]
         totals = np.maximum(sums.sums, 1e-30)
         mean = np.add.reduceat(sums.weights * fraction, starts, axis=1) / totals
         mean = np.clip(mean, 0.0, 1.0)  # Sums of single precision have errors in the last digit.
         square = np.add.reduceat(sums.weights * fraction**2, starts, axis=1) / totals
-        ranking = np.where(possible[:, order], sums.tempered, sums.tempered + 10.0 * _IMPOSSIBLE)
+        ranking = np.where(possible, sums.tempered, sums.tempered + 10.0 * _IMPOSSIBLE)
         best = np.stack(
             [
-                order[start + ranking[:, start : start + count].argmax(axis=1)]
+                start + ranking[:, start : start + count].argmax(axis=1)
                 for start, count in zip(starts, counts, strict=True)
             ],
             axis=1,
@@ -309,9 +309,8 @@ class FamilySearch:
         return best, mean, np.sqrt(np.maximum(square - mean**2, 0.0))
 
     @cached_property
-    def _by_set(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Templates in the order of their sets, where each set starts, and how many it has."""
+    def _by_set(self) -> tuple[Int[np.ndarray, "sets"], Int[np.ndarray, "sets"]]:
+        """Where the templates of each set start, and how many there are."""
         sets = self.compared.sets
-        order = np.argsort(sets, kind="stable")
-        starts = np.flatnonzero(np.diff(np.append(-1, sets[order])))
-        return order, starts, np.diff(np.append(starts, len(sets)))
+        starts = np.flatnonzero(np.diff(np.append(-1, sets)))
+        return starts, np.diff(np.append(starts, len(sets)))

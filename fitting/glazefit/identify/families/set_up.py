@@ -202,13 +202,17 @@ def _films_to_compare(
         groups.append(cover(replace(mixtures, members=exemplars[mixtures.members])))
     templates = Templates.join(groups)
     families = np.sort(np.append(family_of, NOBODY)[templates.members], axis=1)
+    sets = number_of[families[:, 0], families[:, 1]]
+    # Set by set, so that sums over one are of neighbours.
+    order = np.argsort(sets, kind="stable")
+    templates = templates.take(order)
     return Compared(
         bands=bands,
         metrics=metrics,
         templates=templates,
         points=_points(wavelengths, templates.readings, metrics),
         colours=colours(wavelengths, templates.readings),
-        sets=number_of[families[:, 0], families[:, 1]],
+        sets=sets[order],
     )
 
 
