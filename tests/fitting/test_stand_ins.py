@@ -48,3 +48,10 @@ def test_what_is_known_nowhere_stays_unknown():
     assert_array_equal(
         np.isfinite(with_stand_ins(k_and_s, FAMILY_OF)[0]).all(axis=1), np.arange(5) != 2
     )
+
+
+def test_what_nobody_knows_stays_unknown():
+    k_and_s = K_AND_S.copy()
+    k_and_s[:, :, 6:] = np.nan
+    filled = with_stand_ins(k_and_s, FAMILY_OF)
+    assert_allclose(filled, k_and_s, rtol=1e-12)

@@ -166,21 +166,23 @@ def _films_to_compare(
             return films
         return replace(films, readings=varnish.cover(response, wavelengths, films.readings))
 
-    pure = pure_templates(k_and_s, response, ground)
-    pure = pure.take(np.flatnonzero(np.isfinite(pure.readings).all(axis=1)))
-    # One spectrum of each paint teaches how far paints are apart.
-    exemplars, first = np.unique(pure.members[:, 0], return_index=True)
+    exemplars = np.flatnonzero(np.isfinite(k_and_s[0]).all(axis=1))
+    k_and_s = k_and_s[:, exemplars]
+    families = family_of[exemplars]
     taught = teaches[exemplars]
-    bodies = pure.readings[first[taught]]
+    pure = pure_templates(k_and_s, response, ground)
+    # One spectrum of each paint teaches how far paints are apart: all of one thickness come first.
+    one_of_each = slice(len(exemplars))
+    bodies = pure.readings[one_of_each][taught]
     pure = cover(pure)
     view_differences = (
         [None, None] if varnish is None else varnish.differences(response, wavelengths, bodies)
     )
-    view_features = views(wavelengths, pure.readings[first])
+    view_features = views(wavelengths, pure.readings[one_of_each])
     metrics = tuple(
         learn_metric(
             values[taught],
-            family_of[exemplars[taught]],
+            families[taught],
             exemplars[taught],
             differences,
             components=components,
@@ -193,19 +195,20 @@ def _films_to_compare(
     groups = [pure]
     if mixed:
         mixtures = mixed_templates(
-            k_and_s[:, exemplars],
-            family_of[exemplars],
+            k_and_s,
+            families,
             metrics[0].place(view_features[0]),
             response,
             ground,
         )
-        groups.append(cover(replace(mixtures, members=exemplars[mixtures.members])))
+        groups.append(cover(mixtures))
     templates = Templates.join(groups)
-    families = np.sort(np.append(family_of, NOBODY)[templates.members], axis=1)
-    sets = number_of[families[:, 0], families[:, 1]]
+    pairs = np.sort(np.append(families, NOBODY)[templates.members], axis=1)
+    sets = number_of[pairs[:, 0], pairs[:, 1]]
     # Set by set, so that sums over one are of neighbours.
     order = np.argsort(sets, kind="stable")
     templates = templates.take(order)
+    templates = replace(templates, members=np.append(exemplars, NOBODY)[templates.members])
     return Compared(
         bands=bands,
         metrics=metrics,

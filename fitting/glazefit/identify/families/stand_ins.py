@@ -21,7 +21,7 @@ def with_stand_ins(
         family_of: number of each exemplar's family.
 
     Returns:
-        The same shape; NaN for exemplars that are known at no band.
+        The same shape; NaN for exemplars that are known at no band, and where nobody is known.
     """
     known = np.isfinite(k_and_s[0])
     absorption, scattering = np.log(k_and_s)
@@ -31,6 +31,9 @@ def with_stand_ins(
         first, last = np.flatnonzero(known[row])[[0, -1]]
         for end, beyond in ((first, np.arange(first)), (last, np.arange(last + 1, known.shape[1]))):
             models = _known_at(known, np.append(beyond, end), family_of == family_of[row])
+            # What nobody knows stays unknown.
+            if not models.any():
+                continue
             # From the last known band on, as much lower or higher as theirs are.
             change = courses[:, models][..., beyond] - courses[:, models, end, None]
             out[:, row, beyond] = courses[:, row, end, None] + np.median(change, axis=1)

@@ -94,7 +94,7 @@ def usual_coat(pigments: Sequence[Pigment]) -> float:
 
 def usual_thickness(scattering: Float[np.ndarray, "exemplars bands"]) -> float:
     """Thickness at which the median exemplar scatters twice on the way through, m."""
-    return float(2.0 / np.nanmedian(scattering))
+    return float(2.0 / np.median(scattering))
 
 
 def most_films(exemplars: int, families: int, *, opaque: bool, mixed: bool) -> int:
@@ -186,18 +186,12 @@ def _over(
     """Films of these mixtures at some thicknesses, in usual ones."""
     usual = usual_thickness(coefficients[1])
     below = np.full(coefficients.shape[-1], LIGHT_GROUND) if ground is None else ground
-    # Coefficients add by mass; where one is not known anything will do.
-    k, s = (
-        np.einsum("fm,fmb->fb", fractions, np.nan_to_num(values, nan=1.0)[members])
-        for values in coefficients
-    )
-    # A film is not known where one of its exemplars is not.
-    missing = np.isnan(coefficients[0])
-    absent = missing[members[:, 0]] | ((members[:, 1:] >= 0) & missing[members[:, 1]])
+    # Coefficients add by mass.
+    k, s = (np.einsum("fm,fmb->fb", fractions, values[members]) for values in coefficients)
     readings = [
-        np.where(absent, np.nan, hiding_body(response, k / s))
+        hiding_body(response, k / s)
         if np.isinf(thickness)
-        else np.where(absent, np.nan, coat_body(response, k, s, thickness * usual, below))
+        else coat_body(response, k, s, thickness * usual, below)
         for thickness in levels
     ]
     return Templates(
