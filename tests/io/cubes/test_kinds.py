@@ -1,6 +1,8 @@
 """Images of every kind, written by Spectral Python, xarray, h5netcdf, h5py, SciPy and tifffile."""
 
+import gc
 import itertools
+import warnings
 from typing import Any
 
 import h5py
@@ -311,6 +313,16 @@ def test_folder_of_tiffs_with_given_wavelengths(tmp_path):
     cube = open_cube(path, wavelengths=tmp_path / "nm.txt")
     assert_allclose(cube["wavelength"], np.array(WAVELENGTHS) + 5)
     assert_allclose(cube.values, values, atol=1e-6)
+
+
+def test_packed_tiffs_are_closed_with_their_cube(tmp_path):
+    cube = open_cube(tiffs(tmp_path, image(), form="{:g}nm.tif", compression="zlib"))
+    cube.isel(y=0).load()
+    del cube
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        gc.collect()
+    assert not [one for one in said if str(tmp_path) in str(one.message)]
 
 
 def test_pictures_are_counted_as_people_count(tmp_path):

@@ -4,6 +4,7 @@ a band.
 
 import contextlib
 import re
+import weakref
 from pathlib import Path
 from typing import Any
 
@@ -196,10 +197,12 @@ def _array(path: Path, page: int | None) -> Any:
     except ValueError:
         import zarr
 
-        # The store keeps the file open.
+        # The store needs the file open, and nothing else closes it.
         file = tifffile.TiffFile(path)
         store = file.aszarr(key=page) if page is not None else file.aszarr(series=0, level=0)
-        return zarr.open(store, mode="r")
+        array = zarr.open(store, mode="r")
+        weakref.finalize(array, file.close)
+        return array
 
 
 def _planes(*places: tuple[Path, int | None]) -> Planes:
