@@ -13,7 +13,7 @@ from glazejax.progress import Progress, no_progress
 
 from ..result.groups import COLOURLESS, group_of
 from .search import FamilySearch
-from .sureness import Sureness, log_sum
+from .sureness import Sureness, log_densities
 
 POWERS = (0.15, 0.2, 0.25, 0.33, 0.5, 0.75)
 """Powers within a set that are tried."""
@@ -23,7 +23,7 @@ SHARPNESSES = (0.8, 1.0, 1.15, 1.3, 1.5, 1.75, 2.0)
 _UNTAUGHT = Sureness(power=0.33)
 FALSE_ALARMS = 0.05
 """Share of paints of a known family that are said to be of none."""
-# The slope of 'none' is pulled to one by a Gaussian of this width.
+# The slopes of 'none' are pulled to the evidence as it is by Gaussians of this width.
 _SLOPE_SD = 1.0
 # Exemplars of a source's family that are searched while it is learnt how sure a search may be.
 _SOUGHT = 4
@@ -68,10 +68,13 @@ def calibrate(
     # A few readings at a time: log odds of all sets at each power.
     step = search.chunk
     pieces: dict[float, list[np.ndarray]] = {power: [] for power in POWERS}
+    any_paint = []
     for start in range(0, len(readings), step):
         progress(start, len(readings), "trying families")
         body = search.body(readings[start : start + step])
-        evidence = search._evidence(body, sources[start : start + step])
+        points = search._points(body)
+        any_paint.append(search._any_paint(points))
+        evidence = search._evidence(points, sources[start : start + step])
         possible = search._possible(body)
         for power in POWERS:
             log_sets = search._sum_by_set(evidence, possible, power).logs
@@ -87,12 +90,13 @@ def calibrate(
     )
     # Then how probable none is, with the family and without.
     logs = by_power[sureness.power]
-    slope, intercept, least = learn_none(
-        log_sum(logs[comparable]),
-        log_sum(np.where(without, -np.inf, logs)),
+    usual = np.concatenate(any_paint)
+    slopes, intercept, least = learn_none(
+        log_densities(logs[comparable], usual[comparable]),
+        log_densities(np.where(without, -np.inf, logs), usual),
         (weights[comparable], weights),
     )
-    sureness = replace(sureness, slope=slope, intercept=intercept, least=least)
+    sureness = replace(sureness, slopes=slopes, intercept=intercept, least=least)
     return replace(search, sureness=sureness)
 
 
@@ -121,34 +125,40 @@ def learn_power(
 
 
 def learn_none(
-    with_family: Float[np.ndarray, "known"],
-    without: Float[np.ndarray, "readings"],
+    with_family: Float[np.ndarray, "known views+1"],
+    without: Float[np.ndarray, "readings views+1"],
     weights: tuple[Float[np.ndarray, "known"], Float[np.ndarray, "readings"]],
-) -> tuple[float, float, float]:
-    """Slope and intercept of the log odds of 'one of the families' over the log evidence, by
-    logistic regression in which both halves count equally; and the evidence that all but a few
+) -> tuple[tuple[float, ...], float, float]:
+    """Slopes and intercept of the log odds of 'one of the families' over `log_densities`, by
+    logistic regression in which both halves count equally; and the log odds that all but a few
     readings of a known family exceed.
 
     Args:
-        with_family: log evidence of readings whose family is there.
+        with_family: log evidence, and log density as any paint, of readings whose family is there.
         without: of readings whose family was taken out.
         weights: of both.
     """
-    evidence = np.concatenate([with_family, without])
-    is_known = np.concatenate([np.ones(with_family.size), np.zeros(without.size)])
+    densities = np.concatenate([with_family, without])
+    is_known = np.concatenate([np.ones(len(with_family)), np.zeros(len(without))])
     normalised = np.concatenate([w / np.sum(w) for w in weights])
+    # The evidence as it is, and nothing else.
+    usual = np.zeros(densities.shape[1] + 1)
+    usual[0] = 1.0
 
-    def loss(line: Float[np.ndarray, "2"]) -> float:
-        odds = line[0] * evidence + line[1]
+    def loss(line: Float[np.ndarray, "unknowns"]) -> float:
+        odds = densities @ line[:-1] + line[-1]
         misfit = np.sum(normalised * np.logaddexp(0.0, np.where(is_known > 0, -odds, odds)))
-        return float(misfit + 0.5 * ((line[0] - 1.0) / _SLOPE_SD) ** 2 / evidence.size)
+        pull = np.sum(((line - usual)[:-1] / _SLOPE_SD) ** 2)
+        return float(misfit + 0.5 * pull / len(densities))
 
-    solution = minimize(loss, np.array([1.0, 0.0]), method="BFGS").x
-    order = np.argsort(with_family)
-    below = np.cumsum(weights[0][order]) / np.sum(weights[0])
-    least = float(with_family[order][np.searchsorted(below, FALSE_ALARMS)])
+    *slopes, intercept = minimize(loss, usual, method="BFGS").x.tolist()
     # More evidence never speaks for 'none'.
-    return max(float(solution[0]), 0.0), float(solution[1]), least
+    slopes[0] = max(slopes[0], 0.0)
+    log_odds = with_family @ slopes + intercept
+    order = np.argsort(log_odds)
+    below = np.cumsum(weights[0][order]) / np.sum(weights[0])
+    least = float(log_odds[order][np.searchsorted(below, FALSE_ALARMS)])
+    return tuple(slopes), intercept, least
 
 
 def right_sets(search: FamilySearch) -> Bool[np.ndarray, "families sets"]:

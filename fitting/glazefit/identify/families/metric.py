@@ -60,12 +60,14 @@ class Metric:
         """Log of how much more probable each reading is as a paint like each known one, than as any
         paint at all; `references` by `as_columns`.
         """
-        count = readings.shape[1]
-        evidence = _log_t(squares_between(readings, references), count)
-        any_paint = np.sum(((readings - self.middle) @ self.spread) ** 2, axis=1)
-        against = self.log_volume - _log_t(any_paint.astype(np.float32), count)
-        evidence += against[:, None]
+        evidence = _log_t(squares_between(readings, references), readings.shape[1])
+        evidence += (self.log_volume - self.log_any_paint(readings))[:, None]
         return evidence
+
+    def log_any_paint(self, readings: Float[np.ndarray, "n components"]) -> Float[np.ndarray, "n"]:
+        """Log density of each reading as any paint at all, but for a constant."""
+        squares = np.sum(((readings - self.middle) @ self.spread) ** 2, axis=1)
+        return _log_t(squares.astype(np.float32), readings.shape[1])
 
 
 def as_columns(points: Float[np.ndarray, "m axes"]) -> Float[np.ndarray, "axes+2 m"]:

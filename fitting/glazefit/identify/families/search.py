@@ -5,7 +5,7 @@ paint at all (`metric.py`). What it is worth is learnt from the exemplars (`sure
 `calibration.py`).
 """
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -82,7 +82,7 @@ class FamilyOdds:
         best: number of the most probable template of each set, (spectra, sets).
         fraction: mean fraction of each set's first family, (spectra, sets).
         fraction_sd: its standard deviation.
-        evidence: log evidence of the best template, (spectra,): what 'none' is judged by.
+        evidence: log evidence of the best template, (spectra,).
     """
 
     sets: Float[np.ndarray, "spectra sets"]
@@ -170,18 +170,20 @@ class FamilySearch:
         sources: Int[np.ndarray, "spectra"] | None,
     ) -> FamilyOdds:
         body = self.body(readings)
-        evidence = self._evidence(body, sources)
+        points = self._points(body)
+        any_paint = self._any_paint(points)
+        evidence = self._evidence(points, sources)
         possible = self._possible(body)
         sums = self._sum_by_set(evidence, possible, self.sureness.power)
         best, mean, sd = self._films_of_sets(sums, possible)
         log_sets = sums.logs + self.log_prior
         if hidden is not None:
             log_sets = np.where(self._is_hidden(hidden), -np.inf, log_sets)
-        none = self.sureness.none(log_sets, self.unknown)
+        none = self.sureness.none(log_sets, any_paint, self.unknown)
         return FamilyOdds(
             sets=(1.0 - none[:, None]) * self.sureness.share(log_sets, self.log_prior[None]),
             none=none,
-            unlike=self.sureness.is_unlike(log_sets),
+            unlike=self.sureness.is_unlike(log_sets, any_paint),
             best=best,
             fraction=mean,
             fraction_sd=sd,
@@ -233,24 +235,40 @@ class FamilySearch:
         padded = np.concatenate([hidden, np.zeros((len(hidden), 1), bool)], axis=1)
         return np.asarray(padded[:, self.members].any(axis=-1))
 
+    def _points(
+        self, body: Float[np.ndarray, "spectra bands"]
+    ) -> list[Float[np.ndarray, "spectra components"]]:
+        """Readings without the surface's part, as points in the metric of each view."""
+        films = self.compared
+        features = views(self.wavelengths[films.bands], body[:, films.bands])
+        return [
+            metric.place(values) for metric, values in zip(films.metrics, features, strict=True)
+        ]
+
+    def _any_paint(
+        self, points: Sequence[Float[np.ndarray, "spectra components"]]
+    ) -> Float[np.ndarray, "spectra views"]:
+        """Log density of each reading as any paint, in each view."""
+        pairs = zip(self.compared.metrics, points, strict=True)
+        return np.column_stack([metric.log_any_paint(place) for metric, place in pairs])
+
     def _evidence(
         self,
-        body: Float[np.ndarray, "spectra bands"],
+        points: Sequence[Float[np.ndarray, "spectra components"]],
         sources: Int[np.ndarray, "spectra"] | None,
     ) -> Float[np.ndarray, "spectra templates"]:
         """Of all templates; -inf where one may not be used.
 
         Args:
-            body: readings without the surface's part.
+            points: of readings (`_points`).
             sources: as for `odds`.
         """
         films = self.compared
         # Views are not independent: their mean, a logarithmic pool (Genest and Zidek,
         # Statistical Science 1 (1986) 114), says what both say.
-        evidence = np.zeros((len(body), len(films.templates)), dtype=np.float32)
-        features = views(self.wavelengths[films.bands], body[:, films.bands])
-        for metric, values, points in zip(films.metrics, features, films.points, strict=True):
-            evidence += metric.log_evidence(metric.place(values), points)
+        evidence = np.zeros((len(points[0]), len(films.templates)), dtype=np.float32)
+        for metric, places, references in zip(films.metrics, points, films.points, strict=True):
+            evidence += metric.log_evidence(places, references)
         evidence /= len(films.metrics)
         if sources is not None:
             of_members = np.append(self.source_of, NOBODY)[films.templates.members]

@@ -4,8 +4,9 @@ The evidence of a template is worth less than it says, since paints of one famil
 single covariance has it. It is tempered by a power twice (Miller and Dunson, J. Am. Stat. Assoc.
 114 (2019) 1113): once while the templates of a set of families are averaged, so that the result
 lies between their mean and the largest, and once more between sets. Whether a reading is of none of
-the families is a logistic function of its whole evidence (Platt, Advances in Large Margin
-Classifiers (1999) 61).
+the families is a logistic function (Platt, Advances in Large Margin Classifiers (1999) 61) of its
+whole evidence and of how probable it is as any paint at all: evidence is relative to that, and an
+unusual reading has much of it for whatever comes nearest.
 """
 
 from dataclasses import dataclass
@@ -27,15 +28,15 @@ class Sureness:
     Attributes:
         power: that likelihoods of templates are raised to.
         sharpness: that sets of families are, after that.
-        slope, intercept: of the log odds that a reading is of one of the families, as a line over
-            its log evidence, where half of all readings are.
-        least: log evidence below which a reading looks less like the families than all but a
+        slopes, intercept: of the log odds that a reading is of one of the families, over its log
+            evidence and its log density as any paint in each view, where half of all readings are.
+        least: log odds below which a reading looks less like the families than all but a
             twentieth of the paints that are of them.
     """
 
     power: float = 1.0
     sharpness: float = 1.0
-    slope: float = 1.0
+    slopes: tuple[float, ...] = (1.0, 0.0, 0.0)
     intercept: float = 0.0
     least: float = -np.inf
 
@@ -55,26 +56,50 @@ class Sureness:
         tempered = softmax(self.sharpness * log_sets, axis=1)
         return np.asarray((1.0 - WORTHLESS) * tempered + WORTHLESS * prior)
 
-    def is_unlike(self, log_sets: Float[np.ndarray, "spectra sets"]) -> Bool[np.ndarray, "spectra"]:
+    def is_unlike(
+        self,
+        log_sets: Float[np.ndarray, "spectra sets"],
+        any_paint: Float[np.ndarray, "spectra views"],
+    ) -> Bool[np.ndarray, "spectra"]:
         """True for readings that look less like the families than nearly all paints that are of
         them.
 
         Args:
             log_sets: as for `share`.
+            any_paint: log density of each reading as any paint (`Metric.log_any_paint`).
         """
-        return log_sum(log_sets) < self.least
+        return self._log_odds(log_sets, any_paint) < self.least
 
     def none(
-        self, log_sets: Float[np.ndarray, "spectra sets"], unknown: float
+        self,
+        log_sets: Float[np.ndarray, "spectra sets"],
+        any_paint: Float[np.ndarray, "spectra views"],
+        unknown: float,
     ) -> Float[np.ndarray, "spectra"]:
         """Probability that a reading is of none of the families.
 
         Args:
             log_sets: as for `share`.
+            any_paint: as for `is_unlike`.
             unknown: the prior of the same.
         """
-        log_odds = np.log(unknown / (1.0 - unknown)) - self.intercept
-        return np.asarray(expit(log_odds - self.slope * log_sum(log_sets)))
+        prior = np.log(unknown / (1.0 - unknown))
+        return np.asarray(expit(prior - self._log_odds(log_sets, any_paint)))
+
+    def _log_odds(
+        self,
+        log_sets: Float[np.ndarray, "spectra sets"],
+        any_paint: Float[np.ndarray, "spectra views"],
+    ) -> Float[np.ndarray, "spectra"]:
+        """Of one of the families, where half of all readings are."""
+        return log_densities(log_sets, any_paint) @ np.array(self.slopes) + self.intercept
+
+
+def log_densities(
+    log_sets: Float[np.ndarray, "spectra sets"], any_paint: Float[np.ndarray, "spectra views"]
+) -> Float[np.ndarray, "spectra views+1"]:
+    """Log evidence of all sets, and log density as any paint: what 'none' is judged by."""
+    return np.column_stack([log_sum(log_sets), any_paint])
 
 
 def log_sum(log_sets: Float[np.ndarray, "spectra sets"]) -> Float[np.ndarray, "spectra"]:
