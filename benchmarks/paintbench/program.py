@@ -133,16 +133,14 @@ class FamilyCatalogue:
     ) -> list[Answer]:
         odds = search.odds(readings, hidden=unknown)
         answers = []
-        surfaces = search.surface * search.gloss(readings)
-        for chances, none, unlike, best, surface in zip(
-            odds.sets, odds.none, odds.unlike, odds.best, surfaces, strict=True
+        for reading, chances, none, unlike, best in zip(
+            readings, odds.sets, odds.none, odds.unlike, odds.best, strict=True
         ):
             answer = self._answer(
                 name_sets(search, chances), float(none), bool(unlike) or none >= 0.5
             )
-            films = search.compared
             film = np.full(GRID.size, np.nan)
-            film[bands[films.bands]] = films.templates.readings[best[chances.argmax()]] + surface
+            film[bands[search.compared.bands]] = search.film(int(best[chances.argmax()]), reading)
             answers.append(replace(answer, film=film))
         return answers
 

@@ -251,6 +251,37 @@ def test_a_light_grey_is_no_black(shelf):
     assert possible.any(axis=1).all()
 
 
+def test_a_yellow_is_no_extender(shelf):
+    """Barium sulphate was read in a yellowed oil: its films that hide have a chroma of 32."""
+    search = set_up.search_families(GRID, shelf, opaque=True, max_paints=1)
+    templates = search.compared.templates
+    extender = shelf[[paint.name for paint in shelf].index("barium sulphate/revigo-BariumSulphate")]
+    body = templates.readings[templates.members[:, 0] == search.exemplars.index(extender)]
+    lightness, red, yellow = np.asarray(colour.lab(GRID, body[0]))
+    assert lightness > 85.0
+    assert np.hypot(red, yellow) > 30.0
+    whites = np.append([family in COLOURLESS for family in search.families], True)
+    colourless = whites[search.members[search.compared.sets]].all(axis=1)
+    possible = search._possible(body[:1])
+    assert not possible[:, colourless].any()
+    assert possible.any()
+
+
+@pytest.mark.parametrize("instrument", ["45:0", "d:8"])
+def test_the_film_of_an_answer_has_the_gloss_of_its_reading(found_search, others, instrument):
+    """A matte surface reflects more to 45:0 than films are computed with: that is no other
+    colour.
+    """
+    bodies = found_search.compared.templates.readings
+    dark = bodies[bodies.min(axis=1) < 0.015][::997]
+    assert len(dark) > 3
+    matte = 0.03 + 0.97 * dark
+    found = identify(GRID, matte, others, opaque=True, instrument=instrument)
+    compared = GRID >= 415.0
+    darkest = found.fitted[:, 0, 0, compared].min(axis=1)
+    assert darkest == pytest.approx(matte[:, compared].min(axis=1), abs=1e-6)
+
+
 def test_probabilities_are_probabilities(found_search):
     rng = np.random.default_rng(0)
     odds = found_search.odds(rng.uniform(0.05, 0.9, (7, GRID.size)))

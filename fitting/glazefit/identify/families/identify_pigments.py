@@ -200,7 +200,7 @@ def _identification(
             spread = float(odds.fraction_sd[row, number]) / max(share * (1.0 - share), 1e-6)
             covariance[row, index, own, own] = 0.5 * spread**2 * np.eye(2)
         near = (search.wavelengths >= grid[0] - _EDGE) & (search.wavelengths <= grid[-1] + _EDGE)
-        film = templates.readings[template] + search.surface * float(gloss[row])
+        film = search.film(template, readings[row])
         fitted[row, index, 0, near] = np.interp(search.wavelengths[near], grid, film)
     # Each paint's probability is the sum over the candidates that hold it.
     probability = odds.sets[rows, best]

@@ -17,15 +17,17 @@ from glazejax import Pigment
 
 from ..result.groups import COLOURLESS, GROUPS
 from ..search.pool import NOBODY
-from .features import colours, surface_in, views
+from .features import colours, surface_in, views, with_one_gloss
 from .metric import Metric, as_columns, squares_between
 from .sureness import Sureness
 from .templates import Templates
 
-ANOTHER_COLOUR = 15.0
-"""Colour difference (nearly CIE94) beyond which a film is no explanation of a reading."""
-ANOTHER_CHROMA = 7.0
-"""The same of chroma alone (10 in CIELAB), for films without a coloured pigment."""
+ANOTHER_COLOUR = 12.0
+"""Colour difference (nearly CIE94) beyond which a film is no explanation of a reading; CIEDE2000 is
+then below 15.
+"""
+MOST_CHROMA = 14.3
+"""Chroma (20 in CIELAB) that a reading without a coloured pigment has at most."""
 LIGHTEST_BLACK = 50.0
 """Lightness L* that a reading of a black alone has at most: middle grey."""
 # Log evidence of a set whose films all have another colour, however similar the slopes are.
@@ -198,6 +200,16 @@ class FamilySearch:
             return np.ones(len(readings))
         return surface_in(readings, self.surface) / self.surface
 
+    def film(
+        self, template: int, reading: Float[np.ndarray, "bands"]
+    ) -> Float[np.ndarray, "compared"]:
+        """Reading of a computed film with as much gloss as is in a reading, at the bands that are
+        compared.
+        """
+        bands = self.compared.bands
+        gloss = reading[bands] - with_one_gloss(self.body(reading[None])[:, bands])[0]
+        return np.asarray(with_one_gloss(self.compared.templates.readings[template]) + gloss)
+
     def body(
         self, readings: Float[np.ndarray, "spectra bands"]
     ) -> Float[np.ndarray, "spectra bands"]:
@@ -217,9 +229,8 @@ class FamilySearch:
         possible = squares_between(read, as_columns(films.colours)) <= ANOTHER_COLOUR**2
         # Whites, extenders and blacks have hardly a chroma of their own, and one that shows is not
         # theirs.
-        colourless = self._made_of(COLOURLESS)
-        chromas = as_columns(films.colours[colourless, 1:])
-        possible[:, colourless] &= squares_between(read[:, 1:], chromas) <= ANOTHER_CHROMA**2
+        chroma = np.hypot(read[:, 1:2], read[:, 2:])
+        possible[:, self._made_of(COLOURLESS)] &= chroma <= MOST_CHROMA
         # A thin coat of black over white is grey, and a grey as light as that has other causes.
         possible[:, self._made_of(GROUPS["a black"])] &= read[:, :1] <= LIGHTEST_BLACK
         return np.asarray(possible)
