@@ -33,8 +33,13 @@ from glazefit.recover.joint.problem import Expectations
 from glazefit.recover.joint.result import JointRecovery
 from glazejax.commands.main import start_jax
 
-NEEDS = tuple(
-    f"data/{name}" for name in ("hyperdoc", "hyppigments", "bath", "grillini", "kimera", "usgs")
+NEEDS = (
+    "data/bath",
+    "data/grillini",
+    "data/hyperdoc",
+    "data/hyppigments",
+    "data/kimera",
+    "data/usgs",
 )
 
 FOLDER = Path(glazejax.__file__).parent / "catalogue"
