@@ -133,14 +133,16 @@ class FamilyCatalogue:
     ) -> list[Answer]:
         odds = search.odds(readings, hidden=unknown)
         answers = []
-        for reading, chances, none, unlike, best in zip(
-            readings, odds.sets, odds.none, odds.unlike, odds.best, strict=True
+        first = odds.sets.argmax(axis=1)[:, None]
+        films = search.films(np.take_along_axis(odds.best, first, axis=1), readings)[:, 0]
+        for chances, none, unlike, body in zip(
+            odds.sets, odds.none, odds.unlike, films, strict=True
         ):
             answer = self._answer(
                 name_sets(search, chances), float(none), bool(unlike) or none >= 0.5
             )
             film = np.full(GRID.size, np.nan)
-            film[bands[search.compared.bands]] = search.film(int(best[chances.argmax()]), reading)
+            film[bands[search.compared.bands]] = body
             answers.append(replace(answer, film=film))
         return answers
 

@@ -179,36 +179,34 @@ def _identification(
     thickness = usual_coat(search.exemplars)
     templates = search.compared.templates
     grid = search.wavelengths[search.compared.bands]
-    # The best sets of each spectrum as candidates.
+    # The best sets of each spectrum as candidates, each by its best film.
     shape = (len(measured), count)
+    template = odds.best[rows, best]
+    pair = templates.members[template]
+    present = pair != NOBODY
     members = np.full((*shape, 3), NOBODY)
+    members[..., :2] = pair
+    # A film that hides its ground is of no thickness: shown as a usual coat.
+    coat = templates.thickness[template]
+    depth = thickness * np.where(np.isinf(coat), 1.0, coat)
+    share = np.where(present[..., 1], odds.fraction[rows, best], 1.0)
     amounts = np.zeros((*shape, 3))
+    amounts[..., :2] = depth[..., None] * np.stack([share, 1.0 - share], axis=-1)
+    # Half of the variance of the log odds of the fractions to each log amount.
+    spread = odds.fraction_sd[rows, best] / np.maximum(share * (1.0 - share), 1e-6)
+    variance = np.where(present[..., 1], 0.5 * spread**2, 0.0)
     covariance = np.zeros((*shape, 3, 3))
+    covariance[..., :2, :2] = variance[..., None, None] * np.eye(2)
+    # Between the bands that are compared, and a little beyond them.
+    near = (search.wavelengths >= grid[0] - _EDGE) & (search.wavelengths <= grid[-1] + _EDGE)
+    between = [np.interp(search.wavelengths[near], grid, row) for row in np.eye(grid.size)]
     fitted = np.full((*shape, 1, readings.shape[1]), np.nan)
-    for row, index in np.ndindex(shape):
-        number = best[row, index]
-        template = int(odds.best[row, number])
-        paints = templates.members[template][templates.members[template] != NOBODY]
-        own = slice(len(paints))
-        members[row, index, own] = paints
-        coat = float(templates.thickness[template])
-        depth = thickness * (1.0 if np.isinf(coat) else coat)
-        share = float(odds.fraction[row, number]) if len(paints) > 1 else 1.0
-        amounts[row, index, own] = depth * np.array([share, 1.0 - share])[own]
-        if len(paints) > 1:
-            # Half of the variance of the log odds of the fractions to each log amount.
-            spread = float(odds.fraction_sd[row, number]) / max(share * (1.0 - share), 1e-6)
-            covariance[row, index, own, own] = 0.5 * spread**2 * np.eye(2)
-        near = (search.wavelengths >= grid[0] - _EDGE) & (search.wavelengths <= grid[-1] + _EDGE)
-        film = search.film(template, readings[row])
-        fitted[row, index, 0, near] = np.interp(search.wavelengths[near], grid, film)
+    fitted[:, :, 0, near] = search.films(template, readings) @ np.array(between)
     # Each paint's probability is the sum over the candidates that hold it.
     probability = odds.sets[rows, best]
     paint_probability = np.zeros((len(measured), len(search.exemplars)))
-    for index in range(3):
-        present = members[:, :, index] != NOBODY
-        row, column = np.nonzero(present)
-        np.add.at(paint_probability, (row, members[row, column, index]), probability[row, column])
+    row, column, index = np.nonzero(present)
+    np.add.at(paint_probability, (row, pair[row, column, index]), probability[row, column])
     return Identification(
         measured=measured,
         paints=tuple(paint.name for paint in search.exemplars),

@@ -200,15 +200,17 @@ class FamilySearch:
             return np.ones(len(readings))
         return surface_in(readings, self.surface) / self.surface
 
-    def film(
-        self, template: int, reading: Float[np.ndarray, "bands"]
-    ) -> Float[np.ndarray, "compared"]:
-        """Reading of a computed film with as much gloss as is in a reading, at the bands that are
-        compared.
+    def films(
+        self,
+        templates: Int[np.ndarray, "spectra films"],
+        readings: Float[np.ndarray, "spectra bands"],
+    ) -> Float[np.ndarray, "spectra films compared"]:
+        """Readings of computed films with as much gloss as is in each reading, at the bands that
+        are compared.
         """
         bands = self.compared.bands
-        gloss = reading[bands] - with_one_gloss(self.body(reading[None])[:, bands])[0]
-        return np.asarray(with_one_gloss(self.compared.templates.readings[template]) + gloss)
+        gloss = readings[:, bands] - with_one_gloss(self.body(readings)[:, bands])
+        return with_one_gloss(self.compared.templates.readings[templates]) + gloss[:, None]
 
     def body(
         self, readings: Float[np.ndarray, "spectra bands"]
