@@ -9,6 +9,7 @@ from benchmarks.paintbench import sources, splits, tasks
 from benchmarks.paintbench.library import Answer, pure_table
 from benchmarks.paintbench.mixers import KubelkaMunk, Mixtures
 from benchmarks.paintbench.spectra import GRID
+from scipy.stats import binom
 
 from glazejax import catalogue
 
@@ -66,6 +67,18 @@ def test_films_that_are_said_to_hide_their_ground_lie_over_no_black_card(measure
 )
 def test_an_answer_is_right_as_the_readme_says(answer, truth, right):
     assert tasks.is_right(answer, truth) == right
+
+
+def test_few_answers_have_a_calibration_error_where_all_that_is_stated_is_true():
+    record = tasks.Record()
+    for right in (True, False) * 15:
+        record.state("chart", "method", 0.55, right)
+    record.score_calibration()
+    scores = record.results["calibration"]["chart"]["method"]
+    counts = np.arange(31)
+    expected = float(np.abs(counts / 30 - 0.55) @ binom.pmf(counts, 30, 0.55))
+    assert scores["ece"] == pytest.approx(0.05)
+    assert scores["ece_if_true"] == pytest.approx(expected, rel=0.1)
 
 
 def test_scores_against_their_closed_forms():

@@ -29,6 +29,7 @@ LARGEST_GROUP = 4
 """Families that an answer may name together, where spectra do not separate them, to be right."""
 BINS = 10
 """Of stated probabilities."""
+_DRAWS = 500
 LEAST_BANDS = 10
 """A source that has fewer in a task's range takes no part in it."""
 
@@ -92,15 +93,19 @@ class Record:
         self._stated.setdefault((source, method), []).append((chance, right))
 
     def score_calibration(self) -> None:
-        """The task `calibration`: expected calibration error over ten bins of equal width."""
+        """The task `calibration`: expected calibration error over ten bins of equal width, and what
+        so many answers have of it where all that is stated is true.
+        """
+        rng = np.random.default_rng(0)
         for (source, method), pairs in self._stated.items():
             chances, right = (np.array(column, dtype=float) for column in zip(*pairs, strict=True))
-            self.add(
-                "calibration",
-                source,
-                method,
-                {"n": len(pairs), "ece": calibration_error(chances, right)},
-            )
+            draws = rng.uniform(size=(_DRAWS, len(pairs))) < chances
+            scores: Scores = {
+                "n": len(pairs),
+                "ece": calibration_error(chances, right),
+                "ece_if_true": float(np.mean([calibration_error(chances, d) for d in draws])),
+            }
+            self.add("calibration", source, method, scores)
 
 
 def calibration_error(
