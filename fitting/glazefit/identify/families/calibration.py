@@ -125,12 +125,12 @@ def learn_power(
 
 
 def learn_none(
-    with_family: Float[np.ndarray, "known views+1"],
-    without: Float[np.ndarray, "readings views+1"],
+    with_family: Float[np.ndarray, "known 2"],
+    without: Float[np.ndarray, "readings 2"],
     weights: tuple[Float[np.ndarray, "known"], Float[np.ndarray, "readings"]],
-) -> tuple[tuple[float, ...], float, float]:
+) -> tuple[tuple[float, float], float, float]:
     """Slopes and intercept of the log odds of 'one of the families' over `log_densities`, by
-    logistic regression in which both halves count equally; and the log odds that all but a few
+    logistic regression in which both halves count equally; and the log evidence that all but a few
     readings of a known family exceed.
 
     Args:
@@ -142,23 +142,21 @@ def learn_none(
     is_known = np.concatenate([np.ones(len(with_family)), np.zeros(len(without))])
     normalised = np.concatenate([w / np.sum(w) for w in weights])
     # The evidence as it is, and nothing else.
-    usual = np.zeros(densities.shape[1] + 1)
-    usual[0] = 1.0
+    usual = np.array([1.0, 0.0, 0.0])
 
-    def loss(line: Float[np.ndarray, "unknowns"]) -> float:
-        odds = densities @ line[:-1] + line[-1]
+    def loss(line: Float[np.ndarray, "3"]) -> float:
+        odds = densities @ line[:2] + line[2]
         misfit = np.sum(normalised * np.logaddexp(0.0, np.where(is_known > 0, -odds, odds)))
-        pull = np.sum(((line - usual)[:-1] / _SLOPE_SD) ** 2)
+        pull = np.sum(((line - usual)[:2] / _SLOPE_SD) ** 2)
         return float(misfit + 0.5 * pull / len(densities))
 
-    *slopes, intercept = minimize(loss, usual, method="BFGS").x.tolist()
-    # More evidence never speaks for 'none'.
-    slopes[0] = max(slopes[0], 0.0)
-    log_odds = with_family @ slopes + intercept
-    order = np.argsort(log_odds)
+    of_evidence, of_density, intercept = minimize(loss, usual, method="BFGS").x.tolist()
+    evidence = with_family[:, 0]
+    order = np.argsort(evidence)
     below = np.cumsum(weights[0][order]) / np.sum(weights[0])
-    least = float(log_odds[order][np.searchsorted(below, FALSE_ALARMS)])
-    return tuple(slopes), intercept, least
+    least = float(evidence[order][np.searchsorted(below, FALSE_ALARMS)])
+    # More evidence never speaks for 'none'.
+    return (max(of_evidence, 0.0), of_density), intercept, least
 
 
 def right_sets(search: FamilySearch) -> Bool[np.ndarray, "families sets"]:

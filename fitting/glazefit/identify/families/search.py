@@ -185,7 +185,7 @@ class FamilySearch:
         return FamilyOdds(
             sets=(1.0 - none[:, None]) * self.sureness.share(log_sets, self.log_prior[None]),
             none=none,
-            unlike=self.sureness.is_unlike(log_sets, any_paint),
+            unlike=self.sureness.is_unlike(log_sets),
             best=best,
             fraction=mean,
             fraction_sd=sd,
@@ -260,10 +260,11 @@ class FamilySearch:
 
     def _any_paint(
         self, points: Sequence[Float[np.ndarray, "spectra components"]]
-    ) -> Float[np.ndarray, "spectra views"]:
-        """Log density of each reading as any paint, in each view."""
-        pairs = zip(self.compared.metrics, points, strict=True)
-        return np.column_stack([metric.log_any_paint(place) for metric, place in pairs])
+    ) -> Float[np.ndarray, "spectra"]:
+        """Log density of each reading as any paint: of the reading as it is, since one whose gloss
+        was brought to one level is unusual where the instrument is not the stated one.
+        """
+        return self.compared.metrics[0].log_any_paint(points[0])
 
     def _evidence(
         self,

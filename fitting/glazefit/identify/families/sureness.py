@@ -29,14 +29,14 @@ class Sureness:
         power: that likelihoods of templates are raised to.
         sharpness: that sets of families are, after that.
         slopes, intercept: of the log odds that a reading is of one of the families, over its log
-            evidence and its log density as any paint in each view, where half of all readings are.
-        least: log odds below which a reading looks less like the families than all but a
+            evidence and its log density as any paint, where half of all readings are.
+        least: log evidence below which a reading looks less like the families than all but a
             twentieth of the paints that are of them.
     """
 
     power: float = 1.0
     sharpness: float = 1.0
-    slopes: tuple[float, ...] = (1.0, 0.0, 0.0)
+    slopes: tuple[float, float] = (1.0, 0.0)
     intercept: float = 0.0
     least: float = -np.inf
 
@@ -56,48 +56,35 @@ class Sureness:
         tempered = softmax(self.sharpness * log_sets, axis=1)
         return np.asarray((1.0 - WORTHLESS) * tempered + WORTHLESS * prior)
 
-    def is_unlike(
-        self,
-        log_sets: Float[np.ndarray, "spectra sets"],
-        any_paint: Float[np.ndarray, "spectra views"],
-    ) -> Bool[np.ndarray, "spectra"]:
+    def is_unlike(self, log_sets: Float[np.ndarray, "spectra sets"]) -> Bool[np.ndarray, "spectra"]:
         """True for readings that look less like the families than nearly all paints that are of
         them.
 
         Args:
             log_sets: as for `share`.
-            any_paint: log density of each reading as any paint (`Metric.log_any_paint`).
         """
-        return self._log_odds(log_sets, any_paint) < self.least
+        return log_sum(log_sets) < self.least
 
     def none(
         self,
         log_sets: Float[np.ndarray, "spectra sets"],
-        any_paint: Float[np.ndarray, "spectra views"],
+        any_paint: Float[np.ndarray, "spectra"],
         unknown: float,
     ) -> Float[np.ndarray, "spectra"]:
         """Probability that a reading is of none of the families.
 
         Args:
             log_sets: as for `share`.
-            any_paint: as for `is_unlike`.
+            any_paint: log density of each reading as any paint (`Metric.log_any_paint`).
             unknown: the prior of the same.
         """
-        prior = np.log(unknown / (1.0 - unknown))
-        return np.asarray(expit(prior - self._log_odds(log_sets, any_paint)))
-
-    def _log_odds(
-        self,
-        log_sets: Float[np.ndarray, "spectra sets"],
-        any_paint: Float[np.ndarray, "spectra views"],
-    ) -> Float[np.ndarray, "spectra"]:
-        """Of one of the families, where half of all readings are."""
-        return log_densities(log_sets, any_paint) @ np.array(self.slopes) + self.intercept
+        log_odds = log_densities(log_sets, any_paint) @ np.array(self.slopes) + self.intercept
+        return np.asarray(expit(np.log(unknown / (1.0 - unknown)) - log_odds))
 
 
 def log_densities(
-    log_sets: Float[np.ndarray, "spectra sets"], any_paint: Float[np.ndarray, "spectra views"]
-) -> Float[np.ndarray, "spectra views+1"]:
+    log_sets: Float[np.ndarray, "spectra sets"], any_paint: Float[np.ndarray, "spectra"]
+) -> Float[np.ndarray, "spectra 2"]:
     """Log evidence of all sets, and log density as any paint: what 'none' is judged by."""
     return np.column_stack([log_sum(log_sets), any_paint])
 
