@@ -354,11 +354,11 @@ def test_an_unusual_reading_owes_its_evidence_to_how_unusual_it_is():
     rng = np.random.default_rng(7)
     fits = rng.normal([[1.0], [0.0]], 1.0, (2, 20000))
     any_paint = rng.normal(-20.0, 3.0, (2, 20000))
-    sides = [
+    known, foreign = (
         np.column_stack([fit - usual, usual]) for fit, usual in zip(fits, any_paint, strict=True)
-    ]
+    )
     weights = np.ones(20000)
-    slopes, _, _ = calibration.learn_none(*sides, (weights, weights))
+    slopes, _, _ = calibration.learn_none(known, foreign, (weights, weights))
     assert slopes == pytest.approx((1.0, 1.0), abs=0.05)
 
 
