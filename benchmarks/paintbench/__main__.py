@@ -79,6 +79,8 @@ _RECORDED = {
     "none_found": ("none", "hyperdoc", _OURS, "found"),
     "none_false": ("none", "hyperdoc", _OURS, "false"),
     "none_angle": ("none", "hyperdoc", "spectral angle", "found"),
+    "none_makers": ("none", "makers", _OURS, "found"),
+    "none_makers_angle": ("none", "makers", "spectral angle", "found"),
     "mixed_bath": ("mixture", "bath", _OURS, "first"),
     "mixed_grillini": ("mixture", "grillini", _OURS, "first"),
     "mixed_grillini_unmixing": ("mixture", "grillini", "NNLS of -log R", "first"),
