@@ -90,10 +90,10 @@ def calibrate(
     )
     # Then how probable none is, with the family and without.
     logs = by_power[sureness.power]
-    usual = np.concatenate(any_paint)
+    density = np.concatenate(any_paint)
     slopes, intercept, least = learn_none(
-        log_densities(logs[comparable], usual[comparable]),
-        log_densities(np.where(without, -np.inf, logs), usual),
+        log_densities(logs[comparable], density[comparable]),
+        log_densities(np.where(without, -np.inf, logs), density),
         (weights[comparable], weights),
     )
     sureness = replace(sureness, slopes=slopes, intercept=intercept, least=least)

@@ -57,6 +57,16 @@ class Compared:
     sets: Int[np.ndarray, "templates"]
 
 
+def points_in(
+    metrics: Sequence[Metric],
+    wavelengths: Float[np.ndarray, "bands"],
+    readings: Float[np.ndarray, "n bands"],
+) -> list[Float[np.ndarray, "n components"]]:
+    """Readings without the surface's part as points in the metric of each view."""
+    features = views(wavelengths, readings)
+    return [metric.place(values) for metric, values in zip(metrics, features, strict=True)]
+
+
 class _SetSums(NamedTuple):
     """Evidence of templates, summed over each set's.
 
@@ -252,11 +262,8 @@ class FamilySearch:
         self, body: Float[np.ndarray, "spectra bands"]
     ) -> list[Float[np.ndarray, "spectra components"]]:
         """Readings without the surface's part, as points in the metric of each view."""
-        films = self.compared
-        features = views(self.wavelengths[films.bands], body[:, films.bands])
-        return [
-            metric.place(values) for metric, values in zip(films.metrics, features, strict=True)
-        ]
+        bands = self.compared.bands
+        return points_in(self.compared.metrics, self.wavelengths[bands], body[:, bands])
 
     def _any_paint(
         self, points: Sequence[Float[np.ndarray, "spectra components"]]

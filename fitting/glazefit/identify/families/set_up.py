@@ -21,7 +21,7 @@ from .calibration import calibrate
 from .expected import EXPECTED
 from .features import colours, views
 from .metric import Metric, as_columns, learn_metric
-from .search import Compared, FamilySearch
+from .search import Compared, FamilySearch, points_in
 from .stand_ins import with_stand_ins
 from .sureness import Sureness
 from .templates import Templates, coefficients, mixed_templates, pure_templates
@@ -228,12 +228,7 @@ def _points(
     features.
     """
     chunks = [
-        [
-            metric.place(values)
-            for metric, values in zip(
-                metrics, views(wavelengths, readings[start : start + _FILMS]), strict=True
-            )
-        ]
+        points_in(metrics, wavelengths, readings[start : start + _FILMS])
         for start in range(0, max(len(readings), 1), _FILMS)
     ]
     return tuple(as_columns(np.concatenate(points)) for points in zip(*chunks, strict=True))
