@@ -34,6 +34,10 @@ from glazejax.radiative.rough.basis import Size
 FINE = Size(12, 24, 3.0, 64, 64, (40, 40))
 SURFACES = ((0.05, 1.5), (0.3, 1.5), (0.5, 1.7), (0.1, 1.05), (1e-3, 1.5), (1.0, 1.5), (0.2, 2.5))
 TOLERANCES = (1e-3, 1e-4, 1e-5)
+# What a run of small size leaves out: the last of them.
+NEEDS_SIZE = ("worst_1e5", "times_1e5")
+# Stacks whose times are taken.
+_TIMED = 41
 
 
 def random_stacks(count: int, seed: int = 0) -> dict[str, np.ndarray]:
@@ -111,15 +115,24 @@ def main() -> None:
         worst = np.maximum(worst, row)
     say(f"{'worst':>16}   " + "   ".join(f"{f:8.1e} {h:8.1e}" for f, h in worst))
     say()
+    say.record(random=results.quantity(options.stacks, digits=0))
+    for tolerance, of_both in zip(TOLERANCES, worst, strict=True):
+        largest = results.quantity(of_both.max(), digits=1, form="e")
+        say.record(**{f"worst_{_in_name(tolerance)}": largest})
     _speed(say)
     say.save()
 
 
+def _in_name(tolerance: float) -> str:
+    """A tolerance as names of recorded values have it: 1e4 for 1e-4."""
+    return f"1e{-round(np.log10(tolerance))}"
+
+
 def _speed(say: results.Results) -> None:
     q, d, g = (
-        jnp.linspace(0.5, 0.99, 82).reshape(41, 2),
-        jnp.linspace(0.1, 4, 82).reshape(41, 2),
-        jnp.full(41, 0.6),
+        jnp.linspace(0.5, 0.99, 2 * _TIMED).reshape(_TIMED, 2),
+        jnp.linspace(0.1, 4, 2 * _TIMED).reshape(_TIMED, 2),
+        jnp.full(_TIMED, 0.6),
     )
     arguments = q, d, g
     cosines: dict[str, Any] = {"cos_incidence": 0.8, "cos_viewing": 0.6}
@@ -130,8 +143,8 @@ def _speed(say: results.Results) -> None:
 
     base = seconds(smooth, *arguments)
     say(
-        "Time of 41 stacks of two layers, compiled, over that of the smooth solver at tolerance "
-        "1e-4; with slopes by"
+        f"Time of {_TIMED} stacks of two layers, compiled, over that of the smooth solver at "
+        "tolerance 1e-4; with slopes by"
     )
     say(
         "albedo, thickness and ground; and the seconds of once, for the operators of one surface "
@@ -142,10 +155,11 @@ def _speed(say: results.Results) -> None:
     slopes = jax.jit(jax.grad(lambda *a: jnp.sum(smooth(*a)), argnums=(0, 1, 2)))
     say(f"{'smooth':>9} {1.0:7.2f} {seconds(slopes, *arguments) / base:7.2f} {'':>10}")
     times = {}
+    set_up = []
     for tolerance in TOLERANCES:
         start = time.process_time()
         resolution.resolve(1.5, 0.2, tolerance).operators()
-        once = time.process_time() - start
+        set_up.append(time.process_time() - start)
         value = jax.jit(
             functools.partial(
                 rough.rough_reflectance_factor, roughness=0.2, tolerance=tolerance, **cosines
@@ -155,8 +169,17 @@ def _speed(say: results.Results) -> None:
         times[tolerance] = seconds(value, *arguments)
         say(
             f"{tolerance:9.0e} {times[tolerance] / base:7.2f} "
-            f"{seconds(gradient, *arguments) / base:7.2f} {once:10.2f}"
+            f"{seconds(gradient, *arguments) / base:7.2f} {set_up[-1]:10.2f}"
         )
+        # A ratio of several is written as a whole number.
+        ratio = times[tolerance] / base
+        digits = 1 if tolerance == TOLERANCES[0] else 0
+        times_smooth = results.quantity(ratio, "times", digits)
+        say.record(**{f"times_{_in_name(tolerance)}": times_smooth})
+    say.record(
+        operators=results.quantity(max(set_up), "s", digits=1),
+        timed=results.quantity(_TIMED, digits=0),
+    )
     say()
     rng, view = np.random.default_rng(0), position_free.Views(np.array([0.6]), np.zeros(1))
     stack = position_free.Stack(
@@ -178,7 +201,7 @@ def _speed(say: results.Results) -> None:
         error = float(follow().error.max())
         took = time.perf_counter() - start
         for tolerance in (1e-3, 1e-4):
-            ratio = took * (error / tolerance) ** 2 / (times[tolerance] / 41)
+            ratio = took * (error / tolerance) ** 2 / (times[tolerance] / _TIMED)
             say(
                 f"Paths to a standard error of {tolerance:.0e} of {name}: {ratio:.1e} times one "
                 "stack's time"
