@@ -29,6 +29,7 @@ LARGEST_GROUP = 4
 """Families that an answer may name together, where spectra do not separate them, to be right."""
 BINS = 10
 """Of stated probabilities."""
+# Draws of answers of which all that is stated is true.
 _DRAWS = 500
 LEAST_BANDS = 10
 """A source that has fewer in a task's range takes no part in it."""

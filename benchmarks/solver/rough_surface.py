@@ -167,15 +167,14 @@ def _speed(say: results.Results) -> None:
         )
         gradient = jax.jit(jax.grad(lambda *a, value=value: jnp.sum(value(*a)), argnums=(0, 1, 2)))
         times[tolerance] = seconds(value, *arguments)
+        ratio = times[tolerance] / base
         say(
-            f"{tolerance:9.0e} {times[tolerance] / base:7.2f} "
+            f"{tolerance:9.0e} {ratio:7.2f} "
             f"{seconds(gradient, *arguments) / base:7.2f} {set_up[-1]:10.2f}"
         )
-        # A ratio of several is written as a whole number.
-        ratio = times[tolerance] / base
+        # The smallest is quoted with a digit after the point, the others are whole numbers.
         digits = 1 if tolerance == TOLERANCES[0] else 0
-        times_smooth = results.quantity(ratio, "times", digits)
-        say.record(**{f"times_{_in_name(tolerance)}": times_smooth})
+        say.record(**{f"times_{_in_name(tolerance)}": results.quantity(ratio, "times", digits)})
     say.record(
         operators=results.quantity(max(set_up), "s", digits=1),
         timed=results.quantity(_TIMED, digits=0),

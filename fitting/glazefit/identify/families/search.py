@@ -23,8 +23,8 @@ from .sureness import Sureness
 from .templates import Templates
 
 ANOTHER_COLOUR = 12.0
-"""Colour difference (nearly CIE94) beyond which a film is no explanation of a reading; CIEDE2000 is
-then below 15.
+"""Colour difference (nearly CIE94) beyond which a film is no explanation of a reading; but for
+colours near black, CIEDE2000 is then below 15.
 """
 MOST_CHROMA = 14.3
 """Chroma (20 in CIELAB) that a reading without a coloured pigment has at most."""
