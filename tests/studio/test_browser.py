@@ -262,6 +262,8 @@ def test_the_canvas_is_brushed_by_keys(page):
     from selenium.webdriver import Keys
 
     canvas = page.canvas()
+    # How near the colours are is said in the same line, when they have been compared.
+    page.until(lambda: canvas.get_attribute("data-state") == "exact", "the comparison")
     canvas.send_keys(Keys.ARROW_LEFT * 8)
     assert page.at("easel-state").text == "brush at 384, 512; space lays paint"
     assert page.all(".ring")[0].is_displayed()
