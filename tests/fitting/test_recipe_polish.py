@@ -9,10 +9,11 @@ from numpy.testing import assert_allclose
 import glazejax as gj
 from glazefit import lab_target
 from glazefit.film.colour_metric import lab_metric
+from glazefit.film.numerics.columns import take_rows
 from glazefit.recipe.model import read
 from glazefit.recipe.refine import colour_misfit, look, refine, score, start
 from glazefit.recipe.screen import Stacks
-from glazefit.recipe.targets import TargetArrays, take_rows
+from glazefit.recipe.targets import TargetArrays
 from glazefit.recipe.task import RecipeTask, make_task
 from glazejax import colour
 

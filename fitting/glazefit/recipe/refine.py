@@ -20,10 +20,11 @@ from glazejax.colour import delta_e_2000
 
 from ..film.colour_metric import lab_metric
 from ..film.model.optics import Optics
+from ..film.numerics.columns import take_rows
 from ..film.numerics.least_squares import Bounds, Looks, descend_within
 from .model import OneStack, Sizes, read
 from .screen import MOST_SCREENED, PerStack, Stacks
-from .targets import Indices, take_rows
+from .targets import Indices
 from .task import RecipeTask
 
 Points: TypeAlias = Float[np.ndarray, "n unknowns"]

@@ -22,8 +22,9 @@ from glazejax.programs import Program
 from glazejax.progress import Progress, counted, no_progress
 from glazejax.radiative.common.threads import in_threads
 
+from ..film.numerics.columns import take_rows
 from .model import Sizes, StackModel, internal, lab_of
-from .targets import Indices, TargetArrays, take_rows
+from .targets import Indices, TargetArrays
 from .task import RecipeTask
 
 PerStack: TypeAlias = Float[np.ndarray, "n"]

@@ -7,7 +7,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Any, NamedTuple, TypeAlias, TypeVar
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -24,14 +24,6 @@ Colour: TypeAlias = Sequence[float] | Lab
 """L*, a*, b*."""
 Indices: TypeAlias = Int[np.ndarray, "n"]
 """Numbers of rows, or a number of a row each."""
-
-Record = TypeVar("Record", bound=NamedTuple)
-
-
-def take_rows(record: Record, rows: Indices) -> Record:
-    """Some rows of every array of a record."""
-    return record._make(values[rows] for values in record)
-
 
 DEFAULT_CHART = "BabelColor Average"
 """Mean of 30 charts of 24 patches, measured at 45:0, 380-730 nm, as colour-science ships it."""

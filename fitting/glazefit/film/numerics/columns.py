@@ -2,9 +2,11 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import fields, is_dataclass
-from typing import Any, Self
+from typing import Any, NamedTuple, Self, TypeVar
 
 import numpy as np
+
+Record = TypeVar("Record", bound=NamedTuple)
 
 
 class Columns:
@@ -42,3 +44,8 @@ class Columns:
             return np.concatenate([load(number, name) for number in range(count)])
 
         return cls(**{field.name: column(field.name, field.type) for field in fields(cls)})  # pyright: ignore[reportArgumentType]
+
+
+def take_rows(record: Record, rows: np.ndarray) -> Record:
+    """Some rows of every array of a named tuple."""
+    return record._make(values[rows] for values in record)

@@ -29,6 +29,8 @@ from jaxtyping import Array, Bool, Float, Int
 
 from glazejax.radiative.common.linalg import matmul, solve_positive
 
+from .columns import take_rows
+
 # After a good step the next may be so many times as long, after one that failed a quarter: Gould,
 # Orban, Sartenaer, Toint (2005), as optimistix has it.
 _LONGER = 3.5
@@ -299,10 +301,6 @@ class Looks(NamedTuple):
     slope: Float[np.ndarray, "n m"]
     curvature: Float[np.ndarray, "n m m"]
 
-    def take(self, rows: Int[np.ndarray, "rows"] | Bool[np.ndarray, "n"]) -> "Looks":
-        """Those of some rows."""
-        return Looks(*(values[rows] for values in self))
-
 
 class Bounds(NamedTuple):
     """Least and largest values of the unknowns, and the longest step of each."""
@@ -351,7 +349,7 @@ def descend_within(
     settled = np.zeros(len(point), bool)
     going = np.flatnonzero(np.isfinite(values.cost))
     for _ in range(max_steps):
-        local = values.take(going)
+        local = take_rows(values, going)
         # So little damping leaves a step as good as full, and its matrix regular.
         least = 1e-9 * _largest(local.curvature)
         promised = bounded_step(point[going], local, bounds, least)[1]
@@ -361,7 +359,9 @@ def descend_within(
         if going.size == 0:
             break
         damping[going] = np.maximum(damping[going], least[unsettled])
-        trial_point, _ = bounded_step(point[going], local.take(unsettled), bounds, damping[going])
+        trial_point, _ = bounded_step(
+            point[going], take_rows(local, unsettled), bounds, damping[going]
+        )
         trial = look(going, trial_point)
         # A cost that is no number is no better.
         better = trial.cost < values.cost[going]

@@ -7,7 +7,7 @@ said to hide its ground but may not, coats of several thicknesses accompany it.
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import jax
 import numpy as np
@@ -18,6 +18,7 @@ from glazejax.spectra import lie_between
 
 from ...film.model.response import FilmResponse
 from ...film.numerics.blocks import by_blocks
+from ...film.numerics.columns import Columns
 
 FRACTIONS = (0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 0.95, 0.98)
 """Mass fractions of the first of two paints."""
@@ -40,7 +41,7 @@ _NODES = 600
 
 
 @dataclass(frozen=True, kw_only=True)
-class Templates:
+class Templates(Columns):
     """Computed films.
 
     Attributes:
@@ -57,16 +58,6 @@ class Templates:
 
     def __len__(self) -> int:
         return len(self.members)
-
-    def take(self, rows: Int[np.ndarray, "rows"]) -> "Templates":
-        """Some of them, by number."""
-        return Templates(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
-
-    @classmethod
-    def join(cls, groups: Sequence["Templates"]) -> "Templates":
-        """Those of several groups."""
-        arrays = {f.name: [getattr(group, f.name) for group in groups] for f in fields(cls)}
-        return cls(**{name: np.concatenate(values) for name, values in arrays.items()})
 
 
 def coefficients(
