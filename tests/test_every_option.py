@@ -69,12 +69,12 @@ USUAL = {
 WORDS = """
 bands=420-650 bin=2 catalogue=acrylics coat-thickness=2-7 coats=Eosin:7um dark=dark.txt dataset=two
 elements=Cu,Pb excluded=dull.csv family=azurite film-thickness=40um±5% format=exr
-fraction-map=thick.npy ground=0.3 ground-map=thick.npy illuminant=A illuminants=D65,A instrument=d:0
+fraction-map=thick.npy ground=0.3 ground-map=thick.npy illuminant=A illuminants=A instrument=d:0
 into=paints.csv lab=60,10,5 ladder=CobaltBlue layering=reciprocal mask=corner.csv
 max-coats=2 max-paints=2 memory=3GiB mixed=1*ZincWhite model-error=0.021 names=other.tsv noise=0.013
 noise-share=0.07 observer=2 only=Eosin,ZincWhite painted=1620 paints=Eosin patch=white
 pigments=paints.csv pixel=50um reading=one.csv references=own.csv renderer=mitsuba
-quantity=reflectance resample=400:600:50 sample=two
+quantity=reflectance refractive-index=1.4 resample=400:600:50 sample=two
 sampler=emcee out=other.zarr samples=two scale=1.25 scheduler=tcp://127.0.0.1:9 size=8x6 space=acescg
 spectrum=spectra.csv spot=Grey=1,1 srgb=#8a4b2d stack=stack.json steps=70 test-illuminant=FL11
 thickness=40um unit=percent thickness-map=three.npy thickness-range=0-20um thin=3 varnish=none walkers=48

@@ -252,6 +252,10 @@ def test_folders(tmp_path):
     with refusal(r"not empty; choose another, or sing, or add --overwrite", FileExistsError):
         options.check_folder(tmp_path, False, instead=", or sing")
     assert options.check_folder(tmp_path, True) == tmp_path
+    measured = tmp_path / "films.csv"
+    with pytest.raises(ValueError, match="a file that is read"):
+        options.check_folder(tmp_path, True, inputs=[None, measured])
+    assert options.check_folder(tmp_path / "new", True, inputs=[measured]) == tmp_path / "new"
     with refusal("is a file", FileExistsError):
         options.check_folder(tmp_path / "x", True)
     with refusal("--out FOLDER"):

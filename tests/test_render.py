@@ -171,6 +171,10 @@ def test_a_stack_is_written_and_drawn(run, tmp_path):
     assert colours[0] == colours[1]
     status, third, _ = run("--stack", "stack.json", "--ground", "0.1", "--overwrite", pigments=None)
     assert re.findall(r"#[0-9a-f]{6}", third)[0] != colours[0]
+    # Also where it is the usual one, an index that is stated counts before the file's.
+    usual = ["--refractive-index", "1.5", "--write-stack", "usual.json", "--overwrite"]
+    assert run("--stack", "stack.json", *usual, pigments=None)[0] == 0
+    assert read_stack(tmp_path / "usual.json").refractive_index == 1.5
     assert run("--stack", "stack.json", "--coats", "Red:1um")[2].startswith(
         "error: --stack stack.json says what"
     )

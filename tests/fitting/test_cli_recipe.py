@@ -137,6 +137,11 @@ def test_a_wrong_line_is_said_before_a_file_that_exists(run, tmp_path):
         ),
         ("--lab 50,0,0 --spectra s.csv", "has no spectrum"),
         (
+            "--srgb #8a4b2d --illuminants D65,A",
+            "--illuminants D65,A needs a target with a spectrum",
+        ),
+        ("--lab 50,0,0 --illuminants D65,A", "--illuminants D65,A needs a target with a spectrum"),
+        (
             "--lab 50,0,0 --glazes --max-coats 7",
             "--max-coats is 7; it must be a whole number from 1 to 6",
         ),

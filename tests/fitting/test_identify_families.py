@@ -617,6 +617,10 @@ def test_anachronisms_are_said():
             "too little is known there: .* give readings",
         ),
         (
+            dict(wavelengths=np.linspace(1000.0, 1700.0, GRID.size)),
+            "the spectra begin at 1000 nm, and no answer without the visible",
+        ),
+        (
             dict(
                 spectra=np.full((1, 2, GRID.size), 0.5),
                 opaque=False,

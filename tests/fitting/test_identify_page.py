@@ -27,6 +27,7 @@ from glazefit.identify.show.ruled_out import ruled_out
 from glazefit.page.inputs import input_files
 from glazefit.page.plot import PlotAxes
 from glazefit.page.subject import check_subject
+from glazejax.commands.command_line import ground_file
 
 from ..studio.browser import start_browser
 from .answers import made_up
@@ -448,7 +449,7 @@ def test_bands_without_a_number_are_left_out():
 
 
 def test_files_that_were_read_are_hashed_with_the_other_half_of_a_pair(tmp_path):
-    for name in ("a.csv", "spectra.hdr", "spectra.sli"):
+    for name in ("a.csv", "spectra.hdr", "spectra.sli", "book.xlsx"):
         (tmp_path / name).write_bytes(b"abc")
     seen = input_files(
         {"FILE": tmp_path / "spectra.hdr", "--ground": None, "--pigments": tmp_path / "a.csv"}
@@ -463,6 +464,11 @@ def test_files_that_were_read_are_hashed_with_the_other_half_of_a_pair(tmp_path)
         "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"
     }
     assert input_files({"FILE": tmp_path / "gone"})[0]["sha256"] is None
+    # A sheet is hashed as its file.
+    (sheet,) = input_files({"FILE": tmp_path / "book.xlsx:data"})
+    assert sheet["name"].endswith("book.xlsx:data")
+    assert sheet["sha256"] == seen[0]["sha256"]
+    assert ground_file(f"{tmp_path / 'book.xlsx'}:data:white") == tmp_path / "book.xlsx"
 
 
 def test_what_a_page_of_paper_has_no_room_for_is_named_there():

@@ -210,7 +210,7 @@ def identify(
     from ..page.inputs import input_files
 
     console = Console(highlight=False)
-    search = facts.read_search({**typed, "catalogue": catalogue}, console, stated)
+    search = facts.read_search({**typed, "catalogue": catalogue}, console)
     paints, by_family, keywords, asked = search
     seen_with = keywords["instrument"]
     inputs = input_files(read) if report is not None else []

@@ -2,6 +2,7 @@
 is expected of films of these.
 """
 
+import datetime
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +16,6 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from glazejax import Pigment
-    from glazejax.io.quantity import Stated
 
 
 def _check_elements(text: str) -> None:
@@ -47,6 +47,7 @@ Painted = Annotated[
     int | None,
     typer.Option(
         metavar="YEAR",
+        callback=options.between(-10_000, datetime.date.today().year),
         help="Year of the painting, such as 1620: pigments not in use then become fifty times "
         "less probable, and are marked.",
         show_default=False,
@@ -99,13 +100,12 @@ class Search(NamedTuple):
     asked: str
 
 
-def read_search(typed: Mapping[str, Any], console: "Console", stated: "Stated") -> Search:
+def read_search(typed: Mapping[str, Any], console: "Console") -> Search:
     """The search that options ask for.
 
     Args:
         typed: options by the names of the command's arguments.
         console: to print notes on references to.
-        stated: what the user says of quantity and units of these.
 
     Raises:
         FileNotFoundError: no file of references.
@@ -144,7 +144,7 @@ def read_search(typed: Mapping[str, Any], console: "Console", stated: "Stated") 
             )
         from .families.references import read_references
 
-        library = read_references(references, instrument, **stated)
+        library = read_references(references, instrument)
         progress.print_notes(console, references, (*library.notes, *library.unclear))
         paints += library.pigments
     error = typed["model_error"]

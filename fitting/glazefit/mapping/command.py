@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from glazejax.commands import options, progress
+from glazejax.commands.command_line import ground_file
 from glazejax.commands.help_groups import help_groups
 
 from ..identify import facts
@@ -256,6 +257,7 @@ def map_(
         "--dark": dark,
         "--pigments": pigments,
         "--references": references,
+        "--ground": ground_file(ground),
     }
     _check_outputs(out, {"CUBE": cube, **given_files}, csv, export, report, overwrite)
     if cube is not None:
@@ -274,7 +276,7 @@ def map_(
     import numpy as np
     from rich.console import Console
 
-    from glazejax.commands.command_line import command_line, ground_file
+    from glazejax.commands.command_line import command_line
     from glazejax.io import CubeSource
 
     from ..film.films import Noise
@@ -300,7 +302,7 @@ def map_(
             without = example_files["without"]
     assert cube is not None
     chosen = {**typed, "catalogue": catalogue, "without": without}
-    paints, by_family, search, asked = facts.read_search(chosen, console, {})
+    paints, by_family, search, asked = facts.read_search(chosen, console)
     locations = read_spots(spots, [paint.name for paint in paints])
     seen_with = search["instrument"]
     # Workers of a cluster have another folder of their own.
@@ -362,7 +364,6 @@ def map_(
             "Elements not found": ", ".join(search["without_elements"]),
             "Painted": "" if painted is None else str(painted),
         }
-        read = {**given_files, "--ground": ground_file(ground)}
         searched = IdentificationOptions(**search)
         with progress.doing("writing the report"):
             families = (
@@ -374,7 +375,7 @@ def map_(
                 paint_map,
                 tallies,
                 sets,
-                map_provenance(command_line(), typed, source.path, read, paint_map, about),
+                map_provenance(command_line(), typed, source.path, given_files, paint_map, about),
                 report,
                 cube=opened,
                 facts=families,

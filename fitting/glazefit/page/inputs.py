@@ -5,6 +5,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from glazejax.io.formats.workbook import split_sheet
+
 _ENVI = ("", ".hdr", ".sli", ".img", ".dat", ".raw", ".bsq", ".bil", ".bip")
 _PIECE = 1 << 20
 
@@ -19,7 +21,7 @@ def input_files(files: Mapping[str, Path | None]) -> list[dict[str, Any]]:
     out = []
     for role, path in files.items():
         for file in [] if path is None else _with_its_pair(path):
-            size, checksum = _checksum(file)
+            size, checksum = _checksum(split_sheet(file)[0])
             out.append({"role": role, "name": str(file), "bytes": size, "sha256": checksum})
     return out
 

@@ -1,7 +1,7 @@
 """The command `glazejax posterior`: from one measured film to its posterior."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
@@ -192,7 +192,7 @@ def posterior(
     usual = options.read_length(thickness)
     _check(file, sample, paints=paints, coats=coats, bands=bands, simulate=simulate, ground=ground)
     require("matplotlib", "corner", "arviz", "h5py")
-    folder = _check_folder(out, resume, overwrite)
+    folder = _check_folder(out, resume, overwrite, [file, pigments])
     from glazejax.commands.main import start_jax
 
     start_jax()
@@ -285,12 +285,17 @@ def _check(
         raise ValueError("--bands assumes no paint; leave out --paints, or leave out --bands")
 
 
-def _check_folder(out: Path | None, resume: bool, overwrite: bool) -> Path:
+def _check_folder(
+    out: Path | None, resume: bool, overwrite: bool, inputs: Sequence[Path | None]
+) -> Path:
     if resume and overwrite:
         raise ValueError("--resume goes on with a chain and --overwrite throws it away; choose one")
     old = out is not None and (out / CHAIN).is_file()
     folder = options.check_folder(
-        out, resume or overwrite, instead=", go on with its chain by --resume" if old else ""
+        out,
+        resume or overwrite,
+        instead=", go on with its chain by --resume" if old else "",
+        inputs=inputs,
     )
     if resume and not old:
         raise FileNotFoundError(

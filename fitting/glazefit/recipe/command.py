@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from glazejax.commands import options, progress
+from glazejax.commands.command_line import ground_file
 from glazejax.commands.help_groups import help_groups
 
 if TYPE_CHECKING:
@@ -102,8 +103,8 @@ def recipe(
         str,
         typer.Option(
             metavar="NAMES",
-            help="CIE illuminants of the match, such as D65,A,FL11. --lab is the colour under the "
-            "first.",
+            help="CIE illuminants of the match: D65,A,FL11 with --spectrum or --colourchecker. "
+            "--lab is the colour under the one named here.",
         ),
     ] = "D65",
     test_illuminant: Annotated[
@@ -221,6 +222,11 @@ def recipe(
         raise ValueError("--illuminants is empty: name at least one, such as D65")
     for light in lights:
         options.check_illuminant(light)
+    if len(lights) > 1 and (lab is not None or srgb is not None):
+        raise ValueError(
+            f"--illuminants {illuminants} needs a target with a spectrum, --spectrum FILE or "
+            "--colourchecker: --lab and --srgb are a colour under one light"
+        )
     if [lab, srgb, spectrum, patch or colourchecker or None].count(None) != 3:
         raise ValueError(
             "give one target: --lab 50,20,30, --srgb '#8a4b2d', --spectrum FILE, or "
@@ -231,7 +237,7 @@ def recipe(
     if spectra is not None and (lab is not None or srgb is not None):
         raise ValueError("--spectra: the target is a colour and has no spectrum; leave it out")
     options.check_names(options.split_names(f"{only},{without}"), pigments, catalogue)
-    options.check_outputs(outputs, overwrite)
+    options.check_outputs(outputs, overwrite, inputs=[spectrum, ground_file(ground), pigments])
     # The colours of spectra are computed in double precision too.
     from glazejax.commands.main import start_jax
     from glazejax.plots import load_matplotlib_ahead

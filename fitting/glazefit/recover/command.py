@@ -203,7 +203,11 @@ def recover(
     options.check_outputs({"--into": into}, overwrite=True, pictures=())
     if plots:
         require("matplotlib")
-    folder = None if out is None and into is not None else options.check_folder(out, overwrite)
+    folder = (
+        None
+        if out is None and into is not None
+        else options.check_folder(out, overwrite, inputs=[file, names, excluded])
+    )
     from glazejax.commands.main import start_jax
 
     start_jax()

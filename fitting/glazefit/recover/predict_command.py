@@ -105,7 +105,7 @@ def predict(
                 f"{option} is for the film of --reading; leave it out, or give --reading FILE"
             )
     options.check_names(read_recipe(mixture), pigments, catalogue)
-    options.check_outputs({"--csv": out}, overwrite)
+    options.check_outputs({"--csv": out}, overwrite, inputs=[reading, pigments])
     from glazejax.commands.main import start_jax
 
     start_jax()

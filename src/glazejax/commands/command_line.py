@@ -23,6 +23,9 @@ def ground_file(ground: str | None) -> Path | None:
     if ground is None:
         return None
     from ..io.files.sample import split_sample
+    from ..io.formats.workbook import split_sheet
 
     path = split_sample(ground)[0]
-    return path if path is not None and path.is_file() else None
+    # A sheet is of a file, too.
+    file = None if path is None else split_sheet(path)[0]
+    return file if file is not None and file.is_file() else None

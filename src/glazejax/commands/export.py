@@ -10,6 +10,7 @@ import typer
 from ..appearance.exports.spaces import LAYERINGS, find_space
 from ..paint.describe import MAX_THICKNESS, name_paints, parse_coats
 from . import options
+from .command_line import ground_file
 from .help_groups import help_groups
 
 if TYPE_CHECKING:
@@ -63,7 +64,7 @@ def export(
         ),
     ] = None,
     ground: Annotated[str | None, options.ground_option(_GROUND)] = None,
-    refractive_index: options.RefractiveIndex = options.INDEX,
+    refractive_index: options.RefractiveIndexOfStack = None,
     roughness: Annotated[
         float,
         typer.Option(
@@ -182,7 +183,12 @@ def export(
     if to == "openpbr" and path.suffix.lower() != ".mtlx":
         raise ValueError(f"--out {path}: a MaterialX file ends in .mtlx")
     if to != "textures":
-        options.check_outputs({"--out": path}, overwrite, pictures=())
+        options.check_outputs(
+            {"--out": path},
+            overwrite,
+            pictures=(),
+            inputs=[Path(stack), ground_file(ground), pigments],
+        )
     if stack.lower().endswith(".json") or Path(stack).is_file():
         options.existing(Path(stack))
     else:
@@ -256,7 +262,7 @@ def _check_maps(to: str, of_maps: dict[str, Any]) -> None:
         )
 
 
-def _stack(text: str, ground: str | None, index: float, pigments: Path | None) -> "Stack":
+def _stack(text: str, ground: str | None, index: float | None, pigments: Path | None) -> "Stack":
     """The stack of a file, or of coats as typed; options count before a file."""
     from ..paint.pigment_table import read_pigments
     from ..stacks import Spectrum, Stack, all_paints, common_grid, paints, read_stack
@@ -266,14 +272,14 @@ def _stack(text: str, ground: str | None, index: float, pigments: Path | None) -
         loaded = read_stack(Path(text))
         own_paints = {**loaded.pigments, **own_paints}
         stack = replace(loaded, pigments=own_paints)
-        if index != options.INDEX:
+        if index is not None:
             stack = replace(stack, refractive_index=index)
     else:
         coats = name_paints(parse_coats(text), {**all_paints(), **own_paints})
         stack = Stack(
             coats=coats,
             ground=float(_GROUND),
-            refractive_index=index,
+            refractive_index=options.INDEX if index is None else index,
             pigments=own_paints,
         )
     if ground is None:

@@ -133,6 +133,14 @@ RefractiveIndex = Annotated[
         help="Refractive index of the paint, 1 to 2.5 (oil and acrylic: 1.5).",
     ),
 ]
+RefractiveIndexOfStack = Annotated[
+    float | None,
+    option(
+        callback=between(1.0, 2.5),
+        help=f"Refractive index of the paint, 1 to 2.5. Default: that of the stack's file, or "
+        f"{INDEX:g}.",
+    ),
+]
 Thickness = Annotated[
     str,
     typer.Option(
@@ -577,9 +585,10 @@ def say_asked(
             f"anybody. --catalogue {OILS} asks for films (amounts, thickness) of one painter's 20 "
             "oils."
         )
+    other = f"--catalogue {PIGMENTS}" if name != PIGMENTS else "A search without --own-films"
     return (
-        f"Asked: {shelves}, {len(paints)} paints, for films by their maker alone. --catalogue "
-        f"{PIGMENTS} asks which pigments are in paint by anybody."
+        f"Asked: {shelves}, {len(paints)} paints, for films by their maker alone. {other} asks "
+        "which pigments are in paint by anybody."
     )
 
 
@@ -759,7 +768,12 @@ def check_outputs(
 
 
 def check_folder(
-    out: Path | None, overwrite: bool, *, instead: str = "", argument: str = "--out"
+    out: Path | None,
+    overwrite: bool,
+    *,
+    instead: str = "",
+    argument: str = "--out",
+    inputs: Sequence[Path | None] = (),
 ) -> Path:
     """The folder for the results, if they may be written there.
 
@@ -768,9 +782,10 @@ def check_folder(
         overwrite: whether it may hold something.
         instead: what else is possible.
         argument: what the folder was given as.
+        inputs: files that are read, which no result may replace.
 
     Raises:
-        ValueError: no folder was named.
+        ValueError: no folder was named, or a file that is read lies there.
         FileExistsError: it is a file, or a folder that is not empty.
     """
     if out is None:
@@ -781,4 +796,10 @@ def check_folder(
         raise FileExistsError(
             f"the folder {out} exists and is not empty; choose another{instead}, or add --overwrite"
         )
+    for path in inputs:
+        if path is not None and path.resolve().parent == out.resolve():
+            raise ValueError(
+                f"{argument} {out} holds {path.name}, a file that is read and that a result might "
+                "replace: name another folder"
+            )
     return out

@@ -12,6 +12,7 @@ import typer
 from ..catalogue import assumed_scale
 from ..paint.describe import find_name, format_length, name_paints, parse_coats, same_name
 from . import options
+from .command_line import ground_file
 from .help_groups import help_groups
 
 if TYPE_CHECKING:
@@ -62,7 +63,7 @@ def render(
         ),
     ] = None,
     ground: Annotated[str | None, options.ground_option(_GROUND)] = None,
-    refractive_index: options.RefractiveIndex = options.INDEX,
+    refractive_index: options.RefractiveIndexOfStack = None,
     instrument: Annotated[str | None, options.instrument_option(_GEOMETRY)] = None,
     illuminant: options.Illuminant = "D65",
     observer: options.Observer = "2",
@@ -122,7 +123,9 @@ def render(
     if coats is not None:
         options.check_coats(coats, pigments, catalogue)
     options.check_outputs(
-        {"--out": out, "--csv": csv, "--write-stack": write_stack}, overwrite, inputs=[stack]
+        {"--out": out, "--csv": csv, "--write-stack": write_stack},
+        overwrite,
+        inputs=[stack, ground_file(ground), pigments],
     )
     # One program, which runs once.
     start_jax(optimisation=0)
@@ -130,9 +133,9 @@ def render(
     described = given.shown if given is not None else parse_coats(coats or "")
     if given is not None:
         instrument = given.instrument if instrument is None else instrument
-        refractive_index = (
-            given.refractive_index if refractive_index == options.INDEX else refractive_index
-        )
+        refractive_index = given.refractive_index if refractive_index is None else refractive_index
+    if refractive_index is None:
+        refractive_index = options.INDEX
     seen_by = options.read_geometry(instrument, _GEOMETRY)
     from ..colour import find_illuminant, find_observer
 

@@ -34,6 +34,8 @@ _ENOUGH = 0.45
 _NEARLY_ALL, _FEWEST = 0.95, 13
 # Share of the exemplars that know a band which nearly all know, and the least that these must hold.
 _COMMON, _LEAST_SPAN = 0.985, 150.0
+# Wavelength up to which one of these must lie, nm: without the visible nothing has been tested.
+_VISIBLE = 700.0
 # Bands in nm for each principal component of a spectrum: of one as it was read, and of one with its
 # gloss at one level, which has lost what separates dark paints.
 _COMPONENTS = (11.4, 24.0)
@@ -295,6 +297,11 @@ def _shared_bands(
         raise ValueError("no exemplar is known at the wavelengths of the spectra")
     common = share >= _COMMON * share.max()
     first, last = wavelengths[common][[0, -1]]
+    if first > _VISIBLE:
+        raise ValueError(
+            f"too little is known there: the spectra begin at {wavelengths[0]:g} nm, and no answer "
+            "without the visible was ever tested; give readings that hold it, 410-700 nm"
+        )
     if last - first < _LEAST_SPAN:
         count = int(known[:, ~common].all(axis=1).sum()) if not common.all() else len(known)
         raise ValueError(
