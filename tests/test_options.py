@@ -253,7 +253,7 @@ def test_folders(tmp_path):
         options.check_folder(tmp_path, False, instead=", or sing")
     assert options.check_folder(tmp_path, True) == tmp_path
     measured = tmp_path / "films.csv"
-    with pytest.raises(ValueError, match="a file that is read"):
+    with refusal("a file that is read"):
         options.check_folder(tmp_path, True, inputs=[None, measured])
     assert options.check_folder(tmp_path / "new", True, inputs=[measured]) == tmp_path / "new"
     with refusal("is a file", FileExistsError):

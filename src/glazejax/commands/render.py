@@ -133,9 +133,8 @@ def render(
     described = given.shown if given is not None else parse_coats(coats or "")
     if given is not None:
         instrument = given.instrument if instrument is None else instrument
-        refractive_index = given.refractive_index if refractive_index is None else refractive_index
     if refractive_index is None:
-        refractive_index = options.INDEX
+        refractive_index = options.INDEX if given is None else given.refractive_index
     seen_by = options.read_geometry(instrument, _GEOMETRY)
     from ..colour import find_illuminant, find_observer
 
