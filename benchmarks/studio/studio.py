@@ -176,6 +176,8 @@ def browser_options(chromium: str, *, card: bool = False) -> Any:
         ),
     ):
         options.add_argument(word)
+    # Who opens a page waits for it: a driver that waits as well was seen to wait for ever.
+    options.page_load_strategy = "none"
     return options
 
 
@@ -184,8 +186,6 @@ def start_browser(*, card: bool = False) -> Any:
     from selenium import webdriver
 
     options = browser_options(shutil.which("chromium") or "", card=card)
-    # `open_page` waits for the page itself: a driver that waits as well was seen to wait for ever.
-    options.page_load_strategy = "none"
     found = webdriver.Chrome(
         options=options, service=webdriver.ChromeService(shutil.which("chromedriver") or "")
     )
@@ -193,12 +193,17 @@ def start_browser(*, card: bool = False) -> Any:
     return found
 
 
-def open_page(browser: Any, link: str, given: dict[str, Any]) -> float:
-    """Seconds until the stack of a link is seen and every change is answered."""
+def leave_page(browser: Any) -> None:
+    """Show an empty page, from which the same link with another fragment is another page."""
     browser.get("about:blank")
     # The page before would answer for the next one.
     while browser.execute_script("return location.href") != "about:blank":
         time.sleep(0.02)
+
+
+def open_page(browser: Any, link: str, given: dict[str, Any]) -> float:
+    """Seconds until the stack of a link is seen and every change is answered."""
+    leave_page(browser)
     began = time.perf_counter()
     browser.get(f"{link}#{quote(json.dumps(given))}")
     code = "const s = document.querySelector('#studio')?.dataset; return s?.seen && s.busy === ''"

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benchmarks.studio.studio import browser_options
+from benchmarks.studio.studio import browser_options, leave_page
 
 from glazejax.studio.server import Studio
 
@@ -66,8 +66,7 @@ class Page:
         self.browser, self.link = browser, link
 
     def open(self, fragment: str = "") -> None:
-        # From elsewhere, so that another fragment is another page.
-        self.browser.get("about:blank")
+        leave_page(self.browser)
         self.browser.get(self.link + fragment)
         self.until(
             lambda: self.js("return document.querySelector('#studio')?.dataset.seen"),
