@@ -184,6 +184,8 @@ def test_the_site_carries_the_studio_and_its_solver(tmp_path):
 
 @pytest.mark.browser
 def test_a_long_table_shows_the_rows_with_all_words_that_are_typed(tmp_path):
+    from benchmarks.studio.studio import go_to
+
     from .studio.browser import start_browser
 
     rows = "".join(f"<tr><td>paint {n}</td><td>k<wbr/>_s of {n}</td></tr>" for n in range(40))
@@ -196,7 +198,7 @@ def test_a_long_table_shows_the_rows_with_all_words_that_are_typed(tmp_path):
     )
     browser = start_browser(tmp_path)
     try:
-        browser.get(page.as_uri())
+        go_to(browser, page.as_uri())
         (field,) = browser.find_elements("css selector", "input")
 
         def shown() -> list[str]:

@@ -176,7 +176,7 @@ def browser_options(chromium: str, *, card: bool = False) -> Any:
         ),
     ):
         options.add_argument(word)
-    # Who opens a page waits for it: a driver that waits as well was seen to wait for ever.
+    # `go_to` waits for a page: a driver that waits as well was seen to wait for ever.
     options.page_load_strategy = "none"
     return options
 
@@ -193,17 +193,22 @@ def start_browser(*, card: bool = False) -> Any:
     return found
 
 
-def leave_page(browser: Any) -> None:
-    """Show an empty page, from which the same link with another fragment is another page."""
-    browser.get("about:blank")
+def go_to(browser: Any, address: str) -> None:
+    """Open another page, of which the address differs not only by its fragment, and wait until it
+    has loaded.
+    """
     # The page before would answer for the next one.
-    while browser.execute_script("return location.href") != "about:blank":
+    before = browser.execute_script("return performance.timeOrigin")
+    browser.get(address)
+    code = "return document.readyState === 'complete' && performance.timeOrigin"
+    while browser.execute_script(code) in (False, before):
         time.sleep(0.02)
 
 
 def open_page(browser: Any, link: str, given: dict[str, Any]) -> float:
     """Seconds until the stack of a link is seen and every change is answered."""
-    leave_page(browser)
+    # From elsewhere, so that another fragment is another page.
+    go_to(browser, "about:blank")
     began = time.perf_counter()
     browser.get(f"{link}#{quote(json.dumps(given))}")
     code = "const s = document.querySelector('#studio')?.dataset; return s?.seen && s.busy === ''"

@@ -14,6 +14,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from benchmarks.studio.studio import go_to
 from numpy.testing import assert_allclose, assert_array_equal, assert_equal
 
 from glazefit.identify.result import STRENGTH
@@ -516,7 +517,7 @@ def test_a_spot_is_printed_on_a_page(tmp_path, paper):
     write_page(filed, tmp_path / "report.html")
     browser = start_browser(tmp_path)
     try:
-        browser.get((tmp_path / "report.html").as_uri())
+        go_to(browser, (tmp_path / "report.html").as_uri())
         found = browser.execute_cdp_cmd(
             "Page.printToPDF", {"paperWidth": paper[0], "paperHeight": paper[1]}
         )
@@ -556,7 +557,7 @@ def test_numbers_of_a_plot_are_whole_and_of_the_page_s_size(tmp_path):
         for width in (1200, 390):
             size = {"width": width, "height": 800, "deviceScaleFactor": 1, "mobile": width < 500}
             browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
-            browser.get((tmp_path / "report.html").as_uri())
+            go_to(browser, (tmp_path / "report.html").as_uri())
             left, right, letters = np.array(browser.execute_script(ask)).T
             assert min(left.min(), right.min()) >= 0
             assert left.size > 20

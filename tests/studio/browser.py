@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benchmarks.studio.studio import browser_options, leave_page
+from benchmarks.studio.studio import browser_options, go_to
 
 from glazejax.studio.server import Studio
 
@@ -66,8 +66,9 @@ class Page:
         self.browser, self.link = browser, link
 
     def open(self, fragment: str = "") -> None:
-        leave_page(self.browser)
-        self.browser.get(self.link + fragment)
+        # From elsewhere, so that another fragment is another page.
+        go_to(self.browser, "about:blank")
+        go_to(self.browser, self.link + fragment)
         self.until(
             lambda: self.js("return document.querySelector('#studio')?.dataset.seen"),
             "the first colours",

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import traitlets
-from benchmarks.studio.studio import leave_page
+from benchmarks.studio.studio import go_to
 from numpy.testing import assert_allclose
 
 import glazejax as gj
@@ -99,7 +99,7 @@ def test_its_page_is_the_same_studio(wired, tmp_path):
     found, sent = wired
     browser = start_browser(tmp_path)
     try:
-        leave_page(browser)
+        go_to(browser, "about:blank")
         browser.execute_script(_PAGE, one_file.bundle("notebook"), found._css, found.stack)
 
         def carry(until, seconds=60):
