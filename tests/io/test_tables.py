@@ -62,6 +62,18 @@ def test_numbers_of_samples_are_no_wavelengths(read, text):
     assert table.wavelengths.tolist() == [400, 410]
 
 
+def test_samples_may_be_called_by_numbers_like_wavelengths(read):
+    rows = "400,.1,.2,.3\n410,.1,.2,.3\n420,.1,.2,.3\n"
+    for header in ("wavelength,412,518,603", "wavelength,518,412,603", ",518,412,603"):
+        table = read(f"{header}\n{rows}")
+        assert table.names == tuple(header.split(",")[1:])
+        assert table.wavelengths.tolist() == [400, 410, 420]
+    table = read("wavelength,400,410,420\n101,.1,.2,.3\n105,.1,.2,.3\n107,.1,.2,.3\n")
+    assert table.names == ("101", "105", "107")
+    with refusal("titles 410, 420, 430 and the column below 'wavelength' may both be wavelengths"):
+        read(f"wavelength,410,420,430\n{rows}")
+
+
 def test_percent_is_said(read):
     table = read("Name,400,410\nred,5,90\n")
     assert_allclose(table.reflectance, [[0.05, 0.9]])

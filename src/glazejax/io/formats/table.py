@@ -346,6 +346,32 @@ def _runs(values: list[float]) -> bool:
     return len(values) > 2 and min(values) >= 100 and bool((steps > 0).all() or (steps < 0).all())
 
 
+def _run_below(cells: _Cells, titles: list[float], *, titled: bool) -> bool:
+    """Return whether wavelengths run down the first column, of a table whose titles are numbers.
+
+    Raises:
+        ValueError: the column is `titled` wavelengths, and both may be.
+    """
+    columns = _columns(cells)
+    below = columns[0] if columns else []
+    if not _runs(below) or _NAME_TITLE.match(cells.header[0]):
+        return False
+    if not _runs(titles) or not titled:
+        return not _runs(titles)
+    # Instruments read in even steps; samples may be counted, in steps of 1.
+    even, even_titles = (
+        bool(abs(steps[0]) != 1 and np.ptp(steps) == 0) for steps in map(np.diff, (below, titles))
+    )
+    if even == even_titles:
+        raise cells.error(
+            cells.header_line,
+            f"the titles {', '.join(cells.header[1:4])} and the column below {cells.header[0]!r} "
+            f"may both be wavelengths; call samples by words, such as 'paint {cells.header[1]}', "
+            "or the column of their names Name",
+        )
+    return even
+
+
 def _is_wide(cells: _Cells, row: list[str]) -> bool:
     """Return whether samples are rows: titles are bands, and do not number samples."""
     titles = [_band_of(cells, title) for title in cells.header[1:]]
@@ -361,6 +387,8 @@ def _is_wide(cells: _Cells, row: list[str]) -> bool:
         is_wavelength_title(title) and cells.wavelength(cell) is not None
         for title, cell in zip(cells.titles[-1], row, strict=False)
     )
+    if len(numeric) == len(titles) and _run_below(cells, numeric, titled=titled):
+        return False
     # Samples may be numbered 1, 2, 3; a wavelength in nm has three digits at least. Colours may
     # stand next to few bands.
     if 2 * len(numeric) > len(titles):
