@@ -23,7 +23,7 @@ from glazefit.film.solve import Laplace, _distinct, climb, solve
 from glazefit.posterior.bands import pose_bands
 from glazefit.posterior.film import pose_films
 from glazefit.posterior.identifiability import directions
-from glazefit.posterior.report import describe_unsettled
+from glazefit.posterior.report import describe_misfit, describe_unsettled
 from glazefit.posterior.summary import Numbers, Row, Summary, compare
 from glazejax import Hemispherical, Pigment
 
@@ -86,6 +86,13 @@ def test_truth_is_found_and_laplace_agrees(mixed):
         assert found[name].sd > 2 * shown[name].std()
     # The film was made without an error of the paints.
     assert found["model error"].upper < 0.05
+
+
+def test_a_film_of_another_paint_is_said(mixed, banded):
+    assert describe_misfit(mixed) == describe_misfit(banded) == ""
+    red = paint("red", np.geomspace(2e5, 2e3, GRID.size), 2e4)
+    wrong = posterior_of_film(film_of(0.3), [red])
+    assert "These paints do not explain the film" in describe_misfit(wrong)
 
 
 def fine_axis(draws, wide: tuple[float, float], count: int):

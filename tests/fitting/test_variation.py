@@ -456,6 +456,9 @@ def test_command_learns_from_a_reading(run, tmp_path, paints):
     assert (status, err) == (0, "")
     assert "Reading mine: met to" in out
     assert "No further reading would improve this much." in out
+    assert "is it as stated" not in out
+    _, another, _ = run("10 ChromeYellow + 90 CobaltBlue", "--reading", file)
+    assert "The reading is met, but by k and s that this mixture hardly has" in another
     white = write_films(tmp_path / "white.tsv", films, ("b", "w", "ow"))
     status, out, err = run("10 Vermillion + 90 ZincWhite", "--reading", white)
     assert (status, err) == (0, "")

@@ -34,8 +34,9 @@ def print_posterior(posterior: Posterior, console: Console) -> None:
     if not posterior.identifiability.sentences:
         console.print("The measurement narrows every unknown; none is left open.")
     console.print(_laplace(posterior, rows))
-    if message := describe_unsettled(posterior):
-        console.print(f"[yellow]{message}[/yellow]")
+    for message in (describe_unsettled(posterior), describe_misfit(posterior)):
+        if message:
+            console.print(f"[yellow]{message}[/yellow]")
     colour = "green" if posterior.converged else "yellow"
     message = posterior.words()
     console.print(f"[{colour}]{message[0].upper()}{message[1:]}.[/{colour}]")
@@ -71,6 +72,25 @@ def describe_unsettled(posterior: Posterior) -> str:
     return (
         f"Least squares stopped before it had settled at the mode of {', '.join(blocks)}: "
         "Laplace's errors may be off."
+    )
+
+
+def describe_misfit(posterior: Posterior) -> str:
+    """A sentence on a film that its paints do not explain: their k and s would have to be off by
+    more than in 99 of 100 films of the prior; empty where they do, or no paint is assumed.
+    """
+    quantity = next((q for q in posterior.problem.quantities if q.name == "model error"), None)
+    if quantity is None:
+        return ""
+    prior = quantity.values(posterior.problem.prior_draws(np.random.default_rng(0), 4000))
+    error = np.median(quantity.values(posterior.free), axis=(0, 1))
+    most = np.quantile(prior, 0.99)
+    if (error <= most).all():
+        return ""
+    return (
+        f"These paints do not explain the film: their k and s would have to be off by "
+        f"{error.max():.0%}, where {np.median(prior):.0%} is usual and {most:.0%} rare. Is it made "
+        "of them, over these cards? Its intervals hold only if it is."
     )
 
 

@@ -295,6 +295,7 @@ def _say_reading(
     from glazejax.paint.describe import format_length
 
     from .joint.joint import UNIT
+    from .predict.mixture import is_another
 
     film = calibrated.films
     fit = calibrated.delta_e(*eye)[0][film.seen[0]]
@@ -320,6 +321,11 @@ def _say_reading(
         console.print(
             f"[yellow]The reading is met no nearer than ΔE00 {fit.max():.1f}: is the mixture "
             "as stated?[/yellow]"
+        )
+    elif is_another(calibrated):
+        console.print(
+            "[yellow]The reading is met, but by k and s that this mixture hardly has: is it as "
+            "stated? What follows holds only if it is.[/yellow]"
         )
 
 

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
+from scipy.stats import chi2
 
 from glazejax import Pigment
 from glazejax.geometry import resolve_instrument
@@ -298,6 +299,16 @@ def drawn_mixture(calibrated: JointRecovery) -> Float[np.ndarray, "draws 2 bands
     bands = calibrated.draws.bands - calibrated.unknowns.bands
     depth = calibrated.depth(calibrated.draws.films - calibrated.unknowns.films)
     return np.swapaxes(bands, 1, 2) + depth[:, None, None]
+
+
+def is_another(calibrated: JointRecovery) -> bool:
+    """Return whether a reading took k and s that are off by more than those of 99 of 100 such
+    mixtures: it is another paint's, or the recipe is wrong.
+    """
+    (modes,) = calibrated.known_modes.values()
+    errors = np.asarray(calibrated.unknowns.others)[modes.indices]
+    # Standard normal a priori.
+    return bool(errors @ errors > chi2.ppf(0.99, errors.size))
 
 
 def _paints(pigments: Mapping[str, Pigment], recipe: Mapping[str, float]) -> list[Pigment]:
