@@ -2,12 +2,13 @@ import csv
 import hashlib
 import importlib
 import json
+import os
 from functools import partial
 
 import numpy as np
 import pytest
 
-from glazefit import simulate_films
+from glazefit import read_films, simulate_films
 from glazefit.identify.command import register
 from glazefit.identify.result.in_tests import came_true
 from glazejax import catalogue
@@ -156,6 +157,34 @@ def test_spectra_beyond_the_catalogue_are_cut_with_a_word(tmp_path, no_search):
     ((paints, read, below),) = no_search
     assert paints == 1
     assert read[-1] == below[-1] == 31
+
+
+def test_films_of_a_pipe_are_read_once_and_with_the_specular_component(table, monkeypatch):
+    """Of SCI and SCE rows the former are films, searched twice, from a file that can be read once."""
+    header, *rows = csv.reader(table.open())
+    both = [
+        [f"{name} {kind}", *(f"{float(r) + gloss:.6f}" for r in spectrum)]
+        for name, *spectrum in rows
+        for kind, gloss in (("SCI", 0.04), ("SCE", 0.0))
+    ]
+    text = "\n".join(",".join(row) for row in (header, *both))
+    searches = []
+    module = importlib.import_module("glazefit.identify.command")
+    monkeypatch.setattr(
+        module, "_identify", lambda typed, films, *_: searches.append((typed["catalogue"], films))
+    )
+    end, start = os.pipe()
+    with os.fdopen(start, "w") as pipe:
+        pipe.write(text)
+    result = run(f"/dev/fd/{end}")
+    os.close(end)
+    assert result.exit_code == 0, result.output
+    assert "with the specular component included (SCI) are used" in " ".join(result.output.split())
+    assert [catalogue for catalogue, _ in searches] == ["pigments", "oils"]
+    read = read_films(table)
+    for _, films in searches:
+        assert films.names == read.names
+        np.testing.assert_allclose(films.over_white, read.over_white + 0.04, atol=1e-6)
 
 
 @pytest.mark.slow

@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from glazejax import Pigment
-    from glazejax.io.quantity import Stated
+    from glazejax.io import SpectraTable
 
-    from ..film.films import Instrument
+    from ..film.films import Films, Instrument
     from .result import Identification
     from .search.options import IdentificationOptions
     from .show.record import RunProvenance
@@ -175,7 +175,6 @@ def identify(
             "add --catalogue oils or acrylics, or leave out --pigments"
         )
     facts.check_ground(ground, bare=bare, opaque=opaque)
-    stated = options.stated(quantity, unit, scale)
     by_default = catalogue is pigments is None
     catalogue = options.PIGMENTS if by_default else catalogue
     options.check_names(options.split_names(f"{only},{without}"), pigments, catalogue)
@@ -189,10 +188,18 @@ def identify(
     from glazejax.commands.main import start_jax
 
     start_jax()
+    from rich.console import Console
+
     from glazejax.io import read_spectra
 
-    named = own_films or only or without or opaque or ground
-    if by_default and not named and _over_cards(read_spectra(file, **stated).names):
+    # A pipe can be read once.
+    table = read_spectra(file, **options.stated(quantity, unit, scale))
+    films = None if ground or opaque else _films(table, file)
+    console = Console(highlight=False)
+    progress.print_notes(console, file, table.notes if films is None else films.notes)
+    typed |= {"catalogue": catalogue}
+    searches = [typed]
+    if by_default and films is not None and not (own_films or only or without):
         # Two cards give a film's thickness too, and families have none.
         of_families = {"references": None, "elements": "", "without_elements": "", "painted": None}
         second = {**typed, **of_families, "catalogue": options.OILS}
@@ -200,26 +207,35 @@ def identify(
             if (path := typed[output]) is not None:
                 second[output] = path.with_stem(f"{path.stem}-{options.OILS}")
         options.check_outputs(_outputs(second), overwrite, inputs=list(read.values()))
-        identify(**{**typed, "catalogue": catalogue})
-        identify(**second)
-        return
+        searches.append(second)
+    for search in searches:
+        _identify(search, films or table, read, subject, console)
 
-    from rich.console import Console
 
+def _identify(
+    typed: Mapping[str, Any],
+    measured: "SpectraTable | Films",
+    read: Mapping[str, Path | None],
+    subject: Mapping[str, str],
+    console: "Console",
+) -> None:
+    """Search one catalogue for spectra or films, as options were typed, print and write what comes
+    of it.
+    """
     from ..film.films import Noise
     from ..page.inputs import input_files
 
-    console = Console(highlight=False)
-    search = facts.read_search({**typed, "catalogue": catalogue}, console)
-    paints, by_family, keywords, asked = search
+    top, report, overwrite = typed["top"], typed["report"], typed["overwrite"]
+    opaque, painted = typed["opaque"], typed["painted"]
+    paints, by_family, keywords, asked = facts.read_search(typed, console)
     seen_with = keywords["instrument"]
     inputs = input_files(read) if report is not None else []
-    task = _read_spectra(
-        file,
-        samples,
-        stated=stated,
-        ground=ground,
-        bare=bare,
+    task = _choose_spectra(
+        measured,
+        typed["file"],
+        typed["samples"],
+        ground=typed["ground"],
+        bare=typed["bare"],
         opaque=opaque,
         instrument=seen_with,
         paints=paints,
@@ -232,13 +248,10 @@ def identify(
 
     search_options = IdentificationOptions(
         **keywords,
-        noise=Noise(noise, noise_share),
-        max_coats=max_coats,
+        noise=Noise(typed["noise"], typed["noise_share"]),
         # A report judges by 40 candidates how near each paint comes.
         keep=max(top, 5 if report is None else 40),
-        thorough=thorough,
-        own_films=own_films,
-        varnish=varnish,
+        **{name: typed[name] for name in ("max_coats", "thorough", "own_films", "varnish")},
     )
     chunks = identify_chunks(
         task.wavelengths,
@@ -257,9 +270,9 @@ def identify(
         identification,
         console,
         top=top,
-        csv=csv,
-        residuals=residuals,
-        out=out,
+        csv=typed["csv"],
+        residuals=typed["residuals"],
+        out=typed["out"],
         overwrite=overwrite,
         painted=painted,
     )
@@ -268,7 +281,7 @@ def identify(
 
         about = _about(
             typed,
-            name=catalogue,
+            name=typed["catalogue"],
             asked=asked,
             task=task,
             instrument=seen_with,
@@ -331,17 +344,25 @@ def _outputs(typed: Mapping[str, Any]) -> dict[str, Path | None]:
     return {**files, "the table of --report": table, "the JSON of --report": data}
 
 
-def _over_cards(names: Sequence[str]) -> bool:
-    """True if rows of a table are films over cards, in fours."""
-    from ..film.readers import ROWS
+def _films(table: "SpectraTable", file: Path) -> "Films | None":
+    """The films over cards of a table whose rows are such, in fours."""
+    from glazejax.io.source import refusal
 
-    return all(name.rpartition("_")[2] in ROWS for name in names)
+    from ..film.readers import ROWS, films_of, one_reading
+
+    table = one_reading(table)
+    if not all(name.rpartition("_")[2] in ROWS for name in table.names):
+        return None
+    try:
+        return films_of(table)
+    except ValueError as error:
+        raise refusal(file, error) from None
 
 
-def _read_spectra(
+def _choose_spectra(
+    measured: "SpectraTable | Films",
     file: Path,
     samples: str,
-    stated: "Stated",
     ground: str | None,
     bare: bool,
     opaque: bool,
@@ -353,29 +374,24 @@ def _read_spectra(
     """Spectra and the grounds below them, on bands that the paints are known at."""
     import numpy as np
 
-    from glazejax.io import read_spectra
-
-    from ..film.readers import read_films
+    from ..film.films import Films
     from ..film.shared_bands import shared_bands
     from .identify import ground_from_air
 
     def internal(bare: "np.ndarray") -> "np.ndarray":
         return ground_from_air(bare, instrument)
 
-    table = read_spectra(file, **stated)
-    progress.print_notes(console, file, table.notes)
     chosen = options.split_names(samples)
     # Each family is known at bands of its own, and what a reading has is used.
     grid, mean, changes = (
-        (table.wavelengths, np.eye(table.wavelengths.size), ())
+        (measured.wavelengths, np.eye(measured.wavelengths.size), ())
         if by_family
-        else shared_bands(table.wavelengths, paints)
+        else shared_bands(measured.wavelengths, paints)
     )
     below = None
     ground_names = ("a ground that is not seen",)
-    if ground is None and not opaque and _over_cards(table.names):
-        films = read_films(file, **stated)
-        films = films.select(chosen) if chosen else films
+    if isinstance(measured, Films):
+        films = measured.select(chosen) if chosen else measured
         names = films.names
         if by_family:
             changes = (
@@ -391,15 +407,15 @@ def _read_spectra(
             below = internal(np.stack([films.bare_black, films.bare_white], axis=1) @ mean)
             ground_names = ("black card, measured bare", "white card, measured bare")
     else:
-        rows = options.choose_rows(file, table.names, chosen)
+        rows = options.choose_rows(file, measured.names, chosen)
         if len(rows) > _MANY and not by_family:
             note = (
                 f"{len(rows)} spectra are searched one by one: an image is much faster with "
                 "glazejax map, and --samples chooses some (Ctrl-C keeps finished ones)"
             )
             progress.print_notes(console, file, (note,))
-        spectra = table.reflectance[rows] @ mean
-        names = tuple(table.names[i] for i in rows)
+        spectra = measured.reflectance[rows] @ mean
+        names = tuple(measured.names[i] for i in rows)
         if ground is None and not opaque:
             raise ValueError(
                 f"{file}: no ground is stated: give --ground, its reflectance such as 0.9 or a "
@@ -407,7 +423,7 @@ def _read_spectra(
                 f"{names[0]}_ob and {names[0]}_ow"
             )
     progress.print_notes(console, file, changes)
-    notes = (*table.notes, *changes)
+    notes = (*measured.notes, *changes)
     if ground is not None:
         stated_ground = options.read_ground(ground, bare=bare)
         progress.print_notes(console, "--ground", stated_ground.notes)
