@@ -35,6 +35,17 @@ def test_a_single_spectrum_needs_no_name(tmp_path):
     assert_array_equal(read_sample(str(path)).reflectance, [[0.4, 0.5]])
 
 
+def test_a_sample_may_have_colons(tmp_path):
+    (tmp_path / "cards.csv").write_text("Name,400,500\nred: 12:30,0.4,0.5\nred,0.1,0.2\n")
+    sample = read_sample("cards.csv:red: 12:30", folder=tmp_path)
+    assert_array_equal(sample.reflectance, [[0.4, 0.5]])
+    (tmp_path / "book.xlsx").touch()
+    sheet = tmp_path / "book.xlsx:May"
+    assert split_sample("book.xlsx:May:red: 12", tmp_path) == (sheet, "red: 12")
+    # Of a file that is not there, as of one without colons in its samples.
+    assert split_sample("none.csv:a:b", tmp_path) == (tmp_path / "none.csv:a", "b")
+
+
 @pytest.mark.parametrize(
     ("text", "kind", "complaint"),
     [

@@ -18,14 +18,18 @@ def split_sample(text: str, folder: str | Path = "") -> tuple[Path, str]:
     exist.
 
     Args:
-        text: `FILE` or `FILE:SAMPLE`; a file whose own name has a colon in it comes first.
+        text: `FILE` or `FILE:SAMPLE`; a file whose own name has a colon in it comes first. The
+            sample may have colons, too.
         folder: where a relative FILE is looked for.
     """
     path = Path(folder) / text
     if ":" not in text or is_there(path):
         return path, ""
-    file, _, sample = text.rpartition(":")
-    return Path(folder) / file, sample
+    colons = [at for at, letter in enumerate(text) if letter == ":"]
+    splits = [(Path(folder) / text[:at], text[at + 1 :]) for at in reversed(colons)]
+    # A sheet is of a file, too.
+    there = (split for split in splits if is_there(split_sheet(split[0])[0]))
+    return next(there, splits[0])
 
 
 def read_sample(
