@@ -246,6 +246,13 @@ def test_no_two_options_write_one_file(tmp_path, monkeypatch):
         options.check_outputs({"--out": tmp_path / "a.png", "--csv": Path("./a.png")}, False)
 
 
+def test_no_result_replaces_a_workbook_of_which_a_sheet_is_read(tmp_path):
+    book = tmp_path / "book.xlsx"
+    book.touch()
+    with refusal(r"--csv is \S*book\.xlsx, a file that is read"):
+        options.check_outputs({"--csv": book}, True, inputs=[Path(f"{book}:Films")])
+
+
 def test_folders(tmp_path):
     assert options.check_folder(tmp_path / "new", False) == tmp_path / "new"
     (tmp_path / "x").touch()

@@ -740,11 +740,13 @@ def check_outputs(
         is not installed.
     """
     from ..extras import require
+    from ..io.formats.workbook import split_sheet
     from ..io.outputs import check_output
     from ..plots import check_picture
 
     option_of: dict[Path, str] = {}
-    read = {path.resolve() for path in inputs if path is not None}
+    # A sheet is of a file, too.
+    read = {split_sheet(path)[0].resolve() for path in inputs if path is not None}
     for option, path in files.items():
         if path is None:
             continue
