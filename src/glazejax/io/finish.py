@@ -270,7 +270,7 @@ def _to_fractions(
     if scale == 100.0:
         notes.append("values are in percent; divided by 100")
     elif scale != 1.0:
-        notes.append(f"the file says that {scale:g} is a reflectance of 1; divided by it")
+        notes.append(f"{scale:g} is stated to be a reflectance of 1; divided by it")
     elif declared is None:
         # One note of what nobody stated.
         both = not_stated("nm") in notes
