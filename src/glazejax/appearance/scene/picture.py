@@ -125,7 +125,8 @@ def save_spectral(path: str | Path, rendered: Rendered) -> None:
     each band.
 
     Raises:
-        ValueError: another ending, a picture without spectra, or OpenEXR is not there.
+        ValueError: another ending, or a picture without spectra. ModuleNotFoundError: OpenEXR is
+        not installed.
 
     Notes:
         Channels are called ``S0.550,000000nm``. 1 is a perfect white under a light of spectrum 1.
@@ -162,7 +163,8 @@ def check_spectral(path: str | Path) -> None:
     """Refuse a spectral file that could not be written in the end.
 
     Raises:
-        ValueError: its ending is neither .npz nor .exr, or OpenEXR is not there.
+        ValueError: its ending is neither .npz nor .exr. ModuleNotFoundError: OpenEXR is not
+        installed.
     """
     ending = Path(path).suffix.lower()
     if ending not in SPECTRAL_ENDINGS:
@@ -170,9 +172,4 @@ def check_spectral(path: str | Path) -> None:
             f"{path}: spectra are written as .npz or .exr, not {ending or 'without an ending'}"
         )
     if ending == ".exr":
-        try:
-            import OpenEXR  # noqa: F401  # pyright: ignore[reportMissingImports]
-        except ImportError:
-            raise ValueError(
-                f"{path}: OpenEXR is not there; pip install 'glazejax[scene]', or write .npz"
-            ) from None
+        require("OpenEXR")
