@@ -240,7 +240,7 @@ def posterior_of_film(
     """
     options = Sampling(**sampling)
     instrument = resolve_instrument(instrument)
-    reading = one_reading(film, instrument, noise or Noise())
+    reading = _single_reading(film, instrument, noise or Noise())
     problem = pose_films([reading], [pigments], instrument, prior or Prior())
     return sample(*solve(problem, seed=options.seed), (reading,), options)
 
@@ -276,7 +276,7 @@ def posterior_of_coats(
     options = Sampling(**sampling)
     instrument = resolve_instrument(instrument)
     coats = check_coats(coats)
-    reading = one_reading(film, instrument, noise or Noise())
+    reading = _single_reading(film, instrument, noise or Noise())
     problem = pose_stack(
         [reading], [coats], instrument, prior or Prior(), spectra or SpectraPrior()
     )
@@ -306,7 +306,7 @@ def posterior_of_bands(
     options = Sampling(**sampling)
     instrument = resolve_instrument(instrument)
     noise = noise or Noise()
-    reading = one_reading(film, instrument, noise)
+    reading = _single_reading(film, instrument, noise)
     if gloss is None:
         gloss = (
             float(estimate_gloss(film, instrument, noise)[0]) if isinstance(film, Films) else 1.0
@@ -329,7 +329,7 @@ def sample(
     return Posterior(problem, films, approximate, draw_chain(problem, approximate, options))
 
 
-def one_reading(film: Films | Reading, instrument: Instrument, noise: Noise) -> Reading:
+def _single_reading(film: Films | Reading, instrument: Instrument, noise: Noise) -> Reading:
     """The film as a `Reading`.
 
     Raises:
