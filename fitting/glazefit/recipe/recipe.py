@@ -314,9 +314,7 @@ def _recipe(
     bounds = 1e6 * np.array(task.thickness[::-1])
     thickness = np.array([[1e6 * coat.thickness] for coat in coats])
     gain = delta_e[0] - colour.delta_e_2000(resized, goals[0])
-    limits = (np.abs(thickness - bounds) < np.maximum(0.05 * bounds, 0.11)) & (
-        gain > max(0.05, 0.01 * delta_e[0])
-    )
+    limits = (np.abs(thickness - bounds) < np.maximum(0.05 * bounds, 0.11)) & (gain > 0.05)
     return Recipe(
         target=target,
         coats=tuple(coats),
