@@ -103,46 +103,14 @@ def _weights(
 ) -> Float[np.ndarray, "bands 3"]:
     """Weights for full names; see `colour_weights`."""
     lamp = illuminants()[illuminant]
-    return _on_bands(np.asarray(grid), *_lit_observer(lamp.wavelengths, lamp.values, observer))
-
-
-def lamp_weights(
-    wavelengths: Grid, lamp_wavelengths: Grid, power: Numbers, observer: str | int = CIE_1931
-) -> Float[np.ndarray, "bands 3"]:
-    """Weights as of `colour_weights`, for a lamp of one's own.
-
-    Args:
-        wavelengths: (bands,), nm.
-        lamp_wavelengths: (lamp,), nm; linear between them, and the ends repeated outwards.
-        power: (lamp,), relative power, not negative.
-        observer: full name, or 2, 10, 1931, 1964.
-
-    Raises:
-        ValueError: as `colour_weights`, or a lamp that does not cover 420 to 680 nm or gives no
-            light there.
-    """
-    lamp = validate_wavelengths(lamp_wavelengths)
-    values = np.asarray(power, float)
-    if values.shape != lamp.shape or not np.all(np.isfinite(values)) or values.min() < 0:
-        raise ValueError(
-            "a lamp needs one power for each wavelength, each a finite number from 0 on"
-        )
-    most = 1e100
-    # Sums of more overflow, and colours would be NaN.
-    if values.max() > most:
-        raise ValueError(
-            f"a lamp's power is {values.max():g}; it is relative: write numbers up to {most:g}"
-        )
-    if lamp[0] > 420 or lamp[-1] < 680:
-        raise ValueError(
-            f"the lamp is known at {describe_grid(lamp)}; a colour needs 420 to 680 nm of it at "
-            "least"
-        )
-    # What lies outside the visible lights nothing.
-    if not values[(lamp >= 420) & (lamp <= 680)].max(initial=0.0) > 0:
-        raise ValueError("the lamp gives no light between 420 and 680 nm")
-    grid = validate_wavelengths(wavelengths)
-    return _on_bands(grid, *_lit_observer(lamp, values, find_observer(observer)))
+    curves = observers()[observer]
+    visible = (curves[0].wavelengths >= _START) & (curves[0].wavelengths <= _END)
+    fine = curves[0].wavelengths[visible]
+    # Linear between a lamp's bands, and its end bands repeated outwards.
+    power = np.interp(fine, lamp.wavelengths, lamp.values)
+    products = np.stack([curve.values[visible] for curve in curves], axis=1) * power[:, None]
+    # The y column sums to 1.
+    return _on_bands(np.asarray(grid), fine, products / products[:, 1].sum())
 
 
 def _on_bands(
@@ -171,21 +139,6 @@ def _on_bands(
     weights = _lagrange_matrix(bands, fine).T @ products
     weights.setflags(write=False)
     return weights
-
-
-def _lit_observer(
-    wavelengths: Float[np.ndarray, "lamp"], values: Float[np.ndarray, "lamp"], observer: str
-) -> tuple[Float[np.ndarray, "fine"], Float[np.ndarray, "fine 3"]]:
-    """A lamp's power times colour matching functions at 1 nm, scaled so that the y column sums
-    to 1.
-    """
-    curves = observers()[observer]
-    visible = (curves[0].wavelengths >= _START) & (curves[0].wavelengths <= _END)
-    fine = curves[0].wavelengths[visible]
-    # Linear between a lamp's bands, and its end bands repeated outwards.
-    power = np.interp(fine, wavelengths, values)
-    products = np.stack([curve.values[visible] for curve in curves], axis=1) * power[:, None]
-    return fine, products / products[:, 1].sum()
 
 
 def _lagrange_matrix(
