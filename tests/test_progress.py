@@ -35,7 +35,7 @@ def terminal(monkeypatch) -> Iterator[int]:
 def work() -> None:
     """All that a command may show while it works."""
     progress.collect(lambda _: [[1], [2]], 2, "compiling", "searching")
-    with progress.doing("fitting"):
+    with progress.follow("fitting"):
         pass
     with progress.drawing(2) as step:
         step()

@@ -294,12 +294,11 @@ def map_(
 
     console = Console(highlight=False)
     if example:
-        example_files = _example(out, console)
-        cube = example_files["cube"]
+        cube, example_ground, foreign = _example(out, console)
         if not (opaque or ground):
-            ground = str(example_files["ground"])
+            ground = str(example_ground)
         if catalogue == options.OILS and not (pigments or only or without):
-            without = example_files["without"]
+            without = foreign
     assert cube is not None
     chosen = {**typed, "catalogue": catalogue, "without": without}
     paints, by_family, search, asked = facts.read_search(chosen, console)
@@ -349,7 +348,7 @@ def map_(
     if export is not None:
         from .store.export import export_map
 
-        with progress.doing(f"writing {export}"):
+        with progress.follow(f"writing {export}"):
             files = export_map(out, export, overwrite=overwrite)
         console.print(f"Wrote it as {' and '.join(map(str, files))} too")
     if report is not None:
@@ -365,7 +364,7 @@ def map_(
             "Painted": "" if painted is None else str(painted),
         }
         searched = IdentificationOptions(**search)
-        with progress.doing("writing the report"):
+        with progress.follow("writing the report"):
             families = (
                 describe_sets(paint_map, sets, paints, searched, store.options["ground"])
                 if by_family
@@ -436,7 +435,7 @@ def _check_outputs(
         options.check_folder(report, overwrite, argument="--report")
 
 
-def _example(out: Path, console: "Console") -> dict[str, Any]:
+def _example(out: Path, console: "Console") -> tuple[Path, Path, str]:
     """Make a small painting next to the map: its cube, its ground, and the paints that the map is
     not given.
     """
@@ -445,9 +444,9 @@ def _example(out: Path, console: "Console") -> dict[str, Any]:
     folder = out.with_name(f"{out.stem}-example")
     header = folder / "painting.hdr"
     if not header.exists():
-        with progress.doing("making a painting"):
+        with progress.follow("making a painting"):
             scene = painting()
             write_painting(folder, scene)
         lines, samples, _ = scene.spectra.shape
         console.print(f"Made a painting of {samples} x {lines} pixels: {header}")
-    return {"cube": header, "ground": folder / "ground.csv", "without": FOREIGN}
+    return header, folder / "ground.csv", FOREIGN

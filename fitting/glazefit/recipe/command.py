@@ -295,7 +295,7 @@ def recipe(
         )
         return
     # Films of an instrument that has no table yet are solved: some seconds.
-    with progress.doing("solving films"):
+    with progress.follow("solving films"):
         task = make_task(
             targets,
             paints,
@@ -326,7 +326,7 @@ def recipe(
     recipe_lists = [recipes for group in groups for recipes in group]
     seconds = time.perf_counter() - started
     if named:
-        with progress.doing("writing"):
+        with progress.follow("writing"):
             _write(recipe_lists, task, outputs, overwrite)
     asked = {
         "--instrument": instrument or _GEOMETRY,
@@ -353,11 +353,10 @@ def recipe(
 
 def _say_unknown_strength(best: "Recipe", task: "RecipeTask", observer: str) -> str:
     """Say what it adds that paints of a recipe were read without tints; empty where none was."""
-    shares = {name: share for coat in best.coats for share, name in coat.parts if share > 0}
     shelf = {paint.name: paint for paint in task.pigments}
     unknown = [
         name
-        for name in shares
+        for name in best.paints
         if (identifiable := shelf[name].identifiable) is not None and identifiable.mean() < 0.5
     ]
     if not unknown:
@@ -368,7 +367,7 @@ def _say_unknown_strength(best: "Recipe", task: "RecipeTask", observer: str) -> 
     thickest = max(best.coats, key=lambda coat: coat.thickness)
     prediction = predict_mixture(
         shelf,
-        {name: share for share, name in thickest.parts if share > 0},
+        {name: share for share, name in thickest.parts},
         [thickest.thickness],
         instrument=task.instrument,
     )
@@ -475,9 +474,7 @@ def _print(
     from .report import print_best, print_recipes
 
     best = recipe_lists[0][0]
-    test = f"in brackets ΔE00 under {best.test_illuminant}; " if best.target.spectral else ""
-    legend = f"{test}per 10 %: ΔE00 when that coat alone is a tenth thicker or thinner"
-    legend = legend[0].upper() + legend[1:]
+    lead = f"In brackets ΔE00 under {best.test_illuminant}; per" if best.target.spectral else "Per"
     if len(recipe_lists) == 1:
         print_recipes(recipe_lists[0], console, view_options)
     else:
@@ -485,7 +482,8 @@ def _print(
         reached = sum(recipes[0].in_gamut for recipes in recipe_lists)
         console.print(f"{reached} of {len(recipe_lists)} targets within a ΔE00 of 1")
     console.print(
-        f"[dim]{legend}. {len(task.pigments)} paints, up to {task.max_paints} in {task.max_coats} "
+        f"[dim]{lead} 10 %: ΔE00 when that coat alone is a tenth thicker or thinner. "
+        f"{len(task.pigments)} paints, up to {task.max_paints} in {task.max_coats} "
         f"{'unmixed ' if task.glazes else ''}coats; "
         f"{_describe_view(task)}.[/dim]"
     )

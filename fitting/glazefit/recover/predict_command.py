@@ -118,7 +118,7 @@ def predict(
 
     from rich.console import Console
 
-    from ..film.films import Instrument, cards
+    from ..film.films import Instrument, card_readings
     from .command_joint import read_gauge
     from .joint.joint import UNIT
     from .predict.mixture import calibrate_mixture, predict_mixture
@@ -145,8 +145,8 @@ def predict(
                 progress=report,
             )
         grid = calibrated.wavelengths
-        black, white, _, _ = cards(calibrated.films, seen_with, calibrated.noise)
-        ground = (black[0], white[0])
+        black, white = card_readings(calibrated.films, seen_with, calibrated.noise).ground[0].T
+        ground = (black, white)
         read_thickness = float(f"{calibrated.thickness[0] * UNIT:.2g}")
         thicknesses = thicknesses or (
             [read_thickness]
@@ -155,7 +155,7 @@ def predict(
         )
     thicknesses = thicknesses or [options.read_length("25um")]
     # The films that are asked for, by that mixing or by any.
-    with progress.doing("compiling, then predicting"):
+    with progress.follow("compiling, then predicting"):
         predictions = predict_mixture(
             shelf,
             recipe,
@@ -271,16 +271,16 @@ def complete_grid(
     """
     import numpy as np
 
+    from glazejax.spectra import common_range, lie_between
+
     bands = film.wavelengths
     # Bands farther apart give no colour by themselves, nor do those that leave out part of 420 to
     # 680 nm.
     near = bands.size > 1 and np.diff(bands).max() <= 20.0
     if near and bands[0] <= 420.0 and bands[-1] >= 680.0:
         return None
-    low = max(paint.wavelengths[0] for paint in paints)
-    high = min(paint.wavelengths[-1] for paint in paints)
     grid = np.asarray(paints[0].wavelengths)
-    return grid[(grid >= low) & (grid <= high)]
+    return grid[lie_between(grid, *common_range(paint.wavelengths for paint in paints))]
 
 
 def _say_reading(

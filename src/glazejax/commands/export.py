@@ -323,7 +323,12 @@ def _maps(
         if metres:
             low = 0.0
             high = 1.0
-            _check_metres(thickness, float(grey.min()), float(grey.max()))
+            if grey.min() < 0 or grey.max() > MAX_THICKNESS:
+                raise ValueError(
+                    f"{thickness}: holds {grey.min():g} to {grey.max():g}; thicknesses are in "
+                    f"metres, 0 to {MAX_THICKNESS:g} (20 micrometres are 20e-6); values from 0 to "
+                    "1 take --thickness-range, such as 0-20um"
+                )
         elif span is not None:
             low, high = options.read_lengths(span, "--thickness-range", from_zero=True)
         else:
@@ -334,13 +339,3 @@ def _maps(
         if path is not None:
             maps[name] = read_grey(path)
     return maps
-
-
-def _check_metres(path: Path, low: float, high: float) -> None:
-    """Refuse thicknesses that cannot be in metres."""
-    if low < 0 or high > MAX_THICKNESS:
-        raise ValueError(
-            f"{path}: holds {low:g} to {high:g}; thicknesses are in metres, 0 to "
-            f"{MAX_THICKNESS:g} (20 micrometres are "
-            "20e-6); values from 0 to 1 take --thickness-range, such as 0-20um"
-        )

@@ -35,7 +35,7 @@ def start_jax(*, optimisation: int = 1) -> None:
             minutes.
     """
     from ..program_cache import compile_quickly, enable_program_cache
-    from .progress import doing
+    from .progress import follow
 
     # Python's search for circles of garbage, at its default of every 700 objects, is a fifth of a
     # command's work.
@@ -43,7 +43,7 @@ def start_jax(*, optimisation: int = 1) -> None:
     # It says for lines how it gets on where it can't keep a list of fonts.
     logging.getLogger("matplotlib").setLevel(logging.ERROR)
     compile_quickly(optimisation)
-    with doing("starting"), interrupts.loading():
+    with follow("starting"), interrupts.loading():
         import jax
 
         jax.config.update("jax_enable_x64", True)

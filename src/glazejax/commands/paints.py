@@ -103,7 +103,9 @@ def paints(
     else:
         _print_families(console, families, origins)
     if csv is not None:
-        _write(csv, origins, overwrite)
+        from ..io import write_table
+
+        write_table(csv, catalogue.Provenance._fields, origins, overwrite=overwrite)
         console.print(f"Wrote {len(origins)} exemplars to {csv}")
     if out is not None:
         _draw(out, families[family], [catalogue.load("pigments")[o.exemplar] for o in origins])
@@ -145,26 +147,16 @@ def _print_family(console: "Console", about: "Family", origins: "list[Provenance
         console.print("There is no exemplar of it.")
         return
     for origin in origins:
+        told = origin.told_by
         console.print(
             f"{origin.exemplar.partition('/')[2]}: {origin.paint}; binder "
             f"{origin.binder or 'not said'}; {origin.first_nm:.0f}-{origin.last_nm:.0f} nm; "
-            f"{_told(origin.told_by)}",
+            f"{told if told.startswith('k/s alone') else f'k and s by {told}'}",
             soft_wrap=True,
         )
     for source in dict.fromkeys(origin.source for origin in origins):
         first = next(origin for origin in origins if origin.source == source)
         console.print(f"[dim]{source}: {first.citation} ({first.licence})[/dim]", soft_wrap=True)
-
-
-def _told(how: str) -> str:
-    return how if how.startswith("k/s alone") else f"k and s by {how}"
-
-
-def _write(path: Path, origins: "list[Provenance]", overwrite: bool) -> None:
-    from ..catalogue import Provenance
-    from ..io import write_table
-
-    write_table(path, Provenance._fields, origins, overwrite=overwrite)
 
 
 def _draw(path: Path, about: "Family", pigments: "list[Pigment]") -> None:

@@ -188,13 +188,6 @@ def collect(
 
 
 @contextmanager
-def doing(stage: str) -> Iterator[None]:
-    """Say what is being done, in one piece, while it is."""
-    with follow(stage):
-        yield
-
-
-@contextmanager
 def drawing(count: int) -> Iterator[Callable[[], object]]:
     """Show how many of so many pictures are drawn; what is yielded is called after each."""
     with follow("drawing", count) as note:

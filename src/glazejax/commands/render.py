@@ -110,7 +110,10 @@ def render(
 
     console = Console(highlight=False, soft_wrap=False)
     if list_pigments:
-        _list(console, _shelf(pigments, catalogue))
+        from ..spectra import describe_grid
+
+        for name, pigment in _shelf(pigments, catalogue).items():
+            console.print(f"{name:24} {describe_grid(pigment.wavelengths)}", markup=False)
         return
     if coats is not None and stack is not None:
         raise ValueError(f"--stack {stack} says what the coats are: leave out --coats")
@@ -158,7 +161,7 @@ def render(
     from ..plots import load_matplotlib_ahead
     from . import render_report as report
     from .plots import glaze_figure
-    from .progress import doing
+    from .progress import follow
     from .rendering import render as compute
 
     glaze = Glaze(
@@ -168,7 +171,7 @@ def render(
     )
     load_matplotlib_ahead()
     solving = time.perf_counter()
-    with doing("compiling, then solving"):
+    with follow("compiling, then solving"):
         rendering = compute(
             glaze,
             seen_by,
@@ -182,7 +185,7 @@ def render(
     seen = seen_by.describe()
     coat = described[repeated]
     present = [f"{coat.name} {coat.size}" for coat in described if coat.total > 0]
-    with doing("drawing"):
+    with follow("drawing"):
         figure = glaze_figure(
             rendering,
             [coat.name for coat in described],
@@ -342,13 +345,6 @@ def _shelf(
     shelf = {**options.read_shelf(None, catalogue), **paints}
     # The other catalogues are read where a name is of one of them, or of none.
     return shelf if has_all(shelf) else options.all_named(shelf)
-
-
-def _list(console, shelf: "Mapping[str, Pigment]") -> None:
-    from ..spectra import describe_grid
-
-    for name, pigment in shelf.items():
-        console.print(f"{name:24} {describe_grid(pigment.wavelengths)}", markup=False)
 
 
 class _Bed(NamedTuple):

@@ -140,18 +140,24 @@ def render(
     rows = np.concatenate(
         [np.stack([thickness, 0 * thickness]), np.diag(thickness), coat_alone[None], ladder]
     )
-    paleness = _paleness(grid.size)
+    # Values of (1 - albedo)^(1/4) that fill whole rows of bands: the fourth root, because the
+    # reflectance of opaque paint starts as 1 - c sqrt(1 - albedo). Of 400 entries at least, linear
+    # interpolation between them leaves an error of R of 1e-5.
+    size = -(-400 // grid.size) * grid.size
+    paleness = np.linspace(0.0, 1.0, size).reshape(-1, grid.size)
     values = np.asarray(reflectance(_batch(glaze, rows, paleness), geometry, tolerance=tolerance))
     spectra = values[: len(rows)]
-    opaque = _Opaque(paleness.ravel(), values[len(rows) :].ravel())
+    # Reflectance of opaque paint falls as it grows less pale; the last, of black, is what the outer
+    # surface reflects, if the instrument includes that.
+    opaque = paleness.ravel(), values[len(rows) :].ravel()
     ground = spectra[1]
     first = spectra[2 + count]
     steps = spectra[3 + count :]
-    multiply = _multiply(ground, first, steps[0], counts, opaque.surface)
+    multiply = _multiply(ground, first, steps[0], counts, float(opaque[1][-1]))
     medium = glaze.coats[layer].medium
     portion = np.stack([np.asarray(medium.absorption), np.asarray(medium.scattering)]) * coat
     colour = partial(lab, grid, illuminant=illuminant, observer=observer)
-    mixing = _mixing(opaque, portion, steps[0], steps[1], counts, colour)
+    mixing = _mixing(*opaque, portion, steps[0], steps[1], counts, colour)
     return Rendering(
         wavelengths=grid,
         glaze=spectra[0],
@@ -167,17 +173,6 @@ def render(
         illuminant=illuminant,
         observer=observer,
     )
-
-
-def _paleness(bands: int) -> Float[np.ndarray, "rows bands"]:
-    """Rising values of (1 - albedo)^(1/4) from 0 to 1 that fill whole rows of bands.
-
-    The fourth root, because the reflectance of opaque paint starts as 1 - c sqrt(1 - albedo).
-    """
-    # Entries of the table of opaque paint, at least; 1e-5 is the error of R left by linear
-    # interpolation between them.
-    rows = -(-400 // bands)
-    return np.linspace(0.0, 1.0, rows * bands).reshape(rows, bands)
 
 
 def _batch(
@@ -211,29 +206,6 @@ def _batch(
     return Glaze(coats, np.concatenate([ground, np.ones((opaque, bands))]), glaze.refractive_index)
 
 
-@dataclass(frozen=True)
-class _Opaque:
-    """Reflectance of opaque paint against its paleness (1 - albedo)^(1/4): falls from white to
-    black.
-    """
-
-    paleness: Float[np.ndarray, "entries"]
-    values: Float[np.ndarray, "entries"]
-
-    @property
-    def surface(self) -> float:
-        """Reflectance of a black paint: the reflection from the outer surface, if the instrument
-        includes it.
-        """
-        return float(self.values[-1])
-
-    def reflectance(self, paleness: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
-        return np.interp(paleness, self.paleness, self.values)
-
-    def paleness_of(self, reflectance: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
-        return np.interp(reflectance, self.values[::-1], self.paleness[::-1])
-
-
 def _multiply(
     ground: Bands,
     first: Bands,
@@ -250,7 +222,8 @@ def _multiply(
 
 
 def _mixing(
-    opaque: _Opaque,
+    paleness: Float[np.ndarray, "entries"],
+    opaque: Float[np.ndarray, "entries"],
     portion: Float[np.ndarray, "2 bands"],
     base: Bands,
     first: Bands,
@@ -262,14 +235,14 @@ def _mixing(
     """
     absorbing = portion[0]
     depth = portion.sum(axis=0)
-    below = opaque.paleness_of(base) ** 4
+    below = np.interp(base, opaque[::-1], paleness[::-1]) ** 4
 
     def mix_part(
         n: Float[np.ndarray, "... 1"] | Int[np.ndarray, "... 1"],
         amount: Float[np.ndarray, "... 1"] | float,
     ) -> Float[np.ndarray, "... bands"]:
-        paleness = ((n * absorbing + amount * below) / (n * depth + amount)) ** 0.25
-        return opaque.reflectance(paleness)
+        pale = ((n * absorbing + amount * below) / (n * depth + amount)) ** 0.25
+        return np.interp(pale, paleness, opaque)
 
     scale = float(depth.max()) or 1.0
     amounts = scale * np.logspace(-4, 6, 2001)[:, None]

@@ -103,9 +103,7 @@ def scene(
         typer.echo(f"note   {note}", err=True)
     if renderer == "mitsuba" and (state := _without_llvm(loaded, samples or _SAMPLES)):
         typer.echo(f"note   {state}", err=True)
-    rendered = _render(
-        loaded, spectral is not None, _SAMPLES if samples is None else samples, renderer
-    )
+    rendered = _render(loaded, spectral is not None, samples or _SAMPLES, renderer)
     if rendered.done == 0:
         typer.echo("stopped before the first pixel: nothing is written", err=True)
         raise typer.Exit(progress.INTERRUPTED)
@@ -113,14 +111,10 @@ def scene(
     files = str(out) if spectral is None else f"{out} and {spectral}"
     typer.echo(f"wrote  {files} in {time.perf_counter() - started:.1f} s")
     if rendered.done < 1:
-        if renderer == "mitsuba":
-            typer.echo(
-                f"stopped: {rendered.done:.0%} of the paths are followed, so that noise is left",
-                err=True,
-            )
-            raise typer.Exit(progress.INTERRUPTED)
         state = f"{rendered.done:.0%} of the picture is finished, the rest is grey"
-        if rendered.done > 0.99:
+        if renderer == "mitsuba":
+            state = f"{rendered.done:.0%} of the paths are followed, so that noise is left"
+        elif rendered.done > 0.99:
             state = "every pixel is there, but not all edges and highlights are smooth"
         typer.echo(f"stopped: {state}", err=True)
         raise typer.Exit(progress.INTERRUPTED)

@@ -15,7 +15,7 @@ from ...radiative.common.fresnel import dielectric_reflectance
 from ...spectra import Grid, validate_wavelengths
 from ...stacks import Stack
 from ..glaze.solve import indices, on_grid, planned_factor
-from ..glaze.table import GlazeTable, glaze_table
+from ..glaze.table import glaze_table
 from .rgb import rgb_of_xyz
 from .spaces import Space, find_space
 
@@ -112,30 +112,10 @@ def angular_colour(
     nodes, steps = np.polynomial.legendre.leggauss(8)
     cosines = np.concatenate([0.5 * (nodes + 1.0), np.cos(np.deg2rad(VIEWS))])
     index = float(np.mean(np.asarray(indices(single, grid.size))))
-    spectra, error = body_spectra(single, grid, cosines, roughness, tolerance, progress)
-    return AngularColour(
-        cosines=cosines,
-        weights=0.5 * steps,
-        body=rgb_of_xyz(spectra @ weights, white, linear_space),
-        surface=surface_share(cosines, index, roughness),
-        refractive_index=index,
-        roughness=float(roughness),
-        space=linear_space,
-        light=(illuminant, observer),
-        error=error,
-    )
-
-
-def body_spectra(
-    glaze: Glaze,
-    grid: Float[np.ndarray, "bands"],
-    cosines: Angles,
-    roughness: float,
-    tolerance: float,
-    progress: Progress,
-) -> tuple[Float[np.ndarray, "angles angles bands"], float]:
-    """Reflectance factor without the surface's own reflection, light by eye, and its error."""
+    # Without the surface's own reflection, light by eye.
     if roughness > 0:
+        from ...radiative.rough.surface import surface_albedo
+
         # Paint is the same with light and eye exchanged: half of the pairs are enough.
         first, second = np.triu_indices(cosines.size)
         spectra = np.empty((cosines.size, cosines.size, grid.size))
@@ -143,12 +123,25 @@ def body_spectra(
             progress(done, first.size, "computing pairs of angles")
             one, two = first[done : done + _PAIRS], second[done : done + _PAIRS]
             spectra[one, two] = spectra[two, one] = pair_spectra(
-                glaze, cosines[one], cosines[two], roughness, tolerance
+                single, cosines[one], cosines[two], roughness, tolerance
             )
-        return spectra, tolerance
-    table: GlazeTable = glaze_table(glaze, grid, tolerance=tolerance)
-    return np.asarray(table.reflectance_factor(cosines[:, None], cosines), float), float(
-        table.error
+        error = tolerance
+        surface = surface_albedo(cosines, roughness=roughness, refractive_index=index)
+    else:
+        table = glaze_table(single, grid, tolerance=tolerance)
+        spectra = np.asarray(table.reflectance_factor(cosines[:, None], cosines), float)
+        error = float(table.error)
+        surface = dielectric_reflectance(cosines, index)
+    return AngularColour(
+        cosines=cosines,
+        weights=0.5 * steps,
+        body=rgb_of_xyz(spectra @ weights, white, linear_space),
+        surface=np.asarray(surface, float),
+        refractive_index=index,
+        roughness=float(roughness),
+        space=linear_space,
+        light=(illuminant, observer),
+        error=error,
     )
 
 
@@ -159,7 +152,9 @@ def pair_spectra(
     roughness: float,
     tolerance: float,
 ) -> Float[np.ndarray, "..."]:
-    """The same for pairs of angles, of a glaze (pairs, bands) or a batch of glazes."""
+    """Reflectance factor without the surface's own reflection for pairs of angles, of a glaze
+    (pairs, bands) or a batch of glazes.
+    """
     axes = max(glaze.albedo.ndim - 1, glaze.optical_thickness.ndim - 1, glaze.ground.ndim)
     batch = (slice(None), *[None] * axes)
     if roughness > 0:
@@ -178,17 +173,6 @@ def pair_spectra(
         )
         return np.asarray(factor, float)
     return planned_factor(glaze, cos_in[batch], cos_out[batch], tolerance)
-
-
-def surface_share(cosines: Angles, index: float, roughness: float) -> Angles:
-    """Directional-hemispherical reflectance of the outer surface alone."""
-    if roughness > 0:
-        from ...radiative.rough.surface import surface_albedo
-
-        return np.asarray(
-            surface_albedo(cosines, roughness=roughness, refractive_index=index), float
-        )
-    return np.asarray(dielectric_reflectance(cosines, index), float)
 
 
 def check_roughness(roughness: float) -> None:

@@ -36,8 +36,6 @@ from .solve import (
     with_variables,
 )
 
-__all__ = ["ALL_ANGLES", "GlazeTable", "glaze_table"]
-
 ALL_ANGLES = ((0.0, 90.0), (0.0, 90.0))
 """Degrees in air of incidence and viewing."""
 
@@ -101,7 +99,7 @@ def glaze_table(
         tolerance=0.05 * tolerance,
     )
     # The error is measured at points that no table has as nodes.
-    checks = builder.random_points(np.random.default_rng(0), 48)
+    checks = builder.random_points()
     truth = builder.solve(checks)
     sizes = [0, 0]
     while True:
@@ -155,11 +153,10 @@ class _TableBuilder:
         squared = self.inside**2 * (Axis(*ends).point(roots(count)) ** 2 - 1.0) + 1.0
         return np.sqrt(np.clip(squared, span.low**2, span.high**2))
 
-    def random_points(self, rng: np.random.Generator, count: int) -> np.ndarray:
-        """Points within the ranges, more of them towards the ends, (3, count)."""
-        points = np.stack(
-            [r.low + (r.high - r.low) * rng.beta(0.6, 0.6, count) for r in self.ranges]
-        )
+    def random_points(self) -> np.ndarray:
+        """Points within the ranges, more of them towards the ends, (3, points)."""
+        rng = np.random.default_rng(0)
+        points = np.stack([r.low + (r.high - r.low) * rng.beta(0.6, 0.6, 48) for r in self.ranges])
         points[:2] = np.clip(points[:2], LEAST_COSINE, 1.0)
         return points
 

@@ -68,10 +68,10 @@ def _table(
         )
 
 
-def bands_of(coats: str, refractive_index: float | None) -> np.ndarray:
+def bands_of(coats: str) -> np.ndarray:
     """Wavelengths of the table, nm."""
     with jax.enable_x64(True):
-        return np.asarray(read_coats(coats, refractive_index).wavelengths, float)
+        return np.asarray(read_coats(coats).wavelengths, float)
 
 
 class _Point(NamedTuple):
@@ -274,7 +274,7 @@ class GlazeBSDF:
         weight = self._value(si, at, bs.wo) / dr.maximum(bs.pdf, 1e-30)
         if at.surface and self._surface.delta:
             mirrored = mi.UnpolarizedSpectrum(
-                self._surface.mirror_reflectance(si.wi) / dr.maximum(at.share, 1e-6)
+                self._surface.albedo(abs(si.wi.z)) / dr.maximum(at.share, 1e-6)
             )
             bs.pdf = dr.select(first, at.share, bs.pdf)
             weight = dr.select(first, mirrored, weight)
@@ -298,9 +298,7 @@ class GlazeBSDF:
         """Texture that gives the ground at each place; None where it is the same everywhere."""
         ground = parameters.ground
         if isinstance(ground, np.ndarray):
-            return _Bands(
-                self._mi, self._dr, ground, bands_of(parameters.coats, parameters.refractive_index)
-            )
+            return _Bands(self._mi, self._dr, ground, bands_of(parameters.coats))
         return (
             None
             if ground is None or isinstance(ground, float) or not ground.is_spatially_varying()
@@ -317,7 +315,7 @@ class GlazeBSDF:
         # The texture's spectrum at the table's own bands.
         where = self._dr.zeros(self._mi.SurfaceInteraction3f)
         reflectance = []
-        for wavelength in bands_of(_text_of(parameters.coats), parameters.refractive_index):
+        for wavelength in bands_of(_text_of(parameters.coats)):
             where.wavelengths = mi.UnpolarizedSpectrum(float(wavelength))
             reflectance.append(float(np.array(parameters.ground.eval(where)).ravel()[0]))
         return tuple(float(x) for x in np.clip(reflectance, 0.0, 1.0))

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...extras import require
 from .lookup import Arithmetic
-from .table import Body
+from .table import TABLES, Body
 
 VARIANTS = ("scalar_spectral", "llvm_ad_spectral", "cuda_ad_spectral")
 
@@ -49,22 +49,7 @@ class DrJit(Arithmetic):
     def __init__(self, mi: Any, dr: Any, active: Any = True):
         self._mi, self._dr, self._active = mi, dr, active
         self._jit = bool(dr.is_jit_v(mi.Float))
-
-    def sqrt(self, x: Any) -> Any:
-        """Square root."""
-        return self._dr.sqrt(x)
-
-    def clip(self, x: Any, low: float, high: float) -> Any:
-        """Within [low, high]."""
-        return self._dr.clip(x, low, high)
-
-    def maximum(self, x: Any, y: Any) -> Any:
-        """The larger one."""
-        return self._dr.maximum(x, y)
-
-    def dot(self, a: Any, b: Any) -> Any:
-        """Sum of the four products."""
-        return self._dr.dot(a, b)
+        self.sqrt, self.clip, self.maximum, self.dot = dr.sqrt, dr.clip, dr.maximum, dr.dot
 
     def packet(self, table: Any, number: Any) -> Any:
         """A vector of four numbers."""
@@ -94,6 +79,5 @@ class DrJit(Arithmetic):
 
     def body(self, body: Body) -> Body:
         """A body's table on the device."""
-        names = ("pairs", "pair_weights", "lines", "line_weights", "mean_weights", "albedo_shapes")
-        tables = {name: self.upload(getattr(body, name)) for name in names}
+        tables = {name: self.upload(getattr(body, name)) for name in TABLES}
         return replace(body, surface=body.surface.on(self.upload), **tables)

@@ -26,10 +26,6 @@ class Mirror:
         """The mirrored direction."""
         return self._mi.reflect(wi)
 
-    def mirror_reflectance(self, wi: Any) -> Any:
-        """Share of light that the mirrored direction carries."""
-        return self.albedo(abs(wi.z))
-
 
 class Facets:
     """A rough surface as `glazejax.radiative.rough` has it: GGX facets, Smith's separable masking

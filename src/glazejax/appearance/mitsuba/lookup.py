@@ -6,12 +6,10 @@ interpolated by Hermite's cubic from values and slopes, so that derivatives are 
 wavelengths linearly.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-
-from ...chebyshev_table import Axis, Mirrored
 
 
 class Place(NamedTuple):
@@ -27,6 +25,12 @@ class Arithmetic:
     `device.DrJit` has those of Dr.Jit.
     """
 
+    clip: Any = staticmethod(np.clip)
+    maximum: Any = np.maximum
+    sqrt: Any = np.sqrt
+    log1p: Any = np.log1p
+    asinh: Any = np.arcsinh
+
     def packet(self, table: Any, number: Any) -> Any:
         """Four numbers, beginning at 4 `number`."""
         return np.moveaxis(table.reshape(-1, 4)[number], -1, 0)
@@ -35,29 +39,9 @@ class Arithmetic:
         """Whole number of x >= 0, without slope."""
         return np.floor(x).astype(int)
 
-    def clip(self, x: Any, low: float, high: float) -> Any:
-        """x within [low, high]."""
-        return np.clip(x, low, high)
-
-    def maximum(self, x: Any, y: Any) -> Any:
-        """The larger one."""
-        return np.maximum(x, y)
-
     def dot(self, a: Any, b: Any) -> Any:
         """Sum of the four products."""
         return np.sum(a * b, axis=0)
-
-    def sqrt(self, x: Any) -> Any:
-        """Square root."""
-        return np.sqrt(x)
-
-    def log1p(self, x: Any) -> Any:
-        """Logarithm of 1 + x."""
-        return np.log1p(x)
-
-    def asinh(self, x: Any) -> Any:
-        """Inverse hyperbolic sine."""
-        return np.arcsinh(x)
 
 
 def place(ops: Arithmetic, x: Any, count: int) -> Place:
@@ -66,11 +50,6 @@ def place(ops: Arithmetic, x: Any, count: int) -> Place:
     # The last node belongs to the last cell.
     lower = ops.whole(ops.clip(scaled, 0.0, count - 1.5))
     return Place(lower, scaled - lower)
-
-
-def place_on(ops: Any, axis: Axis | Mirrored, x: Any, count: int) -> Place:
-    """Cell of a thickness or fraction on an even grid of the axis's coordinate."""
-    return place(ops, 0.5 * (axis.coordinate(ops.clip(x, axis.low, axis.high), ops) + 1.0), count)
 
 
 def hermite(t: Any) -> tuple[tuple[Any, Any], tuple[Any, Any]]:
@@ -114,14 +93,13 @@ def node_sum(
         row: which of the rows.
         rows: how many there are.
     """
-    total: list[Any] = [0.0] * packets
-    for node, weights in nodes:
-        # The numbers of an entry follow one another: value, slopes, mixed slope.
-        entry = (node * rows + row) * len(weights)
-        for h, weight in enumerate(weights):
-            for p in range(packets):
-                total[p] = total[p] + ops.packet(table, (entry + h) * packets + p) * weight
-    return total
+    # The numbers of an entry follow one another: value, slopes, mixed slope.
+    entries = (
+        ((node * rows + row) * len(weights) + h, weight)
+        for node, weights in nodes
+        for h, weight in enumerate(weights)
+    )
+    return _sum(ops, table, entries, packets)
 
 
 def spectral_sum(
@@ -138,22 +116,29 @@ def pair_sum(
     """Packets of the shapes at two angles, from a table (count, count, packets, 4) laid
     out flat.
     """
-    total: list[Any] = [0.0] * packets
-    for lower_step, lower_weight in ((0, 1.0 - a.along), (1, a.along)):
-        for upper_step, upper_weight in ((0, 1.0 - b.along), (1, b.along)):
-            # Bilinear between the four nodes around the pair of angles.
-            entry = ((a.lower + lower_step) * count + (b.lower + upper_step)) * packets
-            for p in range(packets):
-                total[p] = total[p] + ops.packet(table, entry + p) * (lower_weight * upper_weight)
-    return total
+    # Bilinear between the four nodes around the pair of angles.
+    entries = ((m * count + n, u * v) for m, u in _sides(a) for n, v in _sides(b))
+    return _sum(ops, table, entries, packets)
 
 
 def line_sum(ops: Arithmetic, table: Any, a: Place, packets: int) -> list[Any]:
     """Packets of the shapes at one angle, from a table (count, packets, 4) laid out flat."""
+    return _sum(ops, table, _sides(a), packets)
+
+
+def _sides(spot: Place) -> list[tuple[Any, Any]]:
+    """The two nodes around a place, each with its linear weight."""
+    return [(spot.lower, 1.0 - spot.along), (spot.lower + 1, spot.along)]
+
+
+def _sum(
+    ops: Arithmetic, table: Any, entries: Iterable[tuple[Any, Any]], packets: int
+) -> list[Any]:
+    """Packets of entries, weighted."""
     total: list[Any] = [0.0] * packets
-    for side, share in ((0, 1.0 - a.along), (1, a.along)):
+    for entry, weight in entries:
         for p in range(packets):
-            total[p] = total[p] + ops.packet(table, (a.lower + side) * packets + p) * share
+            total[p] = total[p] + ops.packet(table, entry * packets + p) * weight
     return total
 
 

@@ -72,8 +72,14 @@ def read_parameters(mi: Any, props: Any) -> GlazeParameters:
             f"{where} reaches {largest * scale:g} m, beyond the thickness_max of {most:g} m: "
             "raise that"
         )
-    _check_share("fraction", *_range(mi, fraction))
-    _check_share("ground", *_range(mi, ground))
+    for name, value in (("fraction", fraction), ("ground", ground)):
+        low, high = _range(mi, value)
+        if not (low >= 0 and high <= 1):
+            wrong = low if not low >= 0 else high
+            raise ValueError(f"{name} has the value {wrong:g}; it must lie between 0 and 1")
+    gloss = props["gloss"] if "gloss" in names else True
+    if not isinstance(gloss, bool):
+        raise ValueError(f"gloss is {gloss!r}; it must be true or false")
     return GlazeParameters(
         coats=props["coats"],
         layer=int(_number(props, names, "layer", 0, 0, 1000)),
@@ -86,7 +92,7 @@ def read_parameters(mi: Any, props: Any) -> GlazeParameters:
         if "refractive_index" in names
         else None,
         roughness=_number(props, names, "roughness", 0.0, 0.0, 1.0),
-        gloss=_flag(props, names, "gloss", True),
+        gloss=gloss,
         tolerance=_number(props, names, "tolerance", 1e-3, 1e-5, 0.1),
     )
 
@@ -100,13 +106,6 @@ def _number(
     if not isinstance(value, int | float) or isinstance(value, bool) or not low <= value <= high:
         raise ValueError(f"{name} is {value!r}; it must be a number between {low:g} and {high:g}")
     return float(value)
-
-
-def _flag(props: Any, names: set[str], name: str, default: bool) -> bool:
-    value = props[name] if name in names else default
-    if not isinstance(value, bool):
-        raise ValueError(f"{name} is {value!r}; it must be true or false")
-    return value
 
 
 def _texture(mi: Any, props: Any, names: set[str], name: str, getter: str) -> Any:
@@ -158,9 +157,3 @@ def _range(mi: Any, value: Any) -> tuple[float, float]:
     if values is None or values.size == 0:
         return 0.0, 0.0
     return float(values.min()), float(values.max())
-
-
-def _check_share(name: str, low: float, high: float) -> None:
-    if not (low >= 0 and high <= 1):
-        wrong = low if not low >= 0 else high
-        raise ValueError(f"{name} has the value {wrong:g}; it must lie between 0 and 1")

@@ -26,6 +26,8 @@ from .nodes import SOLVER, GlazeSurface, Nodes, NodeSolver, error_weight, over, 
 
 _ANGLES = (33, 65, 129, 257)
 _LINE = (9, 17, 33, 65, 129)
+# Fields of a body that a renderer keeps on its device.
+TABLES = ("pairs", "pair_weights", "lines", "line_weights", "mean_weights", "albedo_shapes")
 
 
 @dataclass(frozen=True)
@@ -83,14 +85,7 @@ class Body:
     @property
     def bytes(self) -> int:
         """Memory of the tables."""
-        tables = (
-            self.pairs,
-            self.pair_weights,
-            self.lines,
-            self.line_weights,
-            self.mean_weights,
-            self.albedo_shapes,
-        )
+        tables = (getattr(self, name) for name in TABLES)
         return sum(table.nbytes for table in tables if table is not None)
 
     def __repr__(self) -> str:
@@ -103,10 +98,10 @@ class Body:
 
 def nodes_at(ops: Arithmetic, body: Body, varying: dict[str, Any]) -> list[tuple[Any, list[Any]]]:
     """Nodes and weights of `lookup` for the values of the body's axes."""
-    axis_spots = [
-        lookup.place_on(ops, axis, varying[name], count)
-        for (name, axis), count in zip(body.axes.items(), body.counts, strict=True)
-    ]
+    axis_spots = []
+    for (name, axis), count in zip(body.axes.items(), body.counts, strict=True):
+        along = axis.coordinate(ops.clip(varying[name], axis.low, axis.high), ops)
+        axis_spots.append(lookup.place(ops, 0.5 * (along + 1.0), count))
     return lookup.nodes_and_weights(axis_spots, body.counts)
 
 

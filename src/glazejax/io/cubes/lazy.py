@@ -198,7 +198,10 @@ def as_data_array(
         (("y", raw.y, y0, lines, by), ("x", raw.x, x0, samples, bx))
     ):
         further = {} if size is None else {"pixel_size": size[i] * each}
-        places[name] = (name, _centres(stored, first, count, each), about | further)
+        # The file's own coordinates, or centres of pixels from the image's upper left corner.
+        pixels = np.arange(first, first + count * each)
+        centres = (pixels + 0.5 if stored is None else stored[pixels]).reshape(count, each).mean(1)
+        places[name] = (name, centres, about | further)
     attributes: dict[str, Any] = {
         "long_name": "reflectance factor",
         "units": "1",
@@ -231,14 +234,3 @@ def _reading_of(raw: RawCube, scale: float) -> float:
     """Reflectance of the largest stored number, rounded as `CubeReading` rounds it."""
     value = raw.numbers(np.full(1, raw.top, raw.dtype), np.zeros(1, int))
     return float(value[0] / np.float32(scale))
-
-
-def _centres(
-    stored: Float[np.ndarray, "size"] | None, first: int, count: int, each: int
-) -> Float[np.ndarray, "count"]:
-    """Coordinates of bins: the file's own, or centres of pixels of the whole image, from its upper
-    left corner.
-    """
-    binned = slice(first, first + count * each)
-    places = np.arange(binned.start, binned.stop) + 0.5 if stored is None else stored[binned]
-    return places.reshape(count, each).mean(1)

@@ -33,16 +33,10 @@ def _lit(
     uv: Array,
 ) -> PairSpectra:
     """Light of each pair that reaches the eye."""
-    thickness = _thickness(material, view, uv)
+    depths = material.thickness_map
+    thickness = jnp.zeros_like(view) if depths is None else sample_map(depths, uv)
     factor = material.direct(Angles(light, view, between, thickness))
     return strength[:, None] * factor * lights[which]
-
-
-def _thickness(material: Material, view: Array, uv: Array) -> Array:
-    """The map of a material's thickness at points, zeros where it has none."""
-    if material.thickness_map is None:
-        return jnp.zeros_like(view)
-    return sample_map(material.thickness_map, uv)
 
 
 @eqx.filter_jit

@@ -26,7 +26,6 @@ def mitsuba_scene(
     *,
     samples: int = 256,
     max_depth: int = -1,
-    gloss: bool = True,
     background: bool = False,
     tolerance: float = 1e-3,
     notes: list[str] | None = None,
@@ -38,7 +37,6 @@ def mitsuba_scene(
         folder: where meshes are written; files of the same names are replaced.
         samples: rays of a pixel, best a square.
         max_depth: of paths: 2 for direct light alone, -1 for everything.
-        gloss: glazes with their mirror reflection.
         background: light from all around with the scene's background; here it lights things, which
             it does not in `render`.
         tolerance: absolute error wanted of a glaze's reflectance factor.
@@ -103,7 +101,6 @@ def mitsuba_scene(
                 material=material,
                 grid=grid,
                 on_sphere=key[1],
-                gloss=gloss,
                 tolerance=tolerance,
                 notes=notes,
             )
@@ -145,17 +142,16 @@ def _bsdf(
     material: Material,
     grid: np.ndarray,
     on_sphere: bool,
-    gloss: bool,
     tolerance: float,
     notes: list[str] | None,
 ) -> dict[str, Any]:
     if isinstance(material, Lambert):
         return {"type": "diffuse", "reflectance": spectrum(material.reflectance, grid)}
     if isinstance(material, Conductor) and material.is_mirror and material.fresnel == "exact":
-        return {"type": "conductor"} | _metal(material, grid)
+        return _near_metal(material, grid)
     if isinstance(material, Glazed):
-        return _glaze(material, grid, on_sphere, gloss, tolerance)
-    if notes is None:
+        return _glaze(material, grid, on_sphere, tolerance)
+    if notes is None or not isinstance(material, Conductor | Phong):
         raise ValueError(f"material {name!r}: Mitsuba has no counterpart of {_describe(material)}")
     if isinstance(material, Conductor):
         notes.append(
@@ -163,21 +159,17 @@ def _bsdf(
             f"{_nearest(material)}"
         )
         return _near_metal(material, grid)
-    if isinstance(material, Phong):
-        notes.append(
-            f"material {name!r}: Mitsuba has no Phong; drawn as a plastic with a highlight of "
-            "the same width"
-        )
-        # Facets whose highlight is as wide as Phong's: alpha^2 = 2/(n + 2).
-        width = float(np.sqrt(2.0 / (float(material.exponent) + 2.0)))
-        body = spectrum(material.body, grid)
-        return {"type": "roughplastic", "alpha": width, "diffuse_reflectance": body}
-    raise ValueError(f"material {name!r}: Mitsuba has no counterpart of {_describe(material)}")
+    notes.append(
+        f"material {name!r}: Mitsuba has no Phong; drawn as a plastic with a highlight of the "
+        "same width"
+    )
+    # Facets whose highlight is as wide as Phong's: alpha^2 = 2/(n + 2).
+    width = float(np.sqrt(2.0 / (float(material.exponent) + 2.0)))
+    body = spectrum(material.body, grid)
+    return {"type": "roughplastic", "alpha": width, "diffuse_reflectance": body}
 
 
-def _glaze(
-    material: Glazed, grid: np.ndarray, on_sphere: bool, gloss: bool, tolerance: float
-) -> dict[str, Any]:
+def _glaze(material: Glazed, grid: np.ndarray, on_sphere: bool, tolerance: float) -> dict[str, Any]:
     from ...mitsuba import glaze_bsdf, register
 
     register()
@@ -191,27 +183,22 @@ def _glaze(
         thickness=thickness,
         layer=material.layer,
         wavelengths=grid,
-        gloss=gloss and material.gloss,
+        gloss=material.gloss,
         tolerance=tolerance,
     )
 
 
-def _metal(material: Conductor, grid: np.ndarray) -> dict[str, Any]:
-    return {
+def _near_metal(material: Conductor, grid: np.ndarray) -> dict[str, Any]:
+    """Beckmann's facets, half of them left at the same angle, and the exact reflectance."""
+    optics = {
         "eta": spectrum(material.refractive_index, grid),
         "k": spectrum(material.extinction, grid),
     }
-
-
-def _near_metal(material: Conductor, grid: np.ndarray) -> dict[str, Any]:
-    """Beckmann's facets, half of them left at the same angle, and the exact reflectance."""
     if material.is_mirror:
-        return {"type": "conductor"} | _metal(material, grid)
+        return {"type": "conductor"} | optics
     # Half of Beckmann's facets are left where tan^2 = alpha^2 ln 2.
     alpha = float(np.tan(np.deg2rad(material.roughness)) / np.sqrt(np.log(2.0)))
-    return {"type": "roughconductor", "distribution": "beckmann", "alpha": alpha} | _metal(
-        material, grid
-    )
+    return {"type": "roughconductor", "distribution": "beckmann", "alpha": alpha} | optics
 
 
 def _nearest(material: Conductor) -> str:
