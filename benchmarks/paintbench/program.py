@@ -152,7 +152,6 @@ class FamilyCatalogue:
             self._searches[key] = search_families(
                 GRID[bands],
                 self._pigments,
-                opaque=True,
                 instrument=self._instrument,
                 prior=_OF_TWO if pairs else None,
             )

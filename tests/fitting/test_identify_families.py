@@ -214,7 +214,7 @@ def test_exemplars_that_do_not_know_a_band_are_missing_there(shelf):
 
 @pytest.fixture(scope="module")
 def found_search(others):
-    return set_up.search_families(GRID, others, opaque=True, instrument="45:0")
+    return set_up.search_families(GRID, others, instrument="45:0")
 
 
 @pytest.mark.parametrize("instrument", ["d:8", "de:8", "45:0"])
@@ -241,7 +241,7 @@ def test_a_teal_is_no_white(others):
 
 def test_a_light_grey_is_no_black(shelf):
     """A zinc white over black had the slopes of a thin coat of a warm black over white."""
-    search = set_up.search_families(GRID, shelf, opaque=True, max_paints=1)
+    search = set_up.search_families(GRID, shelf, max_paints=1)
     of_blacks = np.append(np.isin(search.families, GROUPS["a black"]), True)
     blacks = of_blacks[search.members[search.compared.sets]].all(axis=1)
     light = blacks & (np.asarray(search.compared.colours)[:, 0] > 50.0)
@@ -253,7 +253,7 @@ def test_a_light_grey_is_no_black(shelf):
 
 def test_a_yellow_is_no_extender(shelf):
     """Barium sulphate was read in a yellowed oil: its films that hide have a chroma of 32."""
-    search = set_up.search_families(GRID, shelf, opaque=True, max_paints=1)
+    search = set_up.search_families(GRID, shelf, max_paints=1)
     templates = search.compared.templates
     extender = shelf[[paint.name for paint in shelf].index("barium sulphate/revigo-BariumSulphate")]
     body = templates.readings[templates.members[:, 0] == search.exemplars.index(extender)]
@@ -392,7 +392,7 @@ def test_few_known_exemplars_are_refused(found_search):
 
 def test_exemplars_of_one_source_teach_no_sureness(shelf):
     own = [paint for paint in shelf if paint.source == "hyppigments"]
-    found = set_up.search_families(GRID, own, opaque=True, max_paints=1)
+    found = set_up.search_families(GRID, own, max_paints=1)
     assert found.sureness == calibration._UNTAUGHT
     odds = found.odds(calibration.exemplars_as_readings(found)[0][:3])
     assert np.isfinite(odds.sets).all()
@@ -590,14 +590,13 @@ def test_the_year_and_the_elements_move_the_headline(mockups, find):
 
 
 def test_anachronisms_are_said():
-    known = catalogue.families()
-    words = evidence.describe_anachronism(["Prussian blue", "a white", "azurite"], known, 1620)
+    words = evidence.describe_anachronism(["Prussian blue", "a white", "azurite"], 1620)
     assert words == "not of 1620: Prussian blue was in use 1704-"
-    assert not evidence.describe_anachronism(["azurite"], known, 1620)
-    assert "smalt" in evidence.describe_anachronism(["smalt"], known, 1950)
+    assert not evidence.describe_anachronism(["azurite"], 1620)
+    assert "smalt" in evidence.describe_anachronism(["smalt"], 1950)
     # Of lapis lazuli long before it was made: no spectrum tells one from the other.
-    assert not evidence.describe_anachronism(["ultramarine"], known, 1100)
-    assert "lapis lazuli" in evidence.describe_anachronism(["ultramarine"], known, -100)
+    assert not evidence.describe_anachronism(["ultramarine"], 1100)
+    assert "lapis lazuli" in evidence.describe_anachronism(["ultramarine"], -100)
 
 
 # ---- what cannot be asked ------------------------------------------------------------------------

@@ -265,7 +265,7 @@ def test_references_do_not_teach_how_far_paints_are_apart(shelf, odd):
     noise = np.random.default_rng(7).normal(0.0, 1e-4, (10, GRID.size))
     read = references({f"PV14, reading {n}": odd + row for n, row in enumerate(noise)})
     alone, beside = (
-        set_up.search_families(GRID[VISIBLE], paints, opaque=True, instrument="45:0", max_paints=1)
+        set_up.search_families(GRID[VISIBLE], paints, instrument="45:0", max_paints=1)
         for paints in (shelf, [*shelf, *read.pigments])
     )
     for metric, other in zip(alone.compared.metrics, beside.compared.metrics, strict=True):

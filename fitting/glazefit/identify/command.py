@@ -507,11 +507,13 @@ def _report(
     overwrite: bool,
     painted: int | None,
 ) -> None:
+    from glazejax.io import write_table
+
+    from .result.table import table_of
     from .show.plots import plot_identification
     from .show.terminal import (
         print_families,
         print_identification,
-        write_candidates,
         write_residuals,
     )
 
@@ -522,7 +524,7 @@ def _report(
             identification, console, top, detailed=8 if len(identification) <= 8 else 0
         )
     if csv is not None:
-        write_candidates(identification, csv, top, overwrite=overwrite)
+        write_table(csv, *table_of(identification, top), overwrite=overwrite)
         console.print(f"Wrote the explanations to {csv}")
     if residuals is not None:
         write_residuals(identification, residuals, overwrite=overwrite)

@@ -16,7 +16,7 @@ from jaxtyping import ArrayLike, Float
 from glazejax import Hemispherical
 from glazejax.geometry import Geometry, resolve_instrument
 
-from ..film.films import Films, Instrument, Noise, cards
+from ..film.films import Films, Instrument, Noise, card_readings
 from ..film.model.errors import Prior
 from ..film.model.mixing import Pigments, listed_pigments
 from ..film.model.response import film_response
@@ -157,16 +157,17 @@ def identify_films(
     check_keywords("identify_films", options, IdentificationKeywords)
     seen_by = resolve_instrument(options.get("instrument"))
     if isinstance(seen_by.geometry, Hemispherical):
-        black, white, _, _ = cards(films, seen_by, options.get("noise") or Noise())
+        measured = card_readings(films, seen_by, options.get("noise") or Noise())
+        ground = np.moveaxis(measured.ground, -1, 1)
     else:
-        bare = np.stack([films.bare_black, films.bare_white])
-        black, white = ground_from_air(bare, seen_by)
+        bare = np.stack([films.bare_black, films.bare_white], axis=1)
+        ground = ground_from_air(bare, seen_by)
     options["instrument"] = seen_by
     return identify(
         films.wavelengths,
         np.stack([films.over_black, films.over_white], axis=1),
         pigments,
-        ground=np.stack([black, white], axis=1),
+        ground=ground,
         names=films.names,
         **options,
     )
@@ -199,7 +200,7 @@ def ground_from_air(
     """
     seen_by = resolve_instrument(instrument, refractive_index)
     within = np.asarray(bare, dtype=np.float64) - seen_by.seen_surface
-    response = film_response(seen_by.geometry, seen_by.refractive_index)
+    response = film_response(seen_by)
     internal = np.asarray(response.internal(jnp.asarray(within)))
     for wrong, reason in (
         (within < -0.01, "less than its surface alone"),

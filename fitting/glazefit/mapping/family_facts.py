@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from glazejax import Pigment, catalogue
+from glazejax import Pigment
 
 from ..identify.families.evidence import describe_anachronism
 from ..identify.families.identify_pigments import identify_families
@@ -86,7 +86,7 @@ def describe_sets(
                 {
                     **pigment,
                     "share": share,
-                    "anachronism": _anachronism(pigment["family"], options.painted),
+                    "anachronism": describe_anachronism([family], options.painted),
                 }
                 for name in (names[member] for member in members)
                 for family, share in within.get(name, ((name, 1.0),))
@@ -96,7 +96,3 @@ def describe_sets(
             "film": describe_film(films[0], means[row]) if films else None,
         }
     return facts
-
-
-def _anachronism(family: str, year: int | None) -> str:
-    return "" if year is None else describe_anachronism([family], catalogue.families(), year)

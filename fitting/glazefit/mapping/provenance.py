@@ -49,7 +49,6 @@ def map_provenance(
         versions={name: version(name) for name in _PACKAGES},
         platform=platform.platform(),
         inputs=[("CUBE", str(cube), quick_source_hash(cube)), *inputs],
-        hashed="SHA-256 (of the cube: of names, sizes, and samples from all of it)",
         shortcuts=shortcut_words(paint_map.attrs),
         agreement=agreement_words(paint_map.attrs),
         notes=tuple(map(str, paint_map.attrs.get("notes", ()))),
@@ -58,28 +57,24 @@ def map_provenance(
 
 def shortcut_words(attrs: Mapping[str, Any]) -> dict[str, str]:
     """Steps that were not done in full for every pixel, by name, from the attributes of a map."""
-    shortcuts: dict[str, str] = {}
-    if "representatives" in attrs:
-        shortcuts["Representatives"] = (
+    return {
+        "Representatives": (
             f"{attrs['representatives']:,} spectra of the image were searched in full; any other "
             "pixel is answered in closed form from the one nearest to it: a set that only that "
             "pixel shows can be missed"
-        )
-    if "working_wavelengths" in attrs:
-        shortcuts["Bands"] = (
+        ),
+        "Bands": (
             f"neighbouring bands were averaged to {len(attrs['working_wavelengths'])}: a feature "
             "narrower than their distance is lost"
-        )
-    return shortcuts
+        ),
+    }
 
 
 def agreement_words(attrs: Mapping[str, Any]) -> dict[str, str]:
     """Agreement of answers in closed form with full searches of the same pixels, from the
     attributes of a map.
     """
-    agreement = attrs.get("agreement") or {}
-    if not agreement:
-        return {}
+    agreement = attrs["agreement"]
     comparison = {
         "Pixels compared": f"{int(agreement['pixels']):,}",
         "Same first set": f"{agreement['first']:.1%}",

@@ -8,7 +8,6 @@ from typing import Any
 from glazejax.io.formats.workbook import split_sheet
 
 _ENVI = ("", ".hdr", ".sli", ".img", ".dat", ".raw", ".bsq", ".bil", ".bip")
-_PIECE = 1 << 20
 
 
 def input_files(files: Mapping[str, Path | None]) -> list[dict[str, Any]]:
@@ -42,10 +41,5 @@ def _with_its_pair(path: Path) -> list[Path]:
 def _checksum(path: Path) -> tuple[int | None, str | None]:
     if not path.is_file():
         return None, None
-    total = hashlib.sha256()
-    size = 0
     with path.open("rb") as file:
-        while piece := file.read(_PIECE):
-            total.update(piece)
-            size += len(piece)
-    return size, total.hexdigest()
+        return path.stat().st_size, hashlib.file_digest(file, "sha256").hexdigest()

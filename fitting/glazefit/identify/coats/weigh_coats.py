@@ -184,9 +184,21 @@ def coats_of_families(
     """The identification by families with the prior odds of the best set of each spectrum:
     exemplars are paints by other hands, and how much these scatter decides.
     """
-    sets = _best_sets(identification, options)
-    odds = tuple(_prior_odds(row_sets, identification.paints, options) for row_sets in sets)
-    return replace(identification, coats_odds=odds)
+    coats_odds: list[tuple[CoatsOdds, ...]] = []
+    for sets in _best_sets(identification, options):
+        if not sets:
+            coats_odds.append(())
+            continue
+        arrangements, chances = _ways(len(sets[0]), options)
+        odds = _odds_of(
+            [identification.paints[member] for member in sets[0]],
+            arrangements,
+            chances / chances.sum(),
+            "paints of other makers cannot decide it: name the catalogue of the film's paints",
+            np.full((len(sets[0]), 2), np.nan),
+        )
+        coats_odds.append((odds,))
+    return replace(identification, coats_odds=tuple(coats_odds))
 
 
 def _best_sets(identification: Identification, options: IdentificationOptions) -> list[Sets]:
@@ -198,24 +210,6 @@ def _best_sets(identification: Identification, options: IdentificationOptions) -
         strict=True,
     )
     return [best_sets(*of_row, options.max_coats) for of_row in chances]
-
-
-def _prior_odds(
-    sets: Sets, names: Sequence[str], options: IdentificationOptions
-) -> tuple[CoatsOdds, ...]:
-    """Odds of the best set of a spectrum, whatever was read."""
-    if not sets:
-        return ()
-    arrangements, chances = _ways(len(sets[0]), options)
-    return (
-        _odds_of(
-            [names[member] for member in sets[0]],
-            arrangements,
-            chances / chances.sum(),
-            "paints of other makers cannot decide it: name the catalogue of the film's paints",
-            np.full((len(sets[0]), 2), np.nan),
-        ),
-    )
 
 
 def _odds_of(

@@ -11,7 +11,7 @@ from scipy.optimize import minimize
 
 from glazejax.progress import Progress, no_progress
 
-from ..result.groups import COLOURLESS, group_of
+from ..result.groups import COLOURLESS, answer_of, group_of
 from .search import FamilySearch
 from .sureness import Sureness, log_densities
 
@@ -73,7 +73,7 @@ def calibrate(
         progress(start, len(readings), "trying families")
         body = search.body(readings[start : start + step])
         points = search._points(body)
-        any_paint.append(search._any_paint(points))
+        any_paint.append(search.compared.metrics[0].log_any_paint(points[0]))
         evidence = search._evidence(points, sources[start : start + step])
         possible = search._possible(body)
         for power in POWERS:
@@ -163,19 +163,15 @@ def right_sets(search: FamilySearch) -> Bool[np.ndarray, "families sets"]:
     """True for sets that name a pure paint of each family rightly: by its group, whatever
     colourless family accompanies a coloured one.
     """
-    groups = [
-        {group_of(search.families[member]) for member in row if member >= 0}
+    answers = [
+        answer_of(search.families[member] for member in row if member >= 0)
         for row in search.members
     ]
-    out = np.zeros((len(search.families), len(groups)), dtype=bool)
-    for number, family in enumerate(search.families):
-        group = group_of(family)
-        for column, named in enumerate(groups):
-            coloured = named - COLOURLESS
-            out[number, column] = (
-                group in named and not coloured if group in COLOURLESS else coloured == {group}
-            )
-    return out
+    right = [
+        [group in answer and (group in COLOURLESS or len(answer) == 1) for answer in answers]
+        for group in map(group_of, search.families)
+    ]
+    return np.array(right, dtype=bool)
 
 
 def _few_of_each(

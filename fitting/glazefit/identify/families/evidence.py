@@ -6,7 +6,7 @@ been retouched, so nothing is ruled out.
 """
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -138,21 +138,19 @@ def _in_use(family: Family, year: int) -> bool:
     return family.first_year <= year and (family.last_year is None or year <= family.last_year)
 
 
-def describe_anachronism(
-    families: Sequence[str], references: Mapping[str, Family], year: int
-) -> str:
+def describe_anachronism(families: Sequence[str], year: int | None) -> str:
     """Name the families that were not in use in a year, in a sentence; empty if all were.
 
     Args:
         families: names; groups and unknown names are passed over.
-        references: all families by name.
-        year: negative before Christ.
+        year: negative before Christ; None if it is not known.
     """
-    periods = []
-    for name in families:
-        family = references.get(name)
-        if family is None:
-            continue
-        if not _in_use(family, year):
-            periods.append(f"{name} was in use {family.in_use}")
+    if year is None:
+        return ""
+    about = catalogue.families()
+    periods = [
+        f"{name} was in use {about[name].in_use}"
+        for name in families
+        if name in about and not _in_use(about[name], year)
+    ]
     return f"not of {year}: {'; '.join(periods)}" if periods else ""

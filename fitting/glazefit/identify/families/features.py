@@ -9,7 +9,7 @@ over a bright ground, log K/S (Kubelka-Munk's remission function) of one that hi
 """
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from glazejax import colour
 
@@ -100,15 +100,9 @@ def features(
     absorbance = -np.log(values)
     # (1 - R)^2 / 2 R, Kubelka and Munk's K/S of a film that hides its ground.
     ratio = np.log((1.0 - values) ** 2 / (2.0 * values) + _LEAST_RATIO)
-    slopes = [_slopes(absorbance, near), _slopes(ratio, near)]
+    slopes = [np.diff(curve, axis=-1)[..., near] for curve in (absorbance, ratio)]
     shapes = [_shape(values) for values in slopes]
     return np.concatenate([*slopes, *shapes, absorbance.min(axis=-1, keepdims=True)], axis=-1)
-
-
-def _slopes(
-    values: Float[np.ndarray, "*n bands"], near: Bool[np.ndarray, "steps"]
-) -> Float[np.ndarray, "*n slopes"]:
-    return np.diff(values, axis=-1)[..., near]
 
 
 def _shape(slopes: Float[np.ndarray, "*n slopes"]) -> Float[np.ndarray, "*n slopes"]:

@@ -147,7 +147,6 @@ def prepare_search(
         _SEARCHES[key] = search_families(
             grid,
             pigments,
-            opaque=ground is None,
             ground=None if ground is None else np.array(ground),
             instrument=instrument,
             prior=prior,

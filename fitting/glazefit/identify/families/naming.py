@@ -24,16 +24,13 @@ LARGEST = 4
 _SMALL = 1e-3
 
 
-def name_sets(
-    search: FamilySearch, probabilities: Float[np.ndarray, "sets"], least: float = 1e-3
-) -> list[FamilySet]:
+def name_sets(search: FamilySearch, probabilities: Float[np.ndarray, "sets"]) -> list[FamilySet]:
     """Answers of one spectrum, best first: sets of the same colours, or of the same groups where
     there is no colour, are one.
 
     Args:
         search: that the probabilities are from.
         probabilities: of each of its sets of families.
-        least: probability below which an answer is left out.
     """
     count, group_of_set, named = _groups_of_sets(search.families, search.sets)
     totals = np.bincount(group_of_set, weights=probabilities, minlength=count)
@@ -41,7 +38,7 @@ def name_sets(
     return [
         _answer(named, probabilities, group_of_set == number, float(totals[number]))
         for number in ordered
-        if totals[number] >= least
+        if totals[number] >= _SMALL
     ]
 
 

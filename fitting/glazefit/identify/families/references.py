@@ -9,10 +9,10 @@ is of, or a column `family` does; its ending or a recipe says what the reading i
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple, Protocol, Unpack
+from typing import Any, NamedTuple, Unpack
 
 import numpy as np
-from jaxtyping import ArrayLike, Float
+from jaxtyping import Float
 
 from glazejax import Pigment, catalogue
 from glazejax.catalogue.colour_index import colour_indices, family_named
@@ -198,7 +198,7 @@ def _hiding(
     reading = np.clip(running_mean(wavelengths, reading, SEARCHED), _DARKEST, _BRIGHTEST)
     # A reading darker than the surface alone is of paint with less gloss.
     surface = surface_in(reading[None], instrument.seen_surface)
-    response = film_response(instrument.geometry, instrument.refractive_index)
+    response = film_response(instrument)
     scattering = _usual_scattering(determined, family, wavelengths)
     absorption = scattering * hiding_ratio(response, (reading - surface)[None])[0]
     return Pigment("", wavelengths, absorption, scattering)
@@ -260,22 +260,8 @@ def _fitted(
     return out
 
 
-class Scattering(Protocol):
-    """Anything with a scattering coefficient on a grid."""
-
-    @property
-    def wavelengths(self) -> ArrayLike:
-        """nm, (bands,)."""
-        ...
-
-    @property
-    def scattering(self) -> ArrayLike:
-        """1/m, (bands,)."""
-        ...
-
-
 def log_scattering(
-    paints: Sequence[Scattering], wavelengths: Float[np.ndarray, "bands"]
+    paints: Sequence[Any], wavelengths: Float[np.ndarray, "bands"]
 ) -> Float[np.ndarray, "paints bands"]:
     """Log s of some paints on another grid; beyond a paint's ends as at them."""
     return np.stack(

@@ -15,6 +15,7 @@ from jaxtyping import Bool, Float, Int
 
 from glazejax import Pigment
 
+from ...film.numerics.columns import Columns
 from ..result.groups import COLOURLESS, GROUPS
 from ..search.pool import NOBODY
 from .features import colours, surface_in, views, with_one_gloss
@@ -84,7 +85,7 @@ class _SetSums(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True)
-class FamilyOdds:
+class FamilyOdds(Columns):
     """Odds that a search gives for some readings.
 
     Attributes:
@@ -158,12 +159,7 @@ class FamilySearch:
             )
             for start in range(0, len(readings), step)
         ]
-        return FamilyOdds(
-            **{
-                name: np.concatenate([getattr(chunk, name) for chunk in chunks])
-                for name in FamilyOdds.__dataclass_fields__
-            }
-        )
+        return FamilyOdds.join(chunks)
 
     @cached_property
     def sets(self) -> tuple[tuple[int, ...], ...]:
@@ -183,7 +179,7 @@ class FamilySearch:
     ) -> FamilyOdds:
         body = self.body(readings)
         points = self._points(body)
-        any_paint = self._any_paint(points)
+        any_paint = self.compared.metrics[0].log_any_paint(points[0])
         evidence = self._evidence(points, sources)
         possible = self._possible(body)
         sums = self._sum_by_set(evidence, possible, self.sureness.power)
@@ -264,14 +260,6 @@ class FamilySearch:
         """Readings without the surface's part, as points in the metric of each view."""
         bands = self.compared.bands
         return points_in(self.compared.metrics, self.wavelengths[bands], body[:, bands])
-
-    def _any_paint(
-        self, points: Sequence[Float[np.ndarray, "spectra components"]]
-    ) -> Float[np.ndarray, "spectra"]:
-        """Log density of each reading as any paint: of the reading as it is, since one whose gloss
-        was brought to one level is unusual where the instrument is not the stated one.
-        """
-        return self.compared.metrics[0].log_any_paint(points[0])
 
     def _evidence(
         self,

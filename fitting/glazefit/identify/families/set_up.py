@@ -49,7 +49,6 @@ def search_families(
     wavelengths: Float[np.ndarray, "bands"],
     pigments: Sequence[Pigment],
     *,
-    opaque: bool = False,
     ground: Float[np.ndarray, "bands"] | None = None,
     instrument: Instrument | Geometry | str | None = None,
     prior: Prior | None = None,
@@ -64,8 +63,7 @@ def search_families(
     Args:
         wavelengths: of the readings, (bands,), nm, ascending; there may be gaps.
         pigments: exemplars, each with a family and a source.
-        opaque: the films hide their ground.
-        ground: internal reflectance below films that do not, (bands,).
+        ground: internal reflectance below the films, (bands,); None if they hide their ground.
         instrument: as for `glazefit.identify`.
         prior: how probable films of one and of two pigments are, and of none of the families.
         max_paints: 1 or 2.
@@ -75,13 +73,10 @@ def search_families(
         progress: called as films are computed, and as sureness is learnt.
 
     Raises:
-        ValueError: no two exemplars of a family cover the readings' bands, or neither a ground nor
-            `opaque`.
+        ValueError: no two exemplars of a family cover the readings' bands.
     """
-    if (ground is None) != opaque:
-        raise ValueError("no ground is stated: give ground, or opaque=True")
     seen_by = resolve_instrument(instrument)
-    response = film_response(seen_by.geometry, seen_by.refractive_index)
+    response = film_response(seen_by)
     expected = prior or EXPECTED
     cover = CONDITIONS[varnish]
     families = tuple(sorted({pigment.family for pigment in pigments}, key=str.casefold))

@@ -6,7 +6,7 @@ known at all of them and fits as well.
 """
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
 
 def with_stand_ins(
@@ -30,8 +30,11 @@ def with_stand_ins(
     for row in np.flatnonzero(known.any(axis=1) & ~known.all(axis=1)):
         first, last = np.flatnonzero(known[row])[[0, -1]]
         for end, beyond in ((first, np.arange(first)), (last, np.arange(last + 1, known.shape[1]))):
-            models = _known_at(known, np.append(beyond, end), family_of == family_of[row])
-            # What nobody knows stays unknown.
+            # Relatives that are known there, or all where none of these is; what nobody knows stays
+            # unknown.
+            there = known[:, np.append(beyond, end)].all(axis=1)
+            relatives = there & (family_of == family_of[row])
+            models = relatives if relatives.any() else there
             if not models.any():
                 continue
             # From the last known band on, as much lower or higher as theirs are.
@@ -39,14 +42,3 @@ def with_stand_ins(
             out[:, row, beyond] = courses[:, row, end, None] + np.median(change, axis=1)
     ratio, scattering = out
     return np.exp(np.stack([ratio + scattering, scattering]))
-
-
-def _known_at(
-    known: Bool[np.ndarray, "exemplars bands"],
-    bands: Int[np.ndarray, "some"],
-    relatives: Bool[np.ndarray, "exemplars"],
-) -> Bool[np.ndarray, "exemplars"]:
-    """Exemplars that are known at some bands: relatives, or all where none of these is."""
-    there = known[:, bands].all(axis=1)
-    near = there & relatives
-    return np.asarray(near if near.any() else there)

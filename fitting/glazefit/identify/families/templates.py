@@ -160,7 +160,7 @@ def typical(points: Float[np.ndarray, "own components"], rows: Int[np.ndarray, "
     distances = np.sqrt(np.sum((points[:, None] - points) ** 2, axis=-1))
     middle = int(np.median(distances, axis=1).argmin())
     out = [int(rows[middle])]
-    if len(rows) > 2 and _MIXED > 1:
+    if len(rows) > 2:
         nearer = np.argsort(distances[middle], kind="stable")[: max(2, (len(rows) + 1) // 2)]
         out.append(int(rows[nearer[-1]]))
     return out
@@ -237,11 +237,4 @@ def coat_body(
     return by_blocks(len(absorption), _CHUNK, run)
 
 
-@jax.jit
-def _body(
-    response: FilmResponse,
-    kd: Float[Array, "films bands"],
-    sd: Float[Array, "films bands"],
-    ground: Float[Array, "films bands"],
-) -> Float[Array, "films bands"]:
-    return response.body(kd, sd, ground)
+_body = jax.jit(FilmResponse.body)

@@ -314,9 +314,6 @@ class Identification(Tabulated):
 
     def ranked(self, row: int, count: int | None = None) -> list[Candidate]:
         """Explanations of one spectrum, most probable first."""
-        rmse = self.rmse
-        angle = self.angle
-        delta_e = self.delta_e
         fractions = self.fractions
         out = []
         for n in range(
@@ -351,9 +348,9 @@ class Identification(Tabulated):
                     gloss=float(self.gloss[row, n]),
                     fitted=self.fitted[row, n],
                     residual=self.residual[row, n],
-                    rmse=float(rmse[row, n]),
-                    angle=float(angle[row, n]),
-                    delta_e=float(delta_e[row, n]),
+                    rmse=float(self.rmse[row, n]),
+                    angle=float(self.angle[row, n]),
+                    delta_e=float(self.delta_e[row, n]),
                 )
             )
         return out

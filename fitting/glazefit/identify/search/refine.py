@@ -12,7 +12,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float, Int
 
 from glazejax.programs import Program
 
@@ -65,17 +65,16 @@ class CandidateFilms(Columns):
 
     @classmethod
     def of(
-        cls, pool: Pool, chosen: Bool[np.ndarray, "spectra candidates"], size: int
+        cls, pool: Pool, row: Int[np.ndarray, "films"], column: Int[np.ndarray, "films"], size: int
     ) -> "CandidateFilms":
-        """Those of a pool that are chosen."""
-        row, candidate = np.nonzero(chosen)
-        at = row, candidate
+        """Those of a pool that stand there."""
+        at = row, column
         sets = pool.members[at][:, :size]
         logs = np.where(sets == NOBODY, 0.0, pool.logs[at][:, :size])
         covariance = pool.covariance[at][:, :size, :size]
         return cls(
             row=row,
-            column=candidate,
+            column=column,
             sets=sets,
             logs=logs,
             covariance=covariance,
@@ -114,12 +113,13 @@ def refine(chunk: Chunk, pool: Pool) -> Pool:
     size = max(task.max_paints, 2)
     deficit = pool.log_weight.max(axis=1, keepdims=True) - pool.log_weight
     close = np.isfinite(pool.log_weight) & (deficit <= task.effort.within)
-    films = CandidateFilms.of(pool, close, size)
+    row, column = np.nonzero(close)
+    films = CandidateFilms.of(pool, row, column, size)
     # With the errors of groups of like films; then those that came near, with errors where they
     # are now.
-    films, _, _ = fit_with_errors(chunk, films, task.effort.steps)
+    films, _, _ = fit_with_errors(chunk, films)
     films = films.take(films.log_weight_lost <= task.effort.within)
-    films, groups, _ = fit_with_errors(chunk, films, task.effort.steps)
+    films, groups, _ = fit_with_errors(chunk, films)
     # Amounts that are shown come near the readings, those that are weighed are kept separately.
     near = _nearest(chunk, films)
     out = replace(
@@ -183,9 +183,7 @@ def film_slopes(
 
 
 def fit_with_errors(
-    chunk: Chunk,
-    films: CandidateFilms,
-    steps: int,
+    chunk: Chunk, films: CandidateFilms
 ) -> tuple[CandidateFilms, Groups, Whitening]:
     """Films fitted again with the errors of their groups; the groups, and the errors of each."""
     task = chunk.task
@@ -199,7 +197,7 @@ def fit_with_errors(
         logs=films.logs,
         errors=errors,
         own=groups.of,
-        steps=steps,
+        steps=task.effort.steps,
         block=block,
     )
     log_weight = fitted.log_evidence + log_set_prior(task, films.sets)

@@ -84,7 +84,7 @@ class Searcher(NamedTuple):
         grid = validate_wavelengths(np.asarray(wavelengths, dtype=np.float64))
         resampled = check_pigments(pigments, grid)
         largest = min(options.max_paints, len(resampled))
-        response = film_response(instrument.geometry, instrument.refractive_index)
+        response = film_response(instrument)
         extenders = find_extenders(resampled, prior.thickness)
         errors = relative_errors(resampled, discrepancy)
         modes = error_modes(resampled, discrepancy).astype(np.float32)

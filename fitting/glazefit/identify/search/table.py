@@ -213,7 +213,14 @@ def film_table(
 
     if ground.size > COMPONENTS:
         # Many readings are projected to the components that films span.
-        films = np.concatenate([read(*kind, _spaced_numbers(*kind), white) for kind in kinds])
+        some = []
+        for sets, grid in kinds:
+            # Sets from all over them, at every point of the grid.
+            count = max(1, _FILMS_AT_A_TIME // len(grid))
+            chosen = np.linspace(0, len(sets) - 1, count).astype(int)
+            numbers = (chosen[:, None] * len(grid) + np.arange(len(grid))).ravel()
+            some.append(read(sets, grid, numbers, white))
+        films = np.concatenate(some)
         middle = films.mean(axis=0)
         off = films - middle
         # The directions in which films differ most.
@@ -231,15 +238,6 @@ def film_table(
         half = -0.5 * np.sum(films**2, axis=0)
         tables.append(TableOfSize(sets, grid, np.concatenate([films, half[None]])))
     return FilmTable(to_components, middle, white, tuple(tables))
-
-
-def _spaced_numbers(
-    sets: Int[np.ndarray, "sets size"], grid: Float[np.ndarray, "points size"]
-) -> Int[np.ndarray, "films"]:
-    """Numbers of the films of some sets from all over them, at every point of the grid."""
-    count = max(1, _FILMS_AT_A_TIME // len(grid))
-    chosen = np.linspace(0, len(sets) - 1, count).astype(int)
-    return (chosen[:, None] * len(grid) + np.arange(len(grid))).ravel()
 
 
 _MADE: OrderedDict[Hashable, FilmTable] = OrderedDict()

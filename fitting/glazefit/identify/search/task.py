@@ -95,14 +95,8 @@ class Measured:
 
     def take(self, rows: Int[np.ndarray, "rows"]) -> "Measured":
         """Some of the spectra, by number."""
-        return replace(
-            self,
-            names=tuple(self.names[row] for row in rows),
-            readings=self.readings[rows],
-            grounds=self.grounds[rows],
-            noise_sd=self.noise_sd[rows],
-            doubt=self.doubt[rows],
-        )
+        arrays = {name: getattr(self, name)[rows] for name in _OF_SPECTRA}
+        return replace(self, names=tuple(self.names[row] for row in rows), **arrays)
 
     def in_steps(self, step: float) -> "Measured":
         """The spectra averaged to steps, nm, where their bands are finer; a mean is as noisy as one
@@ -112,12 +106,7 @@ class Measured:
         if mean is None:
             return self
         return replace(
-            self,
-            wavelengths=self.wavelengths @ mean,
-            readings=self.readings @ mean,
-            grounds=self.grounds @ mean,
-            noise_sd=self.noise_sd @ mean,
-            doubt=self.doubt @ mean,
+            self, **{name: getattr(self, name) @ mean for name in ("wavelengths", *_OF_SPECTRA)}
         )
 
     def by_grounds(self) -> list[Int[np.ndarray, "rows"]]:
@@ -152,14 +141,15 @@ class Measured:
     def join(cls, batches: Sequence["Measured"]) -> "Measured":
         """Several batches on one grid as one."""
         names = tuple(name for batch in batches for name in batch.names)
-        return cls(
-            names=names,
-            wavelengths=batches[0].wavelengths,
-            readings=np.concatenate([batch.readings for batch in batches]),
-            grounds=np.concatenate([batch.grounds for batch in batches]),
-            noise_sd=np.concatenate([batch.noise_sd for batch in batches]),
-            doubt=np.concatenate([batch.doubt for batch in batches]),
-        )
+        arrays = {
+            name: np.concatenate([getattr(batch, name) for batch in batches])
+            for name in _OF_SPECTRA
+        }
+        return replace(batches[0], names=names, **arrays)
+
+
+# Fields of `Measured` of which each spectrum has its own.
+_OF_SPECTRA = ("readings", "grounds", "noise_sd", "doubt")
 
 
 class Expected(NamedTuple):

@@ -107,8 +107,13 @@ def search_unstated_conditions(
         pool = try_under(pool, (CONDITIONS.light_ground,), everything)
     stated = varnish in AMOUNTS
     if stated:
-        pool = try_under(pool, CONDITIONS_OF_VARNISH[varnish], everything)
-        pool = replace(pool, log_weight=pool.log_weight + _weight_of_stated(varnish, pool))
+        (condition,) = CONDITIONS_OF_VARNISH[varnish]
+        pool = try_under(pool, (condition,), everything)
+        # A varnish that was stated weighs as what was stated does, and all without it little: by
+        # the probability that it is not there.
+        under = pool.condition == CONDITIONS.index(condition)
+        weight = pool.log_weight + np.where(under, -np.log(condition.chance), np.log(0.05))
+        pool = replace(pool, log_weight=weight)
     odds = odds_of(measured, pool, prior)
     # Those that are tried where these leave a spectrum in doubt: none has more than a fifth.
     doubtful = everything[odds.none / odds.total > 0.2]
@@ -120,16 +125,6 @@ def search_unstated_conditions(
     if not stated:
         pool = try_under(pool, CONDITIONS_OF_VARNISH[varnish], doubtful)
     return pool, odds_of(measured, pool, prior)
-
-
-def _weight_of_stated(varnish: str, pool: Pool) -> Float[np.ndarray, "spectra candidates"]:
-    """Term to add to log weights where a varnish was stated: its own condition weighs as what was
-    stated does, and all others, without it, little.
-    """
-    (condition,) = CONDITIONS_OF_VARNISH[varnish]
-    under = pool.condition == CONDITIONS.index(condition)
-    # Without it: the probability that a varnish which was stated is not there.
-    return np.where(under, -np.log(condition.chance), np.log(0.05))
 
 
 class FilmsUnderCondition(NamedTuple):

@@ -73,10 +73,14 @@ def weigh(weight: Float[np.ndarray, "spectra candidates"], misfits: Misfits, pri
     share = evidence_shares(weight)
     # Invisible differences count equally: what fits best is not for that more likely to be
     # there.
-    judged = _judged_misfit(misfits)
+    # Judged by the geometric mean of the colour differences as fitted and with the paints' errors,
+    # less what noise alone makes of a colour; a residual may have a shape that no colour shows.
+    noise = misfits.noise_delta_e[:, None] ** 2
+    squared = np.maximum(misfits.delta_e * misfits.adjusted_delta_e - noise, 0.0)
+    judged = np.maximum(np.sqrt(squared), _COLOUR_OF_RMSE * misfits.residual)
     odds = share * np.exp(-log_odds_of_none(np.maximum(judged, UNSEEN))) * (1.0 - prior.unknown)
     # A fit that a person rejects by eye is never more probable than none.
-    rejected = misfits.delta_e**2 - misfits.noise_delta_e[:, None] ** 2 > REJECTED**2
+    rejected = misfits.delta_e**2 - noise > REJECTED**2
     odds = np.where(rejected, np.minimum(odds, share * prior.unknown), odds)
     # Geometric mean of the candidates' misfits, each with its odds; those without odds have none.
     weights = odds / odds.sum(axis=1, keepdims=True)
@@ -99,17 +103,6 @@ def evidence_shares(
     weight = np.where(np.isfinite(weight), weight, -np.inf)
     share = np.exp(weight - weight.max(axis=1, keepdims=True))
     return share / share.sum(axis=1, keepdims=True)
-
-
-def _judged_misfit(misfits: Misfits) -> Float[np.ndarray, "spectra candidates"]:
-    """Misfit in Delta E00 by which candidates are judged."""
-    # Geometric mean of the colour differences as fitted and with the paints' errors, less what
-    # noise alone makes of a colour.
-    squared = np.maximum(
-        misfits.delta_e * misfits.adjusted_delta_e - misfits.noise_delta_e[:, None] ** 2, 0.0
-    )
-    # A residual may have a shape that no colour shows.
-    return np.maximum(np.sqrt(squared), _COLOUR_OF_RMSE * misfits.residual)
 
 
 def log_odds_of_none(misfit: float | Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:

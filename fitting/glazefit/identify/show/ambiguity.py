@@ -41,9 +41,7 @@ def describe_indistinguishable(identification: Identification, row: int) -> str:
     return f"This spectrum does not decide between {'; '.join(pairs)}." if pairs else ""
 
 
-def describe_undecided(
-    identification: Identification, row: int, least: float = 0.05, most: float = 0.95
-) -> str:
+def describe_undecided(identification: Identification, row: int) -> str:
     """Pigments that may or may not be in the film, in words; empty if there are none.
 
     Paints of one pigment count together. Where something explains the spectrum, that nothing might
@@ -56,7 +54,7 @@ def describe_undecided(
     ):
         chances[family(paint)] = chances.get(family(paint), 0.0) + float(chance)
     open_ = sorted(
-        (name for name, chance in chances.items() if least < chance < most),
+        (name for name, chance in chances.items() if 0.05 < chance < 0.95),
         key=lambda name: -chances[name],
     )
     if not open_:

@@ -67,7 +67,6 @@ def _spot(
     painted: int | None,
     usual: UsualMisfit | None,
 ) -> dict[str, Any]:
-    catalogue_families = catalogue.families()
     answers = identification.family_sets[row][:top]
     named = dict.fromkeys(
         family
@@ -79,9 +78,10 @@ def _spot(
     )
     reading = identification.measured.readings[row]
     films = explanations(identification, row, top)
+    counts = identification.came_true(row)
     return {
         **describe_spot(identification, row),
-        "in_tests": _in_tests(identification, row),
+        "in_tests": counts and {"right": counts[0], "answers": counts[1]},
         "usual_band": usual and round_spectra(usual.band[None] * brightest(reading[0])),
         "families": [
             {
@@ -90,20 +90,13 @@ def _spot(
                 "families": list(answer.families),
                 "within": {name: dict(shares) for name, shares in answer.within.items()},
                 "probability": answer.probability,
-                "anachronism": ""
-                if painted is None
-                else describe_anachronism(answer.families, catalogue_families, painted),
+                "anachronism": describe_anachronism(answer.families, painted),
             }
             for rank, answer in enumerate(answers, start=1)
         ],
         "pigments": describe_pigments(named),
         "explanations": [describe_film(film, reading[0]) for film in films],
     }
-
-
-def _in_tests(identification: Identification, row: int) -> dict[str, int] | None:
-    counts = identification.came_true(row)
-    return None if counts is None else {"right": counts[0], "answers": counts[1]}
 
 
 def describe_pigments(names: Iterable[str]) -> list[dict[str, Any]]:

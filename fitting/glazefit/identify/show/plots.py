@@ -12,13 +12,12 @@ from .explanation import LEAST, explanations
 _COLOURS = (ABSORPTION, SCATTERING, "#41732b")
 
 
-def plot_identification(identification: Identification, path: Path, top: int = 3) -> int:
+def plot_identification(identification: Identification, path: Path) -> int:
     """Draw measured and fitted spectra, residuals and probabilities of the first spectra.
 
     Args:
         identification: its result.
         path: of the picture.
-        top: explanations that are drawn.
 
     Returns:
         Spectra drawn.
@@ -27,17 +26,17 @@ def plot_identification(identification: Identification, path: Path, top: int = 3
     with picture(path, 12, 3.3 * count) as figure:
         axes = figure.subplots(count, 3, squeeze=False, width_ratios=(1.2, 1, 1))
         for row in range(count):
-            _draw(identification, row, top, axes[row])
+            _draw(identification, row, axes[row])
     return count
 
 
-def _draw(identification: Identification, row: int, top: int, axes: np.ndarray) -> None:
+def _draw(identification: Identification, row: int, axes: np.ndarray) -> None:
     spectra, residuals, chances = axes
     grid = identification.measured.wavelengths
     readings = identification.measured.readings[row]
     for reading in readings:
         spectra.plot(grid, reading, "o", color="0.25", ms=3.5, mfc="none")
-    films = explanations(identification, row, top)
+    films = explanations(identification, row, len(_COLOURS))
     likely = [film for film in films if film.probability >= LEAST * films[0].probability]
     for n, (film, colour) in enumerate(zip(likely, _COLOURS, strict=False)):
         for ground, fitted in enumerate(film.fitted):

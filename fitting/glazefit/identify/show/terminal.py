@@ -17,7 +17,6 @@ from ..families.evidence import describe_anachronism
 from ..result import Identification
 from ..result.groups import FamilySet
 from ..result.in_tests import has_infrared
-from ..result.table import table_of
 from .ambiguity import describe_ambiguity
 from .explanation import explanations
 
@@ -70,10 +69,8 @@ def print_families(
                 about = catalogue_families[family]
                 facts = (about.formula, about.colour_index, f"in use {about.in_use}")
                 console.print(f"  {family}: {', '.join(f for f in facts if f != '-')}", **_AS_IS)
-        if sets and painted is not None:
-            sentence = describe_anachronism(sets[0].families, catalogue_families, painted)
-            if sentence:
-                console.print(f"  {sentence}", **_AS_IS)
+        if sets and (sentence := describe_anachronism(sets[0].families, painted)):
+            console.print(f"  {sentence}", **_AS_IS)
         # Below half a per cent an answer is none that anybody would look into.
         alternatives = [
             f"{answer.words} {answer.probability:.0%}"
@@ -164,13 +161,6 @@ def micrometres(metres: float) -> str:
     """Micrometres, without a power of ten."""
     value = metres * 1e6
     return f"{value:.0f}" if value >= 9.5 else f"{value:.1f}" if value >= 0.95 else f"{value:.2f}"
-
-
-def write_candidates(
-    identification: Identification, path: Path, top: int, *, overwrite: bool = False
-) -> None:
-    """Write the ranked explanations, a line each: of families the answers themselves."""
-    write_table(path, *table_of(identification, top), overwrite=overwrite)
 
 
 def write_residuals(identification: Identification, path: Path, *, overwrite: bool = False) -> None:

@@ -61,7 +61,6 @@ class MapProvenance:
         versions: names and numbers of programs.
         platform: the computer, in words.
         inputs: role, name and hash of each file that was read.
-        hashed: what the hashes are of.
         shortcuts: name of each, and what it did and may cost.
         agreement: what was compared with the full search, and how far they agree.
         notes: sentences of the reader and the solver.
@@ -75,7 +74,6 @@ class MapProvenance:
     versions: Mapping[str, str] = field(default_factory=dict)
     platform: str = ""
     inputs: Sequence[tuple[str, str, str]] = ()
-    hashed: str = "SHA-256"
     shortcuts: Mapping[str, str] = field(default_factory=dict)
     agreement: Mapping[str, str] = field(default_factory=dict)
     notes: Sequence[str] = ()

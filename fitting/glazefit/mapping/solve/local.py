@@ -259,22 +259,14 @@ def _linear(
     """Slopes of candidates under one condition by the readings that were measured."""
     task = condition.task
     chunk = Chunk(task, condition.measured)
-    sets = pool.members[row, column][:, :size]
+    films = CandidateFilms.of(pool, row, column, size)
+    sets = films.sets
     logs, weighed_logs = (
         np.where(sets == NOBODY, 0.0, amounts[row, column][:, :size] - np.log(task.prior.thickness))
         for amounts in (pool.logs, pool.weighed)
     )
-    readings = pool.readings[row, column]
-    films = CandidateFilms(
-        row=row,
-        column=column,
-        sets=sets,
-        logs=weighed_logs,
-        covariance=pool.covariance[row, column][:, :size, :size],
-        log_weight=pool.log_weight[row, column],
-        readings=readings,
-    )
-    weighed_films, groups, errors = fit_with_errors(chunk, films, task.effort.steps)
+    films = replace(films, logs=weighed_logs)
+    weighed_films, groups, errors = fit_with_errors(chunk, films)
     weighed_slopes = slopes_at(chunk, sets, weighed_films.logs, row)
     shown_slopes = slopes_at(chunk, sets, logs, row)
     white = errors.basis[groups.of]
@@ -288,7 +280,7 @@ def _linear(
     # What is shown is fitted with errors of its own: how near it comes to each reading.
     close = near_errors(chunk).basis[row]
     by_shown, _, _, shown_gain = _follow(shown_slopes, sets, close, *_prior_of(task, sets, logs))
-    eye = np.eye(readings.shape[1])
+    eye = np.eye(films.readings.shape[1])
     nuisance = NuisanceMode.of(chunk)
     # How the reading that is shown moves: the body, and the surface that takes what is left.
     body = np.einsum("nma,nmb->nab", by_shown, shown_gain)
@@ -297,7 +289,7 @@ def _linear(
     free = coefficient_projection(chunk, groups)[groups.of]
     slope = condition.slope.reshape(len(chunk), -1)[row]
     d = task.discrepancy
-    numbers = (d.freedom, min(task.independent_readings, readings.shape[1]))
+    numbers = (d.freedom, min(task.independent_readings, len(eye)))
     unseen = slope[:, :, None]
     return {
         "opaque": np.full(len(row), condition.opaque),

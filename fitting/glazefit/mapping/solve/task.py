@@ -17,7 +17,7 @@ from ...film.films import Noise
 from ...film.model.errors import ModelError, Prior
 from ...film.model.mixing import Pigments, digest, listed_pigments
 from ...identify.families.expected import EXPECTED, has_families
-from ...identify.search.options import IdentificationOptions, SearchKeywords, check_keywords
+from ...identify.search.options import IdentificationOptions, SearchKeywords
 from ...identify.search.searcher import Searcher
 from .by_family import FamilySearcher
 from .image import Image
@@ -79,7 +79,6 @@ def map_task(
     """
     from glazejax.io import CubeSource, read_mask
 
-    check_keywords("map_task", search, SearchKeywords)
     chosen = IdentificationOptions(**search)
     if (ground is None) != opaque:
         raise ValueError(

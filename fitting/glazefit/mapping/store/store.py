@@ -313,11 +313,8 @@ def open_map(path: str | Path) -> "xarray.Dataset":
         raise _damaged(store.path, "coordinates cannot be read") from None
 
 
-def check_map(path: str | Path, *, overwrite: bool = False) -> bool:
+def check_map(path: str | Path, *, overwrite: bool = False) -> None:
     """Check that a map can be made at a path, or goes on there, before anything is computed.
-
-    Returns:
-        Whether a map is there.
 
     Raises:
         FileExistsError: what is there is no map of glazejax, which is never replaced.
@@ -326,14 +323,12 @@ def check_map(path: str | Path, *, overwrite: bool = False) -> bool:
     path = Path(path)
     if not path.absolute().parent.is_dir():
         raise FileNotFoundError(f"{path}: the folder {path.absolute().parent} does not exist")
-    if not path.exists() or (path.is_dir() and not any(path.iterdir())):
-        return False
-    if not is_map(path):
+    empty = path.is_dir() and not any(path.iterdir())
+    if path.exists() and not (empty or is_map(path)):
         refusal = ", and is not replaced" if overwrite else ""
         raise FileExistsError(
             f"{path} exists and is no map of glazejax{refusal}; choose another name"
         )
-    return True
 
 
 def is_map(path: Path) -> bool:
