@@ -24,7 +24,7 @@ from jaxtyping import Float, Int
 from scipy.stats import spearmanr
 
 from benchmarks.results import Quantity, Results, percent, progress, quantity
-from glazefit.film.films import Films, cards
+from glazefit.film.films import Films, card_readings
 from glazefit.film.model.errors import draw_model_errors
 from glazefit.film.model.response import Response, film_response
 from glazefit.film.model.variation import Spread
@@ -92,7 +92,7 @@ def left_out_films(
     """Every mixture, or one in several, and the paints of a fit without it."""
     often = (whole.shares > 0).sum(axis=0)
     rows = [r for r, s in enumerate(whole.shares) if (s > 0).sum() > 1 and np.all(often[s > 0] > 1)]
-    black, white, _, _ = cards(films, whole.instrument, whole.noise)
+    ground = card_readings(films, whole.instrument, whole.noise).ground
     found = []
     for row in rows[::every]:
         progress(f"one reading of {films.names[row]}")
@@ -104,7 +104,7 @@ def left_out_films(
                 film=film,
                 recipe=_parts(recipes, films.names[row]),
                 shelf={paint: rest.pigment(paint, UNIT) for paint in rest.paints},
-                ground=(black[row], white[row]),
+                ground=tuple(ground[row].T),
                 before=first.delta_e(film.over_black[0], film.over_white[0]),
             )
         )
@@ -353,7 +353,7 @@ def another_film(
     response: Response | None,
 ) -> list[str]:
     """One film read, and another of its two paints predicted from that."""
-    black, white, _, _ = cards(films, whole.instrument, whole.noise)
+    ground = card_readings(films, whole.instrument, whole.noise).ground
     off: dict[str, list[float]] = {"nothing": [], **{given: [] for given in GIVEN}}
     pairs = additions(films.names, recipes)
     for first, then, paint, amount in pairs:
@@ -368,7 +368,7 @@ def another_film(
             film=one,
             recipe=_parts(recipes, first),
             shelf={known: rest.pigment(known, UNIT) for known in rest.paints},
-            ground=(black[rows[0]], white[rows[0]]),
+            ground=tuple(ground[rows[0]].T),
             before=np.zeros(2),
         )
         for given, seen in GIVEN.items():
@@ -382,7 +382,7 @@ def another_film(
             seen_as = _best_thickness(
                 after,
                 truth,
-                (black[rows[1]], white[rows[1]]),
+                tuple(ground[rows[1]].T),
                 whole,
                 float(found.gloss[0]),
                 response,

@@ -9,7 +9,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from glazefit import Films, Instrument, Noise, recover_films, simulate_films
-from glazefit.film.films import USUAL_CARD_SD, bare_surface, cards, usual_cards
+from glazefit.film.films import USUAL_CARD_SD, bare_surface, card_readings, usual_cards
 from glazefit.film.model.response import film_response
 from glazefit.film.noise import estimate_noise
 from glazefit.film.partial_films import average, crop, read_loose_films, recipes_from_names, tint
@@ -75,8 +75,9 @@ def test_rows_that_are_not_there(tmp_path):
     bare = read_loose_films(write_films(tmp_path / "bare.csv", films, ends=("ob", "ow")))
     assert bare.assumed.all()
     assert any("the black and the white card was not measured" in note for note in bare.notes)
-    assert_array_equal(cards(bare, INSTRUMENT, Noise())[0][0], usual_cards(GRID)[0])
-    assert_array_equal(cards(bare, INSTRUMENT, Noise())[3], USUAL_CARD_SD[1])
+    measured = card_readings(bare, INSTRUMENT, Noise())
+    assert_array_equal(measured.ground[0, :, 0], usual_cards(GRID)[0])
+    assert_array_equal(measured.ground_sd[..., 1], USUAL_CARD_SD[1])
 
     opaque = read_loose_films(write_films(tmp_path / "opaque.csv", films, ends=("",)))
     assert opaque.opaque.all()

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
-import jax
 import numpy as np
 from jaxtyping import Bool, Float
 
@@ -17,7 +16,7 @@ from glazejax.geometry import Instrument as Instrument
 from glazejax.io.spectra_table import list_names
 from glazejax.names import nearest_names
 from glazejax.radiative.common.fresnel import dielectric_reflectance
-from glazejax.spectra import describe_grid, validate_wavelengths
+from glazejax.spectra import Bands, describe_grid, validate_wavelengths
 
 from .model.response import ground_below
 from .tables import WAVELENGTH, Tabulated, Variables
@@ -87,7 +86,7 @@ class Films(Tabulated):
     """
 
     names: tuple[str, ...]
-    wavelengths: Float[np.ndarray, "bands"]
+    wavelengths: Bands
     bare_black: Spectra
     bare_white: Spectra
     over_black: Spectra
@@ -256,14 +255,11 @@ def bare_surface(instrument: Instrument) -> BareSurface:
     cosines += (
         [float(np.asarray(geometry.cos_viewing))] if isinstance(geometry, Bidirectional) else []
     )
-    reflected = np.asarray(_fresnel(np.concatenate([root**2, cosines]), index))
+    reflected = dielectric_reflectance(np.concatenate([root**2, cosines]), index)
     outside = float(np.sum(weights * 2.0 * root**3 * reflected[: root.size]))
     enters = (1.0 - outside) / index**2
     through = float(np.prod(1.0 - reflected[root.size :]))
     return BareSurface(through * (enters if len(cosines) == 1 else 1.0 / index**2), 1.0 - enters)
-
-
-_fresnel = jax.jit(dielectric_reflectance)
 
 
 def card_reflectance(bare: Spectra, instrument: Instrument) -> tuple[Spectra, Spectra]:
@@ -282,8 +278,8 @@ def card_reflectance(bare: Spectra, instrument: Instrument) -> tuple[Spectra, Sp
 
 
 def usual_cards(
-    wavelengths: Float[np.ndarray, "bands"],
-) -> tuple[Float[np.ndarray, "bands"], Float[np.ndarray, "bands"]]:
+    wavelengths: Bands,
+) -> tuple[Bands, Bands]:
     """Internal reflectance of a black and of a white card of the usual kind, (bands,) each.
 
     In air they read 5 % and 80-89 %; the white one falls off below 430 nm, as paper with a
@@ -300,47 +296,6 @@ reflectance.
 """
 
 
-def cards(
-    films: Films, instrument: Instrument, noise: Noise
-) -> tuple[Spectra, Spectra, Spectra, Spectra]:
-    """Internal reflectance of both cards and its standard deviation: (black, white, sd black, sd
-    white).
-
-    Raises:
-        ValueError: a card is darker than its surface alone, or brighter than a perfect diffuser, by
-            more than four standard deviations.
-    """
-    out = []
-    errors = []
-    for card, (what, bare) in enumerate((("black", films.bare_black), ("white", films.bare_white))):
-        internal, slope = card_reflectance(bare, instrument)
-        sd = slope * noise.sd(bare)
-        # Cards that no reading needs are not judged.
-        presumed = (films.assumed[:, card] | films.opaque | ~films.seen[:, card])[:, None]
-        internal = np.where(presumed, bare, internal)
-        sd = np.where(presumed, USUAL_CARD_SD[card], sd)
-        for wrong, complaint in (
-            (
-                internal < -4 * sd,
-                "darker than its surface alone ({surface:.4f}); was the specular part excluded?",
-            ),
-            (
-                internal > 1 + 4 * sd,
-                "brighter than a perfect diffuser; is it fluorescent, or the scale wrong?",
-            ),
-        ):
-            if wrong.any():
-                i, j = (int(n) for n in np.argwhere(wrong)[0])
-                raise ValueError(
-                    f"the bare {what} card of {films.names[i]!r} reads {bare[i, j]:.4f} at "
-                    f"{films.wavelengths[j]:g} nm, "
-                    f"{complaint.format(surface=instrument.seen_surface)}"
-                )
-        out.append(np.clip(internal, 0.0, 1.0))
-        errors.append(sd)
-    return out[0], out[1], errors[0], errors[1]
-
-
 class CardReadings(NamedTuple):
     """Readings over a black and a white card (last axis), and their standard deviations."""
 
@@ -354,13 +309,36 @@ def card_readings(films: Films, instrument: Instrument, noise: Noise) -> CardRea
     """Readings of films over their cards, (films, bands, 2) each.
 
     Raises:
-        ValueError: as `cards`.
+        ValueError: a card is darker than its surface alone, or brighter than a perfect diffuser, by
+            more than four standard deviations.
     """
-    black, white, sd_black, sd_white = cards(films, instrument, noise)
     over = np.stack([films.over_black, films.over_white], axis=-1)
+    bare = np.stack([films.bare_black, films.bare_white], axis=-1)
+    internal, slope = card_reflectance(bare, instrument)
+    # Cards that no reading needs are not judged.
+    presumed = (films.assumed | films.opaque[:, None] | ~films.seen)[:, None]
+    internal = np.where(presumed, bare, internal)
+    sd = np.where(presumed, USUAL_CARD_SD, slope * noise.sd(bare))
+    for wrong, complaint in (
+        (
+            internal < -4 * sd,
+            f"darker than its surface alone ({instrument.seen_surface:.4f}); was the specular part "
+            "excluded?",
+        ),
+        (
+            internal > 1 + 4 * sd,
+            "brighter than a perfect diffuser; is it fluorescent, or the scale wrong?",
+        ),
+    ):
+        if wrong.any():
+            film, band, card = (int(n) for n in np.argwhere(wrong)[0])
+            raise ValueError(
+                f"the bare {('black', 'white')[card]} card of {films.names[film]!r} reads "
+                f"{bare[film, band, card]:.4f} at {films.wavelengths[band]:g} nm, {complaint}"
+            )
     return CardReadings(
         reflectance=over,
-        ground=np.stack([black, white], axis=-1),
+        ground=np.clip(internal, 0.0, 1.0),
         sd=noise.sd(over),
-        ground_sd=np.stack([sd_black, sd_white], axis=-1),
+        ground_sd=sd,
     )

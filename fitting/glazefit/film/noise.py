@@ -13,6 +13,8 @@ import numpy as np
 from jaxtyping import Float
 from numpy.lib.stride_tricks import sliding_window_view
 
+from glazejax.spectra import Bands
+
 from .films import Films, Noise
 
 MOST = 0.02
@@ -40,9 +42,7 @@ def estimate_noise(films: Films) -> Noise:
     return _at_least(bare if bare is not None and rough else everything)
 
 
-def spectra_noise(
-    wavelengths: Float[np.ndarray, "bands"], spectra: Float[np.ndarray, "rows bands"]
-) -> Noise:
+def spectra_noise(wavelengths: Bands, spectra: Float[np.ndarray, "rows bands"]) -> Noise:
     """Noise of an instrument from the roughness of many spectra of paint.
 
     Args:
@@ -65,7 +65,7 @@ def _at_least(estimate: tuple[float, float]) -> Noise:
 
 
 def _fit_ends(
-    wavelengths: Float[np.ndarray, "bands"], spectra: Sequence[Float[np.ndarray, "rows bands"]]
+    wavelengths: Bands, spectra: Sequence[Float[np.ndarray, "rows bands"]]
 ) -> tuple[float, float] | None:
     """Noise at both ends that fits roughness best; None if there is none, or bands lie 12 nm apart
     or more: spectra of paint are then rough themselves.
@@ -89,7 +89,7 @@ def _fit_ends(
 
 
 def roughness(
-    wavelengths: Float[np.ndarray, "bands"], spectra: Float[np.ndarray, "rows bands"]
+    wavelengths: Bands, spectra: Float[np.ndarray, "rows bands"]
 ) -> tuple[Float[np.ndarray, "rows windows"], Float[np.ndarray, "rows windows"]]:
     """Divided differences of spectra, as large as the noise of one reading, and the mean reading of
     each window.

@@ -89,7 +89,9 @@ class FilmPrior:
             for at, unknown in zip(positions.ratios, self.film.fractions, strict=True)
             if unknown
         ]
-        terms.append(uniform_residual(free[positions.gloss]))
+        # The logistic density, of an unknown whose sigmoid is uniform in [0, 1].
+        gloss = free[positions.gloss]
+        terms.append(jnp.sqrt(-2.0 * (jax.nn.log_sigmoid(gloss) + jax.nn.log_sigmoid(-gloss))))
         normal = np.delete(np.arange(self.film.dims), np.r_[(*positions.ratios, positions.gloss)])
         terms.append((free[normal] - shared.mean[normal]) / shared.sd[normal])
         return jnp.concatenate(terms)
@@ -100,8 +102,7 @@ class FilmPrior:
         """Of the free unknowns."""
         film = self.film
         positions = film.places
-        draws = np.asarray(shared.mean) + shared.sd * rng.standard_normal((n, film.dims))
-        draws = np.array(draws)
+        draws = np.array(shared.mean + shared.sd * rng.standard_normal((n, film.dims)))
         for at, size, unknown in zip(positions.ratios, film.sizes, film.fractions, strict=True):
             if unknown:
                 # A fraction of exactly 0 has no logarithm.
@@ -117,8 +118,3 @@ class FilmPrior:
         for at in self.film.places.ratios:
             covariance[at, at] = 0.5 * (covariance[at, at] + np.outer(sd[at], sd[at]))
         return covariance
-
-
-def uniform_residual(free: Float[Array, "*n"]) -> Float[Array, "*n"]:
-    """Residual of an unknown whose sigmoid is uniform in [0, 1]: the logistic density."""
-    return jnp.sqrt(-2.0 * (jax.nn.log_sigmoid(free) + jax.nn.log_sigmoid(-free)))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from glazejax.spectra import describe_grid, validate_wavelengths
+from glazejax.spectra import Bands, describe_grid, validate_wavelengths
 
 from .films import Films, Instrument, Noise, card_readings
 
@@ -33,7 +33,7 @@ class Reading:
     """
 
     name: str
-    wavelengths: Float[np.ndarray, "bands"]
+    wavelengths: Bands
     reflectance: Values
     ground: Values
     sd: Values
@@ -75,7 +75,7 @@ def readings(films: Films, instrument: Instrument, noise: Noise) -> list[Reading
 
     Raises:
         ValueError: a card that its surface or a perfect diffuser contradicts (see
-            `glazefit.film.films.cards`).
+            `glazefit.film.films.card_readings`).
     """
     measured = card_readings(films, instrument, noise)
     return [
@@ -90,9 +90,9 @@ def readings(films: Films, instrument: Instrument, noise: Noise) -> list[Reading
 
 
 def reading_over(
-    wavelengths: Float[np.ndarray, "bands"],
-    reflectance: Float[np.ndarray, "bands"],
-    ground: float | Float[np.ndarray, "bands"],
+    wavelengths: Bands,
+    reflectance: Bands,
+    ground: float | Bands,
     *,
     noise: Noise | None = None,
     name: str = "film",

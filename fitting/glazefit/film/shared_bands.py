@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from glazejax import Pigment
-from glazejax.spectra import common_range, describe_grid, lie_between
+from glazejax.spectra import Bands, common_range, describe_grid, lie_between
 
 SEARCHED = 10.0
 """Step in nm to which finer spectra are averaged where paints are searched: errors of paints are
@@ -33,9 +33,7 @@ class SharedBands(NamedTuple):
     notes: tuple[str, ...]
 
 
-def shared_bands(
-    wavelengths: Float[np.ndarray, "bands"], pigments: Sequence[Pigment]
-) -> SharedBands:
+def shared_bands(wavelengths: Bands, pigments: Sequence[Pigment]) -> SharedBands:
     """Bands of spectra that all pigments are known at, averaged to steps of `SEARCHED` where they
     are finer.
 
@@ -67,7 +65,7 @@ def shared_bands(
 
 
 def crop_bands(
-    wavelengths: Float[np.ndarray, "bands"], low: float, high: float, why: str
+    wavelengths: Bands, low: float, high: float, why: str
 ) -> tuple[Bool[np.ndarray, "bands"], tuple[str, ...]]:
     """Bands of films between two wavelengths (nm), and a note on what was left out and why, if
     anything was.
@@ -86,9 +84,7 @@ def crop_bands(
     return used, (f"cropped to {describe_grid(wavelengths[used])}: {why}",)
 
 
-def means_of_steps(
-    grid: Float[np.ndarray, "bands"], step: float
-) -> Float[np.ndarray, "bands new"] | None:
+def means_of_steps(grid: Bands, step: float) -> Float[np.ndarray, "bands new"] | None:
     """Matrix that averages bands to steps, nm; None if they are no finer than that."""
     if grid.size < 3 or np.median(np.diff(grid)) >= 0.99 * step:
         return None
@@ -97,9 +93,7 @@ def means_of_steps(
     return matrix / matrix.sum(axis=0)
 
 
-def running_mean(
-    wavelengths: Float[np.ndarray, "bands"], values: Float[np.ndarray, "bands"], width: float
-) -> Float[np.ndarray, "bands"]:
+def running_mean(wavelengths: Bands, values: Bands, width: float) -> Bands:
     """Mean over a window of this width (nm) around each band."""
     sums = np.concatenate([[0.0], np.cumsum(values)])
     first = np.searchsorted(wavelengths, wavelengths - 0.5 * width)

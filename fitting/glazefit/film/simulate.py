@@ -75,8 +75,8 @@ def simulate_paints(
     """Simulated films of paints on one grid, all of one thickness (m)."""
     return simulate_films(
         paints[0].wavelengths,
-        np.stack([np.asarray(paint.absorption) for paint in paints]) * thickness,
-        np.stack([np.asarray(paint.scattering) for paint in paints]) * thickness,
+        np.stack([paint.absorption for paint in paints]) * thickness,
+        np.stack([paint.scattering for paint in paints]) * thickness,
         names=[paint.name for paint in paints],
         instrument=instrument,
         noise=noise,

@@ -121,13 +121,7 @@ class Laplace:
         noise = np.einsum(
             "bnij,bnj->bni", roots[rows, chosen], rng.standard_normal((blocks, n, dims))
         )
-        return np.swapaxes(np.asarray(self.modes[rows, chosen] + noise), 0, 1)
-
-    def log_density(
-        self, free: Float[np.ndarray, "n blocks dims"]
-    ) -> Float[np.ndarray, "n blocks"]:
-        """Log-density of the Gaussians, up to a constant."""
-        return np.asarray(Gaussians.of(self).log_density(np, free))
+        return np.swapaxes(self.modes[rows, chosen] + noise, 0, 1)
 
 
 @functools.partial(Program, fixed=("residuals", "batch"))
@@ -201,11 +195,8 @@ def climb(problem: FilmProblem, first: Float[np.ndarray, "blocks starts dims"]) 
     points, settled = (np.asarray(a) for a in climbed)
     height = problem.log_probability(np.swapaxes(points, 0, 1)).T
     order = np.argsort(-np.nan_to_num(height, nan=-np.inf), axis=1)
-    return Modes(
-        points=np.take_along_axis(points, order[..., None], axis=1),
-        settled=np.take_along_axis(settled, order, axis=1),
-        height=np.take_along_axis(height, order, axis=1),
-    )
+    at = np.arange(blocks)[:, None], order
+    return Modes(points=points[at], settled=settled[at], height=height[at])
 
 
 def _starts(problem: FilmProblem, seed: int) -> Float[np.ndarray, "blocks starts dims"]:
@@ -217,14 +208,13 @@ def _starts(problem: FilmProblem, seed: int) -> Float[np.ndarray, "blocks starts
     return np.stack([group[of] for group, of in zip(np.split(tried, starts), best, strict=True)], 1)
 
 
-def laplace(problem: FilmProblem, solution: Modes, *, seed: int = 0, draws: int = 4000) -> Laplace:
+def laplace(problem: FilmProblem, solution: Modes, *, seed: int = 0) -> Laplace:
     """Laplace's approximation of every block.
 
     Args:
         problem: what is sampled.
         solution: its modes, as `find_modes` gives them.
         seed: of the draws.
-        draws: how many are weighted and kept.
     """
     points = solution.points
     blocks, starts, _ = points.shape
@@ -234,26 +224,19 @@ def laplace(problem: FilmProblem, solution: Modes, *, seed: int = 0, draws: int 
     )
     covariances = _inverse(hessians, problem.prior_covariance)
     chosen, real = _distinct(points, covariances, solution.height)
-    modes = np.take_along_axis(points, chosen[..., None], axis=1)
-    covariances = np.take_along_axis(covariances, chosen[..., None, None], axis=1)
-    volume = (
-        np.take_along_axis(solution.height, chosen, axis=1)
-        + 0.5 * np.linalg.slogdet(covariances)[1]
-    )
+    at = np.arange(blocks)[:, None], chosen
+    covariances = covariances[at]
+    volume = solution.height[at] + 0.5 * np.linalg.slogdet(covariances)[1]
     volume = np.where(real, volume, -np.inf)
-    settled = np.take_along_axis(solution.settled, chosen, axis=1) & real
-    weights = np.exp(volume - logsumexp(volume, axis=1, keepdims=True))
-    nothing = np.empty((0, blocks, problem.dims))
-    first = Laplace(
-        modes=modes,
+    gaussian = Laplace(
+        modes=points[at],
         covariances=covariances,
-        weights=weights,
+        weights=np.exp(volume - logsumexp(volume, axis=1, keepdims=True)),
         tail=np.full(blocks, np.nan),
-        sample=nothing,
-        settled=settled,
+        sample=np.empty((0, blocks, problem.dims)),
+        settled=solution.settled[at] & real,
     )
-    tail, sample, effective = _importance(problem, first, draws, seed)
-    return replace(first, tail=tail, sample=sample, effective=effective)
+    return _importance(problem, gaussian, seed)
 
 
 def _distinct(
@@ -291,20 +274,15 @@ def _inverse(hessians: np.ndarray, prior: np.ndarray) -> np.ndarray:
     return np.einsum("...ij,...j,...kj->...ik", scaled, 1.0 / np.maximum(values, 1.0), scaled)
 
 
-def _importance(
-    problem: FilmProblem, gaussian: Laplace, draws: int, seed: int
-) -> tuple[
-    Float[np.ndarray, "blocks"],
-    Float[np.ndarray, "draws blocks dims"],
-    Float[np.ndarray, "blocks"],
-]:
-    """Pareto index of the importance weights of draws from the Gaussians, the draws taken again by
-    weight, and what they are worth.
+def _importance(problem: FilmProblem, gaussian: Laplace, seed: int) -> Laplace:
+    """The Gaussians with draws from them, taken again by their importance weights, the Pareto index
+    of these, and what the draws are worth.
     """
+    draws = 4000
     arviz = load_arviz()
     rng = np.random.default_rng(seed + 1)
     free = gaussian.draws(draws, rng)
-    log_weights = problem.log_probability(free) - gaussian.log_density(free)
+    log_weights = problem.log_probability(free) - Gaussians.of(gaussian).log_density(np, free)
     # A draw of no probability has no weight.
     log_weights = np.where(np.isfinite(log_weights), log_weights, log_weights.max(axis=0) - 700.0)
     with warnings.catch_warnings():
@@ -320,7 +298,7 @@ def _importance(
         free[:, b] = free[np.searchsorted(summed / summed[-1], quantiles), b]
     weights = np.exp(smooth - smooth.max(axis=1, keepdims=True))
     effective = weights.sum(axis=1) ** 2 / (weights**2).sum(axis=1)
-    return tail, free, effective
+    return replace(gaussian, tail=tail, sample=free, effective=effective)
 
 
 def load_arviz() -> Any:

@@ -11,7 +11,6 @@ The gloss is one number for the whole film; two readings a band leave it open, s
 in advance (`glazefit.film.gloss`).
 """
 
-import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -58,14 +57,8 @@ class BandPrior:
         return np.stack([logs[:, 0] - logs[:, 1], logs[:, 1]], axis=-1)
 
     def covariance(self, shared: Any = None) -> Float[np.ndarray, "2 2"]:
-        """Of the draws."""
-        return _covariance()
-
-
-@functools.cache
-def _covariance() -> Float[np.ndarray, "2 2"]:
-    """From many draws."""
-    return np.cov(BandPrior().draws(np.random.default_rng(0), 200_000), rowvar=False)
+        """Of the draws, from many of them."""
+        return np.cov(self.draws(np.random.default_rng(0), 200_000), rowvar=False)
 
 
 def pose_bands(films: Sequence[Reading], gloss: float, instrument: Instrument) -> FilmProblem:

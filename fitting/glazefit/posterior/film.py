@@ -240,15 +240,6 @@ class _CoatAmounts:
         return self.median * np.exp(logs)
 
 
-def _exponential(
-    free: Float[np.ndarray, "*n numbers"],
-    mean: float | np.floating,
-    weights: Float[np.ndarray, "dims"],
-) -> np.ndarray:
-    """A quantity whose logarithm is linear in the unknowns, (...)."""
-    return np.exp(mean + free[..., : weights.size] @ weights)
-
-
 def name_unknowns(
     film: Film,
     *,
@@ -278,7 +269,10 @@ def name_unknowns(
     names: list[str] = []
 
     def report(name: str, mean: float, weights: np.ndarray, spectrum: str = "") -> None:
-        values = functools.partial(_exponential, mean=mean, weights=weights)
+        # Its logarithm is linear in the unknowns.
+        def values(free: np.ndarray) -> np.ndarray:
+            return np.exp(mean + free[..., : film.dims] @ weights)
+
         reported.append(Quantity(name, True, values, spectrum))
 
     unit = np.eye(film.dims)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from glazejax.spectra import ranges
+from glazejax.spectra import Bands, ranges
 
 from ..film.problem import FilmProblem, Quantity
 from ..recover.films.result import ABSOLUTE_LIMIT, RELATIVE_LIMIT
@@ -113,7 +113,7 @@ def open_above(problem: FilmProblem, free: Float[np.ndarray, "draws blocks dims"
 
 
 def _of_spectra(
-    spectra: Mapping[str, Float[np.ndarray, "draws bands"]], wavelengths: Float[np.ndarray, "bands"]
+    spectra: Mapping[str, Float[np.ndarray, "draws bands"]], wavelengths: Bands
 ) -> list[str]:
     """Sentences on what is open in k d and s d, band by band."""
     k, s, ratio = (_known_values(spectra[what]) for what in ("absorption", "scattering", "ratio"))
@@ -129,7 +129,7 @@ def _of_spectra(
 def identify_open(
     problem: FilmProblem,
     free: Float[np.ndarray, "draws blocks dims"],
-    wavelengths: Float[np.ndarray, "bands"],
+    wavelengths: Bands,
 ) -> Identifiability:
     """Open directions, and sentences that name them.
 

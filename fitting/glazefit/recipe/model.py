@@ -82,8 +82,8 @@ def make_model(
     weights = np.stack(
         [colour.colour_weights(grid, name, observer) for name in illuminants], axis=1
     )
-    absorption = np.stack([np.asarray(p.absorption) for p in pigments]) * 1e-6
-    scattering = np.stack([np.asarray(p.scattering) for p in pigments]) * 1e-6
+    absorption = np.stack([p.absorption for p in pigments]) * 1e-6
+    scattering = np.stack([p.scattering for p in pigments]) * 1e-6
     return StackModel(
         absorption=absorption,
         scattering=scattering,
@@ -126,9 +126,8 @@ def read(model: StackModel, sizes: Sizes, optics: Optics | None) -> Readings:
     the same when bare, so that two coats are right to about one Delta E: it serves to choose what
     to look at more closely.
     """
-    kd, sd = (
-        sizes @ np.asarray(coefficients) for coefficients in (model.absorption, model.scattering)
-    )
+    kd = sizes @ model.absorption
+    sd = sizes @ model.scattering
 
     def run(rows: Int[np.ndarray, "block"]) -> Readings:
         return _read(model, kd[rows], sd[rows], optics)

@@ -97,8 +97,7 @@ class Recipe(Tabulated):
         """
         media = [layer.medium for layer in self.glaze.coats]
         paints = [p for m in media for p in (m.pigments if isinstance(m, Mixture) else [m])]
-        cautions = {paint.name: catalogue.caution(paint) for paint in paints}
-        return {name: caution for name, caution in cautions.items() if caution}
+        return {p.name: caution for p in paints if (caution := catalogue.caution(p))}
 
     @property
     def in_gamut(self) -> bool:

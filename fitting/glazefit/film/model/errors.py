@@ -20,6 +20,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from glazejax import Pigment
+from glazejax.spectra import Bands
 
 
 @dataclass(frozen=True)
@@ -162,9 +163,7 @@ class Prior:
         return 1.0 if self.concentration is None else self.concentration
 
 
-def smooth_kernel(
-    wavelengths: Float[np.ndarray, "bands"], length: float
-) -> Float[np.ndarray, "bands bands"]:
+def smooth_kernel(wavelengths: Bands, length: float) -> Float[np.ndarray, "bands bands"]:
     """Correlation (1 + d) exp(-d), d = sqrt(3) |l - l'| / length, of errors at two wavelengths:
     Matern's of order 3/2.
 
@@ -175,9 +174,7 @@ def smooth_kernel(
     return (1.0 + distance) * np.exp(-distance)
 
 
-def smooth_modes(
-    wavelengths: Float[np.ndarray, "bands"], length: float, count: int
-) -> Float[np.ndarray, "modes bands"]:
+def smooth_modes(wavelengths: Bands, length: float, count: int) -> Float[np.ndarray, "modes bands"]:
     """The largest modes, so many at most, of an error of size one that is smooth over some nm
     (`smooth_kernel`).
     """
@@ -187,7 +184,7 @@ def smooth_modes(
 
 
 def model_correlation(
-    wavelengths: Float[np.ndarray, "bands"], grounds: int, length: float, shared: float
+    wavelengths: Bands, grounds: int, length: float, shared: float
 ) -> Float[np.ndarray, "readings readings"]:
     """Correlation of the model's own smooth error, ground by ground.
 
@@ -299,7 +296,7 @@ def paints_covariance(
     members: Int[np.ndarray, "*n size"],
     relative: Float[np.ndarray, "paints 2 bands"],
     modes: Float[np.ndarray, "paints 2 bands modes"],
-    wavelengths: Float[np.ndarray, "bands"],
+    wavelengths: Bands,
     discrepancy: ModelError,
 ) -> Float[np.ndarray, "*n readings readings"]:
     """Covariance that all errors of films' paints cause.
@@ -332,7 +329,7 @@ def paints_covariance(
 def draw_coefficient_errors(
     rng: np.random.Generator,
     shape: tuple[int, ...],
-    wavelengths: Float[np.ndarray, "bands"],
+    wavelengths: Bands,
     discrepancy: ModelError,
 ) -> Float[np.ndarray, "*shape bands"]:
     """Random errors of the log of coefficients: smooth, with a level."""
@@ -345,7 +342,7 @@ def draw_model_errors(
     rng: np.random.Generator,
     count: int,
     grounds: int,
-    wavelengths: Float[np.ndarray, "bands"],
+    wavelengths: Bands,
     discrepancy: ModelError,
 ) -> Float[np.ndarray, "count grounds bands"]:
     """Random errors of the model itself, at a reflectance of 0."""

@@ -75,13 +75,12 @@ def ground_below(
 
 
 def hiding_factor(
-    absorption: Float[Array | np.ndarray, "*films"], scattering: Float[Array | np.ndarray, "*films"]
-) -> Any:
+    absorption: Float[Array, "*films"], scattering: Float[Array, "*films"]
+) -> Float[Array, "*films"]:
     """Factor by which films of k d and s d, (...), are thinner than where a table of films ends,
-    thick enough to hide whatever is below. In the kind of the arguments (numpy or JAX).
+    thick enough to hide whatever is below.
     """
-    minimum = jnp.minimum if isinstance(absorption, Array) else np.minimum
-    return 0.999 * minimum(HIGHEST[0] / absorption, HIGHEST[1] / scattering)
+    return 0.999 * jnp.minimum(HIGHEST[0] / absorption, HIGHEST[1] / scattering)
 
 
 class Response(eqx.Module):

@@ -10,6 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from glazejax.spectra import Bands
+
 from .response import FilmResponse, ground_below
 
 DECAY = 60.0
@@ -22,9 +24,7 @@ between them is left open.
 _PAINT = (-0.5, 1.0)
 
 
-def yellow(
-    wavelengths: Float[np.ndarray, "bands"], decay: float = DECAY
-) -> Float[np.ndarray, "bands"]:
+def yellow(wavelengths: Bands, decay: float = DECAY) -> Bands:
     """Absorption of a yellowed varnish in units of that at 400 nm: it falls exponentially to the
     red.
     """
@@ -34,7 +34,7 @@ def yellow(
 def under_varnish(
     response: FilmResponse,
     body: Float[np.ndarray, "*n bands"],
-    thickness: Float[np.ndarray, "bands"],
+    thickness: Bands,
 ) -> Float[np.ndarray, "*n bands"]:
     """Reading of a paint under a varnish, from that without it; both without the surface's part.
 
@@ -52,7 +52,7 @@ def under_varnish(
 def without_varnish(
     response: FilmResponse,
     body: Float[np.ndarray, "*n bands"],
-    thickness: Float[np.ndarray, "bands"],
+    thickness: Bands,
 ) -> Float[np.ndarray, "*n bands"]:
     """The inverse of `under_varnish`: what the paint would read if its varnish were taken off."""
     dark, gain, back = _through(response, thickness)
@@ -61,9 +61,7 @@ def without_varnish(
     return clear + gain * below / (1.0 - back * below)
 
 
-def limits_under(
-    response: FilmResponse, thickness: Float[np.ndarray, "bands"]
-) -> tuple[Float[np.ndarray, "bands"], Float[np.ndarray, "bands"]]:
+def limits_under(response: FilmResponse, thickness: Bands) -> tuple[Bands, Bands]:
     """Least and largest reading of paint under a varnish, outer surface aside: beyond, the inverse
     of `under_varnish` makes any number.
     """

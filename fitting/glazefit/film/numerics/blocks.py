@@ -17,6 +17,4 @@ def by_blocks(count: int, block: int, run: Callable[[Int[np.ndarray, "block"]], 
     for first in range(0, count, block):
         rows = np.arange(first, min(first + block, count))
         results.append(run(np.resize(rows, block)))
-    return jax.tree.map(
-        lambda *a: np.concatenate([np.asarray(result) for result in a])[:count], *results
-    )
+    return jax.tree.map(lambda *a: np.concatenate(a)[:count], *results)

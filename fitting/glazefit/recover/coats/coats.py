@@ -25,7 +25,7 @@ from glazejax.geometry import resolve_instrument
 from glazejax.progress import Progress, no_progress
 from glazejax.spectra import Bands, describe_grid
 
-from ...film.films import Films, InstrumentLike, Noise, card_reflectance, cards
+from ...film.films import Films, InstrumentLike, Noise, card_readings, card_reflectance
 from ...film.model.errors import smooth_kernel
 from ...film.model.response import Response, film_response
 from ...film.noise import estimate_noise
@@ -236,7 +236,7 @@ def recover_coats(
     _check_grounds(films)
     instrument = resolve_instrument(instrument)
     noise = noise or estimate_noise(films)
-    cards(films, instrument, noise)  # refuse bad grounds before the first paint
+    card_readings(films, instrument, noise)  # refuse bad grounds before the first paint
     response = response or film_response(instrument)
     fits: dict[str, JointRecovery] = {}
     paint_names = dict.fromkeys(coat.paint for coat in named_coats.values())

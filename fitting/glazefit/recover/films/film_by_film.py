@@ -26,7 +26,7 @@ from glazejax.programs import Program
 from glazejax.radiative.common.linalg import inverse_positive
 
 from ...film.errors import ScaledReadings
-from ...film.films import Films, Instrument, InstrumentLike, Noise, card_readings, cards
+from ...film.films import Films, Instrument, InstrumentLike, Noise, card_readings
 from ...film.forward import Film, FilmData, FilmShared, pose_each_band
 from ...film.gloss import estimate_gloss
 from ...film.model.body import HIGHEST
@@ -207,7 +207,7 @@ def recover_films(
 
     Raises:
         ValueError: a card that its own surface or a perfect diffuser contradicts (see
-            `glazefit.film.films.cards`), or a film that lacks a reading.
+            `glazefit.film.films.card_readings`), or a film that lacks a reading.
     """
     return Recovery.join(films, list(recover_chunks(films, instrument=instrument, noise=noise)))
 
@@ -230,7 +230,7 @@ def recover_chunks(
         )
     instrument = resolve_instrument(instrument)
     noise = noise or estimate_noise(films)
-    cards(films, instrument, noise)  # refuse bad cards before the first chunk
+    card_readings(films, instrument, noise)  # refuse bad cards before the first chunk
     for first in range(0, len(films), CHUNK):
         yield _recover_chunk(films.take(slice(first, first + CHUNK)), instrument, noise)
 

@@ -90,8 +90,8 @@ def recover_jointly(
 
     Raises:
         ValueError: a film without a recipe, no film, cards that are not possible (see
-            `glazefit.film.films.cards`), a known paint that does not cover the films' wavelengths,
-            or a film of the gauge's that there is not.
+            `glazefit.film.films.card_readings`), a known paint that does not cover the films'
+            wavelengths, or a film of the gauge's that there is not.
     """
     if len(films) == 0:
         raise ValueError("there are no films to recover")

@@ -169,8 +169,7 @@ def optical_thickness(
     kd = coefficients[:, :paints] @ amounts.T
     sd = coefficients[:, paints:] @ amounts.T
     # As thick as the response goes, so that only k/s counts.
-    hiding: Array = hiding_factor(kd, sd)
-    thick = jnp.where(problem.opaque > 0, hiding, 1.0)
+    thick = jnp.where(problem.opaque > 0, hiding_factor(kd, sd), 1.0)
     return kd * thick, sd * thick
 
 

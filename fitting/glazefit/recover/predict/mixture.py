@@ -263,8 +263,6 @@ def calibrate_mixture(
         gauge=gauge,
         unit=UNIT,
     )
-    if read.all():
-        return recovery
     # What was not read is as it was found to be.
     filled = replace(
         films,
@@ -281,8 +279,6 @@ def _spread_bands(
     """Films at further wavelengths, interpolated, and at which they were read."""
     bands = films.wavelengths
     grid = bands if wavelengths is None else np.union1d(bands, wavelengths)
-    if grid.size == bands.size:
-        return films, np.ones(bands.size, dtype=bool)
     wider = {
         what: np.stack([np.interp(grid, bands, row) for row in getattr(films, what)])
         for what in SPECTRA
