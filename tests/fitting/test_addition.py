@@ -14,6 +14,7 @@ from glazefit.recover.predict.mixture import calibrate_mixture, predict_mixture
 from glazejax import catalogue, colour
 from tests.fitting.test_variation import GRID, TINT, painted
 
+from ..refusals import refusal
 from .tables import write_films
 
 WHITE_GROUND = 0.9
@@ -93,13 +94,13 @@ def test_a_colour_between_two_paints_needs_both(paints, calibrated, metres):
 
 @pytest.mark.parametrize("batch", [0.0, -1.0, np.nan, np.inf])
 def test_a_batch_weighs_something(paints, calibrated, batch):
-    with pytest.raises(ValueError, match="the batch is"):
+    with refusal("the batch is"):
         add(calibrated, paints, (50, 20, 30), batch)
 
 
 def test_what_is_added_must_be_known_where_the_mixture_is(paints, calibrated):
     narrow = paints["BoneBlack"].resample(GRID[3:13])
-    with pytest.raises(ValueError, match="leave BoneBlack out of what may be added"):
+    with refusal("leave BoneBlack out of what may be added"):
         next_addition(calibrated, lab_target((50, 20, 30)), [paints["Vermillion"], narrow], 10.0)
 
 

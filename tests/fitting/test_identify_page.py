@@ -30,6 +30,7 @@ from glazefit.page.plot import PlotAxes
 from glazefit.page.subject import check_subject
 from glazejax.commands.command_line import ground_file
 
+from ..refusals import refusal
 from ..studio.browser import start_browser
 from .answers import made_up
 
@@ -273,11 +274,11 @@ def test_who_measured_what_is_said_at_the_head():
     assert "<dt>Spot</dt><dd>sky</dd>" in head
     assert "Inventory" not in head
     assert "Operator" not in head
-    with pytest.raises(ValueError, match=r"^--operator holds the character U\+000A, which is not"):
+    with refusal(r"^--operator holds the character U\+000A, which is not"):
         check_subject(tmp, operator="N.\nN.")
-    with pytest.raises(ValueError, match=r"^--object has 201 characters; .* room for 200$"):
+    with refusal(r"^--object has 201 characters; .* room for 200$"):
         check_subject(tmp, object="a" * 201)
-    with pytest.raises(ValueError, match=r"^--object stands at the head .* give --report too$"):
+    with refusal(r"^--object stands at the head .* give --report too$"):
         check_subject(None, object="a")
     assert check_subject(None, object="") == {}
 
@@ -285,7 +286,7 @@ def test_who_measured_what_is_said_at_the_head():
 def test_existing_files_are_kept_and_other_endings_refused(tmp_path):
     path = tmp_path / "report.html"
     (tmp_path / "report.json").write_text("mine")
-    with pytest.raises(FileExistsError, match=r"report\.json exists"):
+    with refusal(r"report\.json exists", FileExistsError):
         write_page(record(identification()), path)
     assert [file.name for file in tmp_path.iterdir()] == ["report.json"]
     write_page(record(identification()), path, overwrite=True)
@@ -294,9 +295,7 @@ def test_existing_files_are_kept_and_other_endings_refused(tmp_path):
         "report.html",
         "report.json",
     ]
-    with pytest.raises(
-        ValueError, match=r"report\.htm: a report ends in \.html, such as .*report\.html$"
-    ):
+    with refusal(r"report\.htm: a report ends in \.html, such as .*report\.html$"):
         write_page(record(identification()), tmp_path / "report.htm")
 
 
@@ -309,7 +308,7 @@ def test_a_failure_while_a_page_is_made_leaves_the_old_one(tmp_path, monkeypatch
         raise RuntimeError("no ink")
 
     monkeypatch.setattr(MODULE, "plot_axes", fails)
-    with pytest.raises(RuntimeError, match="no ink"):
+    with refusal("no ink", RuntimeError):
         write_page(record(identification(["other"])), path, overwrite=True)
     assert {file: file.read_bytes() for file in tmp_path.iterdir()} == before
 

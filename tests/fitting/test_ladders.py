@@ -20,6 +20,8 @@ from glazefit.recover.coats.coats import (
 from glazejax.colour import delta_e_of_spectra
 from glazejax.geometry import resolve_instrument
 
+from ..refusals import refusal
+
 GRID = np.arange(400.0, 701.0, 20.0)
 INSTRUMENT = resolve_instrument("45:0")
 GROUND = 0.85 - 0.1 * np.exp(-(GRID - 400) / 60)
@@ -176,29 +178,29 @@ def test_bands_hold_ninety_per_cent_of_truths():
 def test_wrong_films_are_refused():
     red = ladder("Red", RED, 0.5, 1)
     good = table(red)
-    with pytest.raises(ValueError, match="'Umber' does not say its paint and number of coats"):
+    with refusal("'Umber' does not say its paint and number of coats"):
         recover_coats(table([("Umber", *red[0][1:])]))
-    with pytest.raises(ValueError, match=r"99 coats; they must be 0\.1 to 20"):
+    with refusal(r"99 coats; they must be 0\.1 to 20"):
         recover_coats(table([("Red 99 coats", *red[0][1:])]))
-    with pytest.raises(ValueError, match="spread is 0; it must be above 0"):
+    with refusal("spread is 0; it must be above 0"):
         recover_coats(good, spread=0.0)
-    with pytest.raises(ValueError, match="'Red 1 coat' was not read: add a row 'Red 1 coat_w'"):
+    with refusal("'Red 1 coat' was not read: add a row 'Red 1 coat_w'"):
         recover_coats(replace(good, assumed=np.ones((1, 2), bool)))
-    with pytest.raises(ValueError, match="name its rows 'Red 1 coat_ow' and 'Red 1 coat_w'"):
+    with refusal("name its rows 'Red 1 coat_ow' and 'Red 1 coat_w'"):
         recover_coats(replace(good, opaque=np.ones(1, bool)))
 
 
 def test_wrong_wishes_are_refused():
     found = recovered(ladder("Red", RED, 0.5, 1))
-    with pytest.raises(ValueError, match="no coats of 'Rde' were recovered; there are Red"):
+    with refusal("no coats of 'Rde' were recovered; there are Red"):
         predict_next_coat(found, "Rde", 2, GROUND)
-    with pytest.raises(ValueError, match="0 coats of Red; give a number"):
+    with refusal("0 coats of Red; give a number"):
         predict_next_coat(found, "Red", 0, GROUND)
-    with pytest.raises(ValueError, match=r"shape \(3,\); the films have 16 bands"):
+    with refusal(r"shape \(3,\); the films have 16 bands"):
         predict_next_coat(found, "Red", 2, GROUND[:3])
-    with pytest.raises(ValueError, match="as fractions"):
+    with refusal("as fractions"):
         predict_next_coat(found, "Red", 2, 100 * GROUND)
-    with pytest.raises(ValueError, match="the level is 90"):
+    with refusal("the level is 90"):
         predict_next_coat(found, "Red", 2, GROUND).interval(90)
 
 

@@ -14,6 +14,7 @@ from glazefit.mapping.store.layout import VARIABLES, Status
 from glazefit.mapping.store.run import run_chunks
 from glazefit.mapping.store.store import MapStore, open_map
 
+from ..refusals import refusal
 from .test_store import unfinish
 from .toy import CHUNK, PAINTS, SHAPE, WINDOWS, Toy
 
@@ -113,7 +114,7 @@ def test_a_set_has_the_names_of_its_paints_before_and_after_export(store, tmp_pa
     pixel = ours.isel(y=3, x=5).load()
     pixel["members"].values[:] = [2, -1, 0]
     assert set_labels(pixel).item() == "ZincWhite + Umber"
-    with pytest.raises(ValueError, match="it has no members and no paint; open one by open_map"):
+    with refusal("it has no members and no paint; open one by open_map"):
         set_labels(xarray.Dataset())
 
 
@@ -185,10 +186,10 @@ def test_a_turned_image_and_bare_pixels_keep_what_is_sure(tmp_path):
 
 def test_files_are_checked_before(store, tmp_path):
     for name in ("map.tif", "map"):
-        with pytest.raises(ValueError, match=r"--export .*NetCDF \(.nc\) or ENVI"):
+        with refusal(r"--export .*NetCDF \(.nc\) or ENVI"):
             check_export(tmp_path / name, argument="--export")
     (tmp_path / "map.img").touch()
-    with pytest.raises(FileExistsError, match=r"map\.img exists"):
+    with refusal(r"map\.img exists", FileExistsError):
         export_map(store.path, tmp_path / "map.hdr")
     with pytest.raises(FileNotFoundError):
         export_map(store.path, tmp_path / "none" / "map.nc")
@@ -205,7 +206,7 @@ def test_a_full_disk_leaves_no_half_file(store, tmp_path, monkeypatch, name):
 
     monkeypatch.setattr("glazefit.mapping.store.export._bands", full)
     monkeypatch.setattr("xarray.Dataset.to_netcdf", full)
-    with pytest.raises(OSError, match="the disk is full; the map itself is kept"):
+    with refusal("the disk is full; the map itself is kept", OSError):
         export_map(store.path, tmp_path / name, progress=lambda *n: told.append(n))
     assert not list(tmp_path.iterdir())
 

@@ -23,6 +23,7 @@ from glazejax.studio.command import register
 from glazejax.studio.messages import MOST_BYTES, unpack
 from tests.commands import invoke
 
+from ..refusals import refusal
 from .browser import Served
 
 
@@ -280,7 +281,7 @@ def test_the_page_as_one_file(tmp_path):
 def test_a_port_that_is_taken_is_one_sentence(served):
     from glazejax.studio.command import serve
 
-    with pytest.raises(ValueError, match=f"--port {served.studio.port} cannot be used"):
+    with refusal(f"--port {served.studio.port} cannot be used"):
         serve(served.studio.port, "", open_browser=False)
 
 
@@ -289,5 +290,5 @@ def test_a_missing_package_is_one_sentence(monkeypatch):
         raise ModuleNotFoundError(advice(modules[0]))
 
     monkeypatch.setattr(server, "require", missing)
-    with pytest.raises(ModuleNotFoundError, match=r'pip install "glazejax\[studio\]"'):
+    with refusal(r'pip install "glazejax\[studio\]"', ModuleNotFoundError):
         server.Studio()
