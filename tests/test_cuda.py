@@ -22,6 +22,7 @@ from glazejax import (
 )
 
 from .cuda import assert_runs_there, lowered, trouble, watch
+from .slow import slow
 
 
 def stacks(layers: int, count: int = 5):
@@ -51,9 +52,7 @@ def graded(q, d, ground):
     return profile_reflectance_factor(k, s, d, ground, tolerance=1e-3)
 
 
-@pytest.mark.parametrize(
-    "layers", [2, pytest.param(1, marks=pytest.mark.slow), pytest.param(9, marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize("layers", [2, slow(1), slow(9)])
 def test_stacks_and_their_gradients(layers):
     inputs = stacks(layers)
     for f in (factor, flux):

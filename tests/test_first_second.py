@@ -16,6 +16,7 @@ import pytest
 from glazejax import samples
 
 from .fresh import run_python
+from .slow import slow
 
 ROOT = Path(__file__).parents[1]
 _RUN = """
@@ -121,10 +122,9 @@ def test_a_recipe_is_sixteen_programs(tmp_path):
             ("render", "--coats", "CobaltBlue:5um"),
             ("starting", "compiling, then solving", "drawing"),
         ),
-        pytest.param(
+        slow(
             ("recipe", "--srgb", "#8a4b2d", "--out", "brown.png"),
             ("starting", "compiling, then looking"),
-            marks=pytest.mark.slow,
         ),
     ],
 )

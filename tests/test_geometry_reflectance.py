@@ -21,6 +21,7 @@ from tests.reference import isotropic_stacks
 
 from .fresh import run_python
 from .refusals import refusal
+from .slow import slow
 from .test_media import BLUE, GRID, RED
 
 INSTRUMENTS = [Bidirectional(45, 0), Bidirectional(45, 45, specular=True), Hemispherical()]
@@ -62,7 +63,7 @@ def test_traced_angles_are_not_checked():
     assert jax.jit(lambda a: Hemispherical(a).cos_incidence)(120.0) == pytest.approx(-0.5)
 
 
-@pytest.mark.parametrize("n", [1.5, pytest.param(2.0, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("n", [1.5, slow(2.0)])
 @pytest.mark.parametrize("ground", [0.0, 0.025, 1.0])
 def test_bare_ground_in_closed_form(ground, n):
     inside = inner_reflectance(n)
@@ -88,7 +89,7 @@ def test_pure_absorber_without_surface_is_beer_lambert():
     assert_allclose(reflectance(glaze, Bidirectional(30, 60)), expected, atol=1e-6)
 
 
-@pytest.mark.parametrize("count", [pytest.param(1, marks=pytest.mark.slow), 2])
+@pytest.mark.parametrize("count", [slow(1), 2])
 def test_stacks_of_the_reference(count):
     cases = [
         case
@@ -115,7 +116,7 @@ def test_stacks_of_the_reference(count):
         assert_allclose(reflectance(glaze, geometry)[:, 0], column(key), atol=2e-6, rtol=0)
 
 
-@pytest.mark.parametrize("angle", [60.0, pytest.param(0.0, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("angle", [60.0, slow(0.0)])
 def test_specular_part_is_fresnel(angle):
     glaze = Glaze([Layer(RED, 2e-5)], 0.8, [1.4, 1.5, 1.6])
     expected = [fresnel(angle, n) for n in (1.4, 1.5, 1.6)]
@@ -131,7 +132,7 @@ def test_specular_part_is_fresnel(angle):
 
 @pytest.mark.parametrize(
     "geometry",
-    [pytest.param(Bidirectional(45, 0), marks=pytest.mark.slow), Hemispherical()],
+    [slow(Bidirectional(45, 0)), Hemispherical()],
     ids=repr,
 )
 def test_slopes_are_those_of_finite_differences(geometry):

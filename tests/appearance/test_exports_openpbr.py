@@ -23,6 +23,7 @@ from glazejax.appearance.exports.rgb import delta_e, lab_of_rgb, outside, rgb_of
 from glazejax.appearance.exports.spaces import LAYERINGS
 from glazejax.radiative.rough.lobes import lobe_albedo, lobe_factor
 
+from ..slow import slow
 from .scenes import GRID, blue_glaze
 
 COSINES = np.array([0.05, 0.3, 0.6, 0.95, 1.0])
@@ -42,14 +43,14 @@ def hemisphere(function, cos_out: float) -> np.ndarray:
     return np.tensordot(weights * light, values.mean(axis=1), 1)
 
 
-@pytest.mark.parametrize("roughness", [0.0, 0.3, pytest.param(1.0, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("roughness", [0.0, 0.3, slow(1.0)])
 def test_a_white_rough_body_keeps_all_light(roughness):
     for cos_out in (0.2, 0.9):
         found = hemisphere(lambda *at: diffuse_factor(np.ones(3), roughness, *at), cos_out)
         assert_allclose(found, 1.0, atol=1e-4)
 
 
-@pytest.mark.parametrize("roughness", [pytest.param(0.3, marks=pytest.mark.slow), 1.0])
+@pytest.mark.parametrize("roughness", [slow(0.3), 1.0])
 def test_light_that_facets_send_to_facets_is_coloured_by_each(roughness):
     """Of light from all sides a share m leaves after each bounce: c m (1 + c (1 - m) + ...)."""
     colour = np.array([0.2, 0.5, 0.9])

@@ -11,6 +11,7 @@ from glazejax import colour
 from glazejax.appearance.interreflection import all_bounces, configuration_factor, one_bounce
 
 from ..refusals import refusal
+from ..slow import slow
 from .test_interfaces import GRID, chromaticity
 
 POSITIONS = np.linspace(0.0, 1.0, 41)
@@ -69,7 +70,7 @@ def test_one_bounce_as_printed():
     assert found.b[0] == pytest.approx(0.7 * 0.8 * 2 + alpha * 0.7 * 0.3 * 0.6 * 2, rel=1e-14)
 
 
-@pytest.mark.parametrize("angle", [pytest.param(30.0, marks=pytest.mark.slow), 60.0, 120.0])
+@pytest.mark.parametrize("angle", [slow(30.0), 60.0, 120.0])
 def test_all_bounces_end_where_they_must(angle):
     """At the joint the light is a geometric series; black walls send nothing back."""
     a, b, lit_a, lit_b = 0.9, 0.8, 0.7, 0.4

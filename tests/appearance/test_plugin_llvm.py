@@ -8,6 +8,7 @@ import pytest
 import glazejax as gj
 from glazejax.appearance.mitsuba import glaze_bsdf
 
+from ..slow import slow
 from .plugin import BLUE, WHITE, mitsuba_in
 
 # Coats and roughness; of these all lobes are drawn, and more glazes change the table only.
@@ -134,7 +135,7 @@ def furnace(mi, bsdf, size=16, samples=256):
     return lit / light.mean()
 
 
-@pytest.mark.parametrize("roughness", [0.0, pytest.param(0.5, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("roughness", [0.0, slow(0.5)])
 def test_all_light_comes_back_in_a_furnace(mitsuba, roughness):
     tolerance = 1e-3 if roughness == 0 else 0.01
     seen = furnace(

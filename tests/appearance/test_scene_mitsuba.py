@@ -22,6 +22,7 @@ from glazejax.appearance.scene.shapes import Box, Mesh, Plane, Shape, Sphere
 
 from ..fresh import run_python
 from ..refusals import refusal
+from ..slow import slow
 
 WAVELENGTHS = np.arange(400.0, 701.0, 20.0)
 ABOVE = Camera((0.0, 0.0, 10.0), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), field_of_view=1.0)
@@ -57,7 +58,7 @@ def luminance(scene, samples=4096, **how):
     "name",
     [
         "diffuse",
-        *(pytest.param(name, marks=pytest.mark.slow) for name in ("copper", "glaze", "map")),
+        *(slow(name) for name in ("copper", "glaze", "map")),
     ],
 )
 def test_pictures_are_those_of_the_ray_caster(name, mi):

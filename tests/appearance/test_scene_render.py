@@ -36,6 +36,7 @@ from glazejax.appearance.scene.shapes import Box, Mesh, Plane, Sphere
 from glazejax.radiative.common.fresnel import conductor_reflectance, dielectric_reflectance
 
 from ..refusals import refusal
+from ..slow import slow
 from .scenes import GRID, blue_glaze, paint, scene
 
 
@@ -50,9 +51,7 @@ def flat(material, light, camera, **options):
     )
 
 
-@pytest.mark.parametrize(
-    ("incidence", "viewing"), [(60, 30), pytest.param(0, 45, marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize(("incidence", "viewing"), [(60, 30), slow(0, 45)])
 def test_a_flat_glaze_is_the_solver_at_the_angles_of_the_scene(incidence, viewing):
     a, b = np.deg2rad([incidence, viewing])
     light = ParallelLight((np.sin(a), 0, -np.cos(a)), np.linspace(0.5, 1.0, GRID.size))

@@ -11,6 +11,7 @@ from glazefit.identify.search.options import IdentificationOptions
 from glazefit.identify.search.searcher import Searcher
 from glazejax import Hemispherical, Pigment, catalogue
 
+from ..slow import slow
 from .palette import optical_depths
 
 SCREEN = importlib.import_module("glazefit.identify.search.screen")
@@ -44,7 +45,7 @@ def find(bands, **options):
     return identify(grid, spectra, paints, ground=0.9, max_paints=2, **options)
 
 
-@pytest.mark.parametrize("bands", [31, pytest.param(61, marks=pytest.mark.slow), 121])
+@pytest.mark.parametrize("bands", [31, slow(61), 121])
 def test_paints_are_as_sure_at_fine_bands(bands):
     answer = find(bands)
     assert answer.members[:, 0, :2].tolist() == [[0, 2], [0, 1], [3, 4]]

@@ -33,6 +33,7 @@ from glazefit.recover.predict.prediction import predict_films
 from glazejax import Pigment
 
 from ..refusals import refusal
+from ..slow import slow
 
 PAINTS = ("CobaltBlue", "ZincWhite", "BoneBlack")
 RECIPES = {
@@ -71,7 +72,7 @@ def painted(thickness=THICKNESS, recipes=RECIPES):
     )
 
 
-@pytest.fixture(scope="module", params=["", pytest.param("told", marks=pytest.mark.slow)])
+@pytest.fixture(scope="module", params=["", slow("told")])
 def small(request):
     """A problem of three paints, six films and seven bands, at a point that is not its solution.
 

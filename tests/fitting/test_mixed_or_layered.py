@@ -29,6 +29,8 @@ from glazefit.identify.coats.readings import (
 from glazefit.identify.result.odds import DECIDED
 from glazejax import Bidirectional, Glaze, Layer, Mixture, catalogue, reflectance
 
+from ..slow import slow
+
 GRID = np.arange(420.0, 701.0, 20.0)
 GROUND = np.linspace(0.6, 0.85, GRID.size)
 MIXED = Arrangement(((0, 1),))
@@ -204,7 +206,7 @@ def odds(spectrum, paints, **options):
     return identify(GRID, spectrum, paints, **given)
 
 
-@pytest.mark.parametrize("count", [2, pytest.param(3, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [2, slow(3)])
 def test_a_mixture_and_a_superposition_are_told(oils, count):
     """Films of so many paints."""
     blue, white, yellow = oils

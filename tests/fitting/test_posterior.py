@@ -27,6 +27,7 @@ from glazefit.posterior.report import describe_misfit, describe_unsettled
 from glazefit.posterior.summary import Numbers, Row, Summary, compare
 from glazejax import Hemispherical, Pigment
 
+from ..slow import slow
 from .palette import optical_depths
 
 GRID = np.arange(400.0, 701.0, 20.0)
@@ -308,9 +309,7 @@ def test_likelihood_is_the_gaussian_it_is_said_to_be():
 @pytest.mark.parametrize(
     ("k", "s"), [(0.0, 1e-6), (1e-4, 1e-4), (60.0, 1e-3), (1e-3, 300.0), (90.0, 300.0), (5.0, 0.0)]
 )
-@pytest.mark.parametrize(
-    ("sampler", "walkers"), [("emcee", 64), pytest.param("hmc", 12, marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize(("sampler", "walkers"), [("emcee", 64), slow("hmc", 12)])
 def test_odd_films_stay_finite(k, s, sampler, walkers):
     result = posterior_of_bands(uniform_film(k, s), sampler=sampler, steps=20, walkers=walkers)
     assert all(np.isfinite(values).all() for values in result.draws.values())

@@ -11,6 +11,8 @@ from glazefit.posterior.chain import Convergence, convergence, count_samples
 from glazejax.io import write_table
 from tests.fitting.test_cli_recover import write
 
+from ..slow import slow
+
 GRID = np.array([400.0, 550.0, 700.0])
 
 
@@ -98,7 +100,7 @@ def run(command_line):
 
 @pytest.mark.parametrize(
     ("sampler", "steps"),
-    [("emcee", "300"), pytest.param("hmc", "10", marks=pytest.mark.slow)],
+    [("emcee", "300"), slow("hmc", "10")],
 )
 def test_command_writes_what_it_says(run, tmp_path, sampler, steps):
     import arviz

@@ -28,6 +28,7 @@ from glazejax.paint.pigment_table import read_pigments
 
 from ..fresh import run_python
 from ..refusals import refusal
+from ..slow import slow
 from .hostile import SCENE, damaged_files, limits, outcome, subjects
 from .samples import CGATS, CXF, ENVI, GRID, envi_header, jcamp_block, lines, refused, spectra
 
@@ -449,7 +450,7 @@ print(len(read_spectra(sys.argv[1])), resource.getrusage(resource.RUSAGE_SELF).r
 """
 
 
-@pytest.mark.parametrize("megabytes", [6, pytest.param(60, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("megabytes", [6, slow(60)])
 def test_large_tables_take_their_size_and_little_more(tmp_path, megabytes):
     path, count = tmp_path / "big.csv", megabytes * 4000
     row = (

@@ -19,6 +19,8 @@ from glazefit.mapping.solve.working_bands import WorkingBands
 from glazejax.colour import delta_e_of_spectra
 from tests.mapping import small
 
+from ..slow import slow
+
 COUNTS = {"over a ground": 96, "hiding": 40}
 """Of spectra; few of those over a ground leave more than one candidate to compare."""
 
@@ -54,7 +56,7 @@ def sd_of(readings):
 # That a map agrees with searches of its pixels, test_map_cube.py tells quickly.
 @pytest.fixture(
     scope="module",
-    params=[pytest.param(each, marks=pytest.mark.slow) for each in ("over a ground", "hiding")],
+    params=[slow(each) for each in ("over a ground", "hiding")],
 )
 def problem(request):
     scene = small.scene()

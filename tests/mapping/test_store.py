@@ -23,6 +23,7 @@ from glazefit.mapping.store.store import MapStore, open_map
 from glazefit.mapping.store.windows import Window, chunk_shape, windows
 
 from ..refusals import refusal
+from ..slow import slow
 from .toy import BANDS, CHUNK, PAINTS, SHAPE, WINDOWS, Toy, start_run, store_at
 
 xarray = pytest.importorskip("xarray")
@@ -217,12 +218,10 @@ def test_a_map_of_another_format_is_refused(tmp_path):
     assert not store_at(store.path, overwrite=True).done()
 
 
-@pytest.mark.parametrize(
-    "number", [errno.ENOSPC, pytest.param(errno.EDQUOT, marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize("number", [errno.ENOSPC, slow(errno.EDQUOT)])
 @pytest.mark.parametrize(
     "failing",
-    [3, pytest.param(70, marks=pytest.mark.slow), pytest.param(120, marks=pytest.mark.slow), 130],
+    [3, slow(70), slow(120), 130],
 )
 def test_a_full_disk_keeps_what_is_finished(tmp_path, monkeypatch, undisturbed, number, failing):
     """Every n-th file that is put in place fails, whether of an array or of the sums."""

@@ -18,6 +18,7 @@ from glazejax.radiative.common.fresnel import cos_refracted
 from tests.tolerances import ROUNDING
 
 from ..refusals import refusal
+from ..slow import slow
 from .cases import CENTRAL, factor, lapack_calls, reference_cases
 
 # Interfaces and thicknesses that no step used here fits; the last three are an absent glaze, no
@@ -93,7 +94,7 @@ def test_references():
         assert np.all(np.abs(found - c.reflectance_factor[moderate]) < 0.04 * (step / inside) ** 2)
 
 
-@pytest.mark.parametrize("corrected", [True, pytest.param(False, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("corrected", [True, slow(False)])
 def test_direct_and_decomposed_agree(corrected, truth):
     step = STEPS[1]
     direct, decomposed = (

@@ -11,6 +11,7 @@ from glazejax.radiative.auxiliary.uniform import reflectance_factor, split_refle
 from glazejax.radiative.auxiliary.uniform_solver import solve
 from tests.tolerances import ROUNDING
 
+from ..slow import slow
 from .cases import lapack_calls
 from .test_auxiliary import ALBEDO, ANGLES, GROUND, STACKS, THICKNESS
 
@@ -19,7 +20,7 @@ OWN: dict = {"variant": "decomposed", "step": 0.04}
 FFT: dict = {"product": "fft"}
 
 
-@pytest.mark.parametrize("corrected", [pytest.param(False, marks=pytest.mark.slow), True])
+@pytest.mark.parametrize("corrected", [slow(False), True])
 @pytest.mark.parametrize(
     ("product", "variant"),
     [("matrices", "decomposed"), ("fft", "decomposed"), ("fft", "fixed_step")],

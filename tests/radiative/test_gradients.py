@@ -14,6 +14,7 @@ from glazejax.radiative.common.fresnel import dielectric_reflectance
 from tests.reference import slopes
 from tests.tolerances import DTYPE, LAST_DIGITS, ROUNDING, within_reach
 
+from ..slow import slow
 from .cases import CENTRAL, FORWARD, LAYERS, factor, flux, random_cases
 
 pytestmark = pytest.mark.optimised
@@ -74,7 +75,7 @@ def test_hemispherical_slopes_by_each_thickness_over_a_bright_ground():
 
 
 @pytest.mark.single
-@pytest.mark.parametrize("tolerance", [1e-8, pytest.param(1e-5, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("tolerance", [1e-8, slow(1e-5)])
 def test_stored_slopes(tolerance):
     """What directions for a tolerance, and rounding, leave of them."""
     tolerance = within_reach(tolerance)

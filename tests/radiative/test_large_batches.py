@@ -13,6 +13,8 @@ from glazejax.radiative.common import chunks
 from glazejax.radiative.common.chunks import on_all_cores
 from tests.tolerances import LAST_DIGITS, ROUNDING
 
+from ..slow import slow
+
 COUNT = 2**14 + 7
 
 
@@ -45,9 +47,7 @@ def parts(monkeypatch) -> list[int]:
     return begun
 
 
-@pytest.mark.parametrize(
-    "reflectance", [factor, pytest.param(hemispherical, marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize("reflectance", [factor, slow(hemispherical)])
 def test_value_is_that_of_one_program(stacks, parts, reflectance):
     together = reflectance(*stacks)
     assert len(parts) == 3

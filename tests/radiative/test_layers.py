@@ -14,6 +14,8 @@ from glazejax.radiative.ordinates.modes import layer_modes
 from glazejax.radiative.ordinates.resolution import resolve_known
 from tests.tolerances import LAST_DIGITS, ROUNDING
 
+from ..slow import slow
+
 INDEX, TOLERANCE = 1.5, 1e-6
 NODES = gauss(60)
 # Both sides of the switch between slow and fast modes, and far from it.
@@ -55,7 +57,7 @@ def integrals(q, lam, zeta, depth, a, b, mirrored):
     return near, far, q * once + (q * zeta) ** 2 * twice
 
 
-@pytest.mark.parametrize("mirrored", [pytest.param(False, marks=pytest.mark.slow), True])
+@pytest.mark.parametrize("mirrored", [slow(False), True])
 def test_what_a_beam_excites_is_the_integral(mirrored: bool):
     """Value and slopes of every entry, beams at 1/mu = kappa and next to it included."""
     lam, depth, step, which = (

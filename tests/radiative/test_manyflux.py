@@ -19,6 +19,7 @@ from glazejax.radiative.stack import split_reflectance_factor
 from tests.tolerances import CONSERVED, ROUNDING
 
 from ..refusals import refusal
+from ..slow import slow
 from .cases import CENTRAL
 
 PHASES = {
@@ -28,7 +29,7 @@ PHASES = {
 }
 
 
-@pytest.mark.parametrize("index", [pytest.param(1.0, marks=pytest.mark.slow), 1.5])
+@pytest.mark.parametrize("index", [slow(1.0), 1.5])
 def test_nothing_is_lost_without_absorption(index):
     phase = jnp.stack([PHASES[name][:30] for name in PHASES])[:, None]
     given = {"phase": phase, "refractive_index": index, "streams": 6}
@@ -68,7 +69,7 @@ def test_reciprocity_and_table():
     assert_allclose(one, table[2, 1, 1], atol=ROUNDING)
 
 
-@pytest.mark.parametrize("index", [pytest.param(1.0, marks=pytest.mark.slow), 1.5])
+@pytest.mark.parametrize("index", [slow(1.0), 1.5])
 def test_thin_layer_scatters_once(index):
     """Over black, with the whole phase function: q p(T)/(4 mu mu') by the cosines inside, however
     thin.

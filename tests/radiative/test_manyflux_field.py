@@ -16,6 +16,7 @@ from glazejax.radiative.manyflux.reflectance import (
 from tests.tolerances import ROUNDING
 
 from ..refusals import refusal
+from ..slow import slow
 
 PHASE = henyey_greenstein(np.array([0.6, -0.3]), 4)
 
@@ -32,7 +33,7 @@ def check_surface(field, stack, given, azimuth, index, rounding):
     assert_allclose(field.flux_down[0] - field.flux_up[0], kept, atol=rounding)
 
 
-@pytest.mark.parametrize("solution", ["doubling", pytest.param("modes", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("solution", ["doubling", slow("modes")])
 def test_field_meets_the_outside(solution):
     """Just below the surface the upward light is what is seen outside; on the ground it is the
     ground's.

@@ -29,6 +29,7 @@ from glazejax.radiative.manyflux.reflectance import (
 from tests.tolerances import CONSERVED, LAST_DIGITS, ROUNDING
 
 from ..refusals import refusal
+from ..slow import slow
 
 PHASE = henyey_greenstein(jnp.array([0.6, -0.3]), 12)
 COS = np.array([0.05, 0.6, 1.0])
@@ -47,7 +48,7 @@ def test_directions_of_all_media():
         assert_allclose(kept, (common.end**2 - common.beyond)[exists], atol=1e-13)
 
 
-@pytest.mark.parametrize("index", [(1.5, 1.3), pytest.param((1.3, 1.6), marks=pytest.mark.slow)])
+@pytest.mark.parametrize("index", [(1.5, 1.3), slow((1.3, 1.6))])
 def test_nothing_is_lost_between_media(index):
     """Without absorption all light comes back from a white ground, whatever the indices."""
     given: dict = {

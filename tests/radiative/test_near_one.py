@@ -15,6 +15,7 @@ from glazejax.radiative.common.directions import Resolution, half_range, resolve
 from glazejax.radiative.ordinates import solver as ordinates
 from glazejax.radiative.ordinates.resolution import resolve_known
 
+from ..slow import slow
 from .cases import factor, flux
 
 # Far more directions, whose rise is followed down to a cosine of 1e-5.
@@ -77,7 +78,7 @@ def test_thin_layers_seen_aslant_stay_below_the_tolerance():
 # Far from one, and too near to tell from it, they are as at its neighbours.
 @pytest.mark.parametrize(
     "index",
-    [1.0, *(pytest.param(1 + excess, marks=pytest.mark.slow) for excess in (1e-9, 1e-6, 1e-3))],
+    [1.0, *(slow(1 + excess) for excess in (1e-9, 1e-6, 1e-3))],
 )
 def test_cosines_of_a_call_decide(index):
     """Light and view both graze, or an unknown cosine may: what the solver gets, by its error."""
@@ -106,7 +107,7 @@ def test_the_most_grazing_cosine_of_a_call_decides():
     assert both == pytest.approx(alone, rel=1e-12)
 
 
-@pytest.mark.parametrize("finest", [1e-7, pytest.param(1e-10, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("finest", [1e-7, slow(1e-10)])
 def test_cosines_between_two_decades_stay_below_the_tolerance(finest):
     """Directions are chosen for the decade below. At this tolerance thin layers that absorb nothing
     use four fifths of it; the reference's own error is at most a thousandth of it.
@@ -191,7 +192,7 @@ def test_slope_at_one_in_closed_form():
 
 @pytest.mark.parametrize(
     ("method", "finest"),
-    [("ordinates", 1e-10), pytest.param("auxiliary", 1e-8, marks=pytest.mark.slow)],
+    [("ordinates", 1e-10), slow("auxiliary", 1e-8)],
 )
 def test_a_tolerance_finer_than_there_is_is_said(method, finest):
     def call(tolerance):

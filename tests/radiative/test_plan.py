@@ -17,6 +17,7 @@ from glazejax.radiative.plan import bounds, closed_form
 from glazejax.radiative.plan.plan import ALL, Savings, plan_stacks
 
 from ..refusals import refusal
+from ..slow import slow
 
 NONE = Savings(*(False for _ in Savings._fields))
 STACKS, LAYERS = 64, 3
@@ -192,8 +193,8 @@ def test_decay_rate_is_rounded_down():
     [
         (1.5, False),
         (1.02, True),
-        pytest.param(1.0, False, marks=pytest.mark.slow),
-        pytest.param(2.4, True, marks=pytest.mark.slow),
+        slow(1.0, False),
+        slow(2.4, True),
     ],
 )
 def test_closed_form_without_scattering_is_exact(index: float, hemispherical: bool):

@@ -15,6 +15,7 @@ from glazejax import (
 from glazejax.radiative.profile import _piecewise_linear
 
 from ..refusals import refusal
+from ..slow import slow
 
 DEPTH = 2e-5
 METHODS = ("ordinates", "auxiliary")
@@ -28,7 +29,7 @@ def scattering(z):
     return 8e4 * jnp.exp(-z / 1e-5)
 
 
-@pytest.mark.parametrize("method", ["ordinates", pytest.param("auxiliary", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("method", ["ordinates", slow("auxiliary")])
 def test_a_constant_profile_is_a_homogeneous_layer(method):
     k, s = np.array([[2e4], [0.0], [1e4]]), np.array([[5e4], [9e4], [0.0]])
     given = {"cos_incidence": 0.7, "tolerance": 1e-4}

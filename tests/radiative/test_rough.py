@@ -18,6 +18,7 @@ from glazejax.radiative.rough.resolution import resolve
 from tests.tolerances import ROUNDING
 
 from ..refusals import refusal
+from ..slow import slow
 
 COSINES = np.array([0.05, 0.2, 0.5, 0.8, 1.0])
 ALBEDO = np.array([[0.9, 0.5], [1 - 1e-6, 0.9], [0.3, 0.99], [1.0, 1.0], [0.0, 0.7]])
@@ -26,15 +27,10 @@ GROUND = np.array([0.5, 0.9, 0.0, 1.0, 0.8])
 
 
 # The usual surface, then the ends of both ranges.
-ENDS = [
-    pytest.param(*each, marks=pytest.mark.slow)
-    for each in ((0.02, 1.5), (0.02, 2.5), (1.0, 1.05), (1.0, 2.5))
-]
+ENDS = [slow(*each) for each in ((0.02, 1.5), (0.02, 2.5), (1.0, 1.05), (1.0, 2.5))]
 
 
-@pytest.mark.parametrize(
-    ("roughness", "index"), [(0.3, 1.5), pytest.param(0.1, 1.5, marks=pytest.mark.slow), *ENDS]
-)
+@pytest.mark.parametrize(("roughness", "index"), [(0.3, 1.5), slow(0.1, 1.5), *ENDS])
 def test_white_paint_on_white_ground_gives_all_light_back(roughness, index):
     cosines = np.linspace(0.05, 1, 5)
     given = {"roughness": roughness, "refractive_index": index, "cos_incidence": cosines}

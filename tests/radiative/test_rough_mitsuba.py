@@ -15,6 +15,7 @@ from glazejax.radiative import rough
 from glazejax.radiative.rough.facets import scatter
 
 from ..fresh import run_python
+from ..slow import slow
 
 pytestmark = pytest.mark.skipif(find_spec("mitsuba") is None, reason="needs mitsuba")
 
@@ -57,7 +58,7 @@ print(json.dumps(out))
 
 @pytest.mark.parametrize(
     ("roughness", "index", "cosine"),
-    [(0.3, 1.5, 0.7), pytest.param(0.2, 1.7, 0.5, marks=pytest.mark.slow)],
+    [(0.3, 1.5, 0.7), slow(0.2, 1.7, 0.5)],
 )
 def test_single_facets_are_those_of_mitsuba(roughness, index, cosine):
     run = run_python(ASKED, json.dumps([roughness, index, cosine]))

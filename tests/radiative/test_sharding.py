@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from ..fresh import run_python
+from ..slow import slow
 
 _ROOT = Path(__file__).parents[2]
 _RUN = """
@@ -74,8 +75,8 @@ print("done")
         ("stacks", "value"),
         ("glaze", "value"),
         ("stacks", "closed over"),
-        pytest.param("stacks", "gradient", marks=pytest.mark.slow),
-        pytest.param("glaze", "gradient", marks=pytest.mark.slow),
+        slow("stacks", "gradient"),
+        slow("glaze", "gradient"),
     ],
 )
 def test_a_batch_split_over_devices_stays_split(axes, what, asked):

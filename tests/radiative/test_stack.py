@@ -14,6 +14,7 @@ from glazejax.radiative.stack import split_hemispherical_reflectance, split_refl
 from tests.reference import isotropic_stacks
 from tests.tolerances import BETWEEN_METHODS, CONSERVED, DTYPE, LAST_DIGITS, ROUNDING, within_reach
 
+from ..slow import slow
 from .cases import LAYERS, factor, flux, random_cases, reference_cases
 
 pytestmark = pytest.mark.optimised
@@ -63,7 +64,7 @@ def test_reference_values_within_the_tolerance(method, tolerance, index):
 
 
 @pytest.mark.single
-@pytest.mark.parametrize("hemispherical", [False, pytest.param(True, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("hemispherical", [False, slow(True)])
 def test_split_adds_up_and_agrees_between_methods(hemispherical):
     c = reference_cases()[1.5]
     thin = np.sum(c.optical_thickness > 0, axis=1) <= 2
@@ -113,9 +114,9 @@ def test_thick_layer_is_the_half_space_of_chandrasekhar():
     "index",
     [
         1.0,
-        pytest.param(1.33, marks=pytest.mark.slow),
+        slow(1.33),
         1.5,
-        pytest.param(2.5, marks=pytest.mark.slow),
+        slow(2.5),
     ],
 )
 def test_without_scattering_the_closed_form(index):
@@ -145,9 +146,7 @@ def test_without_scattering_the_closed_form(index):
 
 
 @pytest.mark.single
-@pytest.mark.parametrize(
-    "index", [1.5, *(pytest.param(n, marks=pytest.mark.slow) for n in (1.0, 2.5))]
-)
+@pytest.mark.parametrize("index", [1.5, *(slow(n) for n in (1.0, 2.5))])
 def test_nothing_is_lost_without_absorption(index):
     for depth in (0.0, 1e-12, 0.3, 5.0, 1e3, 1e6):
         for cos in (1e-4, 0.3, 1.0):

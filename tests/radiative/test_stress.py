@@ -24,6 +24,7 @@ from tests.tolerances import ROUNDING
 
 from ..fresh import run_python
 from ..refusals import refusal
+from ..slow import slow
 from .cases import (
     EDGE_ALBEDO,
     EDGE_COSINE,
@@ -128,7 +129,7 @@ def test_two_hundred_layers_of_one_paint_are_one_layer(method):
 
 
 @pytest.mark.single
-@pytest.mark.parametrize("index", [1.5, pytest.param(1.0, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("index", [1.5, slow(1.0)])
 def test_every_combination_of_edges(index):
     edges = list(
         itertools.product(EDGE_ALBEDO, EDGE_THICKNESS, EDGE_GROUND, EDGE_COSINE, EDGE_COSINE)

@@ -17,6 +17,7 @@ from glazejax.stacks import MOST_COATS, pigment_to_dict, stack_from_dict
 from glazejax.studio.one_file import bundle, page_text
 from glazejax.studio.page_data import page_data
 
+from ..slow import slow
 from .node import run
 
 STACK = {
@@ -389,7 +390,7 @@ _BRUSH = """
         (1, False, 0.6),
         (2, False, 0.6),
         (3, False, 1.2),
-        pytest.param(8, False, 1.2, marks=pytest.mark.slow),
+        slow(8, False, 1.2),
         (1, True, 1.2),
         (2, True, 4),
     ],
