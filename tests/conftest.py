@@ -147,7 +147,7 @@ def _tests_set_jax_up_themselves():
 @pytest.fixture
 def command_line(monkeypatch, tmp_path, capsys):
     """Runs `glazejax` in an empty folder: from first words and a width, a function of the words that
-    follow, which gives exit status, output and errors.
+    follow and of the exit status they must have, which gives output and errors.
     """
     import glazejax.commands.main as program
     from glazejax.commands import progress
@@ -160,12 +160,13 @@ def command_line(monkeypatch, tmp_path, capsys):
         monkeypatch.chdir(tmp_path)
         monkeypatch.setenv("COLUMNS", str(columns))
 
-        def call(*words):
+        def call(*words, fails=0):
             monkeypatch.setattr(sys, "argv", ["glazejax", *first, *map(str, words)])
             with pytest.raises(SystemExit) as stop:
                 program.main()
             out, err = capsys.readouterr()
-            return stop.value.code or 0, " ".join(out.split()) if on_one_line else out, err
+            assert (stop.value.code or 0) == fails, (words, err)
+            return " ".join(out.split()) if on_one_line else out, err
 
         return call
 
