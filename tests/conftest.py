@@ -166,6 +166,7 @@ def command_line(monkeypatch, tmp_path, capsys):
                 program.main()
             out, err = capsys.readouterr()
             assert (stop.value.code or 0) == fails, (words, err)
+            assert fails != 2 or err.count("\n") == 1, err
             return " ".join(out.split()) if on_one_line else out, err
 
         return call

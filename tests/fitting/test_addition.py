@@ -142,7 +142,6 @@ def test_command_says_what_to_add(run, tmp_path, weak):
     ):
         _, err = run(*words, fails=2)
         assert said in err
-        assert err.count("\n") == 1
 
 
 @pytest.mark.slow
