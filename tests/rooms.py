@@ -197,12 +197,12 @@ def chosen(tests: list[str], changed: list[str], count: int) -> dict[str, list[s
     }
 
 
-def since(folder: Path = HERE) -> str:
+def since() -> str:
     """The last merge of `main`: GLAZEJAX_SINCE, or where this work left `origin/main`; in a clone
     of the work itself, the newest commit that was half a day old when the last one was made. With
     none of them, in a shallow clone say, the empty tree, from which every file differs.
     """
-    git = functools.partial(_git, folder)
+    git = functools.partial(_git, HERE)
     head = git("rev-parse", "HEAD")
     left = git("merge-base", "HEAD", "origin/main")
     before = int(git("log", "-1", "--format=%ct")) - 12 * 3600

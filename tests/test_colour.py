@@ -20,13 +20,13 @@ LAMPS = ["D65", "A", "D50", "FL2", "FL11", "LED-B3"]
 LIGHTS = list(itertools.product(LAMPS, OBSERVERS))
 
 
-def paints(wavelengths, rows=6):
+def paints(wavelengths):
     """Smooth spectra with edges from 10 to 60 nm wide, as paints have."""
     rng = np.random.default_rng(7)
     centre, width, sign = (
-        rng.uniform(450, 650, rows),
-        rng.uniform(10, 60, rows),
-        rng.choice([-1, 1], rows),
+        rng.uniform(450, 650, 6),
+        rng.uniform(10, 60, 6),
+        rng.choice([-1, 1], 6),
     )
     return 0.05 + 0.85 / (1 + np.exp(-sign * (wavelengths[:, None] - centre) / width)).T
 

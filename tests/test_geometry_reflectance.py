@@ -24,8 +24,6 @@ from .refusals import refusal
 from .slow import slow
 from .test_media import BLUE, GRID, RED
 
-INSTRUMENTS = [Bidirectional(45, 0), Bidirectional(45, 45, specular=True), Hemispherical()]
-
 
 def fresnel(degrees, n):
     """Unpolarised reflectance by the sines and tangents of the textbook."""

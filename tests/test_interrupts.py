@@ -42,8 +42,8 @@ def started(program: str) -> subprocess.Popen[str]:
     return process
 
 
-def interrupted(process: subprocess.Popen[str], number: int = signal.SIGINT) -> tuple[int, str]:
-    process.send_signal(number)
+def interrupted(process: subprocess.Popen[str]) -> tuple[int, str]:
+    process.send_signal(signal.SIGINT)
     try:
         out, words = process.communicate(timeout=20)
     finally:

@@ -110,15 +110,15 @@ def test_derivatives_by_textures_are_those_of_the_solver(mitsuba):
     np.testing.assert_allclose(found, np.array(slopes), rtol=0.01, atol=1e-3)
 
 
-def furnace(mi, bsdf, size=16, samples=256):
+def furnace(mi, bsdf):
     """What a sphere of the material sends back of even light of one, in every pixel's middle, as a
     share of it.
     """
     view = mi.ScalarTransform4f().look_at([0, 0, 3.0], [0, 0, 0], [0, 1, 0])
     film = {
         "type": "hdrfilm",
-        "width": size,
-        "height": size,
+        "width": 16,
+        "height": 16,
         "pixel_format": "luminance",
         "rfilter": {"type": "box"},
     }
@@ -130,7 +130,7 @@ def furnace(mi, bsdf, size=16, samples=256):
     }
     ball = {"thing": {"type": "sphere", "bsdf": bsdf}}
     lit, light = (
-        np.array(mi.render(mi.load_dict(one), spp=samples))[..., 0] for one in (scene | ball, scene)
+        np.array(mi.render(mi.load_dict(one), spp=256))[..., 0] for one in (scene | ball, scene)
     )
     return lit / light.mean()
 

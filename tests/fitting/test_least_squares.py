@@ -151,10 +151,10 @@ def test_numpys_descent_ends_where_the_cost_has_no_slope():
     assert_allclose(found.point, target, atol=1e-5)
 
 
-def quadratics(count=12):
+def quadratics():
     """Sums of squares |A x - b|^2, and what `descend_within` sees of them."""
-    matrix = RNG.standard_normal((count, 6, 3))
-    right = 2.0 * RNG.standard_normal((count, 6))
+    matrix = RNG.standard_normal((12, 6, 3))
+    right = 2.0 * RNG.standard_normal((12, 6))
 
     def look(rows, points):
         miss = np.einsum("nrm,nm->nr", matrix[rows], points) - right[rows]

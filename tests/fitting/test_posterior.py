@@ -43,14 +43,14 @@ BLUE = paint("blue", np.geomspace(2e3, 2e5, GRID.size), 2e4)
 WHITE = paint("white", np.geomspace(2e3, 1e2, GRID.size), 4e5)
 
 
-def film_of(fraction: float, thickness: float = 20e-6, seed: int = 1) -> Films:
+def film_of(fraction: float, thickness: float = 20e-6) -> Films:
     k, s = optical_depths([BLUE, WHITE], [[thickness * fraction, thickness * (1 - fraction)]])
-    return simulate_films(GRID, k, s, names=["film"], seed=seed)
+    return simulate_films(GRID, k, s, names=["film"], seed=1)
 
 
-def uniform_film(k: float, s: float, seed: int = 2) -> Films:
+def uniform_film(k: float, s: float) -> Films:
     return simulate_films(
-        GRID, np.full((1, GRID.size), k), np.full((1, GRID.size), s), names=["film"], seed=seed
+        GRID, np.full((1, GRID.size), k), np.full((1, GRID.size), s), names=["film"], seed=2
     )
 
 

@@ -60,8 +60,8 @@ def films_of(spectra, grid=GRID):
     return loose_films(SpectraTable(grid, tuple(spectra), np.stack(list(spectra.values()))))
 
 
-def references(spectra, families=None, grid=GRID):
-    return references_of(films_of(spectra, grid), families, instrument="45:0", source="own.csv")
+def references(spectra, grid=GRID):
+    return references_of(films_of(spectra, grid), None, instrument="45:0", source="own.csv")
 
 
 @pytest.fixture(scope="module")
@@ -74,9 +74,9 @@ def shelf():
     return list(catalogue.load("pigments").values())
 
 
-def answer(shelf, reading, added=(), grid=GRID):
+def answer(shelf, reading, added=()):
     """Families of a reading, likelier first, and their probabilities."""
-    found = identify(grid, reading, [*shelf, *added], opaque=True, instrument="45:0", max_paints=1)
+    found = identify(GRID, reading, [*shelf, *added], opaque=True, instrument="45:0", max_paints=1)
     return found, {one.families: one.probability for one in found.family_sets[0]}
 
 

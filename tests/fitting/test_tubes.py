@@ -36,10 +36,10 @@ def modes_of(pigment):
     return np.asarray(pigment.error_modes)
 
 
-def white(provenance="mine", size=0.05):
+def white(size=0.05):
     """The white of the films in 1/m, with one error mode: its strength."""
     modes = np.full((1, 2, GRID.size), size)
-    return Pigment("White", GRID, *(PALE / UNIT), error_modes=modes, provenance=provenance)
+    return Pigment("White", GRID, *(PALE / UNIT), error_modes=modes, provenance="mine")
 
 
 KNOWN = {"White": white()}

@@ -15,10 +15,10 @@ NAMES = ("LeadWhite", "BoneBlack", "Vermillion", "UltramarineBlue", "ChromeYello
 GROUND = np.full(GRID.size, 0.6)
 
 
-def truth(members, amounts, foreign=None):
+def truth(members, amounts):
     members = np.array(members)
-    foreign = np.zeros(len(members), bool) if foreign is None else np.array(foreign, bool)
-    return Truth(members, np.array(amounts, float), foreign, np.ones(len(members), int))
+    strange = np.zeros(len(members), bool)
+    return Truth(members, np.array(amounts, float), strange, np.ones(len(members), int))
 
 
 def test_what_is_wrong_counts_by_how_much():

@@ -171,9 +171,9 @@ class Lost(NamedTuple):
 
 
 @functools.cache
-def lost_light(alpha: float, index: float, nodes: int = 32) -> Lost:
+def lost_light(alpha: float, index: float) -> Lost:
     """Integrals of c."""
-    y, w = np.polynomial.legendre.leggauss(nodes)
+    y, w = np.polynomial.legendre.leggauss(32)
     t = 0.5 * (1.0 + y)
     cosines, w = t**2, w * t  # crowded at grazing angles
     # Total reflection has an edge inside: more points.

@@ -48,8 +48,8 @@ def _surface(alpha: float, index: float) -> tuple[np.ndarray, float]:
     return found[: len(COS)], float(2.0 * np.sum(w * t**3 * found[len(COS) :]))
 
 
-def _close(tally: position_free.Tally, expected, least: float = 1e-4, sigmas: float = 4.0) -> bool:
-    return bool(np.all(np.abs(tally.mean - expected) < sigmas * tally.error + least))
+def _close(tally: position_free.Tally, expected, sigmas: float = 4.0) -> bool:
+    return bool(np.all(np.abs(tally.mean - expected) < sigmas * tally.error + 1e-4))
 
 
 @pytest.mark.parametrize(

@@ -25,21 +25,21 @@ STACKS, LAYERS = 64, 3
 TOLERANCE = 1e-6
 
 
-def random_scene(seed: int, stacks: int = STACKS) -> dict[str, Any]:
+def random_scene(seed: int) -> dict[str, Any]:
     """Stacks of which every saving finds some: empty, opaque, equal and almost absorbing layers,
     black grounds.
     """
     rng = np.random.default_rng(seed)
-    shape = (stacks, LAYERS)
-    kind = rng.integers(0, 3, (stacks, 1))
+    shape = (STACKS, LAYERS)
+    kind = rng.integers(0, 3, (STACKS, 1))
     albedo = np.select(
         [kind == 0, kind == 1], [10 ** rng.uniform(-9, -1, shape), rng.uniform(0, 1, shape)], 1.0
     )
     albedo = np.where(rng.random(shape) < 0.2, rng.choice([0.0, 0.5, 1 - 1e-4], shape), albedo)
     thickness = np.where(rng.random(shape) < 0.2, 0.0, 10 ** rng.uniform(-3, 2, shape))
-    ground = np.where(rng.random(stacks) < 0.3, 0.0, rng.uniform(0, 1, stacks))
-    cosines = rng.uniform(0.02, 1, (2, stacks))
-    twice = rng.integers(0, stacks, stacks // 4)
+    ground = np.where(rng.random(STACKS) < 0.3, 0.0, rng.uniform(0, 1, STACKS))
+    cosines = rng.uniform(0.02, 1, (2, STACKS))
+    twice = rng.integers(0, STACKS, STACKS // 4)
     for array in (albedo, thickness, ground, *cosines):
         array[: len(twice)] = array[twice]
     cosines[:, : len(twice)] = cosines[::-1, : len(twice)]

@@ -56,8 +56,8 @@ def known():
     return page_data()
 
 
-def see(stack, view=VIEW):
-    return run(_SEE, {"data": known(), "stack": stack, "view": view})
+def see(stack):
+    return run(_SEE, {"data": known(), "stack": stack, "view": VIEW})
 
 
 def check(*given):
@@ -402,7 +402,13 @@ def test_brushed_pixels_are_those_of_a_full_computation(coats, quick, within):
     # A third of what was brushed with eight coats is bare of each.
     bare = 0.0 if coats < 4 else 0.33
     maps = [top * rng.random(300) * (rng.random(300) >= bare) for top in tops]
-    whole = {"data": known(), "stack": given, "tops": tops, "maps": maps_of(maps), "quick": quick}
+    whole = {
+        "data": known(),
+        "stack": given,
+        "tops": tops,
+        "maps": [one.tolist() for one in maps],
+        "quick": quick,
+    }
     found = run(_BRUSH, whole)
     pixels = np.array(found["pixels"]).reshape(-1, 4)
     stack = stack_from_dict(given)
@@ -421,10 +427,6 @@ def test_brushed_pixels_are_those_of_a_full_computation(coats, quick, within):
     assert quick or found["error"] < 0.6
     assert np.percentile(colour.delta_e_2000(*lab), 95) < within
     assert np.all(pixels[:, 3] == 255)
-
-
-def maps_of(maps):
-    return [one.tolist() for one in maps]
 
 
 def test_the_pages_modules_as_one_text_are_a_program():

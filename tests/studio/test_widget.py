@@ -102,8 +102,8 @@ def test_its_page_is_the_same_studio(wired, tmp_path):
         go_to(browser, "about:blank")
         browser.execute_script(_PAGE, one_file.bundle("notebook"), found._css, found.stack)
 
-        def carry(until, seconds=60):
-            end = time.monotonic() + seconds
+        def carry(until):
+            end = time.monotonic() + 60
             while time.monotonic() < end:
                 for question in browser.execute_script("return (window.questions ?? []).splice(0)"):
                     found._session.take({"glaze": "question"}, [base64.b64decode(question)])

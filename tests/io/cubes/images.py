@@ -59,10 +59,10 @@ def bright_image(folder: Path) -> Path:
     return path
 
 
-def labelled(values, wavelengths=WAVELENGTHS, **attributes):
+def labelled(values, **attributes):
     """The same as a data set of xarray, with coordinates in millimetres."""
     places = {
-        "wavelength": ("wavelength", np.asarray(wavelengths, float), {"units": "nm"}),
+        "wavelength": ("wavelength", np.asarray(WAVELENGTHS, float), {"units": "nm"}),
         "y": ("y", np.arange(values.shape[0]) * 0.5, {"units": "mm"}),
         "x": ("x", np.arange(values.shape[1]) * 0.5 + 7, {"units": "mm"}),
     }
@@ -81,18 +81,17 @@ def zarr(folder, dataset, *, version=3, encoding=None, name="image.zarr"):
     return folder / name
 
 
-def hdf5(folder, values, *, dtype="f4", wavelengths=WAVELENGTHS, name="image.h5", **further):
+def hdf5(folder, values, *, dtype="f4", **further):
     """Cube in groups, as airborne spectrometers' files have it."""
-    path = folder / name
+    path = folder / "image.h5"
     with h5py.File(path, "w") as file:
         file.create_dataset(
             "SITE/Reflectance/Reflectance_Data", data=values.astype(dtype), **further
         )
-        if wavelengths is not None:
-            spectral = file.create_dataset(
-                "SITE/Reflectance/Metadata/Spectral_Data/Wavelength", data=wavelengths
-            )
-            spectral.attrs["Units"] = "nanometers"
+        spectral = file.create_dataset(
+            "SITE/Reflectance/Metadata/Spectral_Data/Wavelength", data=WAVELENGTHS
+        )
+        spectral.attrs["Units"] = "nanometers"
     return path
 
 

@@ -23,9 +23,10 @@ SHAPE = (LINES, SAMPLES)
 BOX = [[4, 3], [10, 3], [10, 8], [4, 8]]
 
 
-def png(folder, values, name="mask.png"):
-    Image.fromarray(values).save(folder / name)
-    return folder / name
+def png(folder, values):
+    path = folder / "mask.png"
+    Image.fromarray(values).save(path)
+    return path
 
 
 @pytest.mark.parametrize(
