@@ -107,9 +107,8 @@ def test_rows_that_are_not_there(tmp_path):
 def test_rows_that_cannot_be_meant_are_refused(tmp_path, rows, message):
     path = tmp_path / "films.csv"
     path.write_text("Name,400,410,420\n" + "".join(f"{name},.1,.2,.3\n" for name in rows))
-    with refusal(message) as error:
+    with refusal(message):
         read_loose_films(path)
-    assert "\n" not in str(error.value)
 
 
 def test_films_are_called_by_what_is_in_them():

@@ -8,10 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray
 
 from glazefit.mapping.store.chunk import ChunkMaps
 from glazefit.mapping.store.export import export_map
-from glazefit.mapping.store.layout import VARIABLES, Status
+from glazefit.mapping.store.layout import Status
 from glazefit.mapping.store.run import run_chunks
 from glazefit.mapping.store.store import DamagedWindow, MapStore, open_map
 from glazefit.mapping.store.windows import Window
@@ -168,9 +169,8 @@ def without(*names: str):
 def test_a_map_that_does_not_say_what_it_is_is_refused(path, damage):
     damage(path / "zarr.json")
     for reads in (open_map, store_at):
-        with refusal(r"is a damaged map, .* overwrite=True \(--overwrite") as e:
+        with refusal(r"is a damaged map, .* overwrite=True \(--overwrite"):
             reads(path)
-        assert "\n" not in str(e.value)
     assert not store_at(path, overwrite=True).done()
 
 
@@ -185,6 +185,4 @@ def test_a_damaged_window_is_not_exported(path, tmp_path, name):
 
 def test_an_opened_map_can_be_sent_to_other_processes(undisturbed):  # noqa: F811
     dataset = open_map(undisturbed.path)
-    there = pickle.loads(pickle.dumps(dataset))
-    for variable in VARIABLES:
-        np.testing.assert_array_equal(there[variable.name].values, dataset[variable.name].values)
+    xarray.testing.assert_equal(pickle.loads(pickle.dumps(dataset)), dataset)

@@ -1,6 +1,5 @@
 """A map as NetCDF and as ENVI: what other programs read is what the map holds."""
 
-import errno
 import json
 
 import numpy as np
@@ -16,7 +15,7 @@ from glazefit.mapping.store.store import MapStore, open_map
 
 from ..refusals import refusal
 from .test_store import unfinish
-from .toy import CHUNK, PAINTS, SHAPE, WINDOWS, Toy
+from .toy import CHUNK, PAINTS, SHAPE, WINDOWS, Toy, full
 
 xarray = pytest.importorskip("xarray")
 pytest.importorskip("zarr")
@@ -200,9 +199,6 @@ def test_files_are_checked_before(store, tmp_path):
 @pytest.mark.parametrize("name", ["map.nc", "map.hdr", "map.bsq"])
 def test_a_full_disk_leaves_no_half_file(store, tmp_path, monkeypatch, name):
     told = []
-
-    def full(*arguments, **named):
-        raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr("glazefit.mapping.store.export._bands", full)
     monkeypatch.setattr("xarray.Dataset.to_netcdf", full)

@@ -24,7 +24,7 @@ from glazefit.mapping.store.windows import Window, chunk_shape, windows
 
 from ..refusals import refusal
 from ..slow import slow
-from .toy import BANDS, CHUNK, PAINTS, SHAPE, WINDOWS, Toy, start_run, store_at
+from .toy import BANDS, CHUNK, PAINTS, SHAPE, WINDOWS, Toy, full, start_run, store_at
 
 xarray = pytest.importorskip("xarray")
 zarr = pytest.importorskip("zarr")
@@ -255,9 +255,6 @@ def test_a_full_disk_keeps_what_is_finished(tmp_path, monkeypatch, undisturbed, 
 
 
 def test_a_disk_that_is_full_at_once_leaves_nothing(tmp_path, monkeypatch):
-    def full(path, target):
-        raise OSError(errno.ENOSPC, "No space left on device")
-
     with monkeypatch.context() as patch:
         patch.setattr(Path, "replace", full)
         with refusal("nothing of the map was begun", OSError):
@@ -268,9 +265,6 @@ def test_a_disk_that_is_full_at_once_leaves_nothing(tmp_path, monkeypatch):
 def test_a_disk_that_is_full_in_the_survey_names_the_file_and_the_remedy(tmp_path, monkeypatch):
     results = KeyedResults(tmp_path / "work")
     results.put("survey", {"a": np.zeros(3)})
-
-    def full(path, target):
-        raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr(Path, "replace", full)
     with refusal("the disk is full; make room, then run the same", OSError) as found:

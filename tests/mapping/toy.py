@@ -2,6 +2,7 @@
 bit.
 """
 
+import errno
 import os
 import subprocess
 import sys
@@ -61,6 +62,11 @@ def store_at(path: str | Path, **more) -> MapStore:
     return MapStore.create(
         path, SHAPE, CHUNK, PAINTS, options={"noise": 0.003, "layers": 1}, **more
     )
+
+
+def full(*_, **__):
+    """What a full disk says to any call."""
+    raise OSError(errno.ENOSPC, "No space left on device")
 
 
 def start_run(path: Path, seconds: float) -> subprocess.Popen:
