@@ -11,21 +11,13 @@ from glazefit.recipe.addition import next_addition
 from glazefit.recipe.report import in_painters_terms
 from glazefit.recipe.targets import lab_target
 from glazefit.recover.predict.mixture import calibrate_mixture, predict_mixture
-from glazejax import catalogue, colour
+from glazejax import colour
 from tests.fitting.test_variation import GRID, TINT, painted
 
 from ..refusals import refusal
 from .tables import write_films
 
 WHITE_GROUND = 0.9
-
-
-@pytest.fixture(scope="module")
-def paints():
-    return {
-        name: catalogue.pigment(name).resample(GRID)
-        for name in ("Vermillion", "ZincWhite", "BoneBlack")
-    }
 
 
 @pytest.fixture(scope="module")

@@ -199,19 +199,24 @@ def problem_of(coats, film=None):
     return pose_stack([film or usual_reading()], [coats], INSTRUMENT, PRIOR, SpectraPrior())
 
 
+def first_of(problem):
+    """The data of its first film."""
+    return jax.tree.map(lambda a: a[0], problem.data)
+
+
 UNKNOWN = [CoatPrior(), CoatPrior([BLUE, WHITE], 30e-6, fractions=[0.3, 0.7])]
 
 
 def test_readings_are_the_public_solvers():
     """At the truth, of known coats and of an unknown one whose spectra are sums of the modes."""
     problem = problem_of(COATS)
-    data = jax.tree.map(lambda a: a[0], problem.data)
+    data = first_of(problem)
     free = jnp.array([np.log(8e-6 / 25e-6), np.log(0.3 / 0.7), np.log(30e-6 / 25e-6), 0.4, 0.0])
     surface = INSTRUMENT.seen_surface / (1 + np.exp(-0.4))
     fitted = jax.jit(lambda free: problem.film.read(free, data, problem.shared))(free)
     assert_allclose(fitted, over_grounds(glazed()) + surface, atol=2e-4)
     problem = problem_of(UNKNOWN)
-    data = jax.tree.map(lambda a: a[0], problem.data)
+    data = first_of(problem)
     free = np.random.default_rng(0).standard_normal(problem.dims)
     named = {q.name: float(q.values(free)) for q in problem.quantities}
     k, s = (np.array([named[f"{what} at {w:g} nm"] for w in GRID]) / 1e-5 for what in COEFFICIENTS)
@@ -450,7 +455,7 @@ def unknown_over_white():
     film = read([Layer(RED, 8e-6), Layer(WHITE, 15e-6)])
     problem = problem_of([CoatPrior(), CoatPrior([WHITE], 15e-6)], film)
     model = problem.film
-    data = jax.tree.map(lambda a: a[0], problem.data)
+    data = first_of(problem)
 
     @jax.jit
     def looked_up(free):
@@ -464,7 +469,7 @@ def test_a_table_of_an_unknown_coat_reads_as_the_solver(unknown_over_white):
     """Readings, and slopes by errors of the coat below, at draws of the prior; by the solver."""
     problem, _, looked_up = unknown_over_white
     model = problem.film
-    data = jax.tree.map(lambda a: a[0], problem.data)
+    data = first_of(problem)
     solved = jax.jit(lambda thickness: model.body(None, thickness[:, :, None], data.ground))
     for free in problem.prior_draws(np.random.default_rng(1), 4):
         thickness, seen = looked_up(free)
@@ -486,7 +491,7 @@ def test_a_table_of_an_unknown_coat_reads_as_the_solver(unknown_over_white):
 
 def test_slopes_of_an_unknown_coats_readings_are_their_derivatives(unknown_over_white):
     problem, *_ = unknown_over_white
-    data = jax.tree.map(lambda a: a[0], problem.data)
+    data = first_of(problem)
     scaled = problem.scaled
     assert isinstance(scaled, ScaledReadings)
     expected = jax.jit(jax.jacfwd(lambda free: scaled(free, data, problem.shared)))

@@ -34,11 +34,6 @@ GRID = np.arange(420.0, 691.0, 10.0)
 
 
 @pytest.fixture(scope="module")
-def shelf():
-    return list(catalogue.load("pigments").values())
-
-
-@pytest.fixture(scope="module")
 def others(shelf):
     """Exemplars of all sources but hyperdoc's."""
     return [paint for paint in shelf if paint.source != "hyperdoc"]

@@ -69,11 +69,6 @@ def odd():
     return film(K, S)
 
 
-@pytest.fixture(scope="module")
-def shelf():
-    return list(catalogue.load("pigments").values())
-
-
 def answer(shelf, reading, added=()):
     """Families of a reading, likelier first, and their probabilities."""
     found = identify(GRID, reading, [*shelf, *added], opaque=True, instrument="45:0", max_paints=1)

@@ -31,21 +31,12 @@ from glazefit.recover.predict_command import read_mixture, read_recipe
 from glazejax import Instrument, Pigment, catalogue, colour
 
 from ..refusals import refusal
-from .palette import optical_depths
+from .palette import GRID, optical_depths
 from .tables import write_films
 
 BETWEEN_FILMS = ModelError()
 
-GRID = np.arange(400.0, 701.0, 20.0)
 TINT = {"Vermillion": 10.0, "ZincWhite": 90.0}
-
-
-@pytest.fixture(scope="module")
-def paints() -> dict[str, Pigment]:
-    return {
-        name: catalogue.pigment(name).resample(GRID)
-        for name in ("Vermillion", "ZincWhite", "BoneBlack")
-    }
 
 
 def painted(paints, recipe, strength, thickness, names=None, noise=None):
