@@ -196,8 +196,7 @@ def test_a_long_table_shows_the_rows_with_all_words_that_are_typed(tmp_path):
         f"<table><tbody>{rows}</tbody></table><table><tbody><tr><td>short</td></tr></tbody></table>"
         "</article>"
     )
-    browser = start_browser(tmp_path)
-    try:
+    with start_browser(tmp_path) as browser:
         go_to(browser, page.as_uri())
         (field,) = browser.find_elements("css selector", "input")
 
@@ -215,8 +214,6 @@ def test_a_long_table_shows_the_rows_with_all_words_that_are_typed(tmp_path):
         field.clear()
         field.send_keys(" ")
         assert len(shown()) == 41
-    finally:
-        browser.quit()
 
 
 def test_what_to_cite_stands_on_the_page():

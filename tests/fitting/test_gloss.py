@@ -10,9 +10,8 @@ from glazefit.film.gloss import measure_gloss
 from glazefit.film.model.response import film_response
 from glazejax import Bidirectional, Hemispherical, catalogue
 
-from .palette import optical_depths
+from .palette import GRID, optical_depths
 
-GRID = np.arange(400.0, 701.0, 20.0)
 RECIPES = {"blue": {"Blue": 1.0}, "white": {"White": 1.0}, "tint": {"Blue": 1.0, "White": 9.0}}
 
 

@@ -33,10 +33,10 @@ from glazejax.commands.command_line import ground_file
 from ..refusals import refusal
 from ..studio.browser import start_browser
 from .answers import made_up
+from .palette import GRID
 
 # `glazefit.identify` is the function too, so that the name alone does not lead there.
 MODULE = importlib.import_module("glazefit.identify.show.page")
-GRID = np.arange(400.0, 701.0, 20.0)
 PAINTS = ("Red", "White", "Blue", "Chalk", "Black")
 EVIL = '<script>alert("1")</script> & co'
 ABOUT = RunProvenance(
@@ -514,14 +514,11 @@ def test_a_spot_is_printed_on_a_page(tmp_path, paper):
     """A page for the summary, one for each spot, and what there is to say of the method."""
     filed = crowded(record(identification(names=("one", "two", "three"))))
     write_page(filed, tmp_path / "report.html")
-    browser = start_browser(tmp_path)
-    try:
+    with start_browser(tmp_path) as browser:
         go_to(browser, (tmp_path / "report.html").as_uri())
         found = browser.execute_cdp_cmd(
             "Page.printToPDF", {"paperWidth": paper[0], "paperHeight": paper[1]}
         )
-    finally:
-        browser.quit()
     summary, method = 1, 1
     assert pages(found["data"]) == summary + 3 + method
 
@@ -546,13 +543,12 @@ def test_a_large_catalogue_is_listed_in_the_json_alone():
 def test_numbers_of_a_plot_are_whole_and_of_the_page_s_size(tmp_path):
     """On a desk and on a telephone."""
     write_page(record(identification(["one"])), tmp_path / "report.html")
-    browser = start_browser(tmp_path)
     ask = """return [...document.querySelectorAll('.plot span')].filter(e => e.offsetParent).map(e => {
         const r = e.getBoundingClientRect();
         return [r.left, document.documentElement.clientWidth - r.right,
                 parseFloat(getComputedStyle(e).fontSize)];
     })"""
-    try:
+    with start_browser(tmp_path) as browser:
         for width in (1200, 390):
             size = {"width": width, "height": 800, "deviceScaleFactor": 1, "mobile": width < 500}
             browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
@@ -562,5 +558,3 @@ def test_numbers_of_a_plot_are_whole_and_of_the_page_s_size(tmp_path):
             assert left.size > 20
             # A table's are .84 to .9 of the page's 16 px.
             assert letters == pytest.approx(np.full(letters.size, 12.8))
-    finally:
-        browser.quit()

@@ -7,7 +7,7 @@ import pytest
 from benchmarks.results import read
 from numpy.testing import assert_allclose
 
-from glazefit import Identification, ModelError, identify
+from glazefit import Identification, identify
 from glazefit.film.model.errors import (
     error_modes,
     modes_covariance,
@@ -22,12 +22,8 @@ from glazejax import Bidirectional, Hemispherical, Pigment, catalogue
 from glazejax.paint.pigment_table import read_pigments
 
 from .palette import optical_depths
+from .test_identify import BETWEEN_FILMS, GRID, GROUNDS, UNIT
 
-BETWEEN_FILMS = ModelError()
-
-GRID = np.arange(400.0, 701.0, 10.0)
-GROUNDS = np.array([[0.025], [0.93]]) * np.ones((2, GRID.size))
-UNIT = 25e-6
 NAMES = (
     "ZincWhite",
     "ZincWhiteLinseed",
@@ -214,7 +210,7 @@ def test_paints_of_one_source_are_wrong_together():
 
     assert together(0, 1) == pytest.approx((0.5 * 0.2) ** 2)
     assert together(0, 2) == pytest.approx(2 * (0.5 * 0.1) ** 2)
-    assert np.all(relative_errors([one], ModelError()) == 0)
+    assert np.all(relative_errors([one], BETWEEN_FILMS) == 0)
 
 
 @pytest.mark.slow

@@ -21,8 +21,8 @@ from glazejax.colour import delta_e_of_spectra
 from glazejax.geometry import resolve_instrument
 
 from ..refusals import refusal
+from .palette import GRID
 
-GRID = np.arange(400.0, 701.0, 20.0)
 INSTRUMENT = resolve_instrument("45:0")
 GROUND = 0.85 - 0.1 * np.exp(-(GRID - 400) / 60)
 NOISE = Noise(0.001, 0.002)

@@ -28,9 +28,8 @@ from glazefit.posterior.summary import Numbers, Row, Summary, compare
 from glazejax import Hemispherical, Pigment
 
 from ..slow import slow
-from .palette import optical_depths
+from .palette import GRID, optical_depths
 
-GRID = np.arange(400.0, 701.0, 20.0)
 INSTRUMENT, NOISE = Instrument(), Noise()
 
 

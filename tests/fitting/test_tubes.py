@@ -21,9 +21,9 @@ from glazefit.recover.predict.experimental_design import rank_next_films
 from glazejax import Pigment, catalogue
 
 from ..refusals import refusal
+from .palette import GRID
 from .tables import write_films
 
-GRID = np.arange(400.0, 701.0, 20.0)
 BLUE = np.stack([0.05 + 3.0 * np.exp(-(((GRID - 590) / 60) ** 2)), np.full(GRID.size, 1.0)])
 PALE = np.stack([0.01 + 0.05 * np.exp(-(GRID - 400) / 40), 10.0 - (GRID - 400) / 100])
 NAMES = ("Blue", "Blue 1:10 White")

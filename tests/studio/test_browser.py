@@ -13,7 +13,7 @@ import glazejax as gj
 from glazejax import colour
 from glazejax.stacks import read_stack, stack_from_dict
 
-from .browser import Page, Served, start_browser
+from .browser import Page, Served
 
 pytestmark = pytest.mark.browser
 
@@ -46,18 +46,6 @@ def served():
     found = Served()
     yield found
     found.stop()
-
-
-@pytest.fixture(scope="module")
-def downloads(tmp_path_factory):
-    return tmp_path_factory.mktemp("downloads")
-
-
-@pytest.fixture(scope="module")
-def browser(downloads):
-    found = start_browser(downloads)
-    yield found
-    found.quit()
 
 
 @pytest.fixture

@@ -18,13 +18,6 @@ pytestmark = pytest.mark.browser
 
 
 @pytest.fixture(scope="module")
-def browser(tmp_path_factory):
-    found = start_browser(tmp_path_factory.mktemp("downloads"))
-    yield found
-    found.quit()
-
-
-@pytest.fixture(scope="module")
 def link(tmp_path_factory):
     path = tmp_path_factory.mktemp("page") / "studio.html"
     path.write_text(one_file(), encoding="utf-8")
@@ -48,8 +41,7 @@ def test_a_graphics_card_and_typed_arrays_draw_the_same(link, tmp_path):
     for stack, brushed in ((TWO, 2), ({**TWO, "coats": [*TWO["coats"], *more]}, 8)):
         drawn = {}
         for kind in ("webgl2", "arrays"):
-            browser = start_browser(tmp_path, card=True)
-            try:
+            with start_browser(tmp_path, card=True) as browser:
                 page = Page(browser, f"{link}?canvas={kind}")
                 page.open(fragment(stack))
                 page.press("tab-canvas")
@@ -61,8 +53,6 @@ def test_a_graphics_card_and_typed_arrays_draw_the_same(link, tmp_path):
                     lose_card(page)
                     assert np.array_equal(pixels_of(page), drawn[kind])
                 assert page.errors() == []
-            finally:
-                browser.quit()
         assert np.unique(drawn["arrays"].reshape(-1, 3), axis=0).shape[0] > 300
         assert np.abs(drawn["webgl2"] - drawn["arrays"]).max() <= 1
 

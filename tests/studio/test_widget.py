@@ -97,8 +97,7 @@ import(URL.createObjectURL(new Blob([text], {type: "text/javascript"}))).then((m
 def test_its_page_is_the_same_studio(wired, tmp_path):
     """A model that carries messages between Chromium and the widget, as a notebook's does."""
     found, sent = wired
-    browser = start_browser(tmp_path)
-    try:
+    with start_browser(tmp_path) as browser:
         go_to(browser, "about:blank")
         browser.execute_script(_PAGE, one_file.bundle("notebook"), found._css, found.stack)
 
@@ -142,5 +141,3 @@ def test_its_page_is_the_same_studio(wired, tmp_path):
         assert found.stack["coats"][0]["um"] == 10
         browser.execute_script("window.follow(arguments[0])", {**found.stack, "coats": []})
         carry("document.querySelectorAll('.coat').length === 0")
-    finally:
-        browser.quit()
