@@ -6,6 +6,10 @@ import sys
 from pathlib import Path
 from typing import Any
 
+_ROOT = Path(__file__).parents[1]
+PATHS = os.pathsep.join(str(_ROOT / name) for name in ("src", "fitting", "."))
+"""Where a program of its own finds the packages and the tests."""
+
 
 def run_python(
     code: str,
@@ -19,7 +23,7 @@ def run_python(
         [sys.executable, "-c", code, *map(str, words)],
         cwd=cwd,
         timeout=timeout,
-        env=os.environ | (env or {}),
+        env=os.environ | {"PYTHONPATH": PATHS} | (env or {}),
         capture_output=True,
         text=True,
         check=False,

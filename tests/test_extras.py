@@ -2,7 +2,6 @@
 extra it needs.
 """
 
-import os
 import sys
 import tomllib
 from pathlib import Path
@@ -92,7 +91,6 @@ for extra, call in (
 
 def test_a_missing_extra_is_one_sentence():
     variables = {
-        "PYTHONPATH": os.pathsep.join([str(ROOT / "src"), str(ROOT / "fitting")]),
         "JAX_COMPILATION_CACHE_DIR": str(ROOT / ".pytest_cache" / "xla"),
         "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0.3",
     }

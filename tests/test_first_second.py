@@ -9,16 +9,14 @@ import pty
 import shlex
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
 from glazejax import samples
 
-from .fresh import run_python
+from .fresh import PATHS, run_python
 from .slow import slow
 
-ROOT = Path(__file__).parents[1]
 _RUN = """
 import sys
 import jax.monitoring
@@ -54,9 +52,8 @@ _HEAVY = {
 
 
 def environment(cache):
-    paths = os.pathsep.join([str(ROOT / "src"), str(ROOT / "fitting")])
     return os.environ | {
-        "PYTHONPATH": paths,
+        "PYTHONPATH": PATHS,
         "GLAZEJAX_CACHE": str(cache),
         "COLUMNS": "200",
         "TERM": "xterm",

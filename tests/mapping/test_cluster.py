@@ -72,15 +72,13 @@ def test_a_cluster_finds_the_same_numbers(tmp_path, client, undisturbed):  # noq
     assert len(list(begun.iterdir())) == WINDOWS
     # Two workers have two pieces each and no more, however slowly they are fetched.
     assert max(ahead) <= 4
-    left = client.run_on_scheduler(
-        lambda dask_scheduler: [key for key in dask_scheduler.tasks if "glazejax" in str(key)]
-    )
+
+    def left(dask_scheduler):
+        return [key for key in dask_scheduler.tasks if "glazejax" in str(key)]
+
     deadline = time.monotonic() + 10
-    while left and time.monotonic() < deadline:
-        left = client.run_on_scheduler(
-            lambda dask_scheduler: [k for k in dask_scheduler.tasks if "glazejax" in str(k)]
-        )
-    assert not left
+    while client.run_on_scheduler(left):
+        assert time.monotonic() < deadline
 
 
 @pytest.mark.slow

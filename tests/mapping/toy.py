@@ -18,6 +18,8 @@ from glazefit.mapping.store.run import run_chunks
 from glazefit.mapping.store.store import MapStore
 from glazefit.mapping.store.windows import Window
 
+from ..fresh import PATHS
+
 SHAPE, CHUNK, PAINTS, BANDS = (38, 50), (16, 20), ("ZincWhite", "Eosin", "Umber"), 7
 WINDOWS = 9
 """Of the map, three by three, the last ones smaller: each is some twenty files."""
@@ -71,11 +73,9 @@ def full(*_, **__):
 
 def start_run(path: Path, seconds: float) -> subprocess.Popen:
     """A run in a process of its own, once its map is there."""
-    source = Path(__file__).parents[2]
-    paths = [str(source / "src"), str(source / "fitting"), str(source)]
     run = subprocess.Popen(
         [sys.executable, "-m", "tests.mapping.toy", str(path), str(seconds)],
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
+        env={**os.environ, "PYTHONPATH": PATHS},
         stdout=subprocess.PIPE,
     )
     assert run.stdout is not None

@@ -104,6 +104,16 @@ def stacks_of_all_kinds(
     return albedo, depth, ground, *cosines
 
 
+def closed_form(g, cosine):
+    """Henyey and Greenstein's phase function."""
+    return (1 - g**2) / (1 - 2 * g * cosine + g**2) ** 1.5
+
+
+def between(light, view, turn: float):
+    """Cosine of the angle of scattering, by the cosines of both directions and the azimuth."""
+    return np.sqrt((1 - light**2) * (1 - view**2)) * np.cos(np.deg2rad(turn)) - light * view
+
+
 def lapack_calls(program: Callable, *arguments) -> list[str]:
     """Calls of LAPACK in a program as it is compiled: bulk use of them can hang."""
     text = jax.jit(program).lower(*arguments).compile().as_text()

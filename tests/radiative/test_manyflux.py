@@ -20,7 +20,7 @@ from tests.tolerances import CONSERVED, ROUNDING
 
 from ..refusals import refusal
 from ..slow import slow
-from .cases import CENTRAL
+from .cases import CENTRAL, between, closed_form
 
 PHASES = {
     "forward": henyey_greenstein(0.8),
@@ -78,8 +78,7 @@ def test_thin_layer_scatters_once(index):
     """
     g, lit, seen, turn = 0.8, 0.9, 0.5, 40.0
     mu_i, mu_v = (float(cos_refracted(cosine, index)) for cosine in (lit, seen))
-    cosine = np.sqrt((1 - mu_i**2) * (1 - mu_v**2)) * np.cos(np.deg2rad(turn)) - mu_i * mu_v
-    p = (1 - g**2) / (1 - 2 * g * cosine + g**2) ** 1.5
+    p = closed_form(g, between(mu_i, mu_v, turn))
     passing = (
         np.prod([1.0 - float(dielectric_reflectance(cosine, index)) for cosine in (lit, seen)])
         / index**2
@@ -109,8 +108,7 @@ def test_two_layers_scatter_once_through_each_other():
     """
     albedo, asymmetry = 1e-9 * np.array([1.0, 3.0]), np.array([0.8, 0.6])
     lit, seen, turn = 0.9, 0.4, 40.0
-    cosine = np.sqrt((1 - lit**2) * (1 - seen**2)) * np.cos(np.deg2rad(turn)) - lit * seen
-    p = (1 - asymmetry**2) / (1 - 2 * asymmetry * cosine + asymmetry**2) ** 1.5
+    p = closed_form(asymmetry, between(lit, seen, turn))
     path = 1 / lit + 1 / seen
     faces = np.exp(-path * np.array([0.0, 0.5, 1.3]))
     exact = np.sum(albedo * p * -np.diff(faces)) / (4 * lit * seen * path)

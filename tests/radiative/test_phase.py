@@ -17,12 +17,9 @@ from glazejax.radiative.common.phase import (
 from tests.tolerances import LAST_DIGITS, ROUNDING
 
 from ..refusals import refusal
+from .cases import closed_form
 
 COSINES = np.linspace(-1, 1, 41)
-
-
-def closed_form(g, cosine):
-    return (1 - g**2) / (1 - 2 * g * cosine + g**2) ** 1.5
 
 
 @pytest.mark.parametrize("g", [-0.5, 0.0, 0.3, 0.9])

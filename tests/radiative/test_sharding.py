@@ -2,15 +2,11 @@
 each other; four of them are made of one processor.
 """
 
-import os
-from pathlib import Path
-
 import pytest
 
 from ..fresh import run_python
 from ..slow import slow
 
-_ROOT = Path(__file__).parents[2]
 _RUN = """
 import sys
 import jax
@@ -84,6 +80,5 @@ def test_a_batch_split_over_devices_stays_split(axes, what, asked):
         "--xla_force_host_platform_device_count=4 --xla_cpu_use_fusion_emitters=false "
         "--xla_backend_optimization_level=0"
     )
-    paths = os.pathsep.join([str(_ROOT / "src"), str(_ROOT / "fitting")])
-    given = {"XLA_FLAGS": flags, "JAX_PLATFORMS": "cpu", "PYTHONPATH": paths}
+    given = {"XLA_FLAGS": flags, "JAX_PLATFORMS": "cpu"}
     assert run_python(_RUN, axes, what, asked, env=given).stdout == "done\n"
