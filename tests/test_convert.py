@@ -1,14 +1,15 @@
 """The command `glazejax convert`."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from typer.testing import CliRunner
 
-from glazejax.commands.main import make_app
 from glazejax.io import SpectraTable, read_spectra, write_spectra
 from glazejax.io.words import parse_grid
 
+from .commands import invoke
 from .io.samples import GRID, spectra
 
 
@@ -25,13 +26,12 @@ def chart(tmp_path):
     return path
 
 
-def run(*words):
-    return CliRunner().invoke(make_app(), ["convert", *map(str, words)])
+run = partial(invoke, "convert")
 
 
 def test_flags_take_no_value_in_the_help():
     for words in ([], ["convert"]):
-        shown = CliRunner().invoke(make_app(), [*words, "--help"]).output
+        shown = invoke(*words, "--help").output
         assert "--help" in shown
         assert "<bool>" not in shown
 

@@ -19,7 +19,6 @@ import h5py
 import numpy as np
 import pytest
 import typer
-from typer.testing import CliRunner
 
 import glazefit
 from glazefit import IdentificationOptions
@@ -27,6 +26,8 @@ from glazefit.film.sampling import Sampling
 from glazefit.recipe.task import make_task
 from glazejax.appearance.scene.file import example
 from glazejax.commands.main import make_app
+
+from .commands import invoke
 
 TESTS = Path(__file__).parent
 GRID = np.arange(400.0, 701.0, 30.0)
@@ -286,7 +287,7 @@ def records(name: str, computation: Callable[..., Any]) -> Callable[..., None]:
 def call_command(line: str) -> Reached | tuple[bool, str, list]:
     """What the computation was called with; or whether all went well, the output, and the files."""
     before = {*Path().rglob("*")}
-    done = CliRunner().invoke(make_app(), line.split())
+    done = invoke(*line.split())
     if isinstance(done.exception, Reached):
         return done.exception
     written = sorted(path for path in {*Path().rglob("*")} - before if path.is_file())

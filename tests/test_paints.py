@@ -2,16 +2,14 @@
 
 import csv
 
-from typer.testing import CliRunner
-
 from glazejax import catalogue
-from glazejax.commands.main import make_app
 
+from .commands import invoke
 from .refusals import refusal
 
 
 def said(*words):
-    done = CliRunner().invoke(make_app(), ["paints", *words])
+    done = invoke("paints", *words)
     if done.exception is not None and not isinstance(done.exception, SystemExit):
         raise done.exception
     return done.output
@@ -27,7 +25,7 @@ def test_all_families_are_listed():
 
 def test_a_family_is_listed_and_drawn(tmp_path):
     picture = tmp_path / "smalt.png"
-    text = said("--family", "smalt", "--out", str(picture))
+    text = said("--family", "smalt", "--out", picture)
     assert text.startswith("smalt: K-Co glass; PB32; in use 15th-19th c.")
     assert "k/s alone; s is that of other families" in text
     assert "k and s by a coat over black, greys and white" in said("--family", "cadmium red")
@@ -37,7 +35,7 @@ def test_a_family_is_listed_and_drawn(tmp_path):
 
 def test_the_exemplars_as_a_table(tmp_path):
     path = tmp_path / "all.csv"
-    said("--csv", str(path))
+    said("--csv", path)
     with path.open() as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == len(catalogue.provenance())
@@ -48,7 +46,7 @@ def test_a_family_that_there_is_not_is_one_sentence(tmp_path):
     with refusal("no family of pigments is called 'azurit'; nearest: azur"):
         said("--family", "azurit")
     with refusal("name it by --family"):
-        said("--out", str(tmp_path / "x.png"))
+        said("--out", tmp_path / "x.png")
 
 
 def test_references_are_listed_as_they_are_understood(tmp_path):
@@ -57,7 +55,7 @@ def test_references_are_listed_as_they_are_understood(tmp_path):
     rows = {"Lapis [no 3], PB29": 0.3, "yellow PY999": 0.5, "smalt, 2": 0.4}
     lines = [f'"{name}",' + ",".join([str(value)] * len(bands)) for name, value in rows.items()]
     library.write_text("\n".join([",".join(["Name", *map(str, bands)]), *lines]))
-    text = said("--references", str(library), "--instrument", "45:0", "--csv", str(table))
+    text = said("--references", library, "--instrument", "45:0", "--csv", table)
     assert (
         "ultramarine            400-700   PB29          k/s alone          Lapis [no 3], PB29"
         in text
@@ -67,4 +65,4 @@ def test_references_are_listed_as_they_are_understood(tmp_path):
     with table.open() as file:
         assert [row["family"] for row in csv.DictReader(file)] == ["ultramarine", "smalt"]
     with refusal("leave out --family and --out"):
-        said("--references", str(library), "--family", "smalt")
+        said("--references", library, "--family", "smalt")

@@ -9,7 +9,6 @@ from xml.etree import ElementTree as xml
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from typer.testing import CliRunner
 
 import glazejax as gj
 from glazejax.appearance.exports import (
@@ -22,9 +21,9 @@ from glazejax.appearance.exports.image_files import normals, png
 from glazejax.appearance.exports.materialx import ImageNode
 from glazejax.colour import encoded_srgb
 from glazejax.commands import progress
-from glazejax.commands.main import make_app
 from glazejax.paint.describe import Coat
 from glazejax.stacks import Stack, write_stack
+from tests.commands import invoke
 
 from ..refusals import refusal
 from .scenes import blue_glaze, paint
@@ -32,12 +31,7 @@ from .scenes import blue_glaze, paint
 COATS = "UltramarineBlue:3um, ZincWhite:20um"
 
 
-@pytest.fixture
-def run():
-    def call(*words):
-        return CliRunner().invoke(make_app(), ["export", *map(str, words)])
-
-    return call
+run = partial(invoke, "export")
 
 
 @pytest.fixture(scope="module")
@@ -259,7 +253,7 @@ def test_maps_that_cannot_be_meant_are_refused(tmp_path, given, words):
 
 
 @pytest.mark.slow
-def test_the_command_fits_openpbr(run, tmp_path, monkeypatch):
+def test_the_command_fits_openpbr(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     done = run(COATS, "--space", "ACEScg")
     assert done.exit_code == 0, done.output
@@ -287,7 +281,7 @@ def test_the_command_fits_openpbr(run, tmp_path, monkeypatch):
     assert "--out glaze.mtlx exists" in str(again.exception)
 
 
-def test_the_command_reads_a_stack_and_maps(run, tmp_path):
+def test_the_command_reads_a_stack_and_maps(tmp_path):
     stack = Stack((Coat(((1.0, "UltramarineBlue"),), 5e-6, 1),), (), "card")
     write_stack(tmp_path / "one.json", stack)
     np.save(tmp_path / "thin.npy", np.array([[0.0, 1e-6, 4e-6]]))
@@ -328,14 +322,14 @@ def test_the_command_reads_a_stack_and_maps(run, tmp_path):
 
 
 @pytest.mark.parametrize(("low", "high"), [(0.0, 4.0), (-1e-6, 1e-6)])
-def test_a_map_that_is_not_in_metres_is_told_so(run, tmp_path, low, high):
+def test_a_map_that_is_not_in_metres_is_told_so(tmp_path, low, high):
     np.save(tmp_path / "um.npy", np.array([[low, high]]))
     words = str(run(COATS, "--to", "textures", "--thickness-map", tmp_path / "um.npy").exception)
     assert f"um.npy: holds {low:g} to {high:g}; thicknesses are in metres, 0 to 0.01" in words
     assert "--thickness-range" in words
 
 
-def test_a_ground_that_no_paint_meets_is_named(run, tmp_path, monkeypatch):
+def test_a_ground_that_no_paint_meets_is_named(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "infrared.csv").write_text("wavelength,card\n1000,0.5\n1100,0.5\n")
     said = str(run(COATS, "--ground", "infrared.csv").exception)
@@ -357,7 +351,7 @@ def test_a_ground_that_no_paint_meets_is_named(run, tmp_path, monkeypatch):
         ("--thickness-map a.npy", "--thickness-map is for textures"),
     ],
 )
-def test_wrong_options_are_one_sentence(run, tmp_path, monkeypatch, words, complaint):
+def test_wrong_options_are_one_sentence(tmp_path, monkeypatch, words, complaint):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "a.npy").touch()
     assert complaint in str(run(COATS, *words.split()).exception)
@@ -377,9 +371,7 @@ def test_wrong_options_are_one_sentence(run, tmp_path, monkeypatch, words, compl
         ),
     ],
 )
-def test_without_a_terminal_lines_say_how_far_an_export_is(
-    run, tmp_path, monkeypatch, words, stages
-):
+def test_without_a_terminal_lines_say_how_far_an_export_is(tmp_path, monkeypatch, words, stages):
     monkeypatch.setattr(progress, "lines", partial(progress.lines, 0.001))
     monkeypatch.chdir(tmp_path)
     np.save("ramp.npy", np.linspace(1e-6, 4e-6, 80)[None])

@@ -371,7 +371,7 @@ def test_area_lights_relief_and_roughness_are_read(write, tmp_path):
     assert beyond == "area lights and relief and glazes with a rough surface"
 
 
-run = partial(invoke, cli_scene.register, "scene")
+run = partial(invoke, "scene")
 
 
 def test_the_command_writes_a_picture_and_its_spectra(write, tmp_path):

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from glazefit import read_films, simulate_films
-from glazefit.identify.command import register
 from glazefit.identify.result.in_tests import came_true
 from glazejax import catalogue
 from glazejax.io import write_table
@@ -22,7 +21,7 @@ GRID = np.arange(400.0, 701.0, 10.0)
 NAMES = ["Name", *(f"{nm:g}" for nm in GRID)]
 
 
-run = partial(invoke, register, "identify")
+run = partial(invoke, "identify")
 
 
 @pytest.fixture(scope="module")

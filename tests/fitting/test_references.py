@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from typer.testing import CliRunner
 
 from glazefit import identify
 from glazefit.film.partial_films import loose_films
@@ -19,9 +18,9 @@ from glazefit.identify.result.groups import FamilySet
 from glazefit.identify.show.terminal import _own_references
 from glazejax import catalogue, stack_hemispherical_reflectance, stack_reflectance_factor
 from glazejax.catalogue.colour_index import colour_indices, family_named
-from glazejax.commands.main import make_app
 from glazejax.io import SpectraTable
 
+from ..commands import invoke
 from ..refusals import refusal
 
 GRID = np.arange(400.0, 1001.0, 10.0)
@@ -282,11 +281,11 @@ def test_the_answer_names_the_reference(tmp_path, odd):
     spots = write(tmp_path / "spots.csv", [(("spot",), 0.95 * odd)])
     own = write(tmp_path / "own.csv", [(("our [best] lake PV14",), odd)])
     line = f"identify {spots} --opaque --instrument 45:0 --catalogue pigments --references {own}"
-    done = CliRunner().invoke(make_app(), line.split())
+    done = invoke(*line.split())
     assert done.exit_code == 0, done.exception
     assert "spot: cobalt violet, probability 9" in done.output
     assert "\n  nearest reference: our [best] lake PV14 (own.csv)\n" in done.output
-    wrong = CliRunner().invoke(make_app(), [*line.split(), "--own-films"])
+    wrong = invoke(*line.split(), "--own-films")
     assert "--references are searched by family" in str(wrong.exception)
 
 

@@ -18,7 +18,6 @@ from numpy.testing import assert_allclose
 import glazefit.mapping.example
 import glazefit.mapping.map_cube
 from glazefit.identify.families.expected import EXPECTED
-from glazefit.mapping.command import register
 from glazefit.mapping.options import read_bands, read_binning, read_memory, read_spots, read_window
 from glazefit.mapping.store.chunk import ChunkMaps, SetSum
 from glazefit.mapping.store.layout import VARIABLES, Status
@@ -37,7 +36,7 @@ SHAPE, CHUNK = (12, 10), (4, 10)
 OILS = ("--catalogue", "oils")
 
 
-run = functools.partial(invoke, register, "map")
+run = functools.partial(invoke, "map")
 
 
 @pytest.fixture(scope="module")

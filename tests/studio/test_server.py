@@ -19,7 +19,6 @@ from websockets.typing import Origin
 from glazejax.extras import advice
 from glazejax.stacks import stack_from_dict, write_stack
 from glazejax.studio import jobs, server
-from glazejax.studio.command import register
 from glazejax.studio.messages import MOST_BYTES, unpack
 from tests.commands import invoke
 
@@ -246,7 +245,7 @@ def test_the_command_prints_its_link_and_ends_with_ctrl_c(tmp_path):
 
 
 def test_what_the_command_cannot_do_is_told(tmp_path):
-    run = partial(invoke, register, "studio")
+    run = partial(invoke, "studio")
     assert "--port is 99999" in str(run("--port", "99999").exception)
     missing = run(tmp_path / "none.json")
     assert isinstance(missing.exception, FileNotFoundError)
@@ -254,7 +253,7 @@ def test_what_the_command_cannot_do_is_told(tmp_path):
 
 def test_the_page_as_one_file(tmp_path):
     """Own paints and a stack to begin with are in it, and no host is named; nothing is replaced."""
-    run = partial(invoke, register, "studio")
+    run = partial(invoke, "studio")
     stack = write_stack(tmp_path / "stack.json", stack_from_dict(STACK))
     mine, page = tmp_path / "mine.csv", tmp_path / "studio.html"
     rows = [f"Mine</script>,{w},1000,50000" for w in range(400, 701, 10)]
