@@ -8,6 +8,7 @@ import json
 import numpy as np
 import pytest
 
+import glazejax as gj
 from glazejax.appearance.mitsuba.variants import works
 
 WAVELENGTHS = np.arange(400.0, 701.0, 10.0)
@@ -28,6 +29,16 @@ WHITE = json.dumps(
     }
 )
 """A coat that absorbs nothing on a white ground."""
+
+
+def mixed_over_white(bands):
+    """Blue and red in equal parts on white, of few bands: the table's work grows with them."""
+    blue, red, white = (
+        gj.catalogue.load()[name].resample(bands)
+        for name in ("UltramarineBlue", "Eosin", "ZincWhite")
+    )
+    mixture = gj.Mixture([blue, red], [0.5, 0.5])
+    return mixture, gj.Glaze([gj.Layer(mixture, 2e-6), gj.Layer(white, 10e-6)], 0.8)
 
 
 @functools.cache

@@ -17,7 +17,16 @@ from glazejax.stacks import read_stack
 
 from ..fresh import run_python
 from ..refusals import refusal
-from .plugin import BLUE, WAVELENGTHS, WHITE, direction, factor, interaction, mitsuba_in
+from .plugin import (
+    BLUE,
+    WAVELENGTHS,
+    WHITE,
+    direction,
+    factor,
+    interaction,
+    mitsuba_in,
+    mixed_over_white,
+)
 
 PAIRS = [(1.0, 1.0), (0.9, 0.2), (0.5, 0.7), (0.05, 0.95), (0.1, 0.1), (0.02, 0.3)]
 
@@ -94,14 +103,9 @@ def test_a_rough_surface_is_that_of_the_solver(mitsuba, paints):
         assert_allclose(added, surface_reflectance_factor(a, b, azimuth, roughness=0.5), rtol=2e-3)
 
 
-def test_textures_of_thickness_fraction_and_ground(mitsuba, paints):
-    # Few bands: the table's work grows with them.
+def test_textures_of_thickness_fraction_and_ground(mitsuba):
     bands = np.array([450.0, 550.0, 650.0])
-    blue, red, white = (
-        paints[name].resample(bands) for name in ("UltramarineBlue", "Eosin", "ZincWhite")
-    )
-    mixture = gj.Mixture([blue, red], [0.5, 0.5])
-    glaze = gj.Glaze([gj.Layer(mixture, 2e-6), gj.Layer(white, 10e-6)], 0.8)
+    mixture, glaze = mixed_over_white(bands)
     # Maps of different sizes: each is a texture of its own.
     thickness, share, ground = (
         np.array([[0.0, 1e-6], [2e-6, 3e-6]]),

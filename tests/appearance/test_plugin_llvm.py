@@ -9,7 +9,7 @@ import glazejax as gj
 from glazejax.appearance.mitsuba import glaze_bsdf
 
 from ..slow import slow
-from .plugin import BLUE, WHITE, mitsuba_in
+from .plugin import BLUE, WHITE, mitsuba_in, mixed_over_white
 
 # Coats and roughness; of these all lobes are drawn, and more glazes change the table only.
 BLUES = [(BLUE, 0.0), (BLUE, 0.1), (BLUE, 0.5)]
@@ -73,14 +73,7 @@ def test_derivatives_by_textures_are_those_of_the_solver(mitsuba):
     import jax
 
     mi = mitsuba
-    # Few bands: the table's work grows with them, its lookup does not.
-    bands = np.arange(400.0, 701.0, 100.0)
-    blue, red, white = (
-        gj.catalogue.load()[name].resample(bands)
-        for name in ("UltramarineBlue", "Eosin", "ZincWhite")
-    )
-    mixture = gj.Mixture([blue, red], [0.5, 0.5])
-    glaze = gj.Glaze([gj.Layer(mixture, 2e-6), gj.Layer(white, 10e-6)], 0.8)
+    mixture, glaze = mixed_over_white(np.arange(400.0, 701.0, 100.0))
     given: dict = {
         "thickness": np.array([[1.5e-6]]),
         "fraction": np.array([[0.3]]),

@@ -152,7 +152,10 @@ def test_spectra_beyond_the_catalogue_are_cut_with_a_word(tmp_path, no_search):
         words.append(" ".join(result.output.split()) + str(result.exception))
     assert "cropped to 400-700 nm step 2 (151 bands): the paints are known there only" in words[0]
     assert "151 bands averaged to steps of 10 nm" in words[0]
-    assert "the paints are known from 400 to 700 nm: 0 bands" in words[1]
+    assert (
+        "have 722-1000 nm step 2 (140 bands) and the paints are known from 400 to 700 nm: 0 bands "
+        "lie there, at least 6 are needed" in words[1]
+    )
     ((paints, read, below),) = no_search
     assert paints == 1
     assert read[-1] == below[-1] == 31

@@ -3,7 +3,6 @@ one.
 """
 
 import numpy as np
-import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from glazefit.film.shared_bands import shared_bands
@@ -32,10 +31,3 @@ def test_bands_that_fit_stay_as_they_are():
     assert bands.notes == ()
     assert_array_equal(bands.wavelengths, grid)
     assert_array_equal(bands.mean, np.eye(grid.size))
-
-
-def test_paints_and_spectra_that_do_not_meet():
-    with pytest.raises(
-        ValueError, match=r"720-1000 nm .* known from 400 to 700 nm: 0 bands lie there, at least 6"
-    ):
-        shared_bands(np.arange(720.0, 1001.0, 10.0), PAINTS)
