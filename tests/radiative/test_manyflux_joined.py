@@ -108,7 +108,7 @@ def test_thin_layer_below_a_face_scatters_once():
     """
     g, upper, lower, turn, thin = 0.8, 1.5, 1.3, 40.0, 1e-7
     (lit, seen), cosines = through_two_faces(np.array([0.9, 0.5]), upper, lower)
-    p = closed_form(g, between(*cosines, turn))
+    p = closed_form(g, between(cosines[0], cosines[1], turn))
     found = manyflux_reflectance_factor(
         [0.0, 0.7],
         [0.0, thin],
