@@ -54,10 +54,17 @@ def off_at(bands: slice, size: float) -> np.ndarray:
 
 
 FIRST = (("CobaltBlue",), [1.0], 0.8, 0, CURVE)
+THINNED = (("CobaltBlue", "BariumSulphate"), [0.9, 0.1], 0.1, 0, CURVE)
+
+
+def text_of(found, top):
+    console = Console(width=200, record=True, file=io.StringIO())
+    print_identification(found, console, top=top, detailed=1)
+    return console.export_text()
 
 
 def test_what_the_film_may_hold_too_is_the_end_of_its_interval():
-    found = answer([FIRST, (("CobaltBlue", "BariumSulphate"), [0.9, 0.1], 0.1, 0, CURVE)])
+    found = answer([FIRST, THINNED])
     # Log odds of .1 with independent errors of both logs, .2 each, and of both paints' strength.
     odds = np.log(0.1 / 0.9) + 1.6448536 * np.sqrt(2 * (0.04 + STRENGTH**2))
     assert possible_additions(found, 0) == pytest.approx(
@@ -126,16 +133,17 @@ def test_an_answer_that_rests_on_an_end_of_the_spectrum_says_so(bands, words):
     own = off_at(slice(10, 20), 0.004)
     other = own.copy()
     other[bands] += 0.03
-    found = answer([(*FIRST[:4], own), (("LeadWhite",), [1.0], 0.1, 0, other)])
-    (said,) = evidence_relied_on(found, 0)
+
+    def relied_on():
+        found = answer([(*FIRST[:4], own), (("LeadWhite",), [1.0], 0.1, 0, other)])
+        return evidence_relied_on(found, 0)
+
+    (said,) = relied_on()
     assert words in said
     assert "elsewhere LeadWhite fits as well" in said
     # Off in the middle too: the answer does not rest on the end.
     other[12:15] += 0.03
-    assert (
-        evidence_relied_on(answer([(*FIRST[:4], own), (("LeadWhite",), [1.0], 0.1, 0, other)]), 0)
-        == []
-    )
+    assert relied_on() == []
 
 
 def test_two_names_of_one_pigment_are_no_doubt():
@@ -145,7 +153,7 @@ def test_two_names_of_one_pigment_are_no_doubt():
 
 
 def test_what_nothing_explains_has_no_such_doubts():
-    found = answer([FIRST, (("CobaltBlue", "BariumSulphate"), [0.9, 0.1], 0.1, 0, CURVE)])
+    found = answer([FIRST, THINNED])
     nothing = dataclasses.replace(found, none=np.array([0.9]))
     assert not any("may also hold" in words for words in describe_ambiguity(nothing, 0))
 
@@ -235,9 +243,7 @@ def test_the_headline_names_what_is_probable_over_all_sets():
         "spot: most probably with LeadWhite (60%), but its companion is"
     )
     assert "CobaltBlue (25%), is without it" in found.words(0)
-    console = Console(width=200, record=True, file=io.StringIO())
-    print_identification(found, console, top=4, detailed=1)
-    assert "Most probably with LeadWhite (60%)" in console.export_text()
+    assert "Most probably with LeadWhite (60%)" in text_of(found, 4)
 
 
 def test_a_set_that_holds_the_most_probable_paint_is_the_headline():
@@ -262,9 +268,7 @@ def test_what_is_not_explained_names_the_film_that_is_nearest():
 
 def test_a_film_that_hides_its_ground_has_no_thickness_in_the_table():
     found = dataclasses.replace(answer([FIRST]), amounts=np.full((1, 1, 3), np.nan))
-    console = Console(width=200, record=True, file=io.StringIO())
-    print_identification(found, console, top=1, detailed=1)
-    assert "nan" not in console.export_text()
+    assert "nan" not in text_of(found, 1)
 
 
 @pytest.mark.parametrize(
