@@ -23,7 +23,7 @@ def ground_file(ground: str | None) -> Path | None:
     if ground is None:
         return None
     from ..io.files.sample import split_sample
-    from ..io.formats.workbook import split_sheet
+    from ..io.source import split_sheet
 
     path = split_sample(ground)[0]
     # A sheet is of a file, too.

@@ -740,8 +740,8 @@ def check_outputs(
         is not installed.
     """
     from ..extras import require
-    from ..io.formats.workbook import split_sheet
     from ..io.outputs import check_output
+    from ..io.source import split_sheet
     from ..plots import check_picture
 
     option_of: dict[Path, str] = {}

@@ -27,6 +27,7 @@ MAX_LINE = 1 << 22
 # What is read as a whole, and into how many words it may be cut: together they stay below 200 MB.
 MAX_TEXT = 1 << 24
 MAX_WORDS = 1_500_000
+_WORKBOOKS = (".xlsx", ".xlsm", ".xls", ".ods")
 # Seconds until a pipe is given up: into which nobody writes, or whose writer says nothing.
 NOBODY = 3.0
 SILENCE = 60.0
@@ -304,6 +305,14 @@ def is_there(path: str | Path) -> bool:
         return not stat.S_ISDIR(os.stat(path).st_mode)
     except (OSError, ValueError):
         return False
+
+
+def split_sheet(path: Path) -> tuple[Path, str]:
+    """File and sheet of ``FILE.xlsx:SHEET``; the sheet is empty where none is named."""
+    file, colon, sheet = str(path).rpartition(":")
+    if colon and Path(file).suffix.lower() in _WORKBOOKS and not is_there(path) and is_there(file):
+        return Path(file), sheet
+    return path, ""
 
 
 def refusal(path: str | Path, complaint: object, line: int | None = None) -> ValueError:

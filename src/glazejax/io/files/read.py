@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Unpack
 from ...progress import Progress
 from ..cube import SpectraCube
 from ..finish import finish
-from ..formats.workbook import split_sheet
 from ..quantity import Stated
-from ..source import Source, open_source
+from ..source import Source, open_source, split_sheet
 from ..spectra_table import SpectraTable
 from .sniff import header_beside, identify
 

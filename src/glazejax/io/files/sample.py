@@ -6,9 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Unpack
 
-from ..formats.workbook import split_sheet
 from ..quantity import Stated
-from ..source import is_there
+from ..source import is_there, split_sheet
 from ..spectra_table import SpectraTable, there_are
 from .read import read_spectra
 

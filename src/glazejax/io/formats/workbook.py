@@ -6,27 +6,17 @@ import zipfile
 from collections.abc import Iterator
 from dataclasses import replace
 from importlib.util import find_spec
-from pathlib import Path
 
 from ...extras import advice
 from ...names import nearest_names
 from ..finish import RawSpectra
-from ..source import HEAD, Source, is_there
+from ..source import HEAD, Source
 from .above import find_table
 from .cells import MOST_CELLS, read_cells
 from .table import read_table
 
-_ENDINGS = (".xlsx", ".xlsm", ".xls", ".ods")
 # What the sheets may unpack to.
 _MOST_BYTES = 1 << 28
-
-
-def split_sheet(path: Path) -> tuple[Path, str]:
-    """File and sheet of ``FILE.xlsx:SHEET``; the sheet is empty where none is named."""
-    file, colon, sheet = str(path).rpartition(":")
-    if colon and Path(file).suffix.lower() in _ENDINGS and not is_there(path) and is_there(file):
-        return Path(file), sheet
-    return path, ""
 
 
 class _Sheet(Source):
