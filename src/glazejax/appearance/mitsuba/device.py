@@ -49,7 +49,22 @@ class DrJit(Arithmetic):
     def __init__(self, mi: Any, dr: Any, active: Any = True):
         self._mi, self._dr, self._active = mi, dr, active
         self._jit = bool(dr.is_jit_v(mi.Float))
-        self.sqrt, self.clip, self.maximum, self.dot = dr.sqrt, dr.clip, dr.maximum, dr.dot
+
+    def sqrt(self, x: Any) -> Any:
+        """Square root."""
+        return self._dr.sqrt(x)
+
+    def clip(self, x: Any, low: float, high: float) -> Any:
+        """Within [low, high]."""
+        return self._dr.clip(x, low, high)
+
+    def maximum(self, x: Any, y: Any) -> Any:
+        """The larger one."""
+        return self._dr.maximum(x, y)
+
+    def dot(self, a: Any, b: Any) -> Any:
+        """Sum of the four products."""
+        return self._dr.dot(a, b)
 
     def packet(self, table: Any, number: Any) -> Any:
         """A vector of four numbers."""

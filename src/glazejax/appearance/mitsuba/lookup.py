@@ -25,12 +25,6 @@ class Arithmetic:
     `device.DrJit` has those of Dr.Jit.
     """
 
-    clip: Any = staticmethod(np.clip)
-    maximum: Any = np.maximum
-    sqrt: Any = np.sqrt
-    log1p: Any = np.log1p
-    asinh: Any = np.arcsinh
-
     def packet(self, table: Any, number: Any) -> Any:
         """Four numbers, beginning at 4 `number`."""
         return np.moveaxis(table.reshape(-1, 4)[number], -1, 0)
@@ -39,9 +33,29 @@ class Arithmetic:
         """Whole number of x >= 0, without slope."""
         return np.floor(x).astype(int)
 
+    def clip(self, x: Any, low: float, high: float) -> Any:
+        """x within [low, high]."""
+        return np.clip(x, low, high)
+
+    def maximum(self, x: Any, y: Any) -> Any:
+        """The larger one."""
+        return np.maximum(x, y)
+
     def dot(self, a: Any, b: Any) -> Any:
         """Sum of the four products."""
         return np.sum(a * b, axis=0)
+
+    def sqrt(self, x: Any) -> Any:
+        """Square root."""
+        return np.sqrt(x)
+
+    def log1p(self, x: Any) -> Any:
+        """Logarithm of 1 + x."""
+        return np.log1p(x)
+
+    def asinh(self, x: Any) -> Any:
+        """Inverse hyperbolic sine."""
+        return np.arcsinh(x)
 
 
 def place(ops: Arithmetic, x: Any, count: int) -> Place:
