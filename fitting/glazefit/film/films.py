@@ -277,9 +277,7 @@ def card_reflectance(bare: Spectra, instrument: Instrument) -> tuple[Spectra, Sp
     return ground_below(x, gain, back), gain / (gain + x * back) ** 2
 
 
-def usual_cards(
-    wavelengths: Bands,
-) -> tuple[Bands, Bands]:
+def usual_cards(wavelengths: Bands) -> tuple[Bands, Bands]:
     """Internal reflectance of a black and of a white card of the usual kind, (bands,) each.
 
     In air they read 5 % and 80-89 %; the white one falls off below 430 nm, as paper with a

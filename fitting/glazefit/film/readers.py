@@ -47,9 +47,13 @@ def read_films(path: str | Path, **stated: Unpack[Stated]) -> Films:
         ValueError: the table is not legal (see `read_spectra`), a name has no such ending, or a
             film lacks one of its four rows. The message is one line and says which.
     """
-    table = one_reading(read_spectra(path, **stated))
+    return films_in(read_spectra(path, **stated), path)
+
+
+def films_in(table: SpectraTable, path: str | Path) -> Films:
+    """Films of a table that was read from a file, as `read_films` gives them; errors name it."""
     try:
-        return films_of(table)
+        return films_of(one_reading(table))
     except ValueError as error:
         raise refusal(path, error) from None
 

@@ -192,14 +192,17 @@ def identify(
 
     from glazejax.io import read_spectra
 
+    from ..film.readers import films_in
+
     # A pipe can be read once.
     table = read_spectra(file, **options.stated(quantity, unit, scale))
-    films = None if ground or opaque else _films(table, file)
+    over_cards = not (ground or opaque) and _over_cards(table)
+    measured = films_in(table, file) if over_cards else table
     console = Console(highlight=False)
-    progress.print_notes(console, file, table.notes if films is None else films.notes)
+    progress.print_notes(console, file, measured.notes)
     typed |= {"catalogue": catalogue}
     searches = [typed]
-    if by_default and films is not None and not (own_films or only or without):
+    if by_default and over_cards and not (own_films or only or without):
         # Two cards give a film's thickness too, and families have none.
         of_families = {"references": None, "elements": "", "without_elements": "", "painted": None}
         second = {**typed, **of_families, "catalogue": options.OILS}
@@ -209,7 +212,7 @@ def identify(
         options.check_outputs(_outputs(second), overwrite, inputs=list(read.values()))
         searches.append(second)
     for search in searches:
-        _identify(search, films or table, read, subject, console)
+        _identify(search, measured, read, subject, console)
 
 
 def _identify(
@@ -344,19 +347,11 @@ def _outputs(typed: Mapping[str, Any]) -> dict[str, Path | None]:
     return {**files, "the table of --report": table, "the JSON of --report": data}
 
 
-def _films(table: "SpectraTable", file: Path) -> "Films | None":
-    """The films over cards of a table whose rows are such, in fours."""
-    from glazejax.io.source import refusal
+def _over_cards(table: "SpectraTable") -> bool:
+    """True if rows of a table are films over cards, in fours."""
+    from ..film.readers import ROWS, one_reading
 
-    from ..film.readers import ROWS, films_of, one_reading
-
-    table = one_reading(table)
-    if not all(name.rpartition("_")[2] in ROWS for name in table.names):
-        return None
-    try:
-        return films_of(table)
-    except ValueError as error:
-        raise refusal(file, error) from None
+    return all(name.rpartition("_")[2] in ROWS for name in one_reading(table).names)
 
 
 def _choose_spectra(
