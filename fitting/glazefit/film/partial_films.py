@@ -15,6 +15,7 @@ ten of white by weight; any other name is that of a paint.
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import compress
 from pathlib import Path
 from typing import Any, Unpack
 
@@ -27,7 +28,7 @@ from glazejax.io.source import refusal
 from glazejax.io.spectra_table import list_names
 
 from .films import SPECTRA, Films
-from .readers import ROWS, build_films, one_reading
+from .readers import ENDINGS, build_films, one_reading, rows_of
 from .shared_bands import crop_bands, means_of_steps
 
 USUAL_RANGE = (380.0, 780.0)
@@ -76,13 +77,7 @@ def loose_films(table: SpectraTable) -> Films:
     Raises:
         ValueError: cards without paint, or a name whose ending is nearly right.
     """
-    rows: dict[str, dict[str, int]] = {}
-    for number, name in enumerate(table.names):
-        film, _, ending = name.rpartition("_")
-        if film and ending in ROWS:
-            rows.setdefault(film, {})[ending] = number
-        else:
-            rows.setdefault(name, {})["opaque"] = number
+    rows = rows_of(table)
     shared = {}
     for film in [
         film
@@ -103,10 +98,7 @@ def _check_rows(rows: Mapping[str, Mapping[str, int]]) -> None:
     for film, endings in rows.items():
         stem, mark, _ = film.rpartition("_")
         if "opaque" in endings and mark and stem in rows:
-            raise ValueError(
-                f"the name {film!r} must end in "
-                + ", ".join(f"_{end} ({what})" for end, what in ROWS.items())
-            )
+            raise ValueError(f"the name {film!r} must end in {ENDINGS}")
         if "opaque" in endings and len(endings) > 1:
             raise ValueError(
                 f"{film!r} is there with an ending and without: opaque paint has one row, {film!r}"
@@ -124,16 +116,12 @@ def _add_notes(films: Films) -> Films:
     """
     notes = list(films.notes)
     if films.opaque.any():
-        names = [name for name, hides in zip(films.names, films.opaque, strict=True) if hides]
+        names = list(compress(films.names, films.opaque))
         notes.append(
             f"{list_names(names)}: no ending _ob or _ow, so taken to hide whatever is below"
         )
     needed = films.assumed & films.seen & ~films.opaque[:, None]
-    missing = [
-        word
-        for word, column in zip(("black", "white"), np.any(needed, axis=0).tolist(), strict=True)
-        if column
-    ]
+    missing = list(compress(("black", "white"), needed.any(axis=0)))
     if missing:
         notes.append(
             f"the {' and the '.join(missing)} card was not measured (card_b, card_w): a usual one "

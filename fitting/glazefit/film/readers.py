@@ -8,7 +8,7 @@ X, `X_ob` and
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Unpack
+from typing import Unpack
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from glazejax.io import SpectraTable, read_spectra
 from glazejax.io.quantity import Stated
 from glazejax.io.source import open_source, refusal
 
-from .films import SPECTRA, Films, usual_cards
+from .films import Films, usual_cards
 
 ROWS = {
     "b": "the bare black card",
@@ -24,6 +24,7 @@ ROWS = {
     "ob": "paint over black",
     "ow": "paint over white",
 }
+ENDINGS = ", ".join(f"_{end} ({what})" for end, what in ROWS.items())
 NAMES_FILE = "mixtures.tsv"
 
 
@@ -86,13 +87,10 @@ def films_of(table: SpectraTable) -> Films:
     Raises:
         ValueError: a name has no such ending, or a film lacks one of its four rows.
     """
-    rows: dict[str, dict[str, int]] = {}
-    for number, name in enumerate(table.names):
-        film, _, ending = name.rpartition("_")
-        if not film or ending not in ROWS:
-            endings = ", ".join(f"_{end} ({what})" for end, what in ROWS.items())
-            raise ValueError(f"the name {name!r} must end in {endings}")
-        rows.setdefault(film, {})[ending] = number
+    rows = rows_of(table)
+    for name in table.names:
+        if "opaque" in rows.get(name, {}):
+            raise ValueError(f"the name {name!r} must end in {ENDINGS}")
     for film, row_of in rows.items():
         missing = [end for end in ROWS if end not in row_of]
         if missing:
@@ -103,6 +101,18 @@ def films_of(table: SpectraTable) -> Films:
     return build_films(table, rows, {})
 
 
+def rows_of(table: SpectraTable) -> dict[str, dict[str, int]]:
+    """Numbers of the rows of each film by their ending, "opaque" for a name without one."""
+    rows: dict[str, dict[str, int]] = {}
+    for number, name in enumerate(table.names):
+        film, _, ending = name.rpartition("_")
+        if film and ending in ROWS:
+            rows.setdefault(film, {})[ending] = number
+        else:
+            rows.setdefault(name, {})["opaque"] = number
+    return rows
+
+
 def build_films(
     table: SpectraTable, rows: Mapping[str, Mapping[str, int]], shared: Mapping[str, int]
 ) -> Films:
@@ -110,40 +120,36 @@ def build_films(
 
     Args:
         table: of spectra.
-        rows: film -> ending, or "opaque" -> number of the row; a reading that there is not takes
-            the other's values.
+        rows: of films that have paint, see `rows_of`; a reading that there is not takes the other's
+            values.
         shared: ending -> number of the row of cards of all films. Usual cards are assumed where
             there are none.
     """
-    grid = table.wavelengths
-    usual = dict(zip("bw", usual_cards(grid), strict=True))
-    spectra: dict[str, list[np.ndarray]] = {what: [] for what in SPECTRA}
-    measured = []
-    assumed = []
-    for row_of in rows.values():
-        has_reading = ["ob" in row_of or "opaque" in row_of, "ow" in row_of]
-        measured.append(has_reading)
-        over = [
-            row_of.get(end, row_of.get(substitute))
-            for end, substitute in (("ob", "ow"), ("ow", "ob"))
+    over = np.array(
+        [
+            [row_of.get("ob", row_of.get("opaque", -1)), row_of.get("ow", -1)]
+            for row_of in rows.values()
         ]
-        for what, row in zip(SPECTRA[2:], over, strict=True):
-            row = row_of["opaque"] if row is None else row
-            spectra[what].append(table.reflectance[row])
-        bare = [row_of.get(end, shared.get(end)) for end in "bw"]
-        assumed.append([row is None for row in bare])
-        for what, end, row in zip(SPECTRA[:2], "bw", bare, strict=True):
-            spectra[what].append(usual[end] if row is None else table.reflectance[row])
-    opaque = np.array(["opaque" in row_of for row_of in rows.values()])
-    arrays: dict[str, Any] = {what: np.stack(spectra[what]) for what in SPECTRA}
+    )
+    bare = np.array(
+        [[row_of.get(end, shared.get(end, -1)) for end in "bw"] for row_of in rows.values()]
+    )
+    seen = over >= 0
+    assumed = bare < 0
+    painted = table.reflectance[np.where(seen, over, over[:, ::-1])]
+    usual = np.stack(usual_cards(table.wavelengths))
+    cards = np.where(assumed[..., None], usual, table.reflectance[bare])
     return Films(
         names=tuple(rows),
-        wavelengths=grid,
+        wavelengths=table.wavelengths,
+        bare_black=cards[:, 0],
+        bare_white=cards[:, 1],
+        over_black=painted[:, 0],
+        over_white=painted[:, 1],
         notes=tuple(table.notes),
-        seen=np.array(measured),
-        assumed=np.array(assumed),
-        opaque=opaque,
-        **arrays,
+        seen=seen,
+        assumed=assumed,
+        opaque=np.array(["opaque" in row_of for row_of in rows.values()]),
     )
 
 
