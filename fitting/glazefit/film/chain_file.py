@@ -44,7 +44,7 @@ class Draws(NamedTuple):
 
     free: Float[Any, "steps walkers blocks dims"]
     height: Float[Any, "steps walkers blocks"]  # log posterior
-    accepted: float  # sum over the steps of the shares that were accepted
+    accepted: Float[Any, ""]  # sum over the steps of the shares that were accepted
     state: dict[str, Any]  # arrays that the next step goes on from, by name
 
 
@@ -102,8 +102,9 @@ class DrawsFile:
         with h5py.File(path, "w") as file:
             group = file.create_group(self._group)
             group.create_group("state")
-            group.attrs.update({"problem": fingerprint, "thin": self._thin, "steps": 0})
-            group.attrs["accepted"] = 0.0
+            group.attrs.update(
+                {"problem": fingerprint, "thin": self._thin, "steps": 0, "accepted": 0.0}
+            )
             for name, step_shape in (("chain", shape), ("log_prob", shape[:2])):
                 group.create_dataset(
                     name, (0, *step_shape), maxshape=(None, *step_shape), dtype="f8"
@@ -150,7 +151,7 @@ class DrawsFile:
         chosen = np.arange(self.steps + 1, self.steps + count + 1) % self._thin == 0
         self._free.append(np.asarray(draws.free)[chosen])
         self._height.append(np.asarray(draws.height)[chosen])
-        self._accepted += draws.accepted
+        self._accepted += float(draws.accepted)
         self.steps += count
         self.state = {name: np.asarray(array) for name, array in draws.state.items()}
         if self._path is None:

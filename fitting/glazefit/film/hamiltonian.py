@@ -55,6 +55,8 @@ from .solve import Gaussians, Laplace
 
 # Steps between two looks at the keyboard and the file.
 _PIECE = 50
+# Number of the first step after the warm-up, beyond any of it.
+_SAMPLED = 100_000
 
 
 class Here(NamedTuple):
@@ -69,43 +71,12 @@ class Here(NamedTuple):
     pull: Float[Array, "*chains dims"]  # minus its slope
 
 
-class Positions(NamedTuple):
-    """Points of all chains."""
+class Chains(NamedTuple):
+    """All chains: where they are, and how those of each block step."""
 
-    free: Float[Array, "chains blocks dims"]
-    height: Float[Array, "chains blocks"]  # log posterior
-
-
-class Tuning(NamedTuple):
-    """Of each block."""
-
-    root: Float[Array, "blocks dims dims"]  # the metric's own part is root^T root
-    log_step: Float[Array, "blocks"]
-
-
-class Piece(NamedTuple):
-    """Some steps: where they led, (steps, chains, blocks, ...), and how many were accepted."""
-
-    free: Float[Array, "steps chains blocks dims"]
-    height: Float[Array, "steps chains blocks"]
-    accepted: Float[Array, ""]
-
-
-class Model(NamedTuple):
-    """Arrays of a sampled problem; its functions are passed separately."""
-
-    data: Any
-    shared: Any
-    laplace: Gaussians
-    key: Array
-
-
-class Span(NamedTuple):
-    """Steps to take, and how; a compiled program's arguments."""
-
-    first: int | Array
-    number: int | Array
-    learning: bool | Array
+    free: Float[Any, "chains blocks dims"]
+    root: Float[Any, "blocks dims dims"]  # the metric's own part is root^T root
+    log_step: Float[Any, "blocks"]
 
 
 class Graph(NamedTuple):
@@ -116,10 +87,6 @@ class Graph(NamedTuple):
     data: Any
     shared: Any
     root: Float[Array, "dims dims"]
-
-    def height(self, free: Float[Array, "dims"]) -> Float[Array, ""]:
-        """Log posterior, up to a constant."""
-        return block_log_probability(self.residuals, free, self.data, self.shared)
 
     def lift(self, free: Float[Array, "dims"]) -> Float[Array, "rows"]:
         """Scaled readings and unknowns: the coordinates in which distances are measured."""
@@ -148,7 +115,7 @@ class Graph(NamedTuple):
         factor = slopes @ inverse
 
         def falling(free: Float[Array, "dims"]) -> tuple[Array, Array]:
-            height = self.height(free)
+            height = block_log_probability(self.residuals, free, self.data, self.shared)
             if self.scaled is None:
                 return -height, height
             return jnp.sum(factor * self.slopes(free)) - height, height
@@ -273,71 +240,73 @@ def _trajectory(
 def _steps(
     residuals: Any,
     scaled: Any,
-    model: Model,
-    free: Float[Array, "chains blocks dims"],
-    tuning: Tuning,
-    span: Span,
-) -> tuple[Array, Tuning, Piece]:
-    """Some steps of all chains, from where the last ones left them."""
-    chains, blocks, _ = free.shape
+    data: Any,
+    shared: Any,
+    laplace: Gaussians,
+    key: Array,
+    start: Chains,
+    first: Array,
+    count: Array,
+) -> Draws:
+    """So many steps, by number from the first, in arrays of `_PIECE`."""
 
-    def graph(data: Any, root: Array) -> Graph:
-        return Graph(residuals, scaled, data, model.shared, root)
-
-    @functools.partial(jax.vmap, in_axes=(0, None, None))
+    @functools.partial(jax.vmap, in_axes=(0, None))
     @jax.vmap
-    def height_at(free: Array, data: Any, root: Array) -> Array:
-        return graph(data, root).height(free)
+    def height_at(free: Array, data: Any) -> Array:
+        return block_log_probability(residuals, free, data, shared)
 
     @functools.partial(jax.vmap, in_axes=(0, None, None, None, 0))
     @jax.vmap
     def wander(free: Array, data: Any, root: Array, log_step: Array, key: Array) -> Any:
-        return _trajectory(graph(data, root), free, log_step, key)
+        return _trajectory(Graph(residuals, scaled, data, shared, root), free, log_step, key)
 
-    def trajectory(position: Positions, tuning: Tuning, key: Array) -> tuple[Positions, Array]:
-        keys = jax.random.split(key, (chains, blocks))
-        end, height, gain = wander(position.free, model.data, *tuning, keys)
-        return Positions(end, height), gain
+    def trajectory(chains: Chains, height: Array, key: Array) -> tuple[Array, Array, Array]:
+        keys = jax.random.split(key, height.shape)
+        return wander(chains.free, data, chains.root, chains.log_step, keys)
 
-    def jump(position: Positions, tuning: Tuning, key: Array) -> tuple[Positions, Array]:
-        free = model.laplace.draw(key, chains).astype(position.free.dtype)
-        end = Positions(free, height_at(free, model.data, tuning.root))
+    def jump(chains: Chains, height: Array, key: Array) -> tuple[Array, Array, Array]:
+        free = laplace.draw(key, len(height)).astype(chains.free.dtype)
+        end = height_at(free, data)
         # By Metropolis and Hastings: Laplace's density is that of the proposal.
-        now, then = (model.laplace.log_density(jnp, f) for f in (position.free, free))
-        gain = jnp.asarray(end.height - position.height + now - then)
-        return end, jnp.where(jnp.isnan(gain), -jnp.inf, gain)
+        now, then = (laplace.log_density(jnp, f) for f in (chains.free, free))
+        gain = end - height + now - then
+        return free, end, jnp.where(jnp.isnan(gain), -jnp.inf, gain)
 
-    def one(i: Array, state: tuple[Positions, Tuning, Piece]) -> tuple[Positions, Tuning, Piece]:
-        position, tuning, piece = state
-        number = span.first + i
-        move, coin = jax.random.split(jax.random.fold_in(model.key, number))
+    def one(i: Array, state: tuple[Chains, Array, Draws]) -> tuple[Chains, Array, Draws]:
+        chains, height, draws = state
+        number = first + i
+        move, coin = jax.random.split(jax.random.fold_in(key, number))
         jumps = number % 10 == 9
-        proposal: tuple[Positions, Array] = jax.lax.cond(
-            jumps, jump, trajectory, position, tuning, move
+        proposal: tuple[Array, Array, Array] = jax.lax.cond(
+            jumps, jump, trajectory, chains, height, move
         )
-        end, gain = proposal
+        free, end, gain = proposal
         chance = jnp.minimum(1.0, jnp.exp(gain))
         takes = jax.random.uniform(coin, chance.shape, chance.dtype) < chance
-        free = jnp.asarray(jnp.where(takes[..., None], end.free, position.free))
-        position = Positions(free, jnp.asarray(jnp.where(takes, end.height, position.height)))
-        better = tuning.log_step + (chance.mean(axis=0) - 0.7) / (1.0 + 0.1 * i)
-        learns = span.learning & ~jumps
-        tuning = tuning._replace(log_step=jnp.where(learns, better, tuning.log_step))
-        piece = Piece(
-            free=piece.free.at[i].set(position.free),
-            height=piece.height.at[i].set(position.height),
-            accepted=piece.accepted + takes.mean(),
+        height = jnp.where(takes, end, height)
+        better = chains.log_step + (chance.mean(axis=0) - 0.7) / (1.0 + 0.1 * i)
+        learns = (number < _SAMPLED) & ~jumps
+        chains = chains._replace(
+            free=jnp.where(takes[..., None], free, chains.free),
+            log_step=jnp.where(learns, better, chains.log_step),
         )
-        return position, tuning, piece
+        draws = draws._replace(
+            free=draws.free.at[i].set(chains.free),
+            height=draws.height.at[i].set(height),
+            accepted=draws.accepted + takes.mean(),
+        )
+        return chains, height, draws
 
-    empty = Piece(
-        free=jnp.zeros((_PIECE, *free.shape), free.dtype),
-        height=jnp.zeros((_PIECE, chains, blocks), free.dtype),
-        accepted=jnp.zeros((), free.dtype),
+    height = height_at(start.free, data)
+    dtype = start.free.dtype
+    empty = Draws(
+        free=jnp.zeros((_PIECE, *start.free.shape), dtype),
+        height=jnp.zeros((_PIECE, *height.shape), dtype),
+        accepted=jnp.zeros((), dtype),
+        state={},
     )
-    start = Positions(free, height_at(free, model.data, tuning.root))
-    position, tuning, piece = jax.lax.fori_loop(0, span.number, one, (start, tuning, empty))
-    return position.free, tuning, piece
+    chains, _, draws = jax.lax.fori_loop(0, count, one, (start, height, empty))
+    return draws._replace(state=chains._asdict())
 
 
 class Hamiltonian:
@@ -353,45 +322,40 @@ class Hamiltonian:
         self._problem = problem
         self._approximation = approximation
         self._options = options
-        self._model = Model(
-            data=problem.data,
-            shared=problem.shared,
-            laplace=Gaussians.of(approximation),
-            key=jax.random.key(options.seed),
-        )
+        self._gaussians = Gaussians.of(approximation)
 
-    def _steps(self, free: Array, tuning: Tuning, span: Span) -> tuple[Array, Tuning, Piece]:
+    def _run(self, chains: Chains, first: int, count: int) -> Draws:
         problem = self._problem
-        compiled = Span(*map(jnp.asarray, span))
-        return _steps(problem.residuals, problem.scaled, self._model, free, tuning, compiled)
+        draws = _steps(
+            problem.residuals,
+            problem.scaled,
+            problem.data,
+            problem.shared,
+            self._gaussians,
+            jax.random.key(self._options.seed),
+            *jax.tree.map(jnp.asarray, (chains, first, count)),
+        )
+        return draws._replace(free=draws.free[:count], height=draws.height[:count])
 
     def steps(self, state: dict[str, Any], number: int, count: int) -> Draws:
         """So many steps after the first `number`."""
-        root, log_step = (jnp.asarray(state[name]) for name in Tuning._fields)
-        # Numbers beyond any step of the warm-up.
-        span = Span(100_000 + number, count, learning=False)
-        free, tuning, piece = self._steps(jnp.asarray(state["free"]), Tuning(root, log_step), span)
-        return Draws(
-            free=piece.free[:count],
-            height=piece.height[:count],
-            accepted=float(piece.accepted),
-            state={"free": free, **tuning._asdict()},
-        )
+        return self._run(Chains(**state), _SAMPLED + number, count)
 
     def begin(self, asked: threading.Event) -> dict[str, Any]:
         """Chains after two windows in which steps, and the metric where it is the same everywhere,
         are learnt.
         """
-        free, tuning = self._first()
+        chains = self._first()
         for first, count in ((0, 20), (20, 40)):
             if not asked.is_set():
-                span = Span(first, count, learning=True)
-                free, tuning, piece = self._steps(free, tuning, span)
-                tuning = self._with_metric_of(tuning, np.asarray(piece.free[:count]))
+                draws = self._run(chains, first, count)
+                chains = Chains(**draws.state)
+                if self._problem.scaled is None:
+                    chains = chains._replace(root=_metric_root(chains.root, draws.free))
                 self._options.progress(first + count, 60, "warming up")
-        return {"free": free, **tuning._asdict()}
+        return chains._asdict()
 
-    def _first(self) -> tuple[Array, Tuning]:
+    def _first(self) -> Chains:
         """Chains at the modes, by their shares, with the prior's precision as the metric's own
         part; or, where the metric is the same everywhere, at draws of Laplace's Gaussians, with
         their precision.
@@ -400,13 +364,11 @@ class Hamiltonian:
         rng = np.random.default_rng(self._options.seed)
         blocks, modes, dims = approximation.modes.shape
         prior = np.linalg.cholesky(np.linalg.inv(self._problem.prior_covariance)).T
-        tuning = Tuning(
-            root=jnp.asarray(np.broadcast_to(prior, (blocks, dims, dims))),
-            log_step=jnp.full(blocks, np.log(0.3)),
-        )
+        root = np.broadcast_to(prior, (blocks, dims, dims))
+        log_step = np.full(blocks, np.log(0.3))
         if self._problem.scaled is None:
-            tuning = self._with_metric_of(tuning, approximation.draws(500, rng))
-            return jnp.asarray(approximation.draws(self.walkers, rng)), tuning
+            root = _metric_root(root, approximation.draws(500, rng))
+            return Chains(approximation.draws(self.walkers, rng), root, log_step)
         # Evenly spaced places in the summed shares: each mode has its part of the chains.
         quantiles = (np.arange(self.walkers) + rng.random()) / self.walkers
         summed = np.cumsum(approximation.weights, axis=1)
@@ -415,20 +377,16 @@ class Hamiltonian:
         )
         at = np.minimum(chosen, modes - 1)[..., None]
         starts = np.take_along_axis(np.swapaxes(approximation.modes, 0, 1), at, 0)
-        return jnp.asarray(starts), tuning
+        return Chains(starts, root, log_step)
 
-    def _with_metric_of(self, tuning: Tuning, draws: Float[np.ndarray, "*n blocks dims"]) -> Tuning:
-        """Learn the metric in which draws are about round, where there are no scaled readings; the
-        metric before counts as a few draws.
-        """
-        if self._problem.scaled is not None:
-            return tuning
-        flat = np.asarray(draws, float).reshape(-1, *draws.shape[-2:])
-        off = flat - flat.mean(axis=0)
-        before = np.linalg.inv(np.asarray(tuning.root, float))
-        prior_count = 2.0 * flat.shape[-1]
-        spread = np.einsum("nbi,nbj->bij", off, off) + prior_count * before @ np.swapaxes(
-            before, 1, 2
-        )
-        root = np.linalg.inv(np.linalg.cholesky(spread / (len(flat) + prior_count)))
-        return tuning._replace(root=jnp.asarray(root))
+
+def _metric_root(
+    root: Float[Any, "blocks dims dims"], draws: Float[Any, "*n blocks dims"]
+) -> Float[np.ndarray, "blocks dims dims"]:
+    """Root of the metric in which draws are about round; the one before counts as a few draws."""
+    flat = np.asarray(draws, float).reshape(-1, *draws.shape[-2:])
+    off = flat - flat.mean(axis=0)
+    before = np.linalg.inv(np.asarray(root, float))
+    prior_count = 2.0 * flat.shape[-1]
+    spread = np.einsum("nbi,nbj->bij", off, off) + prior_count * before @ np.swapaxes(before, 1, 2)
+    return np.linalg.inv(np.linalg.cholesky(spread / (len(flat) + prior_count)))
