@@ -216,7 +216,7 @@ def test_two_solutions_are_both_starts():
     assert np.abs(np.exp(points) - [2.3, 0.06]).min(axis=0).max() < 0.5
     k, s = jnp.exp(points).T[..., None, None]
     read = Optics.of(INSTRUMENT).body(k, s, first.ground[0], 1e-5)
-    assert np.abs(np.asarray(read) - first.reading[0]).min(axis=0).max() < 2e-3
+    assert np.abs(np.asarray(read) - first.reflectance[0]).min(axis=0).max() < 2e-3
 
 
 @pytest.mark.slow

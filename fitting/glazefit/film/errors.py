@@ -69,7 +69,7 @@ class PaintErrors:
             return _misfit(off, linear, data, shared, size)
         expansion = data.expansion
         shift = jnp.moveaxis(expansion.shift.reshape(len(film.sizes), 2, -1), 0, -1)
-        off = data.reading - film.read(free, data, shared, shift) - expansion.offset
+        off = data.reflectance - film.read(free, data, shared, shift) - expansion.offset
         root = size * expansion.spread
         white = expansion.whiten @ off.reshape(-1) / jnp.sqrt(1.0 + root**2)
         return jnp.concatenate([white, root_of_log1p(root)])
@@ -96,7 +96,7 @@ def _look(
 ) -> tuple[Float[Array, "bands grounds"], Slopes]:
     """Errors of the readings, and their slopes, at k d and s d of the unknown coat."""
     linear = film.look_up(thickness, data, shared)
-    return data.reading - film.surface(free, shared) - linear.body, linear
+    return data.reflectance - film.surface(free, shared) - linear.body, linear
 
 
 def _misfit(
@@ -205,7 +205,7 @@ def likeliest_errors(
     """
     assert data.expansion is not None
     logs, above = map(np.asarray, without_errors(film, free, data, shared))
-    unexplained = np.asarray(data.reading) - above[:, None, None]
+    unexplained = np.asarray(data.reflectance) - above[:, None, None]
     share = np.exp(2.0 * free[:, -1])[:, None, None]
     smooth = np.asarray(shared.smooth)
     delta = np.asarray(data.expansion.shift)

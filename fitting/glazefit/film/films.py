@@ -295,12 +295,14 @@ reflectance.
 
 
 class CardReadings(NamedTuple):
-    """Readings over a black and a white card (last axis), and their standard deviations."""
+    """Readings over cards, a black and a white one or others (last axis), and their standard
+    deviations.
+    """
 
-    reflectance: Float[np.ndarray, "films bands 2"]
-    ground: Float[np.ndarray, "films bands 2"]  # internal reflectance of the cards
-    sd: Float[np.ndarray, "films bands 2"]
-    ground_sd: Float[np.ndarray, "films bands 2"]
+    reflectance: Float[np.ndarray, "*films bands cards"]
+    ground: Float[np.ndarray, "*films bands cards"]  # internal reflectance of the cards
+    sd: Float[np.ndarray, "*films bands cards"]
+    ground_sd: Float[np.ndarray, "*films bands cards"]
 
 
 def card_readings(films: Films, instrument: Instrument, noise: Noise) -> CardReadings:

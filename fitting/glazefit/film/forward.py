@@ -19,6 +19,7 @@ from jaxtyping import Array, Float
 from glazejax.geometry import Instrument
 from glazejax.programs import Program
 
+from .films import CardReadings
 from .model.optics import Optics
 from .model.response import FilmResponse, film_response
 from .model.spline import look_up, nodes_of, patches
@@ -55,7 +56,7 @@ class FilmData(NamedTuple):
     absorption: Float[Any, "*blocks bands paints"]
     scattering: Float[Any, "*blocks bands paints"]
     shares: Float[Any, "*blocks paints"]  # fractions; of no meaning where they are unknown
-    reading: Float[Any, "*blocks bands grounds"]
+    reflectance: Float[Any, "*blocks bands grounds"]
     ground: Float[Any, "*blocks bands grounds"]
     sd: Float[Any, "*blocks bands grounds"]
     ground_sd: Float[Any, "*blocks bands grounds"]
@@ -226,7 +227,7 @@ def pose_each_band(
     instrument: Instrument,
     surface: float | np.ndarray,
     modes: Float[np.ndarray, "2 2"],
-    **readings: Float[np.ndarray, "bands grounds"],
+    readings: CardReadings,
 ) -> tuple[Film, FilmData, FilmShared]:
     """Every band a film of its own: one coat of unknown paint, whose spectra are two numbers.
 
@@ -234,7 +235,7 @@ def pose_each_band(
         instrument: that read the bands.
         surface: what a smooth surface adds to a reading.
         modes: slopes of log k d and log s d by the two numbers.
-        readings: `reading`, `ground`, `sd` and `ground_sd` of `FilmData`.
+        readings: of all bands, (bands, grounds).
     """
     film = Film(
         sizes=(0,),
@@ -245,10 +246,7 @@ def pose_each_band(
         error=False,
         optics=Optics.of(instrument),
     )
-    no_paint = np.zeros((len(readings["reading"]), 1, 0))
-    columns: dict[str, Any] = {
-        name: np.asarray(values)[:, None] for name, values in readings.items()
-    }
+    no_paint = np.zeros((len(readings.reflectance), 1, 0))
     shared = FilmShared(
         response=film_response(instrument),
         surface=np.array(surface),
@@ -258,7 +256,12 @@ def pose_each_band(
         levels=np.zeros(2),
         modes=modes[:, None],
     )
-    data = FilmData(absorption=no_paint, scattering=no_paint, shares=no_paint[:, 0], **columns)
+    data = FilmData(
+        absorption=no_paint,
+        scattering=no_paint,
+        shares=no_paint[:, 0],
+        **{name: values[:, None] for name, values in readings._asdict().items()},
+    )
     return film, data, shared
 
 

@@ -12,7 +12,7 @@ added constant. So least squares finds the mode.
 
 import functools
 import hashlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -26,6 +26,7 @@ from glazejax.radiative.common.chunks import in_chunks
 
 from .forward import Film
 from .prior import Law
+from .reading import Reading
 
 Residuals = Callable[[Float[Array, "dims"], Any, Any], Float[Array, "rows"]]
 """Residuals of one block, (rows,), from its free unknowns, (dims,), its own data and what all
@@ -230,10 +231,17 @@ def _readings(
     return in_chunks(jax.vmap(blocks), free, 64)
 
 
-def fingerprint(*items: Any) -> str:
-    """A hash of arrays, numbers, strings and dataclasses that print themselves."""
+def fingerprint(kind: str, films: Sequence[Reading], *settings: Any) -> str:
+    """A hash of what decides a posterior: of films, and of settings that are arrays, numbers,
+    strings or dataclasses that print themselves.
+    """
     digest = hashlib.sha256()
-    for item in items:
+    measured = [
+        values
+        for film in films
+        for values in (film.wavelengths, film.reflectance, film.ground, film.sd, film.ground_sd)
+    ]
+    for item in (kind, *measured, *settings):
         array = np.asarray(item)
         digest.update(
             np.ascontiguousarray(array).tobytes()

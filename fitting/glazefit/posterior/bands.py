@@ -26,7 +26,7 @@ from ..film.forward import pose_each_band
 from ..film.model.body import HIGHEST
 from ..film.problem import FilmProblem, Quantity, fingerprint
 from ..film.reading import Reading
-from .film import join_readings, reading_parts
+from .film import join_readings
 
 CLEAR = 0.01
 """Optical thickness below which a film is clear, and the prior falls off; it does so too above
@@ -73,10 +73,9 @@ def pose_bands(films: Sequence[Reading], gloss: float, instrument: Instrument) -
         instrument,
         gloss * float(instrument.seen_surface),
         _LOGS,
-        **join_readings(films, np.concatenate),
+        join_readings(films, np.concatenate),
     )
     blocks = tuple(f"{w:g} nm" for film in films for w in film.wavelengths)
-    measurements = [measurement for film in films for measurement in reading_parts(film)]
     return FilmProblem(
         kind="bands",
         blocks=blocks,
@@ -92,7 +91,7 @@ def pose_bands(films: Sequence[Reading], gloss: float, instrument: Instrument) -
             Quantity("ratio", True, lambda free: np.exp(free[..., 0])),
         ),
         bands=1,
-        fingerprint=fingerprint("bands", *measurements, gloss, instrument),
+        fingerprint=fingerprint("bands", films, gloss, instrument),
         # Its determinants count as readings: without them chains mix a third slower.
         scaled=PaintErrors(film),
     )

@@ -12,7 +12,7 @@ from scipy.special import expit, softmax
 from glazejax import Pigment
 
 from ..film.errors import PaintErrors, ScaledReadings, usual_errors, without_errors
-from ..film.films import Instrument
+from ..film.films import CardReadings, Instrument
 from ..film.forward import Film, FilmData, FilmShared, tabulate
 from ..film.model.errors import Prior, smooth_kernel
 from ..film.model.optics import Optics
@@ -105,14 +105,13 @@ def pose_stack(
     law = FilmPrior(film, prior.concentration_known)
     shares = of_coats(lambda c: c.shares)
     mean, sd = law.moments(spread[0], shares[0], prior)
-    levels = np.log([spectra.absorption, spectra.scattering])
     shared = FilmShared(
         response=film_response(instrument) if len(first) == 1 else None,
         surface=np.array(float(instrument.seen_surface)),
         smooth=smooth_kernel(grid, prior.error_length),
         mean=mean,
         sd=sd,
-        levels=levels,
+        levels=np.log([spectra.absorption, spectra.scattering]),
         modes=modes,
     )
     absorption, scattering = np.moveaxis(depth, (2, 1), (0, -1))
@@ -120,18 +119,14 @@ def pose_stack(
         absorption=absorption,
         scattering=scattering,
         shares=np.array([np.concatenate(stack) for stack in shares]),
-        **join_readings(films, np.stack),
+        **join_readings(films, np.stack)._asdict(),
     )
     if not film.tabulated:
         data = data._replace(expansion=usual_errors(data, 2 * len(first)))
     elif len(first) > 1:
         logs, _ = without_errors(film, np.zeros((len(films), film.dims)), data, shared)
-        stacks_and_grounds = zip(np.asarray(logs), data.ground, strict=True)
-        data = data._replace(
-            table=np.stack(
-                [tabulate(film, *stack_and_ground) for stack_and_ground in stacks_and_grounds]
-            )
-        )
+        pairs = zip(np.asarray(logs), data.ground, strict=True)
+        data = data._replace(table=np.stack([tabulate(film, *pair) for pair in pairs]))
     unknowns, quantities = name_unknowns(
         film,
         # Paints of several films side by side differ.
@@ -144,11 +139,9 @@ def pose_stack(
         median=median[0],
         spread=spread[0],
         grid=grid,
-        levels=levels,
-        modes=modes,
+        shared=shared,
     )
     # The fingerprint holds all numbers that the posterior rests on.
-    measurements = [measurement for film in films for measurement in reading_parts(film)]
     expectation = repr(of_coats(lambda c: (c.thickness, c.spread, c.fractions)))
     return FilmProblem(
         kind=kind,
@@ -162,9 +155,7 @@ def pose_stack(
         quantities=quantities,
         # A band of a solved stack costs some ten times that of a tabulated film.
         bands=grid.size * (1 if len(first) == 1 or film.tabulated else 10),
-        fingerprint=fingerprint(
-            kind, *measurements, coefficients, expectation, prior, spectra, instrument
-        ),
+        fingerprint=fingerprint(kind, films, coefficients, expectation, prior, spectra, instrument),
         random=sum(film.sizes) + len(film.sizes) if any((*film.fractions, *film.thickness)) else 0,
         # An opaque coat and a thin one may read the same, and each is a narrow valley.
         starts=24 if film.tabulated else 8,
@@ -174,15 +165,10 @@ def pose_stack(
 
 def join_readings(
     films: Sequence[Reading], join: Callable[[list[np.ndarray]], np.ndarray]
-) -> dict[str, Any]:
-    """Readings and grounds of some films, and their errors, as `FilmData` has them."""
-    names = {"reading": "reflectance", "ground": "ground", "sd": "sd", "ground_sd": "ground_sd"}
-    return {name: join([getattr(film, what) for film in films]) for name, what in names.items()}
-
-
-def reading_parts(reading: Reading) -> tuple[object, ...]:
-    """Arrays of a reading that decide the posterior."""
-    return reading.wavelengths, reading.reflectance, reading.ground, reading.sd, reading.ground_sd
+) -> CardReadings:
+    """Readings and grounds of some films, and their errors."""
+    columns = [[getattr(film, what) for film in films] for what in CardReadings._fields]
+    return CardReadings(*map(join, columns))
 
 
 @dataclass(frozen=True, eq=False)
@@ -249,8 +235,7 @@ def name_unknowns(
     median: Float[np.ndarray, "coats"],
     spread: Float[np.ndarray, "coats"],
     grid: Float[np.ndarray, "bands"],
-    levels: Float[np.ndarray, "2"],
-    modes: Float[np.ndarray, "2 bands spectra"],
+    shared: FilmShared,
 ) -> tuple[tuple[str, ...], tuple[Quantity, ...]]:
     """Names of the free unknowns, of which a log-ratio is called by the paint whose share it moves,
     and what is reported of a film.
@@ -262,7 +247,7 @@ def name_unknowns(
         shares: of all paints in their coats, where they are known.
         median, spread: of the thicknesses' prior, m, and standard deviation of the log.
         grid: wavelengths, nm.
-        levels, modes: of log k d and log s d of an unknown paint.
+        shared: with the levels and modes of an unknown paint.
     """
     positions = film.places
     reported: list[Quantity] = []
@@ -300,18 +285,18 @@ def name_unknowns(
             reported.append(Quantity(names[-1], True, coat.total))
     if film.spectra:
         # A mode is of k d or of s d alone.
-        counts = np.any(modes != 0, axis=1).sum(axis=1)
+        counts = np.any(shared.modes != 0, axis=1).sum(axis=1)
         for what, count in zip(("k d", "s d"), counts, strict=True):
             names += [f"mode {i + 1} of {what}" for i in range(count)]
-        for wavelength, (k, s) in zip(
-            grid, np.swapaxes(modes, 0, 1) @ unit[positions.spectra], strict=True
-        ):
-            for what, mean, weights in (
-                ("absorption", levels[0], k),
-                ("scattering", levels[1], s),
-                ("ratio", levels[0] - levels[1], k - s),
+        weights = np.swapaxes(shared.modes, 0, 1) @ unit[positions.spectra]
+        level_k, level_s = shared.levels
+        for wavelength, (k, s) in zip(grid, weights, strict=True):
+            for what, mean, weight in (
+                ("absorption", level_k, k),
+                ("scattering", level_s, s),
+                ("ratio", level_k - level_s, k - s),
             ):
-                report(f"{what} at {wavelength:g} nm", mean, weights, spectrum=what)
+                report(f"{what} at {wavelength:g} nm", mean, weight, spectrum=what)
     if film.gloss:
         names.append("gloss")
         reported.append(

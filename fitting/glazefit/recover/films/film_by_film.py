@@ -26,7 +26,7 @@ from glazejax.programs import Program
 from glazejax.radiative.common.linalg import inverse_positive
 
 from ...film.errors import ScaledReadings
-from ...film.films import Films, Instrument, InstrumentLike, Noise, card_readings
+from ...film.films import CardReadings, Films, Instrument, InstrumentLike, Noise, card_readings
 from ...film.forward import Film, FilmData, FilmShared, pose_each_band
 from ...film.gloss import estimate_gloss
 from ...film.model.body import HIGHEST
@@ -73,7 +73,8 @@ def starts(data: FilmData, response: FilmResponse, prior: ScatteringPrior) -> Ba
     narrow.
     """
     reading, ground, sd, ground_sd = (
-        values[0, :, None, None] for values in (data.reading, data.ground, data.sd, data.ground_sd)
+        values[0, :, None, None]
+        for values in (data.reflectance, data.ground, data.sd, data.ground_sd)
     )
     # So dense in k d and in s d that no minimum is missed.
     log_absorption, log_scattering = (
@@ -182,13 +183,9 @@ def pose(
     """
     card_data = card_readings(films, instrument, noise)
     surface = (gloss * instrument.seen_surface)[:, None, None]
-    reading, ground, sd, ground_sd = (
-        np.reshape(values, (-1, 2))
-        for values in card_data._replace(reflectance=card_data.reflectance - surface)
-    )
-    return pose_each_band(
-        instrument, 0.0, np.eye(2), reading=reading, ground=ground, sd=sd, ground_sd=ground_sd
-    )
+    body = card_data._replace(reflectance=card_data.reflectance - surface)
+    by_band = CardReadings(*(values.reshape(-1, 2) for values in body))
+    return pose_each_band(instrument, 0.0, np.eye(2), by_band)
 
 
 def recover_films(
