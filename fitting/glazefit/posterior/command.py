@@ -1,10 +1,9 @@
 """The command `glazejax posterior`: from one measured film to its posterior."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -23,8 +22,6 @@ if TYPE_CHECKING:
     from ..film.reading import Reading
     from .coats import CoatPrior
     from .posterior import Posterior
-
-    _Task = Callable[..., Posterior]
 
 _GEOMETRY = "d:8"
 
@@ -186,9 +183,15 @@ def posterior(
 
     check_sampler(sampler, "--sampler")
     # Says what is wrong with the numbers.
-    chain: dict[str, Any] = {"sampler": sampler, "steps": steps, "walkers": walkers, "thin": thin}
-    total = Sampling(**chain).length
-    options.check_names(options.split_names(paints), pigments, catalogue)
+    settings: dict[str, Any] = {
+        "sampler": sampler,
+        "steps": steps,
+        "walkers": walkers,
+        "thin": thin,
+    }
+    total = Sampling(**settings).length
+    named = options.split_names(paints)
+    options.check_names(named, pigments, catalogue)
     usual = options.read_length(thickness)
     _check(file, sample, paints=paints, coats=coats, bands=bands, simulate=simulate, ground=ground)
     require("matplotlib", "corner", "arviz", "h5py")
@@ -199,35 +202,40 @@ def posterior(
     seen_by = options.read_geometry(instrument, _GEOMETRY)
     from rich.console import Console
 
+    from glazejax.spectra import common_range
+
     from ..film.films import Instrument, Noise
     from ..film.model.errors import Prior
+    from .coats import CoatPrior, parse_coats
 
     console = Console(highlight=False)
     seen_with = Instrument(seen_by, refractive_index)
     errors = Noise(noise, noise_share)
     prior = Prior(thickness=usual, error=paint_error)
-    made_of = _StatedPaints(
-        names=options.split_names(paints),
-        coats=coats,
-        bands=bands,
-        shelf={} if bands else options.read_shelf(pigments, catalogue),
-        prior=prior,
-    )
-    task = (
-        _simulate(made_of, seen_with, errors, seed, console)
-        if simulate
-        else _read_measured(
-            file=file,
-            sample=sample,
-            stated=options.stated(quantity, unit, scale),
-            made_of=made_of,
-            ground=ground,
-            noise=errors,
-            console=console,
+    shelf = {} if bands else options.read_shelf(pigments, catalogue)
+    stack = parse_coats(coats, options.all_named(shelf), prior.spread) if coats else ()
+    if file is not None and not (named or coats or bands):
+        named = _recipe(file, sample)
+    made_of = list(options.find_paints(named, shelf).values())
+    if file is None:
+        film = _simulate(
+            stack or (CoatPrior(made_of),), usual, seen_with, errors, seed=seed, console=console
         )
-    )
-    chain |= {"seed": seed, "resume": resume, "overwrite": overwrite}
-    result = _run(task, folder, {"instrument": seen_with, "noise": errors, **chain})
+    else:
+        grids = [p.wavelengths for p in (*made_of, *(p for coat in stack for p in coat.paints))]
+        # Without a paint nothing bounds the bands.
+        reach = common_range(grids) if grids else (0.0, math.inf)
+        stated = options.stated(quantity, unit, scale)
+        film = (
+            _film(file, sample, stated, reach, console)
+            if ground is None
+            else _spectrum(file, sample, stated, ground, reach, noise=errors, console=console)
+        )
+    folder.mkdir(parents=True, exist_ok=True)
+    settings |= {"seed": seed, "resume": resume, "overwrite": overwrite, "path": folder / CHAIN}
+    with progress.follow("finding the mode (the first run compiles for up to a minute)") as report:
+        settings |= {"instrument": seen_with, "noise": errors, "progress": report}
+        result = _posterior_of(film, made_of, stack, prior, settings)
     _write(result, folder, console)
     if result.chain is not None and result.chain.interrupted:
         count = result.chain.free.shape[0] * result.chain.thin
@@ -240,16 +248,6 @@ def posterior(
         console.print(
             "To lengthen the chain, give the same command with --resume and more --steps."
         )
-
-
-class _StatedPaints(NamedTuple):
-    """Paints of the film as the options state them, and the prior."""
-
-    names: list[str]
-    coats: str
-    bands: bool
-    shelf: "Mapping[str, Pigment]"
-    prior: "Prior"
 
 
 def _check(
@@ -305,10 +303,16 @@ def _check_folder(
 
 
 def _simulate(
-    made_of: _StatedPaints, instrument: "Instrument", noise: "Noise", seed: int, console: "Console"
-) -> "_Task":
-    """The posterior of a simulated film: equal parts of the paints, or coats as described, with
-    unknown fractions equal, unknown thicknesses the usual one.
+    coats: "Sequence[CoatPrior]",
+    usual: float,
+    instrument: "Instrument",
+    noise: "Noise",
+    *,
+    seed: int,
+    console: "Console",
+) -> "Films":
+    """A simulated film of coats as described, with unknown fractions equal, unknown thicknesses the
+    usual one.
     """
     import numpy as np
 
@@ -316,11 +320,7 @@ def _simulate(
     from glazejax.paint.describe import format_length
 
     from ..film.simulate import simulate_films
-    from .coats import CoatPrior
 
-    usual = made_of.prior.thickness
-    paints = _paints(made_of.names, made_of.shelf)
-    coats = _coats(made_of) or (CoatPrior(paints),)
     if any(coat.unknown for coat in coats):
         raise ValueError(
             "--simulate cannot make a film of an unknown paint (?); name a paint in its place"
@@ -348,67 +348,26 @@ def _simulate(
         f"[bold]Simulated data:[/bold] {description} with made-up noise (seed {seed}). Nothing "
         "here was measured."
     )
-    return _posterior_of(film, paints, made_of)
-
-
-def _read_measured(
-    file: Path | None,
-    sample: str,
-    stated: "Stated",
-    made_of: _StatedPaints,
-    ground: str | None,
-    noise: "Noise",
-    console: "Console",
-) -> "_Task":
-    from glazejax.spectra import common_range
-
-    assert file is not None
-    named = [] if made_of.bands or made_of.coats else made_of.names or _recipe(file, sample)
-    paints = _paints(named, made_of.shelf)
-    grids = [
-        paint.wavelengths
-        for paint in (*paints, *(paint for coat in _coats(made_of) for paint in coat.paints))
-    ]
-    # Without a paint nothing bounds the bands.
-    reach = common_range(grids) if grids else (0.0, math.inf)
-    film = (
-        _film(file, sample, stated, reach, console)
-        if ground is None
-        else _spectrum(
-            file=file,
-            sample=sample,
-            stated=stated,
-            ground=ground,
-            reach=reach,
-            noise=noise,
-            console=console,
-        )
-    )
-    return _posterior_of(film, paints, made_of)
+    return film
 
 
 def _posterior_of(
-    film: "Films | Reading", paints: "list[Pigment]", made_of: _StatedPaints
-) -> "_Task":
+    film: "Films | Reading",
+    paints: "Sequence[Pigment]",
+    coats: "Sequence[CoatPrior]",
+    prior: "Prior",
+    settings: dict[str, Any],
+) -> "Posterior":
     """The posterior of the film's coats, of its paints, or of its bands where no paint is
     assumed.
     """
     from .posterior import posterior_of_bands, posterior_of_coats, posterior_of_film
 
-    if made_of.coats:
-        return partial(posterior_of_coats, film, _coats(made_of), prior=made_of.prior)
+    if coats:
+        return posterior_of_coats(film, coats, prior=prior, **settings)
     if not paints:
-        return partial(posterior_of_bands, film)
-    return partial(posterior_of_film, film, paints, prior=made_of.prior)
-
-
-def _coats(made_of: _StatedPaints) -> "tuple[CoatPrior, ...]":
-    """The coats of --coats, or none."""
-    from .coats import parse_coats
-
-    if not made_of.coats:
-        return ()
-    return parse_coats(made_of.coats, options.all_named(made_of.shelf), made_of.prior.spread)
+        return posterior_of_bands(film, **settings)
+    return posterior_of_film(film, paints, prior=prior, **settings)
 
 
 def _film(
@@ -434,6 +393,7 @@ def _spectrum(
     stated: "Stated",
     ground: str,
     reach: tuple[float, float],
+    *,
     noise: "Noise",
     console: "Console",
 ) -> "Reading":
@@ -473,18 +433,6 @@ def _recipe(file: Path, sample: str) -> list[str]:
             f"({file.name} does not say, {where}), or ask for --bands"
         )
     return list(recipe)
-
-
-def _paints(names: list[str], shelf: "Mapping[str, Pigment]") -> "list[Pigment]":
-    return list(options.find_paints(names, shelf).values())
-
-
-def _run(task: "_Task", out: Path, settings: dict[str, Any]) -> "Posterior":
-    """Compute the posterior, with a bar that shows how far it is."""
-    out.mkdir(parents=True, exist_ok=True)
-    message = "finding the mode (the first run compiles for up to a minute)"
-    with progress.follow(message) as report:
-        return task(path=out / CHAIN, progress=report, **settings)
 
 
 def _write(result: "Posterior", out: Path, console: "Console") -> None:
