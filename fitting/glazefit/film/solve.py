@@ -27,7 +27,7 @@ from glazejax.extras import require
 from glazejax.programs import Program
 
 from .errors import expand, likeliest_errors, without_errors
-from .numerics.least_squares import damped_solution, levenberg_marquardt, normal_solution
+from .numerics.least_squares import levenberg_marquardt
 from .problem import FilmProblem
 
 TRUSTED_TAIL = 0.7
@@ -138,8 +138,6 @@ def _climb(
             rtol=1e-6,
             atol=1e-6,
             max_steps=60,
-            # The first is unrolled: for few unknowns.
-            damped=damped_solution if points.shape[-1] <= 7 else normal_solution,
         )
 
     return jax.lax.map(block, (data, starts), batch_size=batch)

@@ -33,8 +33,8 @@ from .columns import take_rows
 
 # After a good step the next may be so many times as long, after one that failed a quarter: Gould,
 # Orban, Sartenaer, Toint (2005), as optimistix has it.
-_LONGER = 3.5
-_SHORTER = 0.25
+LONGER = 3.5
+SHORTER = 0.25
 
 
 def levenberg_marquardt(
@@ -44,7 +44,6 @@ def levenberg_marquardt(
     rtol: float,
     atol: float,
     max_steps: int,
-    damped: Callable[[Array, Array, Array], Array] | None = None,
 ) -> tuple[Float[Array, "n m"], Bool[Array, "n"]]:
     """The points of least squares nearest to some starts, and whether each settled.
 
@@ -55,7 +54,6 @@ def levenberg_marquardt(
         problem_data: trees of arrays (n, ...), a problem a row.
         rtol, atol: see `side_by_side.SideBySide`.
         max_steps: after these a problem keeps the best point it has seen.
-        damped: the linear step, by default `damped_solution`.
     """
     # While a program is traced, and not with the module: a kept one does without optimistix.
     import optimistix as optx
@@ -66,13 +64,7 @@ def levenberg_marquardt(
     finite = jnp.all(jnp.isfinite(start), axis=1)
     solution = optx.least_squares(
         lambda point, problem: jax.vmap(residuals)(point, *problem),
-        SideBySide(
-            rtol=rtol,
-            atol=atol,
-            longer=_LONGER,
-            shorter=_SHORTER,
-            damped=damped or damped_solution,
-        ),
+        SideBySide(rtol=rtol, atol=atol),
         jnp.where(finite[:, None], start, 0.0),
         problem_data,
         max_steps=max_steps,
@@ -266,7 +258,7 @@ def descend(
         try:
             move = -solve(values.normal, 1.0 / step, values.gradient)
         except np.linalg.LinAlgError:
-            step *= _SHORTER
+            step *= SHORTER
             continue
         # The normal equations give m' N m = -slope - square/step.
         slope = values.gradient @ move
@@ -288,7 +280,7 @@ def descend(
         elif gain <= tolerance**2 * float(values.cost):
             settled = True
         # Of the damping, by how well a step is predicted: the usual rule of a trust region.
-        step *= _LONGER if share > 0.75 else _SHORTER if share < 0.25 else 1.0
+        step *= LONGER if share > 0.75 else SHORTER if share < 0.25 else 1.0
     return Descent(point, values, steps, settled)
 
 

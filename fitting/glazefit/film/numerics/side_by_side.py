@@ -8,6 +8,8 @@ import jax.numpy as jnp
 import optimistix as optx
 from jaxtyping import Array, Bool, Float
 
+from .least_squares import LONGER, SHORTER, damped_solution, normal_solution
+
 
 class _State(NamedTuple):
     tried: Float[Array, "n m"]
@@ -27,18 +29,12 @@ class SideBySide(optx.AbstractLeastSquaresSolver):
     Attributes:
         rtol, atol: settled when a step changes no unknown and no residual by more than atol + rtol
             times itself.
-        longer, shorter: factors of the next step's length after one that was good, and after one
-            that does not count.
-        damped: the linear step, `least_squares.damped_solution` or `normal_solution`.
 
     Source: as `optimistix.LevenbergMarquardt`, `ClassicalTrustRegion` and `cauchy_termination`.
     """
 
     rtol: float
     atol: float
-    longer: float
-    shorter: float
-    damped: Callable[[Array, Array, Array], Array]
     norm: Callable = optx.max_norm
 
     def init(self, fn, y, args, options, f_struct, aux_struct, tags) -> _State:
@@ -68,15 +64,17 @@ class SideBySide(optx.AbstractLeastSquaresSolver):
         counts = (gained <= 0.01 * promised) | state.first
         counts &= jnp.all(jnp.isfinite(state.tried), axis=1)
         good = (gained < 0.99 * promised) & (promised < 0) & ~state.first
-        length = state.length * jnp.where(counts, jnp.where(good, self.longer, 1.0), self.shorter)
+        length = state.length * jnp.where(counts, jnp.where(good, LONGER, 1.0), SHORTER)
         still = self._small(move, state.tried) & self._small(residual - state.residual, residual)
 
         # From the better of both points, the next trial.
         point = _where(counts, state.tried, y)
         residual = _where(counts, residual, state.residual)
         slopes = _where(counts, slopes, state.slopes)
+        # The first is unrolled: for few unknowns.
+        damped = damped_solution if y.shape[1] <= 7 else normal_solution
         new = _State(
-            tried=point - self.damped(slopes, residual, 1.0 / length),
+            tried=point - damped(slopes, residual, 1.0 / length),
             residual=residual,
             slopes=slopes,
             length=length,
