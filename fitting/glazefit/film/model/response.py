@@ -109,17 +109,16 @@ class FilmResponse(Response):
 
     def numbers(
         self,
-        absorption: Float[Array | np.ndarray, "*batch"],
-        scattering: Float[Array | np.ndarray, "*batch"],
+        absorption: Float[ArrayLike, "*#batch"],
+        scattering: Float[ArrayLike, "*#batch"],
     ) -> tuple[Float[Array, "*batch"], Float[Array, "*batch"], Float[Array, "*batch"]]:
         """Black, gain and back of films, each (...), from k d and s d, (...), >= 0."""
-        if small(as_array(absorption), as_array(scattering)) and not isinstance(
-            self.patches, Tracer
-        ):
-            arrays = map(np.asarray, (self.patches, absorption, scattering))
-            black, gain, back = map(jnp.asarray, _numbers(np, *arrays))
+        k, s = as_array(absorption), as_array(scattering)
+        if small(k, s) and not isinstance(self.patches, Tracer):
+            values = look_up(np, *map(np.asarray, (self.patches, k, s)), _NODES)
         else:
-            black, gain, back = _numbers(jnp, self.patches, absorption, scattering)
+            values = look_up(jnp, self.patches, k, s, _NODES)
+        black, gain, back = (jnp.asarray(values[..., n]) for n in range(3))
         return black, gain, back
 
     def body_and_slopes(
@@ -167,13 +166,7 @@ class FilmResponse(Response):
             absorption, scattering: optical thicknesses k d and s d, (...), >= 0.
             ground: internal reflectance of the Lambertian ground, (...), in [0, 1].
         """
-        films = (
-            np.broadcast_arrays
-            if small(*map(as_array, (absorption, scattering)))
-            else jnp.broadcast_arrays
-        )
-        black, gain, back = self.numbers(*films(as_array(absorption), as_array(scattering)))
-        return on_numpy_or_jax(_over, black, gain, back, as_array(ground))
+        return on_numpy_or_jax(_over, *self.numbers(absorption, scattering), ground)
 
     def internal(self, body: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
         """Internal reflectance of the Lambertian ground that, bare, reads `body` without the outer
@@ -190,12 +183,6 @@ class FilmResponse(Response):
 
 def _over(_: Any, black: Any, gain: Any, back: Any, ground: Any) -> Any:
     return black + gain * ground / (1.0 - back * ground)
-
-
-def _numbers(xp: Any, patches: Any, absorption: Any, scattering: Any) -> tuple[Any, Any, Any]:
-    """`FilmResponse.numbers` by NumPy or JAX."""
-    values = look_up(xp, patches, absorption, scattering, _NODES)
-    return values[..., 0], values[..., 1], values[..., 2]
 
 
 def _spline_weights(thickness: Array, highest: float) -> tuple[Array, Array, Array]:
