@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
-from glazejax import Bidirectional
 from glazejax.geometry import Geometry
 from glazejax.geometry import Instrument as Instrument
 from glazejax.io.spectra_table import list_names
@@ -18,6 +17,7 @@ from glazejax.names import nearest_names
 from glazejax.radiative.common.fresnel import dielectric_reflectance
 from glazejax.spectra import Bands, describe_grid, validate_wavelengths
 
+from .model.optics import Optics
 from .model.response import ground_below
 from .tables import WAVELENGTH, Tabulated, Variables
 
@@ -249,12 +249,8 @@ def bare_surface(instrument: Instrument) -> BareSurface:
     nodes, weights = np.polynomial.legendre.leggauss(96)
     # Where light grazes the slope is infinite: nodes in the root of the cosine.
     root = 0.5 * (nodes + 1.0)
-    index = instrument.refractive_index
-    geometry = instrument.geometry
-    cosines = [instrument.cos_incidence]
-    cosines += (
-        [float(np.asarray(geometry.cos_viewing))] if isinstance(geometry, Bidirectional) else []
-    )
+    *directions, index = Optics.of(instrument)
+    cosines = [cosine for cosine in directions if cosine is not None]
     reflected = dielectric_reflectance(np.concatenate([root**2, cosines]), index)
     outside = float(np.sum(weights * 2.0 * root**3 * reflected[: root.size]))
     enters = (1.0 - outside) / index**2

@@ -43,10 +43,7 @@ def under_varnish(
         body: reading without varnish.
         thickness: optical thickness of the varnish, 0 or more.
     """
-    clear, gain, back = _through(response, np.zeros_like(thickness))
-    below = ground_below(np.asarray(body) - clear, gain, back)
-    dark, gain, back = _through(response, thickness)
-    return dark + gain * below / (1.0 - back * below)
+    return _change_coat(response, body, before=np.zeros_like(thickness), after=thickness)
 
 
 def without_varnish(
@@ -55,10 +52,17 @@ def without_varnish(
     thickness: Bands,
 ) -> Float[np.ndarray, "*n bands"]:
     """The inverse of `under_varnish`: what the paint would read if its varnish were taken off."""
-    dark, gain, back = _through(response, thickness)
+    return _change_coat(response, body, before=thickness, after=np.zeros_like(thickness))
+
+
+def _change_coat(
+    response: FilmResponse, body: Float[np.ndarray, "*n bands"], *, before: Bands, after: Bands
+) -> Float[np.ndarray, "*n bands"]:
+    """Reading of what lies below one varnish under another one in its place."""
+    dark, gain, back = _through(response, before)
     below = ground_below(np.asarray(body) - dark, gain, back)
-    clear, gain, back = _through(response, np.zeros_like(thickness))
-    return clear + gain * below / (1.0 - back * below)
+    dark, gain, back = _through(response, after)
+    return dark + gain * below / (1.0 - back * below)
 
 
 def limits_under(response: FilmResponse, thickness: Bands) -> tuple[Bands, Bands]:
