@@ -33,24 +33,24 @@ class Identifiability:
 
 
 def directions(
-    free: Float[np.ndarray, "draws blocks dims"], prior: Float[np.ndarray, "dims dims"]
+    free: Float[np.ndarray, "draws dims"], prior: Float[np.ndarray, "dims dims"]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Directions of the free unknowns, from their draws.
 
     Returns:
-        Posterior over prior variance in each direction, ascending, (blocks, dims); the directions
-        as unit vectors in prior standard deviations, (blocks, dims, dims), the last axis is the
-        unknown; and the correlation of the unknowns, (blocks, dims, dims).
+        Posterior over prior variance in each direction, ascending, (dims,); the directions as unit
+        vectors in prior standard deviations, (dims, dims), the last axis is the unknown; and the
+        correlation of the unknowns, (dims, dims).
     """
     centred = free - free.mean(axis=0)
-    covariance = np.einsum("nbi,nbj->bij", centred, centred) / max(len(free) - 1, 1)
+    covariance = centred.T @ centred / max(len(free) - 1, 1)
     root = np.linalg.inv(np.linalg.cholesky(prior))
     shares, axes = np.linalg.eigh(root @ covariance @ root.T)
     # Back into unknowns, each in its own prior's standard deviations.
-    vectors = np.swapaxes(np.linalg.inv(root) @ axes, 1, 2) / np.sqrt(np.diag(prior))
+    vectors = (np.linalg.inv(root) @ axes).T / np.sqrt(np.diag(prior))
     vectors /= np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-300)
-    sd = np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 1e-300))
-    return shares, vectors, covariance / sd[:, :, None] / sd[:, None, :]
+    sd = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    return shares, vectors, covariance / sd[:, None] / sd
 
 
 def _describe_correlated(
@@ -208,15 +208,15 @@ def _open_directions(
         return []
     names = [problem.unknowns[i] for i in columns]
     prior = problem.prior_covariance[np.ix_(columns, columns)]
-    shares, vectors, correlation = directions(free[:, None, columns], prior)
-    open_ = [(s, v, _parts(v)) for s, v in zip(shares[0], vectors[0], strict=True) if s >= OPEN]
+    shares, vectors, correlation = directions(free[:, columns], prior)
+    open_ = [(s, v, _parts(v)) for s, v in zip(shares, vectors, strict=True) if s >= OPEN]
     return [
         *(
             _describe_open(*direction, names)
             for direction in open_
             if alone or len(direction[2]) > 1
         ),
-        *_describe_correlated(correlation[0], names),
+        *_describe_correlated(correlation, names),
     ]
 
 

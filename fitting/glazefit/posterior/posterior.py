@@ -147,8 +147,7 @@ class Posterior:
                 )
                 for b, block in enumerate(self.problem.blocks)
             ]
-        by = "" if self.chain is None else self.chain.sampler
-        return Summary(rows, sampled=self.chain is not None, by=by)
+        return Summary(rows, by="" if self.chain is None else self.chain.sampler)
 
     @cached_property
     def identifiability(self) -> Identifiability:

@@ -21,7 +21,7 @@ def print_posterior(posterior: Posterior, console: Console) -> None:
     rows = posterior.summary()
     spectral = {q.name for q in posterior.problem.quantities if q.spectrum}
     plain = [row for row in rows if row.quantity not in spectral]
-    console.print(_table(posterior, Summary(plain, sampled=rows.sampled, by=rows.by)))
+    console.print(_table(posterior, Summary(plain, by=rows.by)))
     if posterior.problem.random:
         console.print(
             "Thicknesses and fractions allow for paint that is stronger or weaker in one film than "

@@ -75,16 +75,11 @@ class Summary(list[Row]):
     in micrometres and fractions in percent; the rows themselves are in m and in parts of 1.
 
     Attributes:
-        sampled: whether there is a chain; else all numbers are Laplace's.
-        by: what made it.
+        by: what made the chain; empty without one, where all numbers are Laplace's.
     """
 
-    sampled: bool
-    by: str
-
-    def __init__(self, rows: Iterable[Row], *, sampled: bool, by: str = "hmc") -> None:
+    def __init__(self, rows: Iterable[Row], *, by: str) -> None:
         super().__init__(rows)
-        self.sampled = sampled
         self.by = by
 
     def cells(self) -> tuple[list[str], list[list[str]]]:
@@ -95,7 +90,7 @@ class Summary(list[Row]):
     def _by_quantity(self) -> tuple[list[str], list[list[str]]]:
         titles = (
             [self.by, "sd", "Laplace", "sd", "Laplace"]
-            if self.sampled
+            if self.by
             else ["Laplace", "sd", "its own test"]
         )
         lines = []
@@ -106,14 +101,14 @@ class Summary(list[Row]):
                 interval(row.median, row.lower, row.upper, scale),
                 f"{scale * row.sd:.2g}",
             ]
-            if self.sampled:
+            if self.by:
                 ends = f"[{scale * row.laplace_lower:.3g}, {scale * row.laplace_upper:.3g}]"
                 line += [ends, f"{scale * row.laplace_sd:.2g}"]
             lines.append([*line, row.laplace])
         return ["", *titles], lines
 
     def _by_block(self, blocks: list[str]) -> tuple[list[str], list[list[str]]]:
-        last = ["ESS", "Laplace"] if self.sampled else ["its own test"]
+        last = ["ESS", "Laplace"] if self.by else ["its own test"]
         quantities = list(dict.fromkeys(row.quantity for row in self))
         lines = []
         for block in blocks:
@@ -121,7 +116,7 @@ class Summary(list[Row]):
             cells = [interval(r.median, r.lower, r.upper) for r in mine.values()]
             verdicts = list(dict.fromkeys(r.laplace for r in mine.values()))
             differences = [w for w in verdicts if w != AGREES]
-            samples = [f"{next(iter(mine.values())).effective_samples:.0f}"] if self.sampled else []
+            samples = [f"{next(iter(mine.values())).effective_samples:.0f}"] if self.by else []
             lines.append(
                 [block.removesuffix(" nm"), *cells, *samples, ", ".join(differences) or verdicts[0]]
             )
