@@ -19,7 +19,7 @@ from glazefit import (
 )
 from glazefit.film.problem import log_probability
 from glazefit.film.reading import readings
-from glazefit.film.solve import Gaussians, Laplace, _distinct, climb, solve
+from glazefit.film.solve import Laplace, _distinct, climb, solve
 from glazefit.posterior.bands import pose_bands
 from glazefit.posterior.film import pose_films
 from glazefit.posterior.identifiability import directions
@@ -396,7 +396,7 @@ def test_gaussians_of_laplace_have_the_density_of_their_mixture():
             w * multivariate_normal(m, c).pdf(points[:, block])
             for w, m, c in zip(weights[block], modes[block], covariances[block], strict=True)
         )
-        off = Gaussians.of(found).log_density(np, points)[:, block] - np.log(exact)
+        off = found.gaussians.log_density(np, points)[:, block] - np.log(exact)
         assert_allclose(off, 1.5 * np.log(2 * np.pi), rtol=1e-9)
     drawn = found.draws(40_000, rng)
     mean = np.einsum("bm,bmd->bd", weights, modes)

@@ -197,11 +197,17 @@ def usual_errors(data: FilmData, errors: int) -> Expansion:
     )
 
 
-def likeliest_errors(
-    film: Film, free: Float[np.ndarray, "films dims"], data: FilmData, shared: FilmShared
-) -> tuple[Float[np.ndarray, "films errors bands"], Float[np.ndarray, "films errors bands"]]:
-    """Log k d and log s d of the coats, and their likeliest errors, a Gaussian process fitted to
-    what the coats leave unexplained, by Gauss-Newton steps.
+def expand(
+    film: Film,
+    free: Float[np.ndarray, "films dims"],
+    data: FilmData,
+    shared: FilmShared,
+    *,
+    steps: int,
+) -> FilmData:
+    """The films with their readings linear in errors of the paints about the likeliest ones, a
+    Gaussian process fitted to what the coats leave unexplained, by so many steps of Gauss and
+    Newton from those before.
     """
     assert data.expansion is not None
     logs, above = map(np.asarray, without_errors(film, free, data, shared))
@@ -209,7 +215,7 @@ def likeliest_errors(
     share = np.exp(2.0 * free[:, -1])[:, None, None]
     smooth = np.asarray(shared.smooth)
     delta = np.asarray(data.expansion.shift)
-    for _ in range(8):
+    for _ in range(steps):
         linear = slopes(film, shared.response, logs + delta, data.ground)
         by_log = np.asarray(linear.by_log)
         target = unexplained - linear.body + np.einsum("febg,feb->fbg", by_log, delta)
@@ -220,23 +226,10 @@ def likeliest_errors(
         step = share * (np.einsum("febg,fbg->feb", by_log, pull) @ smooth) - delta
         # A step of more than 1 in log k or log s goes beyond where slopes hold.
         delta = delta + step / np.maximum(1.0, np.abs(step).max(axis=(1, 2), keepdims=True))
-    return logs, delta
-
-
-def expand(
-    film: Film,
-    logs: Float[np.ndarray, "films errors bands"],
-    delta: Float[np.ndarray, "films errors bands"],
-    data: FilmData,
-    shared: FilmShared,
-) -> FilmData:
-    """The films with their readings linear in errors about `delta`, where they have these log k d
-    and log s d.
-    """
-    linear = slopes(film, shared.response, logs, data.ground)
+    linear = slopes(film, shared.response, logs + delta, data.ground)
     by_log = np.asarray(linear.by_log)
     root = 1.0 / np.sqrt(np.asarray(_variance(data, linear)))
-    caused = _caused(by_log * root[:, None], np.asarray(shared.smooth))
+    caused = _caused(by_log * root[:, None], smooth)
     spread, axes = np.linalg.eigh(caused)
     whiten = np.swapaxes(axes, 1, 2) * root.reshape(len(root), 1, -1)
     return data._replace(

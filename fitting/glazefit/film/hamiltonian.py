@@ -322,7 +322,6 @@ class Hamiltonian:
         self._problem = problem
         self._approximation = approximation
         self._options = options
-        self._gaussians = Gaussians.of(approximation)
 
     def _run(self, chains: Chains, first: int, count: int) -> Draws:
         problem = self._problem
@@ -331,7 +330,7 @@ class Hamiltonian:
             problem.scaled,
             problem.data,
             problem.shared,
-            self._gaussians,
+            self._approximation.gaussians,
             jax.random.key(self._options.seed),
             *jax.tree.map(jnp.asarray, (chains, first, count)),
         )

@@ -26,7 +26,7 @@ from scipy.special import logsumexp
 from glazejax.extras import require
 from glazejax.programs import Program
 
-from .errors import expand, likeliest_errors, without_errors
+from .errors import expand
 from .numerics.least_squares import levenberg_marquardt
 from .problem import FilmProblem
 
@@ -48,13 +48,6 @@ class Gaussians(NamedTuple):
     roots: Float[Array | np.ndarray, "blocks parts dims dims"]
     inverses: Float[Array | np.ndarray, "blocks parts dims dims"]  # of the roots
     log_weights: Float[Array | np.ndarray, "blocks parts"]
-
-    @classmethod
-    def of(cls, approximation: "Laplace") -> "Gaussians":
-        """Those of Laplace's approximation."""
-        roots = np.linalg.cholesky(approximation.covariances)
-        log_weights = np.log(np.maximum(approximation.weights, 1e-30))
-        return cls(approximation.modes, roots, np.linalg.inv(roots), log_weights)
 
     def draw(self, key: Array, chains: int) -> Float[Array, "chains blocks dims"]:
         """One draw for each chain and block."""
@@ -97,6 +90,13 @@ class Laplace:
     settled: Bool[np.ndarray, "blocks modes"]
     effective: Float[np.ndarray, "blocks"] | float = np.nan
 
+    @functools.cached_property
+    def gaussians(self) -> Gaussians:
+        """The Gaussians, as they are drawn from."""
+        roots = np.linalg.cholesky(self.covariances)
+        log_weights = np.log(np.maximum(self.weights, 1e-30))
+        return Gaussians(self.modes, roots, np.linalg.inv(roots), log_weights)
+
     @property
     def converged(self) -> Bool[np.ndarray, "blocks"]:
         """True if least squares came to an end at every mode that has a part of the probability."""
@@ -116,11 +116,9 @@ class Laplace:
         """Draws of the free unknowns from the Gaussians."""
         blocks, modes, dims = self.modes.shape
         chosen = np.array([rng.choice(modes, size=n, p=w) for w in self.weights])
-        roots = np.linalg.cholesky(self.covariances)
         rows = np.arange(blocks)[:, None]
-        noise = np.einsum(
-            "bnij,bnj->bni", roots[rows, chosen], rng.standard_normal((blocks, n, dims))
-        )
+        roots = self.gaussians.roots[rows, chosen]
+        noise = np.einsum("bnij,bnj->bni", roots, rng.standard_normal((blocks, n, dims)))
         return np.swapaxes(self.modes[rows, chosen] + noise, 0, 1)
 
 
@@ -166,13 +164,10 @@ def solve(problem: FilmProblem, *, seed: int = 0) -> tuple[FilmProblem, Modes]:
     if problem.data.expansion is None:
         return problem, modes
     film, data, shared = problem.film, problem.data, problem.shared
-    logs, _ = (np.asarray(a) for a in without_errors(film, modes.points[:, 0], data, shared))
-    delta = np.zeros_like(logs)
     # Modes are found after each linearisation, the fifth of which changes little.
     for turn in range(5):
-        if turn:
-            logs, delta = likeliest_errors(film, modes.points[:, 0], data, shared)
-        data = expand(film, logs + delta, delta, data, shared)
+        steps = 8 if turn else 0
+        data = expand(film, modes.points[:, 0], data, shared, steps=steps)
         problem = replace(problem, data=data)
         modes = climb(problem, modes.points)
     return problem, modes
@@ -280,7 +275,7 @@ def _importance(problem: FilmProblem, gaussian: Laplace, seed: int) -> Laplace:
     arviz = load_arviz()
     rng = np.random.default_rng(seed + 1)
     free = gaussian.draws(draws, rng)
-    log_weights = problem.log_probability(free) - Gaussians.of(gaussian).log_density(np, free)
+    log_weights = problem.log_probability(free) - gaussian.gaussians.log_density(np, free)
     # A draw of no probability has no weight.
     log_weights = np.where(np.isfinite(log_weights), log_weights, log_weights.max(axis=0) - 700.0)
     with warnings.catch_warnings():
