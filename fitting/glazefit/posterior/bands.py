@@ -22,8 +22,7 @@ from jaxtyping import Array, Float
 
 from ..film.errors import PaintErrors
 from ..film.films import Instrument
-from ..film.forward import pose_each_band
-from ..film.model.body import HIGHEST
+from ..film.forward import HIGHEST, pose_each_band
 from ..film.problem import FilmProblem, Quantity, fingerprint
 from ..film.reading import Reading
 from .film import join_readings

@@ -27,9 +27,8 @@ from glazejax.radiative.common.linalg import inverse_positive
 
 from ...film.errors import ScaledReadings
 from ...film.films import CardReadings, Films, Instrument, InstrumentLike, Noise, card_readings
-from ...film.forward import Film, FilmData, FilmShared, pose_each_band
+from ...film.forward import HIGHEST, Film, FilmData, FilmShared, pose_each_band
 from ...film.gloss import estimate_gloss
-from ...film.model.body import HIGHEST
 from ...film.model.response import FilmResponse
 from ...film.noise import estimate_noise
 from ...film.numerics.least_squares import levenberg_marquardt
