@@ -55,11 +55,7 @@ def spectra_noise(wavelengths: Bands, spectra: Float[np.ndarray, "rows bands"]) 
 
 def _at_least(estimate: tuple[float, float]) -> Noise:
     """Noise from what it is at both ends."""
-    least = Noise()
-    dark, bright = (
-        max(value, float(least.sd(np.asarray(end))))
-        for value, end in zip(estimate, _ENDS, strict=True)
-    )
+    dark, bright = np.maximum(estimate, Noise().sd(np.array(_ENDS)))
     share = max((bright - dark) / (_ENDS[1] - _ENDS[0]), 0.0)
     return Noise(float(min(dark - share * _ENDS[0], MOST)), float(min(share, MOST)))
 

@@ -10,7 +10,7 @@ Sampler = Literal["hmc", "emcee", "importance"]
 """How a posterior is sampled."""
 
 SAMPLERS: tuple[str, ...] = get_args(Sampler)
-_STEPS = {"hmc": 200, "emcee": 5000, "importance": 0}
+_STEPS = {"hmc": 200, "emcee": 5000}
 _EVERY = {"hmc": 1, "emcee": 5, "importance": 1}
 _WALKERS = {"hmc": 16, "emcee": 32, "importance": 1}
 

@@ -56,10 +56,7 @@ def _corner_of_film(posterior: Posterior, path: str | Path) -> None:
 
     names = [q.name for q in posterior.problem.quantities if not q.spectrum]
     # Two fractions are one and its complement; of more, each says something.
-    binary = (
-        posterior.problem.dims == len(names) - 1
-        and len([n for n in names if n.startswith("fraction ")]) == 2
-    )
+    binary = len([n for n in names if n.startswith("fraction ")]) == 2
     if binary or posterior.problem.kind == "stack":
         names = [
             n for n in names if not n.startswith("fraction ") or n in posterior.problem.unknowns
@@ -175,7 +172,7 @@ def _spectra_of_film(posterior: Posterior, path: str | Path) -> None:
     model error allow.
     """
     film = posterior.films[0]
-    grid = posterior.films[0].wavelengths
+    grid = film.wavelengths
     flat = posterior.free.reshape(-1, *posterior.free.shape[2:])
     draws = flat[:: max(1, len(flat) // 400)]
     low, middle, high = np.quantile(posterior.problem.readings(draws)[:, 0], LEVELS, axis=0)
@@ -246,7 +243,7 @@ def _reading_sd(
 def _optical_bands(posterior: Posterior, path: str | Path) -> None:
     """k d and s d, and their ratio, with bands of 90 % by the chain and by Laplace."""
     film = posterior.films[0]
-    grid = posterior.films[0].wavelengths
+    grid = film.wavelengths
     drawn = posterior.spectra()
     draws = {name: Numbers.of(values) for name, values in drawn.items()}
     rough = {name: Numbers.of(values) for name, values in posterior.spectra(laplace=True).items()}
