@@ -61,12 +61,10 @@ def _corner_of_film(posterior: Posterior, path: str | Path) -> None:
         names = [
             n for n in names if not n.startswith("fraction ") or n in posterior.problem.unknowns
         ]
-    pairs = [in_units(n, _thin(posterior.draws[n][..., 0])) for n in names]
-    titles = [p[0] for p in pairs]
-    draws = np.stack([p[1] for p in pairs], axis=1)
-    approximate = np.stack(
-        [in_units(n, posterior.laplace_draws[n][:, 0])[1] for n in names], axis=1
-    )
+    titles = [in_units(name)[0] for name in names]
+    units = [in_units(name)[1] for name in names]
+    draws = np.stack([_thin(posterior.draws[n][..., 0]) for n in names], axis=1) * units
+    approximate = np.stack([posterior.laplace_draws[n][:, 0] for n in names], axis=1) * units
     low, high = np.quantile(np.concatenate([draws, approximate]), (0.002, 0.995), axis=0)
     # What never moves has a width too.
     still = np.where(high > low, 0.0, 1e-9)

@@ -114,7 +114,7 @@ def _laplace(posterior: Posterior, rows: list[Row]) -> str:
     elif posterior.spectra():
         where = f"for {len(off)} of {len(rows)} quantities"
     else:
-        titles = [in_units(row.quantity, np.zeros(1))[0].split(" (")[0] for row in off]
+        titles = [in_units(row.quantity)[0].split(" (")[0] for row in off]
         differences = [f"{title} ({row.laplace})" for title, row in zip(titles, off, strict=True)]
         where = "for " + ", ".join(differences)
     return f"Laplace's 90 % intervals differ from the chain's {where}."

@@ -95,7 +95,7 @@ class Summary(list[Row]):
         )
         lines = []
         for row in self:
-            title, (scale,) = in_units(row.quantity, np.ones(1))
+            title, scale = in_units(row.quantity)
             line = [
                 title,
                 interval(row.median, row.lower, row.upper, scale),
@@ -122,7 +122,7 @@ class Summary(list[Row]):
             )
         return [
             "band",
-            *(in_units(quantity, np.ones(1))[0] for quantity in quantities),
+            *(in_units(quantity)[0] for quantity in quantities),
             *last,
         ], lines
 
@@ -154,18 +154,17 @@ def interval(median: float, lower: float, upper: float, scale: float = 1.0) -> s
     return f"{scale * median:.3g} [{scale * lower:.3g}, {scale * upper:.3g}]"
 
 
-def in_units(name: str, values: np.ndarray) -> tuple[str, np.ndarray]:
-    """A quantity's title and its values in the units of a picture or a table."""
+def in_units(name: str) -> tuple[str, float]:
+    """A quantity's title in a picture or a table, and the factor to its unit there."""
     if name.startswith("thickness"):
-        return f"{name} (µm)", values * 1e6
+        return f"{name} (µm)", 1e6
     if name == "model error":
-        return "model error (%)", values * 100.0
+        return "model error (%)", 100.0
     if name.startswith("fraction "):
-        return f"{name.removeprefix('fraction ')} (%)", values * 100.0
+        return f"{name.removeprefix('fraction ')} (%)", 100.0
     what, at, where = name.partition(" at ")
-    return {"absorption": "k d", "scattering": "s d", "ratio": "k/s"}.get(
-        what, what
-    ) + at + where, values
+    symbols = {"absorption": "k d", "scattering": "s d", "ratio": "k/s"}
+    return symbols.get(what, what) + at + where, 1.0
 
 
 def compare(
