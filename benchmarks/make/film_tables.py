@@ -24,7 +24,7 @@ def main() -> None:
     options = help_parser(__doc__, FILE).parse_args()
     start_jax()
     tables = {
-        name: response.solved_table(Optics.of(*instrument))
+        name: response.solved_table(Optics.of(instrument))
         for name, instrument in response.SHIPPED.items()
     }
     np.savez_compressed(options.out, **tables)  # pyright: ignore[reportArgumentType]

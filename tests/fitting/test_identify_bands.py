@@ -86,7 +86,7 @@ def test_bands_are_what_a_linear_fit_of_the_amounts_leaves(errors: dict[str, flo
     found = explained(spectra, ["White", "Red"], amounts.tolist(), thickness)
     rows = [NAMES.index(name) for name in ("White", "Red")]
     k, s = optical_depths([PAINTS[row] for row in rows], thickness * np.eye(2))
-    response = film_response(SPHERE, 1.5)
+    response = film_response(SPHERE)
     body = jax.jit(lambda *film: response.body(*film))
 
     def read(logs: np.ndarray) -> np.ndarray:

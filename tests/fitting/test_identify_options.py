@@ -110,7 +110,7 @@ def test_a_film_is_computed_as_its_instrument_reads_it(paints):
     seen_by = Instrument(Hemispherical(30.0), 1.3)
     k, s = optical_depths(paints[1:], [25e-6])
     surface = float(dielectric_reflectance(np.cos(np.deg2rad(30.0)), 1.3))
-    spectrum = surface + np.asarray(film_response(seen_by.geometry, 1.3).body(k, s, GROUNDS))
+    spectrum = surface + np.asarray(film_response(seen_by).body(k, s, GROUNDS))
     found = identify(GRID, spectrum[None], paints, ground=GROUNDS, max_paints=1, instrument=seen_by)
     assert found.ranked(0)[0].paints == ("Vermillion",)
     assert float(found.amounts[0, 0, 0]) == pytest.approx(25e-6, rel=0.01)

@@ -14,6 +14,7 @@ from glazefit.film.model.response import (
 )
 from glazefit.film.model.spline import BEND
 from glazejax import Bidirectional, Hemispherical
+from glazejax.geometry import Instrument
 from glazejax.radiative.stack import stack_hemispherical_reflectance, stack_reflectance_factor
 
 SPHERE = Hemispherical()
@@ -83,7 +84,7 @@ def test_slopes_are_finite_at_the_ends(table):
 
 @pytest.mark.slow
 def test_reflectance_factor():
-    table = film_response(Bidirectional(45, 0), 1.4)
+    table = film_response(Instrument(Bidirectional(45, 0), 1.4))
     kd, sd, ground = random_films(100)
     depth = kd + sd
     expected = stack_reflectance_factor(
@@ -105,7 +106,7 @@ def test_many_angles_are_refused():
 @pytest.mark.parametrize("name", SHIPPED)
 def test_tables_that_ship_are_the_solver_s(name):
     """At a hundred nodes, over three grounds: to rounding, not only to the solver's tolerance."""
-    optics = Optics.of(*SHIPPED[name])
+    optics = Optics.of(SHIPPED[name])
     values = _load_shipped(optics)
     assert values is not None
     rows, columns = np.random.default_rng(2).integers(0, _NODES, (2, 100))
@@ -122,9 +123,9 @@ def test_tables_that_ship_are_the_solver_s(name):
 
 
 def test_other_instruments_ship_no_table():
-    assert _load_shipped(Optics.of(SPHERE, 1.51)) is None
-    assert _load_shipped(Optics.of(Bidirectional(45, 1), 1.5)) is None
-    assert _load_shipped(Optics.of(Hemispherical(8.0, specular=False), 1.5)) is not None
+    assert _load_shipped(Optics.of(Instrument(SPHERE, 1.51))) is None
+    assert _load_shipped(Optics.of(Bidirectional(45, 1))) is None
+    assert _load_shipped(Optics.of(Hemispherical(8.0, specular=False))) is not None
 
 
 def test_slopes_from_one_look_are_those_of_tangents(table):

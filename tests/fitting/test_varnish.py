@@ -25,7 +25,7 @@ def test_varnish_on_a_diffuse_white_is_a_coat_that_only_absorbs(geometry):
     """A Lambertian white under a clear coat: what the table says is what the solver says of the
     stack.
     """
-    response, optics = film_response(geometry), Optics.of(geometry, 1.5)
+    response, optics = film_response(geometry), Optics.of(geometry)
     coat = 0.4 * yellow(GRID)
     bare = np.asarray(response.body(np.zeros_like(GRID), np.zeros_like(GRID), WHITE))
     depth, ground = jnp.asarray(coat)[:, None], jnp.full(GRID.size, WHITE)

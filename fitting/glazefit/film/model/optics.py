@@ -22,11 +22,9 @@ class Optics(NamedTuple):
     refractive_index: float
 
     @classmethod
-    def of(cls, instrument: Instrument | Geometry | str, refractive_index: float = 1.5) -> "Optics":
-        """Plain numbers of an instrument; an `Instrument` has its own index, words and geometries
-        take `refractive_index`.
-        """
-        seen_by = resolve_instrument(instrument, refractive_index)
+    def of(cls, instrument: Instrument | Geometry | str) -> "Optics":
+        """Plain numbers of an instrument (see `glazejax.geometry.resolve_instrument`)."""
+        seen_by = resolve_instrument(instrument)
         geometry = seen_by.geometry
         viewing = (
             float(np.asarray(geometry.cos_viewing)) if isinstance(geometry, Bidirectional) else None

@@ -27,7 +27,6 @@ from jaxtyping import Array, ArrayLike, Float
 from glazejax.geometry import (
     Bidirectional,
     Geometry,
-    Hemispherical,
     Instrument,
     resolve_instrument,
 )
@@ -49,7 +48,7 @@ from .spline import (
 
 _NODES = 80
 
-SHIPPED = {"d8": (Hemispherical(), 1.5), "45_0": (Bidirectional(45, 0), 1.5)}
+SHIPPED = {"d8": Instrument(), "45_0": Instrument(Bidirectional(45, 0))}
 """Instruments whose table lies next to this file: the defaults of
 `glazefit`.
 """
@@ -199,21 +198,18 @@ def _spline_weights(thickness: Array, highest: float) -> tuple[Array, Array, Arr
     )
 
 
-def film_response(
-    instrument: Instrument | Geometry | str, refractive_index: float = 1.5
-) -> FilmResponse:
+def film_response(instrument: Instrument | Geometry | str) -> FilmResponse:
     """Table for an instrument: those of `SHIPPED` are read, any other is made once (some seconds)
     and kept.
 
     Args:
         instrument: see `glazejax.geometry.resolve_instrument`; angles must be known numbers, and
             its `specular` flag does not matter here.
-        refractive_index: of the film, in [1, 2.5], where `instrument` is no whole one.
 
     Raises:
         ValueError: an angle that is an array or traced.
     """
-    seen_by = resolve_instrument(instrument, refractive_index)
+    seen_by = resolve_instrument(instrument)
     geometry = seen_by.geometry
     cosines = [
         geometry.cos_incidence,
@@ -236,8 +232,8 @@ def _patches(optics: Optics) -> Float[np.ndarray, "cells 4 4 3"]:
 
 def _load_shipped(optics: Optics) -> Float[np.ndarray, "3 nodes nodes"] | None:
     """Load what `python -m benchmarks.make.film_tables` wrote for these optics, if it did."""
-    for name, (geometry, index) in SHIPPED.items():
-        if Optics.of(geometry, index) == optics:
+    for name, instrument in SHIPPED.items():
+        if Optics.of(instrument) == optics:
             with files("glazefit.film").joinpath("tables.npz").open("rb") as file:
                 return np.load(file)[name]
     return None
