@@ -159,10 +159,6 @@ class Graph(NamedTuple):
         # What overflows is no number, and no place.
         return solution, size <= near
 
-    def empty(self, free: Float[Array, "dims"]) -> Here:
-        """No place, in the shape of one."""
-        return jax.tree.map(lambda a: jnp.zeros(a.shape, a.dtype), jax.eval_shape(self.at, free))
-
 
 class Flight(NamedTuple):
     """A trajectory under way, between two of its places."""
@@ -193,8 +189,10 @@ def _trajectory(
     # Steps of a metric that is the same everywhere cost a tenth.
     most = 32 if graph.scaled is None else 12
     number = jnp.clip(jnp.ceil(turn / step), 1, most)
-    start = graph.empty(free)
-    noise = jax.random.normal(kick, start.scaled.shape, dtype)
+    # No place, in the shape of one.
+    place = jax.eval_shape(graph.at, free)
+    start = jax.tree.map(lambda a: jnp.zeros(a.shape, a.dtype), place)
+    noise = jax.random.normal(kick, place.scaled.shape, dtype)
 
     def going(flight: Flight) -> Array:
         return flight.reversible & (flight.visited <= number)

@@ -38,8 +38,9 @@ def estimate_noise(films: Films) -> Noise:
     # Films so much rougher than their cards have spectra that are no smooth ones; the cards then
     # say what noise is.
     bare = _fit_ends(films.wavelengths, readings[:2])
-    rough = bare is not None and np.mean(everything) > 3.0 * np.mean(bare)
-    return _at_least(bare if bare is not None and rough else everything)
+    if bare is not None and np.mean(everything) > 3.0 * np.mean(bare):
+        return _at_least(bare)
+    return _at_least(everything)
 
 
 def spectra_noise(wavelengths: Bands, spectra: Float[np.ndarray, "rows bands"]) -> Noise:

@@ -31,13 +31,9 @@ def inference_data(posterior: Posterior) -> Any:
     bands = problem.kind == "bands"
     single = len(problem.blocks) == 1
     block = "wavelength" if bands else "film"
-    coords: dict[str, Any] = {
-        "wavelength": film.wavelengths,
-        "ground": list(film.grounds),
-        "film": list(problem.blocks),
-    }
-    if bands:
-        coords.pop("film")
+    coords: dict[str, Any] = {"wavelength": film.wavelengths, "ground": list(film.grounds)}
+    if not bands:
+        coords["film"] = list(problem.blocks)
     dims: dict[str, list[str]] = {}
 
     def by_block(name: str, values: np.ndarray) -> np.ndarray:

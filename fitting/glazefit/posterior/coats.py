@@ -78,15 +78,12 @@ class CoatPrior:
                 f"{where}: only k and s times thickness can be measured; state its thickness "
                 "exactly, or leave it out"
             )
-        self._check_fractions(where, len(names))
-
-    def _check_fractions(self, where: str, count: int) -> None:
         if self.fractions is None:
             return
-        shares = np.asarray(self.fractions, dtype=float)
-        if shares.shape != (count,):
+        shares = self.shares
+        if shares.shape != (len(names),):
             raise ValueError(
-                f"{where} has {count} paints but {shares.size} fractions; give one a paint"
+                f"{where} has {len(names)} paints but {shares.size} fractions; give one a paint"
             )
         if not (np.all(shares >= 0) and abs(shares.sum() - 1.0) < 1e-6):
             raise ValueError(

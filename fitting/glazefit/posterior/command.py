@@ -445,7 +445,7 @@ def _write(result: "Posterior", out: Path, console: "Console") -> None:
     from .report import print_posterior, write_summary
 
     print_posterior(result, console)
-    write_summary(result, out / SUMMARY, overwrite=True)
+    write_summary(result, out / SUMMARY)
     # A notebook may have the old file open: put a new one in its place.
     with whole_file(out / DATA) as path:
         result.inference_data.to_netcdf(str(path))

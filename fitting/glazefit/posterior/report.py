@@ -120,9 +120,9 @@ def _laplace(posterior: Posterior, rows: list[Row]) -> str:
     return f"Laplace's 90 % intervals differ from the chain's {where}."
 
 
-def write_summary(posterior: Posterior, path: Path, *, overwrite: bool = False) -> None:
+def write_summary(posterior: Posterior, path: Path) -> None:
     """Write the summary as a table, a line a quantity and block; thickness in m,
-    fractions 0 to 1.
+    fractions 0 to 1, in place of an older one.
     """
     rows = [asdict(row) for row in posterior.summary()]
-    write_table(path, list(rows[0]), [list(row.values()) for row in rows], overwrite=overwrite)
+    write_table(path, list(rows[0]), [list(row.values()) for row in rows], overwrite=True)

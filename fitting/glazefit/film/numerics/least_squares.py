@@ -233,7 +233,7 @@ def descend(
     first_step: float,
     max_steps: int,
     tolerance: float,
-    note: Callable[[int], object] = lambda steps: None,
+    note: Callable[[int], object],
 ) -> Descent:
     """Levenberg and Marquardt's least squares of one problem whose linear algebra is NumPy's.
 
