@@ -6,11 +6,11 @@ import functools
 from typing import NamedTuple
 
 import jax.numpy as jnp
-import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float
 
 from glazejax import Bidirectional
 from glazejax.geometry import Geometry, Instrument, resolve_instrument
+from glazejax.radiative.common.inputs import concrete
 from glazejax.radiative.stack import stack_hemispherical_reflectance, stack_reflectance_factor
 
 
@@ -23,15 +23,15 @@ class Optics(NamedTuple):
 
     @classmethod
     def of(cls, instrument: Instrument | Geometry | str) -> "Optics":
-        """Plain numbers of an instrument (see `glazejax.geometry.resolve_instrument`)."""
+        """Plain numbers of an instrument (see `glazejax.geometry.resolve_instrument`).
+
+        Raises:
+            ValueError: an angle that is an array or traced.
+        """
         seen_by = resolve_instrument(instrument)
         geometry = seen_by.geometry
-        viewing = (
-            float(np.asarray(geometry.cos_viewing)) if isinstance(geometry, Bidirectional) else None
-        )
-        return cls(
-            float(np.asarray(geometry.cos_incidence)), viewing, float(seen_by.refractive_index)
-        )
+        viewing = _number(geometry.cos_viewing) if isinstance(geometry, Bidirectional) else None
+        return cls(_number(geometry.cos_incidence), viewing, float(seen_by.refractive_index))
 
     def body(
         self,
@@ -62,3 +62,12 @@ class Optics(NamedTuple):
             cos_incidence=self.cos_incidence,
             tolerance=tolerance,
         )
+
+
+def _number(cosine: ArrayLike) -> float:
+    value = concrete(cosine)
+    if value is None or value.ndim:
+        raise ValueError(
+            "a film's table is made for one pair of angles: give them as numbers, not as arrays"
+        )
+    return float(value)

@@ -24,13 +24,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Float
 
-from glazejax.geometry import (
-    Bidirectional,
-    Geometry,
-    Instrument,
-    resolve_instrument,
-)
-from glazejax.radiative.common.inputs import concrete
+from glazejax.geometry import Bidirectional, Geometry, Instrument
 from glazejax.spectra import as_array, on_numpy_or_jax, small
 
 from .optics import Optics
@@ -209,18 +203,7 @@ def film_response(instrument: Instrument | Geometry | str) -> FilmResponse:
     Raises:
         ValueError: an angle that is an array or traced.
     """
-    seen_by = resolve_instrument(instrument)
-    geometry = seen_by.geometry
-    cosines = [
-        geometry.cos_incidence,
-        *([geometry.cos_viewing] if isinstance(geometry, Bidirectional) else []),
-    ]
-    values = [concrete(cosine) for cosine in cosines]
-    if any(value is None or value.ndim for value in values):
-        raise ValueError(
-            "a film's table is made for one pair of angles: give them as numbers, not as arrays"
-        )
-    return FilmResponse(jnp.asarray(_patches(Optics.of(seen_by))))
+    return FilmResponse(jnp.asarray(_patches(Optics.of(instrument))))
 
 
 @functools.lru_cache(maxsize=8)
