@@ -53,15 +53,13 @@ def shared_bands(wavelengths: Bands, pigments: Sequence[Pigment]) -> SharedBands
             "needed; measure there, or use paints that are known at your wavelengths "
             "(--pigments, --catalogue)"
         )
+    used, notes = crop_bands(wavelengths, first, last, PAINTS_KNOWN)
     mean = np.eye(wavelengths.size)[:, used]
-    notes = []
     grid = wavelengths[used]
-    if not used.all():
-        notes.append(f"cropped to {describe_grid(grid)}: {PAINTS_KNOWN}")
     if (coarser := means_of_steps(grid, SEARCHED)) is not None:
-        notes.append(f"{grid.size} bands averaged to steps of {SEARCHED:g} nm")
+        notes = (*notes, f"{grid.size} bands averaged to steps of {SEARCHED:g} nm")
         mean = mean @ coarser
-    return SharedBands(wavelengths @ mean, mean, tuple(notes))
+    return SharedBands(wavelengths @ mean, mean, notes)
 
 
 def crop_bands(

@@ -72,7 +72,7 @@ def inference_data(posterior: Posterior) -> Any:
     if "fraction" in axes:
         coords["paint"] = [n.removeprefix("fraction ") for n in draws if n.startswith("fraction ")]
 
-    flat = free.reshape(-1, *free.shape[2:])
+    flat = posterior.flat
     likelihood = problem.log_likelihood(flat).reshape(free.shape[:3])
     total = problem.log_probability(flat).reshape(free.shape[:3])
     # Spectra of so many draws are enough for a picture.

@@ -171,8 +171,7 @@ def _spectra_of_film(posterior: Posterior, path: str | Path) -> None:
     """
     film = posterior.films[0]
     grid = film.wavelengths
-    flat = posterior.free.reshape(-1, *posterior.free.shape[2:])
-    draws = flat[:: max(1, len(flat) // 400)]
+    draws = posterior.flat[:: max(1, len(posterior.flat) // 400)]
     low, middle, high = np.quantile(posterior.problem.readings(draws)[:, 0], LEVELS, axis=0)
     allowed = _reading_sd(posterior, draws)
     with picture(path, 11, 4.4) as figure:

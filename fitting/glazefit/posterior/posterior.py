@@ -82,6 +82,11 @@ class Posterior:
             return self.laplace.sample[:, None]
         return self.chain.free[self.convergence.discarded // self.chain.thin :]
 
+    @property
+    def flat(self) -> Float[np.ndarray, "draws blocks dims"]:
+        """The same draws in a row, walker after walker of each step."""
+        return self.free.reshape(-1, *self.free.shape[2:])
+
     @cached_property
     def draws(self) -> Mapping[str, Float[np.ndarray, "steps walkers blocks"]]:
         """Draws of every reported quantity, from `free`, and from strengths of the paints for
@@ -98,8 +103,7 @@ class Posterior:
         """Draws of k d, s d and k/s, of a film band by band or of a stack's unknown paint; empty
         for known paints.
         """
-        draws = self.laplace.sample if laplace else self.free
-        return self.problem.spectra(draws.reshape(-1, *draws.shape[-2:]))
+        return self.problem.spectra(self.laplace.sample if laplace else self.flat)
 
     def summary(self) -> Summary:
         """A row for each quantity of each block: the chain's numbers, Laplace's, and where the two
@@ -151,8 +155,7 @@ class Posterior:
     @cached_property
     def identifiability(self) -> Identifiability:
         """Directions that the measurement leaves open, named."""
-        free = self.free.reshape(-1, *self.free.shape[2:])
-        return identify_open(self.problem, free, self.films[0].wavelengths)
+        return identify_open(self.problem, self.flat, self.films[0].wavelengths)
 
     def words(self) -> str:
         """Convergence, in a sentence."""
