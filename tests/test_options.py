@@ -146,7 +146,7 @@ def test_bad_lengths(read, text, complaint):
 
 def test_ground_is_a_number_or_a_spectrum(tmp_path):
     ground = options.read_ground("0.5")
-    assert (ground.reflectance, ground.words, ground.on(np.arange(3.0))) == (
+    assert (ground.level, ground.words, ground.on(np.arange(3.0))) == (
         0.5,
         "reflectance 0.5",
         0.5,
@@ -171,8 +171,6 @@ def test_ground_is_a_number_or_a_spectrum(tmp_path):
             options.read_ground(text)
     with refusal(r"'none\.csv' is neither a number", FileNotFoundError):
         options.read_ground("none.csv")
-    with refusal("--backing is 2"):
-        options.read_ground("2", "--backing")
 
 
 def own_paints(folder, *names):

@@ -59,6 +59,14 @@ class Spectrum(NamedTuple):
     wavelengths: Float[np.ndarray, "bands"]
     reflectance: Float[np.ndarray, "bands"]
 
+    def on(self, wavelengths: Float[np.ndarray, "other"]) -> Float[np.ndarray, "other"]:
+        """Reflectance on other wavelengths, nm.
+
+        Raises:
+            ValueError: they reach beyond its own.
+        """
+        return np.asarray(resample(self.wavelengths, self.reflectance, wavelengths))
+
 
 class Hiding(NamedTuple):
     """A ground of paint that hides: (weight, name) of its parts; the weights sum to 1."""
@@ -130,10 +138,8 @@ class Stack:
         Raises:
             ValueError: a measured ground that does not reach so far.
         """
-        ground = self.level(side)
-        if isinstance(ground, Spectrum):
-            return np.asarray(resample(ground.wavelengths, ground.reflectance, wavelengths))
-        return ground
+        level = self.level(side)
+        return level.on(wavelengths) if isinstance(level, Spectrum) else level
 
     def media(self) -> list[Pigment | Mixture]:
         """Media of the `shown` coats, all on the wavelengths that all of them share.

@@ -265,32 +265,21 @@ def _check_maps(to: str, of_maps: dict[str, Any]) -> None:
 def _stack(text: str, ground: str | None, index: float | None, pigments: Path | None) -> "Stack":
     """The stack of a file, or of coats as typed; options count before a file."""
     from ..paint.pigment_table import read_pigments
-    from ..stacks import Spectrum, Stack, all_paints, common_grid, paints, read_stack
+    from ..stacks import Stack, all_paints, common_grid, paints, read_stack
 
     own_paints = {} if pigments is None else dict(read_pigments(pigments))
     if text.lower().endswith(".json") or Path(text).is_file():
-        loaded = read_stack(Path(text))
-        own_paints = {**loaded.pigments, **own_paints}
-        stack = replace(loaded, pigments=own_paints)
-        if index is not None:
-            stack = replace(stack, refractive_index=index)
+        stack = read_stack(Path(text))
     else:
         coats = name_paints(parse_coats(text), {**all_paints(), **own_paints})
-        stack = Stack(
-            coats=coats,
-            ground=float(_GROUND),
-            refractive_index=options.INDEX if index is None else index,
-            pigments=own_paints,
-        )
+        stack = Stack(coats, ground=float(_GROUND), refractive_index=options.INDEX)
+    stack = replace(stack, pigments={**stack.pigments, **own_paints})
+    if index is not None:
+        stack = replace(stack, refractive_index=index)
     if ground is None:
         return stack
     below = options.read_ground(ground)
-    reflectance: Any = below.reflectance
-    if below.wavelengths is not None:
-        import numpy as np
-
-        reflectance = Spectrum(below.wavelengths, np.asarray(below.reflectance, float))
-    stack = replace(stack, ground=reflectance)
+    stack = replace(stack, ground=below.level)
     # Looked at here, where the ground's file is known.
     with below.blame():
         common_grid(stack, paints(stack))

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from ..geometry import Geometry
     from ..io.quantity import Stated
     from ..paint.media import Pigment
+    from ..stacks import Spectrum
 
 option: Callable[..., Any] = functools.partial(typer.Option, show_default=False)
 """An option whose default is none, or stands in its help."""
@@ -433,15 +434,13 @@ class Ground(NamedTuple):
     """A ground below paint.
 
     Attributes:
-        wavelengths: (bands,), nm; None where one number holds for all.
-        reflectance: internal reflectance, a number or (bands,), in [0, 1].
+        level: internal reflectance in [0, 1], a number or a spectrum.
         words: what the ground is, for people.
         notes: sentences of the reader.
         file: that it was read from, for errors.
     """
 
-    wavelengths: "Float[np.ndarray, 'bands'] | None"
-    reflectance: "float | Float[np.ndarray, 'bands']"
+    level: "float | Spectrum"
     words: str
     notes: tuple[str, ...] = ()
     file: str = ""
@@ -452,14 +451,10 @@ class Ground(NamedTuple):
         Raises:
             ValueError: they do not; the message names the ground's file.
         """
-        if self.wavelengths is None:
-            return self.reflectance
-        import numpy as np
-
-        from ..spectra import resample
-
+        if isinstance(self.level, float):
+            return self.level
         with self.blame():
-            return np.asarray(resample(self.wavelengths, self.reflectance, grid))
+            return self.level.on(grid)
 
     @contextmanager
     def blame(self) -> Iterator[None]:
@@ -474,7 +469,7 @@ class Ground(NamedTuple):
             raise refusal(self.file, f"the ground: {error}") from None
 
 
-def ground_level(text: str, argument: str = "--ground") -> float | None:
+def ground_level(text: str) -> float | None:
     """The number from 0 to 1 that stands for a ground, or None for a file of its spectrum.
 
     Raises:
@@ -483,7 +478,7 @@ def ground_level(text: str, argument: str = "--ground") -> float | None:
     try:
         reflectance = float(text)
     except ValueError:
-        missing = f"{argument} {text!r} is neither a number from 0 to 1, such as 0.9, nor a file"
+        missing = f"--ground {text!r} is neither a number from 0 to 1, such as 0.9, nor a file"
         existing(Path(text), missing)
         return None
     if not 0 <= reflectance <= 1:
@@ -492,16 +487,15 @@ def ground_level(text: str, argument: str = "--ground") -> float | None:
             if 2 <= reflectance <= 100
             else ""
         )
-        raise ValueError(f"{argument} is {text}; reflectance lies between 0 and 1{hint}")
+        raise ValueError(f"--ground is {text}; reflectance lies between 0 and 1{hint}")
     return reflectance
 
 
-def read_ground(text: str, argument: str = "--ground", *, bare: bool = False) -> Ground:
+def read_ground(text: str, *, bare: bool = False) -> Ground:
     """Read a ground: a number from 0 to 1, or a spectrum FILE or FILE:SAMPLE.
 
     Args:
         text: what was typed.
-        argument: the option it was given as.
         bare: the values are readings of the bare ground in air, which a bright one may bring above
             1.
 
@@ -509,14 +503,15 @@ def read_ground(text: str, argument: str = "--ground", *, bare: bool = False) ->
         FileNotFoundError: neither a number nor a file.
         ValueError: a number or a spectrum out of range, or what `glazejax.io.read_sample` refuses.
     """
-    reflectance = ground_level(text, argument)
+    reflectance = ground_level(text)
     if reflectance is not None:
-        return Ground(None, reflectance, f"reflectance {reflectance:g}")
+        return Ground(reflectance, f"reflectance {reflectance:g}")
     from ..io import read_sample
     from ..io.files.sample import split_sample
+    from ..stacks import Spectrum
 
     path, _ = split_sample(text)
-    table = read_sample(text, argument=argument)
+    table = read_sample(text, argument="--ground")
     sample = table.names[0]
     spectrum = table.reflectance[0]
     notes = [f"{path}: {note}" for note in table.notes]
@@ -533,8 +528,7 @@ def read_ground(text: str, argument: str = "--ground", *, bare: bool = False) ->
             "from air"
         )
     return Ground(
-        table.wavelengths,
-        spectrum,
+        Spectrum(table.wavelengths, spectrum),
         f"{sample} ({path.name}, mean {spectrum.mean():.2f})",
         tuple(notes),
         str(path),

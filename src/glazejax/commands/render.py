@@ -5,7 +5,7 @@ picture out.
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -16,12 +16,9 @@ from .command_line import ground_file
 from .help_groups import help_groups
 
 if TYPE_CHECKING:
-    import numpy as np
-    from jaxtyping import Float
-
     from ..paint.describe import Coat
     from ..paint.media import Mixture, Pigment
-    from ..stacks import Stack
+    from ..stacks import Spectrum, Stack
 
 
 _GEOMETRY = "0:0"
@@ -151,7 +148,7 @@ def render(
     described = name_paints(described, shelf)
     repeated = _ladder_layer(described, ladder)
     below = _ground_of(given) if given is not None and ground is None else None
-    bed = _lay(
+    media, bed = _lay(
         below or options.read_ground(_GROUND if ground is None else ground),
         described,
         shelf,
@@ -165,8 +162,8 @@ def render(
     from .rendering import render as compute
 
     glaze = Glaze(
-        [Layer(medium, coat.total) for medium, coat in zip(bed.media, described, strict=True)],
-        bed.reflectance,
+        [Layer(medium, coat.total) for medium, coat in zip(media, described, strict=True)],
+        bed.on(media[0].wavelengths),
         refractive_index,
     )
     load_matplotlib_ahead()
@@ -201,7 +198,7 @@ def render(
         _write_stack(
             write_stack,
             coats=described,
-            bed=bed,
+            ground=bed.level,
             shelf=shelf,
             index=refractive_index,
             instrument=seen_by.notation,
@@ -252,33 +249,28 @@ def _ground_of(stack: "Stack") -> options.Ground:
 
     level = stack.level()
     if isinstance(level, Spectrum):
-        return options.Ground(
-            level.wavelengths, level.reflectance, f"a spectrum, mean {level.reflectance.mean():.2f}"
-        )
+        return options.Ground(level, f"a spectrum, mean {level.reflectance.mean():.2f}")
     notes = (
         ("the stack lies on a card of white and black: drawn over white",)
         if stack.ground == "card"
         else ()
     )
-    return options.Ground(None, level, f"reflectance {level:g}", notes)
+    return options.Ground(level, f"reflectance {level:g}", notes)
 
 
 def _write_stack(
     path: Path,
     coats: "Sequence[Coat]",
-    bed: "_Bed",
+    ground: "float | Spectrum",
     shelf: "Mapping[str, Pigment]",
     index: float,
     instrument: str,
     overwrite: bool,
 ) -> None:
     """Write the stack as JSON; paints that are in no catalogue go along."""
-    from ..stacks import Spectrum, Stack, all_paints, write_stack
+    from ..stacks import Stack, all_paints, write_stack
 
     shipped = all_paints()
-    ground = bed.reflectance
-    if not isinstance(ground, int | float):
-        ground = Spectrum(bed.media[0].wavelengths, ground)
     # The studio has a stroke where the command has a colon: acrylics/TitaniumWhite.
     in_studio = {
         name: stroke if (stroke := name.replace(":", "/")) in shipped else name
@@ -347,35 +339,32 @@ def _shelf(
     return shelf if has_all(shelf) else options.all_named(shelf)
 
 
-class _Bed(NamedTuple):
-    """Ground and media on common wavelengths."""
-
-    media: "list[Pigment | Mixture]"
-    reflectance: "float | Float[np.ndarray, 'bands']"
-    words: str
-    notes: list[str]
-
-
-def _lay(ground: options.Ground, coats: "Sequence[Coat]", shelf: "Mapping[str, Pigment]") -> _Bed:
-    """Bring the ground and all paints on it to the wavelengths that all of it covers."""
+def _lay(
+    ground: options.Ground, coats: "Sequence[Coat]", shelf: "Mapping[str, Pigment]"
+) -> "tuple[list[Pigment | Mixture], options.Ground]":
+    """Paints of the coats, and the ground, on the wavelengths that all of them cover."""
     from ..paint.media import make_media
     from ..spectra import describe_grid, same_grid
-    from ..stacks import shared_grid
+    from ..stacks import Spectrum, shared_grid
 
-    notes = list(ground.notes)
+    level = ground.level
+    notes = ground.notes
     used = {name: shelf[name] for coat in coats for _, name in coat.parts}
     grids = [paint.wavelengths for paint in used.values()]
-    if ground.wavelengths is not None:
-        grids.append(ground.wavelengths)
+    if isinstance(level, Spectrum):
+        grids.append(level.wavelengths)
     with ground.blame():
         grid = shared_grid(grids, "pigments")
     if not all(same_grid(grid, other) for other in grids):
-        notes.append(
+        note = (
             "pigments and ground differ in wavelengths; everything is computed at "
             f"{describe_grid(grid)}"
         )
+        notes = (*notes, note)
         used = {name: paint.resample(grid) for name, paint in used.items()}
-    return _Bed(make_media(coats, used), ground.on(grid), ground.words, notes)
+    if isinstance(level, Spectrum):
+        level = Spectrum(grid, level.on(grid))
+    return make_media(coats, used), ground._replace(level=level, notes=notes)
 
 
 def _remarks(used: "Mapping[str, Pigment]") -> list[tuple[str, str]]:
