@@ -272,7 +272,7 @@ def _stack(text: str, ground: str | None, index: float | None, pigments: Path | 
         stack = read_stack(Path(text))
     else:
         coats = name_paints(parse_coats(text), {**all_paints(), **own_paints})
-        stack = Stack(coats, ground=float(_GROUND), refractive_index=options.INDEX)
+        stack = Stack(coats, ground=float(_GROUND))
     stack = replace(stack, pigments={**stack.pigments, **own_paints})
     if index is not None:
         stack = replace(stack, refractive_index=index)

@@ -129,30 +129,26 @@ def render(
     )
     # One program, which runs once.
     start_jax(optimisation=0)
-    given = None if stack is None else _read_stack(stack)
-    described = given.shown if given is not None else parse_coats(coats or "")
-    if given is not None:
-        instrument = given.instrument if instrument is None else instrument
-    if refractive_index is None:
-        refractive_index = options.INDEX if given is None else given.refractive_index
-    seen_by = options.read_geometry(instrument, _GEOMETRY)
     from ..colour import find_illuminant, find_observer
+    from ..stacks import Stack, paints
 
+    given = (
+        Stack(parse_coats(coats or ""), ground=float(_GROUND), instrument=_GEOMETRY)
+        if stack is None
+        else _read_stack(stack)
+    )
+    if refractive_index is None:
+        refractive_index = given.refractive_index
+    seen_by = options.read_geometry(instrument, given.instrument)
     illuminant = find_illuminant(illuminant)
     observer = find_observer(observer)
-    shelf = _shelf(pigments, catalogue, [name for coat in described for _, name in coat.parts])
-    if given is not None:
-        from ..stacks import paints
-
+    shelf = _shelf(pigments, catalogue, [name for coat in given.shown for _, name in coat.parts])
+    if stack is not None:
         shelf = {**shelf, **paints(given)}
-    described = name_paints(described, shelf)
+    described = name_paints(given.shown, shelf)
     repeated = _ladder_layer(described, ladder)
-    below = _ground_of(given) if given is not None and ground is None else None
-    media, bed = _lay(
-        below or options.read_ground(_GROUND if ground is None else ground),
-        described,
-        shelf,
-    )
+    below = _ground_of(given) if ground is None else options.read_ground(ground)
+    media, bed = _lay(below, described, shelf)
 
     from ..paint.media import Glaze, Layer
     from ..plots import load_matplotlib_ahead
