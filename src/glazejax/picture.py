@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -121,18 +122,14 @@ def picture(
     )
     # Maps that vary are the parameters; equal pixels are computed once.
     columns = list(inputs.varying.values())
-    first, inverse = (
-        distinct(columns) if columns else (np.zeros(1, int), np.zeros(inputs.pixels, int))
-    )
-    points = (
-        np.stack([column[first] for column in columns], axis=1) if columns else np.zeros((1, 0))
-    )
+    first, inverse = distinct(columns)
+    points = np.stack([column[first] for column in columns], axis=1)
     values = None
     computed = 0
     error = 0.0
     remark = ""
     # So few distinct pixels are computed one by one.
-    if not full and len(first) > 256 and 1 <= points.shape[1] <= MOST_AXES:
+    if not full and len(first) > 256 and len(columns) <= MOST_AXES:
         # The rest is the solver's.
         values_at_points, table = at_points(
             inputs.compute, points, tolerance=0.9 * delta_e, distance=inputs.difference
@@ -183,26 +180,20 @@ class _PictureInputs:
         coats = [Layer(medium, thickness) for medium, thickness in zip(paints, maps, strict=True)]
         ground = np.asarray(_check_known("ground", ground), float)
         thickness = [np.asarray(_check_known("thickness", m), float) for m in maps]
-        names = [f"thickness of {medium.name!r}" for medium in paints] + ["ground"]
-        for name, array in zip(names, [*thickness, ground], strict=True):
+        names = [f"thickness of {medium.name!r}" for medium in paints]
+        named = [*zip(names, thickness, strict=True), ("ground", ground)]
+        for name, array in named:
             if array.ndim not in ((0, 2) if name != "ground" else (0, 1, 2)):
                 raise ValueError(
                     f"{name} has shape {array.shape}; it must be a map (h, w) or one number"
                 )
-        shapes = {
-            name: a.shape
-            for name, a in zip(names, [*thickness, ground], strict=True)
-            if a.ndim == 2
-        }
-        if len(set(shapes.values())) != 1:
-            listing = ", ".join(f"{name} {shape}" for name, shape in shapes.items())
-            fix = (
-                f"maps differ in shape: {listing}"
-                if shapes
-                else "no map: for one glaze use glazejax.reflectance"
-            )
-            raise ValueError(fix)
-        self.shape = next(iter(shapes.values()))
+        shapes = [(name, array.shape) for name, array in named if array.ndim == 2]
+        if not shapes:
+            raise ValueError("no map: for one glaze use glazejax.reflectance")
+        self.shape = shapes[0][1]
+        if any(shape != self.shape for _, shape in shapes):
+            listing = ", ".join(f"{name} {shape}" for name, shape in shapes)
+            raise ValueError(f"maps differ in shape: {listing}")
         self.pixels = int(np.prod(self.shape))
         if self.pixels == 0:
             raise ValueError(f"maps of shape {self.shape} hold no pixel")
@@ -224,17 +215,22 @@ class _PictureInputs:
         self.albedo = np.asarray(unit.albedo, float)  # (bands, layers)
         # 1/m, from the optical thickness of 1 mm.
         self.extinction = 1e3 * np.asarray(unit.optical_thickness, float)
-        self.refractive_index = np.asarray(unit.refractive_index, float)
         self.thickness, self.ground = thickness, ground
-        self.geometry = geometry
-        self.directions, self.surface = _directions(self.geometry, self.refractive_index)
+        index = np.asarray(unit.refractive_index, float)
+        directions, self.surface = _directions(geometry, index)
         grid = unit.wavelengths
         self.weights = colour.colour_weights(grid, illuminant, observer)
         self.white = colour.white_point(grid, illuminant, observer)
-        self.tolerance, self.savings = tolerance, savings
-        # Maps that are not constant, by the number of a layer, or -1 for the ground.
-        maps = [*enumerate(thickness), (-1, ground)]
-        self.varying = {k: m.reshape(-1) for k, m in maps if m.ndim == 2 and m.min() < m.max()}
+        self.plan_options: dict[str, Any] = {
+            **directions,
+            "refractive_index": index,
+            "tolerance": tolerance,
+            "savings": savings,
+            "band_weights": self.weights,
+        }
+        # Maps by the number of a layer, or -1 for the ground: those that are not constant, if any.
+        maps = {k: m.reshape(-1) for k, m in [*enumerate(thickness), (-1, ground)] if m.ndim == 2}
+        self.varying = {k: m for k, m in maps.items() if m.min() < m.max()} or maps
 
     def compute(self, points: np.ndarray) -> np.ndarray:
         """XYZ by the solver, for points that hold the varying quantities, (points, varying)."""
@@ -253,17 +249,8 @@ class _PictureInputs:
                 ground = column[:, None]
             else:
                 thickness[:, k] = column
-        incidence, viewing = self.directions
         plan = plan_stacks(
-            self.albedo,
-            self.extinction * thickness[:, None, :],
-            ground,
-            refractive_index=self.refractive_index,
-            cos_incidence=incidence,
-            cos_viewing=viewing,
-            tolerance=self.tolerance,
-            savings=self.savings,
-            band_weights=self.weights,
+            self.albedo, self.extinction * thickness[:, None, :], ground, **self.plan_options
         )
         return (np.asarray(plan.run(), float) + self.surface) @ self.weights
 
@@ -284,9 +271,9 @@ def _check_known(name: str, values: Numbers) -> np.ndarray:
 
 def _directions(
     geometry: Geometry, index: np.ndarray
-) -> tuple[tuple[float, float | None], np.ndarray]:
-    """Cosines of incidence and viewing in air (None: hemispherical), and the surface's own
-    reflectance, added.
+) -> tuple[dict[str, float | None], np.ndarray]:
+    """Cosines of incidence and viewing in air (None: hemispherical) for `plan_stacks`, and the
+    surface's own reflectance, added.
     """
     incidence = np.asarray(geometry.cos_incidence, float)
     hemispherical = isinstance(geometry, Hemispherical)
@@ -300,4 +287,8 @@ def _directions(
         if geometry.sees_surface
         else np.zeros(())
     )
-    return (float(incidence), None if hemispherical else float(viewing)), surface
+    directions = {
+        "cos_incidence": float(incidence),
+        "cos_viewing": None if hemispherical else float(viewing),
+    }
+    return directions, surface
