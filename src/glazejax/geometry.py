@@ -21,9 +21,9 @@ from .radiative.common.inputs import INDEX_RANGE
 from .spectra import Numbers, as_float_array, concrete
 
 
-def _angle(name: str, degrees: Numbers) -> float | Float[Array, "..."]:
-    """Legal angle: Python numbers stay numbers, so that they remain constants of a traced
-    program.
+def _angle(name: str, degrees: Numbers, *, from_normal: bool = True) -> float | Float[Array, "..."]:
+    """Legal angle, from the normal or any finite one: Python numbers stay numbers, so that they
+    remain constants of a traced program.
     """
     values = concrete(degrees)
     if values is None:
@@ -32,24 +32,15 @@ def _angle(name: str, degrees: Numbers) -> float | Float[Array, "..."]:
         jnp.issubdtype(values.dtype, jnp.floating) or jnp.issubdtype(values.dtype, jnp.integer)
     ):
         raise ValueError(f"{name} must be a number of degrees, not {degrees!r}")
-    wrong = values[~((values >= 0) & (values < 90))]
+    legal = (values >= 0) & (values < 90) if from_normal else np.isfinite(values)
+    wrong = values[~legal]
     if wrong.size:
-        raise ValueError(
-            f"{name} must lie in [0, 90) degrees from the normal, not {wrong.flat[0]:g}"
+        rule = (
+            "lie in [0, 90) degrees from the normal"
+            if from_normal
+            else "be a finite number of degrees"
         )
-    return as_float_array(degrees) if values.ndim or eqx.is_array(degrees) else float(values)
-
-
-def _azimuth(degrees: Numbers) -> float | Float[Array, "..."]:
-    """Any finite angle."""
-    values = concrete(degrees)
-    if values is None:
-        return as_float_array(degrees)
-    if not np.all(np.isfinite(values)):
-        raise ValueError(
-            "azimuth must be a finite number of degrees, not "
-            f"{values[~np.isfinite(values)].flat[0]:g}"
-        )
+        raise ValueError(f"{name} must {rule}, not {wrong.flat[0]:g}")
     return as_float_array(degrees) if values.ndim or eqx.is_array(degrees) else float(values)
 
 
@@ -100,7 +91,7 @@ class Bidirectional(eqx.Module):
     ):
         self.incidence = _angle("incidence", incidence)
         self.viewing = _angle("viewing", viewing)
-        self.azimuth = _azimuth(azimuth)
+        self.azimuth = _angle("azimuth", azimuth, from_normal=False)
         self.specular = bool(specular)
 
     @property
