@@ -125,7 +125,7 @@ class Interpolated(eqx.Module):
         batch = jnp.broadcast_shapes(*(column.shape for column in columns))
         flat = tuple(jnp.broadcast_to(column, batch).reshape(-1) for column in columns)
         values_flat = on_all_cores(
-            _of_columns, flat, self.axes, least=_MANY, shared=self.coefficients
+            _interpolate, flat, self.axes, least=_MANY, shared=self.coefficients
         )
         return values_flat.reshape(*batch, *self.shape)
 
@@ -285,8 +285,8 @@ def _check_range(name: str, values: Numbers, axis: Axis | Mirrored) -> None:
     )
 
 
-@functools.partial(jax.custom_jvp, nondiff_argnums=(0,))
-def _interpolate(axes: tuple, coefficients: Array, columns: tuple[Array, ...]) -> Array:
+@functools.partial(jax.custom_jvp, nondiff_argnums=(2,))
+def _interpolate(columns: tuple[Array, ...], coefficients: Array, axes: tuple) -> Array:
     """Values (points, channels) at columns (points,)."""
     return _in_pieces(
         lambda *points: (_values(axes, coefficients, points, jnp),), coefficients, columns
@@ -295,7 +295,7 @@ def _interpolate(axes: tuple, coefficients: Array, columns: tuple[Array, ...]) -
 
 def _interpolate_jvp(axes: tuple, primals, tangents):
     """Slopes come with the values, piece by piece: nothing else is kept for a reverse pass."""
-    (coefficients, columns), (d_coefficients, d_columns) = primals, tangents
+    (columns, coefficients), (d_columns, d_coefficients) = primals, tangents
     # Slopes only by the parameters that change.
     changing = [k for k, change in enumerate(d_columns) if not isinstance(change, SymbolicZero)]
 
@@ -313,17 +313,13 @@ def _interpolate_jvp(axes: tuple, primals, tangents):
     value, *slopes = _in_pieces(with_slopes, coefficients, columns)
     tangent = jnp.zeros_like(value)
     if not isinstance(d_coefficients, SymbolicZero):
-        tangent += _interpolate(axes, d_coefficients, columns)
+        tangent += _interpolate(columns, d_coefficients, axes)
     for k, slope in zip(changing, slopes, strict=True):
         tangent += slope * d_columns[k][:, None]
     return value, tangent
 
 
 _interpolate.defjvp(_interpolate_jvp, symbolic_zeros=True)
-
-
-def _of_columns(columns: tuple[Array, ...], coefficients: Array, axes: tuple) -> Array:
-    return _interpolate(axes, coefficients, columns)
 
 
 def _in_pieces(function: Callable, coefficients: Array, columns: tuple[Array, ...]) -> list[Array]:
