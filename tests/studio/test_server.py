@@ -221,7 +221,7 @@ def test_what_can_be_searched_is_registered():
     for target in listed.values():
         module, _, name = target.partition(":")
         assert callable(getattr(import_module(module), name))
-    assert isinstance(jobs.find_tasks(), dict)
+    assert isinstance(jobs.Jobs().tasks, dict)
 
 
 def test_the_command_prints_its_link_and_ends_with_ctrl_c(tmp_path):

@@ -53,11 +53,11 @@ def test_its_stack_is_read_and_set(wired):
 
 def test_a_question_is_answered(wired):
     found, sent = wired
-    found._session.take({"glaze": "question"}, [pack({"type": "hello"})])
+    found._take(found, {"glaze": "question"}, [pack({"type": "hello"})])
     content, message = sent[-1]
     assert content == {"glaze": "answer"}
     assert unpack(message)[0]["type"] == "hello"
-    found._session.take("nonsense", [])
+    found._take(found, "nonsense", [])
 
 
 def test_its_one_module_has_nothing_to_import():
@@ -105,7 +105,7 @@ def test_its_page_is_the_same_studio(wired, tmp_path):
             end = time.monotonic() + 60
             while time.monotonic() < end:
                 for question in browser.execute_script("return (window.questions ?? []).splice(0)"):
-                    found._session.take({"glaze": "question"}, [base64.b64decode(question)])
+                    found._take(found, {"glaze": "question"}, [base64.b64decode(question)])
                 for _, message in sent:
                     browser.execute_script(
                         "window.answer(arguments[0])", base64.b64encode(message).decode()

@@ -14,6 +14,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from importlib.metadata import entry_points
 from typing import Any
 
@@ -25,11 +26,6 @@ PATIENCE = 120.0
 Send = Callable[[dict[str, Any]], None]
 
 
-def find_tasks() -> dict[str, str]:
-    """Searches that are installed: name -> ``module:function``."""
-    return {point.name: point.value for point in entry_points(group="glazejax.studio")}
-
-
 class Jobs:
     """Starts and stops searches.
 
@@ -38,7 +34,9 @@ class Jobs:
     """
 
     def __init__(self, tasks: Mapping[str, str] | None = None):
-        self.tasks: dict[str, str] = dict(find_tasks() if tasks is None else tasks)
+        if tasks is None:
+            tasks = {point.name: point.value for point in entry_points(group="glazejax.studio")}
+        self.tasks: dict[str, str] = dict(tasks)
         self._running: dict[str, subprocess.Popen[str]] = {}
         self._idle: list[subprocess.Popen[str]] = []
         self._senders: dict[str, Send] = {}
@@ -46,8 +44,8 @@ class Jobs:
         self._took: dict[str, float] = {}
         self._lock = threading.Lock()
 
-    def start(self, name: str, task: str, request: Mapping[str, Any], send: Send) -> str:
-        """Start a search; `send` gets its progress, then its result or its error. Returns its name.
+    def start(self, name: str, task: str, request: Mapping[str, Any], send: Send) -> None:
+        """Start a search; `send` gets its progress, then its result or its error.
 
         Raises:
             ValueError: the search is not installed, or enough of them run.
@@ -69,7 +67,6 @@ class Jobs:
         threading.Thread(
             target=self._follow, args=(name, task, request, process), daemon=True
         ).start()
-        return name
 
     def leave(self, page: str) -> None:
         """A page is gone: its searches, named by it first, go on for a while, and their answers are
@@ -85,27 +82,24 @@ class Jobs:
             timer.daemon = True
             timer.start()
 
-    def come_back(
-        self, page: str, sender_for: Callable[[str], Send]
-    ) -> tuple[list[str], Callable[[], None]]:
-        """A page is there again: names of its searches, and what hands it the answers that came
-        meanwhile.
-        """
+    def names(self, page: str) -> list[str]:
+        """Names of a page's searches: those that run, and those whose answer waits for it."""
         with self._lock:
-            names = [
+            return [
                 name for name in (*self._running, *self._unheard) if name.startswith(f"{page} ")
             ]
-            # Answers that came while nobody listened; what still runs sends to the page again.
-            waiting = {name: self._unheard.pop(name) for name in names if name in self._unheard}
-            for name in names:
-                if name not in waiting:
-                    self._senders[name] = sender_for(name)
 
-        def hand_over() -> None:
-            for name, message in waiting.items():
-                sender_for(name)(message)
-
-        return names, hand_over
+    def come_back(self, page: str, sender_for: Callable[[str], Send]) -> None:
+        """A page is there again: it gets the answers that came meanwhile, and those to come."""
+        for name in self.names(page):
+            send = sender_for(name)
+            with self._lock:
+                answer = self._unheard.pop(name, None)
+                # What still runs sends to the page again.
+                if answer is None:
+                    self._senders[name] = send
+            if answer is not None:
+                send(answer)
 
     def _give_up(self, name: str) -> None:
         # The page did not come back.
@@ -149,7 +143,7 @@ class Jobs:
     ) -> None:
         """Hand a search to its process, and its answers on."""
         began = time.monotonic()
-        stage = ["starting"]
+        stage = "starting"
         done = threading.Event()
 
         # The page hears twice a second how long it takes, whatever the search is doing.
@@ -157,14 +151,15 @@ class Jobs:
             while not done.wait(0.5):
                 state = {
                     "seconds": time.monotonic() - began,
-                    "words": stage[0],
+                    "words": stage,
                     "usual": self._took.get(task),
                 }
                 self._send(name, {"progress": state})
 
         threading.Thread(target=beat, daemon=True).start()
         answer: dict[str, Any] | None = None
-        try:
+        # A process that ends before its answer gives none.
+        with suppress(OSError, ValueError):
             assert process.stdin is not None
             assert process.stdout is not None
             process.stdin.write(json.dumps({"target": self.tasks[task], "given": request}) + "\n")
@@ -172,13 +167,10 @@ class Jobs:
             for line in process.stdout:
                 message = json.loads(line)
                 # A line of words says what is being done; any other is the answer.
-                if "words" in message:
-                    stage[0] = message["words"]
-                else:
+                if "words" not in message:
                     answer = message
                     break
-        except (OSError, ValueError):
-            answer = None
+                stage = message["words"]
         done.set()
         with self._lock:
             # Who stopped a search has taken it off the list and ended its process.
@@ -189,15 +181,10 @@ class Jobs:
         if stopped:
             return
         if answer is None:
-            self._send(
-                name,
-                {
-                    "error": (
-                        f"the search ended before it was done (exit status {process.wait()}); "
-                        "try it again"
-                    )
-                },
+            words = (
+                f"the search ended before it was done (exit status {process.wait()}); try it again"
             )
+            self._send(name, {"error": words})
             return
         # The next search of this kind shows how long it usually takes.
         if "result" in answer:

@@ -7,17 +7,19 @@ connection has lost nothing. Answers are bytes as `messages.pack` makes them. Wh
 question is one sentence, `{"type": "error", "about": ..., "words": ...}`.
 """
 
+import tempfile
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from .. import colour
+from ..io import SpectraTable, read_spectra
 from ..io.source import shorten
 from ..spectra import describe_grid
 from ..stacks import stack_from_dict, stack_to_dict
-from . import upload
 from .jobs import Jobs
 from .messages import MOST_FILE, pack, unpack
 from .page_data import page_data
@@ -78,27 +80,20 @@ class Session:
         # A blank separates the page's name from that of a search.
         if isinstance(page, str) and 0 < len(page) <= 80 and " " not in page:
             self._page = page
-        running, hand_over = self.jobs.come_back(self._page, self._teller)
         answer = {
             "type": "hello",
             "data": self._data,
             "most_file": MOST_FILE,
             "tasks": sorted(self.jobs.tasks),
-            "running": [name.partition(" ")[2] for name in running],
+            "running": [name.partition(" ")[2] for name in self.jobs.names(self._page)],
         }
         self.tell(answer)
-        hand_over()
+        self.jobs.come_back(self._page, self._teller)
 
     def _on_file(self, header: dict[str, Any], arrays: Any, body: bytes) -> None:
         """A dropped file: films, or spectra."""
         name = str(header.get("name", "the file"))[:200]
-        if len(body) > MOST_FILE:
-            raise ValueError(
-                f"{name} has {len(body) >> 20} MB; the studio takes files of {MOST_FILE >> 20} "
-                "MB at most"
-            )
-        dropped = upload.read_upload(name, body)
-        table = dropped.table
+        table = _read_upload(name, body)
         grid = np.asarray(table.wavelengths, float)
         answer: dict[str, Any] = {
             "type": "file",
@@ -106,7 +101,7 @@ class Session:
             "notes": list(table.notes),
             "names": list(table.names),
             "words": describe_grid(grid),
-            "films": dropped.films,
+            "films": _are_films(table.names),
         }
         arrays = {"wavelengths": grid, "reflectance": np.asarray(table.reflectance, float)}
         # Spectra of which no colour can be made are shown without one.
@@ -141,3 +136,38 @@ class Session:
         name = str(header.get("name"))[:80]
         self.jobs.stop(f"{self._page} {name}")
         self.tell({"type": "job", "name": name, "stopped": True})
+
+
+def _read_upload(name: str, content: bytes) -> SpectraTable:
+    """Spectra of a dropped file, by its content.
+
+    Raises:
+        ValueError: it holds none, or too many; the message is one line.
+    """
+    if len(content) > MOST_FILE:
+        raise ValueError(
+            f"{name} has {len(content) >> 20} MB; the studio takes files of {MOST_FILE >> 20} "
+            "MB at most"
+        )
+    if not content.strip():
+        raise ValueError(f"{name} is empty")
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "dropped"
+        path.write_bytes(content)
+        try:
+            table = read_spectra(path)
+        except (ValueError, OSError) as error:
+            raise ValueError(str(error).replace(str(path), name)) from None
+    most = 200
+    if len(table) > most:
+        raise ValueError(f"{name} holds {len(table)} spectra; the studio takes {most} at once")
+    return table
+
+
+def _are_films(titles: Iterable[str]) -> bool:
+    """Test whether spectra are films over a black and a white card, four rows each."""
+    rows: dict[str, set[str]] = {}
+    for title in titles:
+        film, _, ending = title.rpartition("_")
+        rows.setdefault(film, set()).add(ending)
+    return all(film and ends == {"b", "w", "ob", "ow"} for film, ends in rows.items())

@@ -60,8 +60,15 @@ def make_widget() -> type:
             tasks: dict[str, str] | None = None,
         ):
             super().__init__(stack=_plain(_USUAL if stack is None else stack))
-            self._session = _WidgetSession(self, Jobs(tasks))
-            self.on_msg(lambda _, content, buffers: self._session.take(content, buffers))
+            self._session = Session(
+                Jobs(tasks), lambda message: self.send({"glaze": "answer"}, [message])
+            )
+            self.on_msg(self._take)
+
+        def _take(self, _: Any, content: Any, buffers: Any) -> None:
+            """A message of the page."""
+            if isinstance(content, dict) and content.get("glaze") == "question" and buffers:
+                self._session.handle(bytes(buffers[0]))
 
         @traitlets.validate("stack")
         def _checked(self, proposal: Any) -> dict[str, Any]:
@@ -81,15 +88,3 @@ def _plain(stack: Glaze | Stack | dict[str, Any]) -> dict[str, Any]:
     if isinstance(stack, Glaze):
         stack = stack_of(stack)
     return stack_to_dict(stack if isinstance(stack, Stack) else stack_from_dict(stack))
-
-
-class _WidgetSession(Session):
-    """A session whose answers go through a widget."""
-
-    def __init__(self, widget: Any, jobs: Jobs):
-        super().__init__(jobs, lambda message: widget.send({"glaze": "answer"}, [message]))
-
-    def take(self, content: Any, buffers: Any) -> None:
-        """A message of the page."""
-        if isinstance(content, dict) and content.get("glaze") == "question" and buffers:
-            self.handle(bytes(buffers[0]))
