@@ -69,7 +69,11 @@ def studio(
     Example: glazejax studio
     """
     options.check_outputs({"--page": page}, overwrite, pictures=(), inputs=[stack, catalogue])
-    begin = None if stack is None else _stack(stack)
+    begin = None
+    if stack is not None:
+        from ..stacks import read_stack, stack_to_dict
+
+        begin = stack_to_dict(read_stack(stack))
     from ..commands.main import start_jax
 
     start_jax()
@@ -86,21 +90,14 @@ def studio(
     typer.echo(f"{page}: the studio as one file of {len(text.encode()) / 1e6:.2f} MB.")
 
 
-def _stack(path: Path) -> dict[str, Any]:
-    """A stack as the page has it."""
-    from ..stacks import read_stack, stack_to_dict
-
-    return stack_to_dict(read_stack(path))
-
-
 def _own(path: Path) -> "dict[str, Pigment]":
     """One's own paints, by names that no catalogue has."""
     from ..paint.pigment_table import read_pigments
     from ..stacks import own_name
 
     # The page lists one's own paints with those of the catalogues, by one set of names.
-    named = {own_name(name): paint for name, paint in read_pigments(path).items()}
-    return {name: paint.renamed(name) for name, paint in named.items()}
+    paints = [paint.renamed(own_name(name)) for name, paint in read_pigments(path).items()]
+    return {paint.name: paint for paint in paints}
 
 
 def _fragment(stack: dict[str, Any] | None) -> str:
