@@ -15,7 +15,7 @@ from jaxtyping import Float
 from glazejax import Pigment, catalogue, colour
 from glazejax.catalogue import ASSUMED_THICKNESS
 from glazejax.io import SpectraTable
-from glazejax.spectra import same_grid
+from glazejax.spectra import lie_between
 from glazejax.stacks import (
     BLACK,
     WHITE,
@@ -130,20 +130,25 @@ def identification(request: Request, report: Report) -> dict[str, Any]:
         result = identify_films(films_of(table), paints, keep=_CANDIDATES)
     else:
         below = options.get("below", "opaque")
-        levels = {"white": WHITE, "black": BLACK, "ground": stack.ground_on(table.wavelengths)}
-        if below != "opaque" and below not in levels:
+        levels = {
+            "opaque": None,
+            "white": WHITE,
+            "black": BLACK,
+            "ground": stack.ground_on(table.wavelengths),
+        }
+        if below not in levels:
             raise ValueError(
                 f"the film lies over {below!r}; it must be opaque, white, black or ground"
             )
         finished_chunks = []
-        opaque = below == "opaque"
+        level = levels[below]
         chunks = identify_chunks(
             table.wavelengths,
             table.reflectance,
             paints,
             IdentificationOptions(keep=_CANDIDATES),
-            ground=None if opaque else np.broadcast_to(levels[below], table.wavelengths.shape),
-            opaque=opaque,
+            ground=None if level is None else np.broadcast_to(level, table.wavelengths.shape),
+            opaque=level is None,
             names=table.names,
         )
         for chunk in chunks:
@@ -257,18 +262,14 @@ def _paints(stack: Stack) -> list[Pigment]:
     first = next(
         (name for coat in stack.shown for _, name in coat.parts if name not in stack.pigments), ""
     )
-    group = first.partition("/")[0] if "/" in first else ""
-    chosen = {
-        name: paint
-        for name, paint in shelf.items()
-        if (name.partition("/")[0] if "/" in name else "") == group
-    }
+    group = first.rpartition("/")[0]
+    chosen = {name: paint for name, paint in shelf.items() if name.rpartition("/")[0] == group}
     grid = next(iter(chosen.values())).wavelengths
-    own_paints = {}
-    for name, paint in stack.pigments.items():
-        covers = paint.wavelengths[0] <= grid[0] and paint.wavelengths[-1] >= grid[-1]
-        if same_grid(paint.wavelengths, grid) or covers:
-            own_paints[name] = paint if same_grid(paint.wavelengths, grid) else paint.resample(grid)
+    own_paints = {
+        name: paint.resample(grid)
+        for name, paint in stack.pigments.items()
+        if lie_between(grid, paint.wavelengths[0], paint.wavelengths[-1]).all()
+    }
     return [paint.renamed(name) for name, paint in {**chosen, **own_paints}.items()]
 
 
@@ -295,11 +296,7 @@ def _stack(request: Request, coats: list[dict[str, Any]]) -> dict[str, Any]:
     own_paints = {
         name: paint for name, paint in request["stack"].get("pigments", {}).items() if name in named
     }
-    setting = {
-        key: request["stack"][key]
-        for key in ("ground", "refractive_index", "geometry")
-        if key in request["stack"]
-    }
+    setting = {key: request["stack"][key] for key in ("ground", "refractive_index", "geometry")}
     return {"glazejax": "stack", "version": 1, **setting, "coats": coats} | (
         {"pigments": own_paints} if own_paints else {}
     )
@@ -309,11 +306,7 @@ def _rgb(
     grid: Float[np.ndarray, "bands"], reflectance: Float[np.ndarray, "bands"]
 ) -> list[int] | None:
     try:
-        return [
-            int(v)
-            for v in np.round(
-                255 * np.asarray(colour.srgb(grid, np.asarray(reflectance, float)), float)
-            )
-        ]
+        shade = colour.srgb(grid, reflectance)
     except ValueError:  # The bands give no colour.
         return None
+    return np.round(255 * np.asarray(shade, float)).astype(int).tolist()
