@@ -7,7 +7,7 @@ from typing import Any
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .geometry import Bidirectional, Geometry, Hemispherical, Instrument, geometry_of
+from .geometry import Geometry, Hemispherical, Instrument, geometry_of
 from .paint.media import Glaze, check_glaze, stack_of
 from .radiative.common.fresnel import dielectric_reflectance
 from .radiative.stack import (
@@ -67,31 +67,23 @@ def reflectance(
     options: dict[str, Any] = {"refractive_index": n, "tolerance": tolerance}
     # Only the many-flux solver follows a phase function.
     options |= {"method": method or "ordinates"} if phase is None else {"phase": phase}
-    match geometry:
-        case Bidirectional():
-            directions: dict[str, Any] = {
-                "cos_incidence": geometry.cos_incidence,
-                "cos_viewing": geometry.cos_viewing,
-            }
-            if phase is None:
-                diffuse = stack_reflectance_factor(*stack, **directions, **options)
-            else:
-                from .radiative.manyflux.reflectance import manyflux_reflectance_factor
-
-                azimuth = jnp.asarray(geometry.azimuth)
-                # Angles of a batch broadcast against the bands.
-                azimuth = azimuth[..., None] if azimuth.ndim else azimuth
-                diffuse = manyflux_reflectance_factor(
-                    *stack, **directions, azimuth=azimuth, **options
-                )
-        case Hemispherical():
-            if phase is None:
-                solve = stack_hemispherical_reflectance
-            else:
-                from .radiative.manyflux.reflectance import (
-                    manyflux_hemispherical_reflectance as solve,
-                )
-            diffuse = solve(*stack, cos_incidence=geometry.cos_incidence, **options)
+    options["cos_incidence"] = geometry.cos_incidence
+    if phase is None:
+        factor = stack_reflectance_factor
+        hemispherical = stack_hemispherical_reflectance
+    else:
+        from .radiative.manyflux.reflectance import (
+            manyflux_hemispherical_reflectance as hemispherical,
+        )
+        from .radiative.manyflux.reflectance import manyflux_reflectance_factor as factor
+    if isinstance(geometry, Hemispherical):
+        diffuse = hemispherical(*stack, **options)
+    else:
+        if phase is not None:
+            azimuth = jnp.asarray(geometry.azimuth)
+            # Angles of a batch broadcast against the bands.
+            options["azimuth"] = azimuth[..., None] if azimuth.ndim else azimuth
+        diffuse = factor(*stack, cos_viewing=geometry.cos_viewing, **options)
     if not geometry.specular:
         return diffuse
     # What the outer surface mirrors is no part of the stack's reflectance.
