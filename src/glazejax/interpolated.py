@@ -350,7 +350,7 @@ def _values(axes: tuple, coefficients: Any, columns: Any, xp: ModuleType) -> Any
         for basis in further:
             first = (first[:, None] * basis).reshape(-1, first.shape[-1])
         further = []
-    if len(axes) == 1 and coefficients.shape[-1] <= _FEW_CHANNELS:
+    elif not further:
         # A product of so small a matrix is slow, and the polynomials need not be kept.
         return functools.reduce(
             lambda total, k: total + coefficients[k][:, None] * first[k],
@@ -440,9 +440,7 @@ class _Builder:
             error = 0.0
             # Few checks find a table that is far too coarse; more of them judge a good one.
             for count in _CHECKS:
-                new = self._random_points(count)
-                points = np.concatenate([points, new])
-                truth = np.concatenate([truth, self.function(new)])
+                points, truth = self._with_checks(points, truth, count)
                 error = self._measure_error(coefficients, points, truth)
                 if error > tolerance:
                     break
@@ -489,9 +487,7 @@ class _Builder:
         if len(shorter) == 1:
             return coefficients, error
         # Terms were dropped by the errors at these points, so others must judge.
-        fresh = self._random_points(_CHECKS[-1])
-        points = np.concatenate([points, fresh])
-        truth = np.concatenate([truth, self.function(fresh)])
+        points, truth = self._with_checks(points, truth, _CHECKS[-1])
         # Back to more terms, until the other points agree.
         while True:
             last = shorter.pop()
@@ -505,6 +501,13 @@ class _Builder:
         guess = _values(self.axes, coefficients, points.T, np).T
         shape = (len(points), *self.function.shape)
         return SAFETY * float(np.max(self.distance(guess.reshape(shape), truth.reshape(shape))))
+
+    def _with_checks(
+        self, points: np.ndarray, truth: np.ndarray, count: int
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Check points and their values, and so many new ones."""
+        new = self._random_points(count)
+        return np.concatenate([points, new]), np.concatenate([truth, self.function(new)])
 
     def _random_points(self, count: int) -> np.ndarray:
         """Points not used before: of the samples, or half of them evenly and half as the
