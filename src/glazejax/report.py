@@ -55,6 +55,6 @@ def leave_out(table: Table, console: Console, spare: Iterable[str]) -> tuple[Tab
     return table, gone
 
 
-def swatch(shade: str, width: int = 2) -> Text:
+def swatch(shade: str) -> Text:
     """A patch of a colour, #rrggbb, for terminals that show colours."""
-    return Text(" " * width, style=f"on {shade}")
+    return Text(" " * 4, style=f"on {shade}")

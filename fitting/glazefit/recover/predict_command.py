@@ -360,7 +360,7 @@ def _print(
                 colour.lab(prediction.wavelengths, spectrum, illuminant=eye[0], observer=eye[1])
             )
             shade = swatch(
-                hex_colour(colour.srgb(prediction.wavelengths, spectrum, illuminant=eye[0])), 4
+                hex_colour(colour.srgb(prediction.wavelengths, spectrum, illuminant=eye[0]))
             )
             name = prediction.name if card == 0 else ""
             table.add_row(

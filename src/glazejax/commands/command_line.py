@@ -25,7 +25,6 @@ def ground_file(ground: str | None) -> Path | None:
     from ..io.files.sample import split_sample
     from ..io.source import split_sheet
 
-    path = split_sample(ground)[0]
     # A sheet is of a file, too.
-    file = None if path is None else split_sheet(path)[0]
-    return file if file is not None and file.is_file() else None
+    file = split_sheet(split_sample(ground)[0])[0]
+    return file if file.is_file() else None

@@ -40,14 +40,17 @@ def print_fit(console: Console, fit: "OpenPBRFit", path: Path) -> None:
     material = fit.material
     truth = fit.truth
     space = SPACES[truth.space].label
-    light = f"{space}, {truth.light[0]}"
-    _line(console, "wrote", f"{path}: OpenPBR 1.1 in MaterialX 1.39, colours in {light}")
+    _line(
+        console,
+        "wrote",
+        f"{path}: OpenPBR 1.1 in MaterialX 1.39, colours in {space}, {truth.light[0]}",
+    )
     colour = " ".join(f"{value:.4g}" for value in material.base_color)
-    text = f"base_color {colour}, base_diffuse_roughness {material.base_diffuse_roughness:.3g}"
     _line(
         console,
         "",
-        f"{text}, specular_ior {material.specular_ior:.4g}, specular_roughness "
+        f"base_color {colour}, base_diffuse_roughness {material.base_diffuse_roughness:.3g}, "
+        f"specular_ior {material.specular_ior:.4g}, specular_roughness "
         f"{material.specular_roughness:.3g}",
     )
     if material.coat_weight:
@@ -58,7 +61,7 @@ def print_fit(console: Console, fit: "OpenPBRFit", path: Path) -> None:
             f"coat_color {colour}, coat_ior {material.coat_ior:.4g}, coat_darkening "
             f"{material.coat_darkening:.3g}",
         )
-    _errors(console, "how near", fit.errors)
+    _errors(console, fit.errors)
     plain = fit.naive_errors
     _line(
         console,
@@ -76,11 +79,13 @@ def print_fit(console: Console, fit: "OpenPBRFit", path: Path) -> None:
         )
     # A smaller share is rounding.
     if fit.outside > 5e-4:
-        text = (
-            f"{fit.outside:.0%} of the angles show a colour that {space} cannot hold: it is brought"
-        )
         advice = "; --space acescg holds it" if truth.space == "lin_rec709" else ""
-        _line(console, "note", f"{text} inside{advice}")
+        _line(
+            console,
+            "note",
+            f"{fit.outside:.0%} of the angles show a colour that {space} cannot hold: it is "
+            f"brought inside{advice}",
+        )
     _meaning(console)
     if fit.layering != "reciprocal":
         _line(
@@ -106,25 +111,23 @@ def print_textures(console: Console, textures: "TextureSet", folder: Path) -> No
         f"{textures.computed} glazes computed, the others interpolated within Delta E "
         f"{textures.interpolation:.2g} (estimated)",
     )
-    _errors(console, "how near", textures.errors, "at the worst of some pixels, ")
+    _errors(console, textures.errors, "at the worst of some pixels, ")
     # A smaller share is rounding.
     if textures.outside > 5e-4:
-        text = (
-            f"{textures.outside:.1%} of the pixels have a colour that the space cannot hold: "
-            "brought inside, changed by"
-        )
         _line(
             console,
             "note",
-            f"{text} Delta E {textures.clipped:.2g} at most; --format exr --space acescg holds it",
+            f"{textures.outside:.1%} of the pixels have a colour that the space cannot hold: "
+            f"brought inside, changed by Delta E {textures.clipped:.2g} at most; --format exr "
+            "--space acescg holds it",
         )
     _meaning(console)
 
 
-def _errors(console: Console, title: str, errors: "Errors", where: str = "") -> None:
+def _errors(console: Console, errors: "Errors", where: str = "") -> None:
     _line(
         console,
-        title,
+        "how near",
         f"{where}under an even sky: albedo within {errors.albedo:.3f}, Delta E {errors.sky:.2f} "
         f"(mean), {errors.sky_most:.2f} (most)",
     )

@@ -306,33 +306,24 @@ Seed = Annotated[
 
 def instrument_option(default: str) -> Any:
     """``--instrument``, with what a command takes if it is left out."""
-    text = (
-        "Instrument: d:8 or di:8 (integrating sphere, mirror reflection of the surface "
-        "included), de:8 (excluded), "
-    )
-    text += (
-        "45:0, 0:45, or another ANGLE:ANGLE of light and view in degrees (30:30:specular sees "
-        "the mirror reflection)."
-    )
     return option(
         "--instrument",
         metavar="GEOMETRY",
         callback=checked(lambda words: split_geometry(words, "--instrument")),
-        help=f"{text} Default: {default}.",
+        help="Instrument: d:8 or di:8 (integrating sphere, mirror reflection of the surface "
+        "included), de:8 (excluded), 45:0, 0:45, or another ANGLE:ANGLE of light and view in "
+        f"degrees (30:30:specular sees the mirror reflection). Default: {default}.",
     )
 
 
 def ground_option(default: str = "") -> Any:
     """``--ground``, with what a command takes if it is left out."""
-    text = (
-        "Ground below the paint: its reflectance from inside the paint, 0 to 1, or a "
-        f"file of spectra, FILE or FILE:SAMPLE.{f' Default: {default}.' if default else ''}"
-    )
     return option(
         "--ground",
         metavar="GROUND",
         callback=checked(ground_level),
-        help=text,
+        help="Ground below the paint: its reflectance from inside the paint, 0 to 1, or a "
+        f"file of spectra, FILE or FILE:SAMPLE.{f' Default: {default}.' if default else ''}",
     )
 
 

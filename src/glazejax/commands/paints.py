@@ -140,8 +140,7 @@ def _print_family(console: "Console", about: "Family", origins: "list[Provenance
     elements = ", ".join(about.elements) or "none that X-ray fluorescence finds"
     console.print(
         f"[bold]{about.name}[/bold]: {about.formula}; {about.colour_index}; in use "
-        f"{about.in_use}; elements: {elements}{f'; {about.caution}' if about.caution else ''}.",
-        markup=True,
+        f"{about.in_use}; elements: {elements}{f'; {about.caution}' if about.caution else ''}."
     )
     if not origins:
         console.print("There is no exemplar of it.")
@@ -163,10 +162,10 @@ def _draw(path: Path, about: "Family", pigments: "list[Pigment]") -> None:
     """Reflectance factors of films that hide their ground, each exemplar one line."""
     import numpy as np
 
-    from ..plots import label_spectra, picture, style
+    from ..plots import label_spectra, picture
     from ..radiative import stack_reflectance_factor
 
-    with style(), picture(path, 7.0, 4.2) as figure:
+    with picture(path, 7.0, 4.2) as figure:
         axes = figure.subplots()
         for pigment in pigments:
             k = np.asarray(pigment.absorption, dtype=np.float64)

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float
 
-from ..extras import require
 from ..plots import EDGE, FAINT, GRID, INK, hex_colour, label_spectra, style
 from .rendering import Rendering
 
@@ -58,11 +57,10 @@ def glaze_figure(
         ValueError: what `lab` refuses.
         ModuleNotFoundError: matplotlib is not installed.
     """
-    require("matplotlib")
-    from matplotlib.figure import Figure
-
     last = rendering.ladder.counts[-1]
     with style({"font.size": 15}):
+        from matplotlib.figure import Figure
+
         figure = Figure(figsize=(16, 10))
         top = {"top": 0.84, "bottom": 0.6}
         _draw_spectra(figure.add_axes(_box(0.062, 0.615, **top)), rendering, names)

@@ -80,7 +80,7 @@ def print_colour(console: Console, rendering: Rendering) -> None:
         + "".join(f"{round(255 * float(v)):9d}" for v in np.clip(raw, 0, 1))
         + f"  {shade} "
     )
-    console.print(line + swatch(shade, 4))
+    console.print(line + swatch(shade))
     if outside := out_of_gamut(raw):
         console.print(Text(f"         {outside}", style="yellow"))
 
@@ -118,7 +118,7 @@ def print_comparison(console: Console, rendering: Rendering, coats: Sequence[Coa
         shade = hex_colour(rendering.rgb(spectrum))
         cells = [*values, float(delta_e_2000(glaze_lab, values))] if wide else [*values]
         table.add_row(
-            f" {name}", *(format_decimals(v) for v in cells), Text(f"{shade} ") + swatch(shade, 4)
+            f" {name}", *(format_decimals(v) for v in cells), Text(f"{shade} ") + swatch(shade)
         )
     console.print()
     console.print(table)
@@ -148,7 +148,7 @@ def print_ladder(console: Console, rendering: Rendering, coat: Coat) -> None:
             lightness, a, b = rendering.lab(spectra[count])
             shade = hex_colour(rendering.rgb(spectra[count]))
             numbers = "" if narrow else f"{lightness:4.0f}{np.hypot(a, b):4.0f} "
-            patch = Text("") if console.width < 50 else swatch(shade, 4)
+            patch = Text("") if console.width < 50 else swatch(shade)
             cells.append(Text(f"{shade}{numbers} ") + patch)
         table.add_row(str(count), *cells)
     console.print(table)
