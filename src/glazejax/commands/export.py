@@ -152,10 +152,7 @@ def export(
             help="Your own paints, added to the catalogue's: a pigments.csv of `glazejax recover`.",
         ),
     ] = None,
-    tolerance: Annotated[
-        float,
-        typer.Option(callback=options.between(1e-12, 1.0), help="Largest error of a reflectance."),
-    ] = 1e-4,
+    tolerance: options.Tolerance = 1e-4,
     overwrite: options.Overwrite = False,
 ) -> None:
     """Export a stack of coats to a renderer or a game engine, with its error.

@@ -126,7 +126,6 @@ def _unit(words: str) -> None:
 there: Callable[[Any], Any] = checked(existing)
 file_option: Callable[..., Any] = functools.partial(option, metavar="FILE", callback=there)
 """An option for a file that is read."""
-INDEX = 1.5
 RefractiveIndex = Annotated[
     float,
     typer.Option(
@@ -138,8 +137,7 @@ RefractiveIndexOfStack = Annotated[
     float | None,
     option(
         callback=between(1.0, 2.5),
-        help=f"Refractive index of the paint, 1 to 2.5. Default: that of the stack's file, or "
-        f"{INDEX:g}.",
+        help="Refractive index of the paint, 1 to 2.5. Default: that of the stack's file, or 1.5.",
     ),
 ]
 Thickness = Annotated[
@@ -268,6 +266,10 @@ Observer = Annotated[
         callback=checked(_observer),
         help="CIE standard observer of the colours: 2 or 10 degrees.",
     ),
+]
+Tolerance = Annotated[
+    float,
+    typer.Option(callback=between(1e-12, 1.0), help="Largest error of a reflectance."),
 ]
 Picture = Annotated[
     Path,

@@ -81,13 +81,7 @@ def render(
         ),
     ] = None,
     catalogue: options.CatalogueName = None,
-    tolerance: Annotated[
-        float,
-        typer.Option(
-            callback=options.between(1e-12, 1.0),
-            help="Largest error of a reflectance.",
-        ),
-    ] = 1e-6,
+    tolerance: options.Tolerance = 1e-6,
     list_pigments: Annotated[
         bool, typer.Option("--list", help="List the paints, and stop.")
     ] = False,

@@ -100,9 +100,9 @@ def scene(
         loaded = _resize(loaded, size)
     typer.echo(f"scene  {file}: {describe(loaded)}")
     for note in loaded.notes:
-        typer.echo(f"note   {note}", err=True)
+        _note(note)
     if renderer == "mitsuba" and (state := _without_llvm(loaded, samples or _SAMPLES)):
-        typer.echo(f"note   {state}", err=True)
+        _note(state)
     rendered = _render(loaded, spectral is not None, samples or _SAMPLES, renderer)
     if rendered.done == 0:
         typer.echo("stopped before the first pixel: nothing is written", err=True)
@@ -222,19 +222,18 @@ def _write(loaded: "SceneFile", rendered: "Rendered", out: Path, spectral: Path 
     for line in rendered.report.describe().splitlines():
         typer.echo(f"       {line}")
     for note in rendered.report.notes:
-        typer.echo(f"note   {note}", err=True)
+        _note(note)
     if screen.bright > 0:
-        remark = (
+        _note(
             f"{screen.bright:.1%} of the pixels are brighter than the screen's white; a lower "
             "exposure shows them"
         )
-        typer.echo(f"note   {remark}", err=True)
     if screen.colourful > 0:
-        remark = (
+        _note(
             f"{screen.colourful:.1%} of the pixels are more colourful than {loaded.display} can "
-            "show"
+            f"show: they are brought inside ([picture] gamut = {loaded.gamut!r})"
         )
-        typer.echo(
-            f"note   {remark}: they are brought inside ([picture] gamut = {loaded.gamut!r})",
-            err=True,
-        )
+
+
+def _note(words: str) -> None:
+    typer.echo(f"note   {words}", err=True)

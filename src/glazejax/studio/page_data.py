@@ -48,34 +48,26 @@ def page_data(own_paints: Mapping[str, Pigment] | None = None) -> dict[str, Any]
 
 def entry(name: str, paint: Pigment) -> dict[str, Any]:
     """Entry of a paint on the page."""
-    group, slash, own_label = name.partition("/")
+    first, *further = catalogue.names()
+    group, slash, label = name.partition("/")
+    if not slash or group not in further:
+        label = name
+        # A paint without a catalogue's scale of length is one's own.
+        group = first if catalogue.assumed_scale(paint) else "own"
     identifiable = paint.identifiable
     bands = paint.wavelengths
     # Bands at which the data leave k and s apart unknown.
     unknown = "" if identifiable is None or identifiable.all() else ranges(bands, ~identifiable)
     return {
         "name": name,
-        "label": _space_words(own_label if slash and group in catalogue.names() else name),
-        "group": _group(name, paint),
+        # A catalogue's name as people write it: Chrome Yellow.
+        "label": re.sub(r"(?<=[a-z0-9])(?=[A-Z])", " ", label),
+        "group": group,
         "provenance": paint.provenance or "no provenance is stated",
         "bands": describe_grid(bands),
         "unknown": unknown,
         "caution": catalogue.caution(paint),
     }
-
-
-def _space_words(name: str) -> str:
-    """A catalogue's name as people write it: ``Chrome Yellow``."""
-    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", " ", name)
-
-
-def _group(name: str, paint: Pigment) -> str:
-    first, *further = catalogue.names()
-    prefix = name.partition("/")[0]
-    if prefix in further:
-        return prefix
-    # A paint without a catalogue's scale of length is one's own.
-    return first if catalogue.assumed_scale(paint) else "own"
 
 
 def _curves(paint: Pigment) -> dict[str, Any]:
