@@ -292,8 +292,6 @@ def _maps(
     ground: Path | None,
 ) -> "dict[str, Float[np.ndarray, 'h w']]":
     """Maps of the options, in metres and shares."""
-    import numpy as np
-
     from ..appearance.scene.file_materials import read_grey
 
     if not 1 <= layer <= len(glaze.coats):
@@ -307,20 +305,20 @@ def _maps(
         metres = span is None and thickness.suffix.lower() == ".npy"
         grey = read_grey(thickness, heights=metres)
         if metres:
-            low = 0.0
-            high = 1.0
             if grey.min() < 0 or grey.max() > MAX_THICKNESS:
                 raise ValueError(
                     f"{thickness}: holds {grey.min():g} to {grey.max():g}; thicknesses are in "
                     f"metres, 0 to {MAX_THICKNESS:g} (20 micrometres are 20e-6); values from 0 to "
                     "1 take --thickness-range, such as 0-20um"
                 )
-        elif span is not None:
-            low, high = options.read_lengths(span, "--thickness-range", from_zero=True)
+            maps["thickness"] = grey
         else:
-            low = 0.0
-            high = float(np.asarray(glaze.coats[layer - 1].thickness))
-        maps["thickness"] = low + (high - low) * grey
+            low, high = (
+                (0.0, float(glaze.coats[layer - 1].thickness))
+                if span is None
+                else options.read_lengths(span, "--thickness-range", from_zero=True)
+            )
+            maps["thickness"] = low + (high - low) * grey
     for name, path in (("fraction", fraction), ("ground", ground)):
         if path is not None:
             maps[name] = read_grey(path)

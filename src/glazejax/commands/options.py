@@ -625,24 +625,23 @@ def check_names(names: Iterable[str], pigments: Path | None, shelf: str | None) 
     """
     from ..io.words import unshield_name
 
-    names_and_families: dict[str, str] = {}
+    known: list[str] = []
+    families: dict[str, str] = {}
     if shelf is not None or pigments is None:
-        names_and_families |= catalogue.paint_families(shelf or OILS)
+        families = catalogue.paint_families(shelf or OILS)
+        known += families
     if pigments is not None:
         # What comes through a pipe can be read once only, and by whom reads it whole.
         if not pigments.is_file():
             return
         text = pigments.read_text(encoding="utf-8-sig", errors="replace")
         rows = csv.DictReader(line for line in text.splitlines() if not line.startswith("#"))
-        names_and_families |= {
-            unshield_name((row.get("pigment") or "").strip()): "" for row in rows
-        }
-    for other_catalogue in catalogue.names():
-        names_and_families |= dict.fromkeys(
-            (f"{other_catalogue}:{name}" for name in catalogue.paint_families(other_catalogue)), ""
-        )
+        known += dict.fromkeys(unshield_name((row.get("pigment") or "").strip()) for row in rows)
+    for other in catalogue.names():
+        known += [f"{other}:{name}" for name in catalogue.paint_families(other)]
+    known += filter(None, families.values())
     for name in names:
-        _full_name(name, [*names_and_families, *filter(None, names_and_families.values())])
+        _full_name(name, known)
 
 
 def check_coats(text: str, pigments: Path | None, shelf: str | None = None) -> None:

@@ -51,14 +51,6 @@ def bar(*columns: "str | ProgressColumn") -> "Bar":
     return Bar(*columns, console=Console(stderr=True), transient=True, disable=not moving())
 
 
-class _Stage(NamedTuple):
-    """Stage of the work, since when, and how much was done before."""
-
-    title: str
-    began: float
-    first: int
-
-
 def _share(done: int, total: int) -> str:
     return f"{done:,} of {total:,} ({done / max(total, 1):.0%})"
 
@@ -107,19 +99,24 @@ def lines(seconds: float = 10.0) -> Iterator[Progress]:
     """
     began = time.monotonic()
     ended = threading.Event()
-    stage = _Stage("", began, 0)
     latest = ""
+    # Of the stage: what it is, since when, and how much was done before.
+    stage = ""
+    since = began
+    first = 0
 
     def note(done: int, total: int | None, title: str, /) -> None:
-        nonlocal stage, latest
+        nonlocal latest, stage, since, first
         now = time.monotonic()
-        if title != stage.title:
-            stage = _Stage(title, now, done)
+        if title != stage:
+            stage = title
+            since = now
+            first = done
         # A stage that is one piece has nothing to count.
         count = "" if total == 1 else f" {done:,}" if total is None else f" {_share(done, total)}"
         time_left = ""
-        if total is not None and total > done > stage.first:
-            pace = (now - stage.began) / (done - stage.first)
+        if total is not None and total > done > first:
+            pace = (now - since) / (done - first)
             time_left = f", about {_duration(pace * (total - done))} left"
         latest = f"{title}{count}, after {{}}{time_left}"
 

@@ -68,7 +68,7 @@ def print_colour(console: Console, rendering: Rendering) -> None:
     raw = rendering.rgb(spectrum, clip=False)
     shade = hex_colour(raw)
     console.print()
-    console.print(Text("Colour", style="bold") + Text(f" under {rendering.eye}", style="not bold"))
+    console.print(Text.assemble(("Colour", "bold"), f" under {rendering.eye}"))
     console.print(
         Text("  XYZ    " + "".join(f"{v:9.4f}" for v in tristimulus) + "  (white: Y = 1)")
     )
@@ -128,13 +128,8 @@ def print_ladder(console: Console, rendering: Rendering, coat: Coat) -> None:
     """Print a few rungs of the ladder of a coat."""
     ladder = rendering.ladder
     console.print()
-    console.print(
-        Text("Ladder", style="bold")
-        + Text(
-            f" of {coat.name}, one coat {format_length(coat.thickness)}: sRGB, L*, C*",
-            style="not bold",
-        )
-    )
+    what = f" of {coat.name}, one coat {format_length(coat.thickness)}: sRGB, L*, C*"
+    console.print(Text.assemble(("Ladder", "bold"), what))
     table = Table(box=None, padding=(0, 1), header_style="dim")
     table.add_column(" coats", justify="right", no_wrap=True)
     narrow = console.width < _WIDE

@@ -5,7 +5,7 @@ import os
 import sys
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -79,7 +79,13 @@ def studio(
     start_jax()
     own_paints = {} if catalogue is None else _own(catalogue)
     if page is None:
-        serve(port, _fragment(begin), open_browser=not no_open, own_paints=own_paints)
+        import json
+        from urllib.parse import quote
+
+        # A stack is the fragment of a link.
+        text = json.dumps(begin, separators=(",", ":"), ensure_ascii=False)
+        fragment = "" if begin is None else f"#{quote(text)}"
+        serve(port, fragment, open_browser=not no_open, own_paints=own_paints)
         return
     from ..whole_file import whole_file
     from .one_file import one_file
@@ -98,16 +104,6 @@ def _own(path: Path) -> "dict[str, Pigment]":
     # The page lists one's own paints with those of the catalogues, by one set of names.
     paints = [paint.renamed(own_name(name)) for name, paint in read_pigments(path).items()]
     return {paint.name: paint for paint in paints}
-
-
-def _fragment(stack: dict[str, Any] | None) -> str:
-    """A stack as the fragment of a link."""
-    import json
-    from urllib.parse import quote
-
-    if stack is None:
-        return ""
-    return "#" + quote(json.dumps(stack, separators=(",", ":"), ensure_ascii=False))
 
 
 def serve(
