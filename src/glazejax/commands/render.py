@@ -4,6 +4,7 @@ picture out.
 
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -18,7 +19,7 @@ from .help_groups import help_groups
 if TYPE_CHECKING:
     from ..paint.describe import Coat
     from ..paint.media import Mixture, Pigment
-    from ..stacks import Spectrum, Stack
+    from ..stacks import Stack
 
 
 _GEOMETRY = "0:0"
@@ -185,15 +186,14 @@ def render(
         # Files first: a pager that closes early must not lose them.
         figure.savefig(out, dpi=100)
     if write_stack is not None:
-        _write_stack(
-            write_stack,
-            coats=described,
+        drawn = Stack(
+            described,
             ground=bed.level,
-            shelf=shelf,
-            index=refractive_index,
+            refractive_index=refractive_index,
             instrument=seen_by.notation,
-            overwrite=overwrite,
+            pigments=shelf,
         )
+        _write_stack(write_stack, drawn, overwrite)
     if csv is not None:
         _write_table(csv, rendering, described, overwrite)
 
@@ -248,46 +248,28 @@ def _ground_of(stack: "Stack") -> options.Ground:
     return options.Ground(level, f"reflectance {level:g}", notes)
 
 
-def _write_stack(
-    path: Path,
-    coats: "Sequence[Coat]",
-    ground: "float | Spectrum",
-    shelf: "Mapping[str, Pigment]",
-    index: float,
-    instrument: str,
-    overwrite: bool,
-) -> None:
-    """Write the stack as JSON; paints that are in no catalogue go along."""
-    from ..stacks import Stack, all_paints, write_stack
+def _write_stack(path: Path, stack: "Stack", overwrite: bool) -> None:
+    """Write the stack as JSON; of its paints, those that are in no catalogue go along."""
+    from ..stacks import all_paints, write_stack
 
     shipped = all_paints()
     # The studio has a stroke where the command has a colon: acrylics/TitaniumWhite.
     in_studio = {
         name: stroke if (stroke := name.replace(":", "/")) in shipped else name
-        for coat in coats
+        for coat in stack.coats
         for _, name in coat.parts
     }
     # One of another catalogue, or one's own: the same name in the studio would be another paint.
     embedded = {
-        new: shelf[name]
+        new: stack.pigments[name]
         for name, new in in_studio.items()
-        if new not in shipped or shipped[new].provenance != shelf[name].provenance
+        if new not in shipped or shipped[new].provenance != stack.pigments[name].provenance
     }
-    coats = [
+    coats = tuple(
         coat._replace(parts=tuple((share, in_studio[name]) for share, name in coat.parts))
-        for coat in coats
-    ]
-    write_stack(
-        path,
-        Stack(
-            coats=tuple(coats),
-            ground=ground,
-            refractive_index=index,
-            instrument=instrument,
-            pigments=embedded,
-        ),
-        overwrite=overwrite,
+        for coat in stack.coats
     )
+    write_stack(path, replace(stack, coats=coats, pigments=embedded), overwrite=overwrite)
 
 
 def _ladder_layer(coats: "Sequence[Coat]", ladder: str | None) -> int:

@@ -106,11 +106,9 @@ class Session:
         arrays = {"wavelengths": grid, "reflectance": np.asarray(table.reflectance, float)}
         # Spectra of which no colour can be made are shown without one.
         try:
-            weights = colour.colour_weights(grid)
-            white = weights.sum(axis=0)
-            xyz = arrays["reflectance"] @ weights
-            arrays["rgb"] = np.round(255 * np.asarray(colour.xyz_to_srgb(xyz, white), float))
-            arrays["lab"] = np.asarray(colour.xyz_to_lab(xyz, white), float)
+            shades = np.asarray(colour.srgb(grid, arrays["reflectance"]), float)
+            arrays["rgb"] = np.round(255 * shades)
+            arrays["lab"] = np.asarray(colour.lab(grid, arrays["reflectance"]), float)
         except ValueError as error:
             answer["notes"].append(str(error))
         self.tell(answer, arrays)
