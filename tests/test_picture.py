@@ -120,3 +120,8 @@ def test_what_is_wrong_is_named(paints, change: dict, words: str):
     asked = {"thickness_maps": (FLAT, 1e-6), "ground": 0.5} | change
     with pytest.raises(ValueError, match=words):
         gj.picture(paints, **asked)
+
+
+def test_maps_of_one_paint_have_one_shape_too(paints):
+    with pytest.raises(ValueError, match="maps differ in shape"):
+        gj.picture([paints[0], paints[0]], [np.full((3, 3), 1e-6), FLAT], 0.5)

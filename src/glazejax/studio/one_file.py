@@ -59,7 +59,7 @@ def bundle(last: str) -> str:
     for name in (*_MODULES, last):
         text = page_text(f"{name}.js")
         names = _EXPORT.findall(text)
-        text = _IMPORT.sub(lambda import_line: _taken(import_line[1], import_line[2]), text)
+        text = _IMPORT.sub(_inner_import, text)
         text = _EXPORT.sub("", text)
         if _DEFAULT.search(text):
             text = _DEFAULT.sub("const standard = ", text)
@@ -72,9 +72,9 @@ def bundle(last: str) -> str:
     return "\n".join(scripts)
 
 
-def _taken(names: str, module: str) -> str:
+def _inner_import(line: re.Match[str]) -> str:
     """An import as a line of one text."""
-    return f"const {{ {names.strip().replace(' as ', ': ')} }} = modules.{module};"
+    return f"const {{ {line[1].strip().replace(' as ', ': ')} }} = modules.{line[2]};"
 
 
 def one_file(

@@ -16,7 +16,7 @@ from typing import Any
 from ..extras import require
 from ..paint.media import Pigment
 from .jobs import Jobs
-from .messages import MOST_BYTES, pack
+from .messages import MOST_BYTES
 from .page_data import page_data
 from .session import Session
 
@@ -167,15 +167,8 @@ class Studio:
                     content = message.get("bytes") or message.get("text") or ""
                     # Who asks faster than answers come is refused, so that memory stays bounded.
                     if len(waiting) > 50:
-                        send(
-                            pack(
-                                {
-                                    "type": "error",
-                                    "about": "",
-                                    "words": "too many messages wait for an answer",
-                                }
-                            )
-                        )
+                        words = "too many messages wait for an answer"
+                        session.tell({"type": "error", "about": "", "words": words})
                         continue
                     # Reading a file takes long, and the socket must stay open meanwhile.
                     task = loop.run_in_executor(pool, session.handle, content)
