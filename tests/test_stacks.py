@@ -56,7 +56,7 @@ def test_the_glaze_is_that_of_the_shown_coats():
     stack = stack_from_dict(GIVEN)
     blue = gj.catalogue.pigment("CobaltBlue")
     expected = gj.reflectance(gj.Glaze([gj.Layer(blue, 2e-6)], 0.6, 1.4), gj.Hemispherical(8.0))
-    assert_allclose(gj.reflectance(stack.glaze(), stack.seen_by), expected, atol=1e-12)
+    assert_allclose(gj.reflectance(stack.glaze(), stack.instrument), expected, atol=1e-12)
 
 
 @pytest.mark.parametrize(

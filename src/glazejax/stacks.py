@@ -114,11 +114,6 @@ class Stack:
             else coats
         )
 
-    @property
-    def seen_by(self) -> Geometry:
-        """The instrument's geometry."""
-        return parse_geometry(self.instrument)
-
     def level(self, side: str = "white") -> "float | Spectrum":
         """Reflectance of the ground; of a card, that of its white or black side."""
         if isinstance(self.ground, int | float):

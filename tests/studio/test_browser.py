@@ -62,7 +62,7 @@ def spectrum_of(stack, side="white"):
     """Wavelengths and reflectance of the whole computation."""
     read = stack_from_dict(stack)
     glaze = read.glaze(side)
-    return glaze.wavelengths, gj.reflectance(glaze, read.seen_by)
+    return glaze.wavelengths, gj.reflectance(glaze, read.instrument)
 
 
 def expected(stack, side, lamp="D65"):

@@ -77,9 +77,9 @@ def test_spectra_and_colours_are_those_of_the_library(coats):
     assert_allclose(found["wavelengths"], grid)
     for row, (side, geometry) in enumerate(
         [
-            ("white", stack.seen_by),
-            ("white", stack.seen_by),
-            ("black", stack.seen_by),
+            ("white", stack.instrument),
+            ("white", stack.instrument),
+            ("black", stack.instrument),
             ("white", gj.Bidirectional(30, 50)),
         ]
     ):
@@ -94,7 +94,7 @@ def test_spectra_and_colours_are_those_of_the_library(coats):
     thick = stack_from_dict(
         {**given, "coats": [{**coats[0], "um": 3 * coats[0]["um"]}, *coats[1:]]}
     )
-    lab = colour.lab(grid, gj.reflectance(thick.glaze(), stack.seen_by))
+    lab = colour.lab(grid, gj.reflectance(thick.glaze(), stack.instrument))
     assert_allclose(found["ladder"][2]["lab"], lab, atol=0.05)
 
 
@@ -111,7 +111,7 @@ def test_spectra_and_colours_are_those_of_the_library(coats):
 )
 def test_geometries_and_grounds_are_those_of_the_library(change):
     stack = stack_from_dict({**STACK, **change})
-    expected = gj.reflectance(stack.glaze(), stack.seen_by)
+    expected = gj.reflectance(stack.glaze(), stack.instrument)
     assert_allclose(see({**STACK, **change})["spectra"][0], expected, atol=1e-4)
 
 
@@ -348,7 +348,7 @@ def test_lines_of_python_run_and_give_the_same_spectrum():
     names = {}
     exec(text.replace("print(", "found = ("), names)
     stack = stack_from_dict(STACK)
-    expected = gj.reflectance(stack.glaze(), stack.seen_by)
+    expected = gj.reflectance(stack.glaze(), stack.instrument)
     assert_allclose(names["spectrum"], expected, atol=1e-9)
     own = {"Mine": pigment_to_dict(gj.catalogue.pigment("Eosin"))}
     assert "gj.load_glaze" in run(code, {"data": known(), "stack": {**whole, "pigments": own}})
@@ -418,7 +418,7 @@ def test_brushed_pixels_are_those_of_a_full_computation(coats, quick, within):
     ]
     layers = [gj.Layer(medium, t) for medium, t in zip(stack.media(), thickness, strict=True)]
     ground = np.where(np.arange(300) < 150, 0.93, 0.025)[:, None]
-    spectra = gj.reflectance(gj.Glaze(layers, ground), stack.seen_by)
+    spectra = gj.reflectance(gj.Glaze(layers, ground), stack.instrument)
     wanted = np.asarray(colour.srgb(stack.glaze().wavelengths, spectra))
     white = colour.srgb_to_xyz(np.ones(3))
     lab = [

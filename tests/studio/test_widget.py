@@ -124,7 +124,7 @@ def test_its_page_is_the_same_studio(wired, tmp_path):
         # What the page sees, Python reads, and it is what the library says.
         seen = browser.execute_script("return window.state.seen")
         stack = stack_from_dict(STACK)
-        expected = np.asarray(gj.reflectance(stack.glaze(), stack.seen_by))
+        expected = np.asarray(gj.reflectance(stack.glaze(), stack.instrument))
         assert_allclose(seen["reflectance"], expected, atol=1e-4)
         rgb = 255 * np.asarray(colour.srgb(seen["wavelengths"], expected))
         assert_allclose(seen["rgb"], rgb, atol=1)

@@ -75,7 +75,7 @@ def recipes(request: Request, report: Report) -> dict[str, Any]:
         target,
         paints,
         ground=stack.ground_on(paints[0].wavelengths),
-        instrument=stack.seen_by,
+        instrument=stack.instrument,
         refractive_index=stack.refractive_index,
         max_coats=1 if options.get("max_coats") == 1 else 2,
         count=5,
