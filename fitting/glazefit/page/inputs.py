@@ -32,10 +32,8 @@ def _with_its_pair(path: Path) -> list[Path]:
     companions = [
         companion for companion in candidates if companion != path and companion.is_file()
     ]
-    pair = path.suffix.lower() == ".hdr" or any(
-        companion.suffix.lower() == ".hdr" for companion in companions
-    )
-    return [path, *sorted(companions)] if pair else [path]
+    pair = [path, *sorted(companions)]
+    return pair if any(file.suffix.lower() == ".hdr" for file in pair) else [path]
 
 
 def _checksum(path: Path) -> tuple[int | None, str | None]:

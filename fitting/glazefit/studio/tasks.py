@@ -163,7 +163,11 @@ def _describe_spectrum(request: Request, identification: Any, row: int) -> dict[
     grid = identification.measured.wavelengths
     listed = []
     for candidate in identification.ranked(row)[:_CANDIDATES]:
-        thick = candidate.thickness if np.isfinite(candidate.thickness) else 1e-4
+        thick = candidate.thickness
+        sized = f"{thick * 1e6:.3g} µm thick, "
+        if not np.isfinite(thick):
+            thick = 1e-4
+            sized = "hides its ground, "
         coats = []
         for coat in range(max(candidate.coats) + 1):
             mine = [i for i in range(len(candidate.paints)) if candidate.coats[i] == coat]
@@ -174,11 +178,6 @@ def _describe_spectrum(request: Request, identification: Any, row: int) -> dict[
                     thick * share,
                 )
             )
-        sized = (
-            f"{candidate.thickness * 1e6:.3g} µm thick, "
-            if np.isfinite(candidate.thickness)
-            else "hides its ground, "
-        )
         listed.append(
             {
                 "words": candidate.words,
