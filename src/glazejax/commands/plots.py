@@ -123,24 +123,28 @@ def _fit(text: "Text", figure: "Figure") -> None:
 def _draw_spectra(axes: "Axes", rendering: Rendering, names: Sequence[str]) -> None:
     x = rendering.wavelengths
     axes.plot(x, rendering.ground, color=FAINT, lw=2, ls=(0, (1, 1.5)), label="bare ground")
-    highest = max(float(rendering.ground.max()), float(rendering.glaze.max()))
     if len(names) > 1:
-        for name, spectrum in zip(names, rendering.alone, strict=True):
-            if np.allclose(spectrum, rendering.ground, rtol=0, atol=1e-9):
-                continue  # An absent layer.
-            axes.plot(
-                x, spectrum, color=_ink(rendering, spectrum), lw=2.2, ls="--", label=f"{name} alone"
-            )
-            highest = max(highest, float(spectrum.max()))
+        width = 2.2
+        dashes = "--"
+        # Without absent layers.
+        spectra = [
+            (f"{name} alone", spectrum)
+            for name, spectrum in zip(names, rendering.alone, strict=True)
+            if not np.allclose(spectrum, rendering.ground, rtol=0, atol=1e-9)
+        ]
     else:
-        for count in (n for n in (40, 20, 10, 5) if n <= rendering.ladder.counts[-1]):
-            spectrum = rendering.ladder.glaze[count]
-            axes.plot(x, spectrum, color=_ink(rendering, spectrum), lw=1.6, label=f"{count} coats")
-            highest = max(highest, float(spectrum.max()))
+        width = 1.6
+        dashes = "-"
+        ladder = rendering.ladder
+        counts = [count for count in (40, 20, 10, 5) if count <= ladder.counts[-1]]
+        spectra = [(f"{count} coats", ladder.glaze[count]) for count in counts]
+    for label, spectrum in spectra:
+        axes.plot(x, spectrum, color=_ink(rendering, spectrum), lw=width, ls=dashes, label=label)
     axes.fill_between(
         x, 0, rendering.glaze, color=hex_colour(rendering.rgb(rendering.glaze)), alpha=0.18, lw=0
     )
     axes.plot(x, rendering.glaze, color=_ink(rendering, rendering.glaze), lw=4, label="the glaze")
+    highest = max(float(np.max(line.get_ydata())) for line in axes.get_lines())
     label_spectra(axes, xlim=(x[0], x[-1]), ylim=(0, max(highest * 1.06, 0.05)))
     axes.grid(color=GRID, lw=1)
     axes.set_axisbelow(True)
