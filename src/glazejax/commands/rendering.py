@@ -194,13 +194,11 @@ def _batch(
             np.broadcast_to(c, (len(mine), bands))
             for c in (coat.medium.absorption, coat.medium.scattering)
         )
-        if i == 0:
-            k = np.concatenate([k, extinction * paleness**4])
-            s = np.concatenate([s, extinction * (1 - paleness**4)])
-            depth = np.concatenate([mine, np.full(opaque, MAX_THICKNESS)])
-        else:
-            k, s = (np.concatenate([c, np.zeros((opaque, bands))]) for c in (k, s))
-            depth = np.concatenate([mine, np.zeros(opaque)])
+        # An opaque paint is the uppermost layer of its row, and the only one.
+        there = float(i == 0)
+        k = np.concatenate([k, there * extinction * paleness**4])
+        s = np.concatenate([s, there * extinction * (1 - paleness**4)])
+        depth = np.concatenate([mine, np.full(opaque, there * MAX_THICKNESS)])
         coats.append(Layer(Pigment(coat.medium.name, glaze.wavelengths, k, s), depth))
     ground = np.broadcast_to(glaze.ground, (len(thickness), bands))
     return Glaze(coats, np.concatenate([ground, np.ones((opaque, bands))]), glaze.refractive_index)
