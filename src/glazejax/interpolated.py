@@ -440,7 +440,9 @@ class _Builder:
             error = 0.0
             # Few checks find a table that is far too coarse; more of them judge a good one.
             for count in _CHECKS:
-                points, truth = self._with_checks(points, truth, count)
+                new = self._random_points(count)
+                points = np.concatenate([points, new])
+                truth = np.concatenate([truth, self.function(new)])
                 error = self._measure_error(coefficients, points, truth)
                 if error > tolerance:
                     break
@@ -487,7 +489,9 @@ class _Builder:
         if len(shorter) == 1:
             return coefficients, error
         # Terms were dropped by the errors at these points, so others must judge.
-        points, truth = self._with_checks(points, truth, _CHECKS[-1])
+        fresh = self._random_points(_CHECKS[-1])
+        points = np.concatenate([points, fresh])
+        truth = np.concatenate([truth, self.function(fresh)])
         # Back to more terms, until the other points agree.
         while True:
             last = shorter.pop()
@@ -501,13 +505,6 @@ class _Builder:
         guess = _values(self.axes, coefficients, points.T, np).T
         shape = (len(points), *self.function.shape)
         return SAFETY * float(np.max(self.distance(guess.reshape(shape), truth.reshape(shape))))
-
-    def _with_checks(
-        self, points: np.ndarray, truth: np.ndarray, count: int
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Check points and their values, and so many new ones."""
-        new = self._random_points(count)
-        return np.concatenate([points, new]), np.concatenate([truth, self.function(new)])
 
     def _random_points(self, count: int) -> np.ndarray:
         """Points not used before: of the samples, or half of them evenly and half as the
