@@ -173,11 +173,12 @@ def _draw_swatches(axes: "Axes", rendering: Rendering) -> None:
     ground = rendering.ground
     glaze = rendering.glaze
 
-    def patch(
-        x: float, width: float, y: float, height: float, spectrum: np.ndarray, edge: str
-    ) -> None:
-        box = FancyBboxPatch(
-            (x, y),
+    for corner, width, height, spectrum, edge in (
+        ((0.0, 0.26), 1.0, 0.74, ground, EDGE),
+        ((0.04, 0.33), 0.58, 0.60, glaze, "none"),
+    ):
+        patch = FancyBboxPatch(
+            corner,
             width,
             height,
             boxstyle="round,pad=0,rounding_size=0.012",
@@ -187,10 +188,7 @@ def _draw_swatches(axes: "Axes", rendering: Rendering) -> None:
             edgecolor=edge,
             clip_on=False,
         )
-        axes.add_patch(box)
-
-    patch(0.0, 1.0, 0.26, 0.74, ground, EDGE)
-    patch(0.04, 0.58, 0.33, 0.60, glaze, "none")
+        axes.add_patch(patch)
     for x, what, spectrum in ((0.04, "the glaze", glaze), (0.68, "bare ground", ground)):
         lightness, a, b = (round(float(value), 1) + 0.0 for value in rendering.lab(spectrum))
         axes.text(x, 0.185, what, fontweight="bold", va="center", fontsize=15)
