@@ -54,6 +54,14 @@ def decay_rate(albedo: Float[np.ndarray, "*batch"]) -> Float[np.ndarray, "*batch
     return _RATES[np.clip(index, 0, _RATES.size - 1)]
 
 
+def count_filled(
+    optical_thickness: Float[np.ndarray, "stacks layers"],
+) -> Int[np.ndarray, "stacks"]:
+    """Number of layers down to the last that is not empty."""
+    order = np.arange(1, optical_thickness.shape[1] + 1)
+    return np.max(order * (optical_thickness > 0), axis=1, initial=0)
+
+
 def hidden_below(
     albedo: Float[np.ndarray, "stacks layers"],
     optical_thickness: Float[np.ndarray, "stacks layers"],
@@ -76,23 +84,21 @@ def hidden_below(
         Number of layers to follow, (stacks,), and whether the ground, or whatever lies below them,
         is hidden.
     """
-    layers = albedo.shape[1]
-    # Layers down to the last that is not empty.
-    filled = np.max(np.arange(1, layers + 1) * (optical_thickness > 0), axis=1, initial=0)
+    filled = count_filled(optical_thickness)
     visible = filled.copy()
     hidden = ground == 0
     depth = np.cumsum(optical_thickness, axis=1)
     rows = np.arange(albedo.shape[0])
-    for m in range(1, layers + 1):
+
+    def ends(rows: np.ndarray) -> list[End]:
+        return [End(*(leaf[rows] for leaf in end)) for end in (incidence, viewing)]
+
+    for m in range(1, albedo.shape[1] + 1):
         rows = rows[filled[rows] >= m]
         # The straight part is exact and the rest adds to it: where it alone is too much, nothing is
         # hidden.
         below = np.where(filled[rows] == m, ground[rows], 1.0)
-        straight = (
-            below
-            * _straight(depth[rows, m - 1], incidence, viewing, rows)
-            / refractive_index[rows] ** 2
-        )
+        straight = below * _straight(depth[rows, m - 1], *ends(rows)) / refractive_index[rows] ** 2
         # Only where it may be enough is the whole bound computed.
         try_rows = rows[straight <= tolerance]
         below = below[straight <= tolerance]
@@ -102,8 +108,7 @@ def hidden_below(
             albedo[try_rows, :m],
             optical_thickness[try_rows, :m],
             refractive_index[try_rows],
-            End(*(leaf[try_rows] for leaf in incidence)),
-            End(*(leaf[try_rows] for leaf in viewing)),
+            *ends(try_rows),
         )
         # Stacks that are opaque after m layers are followed no further.
         done = try_rows[(below == 0) | (bound <= tolerance / np.where(below > 0, below, 1.0))]
@@ -113,14 +118,8 @@ def hidden_below(
     return visible, hidden
 
 
-def _straight(depth: np.ndarray, incidence: End, viewing: End, rows: np.ndarray) -> np.ndarray:
+def _straight(depth: np.ndarray, incidence: End, viewing: End) -> np.ndarray:
     """pi p_I p_F c for beams that reach a depth unscattered."""
-    lit = End(*(leaf[rows] for leaf in incidence))
-    viewed = End(*(leaf[rows] for leaf in viewing))
-    return _product(lit, viewed, depth)
-
-
-def _product(incidence: End, viewing: End, depth: np.ndarray) -> np.ndarray:
     arriving = (
         incidence.flux * viewing.flux * np.exp(-depth / incidence.cosine - depth / viewing.cosine)
     )
@@ -154,8 +153,8 @@ def hidden_change(
     """
     depth = thickness.sum(axis=1)
     brightest = albedo.max(axis=1)
-    from_below = 1.0 - _return(albedo, thickness)
-    straight = _product(incidence, viewing, depth)
+    from_below = _absorption(albedo, thickness)  # 1 - r
+    straight = _straight(depth, incidence, viewing)
     best = np.full(depth.shape, np.inf)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         # The bound holds for every eta from the brightest albedo to one: the best of some.
@@ -181,9 +180,8 @@ def hidden_change(
     return best
 
 
-def _return(albedo: np.ndarray, thickness: np.ndarray) -> np.ndarray:
-    """Largest radiance that comes back from the layers for unit radiance from below in all
-    directions.
+def _absorption(albedo: np.ndarray, thickness: np.ndarray) -> np.ndarray:
+    """Least that the layers keep of unit radiance from below in all directions.
 
     A source q J <= q along each ray: what is lost is at least (1 - q) times the share of the ray
     within a layer.
@@ -192,7 +190,7 @@ def _return(albedo: np.ndarray, thickness: np.ndarray) -> np.ndarray:
     brightest = np.maximum.accumulate(albedo[:, ::-1], axis=1)
     within = np.cumsum(thickness[:, ::-1], axis=1)
     within[:, -1] *= 2.0  # after the interface through all of them again
-    return 1.0 - np.max((1.0 - brightest) * -np.expm1(-within), axis=1)
+    return np.max((1.0 - brightest) * -np.expm1(-within), axis=1)
 
 
 def scattered_beyond_first(

@@ -20,6 +20,7 @@ from jaxtyping import Array, Bool, Float, Int
 from ..common.inputs import BatchOfStacks, Numbers, batch_of_stacks, check_tolerance
 from ..stack import stack_hemispherical_reflectance, stack_reflectance_factor
 from . import reduction
+from .bounds import count_filled
 from .reduction import Rows
 
 # Stacks go to the solver in blocks of these sizes and, if grouped, these numbers of layers: few
@@ -97,7 +98,7 @@ class Plan:
     _closed: Int[np.ndarray, "closed"]
     _inverse: Int[np.ndarray, "computed"]  # for each computed entry, its row
     _computed: Int[np.ndarray, "computed"]  # the entries, of the flattened batch
-    _discarded: Bool[np.ndarray, "entries"] | None
+    _wanted: Bool[np.ndarray, "entries"]
     _kept_bands: Bool[np.ndarray, "bands"] | None
     _shape: tuple[int, ...]
     _tolerance: float
@@ -116,12 +117,8 @@ class Plan:
         pending = []
         for layers, members in self._groups:
             for start, stop, size in _blocks(members.size):
-                # The last block is filled up with copies of its first stack.
-                padded = (
-                    np.resize(members[start:stop], size)
-                    if stop - start < size
-                    else members[start:stop]
-                )
+                # The last block is filled up with copies of its stacks.
+                padded = np.resize(members[start:stop], size)
                 pending.append((members[start:stop], self._solve(self._rows.take(padded), layers)))
         # The solver's programs may still run: the closed form needs none.
         for piece in reduction.pieces(self._closed):
@@ -131,10 +128,9 @@ class Plan:
         # Each entry has the value of its distinct stack.
         full = np.full(int(np.prod(self._shape)), np.nan)
         full[self._computed] = distinct[self._inverse]
-        if self._discarded is not None:
-            full[self._discarded] = np.nan
+        full[~self._wanted] = np.nan
         full = full.reshape(self._shape)
-        if self._kept_bands is not None and not self._kept_bands.all():
+        if self._kept_bands is not None:
             full = _fill_bands(full, self._kept_bands)
         return jnp.asarray(full, jnp.result_type(float))
 
@@ -223,18 +219,16 @@ def plan_stacks(
         this geometry: of a medium that absorbs nothing on a white ground, whatever its thickness.
     """
     check_tolerance(tolerance)
-    arguments = (
-        albedo,
-        optical_thickness,
-        substrate_reflectance,
-        refractive_index,
-        cos_incidence,
-        cos_viewing,
-    )
-    arguments_by_name = {
-        n: _check_known(n, v) for n, v in zip(_ARGUMENTS, arguments, strict=True) if v is not None
+    arguments = {
+        "albedo": albedo,
+        "optical_thickness": optical_thickness,
+        "substrate_reflectance": substrate_reflectance,
+        "refractive_index": refractive_index,
+        "cos_incidence": cos_incidence,
+        "cos_viewing": cos_viewing,
     }
-    checked = batch_of_stacks(arguments_by_name, xp=np, dtype=float)
+    known = {name: _check_known(name, v) for name, v in arguments.items() if v is not None}
+    checked = batch_of_stacks(known, xp=np, dtype=float)
     shape = checked.batch
     size = int(np.prod(shape))
     ask = (
@@ -272,11 +266,11 @@ def plan_stacks(
     # Simpler stacks: no empty layers, no neighbours of equal albedo, nothing below what is opaque.
     if savings.layers:
         rows = reduction.simplify(rows)
-    before = reduction.count_filled(rows)
+    before = count_filled(rows.optical_thickness)
     hidden = np.zeros(rows.count, bool)
     if savings.hidden:
         rows, hidden = reduction.cut_below_opaque(rows, tolerance * 0.25)
-    hidden_layers = int((before - reduction.count_filled(rows)).sum())
+    hidden_layers = int((before - count_filled(rows.optical_thickness)).sum())
     hidden_grounds = int(hidden.sum())
     # Stacks that differed in what has gone are equal now.
     if savings.equal and (savings.layers or savings.hidden):
@@ -286,7 +280,9 @@ def plan_stacks(
     closed = np.zeros(rows.count, bool)
     if savings.scattering:
         closed = reduction.closes(rows, tolerance * 0.25)
-    groups = _group(reduction.count_filled(rows), np.flatnonzero(~closed), savings.groups)
+    groups = _group(
+        count_filled(rows.optical_thickness), np.flatnonzero(~closed), grouped=savings.groups
+    )
     report = Report(
         stacks=size,
         unwanted=size - due,
@@ -300,29 +296,18 @@ def plan_stacks(
         solved_layers=sum(depth * members.size for depth, members in groups),
         groups=tuple((depth, members.size) for depth, members in groups),
     )
-    discarded = None if savings.unwanted or ask.all() else ~ask
     return Plan(
         _rows=rows,
         _groups=groups,
         _closed=np.flatnonzero(closed),
         _inverse=inverse,
         _computed=computed,
-        _discarded=discarded,
+        _wanted=ask,
         _kept_bands=bands,
         _shape=shape,
         _tolerance=tolerance,
         _report=report,
     )
-
-
-_ARGUMENTS = (
-    "albedo",
-    "optical_thickness",
-    "substrate_reflectance",
-    "refractive_index",
-    "cos_incidence",
-    "cos_viewing",
-)
 
 
 def _check_known(name: str, value: Any, dtype: type = float) -> np.ndarray:
@@ -419,14 +404,12 @@ def _fill_bands(values: np.ndarray, computed: np.ndarray) -> np.ndarray:
     return out
 
 
-def _group(depth: np.ndarray, members: np.ndarray, grouped: bool) -> list[tuple[int, np.ndarray]]:
+def _group(
+    depth: np.ndarray, members: np.ndarray, *, grouped: bool
+) -> list[tuple[int, np.ndarray]]:
     """Stacks to solve by padded number of layers, thin ones first."""
-    if members.size == 0:
-        return []
-    deepest = max(1, int(depth[members].max()))
-    if not grouped:
-        return [(deepest, members)]
-    steps = [step for step in _DEPTHS if step < deepest] + [deepest]
+    deepest = int(depth[members].max(initial=1))
+    steps = [step for step in _DEPTHS if grouped and step < deepest] + [deepest]
     padded = np.searchsorted(steps, np.maximum(depth[members], 1))
     groups = []
     waiting = np.zeros(0, int)

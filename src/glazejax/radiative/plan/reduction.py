@@ -27,37 +27,17 @@ class Rows:
         """Number of stacks."""
         return self.ground.size
 
-    def media(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """All but the directions."""
-        return self.albedo, self.optical_thickness, self.ground, self.refractive_index
+    def _leaves(self) -> dict[str, np.ndarray]:
+        """The arrays by name, without a viewing direction where there is none."""
+        return {name: leaf for name, leaf in vars(self).items() if leaf is not None}
 
     def take(self, rows: np.ndarray) -> "Rows":
         """Some of the stacks."""
-        viewing = None if self.cos_viewing is None else self.cos_viewing[rows]
-        albedo, thickness, ground, index = (leaf[rows] for leaf in self.media())
-        return Rows(
-            albedo=albedo,
-            optical_thickness=thickness,
-            ground=ground,
-            refractive_index=index,
-            cos_incidence=self.cos_incidence[rows],
-            cos_viewing=viewing,
-        )
+        return replace(self, **{name: leaf[rows] for name, leaf in self._leaves().items()})
 
     def columns(self) -> list[np.ndarray]:
         """Every quantity of a stack as one array (stacks,)."""
-        ends = (
-            [self.cos_incidence]
-            if self.cos_viewing is None
-            else [self.cos_incidence, self.cos_viewing]
-        )
-        return [
-            *self.albedo.T,
-            *self.optical_thickness.T,
-            self.ground,
-            self.refractive_index,
-            *ends,
-        ]
+        return [column for leaf in self._leaves().values() for column in np.atleast_2d(leaf.T)]
 
     def ends(self) -> tuple[End, End]:
         """Incidence and viewing, as the bounds want them."""
@@ -103,19 +83,20 @@ def simplify(rows: Rows) -> Rows:
         last[rows_present] = q[rows_present]
         albedo[rows_present, at[rows_present]] = q[rows_present]
         thickness[rows_present, at[rows_present]] += depth[rows_present]
-    deepest = max(1, int(at.max(initial=0)) + 1)
+    deepest = int(at.max(initial=0)) + 1
     return replace(rows, albedo=albedo[:, :deepest], optical_thickness=thickness[:, :deepest])
-
-
-def count_filled(rows: Rows) -> Int[np.ndarray, "stacks"]:
-    """Number of layers down to the last that is not empty."""
-    order = np.arange(1, rows.albedo.shape[1] + 1)
-    return np.max(order * (rows.optical_thickness > 0), axis=1, initial=0)
 
 
 def cut_below_opaque(rows: Rows, tolerance: float) -> tuple[Rows, Bool[np.ndarray, "stacks"]]:
     """Nothing below what is opaque, and black instead of a ground that is not seen; whether so."""
-    visible, hidden = hidden_below(*rows.media(), *rows.ends(), tolerance)
+    visible, hidden = hidden_below(
+        rows.albedo,
+        rows.optical_thickness,
+        rows.ground,
+        rows.refractive_index,
+        *rows.ends(),
+        tolerance,
+    )
     follow = np.arange(rows.albedo.shape[1]) < visible[:, None]
     cut = replace(
         rows,
