@@ -26,6 +26,7 @@ from .common.inputs import (
     Numbers,
     batch_shape,
     check_choice,
+    check_given,
     check_tolerance,
     check_values,
     concrete,
@@ -85,16 +86,14 @@ def profile_reflectance_factor(
 
     Source: paper A, eqs (3)-(21).
     """
-    profile = _ProfileInputs(
-        absorption=absorption,
-        scattering=scattering,
-        thickness=thickness,
-        substrate_reflectance=substrate_reflectance,
-        refractive_index=refractive_index,
-        cos_incidence=cos_incidence,
-        cos_viewing=cos_viewing,
-    )
-    return _evaluate(profile, tolerance, method)
+    light: dict[str, Any] = {
+        "substrate_reflectance": substrate_reflectance,
+        "refractive_index": refractive_index,
+        "cos_incidence": cos_incidence,
+        "cos_viewing": cos_viewing,
+    }
+    profiles = {"absorption": absorption, "scattering": scattering}
+    return _evaluate(profiles, thickness, light, tolerance, method)
 
 
 def profile_hemispherical_reflectance(
@@ -119,26 +118,13 @@ def profile_hemispherical_reflectance(
 
     Source: paper A, eqs (3)-(21).
     """
-    profile = _ProfileInputs(
-        absorption=absorption,
-        scattering=scattering,
-        thickness=thickness,
-        substrate_reflectance=substrate_reflectance,
-        refractive_index=refractive_index,
-        cos_incidence=cos_incidence,
-        cos_viewing=None,
-    )
-    return _evaluate(profile, tolerance, method)
-
-
-class _ProfileInputs(NamedTuple):
-    absorption: Profile
-    scattering: Profile
-    thickness: Numbers
-    substrate_reflectance: Numbers
-    refractive_index: Numbers
-    cos_incidence: Numbers
-    cos_viewing: Numbers | None
+    light: dict[str, Any] = {
+        "substrate_reflectance": substrate_reflectance,
+        "refractive_index": refractive_index,
+        "cos_incidence": cos_incidence,
+    }
+    profiles = {"absorption": absorption, "scattering": scattering}
+    return _evaluate(profiles, thickness, light, tolerance, method)
 
 
 class _ProfileFilm(NamedTuple):
@@ -151,29 +137,38 @@ class _ProfileFilm(NamedTuple):
     batch: tuple[int, ...]  # of everything
 
 
-def _evaluate(profile: _ProfileInputs, tolerance: float, method: str) -> Array:
-    names = ("substrate_reflectance", "refractive_index", "cos_incidence", "cos_viewing")
-    arguments = {name: value for name in names if (value := getattr(profile, name)) is not None}
+def _evaluate(
+    profiles: dict[str, Profile],
+    thickness: Numbers,
+    light: dict[str, Any],
+    tolerance: float,
+    method: str,
+) -> Array:
+    """Reflectance of a film by its absorption and scattering, with a viewing direction in ``light``
+    or for all directions together.
+    """
     check_choice("method", method, Method)
     check_tolerance(tolerance)
-    check_values(arguments)
-    film = _film(profile, arguments)
+    check_given(light)
+    check_values(light)
+    film = _film(profiles, thickness, light)
     if method == "ordinates":
-        if profile.cos_viewing is None:
-            return _solve_sliced(film, arguments, tolerance, stack_hemispherical_reflectance)
-        return _solve_sliced(film, arguments, tolerance, stack_reflectance_factor)
-    return _solve_on_mesh(film, arguments, tolerance)
+        if "cos_viewing" in light:
+            return _solve_sliced(film, light, tolerance, stack_reflectance_factor)
+        return _solve_sliced(film, light, tolerance, stack_hemispherical_reflectance)
+    return _solve_on_mesh(film, light, tolerance)
 
 
-def _film(inputs: _ProfileInputs, arguments: dict[str, Any]) -> _ProfileFilm:
+def _film(
+    profiles: dict[str, Profile], film_thickness: Numbers, light: dict[str, Any]
+) -> _ProfileFilm:
     dtype = jnp.result_type(float)
-    thickness = jnp.asarray(inputs.thickness, dtype)
+    thickness = jnp.asarray(film_thickness, dtype)
     _refuse("thickness", thickness, "a length in m, >= 0 and finite")
     functions = []
     counts = {}
     shapes = {"thickness": thickness.shape}
-    for name in ("absorption", "scattering"):
-        profile = getattr(inputs, name)
+    for name, profile in profiles.items():
         if callable(profile):
             functions.append(_of_share(name, cast(Callable[[Array], Array], profile), thickness))
             # A function shows its batch at some depths.
@@ -197,7 +192,7 @@ def _film(inputs: _ProfileInputs, arguments: dict[str, Any]) -> _ProfileFilm:
             f"absorption has {counts['absorption'] + 1} depths (last axis) but scattering has "
             f"{counts['scattering'] + 1}; give both at the same depths"
         )
-    shapes |= {name: np.shape(value) for name, value in arguments.items()}
+    shapes |= {name: np.shape(value) for name, value in light.items()}
     batch = batch_shape(shapes, last="depths")
     return _ProfileFilm(
         absorption=functions[0],
@@ -259,10 +254,8 @@ def _albedo(absorption: Array, scattering: Array) -> Array:
 
 
 def _solve_sliced(
-    film: _ProfileFilm, arguments: dict[str, Any], tolerance: float, solve: Callable[..., Array]
+    film: _ProfileFilm, light: dict[str, Any], tolerance: float, solve: Callable[..., Array]
 ) -> Array:
-    ground = arguments["substrate_reflectance"]
-    fixed = {name: value for name, value in arguments.items() if name != "substrate_reflectance"}
     x, w = gauss(4)
 
     def reflectance(count: int) -> Array:
@@ -281,7 +274,7 @@ def _solve_sliced(
         depth = (k + s) * film.thickness[..., None] / count
         # The solver may take a third of the tolerance, the slices the rest.
         return jnp.broadcast_to(
-            solve(_albedo(k, s), depth, ground, tolerance=0.3 * tolerance, **fixed), film.batch
+            solve(_albedo(k, s), depth, tolerance=0.3 * tolerance, **light), film.batch
         )
 
     # At least 8 slices: as many as samples, or a multiple, so that no slice holds a kink.
@@ -319,13 +312,13 @@ def _error_message(error: float, tolerance: float) -> str:
     )
 
 
-def _solve_on_mesh(film: _ProfileFilm, arguments: dict[str, Any], tolerance: float) -> Array:
+def _solve_on_mesh(film: _ProfileFilm, light: dict[str, Any], tolerance: float) -> Array:
     dtype = film.thickness.dtype
     flat = {
-        name: flat_batch(jnp.asarray(value, dtype), film.batch) for name, value in arguments.items()
+        name: flat_batch(jnp.asarray(value, dtype), film.batch) for name, value in light.items()
     }
-    fixed = plain_number(arguments["refractive_index"])
-    index = concrete(arguments["refractive_index"])
+    fixed = plain_number(light["refractive_index"])
+    index = concrete(light["refractive_index"])
     lowest = 1.0 if index is None else float(np.min(index, initial=2.5))
     # The whole optical thickness, which sets the mesh.
     share = jnp.linspace(0.0, 1.0, 257, dtype=dtype)
@@ -344,26 +337,25 @@ def _solve_on_mesh(film: _ProfileFilm, arguments: dict[str, Any], tolerance: flo
         size = len(flat["substrate_reflectance"])
 
         def one(piece: tuple[Panels, dict[str, Array]]) -> Array:
-            local, light = piece
-            index = light["refractive_index"] if fixed is None else fixed
+            local, lit = piece
+            index = lit["refractive_index"] if fixed is None else fixed
             stack = StackArrays(
                 albedo=local.albedo,
                 optical_thickness=local.width,
-                ground=light["substrate_reflectance"],
+                ground=lit["substrate_reflectance"],
                 refractive_index=index,
-                cos_incidence=light["cos_incidence"],
-                cos_viewing=light.get("cos_viewing"),
+                cos_incidence=lit["cos_incidence"],
+                cos_viewing=lit.get("cos_viewing"),
             )
             return auxiliary_graded.reflectance_on(local._replace(rules=table), stack)
 
         count = panels.width.shape[-1]
-        nodes = count * mesh.nodes
-        bytes_each = dtype.itemsize * (4 * nodes**2 + 2 * nodes * count * mesh.points)
+        bytes_each = auxiliary_graded.bytes_each(mesh, count, dtype.itemsize)
         # Chunk by chunk, and computed again for a reverse pass rather than kept.
         chunk = max(1, min(size, _CHUNK_BYTES // bytes_each))
         out = jax.lax.map(
             lambda piece: jax.checkpoint(one)(jax.tree.map(lambda a: a[None], piece))[0],
-            (panels._replace(rules=None), flat),
+            (panels, flat),
             batch_size=chunk,
         )
         return out.reshape(film.batch)
@@ -384,7 +376,7 @@ def _solve_on_mesh(film: _ProfileFilm, arguments: dict[str, Any], tolerance: flo
 
 def _film_panels(film: _ProfileFilm, mesh: PanelMesh, halvings: int) -> Panels:
     """Panels whose edges are fixed shares of the depth, with the true albedo at their nodes; batch
-    axis flattened.
+    axis flattened, without rules.
     """
     edges = graded_shares(mesh)
     # Samples have kinks at their depths: these become edges, so that each panel is smooth.
@@ -437,4 +429,4 @@ def _film_panels(film: _ProfileFilm, mesh: PanelMesh, halvings: int) -> Panels:
     width = width.reshape(size, -1)
     albedo = jnp.broadcast_to(albedo, share.shape).reshape(size, len(start), mesh.nodes)
     depth = jnp.cumsum(width, axis=-1)
-    return Panels(top=depth - width, width=width, albedo=albedo, total=depth[:, -1], rules=table)
+    return Panels(top=depth - width, width=width, albedo=albedo, total=depth[:, -1], rules=None)

@@ -349,9 +349,8 @@ def resolve(tolerance: float, thickest: float, lowest_index: float) -> PanelMesh
     )
 
 
-def bytes_each(mesh: PanelMesh, layers: int, itemsize: int) -> int:
-    """Memory that one stack's largest arrays take."""
-    panels = layers * (2 * mesh.graded + (13 if mesh.interior else 0))
+def bytes_each(mesh: PanelMesh, panels: int, itemsize: int) -> int:
+    """Memory that one stack's largest arrays take, by its number of panels."""
     nodes = panels * mesh.nodes
     return itemsize * (4 * nodes**2 + 2 * nodes * panels * mesh.points)
 

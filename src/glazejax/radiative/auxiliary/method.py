@@ -28,7 +28,8 @@ class Auxiliary:
         thickness = concrete(request.optical_thickness)
         thickest = np.inf if thickness is None else float(thickness.max(initial=0.0))
         mesh = graded.resolve(request.tolerance, thickest, request.indices[0])
-        bytes_each = graded.bytes_each(mesh, request.layers, request.itemsize)
+        panels = request.layers * (2 * mesh.graded + (13 if mesh.interior else 0))
+        bytes_each = graded.bytes_each(mesh, panels, request.itemsize)
         return mesh, request.stacks_within(_CHUNK_BYTES, bytes_each)
 
     def reflectance(self, stack: StackArrays, resolution: PanelMesh) -> Array:
