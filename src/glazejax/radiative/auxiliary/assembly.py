@@ -67,7 +67,7 @@ def decomposed_numbers(
         # E_1 over a segment is a difference of E_2; over the node's own segment, on both its sides.
         toeplitz = jnp.concatenate([2.0 * (1.0 - e2[:, :1]), e2[:, :-1] - e2[:, 1:]], axis=1)
         # The surface's kernel over a segment is a difference of J_1.
-        return toeplitz, j1[:, :-1] - j1[:, 1:], *_ground(values, count)
+        return toeplitz, j1[:, :-1] - j1[:, 1:], *_grounds(values, count)
 
     return computed_once(numbers, step)
 
@@ -120,7 +120,7 @@ def direct(
         return matrix
 
     values = computed_once(lambda: _values(step, count, most, refractive_index), step)
-    return Operator(jax.lax.map(entries, step), *_ground(values, count))
+    return Operator(jax.lax.map(entries, step), *_grounds(values, count))
 
 
 def _own(node: Array, dh: Array) -> Float[Array, "n"]:
@@ -156,19 +156,34 @@ def _values(step: Array, count: Array, most: int, refractive_index: float) -> tu
     )
 
 
-def _ground(values: tuple[Array, ...], count: Array) -> tuple[Array, Array, Array]:
-    """M at the midpoints and integrated over the segments, (n, stacks), and K, (stacks,); exact."""
-    e2, j1, e3, j2 = values
-    i = jnp.arange(e2.shape[1])
-    last = count[:, None]
+def ground(
+    e2: Float[Array, "n"],
+    j1: Float[Array, "m"],
+    e3: Float[Array, "n+1"],
+    j2: Float[Array, "n+1"],
+    count: Int[Array, ""],
+) -> tuple[Float[Array, "n"], Float[Array, "n"], Float[Array, ""]]:
+    """M at the midpoints and integrated over the segments, and K, of one stack; exact.
+
+    Args:
+        e2, j1: E_2 and J_1 at (k + 1/2) dh, J_1 up to twice the depth.
+        e3: E_3 at k dh.
+        j2: J_2 at h + k dh.
+        count: Q.
+    """
+    i = jnp.arange(e2.size)
     # h - s of node i is (Q - 1 - i + 1/2) dh, and h + s is (Q + i + 1/2) dh.
-    above = jnp.maximum(last - 1 - i, 0)
+    above = jnp.maximum(count - 1 - i, 0)
     # M, eq. (18): straight from the ground, and by way of the surface.
-    m = jnp.take_along_axis(e2, above, axis=1) + jnp.take_along_axis(j1, last + i, axis=1)
+    m = e2[above] + j1[count + i]
     # M' is a difference at the segment's two edges.
-    integrated = jnp.take_along_axis(e3, above, axis=1) - jnp.take_along_axis(e3, above + 1, axis=1)
-    integrated += j2[:, :-1] - j2[:, 1:]
-    return m.T, integrated.T, 2.0 * jnp.take_along_axis(j2, last, axis=1)[:, 0]
+    integrated = e3[above] - e3[above + 1] + j2[:-1] - j2[1:]
+    return m, integrated, 2.0 * j2[count]
+
+
+def _grounds(values: tuple[Array, ...], count: Array) -> tuple[Array, Array, Array]:
+    """`ground` of all stacks: (n, stacks) twice, and (stacks,)."""
+    return jax.vmap(ground, out_axes=(1, 1, 0))(*values, count)
 
 
 def _reflection_integrals(

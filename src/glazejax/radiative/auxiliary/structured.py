@@ -14,14 +14,13 @@ Only one transform is ever under way: each waits for the one before, and the two
 one call. On the CPU two at once might wait for each other's threads.
 """
 
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
 
 def spectra(
     toeplitz: Float[Array, "*stacks n"], hankel: Float[Array, "*stacks m"]
-) -> Complex[Array, "*stacks 2 frequencies"]:
+) -> Complex[Array, "2 *stacks frequencies"]:
     """Transforms of the numbers of H and U, for `times`; n + 1 frequencies.
 
     Args:
@@ -33,22 +32,15 @@ def spectra(
     nothing = jnp.zeros_like(toeplitz[..., :1])
     around = jnp.concatenate([toeplitz, nothing, toeplitz[..., :0:-1]], axis=-1)
     along = jnp.concatenate([hankel[..., : 2 * n - 1], nothing], axis=-1)
-    return jnp.fft.rfft(jnp.stack([around, along], axis=-2))
+    return jnp.fft.rfft(jnp.stack([around, along]))
 
 
-def times(kernels: Complex[Array, "2 frequencies"], x: Float[Array, "n"]) -> Float[Array, "n"]:
-    """(H + U) x for one vector."""
-    n = x.shape[0]
-    transformed = jnp.fft.rfft(x, 2 * n)
-    return jnp.fft.irfft(kernels[0] * transformed + kernels[1] * jnp.conj(transformed), 2 * n)[:n]
-
-
-def times_all(
-    kernels: Complex[Array, "*stacks 2 frequencies"], x: Float[Array, "n stacks cases"]
+def times(
+    kernels: Complex[Array, "2 *stacks frequencies"], x: Float[Array, "n stacks cases"]
 ) -> Float[Array, "n stacks cases"]:
-    """`times` for all stacks and cases; the stacks share the kernels or have their own, (stacks, 2,
-    frequencies).
-    """
-    shared = kernels.ndim == 2
-    each_case = jax.vmap(times, in_axes=(None, 1), out_axes=1)
-    return jax.vmap(each_case, in_axes=(None if shared else 0, 1), out_axes=1)(kernels, x)
+    """(H + U) x for all stacks and cases; the stacks share the kernels or have their own."""
+    n = x.shape[0]
+    h, u = kernels[..., None, :]
+    transformed = jnp.fft.rfft(jnp.moveaxis(x, 0, -1), 2 * n)
+    product = jnp.fft.irfft(h * transformed + u * jnp.conj(transformed), 2 * n)
+    return jnp.moveaxis(product[..., :n], -1, 0)

@@ -148,29 +148,24 @@ def _galerkin(batch: Batch, count: Array, vectors: tuple, settings: GridSettings
     from_ground = -segments.average(to_faces[-1], among_faces[-1])
     scattered, from_ground = _solve(apply, segments.scattering, once, from_ground)
     visible = segments.integrate(*out)
-
-    def to_ground(beam: _Beam, sources: Array) -> Array:
-        """mu exp(-h/mu) and what is scattered towards the ground after; of the viewing beam, the
-        reverse.
-        """
-        return beam.cosine * beam.decay + 0.5 * jnp.sum(
-            append_axes(from_ground, sources) * sources, axis=0
-        )
-
-    # Light that the ground sent up and the layers scatter back to it.
+    # Light of the beam that the layers scatter to the ground; of the ground's own, what they
+    # scatter back to it.
+    lit = segments.integrate(*into)
+    reaching = strength * jnp.sum(append_axes(from_ground, lit) * lit, axis=0)
     back = jnp.sum(-segments.integrate(to_faces[-1], among_faces[-1]) * from_ground, axis=0)
     k = 2.0 * among_faces[-1, -1] + 1.0  # 2 J_2(2h): the kernel there is J_2(2h) - E_3(0)
-    not_returned = append_axes(1.0 - batch.ground * (k + back), incident.cosine)
-    arriving = (
-        2.0 * jnp.pi * strength * to_ground(incident, segments.integrate(*into)) / not_returned
-    )  # B
-    # The ground's radiance, rho B/pi.
-    leaving = append_axes(batch.ground, arriving) / jnp.pi * arriving
-    single = strength * _scattered_once(batch, incident, viewing)
-    multiple = jnp.sum(visible * scattered, axis=0) + leaving * jnp.sum(
-        visible * append_axes(from_ground, visible), axis=0
+    return _parts(
+        batch,
+        incident,
+        viewing,
+        settings.refractive_index,
+        reaching=reaching,
+        returned=k + back,
+        visible=visible,
+        scattered=scattered,
+        from_ground=from_ground,
+        single=strength * _scattered_once(batch, incident, viewing),
     )
-    return _seen_from_below(viewing, settings.refractive_index, leaving, single, 0.5 * multiple)
 
 
 def _collocation(batch: Batch, count: Array, vectors: tuple, settings: GridSettings) -> Split:
@@ -185,7 +180,7 @@ def _collocation(batch: Batch, count: Array, vectors: tuple, settings: GridSetti
         depth = present_segments.astype(step.dtype) * step
         toeplitz, hankel, *ground_vectors = vectors
         times = _product(toeplitz, hankel, settings)
-        m, m_integrated, k = _tabulated_ground(ground_vectors, present_segments, settings.most)
+        m, m_integrated, k = _tabulated_grounds(ground_vectors, present_segments, settings.most)
     else:
         step = jnp.where(present, depth / count.astype(depth.dtype), settings.step)
         if settings.product != "matrix":
@@ -231,21 +226,22 @@ def _collocation(batch: Batch, count: Array, vectors: tuple, settings: GridSetti
         """1/2 (H + U) P t."""
         return 0.5 * times(albedo[..., None] * t)
 
-    # Light of the beam and light of an evenly bright ground; the ground's brightness B closes the
-    # circle of what it sends up and gets back.
     scattered, from_ground = _solve(scatter, albedo, once, m)
     # Scattered light that reaches the ground: of the beam, and of the ground itself.
     reaching = jnp.sum(append_axes(m_integrated * albedo, once) * (once + scattered), axis=0)
     back = jnp.sum(m_integrated * albedo * from_ground, axis=0)
-    not_returned = append_axes(1.0 - batch.ground * (k + back), incident.cosine)
-    arriving = (
-        incident.transmittance * incident.decay + jnp.pi * reaching
-    ) / not_returned  # B, eq. (34)
-    leaving = append_axes(batch.ground, arriving) / jnp.pi * arriving
-    multiple = jnp.sum(visible * scattered, axis=0) + leaving * jnp.sum(
-        visible * append_axes(from_ground, visible), axis=0
+    return _parts(
+        batch,
+        incident,
+        viewing,
+        index,
+        reaching=reaching,
+        returned=k + back,
+        visible=visible,
+        scattered=scattered,
+        from_ground=from_ground,
+        single=single,
     )
-    return _seen_from_below(viewing, index, leaving, single, 0.5 * multiple)
 
 
 def _solve(apply, weight: Array, once: Array, ground: Array) -> tuple[Array, Array]:
@@ -265,7 +261,7 @@ def _product(toeplitz: Array, hankel: Array, settings: GridSettings) -> Callable
     (stacks, n).
     """
     if settings.product == "fft":
-        return functools.partial(structured.times_all, structured.spectra(toeplitz, hankel))
+        return functools.partial(structured.times, structured.spectra(toeplitz, hankel))
     matrix = assembly.toeplitz_plus_hankel(toeplitz, hankel)
     if matrix.ndim == 3:
         return lambda x: jnp.swapaxes(matmul(matrix, jnp.swapaxes(x, 0, 1)), 0, 1)
@@ -286,16 +282,16 @@ def _rows_times(rows: Array, matrix: Array) -> Array:
     return jnp.stack([matmul(row, matrix) for row in rows])
 
 
-def _tabulated_ground(tables: list[Array], count: Array, most: int) -> tuple[Array, Array, Array]:
+def _tabulated_grounds(tables: list[Array], count: Array, most: int) -> tuple[Array, Array, Array]:
     """M, M' and K by the table: h is a multiple of the step, so that all depths in them
     are, too.
     """
     e2, j1, e3, j2 = tables
-    i = jnp.arange(most)[:, None]
-    # h - s of node i is (Q - 1 - i + 1/2) dh, and h + s is (Q + i + 1/2) dh.
-    above = jnp.maximum(count - 1 - i, 0)
-    m = e2[above] + j1[count + i]
-    return m, e3[above] - e3[above + 1] + j2[count + i] - j2[count + i + 1], 2.0 * j2[2 * count]
+
+    def of_stack(count: Array) -> tuple[Array, Array, Array]:
+        return assembly.ground(e2, j1, e3, j2[count + jnp.arange(most + 1)], count)
+
+    return jax.vmap(of_stack, out_axes=(1, 1, 0))(count)
 
 
 def _scattered_once(batch: Batch, incident: _Beam, viewing: _Beam) -> Array:
@@ -310,11 +306,42 @@ def _scattered_once(batch: Batch, incident: _Beam, viewing: _Beam) -> Array:
     return 0.5 * total
 
 
-def _seen_from_below(
-    viewing: _Beam, index: float, leaving: Array, single: Array, multiple: Array
+def _parts(
+    batch: Batch,
+    incident: _Beam,
+    viewing: _Beam,
+    index: float,
+    *,
+    reaching: Array,
+    returned: Array,
+    visible: Array,
+    scattered: Array,
+    from_ground: Array,
+    single: Array,
 ) -> Split:
-    """Radiance below the surface, by eq. (32), as parts of the reflectance factor."""
+    """Radiance below the surface, by eq. (32), as parts of the reflectance factor.
+
+    Light of the beam and light of an evenly bright ground; the ground's brightness B closes the
+    circle of what it sends up and gets back.
+
+    Args:
+        batch: stacks.
+        incident, viewing: beams.
+        index: refractive index.
+        reaching: radiance of the beam's scattered light at the ground, (stacks, *angles).
+        returned: share of the ground's light that comes back to it, (stacks,).
+        visible: share of each segment's light that is seen, (n, stacks, *angles).
+        scattered, from_ground: of `_solve`.
+        single: radiance of light scattered once, (stacks, *angles).
+    """
+    not_returned = append_axes(1.0 - batch.ground * returned, incident.cosine)
+    # B, eq. (34), and the ground's radiance, rho B/pi.
+    arriving = (incident.transmittance * incident.decay + jnp.pi * reaching) / not_returned
+    leaving = append_axes(batch.ground, arriving) / jnp.pi * arriving
+    multiple = jnp.sum(visible * scattered, axis=0) + leaving * jnp.sum(
+        visible * append_axes(from_ground, visible), axis=0
+    )
     factor = jnp.pi / index**2 * viewing.transmittance / viewing.cosine
-    radiances = (leaving * viewing.cosine * viewing.decay, single, multiple)
+    radiances = (leaving * viewing.cosine * viewing.decay, single, 0.5 * multiple)
     shape = jnp.broadcast_shapes(*(radiance.shape for radiance in radiances))
     return Split(*(jnp.broadcast_to(factor * radiance, shape) for radiance in radiances))
