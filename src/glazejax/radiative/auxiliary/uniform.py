@@ -26,7 +26,7 @@ stacks, and only the few rows of interfaces are a stack's own.
 """
 
 from collections import OrderedDict
-from typing import Any, NamedTuple
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -84,17 +84,16 @@ def reflectance_factor(
 
     Arguments, errors, notes and source are those of `split_reflectance_factor`.
     """
-    angles = (cos_incidence, cos_viewing)
-    how = _How(
-        refractive_index=refractive_index,
-        step=step,
+    settings = GridSettings(
         variant=variant,
         corrected=corrected,
-        table=table,
+        refractive_index=refractive_index,
+        step=step,
+        most=0,
         product=product,
-        segments=segments,
     )
-    terms = _evaluate(albedo, optical_thickness, substrate_reflectance, angles, how)
+    stack = (albedo, optical_thickness, substrate_reflectance, cos_incidence, cos_viewing)
+    terms = _evaluate(stack, settings, table, segments)
     return jnp.asarray(terms.ground + terms.single + terms.multiple)
 
 
@@ -161,49 +160,38 @@ def split_reflectance_factor(
 
     Source: paper A (Shinozawa et al. 2013), eqs (3)-(5), (17)-(34), sections 4.1 and 4.2.
     """
-    angles = (cos_incidence, cos_viewing)
-    how = _How(
-        refractive_index=refractive_index,
-        step=step,
+    settings = GridSettings(
         variant=variant,
         corrected=corrected,
-        table=table,
+        refractive_index=refractive_index,
+        step=step,
+        most=0,
         product=product,
-        segments=segments,
     )
-    terms = _evaluate(albedo, optical_thickness, substrate_reflectance, angles, how)
+    stack = (albedo, optical_thickness, substrate_reflectance, cos_incidence, cos_viewing)
+    terms = _evaluate(stack, settings, table, segments)
     return jax.tree.map(jnp.asarray, terms)
 
 
-class _How(NamedTuple):
-    """Arguments that are not of a stack."""
-
-    refractive_index: float
-    step: float
-    variant: Variant
-    corrected: bool
-    table: KernelTable | None
-    product: Product
-    segments: int | None
-
-
-def _evaluate(albedo, thickness, ground, cosines, how: _How) -> Split:
+def _evaluate(
+    stack: tuple[Numbers, ...],
+    settings: GridSettings,
+    table: KernelTable | None,
+    segments: int | None,
+) -> Split:
     """The parts, as NumPy arrays where all arguments are known."""
-    refractive_index, step, variant, corrected, table, product, segments = how
-    arguments = {"albedo": albedo, "optical_thickness": thickness, "substrate_reflectance": ground}
-    arguments |= {"cos_incidence": cosines[0], "cos_viewing": cosines[1]}
-    _check(arguments, how)
-    batch, restore = _flatten(arguments)
-    settings = GridSettings(
-        variant=variant,
-        corrected=bool(corrected),
-        refractive_index=float(refractive_index),
-        step=float(step),
-        most=0,
+    _check(settings, table, segments)
+    names = ("albedo", "optical_thickness", "substrate_reflectance", "cos_incidence", "cos_viewing")
+    batch, restore = _flatten(dict(zip(names, stack, strict=True)))
+    settings = settings._replace(
+        corrected=bool(settings.corrected),
+        refractive_index=float(settings.refractive_index),
+        step=float(settings.step),
     )
+    step = settings.step
     thickness = concrete(batch.thickness)
     if thickness is None:
-        return restore(_solve_traced(batch, settings, how))
+        return restore(_solve_traced(batch, settings, table, segments))
     # How many segments each stack needs; too many are refused before anything is computed.
     count = np.asarray(_segments(np.sum(np.asarray(thickness, np.float64), axis=1), settings))
     most = int(count.max(initial=1))
@@ -219,7 +207,7 @@ def _evaluate(albedo, thickness, ground, cosines, how: _How) -> Split:
             f"a stack needs {most} segments of step {step:g}, more than the segments={segments} "
             "given"
         )
-    settings = settings._replace(product=_chosen(product, settings, segments or most))
+    settings = settings._replace(product=_chosen(settings, segments or most))
     at_once = settings.product != "matrix"
     vectors = _vectors(_table(table, settings, most), settings)
     angles = max(int(np.prod(batch.cos_incidence.shape[1:])), 1)
@@ -228,7 +216,7 @@ def _evaluate(albedo, thickness, ground, cosines, how: _How) -> Split:
     # Stacks of about as many segments go together, filled up to few sizes, so that few programs are
     # compiled.
     for rows, most in _groups(count, settings, segments):
-        alone = variant != "fixed_step" and most >= _ALONE and not at_once
+        alone = settings.variant != "fixed_step" and most >= _ALONE and not at_once
         chunk = 1 if alone else max(1, _CHUNK_ELEMENTS // (most * (angles + 1)))
         for start in range(0, rows.size, chunk):
             chosen = rows[start : start + chunk]
@@ -256,8 +244,8 @@ def _evaluate(albedo, thickness, ground, cosines, how: _How) -> Split:
     return restore(jax.tree.map(together, *results))
 
 
-def _check(arguments: dict[str, Any], how: _How) -> None:
-    refractive_index, step, variant, _, _, product, segments = how
+def _check(settings: GridSettings, table: KernelTable | None, segments: int | None) -> None:
+    variant, _, refractive_index, step, _, product = settings
     check_choice("variant", variant, Variant)
     check_choice("product", product, Product)
     if variant == "direct" and product in ("fft", "matrices"):
@@ -288,6 +276,17 @@ def _check(arguments: dict[str, Any], how: _How) -> None:
             "refractive_index must be one number here; stack_reflectance_factor takes arrays"
         )
     check_values({"refractive_index": refractive_index})
+    if table is None:
+        return
+    if variant != "fixed_step":
+        raise ValueError(
+            f"a table is for variant 'fixed_step'; {variant!r} has a step for every stack"
+        )
+    if (table.refractive_index, table.step) != (float(refractive_index), float(step)):
+        raise ValueError(
+            f"{table!r} does not fit refractive_index {refractive_index:g} and step {step:g}; "
+            "make one that does"
+        )
 
 
 def _flatten(arguments: dict[str, Any]):
@@ -339,10 +338,10 @@ def _segments(depth, settings: GridSettings):
     return xp.where(depth > 0, xp.maximum(count, 2), 1).astype(int)
 
 
-def _chosen(product: Product, settings: GridSettings, most: int) -> Product:
+def _chosen(settings: GridSettings, most: int) -> Product:
     """The product asked for, or the fastest for so many segments."""
-    if product != "auto":
-        return product
+    if settings.product != "auto":
+        return settings.product
     return "fft" if most >= _TRANSFORMED[settings.variant] else "matrix"
 
 
@@ -382,24 +381,14 @@ def _rounded_up(count: int) -> int:
 def _table(table: KernelTable | None, settings: GridSettings, most: int) -> KernelTable | None:
     """The table to use, long enough; None where stacks have steps of their own."""
     if settings.variant != "fixed_step":
-        if table is not None:
-            raise ValueError(
-                f"a table is for variant 'fixed_step'; {settings.variant!r} has a step for every "
-                "stack"
-            )
         return None
-    key = (settings.refractive_index, settings.step)
     if table is None:
+        key = (settings.refractive_index, settings.step)
         table = _kept.setdefault(key, KernelTable(*key))
         _kept.move_to_end(key)
         # The table that was not used for longest goes first.
         while len(_kept) > 8:
             _kept.popitem(last=False)
-    elif (table.refractive_index, table.step) != key:
-        raise ValueError(
-            f"{table!r} does not fit refractive_index {key[0]:g} and step {key[1]:g}; make one "
-            "that does"
-        )
     table.grow(min(_rounded_up(most), MOST_SEGMENTS))
     return table
 
@@ -420,9 +409,10 @@ def _vectors(table: KernelTable | None, settings: GridSettings):
     return print_step
 
 
-def _solve_traced(batch: Batch, settings: GridSettings, how: _How) -> Split:
+def _solve_traced(
+    batch: Batch, settings: GridSettings, table: KernelTable | None, segments: int | None
+) -> Split:
     """Under `jax.jit`: as many segments as the table has, or as the caller says."""
-    table = how.table
     if settings.variant == "fixed_step":
         if table is None or table.segments == 0:
             raise ValueError(
@@ -434,19 +424,18 @@ def _solve_traced(batch: Batch, settings: GridSettings, how: _How) -> Split:
         reach = repr(table)
         longer = "make a table of more segments"
     else:
-        if how.segments is None:
+        if segments is None:
             raise ValueError(
                 "optical_thickness is traced by jax.jit, so the number of segments is not known; "
                 "give segments=, as many as the thickest stack needs at this step, or do not jit "
                 f"(variant {settings.variant!r})"
             )
-        most = how.segments
-        reach = f"segments={how.segments}"
+        most = segments
+        reach = f"segments={segments}"
         longer = "give more segments"
-        _table(table, settings, most)
     # The program has room for that many; a thicker stack is known only when it runs.
     vectors = _vectors(table, settings)(most)
-    settings = settings._replace(most=most, product=_chosen(how.product, settings, most))
+    settings = settings._replace(most=most, product=_chosen(settings, most))
     count = _segments(jax.lax.stop_gradient(jnp.sum(batch.thickness, axis=1)), settings)
     count = eqx.error_if(
         count,

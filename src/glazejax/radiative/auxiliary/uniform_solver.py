@@ -36,6 +36,7 @@ class GridSettings(NamedTuple):
     refractive_index: float
     step: float
     most: int
+    """Segments that the program has room for; 0 while this is not known."""
     product: Product = "matrix"
 
 
