@@ -165,7 +165,7 @@ def halves(*, downward: bool = False) -> tuple[Any, Any, Any]:
     lit = jnp.array([np.cos(np.deg2rad(ANGLE))])
     effort = FluxEffort(_pieces(), 1, 1, None)
     media = Media((INDEX,), INDEX)
-    made = joined_stack(layers, media, jnp.asarray(COSINES), lit, effort, 1, downward=downward)
+    made = joined_stack(layers, media, jnp.asarray(COSINES), lit, effort, downward=downward)
     upper, lower = (jax.tree.map(lambda leaf: leaf[0], x) for x in (made.faces, made.coats))
     return upper, lower, jnp.sqrt(jnp.asarray(shared_directions(_pieces()).flux))
 

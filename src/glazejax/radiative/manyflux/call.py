@@ -78,7 +78,6 @@ class CheckedBatch(NamedTuple):
 
     layers: Layers  # leading axis: batch; the phase function's may be 1
     angles: dict[str, Array]  # (batch,)
-    table: GroundTable | None
     settings: ProgramSettings
     batch: tuple[int, ...]
 
@@ -160,7 +159,6 @@ def prepare(
     return CheckedBatch(
         layers=layers,
         angles=angles,
-        table=stack.ground,
         settings=ProgramSettings(media, effort, downward),
         batch=checked.batch,
     )
@@ -202,7 +200,7 @@ def solve_stacks(
     without cosines, over that of even light; arguments as for `prepare`.
     """
     call = prepare(stack, cosines, azimuth, downward=downward)
-    return _results(call.layers, call.angles, call.table, call.settings).reshape(call.batch)
+    return _results(call.layers, call.angles, stack.ground, call.settings).reshape(call.batch)
 
 
 @functools.partial(jax.jit, static_argnums=3)
@@ -225,7 +223,7 @@ def _results(
                 return manyflux_solve.hemispherical_reflectance(layers, media, lit, effort)[0]
             return manyflux_solve.diffuse_reflectance(layers, media, effort)
         joined = manyflux_joined.joined_stack(
-            layers, media, layers.albedo[:0], lit, effort, 1, table=table, downward=downward
+            layers, media, layers.albedo[:0], lit, effort, table=table, downward=downward
         )
         if angles:
             return manyflux_joined.flux_of_beam(joined)[0]
@@ -260,7 +258,7 @@ def _factor(
     if not isinstance(media, Media):
         return manyflux_solve.reflectance_factor(layers, media, viewing, incidence, azimuth, effort)
     joined = manyflux_joined.joined_stack(
-        layers, media, viewing, incidence, effort, effort.modes, table=table, downward=downward
+        layers, media, viewing, incidence, effort, table=table, downward=downward
     )
     return manyflux_joined.factor(joined, azimuth)
 
@@ -278,16 +276,12 @@ def _map_stacks(
     # A stack's operators are matrices over all directions, for each layer and azimuth mode.
     width = effort.width + added
     chunk = max(1, _CHUNK_BYTES // (count * effort.modes * width**2 * layers.albedo.dtype.itemsize))
+    moments = layers.moments
     # A shared phase function's moments stay out of the batch.
-    shared = layers.moments[0] if layers.moments.shape[0] == 1 else None
+    shared = len(moments) == 1
 
-    def solve_chunk(batch: tuple[Layers, dict[str, Array]]) -> Array:
-        if shared is None:
-            return jax.vmap(function)(*batch)
-        return jax.vmap(lambda layers, angles: function(layers._replace(moments=shared), angles))(
-            *batch
-        )
+    def one(stack: Layers, angles: dict[str, Array]) -> Array:
+        return function(stack._replace(moments=moments[0]) if shared else stack, angles)
 
-    return in_chunks(
-        solve_chunk, (layers if shared is None else layers._replace(moments=None), angles), chunk
-    )
+    batch = (layers._replace(moments=None) if shared else layers, angles)
+    return in_chunks(lambda piece: jax.vmap(one)(*piece), batch, chunk)

@@ -169,7 +169,7 @@ def _field(
 ) -> Field:
     viewing, azimuth = axes
     modes = effort.modes
-    stack = discrete_stack(layers, index, viewing, lit, effort, modes, viewed_inside=True)
+    stack = discrete_stack(layers, index, viewing, lit, effort, viewed_inside=True)
     a, b = stack.scaled.rates(stack.cosines)
     top = jnp.cumsum(layers.optical_thickness) - layers.optical_thickness
     # The surface as a slab, without what it reflects of the light that falls in.
@@ -189,7 +189,7 @@ def _field(
         upper = layer_operators(a, b, (share * stack.scaled.thickness)[:, None], effort)
         lower = layer_operators(a, b, ((1.0 - share) * stack.scaled.thickness)[:, None], effort)
         slab = join(face, join_all(slab_of_layer(*upper)))
-        below = stack_reflection(*lower, lambert(layers.ground, stack.roots, modes, depth.dtype))
+        below = stack_reflection(*lower, lambert(layers.ground, stack.roots, modes))
         return _between(slab, below, unit, stack.roots.nodes / stack.roots.incidence[0], waves)
 
     return jax.lax.map(at, depths)
@@ -212,17 +212,16 @@ def _opened_field(
 
     def at(share: Array) -> Field:
         # As in `_field`, where the operators count in directions that all media share.
-        stack = opened_stack(
+        above, below, roots = opened_stack(
             layers=layers,
             media=media,
             cos_inside=viewing,
             cos_incidence=lit,
             effort=effort,
-            modes=effort.modes,
             cut=cut,
             share=share,
         )
-        return _between(stack.above, stack.below, 2.0 / index**2, stack.roots, waves)
+        return _between(above, below, 2.0 / index**2, roots, waves)
 
     return jax.lax.map(at, shares)
 

@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 from ..common.inputs import Numbers, concrete
 from ..common.linalg import einsum
 from .bordered import Bordered, Diagonal
-from .star_product import lambert
+from .star_product import lambert, reflector
 
 
 class GroundTable(NamedTuple):
@@ -98,28 +98,22 @@ def ground_operator(
         roots: sqrt(mu w) of these there, over whatever the operators are scaled with.
         modes: number of azimuth modes; the result has them as its leading axis.
     """
-    dtype = roots.nodes.dtype
     if table is None:
-        return lambert(reflectance, roots, modes, dtype)
-    rows = jnp.concatenate([roots.nodes, roots.viewing])
-    columns = jnp.concatenate([roots.nodes, roots.incidence])
+        return lambert(reflectance, roots, modes)
     # The table between its knots, linear in the cosines of viewing and of incidence.
     interpolations = [
         jnp.asarray(_between(table.cosines, jnp.concatenate([cosines.nodes, c])))
         for c in cosines[1:]
     ]
     means = einsum(
-        "vs,mst,it->mvi", interpolations[0], table.modes.astype(dtype), interpolations[1]
+        "vs,mst,it->mvi",
+        interpolations[0],
+        table.modes.astype(roots.nodes.dtype),
+        interpolations[1],
     )[:modes]
-    # Lambert's 2 rho g g^T, with the table's modes in place of 1.
-    body = 2.0 * reflectance * rows[:, None] * columns * means
     # Modes finer than the table resolves come back black.
-    spare = modes - body.shape[0]
-    return Bordered(
-        jnp.concatenate([body, jnp.zeros((spare, *body.shape[1:]), dtype)]),
-        jnp.zeros((modes, roots.viewing.size), dtype),
-        jnp.zeros((modes, roots.incidence.size), dtype),
-    )
+    spare = modes - means.shape[0]
+    return reflector(reflectance, roots, jnp.pad(means, [(0, spare), (0, 0), (0, 0)]))
 
 
 def _between(knots, cosines):

@@ -61,17 +61,6 @@ class JoinedStack(NamedTuple):
     downward: bool
 
 
-class OpenedStack(NamedTuple):
-    """A stack cut inside one of its layers."""
-
-    above: Slab
-    """From the air to the cut."""
-    below: Bordered
-    """What lies under the cut, ground and all, as it reflects."""
-    roots: Float[Array, "n"]
-    """sqrt(n^2 mu w) of the nodes that exist at the cut, 0 of the others."""
-
-
 class _Discrete(NamedTuple):
     """A stack in the directions that its media share."""
 
@@ -80,12 +69,13 @@ class _Discrete(NamedTuple):
     cosines: Diagonal  # their cosines in the layers, (layers, ...)
     scaled: ScaledScattering
     indices: np.ndarray  # from the air down
+    effort: FluxEffort
 
-    def operators(self, share: float | Array, effort: FluxEffort) -> tuple[Bordered, Bordered]:
+    def operators(self, share: float | Array) -> tuple[Bordered, Bordered]:
         """R and U of shares of the layers."""
         cosines = Diagonal(*(c[:, None] for c in self.cosines))
         depth = (share * self.scaled.thickness)[:, None]
-        operators = layer_operators(*self.scaled.rates(cosines), depth, effort)
+        operators = layer_operators(*self.scaled.rates(cosines), depth, self.effort)
         # Added directions count as of flux n^2 mu w = 1.
         n = self.indices[1 : 1 + len(depth), None, None]
         rows, columns = (jnp.asarray(1.0 / (n * jnp.sqrt(c))) for c in cosines[1:])
@@ -103,7 +93,6 @@ def _discrete(
     seen_in: tuple[Array, float],
     cos_incidence: Array,
     effort: FluxEffort,
-    modes: int,
 ) -> _Discrete:
     """Directions and scattering; indices from the air down, viewing as cosines and the index they
     are known in.
@@ -121,13 +110,20 @@ def _discrete(
     inner = slice(1, 1 + layers.albedo.size)
     inner_cosines = Diagonal(*(direction.cosines[inner] for direction in followed))
     roots = jnp.sqrt(jnp.asarray(weights[inner], dtype))
-    scaled = scatter_between(layers, inner_cosines, roots, effort.terms, modes)
+    scaled = scatter_between(layers, inner_cosines, roots, effort.terms, effort.modes)
     # An empty layer between faces that reflect totally would keep its light for ever.
     scaled = scaled._replace(thickness=scaled.thickness + 1e-12)
-    return _Discrete(common.flux, followed, inner_cosines, scaled, indices)
+    return _Discrete(
+        flux=common.flux,
+        followed=followed,
+        cosines=inner_cosines,
+        scaled=scaled,
+        indices=indices,
+        effort=effort,
+    )
 
 
-def _ground(discrete: _Discrete, layers: Layers, table: GroundTable | None, modes: int) -> Bordered:
+def _ground(discrete: _Discrete, layers: Layers, table: GroundTable | None) -> Bordered:
     """Light that the ground sends back into the last medium."""
     dtype = layers.albedo.dtype
     last = discrete.indices[-1]
@@ -137,7 +133,7 @@ def _ground(discrete: _Discrete, layers: Layers, table: GroundTable | None, mode
         for direction in discrete.followed[1:]
     ]
     cosines = Diagonal(*(direction.cosines[-1] for direction in discrete.followed))
-    return ground_operator(layers.ground, table, cosines, Diagonal(*weights), modes)
+    return ground_operator(layers.ground, table, cosines, Diagonal(*weights), discrete.effort.modes)
 
 
 def opened_stack(
@@ -146,28 +142,27 @@ def opened_stack(
     cos_inside: Float[Array, "v"],
     cos_incidence: Float[Array, "i"],
     effort: FluxEffort,
-    modes: int,
     cut: int,
     share: Array,
-) -> OpenedStack:
+) -> tuple[Slab, Bordered, Float[Array, "n"]]:
     """Stack on a Lambertian ground, cut open in layer ``cut`` below a ``share`` of it.
 
     Args:
         cos_inside: cosines in that layer.
         The others as for `joined_stack`.
+
+    Returns:
+        From the air to the cut; what lies under the cut, ground and all, as it reflects; and
+        sqrt(n^2 mu w) of the nodes that exist at the cut, 0 of the others.
     """
     indices = np.array((1.0, *media.layers))
-    discrete = _discrete(
-        layers, indices, (cos_inside, indices[1 + cut]), cos_incidence, effort, modes
-    )
+    discrete = _discrete(layers, indices, (cos_inside, indices[1 + cut]), cos_incidence, effort)
     # Layers above the cut are wholly in the upper slab, those below it in the lower, the cut one in
     # both by its share.
     number = np.arange(len(media.layers))
     above_share = jnp.where(number < cut, 1.0, jnp.where(number > cut, 0.0, share))
-    surfaces, _ = _surfaces(discrete, modes)
-    upper, lower = (
-        slab_of_layer(*discrete.operators(p, effort)) for p in (above_share, 1.0 - above_share)
-    )
+    surfaces, _ = _surfaces(discrete)
+    upper, lower = (slab_of_layer(*discrete.operators(p)) for p in (above_share, 1.0 - above_share))
 
     def pick(slabs: Slab, k: int) -> Slab:
         return jax.tree.map(lambda leaf: leaf[k], slabs)
@@ -177,11 +172,11 @@ def opened_stack(
     for k in range(1, cut + 1):
         above = join(join(above, pick(surfaces, k)), pick(upper, k))
     # From the ground up to the cut; the surface of the cut layer lies above it.
-    below = _ground(discrete, layers, None, modes)
+    below = _ground(discrete, layers, None)
     for k in range(len(media.layers) - 1, cut - 1, -1):
         slab = pick(lower, k) if k == cut else join(pick(surfaces, k), pick(lower, k))
         below = reflection_over(slab, below)
-    return OpenedStack(above, below, discrete.roots(1 + cut, layers.albedo.dtype))
+    return above, below, discrete.roots(1 + cut, layers.albedo.dtype)
 
 
 def joined_stack(
@@ -190,7 +185,6 @@ def joined_stack(
     cos_viewing: Float[Array, "v"],
     cos_incidence: Float[Array, "i"],
     effort: FluxEffort,
-    modes: int,
     *,
     table: GroundTable | None = None,
     downward: bool = False,
@@ -203,7 +197,6 @@ def joined_stack(
         cos_viewing: in air, or, if ``downward``, in the medium below.
         cos_incidence: in air.
         effort: its directions are `SharedSpread`.
-        modes: number of azimuth modes.
         table: what the ground reflects in which direction; times the ground's reflectance.
             Lambertian without.
         downward: whether light is seen from below.
@@ -216,17 +209,16 @@ def joined_stack(
         (cos_viewing, indices[-1] if downward else 1.0),
         cos_incidence,
         effort,
-        modes,
     )
     # Each layer under the surface above it is one slab.
-    surfaces, through = _surfaces(discrete, modes)
+    surfaces, through = _surfaces(discrete)
     count = len(media.layers)
     upper: Slab = jax.tree.map(lambda leaf: leaf[:count], surfaces)
-    coats = slab_of_layer(*discrete.operators(1.0, effort))
+    coats = slab_of_layer(*discrete.operators(1.0))
     slab = join_all(join(upper, coats))
     # Below is a ground, or the surface to another medium.
     if media.below is None:
-        operator = reflection_over(slab, _ground(discrete, layers, table, modes))
+        operator = reflection_over(slab, _ground(discrete, layers, table))
     else:
         slab = join(slab, jax.tree.map(lambda leaf: leaf[-1], surfaces))
         operator = slab.down if downward else slab.above
@@ -284,7 +276,7 @@ def _ways(cosines: Array, indices: np.ndarray, known_in: float) -> FollowedDirec
     return FollowedDirections(jnp.sqrt(jnp.where(exists, squared, n**2)) / n, exists)
 
 
-def _surfaces(discrete: _Discrete, modes: int) -> tuple[Slab, list[Array]]:
+def _surfaces(discrete: _Discrete) -> tuple[Slab, list[Array]]:
     """Surfaces between neighbouring media, (surfaces, modes, ...), and what they let through of
     seen and lit light.
     """
@@ -310,9 +302,9 @@ def _surfaces(discrete: _Discrete, modes: int) -> tuple[Slab, list[Array]]:
 
     def operator(entries: list[Array]) -> Bordered:
         # A smooth surface keeps every azimuth: the same in all modes.
-        bordered = diagonal(Diagonal(*entries))
         return jax.tree.map(
-            lambda x: jnp.broadcast_to(x[:, None], (x.shape[0], modes, *x.shape[1:])), bordered
+            lambda x: jnp.repeat(x[:, None], discrete.effort.modes, axis=1),
+            diagonal(Diagonal(*entries)),
         )
 
     passing = operator(through)

@@ -93,9 +93,8 @@ class ManyFlux:
             )
             return factor[0, 0, 0]
 
-        axes = (0, 0, 0, 0 if isinstance(stack.refractive_index, jax.Array) else None, 0)
-        viewing_axis = None if stack.cos_viewing is None else 0
-        return jax.vmap(one, in_axes=(*axes, viewing_axis))(*stack)
+        index_axis = 0 if isinstance(stack.refractive_index, jax.Array) else None
+        return jax.vmap(one, in_axes=(0, 0, 0, index_axis, 0, 0))(*stack)
 
     def reflectance_and_gradient(
         self, stack: StackArrays, resolution: FluxEffort, leaf_names: tuple[str, ...]

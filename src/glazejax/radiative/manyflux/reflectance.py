@@ -202,5 +202,5 @@ def brdf_table(
         jnp.asarray(a, dtype) for a in (cos_viewing, cos_incidence, azimuth)
     )
     axes = AngleAxes(viewing, incidence, jnp.deg2rad(turns))
-    table = tables(call.layers, axes, call.table, call.settings)
+    table = tables(call.layers, axes, ground, call.settings)
     return table.reshape(*call.batch, *table.shape[1:]) / np.pi

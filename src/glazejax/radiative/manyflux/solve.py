@@ -38,7 +38,6 @@ def discrete_stack(
     cos_viewing: Array,
     cos_incidence: Array,
     effort: FluxEffort,
-    modes: int,
     *,
     viewed_inside: bool = False,
 ) -> DiscreteStack:
@@ -61,7 +60,7 @@ def discrete_stack(
         else dielectric_reflectance(cos_viewing, index)
     )
     cosines = Diagonal(mu, viewing, incidence)
-    scaled = scatter_between(layers, cosines, jnp.sqrt(weights), effort.terms, modes)
+    scaled = scatter_between(layers, cosines, jnp.sqrt(weights), effort.terms, effort.modes)
     entering = dielectric_reflectance(cos_incidence, index)
     return DiscreteStack(
         cosines=cosines,
@@ -71,11 +70,11 @@ def discrete_stack(
     )
 
 
-def _outside(stack: DiscreteStack, ground: Array, effort: FluxEffort, modes: int) -> Bordered:
+def _outside(stack: DiscreteStack, ground: Array, effort: FluxEffort) -> Bordered:
     """Reflection as seen from outside, (modes, ...)."""
     scaled = stack.scaled
     layer = layer_operators(*scaled.rates(stack.cosines), scaled.thickness[:, None], effort)
-    below = lambert(ground, stack.roots, modes, ground.dtype)
+    below = lambert(ground, stack.roots, effort.modes)
     return under_surface(stack_reflection(*layer, below), stack.surface)
 
 
@@ -112,10 +111,9 @@ def reflectance_factor(
     what is scattered more often (Nakajima and Tanaka, J. Quant. Spectrosc. Radiat. Transfer 40
     (1988) 51, their TMS).
     """
-    modes = effort.modes
-    stack = discrete_stack(layers, index, cos_viewing, cos_incidence, effort, modes)
-    outside = _outside(stack, layers.ground, effort, modes)
-    waves = azimuth_waves(azimuth, modes)
+    stack = discrete_stack(layers, index, cos_viewing, cos_incidence, effort)
+    outside = _outside(stack, layers.ground, effort)
+    waves = azimuth_waves(azimuth, effort.modes)
     all_light = einsum("mvi,mk->vik", outside.corner, waves)
     viewing = stack.roots.viewing[:, None]
     incidence = stack.roots.incidence
@@ -123,7 +121,7 @@ def reflectance_factor(
     # its way out.
     factor = all_light / (2.0 * index**2 * viewing * incidence)[..., None]
     # One moment in one mode: nothing of light scattered once was cut off.
-    if modes == 1 and layers.moments.shape[-1] == 1:
+    if effort.modes == 1 and layers.moments.shape[-1] == 1:
         return factor
     return factor + _missing(stack, layers, index, azimuth, waves)
 
@@ -151,8 +149,8 @@ def hemispherical_reflectance(
     effort: FluxEffort,
 ) -> Float[Array, "i"]:
     """Flux that leaves over flux of a collimated beam, for each direction of incidence."""
-    stack = discrete_stack(layers, index, cos_incidence[:0], cos_incidence, effort, 1)
-    outside = _outside(stack, layers.ground, effort, 1)
+    stack = discrete_stack(layers, index, cos_incidence[:0], cos_incidence, effort)
+    outside = _outside(stack, layers.ground, effort)
     # sqrt(mu w) times the operator's sqrt(mu w) I is the flux of each node.
     return einsum("n,ni->i", stack.roots.nodes, outside.columns[0]) / stack.roots.incidence
 
@@ -162,8 +160,8 @@ def diffuse_reflectance(
 ) -> Float[Array, ""]:
     """Flux that leaves over flux of light of equal radiance from all directions outside."""
     nothing = layers.albedo[:0]
-    stack = discrete_stack(layers, index, nothing, nothing, effort, 1)
-    outside = _outside(stack, layers.ground, effort, 1)
+    stack = discrete_stack(layers, index, nothing, nothing, effort)
+    outside = _outside(stack, layers.ground, effort)
     # Only the cone of refraction is lit: its flux is 1/n^2 of that of all directions inside.
     return (
         2.0 * index**2 * einsum("i,ij,j->", stack.roots.nodes, outside.core[0], stack.roots.nodes)

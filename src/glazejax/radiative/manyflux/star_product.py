@@ -83,26 +83,31 @@ def stack_reflection(reflections: Bordered, losses: Bordered, ground: Bordered) 
     return jax.lax.scan(add, ground, (reflections, losses), reverse=True)[0]
 
 
-def lambert(
-    reflectance: Float[Array, ""], roots: Diagonal, modes: int, dtype: jnp.dtype
+def reflector(
+    reflectance: Float[Array, ""], roots: Diagonal, factor: Float[Array, "modes #rows #columns"]
 ) -> Bordered:
-    """Lambertian ground, 2 rho g g^T with g = sqrt(mu w) in mode 0, black in the others.
+    """Ground, 2 rho g g^T with g = sqrt(mu w), times its factor between directions in each azimuth
+    mode.
 
     Args:
         reflectance: rho, ().
         roots: g of nodes and added directions.
-        modes: number of azimuth modes; the result has them as its leading axis.
+        factor: relative to a white Lambertian ground's in mode 0.
     """
     rows = jnp.concatenate([roots.nodes, roots.viewing])
     columns = jnp.concatenate([roots.nodes, roots.incidence])
-    # A Lambertian ground sends its light evenly to all azimuths: mode 0 has all of it.
-    first = jnp.zeros(modes, dtype).at[0].set(1.0)
-    body = first[:, None, None] * (2.0 * reflectance * rows[:, None] * columns)
+    modes = factor.shape[0]
     return Bordered(
-        body,
-        jnp.zeros((modes, roots.viewing.size), dtype),
-        jnp.zeros((modes, roots.incidence.size), dtype),
+        factor * (2.0 * reflectance * rows[:, None] * columns),
+        jnp.zeros((modes, roots.viewing.size), factor.dtype),
+        jnp.zeros((modes, roots.incidence.size), factor.dtype),
     )
+
+
+def lambert(reflectance: Float[Array, ""], roots: Diagonal, modes: int) -> Bordered:
+    """Lambertian ground: its light goes evenly to all azimuths, so that mode 0 has all of it."""
+    first = jnp.zeros((modes, 1, 1), roots.nodes.dtype).at[0].set(1.0)
+    return reflector(reflectance, roots, first)
 
 
 def under_surface(reflection: Bordered, surface: Diagonal) -> Bordered:
