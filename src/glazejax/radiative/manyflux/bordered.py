@@ -17,8 +17,10 @@ matrices over the nodes are ever inverted. Incidence and viewing are kept apart,
 may be in both.
 """
 
+import operator
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -64,15 +66,11 @@ class Bordered(NamedTuple):
 
     def __add__(self, other: "Bordered") -> "Bordered":  # pyright: ignore[reportIncompatibleMethodOverride]
         """Sum."""
-        return Bordered(
-            self.body + other.body, self.viewing + other.viewing, self.incidence + other.incidence
-        )
+        return jax.tree.map(operator.add, self, other)
 
     def __sub__(self, other: "Bordered") -> "Bordered":
         """Difference."""
-        return Bordered(
-            self.body - other.body, self.viewing - other.viewing, self.incidence - other.incidence
-        )
+        return jax.tree.map(operator.sub, self, other)
 
     def __matmul__(self, other: "Bordered") -> "Bordered":
         """Product: through the nodes, or past them on a direction's own diagonal."""

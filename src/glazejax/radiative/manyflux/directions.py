@@ -47,17 +47,22 @@ def spread_directions(index: float, spread: NodeSpread) -> Directions:
 
 
 @functools.lru_cache(maxsize=256)
-def fewest_directions(tolerance: float, index: float, sizes: tuple[float, ...]) -> NodeSpread:
-    """Fewest directions for an accuracy.
+def fewest_directions(
+    tolerance: float, index: float, sizes: tuple[float, ...], streams: int | None
+) -> NodeSpread:
+    """Fewest directions for an accuracy, or the best way to spread a number of them.
 
     Args:
         tolerance: absolute error wanted.
         index: refractive index.
         sizes: Legendre moments of the phase functions, the largest of each in absolute value.
+        streams: number of directions, if it is given.
 
     Raises:
         ValueError: 96 directions are not enough.
     """
+    if streams is not None:
+        return _best(index, streams, sizes)[1]
     spread = first_good(
         (_best(index, count, sizes) for count in range(4, 97, 2)), tolerance, len(sizes)
     )
@@ -69,11 +74,6 @@ def fewest_directions(tolerance: float, index: float, sizes: tuple[float, ...]) 
         if missed <= allowed_error(tolerance):
             return min(spread, plain, key=functools.partial(_work, index))
     return spread
-
-
-def best_directions(index: float, count: int, sizes: tuple[float, ...]) -> NodeSpread:
-    """The best way to spread a number of directions."""
-    return _best(index, count, sizes)[1]
 
 
 def _work(index: float, spread: NodeSpread) -> float:

@@ -55,13 +55,7 @@ def layer_by_doubling(
     # The slice that the series is for; each doubling joins two equal slices.
     depth = thickness * 2.0**-count
     start = _thin_layer(a, b, depth)
-    if count == 0:
-        return start
-
-    def double(state: tuple[Bordered, Bordered], _):
-        return _double(*state), None
-
-    return jax.lax.scan(double, start, None, length=count)[0]
+    return jax.lax.fori_loop(0, count, lambda _, layer: _double(*layer), start)
 
 
 def _thin_layer(a: Bordered, b: Bordered, depth: Array) -> tuple[Bordered, Bordered]:
@@ -69,7 +63,7 @@ def _thin_layer(a: Bordered, b: Bordered, depth: Array) -> tuple[Bordered, Borde
     h = 0.5 * depth
 
     # X from B and A, Y from A and B, both at once.
-    first: Bordered = jax.tree.map(lambda x, y: jnp.stack(jnp.broadcast_arrays(x, y)), b, a)
+    first = pair(b, a)
     second: Bordered = jax.tree.map(lambda x: x[::-1], first)
     # z h^2 of the series, for z = A B and z = B A.
     squared = (second @ first).scaled(h * h)
@@ -81,16 +75,18 @@ def _thin_layer(a: Bordered, b: Bordered, depth: Array) -> tuple[Bordered, Borde
 
     total, _ = jax.lax.scan(lower_power, total, jnp.asarray(_SERIES[-3::-1], depth.dtype))
     # X = B t(A B) and Y = A t(B A), symmetric but for rounding.
-    impedance = (first @ total).scaled(h).symmetric()
-    even, odd = (jax.tree.map(lambda leaf, i=i: leaf[i], impedance) for i in (0, 1))
-    return reflection_and_loss(even, odd)
+    return reflection_and_loss((first @ total).scaled(h).symmetric())
 
 
-def reflection_and_loss(even: Bordered, odd: Bordered) -> tuple[Bordered, Bordered]:
-    """R and U = 1 - T of a layer from X and Y at its face, both symmetric."""
-    stacked: Bordered = jax.tree.map(lambda x, y: jnp.stack(jnp.broadcast_arrays(x, y)), even, odd)
+def pair(one: Bordered, other: Bordered) -> Bordered:
+    """Two operators along a new leading axis."""
+    return jax.tree.map(lambda x, y: jnp.stack(jnp.broadcast_arrays(x, y)), one, other)
+
+
+def reflection_and_loss(impedance: Bordered) -> tuple[Bordered, Bordered]:
+    """R and U = 1 - T of a layer from the `pair` of X and Y at its face, both symmetric."""
     # Half of 2 X (1 + X)^-1 and the like.
-    halves = stacked @ stacked.plus_identity().inverse()
+    halves = impedance @ impedance.plus_identity().inverse()
     from_even, from_odd = (jax.tree.map(lambda leaf, i=i: leaf[i], halves) for i in (0, 1))
     return (from_odd - from_even).symmetric(), (from_odd + from_even).symmetric()
 

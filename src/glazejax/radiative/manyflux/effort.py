@@ -10,7 +10,7 @@ from jaxtyping import Float
 from ..common.directions import Resolution, half_range
 from ..common.fresnel import cos_refracted
 from ..common.inputs import check_choice
-from .directions import NodeSpread, best_directions, fewest_directions, spread_directions
+from .directions import NodeSpread, fewest_directions, spread_directions
 from .doubling import doublings
 from .media import Media, SharedSpread, fewest_shared_directions, in_medium, shared_directions
 
@@ -83,9 +83,9 @@ def choose_effort(
         raise ValueError(f"streams is {streams}; it must be at least 2")
     # No more moments than the directions of both hemispheres can separate.
     terms_kept = terms_kept if streams is None else min(terms_kept, 2 * streams)
-    directions, least = _directions(
-        media, _round_sizes(sizes[:terms_kept]), tolerance, streams, least_cosine
-    )
+    # Rounded, there are few enough different ones that the search is rarely repeated.
+    rounded = tuple(np.round(sizes[:terms_kept], 4).tolist())
+    directions, least = _directions(media, rounded, tolerance, streams, least_cosine)
     count = doublings(thickest, least)
     # An azimuth mode that is left out is missed once, a moment in all modes: a larger share.
     modes = (
@@ -117,12 +117,7 @@ def _directions(
             for n in media.layers
         ]
         return pieces, float(min(least, *added))
-    fewest = streams is None
-    spread = (
-        fewest_directions(tolerance, media, sizes)
-        if fewest
-        else best_directions(media, streams, sizes)
-    )
+    spread = fewest_directions(tolerance, media, sizes, streams)
     # A beam or view that is followed exactly may be flatter than all nodes.
     mu = np.asarray(spread_directions(media, spread).cosines)
     return spread, min(float(mu.min()), float(cos_refracted(least_cosine, media)))
@@ -137,8 +132,3 @@ def effort_for_indices(
     return FluxEffort(
         resolution, 1, 1, doublings(thickest, min(least, float(cos_refracted(least_cosine, low))))
     )
-
-
-def _round_sizes(sizes: np.ndarray) -> tuple[float, ...]:
-    """Few enough different ones that the search is rarely repeated."""
-    return tuple(float(x) for x in np.round(sizes, 4))

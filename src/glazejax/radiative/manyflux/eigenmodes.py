@@ -31,7 +31,7 @@ from ..common.kernels import phi, tanh_sech
 from ..common.linalg import einsum, inverse, matmul, transpose
 from ..common.quadrature import gauss
 from .bordered import Bordered
-from .doubling import reflection_and_loss
+from .doubling import pair, reflection_and_loss
 from .jacobi import symmetric_eigen
 
 
@@ -72,7 +72,7 @@ def layer_by_modes(
     even = b @ _tangent(a @ b, modes.shapes, modes.projection, modes.decay_squared, half)
     back, into = (transpose(m) for m in (modes.projection, modes.shapes))
     odd = a @ _tangent(b @ a, back, into, modes.decay_squared, half)
-    return reflection_and_loss(even.symmetric(), odd.symmetric())
+    return reflection_and_loss(pair(even, odd).symmetric())
 
 
 def _tangent(

@@ -158,8 +158,8 @@ def scattering(
         ..., None
     ]
     # Light scattered once between two added directions meets no quadrature and stays exact.
-    change = change * _not_corner(rows_root.shape[-1], columns_root.shape[-1], count)
-    return c_even.at[..., 0, :, :].add(change), c_odd
+    seen, lit = (np.arange(root.shape[-1]) >= count for root in (rows_root, columns_root))
+    return c_even.at[..., 0, :, :].add(jnp.where(seen[:, None] & lit, 0.0, change)), c_odd
 
 
 def rates(
@@ -201,10 +201,6 @@ def _append_directions(nodes: Array, added: Array) -> Array:
     return jnp.concatenate(
         [jnp.broadcast_to(a, (*batch, a.shape[-1])) for a in (nodes, added)], axis=-1
     )
-
-
-def _not_corner(rows: int, columns: int, count: int) -> np.ndarray:
-    return 1.0 - np.outer(np.arange(rows) >= count, np.arange(columns) >= count)
 
 
 def scatter_between(
