@@ -17,14 +17,33 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 
-class Averaging(NamedTuple):
-    """Factors of a function's values at the edges and faces of segments."""
+class Weights(NamedTuple):
+    """Factors of a function's values at the edges and faces of segments, which make an integral of
+    its slope over each segment.
+    """
 
     edges: Float[Array, "n stacks"]
     """At left edges, to be subtracted."""
     next_edges: Float[Array, "n stacks"]
     """At right edges."""
     faces: Float[Array, "layers stacks"]
+
+    def integrate(
+        self,
+        held_by: Int[Array, "layers stacks"],
+        at_edges: Float[Array, "n stacks *cases"],
+        at_faces: Float[Array, "layers stacks *cases"],
+    ) -> Float[Array, "n stacks *cases"]:
+        """Integrals over the segments, by the number of the segment that holds each face."""
+        weights = Weights(*(append_axes(a, at_edges) for a in self))
+        at_faces = weights.faces * at_faces
+        number = jnp.arange(at_edges.shape[0])[:, None]
+        within = (
+            jnp.where(append_axes(holder == number, at_edges), face, 0.0)
+            for holder, face in zip(held_by, at_faces, strict=True)
+        )
+        between = weights.next_edges * _below(at_edges) - weights.edges * at_edges
+        return between + functools.reduce(jnp.add, within)
 
 
 class Segments(NamedTuple):
@@ -38,16 +57,16 @@ class Segments(NamedTuple):
     """Depth of each layer's lower face; the last is the ground."""
     held_by: Int[Array, "layers stacks"]
     """Number of the segment that holds each face."""
-    edge_albedo: Float[Array, "n stacks"]
-    """Albedo at the left edge; 0 where there is no segment."""
-    drop: Float[Array, "layers stacks"]
-    """How much the albedo falls at each face; at the ground all of it."""
+    albedo: Weights
+    """Albedo at the edges, 0 where there is no segment, and how much it falls at each face; at the
+    ground all of it.
+    """
     scattering: Float[Array, "n stacks"]
     """int_segment q ds, exactly 0 where negligible."""
     doubled: Float[Array, "n stacks"]
     """int_segment q^2 ds over int_segment q ds."""
-    averaging: Averaging
-    """Factors of a function that make its slope's mean over each segment."""
+    averaging: Weights
+    """Of the mean of a function's slope over each segment."""
 
     @classmethod
     def make(
@@ -69,28 +88,17 @@ class Segments(NamedTuple):
         layer = jnp.sum(holder[:-1, None] < index, axis=0)
         present = index < count
 
-        def with_albedo(q: Array) -> Segments:
+        # By parts: q v at the right edge less that at the left, and at each face the albedo's drop.
+        def by_albedo(q: Array) -> Weights:
             edge = jnp.where(present, jnp.take_along_axis(q, layer, axis=0), 0.0)
-            drop = jnp.concatenate([q[:-1] - q[1:], q[-1:]])
-            nothing = jnp.zeros_like(edge)
-            return cls(
-                edges=edges,
-                faces=faces,
-                held_by=holder,
-                edge_albedo=edge,
-                drop=drop,
-                scattering=nothing,
-                doubled=nothing,
-                averaging=Averaging(nothing, nothing, drop),
-            )
+            return Weights(edge, _below(edge), jnp.concatenate([q[:-1] - q[1:], q[-1:]]))
 
-        first = with_albedo(albedo)
-        second = with_albedo(albedo**2)
-        scattering = first.integrate(edges, faces)
+        first = by_albedo(albedo)
+        scattering = first.integrate(holder, edges, faces)
         # A segment with less scattering in it, relative to the step, holds none.
         enough = scattering > 1e-12 * step
         safe = jnp.where(enough, scattering, 1.0)
-        doubled = jnp.where(enough, second.integrate(edges, faces) / safe, 0.0)
+        squared = by_albedo(albedo**2).integrate(holder, edges, faces)
         # Weighted by the albedo; by the depth alone where nothing scatters, the limit of a faint
         # albedo.
         last = index == count - 1
@@ -100,17 +108,23 @@ class Segments(NamedTuple):
             1.0 / safe,
             jnp.where(present & (width > 0), 1.0 / jnp.where(width > 0, width, 1.0), 0.0),
         )
-        edge_weight = share * jnp.where(enough, first.edge_albedo, 1.0)
-        below_weight = share * jnp.where(
-            enough, _below(first.edge_albedo), jnp.where(last, 0.0, 1.0)
-        )
         end = jnp.zeros_like(faces).at[-1].set(1.0)
-        at_faces = first.at_faces(share) * jnp.where(first.at_faces(enough), first.drop, end)
-        scattering = jnp.where(enough, scattering, 0.0)
-        return first._replace(
-            scattering=scattering,
-            doubled=doubled,
-            averaging=Averaging(edge_weight, below_weight, at_faces),
+        share_at_faces, enough_at_faces = (
+            jnp.take_along_axis(x, holder, axis=0) for x in (share, enough)
+        )
+        averaging = Weights(
+            edges=share * jnp.where(enough, first.edges, 1.0),
+            next_edges=share * jnp.where(enough, first.next_edges, jnp.where(last, 0.0, 1.0)),
+            faces=share_at_faces * jnp.where(enough_at_faces, first.faces, end),
+        )
+        return cls(
+            edges=edges,
+            faces=faces,
+            held_by=holder,
+            albedo=first,
+            scattering=jnp.where(enough, scattering, 0.0),
+            doubled=jnp.where(enough, squared / safe, 0.0),
+            averaging=averaging,
         )
 
     def integrate(
@@ -119,10 +133,7 @@ class Segments(NamedTuple):
         at_faces: Float[Array, "layers stacks *cases"],
     ) -> Float[Array, "n stacks *cases"]:
         """int_segment q v' ds of a function v known at edges and faces; exact."""
-        # By parts: q v at the right edge less that at the left, and at each face the albedo's drop.
-        below = append_axes(_below(self.edge_albedo), at_edges) * _below(at_edges)
-        above = append_axes(self.edge_albedo, at_edges) * at_edges
-        return below - above + self._spread(append_axes(self.drop, at_faces) * at_faces)
+        return self.albedo.integrate(self.held_by, at_edges, at_faces)
 
     def average(
         self,
@@ -132,31 +143,16 @@ class Segments(NamedTuple):
         """Mean of v' over each segment, weighted by the albedo; unweighted where nothing
         scatters.
         """
-        weights = Averaging(*(append_axes(a, at_edges) for a in self.averaging))
-        mean = weights.next_edges * _below(at_edges) - weights.edges * at_edges
-        return mean + self._spread(weights.faces * at_faces)
+        return self.averaging.integrate(self.held_by, at_edges, at_faces)
 
     def jumps(self, t: Float[Array, "n stacks *cases"]) -> tuple[Array, Array]:
         """By how much q t rises at every edge (n, stacks, *cases) and face (layers, stacks,
         *cases).
         """
         before = jnp.concatenate([jnp.zeros_like(t[:1]), t[:-1]])
-        return append_axes(self.edge_albedo, t) * (t - before), -append_axes(
-            self.drop, t
-        ) * self.at_faces(t)
-
-    def at_faces(self, t: Array) -> Array:
-        """Value (n, stacks, *cases) in the segment of each face."""
-        return jnp.take_along_axis(t, append_axes(self.held_by, t), axis=0)
-
-    def _spread(self, at_faces: Array) -> Array:
-        """Sum over the faces in each segment."""
-        number = jnp.arange(self.edges.shape[0])[:, None]
-        terms = (
-            jnp.where(append_axes(self.held_by[k] == number, at_faces), at_faces[k], 0.0)
-            for k in range(at_faces.shape[0])
-        )
-        return functools.reduce(jnp.add, terms)
+        at_faces = jnp.take_along_axis(t, append_axes(self.held_by, t), axis=0)
+        albedo = Weights(*(append_axes(a, t) for a in self.albedo))
+        return albedo.edges * (t - before), -albedo.faces * at_faces
 
 
 def _below(array: Array) -> Array:
