@@ -216,8 +216,8 @@ _INTERIOR = np.array([0.4, 1.2, 3.0, 6.5, 13.0, 25.0]) / 25.0
 
 
 def _half_layer(depth: Array, albedo: Array, slant: Array, mesh: PanelMesh) -> Array:
-    """Edges of the panels from a face towards the middle as shares of the depth, (batch, panels +
-    1).
+    """Edges of the panels from a face towards the middle as shares of the depth, (batch, layers,
+    panels + 1).
     """
     half = 0.5 * depth
     # Depth beyond which only the slowest mode of a layer is left, in mean free paths.
@@ -227,16 +227,16 @@ def _half_layer(depth: Array, albedo: Array, slant: Array, mesh: PanelMesh) -> A
         mesh.ratio ** (1 - mesh.graded), reach / jnp.maximum(2.0 * slant**2, 0.05 * slant)
     )
     steps = -np.arange(mesh.graded - 1, -1, -1) / (mesh.graded - 1)
-    edges = [jnp.zeros_like(half)[:, None], reach[:, None] * ratio[:, None] ** steps]
+    edges = [jnp.zeros_like(half)[..., None], reach[..., None] * ratio[..., None] ** steps]
     if mesh.interior:
         decay = jnp.sqrt(jnp.minimum(3.0 * (1.0 - albedo), 1.0))
         # There it has died away too, in its decay lengths.
         gone = jnp.minimum(half, reach + 30.0 / jnp.maximum(decay, 1e-12))
-        edges.append(reach[:, None] + (gone - reach)[:, None] * _INTERIOR.astype(half.dtype))
+        edges.append(reach[..., None] + (gone - reach)[..., None] * _INTERIOR.astype(half.dtype))
     edges = jnp.concatenate(edges, axis=-1)
     # An empty layer has panels too, of no width.
-    shares = 0.5 * edges / jnp.where(half > 0, half, 1.0)[:, None]
-    return jnp.where(half[:, None] > 0, shares, np.linspace(0.0, 0.5, edges.shape[1]))
+    shares = 0.5 * edges / jnp.where(half > 0, half, 1.0)[..., None]
+    return jnp.where(half[..., None] > 0, shares, np.linspace(0.0, 0.5, edges.shape[-1]))
 
 
 def layer_panels(thickness: Array, layer_albedo: Array, slant: Array, mesh: PanelMesh) -> Panels:
@@ -249,33 +249,27 @@ def layer_panels(thickness: Array, layer_albedo: Array, slant: Array, mesh: Pane
         slant: smallest cosine inside of the beams that must be resolved, (batch,).
         mesh: static.
     """
+    fixed = jax.lax.stop_gradient((thickness, layer_albedo, slant[:, None]))
+    # The lower half mirrors the upper one: both faces are the same.
+    share = _half_layer(*fixed, mesh)
+    inner = share[..., 1:] - share[..., :-1]
+    start = [share[..., :-1], 1.0 - share[..., :0:-1]]
+    shares = [inner, inner[..., ::-1]]
+    # Between the halves of a thick layer lies one more panel.
+    if mesh.interior:
+        start.insert(1, share[..., -1:])
+        shares.insert(1, jnp.maximum(1.0 - 2.0 * share[..., -1:], 0.0))
+    # From shares of the layer to depths in the stack.
     depth = jnp.cumsum(thickness, axis=-1)
-    tops = []
-    widths = []
-    for i in range(thickness.shape[1]):
-        d = thickness[:, i, None]
-        fixed = jax.lax.stop_gradient((thickness[:, i], layer_albedo[:, i], slant))
-        # The lower half mirrors the upper one: both faces are the same.
-        share = _half_layer(*fixed, mesh)
-        inner = share[:, 1:] - share[:, :-1]
-        start = [share[:, :-1], 1.0 - share[:, :0:-1]]
-        shares = [inner, inner[:, ::-1]]
-        # Between the halves of a thick layer lies one more panel.
-        if mesh.interior:
-            start.insert(1, share[:, -1:])
-            shares.insert(1, jnp.maximum(1.0 - 2.0 * share[:, -1:], 0.0))
-        # From shares of the layer to depths in the stack.
-        above = depth[:, i - 1, None] if i else jnp.zeros_like(d)
-        tops.append(above + d * jnp.concatenate(start, axis=-1))
-        widths.append(d * jnp.concatenate(shares, axis=-1))
-    top = jnp.concatenate(tops, axis=-1)
-    width = jnp.concatenate(widths, axis=-1)
-    albedo = jnp.repeat(layer_albedo, width.shape[1] // thickness.shape[1], axis=1)
-    albedo = jnp.broadcast_to(albedo[..., None], (*width.shape, mesh.nodes))
+    above = jnp.pad(depth[:, :-1], [(0, 0), (1, 0)])[..., None]
+    top = above + thickness[..., None] * jnp.concatenate(start, axis=-1)
+    width = thickness[..., None] * jnp.concatenate(shares, axis=-1)
+    albedo = jnp.broadcast_to(layer_albedo[..., None, None], (*width.shape, mesh.nodes))
+    stacks, layers, count = width.shape
     return Panels(
-        top=top,
-        width=width,
-        albedo=albedo,
+        top=top.reshape(stacks, layers * count),
+        width=width.reshape(stacks, layers * count),
+        albedo=albedo.reshape(stacks, layers * count, mesh.nodes),
         total=depth[:, -1],
         rules=rules(mesh.nodes, mesh.points, width.dtype),
     )

@@ -167,13 +167,10 @@ def prepare(
 def _media(stack: StackInputs, count: int) -> float | Media:
     """One index where one is enough: no interfaces inside, a Lambertian ground."""
     index = stack.refractive_index
+    of_layers = index if isinstance(index, Sequence) else [index] * count
     # Indices decide directions and surfaces when the program is compiled: each must be a number.
-    single = plain_number(index)
-    several = [plain_number(n) for n in index] if isinstance(index, Sequence) else [None]
-    indices = tuple(
-        n for n in ([single] * count if single is not None else several) if n is not None
-    )
-    if single is None and len(indices) < len(several):
+    indices = tuple(n for n in map(plain_number, of_layers) if n is not None)
+    if len(indices) < len(of_layers):
         raise ValueError(
             "refractive_index must be a number here, such as 1.5, or a sequence of one for each "
             "layer, such as (1.5, 1.4): the same for the whole batch"
