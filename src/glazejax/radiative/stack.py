@@ -264,10 +264,7 @@ class _Inputs(NamedTuple):
 def _evaluate(inputs: _Inputs, tolerance: float, method: str, run: Any) -> Any:
     def evaluate(arguments: Mapping[str, Any]) -> Any:
         stack, settings, batch = _prepare(_Inputs(**arguments), tolerance, method)
-        reflected = run(stack, settings)
-        if isinstance(reflected, Split):
-            return Split(*(_shaped(term, batch) for term in reflected))
-        return _shaped(reflected, batch)
+        return jax.tree.map(lambda term: _shaped(term, batch), run(stack, settings))
 
     return on_its_devices(evaluate, inputs._asdict(), OF_LAYERS)
 
@@ -343,11 +340,9 @@ def _prepare_any(
     )
     flat = checked.flat()
     dtype = checked.arrays["albedo"].dtype
-    index = None if fixed is not None else concrete(inputs.refractive_index)
+    index = concrete(inputs.refractive_index)
     # The range of indices that one set of directions must serve.
-    if fixed is not None:
-        low = high = fixed
-    elif index is None or index.size == 0:
+    if index is None or index.size == 0:
         low, high = INDEX_RANGE
     else:
         low = float(index.min())

@@ -223,7 +223,7 @@ def _evaluate(
             size = min(
                 chunk, _rounded_up(chosen.size) if at_once else 1 << (chosen.size - 1).bit_length()
             )
-            filled = np.concatenate([chosen, np.repeat(chosen[:1], size - chosen.size)])
+            filled = np.resize(chosen, size)
             piece = jax.tree.map(lambda leaf, index=filled: leaf[index], batch)
             results.append(solve(piece, count[filled], vectors(most), settings._replace(most=most)))
             order.append(chosen)
