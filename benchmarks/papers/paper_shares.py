@@ -16,6 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from benchmarks.papers.paper_tables import (
+    ASSEMBLIES,
     CONVENTIONAL,
     CORRECTED,
     FIXED,
@@ -39,7 +40,6 @@ CHOSEN = ("a/b", "b/c", "c/d")
 """Every paint once, vermilion and viridian twice."""
 ENDS = (STEPS[0], STEPS[-1])
 GLAZES = (1, 10, 100)
-ASSEMBLIES = {"direct": assembly.direct, "decomposed": assembly.decompose}
 INCIDENCES = np.cos(np.radians(np.arange(0.0, 86.0, 5.0)))
 """All at once; the matrix is the same for all of them."""
 QUOTED = {(100, 1): "hundred", (10, INCIDENCES.size): "angles"}

@@ -128,7 +128,15 @@ def spread_of_scattering(name: str) -> float:
     return float(np.exp(np.median(share)))
 
 
-ASSEMBLIES = {"direct": assembly.direct, "decomposed": assembly.decompose}
+def decompose(
+    step: jax.Array, count: jax.Array, most: int, refractive_index: float
+) -> assembly.Operator:
+    """What `assembly.direct` makes, from its numbers."""
+    toeplitz, hankel, *ground = assembly.decomposed_numbers(step, count, most, refractive_index)
+    return assembly.Operator(assembly.toeplitz_plus_hankel(toeplitz, hankel), *ground)
+
+
+ASSEMBLIES = {"direct": assembly.direct, "decomposed": decompose}
 
 
 @functools.partial(jax.jit, static_argnums=(2, 3))

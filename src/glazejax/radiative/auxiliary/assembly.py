@@ -2,8 +2,8 @@
 section 3).
 
 `direct` is the conventional assembly: each of the Q x Q entries is its own double quadrature, over
-the segment and over the directions. `decompose` makes the same matrix from Q numbers of H and 2Q -
-1 of U, exactly (section 4.1).
+the segment and over the directions. `decomposed_numbers` are the Q numbers of H and 2Q - 1 of U
+that make the same matrix, exactly (section 4.1).
 """
 
 import math
@@ -34,27 +34,16 @@ class Operator(NamedTuple):
     k: Float[Array, "stacks"]
 
 
-def decompose(
+def decomposed_numbers(
     step: Float[Array, "stacks"], count: Int[Array, "stacks"], most: int, refractive_index: float
-) -> Operator:
-    """From Q numbers of H, 2Q - 1 of U and 2Q of M and M' for each stack, all exact.
+) -> tuple[Array, Array, Array, Array, Array]:
+    """Q numbers of H, 2Q - 1 of U and 2Q of M and M' for each stack, all exact.
 
     Args:
         step: dh of each stack, > 0.
         count: Q of each stack.
         most: Q_max, rows of all matrices; those beyond a stack's own have no meaning.
         refractive_index: n.
-    """
-
-    toeplitz, hankel, *ground = decomposed_numbers(step, count, most, refractive_index)
-    return Operator(toeplitz_plus_hankel(toeplitz, hankel), *ground)
-
-
-def decomposed_numbers(
-    step: Float[Array, "stacks"], count: Int[Array, "stacks"], most: int, refractive_index: float
-) -> tuple[Array, Array, Array, Array, Array]:
-    """The numbers themselves, for all stacks at once and without a matrix; arguments as of
-    `decompose`.
 
     Returns:
         First row of H, (stacks, n); U along its anti-diagonals, (stacks, 2n - 1); M and M', (n,
@@ -75,7 +64,8 @@ def decomposed_numbers(
 def direct(
     step: Float[Array, "stacks"], count: Int[Array, "stacks"], most: int, refractive_index: float
 ) -> Operator:
-    """The same, every entry of H + U by its own quadrature over the segment and over mu.
+    """H + U with every entry by its own quadrature over the segment and over mu, and M, M', K;
+    arguments as of `decomposed_numbers`.
 
     Four Gauss nodes in the segment; in mu, where exp(-x/mu)/mu varies over decades, Gauss nodes in
     ln mu down to a sixteenth of the nearest distance, and for U the cone of refraction apart. The

@@ -184,15 +184,13 @@ def _collocation(batch: Batch, count: Array, vectors: tuple, settings: GridSetti
         m, m_integrated, k = _tabulated_grounds(ground_vectors, present_segments, settings.most)
     else:
         step = jnp.where(present, depth / count.astype(depth.dtype), settings.step)
-        if settings.product != "matrix":
-            toeplitz, hankel, m, m_integrated, k = assembly.decomposed_numbers(
-                step, present_segments, settings.most, index
-            )
-            times = _product(toeplitz, hankel, settings)
-        else:
-            assemble = assembly.direct if settings.variant == "direct" else assembly.decompose
-            matrix, m, m_integrated, k = assemble(step, present_segments, settings.most, index)
+        of_stacks = (step, present_segments, settings.most, index)
+        if settings.variant == "direct":
+            matrix, m, m_integrated, k = assembly.direct(*of_stacks)
             times = functools.partial(_alone, matrix[0])
+        else:
+            toeplitz, hankel, m, m_integrated, k = assembly.decomposed_numbers(*of_stacks)
+            times = _product(toeplitz, hankel, settings)
 
     # The beam's light in each segment, and how much of each segment is seen.
     incident, viewing = (
@@ -264,23 +262,20 @@ def _product(toeplitz: Array, hankel: Array, settings: GridSettings) -> Callable
     if settings.product == "fft":
         return functools.partial(structured.times, structured.spectra(toeplitz, hankel))
     matrix = assembly.toeplitz_plus_hankel(toeplitz, hankel)
-    if matrix.ndim == 3:
-        return lambda x: jnp.swapaxes(matmul(matrix, jnp.swapaxes(x, 0, 1)), 0, 1)
-    return lambda x: matmul(matrix, x.reshape(settings.most, -1)).reshape(x.shape)
+    if matrix.ndim == 2:
+        return lambda x: matmul(matrix, x.reshape(settings.most, -1)).reshape(x.shape)
+    if settings.product == "matrix":
+        return functools.partial(_alone, matrix[0])
+    return lambda x: jnp.swapaxes(matmul(matrix, jnp.swapaxes(x, 0, 1)), 0, 1)
 
 
 def _alone(matrix: Array, x: Array) -> Array:
     """(H + U) x of one stack, (n, 1, cases), from its matrix, which is symmetric."""
-    return _rows_times(x[:, 0].T, matrix).T[:, None]
-
-
-def _rows_times(rows: Array, matrix: Array) -> Array:
-    """rows @ matrix; a few rows one by one, which XLA does several times faster on the CPU than
-    together.
-    """
-    if rows.shape[0] > 3:
-        return matmul(rows, matrix)
-    return jnp.stack([matmul(row, matrix) for row in rows])
+    rows = x[:, 0].T
+    # A few rows one by one, which XLA does several times faster on the CPU than together.
+    together = len(rows) > 3
+    product = matmul(rows, matrix) if together else jnp.stack([matmul(row, matrix) for row in rows])
+    return product.T[:, None]
 
 
 def _tabulated_grounds(tables: list[Array], count: Array, most: int) -> tuple[Array, Array, Array]:
