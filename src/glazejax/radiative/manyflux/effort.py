@@ -105,9 +105,7 @@ def _directions(
     if isinstance(media, Media):
         # Directions are cut at the indices outside too: total reflection begins there.
         below = 1.0 if media.below is None else media.below
-        pieces = fewest_shared_directions(
-            media.layers, tuple(sorted({1.0, below})), sizes, tolerance, streams
-        )
+        pieces = fewest_shared_directions(media.layers, (1.0, below), sizes, tolerance, streams)
         nodes = [in_medium(shared_directions(pieces), index) for index in media.layers]
         least = min(float(mu[exists].min()) for mu, _, exists in nodes)
         # Beam and view by Snell's law; what grazes in a dense medium below stays flattest in the

@@ -69,16 +69,19 @@ def layer_by_modes(
     modes = layer_modes(a.core, b.core)
     half = 0.5 * thickness[..., None]
     # X = B t(A B), Y = A t(B A). As A and B are symmetric, B A has the transposed eigenvectors.
-    even = b @ _tangent(a @ b, modes.shapes, modes.projection, modes.decay_squared, half)
-    back, into = (transpose(m) for m in (modes.projection, modes.shapes))
-    odd = a @ _tangent(b @ a, back, into, modes.decay_squared, half)
+    even = b @ _tangent(a @ b, modes, half)
+    transposed = Eigenvectors(
+        decay_squared=modes.decay_squared,
+        shapes=transpose(modes.projection),
+        projection=transpose(modes.shapes),
+    )
+    odd = a @ _tangent(b @ a, transposed, half)
     return reflection_and_loss(pair(even, odd).symmetric())
 
 
-def _tangent(
-    product: Bordered, shapes: Array, projection: Array, squared: Array, depth: Array
-) -> Bordered:
-    """t of a bordered operator whose core is shapes diag(squared) projection; depth is (..., 1)."""
+def _tangent(product: Bordered, modes: Eigenvectors, depth: Array) -> Bordered:
+    """t of a bordered operator by the eigenvectors of its core; depth is (..., 1)."""
+    squared, shapes, projection = modes
     # Added directions are modes of their own, in addition to those of the core.
     # In modes: what each incidence excites, and what each viewing direction collects.
     columns = matmul(projection, product.columns)
