@@ -292,14 +292,11 @@ def _tabulated_grounds(tables: list[Array], count: Array, most: int) -> tuple[Ar
 
 def _scattered_once(batch: Batch, incident: _Beam, viewing: _Beam) -> Array:
     """1/2 int q exp(-s/mu_0) exp(-s/mu) ds, exact."""
-    rate = 1.0 / incident.cosine + 1.0 / viewing.cosine
+    rate = (1.0 / incident.cosine + 1.0 / viewing.cosine)[:, None]
     # Each layer in closed form, dimmed on both ways by what lies above it.
     top = jnp.cumsum(batch.thickness, axis=1) - batch.thickness
-    total = jnp.zeros_like(rate)
-    for layer in range(batch.albedo.shape[1]):
-        q, above, d = (append_axes(a[:, layer], rate) for a in (batch.albedo, top, batch.thickness))
-        total += q * jnp.exp(-above * rate) * decay_integral(rate, d)
-    return 0.5 * total
+    q, above, d = (append_axes(a, rate) for a in (batch.albedo, top, batch.thickness))
+    return 0.5 * jnp.sum(q * jnp.exp(-above * rate) * decay_integral(rate, d), axis=1)
 
 
 def _parts(

@@ -97,10 +97,5 @@ def _next_round(half: int) -> np.ndarray:
     """Order in which each place takes its row, so that all pairs meet: the first stays, the others
     go round.
     """
-    top = np.arange(half)
-    bottom = np.arange(half, 2 * half)
-    if half == 1:
-        return np.arange(2)
-    new_top = np.concatenate([top[:1], bottom[:1], top[1:-1]])
-    new_bottom = np.concatenate([bottom[1:], top[-1:]])
-    return np.concatenate([new_top, new_bottom])
+    order = [0, half, *range(1, half - 1), *range(half + 1, 2 * half), half - 1]
+    return np.array(order[: 2 * half])  # a single pair stays as it is
