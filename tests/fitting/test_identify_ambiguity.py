@@ -59,7 +59,7 @@ THINNED = (("CobaltBlue", "BariumSulphate"), [0.9, 0.1], 0.1, 0, CURVE)
 
 def text_of(found, top):
     console = Console(width=200, record=True, file=io.StringIO())
-    print_identification(found, console, top=top, detailed=1)
+    print_identification(found, console, top=top)
     return console.export_text()
 
 

@@ -515,9 +515,7 @@ def _report(
     if identification.family_sets:
         print_families(identification, console, top, painted)
     else:
-        print_identification(
-            identification, console, top, detailed=8 if len(identification) <= 8 else 0
-        )
+        print_identification(identification, console, top)
     if csv is not None:
         write_table(csv, *table_of(identification, top), overwrite=overwrite)
         console.print(f"Wrote the explanations to {csv}")

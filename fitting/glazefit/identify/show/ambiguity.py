@@ -21,24 +21,17 @@ def describe_ambiguity(identification: Identification, row: int) -> list[str]:
     """
     if not identification.explained[row]:
         return [settled] if (settled := describe_undecided(identification, row)) else []
+    pairs = [
+        " or ".join((paint, *alternatives))
+        for paint, alternatives in identification.not_told(row).items()
+    ]
     sentences = (
-        describe_indistinguishable(identification, row),
+        f"This spectrum does not decide between {'; '.join(pairs)}." if pairs else "",
         describe_additions(identification, row),
         describe_undecided(identification, row),
         *evidence_relied_on(identification, row),
     )
     return [sentence for sentence in sentences if sentence]
-
-
-def describe_indistinguishable(identification: Identification, row: int) -> str:
-    """Paints of the first film that the spectrum does not separate from others, in words; empty if
-    there are none.
-    """
-    pairs = [
-        " or ".join((paint, *alternatives))
-        for paint, alternatives in identification.not_told(row).items()
-    ]
-    return f"This spectrum does not decide between {'; '.join(pairs)}." if pairs else ""
 
 
 def describe_undecided(identification: Identification, row: int) -> str:
@@ -131,12 +124,8 @@ def evidence_relied_on(identification: Identification, row: int) -> list[str]:
         if _pigments(c) != _pigments(first) and c.probability >= _LEAST * first.probability
     ]
     return [
-        sentence
-        for sentence in (
-            _relies_on_condition(first, rivals),
-            *_relies_on_spectrum_ends(identification, row, ranked, first),
-        )
-        if sentence
+        *_relies_on_condition(first, rivals),
+        *_relies_on_spectrum_ends(identification, row, first, rivals),
     ]
 
 
@@ -144,22 +133,22 @@ def _pigments(candidate: Candidate) -> frozenset[str]:
     return frozenset(family(paint) for paint in candidate.paints)
 
 
-def _relies_on_condition(first: Candidate, rivals: list[Candidate]) -> str:
+def _relies_on_condition(first: Candidate, rivals: list[Candidate]) -> list[str]:
     """Say if the answer rests on how the film lies: on its ground, or on a varnish."""
     rival = next((c for c in rivals if c.condition != first.condition), None)
     # A film under another condition counts from a tenth of the first's probability on.
     if rival is None or rival.probability < 0.1 * first.probability:
-        return ""
+        return []
     what = "varnish" if any("varnish" in c.condition for c in (first, rival)) else "ground"
     statements = [f"{c.condition or 'as stated'} it is {c.mixture}" for c in (first, rival)]
-    return (
+    return [
         f"The answer rests on the {what}: {statements[0]}, but {statements[1]} "
         f"({rival.probability:.0%})."
-    )
+    ]
 
 
 def _relies_on_spectrum_ends(
-    identification: Identification, row: int, ranked: list[Candidate], first: Candidate
+    identification: Identification, row: int, first: Candidate, rivals: list[Candidate]
 ) -> list[str]:
     """Say if the first fits better than other pigments by the first or the last tenth of the
     spectrum alone.
@@ -180,12 +169,7 @@ def _relies_on_spectrum_ends(
     first_misses = misses(first)
     out = []
     for what, end in (("first", slice(0, size)), ("last", slice(grid.size - size, None))):
-        for rival in ranked[1:]:
-            if (
-                _pigments(rival) == _pigments(first)
-                or rival.probability < _LEAST * first.probability
-            ):
-                continue
+        for rival in rivals:
             theirs = misses(rival)
             equal_elsewhere = (
                 theirs.sum() - theirs[end].sum() <= first_misses.sum() - first_misses[end].sum()

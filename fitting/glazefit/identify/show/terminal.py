@@ -20,20 +20,23 @@ from ..result.in_tests import has_infrared
 from .ambiguity import describe_ambiguity
 from .explanation import explanations
 
+# Spectra up to which each has a table.
+_FEW = 8
 
-def print_identification(
-    identification: Identification, console: Console, top: int, detailed: int
-) -> None:
-    """Print the most probable explanations: a table for each of the first spectra, one line for the
-    others.
+
+def print_identification(identification: Identification, console: Console, top: int) -> None:
+    """Print the most probable explanations: a table for each of a few spectra, one line for each of
+    many.
 
     Args:
         identification: its result.
         console: to print to.
         top: explanations in a table.
-        detailed: spectra that get a table.
     """
-    for row in range(min(detailed, len(identification))):
+    for row in range(len(identification)):
+        if len(identification) > _FEW:
+            console.print(identification.words(row), markup=False)
+            continue
         console.print(_table(identification, row, top))
         console.print(f"[bold]{_verdict(identification, row)}[/bold]")
         if sentence := identification.coats_words(row):
@@ -41,8 +44,6 @@ def print_identification(
         for doubt in describe_ambiguity(identification, row):
             console.print(f"[dim]{doubt}[/dim]")
         console.print()
-    for row in range(detailed, len(identification)):
-        console.print(identification.words(row), markup=False)
 
 
 def print_families(
