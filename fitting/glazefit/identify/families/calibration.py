@@ -11,7 +11,7 @@ from scipy.optimize import minimize
 
 from glazejax.progress import Progress, no_progress
 
-from ..result.groups import COLOURLESS, answer_of, group_of
+from ..result.groups import COLOURLESS, group_of
 from .search import FamilySearch
 from .sureness import Sureness, log_densities
 
@@ -163,12 +163,8 @@ def right_sets(search: FamilySearch) -> Bool[np.ndarray, "families sets"]:
     """True for sets that name a pure paint of each family rightly: by its group, whatever
     colourless family accompanies a coloured one.
     """
-    answers = [
-        answer_of(search.families[member] for member in row if member >= 0)
-        for row in search.members
-    ]
     right = [
-        [group in answer and (group in COLOURLESS or len(answer) == 1) for answer in answers]
+        [group in answer and (group in COLOURLESS or len(answer) == 1) for answer in search.answers]
         for group in map(group_of, search.families)
     ]
     return np.array(right, dtype=bool)

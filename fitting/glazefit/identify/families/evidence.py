@@ -79,9 +79,7 @@ def with_facts(
     if not elements and not absent and painted is None:
         return search
     about = catalogue.families()
-    sets = [
-        [about[search.families[member]] for member in row if member >= 0] for row in search.members
-    ]
+    sets = [[about[name] for name in names] for names in search.sets]
     # Compared with a film of no pigment that is known, of which elements say nothing.
     fits = log_odds_of_elements(sets, elements, absent)
     fits -= log_odds_of_elements([()], elements, absent)

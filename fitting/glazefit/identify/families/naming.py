@@ -8,12 +8,11 @@ the same colours are one answer, which names the companion that is most probable
 """
 
 from collections.abc import Sequence
-from functools import lru_cache
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float
 
-from ..result.groups import COLOURLESS, GROUPS, FamilySet, answer_of, group_of
+from ..result.groups import COLOURLESS, GROUPS, FamilySet, group_of
 from .search import FamilySearch
 
 DISTINGUISHED = 0.8
@@ -32,56 +31,41 @@ def name_sets(search: FamilySearch, probabilities: Float[np.ndarray, "sets"]) ->
         search: that the probabilities are from.
         probabilities: of each of its sets of families.
     """
-    count, group_of_set, named = _groups_of_sets(search.families, search.sets)
-    totals = np.bincount(group_of_set, weights=probabilities, minlength=count)
-    ordered = [int(number) for number in np.argsort(-totals, kind="stable")]
+    sets_of: dict[frozenset[str], list[tuple[float, list[str]]]] = {}
+    totals: dict[frozenset[str], float] = {}
+    for answer, names, chance in zip(
+        search.answers, search.sets, probabilities.tolist(), strict=True
+    ):
+        sets_of.setdefault(answer, []).append((chance, names))
+        totals[answer] = totals.get(answer, 0.0) + chance
     return [
-        _answer(named, probabilities, group_of_set == number, float(totals[number]))
-        for number in ordered
-        if totals[number] >= _SMALL
+        _answer(sets_of[answer], totals[answer])
+        for answer in sorted(totals, key=lambda answer: -totals[answer])
+        if totals[answer] >= _SMALL
     ]
 
 
-@lru_cache(maxsize=8)
-def _groups_of_sets(
-    families: tuple[str, ...], members: tuple[tuple[int, ...], ...]
-) -> tuple[int, Int[np.ndarray, "sets"], list[list[tuple[str, str]]]]:
-    """Number of different answers, by their colours; of each set its number, and its families
-    after the groups that they are of.
-    """
-    number: dict[frozenset[str], int] = {}
-    of_set = []
-    named = [[families[member] for member in row if member >= 0] for row in members]
-    for names in named:
-        of_set.append(number.setdefault(answer_of(names), len(number)))
-    pairs = [[(group_of(name), name) for name in names] for names in named]
-    return len(number), np.array(of_set), pairs
-
-
-def _answer(
-    named_sets: Sequence[list[tuple[str, str]]],
-    probabilities: Float[np.ndarray, "sets"],
-    chosen: Bool[np.ndarray, "sets"],
-    total: float,
-) -> FamilySet:
+def _answer(sets: Sequence[tuple[float, list[str]]], total: float) -> FamilySet:
     """One answer: sets of the same colours, with the companion that is most probable, and families
     of a group relative to one another.
+
+    Args:
+        sets: probability of each, and its families.
+        total: of these probabilities.
     """
-    chosen = chosen & (probabilities > _SMALL * total)
-    chances = probabilities[chosen].tolist()
-    named = [named_sets[number] for number in np.flatnonzero(chosen).tolist()]
+    sets = [(chance, names) for chance, names in sets if chance > _SMALL * total]
     # Which groups together have most of it: a colour alone, or with a white, or with a black.
     of_groups: dict[frozenset[str], float] = {}
-    for chance, members in zip(chances, named, strict=True):
-        key = frozenset(group for group, _ in members)
+    for chance, members in sets:
+        key = frozenset(map(group_of, members))
         of_groups[key] = of_groups.get(key, 0.0) + chance
     groups = max(of_groups, key=lambda key: of_groups[key])
 
     by_group: dict[str, dict[str, float]] = {group: {} for group in groups}
-    for chance, members in zip(chances, named, strict=True):
-        for group, family in members:
-            if group in groups:
-                by_group[group][family] = by_group[group].get(family, 0.0) + chance
+    for chance, members in sets:
+        for family in members:
+            if (shares := by_group.get(group_of(family))) is not None:
+                shares[family] = shares.get(family, 0.0) + chance
     names = []
     within = {}
     for group, families in by_group.items():

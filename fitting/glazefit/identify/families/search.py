@@ -16,7 +16,7 @@ from jaxtyping import Bool, Float, Int
 from glazejax import Pigment
 
 from ...film.numerics.columns import Columns
-from ..result.groups import COLOURLESS, GROUPS
+from ..result.groups import COLOURLESS, GROUPS, answer_of
 from ..search.pool import NOBODY
 from .features import colours, surface_in, views, with_one_gloss
 from .metric import Metric, as_columns, squares_between
@@ -117,7 +117,7 @@ class FamilySearch:
         exemplars: the paints, and number of each one's family.
         family_of: number of each exemplar's family.
         source_of: number of each exemplar's source.
-        members: families of each set, -1 for none, (sets, 2).
+        members: families of each set by number, `NOBODY` for none, (sets, 2).
         log_prior: of each set.
         unknown: prior probability that it is none of them.
         compared: films that readings are compared with.
@@ -162,9 +162,17 @@ class FamilySearch:
         return FamilyOdds.join(chunks)
 
     @cached_property
-    def sets(self) -> tuple[tuple[int, ...], ...]:
-        """Families of each set by number, -1 for none."""
-        return tuple(tuple(row) for row in self.members.tolist())
+    def sets(self) -> list[list[str]]:
+        """Names of each set's families."""
+        return [
+            [self.families[member] for member in row if member != NOBODY]
+            for row in self.members.tolist()
+        ]
+
+    @cached_property
+    def answers(self) -> list[frozenset[str]]:
+        """The answer that each set is of (`groups.answer_of`), once for all readings."""
+        return [answer_of(names) for names in self.sets]
 
     @property
     def chunk(self) -> int:
