@@ -39,55 +39,52 @@ def table_of(
     """Titles, and a row for each of the most probable explanations of an `Identification`, of
     families where these were searched.
     """
-    if identification.family_sets:
-        return FAMILY_COLUMNS, _family_rows(identification, top)
-    return COLUMNS, _rows(identification, top)
-
-
-def _rows(identification: Any, top: int | None) -> Iterator[list[object]]:
-    """Cells of `COLUMNS`, a row an explanation."""
-    for row, name in enumerate(identification.measured.names):
-        for rank, candidate in enumerate(identification.ranked(row, top), start=1):
-            coats = [coat + 1 for coat in candidate.coats]
-            columns = zip(
-                candidate.paints, candidate.fractions, candidate.fractions_sd, coats, strict=True
-            )
-            paints: list[object] = [*chain.from_iterable(columns)]
-            thick = [candidate.thickness * 1e6, candidate.thickness_sd * 1e6]
-            yield [
-                name,
-                rank,
-                candidate.probability,
-                *paints,
-                *[None] * (12 - len(paints)),
-                *([None, None] if identification.opaque else thick),
-                candidate.rmse,
-                candidate.angle,
-                None if np.isnan(candidate.delta_e) else candidate.delta_e,
-                candidate.gloss,
-                *_of_spectrum(identification, row),
-            ]
-
-
-def _family_rows(identification: Any, top: int | None) -> Iterator[list[object]]:
-    """Cells of `FAMILY_COLUMNS`, a row an answer."""
-    for row, name in enumerate(identification.measured.names):
-        counts = identification.came_true(row)
-        for rank, answer in enumerate(identification.family_sets[row][:top], start=1):
-            yield [
-                name,
-                rank,
-                answer.words,
-                answer.probability,
-                f"{counts[0]} of {counts[1]}" if counts and rank == 1 else None,
-                identification.nearest_exemplars(row) if rank == 1 else None,
-                *_of_spectrum(identification, row),
-            ]
-
-
-def _of_spectrum(identification: Any, row: int) -> tuple[object, ...]:
-    return (
-        identification.none[row],
-        bool(identification.explained[row]),
-        identification.coats_probability[row],
+    columns, cells = (
+        (FAMILY_COLUMNS, _family_cells) if identification.family_sets else (COLUMNS, _cells)
     )
+    rows: Iterator[list[object]] = (
+        [
+            name,
+            rank,
+            *explanation,
+            identification.none[row],
+            bool(identification.explained[row]),
+            identification.coats_probability[row],
+        ]
+        for row, name in enumerate(identification.measured.names)
+        for rank, explanation in enumerate(cells(identification, row, top), start=1)
+    )
+    return columns, rows
+
+
+def _cells(identification: Any, row: int, top: int | None) -> Iterator[list[object]]:
+    """Cells of `COLUMNS` that are an explanation's own."""
+    for candidate in identification.ranked(row, top):
+        coats = [coat + 1 for coat in candidate.coats]
+        columns = zip(
+            candidate.paints, candidate.fractions, candidate.fractions_sd, coats, strict=True
+        )
+        paints: list[object] = [*chain.from_iterable(columns)]
+        thick = [candidate.thickness * 1e6, candidate.thickness_sd * 1e6]
+        yield [
+            candidate.probability,
+            *paints,
+            *[None] * (12 - len(paints)),
+            *([None, None] if identification.opaque else thick),
+            candidate.rmse,
+            candidate.angle,
+            None if np.isnan(candidate.delta_e) else candidate.delta_e,
+            candidate.gloss,
+        ]
+
+
+def _family_cells(identification: Any, row: int, top: int | None) -> Iterator[list[object]]:
+    """Cells of `FAMILY_COLUMNS` that are an answer's own."""
+    counts = identification.came_true(row)
+    for number, answer in enumerate(identification.family_sets[row][:top]):
+        yield [
+            answer.words,
+            answer.probability,
+            f"{counts[0]} of {counts[1]}" if counts and number == 0 else None,
+            identification.nearest_exemplars(row) if number == 0 else None,
+        ]
