@@ -90,37 +90,30 @@ def search_families(
     # At 410 nm most exemplars' instruments end, below it few exemplars are known, and one edge of
     # rutile would outweigh all other slopes.
     k_and_s[:, :, wavelengths < _FIRST] = np.nan
-    members, number_of = _sets(len(families), max_paints)
     bands, teaches = _shared_bands(wavelengths, np.isfinite(k_and_s[0]), teaches)
 
     progress(0, 1, "computing films")
-    compared = _films_to_compare(
+    compared, members = _films_to_compare(
         wavelengths[bands],
         with_stand_ins(k_and_s[:, :, bands], family_of),
         bands=bands,
         teaches=teaches,
         family_of=family_of,
-        number_of=number_of,
         response=response,
         ground=None if ground is None else ground[bands],
         mixed=max_paints > 1,
         varnish=cover,
     )
-
-    # Sets without a template, of a family that is known at no band, take no part.
-    used = np.unique(compared.sets)
-    renumbered = np.full(len(members), -1)
-    renumbered[used] = np.arange(len(used))
     search = FamilySearch(
         wavelengths=wavelengths,
         families=families,
         exemplars=tuple(pigments),
         family_of=family_of,
         source_of=source_of,
-        members=members[used],
-        log_prior=_log_prior(members[used], expected.sizes[:max_paints], families),
+        members=members,
+        log_prior=_log_prior(members, expected.sizes[:max_paints], families),
         unknown=expected.unknown,
-        compared=replace(compared, sets=renumbered[compared.sets]),
+        compared=compared,
         surface=seen_by.seen_surface,
         sureness=sureness or Sureness(),
     )
@@ -137,13 +130,13 @@ def _films_to_compare(
     bands: Bool[np.ndarray, "all_bands"],
     teaches: Bool[np.ndarray, "exemplars"],
     family_of: Int[np.ndarray, "exemplars"],
-    number_of: Int[np.ndarray, "families families"],
     response: FilmResponse,
     ground: Float[np.ndarray, "bands"] | None,
     mixed: bool,
     varnish: Varnish | None,
-) -> Compared:
-    """Films of all exemplars and of their mixtures, and the metrics that they are compared in.
+) -> tuple[Compared, Int[np.ndarray, "sets 2"]]:
+    """Films of all exemplars and of their mixtures, and the metrics that they are compared in; and
+    the families of each set that has films.
 
     Args:
         wavelengths: at which they are compared.
@@ -151,7 +144,6 @@ def _films_to_compare(
         bands: of the readings, which these are.
         teaches: exemplars that the metric is learnt from.
         family_of: number of each exemplar's family.
-        number_of: of a set, by its families.
         response: of the instrument.
         ground: below the films, or None.
         mixed: whether films of two families are tried.
@@ -200,13 +192,16 @@ def _films_to_compare(
         )
         groups.append(cover(mixtures))
     templates = Templates.join(groups)
+    # Sets of one family come first: `NOBODY` is less than any number.
     pairs = np.sort(np.append(families, NOBODY)[templates.members], axis=1)
-    sets = number_of[pairs[:, 0], pairs[:, 1]]
+    members, sets = np.unique(pairs, axis=0, return_inverse=True)
+    # NumPy 2.0 gives the numbers of rows another shape.
+    sets = sets.ravel()
     # Set by set, so that sums over one are of neighbours.
     order = np.argsort(sets, kind="stable")
     templates = templates.take(order)
     templates = replace(templates, members=np.append(exemplars, NOBODY)[templates.members])
-    return Compared(
+    compared = Compared(
         bands=bands,
         metrics=metrics,
         templates=templates,
@@ -214,6 +209,7 @@ def _films_to_compare(
         colours=colours(wavelengths, templates.readings),
         sets=sets[order],
     )
+    return compared, np.where(members[:, :1] == NOBODY, members[:, ::-1], members)
 
 
 def _points(
@@ -253,21 +249,6 @@ def _log_prior(
         if kind.any():
             weights[kind] *= share / weights[kind].sum()
     return np.log(weights / weights.sum())
-
-
-def _sets(
-    families: int, max_paints: int
-) -> tuple[Int[np.ndarray, "sets 2"], Int[np.ndarray, "families families"]]:
-    """Families of each set, and the number of a set by its families, sorted, with -1 first for
-    none.
-    """
-    singles = [(a, -1) for a in range(families)]
-    pairs = [(a, b) for a in range(families) for b in range(a + 1, families)]
-    members = np.array(singles + (pairs if max_paints > 1 else []))
-    number = np.full((families + 1, families + 1), -1)
-    for n, (a, b) in enumerate(members):
-        number[min(a, b), max(a, b)] = n
-    return members, number
 
 
 def _components(wavelengths: Float[np.ndarray, "bands"]) -> list[int]:
