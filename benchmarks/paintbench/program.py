@@ -153,7 +153,7 @@ class FamilyCatalogue:
                 GRID[bands],
                 self._pigments,
                 instrument=self._instrument,
-                prior=_OF_TWO if pairs else None,
+                prior=_OF_TWO if pairs else EXPECTED,
             )
         return self._searches[key]
 

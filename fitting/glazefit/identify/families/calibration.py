@@ -59,9 +59,7 @@ def calibrate(
     )
     if not comparable.any():  # Of a family by one hand nothing can be learnt.
         return replace(search, sureness=_UNTAUGHT)
-    hidden = np.zeros((len(rows), len(search.families)), bool)
-    hidden[np.arange(len(rows)), truth] = True
-    without = search._is_hidden(hidden)
+    has_family = (search.members == truth[:, None, None]).any(axis=-1)
     named = right_sets(search)[truth]
     weights = _weights(search, sources, truth)
 
@@ -93,7 +91,7 @@ def calibrate(
     density = np.concatenate(any_paint)
     slopes, intercept, least = learn_none(
         log_densities(logs[comparable], density[comparable]),
-        log_densities(np.where(without, -np.inf, logs), density),
+        log_densities(np.where(has_family, -np.inf, logs), density),
         (weights[comparable], weights),
     )
     sureness = replace(sureness, slopes=slopes, intercept=intercept, least=least)

@@ -11,7 +11,7 @@ from jaxtyping import ArrayLike, Float
 from glazejax import Pigment
 from glazejax.geometry import resolve_instrument
 from glazejax.progress import Progress, no_progress
-from glazejax.spectra import describe_grid, validate_wavelengths
+from glazejax.spectra import describe_grid
 
 from ...film.films import Noise
 from ...film.model.mixing import digest
@@ -51,9 +51,8 @@ def identify_families(
     """
     # A wrong symbol is said before a search is set up, which takes some seconds.
     log_odds_of_elements([], options.elements, options.without_elements)
-    grid = validate_wavelengths(np.asarray(wavelengths, dtype=np.float64))
-    _check_range(grid, pigments)
-    measured = check_spectra(grid, spectra, ground, names, options.noise or Noise())
+    measured = check_spectra(wavelengths, spectra, ground, names, options.noise or Noise())
+    _check_range(measured.wavelengths, pigments)
     grounds = measured.readings.shape[1]
     if grounds != 1:
         raise ValueError(
@@ -142,7 +141,7 @@ def prepare_search(
     similar = [search for (*settings, _), search in _SEARCHES.items() if tuple(settings) == key]
     key = (*key, ground)
     if key not in _SEARCHES:
-        while len(_SEARCHES) >= _MOST_SEARCHES:
+        if len(_SEARCHES) >= _MOST_SEARCHES:
             _SEARCHES.pop(next(iter(_SEARCHES)))
         _SEARCHES[key] = search_families(
             grid,

@@ -194,7 +194,9 @@ class FamilySearch:
         best, mean, sd = self._films_of_sets(sums, possible)
         log_sets = sums.logs + self.log_prior
         if hidden is not None:
-            log_sets = np.where(self._is_hidden(hidden), -np.inf, log_sets)
+            # `NOBODY` is the last column, and in no reading hidden.
+            padded = np.pad(hidden, ((0, 0), (0, 1)))
+            log_sets = np.where(padded[:, self.members].any(axis=-1), -np.inf, log_sets)
         none = self.sureness.none(log_sets, any_paint, self.unknown)
         return FamilyOdds(
             sets=(1.0 - none[:, None]) * self.sureness.share(log_sets, self.log_prior[None]),
@@ -255,12 +257,6 @@ class FamilySearch:
         """True for templates that hold none but some families."""
         families = np.append([name in names for name in self.families], True)
         return np.asarray(families[self.members[self.compared.sets]].all(axis=1))
-
-    def _is_hidden(
-        self, hidden: Bool[np.ndarray, "spectra families"]
-    ) -> Bool[np.ndarray, "spectra sets"]:
-        padded = np.concatenate([hidden, np.zeros((len(hidden), 1), bool)], axis=1)
-        return np.asarray(padded[:, self.members].any(axis=-1))
 
     def _points(
         self, body: Float[np.ndarray, "spectra bands"]

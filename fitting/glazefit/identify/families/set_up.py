@@ -51,7 +51,7 @@ def search_families(
     *,
     ground: Float[np.ndarray, "bands"] | None = None,
     instrument: Instrument | Geometry | str | None = None,
-    prior: Prior | None = None,
+    prior: Prior = EXPECTED,
     max_paints: int = 2,
     varnish: str = "none",
     sureness: Sureness | None = None,
@@ -77,7 +77,6 @@ def search_families(
     """
     seen_by = resolve_instrument(instrument)
     response = film_response(seen_by)
-    expected = prior or EXPECTED
     cover = CONDITIONS[varnish]
     families = tuple(sorted({pigment.family for pigment in pigments}, key=str.casefold))
     sources = tuple(sorted({pigment.source for pigment in pigments}))
@@ -111,8 +110,8 @@ def search_families(
         family_of=family_of,
         source_of=source_of,
         members=members,
-        log_prior=_log_prior(members, expected.sizes[:max_paints], families),
-        unknown=expected.unknown,
+        log_prior=_log_prior(members, prior.sizes[:max_paints], families),
+        unknown=prior.unknown,
         compared=compared,
         surface=seen_by.seen_surface,
         sureness=sureness or Sureness(),

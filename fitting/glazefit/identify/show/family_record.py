@@ -72,9 +72,7 @@ def _spot(
         family
         for answer in answers
         for name in answer.families
-        for family in (
-            [member for member, _ in answer.within[name]] if name in answer.within else [name]
-        )
+        for family in dict(answer.within.get(name, ((name, 1.0),)))
     )
     reading = identification.measured.readings[row]
     films = explanations(identification, row, top)
@@ -123,6 +121,7 @@ def describe_film(film: Explanation, reading: np.ndarray) -> dict[str, Any]:
         reading: with which it is drawn, (bands,).
     """
     provenance = catalogue.provenance()
+    facts = ("source", "binder", "citation")
     off = relative_misfit(reading, film.fitted[0])
     return {
         "words": film.words,
@@ -130,12 +129,8 @@ def describe_film(film: Explanation, reading: np.ndarray) -> dict[str, Any]:
         "scale": film.scale,
         "misfit": float(np.sqrt(np.nanmean(off**2))),
         "paints": [
-            {
-                "name": name,
-                "source": provenance[name].source if name in provenance else "",
-                "binder": provenance[name].binder if name in provenance else "",
-                "citation": provenance[name].citation if name in provenance else "",
-            }
+            # A user's own paint has none.
+            {"name": name, **{fact: getattr(provenance.get(name), fact, "") for fact in facts}}
             for name in film.paints
         ],
         "fitted": round_spectra(film.fitted),
