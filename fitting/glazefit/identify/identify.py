@@ -17,7 +17,6 @@ from glazejax import Hemispherical
 from glazejax.geometry import Geometry, resolve_instrument
 
 from ..film.films import Films, Instrument, Noise, card_readings
-from ..film.model.errors import Prior
 from ..film.model.mixing import Pigments, listed_pigments
 from ..film.model.response import film_response
 from .families.expected import has_families
@@ -30,7 +29,7 @@ def identify_chunks(
     wavelengths: ArrayLike,
     spectra: ArrayLike,
     pigments: Pigments,
-    options: IdentificationOptions | None = None,
+    options: IdentificationOptions,
     *,
     ground: ArrayLike | None = None,
     opaque: bool = False,
@@ -41,7 +40,6 @@ def identify_chunks(
 
     Args and errors are those of `identify`.
     """
-    options = options or IdentificationOptions()
     if (ground is None) != opaque:
         raise ValueError(
             "opaque films show no ground: leave out ground, or leave out opaque"
@@ -78,10 +76,7 @@ def identify_chunks(
         if options.max_coats > 1:
             from .coats.weigh_coats import weigh_coats
 
-            usual = (options.prior or Prior()).thickness
-            identification = weigh_coats(
-                identification, paints, options, usual, (searcher.task, pool)
-            )
+            identification = weigh_coats(identification, paints, options, searcher.task, pool)
         yield identification
 
 

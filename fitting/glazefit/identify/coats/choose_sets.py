@@ -11,32 +11,23 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ...film.model.errors import whitening
+from ..result import Identification
 from ..search.pool import NOBODY
 from .evidence import CoatErrors, fixed_covariance
 from .readings import LOG_AMOUNTS, CoatedFilms
 
 
-def best_sets(
-    members: Int[np.ndarray, "candidates 3"],
-    probability: Float[np.ndarray, "candidates"],
-    of_paints: Float[np.ndarray, "paints"],
-    max_coats: int,
-) -> list[tuple[int, ...]]:
-    """The most probable sets of two paints, however they lie; of three where three coats are
-    tried.
-
-    Args:
-        members: paints of the candidates of a spectrum.
-        probability: of each candidate.
-        of_paints: probability of each paint, whatever accompanies it.
-        max_coats: most coats.
+def best_sets(identification: Identification, row: int, max_coats: int) -> list[tuple[int, ...]]:
+    """The most probable sets of two paints of a spectrum, however they lie; of three where three
+    coats are tried.
     """
     chances: dict[tuple[int, ...], float] = {}
-    for candidate, chance in zip(members, probability, strict=True):
+    candidates = identification.members[row]
+    for candidate, chance in zip(candidates, identification.probability[row], strict=True):
         paint_set = tuple(sorted(int(member) for member in candidate if member != NOBODY))
         if len(paint_set) > 1 and chance > 0:
             chances[paint_set] = chances.get(paint_set, 0.0) + float(chance)
-    likely = np.argsort(-of_paints, kind="stable")
+    likely = np.argsort(-identification.paint_probability[row], kind="stable")
     out = []
     for size in (2, 3)[: max_coats - 1]:
         of_size = {

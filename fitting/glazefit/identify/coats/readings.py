@@ -117,17 +117,12 @@ class GridReadings(NamedTuple):
     patches: Float[np.ndarray, "ways nodes readings"]
 
 
-def log_amounts(count: int) -> Float[np.ndarray, "nodes paints"]:
-    """Logs of the amounts at the nodes of a grid."""
-    axis = np.linspace(*LOG_AMOUNTS, NODES[count])
-    return np.array(list(itertools.product(axis, repeat=count)))
-
-
 def grid_readings(arrangement: Arrangement, films: CoatedFilms) -> GridReadings:
     """Readings of an arrangement on the grid of its paints' amounts."""
     paints = arrangement.paints
     # A node is one combination of amounts; paints that the arrangement lacks have none.
-    logs = log_amounts(len(paints))
+    axis = np.linspace(*LOG_AMOUNTS, NODES[len(paints)])
+    logs = np.array(list(itertools.product(axis, repeat=len(paints))))
     amounts = np.zeros((len(logs), films.coefficients.shape[1]))
     amounts[:, paints] = np.exp(logs)
     readings = films.read(arrangement, amounts[None])

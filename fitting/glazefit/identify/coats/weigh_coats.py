@@ -36,15 +36,12 @@ _FAINT = 0.1
 _FAINT_CHANCE = 0.2
 
 
-Sets = list[tuple[int, ...]]
-
-
 def weigh_coats(
     identification: Identification,
     pigments: Sequence[Pigment],
     options: IdentificationOptions,
-    usual: float,
-    searched: tuple[IdentificationTask, Pool],
+    task: IdentificationTask,
+    pool: Pool,
 ) -> Identification:
     """The identification with the odds of mixture against superposition for the best sets of each
     spectrum.
@@ -56,13 +53,13 @@ def weigh_coats(
         identification: in one coat, from readings over one ground or several.
         pigments: of the catalogue, in the order of its paints.
         options: of the search.
-        usual: thickness of a usual coat, m.
-        searched: what paints were searched with, and the candidates.
+        task: of the search.
+        pool: its candidates.
     """
     measured = identification.measured
     opaque = identification.opaque
-    sets = _best_sets(identification, options)
-    task, pool = searched
+    usual = (options.prior or Prior()).thickness
+    sets = [best_sets(identification, row, options.max_coats) for row in range(len(measured))]
     few = measured.in_steps(SEARCHED)
     films = CoatedFilms(
         coefficients=coefficients(pigments, few.wavelengths) * usual,
@@ -72,7 +69,7 @@ def weigh_coats(
         hides=opaque,
     )
     bodies = few.readings - task.surface
-    layered = not (opaque or options.max_paints == 1 or len(pigments) == 1)
+    layered = not opaque and task.max_paints > 1
     weighed = []
     for rows in few.by_grounds():
         over = films._replace(grounds=few.grounds[rows[0]])
@@ -92,8 +89,7 @@ def weigh_coats(
             _weigh_set(members, np.array(job_rows), bodies, over, few.wavelengths, options)
             for members, job_rows in jobs.items()
         ]
-    names = [pigment.name for pigment in pigments]
-    coats_odds = _odds(len(measured), weighed, names, np.nan if opaque else usual)
+    coats_odds = _odds(len(measured), weighed, identification.paints, np.nan if opaque else usual)
     if layered:
         pool = with_coats(task, measured, pool, weighed)
         odds = odds_of(measured, pool, task.prior)
@@ -185,7 +181,8 @@ def coats_of_families(
     exemplars are paints by other hands, and how much these scatter decides.
     """
     coats_odds: list[tuple[CoatsOdds, ...]] = []
-    for sets in _best_sets(identification, options):
+    for row in range(len(identification)):
+        sets = best_sets(identification, row, options.max_coats)
         if not sets:
             coats_odds.append(())
             continue
@@ -199,17 +196,6 @@ def coats_of_families(
         )
         coats_odds.append((odds,))
     return replace(identification, coats_odds=tuple(coats_odds))
-
-
-def _best_sets(identification: Identification, options: IdentificationOptions) -> list[Sets]:
-    """Of each spectrum."""
-    chances = zip(
-        identification.members,
-        identification.probability,
-        identification.paint_probability,
-        strict=True,
-    )
-    return [best_sets(*of_row, options.max_coats) for of_row in chances]
 
 
 def _odds_of(
