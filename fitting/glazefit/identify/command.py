@@ -2,7 +2,7 @@
 probabilities out.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     import numpy as np
     from rich.console import Console
 
-    from glazejax import Pigment
     from glazejax.io import SpectraTable
 
     from ..film.films import Films, Instrument
@@ -228,29 +227,17 @@ def _identify(
     from ..film.films import Noise
     from ..page.inputs import input_files
 
-    top, report, overwrite = typed["top"], typed["report"], typed["overwrite"]
-    opaque, painted = typed["opaque"], typed["painted"]
-    paints, by_family, keywords, asked = facts.read_search(typed, console)
-    seen_with = keywords["instrument"]
+    top, report, opaque = typed["top"], typed["report"], typed["opaque"]
+    search = facts.read_search(typed, console)
+    paints = search.paints
     inputs = input_files(read) if report is not None else []
-    task = _choose_spectra(
-        measured,
-        typed["file"],
-        typed["samples"],
-        ground=typed["ground"],
-        bare=typed["bare"],
-        opaque=opaque,
-        instrument=seen_with,
-        paints=paints,
-        by_family=by_family,
-        console=console,
-    )
+    task = _choose_spectra(typed, measured, search, console)
     from .identify import identify_chunks
     from .result import Identification
     from .search.options import IdentificationOptions
 
     search_options = IdentificationOptions(
-        **keywords,
+        **search.keywords,
         noise=Noise(typed["noise"], typed["noise_share"]),
         # A report judges by 40 candidates how near each paint comes.
         keep=max(top, 5 if report is None else 40),
@@ -269,31 +256,19 @@ def _identify(
         lambda _: chunks, len(task.spectra), "compiling, then searching", "searching"
     )
     identification = Identification.join(finished)
-    _report(
-        identification,
-        console,
-        top=top,
-        csv=typed["csv"],
-        residuals=typed["residuals"],
-        out=typed["out"],
-        overwrite=overwrite,
-        painted=painted,
-    )
+    _report(typed, identification, console)
     if report is not None:
         from .show.page import write_page
 
         about = _about(
             typed,
-            name=typed["catalogue"],
-            asked=asked,
             task=task,
-            instrument=seen_with,
+            search=search,
             searched=search_options,
-            paints=paints,
             inputs=inputs,
             subject=subject,
         )
-        if not by_family:
+        if not search.by_family:
             from .search.searcher import Searcher
             from .show.bands import expected_bands
             from .show.record import make_record
@@ -309,17 +284,17 @@ def _identify(
                 identification,
                 about,
                 top,
-                painted=painted,
+                painted=typed["painted"],
                 usual=usual_misfit(identification, paints, search_options),
             )
-        beside = write_page(record, report, overwrite=overwrite)
+        beside = write_page(record, report, overwrite=typed["overwrite"])
         console.print(f"Wrote the report to {report}, and the same as {beside[0]} and {beside[1]}")
     counted = f"{len(identification)} spectra" if len(identification) > 1 else "1 spectrum"
     console.print(
         f"[dim]{counted} against {len(paints)} paints in {how.seconds:.1f} s, compilation "
         "included.[/dim]"
     )
-    console.print(asked, soft_wrap=True)
+    console.print(search.asked, soft_wrap=True)
     if how.interrupted:
         progress.stop_interrupted(console, len(identification), len(task.spectra), "spectra")
 
@@ -355,15 +330,9 @@ def _over_cards(table: "SpectraTable") -> bool:
 
 
 def _choose_spectra(
+    typed: Mapping[str, Any],
     measured: "SpectraTable | Films",
-    file: Path,
-    samples: str,
-    ground: str | None,
-    bare: bool,
-    opaque: bool,
-    instrument: "Instrument",
-    paints: "Sequence[Pigment]",
-    by_family: bool,
+    search: facts.Search,
     console: "Console",
 ) -> _Spectra:
     """Spectra and the grounds below them, on bands that the paints are known at."""
@@ -374,21 +343,22 @@ def _choose_spectra(
     from .identify import ground_from_air
 
     def internal(bare: "np.ndarray") -> "np.ndarray":
-        return ground_from_air(bare, instrument)
+        return ground_from_air(bare, search.keywords["instrument"])
 
-    chosen = options.split_names(samples)
+    file, ground, bare = typed["file"], typed["ground"], typed["bare"]
+    chosen = options.split_names(typed["samples"])
     # Each family is known at bands of its own, and what a reading has is used.
     grid, mean, changes = (
         (measured.wavelengths, np.eye(measured.wavelengths.size), ())
-        if by_family
-        else shared_bands(measured.wavelengths, paints)
+        if search.by_family
+        else shared_bands(measured.wavelengths, search.paints)
     )
     below = None
     ground_names = ("a ground that is not seen",)
     if isinstance(measured, Films):
         films = measured.select(chosen) if chosen else measured
         names = films.names
-        if by_family:
+        if search.by_family:
             changes = (
                 "families are searched by the readings over the white cards, of which the mean is "
                 "taken; those over black are not used",
@@ -403,7 +373,7 @@ def _choose_spectra(
             ground_names = ("black card, measured bare", "white card, measured bare")
     else:
         rows = options.choose_rows(file, measured.names, chosen)
-        if len(rows) > _MANY and not by_family:
+        if len(rows) > _MANY and not search.by_family:
             note = (
                 f"{len(rows)} spectra are searched one by one: an image is much faster with "
                 "glazejax map, and --samples chooses some (Ctrl-C keeps finished ones)"
@@ -411,7 +381,7 @@ def _choose_spectra(
             progress.print_notes(console, file, (note,))
         spectra = measured.reflectance[rows] @ mean
         names = tuple(measured.names[i] for i in rows)
-        if ground is None and not opaque:
+        if ground is None and not typed["opaque"]:
             raise ValueError(
                 f"{file}: no ground is stated: give --ground, its reflectance such as 0.9 or a "
                 f"table, or --opaque, or rows in fours, such as {names[0]}_b, {names[0]}_w, "
@@ -439,13 +409,10 @@ def _choose_spectra(
 
 def _about(
     typed: Mapping[str, Any],
-    name: str | None,
-    asked: str,
-    task: _Spectra,
-    instrument: "Instrument",
-    searched: "IdentificationOptions",
-    paints: "Sequence[Pigment]",
     *,
+    task: _Spectra,
+    search: facts.Search,
+    searched: "IdentificationOptions",
     inputs: list[dict[str, Any]],
     subject: Mapping[str, str],
 ) -> "RunProvenance":
@@ -456,12 +423,18 @@ def _about(
 
     from .show.record import RunProvenance
 
-    own_file = typed["pigments"]
-    shelf_name = " and ".join(str(source) for source in (own_file, name) if source is not None)
+    paints = search.paints
+    name = typed["catalogue"]
+    sources = [str(source) for source in (typed["pigments"], name) if source is not None]
     scales = dict.fromkeys(filter(None, map(catalogue.assumed_scale, paints)))
-    shelf: dict[str, Any] = {"name": shelf_name, "asked": asked, "scale": "; ".join(scales) or None}
+    shelf: dict[str, Any] = {
+        "name": " and ".join(sources),
+        "asked": search.asked,
+        "scale": "; ".join(scales) or None,
+    }
     if name is not None:
         shelf["file"], shelf["sha256"] = catalogue.checksum(name)
+    instrument: Instrument = search.keywords["instrument"]
     return RunProvenance(
         title=typed["file"].name,
         command=command_line(),
@@ -492,16 +465,8 @@ def _plain(value: Any) -> Any:
     return str(value) if isinstance(value, Path) else value
 
 
-def _report(
-    identification: "Identification",
-    console: "Console",
-    top: int,
-    csv: Path | None,
-    residuals: Path | None,
-    out: Path | None,
-    overwrite: bool,
-    painted: int | None,
-) -> None:
+def _report(typed: Mapping[str, Any], identification: "Identification", console: "Console") -> None:
+    """Print an identification, and write and draw it as options were typed."""
     from glazejax.io import write_table
 
     from .result.table import table_of
@@ -512,16 +477,17 @@ def _report(
         write_residuals,
     )
 
+    top, overwrite = typed["top"], typed["overwrite"]
     if identification.family_sets:
-        print_families(identification, console, top, painted)
+        print_families(identification, console, top, typed["painted"])
     else:
         print_identification(identification, console, top)
-    if csv is not None:
+    if (csv := typed["csv"]) is not None:
         write_table(csv, *table_of(identification, top), overwrite=overwrite)
         console.print(f"Wrote the explanations to {csv}")
-    if residuals is not None:
+    if (residuals := typed["residuals"]) is not None:
         write_residuals(identification, residuals, overwrite=overwrite)
         console.print(f"Wrote measured, fitted and residual spectra to {residuals}")
-    if out is not None:
+    if (out := typed["out"]) is not None:
         count = plot_identification(identification, out)
         console.print(f"Drew {'the first ' if count < len(identification) else ''}{count} to {out}")
