@@ -162,8 +162,8 @@ def test_residuals_are_of_the_film_that_is_drawn(found, tmp_path):
 def test_a_page_by_family_says_how_large_a_misfit_is_usual(shelf, found):
     usual = usual_misfit(found, shelf, OPTIONS)
     assert usual is not None
-    about = replace(ABOUT, names=("red", "grey"), subject={"inventory": "SK-A-1"})
-    filed = make_family_record(found, about, 5, painted=None, usual=usual)
+    about = ABOUT | {"subject": {"inventory": "SK-A-1"}}
+    filed = make_family_record(found, about, ("red", "grey"), 5, painted=None, usual=usual)
     assert filed["subject"] == {"inventory": "SK-A-1"}
     text = "".join(page(filed, "report.csv", "report.json"))
     seen = Parsed(text)

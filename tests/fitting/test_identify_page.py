@@ -8,7 +8,6 @@ import importlib
 import json
 import re
 from dataclasses import replace
-from datetime import UTC, datetime
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -23,7 +22,7 @@ from glazefit.identify.search.pool import NOBODY
 from glazefit.identify.search.task import Measured
 from glazefit.identify.show.figures import plot_axes
 from glazefit.identify.show.page import DRAWN, LISTED, page, write_page
-from glazefit.identify.show.record import RunProvenance, make_record, table_rows
+from glazefit.identify.show.record import make_record, table_rows
 from glazefit.identify.show.ruled_out import ruled_out
 from glazefit.page.inputs import input_files
 from glazefit.page.plot import PlotAxes
@@ -39,25 +38,26 @@ from .palette import GRID
 MODULE = importlib.import_module("glazefit.identify.show.page")
 PAINTS = ("Red", "White", "Blue", "Chalk", "Black")
 EVIL = '<script>alert("1")</script> & co'
-ABOUT = RunProvenance(
-    title="films.csv",
-    command="glazejax identify films.csv --report report.html",
-    options={"--top": 3, "--ground": None},
-    inputs=[{"role": "FILE", "name": "films.csv", "bytes": 12, "sha256": "ab" * 32}],
-    catalogue={"name": "own.csv", "provenance": EVIL, "scale": None},
-    geometry="an integrating sphere",
-    refractive_index=1.5,
-    grounds=("black card", "white card"),
-    notes=(),
-    max_paints=2,
-    max_coats=2,
-    settings={"noise": {"floor": 0.0005}},
-    names=("one", EVIL),
-    created=datetime(2026, 3, 4, 5, 6, 7, tzinfo=UTC),
-)
+ABOUT = {
+    "title": "films.csv",
+    "subject": {},
+    "created": "2026-03-04T05:06:07+00:00",
+    "command": "glazejax identify films.csv --report report.html",
+    "options": {"--top": 3, "--ground": None},
+    "inputs": [{"role": "FILE", "name": "films.csv", "bytes": 12, "sha256": "ab" * 32}],
+    "catalogue": {"name": "own.csv", "provenance": EVIL, "scale": None},
+    "measurement": {
+        "geometry": "an integrating sphere",
+        "refractive_index": 1.5,
+        "grounds": ["black card", "white card"],
+        "notes": [],
+    },
+    "method": {"max_paints": 2, "layers": 2, "settings": {"noise": {"floor": 0.0005}}},
+}
+NAMES = ("one", EVIL)
 
 
-def identification(names=("one", EVIL), grid=GRID, opaque=False):
+def identification(names=NAMES, grid=GRID, opaque=False):
     """Two candidates for each spectrum, one of them of two coats; spectra differ in one amount."""
     count, rng = len(names), np.random.default_rng(3)
     readings = (
@@ -88,8 +88,8 @@ def identification(names=("one", EVIL), grid=GRID, opaque=False):
     return found
 
 
-def record(found, about=ABOUT, top=2):
-    return make_record(found, np.full(found.fitted.shape, 0.01), about, top)
+def record(found, about=ABOUT, names=NAMES, top=2):
+    return make_record(found, np.full(found.fitted.shape, 0.01), about, names, top)
 
 
 class Parsed:
@@ -209,7 +209,7 @@ def test_names_are_text_and_nothing_comes_from_elsewhere():
 
 def test_of_very_many_spots_the_first_are_drawn():
     names = [f"spot {n}" for n in range(DRAWN + 2)]
-    seen = parsed(record(identification(names), replace(ABOUT, names=names)))
+    seen = parsed(record(identification(names), names=names))
     assert len(seen.spots) == DRAWN + 2
     # Spectra of each, and what the fits leave.
     assert [tag for tag, _ in seen.tags].count("figure") == 2 * DRAWN
@@ -266,7 +266,7 @@ def test_who_measured_what_is_said_at_the_head():
     subject = check_subject(
         tmp := Path("report.html"), object=f" {EVIL} ", inventory="", spot="sky", operator=""
     )
-    filed = record(identification(), replace(ABOUT, subject=subject))
+    filed = record(identification(), ABOUT | {"subject": subject})
     assert filed["subject"] == {"object": EVIL, "spot": "sky"}
     text = "".join(page(filed, "report.csv", "report.json"))
     head = text.partition("</header>")[0]

@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from ..film.films import Films, Instrument
     from .result import Identification
     from .search.options import IdentificationOptions
-    from .show.record import RunProvenance
 
 # Spectra from which on a map is the better way.
 _MANY = 2000
@@ -275,7 +274,7 @@ def _identify(
 
             searcher = Searcher.of(task.wavelengths, paints, search_options, opaque=opaque)
             bands = expected_bands(identification, searcher.task)
-            record = make_record(identification, bands, about, top)
+            record = make_record(identification, bands, about, task.names, top)
         else:
             from .families.identify_pigments import usual_misfit
             from .show.family_record import make_family_record
@@ -283,6 +282,7 @@ def _identify(
             record = make_family_record(
                 identification,
                 about,
+                task.names,
                 top,
                 painted=typed["painted"],
                 usual=usual_misfit(identification, paints, search_options),
@@ -415,13 +415,12 @@ def _about(
     searched: "IdentificationOptions",
     inputs: list[dict[str, Any]],
     subject: Mapping[str, str],
-) -> "RunProvenance":
-    """Describe how an identification was made, for its report."""
+) -> dict[str, Any]:
+    """How an identification was made, as its report has it."""
     from dataclasses import asdict
+    from datetime import datetime
 
     from glazejax import catalogue
-
-    from .show.record import RunProvenance
 
     paints = search.paints
     name = typed["catalogue"]
@@ -435,30 +434,34 @@ def _about(
     if name is not None:
         shelf["file"], shelf["sha256"] = catalogue.checksum(name)
     instrument: Instrument = search.keywords["instrument"]
-    return RunProvenance(
-        title=typed["file"].name,
-        command=command_line(),
-        options={
+    return {
+        "title": typed["file"].name,
+        "subject": subject,
+        "created": datetime.now().astimezone().isoformat(timespec="seconds"),
+        "command": command_line(),
+        "options": {
             "FILE" if name == "file" else option(name): _plain(value)
             for name, value in typed.items()
         },
-        inputs=inputs,
-        catalogue={
+        "inputs": inputs,
+        "catalogue": {
             **shelf,
             "provenance": "; ".join(dict.fromkeys(p.provenance for p in paints if p.provenance)),
         },
-        geometry=instrument.geometry.describe(),
-        refractive_index=instrument.refractive_index,
-        grounds=task.ground_names,
-        notes=task.notes,
-        max_paints=typed["max_paints"],
-        max_coats=typed["max_coats"],
-        settings={
-            name: asdict(getattr(searched, name)) for name in ("noise", "discrepancy", "prior")
+        "measurement": {
+            "geometry": instrument.geometry.describe(),
+            "refractive_index": instrument.refractive_index,
+            "grounds": task.ground_names,
+            "notes": task.notes,
         },
-        names=task.names,
-        subject=subject,
-    )
+        "method": {
+            "max_paints": searched.max_paints,
+            "layers": searched.max_coats,
+            "settings": {
+                name: asdict(getattr(searched, name)) for name in ("noise", "discrepancy", "prior")
+            },
+        },
+    }
 
 
 def _plain(value: Any) -> Any:

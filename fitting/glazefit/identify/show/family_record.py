@@ -2,7 +2,7 @@
 JSON.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from ..families.evidence import describe_anachronism
 from ..families.misfit import UsualMisfit, brightest, relative_misfit
 from ..result import Identification
 from .explanation import Explanation, explanations
-from .record import RunProvenance, describe_run, describe_spot, round_spectra
+from .record import describe_run, describe_spot, round_spectra
 
 SCHEMA = {"name": "glazejax identify families report", "version": 2}
 COLUMNS = (
@@ -31,7 +31,8 @@ COLUMNS = (
 
 def make_family_record(
     identification: Identification,
-    about: RunProvenance,
+    about: Mapping[str, Any],
+    names: Sequence[str],
     top: int,
     *,
     painted: int | None,
@@ -41,14 +42,14 @@ def make_family_record(
 
     Args:
         identification: with `family_sets`.
-        about: how it was made.
+        about, names: as for `make_record`.
         top: answers of each spectrum.
         painted: year in which it was painted, if that is known.
         usual: how far films of right answers are off, if any is known.
     """
     return {
         "schema": SCHEMA,
-        **describe_run(identification, about),
+        **describe_run(identification, about, names),
         "painted": painted,
         "usual_misfit": usual
         and {"answers": usual.answers, "half": usual.half, "nine_tenths": usual.nine_tenths},

@@ -4,8 +4,6 @@ the JSON.
 
 import platform
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from datetime import datetime
 from importlib.metadata import version
 from typing import Any
 
@@ -24,49 +22,11 @@ SCHEMA = {"name": "glazejax identify report", "version": 1}
 _PACKAGES = ("glazejax", "jax", "jaxlib", "numpy", "scipy", "colour-science")
 
 
-@dataclass(frozen=True)
-class RunProvenance:
-    """Account of how an identification was made, for the record.
-
-    Attributes:
-        title: what was identified, such as the file's name.
-        command: the command line.
-        options: all options and their values.
-        inputs: files that were read, as `input_files` gives them.
-        catalogue: name, file, checksum and provenance of the paints, and what is assumed of
-            lengths.
-        geometry: of the instrument, in words.
-        refractive_index: of the paint.
-        grounds: a name for each ground below the paint.
-        notes: what the readers of the files noticed.
-        max_paints, max_coats: what was tried.
-        settings: of noise, model errors and prior, by name.
-        names: of all spectra, also of those that an interrupt left out.
-        subject: object, inventory number, spot and operator, as far as they were said.
-        created: when.
-    """
-
-    title: str
-    command: str
-    options: Mapping[str, Any]
-    inputs: Sequence[Mapping[str, Any]]
-    catalogue: Mapping[str, Any]
-    geometry: str
-    refractive_index: float
-    grounds: Sequence[str]
-    notes: Sequence[str]
-    max_paints: int
-    max_coats: int
-    settings: Mapping[str, Any]
-    names: Sequence[str]
-    subject: Mapping[str, str] = field(default_factory=dict)
-    created: datetime = field(default_factory=lambda: datetime.now().astimezone())
-
-
 def make_record(
     identification: Identification,
     bands: Float[np.ndarray, "spectra explanations grounds bands"],
-    about: RunProvenance,
+    about: Mapping[str, Any],
+    names: Sequence[str],
     top: int,
 ) -> dict[str, Any]:
     """All that is filed, as JSON has it.
@@ -74,25 +34,33 @@ def make_record(
     Args:
         identification: its result.
         bands: half the widths of 90 % bands about the first explanations.
-        about: how it was made.
+        about: how it was made (`describe_run`).
+        names: of all spectra, also of those that an interrupt left out.
         top: explanations of each spectrum.
     """
     return {
         "schema": SCHEMA,
-        **describe_run(identification, about),
+        **describe_run(identification, about, names),
         "thresholds": {"ruled_out_below": IMPROBABLE, "least_share": LEAST_SHARE},
         "spots": [_spot(identification, bands, row, top) for row in range(len(identification))],
     }
 
 
-def describe_run(identification: Identification, about: RunProvenance) -> dict[str, Any]:
-    """Describe what was identified, how and with what, as JSON has it; see `make_record`."""
+def describe_run(
+    identification: Identification, about: Mapping[str, Any], names: Sequence[str]
+) -> dict[str, Any]:
+    """Describe what was identified, how and with what, as JSON has it.
+
+    Args:
+        identification: its result.
+        about: how it was made: ``title``, ``subject``, ``created``, ``command``, ``options``,
+            ``inputs``, ``catalogue``, ``measurement`` and ``method``.
+        names: as for `make_record`.
+    """
     done = set(identification.measured.names)
-    unfinished = [name for name in about.names if name not in done]
+    unfinished = [name for name in names if name not in done]
     return {
-        "title": about.title,
-        "subject": dict(about.subject),
-        "created": about.created.isoformat(timespec="seconds"),
+        **about,
         "complete": not unfinished,
         "not_done": unfinished,
         "versions": {
@@ -100,23 +68,12 @@ def describe_run(identification: Identification, about: RunProvenance) -> dict[s
             "python": platform.python_version(),
         },
         "platform": platform.platform(terse=True),
-        "command": about.command,
-        "options": dict(about.options),
-        "inputs": [dict(file) for file in about.inputs],
-        "catalogue": {**about.catalogue, "paints": list(identification.paints)},
+        "catalogue": {**about["catalogue"], "paints": list(identification.paints)},
         "measurement": {
-            "geometry": about.geometry,
-            "refractive_index": about.refractive_index,
-            "grounds": list(about.grounds),
-            "notes": list(about.notes),
+            **about["measurement"],
             "opaque": identification.opaque,
             "grid": describe_grid(identification.measured.wavelengths),
             "wavelengths_nm": identification.measured.wavelengths.tolist(),
-        },
-        "method": {
-            "max_paints": about.max_paints,
-            "layers": about.max_coats,
-            "settings": dict(about.settings),
         },
     }
 
