@@ -416,7 +416,7 @@ def _about(
     inputs: list[dict[str, Any]],
     subject: Mapping[str, str],
 ) -> dict[str, Any]:
-    """How an identification was made, as its report has it."""
+    """Describe how an identification was made, as its report has it."""
     from dataclasses import asdict
     from datetime import datetime
 

@@ -1,6 +1,7 @@
 """Arrangements of the paints of a film: mixed in one coat, or in several, one over another."""
 
-from collections.abc import Iterator, Sequence
+import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 
@@ -38,17 +39,15 @@ def arrangements(count: int, max_coats: int) -> list[Arrangement]:
         count: of paints.
         max_coats: most coats.
     """
-    orders = [coats for coats in _orders(tuple(range(count))) if len(coats) <= max_coats]
-    return [Arrangement(coats) for coats in sorted(orders, key=len)]
-
-
-def _orders(paints: tuple[int, ...]) -> Iterator[tuple[tuple[int, ...], ...]]:
-    """Ordered partitions of a set."""
-    if not paints:
-        yield ()
-        return
-    for chosen in range(1, 2 ** len(paints)):
-        top = tuple(paint for bit, paint in enumerate(paints) if chosen >> bit & 1)
-        remaining = tuple(paint for paint in paints if paint not in top)
-        for below in _orders(remaining):
-            yield (top, *below)
+    return [
+        Arrangement(
+            tuple(
+                tuple(paint for paint in range(count) if coat_of[paint] == coat)
+                for coat in range(coats)
+            )
+        )
+        for coats in range(1, max_coats + 1)
+        for coat_of in itertools.product(range(coats), repeat=count)
+        # No coat is empty.
+        if len(set(coat_of)) == coats
+    ]

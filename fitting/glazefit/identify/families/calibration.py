@@ -51,12 +51,8 @@ def calibrate(
     rows = rows[chosen]
     sources = search.source_of[rows]
     truth = search.family_of[rows]
-    comparable = np.array(
-        [
-            bool(((search.family_of == family) & (search.source_of != source)).any())
-            for family, source in zip(truth, sources, strict=True)
-        ]
-    )
+    of_others = search.source_of != sources[:, None]
+    comparable = (of_others & (search.family_of == truth[:, None])).any(axis=1)
     if not comparable.any():  # Of a family by one hand nothing can be learnt.
         return replace(search, sureness=_UNTAUGHT)
     has_family = (search.members == truth[:, None, None]).any(axis=-1)
@@ -137,14 +133,15 @@ def learn_none(
         weights: of both.
     """
     densities = np.concatenate([with_family, without])
-    is_known = np.concatenate([np.ones(len(with_family)), np.zeros(len(without))])
+    # Odds speak for the truth where it is one of the families, and elsewhere against it.
+    sign = np.repeat([-1.0, 1.0], [len(with_family), len(without)])
     normalised = np.concatenate([w / np.sum(w) for w in weights])
     # The evidence as it is, and nothing else.
     usual = np.array([1.0, 0.0, 0.0])
 
     def loss(line: Float[np.ndarray, "3"]) -> float:
         odds = densities @ line[:2] + line[2]
-        misfit = np.sum(normalised * np.logaddexp(0.0, np.where(is_known > 0, -odds, odds)))
+        misfit = np.sum(normalised * np.logaddexp(0.0, sign * odds))
         pull = np.sum(((line - usual)[:2] / _SLOPE_SD) ** 2)
         return float(misfit + 0.5 * pull / len(densities))
 
@@ -186,16 +183,10 @@ def _weights(
     """Each source counts by the share of the exemplars that are left without it: where most are
     gone, little is learnt of how sure all of them make. In a source each family counts equally.
     """
-    of_family = np.array(
-        [
-            np.sum((sources == source) & (truth == family))
-            for source, family in zip(sources, truth, strict=True)
-        ]
-    )
-    share = 1.0 / of_family
-    of_source = np.array([share[sources == source].sum() for source in sources])
-    remaining = np.array([np.mean(search.source_of != source) for source in sources])
-    return remaining * share / of_source
+    of_source = sources == sources[:, None]
+    share = 1.0 / np.sum(of_source & (truth == truth[:, None]), axis=1)
+    remaining = np.mean(search.source_of != sources[:, None], axis=1)
+    return remaining * share / (of_source @ share)
 
 
 def exemplars_as_readings(

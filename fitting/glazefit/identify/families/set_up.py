@@ -278,7 +278,7 @@ def _shared_bands(
             "without the visible was ever tested; give readings that hold it, 410-700 nm"
         )
     if last - first < _LEAST_SPAN:
-        count = int(known[:, ~common].all(axis=1).sum()) if not common.all() else len(known)
+        count = int(known[:, ~common].all(axis=1).sum())
         raise ValueError(
             f"too little is known there: nearly all exemplars know {first:g} to {last:g} nm of the "
             f"spectra's bands alone, {count} of {len(known)} the others; give readings that "

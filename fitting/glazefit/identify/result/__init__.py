@@ -364,16 +364,13 @@ class Identification(Tabulated):
         """
         if self.family_sets:
             return [(answer.families, answer.probability) for answer in self.family_sets[row]]
-        chances: dict[frozenset[str], float] = {}
+        chances: dict[tuple[str, ...], float] = {}
         ordered_names: dict[frozenset[str], tuple[str, ...]] = {}
         for candidate in self.ranked(row):
             names = tuple(dict.fromkeys(family(paint) for paint in candidate.paints))
-            ordered_names.setdefault(frozenset(names), names)
-            chances[frozenset(names)] = chances.get(frozenset(names), 0.0) + candidate.probability
-        return [
-            (ordered_names[names], chances[names])
-            for names in sorted(chances, key=lambda names: -chances[names])
-        ]
+            names = ordered_names.setdefault(frozenset(names), names)
+            chances[names] = chances.get(names, 0.0) + candidate.probability
+        return sorted(chances.items(), key=lambda answer: -answer[1])
 
     def films_of_answers(self, row: int) -> dict[frozenset[str], Candidate]:
         """The most probable film of each answer by family, under what `groups.answer_of` makes of

@@ -8,7 +8,7 @@ from glazejax.geometry import Geometry
 from glazejax.io import write_table
 from glazejax.io.quantity import Stated
 
-from ..families.references import ReferencePaint, read_references
+from ..families.references import read_references
 
 _COLUMNS = ("reference", "family", "colour_index", "first_nm", "last_nm", "coefficients")
 
@@ -32,7 +32,17 @@ def list_references(
         stated: what the user says of quantity and units.
     """
     read = read_references(file, instrument, **stated)
-    rows = [_cells(paint) for paint in read.paints]
+    rows = [
+        (
+            paint.name,
+            paint.pigment.family,
+            paint.colour_index,
+            f"{paint.pigment.wavelengths[0]:.0f}",
+            f"{paint.pigment.wavelengths[-1]:.0f}",
+            paint.coefficients,
+        )
+        for paint in read.paints
+    ]
     console.print(f"{'family':<23}{'nm':<10}{'Colour Index':<14}{'coefficients':<19}reference")
     for name, family, index, first, last, coefficients in rows:
         console.print(
@@ -47,15 +57,3 @@ def list_references(
     if csv is not None:
         write_table(csv, _COLUMNS, rows, overwrite=overwrite)
         console.print(f"Wrote {len(rows)} references to {csv}")
-
-
-def _cells(paint: ReferencePaint) -> tuple[str, ...]:
-    grid = paint.pigment.wavelengths
-    return (
-        paint.name,
-        paint.pigment.family,
-        paint.colour_index,
-        f"{grid[0]:.0f}",
-        f"{grid[-1]:.0f}",
-        paint.coefficients,
-    )

@@ -115,15 +115,12 @@ def _judge(
     # Half as much again is worse.
     elif rmse > 1.5 * max(best.rmse, float(np.median(identification.measured.noise_sd[row]))):
         kind = "worse"
-        reason = (
-            f"its colour comes near ({by}), its spectrum less so: RMSE {rmse:.4f} against "
-            f"{best.rmse:.4f}"
-        )
-        reason = (
-            reason
+        how = (
+            f"its colour comes near ({by}), its spectrum less so"
             if has_colour
-            else f"its spectrum is further off: RMSE {rmse:.4f} against {best.rmse:.4f}"
+            else "its spectrum is further off"
         )
+        reason = f"{how}: RMSE {rmse:.4f} against {best.rmse:.4f}"
     else:
         kind = "unneeded"
         reason = (
