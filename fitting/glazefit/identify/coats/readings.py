@@ -8,7 +8,6 @@ import functools
 import itertools
 from typing import NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
@@ -187,9 +186,4 @@ def _body(
     ground: Float[Array, "films"],
     optics: Optics,
 ) -> Float[Array, "films"]:
-    return optics.body(
-        jnp.asarray(absorption, float),
-        jnp.asarray(scattering, float),
-        jnp.asarray(ground, float),
-        1e-3,
-    )
+    return optics.body(absorption, scattering, ground, 1e-3)

@@ -65,7 +65,7 @@ def identify_families(
         groups = [np.arange(len(batch))] if opaque else batch.by_grounds()
         identifications = []
         for rows in groups:
-            below = None if opaque else tuple(batch.grounds[rows[0], 0].tolist())
+            below = None if opaque else batch.grounds[rows[0], 0]
             search = prepare_search(batch.wavelengths, pigments, options, below)
             identifications.append(_identification(search, batch.take(rows), options, opaque))
         order = np.argsort(np.concatenate(groups))
@@ -81,9 +81,7 @@ def usual_misfit(
         identification: by `identify_families`; of several grounds the first one counts.
         pigments, options: of that.
     """
-    ground = (
-        None if identification.opaque else tuple(identification.measured.grounds[0, 0].tolist())
-    )
+    ground = None if identification.opaque else identification.measured.grounds[0, 0]
     # What is known of one painting is not of the exemplars.
     alone = replace(options, elements=(), without_elements=(), painted=None)
     search = prepare_search(identification.measured.wavelengths, pigments, alone, ground)
@@ -109,7 +107,7 @@ def prepare_search(
     grid: Float[np.ndarray, "bands"],
     pigments: Sequence[Pigment],
     options: IdentificationOptions,
-    ground: tuple[float, ...] | None,
+    ground: Float[np.ndarray, "bands"] | None,
     progress: Progress = no_progress,
 ) -> FamilySearch:
     """The search among the families of some exemplars, set up or of those that were set up last.
@@ -117,7 +115,7 @@ def prepare_search(
     Args:
         grid: wavelengths of the readings, (bands,), nm, in steps of `SEARCHED` or more.
         pigments, options: of `identify_families`.
-        ground: internal reflectance below the films, or None for films that hide it.
+        ground: internal reflectance below the films, (bands,), or None for films that hide it.
         progress: called as it is set up.
     """
     instrument = resolve_instrument(options.instrument)
@@ -139,14 +137,14 @@ def prepare_search(
     )
     # How sure a search may be does not hang on the ground: it is learnt over the first one.
     similar = [search for (*settings, _), search in _SEARCHES.items() if tuple(settings) == key]
-    key = (*key, ground)
+    key = (*key, None if ground is None else tuple(ground.tolist()))
     if key not in _SEARCHES:
         if len(_SEARCHES) >= _MOST_SEARCHES:
             _SEARCHES.pop(next(iter(_SEARCHES)))
         _SEARCHES[key] = search_families(
             grid,
             pigments,
-            ground=None if ground is None else np.array(ground),
+            ground=ground,
             instrument=instrument,
             prior=prior,
             max_paints=min(options.max_paints, 2),

@@ -88,8 +88,7 @@ class FamilySearcher:
             ground: as for `search`.
             progress: called meanwhile.
         """
-        below = None if ground is None else tuple(ground.tolist())
-        prepare_search(self.wavelengths, self.pigments, self.options, below, progress)
+        prepare_search(self.wavelengths, self.pigments, self.options, ground, progress)
 
     def search(
         self, readings: Float[np.ndarray, "spectra bands"], ground: np.ndarray | None
