@@ -173,10 +173,10 @@ def _films_to_compare(
             families[taught],
             exemplars[taught],
             differences,
-            components=components,
+            components=round((wavelengths[-1] - wavelengths[0]) / width),
         )
-        for values, differences, components in zip(
-            view_features, view_differences, _components(wavelengths), strict=True
+        for values, differences, width in zip(
+            view_features, view_differences, _COMPONENTS, strict=True
         )
     )
 
@@ -248,11 +248,6 @@ def _log_prior(
         if kind.any():
             weights[kind] *= share / weights[kind].sum()
     return np.log(weights / weights.sum())
-
-
-def _components(wavelengths: Float[np.ndarray, "bands"]) -> list[int]:
-    """Principal components that hold a spectrum in each view: as many as there is of it."""
-    return [round((wavelengths[-1] - wavelengths[0]) / width) for width in _COMPONENTS]
 
 
 def _shared_bands(

@@ -314,18 +314,15 @@ class Identification(Tabulated):
 
     def ranked(self, row: int, count: int | None = None) -> list[Candidate]:
         """Explanations of one spectrum, most probable first."""
-        fractions = self.fractions
         out = []
-        for n in range(
-            self.probability.shape[1] if count is None else min(count, self.probability.shape[1])
-        ):
+        for n in range(self.probability.shape[1])[:count]:
             condition = CONDITIONS[self.condition[row, n]]
             hidden = self.opaque if condition.opaque is None else condition.opaque
             present = np.flatnonzero(self.members[row, n] != NOBODY)
             if not present.size:  # A place that other spectra needed.
                 continue
-            order = present[np.lexsort((-fractions[row, n, present], self.coats[row, n, present]))]
-            share = fractions[row, n]
+            share = self.fractions[row, n]
+            order = present[np.lexsort((-share[present], self.coats[row, n, present]))]
             total = float(self.amounts[row, n].sum())
             spread = self.log_sd[1][row, n] * share
             thickness_sd = total * float(self.log_sd[2][row, n])

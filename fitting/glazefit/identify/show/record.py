@@ -170,19 +170,16 @@ def describe_colours(identification: Identification, row: int) -> dict[str, list
         "measured": identification.measured.readings[row],
         "fitted": identification.fitted[row, 0],
     }
-    # A film whose paints are not known at all bands has no colour.
-    by_origin = {what: spectra for what, spectra in by_origin.items() if np.isfinite(spectra).all()}
+    grid = identification.measured.wavelengths
     try:
-        shades = {
-            what: srgb(identification.measured.wavelengths, spectra)
+        return {
+            what: [hex_colour(shade) for shade in np.asarray(srgb(grid, spectra))]
             for what, spectra in by_origin.items()
+            # A film whose paints are not known at all bands has no colour.
+            if np.isfinite(spectra).all()
         }
     except ValueError:
         return None
-    return {
-        what: [hex_colour(shade) for shade in np.asarray(colours)]
-        for what, colours in shades.items()
-    }
 
 
 def _number(value: float) -> float | None:

@@ -47,7 +47,7 @@ def print_identification(identification: Identification, console: Console, top: 
 
 
 def print_families(
-    identification: Identification, console: Console, top: int, painted: int | None = None
+    identification: Identification, console: Console, top: int, painted: int | None
 ) -> None:
     """Print the most probable families of pigments of each spectrum, the exemplars that look most
     like it, and what was not in use when it was painted.
