@@ -135,7 +135,7 @@ def test_the_metric_finds_the_covariance_within_families():
     middles = rng.normal(0.0, 20.0, (40, 3))
     families = np.repeat(np.arange(40), 6)
     points = middles[families] + spread * rng.standard_normal((240, 3))
-    found = metric.learn_metric(points, families, np.arange(240))
+    found = metric.learn_metric(points, families)
     # Distances within families are alike along all axes once they are whitened.
     white = found.place(points)
     apart = white - np.repeat([white[families == f].mean(axis=0) for f in range(40)], 6, 0)
@@ -145,30 +145,10 @@ def test_the_metric_finds_the_covariance_within_families():
     assert same > far
 
 
-def test_doubled_exemplars_give_the_same_metric():
-    """A second spectrum of each paint, equal to the first, tells nothing of how far paints are
-    apart; families of many exemplars weigh alike before and after.
-    """
-    rng = np.random.default_rng(5)
-    families = np.repeat(np.arange(6), [16, 16, 20, 20, 24, 24])
-    points = rng.normal(0.0, 20.0, (6, 4))[families]
-    points = points + np.array([3.0, 1.0, 0.5, 0.2]) * rng.standard_normal(points.shape)
-    paints = np.arange(len(points))
-    once = metric.learn_metric(points, families, paints)
-    points_twice, families_twice, paints_twice = (
-        np.concatenate([a, a]) for a in (points, families, paints)
-    )
-    twice = metric.learn_metric(points_twice, families_twice, paints_twice)
-    # Lengths of differences: the axes themselves may be mirrored.
-    steps = points[1:] - points[:-1]
-    lengths = [np.linalg.norm(found.place(found.mean + steps), axis=1) for found in (once, twice)]
-    np.testing.assert_allclose(lengths[1], lengths[0], rtol=1e-8)
-
-
 def test_a_metric_needs_two_paints_of_a_family():
     points = np.random.default_rng(0).normal(size=(4, 3))
     with refusal("give more exemplars"):
-        metric.learn_metric(points, np.arange(4), np.arange(4))
+        metric.learn_metric(points, np.arange(4))
 
 
 def test_thick_films_are_those_of_the_solver():

@@ -100,16 +100,14 @@ def _log_t(squares: Float[np.ndarray, "*n"], dimensions: int) -> Float[np.ndarra
 def learn_metric(
     features: Float[np.ndarray, "exemplars features"],
     families: Int[np.ndarray, "exemplars"],
-    paints: Int[np.ndarray, "exemplars"],
     disturbances: Float[np.ndarray, "draws features"] | None = None,
     components: int = 25,
 ) -> Metric:
     """The metric of some exemplars.
 
     Args:
-        features: of one or more spectra of each paint.
+        features: of a spectrum of each paint.
         families: number of the family of each.
-        paints: number of the paint of each: spectra of one paint are not compared.
         disturbances: differences that what lies on a paint may make besides, such as a varnish.
         components: principal components of the slopes that are compared, besides the level.
 
@@ -137,7 +135,7 @@ def learn_metric(
     within = np.cov(points.T) + 1e-9 * np.eye(points.shape[1])
     for _ in range(_ROUNDS):
         whiten = _inverse_root(within)
-        within = _within_families(points, points @ whiten, families, paints) + besides
+        within = _within_families(points, points @ whiten, families) + besides
     whiten = _inverse_root(within)
 
     # All exemplars in that space, against which one family's are weighed.
@@ -158,21 +156,18 @@ def _within_families(
     points: Float[np.ndarray, "exemplars components"],
     white: Float[np.ndarray, "exemplars components"],
     families: Int[np.ndarray, "exemplars"],
-    paints: Int[np.ndarray, "exemplars"],
 ) -> Float[np.ndarray, "components components"]:
-    """Covariance of differences to the nearest exemplar of the same family, another paint."""
+    """Covariance of differences to the nearest other exemplar of the same family."""
     total = np.zeros((points.shape[1], points.shape[1]))
     weight = 0.0
     for family in np.unique(families):
-        # Each exemplar and the nearest one of its family from another paint.
+        # Each exemplar and the nearest other one of its family.
         rows = np.flatnonzero(families == family)
-        squares = np.sum((white[rows][:, None] - white[rows]) ** 2, axis=-1)
-        squares[paints[rows][:, None] == paints[rows]] = np.inf
-        has = np.isfinite(squares).any(axis=1)
-        if not has.any():
+        if len(rows) < 2:
             continue
-        nearest = rows[squares.argmin(axis=1)]
-        off = (points[rows] - points[nearest])[has]
+        squares = np.sum((white[rows][:, None] - white[rows]) ** 2, axis=-1)
+        np.fill_diagonal(squares, np.inf)
+        off = points[rows] - points[rows[squares.argmin(axis=1)]]
         # A large family counts as so many differences at most.
         share = min(1.0, _MOST_OF_A_FAMILY / len(off))
         total += share * off.T @ off

@@ -79,9 +79,8 @@ def search_families(
     response = film_response(seen_by)
     cover = CONDITIONS[varnish]
     families = tuple(sorted({pigment.family for pigment in pigments}, key=str.casefold))
-    sources = tuple(sorted({pigment.source for pigment in pigments}))
     family_of = np.array([families.index(pigment.family) for pigment in pigments])
-    source_of = np.array([sources.index(pigment.source) for pigment in pigments])
+    _, source_of = np.unique([pigment.source for pigment in pigments], return_inverse=True)
     # A user may have read one reference many times: how far paints are apart the catalogue says.
     shipped = np.array([pigment.name in catalogue.provenance() for pigment in pigments])
     teaches = shipped if shipped.any() else ~shipped
@@ -171,7 +170,6 @@ def _films_to_compare(
         learn_metric(
             values[taught],
             families[taught],
-            exemplars[taught],
             differences,
             components=round((wavelengths[-1] - wavelengths[0]) / width),
         )

@@ -618,9 +618,9 @@ def log_sds(
 
 def spectral_angle(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     """Angle between spectra, degrees, over the last axis; 0 if both are black, 90 if one is."""
-    lengths = np.linalg.norm(first, axis=-1) * np.linalg.norm(second, axis=-1)
-    black = (np.linalg.norm(first, axis=-1) == 0) & (np.linalg.norm(second, axis=-1) == 0)
-    cosine = np.where(
-        black, 1.0, np.sum(first * second, axis=-1) / np.where(lengths > 0, lengths, 1.0)
-    )
+    length = np.linalg.norm(first, axis=-1)
+    other = np.linalg.norm(second, axis=-1)
+    product = length * other
+    cosine = np.sum(first * second, axis=-1) / np.where(product > 0, product, 1.0)
+    cosine = np.where(length + other == 0, 1.0, cosine)
     return np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
