@@ -159,7 +159,6 @@ def test_the_table_and_the_json_hold_the_numbers_exactly(tmp_path):
         layered=0.6,
         share=0.5,
         reason="",
-        amounts_90=np.full((2, 2), np.nan),
     )
     found = replace(identification(), coats_odds=((odds,), ()))
     table, data = write_page(record(found), tmp_path / "report.html")

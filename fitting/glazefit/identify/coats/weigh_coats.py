@@ -12,10 +12,9 @@ from scipy.special import logsumexp
 from glazejax import Pigment
 
 from ...film.model.errors import Prior
-from ...film.model.variation import STRENGTH
 from ...film.shared_bands import SEARCHED
 from ..families.templates import coefficients
-from ..result import NINETY, Identification
+from ..result import Identification
 from ..result.odds import DECIDED, CoatsOdds
 from ..search.options import IdentificationOptions
 from ..search.pool import Pool
@@ -89,7 +88,7 @@ def weigh_coats(
             _weigh_set(members, np.array(job_rows), bodies, over, few.wavelengths, options)
             for members, job_rows in jobs.items()
         ]
-    coats_odds = _odds(len(measured), weighed, identification.paints, np.nan if opaque else usual)
+    coats_odds = _odds(len(measured), weighed, identification.paints)
     if layered:
         pool = with_coats(task, measured, pool, weighed)
         odds = odds_of(measured, pool, task.prior)
@@ -192,7 +191,6 @@ def coats_of_families(
             arrangements,
             chances / chances.sum(),
             "paints of other makers cannot decide it: name the catalogue of the film's paints",
-            np.full((len(sets[0]), 2), np.nan),
         )
         coats_odds.append((odds,))
     return replace(identification, coats_odds=tuple(coats_odds))
@@ -203,7 +201,6 @@ def _odds_of(
     arrangements: Sequence[Arrangement],
     chances: Float[np.ndarray, "ways"],
     reason: str,
-    amounts_90: Float[np.ndarray, "paints 2"],
 ) -> CoatsOdds:
     """Odds of one set by those of the ways in which its paints may lie."""
     several = [len(arrangement.coats) > 1 for arrangement in arrangements]
@@ -216,7 +213,6 @@ def _odds_of(
         layered=float(chances[several].sum()),
         share=1.0,
         reason=reason,
-        amounts_90=amounts_90,
     )
 
 
@@ -249,7 +245,7 @@ def _summed(by_library: Sequence[Evidence]) -> Evidence:
 
 
 def _odds(
-    count: int, weighed: Sequence[WeighedSet], names: Sequence[str], usual: float
+    count: int, weighed: Sequence[WeighedSet], names: Sequence[str]
 ) -> tuple[tuple[CoatsOdds, ...], ...]:
     """The sets of each spectrum with their shares, most probable first.
 
@@ -257,26 +253,18 @@ def _odds(
         count: of spectra.
         weighed: sets for them.
         names: of all paints.
-        usual: thickness of a usual coat, m; NaN where the ground does not show.
     """
     of_rows: list[list[tuple[float, CoatsOdds]]] = [[] for _ in range(count)]
     for weighed_set in weighed:
         set_names = [names[member] for member in weighed_set.members]
         logs = weighed_set.logs
         totals = np.asarray(logsumexp(logs, axis=0))
-        # Probability of each arrangement of this set, and amounts in the most probable one.
+        # Probability of each arrangement of this set.
         chances = np.exp(logs - totals)
         for number, row in enumerate(weighed_set.rows):
             chance = chances[:, number]
-            best = int(np.argmax(chance))
-            evidence = weighed_set.evidence[best]
-            variance = np.maximum(np.diagonal(evidence.covariance[number]), 0.0)
-            spread = np.sqrt(variance + STRENGTH**2)
-            logs_90 = evidence.log_amounts[number][:, None] + spread[:, None] * NINETY
-            amounts_90 = np.full((len(set_names), 2), np.nan)
-            amounts_90[list(weighed_set.arrangements[best].paints)] = usual * np.exp(logs_90)
             reason = _reason(weighed_set, chance, number)
-            odds = _odds_of(set_names, weighed_set.arrangements, chance, reason, amounts_90)
+            odds = _odds_of(set_names, weighed_set.arrangements, chance, reason)
             of_rows[row].append((float(totals[number]), odds))
     out = []
     for row_odds in of_rows:

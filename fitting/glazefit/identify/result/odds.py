@@ -3,9 +3,6 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import numpy as np
-from jaxtyping import Float
-
 DECIDED = 0.8
 """Probability from which a verdict counts as decided."""
 
@@ -21,8 +18,6 @@ class CoatsOdds:
         layered: probability of more than one coat.
         share: probability of this set among all that were weighed.
         reason: why the spectrum does not decide, or empty.
-        amounts_90: 90 % intervals of the paints' amounts in the most probable arrangement, m; NaN
-            for films that hide their ground, and for a paint that is not in it. (paints, 2).
     """
 
     paints: tuple[str, ...]
@@ -30,7 +25,6 @@ class CoatsOdds:
     layered: float
     share: float
     reason: str
-    amounts_90: Float[np.ndarray, "paints 2"]
 
     @property
     def most_probable(self) -> str:
