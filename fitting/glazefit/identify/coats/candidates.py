@@ -27,19 +27,17 @@ class WeighedSet(NamedTuple):
         rows: the spectra.
         arrangements: in which the paints may lie.
         stated: evidence of each with the library as it is.
-        evidence: of each, over all that the library may be; of its log the prior is a part.
+        logs: log of how probable each way is over all that the library may be, its prior a part of
+            it, up to what is the same for all sets of a spectrum.
+        readings: of the best films of each, without the outer surface's part.
     """
 
     members: tuple[int, ...]
     rows: Int[np.ndarray, "films"]
     arrangements: Sequence[Arrangement]
     stated: Sequence[Evidence]
-    evidence: Sequence[Evidence]
-
-    @property
-    def logs(self) -> Float[np.ndarray, "ways films"]:
-        """Log of how probable each way is, up to what is the same for all sets of a spectrum."""
-        return np.array([evidence.log for evidence in self.evidence])
+    logs: Float[np.ndarray, "ways films"]
+    readings: Float[np.ndarray, "ways films readings"]
 
     @property
     def several(self) -> Bool[np.ndarray, "ways"]:

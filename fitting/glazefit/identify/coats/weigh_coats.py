@@ -23,7 +23,7 @@ from ..search.weigh import odds_of
 from .arrangement import Arrangement, arrangements
 from .candidates import WeighedSet, log_rarity, with_coats
 from .choose_sets import best_sets, nearest_pairs
-from .evidence import CoatErrors, Evidence, coefficient_sd, weigh_arrangement
+from .evidence import CoatErrors, coefficient_sd, weigh_arrangement
 from .readings import CoatedFilms, grid_readings
 
 # Share of readings whose evidence says nothing of how their paints lie: nearly twice that of the
@@ -130,6 +130,7 @@ def _weigh_set(
 
     stated = []
     summed = []
+    readings = []
     for arrangement, chance in zip(arrangements, chances, strict=True):
         by_library = []
         for factors, share in _scattering_factors(arrangement, size, films.hides):
@@ -145,18 +146,22 @@ def _weigh_set(
             )
             by_library.append(evidence._replace(log=evidence.log + np.log(chance * share)))
         stated.append(by_library[0])
-        summed.append(_summed(by_library))
+        # The sum over all libraries, and readings of the best one.
+        by_log = np.array([evidence.log for evidence in by_library])
+        summed.append(logsumexp(by_log, axis=0))
+        of_libraries = np.array([evidence.readings for evidence in by_library])
+        readings.append(of_libraries[by_log.argmax(axis=0), np.arange(len(rows))])
     # What a reading says of the ways is worth less than it says.
-    logs = np.array([evidence.log for evidence in summed])
+    logs = np.array(summed)
     total = np.asarray(logsumexp(logs, axis=0))
     tempered = (1.0 - _WORTHLESS) * np.exp(logs - total)
-    worth = np.log(tempered + _WORTHLESS * (chances / chances.sum())[:, None]) + total
     return WeighedSet(
         members=members,
         rows=rows,
         arrangements=arrangements,
         stated=stated,
-        evidence=[evidence._replace(log=log) for evidence, log in zip(summed, worth, strict=True)],
+        logs=np.log(tempered + _WORTHLESS * (chances / chances.sum())[:, None]) + total,
+        readings=np.array(readings),
     )
 
 
@@ -236,14 +241,6 @@ def _scattering_factors(
     return out
 
 
-def _summed(by_library: Sequence[Evidence]) -> Evidence:
-    """Evidence over several libraries; amounts and readings are those of the best one."""
-    logs, *others = map(np.array, zip(*by_library, strict=True))
-    best = np.argmax(logs, axis=0)
-    films = np.arange(logs.shape[1])
-    return Evidence(np.asarray(logsumexp(logs, axis=0)), *(other[best, films] for other in others))
-
-
 def _odds(
     count: int, weighed: Sequence[WeighedSet], names: Sequence[str]
 ) -> tuple[tuple[CoatsOdds, ...], ...]:
@@ -287,9 +284,7 @@ def _reason(weighed: WeighedSet, chances: Float[np.ndarray, "ways"], number: int
         for several in (weighed.several, ~weighed.several)
     )
     stack, flat = weighed.arrangements[most], weighed.arrangements[least]
-    stack_reading, flat_reading = (
-        weighed.evidence[index].readings[number] for index in (most, least)
-    )
+    stack_reading, flat_reading = weighed.readings[[most, least], number]
     off = stack_reading - flat_reading * (stack_reading @ flat_reading) / (
         flat_reading @ flat_reading
     )
