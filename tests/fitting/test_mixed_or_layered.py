@@ -110,11 +110,11 @@ def test_coats_that_no_mixture_looks_like_are_among_the_nearest(oils):
     for grounds in ([GROUND], [np.full(GRID.size, 0.03), GROUND]):
         bodies = np.array([[read(coats, ground) for ground in grounds]])
         films = in_usual_coats([blue, white, yellow], *grounds)
-        pairs = nearest_pairs(bodies, films, GRID, np.zeros(3), 2)
+        pairs = nearest_pairs(bodies, films, GRID, np.zeros(3))
         assert pairs[0, 0].tolist() == [1, 2]
         # A paint that is hardly ever there comes after.
         rare = np.log([1.0, 1e-300, 1.0])
-        pairs = nearest_pairs(bodies, films, GRID, rare, 2)
+        pairs = nearest_pairs(bodies, films, GRID, rare)
         assert pairs[0, 0].tolist() == [0, 2]
 
 

@@ -49,17 +49,15 @@ def nearest_pairs(
     films: CoatedFilms,
     wavelengths: Float[np.ndarray, "bands"],
     log_prior: Float[np.ndarray, "paints"],
-    count: int,
-) -> Int[np.ndarray, "spectra count 2"]:
-    """Pairs of paints that come nearest to films over one ground or several as one over the other,
-    in either order; the nearest first.
+) -> Int[np.ndarray, "spectra pairs 2"]:
+    """The two pairs of paints that come nearest to films over one ground or several as one over the
+    other, in either order; the nearest first. Of two paints there is one pair.
 
     Args:
         bodies: readings without the outer surface's part.
         films: of all paints, over the grounds.
         wavelengths: of the bands, nm.
         log_prior: of each paint, up to a constant.
-        count: of pairs; fewer if there are fewer.
     """
     errors = CoatErrors()
     paints = films.coefficients.shape[1]
@@ -89,5 +87,5 @@ def nearest_pairs(
     first, second = np.triu_indices(paints, 1)
     either = np.minimum(misfit[:, first, second], misfit[:, second, first])
     either -= 2.0 * (log_prior[first] + log_prior[second])
-    best = np.argsort(either, axis=1, kind="stable")[:, :count]
+    best = np.argsort(either, axis=1, kind="stable")[:, :2]
     return np.stack([first[best], second[best]], axis=-1)

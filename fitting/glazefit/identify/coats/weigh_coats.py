@@ -75,7 +75,7 @@ def weigh_coats(
         if layered:
             # A film of two coats may look like no mixture of its paints: the two pairs that come
             # nearest as coats are weighed with the best mixture.
-            near = nearest_pairs(bodies[rows], over, few.wavelengths, log_rarity(task), 2)
+            near = nearest_pairs(bodies[rows], over, few.wavelengths, log_rarity(task))
             for row, pairs in zip(rows, near.tolist(), strict=True):
                 larger = [paint_set for paint_set in sets[row] if len(paint_set) > 2]
                 sets[row] = list(dict.fromkeys([*sets[row][:1], *map(tuple, pairs), *larger]))

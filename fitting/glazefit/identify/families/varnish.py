@@ -60,10 +60,9 @@ class Varnish:
         response: FilmResponse,
         wavelengths: Float[np.ndarray, "bands"],
         bodies: Float[np.ndarray, "films bands"],
-        seed: int = _SEED,
     ) -> Float[np.ndarray, "films bands"]:
         """Films under varnishes of different amounts and shapes; see `cover`."""
-        rng = np.random.default_rng(seed)
+        rng = np.random.default_rng(_SEED)
         which = rng.choice(len(self.levels), len(bodies), p=self.chances)
         thickness = rng.normal(np.array(self.levels)[which], np.array(self.spreads)[which])
         decay = DECAY * np.exp(rng.normal(0.0, _DECAY_SPREAD, len(bodies)))
