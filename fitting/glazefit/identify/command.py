@@ -190,11 +190,14 @@ def identify(
 
     from glazejax.io import read_spectra
 
-    from ..film.readers import films_in
+    from ..film.readers import ROWS, films_in, one_reading
 
     # A pipe can be read once.
     table = read_spectra(file, **options.stated(quantity, unit, scale))
-    over_cards = not (ground or opaque) and _over_cards(table)
+    # Rows in fours are films over cards.
+    over_cards = not (ground or opaque) and all(
+        name.rpartition("_")[2] in ROWS for name in one_reading(table).names
+    )
     measured = films_in(table, file) if over_cards else table
     console = Console(highlight=False)
     progress.print_notes(console, file, measured.notes)
@@ -320,13 +323,6 @@ def _outputs(typed: Mapping[str, Any]) -> dict[str, Path | None]:
     table, data = head.beside(typed["report"])
     require("jinja2")
     return {**files, "the table of --report": table, "the JSON of --report": data}
-
-
-def _over_cards(table: "SpectraTable") -> bool:
-    """True if rows of a table are films over cards, in fours."""
-    from ..film.readers import ROWS, one_reading
-
-    return all(name.rpartition("_")[2] in ROWS for name in one_reading(table).names)
 
 
 def _choose_spectra(
