@@ -33,7 +33,6 @@ from .problem import (
     minor_parts,
     model_deviation,
     nearly_black,
-    optical_thickness,
     readings,
     totals,
 )
@@ -104,7 +103,6 @@ def recover_jointly(
     expected = expectations or Expectations()
     pigments = pigments or {}
     constraints = gather_constraints(films, paints, pigments, gauge, unit, expected)
-    measured_gloss = np.array([(gloss or {}).get(name, np.nan) for name in films.names])
     problem = pose(
         films,
         shares,
@@ -112,7 +110,7 @@ def recover_jointly(
         noise=noise,
         expected=expected,
         constraints=constraints,
-        gloss=measured_gloss,
+        gloss=np.array([(gloss or {}).get(name, np.nan) for name in films.names]),
     )
     deviation = np.moveaxis(1.0 / problem.weight, 0, -1)
     counted = films.seen * used.T[..., None]
@@ -132,7 +130,13 @@ def recover_jointly(
         first, _ = solve_jointly(
             problem=stiff,
             response=response,
-            start=first_guess(problem),
+            # Equal grey paints, and films as expected.
+            start=Unknowns(
+                bands=problem.known + problem.pull[:, 0],
+                films=np.zeros(problem.film_scale.shape),
+                paints=problem.paint_mean,
+                others=np.zeros(len(problem.thickness_modes)),
+            ),
             first_step=1e-4,
             max_steps=max_steps,
             note=lambda steps: progress(steps, max_steps, "fitting k and s first, steps at most"),
@@ -148,7 +152,7 @@ def recover_jointly(
         note=lambda steps: progress(steps, max_steps, "fitting all together, steps at most"),
     )
     covariance = JointCovariance.of(problem, factorise(descent.seen.normal))
-    unknowns, kd, sd, fitted = jax.tree.map(np.asarray, _describe(solution, problem, response))
+    unknowns, fitted = jax.tree.map(np.asarray, _describe(solution, problem, response))
     fitted = films.where_seen(np.moveaxis(fitted, 0, -1))
     return JointRecovery(
         films=films,
@@ -157,11 +161,8 @@ def recover_jointly(
         law=law,
         unknowns=unknowns,
         log_covariance=covariance.of_bands(len(problem.known)),
-        shared_covariance=covariance.of_shared,
         # Kept for the errors of what the recovery predicts.
         draws=covariance.draw(unknowns, 128),
-        film_absorption=kd.T,
-        film_scattering=sd.T,
         fitted_black=fitted[:, 0],
         fitted_white=fitted[:, 1],
         residual_sd=deviation,
@@ -176,7 +177,6 @@ def recover_jointly(
         whole_covariance=covariance,
         problem=problem,
         gauged=gauge is not None,
-        measured_gloss=measured_gloss,
     )
 
 
@@ -220,6 +220,10 @@ def pose(
     # Of paints that are known only what their modes leave out is free, band by band.
     pull[fixed], stiffness[fixed], steepness[:, fixed] = (0.0, 0.01), 0.0, 0.0
     scale[~np.isnan(gloss), 1] = GLOSS_SD
+    # The gloss that the films in which a paint is the largest part demand.
+    demanded = np.log(estimate_gloss(films, instrument, noise))
+    paint_mean = np.zeros(paints)
+    np.minimum.at(paint_mean, shares.argmax(axis=1), demanded)
     # Bands first, where arrays have them.
     return JointProblem(
         reading=np.moveaxis(measured, 1, 0),
@@ -233,7 +237,7 @@ def pose(
         steepness=steepness,
         pull=np.stack([pull[:, 0], 1.0 / pull[:, 1]], axis=1),
         film_scale=scale,
-        paint_mean=paint_gloss(films, shares, instrument, noise),
+        paint_mean=paint_mean,
         paint_scale=np.full(paints, expected.paint_gloss),
         tail=np.array(expected.tail),
         opaque=films.opaque.astype(float),
@@ -242,38 +246,9 @@ def pose(
     )
 
 
-def paint_gloss(
-    films: Films, shares: Float[np.ndarray, "films paints"], instrument: Instrument, noise: Noise
-) -> Float[np.ndarray, "paints"]:
-    """Log of the gloss that the films in which a paint is the largest part demand, 0 where they
-    demand none.
-    """
-    demanded = np.log(estimate_gloss(films, instrument, noise))
-    largest = shares.argmax(axis=1)
-    return np.array(
-        [demanded[largest == paint].min(initial=0.0) for paint in range(shares.shape[1])]
-    )
-
-
-def first_guess(problem: JointProblem) -> Unknowns:
-    """Equal grey paints, and films as expected."""
-    return Unknowns(
-        problem.known + problem.pull[:, 0],
-        np.zeros(problem.film_scale.shape),
-        problem.paint_mean,
-        np.zeros(len(problem.thickness_modes)),
-    )
-
-
 @jax.jit
 def _describe(
     solution: Unknowns, problem: JointProblem, response: Response
-) -> tuple[
-    Unknowns,
-    Float[Array, "bands films"],
-    Float[Array, "bands films"],
-    Float[Array, "bands films 2"],
-]:
-    """Totals, optical thicknesses and readings, in one program."""
-    unknowns = totals(solution, problem)
-    return unknowns, *optical_thickness(unknowns, problem), readings(solution, problem, response)
+) -> tuple[Unknowns, Float[Array, "bands films 2"]]:
+    """Totals and readings, in one program."""
+    return totals(solution, problem), readings(solution, problem, response)

@@ -47,9 +47,7 @@ class JointRecovery(FittedFilms):
             films.
         log_covariance: of log k of all paints, then log s, at each band, (bands, 2 paints, 2
             paints).
-        shared_covariance: of the films' and paints' shared numbers, in the order of `unknowns`.
         draws: of the unknowns from Laplace's approximation, each with a leading axis of draws.
-        film_absorption, film_scattering: k d and s d of every film, (films, bands).
         fitted_black, fitted_white: what the model reads, (films, bands).
         residual_sd: expected size of a residual, noise and model together, (films, 2, bands).
         expectations, instrument: as given.
@@ -58,10 +56,9 @@ class JointRecovery(FittedFilms):
         unit: thickness of a film of unit relative thickness, m.
         known_paints: those that were known before, by name, in the order of `paints`.
         known_modes: known paint -> its error modes' places among the unknowns' `others`.
-        whole_covariance: covariance of log k of all paints, then log s, at all bands together.
+        whole_covariance: covariance of all unknowns together.
         problem: data and expectations as arrays, with readings that there are not left out.
         gauged: whether thicknesses were measured.
-        measured_gloss: gloss of each film as measured, NaN where it was not, (films,).
     """
 
     films: Films
@@ -70,10 +67,7 @@ class JointRecovery(FittedFilms):
     law: MixingLaw
     unknowns: Unknowns
     log_covariance: Float[np.ndarray, "bands coefficients coefficients"]
-    shared_covariance: Float[np.ndarray, "shared shared"]
     draws: Unknowns
-    film_absorption: FilmSpectra
-    film_scattering: FilmSpectra
     fitted_black: FilmSpectra
     fitted_white: FilmSpectra
     residual_sd: Float[np.ndarray, "films 2 bands"]
@@ -88,17 +82,12 @@ class JointRecovery(FittedFilms):
     whole_covariance: JointCovariance
     problem: JointProblem
     gauged: bool
-    measured_gloss: PerFilm
 
     def __repr__(self) -> str:
         new = [paint for paint in self.paints if paint not in self.known_paints]
         references = f", known: {', '.join(self.known)}" if self.known else ""
         state = "" if self.converged else ", not converged"
         return f"JointRecovery({', '.join(new)} from {len(self.films)} films{references}{state})"
-
-    @cached_property
-    def _modes(self) -> Float[np.ndarray, "modes 2 paints bands"]:
-        return self.error_modes()
 
     @property
     def known(self) -> tuple[str, ...]:
@@ -154,13 +143,13 @@ class JointRecovery(FittedFilms):
         """Relative thickness of each film."""
         return np.exp(self.unknowns.films[:, 0])
 
-    @property
+    @cached_property
     def thickness_sd(self) -> PerFilm:
         """Standard deviation of `thickness`: what the readings leave open, and that paints known
         before may be stronger or weaker in these films.
         """
         films, per_film = self.unknowns.films.shape
-        shown = np.diagonal(self.shared_covariance)[: films * per_film : per_film]
+        shown = np.diagonal(self.whole_covariance.of_shared)[: films * per_film : per_film]
         # What was expected of each film; without a gauge all may share a factor besides.
         prior = np.asarray(self.problem.film_scale)[:, 0] ** 2
         if not self.gauged:
@@ -180,14 +169,9 @@ class JointRecovery(FittedFilms):
     @property
     def gloss(self) -> PerFilm:
         """Share of the smooth surface's reflection that each film shows."""
-        of_paints = np.exp(self.shares @ self.unknowns.paints)
-        expected = np.where(np.isnan(self.measured_gloss), of_paints, self.measured_gloss)
-        return expected * np.exp(self.unknowns.films[:, 1])
-
-    @property
-    def chi_square(self) -> PerFilm:
-        """Mean squared residual of each film in units of what was expected."""
-        return np.mean((self.residual / self.residual_sd) ** 2, axis=(1, 2))
+        measured = self.problem.gloss
+        expected = np.where(np.isnan(measured), self.shares @ self.unknowns.paints, measured)
+        return np.exp(expected + self.unknowns.films[:, 1])
 
     def delta_e(
         self, illuminant: str = "D65", observer: str | int = 10
@@ -201,7 +185,8 @@ class JointRecovery(FittedFilms):
             self.paints[p]: float(share) for p, share in enumerate(self.shares[film]) if share > 0
         }
 
-    def error_modes(self, count: int = 64) -> Float[np.ndarray, "modes 2 paints bands"]:
+    @cached_property
+    def _modes(self) -> Float[np.ndarray, "modes 2 paints bands"]:
         """Modes of what the films leave open in log k and log s of all paints together: the largest
         modes of the covariance. What they leave out is in the standard deviations.
 
@@ -210,7 +195,7 @@ class JointRecovery(FittedFilms):
         """
         sd = np.sqrt(np.diagonal(self.log_covariance, axis1=1, axis2=2))
         cap = np.minimum(1.0, MOST_ERROR / np.maximum(sd, 1e-12))
-        return by_paint(self.whole_covariance.largest(cap, count))
+        return by_paint(self.whole_covariance.largest(cap, 64))
 
     def row(self, paint: str) -> int:
         """Number of a paint.
