@@ -8,7 +8,7 @@ assumed length, and a gauge has an error of its own.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -41,7 +41,7 @@ class Gauge:
         ValueError: no film, or a number out of range.
     """
 
-    thickness: Mapping[str, float] = field(default_factory=dict)
+    thickness: Mapping[str, float]
     error: float = 0.1
     common: float = 0.1
 
@@ -117,22 +117,20 @@ def gather_constraints(
     """
     bands = films.wavelengths.size
     count = len(paints)
-    logs = np.zeros((bands, 2 * count))
-    flags = np.zeros(count, dtype=bool)
-    of_column: dict[int, Pigment] = {}
+    known = {
+        column: _on(references[name], films.wavelengths)
+        for column, name in enumerate(paints)
+        if name in references
+    }
     # Known paints keep their k and s; of the others nothing is known.
-    for column, name in enumerate(paints):
-        if name not in references:
-            continue
-        paint = _on(references[name], films.wavelengths)
-        flags[column] = True
+    logs = np.zeros((bands, 2 * count))
+    for column, paint in known.items():
         optical = unit * np.stack([paint.absorption, paint.scattering], axis=1)
         logs[:, column::count] = np.log(np.maximum(optical, 1e-7))
-        of_column[column] = paint
     # Their errors, and those of cards, of the common scale and of gains, are unknowns of the fit.
-    band_modes, modes_of = _paint_modes(of_column, bands, count)
+    band_modes, modes_of = _paint_modes(known, bands, count)
     thickness, thickness_sd, factor = _thicknesses(
-        films, gauge, unit, expected.thickness, expected.scale if flags.any() else 0.0
+        films, gauge, unit, expected.thickness, expected.scale if known else 0.0
     )
     arrays = {
         "band_modes": band_modes,
@@ -148,7 +146,10 @@ def gather_constraints(
         arrays[name][first : first + len(modes)] = modes
         first += len(modes)
     return Constraints(
-        arrays | {"known": logs, "film_mean": thickness}, flags, thickness_sd, modes_of
+        arrays=arrays | {"known": logs, "film_mean": thickness},
+        known=np.isin(np.arange(count), list(known)),
+        thickness_sd=thickness_sd,
+        modes_of=modes_of,
     )
 
 
@@ -237,7 +238,5 @@ def _card_levels(films: Films) -> Float[np.ndarray, "modes films 2"]:
 
 def _gains(films: Films, gain: float) -> Float[np.ndarray, "modes films 2"]:
     """The log of each reading's gain: one of its own for all that was read."""
-    read = np.argwhere(films.seen) if gain else np.zeros((0, 2), dtype=int)
-    modes = np.zeros((len(read), len(films), 2))
-    modes[np.arange(len(read)), read[:, 0], read[:, 1]] = gain
-    return modes
+    modes = gain * np.eye(films.seen.size).reshape(-1, *films.seen.shape)
+    return modes[films.seen.ravel() & (gain > 0)]

@@ -77,8 +77,9 @@ class JointCovariance(NamedTuple):
         if not len(numbers):
             nothing = np.zeros((0, count))
             return nothing, nothing
-        rows = np.arange(self.modes.shape[1])[-self.others :][list(numbers)]
-        columns = self.times(np.eye(self.modes.shape[1])[:, rows])
+        size = self.modes.shape[1]
+        rows = size - self.others + np.array(numbers)
+        columns = self.times(np.eye(size)[:, rows])
         across = columns[:count].T
         return np.linalg.inv(columns[rows]) @ across, across
 

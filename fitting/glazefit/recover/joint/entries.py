@@ -117,14 +117,8 @@ def _same(recovery: JointRecovery, name: str, existing: Pigment) -> bool:
         paint, existing = (pigment.resample(recovery.wavelengths) for pigment in (paint, existing))
     except ValueError:  # another range
         return False
-    matches = [
-        np.allclose(refitted, stored, rtol=1e-4)
-        for refitted, stored in (
-            (paint.absorption, existing.absorption),
-            (paint.scattering, existing.scattering),
-        )
-    ]
-    if not all(matches):
+    refitted, stored = (np.stack([p.absorption, p.scattering]) for p in (paint, existing))
+    if not np.allclose(refitted, stored, rtol=1e-4):
         return False
     if paint.error_modes is None:
         return True
@@ -146,55 +140,50 @@ def entries(recovery: JointRecovery, file: PaintFile) -> list[Pigment]:
     """
     in_file = (paint.error_modes for paint in file.paints.values())
     first = max((len(modes) for modes in in_file if modes is not None), default=0)
-    thickness = recovery.unit
-    references = recovery.known_paints
-    new = [paint for paint in recovery.paints if paint not in recovery.known]
-    lacking = [paint for paint in recovery.known if paint not in file.paints]
     # Numbers of known paints' modes among the others -> their columns in the file.
     columns: dict[int, int] = {}
-    for paint in recovery.known:
-        modes = recovery.known_modes[paint]
-        if paint in lacking and modes.first not in columns:
-            columns |= {index: first + i for i, index in enumerate(modes.indices)}
-            first += len(modes.numbers)
-        elif paint not in lacking and references[paint].error_modes is not None:
-            columns |= dict(zip(modes.indices, modes.numbers, strict=True))
-    slopes, own_modes, shift, sd = conditional_modes(recovery, new, list(columns))
-    bands = recovery.wavelengths.size
-    pigments = []
+    for name, paint in recovery.known_paints.items():
+        span = recovery.known_modes[name]
+        if name in file.paints:
+            if paint.error_modes is not None:
+                columns |= dict(zip(span.indices, span.numbers, strict=True))
+        elif span.first not in columns:
+            columns |= {index: first + i for i, index in enumerate(span.indices)}
+            first += len(span.numbers)
+    slopes, own_modes, shift, sd = conditional_modes(recovery, list(columns))
     # New paints: k and s, how known paints' errors move them, and errors of their own.
-    for paint in new:
-        row = recovery.row(paint)
-        modes = np.zeros((first + len(own_modes), 2, bands))
-        modes[list(columns.values())] = slopes[:, :, row]
-        modes[first:] = own_modes[:, :, row]
-        k = recovery.absorption[row] / thickness * np.exp(shift[0, row])
-        s = recovery.scattering[row] / thickness * np.exp(shift[1, row])
-        pigments.append(
-            Pigment(
-                paint,
-                recovery.wavelengths,
-                k,
-                s,
-                identifiable=recovery.identifiable[row],
-                absorption_sd=k * sd[0, row],
-                scattering_sd=s * sd[1, row],
-                error_modes=modes,
-            )
+    coefficients = np.exp(by_paint(recovery.unknowns.bands) + shift) / recovery.unit
+    modes = np.zeros((first + len(own_modes), *shift.shape))
+    modes[list(columns.values())] = slopes
+    modes[first:] = own_modes
+    pigments = [
+        Pigment(
+            name,
+            recovery.wavelengths,
+            *coefficients[:, row],
+            identifiable=recovery.identifiable[row],
+            absorption_sd=coefficients[0, row] * sd[0, row],
+            scattering_sd=coefficients[1, row] * sd[1, row],
+            error_modes=modes[:, :, row],
         )
+        for row, name in enumerate(recovery.paints)
+        if name not in recovery.known
+    ]
     # Known paints that the file lacks, with their own errors.
-    for paint in lacking:
-        known_paint = references[paint].resample(recovery.wavelengths)
-        span = recovery.known_modes[paint]
-        modes = np.zeros((first + len(own_modes), 2, bands))
-        modes[[columns[index] for index in span.indices]] = error_modes(known_paint)[
+    for name, paint in recovery.known_paints.items():
+        if name in file.paints:
+            continue
+        span = recovery.known_modes[name]
+        known_paint = paint.resample(recovery.wavelengths)
+        stated_modes = np.zeros_like(modes[:, :, 0])
+        stated_modes[[columns[index] for index in span.indices]] = error_modes(known_paint)[
             list(span.numbers)
         ]
         pigments.append(
             eqx.tree_at(
                 lambda pigment: pigment.error_modes,
                 known_paint,
-                modes,
+                stated_modes,
                 is_leaf=lambda leaf: leaf is None,
             )
         )
@@ -202,7 +191,7 @@ def entries(recovery: JointRecovery, file: PaintFile) -> list[Pigment]:
 
 
 def conditional_modes(
-    recovery: JointRecovery, paints: Sequence[str], numbers: Sequence[int]
+    recovery: JointRecovery, numbers: Sequence[int]
 ) -> tuple[
     Float[np.ndarray, "others 2 paints bands"],
     Float[np.ndarray, "modes 2 paints bands"],
@@ -218,12 +207,11 @@ def conditional_modes(
 
     Args:
         recovery: joint fit.
-        paints: whose own errors count; of the fit's other paints modes of what is left are 0.
         numbers: of the unknowns' `others`.
 
     Returns:
-        Slopes by the others, modes of what is left, the shift of log k and log s, and their
-        standard deviation.
+        Slopes by the others, modes of what is left (0 of paints that were known), the shift of log
+        k and log s, and their standard deviation.
     """
     whole = recovery.whole_covariance
     shape = recovery.unknowns.bands.shape
@@ -234,8 +222,8 @@ def conditional_modes(
     # As large as is used to first order; both parts of an error equally.
     total = np.sqrt(np.sum(slopes**2, axis=0) + np.maximum(variance, 0.0))
     cap = np.minimum(1.0, MOST_ERROR / np.maximum(total, 1e-12))
-    new = np.tile(np.isin(recovery.paints, paints), 2)
     # Error modes that are the new paints' own.
+    new = np.tile(~np.isin(recovery.paints, recovery.known), 2)
     remaining = whole.largest(cap * new, 16, numbers)
     return by_paint(slopes * cap), by_paint(remaining), by_paint(shift), by_paint(total)
 
