@@ -12,7 +12,7 @@ from glazejax.spectra import Bands
 
 from ...film.model.errors import ModelError, draw_model_errors
 from ...film.model.response import Response
-from ..joint.problem import Expectations, Unknowns, readings_of_draws
+from ..joint.problem import Expectations, readings_of_draws
 from ..joint.result import JointRecovery
 from .prediction import CardSpectra, DrawnSpectra
 
@@ -39,16 +39,21 @@ def reading_errors(calibrated: JointRecovery, response: Response, correlation: f
     """
     films = calibrated.films
     size = calibrated.expectations
-    # Readings by the solution and by each draw: what the measured ones differ by is error.
-    best = jax.tree.map(lambda leaf: np.asarray(leaf)[None], calibrated.unknowns)
-    (expected,) = _readings_of(calibrated, response, best)
-    several = _readings_of(calibrated, response, calibrated.draws)
+    # Readings that the films should have given without a gain, by the solution and by each draw:
+    # what the measured ones differ by is error.
+    ungained = calibrated.problem._replace(gain_modes=np.zeros_like(calibrated.problem.gain_modes))
+    points = jax.tree.map(
+        lambda best, draws: np.concatenate([best[None], draws]),
+        calibrated.unknowns,
+        calibrated.draws,
+    )
+    computed = np.moveaxis(np.asarray(readings_of_draws(points, ungained, response)), 1, -1)
+    expected = computed[0]
     read = np.stack([films.over_black, films.over_white], axis=1)
     # Noise and cards are in the residual's size, and a gain of its own is not.
     all_of_it = np.hypot(calibrated.residual_sd, size.gain * expected)
-    # In standard deviations: what was read, and the same for each draw of what is unknown.
-    was = (read - expected) / all_of_it
-    drawn = (read - several) / all_of_it
+    # In standard deviations: by the solution, and by each draw of what is unknown.
+    off = (read - computed) / all_of_it
     # How much of what a reading was off is gain and model, no noise; nothing where none was read.
     reach = np.minimum(_error_size(size, expected) / all_of_it, 1.0) * films.seen[:, :, None]
     log_gloss = calibrated.draws.paints[:, 0] + calibrated.draws.films[:, 0, 1]
@@ -79,10 +84,10 @@ def reading_errors(calibrated: JointRecovery, response: Response, correlation: f
         towards = same * reached
         share = np.linalg.solve(card_covariance, towards[:, :, None])[:, :, 0]
         remaining = np.sqrt(np.maximum(1.0 - np.sum(share * towards, axis=1), 0.0))
-        sd = _error_size(size, expected)
-        shift = sd * np.einsum("bc,cb->b", share, was[film])
-        off = sd * np.einsum("bc,dcb->db", share, drawn[:, film])[:, None]
-        return shift, surface + (off - shift) + remaining * new
+        kept = np.einsum("bc,dcb->db", share, off[:, film])[:, None]
+        kept = kept * _error_size(size, expected)
+        shift = kept[0]
+        return shift, surface + (kept[1:] - shift) + remaining * new
 
     return errors_at
 
@@ -92,17 +97,6 @@ def _error_size(
 ) -> Float[np.ndarray, "*n bands"]:
     """Standard deviation of a reading by its gain and by the model."""
     return np.hypot(expected.gain * reflectance, expected.model_sd(reflectance))
-
-
-def _readings_of(
-    calibrated: JointRecovery, response: Response, draws: Unknowns
-) -> Float[np.ndarray, "draws films 2 bands"]:
-    """Readings that the films that were read should have given, by draws of the unknowns, without a
-    gain.
-    """
-    problem = calibrated.problem
-    ungained = problem._replace(gain_modes=np.zeros_like(problem.gain_modes))
-    return np.moveaxis(np.asarray(readings_of_draws(draws, ungained, response)), 1, -1)
 
 
 def film_readings(
