@@ -98,35 +98,7 @@ class TargetArrays(NamedTuple):
     """metric @ (Lab - lab) is as long as a small colour difference."""
     spectrum: Float[Any, "targets bands"]
     spectral: Float[Any, "targets"]
-    """Weight of the squared difference in reflectance, summed over the bands."""
-
-    @classmethod
-    def of(
-        cls,
-        targets: Sequence[Target],
-        wavelengths: Bands,
-        illuminants: Sequence[str],
-        observer: str,
-        metamerism: float,
-    ) -> "TargetArrays":
-        """Targets under some lights; one without a spectrum has none to miss.
-
-        Args:
-            targets: each with a colour under every light.
-            wavelengths: nm, which spectra cover.
-            illuminants, observer: full names.
-            metamerism: Delta E that a root mean squared difference of 0.01 weighs.
-        """
-        from ..film.colour_metric import lab_metric
-
-        labs = np.stack([[t.lab(name, observer) for name in illuminants] for t in targets])
-        weight = (100.0 * metamerism) ** 2 / wavelengths.size
-        return cls(
-            lab=labs,
-            metric=lab_metric(labs),
-            spectrum=np.stack([target.on(wavelengths) for target in targets]),
-            spectral=weight * np.array([target.spectral for target in targets]),
-        )
+    """Weight of the squared difference in reflectance, summed over the bands; 0 of a colour."""
 
 
 TargetLike = Target | Mapping[str, Colour] | Colour
@@ -244,7 +216,7 @@ def spectral_target(wavelengths: ArrayLike, reflectance: ArrayLike, *, name: str
         raise ValueError(
             f"{name!r} has {values.size} values for {grid.size} wavelengths; give one a wavelength"
         )
-    return Target(name, MappingProxyType({}), grid, values)
+    return Target(name, wavelengths=grid, reflectance=values)
 
 
 def colourchecker_targets(patches: Sequence[str] = (), chart: str = DEFAULT_CHART) -> list[Target]:

@@ -11,6 +11,7 @@ from glazejax.geometry import resolve_instrument
 from glazejax.paint.media import MAX_THICKNESS
 from glazejax.spectra import common_range, describe_grid, lie_between, same_grid
 
+from ..film.colour_metric import lab_metric
 from ..film.films import Instrument, InstrumentLike
 from ..film.model.mixing import Pigments, listed_pigments
 from ..film.model.optics import Optics
@@ -64,7 +65,6 @@ class RecipeTask:
     max_paints: int
     max_coats: int
     glazes: bool
-    thickness: tuple[float, float]
     count: int
     simplicity: float
     seed: int
@@ -130,10 +130,18 @@ def make_task(
     full_observer = colour.find_observer(observer)
     paints, base = _on_one_grid(_list_pigments(pigments, max_paints), ground, targets)
     grid = paints[0].wavelengths
+    # Says which colour is missing.
+    labs = np.stack([[target.lab(name, full_observer) for name in names] for target in targets])
+    # A root mean squared difference of 0.01 weighs as much as this Delta E.
+    weight = (100.0 * metamerism) ** 2 / grid.size
     task = RecipeTask(
         targets=tuple(targets),
-        # Says which colour is missing.
-        target_arrays=TargetArrays.of(targets, grid, names, full_observer, metamerism),
+        target_arrays=TargetArrays(
+            lab=labs,
+            metric=lab_metric(labs),
+            spectrum=np.stack([target.on(grid) for target in targets]),
+            spectral=weight * np.array([target.spectral for target in targets]),
+        ),
         model=make_model(paints, base, seen_by, names, full_observer, (low, high)),
         optics=Optics.of(seen_by),
         pigments=paints,
@@ -145,7 +153,6 @@ def make_task(
         max_paints=min(int(max_paints), len(paints)),
         max_coats=int(max_coats),
         glazes=bool(glazes),
-        thickness=(low, high),
         count=int(count),
         simplicity=float(simplicity),
         seed=int(seed),
