@@ -31,7 +31,7 @@ from ...film.model.response import Response, film_response
 from ...film.noise import estimate_noise
 from ..joint.constraints import Gauge
 from ..joint.joint import UNIT, recover_jointly
-from ..joint.problem import Expectations, JointProblem
+from ..joint.problem import Expectations, JointProblem, Unknowns
 from ..joint.result import JointRecovery
 from ..predict.prediction import interval_of, least_by_scanning
 
@@ -87,7 +87,6 @@ class CoatRecovery:
         films: as measured.
         paints: by name, each recovered from its own films.
         coats: film -> number of coats.
-        expected: what was expected of the scattering of a coat.
         spread: standard deviation of the log of a film's thickness about its number of coats.
         response: model of one film.
     """
@@ -95,7 +94,6 @@ class CoatRecovery:
     films: Films
     paints: Mapping[str, JointRecovery]
     coats: Mapping[str, float]
-    expected: CoatScattering
     spread: float
     response: Response
 
@@ -260,7 +258,6 @@ def recover_coats(
         films=films,
         paints=fits,
         coats={name: coat.coats for name, coat in named_coats.items()},
-        expected=expected,
         spread=spread,
         response=response,
     )
@@ -308,15 +305,7 @@ def predict_next_coat(
     rng = np.random.default_rng((seed, 1))
     draws = fit.draws
     count = len(draws.bands)
-    gloss = np.exp(draws.paints + draws.films[:, :, 1])
-    log_k = _absorption_that_meets(
-        draws.bands[:, :, 0],
-        draws.bands[:, :, 1],
-        draws.films[:, :, 0],
-        gloss * instrument.seen_surface,
-        fit.problem,
-        response=recovery.response,
-    )
+    log_k = _absorption_that_meets(draws, fit.problem, recovery.response)
     thickness = np.log(coats) + recovery.spread * rng.standard_normal((count, 1))
     kd = np.exp(np.asarray(log_k) + thickness)
     sd = np.exp(draws.bands[:, :, 1] + thickness)
@@ -367,19 +356,16 @@ def _check_grounds(films: Films) -> None:
 
 @jax.jit
 def _absorption_that_meets(
-    log_absorption: Float[Array, "draws bands"],
-    log_scattering: Float[Array, "draws bands"],
-    log_thickness: Float[Array, "draws films"],
-    surface: Float[Array, "draws films"],
-    problem: JointProblem,
-    response: Response,
+    draws: Unknowns, problem: JointProblem, response: Response
 ) -> Float[Array, "draws bands"]:
-    """Log of k of one coat with which each draw of scattering, thicknesses and what the surface
-    reflects meets the readings best, by scanning and scanning again.
+    """Log of k of one coat with which each draw of scattering, thicknesses and gloss meets the
+    readings best, by scanning and scanning again.
     """
 
-    def one(draw: tuple[Array, Array, Array, Array]) -> Array:
-        start, log_s, log_d, surface = draw
+    def one(draw: Unknowns) -> Array:
+        start, log_s = draw.bands.T
+        log_d = draw.films[:, 0]
+        surface = problem.surface * jnp.exp(draw.paints + draw.films[:, 1])
         target = problem.reading - surface[:, None]
 
         def cost(log_k: Array) -> Array:
@@ -391,4 +377,4 @@ def _absorption_that_meets(
 
         return least_by_scanning(cost, start, 25)
 
-    return jax.lax.map(one, (log_absorption, log_scattering, log_thickness, surface))
+    return jax.lax.map(one, draws)
