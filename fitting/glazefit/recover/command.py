@@ -191,11 +191,10 @@ def recover(
         "--wet-film": wet_film,
         "--excluded": excluded,
     }
-    _check(file, simulate)
+    _check(file, simulate, check, measured)
     shelf = _catalogue(catalogue, bool(white) or simulate)
     stated = options.stated(quantity, unit, scale)
     knowledge = PriorKnowledge(into, white, wet_film, excluded, shelf, stated)
-    _check_joint(check, simulate, measured)
     metres = options.read_length(thickness)
     # The white may be a paint of --into, a file that need not be there yet.
     own_file = into if into is not None and into.is_file() else None
@@ -282,7 +281,7 @@ def recover(
         progress.stop_interrupted(console, len(recovery), len(films), "films")
 
 
-def _check(file: Path | None, simulate: bool) -> None:
+def _check(file: Path | None, simulate: bool, check: bool, measured: dict[str, Any]) -> None:
     if simulate and file is not None:
         raise ValueError(f"--simulate needs no data; leave out {file}, or leave out --simulate")
     if file is None and not simulate:
@@ -290,6 +289,19 @@ def _check(file: Path | None, simulate: bool) -> None:
             "no FILE was given; name a table of spectra, or try: glazejax recover --simulate "
             "--out demo"
         )
+    joint = measured["--joint"]
+    for option, value in (("--simulate", simulate), ("--masstones", measured["--masstones"])):
+        if joint and value:
+            raise ValueError(
+                f"--joint fits measured mixtures; leave out {option}, or leave out --joint"
+            )
+    for option in ("--into", "--white", "--wet-film", "--excluded"):
+        if simulate and measured[option]:
+            raise ValueError(
+                f"{option} is for measured films; leave it out, or leave out --simulate"
+            )
+    if check and not joint:
+        raise ValueError("--check leaves mixtures out of a joint fit; add --joint")
 
 
 def _catalogue(name: str | None, used: bool) -> str:
@@ -306,22 +318,6 @@ def _catalogue(name: str | None, used: bool) -> str:
             "--white NAME or --simulate, or leave it out"
         )
     return name
-
-
-def _check_joint(check: bool, simulate: bool, measured: dict[str, Any]) -> None:
-    joint = measured["--joint"]
-    for option, value in (("--simulate", simulate), ("--masstones", measured["--masstones"])):
-        if joint and value:
-            raise ValueError(
-                f"--joint fits measured mixtures; leave out {option}, or leave out --joint"
-            )
-    for option in ("--into", "--white", "--wet-film", "--excluded"):
-        if simulate and measured[option]:
-            raise ValueError(
-                f"{option} is for measured films; leave it out, or leave out --simulate"
-            )
-    if check and not joint:
-        raise ValueError("--check leaves mixtures out of a joint fit; add --joint")
 
 
 def _noise(films: "Films", console: "Console") -> "Noise":

@@ -86,11 +86,11 @@ def recover_together(
             recovery.pigments(unit).values(),
             {"films.csv": film_table(recovery)},
             recovery.paints,
-            lambda row, path: plot_joint_paint(recovery, row, unit, path),
+            lambda row, path: plot_joint_paint(recovery, row, path),
         )
         if check:
             _leave_out(recovery, fitted, recipes, fit_options, results)
-    _say_scale(recovery, references, gauge, unit, results)
+    _say_scale(recovery, references, gauge, console)
     if file is not None:
         _write_entries(recovery, file, results)
     if not listed or knowledge.any:
@@ -224,7 +224,8 @@ def _leave_out(
     from .predict.crossvalidation import cross_validate
     from .predict.left_out import left_out_table, plot_left_out, print_left_out
 
-    out = results.make_folder()
+    out = results.out
+    assert out is not None
     with progress.follow("leaving films out") as report:
         left_out = cross_validate(recovery, films, recipes, progress=report, **fit_options)
     print_left_out(left_out, results.console)
@@ -238,10 +239,9 @@ def _say_scale(
     recovery: "JointRecovery",
     references: "Mapping[str, Pigment]",
     gauge: "Gauge | None",
-    unit: float,
-    results: "Destination",
+    console: "Console",
 ) -> None:
-    console = results.console
+    unit = recovery.unit
     if references:
         films = ~recovery.films.opaque
         thick = (

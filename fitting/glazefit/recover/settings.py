@@ -27,12 +27,6 @@ class Destination(NamedTuple):
     overwrite: bool
     console: "Console"
 
-    def make_folder(self) -> Path:
-        """The folder, which is there from now on."""
-        assert self.out is not None
-        self.out.mkdir(parents=True, exist_ok=True)
-        return self.out
-
     def write(
         self,
         pigments: "Iterable[Pigment]",
@@ -40,7 +34,7 @@ class Destination(NamedTuple):
         names: Sequence[str],
         draw: Callable[[int, Path], object],
     ) -> None:
-        """Write paints, tables and pictures into the folder, and say so.
+        """Write paints, tables and pictures into the folder, which need not exist, and say so.
 
         Args:
             pigments: that go into `pigments.csv`.
@@ -52,7 +46,9 @@ class Destination(NamedTuple):
         from glazejax.io import write_table
         from glazejax.paint.pigment_table import write_pigments
 
-        out = self.make_folder()
+        out = self.out
+        assert out is not None
+        out.mkdir(parents=True, exist_ok=True)
         write_pigments(out / "pigments.csv", pigments, digits=6, overwrite=self.overwrite)
         for file, table in tables.items():
             write_table(out / file, *table, overwrite=self.overwrite)

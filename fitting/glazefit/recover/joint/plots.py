@@ -11,13 +11,12 @@ from .report import describe_recipe
 from .result import JointRecovery
 
 
-def plot_joint_paint(recovery: JointRecovery, row: int, thickness: float, path: Path) -> None:
+def plot_joint_paint(recovery: JointRecovery, row: int, path: Path) -> None:
     """Draw one paint.
 
     Args:
         recovery: joint recovery.
         row: number of the paint.
-        thickness: of a film of unit relative thickness, m.
         path: of the picture; its ending chooses the format.
     """
     import matplotlib
@@ -47,12 +46,13 @@ def plot_joint_paint(recovery: JointRecovery, row: int, thickness: float, path: 
             f"{paint}{remark}: over white (circles), over black (squares), lines fitted", fontsize=9
         )
 
-        values = np.stack([recovery.absorption[row], recovery.scattering[row]], axis=-1) / thickness
+        values = np.stack([recovery.absorption[row], recovery.scattering[row]], axis=-1)
+        values = values / recovery.unit
         factor = np.exp(1.96 * recovery.log_sd[:, row].T)
         draw_coefficients(
             coefficients, grid, values, values / factor, values * factor, np.ones(grid.size, bool)
         )
         coefficients.set_ylim(values.min() / 4, values.max() * 4)
         coefficients.set_title(
-            f"if a typical film is {thickness * 1e6:g} µm thick; bands of 95 %", fontsize=9
+            f"if a typical film is {recovery.unit * 1e6:g} µm thick; bands of 95 %", fontsize=9
         )
