@@ -118,7 +118,7 @@ def dense_jacobian(small):
     problem, response, point = small
     flat, unravel = ravel_pytree(point)
     jacobian = jax.jit(
-        jax.jacfwd(lambda y: ravel_pytree(residuals(unravel(y), (problem, response)))[0])
+        jax.jacfwd(lambda y: ravel_pytree(residuals(unravel(y), problem, response))[0])
     )
     return np.asarray(jacobian(flat))
 
@@ -135,7 +135,7 @@ def whole(small, dense_jacobian):
 
 def test_steps_equal_a_dense_solve(small, dense_jacobian):
     problem, response, point = small
-    right = residuals(point, (problem, response))
+    right = residuals(point, problem, response)
     seen = look(problem, response, point)
     step = solve(factorise(seen.normal), np.asarray(seen.gradient))
     assert float(seen.cost) == pytest.approx(0.5 * np.sum(ravel_pytree(right)[0] ** 2))
@@ -210,7 +210,7 @@ def test_a_prior_counts_in_its_own_units(small):
     at_scale = point._replace(
         films=problem.film_scale, paints=problem.paint_mean + problem.paint_scale
     )
-    off = residuals(at_scale, (problem, response))
+    off = residuals(at_scale, problem, response)
     assert_allclose(off.films[:, :2], 1.0)
     assert_allclose(off.paints, 1.0)
     freedom = float(problem.tail)

@@ -240,7 +240,7 @@ def pose(
         paint_mean=paint_mean,
         paint_scale=np.full(paints, expected.paint_gloss),
         tail=np.array(expected.tail),
-        opaque=films.opaque.astype(float),
+        opaque=films.opaque,
         gloss=np.log(gloss),
         **constraints.arrays,
     )

@@ -120,7 +120,7 @@ class JointProblem(NamedTuple):
     paint_mean: Float[Any, "paints"]
     paint_scale: Float[Any, "paints"]
     tail: Float[Any, ""]  # degrees of freedom of Student's t of weights' errors
-    opaque: Float[Any, "films"]  # 1 where a film hides whatever is below
+    opaque: Bool[Any, "films"]  # whether a film hides whatever is below
     film_mean: Float[Any, "films"]  # log thickness expected
     gloss: Float[Any, "films"]  # log of the gloss that was measured, else NaN: that of the paints
     band_modes: Float[Any, "others bands local"]
@@ -169,7 +169,7 @@ def optical_thickness(
     kd = coefficients[:, :paints] @ amounts.T
     sd = coefficients[:, paints:] @ amounts.T
     # As thick as the response goes, so that only k/s counts.
-    thick = jnp.where(problem.opaque > 0, hiding_factor(kd, sd), 1.0)
+    thick = jnp.where(problem.opaque, hiding_factor(kd, sd), 1.0)
     return kd * thick, sd * thick
 
 
@@ -195,9 +195,8 @@ def readings_of_draws(
     return jax.vmap(lambda draw: readings(deviations(draw, problem), problem, response))(draws)
 
 
-def residuals(unknowns: Unknowns, args: tuple[JointProblem, Response]) -> JointResiduals:
+def residuals(unknowns: Unknowns, problem: JointProblem, response: Response) -> JointResiduals:
     """JointResiduals of the whole problem."""
-    problem, response = args
     expected = unknowns.films / problem.film_scale
     return JointResiduals(
         data=(readings(unknowns, problem, response) - problem.reading) * problem.weight,

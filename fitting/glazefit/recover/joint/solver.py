@@ -51,7 +51,7 @@ class Factors(NamedTuple):
 @jax.jit
 def look(problem: JointProblem, response: Response, point: Unknowns) -> Surroundings:
     """Cost, its gradient, and the normal matrix at a point."""
-    values, along = jax.linearize(lambda y: residuals(y, (problem, response)), point)
+    values, along = jax.linearize(lambda y: residuals(y, problem, response), point)
     (gradient,) = jax.linear_transpose(along, point)(values)
     cost = 0.5 * sum(jnp.sum(block**2) for block in values)
     return Surroundings(

@@ -107,8 +107,7 @@ def film_readings(
     grounds: Sequence[Float[np.ndarray, "..."]],
 ) -> DrawnSpectra:
     """Reflectance of the body over two grounds, with errors of log k and log s."""
-    k = kd * np.exp(off[:, 0])
-    s = sd * np.exp(off[:, 1])
-    return np.stack(
-        [np.asarray(response.body(k, s, np.broadcast_to(g, k.shape))) for g in grounds], axis=1
-    )
+    k = kd * np.exp(off[:, :1])
+    s = sd * np.exp(off[:, 1:])
+    ground = np.stack([np.broadcast_to(each, kd.shape) for each in grounds])
+    return np.asarray(response.body(k, s, ground))
