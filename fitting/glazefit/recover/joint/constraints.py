@@ -132,11 +132,16 @@ def gather_constraints(
     thickness, thickness_sd, factor = _thicknesses(
         films, gauge, unit, expected.thickness, expected.scale if known else 0.0
     )
+    # A black and a white card that were not measured have one level each, for all films: of
+    # log(rho / (1 - rho)), the same at all bands.
+    cards = films.assumed & films.seen & ~films.opaque[:, None]
+    # The log of its gain is each reading's own.
+    gains = expected.gain * np.eye(films.seen.size).reshape(-1, *films.seen.shape)
     arrays = {
         "band_modes": band_modes,
-        "ground_modes": _card_levels(films),
+        "ground_modes": (0.5 * np.eye(2)[:, None] * cards)[cards.any(axis=0)],
         "thickness_modes": factor,
-        "gain_modes": _gains(films, expected.gain),
+        "gain_modes": gains[films.seen.ravel() & (expected.gain > 0)],
     }
     first = 0
     count_of_others = sum(map(len, arrays.values()))
@@ -220,23 +225,9 @@ def _thicknesses(
         for film in gauge.thickness:
             if film not in films.names:
                 raise ValueError(f"no film is called {film!r}, whose thickness was given")
-        gauged = np.array([name in gauge.thickness for name in films.names])
+        gauged = np.isin(films.names, list(gauge.thickness))
         mean = np.log([gauge.thickness.get(name, gauge.typical) / unit for name in films.names])
         sd = np.where(gauged, gauge.error, spread)
         common = max(common, gauge.common)
-    return mean, sd, np.full((1, count), common) if common else np.zeros((0, count))
-
-
-def _card_levels(films: Films) -> Float[np.ndarray, "modes films 2"]:
-    """Levels of the black and the white card that were not measured: one of each kind for all
-    films.
-    """
-    needed = films.assumed & films.seen & ~films.opaque[:, None]
-    # Of log(rho / (1 - rho)), the same at all bands.
-    return (0.5 * np.eye(2)[:, None] * needed)[needed.any(axis=0)]
-
-
-def _gains(films: Films, gain: float) -> Float[np.ndarray, "modes films 2"]:
-    """The log of each reading's gain: one of its own for all that was read."""
-    modes = gain * np.eye(films.seen.size).reshape(-1, *films.seen.shape)
-    return modes[films.seen.ravel() & (gain > 0)]
+    # No factor where nothing is common.
+    return mean, sd, np.full((int(common > 0), count), common)

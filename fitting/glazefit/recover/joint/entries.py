@@ -15,7 +15,6 @@ from pathlib import Path
 
 import equinox as eqx
 import numpy as np
-from jaxtyping import Float
 
 from glazejax import Pigment
 from glazejax.io.outputs import check_output
@@ -150,20 +149,37 @@ def entries(recovery: JointRecovery, file: PaintFile) -> list[Pigment]:
         elif span.first not in columns:
             columns |= {index: first + i for i, index in enumerate(span.indices)}
             first += len(span.numbers)
-    slopes, own_modes, shift, sd = conditional_modes(recovery, list(columns))
-    # New paints: k and s, how known paints' errors move them, and errors of their own.
-    coefficients = np.exp(by_paint(recovery.unknowns.bands) + shift) / recovery.unit
-    modes = np.zeros((first + len(own_modes), *shift.shape))
-    modes[list(columns.values())] = slopes
+    # Errors of log k and log s regressed on these others, for one standard deviation each, and what
+    # is left.
+    whole = recovery.whole_covariance
+    shape = recovery.unknowns.bands.shape
+    slopes, across = (values.reshape(-1, *shape) for values in whole.regress(list(columns)))
+    variance = np.diagonal(recovery.log_covariance, axis1=1, axis2=2)
+    variance = variance - np.sum(slopes * across, axis=0)
+    # As large as is used to first order; both parts of an error equally.
+    total = np.sqrt(np.sum(slopes**2, axis=0) + np.maximum(variance, 0.0))
+    cap = np.minimum(1.0, MOST_ERROR / np.maximum(total, 1e-12))
+    # Error modes that are the new paints' own.
+    new = np.tile(~np.isin(recovery.paints, recovery.known), 2)
+    own_modes = by_paint(whole.largest(cap * new, 16, list(columns)))
+    # The fit may have moved the others, but what is known stays as it is: so paints are shifted to
+    # where they are likely if the others are nought, as a tint demands, and the others count with
+    # all of their prior that was open.
+    shift = np.tensordot(recovery.unknowns.others[list(columns)], slopes, 1)
+    coefficients = np.exp(by_paint(recovery.unknowns.bands - shift)) / recovery.unit
+    sd = coefficients * by_paint(total)
+    modes = np.zeros((first + len(own_modes), *sd.shape))
+    modes[list(columns.values())] = by_paint(slopes * cap)
     modes[first:] = own_modes
+    # New paints: k and s, how known paints' errors move them, and errors of their own.
     pigments = [
         Pigment(
             name,
             recovery.wavelengths,
             *coefficients[:, row],
             identifiable=recovery.identifiable[row],
-            absorption_sd=coefficients[0, row] * sd[0, row],
-            scattering_sd=coefficients[1, row] * sd[1, row],
+            absorption_sd=sd[0, row],
+            scattering_sd=sd[1, row],
             error_modes=modes[:, :, row],
         )
         for row, name in enumerate(recovery.paints)
@@ -188,44 +204,6 @@ def entries(recovery: JointRecovery, file: PaintFile) -> list[Pigment]:
             )
         )
     return pigments
-
-
-def conditional_modes(
-    recovery: JointRecovery, numbers: Sequence[int]
-) -> tuple[
-    Float[np.ndarray, "others 2 paints bands"],
-    Float[np.ndarray, "modes 2 paints bands"],
-    Float[np.ndarray, "2 paints bands"],
-    Float[np.ndarray, "2 paints bands"],
-]:
-    """Regress errors of log k and log s on some of the others, for one standard deviation each, and
-    give what is left.
-
-    The fit may have moved the others, but what is known stays as it is: so paints are shifted to
-    where they are likely if the others are nought, as a tint demands, and the others count with all
-    of their prior that was open.
-
-    Args:
-        recovery: joint fit.
-        numbers: of the unknowns' `others`.
-
-    Returns:
-        Slopes by the others, modes of what is left (0 of paints that were known), the shift of log
-        k and log s, and their standard deviation.
-    """
-    whole = recovery.whole_covariance
-    shape = recovery.unknowns.bands.shape
-    slopes, across = (values.reshape(-1, *shape) for values in whole.regress(numbers))
-    variance = np.diagonal(recovery.log_covariance, axis1=1, axis2=2)
-    variance = variance - np.sum(slopes * across, axis=0)
-    shift = -np.tensordot(recovery.unknowns.others[list(numbers)], slopes, 1)
-    # As large as is used to first order; both parts of an error equally.
-    total = np.sqrt(np.sum(slopes**2, axis=0) + np.maximum(variance, 0.0))
-    cap = np.minimum(1.0, MOST_ERROR / np.maximum(total, 1e-12))
-    # Error modes that are the new paints' own.
-    new = np.tile(~np.isin(recovery.paints, recovery.known), 2)
-    remaining = whole.largest(cap * new, 16, numbers)
-    return by_paint(slopes * cap), by_paint(remaining), by_paint(shift), by_paint(total)
 
 
 def add_entries(
