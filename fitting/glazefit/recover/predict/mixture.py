@@ -13,7 +13,7 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from scipy.stats import chi2
 
 from glazejax import Pigment
@@ -246,8 +246,16 @@ def calibrate_mixture(
         ValueError: as `mix` and `recover_jointly`.
     """
     noise = noise or estimate_noise(films)
-    films, read = _spread_bands(films, wavelengths)
-    mixture = mix(pigments, recipe, wavelengths=films.wavelengths, law=law, variation=variation)
+    # At further wavelengths readings are interpolated, and do not count.
+    bands = films.wavelengths
+    grid = bands if wavelengths is None else np.union1d(bands, wavelengths)
+    read = np.isin(grid, bands)
+    wider = {
+        what: np.stack([np.interp(grid, bands, row) for row in getattr(films, what)])
+        for what in SPECTRA
+    }
+    films = replace(films, wavelengths=grid, **wider)
+    mixture = mix(pigments, recipe, wavelengths=grid, law=law, variation=variation)
     spread = spread or Spread()
     recovery = recover_jointly(
         films,
@@ -273,19 +281,6 @@ def calibrate_mixture(
     return replace(recovery, films=filled, residual_sd=np.where(read, recovery.residual_sd, np.inf))
 
 
-def _spread_bands(
-    films: Films, wavelengths: Bands | None
-) -> tuple[Films, Bool[np.ndarray, "bands"]]:
-    """Films at further wavelengths, interpolated, and at which they were read."""
-    bands = films.wavelengths
-    grid = bands if wavelengths is None else np.union1d(bands, wavelengths)
-    wider = {
-        what: np.stack([np.interp(grid, bands, row) for row in getattr(films, what)])
-        for what in SPECTRA
-    }
-    return replace(films, wavelengths=grid, **wider), np.isin(grid, bands)
-
-
 def drawn_mixture(calibrated: JointRecovery) -> Float[np.ndarray, "draws 2 bands"]:
     """Errors of log k and log s of a film as thick as those that were read, or as many times as
     thick.
@@ -307,19 +302,6 @@ def is_another(calibrated: JointRecovery) -> bool:
     return bool(errors @ errors > chi2.ppf(0.99, errors.size))
 
 
-def _paints(pigments: Mapping[str, Pigment], recipe: Mapping[str, float]) -> list[Pigment]:
-    unknown = [paint for paint in recipe if paint not in pigments]
-    if unknown:
-        raise ValueError(f"no paint is called {unknown[0]!r}; known: {', '.join(pigments)}")
-    wrong = [paint for paint, weight in recipe.items() if not (weight >= 0 and np.isfinite(weight))]
-    if wrong:
-        raise ValueError(f"the weight of {wrong[0]} is {recipe[wrong[0]]:g}; it must be 0 or more")
-    used = [pigments[paint] for paint, weight in recipe.items() if weight > 0]
-    if not used:
-        raise ValueError("the recipe holds no paint with a weight above 0")
-    return used
-
-
 def _mix(
     pigments: Mapping[str, Pigment],
     recipe: Mapping[str, float],
@@ -331,7 +313,14 @@ def _mix(
     The modes of the paints are split into the scale of k and s and their shape, which go together;
     those of the film are others, of size one.
     """
-    used = _paints(pigments, recipe)
+    for paint, weight in recipe.items():
+        if paint not in pigments:
+            raise ValueError(f"no paint is called {paint!r}; known: {', '.join(pigments)}")
+        if not (weight >= 0 and np.isfinite(weight)):
+            raise ValueError(f"the weight of {paint} is {weight:g}; it must be 0 or more")
+    used = [pigments[paint] for paint, weight in recipe.items() if weight > 0]
+    if not used:
+        raise ValueError("the recipe holds no paint with a weight above 0")
     grid = np.asarray(used[0].wavelengths if wavelengths is None else wavelengths)
     paints = [paint.resample(grid) for paint in used]
     names = [paint.name for paint in paints]

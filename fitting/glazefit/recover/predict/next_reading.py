@@ -8,7 +8,7 @@ Geostatistics, 1978). To first order that is the expected information, whatever 
 out to be.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -149,7 +149,9 @@ def rank_next_readings(
         films = draws.reshape(len(draws), 2, -1)
         return np.concatenate([bodies(metres, films) for metres in thickness], axis=1)
 
-    def candidate(name: str, times: float, cards: list[int], another: bool) -> CandidateReading:
+    def candidate(
+        name: str, cards: list[int], times: float = 1.0, *, another: bool
+    ) -> CandidateReading:
         varied = off + thickness_errors[:, None, None] if another else off
         readings = bodies(times * float(calibrated.thickness[0]) * UNIT, varied)
         readings = readings[:, cards][:, :, bands].reshape(len(off), -1)
@@ -157,19 +159,18 @@ def rank_next_readings(
         sd = model_deviation(mean, calibrated.noise, calibrated.expectations)
         return CandidateReading(name, readings, sd)
 
-    candidates = [candidate(*planned) for planned in _planned(calibrated)]
-    return rank_candidates(calibrated.paints[0], candidates, draws, looks, grid)
-
-
-def _planned(calibrated: JointRecovery) -> Iterator[tuple[str, float, list[int], bool]]:
-    """Readings that are easily taken and were not: words, how many times as thick as the film that
-    was read, numbers of the cards, and whether it is another film.
-    """
+    # Readings that are easily taken and were not, by words, by numbers of the cards, and by how
+    # many times the film is as thick as that which was read.
     films = calibrated.films
+    candidates = [
+        candidate(f"the same film over {card}", [number], another=False)
+        for number, card in enumerate(("black", "white"))
+        if not films.opaque[0] and not films.seen[0, number]
+    ]
     if not films.opaque[0]:
-        for number, card in enumerate(("black", "white")):
-            if not films.seen[0, number]:
-                yield f"the same film over {card}", 1.0, [number], False
-        yield "an opaque film", 200.0, [0], True
-    for times, label in ((0.5, "half"), (2.0, "twice")):
-        yield f"a film {label} as thick over black and white", times, [0, 1], True
+        candidates.append(candidate("an opaque film", [0], 200.0, another=True))
+    candidates += [
+        candidate(f"a film {label} as thick over black and white", [0, 1], times, another=True)
+        for times, label in ((0.5, "half"), (2.0, "twice"))
+    ]
+    return rank_candidates(calibrated.paints[0], candidates, draws, looks, grid)
