@@ -175,7 +175,20 @@ def _nearest(
     block.
     """
     count = len(task.model.absorption)
-    cost, point = _all_distances(task, top, bottom, note)
+    # Least cost of each coat over each other coat, and the thicknesses of both where it is.
+    cost = np.empty((len(top.paints), len(bottom.paints), len(task.targets)), np.float32)
+    point = np.empty(cost.shape, np.int8)
+    # Coats over nothing are looked at some at a time.
+    together = 32 if len(bottom.paints) == 1 else 1
+
+    def look(block: tuple[np.ndarray, np.ndarray]) -> None:
+        rows, columns = block
+        at = np.ix_(rows, columns)
+        pair = take_rows(top, rows), take_rows(bottom, columns)
+        cost[at], point[at] = _distances(task.model, task.target_arrays, *pair, together=together)
+        note()
+
+    in_threads(look, _blocks(top, bottom))
     upper, lower = (spread(coats.paints, coats.amounts[:, 0] > 0, count) for coats in (top, bottom))
     # Not the same paint over itself, and no more paints than allowed.
     sensible = ((upper[:, None] | lower).sum(axis=2) <= task.max_paints) & (
@@ -229,45 +242,20 @@ def _blocks(top: Coats, bottom: Coats) -> list[tuple[np.ndarray, np.ndarray]]:
     return list(itertools.product(parts(top, height), parts(bottom, width)))
 
 
-def _all_distances(
-    task: RecipeTask, top: Coats, bottom: Coats, note: Callable[[], object]
-) -> tuple[Float[np.ndarray, "upper lower targets"], Int[np.ndarray, "upper lower targets"]]:
-    """Least cost of each coat over each other coat, and the thicknesses of both where it is."""
-    targets = task.target_arrays
-    cost = np.empty((len(top.paints), len(bottom.paints), len(targets.spectral)), np.float32)
-    point = np.empty(cost.shape, np.int8)
-    # Coats over nothing are looked at some at a time.
-    together = 32 if len(bottom.paints) == 1 else 1
-
-    def look(block: tuple[np.ndarray, np.ndarray]) -> None:
-        rows, columns = block
-        at = np.ix_(rows, columns)
-        pair = take_rows(top, rows), take_rows(bottom, columns)
-        cost[at], point[at] = _distances(task.model, targets, *pair, together=together)
-        note()
-
-    in_threads(look, _blocks(top, bottom))
-    return cost, point
-
-
-def _optical(
-    model: StackModel, coats: Coats
-) -> tuple[Float[Array, "... bands"], Float[Array, "... bands"]]:
-    """k d and s d of coats."""
-    amounts = jnp.asarray(coats.amounts)
-    return amounts @ model.absorption[coats.paints], amounts @ model.scattering[coats.paints]
-
-
 @functools.partial(Program, fixed=("together",))
 def _distances(
     model: StackModel, targets: TargetArrays, top: Coats, bottom: Coats, *, together: int
 ) -> tuple[Float[Array, "upper lower targets"], Int[Array, "upper lower targets"]]:
-    below = internal(model, model.film.body(*_optical(model, bottom), model.ground))
+    def optical(coats: Coats) -> tuple[Array, Array]:
+        amounts = jnp.asarray(coats.amounts)
+        return amounts @ model.absorption[coats.paints], amounts @ model.scattering[coats.paints]
+
+    below = internal(model, model.film.body(*optical(bottom), model.ground))
     ground = jnp.swapaxes(below, 0, 1)  # (thicknesses, lower, bands)
 
     def of_one(coat: Coats) -> tuple[Array, Array]:
         black, gain, back = (
-            values[:, None, None, :] for values in model.film.numbers(*_optical(model, coat))
+            values[:, None, None, :] for values in model.film.numbers(*optical(coat))
         )
         reading = black + gain * ground / (1.0 - back * ground) + model.surface
         # (thicknesses, those of the lower, lower, targets)
