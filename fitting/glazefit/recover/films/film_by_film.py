@@ -41,8 +41,8 @@ CHUNK = 8
 class ScatteringPrior(NamedTuple):
     """Prior of log(s d): its mean and one over its standard deviation (0 for nothing)."""
 
-    mean: Float[Array, "*bands"] | Float[np.ndarray, "*bands"]
-    weight: Float[Array, "*bands"] | Float[np.ndarray, "*bands"]
+    mean: Float[Array | np.ndarray, "*bands"]
+    weight: Float[Array | np.ndarray, "*bands"]
 
 
 class BandStart(NamedTuple):

@@ -72,22 +72,17 @@ def rank_next_films(
         pale = None
     depth = float(recovery.depth(recovery.unknowns.films))
     plan = _plan(recovery, row, pale, depth)
-    bands = _planning_bands(recovery)
+    # Planned with are visible bands, some thirty.
+    bands = np.flatnonzero(lie_between(recovery.wavelengths, 400.0, 700.0))
+    bands = bands if bands.size > 2 else np.arange(recovery.wavelengths.size)
+    bands = bands[reading_bands(bands.size, 31)]
     grid = recovery.wavelengths[bands]
     rows = [row, recovery.row(pale)] if pale in recovery.paints else [row]
     open_ = _open(recovery, rows, bands, plan, stand_in)
     card_data = card_readings(recovery.films, recovery.instrument, recovery.noise)
     ground, ground_sd = (values[0, bands].T for values in (card_data.ground, card_data.ground_sd))
-    expected, moves = map(
-        np.asarray,
-        _readings(
-            open_,
-            plan.shares,
-            ground,
-            recovery.instrument.seen_surface,
-            response,
-        ),
-    )
+    surface = recovery.instrument.seen_surface
+    expected, moves = map(np.asarray, _readings(open_, plan.shares, ground, surface, response))
     # The fewer bands stand for all; with 8 a tint is thought to teach half as much.
     read = reading_bands(grid.size, 16)
     thinning = np.sqrt(recovery.wavelengths.size / read.size)
@@ -105,13 +100,11 @@ def rank_next_films(
     # Parts of white to one of paint that the paint is judged by.
     judged = [_tint(white_parts) for white_parts in (1.0, 3.0, 10.0, 30.0) if pale is not None]
     mixtures = np.stack([plan.shares[0], *judged])
-    draws = open_.coefficients[1:]
 
-    def looks(draws_: np.ndarray) -> np.ndarray:
-        shaped = draws_.reshape(-1, *draws.shape[1:])
-        return np.asarray(_reflectances(shaped, mixtures, np.exp(depth), response))
+    def looks(draws: np.ndarray) -> np.ndarray:
+        return np.asarray(_reflectances(draws, mixtures, np.exp(depth), response))
 
-    return rank_candidates(paint, candidates, draws.reshape(len(draws), -1), looks, grid)
+    return rank_candidates(paint, candidates, open_.coefficients[1:], looks, grid)
 
 
 def _tint(white_parts: float) -> Float[np.ndarray, "2"]:
@@ -127,14 +120,6 @@ def _whites(recovery: JointRecovery) -> list[str]:
     # A yellow is bright at most bands; whites absorb in the violet, at fewer than these.
     bright = np.quantile((1.0 - root) / (1.0 + root), 0.15, axis=1)
     return [recovery.paints[i] for i in np.argsort(-bright) if bright[i] > 0.5]
-
-
-def _planning_bands(recovery: JointRecovery) -> np.ndarray:
-    """Numbers of the bands that are planned with: visible ones, some thirty."""
-    grid = recovery.wavelengths
-    bands = np.flatnonzero(lie_between(grid, 400.0, 700.0))
-    bands = bands if bands.size > 2 else np.arange(grid.size)
-    return bands[reading_bands(bands.size, 31)]
 
 
 def _plan(recovery: JointRecovery, row: int, pale: str | None, depth: float) -> _PlannedFilms:

@@ -68,7 +68,7 @@ def reading_bands(bands: int, most: int) -> np.ndarray:
 def rank_candidates(
     paint: str,
     candidates: Sequence[CandidateReading],
-    draws: Float[np.ndarray, "draws open"],
+    draws: Float[np.ndarray, "draws *open"],
     looks: Callable[[np.ndarray], Float[np.ndarray, "draws films bands"]],
     wavelengths: Bands,
 ) -> NextFilms:
@@ -94,13 +94,11 @@ def rank_candidates(
         # Covariance of the candidate's readings, noise and all, and theirs with what is open.
         off = candidate.readings - candidate.readings.mean(axis=0)
         reading_covariance = off.T @ off / len(draws) + np.diag(candidate.sd**2)
-        open_covariance = off.T @ (draws - centre) / len(draws)
+        open_covariance = off.T @ (draws - centre).reshape(len(draws), -1) / len(draws)
         # Each draw less its regression on its own noisy reading.
         read = off + candidate.sd * rng.standard_normal(off.shape)
-        return expected(
-            draws
-            - (read - read.mean(axis=0)) @ np.linalg.solve(reading_covariance, open_covariance)
-        )
+        known = (read - read.mean(axis=0)) @ np.linalg.solve(reading_covariance, open_covariance)
+        return expected(draws - known.reshape(draws.shape))
 
     films = [replace(candidate, expected=after(candidate)) for candidate in candidates]
     return NextFilms(paint, expected(draws), tuple(sorted(films, key=lambda film: film.expected)))
@@ -132,7 +130,6 @@ def rank_next_readings(
     grounds = usual_cards(grid) if ground is None else ground
     k, s = calibrated.absorption[0] / UNIT, calibrated.scattering[0] / UNIT
     off = drawn_mixture(calibrated)
-    draws = off.reshape(len(off), -1)
     # Another film of it is as thick as was meant to within this.
     thickness_errors = calibrated.expectations.thickness * np.random.default_rng(2).standard_normal(
         len(off)
@@ -141,13 +138,10 @@ def rank_next_readings(
     bands = reading_bands(grid.size, 8)
 
     def bodies(metres: float, off: np.ndarray) -> np.ndarray:
-        return film_readings(response, k * metres, s * metres, off, grounds).reshape(
-            len(off), 2, -1
-        )
+        return film_readings(response, k * metres, s * metres, off, grounds)
 
     def looks(draws: np.ndarray) -> np.ndarray:
-        films = draws.reshape(len(draws), 2, -1)
-        return np.concatenate([bodies(metres, films) for metres in thickness], axis=1)
+        return np.concatenate([bodies(metres, draws) for metres in thickness], axis=1)
 
     def candidate(
         name: str, cards: list[int], times: float = 1.0, *, another: bool
@@ -173,4 +167,4 @@ def rank_next_readings(
         candidate(f"a film {label} as thick over black and white", [0, 1], times, another=True)
         for times, label in ((0.5, "half"), (2.0, "twice"))
     ]
-    return rank_candidates(calibrated.paints[0], candidates, draws, looks, grid)
+    return rank_candidates(calibrated.paints[0], candidates, off, looks, grid)
