@@ -306,7 +306,7 @@ def _plain(recipe: Recipe) -> dict:
             }
             for coat, change in zip(recipe.coats, recipe.sensitivity, strict=True)
         ],
-        "cautions": dict(recipe.cautions),
+        "cautions": recipe.cautions,
         "delta_e_2000": dict(recipe.delta_e),
         "delta_e_2000_unrounded": recipe.unrounded,
         "delta_e_between_mixings": recipe.between_mixings,

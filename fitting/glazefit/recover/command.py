@@ -350,9 +350,8 @@ def _recipes(file: Path, names: Path | None) -> tuple[dict[str, dict[str, float]
     from ..film.readers import NAMES_FILE, read_recipes
 
     names_file = file.parent / NAMES_FILE
-    return read_recipes(
-        names or names_file
-    ) if names is not None or names_file.is_file() else {}, names_file
+    listed = names or (names_file if names_file.is_file() else None)
+    return read_recipes(listed) if listed else {}, names_file
 
 
 def _masstones(films: "Films", recipes: dict[str, dict[str, float]], names_file: Path) -> "Films":
@@ -418,9 +417,9 @@ def _compare(recovery: "Recovery", thickness: float, shelf: str, console: "Conso
 
     paints = options.find_paints(recovery.films.names, catalogue.load(shelf))
     named = [paints[name] for name in recovery.films.names]
-    truth = thickness * np.array([[paint.absorption, paint.scattering] for paint in named])
+    pairs = [np.stack([paint.absorption, paint.scattering], axis=-1) for paint in named]
+    truth = thickness * np.stack(pairs)
     lower, upper = recovery.interval()
-    truth = np.moveaxis(truth, 1, -1)
     covered = (truth >= lower) & (truth <= upper)
     bands = recovery.identifiable
     if bands.any():

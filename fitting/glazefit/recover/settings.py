@@ -88,6 +88,4 @@ class PriorKnowledge(NamedTuple):
     @property
     def any(self) -> bool:
         """True if the user states any."""
-        return (
-            self.into is not None or self.excluded is not None or bool(self.white or self.wet_film)
-        )
+        return bool(self.into or self.white or self.wet_film or self.excluded)

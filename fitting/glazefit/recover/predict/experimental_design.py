@@ -104,7 +104,7 @@ def rank_next_films(
     def looks(draws: np.ndarray) -> np.ndarray:
         return np.asarray(_reflectances(draws, mixtures, np.exp(depth), response))
 
-    return rank_candidates(paint, candidates, open_.coefficients[1:], looks, grid)
+    return rank_candidates(candidates, open_.coefficients[1:], looks, grid)
 
 
 def _tint(white_parts: float) -> Float[np.ndarray, "2"]:

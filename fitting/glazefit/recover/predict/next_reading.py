@@ -49,12 +49,10 @@ class NextFilms:
     """Gain of further readings of one paint or mixture.
 
     Attributes:
-        paint: its name.
         now: CIEDE2000 (D65, 10 degrees) that the target is expected to be off.
         films: candidates, the most instructive first.
     """
 
-    paint: str
     now: float
     films: tuple[CandidateReading, ...]
 
@@ -66,7 +64,6 @@ def reading_bands(bands: int, most: int) -> np.ndarray:
 
 
 def rank_candidates(
-    paint: str,
     candidates: Sequence[CandidateReading],
     draws: Float[np.ndarray, "draws *open"],
     looks: Callable[[np.ndarray], Float[np.ndarray, "draws films bands"]],
@@ -75,7 +72,6 @@ def rank_candidates(
     """Candidates in the order of what they would teach.
 
     Args:
-        paint: name of what is read.
         candidates: each with a reading for each draw.
         draws: of what is open.
         looks: reflectance of the target films, for any draws.
@@ -101,7 +97,7 @@ def rank_candidates(
         return expected(draws - known.reshape(draws.shape))
 
     films = [replace(candidate, expected=after(candidate)) for candidate in candidates]
-    return NextFilms(paint, expected(draws), tuple(sorted(films, key=lambda film: film.expected)))
+    return NextFilms(expected(draws), tuple(sorted(films, key=lambda film: film.expected)))
 
 
 def rank_next_readings(
@@ -167,4 +163,4 @@ def rank_next_readings(
         candidate(f"a film {label} as thick over black and white", [0, 1], times, another=True)
         for times, label in ((0.5, "half"), (2.0, "twice"))
     ]
-    return rank_candidates(calibrated.paints[0], candidates, off, looks, grid)
+    return rank_candidates(candidates, off, looks, grid)
