@@ -101,7 +101,6 @@ def next_addition(
     components = [mixture, *(paint.resample(grid) for paint in pigments)]
     # A film of 5 mm hides the ground.
     thickness = 5e-3 if hides else float(calibrated.thickness[0]) * UNIT
-    ground = np.broadcast_to(np.asarray(ground, dtype=float), grid.shape)
     model = make_model(components, ground, seen_by, eye[:1], eye[1], (thickness, thickness))
     model = model._replace(surface=model.surface * float(calibrated.gloss[0]))
 
@@ -112,7 +111,7 @@ def next_addition(
         return read(model, films[:, None], None).lab[:, 0]
 
     def distances(amounts: Trials) -> Float[np.ndarray, "tried"]:
-        return np.asarray(colour.delta_e_2000(labs(amounts), target.lab(*eye)))
+        return colour.delta_e_2000(labs(amounts), target.lab(*eye))
 
     # What brings the colour nearest, in grams. As much again must bring a Delta E00 of 1, for paint
     # is not added by the pound for what is hardly seen.

@@ -279,7 +279,7 @@ def complete_grid(
     near = bands.size > 1 and np.diff(bands).max() <= 20.0
     if near and bands[0] <= 420.0 and bands[-1] >= 680.0:
         return None
-    grid = np.asarray(paints[0].wavelengths)
+    grid = paints[0].wavelengths
     return grid[lie_between(grid, *common_range(paint.wavelengths for paint in paints))]
 
 

@@ -128,7 +128,7 @@ class CoatRecovery:
     def scattering(self, paint: str) -> CoatScattering:
         """Log of s d of one coat, averaged over the bands, as it was found."""
         fit = self._fit_of(paint)
-        drawn = np.asarray(fit.draws.bands)[:, :, 1].mean(axis=1)
+        drawn = fit.draws.bands[:, :, 1].mean(axis=1)
         return CoatScattering(float(np.log(fit.scattering[0]).mean()), float(drawn.std()))
 
     def _fit_of(self, paint: str) -> JointRecovery:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Bool, Float
 
 from glazejax import Pigment
 
@@ -25,12 +25,12 @@ RULE = (
 
 
 def by_paint(
-    values: Float[Array | np.ndarray, "*n bands local"],
+    values: Float[np.ndarray, "*n bands local"],
 ) -> Float[np.ndarray, "*n 2 paints bands"]:
     """Values of each paint's k and then of each one's s at every band, by k and s and by paint."""
     # There may be no values at all, of which -1 could not give the size.
-    *leading, local = np.shape(values)
-    return np.moveaxis(np.reshape(values, (*leading, 2, local // 2)), -3, -1)
+    *leading, local = values.shape
+    return np.moveaxis(values.reshape(*leading, 2, local // 2), -3, -1)
 
 
 @dataclass(frozen=True)
@@ -151,19 +151,19 @@ class JointRecovery(FittedFilms):
         films, per_film = self.unknowns.films.shape
         shown = np.diagonal(self.whole_covariance.of_shared)[: films * per_film : per_film]
         # What was expected of each film; without a gauge all may share a factor besides.
-        prior = np.asarray(self.problem.film_scale)[:, 0] ** 2
+        prior = self.problem.film_scale[:, 0] ** 2
         if not self.gauged:
             prior = prior + np.sum(np.square(self.problem.thickness_modes), axis=0)
         varied = self.shares**2 @ [paint in self.known_paints for paint in self.paints]
         return self.thickness * np.sqrt(thickness_variance(shown, prior, varied))
 
     def depth(
-        self, films: Float[Array | np.ndarray, "*draws films 2+parts"]
+        self, films: Float[np.ndarray, "*draws films 2+parts"]
     ) -> Float[np.ndarray, "*draws"]:
         """Mean over the films that do not hide their ground of the log of thickness, by unknowns of
         the films; 0 where all hide it.
         """
-        logs = np.asarray(films)[..., ~self.films.opaque, 0]
+        logs = films[..., ~self.films.opaque, 0]
         return np.sum(logs, axis=-1) / max(logs.shape[-1], 1)
 
     @property

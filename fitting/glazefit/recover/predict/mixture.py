@@ -297,7 +297,7 @@ def is_another(calibrated: JointRecovery) -> bool:
     mixtures: it is another paint's, or the recipe is wrong.
     """
     (modes,) = calibrated.known_modes.values()
-    errors = np.asarray(calibrated.unknowns.others)[modes.indices]
+    errors = calibrated.unknowns.others[modes.indices]
     # Standard normal a priori.
     return bool(errors @ errors > chi2.ppf(0.99, errors.size))
 

@@ -218,7 +218,7 @@ def predict_films(
     columns[:, [recovery.row(paint) for paint in named]] = weights
     shares = recovery.law.shares(columns, recovery.paints)
     # Errors of the paints as the recovery has them: their level over the bands, and their shape.
-    off = np.asarray(recovery.draws.bands - recovery.unknowns.bands)
+    off = recovery.draws.bands - recovery.unknowns.bands
     count = len(off)
     level = np.broadcast_to(off.mean(axis=1, keepdims=True), off.shape)
     # The same draws for every film, so that films compare.

@@ -104,7 +104,7 @@ def film_readings(
     kd: Bands,
     sd: Bands,
     off: Float[np.ndarray, "draws 2 bands"],
-    grounds: Sequence[Float[np.ndarray, "..."]],
+    grounds: Sequence[float | Bands],
 ) -> DrawnSpectra:
     """Reflectance of the body over two grounds, with errors of log k and log s."""
     k = kd * np.exp(off[:, :1])
