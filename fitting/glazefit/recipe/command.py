@@ -342,9 +342,10 @@ def recipe(
     )
     _print(recipe_lists, task, seconds, console, view_options)
     # Tints can be made of one's own paints alone.
-    if pigments is not None and recipe_lists:
-        remark = _say_unknown_strength(recipe_lists[0][0], task, observer)
-        console.print(remark, style="yellow", markup=False, end="\n" * bool(remark))
+    if pigments is not None and (
+        remark := _say_unknown_strength(recipe_lists[0][0], task, observer)
+    ):
+        console.print(remark, style="yellow", markup=False)
     if named:
         console.print(f"wrote {', '.join(str(outputs[name]) for name in named)}", markup=False)
     if how.interrupted:

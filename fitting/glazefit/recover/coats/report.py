@@ -97,7 +97,7 @@ def plot_ladder(
 def coat_rows(recovery: CoatRecovery) -> Iterator[tuple[object, ...]]:
     """A row a film, of `FILM_COLUMNS`."""
     for paint, fit in recovery.paints.items():
-        difference = np.where(fit.films.seen, fit.delta_e(), np.nan)
+        difference = fit.delta_e().mean(axis=1)
         for row, name in enumerate(fit.films.names):
             yield (
                 name,
@@ -106,7 +106,7 @@ def coat_rows(recovery: CoatRecovery) -> Iterator[tuple[object, ...]]:
                 f"{fit.thickness[row]:.4g}",
                 f"{fit.thickness_sd[row]:.2g}",
                 f"{fit.rmse[row]:.5f}",
-                f"{np.nanmean(difference[row]):.3f}",
+                f"{difference[row]:.3f}",
             )
 
 

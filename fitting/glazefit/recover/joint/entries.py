@@ -154,8 +154,7 @@ def entries(recovery: JointRecovery, file: PaintFile) -> list[Pigment]:
     whole = recovery.whole_covariance
     shape = recovery.unknowns.bands.shape
     slopes, across = (values.reshape(-1, *shape) for values in whole.regress(list(columns)))
-    variance = np.diagonal(recovery.log_covariance, axis1=1, axis2=2)
-    variance = variance - np.sum(slopes * across, axis=0)
+    variance = recovery.log_variance - np.sum(slopes * across, axis=0)
     # As large as is used to first order; both parts of an error equally.
     total = np.sqrt(np.sum(slopes**2, axis=0) + np.maximum(variance, 0.0))
     cap = np.minimum(1.0, MOST_ERROR / np.maximum(total, 1e-12))

@@ -110,9 +110,14 @@ class JointRecovery(FittedFilms):
         return np.exp(by_paint(self.unknowns.bands)[1])
 
     @property
+    def log_variance(self) -> Float[np.ndarray, "bands coefficients"]:
+        """Variances of log k of all paints, then of log s, at each band."""
+        return np.diagonal(self.log_covariance, axis1=1, axis2=2)
+
+    @property
     def log_sd(self) -> Float[np.ndarray, "2 paints bands"]:
         """Standard deviations of log k and of log s."""
-        return by_paint(np.sqrt(np.diagonal(self.log_covariance, axis1=1, axis2=2)))
+        return by_paint(np.sqrt(self.log_variance))
 
     @property
     def log_ratio_sd(self) -> Float[np.ndarray, "paints bands"]:
@@ -193,8 +198,7 @@ class JointRecovery(FittedFilms):
         A coefficient that is not known to a factor of exp(`MOST_ERROR`) counts as known to that
         factor.
         """
-        sd = np.sqrt(np.diagonal(self.log_covariance, axis1=1, axis2=2))
-        cap = np.minimum(1.0, MOST_ERROR / np.maximum(sd, 1e-12))
+        cap = np.minimum(1.0, MOST_ERROR / np.maximum(np.sqrt(self.log_variance), 1e-12))
         return by_paint(self.whole_covariance.largest(cap, 64))
 
     def row(self, paint: str) -> int:
