@@ -30,22 +30,23 @@ def print_summary(recovery: Recovery, console: Console, seconds: float, first: f
     table = plain_table("paint", "RMSE", "ΔE00 D65", "ΔE00 A", "gloss", "k, s known", title=title)
     d65 = recovery.delta_e("D65")
     a = recovery.delta_e("A")
-    bands = recovery.films.wavelengths.size
-    for row, name in enumerate(recovery.films.names):
+    names = recovery.films.names
+    grid = recovery.films.wavelengths
+    for row, name in enumerate(names):
         table.add_row(
             name,
             f"{recovery.rmse[row]:.5f}",
             f"{d65[row]:.2f}",
             f"{a[row]:.2f}",
             "1" if recovery.gloss[row] == 1 else f"{recovery.gloss[row]:.2f}",
-            f"{recovery.identifiable[row].sum()}/{bands} bands",
+            f"{recovery.identifiable[row].sum()}/{grid.size} bands",
         )
     console.print(table)
     if not recovery.identifiable.all():
         console.print("Too opaque to separate k from s, only k/s is known:")
         for row in np.flatnonzero(~recovery.identifiable.all(axis=1)).tolist():
-            where = ranges(recovery.films.wavelengths, ~recovery.identifiable[row])
-            console.print(f"  {recovery.films.names[row]}: {where}: k/s {_ratios(recovery, row)}")
+            where = ranges(grid, ~recovery.identifiable[row])
+            console.print(f"  {names[row]}: {where}: k/s {_ratios(recovery, row)}")
     console.print(f"[dim]Rule: {RULE}.[/dim]")
     if (recovery.gloss < 1).any():
         console.print(
@@ -55,14 +56,13 @@ def print_summary(recovery: Recovery, console: Console, seconds: float, first: f
     odd = ~recovery.converged & (recovery.misfit > 9)
     for row in np.flatnonzero(odd.any(axis=1)):
         console.print(
-            f"[yellow]{recovery.films.names[row]}: the solver did not settle at "
-            f"{ranges(recovery.films.wavelengths, odd[row])}.[/yellow]"
+            f"[yellow]{names[row]}: the solver did not settle at {ranges(grid, odd[row])}.[/yellow]"
         )
     off = recovery.misfit > 16
     for row in np.flatnonzero(off.any(axis=1)):
         console.print(
-            f"[yellow]{recovery.films.names[row]}: no k and s meet both spectra within 4 standard "
-            f"deviations at {ranges(recovery.films.wavelengths, off[row])}.[/yellow]"
+            f"[yellow]{names[row]}: no k and s meet both spectra within 4 standard deviations at "
+            f"{ranges(grid, off[row])}.[/yellow]"
         )
 
 

@@ -188,7 +188,7 @@ def _paint_modes(
     first = 0
     for group in groups.values():
         modes = np.stack([error_modes(paint) for paint in group.values()], axis=-1)
-        nonzero = np.flatnonzero(np.abs(modes).max(axis=(1, 2, 3)) > 0)
+        nonzero = np.flatnonzero(modes.any(axis=(1, 2, 3)))
         block = np.zeros((nonzero.size, bands, 2, paints))
         block[..., list(group)] = np.swapaxes(modes[nonzero], 1, 2)
         blocks.append(block.reshape(nonzero.size, bands, 2 * paints))

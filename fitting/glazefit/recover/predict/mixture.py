@@ -85,7 +85,7 @@ def mix(
     modes = np.concatenate(
         [mode_groups["scale"] + mode_groups["paint"], size * mode_groups["film"]]
     )
-    modes = modes[np.abs(modes).max(axis=(1, 2)) > 0]
+    modes = modes[modes.any(axis=(1, 2))]
     sd = mixture.coefficients * np.sqrt(np.sum(modes**2, axis=0))
     name = name or mixture.name
     return Pigment(
