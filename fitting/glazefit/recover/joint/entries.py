@@ -9,7 +9,7 @@ are, letter by letter.
 
 import csv
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -92,18 +92,47 @@ def add_paints(
             )
     written = entries(recovery, file)
     new = tuple(paint.name for paint in written)
+    if (existing := sorted(set(new) & set(file.paints))) and not overwrite:
+        raise ValueError(
+            f"{file.path} has an entry {existing[0]!r}; give another name, or replace it with "
+            "overwrite=True (--overwrite)"
+        )
     scale = f"a typical film taken as {format_length(recovery.unit)}"
     if recovery.known:
         scale = f"scale of {' and '.join(recovery.known)}"
     elif recovery.gauged:
         scale = "thickness measured"
-    comments = [f"{', '.join(new)}: glazejax recover, {len(recovery.films)} films, {scale}."]
+    comments = [f"# {', '.join(new)}: glazejax recover, {len(recovery.films)} films, {scale}."]
     comments += [
-        f"{name}: {paint.provenance}"
+        f"# {name}: {paint.provenance}"
         for name, paint in recovery.known_paints.items()
         if name in new
     ]
-    add_entries(file, written, comments, overwrite=overwrite)
+    # The other paints' lines stay as they are.
+    lines = file.path.read_text(encoding="utf-8-sig").splitlines() if file.paints else []
+    remarks = [line for line in lines if line.startswith("#")]
+    remarks += [comment for comment in comments if comment not in remarks]
+    cells = list(csv.reader(line for line in lines if line.strip() and not line.startswith("#")))
+    titles, rows = pigment_rows(written, digits=6)
+    header = [title.strip() for title in cells[0]] if cells else titles
+    wide = [*header, *(title for title in titles if title not in header)]
+    # A paint without modes stays without: empty cells. One that has some has no share in the new.
+    empty = "0" if "k_mode_1" in header else ""
+    fill = [empty if "_mode_" in title else "" for title in wide[len(header) :]]
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    text.writelines(line + "\n" for line in remarks)
+    writer.writerow(wide)
+    name_column = header.index("pigment")
+    writer.writerows(
+        [*row, *fill] for row in cells[1:] if unshield_name(row[name_column].strip()) not in new
+    )
+    for name, *values in rows:
+        row = dict(zip(titles, [shield_name(str(name)), *values], strict=True))
+        # No share in modes that no new paint has either; other columns of the file are not ours.
+        writer.writerow(row.get(title, "0") for title in wide)
+    with whole_file(file.path) as temporary:
+        temporary.write_text(text.getvalue(), encoding="utf-8")
     return new
 
 
@@ -203,48 +232,3 @@ def entries(recovery: JointRecovery, file: PaintFile) -> list[Pigment]:
             )
         )
     return pigments
-
-
-def add_entries(
-    file: PaintFile,
-    pigments: Sequence[Pigment],
-    comments: Sequence[str],
-    *,
-    overwrite: bool = False,
-) -> None:
-    """Write entries into the file: whole or not at all, and with the other paints' lines as they
-    are.
-
-    Raises:
-        ValueError: the file has a paint of that name, and `overwrite` is false.
-    """
-    names = {paint.name for paint in pigments}
-    if (existing := sorted(names & set(file.paints))) and not overwrite:
-        raise ValueError(
-            f"{file.path} has an entry {existing[0]!r}; give another name, or replace it with "
-            "overwrite=True (--overwrite)"
-        )
-    lines = file.path.read_text(encoding="utf-8-sig").splitlines() if file.paints else []
-    remarks = [line for line in lines if line.startswith("#")]
-    remarks += [line for line in (f"# {text}" for text in comments) if line not in remarks]
-    cells = list(csv.reader(line for line in lines if line.strip() and not line.startswith("#")))
-    titles, rows = pigment_rows(pigments, digits=6)
-    header = [title.strip() for title in cells[0]] if cells else titles
-    wide = [*header, *(title for title in titles if title not in header)]
-    # A paint without modes stays without: empty cells. One that has some has no share in the new.
-    empty = "0" if "k_mode_1" in header else ""
-    fill = [empty if "_mode_" in title else "" for title in wide[len(header) :]]
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    text.writelines(line + "\n" for line in remarks)
-    writer.writerow(wide)
-    name_column = header.index("pigment")
-    writer.writerows(
-        [*row, *fill] for row in cells[1:] if unshield_name(row[name_column].strip()) not in names
-    )
-    for name, *values in rows:
-        row = dict(zip(titles, [shield_name(str(name)), *values], strict=True))
-        # No share in modes that no new paint has either; other columns of the file are not ours.
-        writer.writerow(row.get(title, "0") for title in wide)
-    with whole_file(file.path) as temporary:
-        temporary.write_text(text.getvalue(), encoding="utf-8")
