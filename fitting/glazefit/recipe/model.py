@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, TypeAlias
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float
 
 from glazejax import Pigment, colour
 from glazejax.geometry import Instrument
@@ -128,11 +128,7 @@ def read(model: StackModel, sizes: Sizes, optics: Optics | None) -> Readings:
     """
     kd = sizes @ model.absorption
     sd = sizes @ model.scattering
-
-    def run(rows: Int[np.ndarray, "block"]) -> Readings:
-        return _read(model, kd[rows], sd[rows], optics)
-
-    return by_blocks(len(sizes), READ_CHUNK, run)
+    return by_blocks(len(sizes), READ_CHUNK, lambda rows: _read(model, kd[rows], sd[rows], optics))
 
 
 def read_ahead(model: StackModel, coats: int, optics: Optics) -> None:

@@ -218,7 +218,7 @@ def recipe_chunks(
     if task.mixed is None:
         yield from _search(task, progress)
         return
-    searches = (_search(each, progress) for each in (task, task.mixed))
+    searches = _search(task, progress), _search(task.mixed, progress)
     for pure, mixed in zip(*searches, strict=True):
         nearest = [min(recipes, key=lambda recipe: recipe.distance) for recipes in mixed]
         yield [
@@ -237,7 +237,7 @@ def _search(task: RecipeTask, progress: Progress) -> Iterator[list[list[Recipe]]
     total = len(firsts) * (refinements(task) + 1)
     note = counted(progress, total, f"refining {'glazes' if task.glazes else 'recipes'}")
     for first in firsts:
-        in_group = (rough.target >= first) & (rough.target < first + _GROUP)
+        in_group = rough.target // _GROUP == first // _GROUP
         chosen = choose(task, improve(task, rough.take(np.flatnonzero(in_group)), note))
         note()
         yield _describe(task, chosen)

@@ -255,9 +255,7 @@ def all_if_mixed(recipe_lists: Sequence[Sequence[Recipe]]) -> str:
     )
 
 
-def write_csv(
-    recipe_lists: Sequence[Sequence[Recipe]], path: Path, *, overwrite: bool = False
-) -> None:
+def write_csv(recipe_lists: Sequence[Sequence[Recipe]], path: Path, *, overwrite: bool) -> None:
     """Write all recipes, a line for each paint in each coat."""
 
     def text(value: float | None, digits: int) -> str:
@@ -333,7 +331,7 @@ def write_targets(
     wavelengths: Bands,
     path: Path,
     *,
-    overwrite: bool = False,
+    overwrite: bool,
 ) -> None:
     """Write the spectra of targets on some wavelengths (nm), as CSV, CxF3 or ENVI by the name's
     ending.

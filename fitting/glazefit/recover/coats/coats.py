@@ -252,7 +252,6 @@ def recover_coats(
             expectations=Expectations(thickness=spread, level_s=expected),
             # The unit is the coat itself: no factor is common to all films.
             gauge=Gauge(thickness, error=spread, common=1e-3),
-            unit=UNIT,
         )
     return CoatRecovery(
         films=films,

@@ -269,7 +269,6 @@ def calibrate_mixture(
         pigments={mixture.name: mixture},
         progress=progress,
         gauge=gauge,
-        unit=UNIT,
     )
     # What was not read is as it was found to be.
     filled = replace(
