@@ -2,11 +2,10 @@
 looked at.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 from zarr.storage import LocalStore, WrapperStore
-
-from .chunks import Chunks
 
 
 class FinishedWindows(WrapperStore[LocalStore]):
@@ -14,15 +13,22 @@ class FinishedWindows(WrapperStore[LocalStore]):
 
     Args:
         store: the map's files, for reading.
-        chunks: where its windows lie among them.
+        lacks: whether a key is that of a chunk whose window is not finished.
+        check: refuses what is stored under a key if it is damaged.
     """
 
-    def __init__(self, store: LocalStore, chunks: Chunks):
+    def __init__(
+        self,
+        store: LocalStore,
+        lacks: Callable[[str], bool],
+        check: Callable[[str, bytes | None], None],
+    ):
         super().__init__(store)
-        self._chunks = chunks
+        self._lacks = lacks
+        self._check = check
 
     def _with_store(self, store: LocalStore) -> "FinishedWindows":
-        return type(self)(store, self._chunks)
+        return type(self)(store, self._lacks, self._check)
 
     async def get(self, key: str, prototype: Any, byte_range: Any = None) -> Any:
         """The bytes stored under a key; nothing of a window that is not finished.
@@ -30,12 +36,9 @@ class FinishedWindows(WrapperStore[LocalStore]):
         Raises:
             ValueError: a window that is damaged.
         """
-        window = self._chunks.window(key)
-        if window is None:
-            return await super().get(key, prototype, byte_range)
         # It is asked first: a window may be finished while it is read.
-        if not self._chunks.complete and not self._chunks.is_done(window):
+        if self._lacks(key):
             return None
         content = await super().get(key, prototype, byte_range)
-        self._chunks.check(window, key, None if content is None else content.to_bytes())
+        self._check(key, None if content is None else content.to_bytes())
         return content

@@ -24,15 +24,16 @@ from glazejax.extras import require
 
 from .atomic_files import KeyedResults, explain_full_disk
 from .chunk import ChunkMaps, Members, SetSum, Unexplained, add_sets, pack, unpack
-from .chunks import FIX, Chunks
 from .create import FORMAT, WORK, lay_out, plain
-from .layout import BY_NAME, VARIABLES
+from .layout import BY_NAME, VARIABLES, Variable
 from .lock import hold
 from .windows import Window, windows
 
 if TYPE_CHECKING:
     import xarray
 
+# End of an error of a damaged window.
+_FIX = "; run the same `glazejax map` again, which maps the window once more"
 # A list or text that differs is shown by so much of it.
 _short = reprlib.Repr()
 _short.maxlist = 4
@@ -53,6 +54,7 @@ class MapStore:
         paints: names of the paints, in the order of their numbers.
         options: what the map depends on, as plain JSON.
         run: distinguishes the map from any that it replaced.
+        complete: every window is finished, and one that lacks its status damaged.
         work: where a run keeps what it found before the windows.
 
     Raises:
@@ -77,6 +79,7 @@ class MapStore:
             self.chunk: tuple[int, int] = (about["chunk"][0], about["chunk"][1])
             self.paints: tuple[str, ...] = tuple(attrs["paints"])
             self.options: dict[str, Any] = attrs["options"]
+            self.complete: bool = attrs.get("complete", False)
         except (ValueError, KeyError, TypeError):
             raise _damaged(self.path, "zarr.json is not as it was written") from None
         if written != FORMAT:
@@ -84,7 +87,6 @@ class MapStore:
                 f"{path} is a map of format {written}, written by another glazejax; this one reads "
                 f"format {FORMAT}: make the map again (--overwrite), or read it by xarray.open_zarr"
             )
-        self._chunks = Chunks(self.path, self.shape, self.chunk, attrs.get("complete", False))
         self.work = KeyedResults(self.path / WORK / "work")
         self._sums = KeyedResults(self.path / WORK / "sums")
         self._held = False
@@ -164,7 +166,38 @@ class MapStore:
 
     def done(self) -> set[Window]:
         """The windows that are finished."""
-        return {window for window in self.windows() if self._chunks.is_done(window)}
+        return {window for window in self.windows() if self.is_done(window)}
+
+    def is_done(self, window: Window) -> bool:
+        """True for a finished window: it has its status, which is written last."""
+        return (self.path / self._key(BY_NAME["status"], window)).exists()
+
+    def lacks(self, key: str) -> bool:
+        """True if a key of zarr's names a chunk of a window that is not finished."""
+        window = self._window(key)
+        return window is not None and not self.complete and not self.is_done(window)
+
+    def check(self, key: str, content: bytes | None) -> None:
+        """See that a chunk of a finished window is as it was written.
+
+        Args:
+            key: of zarr's; what is no chunk of an array is not checked.
+            content: as it is stored; None if it is not there.
+
+        Raises:
+            ValueError: it is missing, or does not meet its checksum.
+        """
+        from numcodecs.checksum32 import CRC32C
+
+        window = self._window(key)
+        if window is None:
+            return
+        if content is None:
+            raise self._damage(window, f"{key} is missing")
+        try:
+            CRC32C(location="end").decode(content)
+        except (ValueError, RuntimeError):
+            raise self._damage(window, f"{key} is not as it was written") from None
 
     def put(self, window: Window, maps: ChunkMaps) -> None:
         """Write a window: sums over its sets, its arrays, the status of its pixels last.
@@ -237,7 +270,7 @@ class MapStore:
                 )
             for leftover in self.path.rglob("*.part*"):
                 leftover.unlink(missing_ok=True)
-            for window in self.windows() if self._chunks.complete else sorted(self.done()):
+            for window in self.windows() if self.complete else sorted(self.done()):
                 self._remove_damaged(window)
             self._held = True
             try:
@@ -247,16 +280,13 @@ class MapStore:
 
     def _remove_damaged(self, window: Window) -> None:
         """Take a window away, and warn of it, if it is damaged."""
-        files = {
-            key: self.path / key
-            for key in (self._chunks.key(variable, window) for variable in VARIABLES)
-        }
+        files = {key: self.path / key for key in (self._key(v, window) for v in VARIABLES)}
         try:
             self._window_sums(window)
             for key, file in files.items():
-                self._chunks.check(window, key, file.read_bytes() if file.exists() else None)
+                self.check(key, file.read_bytes() if file.exists() else None)
         except ValueError as damage:
-            message = f"{str(damage).removesuffix(FIX)}, and is mapped again"
+            message = f"{str(damage).removesuffix(_FIX)}, and is mapped again"
             warnings.warn(message, DamagedWindow, stacklevel=5)
             for file in files.values():
                 file.unlink(missing_ok=True)
@@ -267,7 +297,24 @@ class MapStore:
         try:
             return unpack(self._sums.get(str(window)))
         except (KeyError, ValueError):
-            raise self._chunks.damage(window, "its sums cannot be read") from None
+            raise self._damage(window, "its sums cannot be read") from None
+
+    def _key(self, variable: Variable, window: Window) -> str:
+        """Of a window's chunk of an array, as zarr keeps it."""
+        index = (window.y0 // self.chunk[0], window.x0 // self.chunk[1])
+        return "/".join(map(str, (variable.name, "c", *index, *(0 for _ in variable.further))))
+
+    def _window(self, key: str) -> Window | None:
+        """Whose chunk a key names; None if it is that of no chunk of an array."""
+        name, _, index = key.partition("/c/")
+        if not index or name not in BY_NAME:
+            return None
+        y, x = (int(at) * size for at, size in zip(index.split("/"), self.chunk, strict=False))
+        return Window.at(y, x, self.shape, self.chunk)
+
+    def _damage(self, window: Window, reason: str) -> ValueError:
+        """An error that names a window, what is damaged in it, and the remedy."""
+        return ValueError(f"window {window} of {self.path} is damaged ({reason}){_FIX}")
 
     def _arrays(self) -> dict[str, Any]:
         """Arrays to write to, by name; chunks of nothing but fill are written too, so that one that
@@ -305,7 +352,8 @@ def open_map(path: str | Path) -> "xarray.Dataset":
     from .partial_store import FinishedWindows
 
     store = MapStore(path)
-    finished = FinishedWindows(LocalStore(store.path, read_only=True), store._chunks)
+    files = LocalStore(store.path, read_only=True)
+    finished = FinishedWindows(files, store.lacks, store.check)
     try:
         # zarr lists arrays as they come.
         return xarray.open_zarr(finished, chunks=None)[sorted(BY_NAME)]
