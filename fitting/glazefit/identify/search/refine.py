@@ -67,17 +67,15 @@ class CandidateFilms(Columns):
     def of(
         cls, pool: Pool, row: Int[np.ndarray, "films"], column: Int[np.ndarray, "films"], size: int
     ) -> "CandidateFilms":
-        """Those of a pool that stand there."""
+        """Those of a pool that stand there, with room for so many paints."""
         at = row, column
         sets = pool.members[at][:, :size]
-        logs = np.where(sets == NOBODY, 0.0, pool.logs[at][:, :size])
-        covariance = pool.covariance[at][:, :size, :size]
         return cls(
             row=row,
             column=column,
             sets=sets,
-            logs=logs,
-            covariance=covariance,
+            logs=np.where(sets == NOBODY, 0.0, pool.logs[at][:, :size]),
+            covariance=pool.covariance[at][:, :size, :size],
             log_weight=pool.log_weight[at],
             readings=pool.readings[at],
         )
@@ -112,8 +110,7 @@ def refine(chunk: Chunk, pool: Pool) -> Pool:
     pool = pool.best(task.effort.kept_sets)
     size = max(task.max_paints, 2)
     deficit = pool.log_weight.max(axis=1, keepdims=True) - pool.log_weight
-    close = np.isfinite(pool.log_weight) & (deficit <= task.effort.within)
-    row, column = np.nonzero(close)
+    row, column = np.nonzero(deficit <= task.effort.within)
     films = CandidateFilms.of(pool, row, column, size)
     # With the errors of groups of like films; then those that came near, with errors where they
     # are now.
@@ -121,7 +118,16 @@ def refine(chunk: Chunk, pool: Pool) -> Pool:
     films = films.take(films.log_weight_lost <= task.effort.within)
     films, groups, _ = fit_with_errors(chunk, films)
     # Amounts that are shown come near the readings, those that are weighed are kept separately.
-    near = _nearest(chunk, films)
+    near = fit_all(
+        chunk=chunk,
+        row=films.row,
+        sets=films.sets,
+        logs=films.logs,
+        errors=near_errors(chunk),
+        own=films.row,
+        steps=task.effort.steps,
+        block=block_size(chunk.target.shape[1]),
+    )
     out = replace(
         pool,
         log_weight=np.full_like(pool.log_weight, -np.inf),
@@ -134,7 +140,7 @@ def refine(chunk: Chunk, pool: Pool) -> Pool:
     out.logs[(*at, slice(size))] = np.where(films.sets == NOBODY, -np.inf, near.logs)
     out.weighed[(*at, slice(size))] = np.where(films.sets == NOBODY, -np.inf, films.logs)
     out.readings[at] = near.readings
-    out.adjusted[at] = move_readings(chunk, near.row, near.readings, groups)
+    out.adjusted[at] = move_readings(chunk, films.row, near.readings, groups)
     return out
 
 
@@ -264,22 +270,6 @@ def block_size(readings: int) -> int:
     return int(np.clip(2**22 // readings**2, 4, 128))
 
 
-def _nearest(chunk: Chunk, films: CandidateFilms) -> CandidateFilms:
-    """The films with amounts that come near the readings."""
-    errors = near_errors(chunk)
-    fitted = fit_all(
-        chunk=chunk,
-        row=films.row,
-        sets=films.sets,
-        logs=films.logs,
-        errors=errors,
-        own=films.row,
-        steps=chunk.task.effort.steps,
-        block=block_size(chunk.target.shape[1]),
-    )
-    return replace(films, logs=fitted.logs, readings=fitted.readings)
-
-
 def near_errors(chunk: Chunk) -> Whitening:
     """Errors of each spectrum that count when the amounts to be shown are fitted."""
     return whitening(chunk.tolerance_covariance)
@@ -303,11 +293,9 @@ def move_readings(
     """
     off = chunk.target[row] - readings
     out = np.empty_like(readings)
-    order = np.argsort(groups.of, kind="stable")
     # A few groups at a time: matrices that stay in a core's cache.
     for first in range(0, len(groups.row), _ERRORS):
-        lies = slice(*np.searchsorted(groups.of[order], (first, first + _ERRORS)))
-        n = order[lies]
+        n = np.flatnonzero(groups.of // _ERRORS == first // _ERRORS)
         subset = Groups(
             groups.of[n] - first, *(values[first : first + _ERRORS] for values in groups[1:])
         )
