@@ -34,6 +34,7 @@ from ...identify.search.surface import NuisanceMode
 from ...identify.search.task import IdentificationTask, Measured
 from ...identify.search.unstated_conditions import CONDITIONS, FilmsUnderCondition, films_under
 from ...identify.search.weigh import Odds, evidence_shares
+from ..store.layout import PLACES
 
 _STEP = 1e-3
 _terms = jax.jit(jax.vmap(prior_terms, in_axes=(0, 0, None, None)))
@@ -172,7 +173,6 @@ def _local_models(
     metric = reading_metric(measured.wavelengths, measured.readings[:, 0])[row]
     arrays: dict[str, np.ndarray] = {}
     condition = pool.condition[row, column]
-    size = max(searcher.task.max_paints, 2)
     brighter = replace(measured, readings=measured.readings + _STEP)
     # One linearization for all candidates under a condition.
     for number in np.unique(condition):
@@ -182,9 +182,7 @@ def _local_models(
         )
         bent = _density_slopes(films, brighter_films)
         rows = np.flatnonzero(condition == number)
-        models = _linear(films, pool, row[rows], column[rows], size) | {
-            "weight_by": bent[row[rows]]
-        }
+        models = _linear(films, pool, row[rows], column[rows]) | {"weight_by": bent[row[rows]]}
         for name, values in models.items():
             room = np.zeros((len(row), *values.shape[1:]), values.dtype)
             arrays.setdefault(name, room)[rows] = values
@@ -254,15 +252,14 @@ def _linear(
     pool: Pool,
     row: Int[np.ndarray, "n"],
     column: Int[np.ndarray, "n"],
-    size: int,
 ) -> dict[str, np.ndarray]:
     """Slopes of candidates under one condition by the readings that were measured."""
     task = condition.task
     chunk = Chunk(task, condition.measured)
-    films = CandidateFilms.of(pool, row, column, size)
+    films = CandidateFilms.of(pool, row, column, PLACES)
     sets = films.sets
     logs, weighed_logs = (
-        np.where(sets == NOBODY, 0.0, amounts[row, column][:, :size] - np.log(task.prior.thickness))
+        np.where(sets == NOBODY, 0.0, amounts[row, column] - np.log(task.prior.thickness))
         for amounts in (pool.logs, pool.weighed)
     )
     films = replace(films, logs=weighed_logs)
@@ -293,13 +290,13 @@ def _linear(
     unseen = slope[:, :, None]
     return {
         "opaque": np.full(len(row), condition.opaque),
-        "amounts_by": _wide(shown_gain * slope[:, None, :], 1),
+        "amounts_by": shown_gain * slope[:, None, :],
         "off": np.einsum("nib,nb->ni", white, residual),
         "off_by": (white - followed) * slope[:, None, :],
-        "logs_by": _wide(gain * slope[:, None, :], 1),
-        "gradient": _wide(gradient, 1),
-        "hessian": _wide(prior, 1, 2),
-        "ratios": _wide(ratios, 1),
+        "logs_by": gain * slope[:, None, :],
+        "gradient": gradient,
+        "hessian": prior,
+        "ratios": ratios,
         "numbers": np.broadcast_to(numbers, (len(row), 2)),
         "fitted_by": (body + surface @ missed) * slope[:, None, :] / unseen,
         "left_by": (body + free @ missed) * slope[:, None, :] / unseen,
@@ -346,9 +343,3 @@ def _prior_of(
         return _terms(*arguments, task.prior.spread, task.prior.concentration_sought)
 
     return by_blocks(len(sets), 256, run)
-
-
-def _wide(values: np.ndarray, *axes: int) -> np.ndarray:
-    """With room for three paints along some axes."""
-    room = [(0, 3 - values.shape[axis]) if axis in axes else (0, 0) for axis in range(values.ndim)]
-    return np.pad(values, room)
