@@ -8,6 +8,7 @@ candidate's evidence.
 """
 
 import functools
+import math
 from typing import Any, NamedTuple
 
 import jax
@@ -25,7 +26,7 @@ from ...film.numerics.least_squares import damped_newton, inverse_small
 from .chunk import Chunk
 from .pool import NOBODY, Pool
 from .screen import SetStarts, grow_triples
-from .table import FilmTable, Paints, sets_of
+from .table import FilmTable, Paints
 from .task import Expected, IdentificationTask, Number
 
 # Amounts between which a paint is searched, in units of the usual thickness; below the first it is
@@ -175,7 +176,7 @@ def log_set_prior(
     """Log prior probability of sets of paints; a negative number is none."""
     sizes = np.asarray(task.prior.sizes[: task.max_paints])
     by_size = [
-        share / sizes.sum() / len(sets_of(task.paint_count, n))
+        share / sizes.sum() / math.comb(task.paint_count, n)
         for n, share in enumerate(sizes, start=1)
     ]
     present = members >= 0

@@ -7,6 +7,7 @@ all tried on a grid of amounts (`table`). Sets of three grow from the best pairs
 so that the cost stays in proportion to the number of paints.
 """
 
+import math
 from dataclasses import dataclass
 
 import jax
@@ -22,7 +23,7 @@ from ...film.numerics.blocks import by_blocks
 from ...film.numerics.columns import Columns
 from .chunk import Chunk
 from .pool import NOBODY
-from .table import ALIKE, FilmTable, Paints, film_readings, film_table, kept_table, sets_of
+from .table import ALIKE, FilmTable, Paints, film_readings, film_table, kept_table
 from .task import TYPICAL_READING, IdentificationTask, Measured
 
 # Amounts of a third paint, as a share of the pair's.
@@ -53,13 +54,11 @@ def screen(task: IdentificationTask, measured: Measured) -> tuple[SetStarts, lis
     for rows, ground in groups:
         table = table_over(task, ground)
         near = table.nearest(measured.flat[rows] - task.mean_surface, task.effort.fitted_pairs)
-        rooms = [((0, 0), (0, 0), (0, 2 - kind.sets.shape[-1])) for kind in near]
-        sets = [
-            np.pad(kind.sets, room, constant_values=NOBODY)
-            for kind, room in zip(near, rooms, strict=True)
-        ]
-        logs = [np.pad(np.log(kind.amounts), room) for kind, room in zip(near, rooms, strict=True)]
-        starts.append(SetStarts(np.concatenate(sets, axis=1), np.concatenate(logs, axis=1)))
+        sets, amounts = (
+            np.concatenate([getattr(kind, name) for kind in near], axis=1)
+            for name in ("sets", "amounts")
+        )
+        starts.append(SetStarts(sets, np.log(np.where(sets == NOBODY, 1.0, amounts))))
         tables.update(dict.fromkeys(rows.tolist(), table))
     # Back in the order of the spectra.
     order = np.argsort(np.concatenate([rows for rows, _ in groups]))
@@ -138,7 +137,7 @@ def grow_triples(
         return score(task.response, task.paints, *(values[n] for values in arrays), white)
 
     cost, where = by_blocks(len(sets), _SCORED, run)
-    keep = min(KEPT_TRIPLES, len(sets_of(task.paint_count, 3)))
+    keep = min(KEPT_TRIPLES, math.comb(task.paint_count, 3))
     # Pairs that overlap can give fewer sets than wanted: then some come twice.
     unique = [unique_best(s, c, keep) for s, c in zip(sets, cost, strict=True)]
     chosen = np.stack([np.resize(numbers, keep) for numbers in unique])

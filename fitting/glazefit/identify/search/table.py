@@ -23,6 +23,7 @@ from glazejax.programs import Program
 
 from ...film.model.response import FilmResponse
 from ...film.numerics.blocks import by_blocks
+from .pool import NOBODY
 
 COMPONENTS = 20
 """Numbers that stand for a film's readings while sets are ranked."""
@@ -34,6 +35,8 @@ _FILMS_AT_A_TIME = 4096
 # Fractions of the first paint of a pair: strong paints show at a thousandth, weak ones drown at
 # nine tenths.
 _FRACTIONS = np.array([0.002, 0.008, 0.03, 0.1, 0.25, 0.5, 0.75, 0.9, 0.97, 0.992, 0.998])
+# Shares of sets of one paint, and of two.
+_SHARES = (np.array([[1.0, 0.0]]), np.stack([_FRACTIONS, 1.0 - _FRACTIONS], axis=-1))
 # Totals in standard deviations of their logarithm.
 _TOTALS = np.linspace(-4.3, 4.0, 13)
 
@@ -65,25 +68,6 @@ def sets_of(count: int, size: int) -> Int[np.ndarray, "sets size"]:
     return np.asarray(sets, dtype=np.int32).reshape(-1, size)
 
 
-def amounts_grid(size: int, spread: float) -> Float[np.ndarray, "points size"]:
-    """Amounts at which sets of one or two paints are tried.
-
-    Args:
-        size: 1 or 2.
-        spread: standard deviation of the log of the total.
-
-    Raises:
-        ValueError: another size.
-    """
-    totals = np.exp(spread * _TOTALS)
-    if size == 1:
-        return totals[:, None]
-    if size == 2:
-        shares = np.stack([_FRACTIONS, 1.0 - _FRACTIONS], axis=-1)
-        return (totals[:, None, None] * shares).reshape(-1, 2)
-    raise ValueError(f"there is a grid for one or two paints, not for {size}")
-
-
 def film_readings(
     response: FilmResponse, paints: Paints, sets: Array, amounts: Array, ground: Array
 ) -> Float[Array, "sets tries readings"]:
@@ -106,10 +90,10 @@ _read = Program(film_readings)
 
 
 class TableOfSize(NamedTuple):
-    """Films of all sets of one size."""
+    """Films of all sets of one size, with room for two paints."""
 
-    sets: Int[np.ndarray, "sets size"]
-    grid: Float[np.ndarray, "points size"]  # amounts of each paint
+    sets: Int[np.ndarray, "sets 2"]
+    grid: Float[np.ndarray, "points 2"]  # amounts of each paint
     films: Float[np.ndarray, "components+1 films"]  # all sets at one point of the grid after
     # another, single precision; below them minus half their square
 
@@ -143,10 +127,9 @@ class FilmTable(NamedTuple):
         # Minus half of the misfit that differs, by one product: the spectrum's components, and 1.
         augmented = np.concatenate([spectra, np.ones((len(spectra), 1), np.float32)], axis=1)
 
-        def look(kind: TableOfSize, n: Int[np.ndarray, "block"]) -> NearestSets:
+        def look(kind: TableOfSize, count: int | None, n: Int[np.ndarray, "block"]) -> NearestSets:
             near = (augmented[n] @ kind.films).reshape(-1, len(kind.grid), len(kind.sets))
             least = alone[n, None] - 2.0 * near.max(axis=1)
-            count = len(kind.sets) if kind.sets.shape[1] == 1 else keep
             best = np.argsort(least, axis=1, kind="stable")[:, :count]
             where = np.argmax(np.take_along_axis(near, best[:, None], axis=2), axis=1)
             misfit = np.take_along_axis(least, best, axis=1)
@@ -155,15 +138,16 @@ class FilmTable(NamedTuple):
         # Sixteen spectra at a time bound the memory.
         block = min(16, len(spectra))
         return [
-            by_blocks(len(spectra), block, functools.partial(look, kind)) for kind in self.sizes
+            by_blocks(len(spectra), block, functools.partial(look, kind, count))
+            for kind, count in zip(self.sizes, (None, keep), strict=False)
         ]
 
 
 class NearestSets(NamedTuple):
     """Sets of one size that come nearest to each spectrum, the nearest first."""
 
-    sets: Int[np.ndarray, "spectra kept size"]
-    amounts: Float[np.ndarray, "spectra kept size"]  # of each paint
+    sets: Int[np.ndarray, "spectra kept 2"]
+    amounts: Float[np.ndarray, "spectra kept 2"]  # of each paint
     misfit: Float[np.ndarray, "spectra kept"]  # squared, in the units of the errors
 
 
@@ -184,8 +168,16 @@ def film_table(
         ground: internal reflectance under the films.
         white: W, so that errors common to all films are |W r|^2.
     """
-    sizes = range(1, min(largest, 2, len(paints.absorption)) + 1)
-    kinds = [(sets_of(len(paints.absorption), size), amounts_grid(size, spread)) for size in sizes]
+    count = len(paints.absorption)
+    totals = np.exp(spread * _TOTALS)[:, None, None]
+    # Of one paint: nothing of a second one.
+    kinds = [
+        (
+            np.pad(sets_of(count, size), ((0, 0), (0, 2 - size)), constant_values=NOBODY),
+            (totals * shares).reshape(-1, 2),
+        )
+        for size, shares in enumerate(_SHARES[: min(largest, count)], start=1)
+    ]
     project = np.eye(ground.size)
     middle = np.zeros(ground.size)
 
@@ -196,16 +188,11 @@ def film_table(
 
         Of one shape for films of one paint and of two, so that one program is compiled.
         """
-        # Of one paint: the same once more, and nothing of it.
-        pairs = np.concatenate([sets, sets], axis=1)[:, :2]
-        amounts = np.pad(grid, ((0, 0), (0, 2 - grid.shape[1])))[:, None].astype(np.float32)
-        below = jnp.asarray(ground.astype(np.float32))
+        amounts = grid[:, None].astype(np.float32)
+        below = ground.astype(np.float32)
 
         def run(n: Int[np.ndarray, "block"]) -> np.ndarray:
-            members, tries = (
-                jnp.asarray(values)
-                for values in (pairs[numbers[n] // len(grid)], amounts[numbers[n] % len(grid)])
-            )
+            members, tries = sets[numbers[n] // len(grid)], amounts[numbers[n] % len(grid)]
             films = _read(response, paints, members, tries, below)
             return np.asarray(films, np.float64).reshape(len(n), -1) @ to.T
 
@@ -216,8 +203,8 @@ def film_table(
         some = []
         for sets, grid in kinds:
             # Sets from all over them, at every point of the grid.
-            count = max(1, _FILMS_AT_A_TIME // len(grid))
-            chosen = np.linspace(0, len(sets) - 1, count).astype(int)
+            some_sets = max(1, _FILMS_AT_A_TIME // len(grid))
+            chosen = np.linspace(0, len(sets) - 1, some_sets).astype(int)
             numbers = (chosen[:, None] * len(grid) + np.arange(len(grid))).ravel()
             some.append(read(sets, grid, numbers, white))
         films = np.concatenate(some)
