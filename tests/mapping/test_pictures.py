@@ -17,16 +17,13 @@ from glazefit.mapping.show.legend import (
 from glazefit.mapping.show.overview import overview
 from glazefit.mapping.show.pictures import (
     MapPicture,
-    Scale,
     colour_numbers,
     false_colour,
     found_paints,
     legend_map,
     legend_places,
     numbers_of,
-    own_colours,
     paint_pictures,
-    set_colours,
 )
 from glazefit.mapping.store.layout import Status, Way
 from glazejax.colour import delta_e_2000
@@ -139,7 +136,7 @@ def test_a_film_that_hides_its_ground_shows_shares_and_no_amounts(made):
     assert np.nanmax(paint_pictures(seen, paint)[1].values) <= 1.0
     # Nothing of a paint is known to be nothing.
     assert (seen.paint_amount[..., paint][seen.paint_share[..., paint] == 0] == 0).all()
-    assert np.isfinite([each.scale.high for each in numbers_of(seen)]).all()
+    assert np.isfinite([each.high for each in numbers_of(seen)]).all()
     # Its thickness is nowhere known: no picture that is grey all over.
     assert {"thickness", "probability"} & {each.key for each in numbers_of(seen)} == {"probability"}
     assert all(np.isfinite(each.values).any() for each in numbers_of(seen))
@@ -149,7 +146,7 @@ def test_the_legend_map_has_the_colour_of_each_set_and_stripes_for_none(look):
     image = legend_map(look)
     times = image.shape[1] // 128
     small = image[times // 2 :: times, times // 2 :: times]
-    for members, colour in zip(look.shown, set_colours(look), strict=True):
+    for members, colour in zip(look.shown, look.legend_colours, strict=True):
         assert (small[look.where(members)] == rgb(colour)).all()
     rest = np.any([look.where(members) for members in look.ranked[len(look.shown) :]], axis=0)
     assert (small[rest] == rgb(OTHERS)).all()
@@ -180,15 +177,15 @@ def apart(colours):
 def test_colours_of_the_legend_differ_for_everybody(look):
     rng = np.random.default_rng(0)
     painted = [hex_colour(shade) for shade in rng.uniform(0, (1.0, 0.7, 0.5), (MOST_SETS, 3))]
-    for own in (own_colours(look), painted, ["#d8d2c0"] * MOST_SETS):
+    for own in (look.own_colours, painted, ["#d8d2c0"] * MOST_SETS):
         assert apart([*legend_colours(own), OTHERS, BLANK]) > 10
     assert legend_colours([]) == []
 
 
 def test_colours_of_the_legend_take_after_the_paints(look):
     """The largest sets have their own colours; of further ones most keep their hue."""
-    own = own_colours(look)
-    assert set_colours(look) == legend_colours(own)
+    own = look.own_colours
+    assert look.legend_colours == legend_colours(own)
     for colours in (["#b32e25", "#160959", "#009d54", "#f7b300"], ["#010101", "#5a2d0c"]):
         assert apart(colours) > 10
         assert legend_colours(colours) == colours
@@ -201,7 +198,7 @@ def test_colours_of_the_legend_take_after_the_paints(look):
 
 
 def test_own_colours_are_those_of_the_paint(look):
-    own = own_colours(look)
+    own = look.own_colours
     assert len(set(own)) > 5
     for members, colour in zip(look.shown, own, strict=True):
         mean = look.colour[look.where(members)].mean(axis=0)
@@ -212,7 +209,7 @@ def test_a_number_is_its_colour_and_grey_where_it_is_not_known():
     from matplotlib import colormaps
 
     values = np.array([[0.0, 5.0], [20.0, np.nan]])
-    image = colour_numbers(MapPicture("a", "A", "", values, Scale("viridis", 0.0, 10.0)))
+    image = colour_numbers(MapPicture("a", "A", "", values, "viridis", 10.0))
     side = image.shape[1] // 2
     corners = image[:: 2 * side - 1, :: 2 * side - 1]
     for at, level in (((0, 0), 0.0), ((0, 1), 0.5), ((1, 0), 1.0)):

@@ -10,9 +10,8 @@ from glazejax.io.write import write_files
 
 from ..store.export import braceless, envi_header
 from ..store.layout import Status
-from .legend import BLANK, OTHERS, STRIPES
+from .legend import BLANK, OTHERS, STRIPES, rgb
 from .overview import Overview, pixels_with
-from .pictures import rgb, set_colours
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -39,7 +38,7 @@ def write_classes(
         FileExistsError: there are such files, and `overwrite` is false.
     """
     names = ["not mapped", *map(look.words, look.shown), "others", look.words(())]
-    colours = [BLANK, *set_colours(look), OTHERS, STRIPES[0]]
+    colours = [BLANK, *look.legend_colours, OTHERS, STRIPES[0]]
     classes = {
         "bands": 1,
         "file type": "ENVI Classification",

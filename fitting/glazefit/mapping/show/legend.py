@@ -42,13 +42,13 @@ def legend_colours(colours: Sequence[str]) -> list[str]:
     Returns:
         As many colours, #rrggbb.
     """
-    shades = np.array([_shade(colour) for colour in colours]).reshape(-1, 3)
+    shades = _shades(colours)
     # Levels of red, green and blue that are tried.
     levels = np.linspace(0.0, 1.0, 13)
     grid = np.array(list(itertools.product(levels, levels, levels)))
     tried = np.concatenate([shades, grid])
     tried_lab = seen_colours(tried)
-    reserved_lab = seen_colours(np.array([_shade(colour) for colour in (OTHERS, BLANK, *STRIPES)]))
+    reserved_lab = seen_colours(_shades([OTHERS, BLANK, *STRIPES]))
     room = delta_e_2000(tried_lab[:, :, None], reserved_lab[:, None]).min(axis=(0, 2))
     chosen = []
     for shade in tried_lab[0, : len(shades)]:
@@ -73,5 +73,10 @@ def seen_colours(shades: Shades) -> Float[np.ndarray, "eyes colours 3"]:
     return np.asarray(xyz_to_lab(srgb_to_xyz(encoded_srgb(perceived)), srgb_to_xyz(np.ones(3))))
 
 
-def _shade(colour: str) -> list[float]:
-    return [int(colour[n : n + 2], 16) / 255 for n in (1, 3, 5)]
+def rgb(colour: str) -> list[int]:
+    """Red, green and blue of #rrggbb, 0 to 255."""
+    return [int(colour[n : n + 2], 16) for n in (1, 3, 5)]
+
+
+def _shades(colours: Sequence[str]) -> Shades:
+    return np.array([rgb(colour) for colour in colours]).reshape(-1, 3) / 255

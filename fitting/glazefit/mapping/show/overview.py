@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 
+from glazejax.plots import hex_colour
+
 from ..store.chunk import Members, SetSum
 from ..store.layout import Status, Way, status_counts
-from .legend import MOST_SETS
+from .legend import MOST_SETS, legend_colours
 from .names import set_words
 
 if TYPE_CHECKING:
@@ -100,6 +102,23 @@ class Overview:
     def shown(self) -> list[Members]:
         """Those of them that have a row and a colour of their own."""
         return shown_sets(self.sets)
+
+    @cached_property
+    def own_colours(self) -> list[str]:
+        """True colour of the sets that are shown, the mean over the pixels of each."""
+        colours = []
+        for members in self.shown:
+            pixels = self.colour[self.where(members)] / 255.0
+            # Light adds, encoded values do not; the square is near enough to sRGB's curve for a
+            # swatch.
+            mean = np.sqrt(np.mean(pixels**2, axis=0)) if len(pixels) else np.ones(3)
+            colours.append(hex_colour(mean))
+        return colours
+
+    @cached_property
+    def legend_colours(self) -> list[str]:
+        """Colours of these sets in the legend, each like the set itself."""
+        return legend_colours(self.own_colours)
 
     def words(self, members: Members) -> str:
         """Names of a set's paints."""

@@ -30,7 +30,6 @@ from .pictures import (
     legend_map,
     legend_places,
     numbers_of,
-    own_colours,
     paint_pictures,
     png,
     write_pictures,
@@ -172,7 +171,7 @@ def write_report(
     for family in families or ():
         flat.append(family["probability"])
         plain.append((family["key"], f"Where {family['name']} is", family["place"]))
-    write_pictures(look, folder / "pictures", flat, colours=own_colours(look), plain=plain)
+    write_pictures(look, folder / "pictures", flat, plain)
     write_classes(dataset, look, folder, overwrite=overwrite)
     write_files({path: [html]}, overwrite=overwrite)
     return path

@@ -10,7 +10,6 @@ from ...page.plot import PlotAxes
 from ...page.words import typeset
 from ..store.chunk import Members, SetSum, rms_difference
 from .overview import Overview
-from .pictures import own_colours, set_colours
 
 
 def share_words(count: float, of: float) -> str:
@@ -36,8 +35,6 @@ def set_rows(
         facts: of each set of a map by family, by `describe_sets`: the film of its nearest exemplars
             takes the place of the fit, and no amounts are stated.
     """
-    colours = own_colours(look)
-    legend = set_colours(look)
     for n, members in enumerate(look.shown):
         about = (facts or {}).get(members, {})
         film = about.get("film")
@@ -47,8 +44,8 @@ def set_rows(
         pixels = sums.get(members)
         yield {
             "members": members,
-            "legend": legend[n],
-            "colour": colours[n],
+            "legend": look.legend_colours[n],
+            "colour": look.own_colours[n],
             "paints": [(look.paints[member], None) for member in members]
             if facts is not None
             else _spreads(look, members),

@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, UInt8
+from jaxtyping import Float, UInt8
 
 from glazejax.extras import require
-from glazejax.plots import FAINT, INK, hex_colour, picture
+from glazejax.plots import FAINT, INK, picture
 
 from ..store.layout import Status
-from .legend import BLANK, OTHERS, STRIPES, legend_colours
+from .legend import BLANK, OTHERS, STRIPES, rgb
 from .overview import Overview
 
 if TYPE_CHECKING:
@@ -27,28 +27,16 @@ UNKNOWN = "#c4c4c4"
 RGB = UInt8[np.ndarray, "rows columns 3"]
 
 
-class Scale(NamedTuple):
-    """Scale by which a number becomes a colour."""
-
-    colours: str  # a colour map of matplotlib
-    low: float
-    high: float
-    unit: str = ""
-
-
 class MapPicture(NamedTuple):
-    """One number over the picture."""
+    """One number over the picture, and the colours that it becomes from 0 to `high`."""
 
     key: str
     title: str
     caption: str
     values: Float[np.ndarray, "rows columns"]
-    scale: Scale
-
-
-def set_colours(look: Overview) -> list[str]:
-    """Colours of these sets in the legend, each like the set itself."""
-    return legend_colours(own_colours(look))
+    colours: str  # a colour map of matplotlib
+    high: float
+    unit: str = ""
 
 
 def legend_map(look: Overview) -> RGB:
@@ -58,7 +46,7 @@ def legend_map(look: Overview) -> RGB:
     status = look.examples["status"]
     image = np.full((*status.shape, 3), rgb(BLANK), np.uint8)
     image[(status == Status.MAPPED) & (look.examples["explained"] > 0)] = rgb(OTHERS)
-    for members, colour in zip(look.shown, set_colours(look), strict=True):
+    for members, colour in zip(look.shown, look.legend_colours, strict=True):
         image[look.where(members)] = rgb(colour)
     image = enlarge(image)
     none = enlarge(look.where(()))
@@ -95,21 +83,23 @@ def numbers_of(look: Overview) -> list[MapPicture]:
     """Maps of numbers that hold for the whole film; one that is nowhere known has none."""
     means = look.means
     thick = means["thickness"] * 1e6
-    top = _top(thick, 98.0, 1.0)
+    thick_sd = means["thickness_sd"] * 1e6
     number_maps = [
         MapPicture(
             key="probability",
             title="How sure: probability of the most probable set",
             caption="Low where several sets explain a pixel about as well.",
             values=means["probability"],
-            scale=Scale("viridis", 0.0, 1.0),
+            colours="viridis",
+            high=1.0,
         ),
         MapPicture(
             key="none",
             title="None of these paints",
             caption="Probability that no paints of the catalogue explain a pixel.",
             values=means["none"],
-            scale=Scale("viridis", 0.0, 1.0),
+            colours="viridis",
+            high=1.0,
         ),
         MapPicture(
             key="thickness",
@@ -118,14 +108,18 @@ def numbers_of(look: Overview) -> list[MapPicture]:
                 "Grey where it is not known: the film hides its ground, or no paints explain it."
             ),
             values=thick,
-            scale=Scale("viridis", 0.0, top, "µm"),
+            colours="viridis",
+            high=_top(thick, 98.0, 1.0),
+            unit="µm",
         ),
         MapPicture(
             key="thickness_sd",
             title="Thickness: its standard deviation",
             caption="How well the thickness is known, if the film is of these paints.",
-            values=means["thickness_sd"] * 1e6,
-            scale=Scale("viridis", 0.0, _top(means["thickness_sd"] * 1e6, 98.0, 0.1), "µm"),
+            values=thick_sd,
+            colours="viridis",
+            high=_top(thick_sd, 98.0, 0.1),
+            unit="µm",
         ),
         MapPicture(
             key="misfit",
@@ -135,14 +129,17 @@ def numbers_of(look: Overview) -> list[MapPicture]:
                 "nobody sees it."
             ),
             values=means["misfit"],
-            scale=Scale("inferno", 0.0, max(2.0, _top(means["misfit"], 99.5, 0.1)), "ΔE00"),
+            colours="inferno",
+            high=max(2.0, _top(means["misfit"], 99.5, 0.1)),
+            unit="ΔE00",
         ),
         MapPicture(
             key="rmse",
             title="Misfit of the spectra",
             caption="Root mean square of measured less fitted reflectance.",
             values=means["rmse"],
-            scale=Scale("inferno", 0.0, _top(means["rmse"], 99.5, 0.001)),
+            colours="inferno",
+            high=_top(means["rmse"], 99.5, 0.001),
         ),
     ]
     return [number_map for number_map in number_maps if np.isfinite(number_map.values).any()]
@@ -158,19 +155,21 @@ def paint_pictures(look: Overview, paint: int) -> list[MapPicture]:
         title=f"{name}: probability",
         caption="",
         values=look.paint_probability[..., paint],
-        scale=Scale("magma_r", 0.0, 1.0),
+        colours="magma_r",
+        high=1.0,
     )
     amount = look.paint_amount[..., paint] * 1e6
     share = look.paint_share[..., paint]
     with np.errstate(invalid="ignore"):
         unknown = np.sum(np.isnan(amount) & (share > 0)) > 0.5 * np.sum(share > 0)
-    top = _top(np.where(amount > 0, amount, np.nan), 98.0, 0.1)
     second = MapPicture(
         key=f"{file_stem(name)}_{'share' if unknown else 'amount'}",
         title=f"{name}: {'share by mass' if unknown else 'amount'}",
         caption="",
         values=share if unknown else amount,
-        scale=Scale("magma_r", 0.0, 1.0) if unknown else Scale("magma_r", 0.0, top, "µm"),
+        colours="magma_r",
+        high=1.0 if unknown else _top(np.where(amount > 0, amount, np.nan), 98.0, 0.1),
+        unit="" if unknown else "µm",
     )
     return [first, second]
 
@@ -190,18 +189,18 @@ def found_paints(look: Overview, least: float = 0.0005) -> list[int]:
 def colour_numbers(number_map: MapPicture) -> RGB:
     """A number as a picture; grey where there is none."""
     values = np.ma.masked_invalid(number_map.values)
-    return enlarge(_shades(number_map.scale).to_rgba(values, bytes=True)[..., :3])
+    return enlarge(_shades(number_map).to_rgba(values, bytes=True)[..., :3])
 
 
-def _shades(scale: Scale) -> Any:
+def _shades(number_map: MapPicture) -> Any:
     """Colours of numbers, as matplotlib has them."""
     require("matplotlib")
     from matplotlib import colormaps
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
 
-    colours = colormaps[scale.colours].with_extremes(bad=UNKNOWN)
-    return ScalarMappable(Normalize(scale.low, scale.high), colours)
+    colours = colormaps[number_map.colours].with_extremes(bad=UNKNOWN)
+    return ScalarMappable(Normalize(0.0, number_map.high), colours)
 
 
 def false_colour(cube: "xr.DataArray", step: int = 1) -> tuple[RGB, str]:
@@ -261,9 +260,7 @@ def write_pictures(
     look: Overview,
     folder: Path,
     numbers: Sequence[MapPicture],
-    *,
-    colours: Sequence[str],
-    plain: Sequence[tuple[str, str, RGB]] = (),
+    plain: Sequence[tuple[str, str, RGB]],
 ) -> None:
     """Write each picture as a PNG with its title and scale.
 
@@ -271,20 +268,19 @@ def write_pictures(
         look: the map.
         folder: exists.
         numbers: maps of numbers.
-        colours: colours of the sets of the legend themselves.
         plain: further pictures, each with the name of its file and a title.
     """
     for name, title, image in (("true_colour", "True colour (D65)", enlarge(look.colour)), *plain):
         with _frame(folder / f"{name}.png", title, image):
             pass
-    _write_legend(look, folder / "sets.png", colours)
+    _write_legend(look, folder / "sets.png")
     for number_map in numbers:
         image = colour_numbers(number_map)
         with _frame(folder / f"{number_map.key}.png", number_map.title, image, 0.9) as axes:
-            bar = axes.figure.colorbar(_shades(number_map.scale), ax=axes, shrink=0.8)
+            bar = axes.figure.colorbar(_shades(number_map), ax=axes, shrink=0.8)
             bar.outline.set_visible(False)
             bar.ax.tick_params(labelsize=8)
-            bar.ax.set_title(number_map.scale.unit, fontsize=8, color=FAINT)
+            bar.ax.set_title(number_map.unit, fontsize=8, color=FAINT)
 
 
 @contextmanager
@@ -309,7 +305,7 @@ def _frame(
         yield axes
 
 
-def _write_legend(look: Overview, path: Path, colours: Sequence[str]) -> None:
+def _write_legend(look: Overview, path: Path) -> None:
     from matplotlib.legend_handler import HandlerTuple
     from matplotlib.patches import Patch
 
@@ -320,7 +316,7 @@ def _write_legend(look: Overview, path: Path, colours: Sequence[str]) -> None:
     rows = [
         (f"{n}  {look.words(members)}", (patch(fc=colour), patch(fc=mixed)), look.sets[members])
         for n, (members, colour, mixed) in enumerate(
-            zip(look.shown, set_colours(look), colours, strict=True), start=1
+            zip(look.shown, look.legend_colours, look.own_colours, strict=True), start=1
         )
     ]
     remaining = sum(look.sets[members] for members in look.ranked[len(look.shown) :])
@@ -351,18 +347,6 @@ def _write_legend(look: Overview, path: Path, colours: Sequence[str]) -> None:
         )
 
 
-def own_colours(look: Overview) -> list[str]:
-    """True colour of the sets that are shown, the mean over the pixels of each."""
-    return [_mean_colour(look, look.where(members)) for members in look.shown]
-
-
-def _mean_colour(look: Overview, area: Bool[np.ndarray, "rows columns"]) -> str:
-    if not area.any():
-        return hex_colour(np.ones(3))
-    # Light adds, encoded values do not; the square is near enough to sRGB's curve for a swatch.
-    return hex_colour(np.sqrt(np.mean((look.colour[area] / 255.0) ** 2, axis=0)))
-
-
 def _top(values: np.ndarray, percentile: float, least: float) -> float:
     """Upper end of a scale: a round number that most values stay below."""
     finite = values[np.isfinite(values)]
@@ -376,8 +360,3 @@ def _top(values: np.ndarray, percentile: float, least: float) -> float:
 def file_stem(name: str) -> str:
     """A paint's name as part of a file's."""
     return "".join(c if c.isalnum() or c in "-_" else "_" for c in name)
-
-
-def rgb(colour: str) -> tuple[int, int, int]:
-    """Red, green and blue of #rrggbb, 0 to 255."""
-    return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)
