@@ -119,12 +119,12 @@ def test_a_piece_that_fails_is_tried_again_but_not_for_ever(tmp_path, client):
     results = KeyedResults(tmp_path / "work")
     tries = tmp_path / "tries"
     tries.mkdir()
-    finish(["a", "b", "c"], Failing(str(tries), 2), results, client)
+    finish(["a", "b", "c"], Failing(str(tries), 2), results.done(), results.put, client)
     assert results.done() == {"a", "b", "c"}
     assert len(list(tries.glob("b-*"))) == 3
     other = KeyedResults(tmp_path / "other")
     with refusal("stumbled"):
-        finish(["a", "b", "c"], Failing(str(tries), 99), other, client)
+        finish(["a", "b", "c"], Failing(str(tries), 99), other.done(), other.put, client)
     assert "b" not in other.done()
 
 
@@ -133,7 +133,13 @@ def test_a_piece_that_kills_every_worker_ends_in_a_sentence(tmp_path, client):
     results = KeyedResults(tmp_path / "work")
     (tmp_path / "tries").mkdir()
     with refusal("took on b died one after another: have they enough memory", RuntimeError):
-        finish(["a", "b"], Failing(str(tmp_path / "tries"), 99, kills=True), results, client)
+        finish(
+            ["a", "b"],
+            Failing(str(tmp_path / "tries"), 99, kills=True),
+            results.done(),
+            results.put,
+            client,
+        )
 
 
 def test_a_cluster_that_is_lost_ends_in_a_sentence(tmp_path, undisturbed):  # noqa: F811
@@ -174,7 +180,7 @@ def test_a_cluster_without_workers_ends_in_a_sentence(tmp_path, monkeypatch):
         distributed.Client(cluster, set_as_default=False) as client,
         refusal("has no workers; start some", RuntimeError),
     ):
-        finish(["a"], Failing(str(tmp_path), 0), KeyedResults(tmp_path), client)
+        finish(["a"], Failing(str(tmp_path), 0), set(), KeyedResults(tmp_path).put, client)
 
 
 @pytest.mark.parametrize(

@@ -311,7 +311,7 @@ def _atlas(
     if isinstance(task.searcher, FamilySearcher) and client is None and {*keys} - work.done():
         task.searcher.set_up(task.ground, note)
     search = partial(_search_piece, task, surveyed.readings, size)
-    finish(keys, search, work, client, note, "searching")
+    finish(keys, search, work.done(), work.put, client, note, stage="searching")
     kind = Answered if by_family else Searched
     searched = kind.joined(len(keys), lambda n, name: work.get(keys[n], [name])[name])
     return Atlas(Features(surveyed.middle, surveyed.directions), searched, task.prior)

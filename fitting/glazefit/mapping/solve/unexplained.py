@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from scipy.optimize import nnls
 
 from glazejax import Pigment
@@ -32,14 +32,14 @@ _BLACK = 0.01
 def gather(
     readings: Float[np.ndarray, "spectra bands"],
     features: Float[np.ndarray, "spectra directions"],
-    positions: Float[np.ndarray, "spectra 2"],
+    places: Int[np.ndarray, "spectra 2"],
 ) -> Unexplained:
     """Spectra of one window in groups of like ones; the groups' middles reach its extremes.
 
     Args:
         readings: that no set explains.
         features: by which they are compared, `survey.Features`.
-        positions: (y, x) of each.
+        places: (y, x) of each.
     """
     if not len(readings):
         return Unexplained.nothing()
@@ -51,7 +51,7 @@ def gather(
     return Unexplained(
         pixels=pixels,
         readings=group_means(readings, which),
-        positions=positions[chosen[used]].astype(np.int64),
+        places=places[chosen[used]],
     )
 
 
@@ -112,7 +112,7 @@ def choose_spots(
         # Those that are averaged: one shape, and nearly the length of the purest.
         averaged = (cosines[purest] > 0.995) & (size > 0.9 * size[purest])
         weight = np.where(averaged, pixels, 0) / pixels[averaged].sum()
-        y, x = unexplained.positions[largest[purest]].tolist()
+        y, x = unexplained.places[largest[purest]].tolist()
         spots.append(
             UnexplainedSpot(
                 name=next(names),

@@ -75,12 +75,12 @@ class Unexplained(Columns):
     Attributes:
         pixels: of each group.
         readings: means of the groups, at the working bands.
-        positions: (y, x) of the pixel next to each mean.
+        places: (y, x) of the pixel next to each mean.
     """
 
     pixels: Int[np.ndarray, "groups"]
     readings: Float[np.ndarray, "groups bands"]
-    positions: Int[np.ndarray, "groups 2"]
+    places: Int[np.ndarray, "groups 2"]
 
     @classmethod
     def nothing(cls) -> Self:
@@ -88,7 +88,7 @@ class Unexplained(Columns):
         return cls(
             pixels=np.zeros(0, np.int64),
             readings=np.zeros((0, 0)),
-            positions=np.zeros((0, 2), np.int64),
+            places=np.zeros((0, 2), np.int64),
         )
 
 
@@ -167,9 +167,7 @@ def pack(maps: ChunkMaps) -> dict[str, np.ndarray]:
     return {
         "counts": np.frombuffer(json.dumps(counts).encode(), np.uint8),
         "sums": np.array(sums, np.float64),
-        "unexplained_pixels": np.asarray(maps.unexplained.pixels, np.int64),
-        "unexplained_readings": np.asarray(maps.unexplained.readings, np.float64),
-        "unexplained_places": np.asarray(maps.unexplained.positions, np.int64),
+        **{f"unexplained_{name}": values for name, values in maps.unexplained.arrays().items()},
     }
 
 
@@ -193,6 +191,6 @@ def unpack(arrays: Mapping[str, np.ndarray]) -> ChunkMaps:
         tallies=counts["tallies"],
         sets=sets,
         unexplained=Unexplained(
-            *(arrays[f"unexplained_{name}"] for name in ("pixels", "readings", "places"))
+            **{name: arrays[f"unexplained_{name}"] for name in ("pixels", "readings", "places")}
         ),
     )

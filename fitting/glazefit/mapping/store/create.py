@@ -19,8 +19,8 @@ WORK = ".glazejax"
 
 
 def plain(value: Any) -> Any:
-    """A value as JSON has it: paths as text, arrays, sets and tuples as lists, what is not finite
-    as text.
+    """A value as JSON has it: paths as text, arrays and tuples as lists, what is not finite as
+    text.
 
     Raises:
         TypeError: something that JSON has not.
@@ -32,10 +32,6 @@ def _plainer(value: Any) -> Any:
     """A value that JSON lacks, as one that it has."""
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
-    if isinstance(value, set | frozenset):
-        return sorted(value)
-    if isinstance(value, Mapping):
-        return dict(value)
     if isinstance(value, Path):
         return str(value)
     raise TypeError(f"{value!r} cannot be kept as an attribute")

@@ -20,23 +20,9 @@ if TYPE_CHECKING:
 
 Key = TypeVar("Key")
 Result = TypeVar("Result")
-_Key = TypeVar("_Key")
-_Kept = TypeVar("_Kept", contravariant=True)
 
 AT_ONCE = 2
 """Windows that are solved side by side in one process."""
-
-
-class Results(Protocol[_Key, _Kept]):
-    """Store of results: `KeyedResults`, or a map, whose keys are its windows."""
-
-    def done(self) -> Set[_Key]:
-        """Keys of what is there."""
-        ...
-
-    def put(self, key: _Key, result: _Kept, /) -> None:
-        """Keep a result, whole or not at all."""
-        ...
 
 
 class WindowSolver(Protocol):
@@ -50,7 +36,8 @@ class WindowSolver(Protocol):
 def finish(
     keys: Sequence[Key],
     work: Callable[[Key], Result],
-    into: Results[Key, Result],
+    done: Set[Key],
+    put: Callable[[Key, Result], None],
     client: "Client | None" = None,
     progress: Progress = no_progress,
     stage: str = "",
@@ -61,7 +48,8 @@ def finish(
     Args:
         keys: different names of pieces of work.
         work: from a key to its result; with a client it can be pickled, and its results too.
-        into: where results are kept, by this process alone.
+        done: keys that have one.
+        put: keeps a result, whole or not at all; called by this process alone.
         client: of a dask cluster, whose workers do the work; None does it here. A piece that fails
             is tried three times more, one whose worker dies goes to another.
         progress: called first, and each time a result is kept, with the number of all that are.
@@ -73,7 +61,6 @@ def finish(
         ConnectionError: the cluster was lost.
         OSError: the disk is full.
     """
-    done = into.done()
     todo = [key for key in keys if key not in done]
     finished = len(keys) - len(todo)
     progress(finished, len(keys), stage)
@@ -85,7 +72,7 @@ def finish(
         solved = on_cluster(todo, work, client)
     with closing(solved) as results:
         for number, (key, result) in enumerate(results, start=finished + 1):
-            into.put(key, result)
+            put(key, result)
             progress(number, len(keys), stage)
 
 
@@ -100,7 +87,8 @@ def run_chunks(
         finish(
             keys=store.windows(),
             work=solver.solve,
-            into=store,
+            done=store.done(),
+            put=store.put,
             client=client,
             progress=progress,
             stage="mapping",
