@@ -197,24 +197,24 @@ def _truth(
     full = (time.perf_counter() - start) / len(places)
     fine = _at_image_bands(scene, paints)
     results(
-        f"  same first set {float(same.first):.1%}, same answer to 'none' "
-        f"{float(same.explained):.1%}\n"
-        f"  a paint's probability differs by {float(same.probability):.3f} in the median of the "
+        f"  same first set {float(same['first']):.1%}, same answer to 'none' "
+        f"{float(same['explained']):.1%}\n"
+        f"  a paint's probability differs by {float(same['probability']):.3f} in the median of the "
         "largest difference,\n"
-        f"  by {float(same.probability_90):.3f} in nine of ten; thickness by "
-        f"{float(same.amount):.3f} and "
-        f"{float(same.amount_90):.3f} of its standard deviation\n"
+        f"  by {float(same['probability_90']):.3f} in nine of ten; thickness by "
+        f"{float(same['amount']):.3f} and "
+        f"{float(same['amount_90']):.3f} of its standard deviation\n"
         f"  the full search took {full * 1e3:.1f} ms a pixel\n"
         f"  and {fine * 1e3:.0f} ms at every second band of the image, not averaged to "
         f"{task.image.bands.count.size} (16 pixels)"
     )
     large = runs[-1]
-    shares = {"same_set": 100.0 * same.first, "same_none": 100.0 * same.explained}
+    shares = {"same_set": 100.0 * same["first"], "same_none": 100.0 * same["explained"]}
     off = {
-        "probability_median": same.probability,
-        "probability_most": same.probability_90,
-        "thickness_median": same.amount,
-        "thickness_most": same.amount_90,
+        "probability_median": same["probability"],
+        "probability_most": same["probability_90"],
+        "thickness_median": same["amount"],
+        "thickness_most": same["amount_90"],
     }
     results.record(
         **quantities(shares, "%", 1, n=len(places)),

@@ -160,7 +160,7 @@ def map_cube(
             progress(0, 1, "checking")
             answers, _ = atlas.answers(surveyed.checked.astype(np.float32))
             compared = agreement(task, surveyed.checked, answers.columns(task.prior))
-            store.work.put("checked", compared._asdict())
+            store.work.put("checked", compared)
         solver = PixelSolver(task, atlas, reach=float(surveyed.reach))
         run_chunks(store, solver, client, progress)
         tallies, _ = store.sums()
@@ -285,7 +285,7 @@ def _sample(
     progress(len(lines), len(lines), "reading")
     noise = (
         image.noise
-        if task.noise_is_given or not rough
+        if task.options["noise"] is not None or not rough
         else spectra_noise(stored, np.concatenate(rough).astype(np.float64))
     )
     return np.concatenate(readings), np.cumsum([len(line) for line in readings])[1:-1], noise

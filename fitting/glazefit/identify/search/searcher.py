@@ -208,9 +208,7 @@ def check_spectra(
             f"a ground of shape {below.shape} does not fit spectra of shape (spectra, grounds, "
             f"bands) = {readings.shape}"
         ) from None
-    if not ((below >= 0) & (below <= 1)).all():
-        value = below[~((below >= 0) & (below <= 1))][0]
-        raise ValueError(f"a ground's internal reflectance is {value:g}; it must lie in [0, 1]")
+    check_ground(below)
     # Spectra that are rougher than the stated noise are as noisy as they are rough.
     roughness = noise_of_each(readings).max(axis=-1)[:, None, None]
     doubt = np.empty((len(readings), 0, *readings.shape[1:]))
@@ -222,6 +220,17 @@ def check_spectra(
         noise_sd=np.maximum(noise.sd(readings), roughness),
         doubt=doubt,
     )
+
+
+def check_ground(ground: Float[np.ndarray, "..."]) -> None:
+    """Refuse internal reflectances of a ground that none has.
+
+    Raises:
+        ValueError: one that is not in [0, 1].
+    """
+    wrong = ground[~((ground >= 0) & (ground <= 1))]
+    if wrong.size:
+        raise ValueError(f"a ground's internal reflectance is {wrong[0]:g}; it must lie in [0, 1]")
 
 
 def check_pigments(pigments: Pigments, wavelengths: Float[np.ndarray, "bands"]) -> list[Pigment]:

@@ -1,7 +1,6 @@
 """Readings of candidates as they are seen: with what the surface adds, and amounts in metres."""
 
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -18,14 +17,14 @@ def with_surface(chunk: Chunk, pool: Pool) -> Pool:
     """
     task = chunk.task
     d = task.discrepancy
-    nuisance = NuisanceMode.of(chunk)
+    shapes, solved = nuisance_modes(chunk)
     off = chunk.target[:, None] - pool.readings
-    estimates = nuisance.solved @ np.swapaxes(off, 1, 2)
+    estimates = solved @ np.swapaxes(off, 1, 2)
     added = np.maximum(d.gloss * task.surface + d.surface_sd(task.surface) * estimates[:, 0], 0.0)
     # As a share of a smooth surface's; an instrument that sees none of that has no such share.
     gloss = added / task.surface if task.surface > 0 else np.ones_like(added)
     readings = pool.readings + added[..., None]
-    readings = readings + np.swapaxes(estimates[:, 1:], 1, 2) @ nuisance.shapes[:, 1:]
+    readings = readings + np.swapaxes(estimates[:, 1:], 1, 2) @ shapes[:, 1:]
     adjusted = pool.adjusted + d.gloss * task.surface
     lengths = {
         name: getattr(pool, name) + np.log(task.prior.thickness) for name in ("logs", "weighed")
@@ -33,30 +32,28 @@ def with_surface(chunk: Chunk, pool: Pool) -> Pool:
     return replace(pool, readings=readings, adjusted=adjusted, gloss=gloss, **lengths)
 
 
-class NuisanceMode(NamedTuple):
+def nuisance_modes(
+    chunk: Chunk,
+) -> tuple[
+    Float[np.ndarray, "spectra shapes readings"], Float[np.ndarray, "spectra shapes readings"]
+]:
     """Modes that move all bands of a reading together: the surface, and the unknowns of
     `Measured.doubt`.
 
-    Attributes:
-        shapes: what each does per standard deviation.
-        solved: matrix that estimates how much of each is in a residual, shapes by readings.
+    Ridge regression on their shapes, each with a standard deviation of 1 a priori; errors are
+    independent from band to band.
+
+    Returns:
+        What each does per standard deviation, and a matrix that estimates how much of each is in a
+        residual.
     """
-
-    shapes: Float[np.ndarray, "spectra shapes readings"]
-    solved: Float[np.ndarray, "spectra shapes readings"]
-
-    @classmethod
-    def of(cls, chunk: Chunk) -> "NuisanceMode":
-        """Ridge regression on the shapes, each with a standard deviation of 1 a priori; errors
-        are independent from band to band.
-        """
-        count, readings = chunk.target.shape
-        doubt = chunk.spectra.doubt
-        surface = chunk.task.discrepancy.surface_sd(chunk.task.surface)
-        shapes = np.concatenate(
-            [np.full((count, 1, readings), surface), doubt.reshape(*doubt.shape[:2], readings)],
-            axis=1,
-        )
-        precise = shapes / chunk.tolerance.reshape(count, 1, readings) ** 2
-        normal = precise @ np.swapaxes(shapes, 1, 2) + np.eye(shapes.shape[1])
-        return cls(shapes, np.linalg.solve(normal, precise))
+    count, readings = chunk.target.shape
+    doubt = chunk.spectra.doubt
+    surface = chunk.task.discrepancy.surface_sd(chunk.task.surface)
+    shapes = np.concatenate(
+        [np.full((count, 1, readings), surface), doubt.reshape(*doubt.shape[:2], readings)],
+        axis=1,
+    )
+    precise = shapes / chunk.tolerance.reshape(count, 1, readings) ** 2
+    normal = precise @ np.swapaxes(shapes, 1, 2) + np.eye(shapes.shape[1])
+    return shapes, np.linalg.solve(normal, precise)

@@ -1,7 +1,6 @@
 """Cost of the closed form: its answers for pixels, compared with full searches of the same."""
 
 from collections.abc import Mapping
-from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -12,10 +11,19 @@ from .local import as_measured
 from .task import MapTask
 
 
-class Agreement(NamedTuple):
-    """Of pixels that were searched in full.
+def agreement(
+    task: MapTask,
+    readings: Float[np.ndarray, "spectra bands"],
+    mapped: Mapping[str, np.ndarray],
+) -> dict[str, np.ndarray]:
+    """Compare a map's answers for pixels with a search of each.
 
-    Attributes:
+    Args:
+        task: of the map, with its noise.
+        readings: of good pixels, at the working bands.
+        mapped: the map's `members`, `explained`, `paint_probability` and `thickness` for these.
+
+    Returns:
         pixels: how many.
         first: share with the same first set.
         explained: share with the same answer to whether the catalogue explains the pixel.
@@ -24,28 +32,6 @@ class Agreement(NamedTuple):
         amount: median difference of the thickness in its standard deviations, where the sets are
             the same,
         amount_90: and what nine of ten stay below; NaN where films hide their ground.
-    """
-
-    pixels: np.ndarray
-    first: np.ndarray
-    explained: np.ndarray
-    probability: np.ndarray
-    probability_90: np.ndarray
-    amount: np.ndarray
-    amount_90: np.ndarray
-
-
-def agreement(
-    task: MapTask,
-    readings: Float[np.ndarray, "spectra bands"],
-    mapped: Mapping[str, np.ndarray],
-) -> Agreement:
-    """Compare a map's answers for pixels with a search of each.
-
-    Args:
-        task: of the map, with its noise.
-        readings: of good pixels, at the working bands.
-        mapped: the map's `members`, `explained`, `paint_probability` and `thickness` for these.
     """
     searcher = task.searcher
     if isinstance(searcher, FamilySearcher):
@@ -76,12 +62,12 @@ def agreement(
     differences = np.abs(mapped["paint_probability"] - searched.paint_probability).max(axis=1)
     probability, probability_90 = np.quantile(differences, [0.5, 0.9])
     amount, amount_90 = np.quantile(np.abs(shifts), [0.5, 0.9])
-    return Agreement(
-        pixels=np.asarray(len(members)),
-        first=same.mean(),
-        explained=(mapped["explained"].astype(bool) == searched.explained).mean(),
-        probability=probability,
-        probability_90=probability_90,
-        amount=amount,
-        amount_90=amount_90,
-    )
+    return {
+        "pixels": np.asarray(len(members)),
+        "first": same.mean(),
+        "explained": (mapped["explained"].astype(bool) == searched.explained).mean(),
+        "probability": probability,
+        "probability_90": probability_90,
+        "amount": amount,
+        "amount_90": amount_90,
+    }

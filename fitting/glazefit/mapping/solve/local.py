@@ -30,7 +30,7 @@ from ...identify.search.refine import (
     slopes_at,
 )
 from ...identify.search.searcher import Searcher
-from ...identify.search.surface import NuisanceMode
+from ...identify.search.surface import nuisance_modes
 from ...identify.search.task import IdentificationTask, Measured
 from ...identify.search.unstated_conditions import CONDITIONS, FilmsUnderCondition, films_under
 from ...identify.search.weigh import Odds, evidence_shares
@@ -278,11 +278,11 @@ def _linear(
     close = near_errors(chunk).basis[row]
     by_shown, _, _, shown_gain = _follow(shown_slopes, sets, close, *_prior_of(task, sets, logs))
     eye = np.eye(films.readings.shape[1])
-    nuisance = NuisanceMode.of(chunk)
+    shapes, solved = nuisance_modes(chunk)
     # How the reading that is shown moves: the body, and the surface that takes what is left.
     body = np.einsum("nma,nmb->nab", by_shown, shown_gain)
     missed = eye - body
-    surface = (np.swapaxes(nuisance.shapes, 1, 2) @ nuisance.solved)[row]
+    surface = (np.swapaxes(shapes, 1, 2) @ solved)[row]
     free = coefficient_projection(chunk, groups)[groups.of]
     slope = condition.slope.reshape(len(chunk), -1)[row]
     d = task.discrepancy

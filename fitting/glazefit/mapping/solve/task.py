@@ -18,7 +18,7 @@ from ...film.model.errors import ModelError, Prior
 from ...film.model.mixing import Pigments, digest, listed_pigments
 from ...identify.families.expected import EXPECTED, has_families
 from ...identify.search.options import IdentificationOptions, SearchKeywords
-from ...identify.search.searcher import Searcher
+from ...identify.search.searcher import Searcher, check_ground
 from .by_family import FamilySearcher
 from .image import Image
 from .spots import spot_pigment
@@ -41,8 +41,7 @@ class MapTask:
         searcher: of the paints, or of their families.
         prior: what was expected.
         ground: internal reflectance at the working bands; None where films hide it.
-        noise_is_given: the noise need not be estimated from the image.
-        options: all that the map depends on.
+        options: all that the map depends on; without noise it is estimated from the image.
         notes: what the reader of the image noticed.
         coords: numbers along y and x and their attributes.
     """
@@ -52,7 +51,6 @@ class MapTask:
     searcher: Searcher | FamilySearcher
     prior: Prior
     ground: Float[np.ndarray, "bands"] | None
-    noise_is_given: bool
     options: dict[str, Any]
     notes: tuple[str, ...]
     coords: dict[str, tuple[np.ndarray, dict[str, Any]]]
@@ -159,7 +157,6 @@ def map_task(
         searcher=searcher,
         prior=expected,
         ground=below,
-        noise_is_given=noise is not None,
         options=options,
         notes=notes,
         coords=coords,
@@ -176,9 +173,7 @@ def _ground(
             f"a ground of shape {values.shape} is neither a number nor one for each of "
             f"{stored.size} bands"
         )
-    if not ((values >= 0) & (values <= 1)).all():
-        wrong = values[~((values >= 0) & (values <= 1))].ravel()[0]
-        raise ValueError(f"a ground's internal reflectance is {wrong:g}; it must lie in [0, 1]")
+    check_ground(values)
     return np.broadcast_to(values, stored.shape) @ bands.mean
 
 
