@@ -5,6 +5,7 @@ from jaxtyping import Int
 
 from glazejax.radiative.common.threads import in_threads
 
+from ...film.numerics.columns import take_rows
 from .chunk import Chunk
 from .fit import rank
 from .pool import Pool
@@ -19,11 +20,11 @@ CHUNK = 64
 
 def find_candidates(task: IdentificationTask, measured: Measured) -> Pool:
     """Fitted candidates of spectra; `CHUNK` at a time, a few of these side by side."""
-    starts, tables = screen(task, measured)
+    near, tables = screen(task, measured)
 
     def fit(rows: Int[np.ndarray, "rows"]) -> Pool:
         chunk = Chunk(task, measured.take(rows))
-        ranked = rank(chunk, starts.take(rows), tables[rows[0]])
+        ranked = rank(chunk, take_rows(near, rows), tables[rows[0]])
         return with_surface(chunk, refine(chunk, ranked))
 
     chunks = np.split(np.arange(len(measured)), range(CHUNK, len(measured), CHUNK))

@@ -25,8 +25,8 @@ from ...film.numerics.blocks import by_blocks
 from ...film.numerics.least_squares import damped_newton, inverse_small
 from .chunk import Chunk
 from .pool import NOBODY, Pool
-from .screen import SetStarts, grow_triples
-from .table import FilmTable, Paints
+from .screen import grow_triples
+from .table import FilmTable, NearestSets, Paints
 from .task import Expected, IdentificationTask, Number
 
 # Amounts between which a paint is searched, in units of the usual thickness; below the first it is
@@ -58,13 +58,13 @@ class Fitted(NamedTuple):
     readings: Float[Any, "sets readings"]  # without the surface
 
 
-def rank(chunk: Chunk, starts: SetStarts, table: FilmTable) -> Pool:
+def rank(chunk: Chunk, near: NearestSets, table: FilmTable) -> Pool:
     """Candidates of some spectra, fitted in single precision with errors that are the same for all
     candidates of a spectrum: sets of one and of two paints, and of three that grow from the best.
 
     Args:
         chunk: the spectra.
-        starts: of their sets.
+        near: sets that come near them, of one paint and of two.
         table: in whose components they are fitted; those of films over one ground serve others too.
     """
     task = chunk.task
@@ -72,11 +72,12 @@ def rank(chunk: Chunk, starts: SetStarts, table: FilmTable) -> Pool:
     errors = whitening(project @ (chunk.noise_covariance + chunk.ranking_covariance) @ project.T)
     errors = errors._replace(basis=errors.basis @ project)
 
-    def fit(starts: SetStarts) -> Fitted:
-        spectra, count, size = starts.sets.shape
+    def fit(near: NearestSets) -> Fitted:
+        spectra, count, size = near.sets.shape
         row = np.repeat(np.arange(spectra), count)
-        logs = np.clip(starts.logs, np.log(LEAST), np.log(MOST)).reshape(-1, size)
-        sets = starts.sets.reshape(-1, size)
+        sets = near.sets.reshape(-1, size)
+        amounts = np.clip(near.amounts.reshape(-1, size), LEAST, MOST)
+        logs = np.where(sets == NOBODY, 0.0, np.log(amounts))
         fitted = fit_all(
             chunk=chunk,
             row=row,
@@ -89,15 +90,15 @@ def rank(chunk: Chunk, starts: SetStarts, table: FilmTable) -> Pool:
         )
         return Fitted(*(values.reshape(spectra, count, *values.shape[1:]) for values in fitted))
 
-    fitted = fit(starts)
-    pool = pool_of(task, starts.sets, fitted)
+    fitted = fit(near)
+    pool = pool_of(task, near.sets, fitted)
     if task.max_paints < 3 or task.paint_count < 3:
         return pool
     pairs = slice(task.paint_count, None)
     grown, new = grow_triples(
         chunk,
         table.white,
-        starts.sets[:, pairs],
+        near.sets[:, pairs],
         fitted.logs[:, pairs],
         fitted.log_evidence[:, pairs],
     )

@@ -8,7 +8,6 @@ so that the cost stays in proportion to the number of paints.
 """
 
 import math
-from dataclasses import dataclass
 
 import jax
 import jax.numpy as jnp
@@ -20,10 +19,8 @@ from glazejax.programs import Program
 from ...film.model.errors import model_correlation, whitening
 from ...film.model.response import FilmResponse
 from ...film.numerics.blocks import by_blocks
-from ...film.numerics.columns import Columns
 from .chunk import Chunk
-from .pool import NOBODY
-from .table import ALIKE, FilmTable, Paints, film_readings, film_table, kept_table
+from .table import ALIKE, FilmTable, NearestSets, Paints, film_readings, film_table, kept_table
 from .task import TYPICAL_READING, IdentificationTask, Measured
 
 # Amounts of a third paint, as a share of the pair's.
@@ -34,35 +31,24 @@ KEPT_TRIPLES = 40
 """Sets of three that are fitted, of as many."""
 
 
-@dataclass(frozen=True)
-class SetStarts(Columns):
-    """Sets and where to start them; those of fewer paints are filled up with `NOBODY`."""
-
-    sets: Int[np.ndarray, "spectra sets size"]
-    logs: Float[np.ndarray, "spectra sets size"]
-
-
-def screen(task: IdentificationTask, measured: Measured) -> tuple[SetStarts, list[FilmTable]]:
+def screen(task: IdentificationTask, measured: Measured) -> tuple[NearestSets, list[FilmTable]]:
     """Look every spectrum up in a table of films over a ground like its own.
 
     Returns:
         Sets of one paint and the best of two for every spectrum, and the table of each.
     """
     groups = alike_grounds(measured.grounds)
-    starts = []
+    nearest = []
     tables: dict[int, FilmTable] = {}
     for rows, ground in groups:
         table = table_over(task, ground)
-        near = table.nearest(measured.flat[rows] - task.mean_surface, task.effort.fitted_pairs)
-        sets, amounts = (
-            np.concatenate([getattr(kind, name) for kind in near], axis=1)
-            for name in ("sets", "amounts")
-        )
-        starts.append(SetStarts(sets, np.log(np.where(sets == NOBODY, 1.0, amounts))))
+        target = measured.flat[rows] - task.mean_surface
+        nearest.append(table.nearest(target, task.effort.fitted_pairs))
         tables.update(dict.fromkeys(rows.tolist(), table))
     # Back in the order of the spectra.
     order = np.argsort(np.concatenate([rows for rows, _ in groups]))
-    return SetStarts.join(starts).take(order), [tables[row] for row in range(len(measured))]
+    near = NearestSets(*(np.concatenate(a)[order] for a in zip(*nearest, strict=True)))
+    return near, [tables[row] for row in range(len(measured))]
 
 
 def table_over(task: IdentificationTask, ground: Float[np.ndarray, "grounds bands"]) -> FilmTable:
@@ -113,7 +99,7 @@ def grow_triples(
     pairs: Int[np.ndarray, "spectra pairs 2"],
     logs: Float[Array | np.ndarray, "spectra pairs 2"],
     log_evidence: Float[Array | np.ndarray, "spectra pairs"],
-) -> tuple[SetStarts, Bool[np.ndarray, "spectra sets"]]:
+) -> tuple[NearestSets, Bool[np.ndarray, "spectra sets"]]:
     """Sets of three from the most probable pairs, and whether each is the first of its kind.
 
     Args:
@@ -142,8 +128,8 @@ def grow_triples(
     unique = [unique_best(s, c, keep) for s, c in zip(sets, cost, strict=True)]
     chosen = np.stack([np.resize(numbers, keep) for numbers in unique])
     new = np.arange(keep) < np.asarray([len(numbers) for numbers in unique])[:, None]
-    logs = np.log(np.take_along_axis(tries, where[..., None, None], axis=2)[:, :, 0])
-    return SetStarts(sets[rows, chosen], logs[rows, chosen]), new
+    amounts = np.take_along_axis(tries, where[..., None, None], axis=2)[:, :, 0]
+    return NearestSets(*(values[rows, chosen] for values in (sets, amounts, cost))), new
 
 
 def grow(

@@ -113,10 +113,8 @@ class FilmTable(NamedTuple):
     white: Float[np.ndarray, "readings readings"]
     sizes: tuple[TableOfSize, ...]
 
-    def nearest(
-        self, target: Float[np.ndarray, "spectra readings"], keep: int
-    ) -> list["NearestSets"]:
-        """Sets of each size that come nearest to each spectrum.
+    def nearest(self, target: Float[np.ndarray, "spectra readings"], keep: int) -> "NearestSets":
+        """Sets that come nearest to each spectrum, those of one paint before those of two.
 
         Args:
             target: spectra without the mean surface.
@@ -137,17 +135,20 @@ class FilmTable(NamedTuple):
 
         # Sixteen spectra at a time bound the memory.
         block = min(16, len(spectra))
-        return [
+        kinds = [
             by_blocks(len(spectra), block, functools.partial(look, kind, count))
             for kind, count in zip(self.sizes, (None, keep), strict=False)
         ]
+        return NearestSets(*(np.concatenate(a, axis=1) for a in zip(*kinds, strict=True)))
 
 
 class NearestSets(NamedTuple):
-    """Sets of one size that come nearest to each spectrum, the nearest first."""
+    """Sets that come near each spectrum, of a size the nearest first; they are filled up with
+    `NOBODY`.
+    """
 
-    sets: Int[np.ndarray, "spectra kept 2"]
-    amounts: Float[np.ndarray, "spectra kept 2"]  # of each paint
+    sets: Int[np.ndarray, "spectra kept size"]
+    amounts: Float[np.ndarray, "spectra kept size"]  # of each paint
     misfit: Float[np.ndarray, "spectra kept"]  # squared, in the units of the errors
 
 
