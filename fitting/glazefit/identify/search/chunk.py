@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from ...film.model.errors import model_correlation
 from .task import TYPICAL_READING, IdentificationTask, Measured
@@ -23,10 +23,6 @@ class Chunk:
 
     def __len__(self) -> int:
         return len(self.spectra)
-
-    def take(self, rows: Int[np.ndarray, "rows"]) -> "Chunk":
-        """Some of the spectra, by number."""
-        return Chunk(self.task, self.spectra.take(rows))
 
     @cached_property
     def target(self) -> Float[np.ndarray, "spectra readings"]:

@@ -80,13 +80,6 @@ class CandidateFilms(Columns):
             readings=pool.readings[at],
         )
 
-    @property
-    def log_weight_lost(self) -> Float[np.ndarray, "films"]:
-        """Deficit of the log weight of each compared with the best of its spectrum."""
-        best = np.full(self.row.max() + 1, -np.inf)
-        np.maximum.at(best, self.row, self.log_weight)
-        return best[self.row] - self.log_weight
-
 
 class Groups(NamedTuple):
     """Films that stand for all with the same paints but for traces."""
@@ -115,7 +108,9 @@ def refine(chunk: Chunk, pool: Pool) -> Pool:
     # With the errors of groups of like films; then those that came near, with errors where they
     # are now.
     films, _, _ = fit_with_errors(chunk, films)
-    films = films.take(films.log_weight_lost <= task.effort.within)
+    best = np.full(len(chunk), -np.inf)
+    np.maximum.at(best, films.row, films.log_weight)
+    films = films.take(best[films.row] - films.log_weight <= task.effort.within)
     films, groups, _ = fit_with_errors(chunk, films)
     # Amounts that are shown come near the readings, those that are weighed are kept separately.
     near = fit_all(
@@ -195,7 +190,6 @@ def fit_with_errors(
     task = chunk.task
     groups = _group(task, films, slopes_at(chunk, films.sets, films.logs, films.row))
     errors = coefficient_errors(chunk, groups.row, groups.sets, groups.slopes)
-    block = block_size(errors.basis.shape[-1])
     fitted = fit_all(
         chunk=chunk,
         row=films.row,
@@ -204,7 +198,7 @@ def fit_with_errors(
         errors=errors,
         own=groups.of,
         steps=task.effort.steps,
-        block=block,
+        block=block_size(chunk.target.shape[1]),
     )
     log_weight = fitted.log_evidence + log_set_prior(task, films.sets)
     # Nothing is known together with a paint that is not there.
@@ -233,9 +227,7 @@ def _group(
     order = np.argsort(-films.log_weight, kind="stable")
     _, first, of = np.unique(key[order], return_index=True, return_inverse=True)
     best = order[first]
-    group = np.empty(len(key), dtype=np.int64)
-    group[order] = of
-    return Groups(group, films.row[best], films.sets[best], slopes[best])
+    return Groups(of[np.argsort(order)], films.row[best], films.sets[best], slopes[best])
 
 
 def coefficient_errors(
@@ -254,15 +246,13 @@ def coefficient_errors(
     by = slopes.astype(np.float32)
     paint_errors = task.errors.astype(np.float32)
 
-    def some(n: Int[np.ndarray, "block"]) -> tuple[np.ndarray, np.ndarray]:
+    def some(n: Int[np.ndarray, "block"]) -> Whitening:
         caused = paints_covariance(by[n], sets[n], paint_errors, task.modes, task.wavelengths, d)
         white = whitening(noise[row[n]] + (smooth[row[n]] + caused))
-        return white.basis.astype(np.float32), white.height
+        return white._replace(basis=white.basis.astype(np.float32))
 
     # A few at a time: matrices that stay in a core's cache.
-    blocks = np.split(np.arange(len(row)), range(_ERRORS, len(row), _ERRORS))
-    basis, height = zip(*map(some, blocks), strict=True)
-    return Whitening(np.concatenate(basis), np.concatenate(height))
+    return by_blocks(len(row), min(_ERRORS, len(row)), some)
 
 
 def block_size(readings: int) -> int:
@@ -317,7 +307,7 @@ def coefficient_projection(
         groups.slopes, groups.sets, task.errors, task.modes, task.wavelengths, stated
     )
     used, inverse = np.unique(groups.row, return_inverse=True)
-    spectra = chunk.take(used)
+    spectra = Chunk(task, chunk.spectra.take(used))
     white = whitening(spectra.tolerance_covariance[inverse] + free).basis
     # All by which a film may be off, but for what counts as near.
     near = spectra.tolerance.reshape(len(used), -1, 1)[inverse] ** 2
