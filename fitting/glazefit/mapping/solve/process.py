@@ -1,9 +1,8 @@
 """Settings of the process: the same numbers whatever the number of cores, and memory given back."""
 
 import ctypes
-import functools
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
 from glazejax.extras import require
@@ -33,25 +32,17 @@ def give_back() -> None:
     Each thread that starts takes a heap of its own, and what is freed there stays: a long run of
     short threads would grow by a gigabyte that nothing uses.
     """
-    trim = _trim()
-    if trim is not None:
-        trim(0)
-
-
-@functools.cache
-def _trim() -> Callable[[int], int] | None:
-    if sys.platform != "linux":
-        return None
-    try:
-        return ctypes.CDLL("libc.so.6").malloc_trim
-    except (OSError, AttributeError):
-        return None
+    _call_glibc("malloc_trim", 0)
 
 
 def few_arenas() -> None:
     """Let all threads of this process share two heaps; heard only before the first thread has
     begun.
     """
+    _call_glibc("mallopt", _ARENA_MAX, 2)
+
+
+def _call_glibc(function: str, *numbers: int) -> None:
     if sys.platform == "linux":
         with suppress(OSError, AttributeError):
-            ctypes.CDLL("libc.so.6").mallopt(_ARENA_MAX, 2)
+            getattr(ctypes.CDLL("libc.so.6"), function)(*numbers)

@@ -9,7 +9,7 @@ from uuid import uuid4
 
 import numpy as np
 
-from .layout import STATUS_WORDS, VARIABLES, Variable, Way
+from .layout import PLACES, STATUS_WORDS, VARIABLES, Variable, Way
 
 FORMAT = 5
 """Version of the format, in the attribute `glazejax` of a map."""
@@ -60,8 +60,9 @@ def lay_out(
     }
     group = zarr.create_group(path, attributes=plain(metadata))
     packed = [BloscCodec(cname="zstd", clevel=1, shuffle="shuffle"), Crc32cCodec()]
+    sizes = {"paint": len(paints), "place": PLACES, "rgb": 3}
     for variable in VARIABLES:
-        further = variable.further_sizes(len(paints))
+        further = [sizes[name] for name in variable.further]
         group.create_array(
             variable.name,
             shape=(*shape, *further),

@@ -56,11 +56,6 @@ class Variable(NamedTuple):
     unit: str = ""
     further: tuple[str, ...] = ()  # dimensions after y and x
 
-    def further_sizes(self, paints: int) -> tuple[int, ...]:
-        """Sizes of these dimensions in a map of so many paints."""
-        sizes = {"paint": paints, "place": PLACES, "rgb": 3}
-        return tuple(sizes[name] for name in self.further)
-
 
 PLACES = 3
 """Paints a set can have."""
