@@ -97,8 +97,8 @@ def grow_triples(
     chunk: Chunk,
     white: Float[np.ndarray, "readings readings"],
     pairs: Int[np.ndarray, "spectra pairs 2"],
-    logs: Float[Array | np.ndarray, "spectra pairs 2"],
-    log_evidence: Float[Array | np.ndarray, "spectra pairs"],
+    logs: Float[np.ndarray, "spectra pairs 2"],
+    log_evidence: Float[np.ndarray, "spectra pairs"],
 ) -> tuple[NearestSets, Bool[np.ndarray, "spectra sets"]]:
     """Sets of three from the most probable pairs, and whether each is the first of its kind.
 
@@ -112,7 +112,7 @@ def grow_triples(
     task = chunk.task
     rows = np.arange(len(pairs))[:, None]
     # A third paint joins the twelve most probable pairs.
-    best = np.argsort(-np.asarray(log_evidence), axis=1)[:, :12]
+    best = np.argsort(-log_evidence, axis=1)[:, :12]
     amounts = np.exp(logs)[rows, best]
     sets, tries = grow(pairs[rows, best], amounts, task.paint_count)
     # Each at a few amounts of the third paint.

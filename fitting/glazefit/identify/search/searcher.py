@@ -275,8 +275,7 @@ def find_extenders(pigments: Sequence[Pigment], thickness: float) -> Bool[np.nda
     """True for paints that are extenders: a film of this thickness (m) lets most light through at
     every wavelength.
     """
-    depth = [
-        [float(np.max(np.asarray(values))) for values in (p.absorption, p.scattering)]
-        for p in pigments
+    highest = [
+        np.max(np.asarray(p.absorption)) + np.max(np.asarray(p.scattering)) for p in pigments
     ]
-    return thickness * np.sum(depth, axis=1) < 1.0
+    return thickness * np.array(highest) < 1.0
