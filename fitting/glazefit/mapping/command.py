@@ -11,10 +11,22 @@ import typer
 from glazejax.commands import options, progress
 from glazejax.commands.command_line import ground_file
 from glazejax.commands.help_groups import help_groups
+from glazejax.extras import require
 
 from ..identify import facts
 from ..page import subject as head
-from .options import CUBE
+from .options import (
+    CUBE,
+    read_bands,
+    read_binning,
+    read_ground_of_cube,
+    read_memory,
+    read_spectra_of_spots,
+    read_spots,
+    read_wavelengths,
+    read_white,
+    read_window,
+)
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -220,20 +232,6 @@ def map_(
             "cube:x0:x1,y0:y1 where it lies bare in the cube; or --opaque"
         )
     subject = head.check_subject(report, object=object, inventory=inventory, operator=operator)
-    from glazejax.extras import require
-
-    from .options import (
-        read_bands,
-        read_binning,
-        read_ground_of_cube,
-        read_memory,
-        read_spectra_of_spots,
-        read_spots,
-        read_wavelengths,
-        read_white,
-        read_window,
-    )
-
     require("xarray", "zarr")
     bound = read_memory(memory)
     spots = spot or []
@@ -427,8 +425,6 @@ def _check_outputs(
         files |= dict(zip(("--export", "the image of --export"), exported, strict=False))
     options.check_outputs(files, overwrite, inputs=list(inputs.values()))
     if report is not None:
-        from glazejax.extras import require
-
         require("matplotlib", "jinja2")
         if report.resolve() == out.resolve():
             raise ValueError(f"--report and --out are both {out}: give them different names")

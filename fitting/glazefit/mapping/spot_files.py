@@ -13,6 +13,7 @@ from glazejax import Pigment
 from glazejax.geometry import Instrument
 from glazejax.io.write import write_table
 from glazejax.paint.pigment_table import write_pigments
+from glazejax.spectra import common_range
 
 from ..identify.families.expected import has_families
 from .show.page_spots import PAINTS, REFERENCES, SPECTRA
@@ -60,9 +61,8 @@ def write_spots(
     files = [folder / SPECTRA, folder / PAINTS]
     rows = [[nm, *(reading[n] for reading in spots.values())] for n, nm in enumerate(bands)]
     write_table(files[0], ["wavelength_nm", *spots], rows, overwrite=overwrite)
-    first = max([grid[0], *(float(p.wavelengths[0]) for p in paints)])
-    last = min([grid[-1], *(float(p.wavelengths[-1]) for p in paints)])
-    additions = spot_paints(spots, bands, (float(first), float(last)), paints, instrument)
+    ends = common_range([grid, *(p.wavelengths for p in paints)])
+    additions = spot_paints(spots, bands, ends, paints, instrument)
     comments = [
         f"glazejax map: the paints that were tried, and {', '.join(spots)}: spectra that none of "
         "them explains, taken as thick paint; s is the median of the others."

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int
 
@@ -338,8 +337,9 @@ def _prior_of(
 ) -> tuple[Float[np.ndarray, "n size"], Float[np.ndarray, "n size size"]]:
     """Gradient and Hessian of minus the log prior of films."""
 
-    def run(rows: np.ndarray) -> tuple[jax.Array, jax.Array]:
-        arguments = jnp.asarray(logs[rows]), jnp.asarray(sets[rows] != NOBODY)
-        return _terms(*arguments, task.prior.spread, task.prior.concentration_sought)
+    law = task.prior.spread, task.prior.concentration_sought
+
+    def run(n: Int[np.ndarray, "block"]) -> tuple[jax.Array, jax.Array]:
+        return _terms(logs[n], sets[n] != NOBODY, *law)
 
     return by_blocks(len(sets), 256, run)

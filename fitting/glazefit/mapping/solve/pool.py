@@ -6,7 +6,6 @@ Graphics, and Image Processing 24 (1983) 255).
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -24,25 +23,13 @@ REACH = 1.5
 _TIMES = 2.0
 
 
-class Pooled(NamedTuple):
-    """Readings and how far from each the one that stands for it may be.
-
-    Attributes:
-        readings: (pixels, bands).
-        reach: in the unit of `Features`: errors of paint, and noise that is left.
-    """
-
-    readings: Float[np.ndarray, "pixels bands"]
-    reach: Float[np.ndarray, "pixels"]
-
-
 def pooled(
     readings: Float[np.ndarray, "pixels bands"],
     sd: Float[np.ndarray, "pixels bands"],
     features: Features,
     shape: tuple[int, int],
     steps: Sequence[tuple[int, int]],
-) -> Pooled:
+) -> tuple[Float[np.ndarray, "pixels bands"], Float[np.ndarray, "pixels"]]:
     """Means over each pixel and its neighbours that are equal within noise.
 
     Args:
@@ -51,6 +38,10 @@ def pooled(
         features: by which they are compared.
         shape: rows and columns.
         steps: to the neighbours, `AROUND` or `ALONG`.
+
+    Returns:
+        The means, and how far from each the one that stands for it may be, in the unit of
+        `Features`: errors of paint, and noise that is left.
     """
     from scipy.sparse import coo_array
 
@@ -74,7 +65,5 @@ def pooled(
     weights = np.ones(len(rows), np.float32)
     near = coo_array((weights, (rows, columns)), shape=(len(readings),) * 2).tocsr()
     count = near.sum(axis=1)
-    return Pooled(
-        readings=(near @ readings) / count[:, None],
-        reach=np.sqrt(REACH**2 + _TIMES * doubt / count).astype(np.float32),
-    )
+    reach = np.sqrt(REACH**2 + _TIMES * doubt / count).astype(np.float32)
+    return (near @ readings) / count[:, None], reach

@@ -46,14 +46,14 @@ class PixelSolver:
         readings, status = image.read(window)
         good = np.flatnonzero(status == Status.MAPPED)
         spectra = np.maximum(readings[good], 0.0)
-        mean = pooled(
+        means, reach = pooled(
             np.where((status == Status.MAPPED)[:, None], readings, np.float32(np.nan)),
             image.noise_sd(readings),
             self.atlas.features,
             window.shape,
             AROUND,
         )
-        answers, way = self._answers(np.maximum(mean.readings[good], 0.0), mean.reach[good])
+        answers, way = self._answers(np.maximum(means[good], 0.0), reach[good])
         seen_as = true_colour(image.bands.wavelengths, readings)
         arrays = {
             "status": status.reshape(window.shape),

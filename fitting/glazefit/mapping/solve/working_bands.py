@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
 from glazejax import Pigment
-from glazejax.spectra import describe_grid, lie_between
+from glazejax.spectra import common_range, describe_grid, lie_between
 
 from ...film.films import Noise
 from ...film.shared_bands import FEWEST, SEARCHED, means_of_steps
@@ -116,10 +116,10 @@ def used_range(pigments: Sequence[Pigment]) -> tuple[float, float]:
     """First and last wavelength that an image is used at, nm: all paints are known there or, where
     they are searched by family, one of them is.
     """
-    ends = np.array([[float(p.wavelengths[0]), float(p.wavelengths[-1])] for p in pigments])
+    grids = [p.wavelengths for p in pigments]
     if has_families(pigments):
-        return float(ends[:, 0].min()), float(ends[:, 1].max())
-    return float(ends[:, 0].max()), float(ends[:, 1].min())
+        return float(min(grid[0] for grid in grids)), float(max(grid[-1] for grid in grids))
+    return common_range(grids)
 
 
 def classify(
