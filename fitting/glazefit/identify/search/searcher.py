@@ -15,7 +15,7 @@ from jaxtyping import ArrayLike, Bool, Float
 from glazejax import Pigment
 from glazejax.geometry import resolve_instrument
 from glazejax.paint.media import MAX_THICKNESS
-from glazejax.spectra import validate_wavelengths
+from glazejax.spectra import Bands, validate_wavelengths
 
 from ...film.films import Noise
 from ...film.model.errors import ModelError, Prior, error_modes, relative_errors
@@ -59,15 +59,15 @@ class Searcher(NamedTuple):
     tasks: Mapping[bool, IdentificationTask]
     opaque: bool
     paints: tuple[str, ...]
-    varnish: str = "unknown"
-    averaged: "tuple[Searcher, float] | None" = None
+    varnish: str
+    averaged: "tuple[Searcher, float] | None"
 
     @classmethod
     def of(
         cls,
         wavelengths: ArrayLike,
         pigments: Pigments,
-        options: IdentificationOptions | None = None,
+        options: IdentificationOptions,
         *,
         opaque: bool = False,
     ) -> "Searcher":
@@ -77,7 +77,6 @@ class Searcher(NamedTuple):
             ValueError: an empty catalogue, repeated names, pigments that do not cover the
                 wavelengths.
         """
-        options = options or IdentificationOptions()
         instrument = resolve_instrument(options.instrument)
         discrepancy = options.discrepancy or ModelError()
         prior = options.prior or Prior()
@@ -157,18 +156,18 @@ class Searcher(NamedTuple):
 
 
 def check_spectra(
-    wavelengths: ArrayLike,
+    grid: Bands,
     spectra: ArrayLike,
     ground: ArrayLike | None,
     names: Sequence[str] | None,
     noise: Noise,
 ) -> Measured:
-    """Spectra and grounds as (spectra, grounds, bands); see `glazefit.identify`.
+    """Spectra at wavelengths that were validated, and grounds, as (spectra, grounds, bands); see
+    `glazefit.identify`.
 
     Raises:
         ValueError: shapes that do not match, values that are not reflectances, or repeated names.
     """
-    grid = validate_wavelengths(np.asarray(wavelengths, dtype=np.float64))
     readings = np.asarray(spectra, dtype=np.float64)
     shape = readings.shape
     if readings.ndim == 1:

@@ -67,7 +67,7 @@ def search_unstated_conditions(
     opaque: bool,
     measured: Measured,
     pool: Pool,
-    varnish: str = "unknown",
+    varnish: str,
 ) -> tuple[Pool, Odds]:
     """The pool, with candidates under other conditions where what was stated leaves a film in
     doubt; and its odds.
