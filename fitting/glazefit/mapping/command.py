@@ -340,8 +340,7 @@ def map_(
     console.print(f"Wrote the map to {out}")
     print_map(paint_map, tallies, sets, console)
     if csv is not None:
-        grid = paint_map.attrs["working_wavelengths"]
-        write_sets(csv, paint_map, sets, grid, overwrite=overwrite)
+        write_sets(csv, paint_map, sets, overwrite=overwrite)
         console.print(f"Wrote the table of sets to {csv}")
     if export is not None:
         from .store.export import export_map

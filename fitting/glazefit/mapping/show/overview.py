@@ -189,7 +189,7 @@ def overview(
     rows = max(1, _PIXELS // (coarse * width)) * coarse
     for y in range(0, height, rows):
         section = dataset.isel(y=slice(y, y + rows))
-        block = {name: np.asarray(section[name].values) for name in names}
+        block = {name: section[name].values for name in names}
         mapped = block["status"] == Status.MAPPED
         likely += np.sum(np.nan_to_num(block["paint_probability"])[mapped] > 0.5, axis=0)
         for name, tile in _parts(block, step, coarse).items():

@@ -83,7 +83,7 @@ def write_report(
     tallies: Mapping[str, float],
     sets: Mapping[Members, SetSum],
     provenance: MapProvenance,
-    folder: str | Path,
+    folder: Path,
     *,
     cube: "xr.DataArray | None" = None,
     facts: Mapping[Members, Mapping[str, Any]] | None = None,
@@ -109,7 +109,6 @@ def write_report(
         FileExistsError: there is a report, and `overwrite` is false.
         ValueError: the dataset is no map.
     """
-    folder = Path(folder)
     path = folder / "report.html"
     if path.exists() and not overwrite:
         raise FileExistsError(f"{path} is there already: --overwrite replaces it")

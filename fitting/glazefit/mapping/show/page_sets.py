@@ -41,7 +41,6 @@ def set_rows(
         area = look.where(members)
         chances = look.examples["probability"][area]
         chances = chances[np.isfinite(chances)]
-        pixels = sums.get(members)
         yield {
             "members": members,
             "legend": look.legend_colours[n],
@@ -53,9 +52,9 @@ def set_rows(
             "exemplars": film["paints"] if film else (),
             "pixels": look.sets[members],
             "probability": float(chances.mean()) if chances.size else None,
-            "thickness": pixels.thickness_um if pixels else None,
+            "thickness": sums[members].thickness_um,
             "spectrum": small_spectrum(
-                pixels, grid, np.array(film["fitted"][0], float) if film else None
+                sums[members], grid, np.array(film["fitted"][0], float) if film else None
             ),
         }
 
@@ -80,9 +79,9 @@ def small_spectrum(
     film: Float[np.ndarray, "bands"] | None = None,
 ) -> dict[str, Any] | None:
     """Mean of a set's readings, their spread and a film, by default the mean of its fits, NaN where
-    it is not known, with axes that hold them; None for a set without pixels.
+    it is not known, with axes that hold them; None where no pixel has the set.
     """
-    if sums is None or not sums.pixels:
+    if sums is None:
         return None
     fitted = sums.mean_fit if film is None else film
     highest = (sums.mean + sums.sd).max()

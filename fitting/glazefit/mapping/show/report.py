@@ -82,7 +82,6 @@ def write_sets(
     path: Path,
     dataset: "xarray.Dataset",
     sets: Mapping[Members, SetSum],
-    grid: Sequence[float],
     *,
     overwrite: bool = False,
 ) -> None:
@@ -93,7 +92,6 @@ def write_sets(
         path: CSV, or TSV by its ending.
         dataset: the map.
         sets: sums over the pixels of each set.
-        grid: (bands,), nm, of the sums.
         overwrite: whether a file that exists may be replaced.
 
     Raises:
@@ -102,6 +100,7 @@ def write_sets(
     """
     paints = [str(name) for name in dataset["paint"].values]
     mapped = sum(sums.pixels for sums in sets.values())
+    grid = dataset.attrs["working_wavelengths"]
     titles = [
         "paints",
         "pixels",

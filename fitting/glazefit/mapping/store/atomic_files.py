@@ -35,8 +35,8 @@ class KeyedResults:
         folder: made with the first result; what a killed run left half-written does not count.
     """
 
-    def __init__(self, folder: str | Path):
-        self.folder: Path = Path(folder)
+    def __init__(self, folder: Path):
+        self.folder = folder
 
     def done(self) -> set[str]:
         """Keys of all results."""

@@ -131,10 +131,12 @@ class MapStore:
         with hold(path):
             if path.exists() and any(path.iterdir()) and not overwrite:
                 existing = cls(path)
-                if differences := _differences(existing.options, requested):
+                others = _others(existing.options, requested)
+                if others:
+                    differences = [_difference(n, existing.options, requested) for n in others]
                     raise ValueError(
-                        f"{path} was begun with other options ({differences}); name another map, "
-                        "or replace it with overwrite=True (--overwrite)"
+                        f"{path} was begun with other options ({_few('; ', differences)}); name "
+                        "another map, or replace it with overwrite=True (--overwrite)"
                     )
                 return existing
             # Made next to the map, so that a map is there whole or as it was before.
@@ -388,13 +390,6 @@ def _damaged(path: Path, subject: str) -> ValueError:
     return ValueError(
         f"{path} is a damaged map, whose {subject}: make the map again with overwrite=True "
         "(--overwrite)"
-    )
-
-
-def _differences(existing: Mapping[str, Any], requested: Mapping[str, Any]) -> str:
-    """Differences of options, in words; empty if there are none."""
-    return _few(
-        "; ", [_difference(name, existing, requested) for name in _others(existing, requested)]
     )
 
 
