@@ -18,12 +18,12 @@ import pytest
 
 from glazefit.mapping.store.atomic_files import KeyedResults
 from glazefit.mapping.store.chunk import ChunkMaps
-from glazefit.mapping.store.run import client_in_scope, connect, finish, run_chunks
+from glazefit.mapping.store.run import client_in_scope, connect, finish
 from glazefit.mapping.store.store import open_map
 
 from ..refusals import refusal
 from .test_store import same, undisturbed  # noqa: F401
-from .toy import WINDOWS, Toy, store_at
+from .toy import WINDOWS, Toy, run_chunks, store_at
 
 distributed = pytest.importorskip("distributed")
 

@@ -21,10 +21,10 @@ from glazefit.identify.families.expected import EXPECTED
 from glazefit.mapping.options import read_bands, read_binning, read_memory, read_spots, read_window
 from glazefit.mapping.store.chunk import ChunkMaps, SetSum
 from glazefit.mapping.store.layout import VARIABLES, Status
-from glazefit.mapping.store.run import run_chunks
 from glazefit.mapping.store.store import MapStore, open_map
 from glazejax import catalogue
 from tests.commands import invoke
+from tests.mapping.toy import run_chunks
 
 xarray = pytest.importorskip("xarray")
 pytest.importorskip("zarr")

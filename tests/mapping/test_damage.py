@@ -13,13 +13,12 @@ import xarray
 from glazefit.mapping.store.chunk import ChunkMaps
 from glazefit.mapping.store.export import export_map
 from glazefit.mapping.store.layout import Status
-from glazefit.mapping.store.run import run_chunks
 from glazefit.mapping.store.store import DamagedWindow, MapStore, open_map
 from glazefit.mapping.store.windows import Window
 
 from ..refusals import refusal
 from .test_store import same, undisturbed  # noqa: F401
-from .toy import WINDOWS, Toy, store_at
+from .toy import WINDOWS, Toy, run_chunks, store_at
 
 pytest.importorskip("zarr")
 

@@ -10,12 +10,11 @@ from glazefit import set_labels
 from glazefit.mapping.store.chunk import ChunkMaps
 from glazefit.mapping.store.export import check_export, export_map
 from glazefit.mapping.store.layout import VARIABLES, Status
-from glazefit.mapping.store.run import run_chunks
 from glazefit.mapping.store.store import MapStore, open_map
 
 from ..refusals import refusal
 from .test_store import unfinish
-from .toy import CHUNK, PAINTS, SHAPE, WINDOWS, Toy, full
+from .toy import CHUNK, PAINTS, SHAPE, WINDOWS, Toy, full, run_chunks
 
 xarray = pytest.importorskip("xarray")
 pytest.importorskip("zarr")

@@ -5,11 +5,10 @@ from pathlib import Path
 import pytest
 
 from glazefit.mapping.store.lock import hold
-from glazefit.mapping.store.run import run_chunks
 
 from ..refusals import refusal
 from .test_store import finished, same, undisturbed  # noqa: F401
-from .toy import Toy, start_run, store_at
+from .toy import Toy, run_chunks, start_run, store_at
 
 pytest.importorskip("zarr")
 

@@ -18,13 +18,12 @@ from glazefit.mapping.solve.update import Answers
 from glazefit.mapping.store.atomic_files import KeyedResults
 from glazefit.mapping.store.chunk import ChunkMaps, add_sets, pack
 from glazefit.mapping.store.layout import VARIABLES, Status
-from glazefit.mapping.store.run import run_chunks
 from glazefit.mapping.store.store import MapStore, open_map
 from glazefit.mapping.store.windows import Window, chunk_shape, windows
 
 from ..refusals import refusal
 from ..slow import slow
-from .toy import BANDS, CHUNK, PAINTS, SHAPE, WINDOWS, Toy, full, start_run, store_at
+from .toy import BANDS, CHUNK, PAINTS, SHAPE, WINDOWS, Toy, full, run_chunks, start_run, store_at
 
 xarray = pytest.importorskip("xarray")
 zarr = pytest.importorskip("zarr")

@@ -14,9 +14,10 @@ import numpy as np
 
 from glazefit.mapping.store.chunk import ChunkMaps, SetSum
 from glazefit.mapping.store.layout import PLACES, VARIABLES, Status
-from glazefit.mapping.store.run import run_chunks
+from glazefit.mapping.store.run import AT_ONCE, finish
 from glazefit.mapping.store.store import MapStore
 from glazefit.mapping.store.windows import Window
+from glazejax.progress import no_progress
 
 from ..fresh import PATHS
 
@@ -64,6 +65,21 @@ def store_at(path: str | Path, **more) -> MapStore:
     return MapStore.create(
         path, SHAPE, CHUNK, PAINTS, options={"noise": 0.003, "layers": 1}, **more
     )
+
+
+def run_chunks(store: MapStore, solver, client=None, progress=no_progress) -> None:
+    """All windows that are not there yet, as `map_cube` has them made and kept."""
+    with store.writing():
+        finish(
+            keys=store.windows(),
+            work=solver.solve,
+            done=store.done(),
+            put=store.put,
+            client=client,
+            progress=progress,
+            stage="mapping",
+            at_once=AT_ONCE,
+        )
 
 
 def full(*_, **__):

@@ -35,7 +35,7 @@ from .solve.task import MapTask, map_task
 from .solve.unexplained import choose_spots
 from .solve.working_bands import classify
 from .store.layout import STATUS_WORDS, Status
-from .store.run import AT_ONCE, client_in_scope, finish, run_chunks
+from .store.run import AT_ONCE, client_in_scope, finish
 from .store.store import MapStore, check_map, open_map
 from .store.windows import BASE, chunk_shape
 
@@ -162,7 +162,16 @@ def map_cube(
             compared = agreement(task, surveyed.checked, answers.columns(task.prior))
             store.work.put("checked", compared)
         solver = PixelSolver(task, atlas, reach=float(surveyed.reach))
-        run_chunks(store, solver, client, progress)
+        finish(
+            keys=store.windows(),
+            work=solver.solve,
+            done=store.done(),
+            put=store.put,
+            client=client,
+            progress=progress,
+            stage="mapping",
+            at_once=AT_ONCE,
+        )
         tallies, _ = store.sums()
         store.note(
             complete=True,

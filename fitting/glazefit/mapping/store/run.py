@@ -4,33 +4,20 @@ on.
 
 from collections.abc import Callable, Generator, Iterator, Sequence, Set
 from contextlib import closing, contextmanager
-from typing import TYPE_CHECKING, Protocol, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from glazejax.extras import require
 from glazejax.progress import Progress, no_progress
 from glazejax.radiative.common.threads import in_threads
 
-from .chunk import ChunkMaps
-from .windows import Window
-
 if TYPE_CHECKING:
     from distributed import Client
-
-    from .store import MapStore
 
 Key = TypeVar("Key")
 Result = TypeVar("Result")
 
 AT_ONCE = 2
 """Windows that are solved side by side in one process."""
-
-
-class WindowSolver(Protocol):
-    """Solver of one window; it can be pickled, and its result depends on the window alone."""
-
-    def solve(self, window: Window) -> ChunkMaps:
-        """Maps of a window."""
-        ...
 
 
 def finish(
@@ -74,26 +61,6 @@ def finish(
         for number, (key, result) in enumerate(results, start=finished + 1):
             put(key, result)
             progress(number, len(keys), stage)
-
-
-def run_chunks(
-    store: "MapStore",
-    solver: WindowSolver,
-    client: "Client | None" = None,
-    progress: Progress = no_progress,
-) -> None:
-    """Solve every window of a map that is not finished yet; see `finish`."""
-    with store.writing():
-        finish(
-            keys=store.windows(),
-            work=solver.solve,
-            done=store.done(),
-            put=store.put,
-            client=client,
-            progress=progress,
-            stage="mapping",
-            at_once=AT_ONCE,
-        )
 
 
 def client_in_scope() -> "Client | None":

@@ -89,7 +89,6 @@ class MapStore:
             )
         self.work = KeyedResults(self.path / WORK / "work")
         self._sums = KeyedResults(self.path / WORK / "sums")
-        self._held = False
 
     @classmethod
     def create(
@@ -261,9 +260,6 @@ class MapStore:
         Raises:
             ValueError: another run holds it, or has replaced it.
         """
-        if self._held:
-            yield
-            return
         with hold(self.path):
             if type(self)(self.path).run != self.run:
                 raise ValueError(
@@ -274,11 +270,7 @@ class MapStore:
                 leftover.unlink(missing_ok=True)
             for window in self.windows() if self.complete else sorted(self.done()):
                 self._remove_damaged(window)
-            self._held = True
-            try:
-                yield
-            finally:
-                self._held = False
+            yield
 
     def _remove_damaged(self, window: Window) -> None:
         """Take a window away, and warn of it, if it is damaged."""
