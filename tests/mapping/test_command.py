@@ -94,7 +94,8 @@ class Halves:
             half * np.full(GRID.size, 0.4),
             half * np.full(GRID.size, 0.41),
             half * np.full(GRID.size, 0.17),
-            (half * 20e-6, half),
+            half * 20e-6,
+            half,
         )
         tallies = {"mapped": float(y * x), "left out by the mask": float(masked)}
         return ChunkMaps(arrays, tallies, {(0,): one, (0, 1): one})

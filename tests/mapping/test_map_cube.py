@@ -106,8 +106,8 @@ def test_every_pixel_is_answered_or_marked(made, cube):
         assert_allclose(one.square, (readings**2).sum(axis=0), rtol=1e-5)
         if paints:
             thickness = found["thickness"].values[inside]
-            assert one.thickness[1] == np.isfinite(thickness).sum()
-            assert one.thickness[0] == pytest.approx(np.nansum(thickness), rel=1e-5)
+            assert one.pixels_with_thickness == np.isfinite(thickness).sum()
+            assert one.thickness == pytest.approx(np.nansum(thickness), rel=1e-5)
             assert np.abs(one.fitted / one.pixels - readings.mean(axis=0)).mean() < 0.02
 
 

@@ -123,8 +123,8 @@ def test_sets_stand_with_their_shares_of_the_area(made, report):
         assert all(names[member] in text for member in members)
         share = float(re.findall(r"([\d.]+) % [\d.]+ 9", text)[0])
         assert share == pytest.approx(100 * sets[members].pixels / mapped, abs=0.05)
-        thickness, count = sets[members].thickness
-        assert f" {thickness / count * 1e6:.1f} " in text
+        one = sets[members]
+        assert f" {one.thickness / one.pixels_with_thickness * 1e6:.1f} " in text
         assert "<svg" in row
     assert "None of these paints" in rows[-1]
     assert 'class="key none"' in rows[-1]
@@ -253,7 +253,7 @@ def test_a_map_that_is_not_finished_or_empty_says_so(part, tmp_path):
 def test_a_small_spectrum_has_the_mean_at_its_height():
     grid = np.array([400.0, 500.0, 600.0, 700.0])
     mean = np.array([0.0, 0.5, 1.0, 0.25])
-    drawn = small_spectrum(SetSum(4, 4 * mean, 4 * mean, 4 * mean**2, (0.0, 0)), grid)
+    drawn = small_spectrum(SetSum(4, 4 * mean, 4 * mean, 4 * mean**2), grid)
     assert drawn is not None
     y = [float(pair.split(",")[1]) for pair in drawn["axes"].line(drawn["mean"]).split()]
     # In hundredths from above; the upper edge is 1.

@@ -113,8 +113,8 @@ def test_sums_are_those_of_the_windows_in_order(undisturbed):
         third += maps.tallies["third"]
         add_sets(expected, maps.sets)
     assert tallies == {"mapped": 1900.0, "third": third}
-    assert {m: (s.pixels, s.thickness) for m, s in sets.items()} == {
-        m: (s.pixels, s.thickness) for m, s in expected.items()
+    assert {m: (s.pixels, s.thickness, s.pixels_with_thickness) for m, s in sets.items()} == {
+        m: (s.pixels, s.thickness, s.pixels_with_thickness) for m, s in expected.items()
     }
     for members, one in sets.items():
         for name in ("spectrum", "fitted", "square"):

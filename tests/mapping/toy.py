@@ -54,7 +54,8 @@ class Toy:
                 random.random(BANDS),
                 random.random(BANDS),
                 random.random(BANDS),
-                (random.random(), 2),
+                random.random(),
+                2,
             )
             for members in [(), (0,), (0, 2), (1, 2, 3)][: int(random.integers(0, 5))]
         }

@@ -82,7 +82,8 @@ def truth_map(painting: Painting):
             readings[there].sum(axis=0, dtype=float),
             clear[there].sum(axis=0, dtype=float),
             (readings[there].astype(float) ** 2).sum(axis=0),
-            (float(thick.sum()), thick.size),
+            float(thick.sum()),
+            thick.size,
         )
     attrs = {"units": "mm"}
     coordinates = {

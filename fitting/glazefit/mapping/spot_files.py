@@ -47,7 +47,7 @@ def write_spots(
         The files; none where the map has no such spectra.
     """
     spots = {
-        str(spot["name"]): np.asarray(spot["reading"], float)
+        spot["name"]: np.asarray(spot["reading"], float)
         for spot in paint_map.attrs.get("spots", ())
     }
     if not spots:

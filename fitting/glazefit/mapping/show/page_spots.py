@@ -36,7 +36,6 @@ def spot_rows(
         rows.append(
             {
                 **spot,
-                "name": str(spot["name"]),
                 "colour": hex_colour(true_colour(grid, reading[None])[0] / 255),
                 "spectrum": small_spectrum(alone, grid),
             }

@@ -56,7 +56,7 @@ def print_map(
         return
     paints = [str(name) for name in dataset["paint"].values]
     # Of families no thickness is known anywhere.
-    thick = any(sums.thickness[1] for sums in sets.values())
+    thick = any(sums.pixels_with_thickness for sums in sets.values())
     table = plain_table("paints", "pixels", "area", *(["thickness"] if thick else []), "misfit")
     reported = {(), *shown_sets({members: sums.pixels for members, sums in sets.items()})}
     for members, sums in by_area(sets):
@@ -126,7 +126,7 @@ def _row(members: Members, sums: SetSum, paints: Sequence[str], mapped: int) -> 
         "pixels": sums.pixels,
         "share": sums.pixels / mapped,
         "thickness_um": sums.thickness_um,
-        "pixels_with_thickness": sums.thickness[1],
+        "pixels_with_thickness": sums.pixels_with_thickness,
         "rmse_of_mean": float(rms_difference(sums.mean, sums.mean_fit)),
         # How far pixels lie about their mean, over all bands.
         "sd_of_pixels": float(np.sqrt(np.mean(sums.sd**2))),

@@ -126,12 +126,12 @@ def _sums(
         fitted = answers.fitted[rows].astype(np.float64)
         thickness = answers.thickness[rows][~answers.opaque[rows]].astype(np.float64)
         key = tuple(paint for paint in paints if paint != NOBODY)
-        total = float(thickness.sum()), len(thickness)
         out[key] = SetSum(
             pixels=len(rows),
             spectrum=readings.sum(axis=0),
             fitted=fitted.sum(axis=0),
             square=(readings**2).sum(axis=0),
-            thickness=total,
+            thickness=float(thickness.sum()),
+            pixels_with_thickness=len(thickness),
         )
     return out

@@ -25,14 +25,16 @@ class SetSum:
         spectrum: (bands,) sum of their readings at the working bands.
         fitted: (bands,) sum of what was fitted to them.
         square: (bands,) sum of their readings squared.
-        thickness: sum of their thicknesses, m, and how many have one.
+        thickness: sum of their thicknesses, m.
+        pixels_with_thickness: how many have one.
     """
 
     pixels: int
     spectrum: Float[np.ndarray, "bands"]
     fitted: Float[np.ndarray, "bands"]
     square: Float[np.ndarray, "bands"]
-    thickness: tuple[float, int] = (0.0, 0)
+    thickness: float = 0.0
+    pixels_with_thickness: int = 0
 
     @property
     def mean(self) -> Float[np.ndarray, "bands"]:
@@ -52,20 +54,11 @@ class SetSum:
     @property
     def thickness_um(self) -> float | None:
         """Mean thickness in micrometres; None where no pixel has one."""
-        total, count = self.thickness
-        return total / count * 1e6 if count else None
+        count = self.pixels_with_thickness
+        return self.thickness / count * 1e6 if count else None
 
     def __add__(self, other: Self) -> "SetSum":
-        return SetSum(
-            pixels=self.pixels + other.pixels,
-            spectrum=self.spectrum + other.spectrum,
-            fitted=self.fitted + other.fitted,
-            square=self.square + other.square,
-            thickness=(
-                self.thickness[0] + other.thickness[0],
-                self.thickness[1] + other.thickness[1],
-            ),
-        )
+        return SetSum(**{name: value + getattr(other, name) for name, value in vars(self).items()})
 
 
 @dataclass(frozen=True)
@@ -161,7 +154,14 @@ def pack(maps: ChunkMaps) -> dict[str, np.ndarray]:
     counts = {"tallies": maps.tallies, "members": [*maps.sets]}
     # A row a set; counts of pixels are whole in float64, too.
     sums = [
-        [total.pixels, *total.thickness, *total.spectrum, *total.fitted, *total.square]
+        [
+            total.pixels,
+            total.thickness,
+            total.pixels_with_thickness,
+            *total.spectrum,
+            *total.fitted,
+            *total.square,
+        ]
         for total in maps.sets.values()
     ]
     return {
@@ -184,7 +184,8 @@ def unpack(arrays: Mapping[str, np.ndarray]) -> ChunkMaps:
             spectrum=spectrum,
             fitted=fitted,
             square=square,
-            thickness=(float(thickness), int(with_thickness)),
+            thickness=float(thickness),
+            pixels_with_thickness=int(with_thickness),
         )
     return ChunkMaps(
         arrays={},
