@@ -150,5 +150,5 @@ def _candidates(
     weighed = pool.logs.copy()
     weighed[..., :size] = evidence.log_amounts[films][:, None]
     row = np.arange(len(films))
-    adjusted = move_readings(chunk, row, readings, Groups(row, row, sets, slopes))
+    adjusted = move_readings(chunk, readings, Groups(row, row, sets, slopes))
     return with_surface(chunk, replace(pool, weighed=weighed, adjusted=adjusted[:, None]))

@@ -135,7 +135,7 @@ def refine(chunk: Chunk, pool: Pool) -> Pool:
     out.logs[(*at, slice(size))] = np.where(films.sets == NOBODY, -np.inf, near.logs)
     out.weighed[(*at, slice(size))] = np.where(films.sets == NOBODY, -np.inf, films.logs)
     out.readings[at] = near.readings
-    out.adjusted[at] = move_readings(chunk, films.row, near.readings, groups)
+    out.adjusted[at] = move_readings(chunk, near.readings, groups)
     return out
 
 
@@ -189,7 +189,7 @@ def fit_with_errors(
     """Films fitted again with the errors of their groups; the groups, and the errors of each."""
     task = chunk.task
     groups = _group(task, films, slopes_at(chunk, films.sets, films.logs, films.row))
-    errors = coefficient_errors(chunk, groups.row, groups.sets, groups.slopes)
+    errors = coefficient_errors(chunk, groups)
     fitted = fit_all(
         chunk=chunk,
         row=films.row,
@@ -230,29 +230,23 @@ def _group(
     return Groups(of[np.argsort(order)], films.row[best], films.sets[best], slopes[best])
 
 
-def coefficient_errors(
-    chunk: Chunk,
-    row: Int[np.ndarray, "films"],
-    sets: Int[np.ndarray, "films size"],
-    slopes: Float[np.ndarray, "films errors readings"],
-) -> Whitening:
-    """Errors of films, from what their paints' coefficients do to the readings; `row` is each one's
-    spectrum.
-    """
+def coefficient_errors(chunk: Chunk, groups: Groups) -> Whitening:
+    """Errors of films, from what their paints' coefficients do to the readings."""
     task = chunk.task
     d = task.discrepancy
     noise, smooth = chunk.noise_covariance, chunk.smooth_covariance
     # Single precision does for what is added to the noise, and takes a third of the time.
-    by = slopes.astype(np.float32)
+    by = groups.slopes.astype(np.float32)
     paint_errors = task.errors.astype(np.float32)
 
     def some(n: Int[np.ndarray, "block"]) -> Whitening:
-        caused = paints_covariance(by[n], sets[n], paint_errors, task.modes, task.wavelengths, d)
-        white = whitening(noise[row[n]] + (smooth[row[n]] + caused))
+        row, sets = groups.row[n], groups.sets[n]
+        caused = paints_covariance(by[n], sets, paint_errors, task.modes, task.wavelengths, d)
+        white = whitening(noise[row] + (smooth[row] + caused))
         return white._replace(basis=white.basis.astype(np.float32))
 
     # A few at a time: matrices that stay in a core's cache.
-    return by_blocks(len(row), min(_ERRORS, len(row)), some)
+    return by_blocks(len(by), min(_ERRORS, len(by)), some)
 
 
 def block_size(readings: int) -> int:
@@ -267,7 +261,6 @@ def near_errors(chunk: Chunk) -> Whitening:
 
 def move_readings(
     chunk: Chunk,
-    row: Int[np.ndarray, "films"],
     readings: Float[np.ndarray, "films readings"],
     groups: Groups,
 ) -> Float[np.ndarray, "films readings"]:
@@ -277,11 +270,10 @@ def move_readings(
 
     Args:
         chunk: the spectra.
-        row: spectrum of each film.
         readings: of each film, without the surface.
         groups: of the films.
     """
-    off = chunk.target[row] - readings
+    off = chunk.target[groups.row[groups.of]] - readings
     out = np.empty_like(readings)
     # A few groups at a time: matrices that stay in a core's cache.
     for first in range(0, len(groups.row), _ERRORS):
