@@ -16,6 +16,7 @@ from ..identify.result.groups import answer_of
 from ..identify.search.options import IdentificationOptions
 from ..identify.show.explanation import explanations
 from ..identify.show.family_record import describe_film, describe_pigments
+from .show.names import paint_names
 from .show.overview import shown_sets
 from .store.chunk import Members, SetSum
 
@@ -49,7 +50,7 @@ def describe_sets(
         ``share`` of its group, formula, Colour Index, years and ``anachronism``; and ``film``,
         computed from the nearest exemplars, or None where no film of the set was kept.
     """
-    names = [str(name) for name in paint_map["paint"].values]
+    names = paint_names(paint_map)
     reported = shown_sets({members: sums.pixels for members, sums in sets.items()})
     if not reported:
         return {}

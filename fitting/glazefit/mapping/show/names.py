@@ -11,6 +11,11 @@ if TYPE_CHECKING:
     import xarray
 
 
+def paint_names(dataset: "xarray.Dataset") -> list[str]:
+    """Names of a map's paints, in the order of their numbers."""
+    return [str(name) for name in dataset["paint"].values]
+
+
 def set_words(members: Iterable[int], paints: Sequence[str]) -> str:
     """A set of paints by their numbers in words, in the catalogue's order; empty if there
     are none.
@@ -50,7 +55,7 @@ def set_labels(found: "xarray.Dataset") -> "xarray.DataArray":
         raise ValueError(
             f"this is no map of paints: it has no {' and no '.join(lacking)}; open one by open_map"
         )
-    paints = [str(paint) for paint in found["paint"].values]
+    paints = paint_names(found)
 
     def name_set(members: np.ndarray) -> np.ndarray:
         # What xarray has masked is not a number.

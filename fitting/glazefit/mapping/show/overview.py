@@ -15,7 +15,7 @@ from glazejax.plots import hex_colour
 from ..store.chunk import Members, SetSum
 from ..store.layout import Status, Way, status_counts
 from .legend import MOST_SETS, legend_colours
-from .names import set_words
+from .names import paint_names, set_words
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -183,7 +183,7 @@ def overview(
     step = max(1, -(-height // most[0]), -(-width // most[1]))
     # A paint's own map may have fewer: there are two for each paint.
     coarse = 2 * step if width > step * 640 else step
-    paints = tuple(str(name) for name in dataset["paint"].values)
+    paints = tuple(paint_names(dataset))
     likely = np.zeros(len(paints), int)
     tiles: dict[str, list[np.ndarray]] = {}
     rows = max(1, _PIXELS // (coarse * width)) * coarse

@@ -11,7 +11,7 @@ from glazejax.report import plain_table
 
 from ..store.chunk import Members, SetSum, rms_difference
 from ..store.layout import STATUS_WORDS, Status, status_counts
-from .names import set_words
+from .names import paint_names, set_words
 from .overview import shown_sets
 
 if TYPE_CHECKING:
@@ -54,7 +54,7 @@ def print_map(
     )
     if not mapped:
         return
-    paints = [str(name) for name in dataset["paint"].values]
+    paints = paint_names(dataset)
     # Of families no thickness is known anywhere.
     thick = any(sums.pixels_with_thickness for sums in sets.values())
     table = plain_table("paints", "pixels", "area", *(["thickness"] if thick else []), "misfit")
@@ -98,7 +98,7 @@ def write_sets(
         FileExistsError, FileNotFoundError, IsADirectoryError: see
             `glazejax.io.outputs.check_output`.
     """
-    paints = [str(name) for name in dataset["paint"].values]
+    paints = paint_names(dataset)
     mapped = sum(sums.pixels for sums in sets.values())
     grid = dataset.attrs["working_wavelengths"]
     titles = [
