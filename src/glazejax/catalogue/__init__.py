@@ -16,22 +16,17 @@ trusted.
 
 import functools
 import hashlib
-from collections.abc import Iterator, Mapping
 from importlib.resources import as_file, files
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from ..names import nearest_names
 from ..paint.describe import format_length
-from .exemplars import Family, Provenance, families, families_of, provenance, read_exemplars
+from .exemplars import Family, Provenance, families, families_of, paints_by_exemplar, provenance
 
 if TYPE_CHECKING:
-    from ..paint.media import Pigment
-
-    _Paints = Mapping[str, Pigment]
-else:
     # Names of paints are checked before what a paint is made of is loaded.
-    _Paints = Mapping
+    from ..paint.media import Pigment
 
 __all__ = [
     "Catalogue",
@@ -117,36 +112,17 @@ _SHIPPED = {
 }
 
 
-class Catalogue(_Paints):
+class Catalogue(dict[str, "Pigment"]):
     """Pigments by name; a name that is not known raises a KeyError that lists the nearest."""
 
-    def __init__(self, pigments: "Mapping[str, Pigment]"):
-        self._pigments = dict(pigments)
-
-    def __getitem__(self, name: str) -> "Pigment":
-        try:
-            return self._pigments[name]
-        except KeyError:
-            raise KeyError(_unknown(name, tuple(self._pigments))) from None
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._pigments)
-
-    def __len__(self) -> int:
-        return len(self._pigments)
-
-    def __contains__(self, name: object) -> bool:
-        return name in self._pigments
+    def __missing__(self, name: str) -> "Pigment":
+        near = nearest_names(str(name).replace(" ", ""), self, cutoff=0.4, shortest=1)
+        if near:
+            raise KeyError(f"unknown pigment {name!r}; nearest: " + ", ".join(map(repr, near)))
+        raise KeyError(f"unknown pigment {name!r}; the catalogue has {', '.join(self)}")
 
     def __repr__(self) -> str:
         return f"Catalogue({', '.join(self)})"
-
-
-def _unknown(name: str, choices: tuple[str, ...]) -> str:
-    near = nearest_names(str(name).replace(" ", ""), choices, cutoff=0.4, shortest=1)
-    if near:
-        return f"unknown pigment {name!r}; nearest: " + ", ".join(map(repr, near))
-    return f"unknown pigment {name!r}; the catalogue has {', '.join(choices)}"
 
 
 def names() -> tuple[str, ...]:
@@ -198,14 +174,14 @@ def _read_once(name: str, precision: str) -> "dict[str, Pigment]":
     from ..paint.pigment_table import read_pigments
 
     shipped = _SHIPPED[name]
-    if name == PIGMENTS:
-        # The oils and acrylics are exemplars of their families too.
-        shelves = {shelf: _read_once(shelf, precision) for shelf in ("oils", "acrylics")}
-        with jax.ensure_compile_time_eval():
-            return read_exemplars(shelves)
     # Inside a traced function too they are arrays, which may outlive it.
     with jax.ensure_compile_time_eval(), as_file(files(__name__).joinpath(shipped.file)) as path:
-        return read_pigments(path, shipped.provenance)
+        paints = read_pigments(path, shipped.provenance)
+        if name != PIGMENTS:
+            return paints
+        # The oils and acrylics are exemplars of their families too.
+        shelves = {shelf: _read_once(shelf, precision) for shelf in names()}
+        return paints_by_exemplar(paints, shelves)
 
 
 def read(path: str | Path) -> Catalogue:

@@ -9,7 +9,7 @@ exemplars, too.
 
 import csv
 import functools
-from importlib.resources import as_file, files
+from importlib.resources import files
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
@@ -88,8 +88,23 @@ class Provenance(NamedTuple):
     citation: str
 
 
-_SHELVES = {"oils": ("revigo", "oil"), "acrylics": ("golden", "acrylic")}
-"""Catalogue -> source and binder of its paints."""
+_SHELVES: dict[str, dict[str, Any]] = {
+    "oils": {
+        "source": "revigo",
+        "binder": "oil",
+        "first_nm": 400.0,
+        "last_nm": 700.0,
+        "told_by": "tints and shades",
+    },
+    "acrylics": {
+        "source": "golden",
+        "binder": "acrylic",
+        "first_nm": 380.0,
+        "last_nm": 750.0,
+        "told_by": "tints with white",
+    },
+}
+"""Catalogue -> what the `Provenance` of its paints shares."""
 
 
 @functools.cache
@@ -131,51 +146,34 @@ def provenance() -> dict[str, Provenance]:
         about: dict[str, Any] = row | ends | _sources()[row["source"]]
         out[row["exemplar"]] = Provenance(**about)
     # Paints of the two catalogues are exemplars too.
-    for shelf, first, last in (("oils", 400.0, 700.0), ("acrylics", 380.0, 750.0)):
-        name, binder = _SHELVES[shelf]
+    for shelf, shared in _SHELVES.items():
+        about = shared | _sources()[shared["source"]]
         for paint, family in families_of(shelf).items():
             if family:
-                exemplar = f"{family}/{name}-{paint}"
-                out[exemplar] = Provenance(
-                    exemplar=exemplar,
-                    family=family,
-                    source=name,
-                    binder=binder,
-                    paint=paint,
-                    first_nm=first,
-                    last_nm=last,
-                    told_by="tints and shades" if shelf == "oils" else "tints with white",
-                    **_sources()[name],
-                )
+                exemplar = f"{family}/{shared['source']}-{paint}"
+                out[exemplar] = Provenance(exemplar=exemplar, family=family, paint=paint, **about)
     return out
 
 
-def read_exemplars(shelves: "dict[str, dict[str, Pigment]]") -> "dict[str, Pigment]":
-    """Pigments by exemplar: those of `exemplars.csv`, and the paints of the oils and acrylics.
+def paints_by_exemplar(
+    fitted: "dict[str, Pigment]", shelves: "dict[str, dict[str, Pigment]]"
+) -> "dict[str, Pigment]":
+    """Pigments by exemplar: those that were fitted, and the paints of the oils and acrylics.
 
     Args:
+        fitted: those of `exemplars.csv`.
         shelves: catalogue -> its paints.
     """
-    from ..paint.pigment_table import read_pigments
-
-    with as_file(files("glazejax.catalogue").joinpath("exemplars.csv")) as path:
-        fitted = read_pigments(path, "exemplars")
-    paints = {
-        f"{family}/{_SHELVES[shelf][0]}-{name}": shelves[shelf][name]
-        for shelf in _SHELVES
-        for name, family in families_of(shelf).items()
-        if family
-    }
-    origins = provenance()
     out: "dict[str, Pigment]" = {}
-    for name, pigment in sorted({**fitted, **paints}.items(), key=lambda pair: pair[0].casefold()):
-        origin = origins[name]
+    for name, origin in sorted(provenance().items(), key=lambda pair: pair[0].casefold()):
+        shelf = next((s for s, shared in _SHELVES.items() if shared["source"] == origin.source), "")
+        pigment = shelves[shelf][origin.paint] if shelf else fitted[name]
         out[name] = pigment.renamed(
             name,
             family=origin.family,
             source=origin.source,
             binder=origin.binder,
-            provenance=pigment.provenance if name in paints else _words(origin),
+            provenance=pigment.provenance if shelf else _words(origin),
         )
     return out
 
