@@ -1,6 +1,7 @@
 """Lists of numbers that a user gives: as a sequence, a text file or a .npy file."""
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,12 +12,12 @@ from ..spectra_table import Stored
 from ..words import read_number
 
 
-def read_numbers(given: tuple[float, ...] | str | Path, unit: str = "") -> Stored:
+def read_numbers(given: Sequence[float] | str | Path, unit: str) -> Stored:
     """Wavelengths in nm, in their own order.
 
     Args:
         given: numbers, or a file of them.
-        unit: what they are in, if that is said.
+        unit: what they are in; empty if that is not said.
 
     Raises:
         FileNotFoundError: no such file.

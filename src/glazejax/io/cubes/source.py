@@ -67,55 +67,7 @@ class CubeSource:
 
     def open(self) -> "xarray.DataArray":
         """The image as one lazy array of reflectance factors; see `open_cube`."""
-        require("xarray")
-        self._check()
-        stated = Stated(quantity=self.quantity, unit=self.unit, scale=self.scale)
-        length, _ = read_units(stated)
-        listed = None if self.wavelengths is None else read_numbers(self.wavelengths, length)
-        raw = raw_cube(Path(self.path), self.dataset, None if listed is None else listed.size)
-        notes = list(raw.notes)
-        raw = with_usual_mark(raw, notes)
-        stored = _stored_wavelengths(raw, listed, length, notes)
-        grid, groups = _grid(raw, stored, self.bands, self.binning[2], notes)
-        window = _window(raw, self.window, self.binning, notes)
-        scale = 1.0
-        unit = "raw"
-        calibrated = None
-        if self.white is not None:
-            calibrated = calibration(
-                raw, stored, self.white, self.dark, self.white_reflectance, notes
-            )
-        else:
-            cure = "give the scale (scale=10000, --scale 10000), or a white reference"
-            scale, unit = scale_of(raw, groups.ravel(), notes, cure, **stated)
-        from .lazy import CubeReading, as_data_array
-
-        reading = CubeReading(
-            raw=raw,
-            bands=groups,
-            window=window,
-            binning=(self.binning[0], self.binning[1]),
-            scale=scale,
-            calibration=calibrated,
-        )
-        return as_data_array(reading, grid, unit, notes)
-
-    def _check(self) -> None:
-        """Refuse options that contradict each other or mean nothing."""
-        if self.dark is not None and self.white is None:
-            raise ValueError("a dark reference alone calibrates nothing; give a white one too")
-        if self.white is not None and self.scale is not None:
-            raise ValueError(
-                "give a scale or a white reference, not both: the white says what a reflectance "
-                "of 1 is"
-            )
-        if self.scale is not None and not (np.isfinite(self.scale) and self.scale > 0):
-            raise ValueError(f"scale is {self.scale:g}; it must be positive")
-        if len(self.binning) != 3 or min(self.binning) < 1:
-            raise ValueError(
-                f"binning is {self.binning}; it must be three whole numbers from 1 on: y, x, "
-                "wavelength"
-            )
+        return open_cube(**vars(self))
 
 
 def open_cube(
@@ -157,22 +109,57 @@ def open_cube(
         ValueError: the file is not legal, or does not fit what is asked for; one line that says
         how to correct it. ModuleNotFoundError: a package of the extra ``cube`` is missing.
     """
-    if wavelengths is not None and not isinstance(wavelengths, str | Path):
-        wavelengths = tuple(float(wavelength) for wavelength in wavelengths)
-    return CubeSource(
-        path=Path(path),
-        wavelengths=wavelengths,
-        dataset=dataset,
-        white=white,
-        dark=dark,
-        white_reflectance=white_reflectance,
-        quantity=quantity,
-        unit=unit,
-        scale=scale,
-        window=window,
-        binning=binning,
-        bands=bands,
-    ).open()
+    require("xarray")
+    _check_options(white, dark, scale, binning)
+    stated = Stated(quantity=quantity, unit=unit, scale=scale)
+    length, _ = read_units(stated)
+    listed = None if wavelengths is None else read_numbers(wavelengths, length)
+    raw = raw_cube(Path(path), dataset, None if listed is None else listed.size)
+    notes = list(raw.notes)
+    raw = with_usual_mark(raw, notes)
+    stored = _stored_wavelengths(raw, listed, length, notes)
+    grid, groups = _grid(raw, stored, bands, binning[2], notes)
+    lines_and_samples = _window(raw, window, binning, notes)
+    value_of_one = 1.0
+    unit_read = "raw"
+    calibrated = None
+    if white is not None:
+        calibrated = calibration(raw, stored, white, dark, white_reflectance, notes)
+    else:
+        cure = "give the scale (scale=10000, --scale 10000), or a white reference"
+        value_of_one, unit_read = scale_of(raw, groups.ravel(), notes, cure, **stated)
+    from .lazy import CubeReading, as_data_array
+
+    reading = CubeReading(
+        raw=raw,
+        bands=groups,
+        window=lines_and_samples,
+        binning=(binning[0], binning[1]),
+        scale=value_of_one,
+        calibration=calibrated,
+    )
+    return as_data_array(reading, grid, unit_read, notes)
+
+
+def _check_options(
+    white: str | Path | None,
+    dark: str | Path | None,
+    scale: float | None,
+    binning: tuple[int, int, int],
+) -> None:
+    """Refuse options that contradict each other or mean nothing."""
+    if dark is not None and white is None:
+        raise ValueError("a dark reference alone calibrates nothing; give a white one too")
+    if white is not None and scale is not None:
+        raise ValueError(
+            "give a scale or a white reference, not both: the white says what a reflectance of 1 is"
+        )
+    if scale is not None and not (np.isfinite(scale) and scale > 0):
+        raise ValueError(f"scale is {scale:g}; it must be positive")
+    if len(binning) != 3 or min(binning) < 1:
+        raise ValueError(
+            f"binning is {binning}; it must be three whole numbers from 1 on: y, x, wavelength"
+        )
 
 
 def _stored_wavelengths(raw: RawCube, given: Stored | None, unit: str, notes: list[str]) -> Stored:
