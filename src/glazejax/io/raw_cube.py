@@ -5,7 +5,6 @@ import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -53,37 +52,34 @@ class OnDisk:
     """Array of a file, opened when it is first read from, and again in every process that it is
     sent to.
 
+    Threads may read at one time: what is mapped has no position in the file, and h5py, zarr and
+    tifffile lock their own.
+
     Args:
         opener: function that opens it; it must be found by its name, so that it can be sent.
         arguments: of the opener.
-        one_at_a_time: whether reads must not overlap (two threads that share a file's position).
     """
 
-    def __init__(self, opener: Callable[..., Any], *arguments: Any, one_at_a_time: bool = False):
-        self._call = opener, arguments, one_at_a_time
+    def __init__(self, opener: Callable[..., Any], *arguments: Any):
+        self._opener = opener
+        self._arguments = arguments
         self._array: Any = None
         self._maps: list[mmap.mmap] = []
         self._mapped = 0
         self._opening = threading.Lock()
-        self._reading = threading.Lock() if one_at_a_time else None
 
     @property
     def array(self) -> Any:
         """The open array: something with a shape and a dtype that slices are taken from."""
         with self._opening:
             if self._array is None:
-                opener, arguments, _ = self._call
-                array = opener(*arguments)
+                array = self._opener(*self._arguments)
                 self._maps = _maps(array)
                 self._array = array
         return self._array
 
     def __getitem__(self, key: tuple[slice, ...]) -> np.ndarray:
-        array = self.array
-        if self._reading is None:
-            return np.asarray(array[key])
-        with self._reading:
-            return np.asarray(array[key])
+        return np.asarray(self.array[key])
 
     def used(self, count: int) -> None:
         """Says that so many bytes were read and are not needed any more.
@@ -98,8 +94,7 @@ class OnDisk:
                 mapped.madvise(mmap.MADV_DONTNEED)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        opener, arguments, one_at_a_time = self._call
-        return partial(OnDisk, one_at_a_time=one_at_a_time), (opener, *arguments)
+        return OnDisk, (self._opener, *self._arguments)
 
 
 def _maps(array: Any) -> list[mmap.mmap]:

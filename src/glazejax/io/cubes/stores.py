@@ -84,7 +84,7 @@ def hdf5_cube(path: Path, dataset: str | None, count: int | None) -> RawCube:
         # MATLAB 7.3 writes the last axis first.
         matlab = path.suffix.lower() == ".mat" or file.userblock_size > 0
         kind = "MATLAB 7.3" if matlab else "HDF5"
-        opener = partial(OnDisk, _hdf5_array, path, one_at_a_time=True)
+        opener = partial(OnDisk, _hdf5_array, path)
         return describe(path, kind, entries, dataset, count, opener, reverse=matlab)
 
 

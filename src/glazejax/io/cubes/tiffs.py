@@ -51,9 +51,14 @@ def tiff_cube(path: Path, count: int | None) -> RawCube:
         if len(series.shape) == 3:
             names = tuple({"Y": "y", "X": "x"}.get(letter, "band") for letter in series.axes)
             order, shape = axes_of(series.shape, count, names)
-            piece = _piece(_array(path, None), order)
-            data = OnDisk(_array, path, None, one_at_a_time=piece != (1, 1, 1))
             dtype = series.dtype
+            layout: dict[str, Any] = {
+                "data": OnDisk(_array, path, None),
+                "order": order,
+                "shape": shape,
+                "piece": _piece(_array(path, None), order),
+                "apart": order[2] == 0,
+            }
         else:
             count = len(file.pages)
             sizes = {(page.shape, page.dtype) for page in file.pages}
@@ -64,29 +69,33 @@ def tiff_cube(path: Path, count: int | None) -> RawCube:
                     path,
                     f"not an image of several bands of one size and type: {count} pages of {kinds}",
                 )
-            order = (1, 2, 0)
-            shape = (*shape, count)
-            piece = (*_piece(_array(path, 0), (0, 1, 0))[:2], 1)
-            pages = [(path, number) for number in range(count)]
-            data = OnDisk(_planes, *pages, one_at_a_time=piece != (1, 1, 1))
-    dtype = _check_type(path, dtype)
-    if wavelengths is not None and wavelengths.size != shape[2]:
+            layout = _layout_of_planes(shape, [(path, number) for number in range(count)])
+    if wavelengths is not None and wavelengths.size != layout["shape"][2]:
         wavelengths = None
     return RawCube(
         path=path,
         format="TIFF",
-        data=data,
-        order=order,
-        shape=shape,
-        dtype=dtype,
-        piece=piece,
-        apart=order[2] == 0,
+        dtype=_check_type(path, dtype),
         wavelengths=wavelengths,
+        **layout,
         **place,
     )
 
 
-class TiffPages:
+def _layout_of_planes(
+    size: tuple[int, ...], places: list[tuple[Path, int | None]]
+) -> dict[str, Any]:
+    """Fields of a `RawCube` of which each band is a file, or a page of one."""
+    return {
+        "data": OnDisk(_planes, *places),
+        "order": (1, 2, 0),
+        "shape": (*size, len(places)),
+        "piece": (*_piece(_array(*places[0]), (0, 1, 0))[:2], 1),
+        "apart": True,
+    }
+
+
+class Png:
     """A PNG, read as a whole whenever a part is asked for."""
 
     def __init__(self, path: Path):
@@ -135,44 +144,33 @@ def picture_folder(path: Path, count: int | None) -> RawCube:
     wavelengths = (
         None if count is not None else _wavelengths_of_names([file.stem for file in files])
     )
-    memory: list[bool] = []
     place: dict[str, Any] = {}
     sizes: list[tuple[tuple[int, ...], Any]] = []
     for file in files:
         with whole(file):
             if file.suffix.lower() == ".png":
-                picture = TiffPages(file)
-                memory.append(False)
+                picture = Png(file)
             else:
                 with tifffile.TiffFile(file) as tiff:
                     picture = tiff.series[0]
                     place = place or _place(tiff)
-                    memory.append(tiff.pages[0].is_memmappable)
             size = (tuple(picture.shape), picture.dtype)
             sizes.append(size)
             if len(size[0]) != 2 or size != sizes[0]:
                 first = " ".join(map(str, sizes[0]))
                 raise refusal(file, f"{size[0]} {size[1]} where {files[0].name} has {first}")
-    lines, samples = sizes[0][0]
-    piece = (*_piece(_array(files[0], None), (0, 1, 0))[:2], 1)
-    dtype = _check_type(path, sizes[0][1])
+    size, dtype = sizes[0]
     if wavelengths is not None:
         order = np.argsort(wavelengths, kind="stable")
         files = [files[i] for i in order]
         wavelengths = wavelengths[order]
-    places = [(file, None) for file in files]
-    data = OnDisk(_planes, *places, one_at_a_time=not all(memory))
     return RawCube(
         path=path,
         format="folder of pictures",
-        data=data,
-        order=(1, 2, 0),
-        shape=(lines, samples, len(files)),
-        dtype=dtype,
-        piece=piece,
-        apart=True,
+        dtype=_check_type(path, dtype),
         wavelengths=wavelengths,
         wavelength_unit="nm",
+        **_layout_of_planes(size, [(file, None) for file in files]),
         **place,
     )
 
@@ -191,7 +189,7 @@ def _array(path: Path, page: int | None) -> Any:
     import tifffile
 
     if path.suffix.lower() == ".png":
-        return TiffPages(path)
+        return Png(path)
     try:
         return tifffile.memmap(path, page=page, mode="r")
     except ValueError:
