@@ -29,7 +29,6 @@ def envi_cube(path: Path, count: int | None = None) -> RawCube:
     envi = envi_file(path)
     if envi.is_library:
         raise envi.error("an ENVI spectral library, not an image")
-    notes: list[str] = []
     wavelengths = None
     if "wavelength" in envi.header:
         try:
@@ -37,7 +36,7 @@ def envi_cube(path: Path, count: int | None = None) -> RawCube:
         except ValueError:
             if count is None:
                 raise
-    return replace(envi.raw(wavelengths, notes), **_place(envi))
+    return replace(envi.raw(wavelengths), **_place(envi))
 
 
 def _place(envi: EnviFile) -> dict[str, Any]:

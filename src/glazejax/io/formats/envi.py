@@ -65,9 +65,8 @@ def read_header(source: Source) -> dict[str, str | list[str]]:
         twice = title in header and title in _ONCE
         is_open = value.startswith("{") and not value.endswith("}")
         if twice or is_open:
-            what = f": {title!r} stands there twice"
-            if not twice:
-                what = "; is a brace left open, or the file cut short?"
+            cut = "; is a brace left open, or the file cut short?"
+            what = f": {title!r} stands there twice" if twice else cut
             line = 2 + text.count("\n", 0, field.start())
             raise source.error(f"not a legal ENVI header{what}", line)
         inner = value[1:-1].strip()
@@ -171,10 +170,10 @@ class EnviFile:
                 f"{count} spectra of {width} bands are too many to be read at once; split the "
                 "library"
             )
-        notes: list[str] = []
-        raw = self.raw(self.wavelengths(), notes)
-        bands = self.good_bands([])
-        names = self.entries("spectra names") or [f"spectrum {i + 1}" for i in range(count)]
+        wavelengths = self.wavelengths()
+        raw = self.raw(wavelengths)
+        bands = self.good_bands()
+        names = self.entries("spectra names") or [""] * count
         if len(names) != count:
             raise self.error(
                 f"{len(names)} spectra names for {count} spectra; does a name hold a comma, "
@@ -195,11 +194,11 @@ class EnviFile:
                 raise refusal(self.data, "the file was cut short while it was read")
         values = raw.numbers(stored.reshape(count, width)[:, bands], bands, dtype=np.float64)
         return RawSpectra(
-            wavelengths=self.wavelengths()[bands],
+            wavelengths=wavelengths[bands],
             names=names,
             values=values,
             format="ENVI spectral library",
-            notes=notes,
+            notes=raw.notes,
             wavelength_unit=raw.wavelength_unit,
             quantity=raw.quantity,
             scale=raw.scale,
@@ -220,8 +219,9 @@ class EnviFile:
             ValueError: header or data are not legal, there are no wavelengths, or the numbers are
                 neither fractions nor percent and the header has no reflectance scale factor.
         """
-        notes: list[str] = []
-        raw = with_usual_mark(self.raw(self.wavelengths(), notes), notes)
+        raw = self.raw(self.wavelengths())
+        notes = list(raw.notes)
+        raw = with_usual_mark(raw, notes)
         wavelengths, remarks = raw.nanometres(read_units(stated)[0])
         notes += remarks
         grid, bands = in_order(wavelengths, raw.good, notes)
@@ -233,19 +233,22 @@ class EnviFile:
             file=raw, wavelengths=grid, bands=bands, scale=scale, notes=notes, unit=unit
         )
 
-    def raw(self, wavelengths: Bands | None, notes: list[str]) -> RawCube:
+    def raw(self, wavelengths: Bands | None) -> RawCube:
         """The numbers as they are stored, not read, and what the header says of them.
 
         Args:
             wavelengths: of the stored bands, as the header has them.
-            notes: what was noticed is added.
 
         Raises:
             ValueError: the header is not legal.
         """
         axes, order = _AXES[self.interleave]
         shape = tuple(self.sizes[axis] for axis in axes)
-        good = self.good_bands(notes)
+        notes: list[str] = []
+        good = self.good_bands()
+        if good.size < self.stored:
+            bad = self.stored - good.size
+            notes.append(f"{bad} bands that the header marks as bad are left out")
         gain, offset = self._conversion(notes)
         # The second title of ENVI's plot of a spectrum is that of its values.
         said = [" ".join(self.entries("data units")), *self.entries("z plot titles")[1:2]]
@@ -341,9 +344,8 @@ class EnviFile:
             )
         return values
 
-    def good_bands(self, notes: list[str]) -> Chosen:
-        """Stored bands that the header's ``bbl`` does not mark as bad; a note says how many it
-        does.
+    def good_bands(self) -> Chosen:
+        """Stored bands that the header's ``bbl`` does not mark as bad.
 
         Raises:
             ValueError: the list has another length, marks all, or holds what is no number.
@@ -356,9 +358,6 @@ class EnviFile:
         bands = np.flatnonzero(good if good.size else np.ones(self.stored))
         if not bands.size:
             raise self.error("the header marks every band as bad (bbl)")
-        if bands.size < self.stored:
-            bad = self.stored - bands.size
-            notes.append(f"{bad} bands that the header marks as bad are left out")
         return bands
 
     def _numbers(self, title: str) -> Float[np.ndarray, "entries"]:
