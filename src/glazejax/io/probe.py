@@ -38,7 +38,7 @@ def bright(raw: RawCube, bands: Chosen) -> float | None:
     return float(np.quantile(peaks, 0.99)) if peaks.size else None
 
 
-def with_usual_mark(raw: RawCube, notes: list[str]) -> RawCube:
+def with_usual_mark(raw: RawCube) -> RawCube:
     """An image that declares no mark of missing data, with the one that files use without a word.
 
     A note says so if the mark is found in one band of the same tiles or of the corners.
@@ -50,12 +50,13 @@ def with_usual_mark(raw: RawCube, notes: list[str]) -> RawCube:
     parts = np.concatenate([raw.block(y, x, np.zeros(1, int)).ravel() for y, x in places])
     deleted = float(np.nanmin(parts, initial=0))
     mark = deleted if deleted < DELETED else USUAL_MARK
+    notes = raw.notes
     if (parts == mark).any():
-        notes.append(
+        notes += (
             f"{mark:g}, which no reading is, was taken for missing data, though the file does not "
-            "say so"
+            "say so",
         )
-    return replace(raw, ignore=(USUAL_MARK,))
+    return replace(raw, ignore=(USUAL_MARK,), notes=notes)
 
 
 def scale_of(

@@ -65,7 +65,7 @@ def describe(
     entries: Sequence[FolderEntry],
     dataset: str | None,
     count: int | None,
-    on_disk: Callable[[str], OnDisk],
+    opener: Callable[[Path, str], Any],
     *,
     reverse: bool = False,
 ) -> RawCube:
@@ -77,7 +77,7 @@ def describe(
         entries: its arrays.
         dataset: name of the image's array, if the user said it.
         count: wavelengths, if the user gave them.
-        on_disk: array of a name, opened when it is needed.
+        opener: function that opens the array of a name, called when it is needed.
         reverse: whether the file has the axes in reverse.
 
     Raises:
@@ -94,30 +94,23 @@ def describe(
     if reverse:
         order = (2 - order[0], 2 - order[1], 2 - order[2])
     spatial: dict[str, Any] = {}
-    places = [_coordinates(image, axis, entries) for axis in order[:2]]
-    y, x = (
-        None if coordinate is None else np.asarray(coordinate.array[...], float)
-        for coordinate in places
-    )
+    y, x = (_coordinates(image, axis, entries) for axis in order[:2])
     if y is not None and x is not None:
-        units = [
-            _text(coordinate.attributes.get("units"))
-            for coordinate in places
-            if coordinate is not None
-        ]
-        steps = (np.diff(centres) for centres in (y, x))
+        lines, samples = (np.asarray(place.array[...], float) for place in (y, x))
+        steps = (np.diff(centres) for centres in (lines, samples))
+        unit = _text(x.attributes.get("units")) or _text(y.attributes.get("units"))
         spatial = {
-            "y": y,
-            "x": x,
+            "y": lines,
+            "x": samples,
             "about_place": {
-                "units": units[1] or units[0] or "as in the file",
+                "units": unit or "as in the file",
                 "pixel_size": tuple(float(abs(s.mean())) if s.size else 1.0 for s in steps),
             },
         }
     return RawCube(
         path=path,
         format=format,
-        data=on_disk(image.name),
+        data=OnDisk(opener, path, image.name),
         order=order,
         shape=shape,
         dtype=image.dtype,

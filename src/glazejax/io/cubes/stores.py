@@ -2,12 +2,11 @@
 
 import warnings
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 from ...extras import require
-from ..raw_cube import OnDisk, RawCube
+from ..raw_cube import RawCube
 from ..source import refusal
 from .entries import FolderEntry, describe
 
@@ -25,7 +24,7 @@ def zarr_cube(path: Path, dataset: str | None, count: int | None) -> RawCube:
     opened = _zarr_array(path, "")
     members = [("", opened)] if isinstance(opened, zarr.Array) else opened.members(max_depth=None)
     entries = [_zarr_entry(name, array) for name, array in members if hasattr(array, "shape")]
-    return describe(path, "zarr", entries, dataset, count, partial(OnDisk, _zarr_array, path))
+    return describe(path, "zarr", entries, dataset, count, _zarr_array)
 
 
 def _zarr_entry(name: str, array: Any) -> FolderEntry:
@@ -55,7 +54,7 @@ def matlab_cube(path: Path, dataset: str | None, count: int | None) -> RawCube:
 
     arrays = loadmat(path, mat_dtype=True).items()
     entries = [FolderEntry(name, array) for name, array in arrays if hasattr(array, "dtype")]
-    return describe(path, "MATLAB 5", entries, dataset, count, partial(OnDisk, _matlab_array, path))
+    return describe(path, "MATLAB 5", entries, dataset, count, _matlab_array)
 
 
 def _matlab_array(path: Path, name: str) -> Any:
@@ -84,8 +83,7 @@ def hdf5_cube(path: Path, dataset: str | None, count: int | None) -> RawCube:
         # MATLAB 7.3 writes the last axis first.
         matlab = path.suffix.lower() == ".mat" or file.userblock_size > 0
         kind = "MATLAB 7.3" if matlab else "HDF5"
-        opener = partial(OnDisk, _hdf5_array, path)
-        return describe(path, kind, entries, dataset, count, opener, reverse=matlab)
+        return describe(path, kind, entries, dataset, count, _hdf5_array, reverse=matlab)
 
 
 def _hdf5_entry(name: str, node: Any) -> FolderEntry:
@@ -121,9 +119,7 @@ def classic_cube(path: Path, dataset: str | None, count: int | None) -> RawCube:
         FolderEntry(name, variable.data, dict(variable._attributes), dims=variable.dimensions)
         for name, variable in _classic(path, lambda file: dict(file.variables)).items()
     ]
-    return describe(
-        path, "NetCDF 3", entries, dataset, count, partial(OnDisk, _classic_array, path)
-    )
+    return describe(path, "NetCDF 3", entries, dataset, count, _classic_array)
 
 
 def _classic_array(path: Path, name: str) -> Any:

@@ -219,9 +219,8 @@ class EnviFile:
             ValueError: header or data are not legal, there are no wavelengths, or the numbers are
                 neither fractions nor percent and the header has no reflectance scale factor.
         """
-        raw = self.raw(self.wavelengths())
+        raw = with_usual_mark(self.raw(self.wavelengths()))
         notes = list(raw.notes)
-        raw = with_usual_mark(raw, notes)
         wavelengths, remarks = raw.nanometres(read_units(stated)[0])
         notes += remarks
         grid, bands = in_order(wavelengths, raw.good, notes)
