@@ -7,7 +7,7 @@ import itertools
 import math
 import re
 from array import array
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import reduce
 from operator import itemgetter
@@ -94,10 +94,14 @@ class _Cells:
         return self.source.error(complaint, line)
 
     def split(self, line: int, text: str) -> list[str]:
-        """Cells of a line."""
-        row = _split(self.source, self.delimiter, line, text)
+        """Cells of a line, with the blanks around them where that is sooner."""
+        row = (
+            _split(self.source, self.delimiter, line, text)
+            if '"' in text
+            else plain_cells(text, self.delimiter)
+        )
         width = len(self.header)
-        while len(row) > width and not row[-1]:
+        while len(row) > width and not row[-1].strip():
             row.pop()
         count = len(row)
         if self.short and self.delimiter != " ":
@@ -123,47 +127,6 @@ class _Cells:
         return self.number(_NANOMETRES.sub("", cell).rstrip())
 
 
-def _quick_reader(
-    cells: _Cells, numbers: Sequence[int]
-) -> Callable[[int, str], tuple[list[str], array] | None]:
-    """Reader of a line that is legal and simple: its cells, and the numbers in some of them.
-
-    None for the slow way, which says what is wrong.
-    """
-    run = range(numbers[0], numbers[-1] + 1)
-    # A slice is taken sooner than one cell after another, and of one cell is a list, too.
-    in_turn = [*numbers] == [*run]
-    pick = itemgetter(slice(run.start, run.stop)) if in_turn else itemgetter(*numbers)
-    delimiter = cells.delimiter
-    width = len(cells.header)
-    named = 0 not in numbers
-
-    def read(line: int, text: str) -> tuple[list[str], array] | None:
-        # Python reads 1_0 and other scripts' digits, which no instrument writes.
-        checked = text.partition(delimiter)[2] if named else text
-        if "_" in checked or not checked.isascii():
-            return None
-        row = (
-            _split(cells.source, delimiter, line, text)
-            if '"' in text
-            else plain_cells(text, delimiter)
-        )
-        while len(row) > width and not row[-1].strip():
-            row.pop()
-        if len(row) != width:
-            return None
-        words = pick(row)
-        if delimiter != "," and "," in text:
-            words = [word.replace(",", ".") for word in words]
-        try:
-            values = array("d", map(float, words))
-        except ValueError:
-            return None
-        return (row, values) if math.isfinite(sum(values)) else None
-
-    return read
-
-
 def read_table(source: Source) -> RawSpectra:
     """Read reflectance spectra from a text table.
 
@@ -186,7 +149,7 @@ def read_table(source: Source) -> RawSpectra:
             name; or it holds more than 268 million values. The message is one line and says where.
     """
     cells, first = _open_table(source)
-    row = cells.split(*first)
+    row = [cell.strip() for cell in cells.split(*first)]
     attributes: dict[str, list[str]] = {}
     if (order := _triples(cells)) is not None:
         names, wavelengths, values = _read_triples(cells, *order)
@@ -542,6 +505,15 @@ def _value(
     return value
 
 
+def _plain_numbers(words: Sequence[str]) -> array | None:
+    """Numbers in cells that hold nothing else; None for the slow way, which says what is wrong."""
+    try:
+        values = array("d", map(float, words))
+    except ValueError:
+        return None
+    return values if math.isfinite(sum(values)) else None
+
+
 def _read_rows(
     cells: _Cells,
     texts: Sequence[int],
@@ -561,22 +533,33 @@ def _read_rows(
         names: sample of each other one, where columns are samples.
         most: lines that may be read.
     """
-    read = _quick_reader(cells, numbers)
+    run = range(numbers[0], numbers[-1] + 1)
+    # A slice is taken sooner than one cell after another, and of one cell is a list, too.
+    in_turn = [*numbers] == [*run]
+    pick = itemgetter(slice(run.start, run.stop)) if in_turn else itemgetter(*numbers)
+    named = 0 not in numbers
     lines = array("q")
     columns: list[list[str]] = [[] for _ in texts]
     values = array("d")
     for line, text in cells.lines:
-        quick = read(line, text)
-        row = cells.split(line, text) if quick is None else quick[0]
+        row = cells.split(line, text)
         for i, column in zip(texts, columns, strict=True):
             word = row[i].strip()
             if not word and i == texts[0]:
                 raise cells.error(line, "a sample has no name")
             # The same name need not be held again.
             column.append(column[-1] if lines and column[-1] == word else word)
+        # Python reads 1_0 and other scripts' digits, which no instrument writes.
+        checked = text.partition(cells.delimiter)[2] if named else text
+        plain = checked.isascii() and "_" not in checked
+        words = pick(row)
+        if cells.delimiter != "," and "," in text:
+            words = [word.replace(",", ".") for word in words]
+        quick = _plain_numbers(words) if plain else None
         if quick is not None:
-            values.extend(quick[1])
+            values.extend(quick)
         else:
+            row = [cell.strip() for cell in row]
             for i in numbers:
                 title = cells.header[i]
                 if i in grids:
