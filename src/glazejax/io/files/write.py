@@ -1,7 +1,6 @@
 """Spectra out, as CSV, CxF3 or ENVI."""
 
 import csv
-import io
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -20,7 +19,6 @@ from ..write import write_files
 
 WIDE_TITLE = "Name (reflectance as fraction, nm)"
 """First title of a table with a sample a row, which says what it holds."""
-_PIECE = 1 << 20
 
 
 def write_spectra(
@@ -66,6 +64,10 @@ def write_spectra(
     if (changed := sum(old != new for old, new in zip(table.names, names, strict=True))) > 0:
         notes.append(f"{changed} names lost control characters or blanks")
     table = replace(table, names=tuple(different(names, notes)))
+    if long and any(re.fullmatch(r"[\d.,\s]*(nm)?", name) for name in table.names):
+        raise ValueError(
+            f"{path}: names that are numbers would be read as wavelengths; write the wide layout"
+        )
     if kind == "csv":
         files = {path: _format_csv(table, path, long)}
     elif kind == "cxf":
@@ -105,40 +107,30 @@ def _check(table: SpectraTable, path: Path) -> None:
 
 
 def _format_csv(table: SpectraTable, path: Path, long: bool) -> Iterator[bytes]:
-    """Table as text, in pieces; names are quoted, so that no letter in them is taken for a
+    """Table as text, line by line; names are quoted, so that no letter in them is taken for a
     delimiter or a comment, and begin with an apostrophe where they would be a formula.
-
-    Raises:
-        ValueError: a long table of names that are numbers (at once, not while it is written).
     """
-    if long and any(re.fullmatch(r"[\d.,\s]*(nm)?", name) for name in table.names):
-        raise ValueError(
-            f"{path}: names that are numbers would be read as wavelengths; write the wide layout"
-        )
     grid = [int(nm) if nm.is_integer() else nm for nm in table.wavelengths.tolist()]
     values = table.reflectance.T if long else table.reflectance
     names = [shield_name(name) for name in table.names]
     header = ["wavelength_nm", *names] if long else [WIDE_TITLE, *grid]
     first: Sequence[object] = grid if long else names
+    writer = csv.writer(
+        _Encoder(),
+        delimiter="\t" if path.suffix.lower() == ".tsv" else ",",
+        lineterminator="\n",
+        quoting=csv.QUOTE_NONNUMERIC,
+    )
+    if long and (table.reflectance.max() > MAX_FRACTION or not all(map(names_sample, names))):
+        # Without it the reader takes what is so bright for percent, and R% for no name.
+        yield b"# unit: fraction\n"
+    yield writer.writerow(header)
+    for title, row in zip(first, values, strict=True):
+        yield writer.writerow([title, *row.tolist()])
 
-    def pieces() -> Iterator[bytes]:
-        text = io.StringIO()
-        writer = csv.writer(
-            text,
-            delimiter="\t" if path.suffix.lower() == ".tsv" else ",",
-            lineterminator="\n",
-            quoting=csv.QUOTE_NONNUMERIC,
-        )
-        if long and (table.reflectance.max() > MAX_FRACTION or not all(map(names_sample, names))):
-            # Without it the reader takes what is so bright for percent, and R% for no name.
-            text.write("# unit: fraction\n")
-        writer.writerow(header)
-        for title, row in zip(first, values, strict=True):
-            writer.writerow([title, *row.tolist()])
-            if text.tell() > _PIECE:
-                yield text.getvalue().encode()
-                text.seek(0)
-                text.truncate()
-        yield text.getvalue().encode()
 
-    return pieces()
+class _Encoder:
+    """File of a CSV writer, whose `writerow` gives back what this gives."""
+
+    def write(self, text: str) -> bytes:
+        return text.encode()

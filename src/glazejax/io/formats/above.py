@@ -153,11 +153,6 @@ def _check_above(source: Source, start: int) -> None:
             )
 
 
-def not_read(above: int) -> str:
-    """Note on lines above a table."""
-    return f"{above} lines above the table are not read" if above > 1 else "line 1 is not read"
-
-
 def data_lines(lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
     """Numbered lines that are neither blank nor comments, up to a mark that ends the numbers."""
     before = takewhile(lambda pair: not _is_mark(pair[1]), lines)

@@ -30,7 +30,6 @@ from .above import (
     delimiter_of_numbers,
     find_table,
     is_wavelength_title,
-    not_read,
     plain_cells,
 )
 
@@ -196,7 +195,8 @@ def _open_table(source: Source) -> tuple[_Cells, tuple[int, str]]:
     """Table with its header, and the first line below it with its number."""
     layout = find_table(source)
     if layout.above:
-        source.notes.append(not_read(layout.above))
+        lines_above = f"{layout.above} lines above the table are not read"
+        source.notes.append(lines_above if layout.above > 1 else "line 1 is not read")
     lines = source.lines(above=layout.above)
     data = data_lines(itertools.islice(lines, layout.above, None))
     titles = list(itertools.islice(data, layout.titles))
