@@ -58,8 +58,8 @@ class SpectraTable:
 
 
 def there_are(wanted: str, names: Sequence[str]) -> str:
-    """Sentence for where no spectrum is called so: the nearest names if there are such, else the
-    first few.
+    """Sentence for where no spectrum is called so, or none is wanted (empty): the nearest names if
+    there are such, else the first few.
     """
     near = nearest_names(wanted, names)
     if near:

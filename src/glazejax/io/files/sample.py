@@ -58,12 +58,10 @@ def read_sample(
             f"{lead}{text!r} is neither a number from 0 to 1, such as 0.9, nor a file"
         )
     table = read_spectra(path, **stated)
-    names = ", ".join(table.names[:6]) + (", ..." if len(table) > 6 else "")
     if not sample and len(table) > 1:
         raise ValueError(
             f"{lead}{path} holds {len(table)} spectra: choose one, as "
-            f"{text.rstrip(':')}:{table.names[0]} "
-            f"(there are {names})"
+            f"{text.rstrip(':')}:{table.names[0]} ({there_are('', table.names)})"
         )
     if sample and sample not in table.names:
         raise ValueError(
