@@ -149,6 +149,11 @@ def meaning(words: str) -> Meaning:
     return Meaning(quantity, scale, mode[1].upper() if mode else "")
 
 
+def has_meaning(words: str) -> bool:
+    """Return whether words state a quantity or a scale."""
+    return any(meaning(words)[:2])
+
+
 def first_quantity(said: Iterable[str]) -> str:
     """The first words that state a quantity; empty if none do."""
     return next((words for words in said if meaning(words).quantity), "")
@@ -161,7 +166,7 @@ def is_no_name(title: str) -> bool:
 
 def names_sample(title: str) -> bool:
     """Return whether a title can only be a sample's name, and says nothing of its numbers."""
-    said = is_no_name(title) or any(meaning(title)[:2]) or READING.fullmatch(title.lower())
+    said = is_no_name(title) or has_meaning(title) or READING.fullmatch(title.lower())
     return not said
 
 

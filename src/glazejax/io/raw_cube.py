@@ -118,7 +118,6 @@ class RawCube:
         shape: lines, samples, stored bands.
         dtype: of the numbers.
         piece: (y, x, bands) that the file stores together; 1 where any window can be read as it is.
-        apart: whether each band is stored as an image of its own.
         wavelengths: (stored bands,), as the file has them; None where it has none.
         wavelength_unit: as the file states it; empty where it does not.
         quantity: what the file says of the values, such as ``radiance``; empty where it says
@@ -142,7 +141,6 @@ class RawCube:
     shape: tuple[int, int, int]
     dtype: np.dtype[Any]
     piece: tuple[int, int, int] = (1, 1, 1)
-    apart: bool = False
     wavelengths: Stored | None = None
     wavelength_unit: str = ""
     quantity: str = ""
@@ -166,6 +164,11 @@ class RawCube:
             return None
         top = float(np.iinfo(self.dtype).max)
         return None if top in self.ignore else top
+
+    @property
+    def apart(self) -> bool:
+        """Return whether each band is stored as an image of its own."""
+        return self.order[2] == 0 and self.piece[2] == 1
 
     @property
     def converts(self) -> bool:

@@ -100,5 +100,4 @@ def npy_cube(path: Path, count: int | None) -> RawCube:
         order=order,
         shape=shape,
         dtype=array.dtype,
-        apart=order[2] == 0,
     )

@@ -115,7 +115,6 @@ def describe(
         shape=shape,
         dtype=image.dtype,
         piece=(image.piece[order[0]], image.piece[order[1]], image.piece[order[2]]),
-        apart=order[2] == 0 and image.piece[0] == 1,
         wavelengths=wavelengths if wavelengths.size == shape[2] else None,
         wavelength_unit=wavelength_unit,
         good=_good(image, entries, shape[2]),

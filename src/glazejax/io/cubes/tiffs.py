@@ -57,7 +57,6 @@ def tiff_cube(path: Path, count: int | None) -> RawCube:
                 "order": order,
                 "shape": shape,
                 "piece": _piece(_array(path, None), order),
-                "apart": order[2] == 0,
             }
         else:
             count = len(file.pages)
@@ -91,7 +90,6 @@ def _layout_of_planes(
         "order": (1, 2, 0),
         "shape": (*size, len(places)),
         "piece": (*_piece(_array(*places[0]), (0, 1, 0))[:2], 1),
-        "apart": True,
     }
 
 

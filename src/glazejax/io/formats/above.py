@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator
 from itertools import pairwise, takewhile
 from typing import NamedTuple
 
-from ..quantity import MODES, is_no_name, length_unit, meaning
+from ..quantity import MODES, has_meaning, is_no_name, length_unit
 from ..source import Source
 from ..words import is_number, read_number
 
@@ -262,7 +262,7 @@ def _are_titles(line: str, below: str) -> bool:
     else:
         begins = named in grids or not units[named]
     return bool(begins) and all(
-        is_no_name(unit) or is_number(unit) or any(meaning(unit)[:2]) for unit in others
+        is_no_name(unit) or is_number(unit) or has_meaning(unit) for unit in others
     )
 
 

@@ -265,7 +265,6 @@ class EnviFile:
             order=order,
             shape=(self.sizes["lines"], self.sizes["samples"], self.sizes["bands"]),
             dtype=self._dtype,
-            apart=self.interleave == "bsq",
             wavelengths=wavelengths,
             wavelength_unit=" ".join(self.entries("wavelength units")),
             quantity=first_quantity(said),

@@ -17,7 +17,16 @@ from jaxtyping import Float
 
 from ...spectra import describe_grid, validate_wavelengths
 from ..finish import DETECTED, SPECTROMETER, RawSpectra, detectors_overlap, different
-from ..quantity import MODES, READING, REFLECTANCE, is_no_name, length_unit, meaning
+from ..quantity import (
+    MODES,
+    READING,
+    REFLECTANCE,
+    first_quantity,
+    has_meaning,
+    is_no_name,
+    length_unit,
+    meaning,
+)
 from ..source import Source, naming, shorten
 from ..spectra_table import Bands, Rows
 from ..words import finite_number, is_number, unshield_name
@@ -161,7 +170,7 @@ def read_table(source: Source) -> RawSpectra:
         # R400% without its wavelength; or a column such as Unit.
         said = [re.sub(r"\d{3,4}(nm)?", " ", cells.header[-1]), cells.header[0]]
         said += [_stated(f"{title}: {column[0]}") for title, column in attributes.items()]
-        title = next((title for title in said if any(meaning(title)[:2])), "")
+        title = next(filter(has_meaning, said), "")
         unit = length_unit(cells.header[0]) or "nm" * ("nm" in cells.header[-1].lower())
     else:
         grids, columns = _choose_columns(cells)
@@ -182,7 +191,7 @@ def read_table(source: Source) -> RawSpectra:
         else "columns of numbers without a header",
         notes=source.notes,
         wavelength_unit=unit,
-        quantity=next((words for words in (title, cells.said) if meaning(words).quantity), ""),
+        quantity=first_quantity((title, cells.said)),
         scale=100.0 if cells.percent else meaning(title).scale or meaning(cells.said).scale,
         attributes=attributes,
         by_hand=True,
@@ -208,7 +217,7 @@ def _open_table(source: Source) -> tuple[_Cells, tuple[int, str]]:
     keywords = [
         (words, line.startswith("#"))
         for line in source.first_lines[: titles[0][0] - 1 if titles else above]
-        if (words := _stated(line)) and any(meaning(words)[:2])
+        if has_meaning(words := _stated(line))
     ]
     number, row = first or (above, "")
     delimiter = delimiter_of(titles[-1][1]) if titles else delimiter_of_numbers(row)
@@ -236,8 +245,7 @@ def _open_table(source: Source) -> tuple[_Cells, tuple[int, str]]:
     ]
     # In brackets, as 'black' and '%' say no unit together, and 'spot 1' and '%R' say 1 %.
     units = [
-        [f"[{cell.strip('[]')}]" if any(meaning(cell)[:2]) else cell for cell in row]
-        for row in rows[1:]
+        [f"[{cell.strip('[]')}]" if has_meaning(cell) else cell for cell in row] for row in rows[1:]
     ]
     cells = _Cells(
         source=source,
@@ -389,11 +397,10 @@ def _choose_columns(cells: _Cells) -> tuple[list[int], list[int]]:
             wrong = f"no wavelengths in the header; {_LAYOUTS}"
         raise cells.source.error(wrong, cells.header_line or None)
     grid = next(iter([*titled, *runs]), 0)
-    named = {*titled}
     if _NO_WAVELENGTH.search(cells.header[grid]):
         raise cells.error(cells.header_line, _no_wavelength(cells.header[grid]))
     right = [i for i in range(grid + 1, width) if i not in barred and (not numbers or numbers[i])]
-    further = [i for i in right if i in named or (i in runs and numbers[i] == numbers[grid])]
+    further = [i for i in right if i in titled or (i in runs and numbers[i] == numbers[grid])]
     columns = sorted({*right}.difference(further))
     if not columns:
         raise cells.error(cells.header_line, "no column of numbers but the wavelengths")
@@ -435,7 +442,7 @@ def _reflectances(cells: _Cells, columns: list[int]) -> tuple[list[int], str]:
         raise cells.error(
             cells.header_line, "percent and fraction are mixed in the titles; bring all to one unit"
         )
-    title = next((t for i in kept if any(meaning(t := cells.header[i])[:2])), "")
+    title = next(filter(has_meaning, (cells.header[i] for i in kept)), "")
     return kept, title or (f"{cells.header[kept[0]]} (counts)" if best == "counts" else "")
 
 
