@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import xarray
@@ -24,9 +24,10 @@ from .calibration import Calibration
 _AT_ONCE = 1 << 19
 
 
-@dataclass(frozen=True)
-class CubeReading:
-    """From the file's numbers to reflectance.
+@dataclass(frozen=True, eq=False)
+class CubeReading(BackendArray):
+    """From the file's numbers to reflectance, as an array for xarray's indexing: it reads when its
+    values are asked for.
 
     Attributes:
         raw: the file.
@@ -44,6 +45,8 @@ class CubeReading:
     scale: float
     calibration: Calibration | None
 
+    dtype: ClassVar[np.dtype[Any]] = np.dtype(np.float32)
+
     @property
     def shape(self) -> tuple[int, int, int]:
         """Lines, samples and bands that are given; lines and samples that do not fill a bin are
@@ -57,6 +60,24 @@ class CubeReading:
         """Return whether a saturated reading becomes +inf, as it has no one value."""
         binned = self.binning != (1, 1) or self.bands.shape[1] > 1
         return binned or self.calibration is not None or np.ndim(self.raw.gain) > 0
+
+    def __getitem__(self, key: ExplicitIndexer) -> np.ndarray:
+        # xarray cannot turn a slice that runs backwards over nothing.
+        whole = type(key)(
+            tuple(
+                slice(0) if isinstance(part, slice) and not range(size)[part] else part
+                for part, size in zip(key.tuple, self.shape, strict=True)
+            )
+        )
+        return explicit_indexing_adapter(whole, self.shape, IndexingSupport.BASIC, self._window)
+
+    def _window(self, key: tuple[int | slice, ...]) -> np.ndarray:
+        """Reflectance at whole numbers, which take their axis away, and slices with positive
+        steps.
+        """
+        slices = tuple(k if isinstance(k, slice) else slice(k, k + 1) for k in key)
+        single = tuple(axis for axis, k in enumerate(key) if not isinstance(k, slice))
+        return np.squeeze(self.take(slices), axis=single)
 
     def take(self, key: tuple[slice, ...]) -> Float[np.ndarray, "y x bands"]:
         """Reflectance of a window: a slice with a positive step along each of the dims."""
@@ -150,33 +171,6 @@ def _sums(values: np.ndarray, dtype: Any) -> np.ndarray:
     return total.sum((1, 3))
 
 
-class LazyReflectance(BackendArray):
-    """Array for xarray's indexing: reads when its values are asked for."""
-
-    def __init__(self, reading: CubeReading):
-        self.reading = reading
-        self.shape: tuple[int, int, int] = reading.shape
-        self.dtype: np.dtype[Any] = np.dtype(np.float32)
-
-    def __getitem__(self, key: ExplicitIndexer) -> np.ndarray:
-        # xarray cannot turn a slice that runs backwards over nothing.
-        whole = type(key)(
-            tuple(
-                slice(0) if isinstance(part, slice) and not range(size)[part] else part
-                for part, size in zip(key.tuple, self.shape, strict=True)
-            )
-        )
-        return explicit_indexing_adapter(whole, self.shape, IndexingSupport.BASIC, self._window)
-
-    def _window(self, key: tuple[int | slice, ...]) -> np.ndarray:
-        """Reflectance at whole numbers, which take their axis away, and slices with positive
-        steps.
-        """
-        slices = tuple(k if isinstance(k, slice) else slice(k, k + 1) for k in key)
-        single = tuple(axis for axis, k in enumerate(key) if not isinstance(k, slice))
-        return np.squeeze(self.reading.take(slices), axis=single)
-
-
 def as_data_array(
     reading: CubeReading, wavelengths: Bands, unit: str, notes: list[str]
 ) -> xarray.DataArray:
@@ -215,9 +209,13 @@ def as_data_array(
         **raw.attributes,
     }
     if raw.top is not None:
-        attributes["saturated"] = np.inf if reading.marks else _reading_of(raw, reading.scale)
+        # The largest stored number, rounded as all others are.
+        top = raw.numbers(np.full(1, raw.top, raw.dtype), np.zeros(1, int))[0]
+        attributes["saturated"] = (
+            np.inf if reading.marks else float(top / np.float32(reading.scale))
+        )
     array = xarray.DataArray(
-        xarray.Variable(dims, LazilyIndexedArray(LazyReflectance(reading))),
+        xarray.Variable(dims, LazilyIndexedArray(reading)),
         {**places, "wavelength": ("wavelength", wavelengths, {"units": "nm"})},
         name="reflectance",
         attrs=attributes,
@@ -228,9 +226,3 @@ def as_data_array(
         name: max(1, -(-size // each)) for name, size, each in sizes
     }
     return array
-
-
-def _reading_of(raw: RawCube, scale: float) -> float:
-    """Reflectance of the largest stored number, rounded as `CubeReading` rounds it."""
-    value = raw.numbers(np.full(1, raw.top, raw.dtype), np.zeros(1, int))
-    return float(value[0] / np.float32(scale))

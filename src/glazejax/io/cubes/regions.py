@@ -81,19 +81,16 @@ def _picture(path: Path) -> Mask:
             with Image.open(path) as picture:
                 if picture.mode == "P":
                     picture = picture.convert("RGBA")
-                values = np.asarray(picture)
+                values = np.atleast_3d(np.asarray(picture)) != 0
         except (OSError, SyntaxError, Image.DecompressionBombError) as error:
             # What the system says is explained elsewhere.
             if isinstance(error, OSError) and error.errno is not None:
                 raise
             raise refusal(path, f"not a whole picture: {error}") from None
-    if values.ndim == 2:
-        return values != 0
-    colours = values.shape[-1]
     # The last of two or four is how opaque the pixel is.
-    if colours in (2, 4):
-        return (values[..., :-1] != 0).any(axis=2) & (values[..., -1] != 0)
-    return (values != 0).any(axis=2)
+    if values.shape[2] in (2, 4):
+        return values[..., :-1].any(axis=2) & values[..., -1]
+    return values.any(axis=2)
 
 
 def _polygons(path: Path, text: str) -> list[list[Float[np.ndarray, "_ 2"]]]:
