@@ -1,6 +1,7 @@
-"""Guesses of what an unknown name was meant to be."""
+"""Guesses of what an unknown name was meant to be, and names that repeat."""
 
 import difflib
+from collections import Counter
 from collections.abc import Callable, Iterable
 
 
@@ -36,3 +37,8 @@ def nearest_names(
     if containing:
         return containing[:count]
     return [folded[k] for k in difflib.get_close_matches(key, folded, n=count, cutoff=cutoff)]
+
+
+def first_repeated(names: Iterable[str]) -> str | None:
+    """The first of the names that stand there twice; None if all differ."""
+    return next((name for name, count in Counter(names).items() if count > 1), None)

@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float
 from glazejax.geometry import Geometry
 from glazejax.geometry import Instrument as Instrument
 from glazejax.io.spectra_table import list_names
-from glazejax.names import nearest_names
+from glazejax.names import first_repeated, nearest_names
 from glazejax.radiative.common.fresnel import dielectric_reflectance
 from glazejax.spectra import Bands, describe_grid, validate_wavelengths
 
@@ -99,8 +99,7 @@ class Films(Tabulated):
     def __post_init__(self) -> None:
         grid = validate_wavelengths(self.wavelengths)
         object.__setattr__(self, "wavelengths", grid)
-        if len(set(self.names)) < len(self.names):
-            twice = next(name for name in self.names if self.names.count(name) > 1)
+        if (twice := first_repeated(self.names)) is not None:
             raise ValueError(f"two films are called {twice!r}; names must differ")
         count = len(self.names)
         usually = {

@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Float
 
 from glazejax import Pigment
+from glazejax.names import first_repeated
 from glazejax.paint import describe
 from glazejax.paint.describe import find_name
 
@@ -51,8 +52,7 @@ class CoatPrior:
         where = f"the coat of {' + '.join(names) or 'unknown paint'}"
         if len(names) > 5:
             raise ValueError(f"{where} has {len(names)} paints; name 5 at most")
-        if len(set(names)) < len(names):
-            twice = next(name for name in names if names.count(name) > 1)
+        if (twice := first_repeated(names)) is not None:
             raise ValueError(f"{where}: the paint {twice!r} is listed twice")
         # No coat of paint is thicker: who says so means another unit.
         if self.thickness is not None and not 0 <= self.thickness <= 0.01:

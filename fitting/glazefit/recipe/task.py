@@ -8,6 +8,7 @@ import numpy as np
 
 from glazejax import Bidirectional, Pigment, catalogue, colour
 from glazejax.geometry import resolve_instrument
+from glazejax.names import first_repeated
 from glazejax.paint.media import MAX_THICKNESS
 from glazejax.spectra import common_range, describe_grid, lie_between, same_grid
 
@@ -177,9 +178,8 @@ def _list_pigments(pigments: Pigments | None, max_paints: int) -> list[Pigment]:
             f"{len(paints)} paints make too many sets to try them all: name {_MOST_PAINTS} at most "
             "(--only), or set max_paints to 1"
         )
-    twice = {p.name for p in paints if [q.name for q in paints].count(p.name) > 1}
-    if twice:
-        raise ValueError(f"two pigments are called {min(twice)!r}: give each its own name")
+    if (twice := first_repeated(sorted(paint.name for paint in paints))) is not None:
+        raise ValueError(f"two pigments are called {twice!r}: give each its own name")
     for paint in paints:
         if paint.absorption.ndim > 1 or paint.scattering.ndim > 1:
             raise ValueError(

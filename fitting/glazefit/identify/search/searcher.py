@@ -14,6 +14,7 @@ from jaxtyping import ArrayLike, Bool, Float
 
 from glazejax import Pigment
 from glazejax.geometry import resolve_instrument
+from glazejax.names import first_repeated
 from glazejax.paint.media import MAX_THICKNESS
 from glazejax.spectra import Bands, validate_wavelengths
 
@@ -183,8 +184,7 @@ def check_spectra(
     labels = tuple(names) if names is not None else tuple(str(i + 1) for i in range(len(readings)))
     if len(labels) != len(readings):
         raise ValueError(f"{len(labels)} names were given for {len(readings)} spectra")
-    if len(set(labels)) < len(labels):
-        twice = next(name for name in labels if labels.count(name) > 1)
+    if (twice := first_repeated(labels)) is not None:
         raise ValueError(f"two spectra are called {twice!r}; names must differ")
     # Readings are fractions.
     wrong = ~(np.isfinite(readings) & (readings >= 0) & (readings <= _TOO_BRIGHT))
@@ -242,9 +242,7 @@ def check_pigments(pigments: Pigments, wavelengths: Float[np.ndarray, "bands"]) 
     paints = listed_pigments(pigments)
     if not paints:
         raise ValueError("the catalogue is empty; give at least one pigment")
-    names = [pigment.name for pigment in paints]
-    if len(set(names)) < len(names):
-        twice = next(name for name in names if names.count(name) > 1)
+    if (twice := first_repeated(pigment.name for pigment in paints)) is not None:
         raise ValueError(f"two pigments of the catalogue are called {twice!r}; names must differ")
     for pigment in paints:
         if pigment.absorption.ndim != 1 or pigment.scattering.ndim != 1:
