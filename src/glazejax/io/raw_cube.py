@@ -115,9 +115,10 @@ class RawCube:
         format: what it is.
         data: its numbers, in the file's order of axes.
         order: which axis of `data` is y, which x, which the wavelength.
-        shape: lines, samples, stored bands.
+        sizes: of the axes of `data`.
         dtype: of the numbers.
-        piece: (y, x, bands) that the file stores together; 1 where any window can be read as it is.
+        chunks: what the file stores together, along the axes of `data`; 1 where any window can be
+            read as it is.
         wavelengths: (stored bands,), as the file has them; None where it has none.
         wavelength_unit: as the file states it; empty where it does not.
         quantity: what the file says of the values, such as ``radiance``; empty where it says
@@ -138,9 +139,9 @@ class RawCube:
     format: str
     data: OnDisk
     order: tuple[int, int, int]
-    shape: tuple[int, int, int]
+    sizes: tuple[int, ...]
     dtype: np.dtype[Any]
-    piece: tuple[int, int, int] = (1, 1, 1)
+    chunks: tuple[int, ...] = (1, 1, 1)
     wavelengths: Stored | None = None
     wavelength_unit: str = ""
     quantity: str = ""
@@ -154,6 +155,18 @@ class RawCube:
     x: Float[np.ndarray, "samples"] | None = None
     about_place: Mapping[str, Any] = field(default_factory=dict)
     attributes: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Lines, samples, stored bands."""
+        y, x, band = self.order
+        return self.sizes[y], self.sizes[x], self.sizes[band]
+
+    @property
+    def piece(self) -> tuple[int, int, int]:
+        """Lines, samples, bands that the file stores together."""
+        y, x, band = self.order
+        return self.chunks[y], self.chunks[x], self.chunks[band]
 
     @property
     def top(self) -> float | None:

@@ -92,12 +92,11 @@ def npy_cube(path: Path, count: int | None) -> RawCube:
             f"an array of shape {array.shape} and type {array.dtype}, not an image of y, x, "
             "wavelength",
         )
-    order, shape = axes_of(array.shape, count)
     return RawCube(
         path=path,
         format="NumPy array",
         data=OnDisk(load_npy, path),
-        order=order,
-        shape=shape,
+        order=axes_of(array.shape, count),
+        sizes=array.shape,
         dtype=array.dtype,
     )

@@ -13,8 +13,8 @@ _NAMES = (
 
 def axes_of(
     shape: Sequence[int], count: int | None = None, names: Sequence[str | None] = ()
-) -> tuple[tuple[int, int, int], tuple[int, int, int]]:
-    """Axes of y, x and wavelength, and their sizes.
+) -> tuple[int, int, int]:
+    """Axes of y, x and wavelength.
 
     By their names where those are known; else the wavelength is the axis of as many entries as
     there are wavelengths, the last of them, or the last where that is not known either; y comes
@@ -38,4 +38,4 @@ def axes_of(
     y, x = [i for i in range(3) if i != band]
     if named[0] == x or named[1] == y:
         y, x = x, y
-    return (y, x, band), (int(shape[y]), int(shape[x]), int(shape[band]))
+    return y, x, band

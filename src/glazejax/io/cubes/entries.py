@@ -36,7 +36,7 @@ class FolderEntry(NamedTuple):
     array: Any
     attributes: Mapping[str, Any] = MappingProxyType({})
     dims: tuple[str | None, ...] = ()  # names of the axes, where they have some
-    piece: tuple[int, ...] = (1, 1, 1)  # what the file stores together
+    chunks: tuple[int, ...] = (1, 1, 1)  # what the file stores together
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -88,11 +88,10 @@ def describe(
     stated, wavelength_unit = _wavelengths_of(image, entries)
     wavelengths = np.ravel(stated).astype(float)
     step = -1 if reverse else 1
-    order, shape = axes_of(
-        image.shape[::step], count or wavelengths.size or None, image.dims[::step]
-    )
+    order = axes_of(image.shape[::step], count or wavelengths.size or None, image.dims[::step])
     if reverse:
         order = (2 - order[0], 2 - order[1], 2 - order[2])
+    bands = image.shape[order[2]]
     spatial: dict[str, Any] = {}
     y, x = (_coordinates(image, axis, entries) for axis in order[:2])
     if y is not None and x is not None:
@@ -112,12 +111,12 @@ def describe(
         format=format,
         data=OnDisk(opener, path, image.name),
         order=order,
-        shape=shape,
+        sizes=image.shape,
         dtype=image.dtype,
-        piece=(image.piece[order[0]], image.piece[order[1]], image.piece[order[2]]),
-        wavelengths=wavelengths if wavelengths.size == shape[2] else None,
+        chunks=image.chunks,
+        wavelengths=wavelengths if wavelengths.size == bands else None,
         wavelength_unit=wavelength_unit,
-        good=_good(image, entries, shape[2]),
+        good=_good(image, entries, bands),
         **_meaning(path, image),
         **spatial,
     )

@@ -34,7 +34,7 @@ def _zarr_entry(name: str, array: Any) -> FolderEntry:
     if old is not None and array.fill_value is not None:
         attributes.setdefault("_FillValue", array.fill_value)
     names = getattr(array.metadata, "dimension_names", None) or old or (None,) * array.ndim
-    return FolderEntry(name, array, attributes, dims=tuple(names), piece=tuple(array.chunks))
+    return FolderEntry(name, array, attributes, dims=tuple(names), chunks=tuple(array.chunks))
 
 
 def _zarr_array(path: Path, name: str) -> Any:
@@ -95,8 +95,8 @@ def _hdf5_entry(name: str, node: Any) -> FolderEntry:
         .lstrip("b'")
         .startswith("This is a netCDF dimension but not")
     )
-    piece = node.chunks or (1, 1, 1)
-    return FolderEntry(name if real else "", node, attributes, dims=tuple(names), piece=piece)
+    chunks = node.chunks or (1, 1, 1)
+    return FolderEntry(name if real else "", node, attributes, dims=tuple(names), chunks=chunks)
 
 
 # Attributes by which HDF5 ties axes together.

@@ -50,13 +50,14 @@ def tiff_cube(path: Path, count: int | None) -> RawCube:
         place = _place(file)
         if len(series.shape) == 3:
             names = tuple({"Y": "y", "X": "x"}.get(letter, "band") for letter in series.axes)
-            order, shape = axes_of(series.shape, count, names)
+            order = axes_of(series.shape, count, names)
+            count = int(series.shape[order[2]])
             dtype = series.dtype
             layout: dict[str, Any] = {
                 "data": OnDisk(_array, path, None),
                 "order": order,
-                "shape": shape,
-                "piece": _piece(_array(path, None), order),
+                "sizes": tuple(map(int, series.shape)),
+                "chunks": getattr(_array(path, None), "chunks", (1, 1, 1)),
             }
         else:
             count = len(file.pages)
@@ -69,7 +70,7 @@ def tiff_cube(path: Path, count: int | None) -> RawCube:
                     f"not an image of several bands of one size and type: {count} pages of {kinds}",
                 )
             layout = _layout_of_planes(shape, [(path, number) for number in range(count)])
-    if wavelengths is not None and wavelengths.size != layout["shape"][2]:
+    if wavelengths is not None and wavelengths.size != count:
         wavelengths = None
     return RawCube(
         path=path,
@@ -88,8 +89,8 @@ def _layout_of_planes(
     return {
         "data": OnDisk(_planes, *places),
         "order": (1, 2, 0),
-        "shape": (*size, len(places)),
-        "piece": (*_piece(_array(*places[0]), (0, 1, 0))[:2], 1),
+        "sizes": (len(places), *size),
+        "chunks": (1, *getattr(_array(*places[0]), "chunks", (1, 1))),
     }
 
 
@@ -203,12 +204,6 @@ def _array(path: Path, page: int | None) -> Any:
 
 def _planes(*places: tuple[Path, int | None]) -> Planes:
     return Planes([_array(*place) for place in places])
-
-
-def _piece(array: Any, order: tuple[int, int, int]) -> tuple[int, int, int]:
-    """Extent of what is read together, along y, x and wavelength."""
-    chunks = getattr(array, "chunks", None)
-    return (1, 1, 1) if chunks is None else (chunks[order[0]], chunks[order[1]], chunks[order[2]])
 
 
 def _wavelengths_of_metadata(file: Any) -> Stored | None:

@@ -242,7 +242,7 @@ class EnviFile:
             ValueError: the header is not legal.
         """
         axes, order = _AXES[self.interleave]
-        shape = tuple(self.sizes[axis] for axis in axes)
+        sizes = tuple(self.sizes[axis] for axis in axes)
         notes: list[str] = []
         good = self.good_bands()
         if good.size < self.stored:
@@ -261,9 +261,9 @@ class EnviFile:
         return RawCube(
             path=self.path,
             format="ENVI image",
-            data=OnDisk(np.memmap, self.data, self._dtype, "r", self._offset, shape),
+            data=OnDisk(np.memmap, self.data, self._dtype, "r", self._offset, sizes),
             order=order,
-            shape=(self.sizes["lines"], self.sizes["samples"], self.sizes["bands"]),
+            sizes=sizes,
             dtype=self._dtype,
             wavelengths=wavelengths,
             wavelength_unit=" ".join(self.entries("wavelength units")),
