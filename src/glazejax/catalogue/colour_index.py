@@ -48,7 +48,8 @@ def family_named(text: str) -> str:
         >>> family_named("Hansa yellow PY74"), family_named("raw umber, PBr7")
         ('azo yellow', 'raw umber')
     """
-    named = _names_in(text)
+    padded = f" {_words(text)} "
+    named = [name for name in families() if f" {_words(name)} " in padded]
     numbers = colour_indices(text)
     if not numbers:
         if len(named) == 1:
@@ -71,22 +72,16 @@ def family_named(text: str) -> str:
     return candidates[0]
 
 
-def _names_in(text: str) -> list[str]:
-    """Families whose names stand in a text as whole words."""
-    padded = f" {_words(text)} "
-    return [name for name in families() if f" {_words(name)} " in padded]
-
-
 def _words(text: str) -> str:
     return " ".join(re.findall(r"[^\W_]+", text.casefold()))
 
 
 @functools.cache
-def _numbered() -> dict[str, tuple[str, ...]]:
+def _numbered() -> dict[str, list[str]]:
     """Families of each Colour Index number."""
-    out: dict[str, tuple[str, ...]] = {}
+    out: dict[str, list[str]] = {}
     for family in families().values():
         for kind, first, last in _SPAN.findall(family.colour_index):
             for number in range(int(first), int(last or first) + 1):
-                out[f"{kind}{number}"] = (*out.get(f"{kind}{number}", ()), family.name)
+                out.setdefault(f"{kind}{number}", []).append(family.name)
     return out

@@ -50,7 +50,8 @@ class RawSpectra:
     Attributes:
         wavelengths: (bands,), in any order.
         names: one a row; they may repeat or be empty.
-        values: (rows, bands), fraction or percent or scaled; NaN where missing.
+        values: (rows, bands), float64, fraction or percent or scaled; NaN where missing. They
+            become fractions in place.
         format: what the file is.
         notes: what the reader noticed.
         wavelength_unit: as the file states it; empty where it does not.
@@ -111,10 +112,8 @@ def _finish(raw: RawSpectra, stated: Stated) -> SpectraTable:
         names = different(
             [plain_name(name) or f"spectrum {i + 1}" for i, name in enumerate(names)], notes
         )
-    values = np.asarray(raw.values, np.float64)
-    wavelengths, remarks = nanometres(
-        np.asarray(raw.wavelengths, np.float64), length or raw.wavelength_unit
-    )
+    values = raw.values
+    wavelengths, remarks = nanometres(raw.wavelengths, length or raw.wavelength_unit)
     notes += remarks
     if np.isfinite(wavelengths).all() and (np.diff(wavelengths) < 0).any():
         order = one_detector_each(wavelengths, notes)
@@ -136,8 +135,6 @@ def _finish(raw: RawSpectra, stated: Stated) -> SpectraTable:
     kept = lit_bands(grid, values, notes, raw, declared)
     grid = grid[kept]
     values = values[:, kept]
-    if not values.flags.writeable:
-        values = values.copy()
     unit_read = _to_fractions(raw, declared, grid, values, names, notes)
     attributes = {title: tuple(column[i] for i in rows) for title, column in raw.attributes.items()}
     return SpectraTable(
