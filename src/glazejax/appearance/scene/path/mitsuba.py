@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from ....extras import require
 from ....spectra import Bands, Numbers
 from ..lights import AreaLight, Light, PointLight
 from ..materials import Conductor, Glazed, Lambert, Material, Phong
@@ -22,13 +21,13 @@ from .mitsuba_shapes import mitsuba_shape, numbers, sphere_map
 
 def mitsuba_scene(
     scene: Scene,
-    folder: str | Path,
+    folder: Path,
     *,
-    samples: int = 256,
-    max_depth: int = -1,
-    background: bool = False,
-    tolerance: float = 1e-3,
-    notes: list[str] | None = None,
+    samples: int,
+    max_depth: int,
+    background: bool,
+    tolerance: float,
+    notes: list[str],
 ) -> dict[str, Any]:
     """Dictionary for `mitsuba.load_dict`; a spectral variant must be set.
 
@@ -40,20 +39,14 @@ def mitsuba_scene(
         background: light from all around with the scene's background; here it lights things, which
             it does not in `render`.
         tolerance: absolute error wanted of a glaze's reflectance factor.
-        notes: materials that Mitsuba has no counterpart of become the nearest there is, with a
-            sentence each added to this list; they are refused if it is left out.
+        notes: takes a sentence for each material that becomes the nearest that Mitsuba has.
 
     Returns:
         The scene; its film is XYZ, on the scale of `picture.picture_xyz`.
 
     Raises:
-        FileNotFoundError: the folder does not exist.
-        ValueError: a material that Mitsuba has no counterpart of.
+        ValueError: a material of another kind than those of `materials`.
     """
-    folder = Path(folder)
-    if not folder.is_dir():
-        raise FileNotFoundError(f"the folder {folder} for meshes does not exist")
-    require("mitsuba")
     import mitsuba as mi  # pyright: ignore[reportMissingImports]
 
     grid = np.asarray(scene.wavelengths, float)
@@ -143,22 +136,18 @@ def _bsdf(
     grid: np.ndarray,
     on_sphere: bool,
     tolerance: float,
-    notes: list[str] | None,
+    notes: list[str],
 ) -> dict[str, Any]:
     if isinstance(material, Lambert):
         return {"type": "diffuse", "reflectance": spectrum(material.reflectance, grid)}
-    if isinstance(material, Conductor) and material.is_mirror and material.fresnel == "exact":
-        return _near_metal(material, grid)
     if isinstance(material, Glazed):
         return _glaze(material, grid, on_sphere, tolerance)
-    if notes is None or not isinstance(material, Conductor | Phong):
-        raise ValueError(f"material {name!r}: Mitsuba has no counterpart of {_describe(material)}")
     if isinstance(material, Conductor):
-        notes.append(
-            f"material {name!r}: Mitsuba has no {_describe(material)[2:]}; drawn with "
-            f"{_nearest(material)}"
+        return _metal(name, material, grid, notes)
+    if not isinstance(material, Phong):
+        raise ValueError(
+            f"material {name!r}: Mitsuba has no counterpart of {type(material).__name__}"
         )
-        return _near_metal(material, grid)
     notes.append(
         f"material {name!r}: Mitsuba has no Phong; drawn as a plastic with a highlight of the "
         "same width"
@@ -188,31 +177,28 @@ def _glaze(material: Glazed, grid: np.ndarray, on_sphere: bool, tolerance: float
     )
 
 
-def _near_metal(material: Conductor, grid: np.ndarray) -> dict[str, Any]:
-    """Beckmann's facets, half of them left at the same angle, and the exact reflectance."""
+def _metal(name: str, material: Conductor, grid: np.ndarray, notes: list[str]) -> dict[str, Any]:
+    """Fresnel's mirror, or Beckmann's facets, half of them left at the same angle; always of the
+    exact reflectance.
+    """
     optics = {
         "eta": spectrum(material.refractive_index, grid),
         "k": spectrum(material.extinction, grid),
     }
     if material.is_mirror:
+        if material.fresnel != "exact":
+            notes.append(
+                f"material {name!r}: Mitsuba has no metal by the estimate {material.fresnel!r}; "
+                "drawn with its exact reflectance"
+            )
         return {"type": "conductor"} | optics
+    notes.append(
+        f"material {name!r}: Mitsuba has no rough metal as paper B has it; drawn with Beckmann's "
+        "facets of the same width"
+    )
     # Half of Beckmann's facets are left where tan^2 = alpha^2 ln 2.
     alpha = float(np.tan(np.deg2rad(material.roughness)) / np.sqrt(np.log(2.0)))
     return {"type": "roughconductor", "distribution": "beckmann", "alpha": alpha} | optics
-
-
-def _nearest(material: Conductor) -> str:
-    return "Beckmann's facets of the same width" if material.roughness else "its exact reflectance"
-
-
-def _describe(material: Material) -> str:
-    if not isinstance(material, Conductor):
-        return type(material).__name__
-    return (
-        "a rough metal as paper B has it"
-        if material.roughness
-        else f"a metal by the estimate {material.fresnel!r}"
-    )
 
 
 def _light(light: Light, grid: np.ndarray, path: Path) -> dict[str, Any]:

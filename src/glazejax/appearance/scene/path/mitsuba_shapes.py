@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from ....extras import require
 from ....spectra import Numbers
 from ..shapes import Box, Mesh, Plane, Shape, Sphere, plane_frame, rotation
 
@@ -52,12 +51,10 @@ def mitsuba_shape(shape: Shape, path: Path, *, mapped: bool = False) -> dict[str
 def relief_mesh(plane: Plane) -> Mesh:
     """Triangles of a plane that stands out by its relief, with smooth normals; u and v run as on
     the flat plane.
-
-    Raises:
-        ValueError: it has no relief.
     """
-    if plane.relief is None or plane.size is None:
-        raise ValueError("this plane has no relief")
+    # A plane with a relief has a size.
+    assert plane.relief is not None
+    assert plane.size is not None
     heights = np.asarray(plane.relief, float)
     rows, columns = heights.shape
     rightward, up, normal = plane_frame(plane)
@@ -170,7 +167,6 @@ def numbers(values: Numbers) -> list[float]:
 
 def _transform(axes: Float[np.ndarray, "3 3"], point: Numbers) -> Any:
     """Transform with the axes as columns and a point as origin."""
-    require("mitsuba")
     import mitsuba as mi  # pyright: ignore[reportMissingImports]
 
     matrix = np.eye(4)

@@ -8,6 +8,7 @@ show the noise.
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
@@ -112,7 +113,7 @@ def path_trace(
         progress(0, report.passes_full, "computing glazes")
         description = mitsuba_scene(
             scene,
-            folder,
+            Path(folder),
             samples=samples_each,
             max_depth=max_depth,
             background=background,
