@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy.polynomial import chebyshev
 
-from ...chebyshev_table import SAFETY, Axis, Mirrored
+from ...chebyshev_table import SAFETY, Axis, Mirrored, extrema
 from ...interpolated import interpolated
 from ...paint.media import Glaze
 from ..glaze.interpolation import lagrange
@@ -43,13 +43,22 @@ class Nodes(NamedTuple):
     """Of the surface's `terms`."""
     tolerance: float
 
-    def terms(self, coordinates: list[np.ndarray]) -> GroundTerms:
-        """Terms on a tensor grid of coordinates in [-1, 1]: (*grid, bands, angles, angles), ..."""
+    def terms(self) -> GroundTerms:
+        """Terms on a tensor grid of Chebyshev's extrema, enough for products of the series: (*grid,
+        bands, angles, angles), ...
+        """
         values = self.coefficients
-        for k, x in enumerate(coordinates):
-            basis = chebyshev.chebvander(x, values.shape[k] - 1)
-            values = np.moveaxis(np.tensordot(basis, values, (1, k)), 0, k)
+        for k, count in enumerate(values.shape[: len(self.axes)]):
+            basis = chebyshev.chebvander(extrema(2 * count - 1), count - 1)
+            values = along_axis(basis, values, k)
         return self.surface.expand(values, self.cosines, SOLVER * self.tolerance)
+
+
+def along_axis(
+    matrix: Float[np.ndarray, "rows columns"], values: np.ndarray, axis: int
+) -> np.ndarray:
+    """The matrix times the values along one axis."""
+    return np.moveaxis(np.tensordot(matrix, values, (1, axis)), 0, axis)
 
 
 class NodeSolver:

@@ -22,7 +22,16 @@ from ..glaze.table import LEAST_COSINE
 from . import lookup
 from .ground_split import factor_of
 from .lookup import NUMPY, Arithmetic, Place
-from .nodes import SOLVER, GlazeSurface, Nodes, NodeSolver, error_weight, over, solve_nodes
+from .nodes import (
+    SOLVER,
+    GlazeSurface,
+    Nodes,
+    NodeSolver,
+    along_axis,
+    error_weight,
+    over,
+    solve_nodes,
+)
 
 _ANGLES = (33, 65, 129, 257)
 _LINE = (9, 17, 33, 65, 129)
@@ -59,7 +68,6 @@ class Body:
             packets, 4).
         packets: of the shapes over two angles, and of those over one (0 without).
         error: estimated largest absolute error of the reflectance factor in a band, for any ground.
-        tolerance: what was asked for.
     """
 
     surface: GlazeSurface
@@ -75,7 +83,6 @@ class Body:
     albedo_shapes: Any
     packets: tuple[int, int]
     error: float = np.nan
-    tolerance: float = np.nan
 
     @property
     def bands(self) -> int:
@@ -103,13 +110,6 @@ def nodes_at(ops: Arithmetic, body: Body, varying: dict[str, Any]) -> list[tuple
         along = axis.coordinate(ops.clip(varying[name], axis.low, axis.high), ops)
         axis_spots.append(lookup.place(ops, 0.5 * (along + 1.0), count))
     return lookup.nodes_and_weights(axis_spots, body.counts)
-
-
-def band_at(ops: Arithmetic, body: Body, wavelength: Any) -> Place:
-    """Cell of a wavelength in nm."""
-    low = float(body.wavelengths[0])
-    high = float(body.wavelengths[-1])
-    return lookup.place(ops, (wavelength - low) / (high - low), body.bands)
 
 
 def angle_at(ops: Arithmetic, body: Body, cosine: Any) -> Place:
@@ -141,17 +141,15 @@ def body_table(
     Returns:
         `Body`, whose `error` says what was reached.
     """
+    solver = NodeSolver(surface, glaze, layer, SOLVER * tolerance)
     tries = tolerance
     best = None
     for _ in range(3):
         nodes = solve_nodes(surface, glaze, layer, ranges, tries)
         body = _compress(nodes, ground, mean_ground)
-        error = (
-            _error(body, NodeSolver(surface, glaze, layer, SOLVER * tolerance), ground)
-            + SOLVER * tolerance
-        )
+        error = _error(body, solver, ground) + solver.tolerance
         if best is None or error < best.error:
-            best = replace(body, error=error, tolerance=tolerance)
+            best = replace(body, error=error)
         if error <= tolerance:
             break
         # Errors of the nodes and of the table's own interpolation add up: the next nodes are finer.
@@ -190,7 +188,9 @@ def at_point(
         ground: its reflectance at each of the wavelengths; None for a body that has its own.
     """
     nodes = nodes_at(ops, body, varying)
-    bands = [band_at(ops, body, wavelength) for wavelength in wavelengths]
+    low = float(body.wavelengths[0])
+    high = float(body.wavelengths[-1])
+    bands = [lookup.place(ops, (nm - low) / (high - low), body.bands) for nm in wavelengths]
 
     def of_all(weights: Any, packets: int) -> list[list[Any]]:
         return [
@@ -241,10 +241,13 @@ def _compress(nodes: Nodes, ground: np.ndarray | None, mean_ground: float) -> Bo
     analytic = surface.analytic_factor(NUMPY, nodes.cosines[:, None], nodes.cosines) * np.ones(
         (n, n)
     )
-    exact = fold(nodes, ground)
-    # Over the mean ground, mean of the bands, for choosing directions.
-    dim = fold(nodes, mean_ground if ground is None else ground)
-    dim = dim.mean(axis=-2, keepdims=True)
+    terms = nodes.terms()
+    # Over a black ground where it is not known; over the mean ground, mean of the bands, for
+    # choosing directions.
+    level, mean = (0.0, mean_ground) if ground is None else (ground, ground)
+    rows = (*terms.through.shape[:-1], -1)
+    exact = (over(terms, level) / analytic).reshape(rows)
+    dim = (over(terms, mean) / analytic).reshape(rows).mean(axis=-2, keepdims=True)
     # Shares of the tolerance: shapes left out, distances between angles and between nodes.
     left_out = 0.1 * nodes.tolerance
     limit = 0.05 * nodes.tolerance
@@ -259,11 +262,11 @@ def _compress(nodes: Nodes, ground: np.ndarray | None, mean_ground: float) -> Bo
     if ground is None:
         # T over what is known of it, and S, have series of their own.
         tall = surface.let_in(NUMPY, nodes.cosines) * np.ones(n)
-        tau = nodes.terms(_extrema(nodes)).through / tall
+        tau = terms.through / tall
         across, onto_lines = _basis([tau], tall, left_out)
         lines = _pack(to_grid @ across.T)
-        back = nodes.terms(_extrema(nodes)).back[..., None]
-        through = _series(np.concatenate([_pad(tau @ onto_lines), back], axis=-1), len(nodes.axes))
+        channels = np.concatenate([_pad(tau @ onto_lines), terms.back[..., None]], axis=-1)
+        through = _series(channels, len(nodes.axes))
     # All kept series must do between the nodes; what the ground sees counts more, as light goes
     # back and forth.
     peak = np.max(analytic) * np.max(np.abs(shapes), axis=-1)
@@ -298,28 +301,10 @@ def _compress(nodes: Nodes, ground: np.ndarray | None, mean_ground: float) -> Bo
     )
 
 
-def fold(nodes: Nodes, ground: Any) -> Float[np.ndarray, "*nodes bands pairs"]:
-    """Remainder of the reflectance factor without its known part, on Chebyshev's nodes; black
-    without a ground.
-    """
-    terms = nodes.terms(_extrema(nodes))
-    values = over(terms, 0.0 if ground is None else ground) / nodes.surface.analytic_factor(
-        NUMPY, nodes.cosines[:, None], nodes.cosines
-    )
-    return values.reshape(*values.shape[:-2], -1)
-
-
-def _extrema(nodes: Nodes) -> list[np.ndarray]:
-    """Nodes enough for products of the series."""
-    return [extrema(2 * terms - 1) for terms in nodes.coefficients.shape[: len(nodes.axes)]]
-
-
 def _series(values: np.ndarray, axes: int) -> np.ndarray:
     """Chebyshev coefficients of values at the extrema."""
     for k in range(axes):
-        values = np.moveaxis(
-            np.tensordot(coefficients_from_nodes(extrema, values.shape[k]), values, (1, k)), 0, k
-        )
+        values = along_axis(coefficients_from_nodes(extrema, values.shape[k]), values, k)
     return values
 
 
@@ -340,13 +325,12 @@ def _basis(
         else np.linalg.eigh(weighed.T @ weighed)[1][:, ::-1]
     )
     vectors = _pad(vectors)
-    count = 0
+    leading = vectors
     # Whole packets of shapes, until every row is met.
     for count in range(4, vectors.shape[1] + 1, 4):
         leading = vectors[:, :count]
         if np.max(np.abs(weighed - (weighed @ leading) @ leading.T)) <= tolerance:
             break
-    leading = vectors[:, :count]
     return leading.T / weights, leading * weights[:, None]
 
 
@@ -372,20 +356,24 @@ def _line_count(series: np.ndarray, k: int, tolerance: float) -> int:
     series = np.moveaxis(series, k, 0).reshape(series.shape[k], -1)
     for count in _LINE:
         x = np.linspace(-1.0, 1.0, count)
-        value = chebyshev.chebvander(x, len(series) - 1) @ series
-        slope = _slopes(x, series)
+        values, slopes = _values_and_slopes(x, len(series))
+        value = values @ series
+        slope = slopes @ series
         middle = chebyshev.chebvander(0.5 * (x[1:] + x[:-1]), len(series) - 1) @ series
         # The cubic in the middle of a cell, from values and slopes at its ends.
-        guess = 0.5 * (value[1:] + value[:-1]) + (slope[:-1] - slope[1:]) * (x[1] - x[0]) / 8.0
+        guess = 0.5 * (value[1:] + value[:-1]) + (slope[:-1] - slope[1:]) / 8.0
         if np.max(np.abs(guess - middle)) <= tolerance:
             return count
     return _LINE[-1]
 
 
-def _slopes(x: np.ndarray, series: np.ndarray) -> np.ndarray:
-    """Derivatives (points, channels) of Chebyshev series (terms, channels)."""
-    down = chebyshev.chebder(series, axis=0)
-    return chebyshev.chebvander(x, len(down) - 1) @ down
+def _values_and_slopes(
+    x: Float[np.ndarray, "points"], terms: int
+) -> tuple[Float[np.ndarray, "points terms"], Float[np.ndarray, "points terms"]]:
+    """Matrices from Chebyshev coefficients to values, and to slopes in cells, at even points."""
+    down = chebyshev.chebder(np.eye(terms))
+    slopes = chebyshev.chebvander(x, len(down) - 1) @ down
+    return chebyshev.chebvander(x, terms - 1), slopes * (x[1] - x[0])
 
 
 def _hermite_numbers(series: np.ndarray, counts: tuple[int, ...]) -> np.ndarray:
@@ -394,20 +382,9 @@ def _hermite_numbers(series: np.ndarray, counts: tuple[int, ...]) -> np.ndarray:
     """
     numbers = [series]
     for k, count in enumerate(counts):
-        x = np.linspace(-1.0, 1.0, count)
-
-        def along(values: np.ndarray, k: int = k, x: np.ndarray = x, *, slope: bool) -> np.ndarray:
-            swapped = np.moveaxis(values, k, 0)
-            flat = swapped.reshape(len(swapped), -1)
-            new = (
-                (_slopes(x, flat) * (x[1] - x[0]))
-                if slope
-                else chebyshev.chebvander(x, len(flat) - 1) @ flat
-            )
-            return np.moveaxis(new.reshape(x.size, *swapped.shape[1:]), 0, k)
-
+        matrices = _values_and_slopes(np.linspace(-1.0, 1.0, count), series.shape[k])
         # Each axis doubles the numbers: values, and slopes along it.
-        numbers = [along(values, slope=slope) for values in numbers for slope in (False, True)]
+        numbers = [along_axis(matrix, values, k) for values in numbers for matrix in matrices]
     stacked = np.stack(numbers, axis=-2)
     return stacked.reshape(-1, *stacked.shape[-3:])
 
