@@ -19,7 +19,7 @@ from .ground_split import GroundTerms, factor_of
 from .lookup import NUMPY
 from .rough import Rough
 from .smooth import Smooth
-from .surfaces import inside
+from .surfaces import Layers, inside
 
 GlazeSurface: TypeAlias = Smooth | Rough
 """What lies above a body."""
@@ -73,32 +73,26 @@ class NodeSolver:
         self, points: dict[str, np.ndarray], cos_in: Any, cos_out: Any, ground: Any
     ) -> np.ndarray:
         """Reflectance factor (points or 1, pairs, bands); cosines and ground broadcast to that."""
-        stack = {name: np.asarray(x)[..., None, :, :] for name, x in self._stack(points).items()}
-        stack["substrate_reflectance"] = ground
-        return self.surface.factor(stack, cos_in, cos_out, self.tolerance)
+        layers = [x[..., None, :, :] for x in self._layers(points)]
+        return self.surface.factor(layers, ground, cos_in, cos_out, self.tolerance)
 
     def terms(
         self, points: dict[str, np.ndarray], cosines: np.ndarray
     ) -> Float[np.ndarray, "points bands rows"]:
         """Rows of the surface's `terms`."""
-        return self.surface.terms(self._stack(points), cosines, self.tolerance)
+        return self.surface.terms(self._layers(points), cosines, self.tolerance)
 
-    def _stack(self, points: dict[str, np.ndarray]) -> dict[str, Any]:
+    def _layers(self, points: dict[str, np.ndarray]) -> Layers:
         """Albedo and optical thickness of the layers at points, (points or 1, bands, layers)."""
         glaze = self._glaze
         if points:
-            thickness, fraction = (
-                np.asarray(points[name]) if name in points else None
-                for name in ("thickness", "fraction")
+            glaze = with_variables(
+                glaze, self._layer, points.get("thickness"), points.get("fraction")
             )
-            glaze = with_variables(glaze, self._layer, thickness, fraction)
-        # Where the thickness alone varies the albedo has no axis of points.
-        albedo, depth = np.broadcast_arrays(
-            np.asarray(glaze.albedo), np.asarray(glaze.optical_thickness)
-        )
-        if albedo.ndim == 2:  # nothing varies: one point
-            albedo, depth = albedo[None], depth[None]
-        return {"albedo": albedo, "optical_thickness": depth}
+        # Where the thickness alone varies the albedo has no axis of points; where nothing varies
+        # there is one point.
+        layers = np.broadcast_arrays(np.asarray(glaze.albedo), np.asarray(glaze.optical_thickness))
+        return [x.reshape(-1, *x.shape[-2:]) for x in layers]
 
 
 def solve_nodes(

@@ -26,7 +26,7 @@ from ..glaze.interpolation import lagrange
 from . import lookup
 from .ground_split import GroundTerms, evenly, split
 from .lookup import NUMPY, Arithmetic
-from .surfaces import by_blocks, in_blocks
+from .surfaces import Layers, by_blocks, in_blocks
 
 _STEPS = 257
 _ANGLE_NODES = (12, 16, 20, 24, 32, 40, 48)
@@ -57,18 +57,8 @@ class Rough:
         )
         # How much of what single facets lose comes back to the air.
         fine, weights = gauss(64)
-        back = (
-            float(
-                np.sum(
-                    2.0
-                    * np.pi
-                    * weights
-                    * fine
-                    * np.asarray(surface_loss(fine, **arguments), float)
-                )
-            )
-            / self.lost
-        )
+        fine_loss = np.asarray(surface_loss(fine, **arguments), float)
+        back = 2.0 * np.pi * np.sum(weights * fine * fine_loss) / self.lost
         share = np.clip(loss * back / albedo, 0.0, 1.0)
         columns = np.stack([albedo, loss, share, 0.0 * share], axis=-1)
         self.table: Any = np.ascontiguousarray(columns[:, None], np.float32)
@@ -96,12 +86,24 @@ class Rough:
         return 1.0
 
     def factor(
-        self, stack: dict[str, Any], cos_in: Numbers, cos_out: Numbers, tolerance: float
+        self,
+        layers: Layers,
+        ground: Numbers,
+        cos_in: Numbers,
+        cos_out: Numbers,
+        tolerance: float,
     ) -> np.ndarray:
-        """`rough_reflectance_factor`."""
-        solve = functools.partial(rough_reflectance_factor, roughness=self.roughness)
+        """`rough_reflectance_factor` of stacks."""
         return in_blocks(
-            solve, stack, cos_in, cos_out, max(tolerance, FINEST), self.refractive_index, block=512
+            rough_reflectance_factor,
+            layers,
+            ground,
+            cos_in,
+            cos_out,
+            block=512,
+            roughness=self.roughness,
+            refractive_index=self.refractive_index,
+            tolerance=max(tolerance, FINEST),
         )
 
     def angles(self, error: Callable[[np.ndarray], float], tolerance: float) -> np.ndarray:
@@ -125,18 +127,14 @@ class Rough:
                 break
         return cosines
 
-    def terms(self, stack: dict[str, Any], cosines: np.ndarray, tolerance: float) -> np.ndarray:
+    def terms(self, layers: Layers, cosines: np.ndarray, tolerance: float) -> np.ndarray:
         """R0, T and S on the functions of the angle, one row a stack: (..., rows), see
         `nodes.split`.
         """
         surface = resolve(self.refractive_index, self.roughness, max(tolerance, FINEST))
-        albedo, depth = np.broadcast_arrays(
-            *(np.asarray(stack[k]) for k in ("albedo", "optical_thickness"))
-        )
-        shape = albedo.shape[:-1]
-        rows = [x.reshape(-1, albedo.shape[-1]) for x in (albedo, depth)]
+        rows = [x.reshape(-1, x.shape[-1]) for x in layers]
         solved = by_blocks(lambda *batch: _terms(*batch, surface), rows, 256)
-        return np.asarray(solved, float).reshape(*shape, -1)
+        return np.asarray(solved, float).reshape(*layers[0].shape[:-1], -1)
 
     def expand(self, values: np.ndarray, cosines: np.ndarray, tolerance: float) -> GroundTerms:
         """From the functions of the angle to the angles."""

@@ -11,7 +11,7 @@ from ...spectra import Numbers
 from ..glaze.interpolation import LEAST_SUM
 from .ground_split import GroundTerms, evenly, split
 from .lookup import Arithmetic
-from .surfaces import in_blocks, inside
+from .surfaces import Layers, in_blocks, inside
 
 # Numbers of angles that are tried.
 _ANGLES = (4, 5, 6, 8, 10, 12, 16, 24, 32)
@@ -60,13 +60,23 @@ class Smooth:
         return self.let_in(ops, cos_in) * self.let_in(ops, cos_out) / total
 
     def factor(
-        self, stack: dict[str, Any], cos_in: Numbers, cos_out: Numbers, tolerance: float
+        self,
+        layers: Layers,
+        ground: Numbers,
+        cos_in: Numbers,
+        cos_out: Numbers,
+        tolerance: float,
     ) -> np.ndarray:
-        """`stack_reflectance_factor` of stacks: albedo, optical_thickness,
-        substrate_reflectance.
-        """
+        """`stack_reflectance_factor` of stacks."""
         return in_blocks(
-            stack_reflectance_factor, stack, cos_in, cos_out, tolerance, self.refractive_index
+            stack_reflectance_factor,
+            layers,
+            ground,
+            cos_in,
+            cos_out,
+            block=4096,
+            refractive_index=self.refractive_index,
+            tolerance=tolerance,
         )
 
     def angles(
@@ -81,21 +91,17 @@ class Smooth:
         return cosines
 
     def terms(
-        self, stack: dict[str, Any], cosines: np.ndarray, tolerance: float
+        self, layers: Layers, cosines: np.ndarray, tolerance: float
     ) -> Float[np.ndarray, "*stacks rows"]:
-        """R0 of all pairs of angles, T of each and S, from three levels of the ground.
-
-        Stacks are albedo and optical_thickness, (*stacks, layers).
-        """
+        """R0 of all pairs of angles, T of each and S, from three levels of the ground."""
         n = cosines.size
         rows, columns = np.triu_indices(n)
         # The last angle is the steepest, which lets most light through.
         first = np.concatenate([rows, np.arange(n), [n - 1]])
         second = np.concatenate([columns, np.arange(n), [n - 1]])
         ground = np.concatenate([np.zeros(rows.size), np.ones(n), [0.5]])
-        with_ground = {name: np.asarray(x)[..., None, :] for name, x in stack.items()}
-        with_ground["substrate_reflectance"] = ground
-        factor_values = self.factor(with_ground, cosines[first], cosines[second], tolerance)
+        stacks = [x[..., None, :] for x in layers]
+        factor_values = self.factor(stacks, ground, cosines[first], cosines[second], tolerance)
         black = factor_values[..., : rows.size]
         diagonal = black[..., rows == columns]
         full = np.maximum(factor_values[..., rows.size : -1] - diagonal, 0.0)

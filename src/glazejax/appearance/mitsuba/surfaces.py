@@ -1,7 +1,7 @@
 """Parts that both surfaces of a glaze share: solutions in blocks, and cosines inside the paint."""
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from jaxtyping import Float
@@ -9,34 +9,43 @@ from jaxtyping import Float
 from ...spectra import Numbers
 from .lookup import Arithmetic
 
+Layers: TypeAlias = Sequence[Float[np.ndarray, "*stacks layers"]]
+"""Albedo and optical thickness of the layers of some stacks."""
+
 
 def in_blocks(
     solve: Callable[..., Any],
-    stack: dict[str, Any],
+    layers: Layers,
+    ground: Numbers,
     cos_in: Numbers,
     cos_out: Numbers,
-    tolerance: float,
-    refractive_index: float,
-    block: int = 4096,
+    block: int,
+    **options: float,
 ) -> np.ndarray:
     """Reflectance factors of stacks that broadcast, in blocks of one size, so that one program is
     compiled.
     """
-    names = ("substrate_reflectance", "cos_incidence", "cos_viewing")
-    albedo, depth = np.broadcast_arrays(
-        *(np.asarray(stack[k]) for k in ("albedo", "optical_thickness"))
-    )
-    ends = [np.asarray(x, float) for x in (stack["substrate_reflectance"], cos_in, cos_out)]
-    shape = np.broadcast_shapes(albedo.shape[:-1], *(x.shape for x in ends))
+    ends = [np.asarray(x, float) for x in (ground, cos_in, cos_out)]
+    shape = np.broadcast_shapes(layers[0].shape[:-1], *(x.shape for x in ends))
     # One row for each stack, ground and pair of directions.
-    layers = [
-        np.broadcast_to(x, (*shape, x.shape[-1])).reshape(-1, x.shape[-1]) for x in (albedo, depth)
-    ]
-    rows = [*layers, *(np.broadcast_to(x, shape).reshape(-1) for x in ends)]
-    options = {"refractive_index": refractive_index, "tolerance": tolerance}
+    rows = [np.broadcast_to(x, (*shape, x.shape[-1])).reshape(-1, x.shape[-1]) for x in layers]
+    rows += [np.broadcast_to(x, shape).reshape(-1) for x in ends]
 
-    def solve_rows(albedo: np.ndarray, depth: np.ndarray, *ground_and_cosines: np.ndarray) -> Any:
-        return solve(albedo, depth, **dict(zip(names, ground_and_cosines, strict=True)), **options)
+    def solve_rows(
+        albedo: np.ndarray,
+        depth: np.ndarray,
+        ground: np.ndarray,
+        cos_in: np.ndarray,
+        cos_out: np.ndarray,
+    ) -> Any:
+        return solve(
+            albedo,
+            depth,
+            substrate_reflectance=ground,
+            cos_incidence=cos_in,
+            cos_viewing=cos_out,
+            **options,
+        )
 
     return by_blocks(solve_rows, rows, block).reshape(shape)
 
