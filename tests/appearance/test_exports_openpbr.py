@@ -18,7 +18,7 @@ from glazejax.appearance.exports import (
     reflectance_factor,
     surface_albedo,
 )
-from glazejax.appearance.exports.body import diffuse_factor
+from glazejax.appearance.exports.openpbr import diffuse_factor
 from glazejax.appearance.exports.rgb import delta_e, lab_of_rgb, outside, rgb_of_xyz
 from glazejax.appearance.exports.spaces import LAYERINGS
 from glazejax.radiative.rough.lobes import lobe_albedo, lobe_factor

@@ -37,8 +37,7 @@ from jaxtyping import Float
 
 from ...radiative.common.fresnel import cos_refracted, dielectric_reflectance
 from ...radiative.common.quadrature import gauss
-from ...radiative.rough.lobes import SMOOTH, lobe_albedo, lobe_factor
-from .body import diffuse_factor
+from ...radiative.rough.lobes import SMOOTH, cos_between, lobe_albedo, lobe_factor
 from .rgb import Triples, Values
 from .spaces import Layering
 
@@ -49,6 +48,10 @@ Colour: TypeAlias = tuple[float, float, float]
 
 COLOURS = ("base_color", "coat_color")
 """Parameters that are colours; all others are one number."""
+
+# Constants of Fujii's lobe.
+_FUJII = 0.5 - 2.0 / (3.0 * np.pi)
+_FUJII_MEAN = 2.0 / 3.0 - 28.0 / (15.0 * np.pi)
 
 
 @dataclass(frozen=True)
@@ -176,6 +179,49 @@ def directional_albedo(
     )
     body_albedo = np.einsum("...iac,i->...c", body, 2.0 * weights * light) / turns.size
     return body_albedo + surface_albedo(material, mu, layering=layering)
+
+
+def diffuse_factor(
+    colour: Float[np.ndarray, "3"],
+    roughness: float,
+    mu_in: Values,
+    mu_out: Values,
+    azimuth: Values,
+) -> Triples:
+    """Reflectance factor of the body: EON, Fujii's Oren-Nayar lobe with what it loses given back,
+    (..., 3).
+
+    Args:
+        colour: (3,), its albedo where all light comes from all sides.
+        roughness: 0 is Lambert's body.
+        mu_in, mu_out: cosines in air, above 0.
+        azimuth: degrees, 0 the mirror side.
+
+    Source: Portsmouth, Kutz, Hill, EON (2024); OpenPBR 1.1, "Glossy-diffuse".
+    """
+    # Below this roughness the body is Lambert's to rounding, and what is given back would be 0/0.
+    if roughness < 1e-6:
+        return np.broadcast_to(colour, (*mu_in.shape, 3))
+    s = cos_between(np, mu_in, mu_out, azimuth) - mu_in * mu_out
+    s_over_t = np.where(s > 0, s / np.maximum(mu_in, mu_out), s)
+    single = (1.0 + roughness * s_over_t) / (1.0 + _FUJII * roughness)
+    mean = (1.0 + _FUJII_MEAN * roughness) / (1.0 + _FUJII * roughness)
+    missing = (
+        (1.0 - _fujii_albedo(mu_in, roughness))
+        * (1.0 - _fujii_albedo(mu_out, roughness))
+        / (1.0 - mean)
+    )
+    interreflected = colour**2 * mean / (1.0 - colour * (1.0 - mean))
+    return single[..., None] * colour + missing[..., None] * interreflected
+
+
+def _fujii_albedo(mu: Values, roughness: float) -> Values:
+    """Directional albedo of the white lobe without what is given back."""
+    sine = np.sqrt(np.maximum(0.0, 1.0 - mu**2))
+    lobe = sine * (np.arccos(np.clip(mu, -1, 1)) - sine * mu) + 2.0 / 3.0 * (
+        sine / mu * (1.0 - sine**3) - sine
+    )
+    return (1.0 + roughness * lobe / np.pi) / (1.0 + _FUJII * roughness)
 
 
 def _through_coat(

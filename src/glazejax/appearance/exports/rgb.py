@@ -5,7 +5,7 @@ cannot hold.
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from ...colour import (
     SRGB_PRIMARIES,
@@ -61,8 +61,6 @@ def delta_e(first: Triples, second: Triples, space: Space) -> Values:
     return delta_e_2000(lab_of_rgb(first, space), lab_of_rgb(second, space))
 
 
-def outside(rgb: Triples, slack: float = 5e-4) -> Values:
-    """1 where a colour lies outside of what the space holds, by more than rounding, else
-    0; (...).
-    """
-    return np.any((rgb < -slack) | (rgb > 1 + slack), axis=-1).astype(float)
+def outside(rgb: Triples) -> Bool[np.ndarray, "*batch"]:
+    """Mask of colours that lie outside of what the space holds, by more than rounding, (...)."""
+    return np.any((rgb < -5e-4) | (rgb > 1 + 5e-4), axis=-1)

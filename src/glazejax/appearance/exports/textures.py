@@ -133,7 +133,7 @@ def texture_set(
     material = paint_surface(index, roughness, coated=coat)
     if coat:
         material = replace(material, coat_darkening=0.0)
-    beyond = colours.plain[outside(colours.plain) > 0]
+    beyond = colours.plain[outside(colours.plain)]
     clipped = difference(beyond, np.clip(beyond, 0.0, 1.0), linear_space)
     # How near: some pixels against a computation of all angles.
     errors = _errors(
