@@ -1,5 +1,6 @@
 """Parameters of OpenPBR whose light comes nearest to a computed glaze, and how near that is."""
 
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -21,8 +22,9 @@ from .spaces import LAYERINGS, Layering
 # and paint has none.
 _AZIMUTHS = (np.arange(6) + 0.5) * 30.0
 _FIT_AZIMUTHS = (np.arange(3) + 0.5) * 60.0
-# Roughness of the body and tint of the coat to start from.
-_STARTS = ((0.02, 0.9), (0.4, 0.9), (0.02, 0.4), (0.4, 0.4))
+# Roughnesses of the body and tints of the coat to start from.
+_ROUGHNESSES = (0.02, 0.4)
+_TINTS = (0.9, 0.4)
 
 
 class Errors(NamedTuple):
@@ -131,27 +133,26 @@ def fit_openpbr(
             tolerance=tolerance,
             progress=progress,
         )
+    kinds = (False, True) if coat is None else (coat,)
+    starts = len(_ROUGHNESSES) * sum(len(_TINTS) if coated else 1 for coated in kinds)
+    note = counted(progress, starts, "fitting the material")
     cost = np.inf
     material = OpenPBR()
-    problems = [
-        _LobeFit(truth, layering, one) for one in ((False, True) if coat is None else (coat,))
-    ]
-    total = sum(len(problem.starts()) for problem in problems)
-    note = counted(progress, total, "fitting the material")
-    for problem in problems:
-        trial_cost, trial = _best(problem, note)
+    for coated in kinds:
+        trial_cost, trial = _fit_lobes(truth, layering, coated, note)
         # A coat must make the error smaller by 2 % of it, or it is left out; 1.5e-8 is half a sum
         # of squares that no coat is worth: a root mean square of 1e-4 in three channels.
         if trial_cost < cost * (1 - 0.02) ** 2 - 1.5e-8:
             cost = trial_cost
             material = trial
+    material = _round_numbers(material)
     naive = naive_openpbr(truth)
     body_colours = truth.body[truth.views, truth.views]
     return OpenPBRFit(
-        material=_round_numbers(material),
+        material=material,
         layering=layering,
         truth=truth,
-        errors=material_errors(_round_numbers(material), truth, layering),
+        errors=material_errors(material, truth, layering),
         naive=naive,
         naive_errors=material_errors(naive, truth, layering),
         outside=float(outside(body_colours).mean()),
@@ -200,66 +201,51 @@ def material_errors(
     )
 
 
-class _LobeFit:
-    """Residuals of a material made of a vector: colour of the body, its roughness; colour of the
-    coat, darkening.
+def _fit_lobes(
+    truth: AngularColour, layering: Layering, coated: bool, note: Callable[[], object]
+) -> tuple[float, OpenPBR]:
+    """The best of all starts: its cost and material; `note` is called after each.
+
+    Unknown are the colour of the body and its roughness, then the colour of the coat and its
+    darkening.
     """
-
-    def __init__(self, truth: AngularColour, layering: Layering, coated: bool):
-        self.truth = truth
-        self.coated = coated
-        self.layering: Layering = layering
-        self.surface = paint_surface(truth.refractive_index, truth.roughness, coated=coated)
-        cosines = truth.cosines[truth.nodes]
-        self.cos_in = cosines[:, None, None]
-        self.cos_out = cosines[:, None]
-        share = np.sqrt(2.0 * truth.weights * cosines)
-        self.share = share[:, None, None, None] * share[:, None, None] / np.sqrt(_FIT_AZIMUTHS.size)
-        self.body = truth.body[truth.nodes, truth.nodes][:, :, None]
-        self.low = np.array([0.0] * 4 + ([1e-3] * 3 + [0.0] if coated else []))
-
-    def material(self, x: Float[np.ndarray, "unknowns"]) -> OpenPBR:
-        x = np.clip(x, self.low, 1.0)
-        body = replace(
-            self.surface, base_color=colour_tuple(x[:3]), base_diffuse_roughness=float(x[3])
-        )
-        if not self.coated:
-            return body
-        return replace(body, coat_color=colour_tuple(x[4:7]), coat_darkening=float(x[7]))
-
-    def residuals(self, x: Float[np.ndarray, "unknowns"]) -> Float[np.ndarray, "residuals"]:
-        factor = reflectance_factor(
-            self.material(x),
-            self.cos_in,
-            self.cos_out,
-            _FIT_AZIMUTHS,
-            layering=self.layering,
-            gloss=False,
-        )
-        return ((factor - self.body) * self.share).ravel()
-
-    def starts(self) -> list[Float[np.ndarray, "unknowns"]]:
-        """Points to start from, within the bounds."""
-        lit = 2.0 * self.truth.weights * self.truth.cosines[self.truth.nodes]
-        mean = np.clip(np.einsum("ioac,i,o->c", self.body, lit, lit), 0.02, 0.95)
-        if not self.coated:
-            return [
-                np.array([*mean, rough]) for rough in dict.fromkeys(rough for rough, _ in _STARTS)
-            ]
-        return [np.array([*mean, rough, *([tint] * 3), 0.5]) for rough, tint in _STARTS]
-
-
-def _best(problem: _LobeFit, note: Callable[[], object]) -> tuple[float, OpenPBR]:
-    """The best of all starts: its cost and material; `note` is called after each."""
     from scipy.optimize import least_squares
 
-    bounds = (problem.low, np.ones(problem.low.size))
+    surface = paint_surface(truth.refractive_index, truth.roughness, coated=coated)
+    cosines = truth.cosines[truth.nodes]
+    lit = 2.0 * truth.weights * cosines
+    share = np.sqrt(lit)
+    shares = share[:, None, None, None] * share[:, None, None] / np.sqrt(_FIT_AZIMUTHS.size)
+    body = truth.body[truth.nodes, truth.nodes][:, :, None]
+    low = np.array([0.0] * 4 + ([1e-3] * 3 + [0.0] if coated else []))
+
+    def material(x: Float[np.ndarray, "unknowns"]) -> OpenPBR:
+        x = np.clip(x, low, 1.0)
+        matt = replace(surface, base_color=colour_tuple(x[:3]), base_diffuse_roughness=float(x[3]))
+        if not coated:
+            return matt
+        return replace(matt, coat_color=colour_tuple(x[4:7]), coat_darkening=float(x[7]))
+
+    def residuals(x: Float[np.ndarray, "unknowns"]) -> Float[np.ndarray, "residuals"]:
+        factor = reflectance_factor(
+            material(x),
+            cosines[:, None, None],
+            cosines[:, None],
+            _FIT_AZIMUTHS,
+            layering=layering,
+            gloss=False,
+        )
+        return ((factor - body) * shares).ravel()
+
+    mean = np.clip(np.einsum("ioac,i,o->c", body, lit, lit), 0.02, 0.95)
+    coats = [[tint, tint, tint, 0.5] for tint in _TINTS] if coated else [[]]
     solutions = []
-    for start in problem.starts():
-        solutions.append(least_squares(problem.residuals, start, bounds=bounds))
+    for coat, rough in itertools.product(coats, _ROUGHNESSES):
+        start = np.array([*mean, rough, *coat])
+        solutions.append(least_squares(residuals, start, bounds=(low, np.ones(low.size))))
         note()
     best = min(solutions, key=lambda solution: solution.cost)
-    return float(best.cost), problem.material(best.x)
+    return float(best.cost), material(best.x)
 
 
 def _round_numbers(material: OpenPBR) -> OpenPBR:
