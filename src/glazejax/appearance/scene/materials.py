@@ -186,15 +186,12 @@ class Conductor(Material):
             polished.
         fresnel: how it reflects away from the normal: "exact", or an estimate from its reflectance
             at the normal, "hall" or "cook-torrance" (paper B, (11)-(23)).
-        mean_extinction: k of Hall's average metal; by default that of the mean over the bands,
-            paper B (23).
     """
 
     refractive_index: Float[Array, "..."] = eqx.field(converter=as_float_array)
     extinction: Float[Array, "..."] = eqx.field(converter=as_float_array)
     roughness: float = eqx.field(static=True, default=0.0)
     fresnel: FresnelModel = eqx.field(static=True, default="exact")
-    mean_extinction: Float[Array, ""] | None = None
 
     def __check_init__(self) -> None:
         check_choice("fresnel", self.fresnel, FresnelModel)
@@ -207,13 +204,6 @@ class Conductor(Material):
         """Refractive index and extinction."""
         return {"refractive_index": self.refractive_index, "extinction": self.extinction}
 
-    def _average(self) -> Float[Array, ""]:
-        if self.mean_extinction is not None:
-            return self.mean_extinction
-        # Hall's metal of index 1 that reflects the mean over the bands (23).
-        normal = conductor_reflectance(1.0, self.refractive_index, self.extinction)
-        return jnp.asarray(hall_extinction(jnp.mean(normal)))
-
     @property
     def is_mirror(self) -> bool:
         """Polished metal is."""
@@ -224,14 +214,16 @@ class Conductor(Material):
         return self._reflectance(jnp.clip(cos_view, 0.0, 1.0)[:, None])
 
     def _reflectance(self, cosine: Float[Array, "points 1"]) -> PointSpectra:
+        n = self.refractive_index
+        k = self.extinction
         if self.fresnel == "exact":
-            return jnp.asarray(
-                conductor_reflectance(cosine, self.refractive_index, self.extinction)
-            )
-        normal = jnp.asarray(conductor_reflectance(1.0, self.refractive_index, self.extinction))
-        if self.fresnel == "hall":
-            return jnp.asarray(hall_reflectance(cosine, normal, self._average()))
-        return jnp.asarray(cook_torrance_reflectance(jnp.maximum(cosine, 1e-6), normal))
+            return jnp.asarray(conductor_reflectance(cosine, n, k))
+        normal = jnp.asarray(conductor_reflectance(1.0, n, k))
+        if self.fresnel == "cook-torrance":
+            return jnp.asarray(cook_torrance_reflectance(jnp.maximum(cosine, 1e-6), normal))
+        # Hall's average metal, of index 1, reflects the mean over the bands (23).
+        average = jnp.asarray(hall_extinction(jnp.mean(normal)))
+        return jnp.asarray(hall_reflectance(cosine, normal, average))
 
     def direct(self, angles: Angles) -> PairSpectra:
         """The glossy lobe of a rough metal; nothing of a polished one. Source: paper B, (5)-(8)."""

@@ -25,14 +25,14 @@ def picture_xyz(
 
     Args:
         rendered: picture.
-        wavelengths: (all bands,), of the scene.
+        wavelengths: (bands,), of the scene.
         observer: see `glazejax.colour.find_observer`.
 
     Raises:
         ValueError: another observer than that of a picture without spectra.
     """
     if rendered.spectral:
-        return rendered.radiance @ colour_weights(wavelengths, "E", observer)[rendered.bands]
+        return rendered.radiance @ colour_weights(wavelengths, "E", observer)
     if find_observer(observer) != CIE_1931:
         raise ValueError(
             f"a picture without spectra is for the {CIE_1931}: render it with spectral=True for "
@@ -144,9 +144,7 @@ def save_spectral(path: str | Path, rendered: Rendered) -> None:
 
     # The layout has a comma in the wavelength, and a point after S0.
     channels = {
-        f"S0.{wavelength:.6f}nm".replace(".", ",").replace("S0,", "S0."): np.ascontiguousarray(
-            radiance[..., k]
-        )
+        "S0." + f"{wavelength:.6f}nm".replace(".", ","): np.ascontiguousarray(radiance[..., k])
         for k, wavelength in enumerate(rendered.wavelengths)
     }
     header = {

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from ...spectra import Bands
 
@@ -19,7 +19,6 @@ class RenderReport:
     pairs: int = 0
     pairs_full: int = 0
     bands: int = 0
-    bands_full: int = 0
     materials: int = 0
     materials_full: int = 0
     refined: int = 0
@@ -30,7 +29,7 @@ class RenderReport:
     @property
     def saved(self) -> float:
         """Share of the spectra of light and point that was not computed."""
-        return 1 - self.pairs * self.bands / max(self.pairs_full * self.bands_full, 1)
+        return 1 - self.pairs / max(self.pairs_full, 1)
 
     def describe(self) -> str:
         """In words, a line each."""
@@ -38,7 +37,8 @@ class RenderReport:
             f"rays: {self.rays} of {self.rays_full}, for {self.pixels} pixels, {self.refined} of "
             "them with several",
             f"spectra of a point under a light: {self.pairs} of {self.pairs_full}",
-            f"bands: {self.bands} of {self.bands_full}",
+            # Both renderers compute every band.
+            f"bands: {self.bands} of {self.bands}",
             f"materials: {self.materials} of {self.materials_full}"
             + (f"; {self.angles}" if self.angles else ""),
             f"left out: {self.saved:.0%} of the spectral work",
@@ -55,8 +55,7 @@ class Rendered:
         values: (h, w, bands), spectra: 1 is a perfect white under a light of spectrum 1; or (h, w,
             3), XYZ by the CIE 1931 observer: Y = 1 is a perfect white under a light of luminance 1.
         spectral: which of the two.
-        wavelengths: (bands,), nm, of the bands computed.
-        bands: (all bands,), which bands of the scene these are.
+        wavelengths: (bands,), nm.
         done: share of the work that is finished; 1 unless interrupted.
         report: what was computed and what was not.
     """
@@ -64,7 +63,6 @@ class Rendered:
     values: Float[np.ndarray, "h w channels"]
     spectral: bool
     wavelengths: Bands
-    bands: Bool[np.ndarray, "all"]
     done: float
     report: RenderReport
 

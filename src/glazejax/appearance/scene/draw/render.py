@@ -82,7 +82,6 @@ class _Work:
     def __init__(
         self, scene: Scene, spectral: bool, adaptive: bool, tolerance: float, progress: Progress
     ):
-        count = np.size(scene.wavelengths)
         self.weights = None if spectral else colour_weights(scene.wavelengths, "E", CIE_1931)
         self.scene = scene
         self.adaptive = adaptive
@@ -96,8 +95,7 @@ class _Work:
         self.prepared: Sequence[Material | None] = []
         self.kept = 0
         self.report = RenderReport(
-            bands=count,
-            bands_full=count,
+            bands=np.size(scene.wavelengths),
             materials_full=len(self.all_materials),
             pixels=scene.width * scene.height,
         )
@@ -147,7 +145,6 @@ class _Work:
             values=self._as_picture(image),
             spectral=self.weights is None,
             wavelengths=grid.astype(float),
-            bands=np.ones(grid.size, bool),
             done=finished,
             report=self.report,
         )

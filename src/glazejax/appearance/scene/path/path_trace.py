@@ -176,12 +176,10 @@ def _mean(
         report.pixel_noise = float(np.sqrt(variance.mean())) / mean
         report.mean_noise = float(np.std(means, ddof=1) / np.sqrt(count)) / mean
     progress(report.passes_full, report.passes_full, "following paths")
-    grid = np.asarray(scene.wavelengths, float)
     return PathTraced(
         values=total,
         spectral=False,
-        wavelengths=grid,
-        bands=np.ones(grid.size, bool),
+        wavelengths=np.asarray(scene.wavelengths, float),
         done=count / report.passes_full,
         report=report,
     )
