@@ -31,8 +31,7 @@ def mitsuba_shape(shape: Shape, path: Path, *, mapped: bool = False) -> dict[str
     if isinstance(shape, Plane):
         half = (endless, endless) if shape.size is None else (shape.size[0] / 2, shape.size[1] / 2)
         # Mitsuba's rectangle reaches from -1 to 1: its axes are half the sides.
-        rightward, up, normal = plane_frame(shape)
-        axes = np.stack([rightward * half[0], up * half[1], normal], axis=1)
+        axes = plane_frame(shape).T * [*half, 1.0]
         if mapped and shape.size is None:
             return write_ply(
                 path, _quads(shape.material, [(shape.point, axes)], 2 * endless, -endless)
@@ -57,12 +56,11 @@ def relief_mesh(plane: Plane) -> Mesh:
     assert plane.size is not None
     heights = np.asarray(plane.relief, float)
     rows, columns = heights.shape
-    rightward, up, normal = plane_frame(plane)
+    frame = plane_frame(plane)
     width = float(plane.size[0])
     height = float(plane.size[1])
     u, v = np.meshgrid(np.linspace(0.0, 1.0, columns), np.linspace(1.0, 0.0, rows))
     points = np.stack([(u - 0.5) * width, (v - 0.5) * height, heights], axis=-1).reshape(-1, 3)
-    frame = np.stack([rightward, up, normal])
     # Slopes by central differences; rows go down, the height goes up.
     down, across = np.gradient(heights, height / (rows - 1), width / (columns - 1))
     steep = np.stack([-across, down, np.ones_like(heights)], axis=-1).reshape(-1, 3)
@@ -89,18 +87,16 @@ def relief_mesh(plane: Plane) -> Mesh:
 
 def write_ply(path: Path, mesh: Mesh) -> dict[str, Any]:
     """A mesh as a binary PLY file, and the shape that loads it."""
-    columns: list[tuple[str, np.ndarray]] = list(
-        zip("xyz", np.asarray(mesh.vertices, float).T, strict=True)
-    )
+    names = list("xyz")
+    columns = [np.asarray(mesh.vertices)]
     if mesh.normals is not None:
-        columns += zip(("nx", "ny", "nz"), np.asarray(mesh.normals, float).T, strict=True)
+        names += ["nx", "ny", "nz"]
+        columns.append(np.asarray(mesh.normals))
     if mesh.uv is not None:
-        columns += zip(("u", "v"), np.asarray(mesh.uv, float).T, strict=True)
-    names = [name for name, _ in columns]
+        names += ["u", "v"]
+        columns.append(np.asarray(mesh.uv))
     # Mitsuba keeps meshes in single precision.
-    vertices = np.empty(len(mesh.vertices), [(name, "<f4") for name in names])
-    for name, values in columns:
-        vertices[name] = values
+    vertices = np.concatenate(columns, axis=1).astype("<f4")
     faces = np.empty(len(mesh.faces), [("count", "u1"), ("corners", "<i4", 3)])
     faces["count"], faces["corners"] = 3, np.asarray(mesh.faces)
     head = ["ply", "format binary_little_endian 1.0", f"element vertex {len(vertices)}"]
@@ -130,10 +126,8 @@ def _faces(axes: np.ndarray, centre: np.ndarray) -> list[tuple[np.ndarray, np.nd
     faces = []
     for k, in_plane in enumerate([(1, 2), (0, 2), (0, 1)]):
         for sign in (-1.0, 1.0):
-            frame = np.stack(
-                [axes[:, in_plane[0]], axes[:, in_plane[1]], sign * axes[:, k]], axis=1
-            )
-            faces.append((centre + sign * axes[:, k], frame))
+            frame = axes[:, [*in_plane, k]] * [1.0, 1.0, sign]
+            faces.append((centre + frame[:, 2], frame))
     return faces
 
 
