@@ -91,37 +91,37 @@ def make_geometry(shapes: Sequence[Shape], materials: Iterable[str]) -> Geometry
     ]
     number = {name: k for k, name in enumerate(materials)}
     before = len(order) - len(meshes)
-    # Extreme points of all shapes give the scene's size; an endless plane counts by its point.
-    ends = np.concatenate(
-        [np.zeros((1, 3))]
-        + [np.asarray(s.centre, float) + sign * s.radius for s in spheres for sign in (-1, 1)]
-        + [np.asarray(p.point, float) for p in planes]
-        + [
-            np.asarray(b.centre, float) + sign * np.asarray(b.size, float)
-            for b in boxes
-            for sign in (-1, 1)
-        ]
-        + [np.asarray(m.vertices, float) for m in meshes],
-        axis=None,
-    )
+    centres = _rows([s.centre for s in spheres], 3)
+    radii = np.array([s.radius for s in spheres], float)
+    points = _rows([p.point for p in planes], 3)
+    middles = _rows([b.centre for b in boxes], 3)
+    sides = _rows([b.size for b in boxes], 3) / 2
+    # How far all shapes reach gives the scene's size; an endless plane counts by its point.
+    reaches = [
+        np.abs(centres) + radii[:, None],
+        np.abs(points),
+        np.abs(middles) + 2.0 * sides,
+        *(np.abs(np.asarray(m.vertices, float)) for m in meshes),
+    ]
+    size = np.concatenate(reaches).max(initial=1.0)
     # A ray that leaves a shape meets it again, by rounding, nearer than half of the digits.
     rounding = np.sqrt(np.finfo(jnp.result_type(float)).eps)
     triangles = make_triangles(meshes, before) if meshes else None
     return Geometry(
-        centres=_rows([s.centre for s in spheres], 3),
-        radii=np.array([s.radius for s in spheres], float),
-        points=_rows([p.point for p in planes], 3),
+        centres=centres,
+        radii=radii,
+        points=points,
         frames=np.array([plane_frame(p) for p in planes]).reshape(-1, 3, 3),
         halves=np.array(
             [(np.inf, np.inf) if p.size is None else np.array(p.size) / 2 for p in planes]
         ).reshape(-1, 2),
-        middles=_rows([b.centre for b in boxes], 3),
-        sides=_rows([b.size for b in boxes], 3) / 2,
+        middles=middles,
+        sides=sides,
         turns=np.array([rotation(b.rotation).T for b in boxes]).reshape(-1, 3, 3),
         triangles=triangles,
         material=np.array([number[shapes[k].material] for k in order]),
         order=np.array(order),
-        clearance=np.array(rounding * max(1.0, float(np.abs(ends).max()))),
+        clearance=np.array(rounding * size),
         caster=None if triangles is None else TriangleCaster(triangles),
     )
 

@@ -81,14 +81,11 @@ class MaterialsInView:
                 prepared.append(None)
                 continue
             thickness = material.thickness_map
-            depths = (
-                (0.0, 0.0)
-                if thickness is None
-                else (float(np.min(thickness)), float(np.max(thickness)))
+            ranges = SeenRanges(
+                light=_legal(self._light[number]),
+                view=_legal(self._view[number]),
+                thickness=_wider(None, np.asarray(0.0 if thickness is None else thickness, float)),
             )
-            light = _legal(self._light[number])
-            view = _legal(self._view[number])
-            ranges = SeenRanges(light, view, depths)
             prepared.append(material.prepare(wavelengths, ranges, tolerance))
         return prepared
 
@@ -107,11 +104,7 @@ class MaterialsInView:
 
 def _wider(span: tuple[float, float] | None, values: np.ndarray) -> tuple[float, float]:
     low, high = span or (np.inf, -np.inf)
-    return (
-        (min(low, float(values.min())), max(high, float(values.max())))
-        if values.size
-        else (low, high)
-    )
+    return float(values.min(initial=low)), float(values.max(initial=high))
 
 
 def _legal(pair: tuple[float, float]) -> tuple[float, float]:
