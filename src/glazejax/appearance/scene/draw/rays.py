@@ -207,7 +207,11 @@ def trace(
         cos_view = bounces[-1].cos_view
         if len(bounces) > most_bounces:
             return bounces
-        share = share * mirror_share(material, cos_view, reflects)
+        mirrored = np.zeros(len(material))
+        for number in np.unique(material[material >= 0]):
+            mine = material == number
+            mirrored[mine] = reflects(int(number), cos_view[mine])
+        share = share * mirrored
         # Rays that could carry less than this share of light to the eye are not followed.
         go = np.flatnonzero(share > 1e-3)
         if go.size == 0:
@@ -216,15 +220,6 @@ def trace(
         share = share[go]
         origin = bounces[-1].position[go]
         direction = onward[go]
-
-
-def mirror_share(material: Indices, cos_view: PerPoint, reflects: Reflects) -> PerPoint:
-    """The most that the mirror reflection of each point carries."""
-    share = np.zeros(len(material))
-    for number in np.unique(material[material >= 0]):
-        mine = material == number
-        share[mine] = reflects(int(number), cos_view[mine])
-    return share
 
 
 def filled_size(count: int) -> int:

@@ -45,39 +45,39 @@ def make_triangles(meshes: Sequence[Mesh], before: int) -> Triangles:
         meshes: at least one.
         before: number of shapes that come before the first mesh.
     """
-    corners = []
-    normals = []
-    uv = []
-    shape = []
-    for k, mesh in enumerate(meshes):
-        faces = np.asarray(mesh.faces)
-        points = np.asarray(mesh.vertices, float)[faces]
-        # Normals of the faces; of a corner without one of its own, the face's.
-        flat = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
-        size = np.linalg.norm(flat, axis=1, keepdims=True)
-        flat = flat / np.where(size > 0, size, 1.0)
-        corners.append(points)
-        if mesh.normals is None:
-            normals.append(np.repeat(flat[:, None], 3, axis=1))
-        else:
-            smooth = np.asarray(mesh.normals, float)[faces]
-            length = np.linalg.norm(smooth, axis=-1, keepdims=True)
-            normals.append(
-                np.where(length > 0, smooth / np.where(length > 0, length, 1.0), flat[:, None])
-            )
-        uv.append(
-            np.zeros((len(faces), 3, 2)) if mesh.uv is None else np.asarray(mesh.uv, float)[faces]
+
+    def of_corners(values: list[np.ndarray | None], width: int) -> np.ndarray:
+        """Numbers of each triangle's corners; zeros for a mesh that has none."""
+        return np.concatenate(
+            [
+                np.zeros((len(mesh.faces), 3, width))
+                if numbers is None
+                else np.asarray(numbers, float)[np.asarray(mesh.faces)]
+                for mesh, numbers in zip(meshes, values, strict=True)
+            ]
         )
-        shape.append(np.full(len(faces), before + k))
-    points = np.concatenate(corners)
+
+    points = of_corners([mesh.vertices for mesh in meshes], 3)
+    smooth = of_corners([mesh.normals for mesh in meshes], 3)
+    edge1 = points[:, 1] - points[:, 0]
+    edge2 = points[:, 2] - points[:, 0]
+    # Normals of the faces; of a corner without one of its own, the face's.
+    flat = _unit(np.cross(edge1, edge2))[:, None]
+    has_own = np.linalg.norm(smooth, axis=-1, keepdims=True) > 0
     return Triangles(
         corner=points[:, 0],
-        edge1=points[:, 1] - points[:, 0],
-        edge2=points[:, 2] - points[:, 0],
-        normals=np.concatenate(normals),
-        uv=np.concatenate(uv),
-        shape=np.concatenate(shape),
+        edge1=edge1,
+        edge2=edge2,
+        normals=np.where(has_own, _unit(smooth), flat),
+        uv=of_corners([mesh.uv for mesh in meshes], 2),
+        shape=before + np.repeat(np.arange(len(meshes)), [len(mesh.faces) for mesh in meshes]),
     )
+
+
+def _unit(vectors: Float[np.ndarray, "*vectors 3"]) -> Float[np.ndarray, "*vectors 3"]:
+    """Vectors of length 1; what has no length stays."""
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return vectors / np.where(length > 0, length, 1.0)
 
 
 class TriangleCaster:
