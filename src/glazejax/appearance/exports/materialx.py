@@ -66,37 +66,26 @@ def write_materialx(
     root = xml.Element("materialx", {"version": VERSION, "colorspace": colour_space})
     if comment:
         root.set("doc", comment)
-    for parameter, image in (images or {}).items():
+    pictures = images or {}
+    for parameter, image in pictures.items():
         _image(root, f"{name}_{parameter}", "color3" if parameter in COLOURS else "float", image)
     if normal is not None:
         _image(root, f"{name}_normal_picture", "vector3", normal)
-        node = xml.SubElement(root, "normalmap", {"name": f"{name}_normal", "type": "vector3"})
-        xml.SubElement(
-            node, "input", {"name": "in", "type": "vector3", "nodename": f"{name}_normal_picture"}
-        )
-    shader = xml.SubElement(
-        root, "open_pbr_surface", {"name": f"{name}_surface", "type": "surfaceshader"}
-    )
+        node = _add(root, "normalmap", f"{name}_normal", "vector3")
+        _add(node, "input", "in", "vector3", nodename=f"{name}_normal_picture")
+    shader = _add(root, "open_pbr_surface", f"{name}_surface", "surfaceshader")
     for parameter, value in material.parameters().items():
-        kind = "color3" if parameter in COLOURS else "float"
-        attributes = {"name": parameter, "type": kind}
-        if parameter in (images or {}):
-            attributes["nodename"] = f"{name}_{parameter}"
+        if parameter in pictures:
+            source = {"nodename": f"{name}_{parameter}"}
         else:
-            attributes["value"] = ", ".join(
-                f"{number:.6g}" for number in (value if isinstance(value, tuple) else (value,))
-            )
-        xml.SubElement(shader, "input", attributes)
+            numbers = value if isinstance(value, tuple) else (value,)
+            source = {"value": ", ".join(f"{number:.6g}" for number in numbers)}
+        _add(shader, "input", parameter, "color3" if parameter in COLOURS else "float", **source)
     if normal is not None:
         for parameter in ("geometry_normal", "geometry_coat_normal"):
-            xml.SubElement(
-                shader,
-                "input",
-                {"name": parameter, "type": "vector3", "nodename": f"{name}_normal"},
-            )
-    top = xml.SubElement(root, "surfacematerial", {"name": name, "type": "material"})
-    attributes = {"name": "surfaceshader", "type": "surfaceshader", "nodename": f"{name}_surface"}
-    xml.SubElement(top, "input", attributes)
+            _add(shader, "input", parameter, "vector3", nodename=f"{name}_normal")
+    top = _add(root, "surfacematerial", name, "material")
+    _add(top, "input", "surfaceshader", "surfaceshader", nodename=f"{name}_surface")
     xml.indent(root)
     path.write_text(
         '<?xml version="1.0"?>\n' + xml.tostring(root, encoding="unicode") + "\n", encoding="utf-8"
@@ -118,8 +107,11 @@ def _describe_fit(fit: OpenPBRFit) -> tuple[OpenPBR, str, str]:
 
 
 def _image(root: xml.Element, name: str, kind: str, image: ImageNode) -> None:
-    node = xml.SubElement(root, "image", {"name": name, "type": kind})
-    attributes = {"name": "file", "type": "filename", "value": image.file}
-    xml.SubElement(
-        node, "input", attributes | ({"colorspace": image.colorspace} if image.colorspace else {})
-    )
+    node = _add(root, "image", name, kind)
+    space = {"colorspace": image.colorspace} if image.colorspace else {}
+    _add(node, "input", "file", "filename", value=image.file, **space)
+
+
+def _add(parent: xml.Element, tag: str, name: str, kind: str, **further: str) -> xml.Element:
+    """A new element with a name, a type and further attributes."""
+    return xml.SubElement(parent, tag, {"name": name, "type": kind}, **further)
