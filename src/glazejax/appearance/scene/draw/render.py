@@ -113,7 +113,9 @@ class _Work:
             signature = self._look(tiles, 0.0, 0.25)
             edges = np.zeros(0, int)
             if self.refines:
-                edges = np.flatnonzero(_unlike_neighbour(self._as_picture(signature), np.not_equal))
+                # Small numbers, one for each signature: the filters count in double precision.
+                things = np.unique(signature, return_inverse=True)[1]
+                edges = np.flatnonzero(_unlike_neighbour(self._as_picture(things), np.not_equal))
                 edge_tiles = self._tiles(edges, scene.antialias)
                 self._look(edge_tiles, 0.25, 0.35)
                 # Later tiles write over earlier ones: an edge gets the mean of its own rays.
@@ -250,15 +252,9 @@ def _contrasting(image: np.ndarray) -> Bool[np.ndarray, "h w"]:
 def _unlike_neighbour(
     values: np.ndarray, unlike: Callable[[np.ndarray, np.ndarray], np.ndarray]
 ) -> Bool[np.ndarray, "h w"]:
-    """Pixels that are unlike one of their eight neighbours."""
-    out = np.zeros(values.shape, bool)
-    rows, columns = values.shape
-    # Each pair of neighbours once: to the right, and the three below.
-    for down, across in ((0, 1), (1, -1), (1, 0), (1, 1)):
-        left, right = max(-across, 0), max(across, 0)  # columns that lack a neighbour on that side
-        pixels = slice(0, rows - down), slice(left, columns - right)
-        neighbours = slice(down, rows), slice(right, columns - left)
-        pair = unlike(values[pixels], values[neighbours])
-        out[pixels] |= pair
-        out[neighbours] |= pair
-    return out
+    """Pixels that are unlike one of their eight neighbours: the largest or the smallest of them, as
+    no other differs as much.
+    """
+    from scipy.ndimage import maximum_filter, minimum_filter
+
+    return unlike(values, maximum_filter(values, 3)) | unlike(values, minimum_filter(values, 3))
