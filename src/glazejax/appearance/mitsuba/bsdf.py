@@ -130,7 +130,7 @@ class GlazeBSDF:
         self._diffuse = int(flags.DiffuseReflection)
         body = self._diffuse | int(flags.FrontSide) | spatial
         self.m_components: list[int] = (
-            [body] if lobe is None else [lobe.flag | int(flags.FrontSide), body]
+            [body] if lobe is None else [int(lobe.kind) | int(flags.FrontSide), body]
         )
         self._last = len(self.m_components) - 1
         self.m_flags: int = int(np.bitwise_or.reduce(self.m_components))
@@ -194,33 +194,25 @@ class GlazeBSDF:
         dr = self._dr
         lit = active & (si.wi.z > 0.0)
         # An integrator may ask for one lobe alone.
-        flags = mi.BSDFFlags
-        last = self._last
-        body = ctx.is_enabled(flags.DiffuseReflection, last)
         lobe: Any = self._surface
         surface = lobe is not None and ctx.is_enabled(lobe.kind, 0)
+        body = ctx.is_enabled(mi.BSDFFlags.DiffuseReflection, self._last)
         ops = DrJit(mi, dr, lit)
         varying = self._varying(si, lit)
         weights = None
         if body and valued:
             ground = None if self._ground is None else self._ground_at(si, lit)
             weights = table.at_point(ops, self._body, varying, list(si.wavelengths), ground)
-        if lobe is None or not (surface and body):
-            return _Point(
-                lit=lit,
-                surface=surface,
-                body=body,
-                share=mi.Float(1.0 if surface else 0.0),
-                weights=weights,
+        share = mi.Float(1.0 if surface else 0.0)
+        if surface and body:
+            # They are sampled by the light they send back, which no derivative passes.
+            within = dr.maximum(dr.detach(si.wi.z), _LEAST_COSINE)
+            below = table.mean_albedo(
+                ops, self._body, within, {name: dr.detach(x) for name, x in varying.items()}
             )
-        # Body or surface are sampled by the light they send back, which no derivative passes.
-        within = dr.maximum(dr.detach(si.wi.z), _LEAST_COSINE)
-        below = table.mean_albedo(
-            ops, self._body, within, {name: dr.detach(x) for name, x in varying.items()}
-        )
-        above = lobe.albedo(within)
-        # Neither is left out for good.
-        share = dr.clip(above / dr.maximum(above + below, 1e-6), 0.02, 0.98)
+            above = lobe.albedo(within)
+            # Neither is left out for good.
+            share = dr.clip(above / dr.maximum(above + below, 1e-6), 0.02, 0.98)
         return _Point(lit=lit, surface=surface, body=body, share=share, weights=weights)
 
     def _value(self, si: Any, at: "_Point", wo: Any) -> Any:
@@ -267,7 +259,7 @@ class GlazeBSDF:
             # Within its share the first number runs from 0 to 1 again, for the lobe's own choice.
             along = self._surface.sample(si.wi, sample1 / dr.maximum(at.share, 1e-6), sample2)
             bs.wo = dr.select(first, along, bs.wo)
-            bs.sampled_type = dr.select(first, mi.UInt32(self._surface.flag), bs.sampled_type)
+            bs.sampled_type = dr.select(first, mi.UInt32(int(self._surface.kind)), bs.sampled_type)
             bs.sampled_component = dr.select(first, mi.UInt32(0), number)
         bs.pdf = self._density(si, at, bs.wo)
         # Both techniques share one density, but for a mirror, whose density is a peak.

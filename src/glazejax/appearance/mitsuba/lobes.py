@@ -16,7 +16,6 @@ class Mirror:
         self._mi = mi
         self._ops, self._surface = DrJit(mi, dr), Smooth(refractive_index)
         self.kind: Any = mi.BSDFFlags.DeltaReflection
-        self.flag: int = int(self.kind)
 
     def albedo(self, cosine: Any) -> Any:
         """Share of the light that it reflects."""
@@ -43,7 +42,6 @@ class Facets:
         self._surface = surface.on(self._ops.upload)
         self._facets = mi.MicrofacetDistribution(mi.MicrofacetType.GGX, surface.roughness, True)
         self.kind: Any = mi.BSDFFlags.GlossyReflection
-        self.flag: int = int(self.kind)
 
     def albedo(self, cosine: Any) -> Any:
         """Share of the light that it reflects."""
