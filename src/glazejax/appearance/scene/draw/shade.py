@@ -6,7 +6,7 @@ nothing is computed for shadows, for the far side of things or for what is not i
 JAX: a picture can be differentiated by spectra of materials and lights.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -122,11 +122,11 @@ def _add_lights(
     spectra: Array, bounce: Bounce, mine: np.ndarray, material: Material, lights: Array
 ) -> Array:
     rows, which = lit_pairs(bounce, mine)
-    for piece, size in _pieces(rows.size):
-        r = _pad_with_first(rows[piece], size)
-        k = _pad_with_first(which[piece], size)
+    for piece, present in _pieces(rows.size):
+        r = rows[piece]
+        k = which[piece]
         # What is filled up has no strength.
-        strength = np.where(np.arange(size) < len(rows[piece]), bounce.strength[r, k], 0.0)
+        strength = np.where(present, bounce.strength[r, k], 0.0)
         pairs = (
             k,
             strength,
@@ -144,23 +144,20 @@ def _add_mirror(
 ) -> Array:
     # Points of this material whose mirror reflection was followed.
     children = np.flatnonzero(bounce.material[child.parent] == number)
-    for piece, size in _pieces(children.size):
-        chosen = _pad_with_first(children[piece], size)
-        present = np.arange(size) < len(children[piece])
+    for piece, present in _pieces(children.size):
+        chosen = children[piece]
         rows = child.parent[chosen]
         mirrored = _mirror_light(material, jnp.asarray(bounce.cos_view[rows]), beyond[chosen])
         spectra = spectra.at[rows].add(jnp.where(present[:, None], mirrored, 0.0))
     return spectra
 
 
-def _pieces(count: int) -> list[tuple[slice, int]]:
-    """Pieces of at most `_CHUNK`, and the size that each is filled up to."""
-    pieces = [(slice(start, start + _CHUNK), _CHUNK) for start in range(0, count, _CHUNK)]
-    if pieces and count - pieces[-1][0].start <= _SMALL:
-        pieces[-1] = (pieces[-1][0], _SMALL)
-    return pieces
-
-
-def _pad_with_first(values: np.ndarray, size: int) -> np.ndarray:
-    """Values with the first one repeated at the end."""
-    return np.concatenate([values, np.repeat(values[:1], size - len(values))])
+def _pieces(count: int) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Numbers below `count`, some at a time, filled up to few sizes with the first of them; and
+    which are no filling.
+    """
+    for start in range(0, count, _CHUNK):
+        size = _SMALL if count - start <= _SMALL else _CHUNK
+        numbers = np.arange(start, start + size)
+        present = numbers < count
+        yield np.where(present, numbers, start), present
