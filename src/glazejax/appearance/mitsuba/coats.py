@@ -2,6 +2,7 @@
 text of one.
 """
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -33,12 +34,13 @@ def read_coats(text: str, refractive_index: float | None = None) -> Glaze:
         # As seen from inside the paint.
         ground: Ground = 0.8
         stack = Stack(parse_coats(text), ground=ground)
+    if refractive_index is not None:
+        stack = replace(stack, refractive_index=refractive_index)
     try:
         glaze = stack.glaze()
     except ValueError as error:
         raise ValueError(f"coats: {error}") from None
-    index = stack.refractive_index if refractive_index is None else refractive_index
-    return on_even_grid(Glaze(glaze.coats, glaze.ground, index))
+    return on_even_grid(glaze)
 
 
 def on_even_grid(glaze: Glaze) -> Glaze:

@@ -8,9 +8,9 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from ...paint.media import MAX_THICKNESS, Glaze, Layer, Mixture, Pigment, check_glaze
-from ...spectra import Grid, Numbers, resample, validate_wavelengths
+from ...spectra import Grid, Numbers
 from ...stacks import Stack
-from ..glaze.solve import check_layer, check_single
+from ..glaze.solve import check_layer, on_grid
 from .coats import index_of
 from .device import renderer
 
@@ -109,27 +109,23 @@ def _json(
     """The text of a stack, with all digits; only the coat whose mixture varies keeps its paints
     apart.
     """
-    check_single(glaze)
     if not glaze.coats:
         raise ValueError("a glaze without coats is its ground: use Mitsuba's plastic")
-    grid = np.asarray(
-        glaze.wavelengths if wavelengths is None else validate_wavelengths(wavelengths), float
-    )
+    index = index_of(glaze)
+    glaze = on_grid(glaze, glaze.wavelengths if wavelengths is None else wavelengths)
+    grid = np.asarray(glaze.wavelengths, float)
     pigments: dict[str, Any] = {}
-    coats = []
-    for number, coat in enumerate(glaze.coats):
-        coats.append(
-            {
-                "paint": _parts(coat, number, grid, pigments, mixed and number == layer),
-                "um": float(coat.thickness) / _MICROMETRE,
-            }
-        )
-    reflectance = (
-        _on(glaze.wavelengths, glaze.ground, grid) if ground is None else np.asarray(ground, float)
-    )
+    coats = [
+        {
+            "paint": _parts(coat, number, grid, pigments, mixed and number == layer),
+            "um": float(coat.thickness) / _MICROMETRE,
+        }
+        for number, coat in enumerate(glaze.coats)
+    ]
+    reflectance = np.asarray(glaze.ground if ground is None else ground, float)
     if reflectance.shape != grid.shape:
         raise ValueError(f"the ground has {reflectance.size} bands, but the table has {grid.size}")
-    stack = {"glazejax": "stack", "version": 1, "refractive_index": index_of(glaze), "coats": coats}
+    stack = {"glazejax": "stack", "version": 1, "refractive_index": index, "coats": coats}
     stack["ground"] = {
         "wavelengths": grid.tolist(),
         "reflectance": np.clip(reflectance, 0.0, 1.0).tolist(),
@@ -154,21 +150,11 @@ def _parts(
         name = f"{number}.{index} {paint.name}"
         # Interpolation and rounding must not leave k or s below 0.
         pigments[name] = {"wavelengths": grid.tolist()} | {
-            key: np.maximum(_on(paint.wavelengths, getattr(paint, key), grid), 0.0).tolist()
+            key: np.maximum(np.asarray(getattr(paint, key), float), 0.0).tolist()
             for key in ("absorption", "scattering")
         }
         weights[name] = weight
     return weights
-
-
-def _on(old: Numbers, values: Numbers, new: np.ndarray) -> np.ndarray:
-    """A spectrum (bands,) or a number on other wavelengths."""
-    array = np.asarray(values, float)
-    grid = np.asarray(old, float)
-    if array.ndim == 0 or array.size == 1:
-        return np.full(new.shape, float(array.reshape(())))
-    same = grid.shape == new.shape and np.allclose(grid, new, rtol=0, atol=1e-9)
-    return array if same else np.asarray(resample(grid, array, new), float)
 
 
 def _thickness(thickness: Surface, most: float | None) -> dict[str, Any]:

@@ -51,10 +51,10 @@ def read_parameters(mi: Any, props: Any) -> GlazeParameters:
     scale = _number(props, names, "thickness_scale", 1.0, 1e-12, 1e3)
     thickness = _texture(mi, props, names, "thickness", "get_unbounded_texture")
     fraction = _texture(mi, props, names, "fraction", "get_unbounded_texture")
-    ground = props["ground"] if "ground" in names and _is_array(mi, props["ground"]) else None
-    ground = (
-        _texture(mi, props, names, "ground", "get_texture") if ground is None else _bands(ground)
-    )
+    if "ground" in names and _is_array(mi, props["ground"]):
+        ground = _bands(props["ground"])
+    else:
+        ground = _texture(mi, props, names, "ground", "get_texture")
     most = _number(props, names, "thickness_max", math.nan, 0.0, MAX_THICKNESS)
     least, largest = _range(mi, thickness)
     where = "thickness" if scale == 1.0 else f"thickness times thickness_scale ({scale:g})"
