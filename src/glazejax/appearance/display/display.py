@@ -266,11 +266,11 @@ class Display:
         Source: paper B, section 2, figure 1.
         """
         light = np.asarray(self.linear(xyz))
-        tables = [
-            tone.tables(self.levels) if fine else tone.tables(self.levels)[:1]
-            for tone in self.tones
+        tables = 2 if fine else 1
+        levels = [
+            look_up(self.levels * light[..., k], *tone.tables(self.levels)[:tables])
+            for k, tone in enumerate(self.tones)
         ]
-        levels = [look_up(self.levels * light[..., k], *table) for k, table in enumerate(tables)]
         return Digital(np.stack(levels, axis=-1).astype(np.int32), _outside(light))
 
     def encode(self, light: Numbers) -> Float[Array | np.ndarray, "*batch 3"]:
