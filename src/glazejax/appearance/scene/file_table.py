@@ -6,6 +6,7 @@
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
 
 import msgspec
@@ -47,21 +48,21 @@ class Keys(msgspec.Struct):
 _Kind = TypeVar("_Kind", bound=Keys)
 
 
+@dataclass(frozen=True)
 class TomlTable:
     """A table of a TOML file.
 
-    Args:
+    Attributes:
         file: name of the file, for errors.
         name: of the table, such as ``lights.window``; empty for the whole file.
         content: what it holds.
         notes: remarks on what was changed in reading, of the whole file together.
     """
 
-    def __init__(self, file: str, name: str, content: Mapping[str, Any], notes: list[str]):
-        self.file: str = file
-        self.name: str = name
-        self.content: Mapping[str, Any] = content
-        self.notes: list[str] = notes
+    file: str
+    name: str
+    content: Mapping[str, Any]
+    notes: list[str]
 
     def inner(self, key: str, content: Mapping[str, Any]) -> "TomlTable":
         """The table at a key of this one."""
