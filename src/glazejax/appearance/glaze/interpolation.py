@@ -200,6 +200,17 @@ def _angle_weights(table: GlazeTable, axis: int, cosine: Any, xp: ModuleType) ->
     )
 
 
+def error_weight(
+    cos_in: Float[np.ndarray, "*#batch"],
+    cos_out: Float[np.ndarray, "*#batch"],
+    index: float | Float[np.ndarray, "*#batch"],
+) -> Float[np.ndarray, "*batch"]:
+    """Weight of an error: 1, or the sum of the cosines inside where that is less, as the factor has
+    no bound where both directions graze (an index near 1).
+    """
+    return np.minimum(cos_refracted(cos_in, index) + cos_refracted(cos_out, index), 1.0)
+
+
 def lagrange(x: Any, count: int, xp: ModuleType = np) -> Any:
     """Lagrange's polynomials of the roots at x in [-1, 1], (points,): (points, nodes)."""
     # By sums of Chebyshev polynomials: no division, so slopes are right at the nodes as well.

@@ -25,7 +25,7 @@ from ...chebyshev_table import (
 from ...paint.media import MAX_THICKNESS, Glaze, Layer, check_glaze
 from ...radiative.common.fresnel import cos_refracted
 from ...spectra import Grid, Numbers, concrete
-from .interpolation import GlazeTable, evaluate, interior
+from .interpolation import GlazeTable, error_weight, evaluate, interior
 from .solve import (
     check_layer,
     fixed_thickness,
@@ -194,11 +194,8 @@ class _TableBuilder:
         """Error at points, (points, bands), as `GlazeTable.error` counts it."""
         flat = interior(built, np).reshape(truth.shape[1], -1).T
         interpolated = evaluate(built, flat, points, np)
-        # Without a bound where both directions graze, the factor's error counts times mu_I + mu_F.
-        total = cos_refracted(points[0][:, None], self.index) + cos_refracted(
-            points[1][:, None], self.index
-        )
-        return np.abs(interpolated - truth) * np.minimum(total, 1.0)
+        weight = error_weight(points[0][:, None], points[1][:, None], self.index)
+        return np.abs(interpolated - truth) * weight
 
     def refine(self, sizes: list[int], built: GlazeTable) -> bool:
         """Add nodes where the last coefficients are largest; False if there are enough already."""

@@ -3,6 +3,7 @@ all of them.
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -12,14 +13,14 @@ from numpy.polynomial import chebyshev
 from ...chebyshev_table import SAFETY, Axis, Mirrored, extrema
 from ...interpolated import interpolated
 from ...paint.media import Glaze
-from ..glaze.interpolation import lagrange
+from ..glaze.interpolation import error_weight, lagrange
 from ..glaze.solve import with_variables
 from ..glaze.table import LEAST_COSINE
 from .ground_split import GroundTerms, factor_of
 from .lookup import NUMPY
 from .rough import Rough
 from .smooth import Smooth
-from .surfaces import Layers, inside
+from .surfaces import Layers
 
 GlazeSurface: TypeAlias = Smooth | Rough
 """What lies above a body."""
@@ -61,13 +62,14 @@ def along_axis(
     return np.moveaxis(np.tensordot(matrix, values, (1, axis)), 0, axis)
 
 
+@dataclass(frozen=True)
 class NodeSolver:
     """A glaze under a surface, asked for its terms."""
 
-    def __init__(self, surface: GlazeSurface, glaze: Glaze, layer: int, tolerance: float):
-        self.surface: GlazeSurface = surface
-        self.tolerance: float = tolerance
-        self._glaze, self._layer = glaze, layer
+    surface: GlazeSurface
+    glaze: Glaze
+    layer: int
+    tolerance: float
 
     def factor(
         self, points: dict[str, np.ndarray], cos_in: Any, cos_out: Any, ground: Any
@@ -84,10 +86,10 @@ class NodeSolver:
 
     def _layers(self, points: dict[str, np.ndarray]) -> Layers:
         """Albedo and optical thickness of the layers at points, (points or 1, bands, layers)."""
-        glaze = self._glaze
+        glaze = self.glaze
         if points:
             glaze = with_variables(
-                glaze, self._layer, points.get("thickness"), points.get("fraction")
+                glaze, self.layer, points.get("thickness"), points.get("fraction")
             )
         # Where the thickness alone varies the albedo has no axis of points; where nothing varies
         # there is one point.
@@ -149,7 +151,7 @@ def _distance(
     solver: NodeSolver, cosines: np.ndarray, coarse: np.ndarray, fine: np.ndarray
 ) -> np.ndarray:
     """Largest difference of the reflectance factor over black, grey and white ground, (points,)."""
-    weight = error_weight(solver.surface, cosines[:, None], cosines)
+    weight = error_weight(cosines[:, None], cosines, solver.surface.refractive_index)
     terms = [solver.surface.expand(values, cosines, solver.tolerance) for values in (coarse, fine)]
     # R0, T and S count differently over each of these.
     largest = np.zeros(len(coarse))
@@ -171,14 +173,6 @@ def over(terms: GroundTerms, ground: Any) -> np.ndarray:
         back,
         np.reshape(ground, (-1, 1, 1)),
     )
-
-
-def error_weight(surface: GlazeSurface, cos_in: np.ndarray, cos_out: np.ndarray) -> np.ndarray:
-    """Weight of an error: 1, or the sum of the cosines inside where that is less (an index near 1,
-    both grazing).
-    """
-    n = surface.refractive_index
-    return np.minimum(inside(NUMPY, cos_in, n) + inside(NUMPY, cos_out, n), 1.0)
 
 
 def _error_of_nodes(
@@ -206,9 +200,8 @@ def _error_of_nodes(
             truth.append(solver.factor(points, a[:, None], b[:, None], ground[:, None]))
         terms = solver.surface.expand(solver.terms(points, cosines), cosines, solver.tolerance)
         factor = _at_angles(solver.surface, cosines, terms, a, b, ground)
-        return SAFETY * float(
-            np.max(np.abs(factor - truth[0]) * error_weight(solver.surface, a, b)[:, None])
-        )
+        weight = error_weight(a, b, solver.surface.refractive_index)
+        return SAFETY * float(np.max(np.abs(factor - truth[0]) * weight[:, None]))
 
     return error
 

@@ -17,7 +17,7 @@ from numpy.polynomial import chebyshev
 from ...chebyshev_table import SAFETY, Axis, Mirrored, coefficients_from_nodes, extrema
 from ...paint.media import Glaze
 from ...radiative.common.quadrature import gauss
-from ..glaze.interpolation import lagrange
+from ..glaze.interpolation import error_weight, lagrange
 from ..glaze.table import LEAST_COSINE
 from . import lookup
 from .ground_split import factor_of
@@ -28,7 +28,6 @@ from .nodes import (
     Nodes,
     NodeSolver,
     along_axis,
-    error_weight,
     over,
     solve_nodes,
 )
@@ -423,6 +422,5 @@ def _error(body: Body, solver: NodeSolver, ground: np.ndarray | None) -> float:
     point_ground = None if ground is not None else [drawn] * body.bands
     point = at_point(NUMPY, body, points, waves, point_ground)
     factor = np.stack(reflectance_factor(NUMPY, body, point, a, b), axis=-1)
-    return SAFETY * float(
-        np.max(np.abs(factor - truth) * error_weight(body.surface, a, b)[:, None])
-    )
+    weight = error_weight(a, b, body.surface.refractive_index)
+    return SAFETY * float(np.max(np.abs(factor - truth) * weight[:, None]))
