@@ -176,9 +176,8 @@ def _nearest_solid(
             continue
         met = distances(geometry, origin, direction)
         # The nearest of this kind, where it is nearer than all kinds before.
-        which = jnp.argmin(met, axis=1)
-        near = jnp.take_along_axis(met, which[:, None], axis=1)[:, 0]
-        shape = jnp.where(near < best, before + which, shape)
+        near = jnp.min(met, axis=1)
+        shape = jnp.where(near < best, before + jnp.argmin(met, axis=1), shape)
         best = jnp.minimum(near, best)
         before += count
     return best, shape
@@ -202,25 +201,21 @@ def _spheres(geometry: Geometry, origin: Array, direction: Array) -> Array:
 
 def _planes(geometry: Geometry, origin: Array, direction: Array) -> Array:
     """Distances to planes, (rays, planes); infinite where missed."""
-    frames = jnp.asarray(geometry.frames)
     # Start and direction in each plane's own axes, the third along its normal.
-    offset = jnp.einsum("rpk,pak->rpa", origin[:, None] - jnp.asarray(geometry.points), frames)
-    slope = jnp.einsum("rk,pak->rpa", direction, frames)
+    offset = jnp.einsum("rpk,pak->rpa", origin[:, None] - geometry.points, geometry.frames)
+    slope = jnp.einsum("rk,pak->rpa", direction, geometry.frames)
     parallel = slope[..., 2] == 0
     met = jnp.where(parallel, -1.0, -offset[..., 2] / jnp.where(parallel, 1.0, slope[..., 2]))
     # Where on the rectangle it is met; an endless plane has infinite halves.
     local = jnp.abs(offset[..., :2] + met[..., None] * slope[..., :2])
-    return jnp.where(
-        (met > 0) & jnp.all(local <= jnp.asarray(geometry.halves), axis=-1), met, jnp.inf
-    )
+    return jnp.where((met > 0) & jnp.all(local <= geometry.halves, axis=-1), met, jnp.inf)
 
 
 def _boxes(geometry: Geometry, origin: Array, direction: Array) -> Array:
     """Distances to boxes, (rays, boxes); infinite where missed."""
-    turns = jnp.asarray(geometry.turns)
     # In the box's own axes it is what lies between three pairs of faces.
-    start = jnp.einsum("rbk,bak->rba", origin[:, None] - jnp.asarray(geometry.middles), turns)
-    slope = jnp.einsum("rk,bak->rba", direction, turns)
+    start = jnp.einsum("rbk,bak->rba", origin[:, None] - geometry.middles, geometry.turns)
+    slope = jnp.einsum("rk,bak->rba", direction, geometry.turns)
     # A ray along a face gets a slope that is tiny but not zero, so that no 0/0 can arise.
     slope = jnp.where(jnp.abs(slope) < 1e-30, 1e-30, slope)
     low = (-jnp.asarray(geometry.sides) - start) / slope

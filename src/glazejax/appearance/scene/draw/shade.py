@@ -11,6 +11,7 @@ from collections.abc import Iterator, Sequence
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from jax.scipy.ndimage import map_coordinates
 from jaxtyping import Array, Float
 
 from ..materials import Angles, Material, PairSpectra, PointSpectra
@@ -51,26 +52,13 @@ def sample_map(
 
     The map repeats beyond 0 to 1; v runs upwards and the first row is on top.
     """
-    values = jnp.asarray(values)
     rows, columns = values.shape
-    u = uv[:, 0] - jnp.floor(uv[:, 0])
-    v = uv[:, 1] - jnp.floor(uv[:, 1])
+    wrapped = uv - jnp.floor(uv)
     # A coordinate of exactly 1 is the far edge, not the near one.
-    u = jnp.where((u == 0) & (uv[:, 0] > 0), 1.0, u)
-    v = jnp.where((v == 0) & (uv[:, 1] > 0), 1.0, v)
+    u, v = jnp.where((wrapped == 0) & (uv > 0), 1.0, wrapped).T
     # A pixel's value is that of its middle; rows run down while v runs up.
-    x = jnp.clip(u * columns - 0.5, 0.0, columns - 1.0)
-    y = jnp.clip((1.0 - v) * rows - 0.5, 0.0, rows - 1.0)
-    a = x - jnp.floor(x)
-    b = y - jnp.floor(y)
-    west = jnp.floor(x).astype(int)
-    top = jnp.floor(y).astype(int)
-    # Bilinear between the four pixels around the point.
-    east = jnp.minimum(west + 1, columns - 1)
-    down = jnp.minimum(top + 1, rows - 1)
-    upper = (1 - a) * values[top, west] + a * values[top, east]
-    lower = (1 - a) * values[down, west] + a * values[down, east]
-    return (1 - b) * upper + b * lower
+    middles = [(1.0 - v) * rows - 0.5, u * columns - 0.5]
+    return map_coordinates(jnp.asarray(values, uv.dtype), middles, order=1, mode="nearest")
 
 
 def radiance(
