@@ -7,13 +7,12 @@ computed from that, for all bands at once and only where there is something to s
 """
 
 from collections.abc import Callable, Sequence
-from functools import partial
 from typing import NamedTuple, TypeAlias
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from ..lights import Light, ParallelLight, PointLight
 from ..shapes import vector
@@ -43,7 +42,8 @@ class Lamps(NamedTuple):
 
     position: Float[np.ndarray, "lights 3"]
     """Position of a point light; unit vector towards a parallel one."""
-    point: tuple[bool, ...]
+    point: Bool[np.ndarray, "lights"]
+    """Which are point lights."""
 
 
 class Bounce(NamedTuple):
@@ -87,18 +87,11 @@ def lamps(lights: Sequence[Light]) -> Lamps:
             positions.append(-vector("direction", light.direction, direction=True))
         else:
             raise ValueError("an area light has no one place: path_trace draws it")
-    return Lamps(np.array(positions), tuple(isinstance(light, PointLight) for light in lights))
+    return Lamps(np.array(positions), np.array([isinstance(x, PointLight) for x in lights]))
 
 
-@partial(jax.jit, static_argnames=("point",))
-def _meet(
-    geometry: Geometry,
-    hit: Hit,
-    positions: Array,
-    origin: Array,
-    direction: Array,
-    point: tuple[bool, ...],
-):
+@jax.jit
+def _meet(geometry: Geometry, hit: Hit, sources: Lamps, origin: Array, direction: Array):
     """Bounce: points where rays arrive, before anything is in shadow.
 
     Returns:
@@ -115,27 +108,19 @@ def _meet(
         origin + jnp.where(hits, hit.distance, 0.0)[:, None] * direction + clearance * surfaces.face
     )
     cos_view = jnp.clip(-jnp.sum(surfaces.normal * direction, axis=-1), 0.0, 1.0)
-    lights = []
-    for k, is_point in enumerate(point):
-        # A point light lies at a place, a parallel one in a direction.
-        away = positions[k] - arrival if is_point else jnp.broadcast_to(positions[k], arrival.shape)
-        square = jnp.sum(away**2, axis=-1)
-        distance = jnp.sqrt(jnp.where(square > 0, square, 1.0))
-        towards = away / distance[:, None]
-        cosine = jnp.clip(jnp.sum(surfaces.normal * towards, axis=-1), -1.0, 1.0)
-        # A light behind the smooth normal or behind the face itself gives nothing.
-        lit = hits & (square > 0) & (cosine > 0) & (jnp.sum(surfaces.face * towards, axis=-1) > 0)
-        strength = jnp.where(lit, 1.0 / distance**2 if is_point else 1.0, 0.0)
-        between = jnp.clip(-jnp.sum(direction * towards, axis=-1), -1.0, 1.0)
-        lights.append(
-            (
-                strength,
-                cosine,
-                between,
-                towards,
-                jnp.where(lit, distance if is_point else jnp.inf, -1.0),
-            )
-        )
+    # A point light lies at a place, a parallel one in a direction; (lights, rays, 3).
+    is_point = jnp.asarray(sources.point)[:, None]
+    positions = jnp.asarray(sources.position, origin.dtype)[:, None]
+    away = positions - jnp.where(is_point[..., None], arrival, 0.0)
+    square = jnp.sum(away**2, axis=-1)
+    distance = jnp.sqrt(jnp.where(square > 0, square, 1.0))
+    towards = away / distance[..., None]
+    cosine = jnp.clip(jnp.sum(surfaces.normal * towards, axis=-1), -1.0, 1.0)
+    # A light behind the smooth normal or behind the face itself gives nothing.
+    lit = hits & (square > 0) & (cosine > 0) & (jnp.sum(surfaces.face * towards, axis=-1) > 0)
+    strength = jnp.where(lit, jnp.where(is_point, 1.0 / distance**2, 1.0), 0.0)
+    between = jnp.clip(-jnp.sum(direction * towards, axis=-1), -1.0, 1.0)
+    reach = jnp.where(lit, jnp.where(is_point, distance, jnp.inf), -1.0)
     # The mirror's direction.
     onward = direction + 2.0 * cos_view[:, None] * surfaces.normal
     # A smooth normal may send a ray into the face.
@@ -149,7 +134,11 @@ def _meet(
         material,
         cos_view,
         surfaces.uv,
-        *map(jnp.stack, zip(*lights, strict=True)),
+        strength,
+        cosine,
+        between,
+        towards,
+        reach,
         surfaces.normal,
         arrival,
         onward,
@@ -163,9 +152,8 @@ def _cast(
     mirrors send on.
     """
     hit = nearest(geometry, origin, direction)
-    positions = jnp.asarray(sources.position, origin.dtype)
     *fields, strength, cos_light, between, towards, reach, normal, points, onward = _meet(
-        geometry.arrays, hit, positions, origin, direction, sources.point
+        geometry.arrays, hit, sources, origin, direction
     )
     # A light counts where nothing stands between it and the point.
     free = [nearest(geometry, points, *ray).shape < 0 for ray in zip(towards, reach, strict=True)]
