@@ -30,27 +30,6 @@ def on_grid(glaze: Glaze, wavelengths_nm: Grid) -> Glaze:
         ValueError: it has batch axes or phase functions, or the wavelengths reach beyond those of
             its paints.
     """
-    check_single(glaze)
-    new = validate_wavelengths(wavelengths_nm)
-    old = glaze.wavelengths if glaze.coats else new
-
-    def at(values: Numbers) -> Numbers:
-        # One value for all bands stays one; a spectrum is resampled.
-        array = as_array(values)
-        return array if array.ndim == 0 or array.shape[-1] == 1 else resample(old, array, new)
-
-    coats = [Layer(coat.medium.resample(new), coat.thickness) for coat in glaze.coats]
-    ground = jnp.broadcast_to(as_float_array(at(glaze.ground)), new.shape)
-    index = glaze.refractive_index
-    return Glaze(coats, ground, index if isinstance(index, float) else at(index))
-
-
-def check_single(glaze: Glaze) -> None:
-    """Refuse what no table of angles can be made of.
-
-    Raises:
-        ValueError: the glaze has batch axes or phase functions.
-    """
     if glaze.phase is not None:
         raise ValueError(
             "a paint here has a phase function, and then the azimuth matters too: a table of "
@@ -65,6 +44,18 @@ def check_single(glaze: Glaze) -> None:
         raise ValueError(
             "a material is one glaze, without batch axes; give a map of thicknesses as thickness"
         )
+    new = validate_wavelengths(wavelengths_nm)
+    old = glaze.wavelengths if glaze.coats else new
+
+    def at(values: Numbers) -> Numbers:
+        # One value for all bands stays one; a spectrum is resampled.
+        array = as_array(values)
+        return array if array.ndim == 0 or array.shape[-1] == 1 else resample(old, array, new)
+
+    coats = [Layer(coat.medium.resample(new), coat.thickness) for coat in glaze.coats]
+    ground = jnp.broadcast_to(as_float_array(at(glaze.ground)), new.shape)
+    index = glaze.refractive_index
+    return Glaze(coats, ground, index if isinstance(index, float) else at(index))
 
 
 def check_layer(glaze: Glaze, layer: int, *, mixed: bool = False) -> None:

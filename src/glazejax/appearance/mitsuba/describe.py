@@ -99,7 +99,7 @@ def glaze_bsdf(
     if fraction is not None:
         description["fraction"] = _map("fraction", fraction, 0.0, 1.0)
     if ground is not None:
-        description["ground"] = _ground(ground)
+        description["ground"] = _map("ground", ground, 0.0, 1.0, most_axes=3)
     return description
 
 
@@ -172,11 +172,13 @@ def _thickness(thickness: Surface, most: float | None) -> dict[str, Any]:
     return description | {"thickness": scaled, "thickness_scale": _MICROMETRE}
 
 
-def _map(name: str, surface: Surface, low: float, high: float) -> Any:
-    """A number or texture, checked."""
+def _map(name: str, surface: Surface, low: float, high: float, most_axes: int = 2) -> Any:
+    """A number, texture or array of spectra, checked."""
     if isinstance(surface, Mapping):
         return dict(surface)
-    values = _checked(name, surface, low, high)
+    values = _checked(name, surface, low, high, most_axes)
+    if values.ndim == 3:
+        return renderer()[0].Bitmap(np.ascontiguousarray(values, np.float32))
     return float(values) if values.ndim == 0 else _texture(values)
 
 
@@ -205,11 +207,3 @@ def _texture(values: np.ndarray) -> dict[str, Any]:
         "filter_type": "bilinear",
         "wrap_mode": "clamp",
     }
-
-
-def _ground(ground: Surface) -> Any:
-    if isinstance(ground, Mapping) or np.ndim(ground) != 3:  # pyright: ignore[reportArgumentType]
-        return _map("ground", ground, 0.0, 1.0)
-    values = _checked("ground", ground, 0.0, 1.0, most_axes=3)
-    mi, _ = renderer()
-    return mi.Bitmap(np.ascontiguousarray(values, np.float32))

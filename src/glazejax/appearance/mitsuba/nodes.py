@@ -117,31 +117,25 @@ def solve_nodes(
     # The angles have this share of the tolerance, and thickness and fraction as much.
     share = 0.3 * tolerance
     cosines = surface.angles(_error_of_nodes(solver, ranges), share)
-    bands = np.asarray(glaze.wavelengths, float)
-    if not ranges:
-        return Nodes(
-            surface=surface,
-            wavelengths=bands,
-            cosines=cosines,
-            axes={},
-            coefficients=solver.terms({}, cosines)[0],
-            tolerance=tolerance,
+    axes = {}
+    if ranges:
+        interpolant = interpolated(
+            lambda **points: solver.terms(points, cosines),
+            ranges,
+            tolerance=share,
+            distance=lambda coarse, fine: _distance(solver, cosines, coarse, fine),
+            most_points=_MOST_POINTS,
         )
-    interpolant = interpolated(
-        lambda **points: solver.terms(points, cosines),
-        ranges,
-        tolerance=share,
-        distance=lambda coarse, fine: _distance(solver, cosines, coarse, fine),
-        most_points=_MOST_POINTS,
-    )
-    coefficients = np.asarray(interpolant.coefficients).reshape(
-        *interpolant.coefficients.shape[:-1], *interpolant.shape
-    )
+        axes = dict(zip(interpolant.names, interpolant.axes, strict=True))
+        terms = interpolant.coefficients.shape[:-1]
+        coefficients = np.asarray(interpolant.coefficients).reshape(*terms, *interpolant.shape)
+    else:
+        coefficients = solver.terms({}, cosines)[0]
     return Nodes(
         surface=surface,
-        wavelengths=bands,
+        wavelengths=np.asarray(glaze.wavelengths, float),
         cosines=cosines,
-        axes=dict(zip(interpolant.names, interpolant.axes, strict=True)),
+        axes=axes,
         coefficients=coefficients,
         tolerance=tolerance,
     )
