@@ -86,15 +86,12 @@ def glaze_table(
             ".for_glaze here"
         )
     glaze = on_grid(glaze, wavelengths_nm)
-    depths = _thickness_range(glaze, thickness, layer)
-    cosines = tuple(
-        _cosines(name, pair) for name, pair in zip(("incidence", "viewing"), angles, strict=True)
-    )
+    incidence, viewing = angles
     builder = _TableBuilder(
         glaze=glaze,
         layer=layer,
-        cosines=cosines,
-        depths=depths,
+        cosines=(_cosines("incidence", incidence), _cosines("viewing", viewing)),
+        depths=_thickness_range(glaze, thickness, layer),
         # The solver gets a twentieth of it.
         tolerance=0.05 * tolerance,
     )
@@ -118,26 +115,21 @@ class _TableBuilder:
         self,
         glaze: Glaze,
         layer: int,
-        cosines,
-        depths: tuple[float, float] | None,
+        cosines: tuple[Axis, Axis],
+        depths: Axis | None,
         tolerance: float,
     ):
-        self.glaze, self.layer, self.tolerance, self.varies = (
-            glaze,
-            layer,
-            tolerance,
-            depths is not None,
-        )
-        bands = glaze.ground.shape[0]
-        self.index = np.asarray(indices(glaze, bands), float)
+        self.glaze = glaze
+        self.layer = layer
+        self.tolerance = tolerance
+        self.varies = depths is not None
+        self.index = np.asarray(indices(glaze, glaze.ground.shape[0]), float)
         # Cosines inside at the lowest index, where they span most, serve all bands.
         self.inside = float(self.index.min())
         single = float(fixed_thickness(glaze, layer)[0])
-        low, high = depths or (single, single)
-        first, second = (Axis(*pair) for pair in cosines)
-        self.ranges = (first, second, Axis(low, high))
+        self.ranges = (*cosines, depths or Axis(single, single))
         if self.varies:
-            self.ranges = (first, second, self._best_axis())
+            self.ranges = (*cosines, self._best_axis())
 
     def nodes(self, axis: int, count: int) -> np.ndarray:
         """Cosines, or thicknesses for axis 2, at the nodes of the coordinate; one node for an empty
@@ -234,8 +226,8 @@ class _TableBuilder:
         return best_axis(axes, line, self.solve(np.stack([*middle, line])), 7)
 
 
-def _cosines(name: str, pair: tuple[float, float]) -> tuple[float, float]:
-    """(least, largest) cosine of a range of angles in degrees."""
+def _cosines(name: str, pair: tuple[float, float]) -> Axis:
+    """Cosines of a range of angles in degrees."""
     low, high = (float(angle) for angle in pair)
     if not 0.0 <= low <= high <= 90.0:
         raise ValueError(
@@ -243,15 +235,12 @@ def _cosines(name: str, pair: tuple[float, float]) -> tuple[float, float]:
             "to 90"
         )
     # Exact at both ends, where rounding would leave 6e-17.
-    return (0.0 if high == 90.0 else float(np.cos(np.deg2rad(high)))), float(
-        np.cos(np.deg2rad(low))
-    )
+    least = 0.0 if high == 90.0 else float(np.cos(np.deg2rad(high)))
+    return Axis(least, float(np.cos(np.deg2rad(low))))
 
 
-def _thickness_range(
-    glaze: Glaze, thickness: Numbers | None, layer: int
-) -> tuple[float, float] | None:
-    """(least, largest) thickness in m, or None if it does not vary."""
+def _thickness_range(glaze: Glaze, thickness: Numbers | None, layer: int) -> Axis | None:
+    """Thicknesses in m, or None if they do not vary."""
     if thickness is None:
         return None
     check_layer(glaze, layer)
@@ -264,7 +253,7 @@ def _thickness_range(
     low = float(values.min())
     high = float(values.max())
     if high > low:
-        return low, high
+        return Axis(low, high)
     # One thickness gets a narrow range: a table has two ends.
     step = max(1e-3 * low, 1e-9)
-    return (low, low + step) if low + step <= MAX_THICKNESS else (low - step, low)
+    return Axis(low, low + step) if low + step <= MAX_THICKNESS else Axis(low - step, low)
