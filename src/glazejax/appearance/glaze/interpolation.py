@@ -134,13 +134,17 @@ class GlazeTable(NamedTuple):
 
 def interior(table: GlazeTable, xp: ModuleType) -> Any:
     """Interpolated values: the table without what is known, (bands, in, out, thickness)."""
-    index = table.refractive_index[:, None]
     a, b = (xp.clip(c, 0.0, 1.0) for c in (table.cos_in, table.cos_out))
-    # What is known of the angles goes: rho (mu_I + mu_F)/(T T).
-    through = [1.0 - dielectric_reflectance(c, index) for c in (a, b)]
-    refracted = [cos_refracted(c, index) for c in (a, b)]
-    total = refracted[0][:, :, None] + refracted[1][:, None, :]
-    return table.table * (total / (through[0][:, :, None] * through[1][:, None, :]))[..., None]
+    known = _analytic_factor(a[:, None], b, table.refractive_index[:, None, None], xp)
+    return table.table / known[..., None]
+
+
+def _analytic_factor(cos_in: Any, cos_out: Any, index: Any, xp: ModuleType) -> Any:
+    """What is known of the angles, T T/(mu_I + mu_F)."""
+    total = cos_refracted(cos_in, index) + cos_refracted(cos_out, index)
+    let_in = 1.0 - dielectric_reflectance(cos_in, index)
+    let_out = 1.0 - dielectric_reflectance(cos_out, index)
+    return let_in * let_out / xp.maximum(total, LEAST_SUM)
 
 
 def evaluate(table: GlazeTable, flat: Any, points: Any, xp: ModuleType) -> Any:
@@ -164,10 +168,8 @@ def evaluate(table: GlazeTable, flat: Any, points: Any, xp: ModuleType) -> Any:
     # are many bands.
     for along in further_weights:
         weights = (weights[:, :, None] * along[:, None, :]).reshape(points.shape[1], -1)
-    index = table.refractive_index
-    through = [1.0 - dielectric_reflectance(c[:, None], index) for c in (a, b)]
-    total = cos_refracted(a[:, None], index) + cos_refracted(b[:, None], index)
-    return matmul(xp, weights, flat) * through[0] * through[1] / xp.maximum(total, LEAST_SUM)
+    known = _analytic_factor(a[:, None], b[:, None], table.refractive_index, xp)
+    return matmul(xp, weights, flat) * known
 
 
 @jax.jit
