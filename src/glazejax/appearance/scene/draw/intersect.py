@@ -235,25 +235,25 @@ def surface(geometry: Geometry, hit: Hit, origin: Array, direction: Array) -> Su
     uv = jnp.zeros((*point.shape[:1], 2), point.dtype)
     face = normal
     before = 0
+    parts = []
     for kind, count in (
         (_sphere_surface, len(geometry.radii)),
         (_plane_surface, len(geometry.points)),
         (_box_surface, len(geometry.sides)),
     ):
         if count:
-            mine = ((hit.shape >= before) & (hit.shape < before + count))[:, None]
             its_normal, its_uv = kind(geometry, point, jnp.clip(hit.shape - before, 0, count - 1))
-            normal = jnp.where(mine, its_normal, normal)
-            uv = jnp.where(mine, its_uv, uv)
-            face = jnp.where(mine, its_normal, face)
+            parts.append((before, its_normal, its_normal, its_uv))
             before += count
     if geometry.triangles is not None:
         # Triangles come last.
-        mine = (hit.shape >= before)[:, None]
-        its_normal, its_face, its_uv = triangle_surface(geometry.triangles, hit.triangle, point)
+        parts.append((before, *triangle_surface(geometry.triangles, hit.triangle, point)))
+    # Each kind writes over those before it.
+    for first, its_normal, its_face, its_uv in parts:
+        mine = (hit.shape >= first)[:, None]
         normal = jnp.where(mine, its_normal, normal)
-        uv = jnp.where(mine, its_uv, uv)
         face = jnp.where(mine, its_face, face)
+        uv = jnp.where(mine, its_uv, uv)
     # The face looks towards the eye, and the smooth normal with the face.
     face = jnp.where(jnp.sum(face * direction, axis=-1, keepdims=True) > 0, -face, face)
     normal = jnp.where(jnp.sum(face * normal, axis=-1, keepdims=True) < 0, -normal, normal)

@@ -72,21 +72,17 @@ class MaterialsInView:
             wavelengths, tolerance: see `Material.prepare`.
             before: what was prepared already, and stays as it is.
         """
-        prepared: list[Material | None] = []
-        for number, material in enumerate(self.materials):
-            if number < len(before) and before[number] is not None:
-                prepared.append(before[number])
-                continue
-            if number not in self._view:
-                prepared.append(None)
-                continue
-            thickness = material.thickness_map
-            ranges = SeenRanges(
-                light=_legal(self._light[number]),
-                view=_legal(self._view[number]),
-                thickness=_wider(None, np.asarray(0.0 if thickness is None else thickness, float)),
-            )
-            prepared.append(material.prepare(wavelengths, ranges, tolerance))
+        prepared: list[Material | None] = list(before) or [None] * len(self.materials)
+        for number, view in self._view.items():
+            if prepared[number] is None:
+                material = self.materials[number]
+                depths = 0.0 if material.thickness_map is None else material.thickness_map
+                ranges = SeenRanges(
+                    light=_legal(self._light[number]),
+                    view=_legal(view),
+                    thickness=_wider(None, np.asarray(depths, float)),
+                )
+                prepared[number] = material.prepare(wavelengths, ranges, tolerance)
         return prepared
 
     def describe(self) -> str:
