@@ -20,7 +20,7 @@ from ..render_result import Rendered, RenderReport
 from ..scene import Scene
 from .intersect import make_geometry
 from .rays import TILE, Bounce, Lamps, lamps, trace
-from .shade import lit_pairs, radiance
+from .shade import radiance
 from .visibility import MaterialsInView
 
 # Bounces of rays are kept between the passes up to so many bytes, and traced again beyond.
@@ -211,9 +211,7 @@ class _Work:
             self._report(start + (end - start) * k / len(tiles), "computing spectra")
             bounces = self._bounces(tile)
             self.report.rays += sum(len(bounce.material) for bounce in bounces)
-            self.report.pairs += sum(
-                lit_pairs(bounce, np.arange(len(bounce.material)))[0].size for bounce in bounces
-            )
+            self.report.pairs += sum(int(np.sum(bounce.strength > 0)) for bounce in bounces)
             samples = radiance(bounces, self.prepared, lights, background)
             # The mean over the samples of each pixel, which follow one another.
             colours = (

@@ -100,22 +100,18 @@ def radiance(
     return beyond[: len(bounces[0].material)]
 
 
-def lit_pairs(bounce: Bounce, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Numbers of point and light of the pairs that matter among some points."""
-    rows, which = np.nonzero(bounce.strength[points] > 0)
-    return points[rows], which
-
-
 def _add_lights(
     spectra: Array, bounce: Bounce, mine: np.ndarray, material: Material, lights: Array
 ) -> Array:
-    rows, which = lit_pairs(bounce, mine)
+    # Pairs of a point and a light that reaches it.
+    pairs, which = np.nonzero(bounce.strength[mine] > 0)
+    rows = mine[pairs]
     for piece, present in _pieces(rows.size):
         r = rows[piece]
         k = which[piece]
         # What is filled up has no strength.
         strength = np.where(present, bounce.strength[r, k], 0.0)
-        pairs = (
+        numbers = (
             k,
             strength,
             bounce.cos_view[r],
@@ -123,7 +119,7 @@ def _add_lights(
             bounce.between[r, k],
             bounce.uv[r],
         )
-        spectra = spectra.at[r].add(_lit(material, lights, *map(jnp.asarray, pairs)))
+        spectra = spectra.at[r].add(_lit(material, lights, *map(jnp.asarray, numbers)))
     return spectra
 
 
