@@ -181,18 +181,15 @@ def read_grey(path: Path, *, heights: bool = False) -> Float[np.ndarray, "h w"]:
     try:
         with Image.open(path) as loaded:
             width, height = loaded.size
+        picture = np.asarray(imread(path)) if width * height <= _MAX_PIXELS else None
     except Exception as error:  # Pillow raises many kinds
         raise refusal(path, f"not a picture that can be read ({type(error).__name__})") from None
-    if width * height > _MAX_PIXELS:
+    if picture is None:
         raise refusal(
             path,
             f"{width} x {height} pixels are too many for a map (at most {_MAX_PIXELS}); make it "
             "smaller",
         )
-    try:
-        picture = np.asarray(imread(path))
-    except Exception as error:
-        raise refusal(path, f"not a picture that can be read ({type(error).__name__})") from None
     top = 255.0 if picture.dtype == np.uint8 else 1.0
     grey = np.empty(picture.shape[:2])
     # Row by row, as the whole picture in double precision would take eight times its size.
