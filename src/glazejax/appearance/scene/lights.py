@@ -71,16 +71,18 @@ class AreaLight:
     spectrum: Numbers
 
     def __post_init__(self) -> None:
-        if not isinstance(self.shape, Plane | Sphere):
+        if isinstance(self.shape, Plane):
+            if self.shape.size is None:
+                raise ValueError(
+                    "an area light needs a size, its width and height: an endless plane cannot "
+                    "shine"
+                )
+            if self.shape.relief is not None:
+                raise ValueError("an area light is flat: leave its relief out")
+        elif not isinstance(self.shape, Sphere):
             raise ValueError(
                 f"an area light is a rectangle or a sphere, not a {type(self.shape).__name__}"
             )
-        if isinstance(self.shape, Plane) and self.shape.size is None:
-            raise ValueError(
-                "an area light needs a size, its width and height: an endless plane cannot shine"
-            )
-        if isinstance(self.shape, Plane) and self.shape.relief is not None:
-            raise ValueError("an area light is flat: leave its relief out")
 
 
 Light = ParallelLight | PointLight | AreaLight
