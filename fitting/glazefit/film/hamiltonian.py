@@ -267,7 +267,7 @@ def _steps(
         end = height_at(free, data)
         # By Metropolis and Hastings: Laplace's density is that of the proposal.
         now, then = (laplace.log_density(jnp, f) for f in (chains.free, free))
-        gain = end - height + now - then
+        gain: Array = end - height + now - then
         return free, end, jnp.where(jnp.isnan(gain), -jnp.inf, gain)
 
     def one(i: Array, state: tuple[Chains, Array, Draws]) -> tuple[Chains, Array, Draws]:

@@ -121,7 +121,8 @@ def _add_notes(films: Films) -> Films:
             f"{list_names(names)}: no ending _ob or _ow, so taken to hide whatever is below"
         )
     needed = films.assumed & films.seen & ~films.opaque[:, None]
-    missing = list(compress(("black", "white"), needed.any(axis=0)))
+    cards = ("black", "white")
+    missing = [card for card, lacks in zip(cards, needed.T, strict=True) if lacks.any()]
     if missing:
         notes.append(
             f"the {' and the '.join(missing)} card was not measured (card_b, card_w): a usual one "

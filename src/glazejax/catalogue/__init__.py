@@ -28,6 +28,10 @@ if TYPE_CHECKING:
     # Names of paints are checked before what a paint is made of is loaded.
     from ..paint.media import Pigment
 
+    _Paints = dict[str, Pigment]
+else:
+    _Paints = dict
+
 __all__ = [
     "Catalogue",
     "Family",
@@ -112,7 +116,7 @@ _SHIPPED = {
 }
 
 
-class Catalogue(dict[str, "Pigment"]):
+class Catalogue(_Paints):
     """Pigments by name; a name that is not known raises a KeyError that lists the nearest."""
 
     def __missing__(self, name: str) -> "Pigment":

@@ -444,7 +444,7 @@ class Ground(NamedTuple):
         Raises:
             ValueError: they do not; the message names the ground's file.
         """
-        if isinstance(self.level, float):
+        if isinstance(self.level, int | float):
             return self.level
         with self.blame():
             return self.level.on(grid)

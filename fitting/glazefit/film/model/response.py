@@ -108,7 +108,7 @@ class FilmResponse(Response):
         """Black, gain and back of films, each (...), from k d and s d, (...), >= 0."""
         k, s = as_array(absorption), as_array(scattering)
         if small(k, s) and not isinstance(self.patches, Tracer):
-            values = look_up(np, *map(np.asarray, (self.patches, k, s)), _NODES)
+            values = look_up(np, np.asarray(self.patches), np.asarray(k), np.asarray(s), _NODES)
         else:
             values = look_up(jnp, self.patches, k, s, _NODES)
         black, gain, back = (jnp.asarray(values[..., n]) for n in range(3))

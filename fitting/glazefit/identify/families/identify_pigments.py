@@ -11,7 +11,7 @@ from jaxtyping import ArrayLike, Float
 from glazejax import Pigment
 from glazejax.geometry import resolve_instrument
 from glazejax.progress import Progress, no_progress
-from glazejax.spectra import describe_grid
+from glazejax.spectra import describe_grid, validate_wavelengths
 
 from ...film.films import Noise
 from ...film.model.mixing import digest
@@ -51,8 +51,9 @@ def identify_families(
     """
     # A wrong symbol is said before a search is set up, which takes some seconds.
     log_odds_of_elements([], options.elements, options.without_elements)
-    measured = check_spectra(wavelengths, spectra, ground, names, options.noise or Noise())
-    _check_range(measured.wavelengths, pigments)
+    grid = validate_wavelengths(np.asarray(wavelengths, dtype=np.float64))
+    measured = check_spectra(grid, spectra, ground, names, options.noise or Noise())
+    _check_range(grid, pigments)
     grounds = measured.readings.shape[1]
     if grounds != 1:
         raise ValueError(

@@ -131,7 +131,9 @@ def _grazing(top: float, bottom: Array, nodes: int) -> tuple[Array, Array]:
     return top * jnp.exp(-span * y), span * w
 
 
-def _values(step: Array, count: Array, most: int, refractive_index: float) -> tuple[Array, ...]:
+def _values(
+    step: Array, count: Array, most: int, refractive_index: float
+) -> tuple[Array, Array, Array, Array]:
     """E_2 (stacks, n) and J_1 (stacks, 2n) at (k + 1/2) dh, E_3 at k dh and J_2 at h + k dh,
     (stacks, n + 1).
 
@@ -171,7 +173,7 @@ def ground(
     return m, integrated, 2.0 * j2[count]
 
 
-def _grounds(values: tuple[Array, ...], count: Array) -> tuple[Array, Array, Array]:
+def _grounds(values: tuple[Array, Array, Array, Array], count: Array) -> tuple[Array, Array, Array]:
     """`ground` of all stacks: (n, stacks) twice, and (stacks,)."""
     return jax.vmap(ground, out_axes=(1, 1, 0))(*values, count)
 

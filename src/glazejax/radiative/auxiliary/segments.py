@@ -10,7 +10,6 @@ Arrays have the segment (or the layer) first, the stack second; N is the largest
 and those that a stack does not have hold no albedo.
 """
 
-import functools
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -38,12 +37,11 @@ class Weights(NamedTuple):
         weights = Weights(*(append_axes(a, at_edges) for a in self))
         at_faces = weights.faces * at_faces
         number = jnp.arange(at_edges.shape[0])[:, None]
-        within = (
-            jnp.where(append_axes(holder == number, at_edges), face, 0.0)
-            for holder, face in zip(held_by, at_faces, strict=True)
-        )
+        holds = held_by[:, None] == number
+        at_faces = at_faces[:, None]
+        within = jnp.sum(jnp.where(append_axes(holds, at_faces), at_faces, 0.0), axis=0)
         between = weights.next_edges * _below(at_edges) - weights.edges * at_edges
-        return between + functools.reduce(jnp.add, within)
+        return between + within
 
 
 class Segments(NamedTuple):
