@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.linalg import expm
 from scipy.special import factorial, lpmv
 
 from glazejax.radiative.common.linalg import inverse, inverse_symmetric
@@ -132,6 +133,26 @@ def test_one_direction_is_kubelka_munk(solution):
     expected = two_flux_layer(k, s)
     assert_allclose(reflection.core[:, 0, 0], expected[0], atol=LAST_DIGITS)
     assert_allclose(1 - loss.core[:, 0, 0], expected[1], atol=LAST_DIGITS)
+
+
+@pytest.mark.parametrize("solution", [layer_by_modes, by_doubling])
+def test_layers_are_the_exponential_of_the_rates(solution):
+    """Paper C, equations (12) and (18): light at the bottom is exp(K z) times light at the top."""
+    size, thickness = 6, 0.8
+    a, b = np.random.default_rng(1).normal(size=(2, size, size)) / size
+    a, b = a @ a.T + np.eye(size), b @ b.T + 0.1 * np.eye(size)
+    nothing = jnp.zeros((1, 0))
+    bordered = (Bordered(jnp.asarray(x)[None], nothing, nothing) for x in (a, b))
+    reflection, loss = jax.jit(solution)(*bordered, jnp.array([thickness]))
+    # Sums and differences of down- and upward light change by -A and -B.
+    halves = np.kron([[0.5, 0.5], [0.5, -0.5]], np.eye(size))
+    rates_of_both = -np.block([[np.zeros_like(a), a], [b, np.zeros_like(a)]])
+    both = halves @ expm(rates_of_both * thickness) @ np.linalg.inv(halves)
+    # No light comes from below: 0 = A21 down + A22 up.
+    up = -np.linalg.solve(both[size:, size:], both[size:, :size])
+    down = both[:size, :size] + both[:size, size:] @ up
+    assert_allclose(reflection.core[0], up, atol=ROUNDING)
+    assert_allclose(np.eye(size) - loss.core[0], down, atol=ROUNDING)
 
 
 @pytest.mark.slow

@@ -115,6 +115,7 @@ def test_gradients_under_jit():
         ({"scattering": lambda z: jnp.zeros(4)}, "returned shape"),
         ({"substrate_reflectance": 60.0}, "substrate_reflectance holds 60.0"),
         ({"method": "magic"}, "method 'magic' is unknown"),
+        ({"method": "manyflux"}, "use one of 'ordinates', 'auxiliary'"),
         ({"tolerance": 0.0}, "tolerance is 0"),
     ],
 )

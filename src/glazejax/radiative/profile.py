@@ -13,7 +13,7 @@ depth, eqs (3)-(21). Two ways to the same number:
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple, TypeAlias, cast
+from typing import Any, Literal, NamedTuple, TypeAlias, cast
 
 import jax
 import jax.numpy as jnp
@@ -36,10 +36,13 @@ from .common.inputs import (
 from .common.linalg import einsum
 from .common.quadrature import gauss
 from .common.stack_arrays import StackArrays
-from .stack import Method, stack_hemispherical_reflectance, stack_reflectance_factor
+from .stack import stack_hemispherical_reflectance, stack_reflectance_factor
 
 Profile: TypeAlias = Callable[[Array], Array] | Numbers
 """A callable of depth (m), or values at equally spaced depths from the surface to the ground."""
+
+ProfileMethod: TypeAlias = Literal["ordinates", "auxiliary"]
+"""How a profile is solved: in slices, or as an integral equation."""
 
 # Bytes of the arrays of the films that go through at a time.
 _CHUNK_BYTES = 2**24
@@ -55,7 +58,7 @@ def profile_reflectance_factor(
     cos_incidence: Numbers = 1.0,
     cos_viewing: Numbers = 1.0,
     tolerance: float = 1e-6,
-    method: Method = "ordinates",
+    method: ProfileMethod = "ordinates",
 ) -> Float[Array, "*batch"]:
     """Reflectance factor pi L_out / E_in of a film whose k and s vary continuously with depth.
 
@@ -105,7 +108,7 @@ def profile_hemispherical_reflectance(
     refractive_index: Numbers = 1.5,
     cos_incidence: Numbers = 1.0,
     tolerance: float = 1e-6,
-    method: Method = "ordinates",
+    method: ProfileMethod = "ordinates",
 ) -> Float[Array, "*batch"]:
     """Directional-hemispherical reflectance of a film whose k and s vary continuously with depth.
 
@@ -147,7 +150,7 @@ def _evaluate(
     """Reflectance of a film by its absorption and scattering, with a viewing direction in ``light``
     or for all directions together.
     """
-    check_choice("method", method, Method)
+    check_choice("method", method, ProfileMethod)
     check_tolerance(tolerance)
     check_given(light)
     check_values(light)

@@ -11,7 +11,7 @@ to the air.
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..common.inputs import Numbers
+from ..common.inputs import Numbers, check_given
 from .call import Indices, StackInputs, solve_stacks
 from .effort import Solution
 
@@ -61,6 +61,7 @@ def free_factor(
         index_below=index_below,
     )
     cosines = {"cos_incidence": cos_incidence, "cos_viewing": cos_viewing}
+    check_given({"azimuth": azimuth})
     return solve_stacks(stack, cosines, azimuth, downward=transmitted)
 
 

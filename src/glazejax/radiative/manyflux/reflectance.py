@@ -17,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..common.inputs import Numbers, check_values, smallest_cosine
+from ..common.inputs import Numbers, check_given, check_values, smallest_cosine
 from .call import AngleAxes, Indices, StackInputs, prepare, solve_stacks, tables
 from .effort import Solution
 from .ground import GroundTable
@@ -79,6 +79,7 @@ def manyflux_reflectance_factor(
         ground=ground,
     )
     cosines = {"cos_incidence": cos_incidence, "cos_viewing": cos_viewing}
+    check_given({"azimuth": azimuth})
     return solve_stacks(stack, cosines, azimuth)
 
 
