@@ -324,13 +324,15 @@ class Hamiltonian:
     def _run(self, chains: Chains, first: int, count: int) -> Draws:
         problem = self._problem
         draws = _steps(
-            problem.residuals,
-            problem.scaled,
-            problem.data,
-            problem.shared,
-            self._approximation.gaussians,
-            jax.random.key(self._options.seed),
-            *jax.tree.map(jnp.asarray, (chains, first, count)),
+            residuals=problem.residuals,
+            scaled=problem.scaled,
+            data=problem.data,
+            shared=problem.shared,
+            laplace=self._approximation.gaussians,
+            key=jax.random.key(self._options.seed),
+            start=jax.tree.map(jnp.asarray, chains),
+            first=jnp.asarray(first),
+            count=jnp.asarray(count),
         )
         return draws._replace(free=draws.free[:count], height=draws.height[:count])
 

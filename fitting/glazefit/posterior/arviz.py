@@ -6,15 +6,17 @@ fraction.
 """
 
 from importlib.metadata import version
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..film.solve import load_arviz
-from .posterior import Posterior
+
+if TYPE_CHECKING:
+    from .posterior import Posterior
 
 
-def inference_data(posterior: Posterior) -> Any:
+def inference_data(posterior: "Posterior") -> Any:
     """Groups posterior, sample_stats, log_likelihood, posterior_predictive, observed_data and
     constant_data.
 
@@ -100,7 +102,7 @@ def inference_data(posterior: Posterior) -> Any:
     )
 
 
-def _attributes(posterior: Posterior) -> dict[str, Any]:
+def _attributes(posterior: "Posterior") -> dict[str, Any]:
     """Convergence and where the draws come from, as NetCDF takes it, which knows no booleans."""
     attributes: dict[str, Any] = {
         "film": ", ".join(film.name for film in posterior.films),

@@ -243,7 +243,7 @@ def test_pieces_that_a_file_stores_are_read_once(tmp_path, monkeypatch):
         file.create_dataset("cube", data=values, chunks=(70, 400, BANDS))
     cube = open_cube(path, wavelengths=WAVELENGTHS, window=(30, 190, 0, 400))
     monkeypatch.setattr("glazejax.io.cubes.lazy._AT_ONCE", 1000)
-    reading = cube.variable._data.array.reading  # pyright: ignore
+    reading = cube.variable._data.array  # pyright: ignore
     strips = list(reading._strips(range(160), 400 * BANDS))
     assert [(part.start + 30, part.stop + 30) for part in strips] == [
         (30, 70),

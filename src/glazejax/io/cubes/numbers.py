@@ -12,7 +12,7 @@ from ..spectra_table import Stored
 from ..words import read_number
 
 
-def read_numbers(given: Sequence[float] | str | Path, unit: str) -> Stored:
+def read_numbers(given: Sequence[float] | np.ndarray | str | Path, unit: str) -> Stored:
     """Wavelengths in nm, in their own order.
 
     Args:

@@ -16,7 +16,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 
-class Weights(NamedTuple):
+class SegmentWeights(NamedTuple):
     """Factors of a function's values at the edges and faces of segments, which make an integral of
     its slope over each segment.
     """
@@ -34,7 +34,7 @@ class Weights(NamedTuple):
         at_faces: Float[Array, "layers stacks *cases"],
     ) -> Float[Array, "n stacks *cases"]:
         """Integrals over the segments, by the number of the segment that holds each face."""
-        weights = Weights(*(append_axes(a, at_edges) for a in self))
+        weights = SegmentWeights(*(append_axes(a, at_edges) for a in self))
         at_faces = weights.faces * at_faces
         number = jnp.arange(at_edges.shape[0])[:, None]
         holds = held_by[:, None] == number
@@ -55,7 +55,7 @@ class Segments(NamedTuple):
     """Depth of each layer's lower face; the last is the ground."""
     held_by: Int[Array, "layers stacks"]
     """Number of the segment that holds each face."""
-    albedo: Weights
+    albedo: SegmentWeights
     """Albedo at the edges, 0 where there is no segment, and how much it falls at each face; at the
     ground all of it.
     """
@@ -63,7 +63,7 @@ class Segments(NamedTuple):
     """int_segment q ds, exactly 0 where negligible."""
     doubled: Float[Array, "n stacks"]
     """int_segment q^2 ds over int_segment q ds."""
-    averaging: Weights
+    averaging: SegmentWeights
     """Of the mean of a function's slope over each segment."""
 
     @classmethod
@@ -87,9 +87,9 @@ class Segments(NamedTuple):
         present = index < count
 
         # By parts: q v at the right edge less that at the left, and at each face the albedo's drop.
-        def by_albedo(q: Array) -> Weights:
+        def by_albedo(q: Array) -> SegmentWeights:
             edge = jnp.where(present, jnp.take_along_axis(q, layer, axis=0), 0.0)
-            return Weights(edge, _below(edge), jnp.concatenate([q[:-1] - q[1:], q[-1:]]))
+            return SegmentWeights(edge, _below(edge), jnp.concatenate([q[:-1] - q[1:], q[-1:]]))
 
         first = by_albedo(albedo)
         scattering = first.integrate(holder, edges, faces)
@@ -110,7 +110,7 @@ class Segments(NamedTuple):
         share_at_faces, enough_at_faces = (
             jnp.take_along_axis(x, holder, axis=0) for x in (share, enough)
         )
-        averaging = Weights(
+        averaging = SegmentWeights(
             edges=share * jnp.where(enough, first.edges, 1.0),
             next_edges=share * jnp.where(enough, first.next_edges, jnp.where(last, 0.0, 1.0)),
             faces=share_at_faces * jnp.where(enough_at_faces, first.faces, end),
@@ -149,7 +149,7 @@ class Segments(NamedTuple):
         """
         before = jnp.concatenate([jnp.zeros_like(t[:1]), t[:-1]])
         at_faces = jnp.take_along_axis(t, append_axes(self.held_by, t), axis=0)
-        albedo = Weights(*(append_axes(a, t) for a in self.albedo))
+        albedo = SegmentWeights(*(append_axes(a, t) for a in self.albedo))
         return albedo.edges * (t - before), -albedo.faces * at_faces
 
 
