@@ -183,9 +183,6 @@ def exemplar(
     """
     family = source.paints[code].family
     films = recovery.films
-    off = np.stack(
-        [recovery.fitted_black - films.over_black, recovery.fitted_white - films.over_white], axis=1
-    )
     own = films.seen & (recovery.shares[:, row] > 0)[:, None]
     return Exemplar(
         name=f"{family}/{source.group}-{mark or code}",
@@ -198,7 +195,7 @@ def exemplar(
         absorption=np.asarray(recovery.absorption[row]) / UNIT,
         scattering=np.asarray(recovery.scattering[row]) / UNIT,
         log_sd=recovery.relative_log_sd[:, row] + (0.0 if told_by else np.inf),
-        rms=float(np.sqrt(np.mean(off[own] ** 2))),
+        rms=float(np.sqrt(np.mean(recovery.residual[own] ** 2))),
     )
 
 

@@ -362,7 +362,7 @@ def another_film(
         rest = without(whole, films, recipes, rows, response=response)
         one, other = (films.take([row]) for row in rows)
         (before,) = predict_films(rest, other, recipes, response=response)
-        truth = np.stack([other.over_black[0], other.over_white[0]])
+        truth = other.over_cards[0]
         off["nothing"].append(float(before.delta_e(*truth).mean()))
         read = Read(
             film=one,

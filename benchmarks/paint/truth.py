@@ -316,8 +316,8 @@ def conditions(results: Results, films: Films, left: list[Case]) -> None:
     # A varnish by its absorbance, of another form than the program's: a cubic that falls to 0 at
     # 720 nm.
     resin = 10 ** (-2 * 0.2 * ((720.0 - grid) / 320.0) ** 3)
-    over = np.stack([films.over_black, films.over_white], axis=1)
-    under = ground_from_air(np.stack([films.bare_black, films.bare_white], axis=1))
+    over = films.over_cards
+    under = ground_from_air(films.bare_cards)
     noise = rng.standard_normal((2, *over.shape))
     other = np.clip((over[:, 1] - 0.0405) * 1.045 * resin + 0.005 * noise[1, :, 1], 0.0, 1.0)
     noisy = np.clip(over + 0.01 * noise[0], 0.0, 1.0)

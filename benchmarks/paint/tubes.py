@@ -181,7 +181,7 @@ def simulated(say: Results, count: int) -> None:
             seconds.append(taken)
             held.append(within(entry, made.truth))
             (third,) = predict_films(found, made.films.take([2]), made.recipes, noise=NOISE)
-            measured = np.stack([made.films.over_black[2], made.films.over_white[2]])
+            measured = made.films.over_cards[2]
             low, high = third.interval()
             off.append(third.delta_e(*measured).mean())
             said.append(third.expected_error())
@@ -251,7 +251,7 @@ def real(say: Results) -> None:
         )
         for guess in predict_films(found, own.take(list(range(2, len(names)))), recipes):
             row = films.names.index(guess.name)
-            measured = np.stack([films.over_black[row], films.over_white[row]])
+            measured = films.over_cards[row]
             low, high = guess.interval()
             inside = np.mean((low <= measured) & (measured <= high))
             off = guess.delta_e(*measured).mean()

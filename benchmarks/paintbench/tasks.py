@@ -621,8 +621,7 @@ def _predict_over_cards(source: Source, record: Record) -> None:
         )
         for sample in source.samples
     }
-    seen = np.stack([unnamed.over_black, unnamed.over_white], axis=1)
-    seen = seen.reshape(-1, unnamed.wavelengths.size)
+    seen = unnamed.over_cards.reshape(-1, unnamed.wavelengths.size)
     for method in over_cards():
         predicted = method.predict(taught, unnamed, recipes)
         gain = np.ones((len(seen), 1))

@@ -60,7 +60,7 @@ def _nearest(features: np.ndarray, query: Query) -> Found:
 def spectral_angle(query: Query) -> Found:
     """Least angle between spectra, both cards together."""
     films = query.films
-    return _nearest(np.concatenate([films.over_black, films.over_white], axis=1), query)
+    return _nearest(films.over_cards.reshape(len(films), -1), query)
 
 
 def derivative(query: Query) -> Found:
@@ -96,8 +96,8 @@ def kubelka_munk(query: Query) -> Found:
     """
     films, row, paints = query.films, query.row, query.paints
     k, s = np.moveaxis(spectra_of(paints), 1, 0) * UNIT
-    cards = ground_from_air(np.stack([films.bare_black[row], films.bare_white[row]]))
-    seen = np.stack([films.over_black[row], films.over_white[row]])
+    cards = ground_from_air(films.bare_cards[row])
+    seen = films.over_cards[row]
     totals = np.geomspace(0.1, 12.0, 25)
     parts = np.array(
         [0.002, 0.008, 0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 0.95, 0.98, 0.992, 0.998]

@@ -58,7 +58,7 @@ def films_of(paints, recipes, thickness, seed=0, model_error=0.0):
     k, s = optical_depths(paints, shares * thickness[:, None])
     films = simulate_films(GRID, k, s, names=[str(i) for i in range(len(recipes))], seed=seed)
     shape = np.linalg.cholesky(smooth_kernel(GRID, 40.0) + 1e-9 * np.eye(GRID.size))
-    spectra = np.stack([films.over_black, films.over_white], axis=1)
+    spectra = films.over_cards
     off = model_error * rng.standard_normal((len(recipes), GRID.size)) @ shape.T
     spectra += off[:, None] * (BETWEEN_FILMS.amplitude + BETWEEN_FILMS.share * spectra)
     return np.clip(spectra, 0.0, 1.0)

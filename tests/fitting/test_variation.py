@@ -187,7 +187,7 @@ def test_one_reading_tells_the_strength(paints):
     for row, (first, then) in enumerate(zip(before, after, strict=True)):
         assert then.expected_error() < 0.5 * first.expected_error()
         low, high = then.interval(0.98)
-        truth = np.stack([films.over_black[row], films.over_white[row]])
+        truth = films.over_cards[row]
         assert np.mean((low <= truth) & (truth <= high)) > 0.9
 
 
@@ -308,7 +308,7 @@ def test_a_reading_in_a_few_bands_tells_the_others(paints):
     off = [p.delta_e(films.over_black, films.over_white).mean() for p in (before, after)]
     assert off[1] < 0.2 * off[0]
     low, high = after.interval(0.98)
-    truth = np.stack([films.over_black[0], films.over_white[0]])
+    truth = films.over_cards[0]
     assert np.mean((low <= truth) & (truth <= high)) > 0.9
     # What was not read is not fitted.
     assert_array_equal(found.films.over_black[0, few], read.over_black[0])
@@ -358,7 +358,7 @@ def test_the_other_card_is_the_reading_that_helps_most(paints):
 def test_a_prediction_without_errors_is_the_film(paints):
     films = painted(paints, TINT, 1.0, [12e-6])
     (found,) = predict(paints, [12e-6])
-    assert_allclose(found.reflectance, [films.over_black[0], films.over_white[0]], atol=2e-4)
+    assert_allclose(found.reflectance, films.over_cards[0], atol=2e-4)
 
 
 def test_more_variation_is_a_wider_band(paints):

@@ -168,6 +168,16 @@ class Films(Tabulated):
         return replace(self, names=tuple(self.names[i] for i in index), **pick)
 
     @property
+    def over_cards(self) -> Float[np.ndarray, "films 2 bands"]:
+        """Reflectance of the paint over black and over white."""
+        return np.stack([self.over_black, self.over_white], axis=1)
+
+    @property
+    def bare_cards(self) -> Float[np.ndarray, "films 2 bands"]:
+        """Reflectance of the black and of the white card without paint."""
+        return np.stack([self.bare_black, self.bare_white], axis=1)
+
+    @property
     def complete(self) -> bool:
         """True if every film was read over both cards, and both cards bare."""
         return bool(self.seen.all() and not self.assumed.any() and not self.opaque.any())

@@ -364,8 +364,8 @@ def _choose_spectra(
             below = internal(films.bare_white.mean(axis=0))
             ground_names = ("white card, measured bare, the mean of all",)
         else:
-            spectra = np.stack([films.over_black, films.over_white], axis=1) @ mean
-            below = internal(np.stack([films.bare_black, films.bare_white], axis=1) @ mean)
+            spectra = films.over_cards @ mean
+            below = internal(films.bare_cards @ mean)
             ground_names = ("black card, measured bare", "white card, measured bare")
     else:
         rows = options.choose_rows(file, measured.names, chosen)

@@ -155,12 +155,11 @@ def identify_films(
         measured = card_readings(films, seen_by, options.get("noise") or Noise())
         ground = np.moveaxis(measured.ground, -1, 1)
     else:
-        bare = np.stack([films.bare_black, films.bare_white], axis=1)
-        ground = ground_from_air(bare, seen_by)
+        ground = ground_from_air(films.bare_cards, seen_by)
     options["instrument"] = seen_by
     return identify(
         films.wavelengths,
-        np.stack([films.over_black, films.over_white], axis=1),
+        films.over_cards,
         pigments,
         ground=ground,
         names=films.names,

@@ -113,9 +113,12 @@ class CoatRecovery:
         """
         films = self.films.select([name])
         card = int(films.seen[0, 1])
-        over = (films.over_black, films.over_white)[card]
-        bare = (films.bare_black, films.bare_white)[card]
-        return CoatFilm(name, self.coats[name], over[0], bare[0])
+        return CoatFilm(
+            name=name,
+            coats=self.coats[name],
+            reflectance=films.over_cards[0, card],
+            ground=films.bare_cards[0, card],
+        )
 
     def thickest(self, paint: str) -> CoatFilm:
         """The film of a paint with the most coats, the first of several.

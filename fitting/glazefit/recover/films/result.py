@@ -70,13 +70,14 @@ class FittedFilms:
     fitted_white: FilmSpectra
 
     @property
+    def _fitted(self) -> Float[np.ndarray, "films 2 bands"]:
+        """Over black and over white."""
+        return np.stack([self.fitted_black, self.fitted_white], axis=1)
+
+    @property
     def residual(self) -> Float[np.ndarray, "films 2 bands"]:
         """Fitted minus measured reflectance, over black and over white."""
-        films = self.films
-        difference = np.stack(
-            [self.fitted_black - films.over_black, self.fitted_white - films.over_white], axis=1
-        )
-        return films.where_seen(difference)
+        return self.films.where_seen(self._fitted - self.films.over_cards)
 
     @property
     def rmse(self) -> PerFilm:
@@ -86,11 +87,13 @@ class FittedFilms:
     def _delta_e(self, illuminant: str, observer: str | int) -> Float[np.ndarray, "films 2"]:
         """CIEDE2000 of fitted from measured spectra, over black and over white."""
         films = self.films
-        fitted = np.stack([self.fitted_black, self.fitted_white], axis=1)
-        measured = np.stack([films.over_black, films.over_white], axis=1)
         return films.where_seen(
             delta_e_of_spectra(
-                films.wavelengths, fitted, measured, illuminant=illuminant, observer=observer
+                films.wavelengths,
+                self._fitted,
+                films.over_cards,
+                illuminant=illuminant,
+                observer=observer,
             )
         )
 

@@ -146,7 +146,7 @@ def cross_validate(
             raise
     done = rows[: len(predictions)]
     # What each film shows of how far films are from their recipes.
-    measured = np.stack([films.over_black[done], films.over_white[done]], axis=1)
+    measured = films.over_cards[done]
     evidence = [
         prediction.size_evidence(spectra)
         for prediction, spectra in zip(predictions, measured, strict=True)

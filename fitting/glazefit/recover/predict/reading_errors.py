@@ -49,11 +49,10 @@ def reading_errors(calibrated: JointRecovery, response: Response, correlation: f
     )
     computed = np.moveaxis(np.asarray(readings_of_draws(points, ungained, response)), 1, -1)
     expected = computed[0]
-    read = np.stack([films.over_black, films.over_white], axis=1)
     # Noise and cards are in the residual's size, and a gain of its own is not.
     all_of_it = np.hypot(calibrated.residual_sd, size.gain * expected)
     # In standard deviations: by the solution, and by each draw of what is unknown.
-    off = (read - computed) / all_of_it
+    off = (films.over_cards - computed) / all_of_it
     # How much of what a reading was off is gain and model, no noise; nothing where none was read.
     reach = np.minimum(_error_size(size, expected) / all_of_it, 1.0) * films.seen[:, :, None]
     log_gloss = calibrated.draws.paints[:, 0] + calibrated.draws.films[:, 0, 1]
