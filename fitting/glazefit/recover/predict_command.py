@@ -359,14 +359,12 @@ def _print(
             lab = np.asarray(
                 colour.lab(prediction.wavelengths, spectrum, illuminant=eye[0], observer=eye[1])
             )
-            shade = swatch(
-                hex_colour(colour.srgb(prediction.wavelengths, spectrum, illuminant=eye[0]))
-            )
+            rgb = colour.srgb(prediction.wavelengths, spectrum, illuminant=eye[0], observer=eye[1])
             name = prediction.name if card == 0 else ""
             table.add_row(
                 name,
                 ("black", "white")[card],
-                shade,
+                swatch(hex_colour(rgb)),
                 *(f"{v:.1f}" for v in lab),
                 f"{off[card]:.1f}",
             )
