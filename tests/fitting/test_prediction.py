@@ -22,7 +22,7 @@ def flat(draws):
     grey = np.full(GRID.size, 0.5)
     off = (draws[:, None, None] - 0.5) * np.ones((1, 2, GRID.size))
     parts = {"scale": 0.0 * off, "paint": off, "film": 0.0 * off}
-    return Prediction("flat", GRID, 1.0, 1.0, grey, grey, ("grey",), parts, OF_SIZE_ONE)
+    return Prediction("flat", GRID, grey, grey, ("grey",), parts, OF_SIZE_ONE)
 
 
 def test_a_band_holds_its_share_of_the_draws():

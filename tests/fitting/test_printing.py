@@ -50,9 +50,7 @@ def recovery():
 
 def prediction():
     off = {"film": np.zeros((2, 2, GRID.size))}
-    return Prediction(
-        "a tint", GRID, 1.0, 1.0, DARK[0], LIGHT[0], ("Eosin", "ZincWhite"), off, Variation()
-    )
+    return Prediction("a tint", GRID, DARK[0], LIGHT[0], ("Eosin", "ZincWhite"), off, Variation())
 
 
 @pytest.mark.parametrize(

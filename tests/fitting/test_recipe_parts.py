@@ -168,7 +168,6 @@ def test_targets_of_a_chart():
             "unknown patch 'mauve': the chart has dark skin",
         ),
         (lambda: colourchecker_targets(["blue s", "n"]), "unknown patch 'n'"),
-        (lambda: colourchecker_targets(chart="none"), "unknown chart"),
         (lambda: lab_target({}), "at least one"),
         (lambda: lab_target({"Z9": (50, 0, 0)}), "unknown illuminant"),
         (lambda: spectral_target([400, 500], [0.1], name="x"), "1 values for 2 wavelengths"),

@@ -60,8 +60,6 @@ def test_a_prediction():
     found = Prediction(
         name="mixed",
         wavelengths=GRID,
-        thickness=1.0,
-        gloss=0.0,
         over_black=np.linspace(0.1, 0.4, 4),
         over_white=np.linspace(0.5, 0.8, 4),
         paints=("a", "b"),

@@ -35,7 +35,6 @@ class Addition:
     """The next addition to a mixture.
 
     Attributes:
-        target: colour to search for.
         grams: of each paint to add; empty where nothing brings the colour nearer.
         batch: grams of the mixture.
         thickness: of the film whose colour counts, m; None if it hides the ground.
@@ -45,7 +44,6 @@ class Addition:
         film: what the film will reflect.
     """
 
-    target: Target
     grams: Mapping[str, float]
     batch: float
     thickness: float | None
@@ -134,7 +132,6 @@ def next_addition(
     both = np.stack([np.zeros_like(amounts), amounts])
     (before, after), (lab_before, lab_after) = distances(both).tolist(), labs(both)
     return Addition(
-        target=target,
         grams=grams,
         batch=batch,
         thickness=None if hides else thickness,

@@ -1,6 +1,6 @@
 """Targets that a recipe is to match: a colour under one or several illuminants, or a spectrum.
 
-colour-science's measured ColorChecker charts are at hand as targets: `colourchecker_targets`.
+The patches of a measured ColorChecker chart are at hand as targets: `colourchecker_targets`.
 """
 
 import re
@@ -24,9 +24,6 @@ Colour: TypeAlias = Sequence[float] | Lab
 """L*, a*, b*."""
 Indices: TypeAlias = Int[np.ndarray, "n"]
 """Numbers of rows, or a number of a row each."""
-
-DEFAULT_CHART = "BabelColor Average"
-"""Mean of 30 charts of 24 patches, measured at 45:0, 380-730 nm, as colour-science ships it."""
 
 
 @dataclass(frozen=True)
@@ -219,22 +216,18 @@ def spectral_target(wavelengths: ArrayLike, reflectance: ArrayLike, *, name: str
     return Target(name, wavelengths=grid, reflectance=values)
 
 
-def colourchecker_targets(patches: Sequence[str] = (), chart: str = DEFAULT_CHART) -> list[Target]:
-    """Measured patches of a ColorChecker chart, as colour-science has them.
+def colourchecker_targets(patches: Sequence[str] = ()) -> list[Target]:
+    """Measured patches of the ColorChecker chart: the mean of 30 charts of 24 patches, measured at
+    45:0, 380-730 nm, as colour-science ships it ("BabelColor Average").
 
     Args:
         patches: names, such as "blue sky"; the beginning will do if it fits one only. All 24 if
             left out.
-        chart: a name in `glazejax.cie.charts`.
 
     Raises:
-        ValueError: an unknown chart or patch; the message lists what there is.
+        ValueError: an unknown patch; the message lists what there is.
     """
-    charts = cie.charts()
-    full_names = {key.lower(): key for key in charts} | cie.SHORT_CHARTS
-    if chart.lower() not in full_names:
-        raise ValueError(f"unknown chart {chart!r}: there are {', '.join(charts)}")
-    spectra = charts[full_names[chart.lower()]]
+    spectra = cie.charts()["BabelColor Average"]
     chosen = [_patch(patch, list(spectra)) for patch in patches] or list(spectra)
     return [
         spectral_target(spectra[name].wavelengths, spectra[name].values, name=_short(name))

@@ -199,8 +199,6 @@ class CoatPrediction:
 def recover_coats(
     films: Films,
     *,
-    coats: Mapping[str, float] | None = None,
-    paints: Mapping[str, str] | None = None,
     instrument: InstrumentLike | None = None,
     noise: Noise | None = None,
     expected: CoatScattering = ANY_FILM,
@@ -214,10 +212,8 @@ def recover_coats(
     coats.
 
     Args:
-        films: over a ground that was read bare; films of one paint may lie on
-            different grounds.
-        coats: film -> number of coats; by default as the films' names say (`coat_of`).
-        paints: film -> paint; by default as the names say.
+        films: over a ground that was read bare, called by their paint and number of coats
+            (`coat_of`); films of one paint may lie on different grounds.
         instrument: by default d:8 with the specular part, refractive index 1.5.
         noise: of a reading, by default estimated from the readings' roughness.
         expected: of the scattering of a coat.
@@ -233,7 +229,7 @@ def recover_coats(
         raise ValueError("there are no films to recover")
     if not 0 < spread <= 2:
         raise ValueError(f"the spread is {spread:g}; it must be above 0 and at most 2")
-    named_coats = {name: _named_coat(name, coats, paints) for name in films.names}
+    named_coats = {name: _named_coat(name) for name in films.names}
     _check_grounds(films)
     instrument = resolve_instrument(instrument)
     noise = noise or estimate_noise(films)
@@ -322,21 +318,17 @@ def predict_next_coat(
     return CoatPrediction(paint, float(coats), grid, np.maximum(reading + off, 0.0))
 
 
-def _named_coat(
-    name: str, coats: Mapping[str, float] | None, paints: Mapping[str, str] | None
-) -> NamedCoat:
-    """Paint and coats of a film, by what was given or by its name."""
+def _named_coat(name: str) -> NamedCoat:
+    """Paint and coats of a film, by its name."""
     named = coat_of(name)
-    paint = (paints or {}).get(name) or (named.paint if named else None)
-    number = (coats or {}).get(name) or (named.coats if named else None)
-    if paint is None or number is None:
+    if named is None:
         raise ValueError(
             f"film {name!r} does not say its paint and number of coats; call it "
             "'PAINT 1 coat', 'PAINT 2 coats', ..."
         )
-    if not 0.1 <= number <= 20:
-        raise ValueError(f"film {name!r} has {number:g} coats; they must be 0.1 to 20")
-    return NamedCoat(paint, float(number))
+    if not 0.1 <= named.coats <= 20:
+        raise ValueError(f"film {name!r} has {named.coats:g} coats; they must be 0.1 to 20")
+    return named
 
 
 def _check_grounds(films: Films) -> None:

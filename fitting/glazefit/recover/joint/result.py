@@ -230,6 +230,6 @@ class JointRecovery(FittedFilms):
             provenance=provenance,
         )
 
-    def pigments(self, thickness: float, provenance: str = "") -> dict[str, Pigment]:
+    def pigments(self, thickness: float) -> dict[str, Pigment]:
         """All paints by name; see `pigment`."""
-        return {paint: self.pigment(paint, thickness, provenance) for paint in self.paints}
+        return {paint: self.pigment(paint, thickness) for paint in self.paints}

@@ -129,8 +129,7 @@ def predict_mixture(
             for `calibrate_mixture`.
 
     Returns:
-        A `Prediction` for each thickness, whose relative thickness is in units of
-        `glazefit.recover.joint.joint.UNIT`.
+        A `Prediction` for each thickness.
 
     Raises:
         ValueError: as `mix`, or a thickness that is not positive.
@@ -190,8 +189,6 @@ def predict_mixture(
             Prediction(
                 name=format_length(metres),
                 wavelengths=grid,
-                thickness=metres / UNIT,
-                gloss=gloss,
                 over_black=over_black,
                 over_white=over_white,
                 paints=paints,

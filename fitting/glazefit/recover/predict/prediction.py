@@ -41,8 +41,6 @@ class Prediction(Tabulated):
     Attributes:
         name: of the film.
         wavelengths: (bands,), nm.
-        thickness: relative, fitted.
-        gloss: share of the smooth surface's reflection.
         over_black, over_white: reflectance, (bands,).
         paints: in it.
         deviations: what each of `PARTS` may add to the reflectance over black and white, (draws, 2,
@@ -53,8 +51,6 @@ class Prediction(Tabulated):
 
     name: str
     wavelengths: Bands
-    thickness: float
-    gloss: float
     over_black: Bands
     over_white: Bands
     paints: tuple[str, ...]
@@ -235,9 +231,8 @@ def predict_films(
     for row, name in enumerate(films.names):
         measured = card_data.reflectance[row]
         share = shares[row]
-        gloss = np.exp(log_gloss @ share)
-        surface = (gloss * instrument.seen_surface)[:, None, None]
-        logs, body = _fit_thickness(
+        surface = (np.exp(log_gloss @ share) * instrument.seen_surface)[:, None, None]
+        body = _fit_thickness(
             coefficients[..., :paints] @ share,
             coefficients[..., paints:] @ share,
             card_data.ground[row],
@@ -253,8 +248,6 @@ def predict_films(
             Prediction(
                 name=name,
                 wavelengths=films.wavelengths,
-                thickness=float(np.exp(logs[0])),
-                gloss=float(gloss[0]) if instrument.seen_surface else 0.0,
                 over_black=mean[0],
                 over_white=mean[1],
                 paints=tuple(recovery.paints[paint] for paint in np.flatnonzero(share > 0)),
@@ -289,10 +282,10 @@ def _fit_thickness(
     deviation: Float[Array, "bands 2"],
     expected: float | Array,
     response: Response,
-) -> tuple[Float[Array, "draws"], Float[Array, "draws bands 2"]]:
-    """Log of the best thickness of each draw, and its spectra."""
+) -> Float[Array, "draws bands 2"]:
+    """Spectra of each draw at its best thickness."""
 
-    def one(draw: tuple[Array, Array, Array]) -> tuple[Array, Array]:
+    def one(draw: tuple[Array, Array, Array]) -> Array:
         absorption, scattering, body = draw
 
         def spectra(log_thickness: Array) -> Array:
@@ -305,7 +298,6 @@ def _fit_thickness(
                 + (log_thickness / expected) ** 2
             )
 
-        best = least_by_scanning(cost, jnp.asarray(0.0), 161)
-        return best, spectra(best)
+        return spectra(least_by_scanning(cost, jnp.asarray(0.0), 161))
 
     return jax.lax.map(one, (absorption, scattering, body))
