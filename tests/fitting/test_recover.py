@@ -7,9 +7,9 @@ import pytest
 from numpy.testing import assert_allclose
 
 from glazefit import Instrument, Noise, read_films, recover_films, simulate_films
+from glazefit.film.errors import ScaledReadings
 from glazefit.film.gloss import estimate_gloss
 from glazefit.film.model.optics import Optics
-from glazefit.film.model.response import film_response
 from glazefit.film.noise import estimate_noise
 from glazefit.film.readers import is_masstone, read_recipes, readable_names
 from glazefit.film.reading import readings
@@ -209,10 +209,11 @@ def test_two_solutions_are_both_starts():
     films = simulate_films(
         GRID, np.full((1, 31), 2.3), np.full((1, 31), 0.06), names=["x"], noise=Noise(1e-6, 0)
     )
-    _, data, _ = pose(films, np.ones(1), INSTRUMENT, Noise())
+    film, data, shared = pose(films, np.ones(1), INSTRUMENT, Noise())
     first = jax.tree.map(lambda a: a[0], data)
     nowhere = ScatteringPrior(jnp.zeros(()), jnp.zeros(()))
-    points = np.asarray(jax.jit(starts)(first, film_response(INSTRUMENT), nowhere).logs)
+    found = jax.jit(starts, static_argnums=0)(ScaledReadings(film), first, shared, nowhere)
+    points = np.asarray(found.logs)
     assert np.abs(np.exp(points) - [2.3, 0.06]).min(axis=0).max() < 0.5
     k, s = jnp.exp(points).T[..., None, None]
     read = Optics.of(INSTRUMENT).body(k, s, first.ground[0], 1e-5)

@@ -29,7 +29,6 @@ from ...film.errors import ScaledReadings
 from ...film.films import CardReadings, Films, Instrument, InstrumentLike, Noise, card_readings
 from ...film.forward import HIGHEST, Film, FilmData, FilmShared, pose_each_band
 from ...film.gloss import estimate_gloss
-from ...film.model.response import FilmResponse
 from ...film.noise import estimate_noise
 from ...film.numerics.least_squares import levenberg_marquardt
 from .result import FilmSpectra, PerFilm, Recovery, told_apart
@@ -64,36 +63,28 @@ class Estimate(NamedTuple):
     least_scattering: Float[Array, "*bands"]
 
 
-def starts(data: FilmData, response: FilmResponse, prior: ScatteringPrior) -> BandStart:
+def starts(
+    scaled: ScaledReadings, data: FilmData, shared: FilmShared, prior: ScatteringPrior
+) -> BandStart:
     """Starting points of one band: the two lowest local minima of a grid (the lowest twice if there
     is one only).
 
     Between neighbouring values of k d residuals are interpolated, since the valley of equal k/s is
     narrow.
     """
-    reading, ground, sd, ground_sd = (
-        values[0, :, None, None]
-        for values in (data.reflectance, data.ground, data.sd, data.ground_sd)
-    )
     # So dense in k d and in s d that no minimum is missed.
     log_absorption, log_scattering = (
-        jnp.asarray(np.linspace(np.log(low), np.log(0.8 * high), points), reading.dtype)
+        jnp.asarray(np.linspace(np.log(low), np.log(0.8 * high), points), data.sd.dtype)
         for low, high, points in zip((1e-5, 1e-4), HIGHEST, (80, 44), strict=True)
     )
-    black, gain, back = response.numbers(
-        *jnp.meshgrid(jnp.exp(log_absorption), jnp.exp(log_scattering), indexing="ij")
-    )
-    transmitted = gain / (1.0 - back * ground)
-    # A card's own error reaches the reading through the film.
-    through = transmitted / (1.0 - back * ground)
-    variance = sd**2 + ground_sd**2 * through**2
-    residual = (black + ground * transmitted - reading) / jnp.sqrt(variance)
-    lower = residual[:, :-1]
-    step = jnp.diff(residual, axis=1)
+    nodes = jnp.stack(jnp.meshgrid(log_absorption, log_scattering, indexing="ij"), axis=-1)
+    residual = jax.vmap(jax.vmap(lambda logs: scaled(logs, data, shared)))(nodes)
+    lower = residual[:-1]
+    step = jnp.diff(residual, axis=0)
     share = jnp.clip(
-        -jnp.sum(lower * step, axis=0) / jnp.clip(jnp.sum(step**2, axis=0), 1e-30), 0.0, 1.0
+        -jnp.sum(lower * step, axis=-1) / jnp.clip(jnp.sum(step**2, axis=-1), 1e-30), 0.0, 1.0
     )
-    cost = jnp.sum((lower + share * step) ** 2, axis=0)
+    cost = jnp.sum((lower + share[..., None] * step) ** 2, axis=-1)
     least = log_scattering[jnp.argmax(jnp.min(cost, axis=0) <= cost.min() + 4.0)]
 
     cost = cost + (prior.weight * (log_scattering - prior.mean)) ** 2
@@ -125,9 +116,8 @@ def solve(film: Film, data: FilmData, shared: FilmShared, prior: ScatteringPrior
     The covariance is the inverse of the Fisher information, J^T W J, plus a vague prior: a value is
     known to 1 + 5 times itself, so that what the data leave open comes out large, not infinite.
     """
-    assert shared.response is not None
     scaled = ScaledReadings(film)
-    start = jax.vmap(starts, in_axes=(0, None, 0))(data, shared.response, prior)
+    start = jax.vmap(lambda data, prior: starts(scaled, data, shared, prior))(data, prior)
 
     def residuals(
         logs: Array, start: Array, data: FilmData, prior: ScatteringPrior
