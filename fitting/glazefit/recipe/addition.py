@@ -108,12 +108,16 @@ def next_addition(
         films = 1e6 * thickness * shares / shares.sum(axis=1, keepdims=True)
         return read(model, films[:, None], None).lab[:, 0]
 
-    def distances(amounts: Trials) -> Float[np.ndarray, "tried"]:
-        return colour.delta_e_2000(labs(amounts), target.lab(*eye))
+    wanted = target.lab(*eye)
 
-    # What brings the colour nearest, in grams. As much again must bring a Delta E00 of 1, for paint
-    # is not added by the pound for what is hardly seen.
-    amounts = _search(lambda tried: distances(tried) + tried.sum(axis=1), len(pigments))
+    def costs(amounts: Trials) -> Float[np.ndarray, "tried"]:
+        """As much paint again must bring a Delta E00 of 1, for it is not added by the pound for
+        what is hardly seen.
+        """
+        return colour.delta_e_2000(labs(amounts), wanted) + amounts.sum(axis=1)
+
+    # What brings the colour nearest, in grams.
+    amounts = _search(costs, len(pigments))
     grams = {paint.name: float(batch * a) for paint, a in zip(pigments, amounts, strict=True) if a}
     added = {
         p.name: mix({p.name: p}, {p.name: 1.0}, name=p.name) for p in components if p.name in grams
@@ -129,16 +133,16 @@ def next_addition(
         # It is this mixing that goes on; what is added may be as strong as another mixing of it.
         variation=Variation(np.eye(len(SIZES))[0]),
     )
-    both = np.stack([np.zeros_like(amounts), amounts])
-    (before, after), (lab_before, lab_after) = distances(both).tolist(), labs(both)
+    reached = labs(np.stack([np.zeros_like(amounts), amounts]))
+    before, after = colour.delta_e_2000(reached, wanted).tolist()
     return Addition(
         grams=grams,
         batch=batch,
         thickness=None if hides else thickness,
         before=before,
         after=after,
-        lab_before=lab_before,
-        lab_after=lab_after,
+        lab_before=reached[0],
+        lab_after=reached[1],
         expected=float(film.expected_errors(*eye)[1]),
         film=film,
     )
@@ -151,37 +155,35 @@ def _search(costs: Costs, count: int) -> Float[np.ndarray, "paints"]:
     """Amounts of the paint, or the two, that bring the colour nearest; nothing, if that is not
     seen.
     """
-    alone = np.eye(count)
-    # Grams to a gram of the mixture: from a trace on a knife to as much again.
-    steps = np.geomspace(1e-3, 1.0, 40)
-    tried = (steps[:, None, None] * alone).reshape(-1, count)
-    # The first paint is tried alone, and these in pairs.
-    near = np.argsort(costs(tried).reshape(-1, count).min(axis=0))[:6]
     best = np.zeros(count)
     least = float(costs(best[None])[0])
-    for sets in ([near[:1]], itertools.combinations(near, 2)):
-        trials = [_refine(costs, alone[list(paints)]) for paints in sets]
-        cost, amounts = min(trials, key=lambda trial: trial[0], default=(np.inf, best))
+    near = np.arange(count)
+    for together in range(1, min(count, 2) + 1):
+        amounts = _refine(costs, np.eye(count)[list(itertools.combinations(near, together))])
+        cost = costs(amounts)
         # A second paint must bring the colour this much nearer, and so must the first.
-        if cost < least - 0.3:
-            least, best = cost, amounts
+        if cost.min() < least - 0.3:
+            least, best = float(cost.min()), amounts[cost.argmin()]
+        # Of these paints pairs are tried.
+        near = np.argsort(cost)[:6]
     return best
 
 
 def _refine(
-    costs: Costs, paints: Float[np.ndarray, "n paints"]
-) -> tuple[float, Float[np.ndarray, "paints"]]:
-    """Least cost of adding some paints, and the amounts: on a grid of their logarithms, and on ever
-    finer ones about the best.
+    costs: Costs, sets: Float[np.ndarray, "sets n paints"]
+) -> Float[np.ndarray, "sets paints"]:
+    """Amounts of the paints of each set at the least cost of adding them: on a grid of their
+    logarithms, and on ever finer ones about the best.
     """
-    offsets = np.stack(np.meshgrid(*[np.linspace(-1, 1, 15)] * len(paints)), -1)
-    logs = np.full(len(paints), 0.5 * np.log(1e-3))
-    reach = -logs[0]
-    least = np.inf
+    count, together, paints = sets.shape
+    offsets = np.stack(np.meshgrid(*[np.linspace(-1, 1, 15)] * together), -1)
+    # Grams to a gram of the mixture: from a trace on a knife to as much again.
+    reach = -0.5 * np.log(1e-3)
+    logs = np.full((count, 1, together), -reach)
     # At last the amounts are right to a thousandth.
     while reach > 5e-3:
-        tried = np.minimum(logs + reach * offsets.reshape(-1, len(paints)), 0.0)
-        cost = costs(np.exp(tried) @ paints)
-        least, logs = float(cost.min()), tried[cost.argmin()]
+        tried = np.minimum(logs + reach * offsets.reshape(-1, together), 0.0)
+        cost = costs((np.exp(tried) @ sets).reshape(-1, paints)).reshape(count, -1)
+        logs = np.take_along_axis(tried, cost.argmin(axis=1)[:, None, None], axis=1)
         reach *= 0.3
-    return least, np.exp(logs) @ paints
+    return (np.exp(logs) @ sets)[:, 0]
