@@ -208,7 +208,7 @@ def scored(*some):
         sizes[row, 0, list(paints)] = list(paints.values())
     distance = np.array([delta_e for _, delta_e in some])
     stacks = Stacks.before_refinement(sizes, np.zeros(len(some), int), distance**2)
-    return stacks._replace(distance=distance)
+    return replace(stacks, distance=distance)
 
 
 def names(task, stacks, count):
@@ -244,14 +244,14 @@ def test_recipes_that_are_chosen_differ_and_add_nothing_in_vain(task):
     best = ({0: 1.0, 1: 1.0, 2: 1.0}, 0.9)
     assert names(task, Stacks.join([pool, scored(best)]), 1) == [({0, 1, 2}, 0.9)]
     # Each target has its own.
-    second = pool._replace(target=np.ones(5, int))
+    second = replace(pool, target=np.ones(5, int))
     assert names(task, Stacks.join([second, pool]), 4) == every * 2
 
 
 def test_stacks_differ_by_the_order_of_their_coats(task):
     sizes = np.stack([np.eye(2), np.eye(2)[::-1]])
     both = Stacks.before_refinement(sizes, np.zeros(2, int), np.ones(2))
-    both = both._replace(distance=np.array([2.0, 0.5]))
+    both = replace(both, distance=np.array([2.0, 0.5]))
     assert select(task, both, 5).size == 2
     assert both.coats.tolist() == both.paints.tolist() == [2, 2]
     assert by_effort(task, both).tolist() == [1, 0]

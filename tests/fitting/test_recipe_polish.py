@@ -95,7 +95,7 @@ def test_amounts_that_made_a_colour_are_found_again():
     """
     made = stacks([{RED: 3.0, WHITE: 4.0}, {BLUE: 9.0}], [{YELLOW: 2.0}, {BLUE: 5.0, WHITE: 10.0}])
     spectra = np.stack([spectrum(sizes) for sizes in made.sizes])
-    begin = made._replace(sizes=made.sizes * np.array([1.3, 0.8])[:, None, None])
+    begin = replace(made, sizes=made.sizes * np.array([1.3, 0.8])[:, None, None])
     task = task_for(spectra, 1e4)
     found = refine(task, begin, task.optics)
     assert found.settled.all()

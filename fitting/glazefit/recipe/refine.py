@@ -11,6 +11,7 @@ that fades away changes nothing any more and keeps no solve from its end.
 
 import itertools
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -47,11 +48,11 @@ class Amounts(NamedTuple):
         share = weight / np.maximum(weight.sum(axis=2, keepdims=True), 1e-300)
         return share.sum(axis=1), (share * np.exp(point[:, :coats, None])).sum(axis=1)
 
-    def sizes(self, point: Points, paints: int) -> Sizes:
-        """The stacks at a point, um."""
+    def stacks(self, amount: Float[np.ndarray, "n places"], paints: int) -> Sizes:
+        """The stacks of which each place has so much, um."""
         rows, coats, _ = self.member.shape
         sizes = np.zeros((rows, coats * paints))
-        np.put_along_axis(sizes, self.place, self.shares(point)[1], axis=1)
+        np.put_along_axis(sizes, self.place, amount, axis=1)
         return sizes.reshape(rows, coats, paints)
 
 
@@ -126,8 +127,9 @@ def refine(
         max_steps=max_steps,
     )
     good = np.isfinite(solution.cost)
-    sizes = amounts.sizes(solution.point, stacks.sizes.shape[2])
-    return stacks._replace(
+    sizes = amounts.stacks(amounts.shares(solution.point)[1], stacks.sizes.shape[2])
+    return replace(
+        stacks,
         sizes=np.where(good[:, None, None], sizes, stacks.sizes),
         cost=np.where(good, solution.cost, stacks.cost),
         settled=solution.settled & good,
@@ -171,7 +173,7 @@ def look(
     goal = take_rows(task.target_arrays, amounts.target)
     share, amount = amounts.shares(point)
     paints = len(model.absorption)
-    readings = read(model, amounts.sizes(point, paints), optics)
+    readings = read(model, amounts.stacks(amount, paints), optics)
     # Slopes of the spectrum by the logarithms of the amounts, (n, places, bands).
     paint = amounts.place % paints
     coat = np.swapaxes(amounts.member, 1, 2)
@@ -242,8 +244,10 @@ def score(
     goal = take_rows(task.target_arrays, stacks.target)
     delta_e = delta_e_2000(labs, goal.lab)
     miss = np.sum((spectra - goal.spectrum) ** 2, axis=1)
-    return stacks._replace(
-        cost=np.mean(delta_e**2, axis=1) + goal.spectral * miss, distance=delta_e.max(axis=1)
+    return replace(
+        stacks,
+        cost=np.mean(delta_e**2, axis=1) + goal.spectral * miss,
+        distance=delta_e.max(axis=1),
     )
 
 

@@ -11,6 +11,7 @@ import functools
 import itertools
 from collections import Counter
 from collections.abc import Callable, Hashable, Iterable, Sequence
+from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeAlias
 
 import jax
@@ -22,7 +23,7 @@ from glazejax.programs import Program
 from glazejax.progress import Progress, counted, no_progress
 from glazejax.radiative.common.threads import in_threads
 
-from ..film.numerics.columns import take_rows
+from ..film.numerics.columns import Columns, take_rows
 from .model import Sizes, StackModel, internal, lab_of
 from .targets import Indices, TargetArrays
 from .task import RecipeTask
@@ -34,7 +35,8 @@ MOST_SCREENED = 3
 """
 
 
-class Stacks(NamedTuple):
+@dataclass(frozen=True)
+class Stacks(Columns):
     """Stacks that may become recipes, (n,)."""
 
     sizes: Sizes  # what each paint takes of each coat's thickness, um
@@ -82,10 +84,6 @@ class Stacks(NamedTuple):
         inside = self.sizes > 0
         return [(int(t), coats.tobytes()) for t, coats in zip(self.target, inside, strict=True)]
 
-    def take(self, rows: Sequence[int] | Indices) -> "Stacks":
-        """Some of them."""
-        return take_rows(self, np.asarray(rows, int))
-
     def best(self, count: int) -> "Stacks":
         """The `count` of least cost for each target, by number of coats and paints; of stacks with
         the same paints in the same coats only the best.
@@ -93,11 +91,6 @@ class Stacks(NamedTuple):
         kinds = np.stack([self.target, self.coats, self.paints], axis=1)
         alone = leaders(np.argsort(self.cost, kind="stable"), self.layouts, 1)
         return self.take(leaders(alone, [tuple(kind) for kind in kinds.tolist()], count))
-
-    @staticmethod
-    def join(groups: "Sequence[Stacks]") -> "Stacks":
-        """All of several."""
-        return Stacks(*(np.concatenate(values) for values in zip(*groups, strict=True)))
 
 
 def leaders(order: Iterable[int], groups: Sequence[Hashable], count: int) -> list[int]:

@@ -2,6 +2,7 @@
 
 import itertools
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float
@@ -98,7 +99,7 @@ def round_recipes(task: RecipeTask, exact: Stacks) -> Stacks:
     low, high = np.exp(task.model.span).tolist()
     # With a round thickness other shares are best.
     total = np.maximum(exact.sizes.sum(axis=2, keepdims=True), low)
-    near = exact._replace(sizes=exact.sizes * (np.clip(total.round(1), low, high) / total))
+    near = replace(exact, sizes=exact.sizes * (np.clip(total.round(1), low, high) / total))
     near = refine(task, near, task.optics, 5, hold=True)
     # Round numbers about the best amounts, and about those best at round thicknesses.
     options = [
@@ -108,8 +109,8 @@ def round_recipes(task: RecipeTask, exact: Stacks) -> Stacks:
         for best, close in zip(exact.sizes, near.sizes, strict=True)
     ]
     owner = np.repeat(np.arange(exact.size), [len(tries) for tries in options])
-    rounded = exact.take(owner)._replace(
-        sizes=np.concatenate(options), unrounded=exact.distance[owner]
+    rounded = replace(
+        exact.take(owner), sizes=np.concatenate(options), unrounded=exact.distance[owner]
     )
     # The table says what each rounding changes; the difference to the solver's reading is added.
     by_table = read(task.model, np.concatenate([exact.sizes, rounded.sizes]), None).spectrum

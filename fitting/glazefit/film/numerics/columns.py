@@ -12,7 +12,7 @@ Record = TypeVar("Record", bound=NamedTuple)
 class Columns:
     """Arrays, the fields of a dataclass, or further records of them."""
 
-    def take(self, rows: np.ndarray | slice) -> Self:
+    def take(self, rows: np.ndarray | slice | list[int]) -> Self:
         """Some of the rows."""
         return type(self)(**{name: values[rows] for name, values in self.arrays().items()})
 
