@@ -30,7 +30,7 @@ from glazefit.recover.joint.entries import PaintFile, entries
 from glazefit.recover.joint.joint import UNIT, recover_jointly
 from glazefit.recover.joint.result import JointRecovery
 from glazefit.recover.predict.crossvalidation import cross_validate
-from glazefit.recover.predict.experimental_design import rank_next_films
+from glazefit.recover.predict.next_reading import rank_next_films
 from glazefit.recover.predict.prediction import predict_films
 from glazejax import Pigment, catalogue
 from glazejax.commands.main import start_jax

@@ -17,7 +17,7 @@ from glazefit.recover.joint.constraints import Gauge, error_modes, gather_constr
 from glazefit.recover.joint.entries import add_paints
 from glazefit.recover.joint.joint import UNIT, recover_jointly
 from glazefit.recover.joint.problem import Expectations, optical_thickness
-from glazefit.recover.predict.experimental_design import rank_next_films
+from glazefit.recover.predict.next_reading import rank_next_films
 from glazejax import Pigment, catalogue
 
 from ..refusals import refusal

@@ -286,7 +286,7 @@ def _print_next_films(recovery: "JointRecovery", catalogue: str, console: "Conso
     """Say of the first few new paints what would teach most."""
     from glazejax.catalogue import load
 
-    from .predict.experimental_design import rank_next_films
+    from .predict.next_reading import rank_next_films
 
     new = [paint for paint in recovery.paints if paint not in recovery.known]
     shelf = load(catalogue)
