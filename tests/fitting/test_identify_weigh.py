@@ -106,7 +106,7 @@ def test_probabilities_of_paints_are_those_of_the_sets_they_are_in():
     candidates = pool([[0, 1], [1, 2], [2]], [1.0, 1.0, 1.0], [0.0, 0.0, 0.0])
     judged = odds_of(film(), candidates, Prior())
     found = Identification.of(
-        film(), candidates, judged, paints=("a", "b", "c"), opaque=False, keep=2
+        film(), candidates, judged, paints=("a", "b", "c"), opaque=False, keep=2, spread=0.7
     )
     assert found.members.shape == (1, 2, 3)
     odds, none, *_ = odds_of(film(), candidates, Prior())

@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose
 from scipy.integrate import quad
 from scipy.stats import multivariate_normal, norm
 
-from glazefit import identify
+from glazefit import Prior, identify
 from glazefit.film.model.optics import Optics
 from glazefit.film.model.response import film_response
 from glazefit.identify.coats import evidence as evidence_module
@@ -241,6 +241,11 @@ def test_an_upper_coat_that_hides_leaves_it_open(oils):
     assert 0.1 < found.coats_probability[0] < 0.9
     assert "hides" in found.coats_odds[0][0].reason
     assert "open" in found.coats_words(0)
+
+
+def test_intervals_of_coats_are_of_the_stated_spread(oils):
+    found = odds(read([Layer(oils[0], 20e-6)]), oils[:2], prior=Prior(spread=0.3))
+    assert found.spread == 0.3
 
 
 def test_one_coat_is_not_asked_unless_told(oils):

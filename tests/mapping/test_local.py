@@ -84,7 +84,13 @@ def probabilities(problem, found):
     measured, pool, odds = found[0]
     searcher = problem.searcher
     return Identification.of(
-        measured, pool, odds, paints=searcher.paints, opaque=searcher.opaque, keep=3
+        measured,
+        pool,
+        odds,
+        paints=searcher.paints,
+        opaque=searcher.opaque,
+        keep=3,
+        spread=searcher.spread,
     )
 
 

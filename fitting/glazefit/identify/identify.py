@@ -71,7 +71,7 @@ def identify_chunks(
             paints=searcher.paints,
             opaque=opaque,
             keep=options.keep,
-            spread=searcher.task.prior.spread,
+            spread=searcher.spread,
         )
         if options.max_coats > 1:
             from .coats.weigh_coats import weigh_coats

@@ -93,7 +93,13 @@ def weigh_coats(
         pool = with_coats(task, measured, pool, weighed)
         odds = odds_of(measured, pool, task.prior)
         identification = Identification.of(
-            measured, pool, odds, paints=identification.paints, opaque=False, keep=options.keep
+            measured,
+            pool,
+            odds,
+            paints=identification.paints,
+            opaque=False,
+            keep=options.keep,
+            spread=identification.spread,
         )
     return replace(identification, coats_odds=coats_odds)
 

@@ -502,7 +502,7 @@ class Identification(Tabulated):
         paints: tuple[str, ...],
         opaque: bool,
         keep: int,
-        spread: float = Prior.spread,
+        spread: float,
     ) -> "Identification":
         """Probabilities of all candidates and of none, and the best candidates in full."""
         total = odds.total

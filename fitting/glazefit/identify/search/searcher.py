@@ -124,6 +124,13 @@ class Searcher(NamedTuple):
         """The task for films as they were stated to be."""
         return self.tasks[self.opaque]
 
+    @property
+    def spread(self) -> float:
+        """Standard deviation of the log thickness before the readings, of films that let their
+        ground through: the others show no thickness.
+        """
+        return self.tasks[False].prior.spread
+
     def measure(
         self, spectra: ArrayLike, ground: ArrayLike | None, names: Sequence[str] | None = None
     ) -> Measured:

@@ -45,7 +45,7 @@ def agreement(
                 paints=searcher.paints,
                 opaque=searcher.opaque,
                 keep=3,
-                spread=task.prior.spread,
+                spread=searcher.spread,
             )
             for batch in searcher.search(measured)
         ]
