@@ -168,6 +168,18 @@ def test_an_answer_does_not_hang_on_what_was_asked_before(paints, blind):
     assert_array_equal(asked_before.members, asked_first.members)
 
 
+def test_a_ranking_does_not_depend_on_its_company(paints):
+    """Spectra over several grounds once were ranked in the components of the first one's table."""
+    over_black, over_white = films_of(paints, [{0: 0.8, 1: 0.2}], np.array([UNIT]))[0]
+    spectra, grounds = np.stack([over_black, over_white]), GROUNDS[:, None]
+    together = identify(GRID, spectra, paints, ground=grounds, max_paints=2)
+    for row in range(2):
+        alone = identify(GRID, spectra[row], paints, ground=grounds[row], max_paints=2)
+        assert_allclose(together.probability[row], alone.probability[0], atol=1e-4)
+        likely = alone.probability[0] > 0.01
+        assert_array_equal(together.members[row][likely], alone.members[0][likely])
+
+
 @pytest.mark.slow
 def test_two_equal_paints_share_their_probability(paints):
     red = paints[2]

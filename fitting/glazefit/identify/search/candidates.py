@@ -1,16 +1,15 @@
 """Candidates of spectra: sets from the screen, ranked, the best refined, read as they are seen."""
 
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Float, Int
 
 from glazejax.radiative.common.threads import in_threads
 
-from ...film.numerics.columns import take_rows
 from .chunk import Chunk
 from .fit import rank
 from .pool import Pool
 from .refine import refine
-from .screen import screen
+from .screen import alike_grounds, table_over
 from .surface import with_surface
 from .task import IdentificationTask, Measured
 
@@ -19,13 +18,20 @@ CHUNK = 64
 
 
 def find_candidates(task: IdentificationTask, measured: Measured) -> Pool:
-    """Fitted candidates of spectra; `CHUNK` at a time, a few of these side by side."""
-    near, tables = screen(task, measured)
+    """Fitted candidates of spectra, of those over one ground together; `CHUNK` at a time, a few of
+    these side by side.
+    """
 
-    def fit(rows: Int[np.ndarray, "rows"]) -> Pool:
+    def fit(part: tuple[Int[np.ndarray, "rows"], Float[np.ndarray, "grounds bands"]]) -> Pool:
+        rows, ground = part
         chunk = Chunk(task, measured.take(rows))
-        ranked = rank(chunk, take_rows(near, rows), tables[rows[0]])
-        return with_surface(chunk, refine(chunk, ranked))
+        return with_surface(chunk, refine(chunk, rank(chunk, table_over(task, ground))))
 
-    chunks = np.split(np.arange(len(measured)), range(CHUNK, len(measured), CHUNK))
-    return Pool.join(in_threads(fit, chunks))
+    parts = [
+        (chunk, ground)
+        for rows, ground in alike_grounds(measured.grounds)
+        for chunk in np.split(rows, range(CHUNK, len(rows), CHUNK))
+    ]
+    pool = Pool.join(in_threads(fit, parts))
+    # Back in the order of the spectra.
+    return pool.take(np.argsort(np.concatenate([rows for rows, _ in parts])))

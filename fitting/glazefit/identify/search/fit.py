@@ -58,16 +58,17 @@ class Fitted(NamedTuple):
     readings: Float[Any, "sets readings"]  # without the surface
 
 
-def rank(chunk: Chunk, near: NearestSets, table: FilmTable) -> Pool:
+def rank(chunk: Chunk, table: FilmTable) -> Pool:
     """Candidates of some spectra, fitted in single precision with errors that are the same for all
     candidates of a spectrum: sets of one and of two paints, and of three that grow from the best.
 
     Args:
         chunk: the spectra.
-        near: sets that come near them, of one paint and of two.
-        table: in whose components they are fitted; those of films over one ground serve others too.
+        table: of films over their ground, which are looked up in it and in whose components they
+            are fitted.
     """
     task = chunk.task
+    near = table.nearest(chunk.target, task.effort.fitted_pairs)
     project = table.project
     errors = whitening(project @ (chunk.noise_covariance + chunk.ranking_covariance) @ project.T)
     errors = errors._replace(basis=errors.basis @ project)

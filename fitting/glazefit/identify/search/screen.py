@@ -21,7 +21,7 @@ from ...film.model.response import FilmResponse
 from ...film.numerics.blocks import by_blocks
 from .chunk import Chunk
 from .table import ALIKE, FilmTable, NearestSets, Paints, film_readings, film_table, kept_table
-from .task import TYPICAL_READING, IdentificationTask, Measured
+from .task import TYPICAL_READING, IdentificationTask
 
 # Amounts of a third paint, as a share of the pair's.
 _THIRDS = np.array([0.003, 0.02, 0.1, 0.4, 1.5])
@@ -29,26 +29,6 @@ _THIRDS = np.array([0.003, 0.02, 0.1, 0.4, 1.5])
 _SCORED = 16
 KEPT_TRIPLES = 40
 """Sets of three that are fitted, of as many."""
-
-
-def screen(task: IdentificationTask, measured: Measured) -> tuple[NearestSets, list[FilmTable]]:
-    """Look every spectrum up in a table of films over a ground like its own.
-
-    Returns:
-        Sets of one paint and the best of two for every spectrum, and the table of each.
-    """
-    groups = alike_grounds(measured.grounds)
-    nearest = []
-    tables: dict[int, FilmTable] = {}
-    for rows, ground in groups:
-        table = table_over(task, ground)
-        target = measured.flat[rows] - task.mean_surface
-        nearest.append(table.nearest(target, task.effort.fitted_pairs))
-        tables.update(dict.fromkeys(rows.tolist(), table))
-    # Back in the order of the spectra.
-    order = np.argsort(np.concatenate([rows for rows, _ in groups]))
-    near = NearestSets(*(np.concatenate(a)[order] for a in zip(*nearest, strict=True)))
-    return near, [tables[row] for row in range(len(measured))]
 
 
 def table_over(task: IdentificationTask, ground: Float[np.ndarray, "grounds bands"]) -> FilmTable:
