@@ -543,6 +543,16 @@ def test_elements_weigh_and_rule_nothing_out():
     assert np.isfinite(with_copper).all()
 
 
+def test_facts_say_nothing_of_a_family_that_the_catalogue_does_not_have(found_search):
+    (unknown,) = found_search.sets[0]
+    names = ["lake of my own" if name == unknown else name for name in found_search.families]
+    search = replace(found_search, families=tuple(names))
+    told = evidence.with_facts(search, elements=("Cu",), absent=("Co",), painted=1620)
+    assert told.log_prior[0] == pytest.approx(search.log_prior[0])
+    known = [n for n, families in enumerate(search.sets) if "lake of my own" not in families]
+    assert not np.allclose(told.log_prior[known], search.log_prior[known])
+
+
 def test_an_element_is_found_or_not():
     with refusal("Cu is said to be found and not to be found"):
         evidence.log_odds_of_elements([], ["Cu"], ["Cu"])

@@ -79,7 +79,8 @@ def with_facts(
     if not elements and not absent and painted is None:
         return search
     about = catalogue.families()
-    sets = [[about[name] for name in names] for names in search.sets]
+    # Nothing is known of a family of own references that the catalogue does not have.
+    sets = [[about[name] for name in names if name in about] for names in search.sets]
     # Compared with a film of no pigment that is known, of which elements say nothing.
     fits = log_odds_of_elements(sets, elements, absent)
     fits -= log_odds_of_elements([()], elements, absent)
