@@ -19,7 +19,7 @@ from glazefit import (
 )
 from glazefit.film.problem import log_probability
 from glazefit.film.reading import readings
-from glazefit.film.solve import Laplace, _distinct, climb, solve
+from glazefit.film.solve import Gaussians, Laplace, _distinct, climb, solve
 from glazefit.posterior.bands import pose_bands
 from glazefit.posterior.film import pose_films
 from glazefit.posterior.identifiability import directions
@@ -382,10 +382,11 @@ def test_gaussians_of_laplace_have_the_density_of_their_mixture():
     roots = rng.standard_normal((2, 2, 3, 3))
     covariances = roots @ np.swapaxes(roots, -1, -2) + 0.5 * np.eye(3)
     weights = np.array([[0.3, 0.7], [1.0, 0.0]])
+    roots = np.linalg.cholesky(covariances)
+    with np.errstate(divide="ignore"):
+        gaussians = Gaussians(modes, roots, np.linalg.inv(roots), np.log(weights))
     found = Laplace(
-        modes,
-        covariances,
-        weights,
+        gaussians,
         np.array([0.1, 0.9]),
         np.empty((0, 2, 3)),
         np.array([[True, True], [True, False]]),

@@ -47,7 +47,7 @@ class Gaussians(NamedTuple):
     means: Float[Array | np.ndarray, "blocks parts dims"]
     roots: Float[Array | np.ndarray, "blocks parts dims dims"]
     inverses: Float[Array | np.ndarray, "blocks parts dims dims"]  # of the roots
-    log_weights: Float[Array | np.ndarray, "blocks parts"]
+    log_weights: Float[Array | np.ndarray, "blocks parts"]  # -inf for no part
 
     def draw(self, key: Array, chains: int) -> Float[Array, "chains blocks dims"]:
         """One draw for each chain and block."""
@@ -72,9 +72,7 @@ class Laplace:
     """Gaussians in the free unknowns, up to six a block.
 
     Attributes:
-        modes: best first, (blocks, modes, dims).
-        covariances: (blocks, modes, dims, dims).
-        weights: share of the probability, (blocks, modes); 0 where there is no such mode.
+        gaussians: one at each mode, best first, with their shares of the probability.
         tail: Pareto index of the importance weights, (blocks,).
         sample: draws of the free unknowns, by weight where the index allows, (draws, blocks, dims).
         settled: whether least squares came to an end at each mode, (blocks, modes); False where
@@ -82,20 +80,21 @@ class Laplace:
         effective: how many independent draws the weighted ones are worth, (blocks,).
     """
 
-    modes: Float[np.ndarray, "blocks modes dims"]
-    covariances: Float[np.ndarray, "blocks modes dims dims"]
-    weights: Float[np.ndarray, "blocks modes"]
+    gaussians: Gaussians
     tail: Float[np.ndarray, "blocks"]
     sample: Float[np.ndarray, "draws blocks dims"]
     settled: Bool[np.ndarray, "blocks modes"]
     effective: Float[np.ndarray, "blocks"] | float = np.nan
 
-    @functools.cached_property
-    def gaussians(self) -> Gaussians:
-        """The Gaussians, as they are drawn from."""
-        roots = np.linalg.cholesky(self.covariances)
-        log_weights = np.log(np.maximum(self.weights, 1e-30))
-        return Gaussians(self.modes, roots, np.linalg.inv(roots), log_weights)
+    @property
+    def modes(self) -> Float[np.ndarray, "blocks modes dims"]:
+        """Best first."""
+        return np.asarray(self.gaussians.means)
+
+    @property
+    def weights(self) -> Float[np.ndarray, "blocks modes"]:
+        """Share of the probability; 0 where there is no such mode."""
+        return np.exp(np.asarray(self.gaussians.log_weights))
 
     @property
     def converged(self) -> Bool[np.ndarray, "blocks"]:
@@ -221,10 +220,14 @@ def laplace(problem: FilmProblem, solution: Modes, *, seed: int = 0) -> Laplace:
     covariances = covariances[at]
     volume = solution.height[at] + 0.5 * np.linalg.slogdet(covariances)[1]
     volume = np.where(real, volume, -np.inf)
+    roots = np.linalg.cholesky(covariances)
     gaussian = Laplace(
-        modes=points[at],
-        covariances=covariances,
-        weights=np.exp(volume - logsumexp(volume, axis=1, keepdims=True)),
+        gaussians=Gaussians(
+            means=points[at],
+            roots=roots,
+            inverses=np.linalg.inv(roots),
+            log_weights=volume - logsumexp(volume, axis=1, keepdims=True),
+        ),
         tail=np.full(blocks, np.nan),
         sample=np.empty((0, blocks, problem.dims)),
         settled=solution.settled[at] & real,
