@@ -7,13 +7,14 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from glazefit.film.shared_bands import shared_bands
 from glazejax import catalogue
+from glazejax.spectra import common_range
 
-PAINTS = list(catalogue.load().values())
+KNOWN = common_range(paint.wavelengths for paint in catalogue.load().values())
 
 
 def test_a_spectrum_from_the_ultraviolet_to_the_infrared_is_cut_and_averaged():
     grid = np.arange(360.0, 1000.5, 1.0)
-    bands = shared_bands(grid, PAINTS)
+    bands = shared_bands(grid, KNOWN)
     assert bands.notes == (
         "cropped to 400-700 nm step 1 (301 bands): the paints are known there only",
         "301 bands averaged to steps of 10 nm",
@@ -27,7 +28,7 @@ def test_a_spectrum_from_the_ultraviolet_to_the_infrared_is_cut_and_averaged():
 
 def test_bands_that_fit_stay_as_they_are():
     grid = np.arange(420.0, 651.0, 10.0)
-    bands = shared_bands(grid, PAINTS)
+    bands = shared_bands(grid, KNOWN)
     assert bands.notes == ()
     assert_array_equal(bands.wavelengths, grid)
     assert_array_equal(bands.mean, np.eye(grid.size))

@@ -2,14 +2,12 @@
 than it helps.
 """
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from glazejax import Pigment
-from glazejax.spectra import Bands, common_range, describe_grid, lie_between
+from glazejax.spectra import Bands, describe_grid, lie_between
 
 SEARCHED = 10.0
 """Step in nm to which finer spectra are averaged where paints are searched: errors of paints are
@@ -33,31 +31,37 @@ class SharedBands(NamedTuple):
     notes: tuple[str, ...]
 
 
-def shared_bands(wavelengths: Bands, pigments: Sequence[Pigment]) -> SharedBands:
-    """Bands of spectra that all pigments are known at, averaged to steps of `SEARCHED` where they
-    are finer.
+def shared_bands(
+    wavelengths: Bands,
+    known: tuple[float, float],
+    step: float = SEARCHED,
+    what: str = "the spectra have",
+) -> SharedBands:
+    """Bands of spectra that paints are known at, averaged to steps where they are finer.
 
     Args:
         wavelengths: of the spectra, nm, ascending.
-        pigments: of the catalogue, on any grids.
+        known: first and last wavelength that the paints are known at, nm.
+        step: nm.
+        what: how an error begins.
 
     Raises:
         ValueError: fewer than six bands are left.
     """
-    first, last = common_range(pigment.wavelengths for pigment in pigments)
+    first, last = known
     used = lie_between(wavelengths, first, last)
     if used.sum() < FEWEST:
         raise ValueError(
-            f"the spectra have {describe_grid(wavelengths)} and the paints are known from "
-            f"{first:g} to {last:g} nm: {used.sum()} bands lie there, at least {FEWEST} are "
-            "needed; measure there, or use paints that are known at your wavelengths "
-            "(--pigments, --catalogue)"
+            f"{what} {describe_grid(wavelengths)} and the paints are known from {first:g} to "
+            f"{last:g} nm: {used.sum()} bands lie there, at least {FEWEST} are needed; measure "
+            "there, use paints that are known at your wavelengths (--pigments, --catalogue), or "
+            "check the wavelengths"
         )
     used, notes = crop_bands(wavelengths, first, last, PAINTS_KNOWN)
     mean = np.eye(wavelengths.size)[:, used]
     grid = wavelengths[used]
-    if (coarser := means_of_steps(grid, SEARCHED)) is not None:
-        notes = (*notes, f"{grid.size} bands averaged to steps of {SEARCHED:g} nm")
+    if (coarser := means_of_steps(grid, step)) is not None:
+        notes = (*notes, f"{grid.size} bands averaged to steps of {step:g} nm")
         mean = mean @ coarser
     return SharedBands(wavelengths @ mean, mean, notes)
 

@@ -334,6 +334,8 @@ def _choose_spectra(
     """Spectra and the grounds below them, on bands that the paints are known at."""
     import numpy as np
 
+    from glazejax.spectra import common_range
+
     from ..film.films import Films
     from ..film.shared_bands import shared_bands
     from .identify import ground_from_air
@@ -347,7 +349,9 @@ def _choose_spectra(
     grid, mean, changes = (
         (measured.wavelengths, np.eye(measured.wavelengths.size), ())
         if search.by_family
-        else shared_bands(measured.wavelengths, search.paints)
+        else shared_bands(
+            measured.wavelengths, common_range(paint.wavelengths for paint in search.paints)
+        )
     )
     below = None
     ground_names = ("a ground that is not seen",)

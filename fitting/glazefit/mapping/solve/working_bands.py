@@ -11,10 +11,10 @@ import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
 from glazejax import Pigment
-from glazejax.spectra import common_range, describe_grid, lie_between
+from glazejax.spectra import common_range
 
 from ...film.films import Noise
-from ...film.shared_bands import FEWEST, SEARCHED, means_of_steps
+from ...film.shared_bands import SEARCHED, shared_bands
 from ...identify.families.expected import has_families
 from ..store.layout import Status
 
@@ -52,24 +52,12 @@ class WorkingBands:
         """
         first, last = used_range(pigments)
         # Tables are often interpolated to finer steps than paint has structure for.
-        # Steps in nm below which spectra of paint hold no more, and working bands at most.
+        # Steps in nm below which spectra of paint hold no more, and working bands at most. Families
+        # have the bins of their search: it would average bands of other bins once more.
         finest = min(float(np.median(np.diff(p.wavelengths))) for p in pigments)
         width = SEARCHED if has_families(pigments) else max(finest, SEARCHED, (last - first) / 60)
-        use = np.flatnonzero(lie_between(stored, first, last))
-        if use.size < FEWEST:
-            raise ValueError(
-                f"the paints are known from {first:g} to {last:g} nm, and {use.size} bands of the "
-                f"image lie there (it has {describe_grid(stored)}); at least {FEWEST} are "
-                "needed: use another catalogue, or check the image's wavelengths"
-            )
-        grid = stored[use]
-        # The bins of a family's search: it would average bands of other bins once more.
-        groups = means_of_steps(grid, width)
-        mean = np.zeros((stored.size, use.size if groups is None else groups.shape[1]))
-        mean[use] = np.eye(use.size) if groups is None else groups > 0
-        count = mean.sum(axis=0)
-        mean /= count
-        return cls(stored @ mean, mean, count)
+        grid, mean, _ = shared_bands(stored, (first, last), width, "the image has")
+        return cls(grid, mean, np.count_nonzero(mean, axis=0).astype(float))
 
     def means(
         self, block: Float[np.ndarray, "pixels stored"], saturated: float | None = None
