@@ -111,7 +111,7 @@ def test_bad_input_is_one_line_and_status_2(run, tmp_path, films):
     cases = [
         ("nowhere.tsv --out o", ["nowhere.tsv", "no such file"]),
         ("lacks --out o", ["'01A_ow'", "paint over black, over white", "card_b"]),
-        ("f.tsv --out o --samples 01a", ["unknown sample '01a'", "nearest: '01A'"]),
+        ("f.tsv --out o --samples 01a", ["unknown sample '01a'", "the nearest is 01A"]),
         ("f.tsv --out o --thickness 0", ["--thickness is 0", "above 0"]),
         ("f.tsv --out o --masstones", ["--names"]),
         ("f.tsv --out o --check", ["--check leaves mixtures out of a joint fit", "add --joint"]),

@@ -12,8 +12,8 @@ from jaxtyping import Bool, Float
 
 from glazejax.geometry import Geometry
 from glazejax.geometry import Instrument as Instrument
-from glazejax.io.spectra_table import list_names
-from glazejax.names import first_repeated, nearest_names
+from glazejax.io.spectra_table import list_names, there_are
+from glazejax.names import first_repeated
 from glazejax.radiative.common.fresnel import dielectric_reflectance
 from glazejax.spectra import Bands, describe_grid, validate_wavelengths
 
@@ -221,19 +221,8 @@ class Films(Tabulated):
         """
         for name in wanted:
             if name not in self.names:
-                raise ValueError(f"unknown sample {name!r}; {nearest(name, self.names)}")
+                raise ValueError(f"unknown sample {name!r}; {there_are(name, self.names)}")
         return self.take([self.names.index(name) for name in wanted])
-
-
-def nearest(name: str, names: Sequence[str]) -> str:
-    """'nearest: ...' for an error about a name that is not known, or the known names if none is
-    near.
-    """
-    close = nearest_names(name, names, cutoff=0.5)
-    if close:
-        return "nearest: " + ", ".join(map(repr, close))
-    ending = f" and {len(names) - 8} more" if len(names) > 8 else ""
-    return "known: " + ", ".join(map(repr, names[:8])) + ending
 
 
 class BareSurface(NamedTuple):

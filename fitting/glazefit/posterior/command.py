@@ -373,6 +373,8 @@ def _posterior_of(
 def _film(
     file: Path, sample: str, stated: "Stated", reach: tuple[float, float], console: "Console"
 ) -> "Films":
+    from glazejax.io.spectra_table import there_are
+
     from ..film.partial_films import crop
     from ..film.readers import read_films
     from ..film.shared_bands import PAINTS_KNOWN
@@ -380,10 +382,10 @@ def _film(
     films = crop(read_films(file, **stated), *reach, PAINTS_KNOWN)
     progress.print_notes(console, file, films.notes)
     if not sample and len(films) != 1:
-        names = ", ".join(films.names[:8]) + (
-            f" and {len(films) - 8} more" if len(films) > 8 else ""
+        raise ValueError(
+            f"{file} holds {len(films)} films; choose one with --sample "
+            f"({there_are('', films.names)})"
         )
-        raise ValueError(f"{file} holds {len(films)} films; choose one with --sample: {names}")
     return films.select([sample] if sample else films.names)
 
 
