@@ -8,13 +8,12 @@ import numpy as np
 
 from glazejax import Bidirectional, Pigment, catalogue, colour
 from glazejax.geometry import resolve_instrument
-from glazejax.names import first_repeated
 from glazejax.paint.media import MAX_THICKNESS
 from glazejax.spectra import common_range, describe_grid, lie_between, same_grid
 
 from ..film.colour_metric import lab_metric
 from ..film.films import Instrument, InstrumentLike
-from ..film.model.mixing import Pigments, listed_pigments
+from ..film.model.mixing import Pigments, check_paints, listed_pigments
 from ..film.model.optics import Optics
 from .model import StackModel, make_model
 from .targets import Bands, Ground, Target, TargetArrays
@@ -178,18 +177,7 @@ def _list_pigments(pigments: Pigments | None, max_paints: int) -> list[Pigment]:
             f"{len(paints)} paints make too many sets to try them all: name {_MOST_PAINTS} at most "
             "(--only), or set max_paints to 1"
         )
-    if (twice := first_repeated(sorted(paint.name for paint in paints))) is not None:
-        raise ValueError(f"two pigments are called {twice!r}: give each its own name")
-    for paint in paints:
-        if paint.absorption.ndim > 1 or paint.scattering.ndim > 1:
-            raise ValueError(
-                f"pigment {paint.name!r} is a batch of {paint.absorption.shape[:-1]}; give one "
-                "paint"
-            )
-        if paint.phase is not None:
-            raise ValueError(
-                f"pigment {paint.name!r} has a phase function; here paint scatters isotropically"
-            )
+    check_paints(paints)
     return paints
 
 

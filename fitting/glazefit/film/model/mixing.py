@@ -13,11 +13,29 @@ import numpy as np
 from jaxtyping import ArrayLike, Float
 
 from glazejax import Pigment
+from glazejax.names import first_repeated
 
 LAWS = ("mass", "volume")
 
 Pigments = Mapping[str, Pigment] | Sequence[Pigment]
 """A catalogue as the user has it."""
+
+
+def check_paints(paints: Sequence[Pigment]) -> None:
+    """Refuse paints that no search takes.
+
+    Raises:
+        ValueError: two of one name, several spectra in one, or one that has a phase function.
+    """
+    if (twice := first_repeated(paint.name for paint in paints)) is not None:
+        raise ValueError(f"two pigments are called {twice!r}; names must differ")
+    for paint in paints:
+        if paint.absorption.ndim != 1 or paint.scattering.ndim != 1:
+            raise ValueError(f"pigment {paint.name!r} is a batch; give its members one by one")
+        if paint.phase is not None:
+            raise ValueError(
+                f"pigment {paint.name!r} has a phase function; here paint scatters isotropically"
+            )
 
 
 def listed_pigments(pigments: Pigments) -> list[Pigment]:

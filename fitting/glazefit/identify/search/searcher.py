@@ -20,7 +20,7 @@ from glazejax.spectra import Bands, validate_wavelengths
 
 from ...film.films import Noise
 from ...film.model.errors import ModelError, Prior, error_modes, relative_errors
-from ...film.model.mixing import Pigments, listed_pigments
+from ...film.model.mixing import Pigments, check_paints, listed_pigments
 from ...film.model.optics import Optics
 from ...film.model.response import film_response
 from ...film.noise import noise_of_each
@@ -249,17 +249,7 @@ def check_pigments(pigments: Pigments, wavelengths: Float[np.ndarray, "bands"]) 
     paints = listed_pigments(pigments)
     if not paints:
         raise ValueError("the catalogue is empty; give at least one pigment")
-    if (twice := first_repeated(pigment.name for pigment in paints)) is not None:
-        raise ValueError(f"two pigments of the catalogue are called {twice!r}; names must differ")
-    for pigment in paints:
-        if pigment.absorption.ndim != 1 or pigment.scattering.ndim != 1:
-            raise ValueError(
-                f"the pigment {pigment.name!r} is a batch; give its members one by one"
-            )
-        if pigment.phase is not None:
-            raise ValueError(
-                f"pigment {pigment.name!r} has a phase function; here paint scatters isotropically"
-            )
+    check_paints(paints)
     try:
         return [pigment.resample(wavelengths) for pigment in paints]
     except ValueError as error:
