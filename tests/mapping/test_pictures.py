@@ -99,10 +99,11 @@ def test_paints_in_another_order_are_the_same_set(made, look):
 
 def test_a_large_map_is_seen_in_squares_of_few_rows_at_a_time(made, look, monkeypatch):
     dataset = made[0]
-    whole = overview(*made, most=(30, 30))
+    monkeypatch.setattr("glazefit.mapping.show.overview.MOST", (30, 30))
+    whole = overview(*made)
     assert whole.step == 5
     monkeypatch.setattr("glazefit.mapping.show.overview._PIXELS", 1)
-    pieces = overview(*made, most=(30, 30))
+    pieces = overview(*made)
     assert (pieces.likely == whole.likely).all()
     assert (pieces.likely == look.likely).all()
     for name, values in whole.means.items():
@@ -113,7 +114,8 @@ def test_a_large_map_is_seen_in_squares_of_few_rows_at_a_time(made, look, monkey
     status, thickness = dataset["status"].values[5:10, :5], dataset["thickness"].values[5:10, :5]
     mean = np.nanmean(np.where(status == Status.MAPPED, thickness, np.nan))
     assert whole.means["thickness"][1, 0] == pytest.approx(mean, rel=1e-5)
-    assert np.isnan(overview(*made, most=(48, 64)).means["thickness"][0, 0])
+    monkeypatch.setattr("glazefit.mapping.show.overview.MOST", (48, 64))
+    assert np.isnan(overview(*made).means["thickness"][0, 0])
 
 
 def test_amounts_are_those_of_the_truth(scene, look):

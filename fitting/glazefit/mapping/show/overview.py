@@ -162,7 +162,6 @@ def overview(
     dataset: "xr.Dataset",
     tallies: Mapping[str, float],
     sets: Mapping[Members, SetSum],
-    most: tuple[int, int] = MOST,
 ) -> Overview:
     """Look at a map, some rows at a time, so that memory stays small whatever its size.
 
@@ -170,7 +169,6 @@ def overview(
         dataset: variables of `layout.VARIABLES`, coordinate `paint` with their names.
         tallies: pixels of each status, and answered in each way.
         sets: sums over the pixels of each set.
-        most: rows and columns of the largest picture.
 
     Raises:
         ValueError: the dataset lacks a variable of a map.
@@ -180,7 +178,7 @@ def overview(
         raise ValueError(f"this is no map of paints: it lacks {', '.join(lacking)}")
     height = dataset.sizes["y"]
     width = dataset.sizes["x"]
-    step = max(1, -(-height // most[0]), -(-width // most[1]))
+    step = max(1, -(-height // MOST[0]), -(-width // MOST[1]))
     # A paint's own map may have fewer: there are two for each paint.
     coarse = 2 * step if width > step * 640 else step
     paints = tuple(paint_names(dataset))

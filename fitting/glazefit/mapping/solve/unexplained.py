@@ -77,7 +77,6 @@ def choose_spots(
     bare: Float[np.ndarray, "bands"],
     mapped: float,
     paint_names: Sequence[str] = (),
-    most: int = SPOTS,
 ) -> list[UnexplainedSpot]:
     """The purest of spectra that no paints explain.
 
@@ -86,7 +85,6 @@ def choose_spots(
         bare: what the ground reads without paint; 1 where films hide it.
         mapped: pixels that were mapped: a spot needs a share of them.
         paint_names: names that paints have already.
-        most: spots at most.
     """
     if not len(unexplained.pixels):
         return []
@@ -102,7 +100,7 @@ def choose_spots(
     names = (name for n in itertools.count(1) if (name := f"Spot{n}") not in paint_names)
     spots: list[UnexplainedSpot] = []
     ends = np.zeros((depth.shape[1], 0))
-    while len(spots) < most:
+    while len(spots) < SPOTS:
         residuals = np.array([nnls(ends, spectrum)[1] for spectrum in depth]) if ends.size else size
         residuals = np.where(enough, residuals, 0.0) / np.sqrt(depth.shape[1])
         purest = int(np.argmax(residuals))
