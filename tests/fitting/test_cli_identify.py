@@ -83,7 +83,8 @@ def test_ground_must_be_a_reflectance_a_file_or_said(table, tmp_path):
         (short, "short.csv: the ground: cannot resample 500-600 nm"),
         (None, "no ground is stated"),
     ):
-        result = run(one, *([] if ground is None else ["--ground", ground]))
+        words = [] if ground is None else ["--ground", ground]
+        result = run(one, "--catalogue", "oils", *words)
         assert complaint in str(result.exception)
     assert "holds no spectrum 'x'" in str(run(one, "--ground", "0.9", "--samples", "x").exception)
     assert "unknown sample 'read'" in str(run(table, "--samples", "read").exception)
@@ -159,6 +160,16 @@ def test_spectra_beyond_the_catalogue_are_cut_with_a_word(tmp_path, no_search):
     ((paints, read, below),) = no_search
     assert paints == 1
     assert read[-1] == below[-1] == 31
+
+
+def test_readings_of_families_are_cut_where_the_ground_ends(tmp_path, no_search):
+    ground, file = tmp_path / "ground.csv", tmp_path / "red.csv"
+    write_table(ground, ["nm", "chalk"], [[nm, 0.8] for nm in np.arange(420.0, 701.0, 10.0)])
+    write_table(file, ["nm", "red"], [[nm, 0.5] for nm in np.arange(380.0, 781.0, 2.0)])
+    words = " ".join(run(file, "--ground", ground).output.split())
+    assert "cropped to 420-700 nm step 2 (141 bands): the ground is known there only" in words
+    ((_, read, below),) = no_search
+    assert read[-1] == below[-1] == 141
 
 
 def test_films_of_a_pipe_are_read_once_and_with_the_specular_component(table, monkeypatch):

@@ -81,7 +81,7 @@ def crop_bands(
     if used.sum() < 3:
         raise ValueError(
             f"the films' {describe_grid(wavelengths)} and {low:g}-{high:g} nm have no three bands "
-            "in common"
+            f"in common: {why}"
         )
     return used, (f"cropped to {describe_grid(wavelengths[used])}: {why}",)
 

@@ -335,9 +335,10 @@ def _choose_spectra(
     import numpy as np
 
     from glazejax.spectra import common_range
+    from glazejax.stacks import Spectrum
 
     from ..film.films import Films
-    from ..film.shared_bands import shared_bands
+    from ..film.shared_bands import crop_bands, shared_bands
     from .identify import ground_from_air
 
     def internal(bare: "np.ndarray") -> "np.ndarray":
@@ -345,14 +346,20 @@ def _choose_spectra(
 
     file, ground, bare = typed["file"], typed["ground"], typed["bare"]
     chosen = options.split_names(typed["samples"])
-    # Each family is known at bands of its own, and what a reading has is used.
-    grid, mean, changes = (
-        (measured.wavelengths, np.eye(measured.wavelengths.size), ())
-        if search.by_family
-        else shared_bands(
+    stated_ground = None if ground is None else options.read_ground(ground, bare=bare)
+    if search.by_family:
+        # Each family is known at bands of its own, and what a reading has is used.
+        used, changes = np.ones(measured.wavelengths.size, bool), ()
+        if stated_ground is not None and isinstance(stated_ground.level, Spectrum):
+            reach = common_range([stated_ground.level.wavelengths])
+            used, changes = crop_bands(
+                measured.wavelengths, *reach, "the ground is known there only"
+            )
+        grid, mean = measured.wavelengths[used], np.eye(used.size)[:, used]
+    else:
+        grid, mean, changes = shared_bands(
             measured.wavelengths, common_range(paint.wavelengths for paint in search.paints)
         )
-    )
     below = None
     ground_names = ("a ground that is not seen",)
     if isinstance(measured, Films):
@@ -389,8 +396,7 @@ def _choose_spectra(
             )
     progress.print_notes(console, file, changes)
     notes = (*measured.notes, *changes)
-    if ground is not None:
-        stated_ground = options.read_ground(ground, bare=bare)
+    if stated_ground is not None:
         progress.print_notes(console, "--ground", stated_ground.notes)
         notes = (*notes, *stated_ground.notes)
         below = np.broadcast_to(stated_ground.on(grid), grid.shape)
