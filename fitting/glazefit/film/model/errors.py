@@ -17,7 +17,7 @@ from dataclasses import dataclass, fields
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float
 
 from glazejax import Pigment
 from glazejax.spectra import Bands
@@ -266,7 +266,7 @@ def modes_covariance(
     modes: Float[np.ndarray, "*n errors bands modes"],
 ) -> Float[np.ndarray, "*n readings readings"]:
     """Covariance of the readings that error modes of the coefficients cause; slopes as for
-    `paints_covariance`.
+    `paints_covariance` of a search.
     """
     # In the modes' own precision: single does, and takes half the time.
     by_ground = slopes.astype(modes.dtype).reshape(*slopes.shape[:-1], -1, modes.shape[-2])
@@ -289,41 +289,6 @@ def paint_covariance(
         smooth: correlation of an error at the readings' wavelengths.
     """
     return (by_log.swapaxes(-1, -2) @ by_log) * smooth
-
-
-def paints_covariance(
-    slopes: Float[np.ndarray, "*n errors readings"],
-    members: Int[np.ndarray, "*n size"],
-    relative: Float[np.ndarray, "paints 2 bands"],
-    modes: Float[np.ndarray, "paints 2 bands modes"],
-    wavelengths: Bands,
-    discrepancy: ModelError,
-) -> Float[np.ndarray, "*n readings readings"]:
-    """Covariance that all errors of films' paints cause.
-
-    Args:
-        slopes: of the readings by the log of k of the films' paints, then of s, band by band; 0 for
-            no paint.
-        members: paints of each film by number, negative for none.
-        relative, modes: of all paints (`relative_errors`, `error_modes`).
-        wavelengths: (bands,), nm.
-        discrepancy: size and length of further errors.
-    """
-    d = discrepancy
-    at = np.maximum(members, 0)
-    grounds = slopes.shape[-1] // wavelengths.size
-    kernel = smooth_kernel(np.tile(wavelengths, grounds), d.coefficient_length)
-    stated = np.concatenate([relative[at, coefficient] for coefficient in (0, 1)], axis=-2)
-    # What the pigments state, and some more: alike over the same distance.
-    scaled = np.concatenate([d.coefficient * slopes, slopes * np.tile(stated, grounds)], axis=-2)
-    caused = paint_covariance(scaled, kernel.astype(scaled.dtype))
-    if d.level:
-        caused += paint_covariance(d.level * slopes, 1.0)
-    if modes.shape[-1]:
-        caused += modes_covariance(
-            slopes, np.concatenate([modes[at, coefficient] for coefficient in (0, 1)], axis=-3)
-        )
-    return caused
 
 
 def draw_coefficient_errors(

@@ -16,7 +16,13 @@ from jaxtyping import Array, Float, Int
 
 from glazejax.programs import Program
 
-from ...film.model.errors import Whitening, paints_covariance, whitening
+from ...film.model.errors import (
+    Whitening,
+    modes_covariance,
+    paint_covariance,
+    smooth_kernel,
+    whitening,
+)
 from ...film.model.response import FilmResponse
 from ...film.numerics.blocks import by_blocks
 from ...film.numerics.columns import Columns
@@ -230,18 +236,46 @@ def _group(
     return Groups(of[np.argsort(order)], films.row[best], films.sets[best], slopes[best])
 
 
+def paints_covariance(
+    task: IdentificationTask,
+    slopes: Float[np.ndarray, "*n errors readings"],
+    members: Int[np.ndarray, "*n size"],
+) -> Float[np.ndarray, "*n readings readings"]:
+    """Covariance that all errors of films' paints cause.
+
+    Args:
+        task: of the search.
+        slopes: of the readings by the log of k of the films' paints, then of s, band by band; 0 for
+            no paint.
+        members: paints of each film by number, negative for none.
+    """
+    d = task.discrepancy
+    at = np.maximum(members, 0)
+    grounds = slopes.shape[-1] // task.wavelengths.size
+    kernel = smooth_kernel(np.tile(task.wavelengths, grounds), d.coefficient_length)
+    stated = np.concatenate([task.errors[at, coefficient] for coefficient in (0, 1)], axis=-2)
+    # What the pigments state, and some more: alike over the same distance.
+    scaled = np.concatenate([d.coefficient * slopes, slopes * np.tile(stated, grounds)], axis=-2)
+    caused = paint_covariance(scaled, kernel.astype(scaled.dtype))
+    if d.level:
+        caused += paint_covariance(d.level * slopes, 1.0)
+    if task.modes.shape[-1]:
+        modes = [task.modes[at, coefficient] for coefficient in (0, 1)]
+        caused += modes_covariance(slopes, np.concatenate(modes, axis=-3))
+    return caused
+
+
 def coefficient_errors(chunk: Chunk, groups: Groups) -> Whitening:
     """Errors of films, from what their paints' coefficients do to the readings."""
     task = chunk.task
-    d = task.discrepancy
     noise, smooth = chunk.noise_covariance, chunk.smooth_covariance
     # Single precision does for what is added to the noise, and takes a third of the time.
     by = groups.slopes.astype(np.float32)
-    paint_errors = task.errors.astype(np.float32)
+    single = task._replace(errors=task.errors.astype(np.float32))
 
     def some(n: Int[np.ndarray, "block"]) -> Whitening:
         row, sets = groups.row[n], groups.sets[n]
-        caused = paints_covariance(by[n], sets, paint_errors, task.modes, task.wavelengths, d)
+        caused = paints_covariance(single, by[n], sets)
         white = whitening(noise[row] + (smooth[row] + caused))
         return white._replace(basis=white.basis.astype(np.float32))
 
@@ -295,9 +329,7 @@ def coefficient_projection(
     task = chunk.task
     # What the pigments say of their errors, and no more.
     stated = replace(task.discrepancy, coefficient=0.0, level=0.0)
-    free = paints_covariance(
-        groups.slopes, groups.sets, task.errors, task.modes, task.wavelengths, stated
-    )
+    free = paints_covariance(task._replace(discrepancy=stated), groups.slopes, groups.sets)
     used, inverse = np.unique(groups.row, return_inverse=True)
     spectra = Chunk(task, chunk.spectra.take(used))
     white = whitening(spectra.tolerance_covariance[inverse] + free).basis

@@ -10,14 +10,13 @@ import numpy as np
 from jaxtyping import Float
 from scipy.stats import t
 
-from ...film.model.errors import paints_covariance
 from ..coats.arrangement import Arrangement
 from ..coats.readings import CoatedFilms
 from ..result import Identification
 from ..search.candidates import CHUNK
 from ..search.chunk import Chunk
 from ..search.pool import NOBODY
-from ..search.refine import slopes_at
+from ..search.refine import paints_covariance, slopes_at
 from ..search.task import IdentificationTask
 from .figures import FITS
 
@@ -49,8 +48,7 @@ def _bands(
     members = identification.members[:, :count]
     slopes = _slopes(identification, task, count)
     covariance = (
-        paints_covariance(slopes, members, task.errors, task.modes, task.wavelengths, d)
-        + (Chunk(task, measured).smooth_covariance[:, None])
+        paints_covariance(task, slopes, members) + Chunk(task, measured).smooth_covariance[:, None]
     )
     noise = measured.noise_sd.reshape(len(measured), 1, -1) ** 2
     covariance = covariance + noise[..., None] * np.eye(noise.shape[-1])
