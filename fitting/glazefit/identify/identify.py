@@ -31,9 +31,9 @@ def identify_chunks(
     pigments: Pigments,
     options: IdentificationOptions,
     *,
-    ground: ArrayLike | None = None,
-    opaque: bool = False,
-    names: Sequence[str] | None = None,
+    ground: ArrayLike | None,
+    opaque: bool,
+    names: Sequence[str] | None,
 ) -> Iterator[Identification]:
     """Identify as `identify` does, a few spectra at a time, so that progress can be shown and an
     interrupt loses little.

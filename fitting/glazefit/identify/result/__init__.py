@@ -369,14 +369,18 @@ class Identification(Tabulated):
             chances[names] = chances.get(names, 0.0) + candidate.probability
         return sorted(chances.items(), key=lambda answer: -answer[1])
 
+    @cached_property
+    def family_of(self) -> dict[str, str]:
+        """Family of each paint by name, where families were searched."""
+        return dict(zip(self.paints, self.paint_families, strict=True))
+
     def films_of_answers(self, row: int) -> dict[frozenset[str], Candidate]:
         """The most probable film of each answer by family, under what `groups.answer_of` makes of
         it; of an improbable answer none may have been kept.
         """
-        family_of = dict(zip(self.paints, self.paint_families, strict=True))
         films: dict[frozenset[str], Candidate] = {}
         for candidate in self.ranked(row):
-            answer = answer_of(family_of[paint] for paint in candidate.paints)
+            answer = answer_of(self.family_of[paint] for paint in candidate.paints)
             films.setdefault(answer, candidate)
         return films
 

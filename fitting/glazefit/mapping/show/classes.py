@@ -22,9 +22,7 @@ CLASSES = "classes.hdr"
 _PIXELS = 2**22
 
 
-def write_classes(
-    dataset: "xr.Dataset", look: Overview, folder: Path, *, overwrite: bool = False
-) -> None:
+def write_classes(dataset: "xr.Dataset", look: Overview, folder: Path, *, overwrite: bool) -> None:
     """Write a class for each set that is shown, for all others, for none of the paints and for what
     was not mapped, number 0, as bytes.
 

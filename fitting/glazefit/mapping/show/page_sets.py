@@ -24,7 +24,7 @@ def set_rows(
     look: Overview,
     sums: Mapping[Members, SetSum],
     grid: Float[np.ndarray, "bands"],
-    facts: Mapping[Members, Mapping[str, Any]] | None = None,
+    facts: Mapping[Members, Mapping[str, Any]] | None,
 ) -> Iterator[dict[str, Any]]:
     """Rows of the table of sets, the largest first; what is not known is None.
 

@@ -83,7 +83,7 @@ def write_sets(
     dataset: "xarray.Dataset",
     sets: Mapping[Members, SetSum],
     *,
-    overwrite: bool = False,
+    overwrite: bool,
 ) -> None:
     """Write a table of sets: pixels, share of the mapped area, thickness, and mean spectra,
     measured and fitted.

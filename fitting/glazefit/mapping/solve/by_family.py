@@ -77,10 +77,6 @@ class FamilySearcher:
     def _numbers(self) -> dict[str, int]:
         return {name: number for number, name in enumerate(self.paints)}
 
-    @cached_property
-    def _family_of(self) -> dict[str, str]:
-        return {pigment.name: pigment.family for pigment in self.pigments}
-
     def set_up(self, ground: np.ndarray | None, progress: Progress) -> None:
         """Set the search up, so that the first spectrum need not wait for it.
 
@@ -140,7 +136,7 @@ class FamilySearcher:
         answers.members[row, : len(members)] = members
         # The film that is shown has the families of the answer, or some of the groups it names.
         for rank, candidate in enumerate(identification.ranked(row)):
-            families = [self._family_of[name] for name in candidate.paints]
+            families = [identification.family_of[name] for name in candidate.paints]
             names = [name if name in first.families else group_of(name) for name in families]
             if sorted(names) == sorted(first.families):
                 order = [names.index(name) for name in first.families]

@@ -355,7 +355,7 @@ def open_map(path: str | Path) -> "xarray.Dataset":
         raise _damaged(store.path, "coordinates cannot be read") from None
 
 
-def check_map(path: str | Path, *, overwrite: bool = False) -> None:
+def check_map(path: str | Path, *, overwrite: bool) -> None:
     """Check that a map can be made at a path, or goes on there, before anything is computed.
 
     Raises:
