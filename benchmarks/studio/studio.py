@@ -45,8 +45,8 @@ EVENTS = 100
 _READY = 900
 # The command itself, also where its entry point is not installed.
 _START = (
-    "import typer; from glazejax.studio.command import register; a = typer.Typer(); register(a); "
-    "a(['--no-open'])"
+    "import typer; from glazejax.studio.command import studio; a = typer.Typer(); "
+    "a.command()(studio); a(['--no-open'])"
 )
 
 # Moves the first slider up and down; each time ends when the swatch has been drawn, and with the

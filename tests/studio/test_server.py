@@ -227,8 +227,8 @@ def test_what_can_be_searched_is_registered():
 def test_the_command_prints_its_link_and_ends_with_ctrl_c(tmp_path):
     stack = write_stack(tmp_path / "stack.json", stack_from_dict(STACK))
     code = (
-        "import typer; from glazejax.studio.command import register; app = typer.Typer(); "
-        "register(app); "
+        "import typer; from glazejax.studio.command import studio; app = typer.Typer(); "
+        "app.command()(studio); "
         f"app(['--no-open', {str(stack)!r}])"
     )
     process = subprocess.Popen(

@@ -11,7 +11,6 @@ import typer
 from glazejax.commands import options, progress
 from glazejax.commands.command_line import command_line, ground_file, option
 from glazejax.commands.help_groups import help_groups
-from glazejax.commands.paints import list_references_by
 
 from ..page import subject as head
 from . import facts
@@ -28,18 +27,6 @@ if TYPE_CHECKING:
 
 # Spectra from which on a map is the better way.
 _MANY = 2000
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command, and to `glazejax paints` how it lists reference paints."""
-    app.command("identify")(identify)
-    list_references_by(_list_references)
-
-
-def _list_references(*args: Any) -> None:
-    from .show.references import list_references
-
-    list_references(*args)
 
 
 @help_groups(

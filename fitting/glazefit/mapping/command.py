@@ -32,11 +32,6 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("map")(map_)
-
-
 def _option(text: str, metavar: str = "", callback: Any = None) -> Any:
     return typer.Option(help=text, metavar=metavar or None, callback=callback, show_default=False)
 

@@ -32,11 +32,6 @@ CORNER = "corner.png"
 BANDS = "bands.png"
 
 
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("posterior")(posterior)
-
-
 @help_groups(
     usual="--paints --coats --ground --out --steps",
     given=(

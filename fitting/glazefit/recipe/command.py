@@ -27,11 +27,6 @@ _GROUND = "0.9"
 _COATS = "1-50um"
 
 
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("recipe")(recipe)
-
-
 @help_groups(
     usual="--lab --srgb --spectrum --only --out",
     given="--samples --quantity --unit --scale "

@@ -23,11 +23,6 @@ if TYPE_CHECKING:
 _GEOMETRY = "d:8"
 
 
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("recover")(recover)
-
-
 @help_groups(
     usual="--out --into --white --thickness --joint",
     given=(

@@ -29,11 +29,6 @@ _GEOMETRY = "d:8"
 _PART = re.compile(r"(?:(?P<weight>\d+\.?\d*|\.\d+)(?:\s*[%*]\s*|\s+))?(?P<name>\S.*)")
 
 
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("predict")(predict)
-
-
 @help_groups(
     usual="--reading --thickness --pigments --catalogue --csv",
     given="--samples --quantity --unit --scale --film-thickness --instrument",

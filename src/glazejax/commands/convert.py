@@ -13,11 +13,6 @@ if TYPE_CHECKING:
 _UNITS = {"fraction": "as fractions", "percent": "in percent", "scaled": "as scaled numbers"}
 
 
-def register(app: typer.Typer) -> None:
-    """Add the command `convert` to the application."""
-    app.command("convert")(convert)
-
-
 def convert(
     source: Annotated[
         Path,

@@ -24,11 +24,6 @@ _USUAL = {"openpbr": "glaze.mtlx", "textures": "glaze-textures"}
 _GROUND = "0.9"
 
 
-def register(app: typer.Typer) -> None:
-    """Add the command `export` to the application."""
-    app.command("export")(export)
-
-
 @help_groups(
     usual="--to --out --ground --thickness-map --format",
     given="--thickness-range --fraction-map --ground-map --layer --pixel --pigments --roughness",

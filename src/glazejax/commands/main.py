@@ -1,8 +1,8 @@
 """The command `glazejax`: gathers sub-commands of both packages and turns bad input into one clear
 line.
 
-Commands register through the entry-point group `glazejax.commands`, so that this package never
-imports the inverse one. Heavy imports belong inside the commands that need them.
+The entry points `glazejax.commands` name their functions, so that this package never imports the
+inverse one. Heavy imports belong inside the commands that need them.
 """
 
 import gc
@@ -127,7 +127,7 @@ def make_app() -> "typer.Typer":
         """Colour of stacked paint glazes: from pigments to reflectance, and back."""
 
     for point in sorted(entry_points(group="glazejax.commands"), key=lambda p: p.name):
-        point.load()(app)
+        app.command(point.name)(point.load())
     return app
 
 

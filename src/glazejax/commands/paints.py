@@ -2,12 +2,10 @@
 from.
 """
 
-from collections.abc import Callable
+from importlib.metadata import entry_points
 from pathlib import Path
 from textwrap import shorten
 from typing import TYPE_CHECKING, Annotated
-
-import typer
 
 from . import options
 
@@ -15,27 +13,10 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from ..catalogue import Family, Provenance
-    from ..geometry import Geometry
-    from ..io.quantity import Stated
     from ..paint.media import Pigment
 
 _COS_45 = 0.5**0.5
 _GEOMETRY = "d:8"
-ListReferences = Callable[[Path, "Geometry", "Console", Path | None, bool, "Stated"], None]
-"""Prints the references of a file, read by an instrument, and writes them as a table."""
-_lister: list[ListReferences] = []
-
-
-def list_references_by(lister: ListReferences) -> None:
-    """Say what lists reference paints: reading them is an inverse task, which this package does not
-    import.
-    """
-    _lister[:] = [lister]
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command `paints` to the application."""
-    app.command("paints")(paints)
 
 
 def paints(
@@ -82,8 +63,16 @@ def paints(
 
         start_jax()
         seen_by = options.read_geometry(instrument, _GEOMETRY)
-        meaning = options.stated(quantity, unit, scale)
-        _lister[0](references, seen_by, Console(highlight=False), csv, overwrite, meaning)
+        # Reading them is an inverse task, which this package does not import.
+        (lister,) = entry_points(group="glazejax.references")
+        lister.load()(
+            references,
+            instrument=seen_by,
+            console=Console(highlight=False),
+            csv=csv,
+            overwrite=overwrite,
+            stated=options.stated(quantity, unit, scale),
+        )
         return
     families = catalogue.families()
     if family and family not in families:

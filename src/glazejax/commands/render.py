@@ -26,11 +26,6 @@ _GEOMETRY = "0:0"
 _GROUND = "0.9"
 
 
-def register(app: typer.Typer) -> None:
-    """Add the command `render` to the application."""
-    app.command("render")(render)
-
-
 @help_groups(
     usual="--coats --ground --catalogue --out --list",
     given="--stack --pigments --instrument --illuminant --observer",

@@ -16,11 +16,6 @@ if TYPE_CHECKING:
 _SAMPLES = 256
 
 
-def register(app: typer.Typer) -> None:
-    """Add the command `scene` to the application."""
-    app.command("scene")(scene)
-
-
 def scene(
     file: Annotated[
         Path | None,

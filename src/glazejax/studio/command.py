@@ -15,11 +15,6 @@ if TYPE_CHECKING:
     from ..paint.media import Pigment
 
 
-def register(app: typer.Typer) -> None:
-    """Add the command `studio` to the application."""
-    app.command("studio")(studio)
-
-
 def studio(
     stack: Annotated[
         Path | None,

@@ -1,4 +1,7 @@
-"""Output of `glazejax paints --references`: reference paints as they were understood."""
+"""Output of `glazejax paints --references`: reference paints as they were understood.
+
+`glazejax.commands.paints` finds the function by the entry point `glazejax.references`.
+"""
 
 from pathlib import Path
 
@@ -15,6 +18,7 @@ _COLUMNS = ("reference", "family", "colour_index", "first_nm", "last_nm", "coeff
 
 def list_references(
     file: Path,
+    *,
     instrument: Geometry,
     console: Console,
     csv: Path | None,
