@@ -454,6 +454,14 @@ def test_compiled_program_calls_no_library_for_linear_algebra():
         (lambda: posterior_of_bands(film_of(0.3), sampler="emcee", walkers=7), "7 walkers"),
         (lambda: posterior_of_bands(film_of(0.3), sampler="emcee", steps=3), "3 steps are fewer"),
         (lambda: posterior_of_bands(film_of(0.3), thin=0), "thin is 0"),
+        (
+            lambda: posterior_of_bands(film_of(0.3), sampler="importance", walkers=1),
+            "importance samples no chain: leave out walkers, or take hmc or emcee",
+        ),
+        (
+            lambda: posterior_of_bands(film_of(0.3), sampler="importance", steps=4000),
+            "importance samples no chain: leave out steps",
+        ),
         (lambda: Prior(error=0.0), "error is 0"),
         (lambda: reading_over(GRID, np.full(GRID.size, 0.5), 1.5), "must be in"),
         (lambda: reading_over(GRID, np.full(GRID.size, np.nan), 0.5), "is nan"),

@@ -133,6 +133,8 @@ def test_command_writes_what_it_says(run, tmp_path, sampler, steps):
         ("", "no FILE"),
         ("--simulate --out x", "--simulate needs paints"),
         ("--simulate --paints CobaltBloo --out x", "CobaltBlue"),
+        ("--simulate --bands --paints ZincWhite --out x", "--bands assumes none; leave out one"),
+        ("--simulate --bands --paints oils:ZincWhite --out x", "--bands assumes none"),
         ("none.tsv --out x", "none.tsv"),
         ("none.tsv --bands --paints ZincWhite --out x", "assumes no paint"),
         (

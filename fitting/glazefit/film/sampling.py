@@ -10,9 +10,9 @@ Sampler = Literal["hmc", "emcee", "importance"]
 """How a posterior is sampled."""
 
 SAMPLERS: tuple[str, ...] = get_args(Sampler)
-_STEPS = {"hmc": 200, "emcee": 5000}
+_STEPS = {"hmc": 200, "emcee": 5000, "importance": 0}
 _EVERY = {"hmc": 1, "emcee": 5, "importance": 1}
-_WALKERS = {"hmc": 16, "emcee": 32, "importance": 1}
+_WALKERS = {"hmc": 16, "emcee": 32}
 
 
 class SamplingOptions(TypedDict, total=False):
@@ -51,7 +51,8 @@ class Sampling:
         progress: called at each step that is kept.
 
     Raises:
-        ValueError: no such sampler, or numbers of steps, or of walkers, that make no chain.
+        ValueError: no such sampler, or numbers of steps, or of walkers, that make no chain, or that
+            are of one where none is sampled.
     """
 
     sampler: Sampler = "hmc"
@@ -71,6 +72,11 @@ class Sampling:
                 f"{self.steps} steps were asked for; ask for some thousands, or for 0 to sample "
                 "nothing"
             )
+        of_chain = [name for name in ("steps", "walkers", "thin") if getattr(self, name)]
+        if self.sampler == "importance" and of_chain:
+            raise ValueError(
+                f"importance samples no chain: leave out {of_chain[0]}, or take hmc or emcee"
+            )
         if self.every < 1:
             raise ValueError(f"thin is {self.thin}; keep every step with 1, or every fifth with 5")
         if 0 < self.length < self.every:
@@ -84,8 +90,6 @@ class Sampling:
     @property
     def length(self) -> int:
         """Steps of the whole chain."""
-        if self.sampler == "importance":
-            return 0
         return _STEPS[self.sampler] if self.steps is None else self.steps
 
     @property

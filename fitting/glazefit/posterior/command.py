@@ -259,6 +259,12 @@ def _check(
         raise ValueError(
             f"--coats says what each coat is made of; leave out {option}, or leave out --coats"
         )
+    if simulate and bands:
+        raise ValueError(
+            "--simulate makes a film of paints, and --bands assumes none; leave out one of the two"
+        )
+    if bands and paints:
+        raise ValueError("--bands assumes no paint; leave out --paints, or leave out --bands")
     if simulate and file is not None:
         raise ValueError(f"--simulate needs no data; leave out {file}, or leave out --simulate")
     if simulate and not (paints or coats):
@@ -274,8 +280,6 @@ def _check(
         raise ValueError(
             "no FILE was given; name a table of spectra, such as films.tsv, or try --simulate"
         )
-    if not simulate and bands and paints:
-        raise ValueError("--bands assumes no paint; leave out --paints, or leave out --bands")
 
 
 def _check_folder(
