@@ -25,6 +25,7 @@ from glazejax.stacks import (
     pigment_to_dict,
     stack_from_dict,
 )
+from glazejax.studio.page_data import entry
 
 from ..film.readers import films_of
 
@@ -231,24 +232,13 @@ def recovery(request: Request, report: Report) -> dict[str, Any]:
         f"recovered in the studio from one film each, taken as {ASSUMED_THICKNESS * 1e6:g} "
         "micrometres thick: k and s scale with its inverse"
     )
-    pigments = {}
-    listed = []
-    for row, film in enumerate(films.names):
-        paint = result.pigment(row, ASSUMED_THICKNESS, origin)
-        name = own_name(film)
-        pigments[name] = pigment_to_dict(paint)
-        identified = paint.identifiable
-        unknown = (
-            ""
-            if identified is None or identified.all()
-            else f"{int((~identified).sum())} of {identified.size} bands"
-        )
-        listed.append(
-            {"name": name, "label": name, "group": "own", "provenance": origin, "unknown": unknown}
-        )
+    paints = {
+        own_name(film): result.pigment(row, ASSUMED_THICKNESS, origin)
+        for row, film in enumerate(films.names)
+    }
     return {
-        "pigments": pigments,
-        "entries": listed,
+        "pigments": {name: pigment_to_dict(paint) for name, paint in paints.items()},
+        "entries": [entry(name, paint) for name, paint in paints.items()],
         "words": f"films taken as {ASSUMED_THICKNESS * 1e6:g} µm thick",
     }
 
