@@ -199,14 +199,41 @@ def test_a_search_survives_a_lost_connection(served, tmp_path, when):
 
 def test_a_search_whose_page_stays_away_ends(served, tmp_path, monkeypatch):
     monkeypatch.setattr(jobs, "PATIENCE", 0.1)
-    studio, told = served.studio, []
+    studio = served.studio
     given = {"options": {"path": str(tmp_path / "never")}}
-    studio.jobs.start("gone one", "wait", given, told.append)
-    studio.jobs.leave("gone")
+
+    def tell(name, message):
+        pass
+
+    studio.jobs.start("gone one", "wait", given, tell)
+    studio.jobs.leave(tell)
     deadline = time.monotonic() + 30
     while studio.jobs._running and time.monotonic() < deadline:
         time.sleep(0.05)
     assert studio.jobs._running == {}
+
+
+def test_a_page_that_is_back_before_it_was_missed_keeps_its_search(served, tmp_path, monkeypatch):
+    """A lost connection may be noticed when the page has another one already."""
+    monkeypatch.setattr(jobs, "PATIENCE", 0.1)
+    studio, path, answers = served.studio, tmp_path / "go", []
+
+    def lost(name, message):
+        pass
+
+    def again(name, message):
+        if "progress" not in message:
+            answers.append((name, message["result"]))
+
+    studio.jobs.start("back one", "wait", {"options": {"path": str(path)}}, lost)
+    studio.jobs.come_back("back", again)
+    studio.jobs.leave(lost)
+    time.sleep(0.5)
+    path.touch()
+    deadline = time.monotonic() + 60
+    while not answers and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert answers == [("back one", "done")]
 
 
 def test_what_can_be_searched_is_registered():

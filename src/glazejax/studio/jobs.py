@@ -23,7 +23,8 @@ MOST = 2
 PATIENCE = 120.0
 """Seconds that a search whose page is gone goes on: connections are lost, and pages come back."""
 
-Send = Callable[[dict[str, Any]], None]
+Send = Callable[[str, dict[str, Any]], None]
+"""Tells a page of a search by its name; a page that has come back has another one."""
 
 
 class Jobs:
@@ -68,12 +69,13 @@ class Jobs:
             target=self._follow, args=(name, task, request, process), daemon=True
         ).start()
 
-    def leave(self, page: str) -> None:
-        """A page is gone: its searches, named by it first, go on for a while, and their answers are
-        kept.
+    def leave(self, send: Send) -> None:
+        """A page is gone: the searches that were told to it go on for a while, and their answers
+        are kept. Those that it asked about again meanwhile, by another connection, have another
+        `send`.
         """
         with self._lock:
-            names = [name for name in self._senders if name.startswith(f"{page} ")]
+            names = [name for name, sender in self._senders.items() if sender == send]
             for name in names:
                 del self._senders[name]
         # Connections are lost, and pages come back: only then are the searches stopped.
@@ -89,17 +91,16 @@ class Jobs:
                 name for name in (*self._running, *self._unheard) if name.startswith(f"{page} ")
             ]
 
-    def come_back(self, page: str, sender_for: Callable[[str], Send]) -> None:
+    def come_back(self, page: str, send: Send) -> None:
         """A page is there again: it gets the answers that came meanwhile, and those to come."""
         for name in self.names(page):
-            send = sender_for(name)
             with self._lock:
                 answer = self._unheard.pop(name, None)
                 # What still runs sends to the page again.
                 if answer is None:
                     self._senders[name] = send
             if answer is not None:
-                send(answer)
+                send(name, answer)
 
     def _give_up(self, name: str) -> None:
         # The page did not come back.
@@ -116,7 +117,7 @@ class Jobs:
                 if send is None:
                     self._unheard[name] = message
         if send is not None:
-            send(message)
+            send(name, message)
 
     def stop(self, name: str) -> None:
         """End a search, if it runs, and forget its answer."""

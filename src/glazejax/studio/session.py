@@ -72,7 +72,7 @@ class Session:
 
     def close(self) -> None:
         """The page is gone; it may come back."""
-        self.jobs.leave(self._page)
+        self.jobs.leave(self._inform)
 
     def _on_hello(self, header: dict[str, Any], arrays: Any, body: bytes) -> None:
         """Answer with what there is."""
@@ -88,7 +88,7 @@ class Session:
             "running": [name.partition(" ")[2] for name in self.jobs.names(self._page)],
         }
         self.tell(answer)
-        self.jobs.come_back(self._page, self._teller)
+        self.jobs.come_back(self._page, self._inform)
 
     def _on_file(self, header: dict[str, Any], arrays: Any, body: bytes) -> None:
         """A dropped file: films, or spectra."""
@@ -123,11 +123,11 @@ class Session:
         request = {"stack": stack_to_dict(stack), "options": header.get("options", {})}
         request |= {key: array.tolist() for key, array in arrays.items()}
 
-        self.jobs.start(f"{self._page} {name}", task, request, self._teller(f"{self._page} {name}"))
+        self.jobs.start(f"{self._page} {name}", task, request, self._inform)
 
-    def _teller(self, name: str) -> Callable[[dict[str, Any]], None]:
-        """Informs the page of its search."""
-        return lambda message: self.tell({"type": "job", "name": name.partition(" ")[2], **message})
+    def _inform(self, name: str, message: dict[str, Any]) -> None:
+        """Tell the page of its search."""
+        self.tell({"type": "job", "name": name.partition(" ")[2], **message})
 
     def _on_stop(self, header: dict[str, Any], arrays: Any, body: bytes) -> None:
         """End a search."""
