@@ -37,10 +37,6 @@ def work() -> None:
     progress.collect(lambda _: [[1], [2]], 2, "compiling", "searching")
     with progress.follow("fitting"):
         pass
-    with progress.drawing(2) as step:
-        step()
-    with progress.bar("{task.description}") as shown:
-        shown.update(shown.add_task("mapping"), completed=1)
 
 
 def test_bars_move_on_a_terminal(monkeypatch):

@@ -55,14 +55,14 @@ class Destination(NamedTuple):
         written = ["pigments.csv", *tables]
         if self.plots:
             stems: set[str] = set()
-            with progress.drawing(len(names)) as step:
+            with progress.follow("drawing", len(names)) as note:
                 for number, name in enumerate(names):
                     stem = slug(name)
                     while stem.lower() in stems:
                         stem += "_"
                     stems.add(stem.lower())
                     draw(number, out / f"{stem}.png")
-                    step()
+                    note(number + 1, len(names), "drawing")
             written.append(f"{len(names)} pictures")
         self.console.print(f"Wrote {', '.join(written[:-1])} and {written[-1]} to {out}")
 

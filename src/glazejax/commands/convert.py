@@ -65,11 +65,11 @@ def convert(
     options.check_outputs({"OUT": target}, overwrite, pictures=(), inputs=[source])
     from ..io import read_spectra, write_spectra
     from ..io import resample as resample_table
-    from .progress import reading
+    from .progress import follow
 
-    with reading(source) as progress:
+    with follow("reading") as note:
         meaning = options.stated(quantity, unit, scale)
-        table = read_spectra(source, progress=progress, **meaning)
+        table = read_spectra(source, progress=note, **meaning)
     typer.echo(f"read   {source}: {table.format}, {_summary(table)}, stored {_UNITS[table.unit]}")
     if grid is not None:
         try:

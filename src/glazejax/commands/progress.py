@@ -13,13 +13,11 @@ from typing import TYPE_CHECKING, NamedTuple, NoReturn, TypeVar
 
 import typer
 
-from ..progress import Progress, counted
+from ..progress import Progress
 from .interrupts import INTERRUPTED, keeping
 
 if TYPE_CHECKING:
     from rich.console import Console
-    from rich.progress import Progress as Bar
-    from rich.progress import ProgressColumn
 
 Part = TypeVar("Part", bound=Sized)
 
@@ -38,17 +36,6 @@ def moving() -> bool:
 
     screen = Console(stderr=True)
     return screen.is_terminal and not screen.is_dumb_terminal
-
-
-def bar(*columns: "str | ProgressColumn") -> "Bar":
-    """A bar on stderr of these columns of rich, gone when it is done; nothing where nothing may
-    move.
-    """
-    from rich.console import Console
-    from rich.progress import Progress as Bar
-
-    # Off the terminal rich leaves blank lines, which would stand before an error.
-    return Bar(*columns, console=Console(stderr=True), transient=True, disable=not moving())
 
 
 def _share(done: int, total: int) -> str:
@@ -71,15 +58,19 @@ def follow(stage: str, total: int | None = 1) -> Iterator[Progress]:
         stage: what is done at first; further stages have other words.
         total: parts of it; 1 where it is one piece.
     """
+    # Off the terminal rich leaves blank lines, which would stand before an error.
     if not moving():
         with lines() as note_lines:
             note_lines(0, total, stage)
             yield note_lines
         return
+    from rich.console import Console
     from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+    from rich.progress import Progress as Bar
 
     columns = TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[count]}")
-    with bar(*columns, TimeElapsedColumn(), TimeRemainingColumn()) as progress:
+    times = TimeElapsedColumn(), TimeRemainingColumn()
+    with Bar(*columns, *times, console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task(stage, total=None if total == 1 else total, count="")
 
         def note(done: int, total: int | None, stage: str, /) -> None:
@@ -182,43 +173,6 @@ def collect(
                 raise
             interrupted = True
     return chunks_done, Collected(warm, time.perf_counter() - began, interrupted)
-
-
-@contextmanager
-def drawing(count: int) -> Iterator[Callable[[], object]]:
-    """Show how many of so many pictures are drawn; what is yielded is called after each."""
-    with follow("drawing", count) as note:
-        yield counted(note, count, "drawing")
-
-
-@contextmanager
-def reading(path: Path) -> Iterator[Progress]:
-    """A bar once a file has been read for a second; what is yielded goes to `read_spectra` as
-    ``progress``.
-    """
-    from rich.progress import BarColumn, DownloadColumn, TextColumn, TimeRemainingColumn
-
-    progress = bar(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        DownloadColumn(),
-        TimeRemainingColumn(),
-    )
-    name = path.name.replace("[", "\\[")
-    task = progress.add_task(name, total=None)
-    start = time.monotonic()
-
-    def move(done: int, total: int | None, stage: str) -> None:
-        if time.monotonic() - start > 1.0:
-            progress.start()
-            progress.update(task, completed=done, total=total, description=f"{stage} {name}")
-
-    try:
-        yield move
-    finally:
-        # A bar that never began would end with an empty line.
-        if progress.live.is_started:
-            progress.stop()
 
 
 def print_notes(console: "Console", file: Path | str, notes: Sequence[str]) -> None:
