@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..appearance.exports.spaces import LAYERINGS, find_space
-from ..paint.describe import MAX_THICKNESS, name_paints, parse_coats
+from ..paint.describe import MAX_THICKNESS, name_paints, names_file, parse_coats
 from . import options
 from .command_line import ground_file
 from .help_groups import help_groups
@@ -181,7 +181,7 @@ def export(
             pictures=(),
             inputs=[Path(stack), ground_file(ground), pigments],
         )
-    if stack.lower().endswith(".json") or Path(stack).is_file():
+    if names_file(stack):
         options.existing(Path(stack))
     else:
         options.check_coats(stack, pigments)
@@ -260,7 +260,7 @@ def _stack(text: str, ground: str | None, index: float | None, pigments: Path | 
     from ..stacks import Stack, all_paints, common_grid, paints, read_stack
 
     own_paints = {} if pigments is None else dict(read_pigments(pigments))
-    if text.lower().endswith(".json") or Path(text).is_file():
+    if names_file(text):
         stack = read_stack(Path(text))
     else:
         coats = name_paints(parse_coats(text), {**all_paints(), **own_paints})

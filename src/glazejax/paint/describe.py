@@ -6,6 +6,7 @@ Nothing here knows optics: text becomes `Coat`s, and names become pigments of a 
 
 import re
 from collections.abc import Iterable, Sequence
+from pathlib import Path
 from typing import NamedTuple
 
 from ..names import nearest_names
@@ -82,6 +83,11 @@ def parse_coats(text: str) -> tuple[Coat, ...]:
     if not text.strip():
         raise ValueError(f"the list of coats is empty: write coats from top to bottom, {_EXAMPLE}")
     return tuple(_coat(entry.strip(), text) for entry in text.split(","))
+
+
+def names_file(text: str) -> bool:
+    """Test whether a text that says what the coats are is the path of a stack's file."""
+    return text.lower().endswith(".json") or Path(text).is_file()
 
 
 def _coat(entry: str, text: str) -> Coat:

@@ -3,13 +3,12 @@ text of one.
 """
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
-from ...paint.describe import parse_coats
+from ...paint.describe import names_file, parse_coats
 from ...paint.media import Glaze
-from ...stacks import Ground, Stack, parse_stack, read_stack
+from ...stacks import Stack, parse_stack, read_stack
 from ..glaze.solve import on_grid
 
 
@@ -28,12 +27,11 @@ def read_coats(text: str, refractive_index: float | None = None) -> Glaze:
     stripped = text.strip()
     if stripped.startswith("{"):
         stack = parse_stack(stripped)
-    elif stripped.lower().endswith(".json") or (stripped and Path(stripped).is_file()):
+    elif names_file(stripped):
         stack = read_stack(stripped)
     else:
         # As seen from inside the paint.
-        ground: Ground = 0.8
-        stack = Stack(parse_coats(text), ground=ground)
+        stack = Stack(parse_coats(text), ground=0.8)
     if refractive_index is not None:
         stack = replace(stack, refractive_index=refractive_index)
     try:
