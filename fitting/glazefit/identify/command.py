@@ -86,11 +86,10 @@ def identify(
     painted: facts.Painted = None,
     varnish: Annotated[
         str | None,
-        typer.Option(
+        options.option(
             callback=options.among("none", "thin", "yellowed", "unknown"),
             help="Varnish: none, thin, yellowed or unknown. Default: none with --catalogue "
             "pigments, else unknown.",
-            show_default=False,
         ),
     ] = None,
     thorough: Annotated[
@@ -116,21 +115,19 @@ def identify(
     csv: options.Csv = None,
     residuals: Annotated[
         Path | None,
-        typer.Option(
+        options.option(
             metavar="FILE",
             help="Also write a table of measured, fitted and residual spectra.",
-            show_default=False,
         ),
     ] = None,
     out: options.PictureIfNamed = None,
     report: Annotated[
         Path | None,
-        typer.Option(
+        options.option(
             metavar="FILE",
             help="Also write a report, such as report.html: one page to file with each spectrum, "
             "its best fits, amounts with 90 % intervals and excluded paints. The same is "
             "written to report.csv and report.json.",
-            show_default=False,
         ),
     ] = None,
     object: head.Object = "",

@@ -25,11 +25,10 @@ def _check_elements(text: str) -> None:
 
 
 def _symbols(text: str) -> Any:
-    return typer.Option(
+    return options.option(
         metavar="SYMBOLS",
         callback=options.checked(_check_elements),
         help=text,
-        show_default=False,
     )
 
 
@@ -45,12 +44,11 @@ WithoutElements = Annotated[
 ]
 Painted = Annotated[
     int | None,
-    typer.Option(
+    options.option(
         metavar="YEAR",
         callback=options.between(-10_000, datetime.date.today().year),
         help="Year of the painting, such as 1620: pigments not in use then become fifty times "
         "less probable, and are marked.",
-        show_default=False,
     ),
 ]
 References = Annotated[Path | None, options.REFERENCES]

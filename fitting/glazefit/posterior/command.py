@@ -56,33 +56,29 @@ def posterior(
     out: options.Folder = None,
     sample: Annotated[
         str,
-        typer.Option(
-            metavar="NAME", help="The film of FILE, if it holds several.", show_default=False
-        ),
+        options.option(metavar="NAME", help="The film of FILE, if it holds several."),
     ] = "",
     quantity: options.Quantity = None,
     unit: options.Unit = None,
     scale: options.Scale = None,
     paints: Annotated[
         str,
-        typer.Option(
+        options.option(
             metavar="NAMES",
             help=(
                 "What the film is made of, such as CobaltBlue,ZincWhite. Default: what "
                 "mixtures.tsv in the folder of FILE states."
             ),
-            show_default=False,
         ),
     ] = "",
     coats: Annotated[
         str,
-        typer.Option(
+        options.option(
             metavar="COATS",
             help="Several coats, top first, written as `glazejax render --coats` takes them, "
             "with ~ before a thickness that is about right and ? for one not known: "
             "Eosin:~5um,ZincWhite+CobaltBlue:? (fractions of the lower coat not known either); "
             "?:? is a coat of unknown paint, whose k and s are found.",
-            show_default=False,
         ),
     ] = "",
     bands: Annotated[
@@ -106,32 +102,29 @@ def posterior(
     ] = "hmc",
     steps: Annotated[
         int | None,
-        typer.Option(
+        options.option(
             help=(
                 "Steps of the whole chain; 0 for Laplace's standard errors alone. Default: 200 of "
                 "hmc, 5000 of emcee."
             ),
-            show_default=False,
         ),
     ] = None,
     walkers: Annotated[
         int | None,
-        typer.Option(
+        options.option(
             help=(
                 "How many chains of hmc, or walkers of emcee's ensemble, an even number. Default: "
                 "16; 32 of emcee, or twice as many as there are unknowns."
             ),
-            show_default=False,
         ),
     ] = None,
     thin: Annotated[
         int | None,
-        typer.Option(
+        options.option(
             help=(
                 "Keep every so many-th step: 5 keeps steps 5, 10, 15, ... Default: 1 of hmc, 5 of "
                 "emcee."
             ),
-            show_default=False,
         ),
     ] = None,
     seed: options.Seed = 0,

@@ -76,8 +76,7 @@ def _corner_of_film(posterior: Posterior, path: str | Path) -> None:
             "bins": 30,
             **_CONTOURS,
         }
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
+        with warnings.catch_warnings(action="ignore"):
             corner.corner(
                 approximate,
                 **_OUTLINES,
@@ -146,8 +145,7 @@ def _corner_of_bands(posterior: Posterior, path: str | Path) -> None:
                 for pair in ((x, u), (y, v))
             ]
             options = {"ax": panel, "bins": 40, "range": limits, **_CONTOURS}
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")
+            with warnings.catch_warnings(action="ignore"):
                 corner.hist2d(u, v, **_OUTLINES, **options)
                 if posterior.chain is not None:
                     corner.hist2d(x, y, color=SAMPLED, **options)
