@@ -122,7 +122,7 @@ def test_ground_from_a_file(run, tmp_path, pigments_csv):
 
     (tmp_path / "infrared.csv").write_text("wavelength,card\n1000,0.5\n1100,0.5\n")
     _, err = run(*STACK, "--ground", "infrared.csv", "--out", "b.png", fails=2)
-    assert "infrared.csv: the ground: the pigments and the ground share no wavelengths" in err
+    assert "infrared.csv: the ground: the paints and the ground share no wavelengths" in err
 
 
 def test_mixtures_repeats_and_the_ladder(run, tmp_path, pigments_csv):

@@ -16,7 +16,7 @@ names and the acrylics as ``acrylics/NAME``; `pigments` brings own ones: ``{"Min
 
 import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -202,23 +202,10 @@ def common_grid(stack: Stack, shelf: Mapping[str, Pigment]) -> Float[np.ndarray,
     grids = grids or [next(iter(shelf.values())).wavelengths]
     if isinstance(stack.ground, Spectrum):
         grids.append(stack.ground.wavelengths)
-    return shared_grid(grids, "paints")
-
-
-def shared_grid(grids: Sequence[Float[np.ndarray, "_"]], paints: str) -> Float[np.ndarray, "bands"]:
-    """Wavelengths of the first of some grids, nm, as far as all reach.
-
-    Args:
-        grids: of the paints, then of the ground, nm.
-        paints: what an error calls the paints.
-
-    Raises:
-        ValueError: they share none.
-    """
     grid = grids[0][lie_between(grids[0], *common_range(grids))]
     if grid.size == 0:
         raise ValueError(
-            f"the {paints} and the ground share no wavelengths: "
+            "the paints and the ground share no wavelengths: "
             + "; ".join(map(describe_grid, grids))
         )
     return grid

@@ -312,25 +312,24 @@ def _lay(
     """Paints of the coats, and the ground, on the wavelengths that all of them cover."""
     from ..paint.media import make_media
     from ..spectra import describe_grid, same_grid
-    from ..stacks import Spectrum, shared_grid
+    from ..stacks import Spectrum, Stack, common_grid
 
     level = ground.level
     notes = ground.notes
-    used = {name: shelf[name] for coat in coats for _, name in coat.parts}
-    grids = [paint.wavelengths for paint in used.values()]
+    with ground.blame():
+        grid = common_grid(Stack(tuple(coats), ground=level), shelf)
+    names = {name for coat in coats for _, name in coat.parts}
+    grids = [shelf[name].wavelengths for name in names]
     if isinstance(level, Spectrum):
         grids.append(level.wavelengths)
-    with ground.blame():
-        grid = shared_grid(grids, "pigments")
+        level = Spectrum(grid, level.on(grid))
     if not all(same_grid(grid, other) for other in grids):
         note = (
             "pigments and ground differ in wavelengths; everything is computed at "
             f"{describe_grid(grid)}"
         )
         notes = (*notes, note)
-        used = {name: paint.resample(grid) for name, paint in used.items()}
-    if isinstance(level, Spectrum):
-        level = Spectrum(grid, level.on(grid))
+    used = {name: shelf[name].resample(grid) for name in names}
     return make_media(coats, used), ground._replace(level=level, notes=notes)
 
 
