@@ -5,18 +5,24 @@ Walkers are ArviZ's chains. Lengths are in m, k d and s d optical thicknesses, r
 fraction.
 """
 
-from importlib.metadata import version
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
+from ..film.problem import FilmProblem
+from ..film.reading import Reading
 from ..film.solve import load_arviz
 
-if TYPE_CHECKING:
-    from .posterior import Posterior
 
-
-def inference_data(posterior: "Posterior") -> Any:
+def inference_data(
+    problem: FilmProblem,
+    films: Sequence[Reading],
+    draws: Mapping[str, Float[np.ndarray, "steps walkers blocks"]],
+    free: Float[np.ndarray, "steps walkers blocks dims"],
+    attributes: Mapping[str, Any],
+) -> Any:
     """Groups posterior, sample_stats, log_likelihood, posterior_predictive, observed_data and
     constant_data.
 
@@ -24,18 +30,26 @@ def inference_data(posterior: "Posterior") -> Any:
     chain has not converged. Those with `_shown` behind their names are as the readings show them,
     and go with the log-likelihoods. The predictive group holds spectra without noise, of some
     draws; log-likelihoods are up to a constant.
+
+    Args:
+        problem: what was sampled.
+        films: as measured.
+        draws: of every reported quantity.
+        free: the same draws of the free unknowns.
+        attributes: of the whole and of the group posterior; NetCDF knows no booleans.
     """
     arviz = load_arviz()
-    problem = posterior.problem
-    draws = posterior.draws
-    free = posterior.free
-    film = posterior.films[0]
+    film = films[0]
     bands = problem.kind == "bands"
     single = len(problem.blocks) == 1
     block = "wavelength" if bands else "film"
-    coords: dict[str, Any] = {"wavelength": film.wavelengths, "ground": list(film.grounds)}
-    if not bands:
-        coords["film"] = list(problem.blocks)
+    coords: dict[str, Any] = {
+        "wavelength": film.wavelengths,
+        "ground": list(film.grounds),
+        "film": list(problem.blocks),
+    }
+    if bands:
+        coords.pop("film")
     dims: dict[str, list[str]] = {}
 
     def by_block(name: str, values: np.ndarray) -> np.ndarray:
@@ -74,7 +88,7 @@ def inference_data(posterior: "Posterior") -> Any:
     if "fraction" in axes:
         coords["paint"] = [n.removeprefix("fraction ") for n in draws if n.startswith("fraction ")]
 
-    flat = posterior.flat
+    flat = free.reshape(-1, *free.shape[2:])
     likelihood = problem.log_likelihood(flat).reshape(free.shape[:3])
     total = problem.log_probability(flat).reshape(free.shape[:3])
     # Spectra of so many draws are enough for a picture.
@@ -83,10 +97,9 @@ def inference_data(posterior: "Posterior") -> Any:
     reading_dims = ["wavelength", "ground"] if bands else ["film", "wavelength", "ground"]
 
     def each(what: str) -> np.ndarray:
-        values = np.stack([getattr(film, what) for film in posterior.films])
+        values = np.stack([getattr(film, what) for film in films])
         return values[0] if bands else values
 
-    attributes = _attributes(posterior)
     dims |= {name: reading_dims for name in ("reflectance", "ground_reflectance", "reflectance_sd")}
     return arviz.from_dict(
         posterior=variables,
@@ -100,34 +113,3 @@ def inference_data(posterior: "Posterior") -> Any:
         attrs=attributes,
         posterior_attrs=attributes,
     )
-
-
-def _attributes(posterior: "Posterior") -> dict[str, Any]:
-    """Convergence and where the draws come from, as NetCDF takes it, which knows no booleans."""
-    attributes: dict[str, Any] = {
-        "film": ", ".join(film.name for film in posterior.films),
-        "inference_library": "Laplace approximation",
-        "glazejax": version("glazejax"),
-        "converged": int(posterior.converged),
-        "convergence": posterior.words(),
-        "open_directions": "; ".join(posterior.identifiability.sentences) or "none",
-        "laplace_tail_index": [float(k) for k in posterior.laplace.tail],
-        "laplace_modes_settled": int(posterior.laplace.converged.all()),
-    }
-    state = posterior.convergence
-    chain = posterior.chain
-    if state is not None and chain is not None:
-        library = "emcee" if chain.sampler == "emcee" else "glazejax"
-        attributes |= {
-            "inference_library": library,
-            "inference_library_version": version(library),
-            "sampler": chain.sampler,
-            "autocorrelation_time": [float(t) for t in state.times],
-            "effective_samples": [float(n) for n in state.samples],
-            "r_hat": float(np.max(state.apart)),
-            "steps_kept": state.length,
-            "steps_discarded": state.discarded,
-            "thin": chain.thin,
-            "acceptance": chain.accepted,
-        }
-    return attributes

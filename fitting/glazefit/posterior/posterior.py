@@ -12,6 +12,7 @@ ArviZ, emcee and h5py are loaded when a posterior is computed, not before.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from importlib.metadata import version
 from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
@@ -177,7 +178,38 @@ class Posterior:
         """The posterior as ArviZ's InferenceData; see `glazefit.posterior.arviz`."""
         from .arviz import inference_data
 
-        return inference_data(self)
+        return inference_data(self.problem, self.films, self.draws, self.free, _attributes(self))
+
+
+def _attributes(posterior: Posterior) -> dict[str, Any]:
+    """Convergence and where the draws come from, as NetCDF takes it, which knows no booleans."""
+    attributes: dict[str, Any] = {
+        "film": ", ".join(film.name for film in posterior.films),
+        "inference_library": "Laplace approximation",
+        "glazejax": version("glazejax"),
+        "converged": int(posterior.converged),
+        "convergence": posterior.words(),
+        "open_directions": "; ".join(posterior.identifiability.sentences) or "none",
+        "laplace_tail_index": [float(k) for k in posterior.laplace.tail],
+        "laplace_modes_settled": int(posterior.laplace.converged.all()),
+    }
+    state = posterior.convergence
+    chain = posterior.chain
+    if state is not None and chain is not None:
+        library = "emcee" if chain.sampler == "emcee" else "glazejax"
+        attributes |= {
+            "inference_library": library,
+            "inference_library_version": version(library),
+            "sampler": chain.sampler,
+            "autocorrelation_time": [float(t) for t in state.times],
+            "effective_samples": [float(n) for n in state.samples],
+            "r_hat": float(np.max(state.apart)),
+            "steps_kept": state.length,
+            "steps_discarded": state.discarded,
+            "thin": chain.thin,
+            "acceptance": chain.accepted,
+        }
+    return attributes
 
 
 def posterior_of_film(
