@@ -23,7 +23,7 @@ from glazefit.film.readers import read_films, read_recipes
 from glazejax.appearance.scene.file import read_scene
 from glazejax.appearance.scene.file_materials import read_grey
 from glazejax.appearance.scene.lights import measured_lamp
-from glazejax.io import SpectraTable, read_cube, read_spectra
+from glazejax.io import SpectraTable, read_spectra
 from glazejax.paint.pigment_table import read_pigments
 
 from .samples import (
@@ -407,7 +407,7 @@ def subjects() -> dict[str, Subject]:
             "lib.sli", numbers, beside={"lib.hdr": library}, counts=_fixed(3, 31)
         ),
         "ENVI image, header": Subject(
-            "cube.hdr", image, read_cube, {"cube.img": pixels}, _envi_counts
+            "cube.hdr", image, beside={"cube.img": pixels}, counts=_envi_counts
         ),
         "ENVI image, data": Subject(
             "cube.img", pixels, beside={"cube.hdr": image}, counts=_fixed(12, 31)
@@ -607,13 +607,10 @@ def _envi_counts(content: bytes, found: Any) -> str:
         sizes[title] = int(numbers[0])
     if any("left out" in note for note in found.notes):
         return ""
-    if isinstance(found, SpectraTable):
-        if "ENVI" not in found.format:
-            return ""
-        rows = len(found)
-        right = rows * found.wavelengths.size == sizes["samples"] * sizes["lines"] * sizes["bands"]
-    else:
-        right = found.shape == (sizes["lines"], sizes["samples"], sizes["bands"])
+    if "ENVI" not in found.format:
+        return ""
+    rows = len(found)
+    right = rows * found.wavelengths.size == sizes["samples"] * sizes["lines"] * sizes["bands"]
     return "" if right else f"{sizes}, {found!r}"
 
 

@@ -23,7 +23,7 @@ from glazejax.appearance.scene.file import read_scene
 from glazejax.appearance.scene.file_materials import read_grey
 from glazejax.appearance.scene.lights import measured_lamp
 from glazejax.commands import main as cli
-from glazejax.io import SpectraTable, read_cube, read_sample, read_spectra, source, write_spectra
+from glazejax.io import SpectraTable, open_cube, read_sample, read_spectra, source, write_spectra
 from glazejax.paint.pigment_table import read_pigments
 
 from ..fresh import run_python
@@ -34,7 +34,7 @@ from .samples import CGATS, CXF, ENVI, GRID, envi_header, jcamp_block, lines, re
 
 READERS = [
     read_spectra,
-    read_cube,
+    open_cube,
     read_films,
     read_recipes,
     read_pigments,

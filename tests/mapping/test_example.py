@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from glazefit.mapping.example import painting, write_painting
 from glazejax import Glaze, Hemispherical, Layer, Mixture, reflectance
 from glazejax.commands.options import read_ground
-from glazejax.io import read_cube
+from glazejax.io import open_cube
 
 
 def test_the_small_painting_of_the_command_is_what_its_truth_says(tmp_path):
@@ -23,8 +23,8 @@ def test_the_small_painting_of_the_command_is_what_its_truth_says(tmp_path):
     layer = Layer(medium, np.linspace(18e-6, 60e-6, 43))
     curves = reflectance(Glaze([layer], made.ground, 1.5), Hemispherical(8.0))
     assert np.sqrt(np.mean((np.asarray(curves) - sky) ** 2, axis=1)).min() < 0.006
-    cube = read_cube(write_painting(tmp_path, made))
-    assert_allclose(cube[:, :], made.spectra, atol=1e-6)
+    cube = open_cube(write_painting(tmp_path, made))
+    assert_allclose(cube, made.spectra, atol=1e-6)
     assert_array_equal(np.load(tmp_path / "members.npy"), made.members)
     ground = read_ground(str(tmp_path / "ground.csv")).on(made.wavelengths)
     assert_allclose(ground, made.ground, atol=1e-6)

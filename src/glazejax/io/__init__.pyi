@@ -1,11 +1,9 @@
-from .cube import SpectraCube as SpectraCube
 from .cubes.hashes import quick_source_hash as quick_source_hash
 from .cubes.regions import Spot as Spot
 from .cubes.regions import read_mask as read_mask
 from .cubes.regions import read_spot as read_spot
 from .cubes.source import CubeSource as CubeSource
 from .cubes.source import open_cube as open_cube
-from .files.read import read_cube as read_cube
 from .files.read import read_spectra as read_spectra
 from .files.sample import read_sample as read_sample
 from .files.write import write_spectra as write_spectra

@@ -28,7 +28,7 @@ def envi_cube(path: Path, count: int | None = None) -> RawCube:
     """
     envi = envi_file(path)
     if envi.is_library:
-        raise envi.error("an ENVI spectral library, not an image")
+        raise envi.error("an ENVI spectral library, not an image; use read_spectra")
     wavelengths = None
     if "wavelength" in envi.header:
         try:

@@ -2,10 +2,9 @@
 
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Unpack
+from typing import TYPE_CHECKING
 
 from ...progress import Progress
-from ..cube import SpectraCube
 from ..finish import finish
 from ..quantity import Stated
 from ..source import Source, open_source, split_sheet
@@ -68,25 +67,7 @@ def read_spectra(
         envi = _envi(source, kind)
         if envi.is_library:
             return finish(envi.library(), path, **stated)
-        return envi.cube(**stated).table()
-
-
-def read_cube(path: str | Path, **stated: Unpack[Stated]) -> SpectraCube:
-    """Open an ENVI image of spectra without reading it: header or data file may be named.
-
-    Args:
-        path: of the header or the data.
-        stated: ``quantity``, ``unit`` and ``scale``, as `read_spectra` takes them.
-
-    Raises:
-        FileNotFoundError: no such file, or a header without its data.
-        OSError: the system cannot read it.
-        ValueError: it is no ENVI image, or not a legal one.
-    """
-    envi = envi_file(path)
-    if envi.is_library:
-        raise envi.error("an ENVI spectral library, not an image; use read_spectra")
-    return envi.cube(**stated)
+        return envi.table(**stated)
 
 
 def envi_file(path: str | Path) -> "EnviFile":

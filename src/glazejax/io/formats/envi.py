@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from math import prod
 from pathlib import Path
 from typing import Any, Unpack
@@ -9,13 +10,11 @@ from typing import Any, Unpack
 import numpy as np
 from jaxtyping import Float
 
-from ...spectra import validate_wavelengths
-from ..cube import SpectraCube
-from ..finish import DELETED, RawSpectra, in_order
+from ..finish import DELETED, RawSpectra, finish, in_order
 from ..probe import scale_of, with_usual_mark
 from ..quantity import Stated, first_quantity, meaning, read_units
 from ..raw_cube import OnDisk, RawCube
-from ..source import Source, explain_errors, is_there, naming, open_source, refusal, show_path
+from ..source import Source, explain_errors, is_there, open_source, refusal, show_path
 from ..spectra_table import Bands, Chosen, SpectraTable
 from ..words import is_number, read_number
 
@@ -46,6 +45,8 @@ _AXES = {
 _ENDINGS = ("img", "dat", "sli", "hyspex", "raw", "bil", "bip", "bsq", "lib", "slb", "cube")
 # A library is read as a whole; its numbers take 8 bytes each.
 _MAX_VALUES = 1 << 27
+# A table of more pixels than this is no table any more; 200 bands of float64 take 160 MB.
+_MAX_PIXELS = 100_000
 
 
 def read_header(source: Source) -> dict[str, str | list[str]]:
@@ -206,31 +207,50 @@ class EnviFile:
             attributes=attributes,
         )
 
-    def cube(self, **stated: Unpack[Stated]) -> SpectraCube:
-        """An image, not read. Its unit is its scale factor, or estimated from pixels all over it.
+    def table(self, **stated: Unpack[Stated]) -> SpectraTable:
+        """All pixels of an image, named ``line 1 sample 1`` and so on; pixels that lack data are
+        left out, with a note.
 
-        That is percent if the brightest of 99 % of them exceed 2, else fractions; a few pixels of
-        glare do not decide.
+        Its unit is its scale factor, or estimated from pixels all over it: percent if the brightest
+        of 99 % of them exceed 2, else fractions; a few pixels of glare do not decide.
 
         Args:
             stated: what the user says, before the header.
 
         Raises:
-            ValueError: header or data are not legal, there are no wavelengths, or the numbers are
-                neither fractions nor percent and the header has no reflectance scale factor.
+            ValueError: header or data are not legal, there are no wavelengths, the numbers are
+                neither fractions nor percent and the header has no reflectance scale factor, or
+                there are more than 100 000 pixels, or all lack data.
         """
+        lines = self.sizes["lines"]
+        samples = self.sizes["samples"]
+        if lines * samples > _MAX_PIXELS:
+            raise self.error(
+                f"{lines} x {samples} pixels are too many for a table of spectra (at most "
+                f"{_MAX_PIXELS}); use glazejax.io.open_cube and take windows of it"
+            )
         raw = with_usual_mark(self.raw(self.wavelengths()))
-        notes = list(raw.notes)
         wavelengths, remarks = raw.nanometres(read_units(stated)[0])
-        notes += remarks
+        notes = [*raw.notes, *remarks]
         grid, bands = in_order(wavelengths, raw.good, notes)
-        with naming(self.path):
-            grid = validate_wavelengths(grid)
         cure = "add 'reflectance scale factor = 10000', say, to the header"
         scale, unit = scale_of(raw, bands, notes, cure, **stated)
-        return SpectraCube(
-            file=raw, wavelengths=grid, bands=bands, scale=scale, notes=notes, unit=unit
+        stored = raw.block(slice(lines), slice(samples), bands)
+        values = raw.numbers(stored, bands, dtype=np.float64) / scale
+        pixels = RawSpectra(
+            wavelengths=grid,
+            names=[f"line {i + 1} sample {j + 1}" for i in range(lines) for j in range(samples)],
+            values=values.reshape(lines * samples, -1),
+            format=raw.format,
+            notes=notes,
+            scale=1.0,
+            missing="drop",
+            # A camera's noise and glare are what they are; one pixel must not make an image
+            # unreadable.
+            lowest=-np.inf,
+            highest=np.inf,
         )
+        return replace(finish(pixels, self.path), unit=unit)
 
     def raw(self, wavelengths: Bands | None) -> RawCube:
         """The numbers as they are stored, not read, and what the header says of them.
