@@ -42,7 +42,8 @@ def write_table(
         content = table_bytes(
             header, rows, delimiter="\t" if path.suffix.lower() == ".tsv" else ","
         )
-    path.write_bytes(content)
+    with whole_file(path) as temporary:
+        temporary.write_bytes(content)
 
 
 def table_bytes(
