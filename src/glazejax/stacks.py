@@ -18,7 +18,6 @@ import json
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal, NamedTuple, TypeAlias
@@ -166,8 +165,7 @@ class Stack:
         return Glaze(coats, ground, self.refractive_index)
 
 
-@lru_cache(maxsize=1)
-def all_paints() -> Mapping[str, Pigment]:
+def all_paints() -> dict[str, Pigment]:
     """Every paint of every catalogue: the oils by name, others as ``CATALOGUE/NAME``."""
     first, *further = catalogue.names()
     shelf = dict(catalogue.load(first))
@@ -176,7 +174,7 @@ def all_paints() -> Mapping[str, Pigment]:
             f"{catalogue_name}/{name}": paint
             for name, paint in catalogue.load(catalogue_name).items()
         }
-    return MappingProxyType(shelf)
+    return shelf
 
 
 def own_name(name: str) -> str:
@@ -348,10 +346,11 @@ def _named_parts(
         raise ValueError(
             f"{medium.name!r} is of {len(paints)} paints; a coat has {MOST_PARTS} at most"
         )
+    shelf = all_paints()
     for paint, weight in zip(paints, medium.weights.tolist() if mixed else [1.0], strict=True):
         shipped = [paint.name, *(f"{group}/{paint.name}" for group in catalogue.names())]
         # A paint keeps a catalogue's name only with the catalogue's numbers.
-        name = next((n for n in shipped if n in all_paints() and _same(all_paints()[n], paint)), "")
+        name = next((n for n in shipped if n in shelf and _same(shelf[n], paint)), "")
         if not name:
             name = own_name(paint.name)
             # Another paint of the same name is marked.

@@ -64,14 +64,14 @@ def studio(
     Example: glazejax studio
     """
     options.check_outputs({"--page": page}, overwrite, pictures=(), inputs=[stack, catalogue])
+    from ..commands.main import start_jax
+
+    start_jax()
     begin = None
     if stack is not None:
         from ..stacks import read_stack, stack_to_dict
 
         begin = stack_to_dict(read_stack(stack))
-    from ..commands.main import start_jax
-
-    start_jax()
     own_paints = {} if catalogue is None else _own(catalogue)
     if page is None:
         import json
