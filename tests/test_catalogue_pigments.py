@@ -94,6 +94,14 @@ def test_an_exemplar_is_marked_by_its_family(shelf):
         assert catalogue.caution(paint) == catalogue.families()[paint.family].caution
 
 
+def test_an_exemplar_is_on_the_scale_of_its_source(shelf):
+    words = {paint.source: catalogue.assumed_scale(paint) for paint in shelf.values()}
+    assert "films of unknown thickness" in str(words.pop("revigo"))
+    assert "without lengths" in str(words.pop("golden"))
+    (others,) = set(words.values())
+    assert "by the median of s" in str(others)
+
+
 def test_a_family_survives_another_grid_and_another_name(shelf):
     paint = next(iter(shelf.values()))
     grid = np.asarray(paint.wavelengths)[2:-2]

@@ -22,7 +22,15 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from ..names import nearest_names
 from ..paint.describe import format_length
-from .exemplars import Family, Provenance, families, families_of, paints_by_exemplar, provenance
+from .exemplars import (
+    Family,
+    Provenance,
+    families,
+    families_of,
+    paints_by_exemplar,
+    provenance,
+    sources,
+)
 
 if TYPE_CHECKING:
     # Names of paints are checked before what a paint is made of is loaded.
@@ -238,11 +246,9 @@ def caution(paint: "Pigment") -> str:
         >>> caution(pigment("EmeraldGreen"))
         'poisonous (arsenic), no longer sold'
     """
-    # A paint shows its catalogue by its provenance.
-    shelf = next((n for n, s in _SHIPPED.items() if s.provenance == paint.provenance), "")
     # A paint of another catalogue than the oils may have that before its name.
     name = paint.name.replace("/", ":").rpartition(":")[2]
-    exemplar_family = families_of(shelf).get(name, "")
+    exemplar_family = families_of(_catalogue_of(paint)).get(name, "")
     about = families().get(paint.family or exemplar_family)
     return "" if about is None else about.caution
 
@@ -269,4 +275,14 @@ def assumed_scale(paint: "Pigment") -> str | None:
     """Assumption about lengths of the catalogue that a pigment is from, a clause; None for one's
     own.
     """
-    return next((s.scale for s in _SHIPPED.values() if s.provenance == paint.provenance), None)
+    name = _catalogue_of(paint)
+    return _SHIPPED[name].scale if name else None
+
+
+def _catalogue_of(paint: "Pigment") -> str:
+    """Catalogue that a pigment is from; empty for one's own.
+
+    It shows by the provenance: that of the catalogue, or an exemplar's own, and then by its source.
+    """
+    name = next((n for n, s in _SHIPPED.items() if s.provenance == paint.provenance), "")
+    return name or (PIGMENTS if paint.source in sources() else "")

@@ -132,8 +132,8 @@ def families_of(catalogue: str) -> dict[str, str]:
 
 
 @functools.cache
-def _sources() -> dict[str, dict[str, str]]:
-    """Licence and citation of each source."""
+def sources() -> dict[str, dict[str, str]]:
+    """Licence and citation of each source of exemplars."""
     return {row.pop("source"): row for row in _table("sources.tsv")}
 
 
@@ -143,11 +143,11 @@ def provenance() -> dict[str, Provenance]:
     out: dict[str, Provenance] = {}
     for row in _table("exemplars.tsv"):
         ends = {key: float(row[key]) for key in ("first_nm", "last_nm")}
-        about: dict[str, Any] = row | ends | _sources()[row["source"]]
+        about: dict[str, Any] = row | ends | sources()[row["source"]]
         out[row["exemplar"]] = Provenance(**about)
     # Paints of the two catalogues are exemplars too.
     for shelf, shared in _SHELVES.items():
-        about = shared | _sources()[shared["source"]]
+        about = shared | sources()[shared["source"]]
         for paint, family in families_of(shelf).items():
             if family:
                 exemplar = f"{family}/{shared['source']}-{paint}"

@@ -48,12 +48,11 @@ def page_data(own_paints: Mapping[str, Pigment] | None = None) -> dict[str, Any]
 
 def entry(name: str, paint: Pigment) -> dict[str, Any]:
     """Entry of a paint on the page."""
-    first, *further = catalogue.names()
-    group, slash, label = name.partition("/")
-    if not slash or group not in further:
+    # The catalogues' paints are the first's by name, and further ones' as CATALOGUE/NAME.
+    group, _, label = name.rpartition("/")
+    if name not in all_paints():
+        group = "own"
         label = name
-        # A paint without a catalogue's scale of length is one's own.
-        group = first if catalogue.assumed_scale(paint) else "own"
     identifiable = paint.identifiable
     bands = paint.wavelengths
     # Bands at which the data leave k and s apart unknown.
@@ -62,7 +61,7 @@ def entry(name: str, paint: Pigment) -> dict[str, Any]:
         "name": name,
         # A catalogue's name as people write it: Chrome Yellow.
         "label": re.sub(r"(?<=[a-z0-9])(?=[A-Z])", " ", label),
-        "group": group,
+        "group": group or catalogue.names()[0],
         "provenance": paint.provenance or "no provenance is stated",
         "bands": describe_grid(bands),
         "unknown": unknown,
