@@ -132,7 +132,7 @@ def test_black_below_the_limit_of_one_band_is_still_percent():
 @pytest.mark.parametrize(
     ("rows", "complaint"),
     [
-        ([[0.5, 0.6], [50, 60], [0.1, 0.2]], "mixed: dark in percent.*white, tint in fractions"),
+        ([[0.3, 0.4], [50, 60], [0.1, 0.2]], "mixed: dark in percent.*white, tint in fractions"),
         ([[0.5, np.nan], [0.5, 0.6], [0.5, 0.6]], "white is not finite at band 2"),
         ([[0.5, 0.6], [0.5, np.inf], [0.5, 0.6]], "dark is not finite at band 2"),
         ([[0.5, 0.6], [0.5, 0.6], [-0.01, 0.6]], "tint is negative at band 1: -0.01"),

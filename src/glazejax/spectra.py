@@ -1,7 +1,6 @@
 """Wavelength grids in nm, and checks and resampling of spectra that live on them."""
 
 from collections.abc import Callable, Iterable, Sequence
-from itertools import compress
 from typing import Any, TypeAlias
 
 import jax
@@ -28,6 +27,8 @@ MAX_FRACTION = 1.7
 # A whole spectrum below 2 % is darker than any smooth varnished paint, whose surface alone gives 4
 # %.
 MIN_PERCENT = 2.0
+# CxF3's own bound for a reflectance. Above it the unit or the scale that a file declares is wrong.
+MAX_DECLARED = 3.0
 
 # Numbers up to which NumPy computes what is known.
 _SMALL = 1 << 16
@@ -206,8 +207,8 @@ def as_fraction(
 ) -> tuple[Float[np.ndarray, "*rows bands"], str | None]:
     """Check measured reflectance and express it as a fraction.
 
-    A spectrum that anywhere exceeds 2 is in percent. Fractions may overshoot 1 up to 1.7, which
-    fluorescence and calibration do. All spectra of one call must be in the same unit.
+    All spectra of one call are in one unit: percent if the brightest exceeds 2, see
+    `scale_by_size`. Fractions may overshoot 1 up to 1.7, which fluorescence and calibration do.
 
     Args:
         reflectance: (bands,) or (rows, bands), fraction or percent.
@@ -238,26 +239,67 @@ def as_fraction(
                 f"reflectance of {names[i]} is {complaint} at band {j + 1}: {rows[i, j]:g}"
             )
     peaks = rows.max(axis=1)
-    percent = peaks > MIN_PERCENT
-    fractions = peaks <= MAX_FRACTION
-    if percent.any() and fractions.any():
-        bright, dark = (list_names([*compress(names, chosen)]) for chosen in (percent, fractions))
+    cure = "divide by what stands for a reflectance of 1"
+    notes: list[str] = []
+    scale = scale_by_size(rows, peaks, names, notes, cure)
+    brightest = int(peaks.argmax())
+    if peaks[brightest] > MAX_FRACTION * scale:
         raise ValueError(
-            f"percent and fraction are mixed: {bright} in percent "
-            f"(maximum above {MIN_PERCENT:g}), {dark} in fractions; "
-            "bring all to one unit"
-        )
-    scale = 100.0 if percent.any() else 1.0
-    largest = int(peaks.argmax())
-    if peaks[largest] > MAX_FRACTION * scale:
-        raise ValueError(
-            f"reflectance of {names[largest]} reaches {peaks[largest]:g}, too much for a fraction "
-            f"(at most {MAX_FRACTION:g}) and for percent (above {MIN_PERCENT:g}, at most "
-            f"{100 * MAX_FRACTION:g}); divide by what stands for a reflectance of 1"
+            f"reflectance of {names[brightest]} reaches {peaks[brightest]:g}, too much for a "
+            f"fraction (at most {MAX_FRACTION:g}); {cure}"
         )
     if scale == 1.0:
         return values, None
-    return values / scale, "values are in percent; divided by 100"
+    return values / scale, "; ".join([*notes, "values are in percent; divided by 100"])
+
+
+def scale_by_size(
+    rows: Float[np.ndarray, "rows bands"],
+    peaks: Float[np.ndarray, "rows"],
+    names: Sequence[str],
+    notes: list[str],
+    cure: str,
+) -> float:
+    """100 for spectra in percent, 1 for fractions, where nobody says their unit: judged by the
+    brightest, which exceeds 2 in percent.
+
+    Args:
+        rows: finite.
+        peaks: their largest values.
+        names: of the rows.
+        notes: one is added that names what is dark in percent.
+        cure: what to do about values that are too much for both.
+
+    Raises:
+        ValueError: percent and fraction are mixed, or values are too much for both.
+    """
+    brightest = float(peaks.max())
+    if brightest <= MIN_PERCENT:
+        return 1.0
+    brightest_name = names[int(peaks.argmax())]
+    dark = np.flatnonzero(peaks <= MAX_FRACTION)
+    # Few paints are below 0.5 % at half of the bands, or below 0.2 % at a tenth: such a spectrum
+    # is in fractions.
+    half = (rows[dark] < 0.5).mean(axis=1) > 0.5
+    fractions = dark[half | ((rows[dark] < 0.2).mean(axis=1) > 0.1)]
+    if fractions.size:
+        if brightest <= MAX_DECLARED:
+            return 1.0
+        raise ValueError(
+            f"percent and fraction are mixed: {brightest_name} in percent (maximum above "
+            f"{MIN_PERCENT:g}), {list_names([names[int(i)] for i in fractions])} in fractions; "
+            "bring all to one unit, or say it: --unit percent"
+        )
+    if brightest > 100 * MAX_FRACTION:
+        raise ValueError(
+            f"reflectance of {brightest_name} reaches {brightest:g}, too much for a fraction (at "
+            f"most {MAX_FRACTION:g}) and for percent (at most {100 * MAX_FRACTION:g}); {cure}"
+        )
+    if dark.size:
+        notes.append(
+            f"{list_names([names[int(i)] for i in dark])}: dark, in percent as {brightest_name} is"
+        )
+    return 100.0
 
 
 def list_names(names: Sequence[str]) -> str:

@@ -21,14 +21,17 @@ from typing import Literal, Unpack
 import numpy as np
 from jaxtyping import Float, Int
 
-from ..spectra import MAX_FRACTION, MIN_PERCENT, ranges, validate_wavelengths
+from ..spectra import (
+    MAX_DECLARED,
+    MIN_PERCENT,
+    ranges,
+    scale_by_size,
+    validate_wavelengths,
+)
 from .quantity import Stated, check_reflectance, meaning, nanometres, not_stated, read_units
 from .source import naming
 from .spectra_table import Bands, Rows, SpectraTable, Stored, list_names
 
-# CxF3's own bound for a reflectance. Above it the unit or the scale that the file declares is
-# wrong.
-MAX_DECLARED = 3.0
 # Dark signal of a spectrometer is known to about this.
 MAX_NOISE = 0.01
 # No reading is below: some mark missing data by -1.23e34.
@@ -263,7 +266,8 @@ def _to_fractions(
         raise ValueError(
             f"reflectance of {names[i]!r} is not finite at band {j + 1}: {values[i, j]:g}"
         )
-    scale = declared or _detected_scale(values, peaks, names, notes)
+    cure = "are these counts? divide by what stands for a reflectance of 1, or say it: --scale"
+    scale = declared or scale_by_size(values, peaks, names, notes, cure)
     if scale == 100.0:
         notes.append("values are in percent; divided by 100")
     elif scale != 1.0:
@@ -306,45 +310,6 @@ def _to_fractions(
             f"{bright} {verb} a reflectance of 1, up to {peaks[worst]:.3g} ({causes}); kept"
         )
     return UNITS.get(scale, "scaled")
-
-
-def _detected_scale(
-    values: Rows,
-    peaks: Float[np.ndarray, "rows"],
-    names: Sequence[str],
-    notes: list[str],
-) -> float:
-    """100 for values in percent, 1 for fractions, judged by the brightest spectrum; a note names
-    what is dark in percent.
-    """
-    brightest = float(peaks.max())
-    if brightest <= MIN_PERCENT:
-        return 1.0
-    brightest_name = names[int(peaks.argmax())]
-    dark = np.flatnonzero(peaks <= MAX_FRACTION)
-    # Few paints are below 0.5 % at half of the bands, or below 0.2 % at a tenth: such a spectrum
-    # is in fractions.
-    half = (values[dark] < 0.5).mean(axis=1) > 0.5
-    fractions = dark[half | ((values[dark] < 0.2).mean(axis=1) > 0.1)]
-    if fractions.size:
-        if brightest <= MAX_DECLARED:
-            return 1.0
-        raise ValueError(
-            f"percent and fraction are mixed: {brightest_name} in percent (maximum above "
-            f"{MIN_PERCENT:g}), {list_names([names[int(i)] for i in fractions])} in fractions; "
-            "bring all to one unit, or say it: --unit percent"
-        )
-    if brightest > 100 * MAX_FRACTION:
-        raise ValueError(
-            f"reflectance of {brightest_name} reaches {brightest:g}, too much for a fraction (at "
-            f"most {MAX_FRACTION:g}) and for percent (at most {100 * MAX_FRACTION:g}); are these "
-            "counts? divide by what stands for a reflectance of 1, or say it: --scale"
-        )
-    if dark.size:
-        notes.append(
-            f"{list_names([names[int(i)] for i in dark])}: dark, in percent as {brightest_name} is"
-        )
-    return 100.0
 
 
 # What no format of names can hold: control characters, surrogates, and two that XML forbids.

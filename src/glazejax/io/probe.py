@@ -9,8 +9,8 @@ from typing import Unpack
 
 import numpy as np
 
-from ..spectra import MAX_FRACTION, MIN_PERCENT
-from .finish import DELETED, MAX_DECLARED, UNITS, USUAL_MARK
+from ..spectra import MAX_DECLARED, scale_by_size
+from .finish import DELETED, UNITS, USUAL_MARK
 from .quantity import Stated, check_reflectance, read_units
 from .raw_cube import RawCube
 from .source import naming
@@ -83,42 +83,36 @@ def scale_of(
     with naming(raw.path):
         check_reflectance(raw.quantity, stated)
         _, wanted = read_units(stated)
-        declared = wanted or raw.scale
         if wanted is not None and raw.scale not in (None, wanted):
             notes.append(
                 f"the file says that {raw.scale:g} is a reflectance of 1; {wanted:g} was given and "
                 "is used"
             )
         level = bright(raw, bands)
-        if declared is None:
-            scale = _detected_scale(raw, level, cure)
-        else:
-            scale = declared
+        if scale := wanted or raw.scale:
             reached = (level or 0.0) / scale
             if reached > MAX_DECLARED:
                 raise ValueError(
                     f"pixels reach a reflectance of {reached:g} by the reflectance scale factor "
                     f"{scale:g}"
                 )
+        elif level is None:
+            raise ValueError(
+                "no pixel that was looked at has data: give the scale, 1 for fractions"
+            )
+        elif raw.dtype.kind in "iu" and not raw.converts:
+            raise ValueError(
+                f"whole numbers up to {level:g} are a camera's counts where no scale is said, "
+                f"neither fraction nor percent: {cure}"
+            )
+        else:
+            peak = np.array([level])
+            scale = scale_by_size(peak[None], peak, ["the brightest pixels"], notes, cure)
     if scale != 1.0:
         notes.append(
             "values are in percent; divided by 100" if scale == 100.0 else f"divided by {scale:g}"
         )
     return scale, UNITS.get(scale, "scaled")
-
-
-def _detected_scale(raw: RawCube, level: float | None, cure: str) -> float:
-    """100 for percent, 1 for fractions, judged by what bright pixels reach."""
-    if level is None:
-        raise ValueError("no pixel that was looked at has data: give the scale, 1 for fractions")
-    if raw.dtype.kind in "iu" and not raw.converts:
-        raise ValueError(
-            f"whole numbers up to {level:g} are a camera's counts where no scale is said, neither "
-            f"fraction nor percent: {cure}"
-        )
-    if level > 100 * MAX_FRACTION:
-        raise ValueError(f"pixels reach {level:g}, neither fraction nor percent: {cure}")
-    return 1.0 if level <= MIN_PERCENT else 100.0
 
 
 def _tiles(raw: RawCube, across: int) -> Iterator[tuple[slice, ...]]:

@@ -145,7 +145,7 @@ def test_percent_and_given_scales(tmp_path):
     assert open_cube(envi(tmp_path, values * 100, dtype="f4")).attrs["unit"] == "percent"
     assert_allclose(open_cube(tmp_path / "image.hdr").values, values, atol=1e-6)
     envi(tmp_path, values * 5000, dtype="f4")
-    with pytest.raises(ValueError, match="neither fraction nor percent: give the scale"):
+    with pytest.raises(ValueError, match=r"too much for .* percent .*; give the scale"):
         open_cube(tmp_path / "image.hdr")
     assert_allclose(open_cube(tmp_path / "image.hdr", scale=5000).values, values, atol=1e-6)
 

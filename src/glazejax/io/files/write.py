@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ...spectra import MAX_FRACTION, validate_wavelengths
-from ..finish import MAX_DECLARED, different, plain_name
+from ...spectra import MAX_DECLARED, MAX_FRACTION, validate_wavelengths
+from ..finish import different, plain_name
 from ..outputs import file_format
 from ..quantity import names_sample
 from ..source import naming

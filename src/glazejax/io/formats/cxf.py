@@ -7,8 +7,8 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from ...spectra import describe_grid
-from ..finish import MAX_DECLARED, RawSpectra
+from ...spectra import MAX_DECLARED, describe_grid
+from ..finish import RawSpectra
 from ..quantity import first_quantity
 from ..source import Source
 from ..spectra_table import Bands, SpectraTable
