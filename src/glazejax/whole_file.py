@@ -9,8 +9,12 @@ from pathlib import Path
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
     """A name to write under: what was written takes the file's own once it is whole, and is taken
-    away if that fails. So a file is there whole, or as it was before.
+    away if that fails. So a file is there whole, or as it was before. A device or a pipe, such as
+    /dev/stdout, is written to as it is.
     """
+    if path.exists() and not path.is_file():
+        yield path
+        return
     # Programs that write the same file at one time each write a part of their own.
     temporary = path.with_name(f"{path.name[:200]}.{os.getpid()}.part")
     try:
