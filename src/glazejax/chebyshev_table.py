@@ -113,6 +113,20 @@ def coefficients_from_nodes(
     return np.linalg.inv(chebyshev.chebvander(nodes(count), count - 1))
 
 
+def series_coefficients(values: Float[np.ndarray, "..."], axes: int) -> Float[np.ndarray, "..."]:
+    """Chebyshev coefficients of values at the extrema, along the first axes."""
+    for k, count in enumerate(values.shape[:axes]):
+        values = along_axis(coefficients_from_nodes(extrema, count), values, k)
+    return values
+
+
+def along_axis(
+    matrix: Float[np.ndarray, "rows columns"], values: np.ndarray, axis: int
+) -> np.ndarray:
+    """The matrix times the values along one axis."""
+    return np.moveaxis(np.tensordot(matrix, values, (1, axis)), 0, axis)
+
+
 def polynomials(x: Any, count: int, xp: ModuleType = jnp, axis: int = -1) -> Any:
     """Chebyshev polynomials T_0 to T_(count - 1) at x, (points,): (points, count), or (count,
     points) on axis 0.

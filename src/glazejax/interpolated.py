@@ -32,9 +32,9 @@ from .chebyshev_table import (
     Mirrored,
     axes_to_refine,
     best_axis,
-    coefficients_from_nodes,
     extrema,
     polynomials,
+    series_coefficients,
     trial_line,
 )
 from .radiative.common.chunks import on_all_cores, on_cpu
@@ -434,7 +434,7 @@ class _Builder:
         # Chebyshev's extrema: each number of points is nested in the next.
         values = self._grid([extrema(5)] * len(self.axes))
         while True:
-            coefficients = _coefficients(values)
+            coefficients = series_coefficients(values, len(self.axes))
             points = np.zeros((0, len(self.axes)))
             truth = np.zeros((0, values.shape[-1]))
             error = 0.0
@@ -563,12 +563,3 @@ class _Builder:
         # Old and new points alternate.
         out[0::2], out[1::2] = np.moveaxis(values, k, 0), new
         return np.moveaxis(out, 0, k)
-
-
-def _coefficients(values: np.ndarray) -> np.ndarray:
-    """Chebyshev coefficients of values at the extrema along all axes but the last."""
-    for k, count in enumerate(values.shape[:-1]):
-        values = np.moveaxis(
-            np.tensordot(coefficients_from_nodes(extrema, count), values, (1, k)), 0, k
-        )
-    return values

@@ -100,10 +100,11 @@ class GlazeBSDF:
             None if x is None or isinstance(x, float) else x
             for x in (parameters.thickness, parameters.fraction)
         )
+        self._coats = _text_of(parameters.coats)
         self._ground = self._ground_texture(parameters)
         # Room for a texture of one value: a table needs a range.
         self.table: Body = _table(
-            coats=_text_of(parameters.coats),
+            coats=self._coats,
             layer=parameters.layer,
             thickness=_span(parameters.thickness, max(parameters.thickness_max, 1e-9)),
             fraction=_span(parameters.fraction, 1.0),
@@ -290,7 +291,7 @@ class GlazeBSDF:
         """Texture that gives the ground at each place; None where it is the same everywhere."""
         ground = parameters.ground
         if isinstance(ground, np.ndarray):
-            return _Bands(self._mi, self._dr, ground, bands_of(parameters.coats))
+            return _Bands(self._mi, self._dr, ground, bands_of(self._coats))
         return (
             None
             if ground is None or isinstance(ground, float) or not ground.is_spatially_varying()
@@ -307,7 +308,7 @@ class GlazeBSDF:
         # The texture's spectrum at the table's own bands.
         where = self._dr.zeros(self._mi.SurfaceInteraction3f)
         reflectance = []
-        for wavelength in bands_of(_text_of(parameters.coats)):
+        for wavelength in bands_of(self._coats):
             where.wavelengths = mi.UnpolarizedSpectrum(float(wavelength))
             reflectance.append(float(np.array(parameters.ground.eval(where)).ravel()[0]))
         return tuple(float(x) for x in np.clip(reflectance, 0.0, 1.0))

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy.polynomial import chebyshev
 
-from ...chebyshev_table import SAFETY, Axis, Mirrored, extrema
+from ...chebyshev_table import SAFETY, Axis, Mirrored, along_axis, extrema
 from ...interpolated import interpolated
 from ...paint.media import Glaze
 from ..glaze.interpolation import error_weight, lagrange
@@ -53,13 +53,6 @@ class Nodes(NamedTuple):
             basis = chebyshev.chebvander(extrema(2 * count - 1), count - 1)
             values = along_axis(basis, values, k)
         return self.surface.expand(values, self.cosines, SOLVER * self.tolerance)
-
-
-def along_axis(
-    matrix: Float[np.ndarray, "rows columns"], values: np.ndarray, axis: int
-) -> np.ndarray:
-    """The matrix times the values along one axis."""
-    return np.moveaxis(np.tensordot(matrix, values, (1, axis)), 0, axis)
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy.polynomial import chebyshev
 
-from ...chebyshev_table import SAFETY, Axis, Mirrored, coefficients_from_nodes, extrema
+from ...chebyshev_table import SAFETY, Axis, Mirrored, along_axis, series_coefficients
 from ...paint.media import Glaze
 from ...radiative.common.quadrature import gauss
 from ..glaze.interpolation import error_weight, lagrange
@@ -27,7 +27,6 @@ from .nodes import (
     GlazeSurface,
     Nodes,
     NodeSolver,
-    along_axis,
     over,
     solve_nodes,
 )
@@ -251,7 +250,8 @@ def _compress(nodes: Nodes, ground: np.ndarray | None, mean_ground: float) -> Bo
     left_out = 0.1 * nodes.tolerance
     limit = 0.05 * nodes.tolerance
     shapes, onto = _basis([exact, dim], analytic.ravel(), left_out)
-    weights, means = (_series(values @ onto, len(nodes.axes)) for values in (exact, dim))
+    axes = len(nodes.axes)
+    weights, means = (series_coefficients(values @ onto, axes) for values in (exact, dim))
     squares = shapes.reshape(-1, n, n)
     # Symmetric to the last digit.
     squares = 0.5 * (squares + np.swapaxes(squares, 1, 2))
@@ -265,11 +265,11 @@ def _compress(nodes: Nodes, ground: np.ndarray | None, mean_ground: float) -> Bo
         across, onto_lines = _basis([tau], tall, left_out)
         lines = _pack(to_grid @ across.T)
         channels = np.concatenate([_pad(tau @ onto_lines), terms.back[..., None]], axis=-1)
-        through = _series(channels, len(nodes.axes))
+        through = series_coefficients(channels, axes)
     # All kept series must do between the nodes; what the ground sees counts more, as light goes
     # back and forth.
     peak = np.max(analytic) * np.max(np.abs(shapes), axis=-1)
-    counts = tuple(_line_count(weights * peak, k, limit) for k in range(len(nodes.axes)))
+    counts = tuple(_line_count(weights * peak, k, limit) for k in range(axes))
     if through is not None:
         counts = tuple(max(c, _line_count(through, k, limit)) for k, c in enumerate(counts))
     # Each shape over all directions of the second angle gives its albedo.
@@ -298,13 +298,6 @@ def _compress(nodes: Nodes, ground: np.ndarray | None, mean_ground: float) -> Bo
         albedo_shapes=_pack(albedo),
         packets=(len(shapes) // 4, 0 if lines is None else lines.shape[-2]),
     )
-
-
-def _series(values: np.ndarray, axes: int) -> np.ndarray:
-    """Chebyshev coefficients of values at the extrema."""
-    for k in range(axes):
-        values = along_axis(coefficients_from_nodes(extrema, values.shape[k]), values, k)
-    return values
 
 
 def _basis(

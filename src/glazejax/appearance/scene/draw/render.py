@@ -227,8 +227,10 @@ def _signature(bounces: list[Bounce]) -> Int[np.ndarray, "rays"]:
     total: np.ndarray | None = None
     # From the last bounce back: each point's number takes in that of the point seen in its mirror.
     for bounce, child in zip(reversed(bounces), [None, *reversed(bounces[1:])], strict=True):
-        # The lights that reach a point are bits of one number.
-        reached = (bounce.strength > 0) @ (1 << np.arange(bounce.strength.shape[1], dtype=np.int64))
+        # The lights that reach a point, as a sum of one random number each: bits would end at 63.
+        reached = (bounce.strength > 0) @ np.random.default_rng(0).integers(
+            1 << 62, size=bounce.strength.shape[1]
+        )
         signature = (bounce.shape.astype(np.int64) + 1) * 1000003 + reached
         if child is not None and total is not None:
             signature[child.parent] += 7919 * (total % 1000000007)
