@@ -107,7 +107,10 @@ def test_picture_is_written(paints, maps, tmp_path):
         ),
         ({"thickness_maps": (np.full(SIZE, -1e-6), 1e-6)}, "not -1e-06"),
         ({"thickness_maps": (FLAT, np.full((3, 3), 1e-6))}, "maps differ in shape"),
-        ({"thickness_maps": (np.full(7, 1e-6), 1e-6)}, r"map \(h, w\) or one number"),
+        (
+            {"thickness_maps": (np.full(7, 1e-6), 1e-6)},
+            r"shape \(7,\); it must be a number or a map \(h, w\)",
+        ),
         ({"thickness_maps": (1e-6, 1e-6)}, "glazejax.reflectance"),
         ({"thickness_maps": (FLAT,)}, "2 coats and 1 thickness maps"),
         ({"ground": np.full(SIZE, 84.0)}, "percent"),

@@ -21,11 +21,11 @@ from . import colour
 from .extras import require
 from .geometry import Geometry, Hemispherical, Instrument, geometry_of
 from .interpolated import MOST_AXES, at_points
-from .paint.media import Glaze, Layer, Mixture, Pigment
+from .paint.media import Glaze, Layer, Mixture, Pigment, check_map, shared_shape
 from .radiative.common.fresnel import dielectric_reflectance
 from .radiative.plan.plan import ALL, Savings, plan_stacks
 from .radiative.plan.reduction import distinct
-from .spectra import Numbers, as_array, concrete
+from .spectra import Numbers
 
 # Stacks planned together where every pixel is computed.
 _STACKS = 2**17
@@ -171,42 +171,26 @@ class _PictureInputs:
         savings,
     ):
         paints = list(paints)
-        maps = [as_array(m) for m in maps]
         if not paints or len(paints) != len(maps):
             raise ValueError(
                 f"{len(paints)} coats and {len(maps)} thickness maps: give each coat one map "
                 "or number"
             )
-        coats = [Layer(medium, thickness) for medium, thickness in zip(paints, maps, strict=True)]
-        ground = np.asarray(_check_known("ground", ground), float)
-        thickness = [np.asarray(_check_known("thickness", m), float) for m in maps]
-        names = [f"thickness of {medium.name!r}" for medium in paints]
-        named = [*zip(names, thickness, strict=True), ("ground", ground)]
-        for name, array in named:
-            if array.ndim not in ((0, 2) if name != "ground" else (0, 1, 2)):
-                raise ValueError(
-                    f"{name} has shape {array.shape}; it must be a map (h, w) or one number"
-                )
-        shapes = [(name, array.shape) for name, array in named if array.ndim == 2]
-        if not shapes:
+        # One glaze of unit thickness (1 mm, so that it is legal) holds the coefficients.
+        coats = [Layer(medium, 1e-3) for medium in paints]
+        names = [f"of {coat.medium.name!r}" for coat in coats]
+        thickness = [
+            check_map("thickness", values, name, axes=(0, 2))
+            for values, name in zip(maps, names, strict=True)
+        ]
+        ground = check_map("ground", ground, axes=(0, 1, 2))
+        unit = Glaze(coats, ground if ground.ndim < 2 else 0.0, refractive_index)
+        named = [(f"thickness {name}", m) for name, m in zip(names, thickness, strict=True)]
+        pictures = [(name, m) for name, m in [*named, ("ground", ground)] if m.ndim == 2]
+        if not pictures:
             raise ValueError("no map: for one glaze use glazejax.reflectance")
-        self.shape = shapes[0][1]
-        if any(shape != self.shape for _, shape in shapes):
-            listing = ", ".join(f"{name} {shape}" for name, shape in shapes)
-            raise ValueError(f"maps differ in shape: {listing}")
-        self.pixels = int(np.prod(self.shape))
-        if self.pixels == 0:
-            raise ValueError(f"maps of shape {self.shape} hold no pixel")
-        # One glaze of unit thickness (1 mm, so that it is legal) holds the coefficients, and checks
-        # the rest.
-        unit = Glaze(
-            [Layer(coat.medium, 1e-3) for coat in coats],
-            ground if ground.ndim < 2 else 0.0,
-            refractive_index,
-        )
-        # A map of the ground is checked by itself.
-        if ground.ndim == 2:
-            Glaze([], ground)
+        self.shape = shared_shape(pictures)
+        self.pixels = pictures[0][1].size
         if unit.phase is not None:
             raise ValueError(
                 "a picture takes paint that scatters isotropically; glazejax.reflectance follows "
@@ -257,16 +241,6 @@ class _PictureInputs:
     def difference(self, first: np.ndarray, second: np.ndarray) -> np.ndarray:
         """CIEDE2000 difference of XYZ, (points,)."""
         return colour.delta_e_2000(*(colour.xyz_to_lab(xyz, self.white) for xyz in (first, second)))
-
-
-def _check_known(name: str, values: Numbers) -> np.ndarray:
-    array = concrete(values)
-    if array is None:
-        raise ValueError(
-            f"{name} is traced by JAX, but a picture looks at its numbers: make it outside jit "
-            "and grad"
-        )
-    return array
 
 
 def _directions(

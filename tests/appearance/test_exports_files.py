@@ -228,11 +228,11 @@ MAP = np.full((2, 2), 3e-6)
         ({}, "textures need a map that says what changes"),
         (
             {"thickness": MAP * 1e6},
-            r"goes from 3 to 3; it must lie in 0 to 0.01 m \(20 micrometres",
+            r"thickness must be in \[0, 0.01\], not 3: thickness is in metres \(20 micrometres",
         ),
-        ({"thickness": -MAP}, "map of thickness goes from -3e-06"),
-        ({"thickness": MAP * np.nan}, "map of thickness goes from nan"),
-        ({"thickness": MAP[0]}, r"map of thickness must be a picture of numbers, \(h, w\)"),
+        ({"thickness": -MAP}, r"thickness must be in \[0, 0.01\], not -3e-06"),
+        ({"thickness": MAP * np.nan}, r"thickness must be in \[0, 0.01\], not nan"),
+        ({"thickness": MAP[0]}, r"thickness has shape \(2,\); it must be a map \(h, w\)"),
         (
             {"thickness": MAP, "ground": np.ones((3, 2))},
             r"maps differ in shape: thickness \(2, 2\), ground \(3, 2\)",

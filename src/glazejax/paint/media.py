@@ -67,6 +67,71 @@ def _check_range(name: str, values: Numbers, low: float, high: float, hint: str 
         raise ValueError(f"{name} must be {bounds}, not {value:g}{hint if value > high else ''}")
 
 
+# Largest thickness or share, and what a larger one is likely to be.
+_LIMITS = {
+    "thickness": (MAX_THICKNESS, ": thickness is in metres (20 micrometres are 20e-6)"),
+    "fraction": (1.0, ""),
+    "ground": (1.0, ", which looks like percent: divide it by 100"),
+}
+_SHAPES = ("a number", "a spectrum (bands,)", "a map (h, w)", "a map of spectra (h, w, bands)")
+
+
+def check_quantity(kind: str, values: Numbers, of: str = "", hint: str = "") -> None:
+    """Refuse concrete values that no coat or ground has.
+
+    Args:
+        kind: "thickness" in m, "fraction" or "ground".
+        values: in any shape.
+        of: what the error says behind the kind, such as "of 'Eosin'".
+        hint: of the error, in place of what a larger value is likely to be.
+
+    Raises:
+        ValueError: the message names the first value that is out of range, and the fix.
+    """
+    most, usual_hint = _LIMITS[kind]
+    _check_range(f"{kind} {of}" if of else kind, values, 0.0, most, hint or usual_hint)
+
+
+def check_map(
+    kind: str, values: Numbers, of: str = "", axes: Sequence[int] = (2,)
+) -> Float[np.ndarray, "..."]:
+    """A map as an array of legal numbers.
+
+    Args:
+        kind, of: see `check_quantity`.
+        values: of the map, its first row on top.
+        axes: how many axes it may have: 0 for one number, 1 for a spectrum, 2, or 3 for a map of
+            spectra.
+
+    Raises:
+        ValueError: values that JAX traces, another number of axes, no values, or one out of range.
+    """
+    array = concrete(values)
+    name = f"{kind} {of}" if of else kind
+    if array is None:
+        raise ValueError(
+            f"{name} is traced by JAX, but a map is looked at: make it outside jit and grad"
+        )
+    if array.ndim not in axes or array.size == 0:
+        shapes = " or ".join(_SHAPES[count] for count in axes)
+        raise ValueError(f"{name} has shape {array.shape}; it must be {shapes}, not empty")
+    array = np.asarray(array, float)
+    check_quantity(kind, array, of)
+    return array
+
+
+def shared_shape(maps: Sequence[tuple[str, Float[np.ndarray, "..."]]]) -> tuple[int, ...]:
+    """The shape of maps, given with their names.
+
+    Raises:
+        ValueError: they differ in shape; the message lists them.
+    """
+    if len({values.shape for _, values in maps}) > 1:
+        listing = ", ".join(f"{name} {values.shape}" for name, values in maps)
+        raise ValueError(f"maps differ in shape: {listing}")
+    return maps[0][1].shape
+
+
 def _describe_value(value: Any) -> str:
     """Description of a value in a word: a text as it is, else its type."""
     return repr(value) if isinstance(value, str) else f"a {type(value).__name__}"
@@ -430,13 +495,7 @@ class Layer(_PlainModule):
                 f"a layer is of a Pigment or a Mixture, not {_describe_value(medium)}; "
                 "the catalogue's paints are glazejax.catalogue.load()[NAME]"
             )
-        _check_range(
-            f"thickness of {medium.name!r}",
-            thickness,
-            0.0,
-            MAX_THICKNESS,
-            ": thickness is in metres (20 micrometres are 20e-6)",
-        )
+        check_quantity("thickness", thickness, f"of {medium.name!r}")
         if phase is not None:
             phase = legal_phase(f"layer of {medium.name!r}", phase, medium.wavelengths.size)
         vars(self).update(medium=medium, thickness=as_float_array(thickness), _phase=phase)
@@ -488,7 +547,7 @@ class Glaze(_PlainModule):
                     "write Layer(paint, thickness in m)"
                 )
         _check_grids([coat.medium for coat in coats])
-        _check_range("ground", ground, 0.0, 1.0, ", which looks like percent: divide it by 100")
+        check_quantity("ground", ground)
         _check_range("refractive_index", refractive_index, 1.0, 2.5)
         below = as_array(ground)
         index = as_array(refractive_index)

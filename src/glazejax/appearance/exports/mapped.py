@@ -27,10 +27,6 @@ from .angles import pair_spectra
 from .rgb import Triples, rgb_of_xyz
 from .spaces import Space
 
-KINDS = ("thickness", "fraction", "ground")
-"""What may be a map: thickness of a layer in m, share of its second paint, reflectance of the
-ground.
-"""
 # Tints of a coat that are tried; between them their error is a parabola.
 _TINTS = np.exp(np.linspace(0.0, np.log(2e-3), 41))
 # Glazes of a table that are computed side by side, so that one program serves all.
@@ -62,7 +58,8 @@ class MappedGlaze:
     Attributes:
         glaze: all else of it, without batch axes.
         layer: number of the layer whose thickness or fraction changes, 0 the top one.
-        kinds: which of `KINDS` change.
+        kinds: what changes: "thickness" of the layer in m, "fraction", the share of its second
+            paint, "ground", the reflectance of the ground.
     """
 
     glaze: Glaze

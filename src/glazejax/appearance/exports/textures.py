@@ -11,14 +11,14 @@ from jaxtyping import Float
 from ...colour import CIE_1931, encoded_srgb
 from ...extras import require
 from ...io.outputs import check_output
-from ...paint.media import MAX_THICKNESS, Glaze
+from ...paint.media import Glaze, check_map, shared_shape
 from ...progress import Progress, no_progress
-from ...spectra import Numbers, concrete
+from ...spectra import Numbers
 from ...stacks import Stack
 from .angles import angular_colour, check_roughness
 from .fit import Errors, colour_tuple, material_errors
 from .image_files import FORMATS, normals, write_image
-from .mapped import KINDS, Colours, MappedGlaze, mapped_colours
+from .mapped import Colours, MappedGlaze, mapped_colours
 from .materialx import ImageNode, write_materialx
 from .openpbr import COLOURS, OpenPBR, paint_surface
 from .rgb import SPACES, outside
@@ -112,7 +112,7 @@ def texture_set(
         require("OpenEXR")
     if not 0 < delta_e < 100:
         raise ValueError(f"delta_e is {delta_e}; it must be positive, such as 0.1")
-    maps = _checked_maps({"thickness": thickness, "fraction": fraction, "ground": ground}, pixel)
+    maps = _check_maps({"thickness": thickness, "fraction": fraction, "ground": ground}, pixel)
     single = glaze.glaze() if isinstance(glaze, Stack) else glaze
     mapped = MappedGlaze(single, layer, tuple(maps))
     files = _files(Path(folder), name, kind, coat, pixel is not None, overwrite)
@@ -178,36 +178,16 @@ def texture_set(
     return result
 
 
-def _checked_maps(
+def _check_maps(
     inputs: dict[str, Numbers | None], pixel: float | None
 ) -> dict[str, Float[np.ndarray, "h w"]]:
-    """Maps as arrays, by `KINDS`."""
-    maps = {}
-    for kind in KINDS:
-        if inputs[kind] is None:
-            continue
-        values = concrete(inputs[kind])  # pyright: ignore[reportArgumentType]
-        if values is None or values.ndim != 2 or values.size == 0:
-            raise ValueError(f"the map of {kind} must be a picture of numbers, (h, w)")
-        values = np.asarray(values, float)
-        most = MAX_THICKNESS if kind == "thickness" else 1.0
-        if not np.all((values >= 0) & (values <= most)):
-            unit = " m (20 micrometres are 20e-6)" if kind == "thickness" else ""
-            raise ValueError(
-                f"the map of {kind} goes from {values.min():g} to {values.max():g}; it must lie "
-                f"in 0 to {most:g}{unit}"
-            )
-        maps[kind] = values
+    """Maps as arrays, those that there are, of one shape."""
+    maps = {kind: check_map(kind, values) for kind, values in inputs.items() if values is not None}
     if not maps:
         raise ValueError(
             "textures need a map that says what changes: thickness, fraction or ground, (h, w)"
         )
-    shapes = {kind: values.shape for kind, values in maps.items()}
-    if len(set(shapes.values())) > 1:
-        raise ValueError(
-            "maps differ in shape: "
-            + ", ".join(f"{kind} {shape}" for kind, shape in shapes.items())
-        )
+    shared_shape(list(maps.items()))
     if pixel is not None and "thickness" not in maps:
         raise ValueError(
             "height and normals are those of a thickness map: give one, or leave out the pixel's "

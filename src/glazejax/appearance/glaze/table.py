@@ -22,7 +22,7 @@ from ...chebyshev_table import (
     roots,
     trial_line,
 )
-from ...paint.media import MAX_THICKNESS, Glaze, Layer, check_glaze
+from ...paint.media import MAX_THICKNESS, Glaze, check_glaze, check_quantity
 from ...radiative.common.fresnel import cos_refracted
 from ...spectra import Grid, Numbers, concrete
 from .interpolation import GlazeTable, error_weight, evaluate, interior
@@ -247,9 +247,7 @@ def _thickness_range(glaze: Glaze, thickness: Numbers | None, layer: int) -> Axi
     values = concrete(thickness)
     if values is None or values.size == 0:
         raise ValueError("thickness must be known numbers: the thicknesses of the scene, in metres")
-    Layer(
-        glaze.coats[layer].medium, values
-    )  # refuses what is negative, not finite or not in metres
+    check_quantity("thickness", values, f"of {glaze.coats[layer].medium.name!r}")
     low = float(values.min())
     high = float(values.max())
     if high > low:

@@ -1,13 +1,13 @@
 """A glaze, thickness maps and grounds of Python as the dictionary that Mitsuba loads."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
 
-from ...paint.media import MAX_THICKNESS, Glaze, Layer, Mixture, Pigment, check_glaze
+from ...paint.media import Glaze, Layer, Mixture, Pigment, check_glaze, check_map
 from ...spectra import Grid, Numbers
 from ...stacks import Stack
 from ..glaze.solve import check_layer, on_grid
@@ -97,9 +97,9 @@ def glaze_bsdf(
     if thickness is not None:
         description |= _thickness(thickness, thickness_max)
     if fraction is not None:
-        description["fraction"] = _map("fraction", fraction, 0.0, 1.0)
+        description["fraction"] = _map("fraction", fraction)
     if ground is not None:
-        description["ground"] = _map("ground", ground, 0.0, 1.0, most_axes=3)
+        description["ground"] = _map("ground", ground, axes=(0, 2, 3))
     return description
 
 
@@ -157,11 +157,11 @@ def _parts(
     return weights
 
 
-def _thickness(thickness: Surface, most: float | None) -> dict[str, Any]:
+def _thickness(thickness: "Numbers | Mapping[str, Any]", most: float | None) -> dict[str, Any]:
     description: dict[str, Any] = {} if most is None else {"thickness_max": float(most)}
-    if isinstance(thickness, Mapping) or np.ndim(thickness) == 0:  # pyright: ignore[reportArgumentType]
-        return description | {"thickness": _map("thickness", thickness, 0.0, MAX_THICKNESS)}
-    values = _checked("thickness", thickness, 0.0, MAX_THICKNESS)
+    if isinstance(thickness, Mapping) or np.ndim(thickness) == 0:
+        return description | {"thickness": _map("thickness", thickness)}
+    values = check_map("thickness", thickness)
     largest = float(values.max())
     if most is not None and largest > most * (1 + 1e-6):
         raise ValueError(
@@ -172,29 +172,14 @@ def _thickness(thickness: Surface, most: float | None) -> dict[str, Any]:
     return description | {"thickness": scaled, "thickness_scale": _MICROMETRE}
 
 
-def _map(name: str, surface: Surface, low: float, high: float, most_axes: int = 2) -> Any:
+def _map(kind: str, surface: "Numbers | Mapping[str, Any]", axes: Sequence[int] = (0, 2)) -> Any:
     """A number, texture or array of spectra, checked."""
     if isinstance(surface, Mapping):
         return dict(surface)
-    values = _checked(name, surface, low, high, most_axes)
+    values = check_map(kind, surface, axes=axes)
     if values.ndim == 3:
         return renderer()[0].Bitmap(np.ascontiguousarray(values, np.float32))
     return float(values) if values.ndim == 0 else _texture(values)
-
-
-def _checked(name: str, surface: Any, low: float, high: float, most_axes: int = 2) -> np.ndarray:
-    """A number or a map; with `most_axes` of 3 a map of spectra too."""
-    values = np.asarray(surface, float)
-    if values.ndim not in (0, 2, most_axes) or values.size == 0:
-        raise ValueError(
-            f"{name} is an array of shape {values.shape}; give a number, a map (rows, columns) "
-            "or a texture of Mitsuba"
-        )
-    if not (values.min() >= low and values.max() <= high):
-        wrong = values[~((values >= low) & (values <= high))].flat[0]
-        unit = " metres (20 micrometres are 20e-6)" if name == "thickness" else ""
-        raise ValueError(f"{name} has the value {wrong:g}; it must be {low:g} to {high:g}{unit}")
-    return values
 
 
 def _texture(values: np.ndarray) -> dict[str, Any]:

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ...names import nearest_names
-from ...paint.media import MAX_THICKNESS
+from ...paint.media import MAX_THICKNESS, check_quantity
 
 
 class GlazeParameters(NamedTuple):
@@ -56,27 +56,22 @@ def read_parameters(mi: Any, props: Any) -> GlazeParameters:
     else:
         ground = _texture(mi, props, names, "ground", "get_texture")
     most = _number(props, names, "thickness_max", math.nan, 0.0, MAX_THICKNESS)
-    least, largest = _range(mi, thickness)
-    where = "thickness" if scale == 1.0 else f"thickness times thickness_scale ({scale:g})"
-    if thickness is not None and not (least >= 0 and largest * scale <= MAX_THICKNESS):
-        wrong = least if not least >= 0 else largest * scale
-        raise ValueError(
-            f"{where} has the value {wrong:g}; it must be 0 to {MAX_THICKNESS:g} metres (20 "
-            "micrometres are 20e-6, or 20 with a thickness_scale of 1e-6)"
-        )
+    least, largest = (scale * end for end in _range(mi, thickness))
+    check_quantity(
+        "thickness",
+        [least, largest],
+        "" if scale == 1.0 else f"times thickness_scale ({scale:g})",
+        ": thickness is in metres (20 micrometres are 20e-6, or 20 with a thickness_scale of 1e-6)",
+    )
     # Without a limit the table ends at the largest thickness there is.
     if math.isnan(most):
-        most = largest * scale
-    elif thickness is not None and largest * scale > most * (1 + 1e-6):
+        most = largest
+    elif largest > most * (1 + 1e-6):
         raise ValueError(
-            f"{where} reaches {largest * scale:g} m, beyond the thickness_max of {most:g} m: "
-            "raise that"
+            f"thickness reaches {largest:g} m, beyond the thickness_max of {most:g} m: raise that"
         )
-    for name, value in (("fraction", fraction), ("ground", ground)):
-        low, high = _range(mi, value)
-        if not (low >= 0 and high <= 1):
-            wrong = low if not low >= 0 else high
-            raise ValueError(f"{name} has the value {wrong:g}; it must lie between 0 and 1")
+    check_quantity("fraction", _range(mi, fraction))
+    check_quantity("ground", _range(mi, ground))
     gloss = props["gloss"] if "gloss" in names else True
     if not isinstance(gloss, bool):
         raise ValueError(f"gloss is {gloss!r}; it must be true or false")

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...paint.media import Glaze, Layer
+from ...paint.media import Glaze, check_map
 from ...radiative.common.fresnel import (
     conductor_reflectance,
     cook_torrance_reflectance,
@@ -298,18 +298,9 @@ class Glazed(_GlazedSurface, Material):
             on_grid(self.glaze, wavelengths)
             if self.thickness is not None:
                 check_layer(self.glaze, self.layer)
+                check_map("thickness", self.thickness)
         except ValueError as error:
             raise ValueError(f"material {name!r}: {error}") from None
-        if self.thickness is None:
-            return
-        if np.ndim(self.thickness) != 2:
-            raise ValueError(
-                f"the thickness map of material {name!r} must be (h, w), not "
-                f"{np.shape(self.thickness)}"
-            )
-        Layer(
-            self.glaze.coats[self.layer].medium, self.thickness
-        )  # refuses what is negative or not in metres
 
     def prepare(self, wavelengths: Bands, seen: SeenRanges, tolerance: float) -> "GlazedTable":
         """Its reflectance factor as a table, for the angles and thicknesses that are seen."""
