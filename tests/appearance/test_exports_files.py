@@ -17,8 +17,8 @@ from glazejax.appearance.exports import (
     texture_set,
     write_materialx,
 )
-from glazejax.appearance.exports.image_files import normals, png
 from glazejax.appearance.exports.materialx import ImageNode
+from glazejax.appearance.image_files import normals, png
 from glazejax.colour import encoded_srgb
 from glazejax.commands import progress
 from glazejax.paint.describe import Coat

@@ -15,9 +15,9 @@ from ...paint.media import Glaze, check_map, shared_shape
 from ...progress import Progress, no_progress
 from ...spectra import Numbers
 from ...stacks import Stack
+from ..image_files import FORMATS, normals, write_image
 from .angles import angular_colour, check_roughness
 from .fit import Errors, colour_tuple, material_errors
-from .image_files import FORMATS, normals, write_image
 from .mapped import Colours, MappedGlaze, mapped_colours
 from .materialx import ImageNode, write_materialx
 from .openpbr import COLOURS, OpenPBR, paint_surface

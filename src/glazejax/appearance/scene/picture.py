@@ -9,6 +9,7 @@ from jaxtyping import Float, UInt8
 from ...colour import CIE_1931, colour_weights, find_observer
 from ...extras import require
 from ...spectra import Grid, Numbers
+from ..image_files import write_exr
 from .render_result import Rendered
 
 if TYPE_CHECKING:
@@ -140,21 +141,12 @@ def save_spectral(path: str | Path, rendered: Rendered) -> None:
         np.savez_compressed(path, radiance=radiance, wavelengths=rendered.wavelengths)
         return
     check_spectral(path)
-    import OpenEXR  # pyright: ignore[reportMissingImports]
-
     # The layout has a comma in the wavelength, and a point after S0.
     channels = {
-        "S0." + f"{wavelength:.6f}nm".replace(".", ","): np.ascontiguousarray(radiance[..., k])
+        "S0." + f"{wavelength:.6f}nm".replace(".", ","): radiance[..., k]
         for k, wavelength in enumerate(rendered.wavelengths)
     }
-    header = {
-        "compression": OpenEXR.ZIP_COMPRESSION,
-        "type": OpenEXR.scanlineimage,
-        "spectralLayoutVersion": "1.0",
-        "emissiveUnits": "W.m^-2.sr^-1.nm^-1",
-    }
-    with OpenEXR.File(header, channels) as file:
-        file.write(str(path))
+    write_exr(path, channels, spectralLayoutVersion="1.0", emissiveUnits="W.m^-2.sr^-1.nm^-1")
 
 
 def check_spectral(path: str | Path) -> None:

@@ -2,12 +2,13 @@
 
 import struct
 import zlib
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
 
-from ...extras import require
+from ..extras import require
 
 FORMATS = ("png", "exr")
 
@@ -24,7 +25,7 @@ def write_image(path: Path, values: Float[np.ndarray, "..."], *, encoded: bool =
         ModuleNotFoundError: OpenEXR is not installed.
     """
     if path.suffix.lower() == ".exr":
-        _write_exr(path, values)
+        write_exr(path, {"RGB" if values.ndim == 3 else "Y": values})
     else:
         path.write_bytes(png(values, encoded=encoded))
 
@@ -51,13 +52,25 @@ def png(values: Float[np.ndarray, "..."], *, encoded: bool = False) -> bytes:
     return b"\x89PNG\r\n\x1a\n" + b"".join(chunks)
 
 
-def _write_exr(path: Path, values: Float[np.ndarray, "..."]) -> None:
+def write_exr(
+    path: Path, channels: Mapping[str, Float[np.ndarray, "..."]], **attributes: str
+) -> None:
+    """Write an OpenEXR file in single precision.
+
+    Args:
+        path: of the file.
+        channels: by their names, (h, w) each; "RGB" is (h, w, 3).
+        attributes: further entries of the header.
+
+    Raises:
+        ModuleNotFoundError: OpenEXR is not installed.
+    """
     require("OpenEXR")
     import OpenEXR  # pyright: ignore[reportMissingImports]
 
-    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-    channels = {"RGB" if values.ndim == 3 else "Y": np.ascontiguousarray(values, np.float32)}
-    with OpenEXR.File(header, channels) as file:
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, **attributes}
+    single = {name: np.ascontiguousarray(x, np.float32) for name, x in channels.items()}
+    with OpenEXR.File(header, single) as file:
         file.write(str(path))
 
 
