@@ -263,7 +263,9 @@ def test_lamps_have_luminance_one_and_keep_their_lines():
 
 def test_measured_lamps(tmp_path):
     table = tmp_path / "lamps.csv"
-    table.write_text("nm,one,two\n" + "\n".join(f"{w},{w},{2000 - w}" for w in range(380, 800, 5)))
+    table.write_text(
+        "nm,one,two\n" + "\n".join(f"{w},{w / 4},{2000 - w}" for w in range(380, 800, 5))
+    )
     one = measured_lamp(f"{table}:one", GRID, 2.0)
     assert_allclose(one[1:] / one[:-1], GRID[1:] / GRID[:-1], rtol=2e-3)
     with refusal("holds 2 lamps: choose one"):

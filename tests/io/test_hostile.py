@@ -401,13 +401,6 @@ def test_hostile_maps(tmp_path):
     assert read_grey(path).max() <= 1
 
 
-def test_lamps_of_many_lines_are_refused(tmp_path):
-    path = tmp_path / "t.csv"
-    path.write_text("nm,one\n" + "4\n" * 400_000)
-    with limits(800_000), refusal("more than 20000 lines"):
-        measured_lamp(path, GRID)
-
-
 def test_progress_is_told(tmp_path):
     path, told = tmp_path / "t.csv", []
     path.write_text(WIDE + "".join(f"s{i},0.1,0.25,0.3\n" for i in range(30_000)))

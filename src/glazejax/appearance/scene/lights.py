@@ -107,13 +107,9 @@ def lamp(name: str, wavelengths: Grid, strength: float = 1.0) -> Bands:
     )
 
 
-# A lamp at every nanometre takes some kilobytes, and NumPy's reader a hundred times a file's size.
-_MAX_FILE = 1 << 20
-
-
 def measured_lamp(text: str | Path, wavelengths: Grid, strength: float = 1.0) -> Bands:
-    """Spectrum of a lamp from a table: wavelengths in the first column, a lamp in each other one,
-    names on top.
+    """Spectrum of a lamp from a text table: wavelengths in a column and a lamp in each other one,
+    names on top, or a lamp a row (`glazejax.io.formats.table.read_table`).
 
     Args:
         text: FILE.csv, or FILE.csv:NAME where it holds several. Any unit of power; the scale does
@@ -125,50 +121,28 @@ def measured_lamp(text: str | Path, wavelengths: Grid, strength: float = 1.0) ->
         ValueError: it is no such table, the name is not in it, or it does not cover the bands.
     """
     from ...io.files.sample import split_sample
-    from ...io.source import open_source, refusal, show_path
+    from ...io.formats.table import read_table
+    from ...io.quantity import nanometres
+    from ...io.source import naming, open_source, show_path
+    from ...io.spectra_table import there_are
 
     path, name = split_sample(str(text))
-    # NumPy's reader compares each title with all others, and writes a line on each line that is
-    # wrong.
-    limit = 2000
-    most_lines = 20_000
     with open_source(
         path, missing=f"there is no file {show_path(path)} with the spectrum of a lamp"
     ) as source:
-        lines = source.text(most=_MAX_FILE).splitlines()
-        if max((line.count(",") for line in lines), default=0) >= limit:
-            raise source.error(
-                f"more than {limit} columns; keep the wavelengths and the lamps you need"
-            )
-        if len(lines) > most_lines:
-            raise source.error(f"more than {most_lines} lines; keep the wavelengths you need")
-        try:
-            # The form that colour-science reads and writes; its own reader takes no open file.
-            table = np.genfromtxt(
-                lines, delimiter=",", names=True, deletechars="", replace_space=" ", dtype=float
-            )
-        except Exception as error:  # NumPy raises whatever its parts do
-            raise source.error(f"not a table of wavelengths and lamps ({error})") from None
-    titles = list(table.dtype.names or ())
-    if len(titles) < 2 or not table.size:
-        raise refusal(
-            path,
-            "not a table of wavelengths and lamps: it needs two columns, titles and a line below "
-            "them",
-        )
-    table = np.sort(np.atleast_1d(table), order=titles[0])
-    lamps = {title: table[title] for title in titles[1:]}
-    bands = table[titles[0]]
-    if not name and len(lamps) > 1:
-        raise ValueError(
-            f"{path} holds {len(lamps)} lamps: choose one, as {path}:{next(iter(lamps))}"
-        )
-    if name and name not in lamps:
-        raise ValueError(f"{path} holds no lamp {name!r}; there are {', '.join(list(lamps)[:6])}")
-    power = lamps[name or next(iter(lamps))]
-    wrong = ~(np.isfinite(bands) & np.isfinite(power))
-    if wrong.any():
-        raise refusal(path, f"the lamp lacks a number at {bands[wrong][0]:g} nm, or that is none")
+        raw = read_table(source)
+    with naming(path):
+        if not name and len(raw.names) > 1:
+            raise ValueError(f"holds {len(raw.names)} lamps: choose one, as {path}:{raw.names[0]}")
+        if name and name not in raw.names:
+            raise ValueError(f"holds no lamp {name!r}; {there_are(name, raw.names)}")
+        bands, _ = nanometres(raw.wavelengths, raw.wavelength_unit)
+        order = np.argsort(bands)
+        bands = bands[order]
+        power = raw.values[raw.names.index(name) if name else 0, order]
+        wrong = ~np.isfinite(power)
+        if wrong.any():
+            raise ValueError(f"the lamp lacks a number at {bands[wrong][0]:g} nm")
     return lamp_on_bands(bands, power, wavelengths, strength, words=f"the lamp in {path}")
 
 
