@@ -320,7 +320,10 @@ def test_maps_that_are_refused(mitsuba, paints):
         ({"thickness": np.zeros(3)}, r"thickness has shape \(3,\)"),
         ({"thickness": np.zeros((3, 3, 1))}, r"thickness has shape \(3, 3, 1\)"),
         ({"fraction": np.full((2, 2), 0.5)}, "write it as a mixture of two paints"),
-        ({"ground": np.full(5, 0.5)}, "the ground has 5 bands, but the table has 31"),
+        (
+            {"ground": np.full(5, 0.5)},
+            r"ground has shape \(5,\): its last axis must be the 31 bands",
+        ),
         ({"ground": np.full((2, 2, 31), 1.5)}, r"ground must be in \[0, 1\], not 1.5"),
     ]:
         with refusal(sentence):

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...paint.media import Glaze, Layer, Mixture, Pigment, check_glaze, check_map
 from ...spectra import Grid, Numbers
-from ...stacks import Stack
+from ...stacks import Stack, stack_of, stack_to_dict
 from ..glaze.solve import check_layer, on_grid
 from .coats import index_of
 from .device import renderer
@@ -86,7 +86,7 @@ def glaze_bsdf(
             else None
         )
         ground = ground if spectrum is None else None
-        description["coats"] = _json(glaze, wavelengths, layer, fraction is not None, spectrum)
+        description["coats"] = _text(glaze, wavelengths, layer, fraction is not None, spectrum)
         if fraction is not None or thickness is not None:
             check_layer(glaze, layer, mixed=fraction is not None)
     elif wavelengths is not None:
@@ -103,7 +103,7 @@ def glaze_bsdf(
     return description
 
 
-def _json(
+def _text(
     glaze: Glaze, wavelengths: Grid | None, layer: int, mixed: bool, ground: Numbers | None
 ) -> str:
     """The text of a stack, with all digits; only the coat whose mixture varies keeps its paints
@@ -113,48 +113,15 @@ def _json(
         raise ValueError("a glaze without coats is its ground: use Mitsuba's plastic")
     index = index_of(glaze)
     glaze = on_grid(glaze, glaze.wavelengths if wavelengths is None else wavelengths)
-    grid = np.asarray(glaze.wavelengths, float)
-    pigments: dict[str, Any] = {}
-    coats = [
-        {
-            "paint": _parts(coat, number, grid, pigments, mixed and number == layer),
-            "um": float(coat.thickness) / _MICROMETRE,
-        }
-        for number, coat in enumerate(glaze.coats)
-    ]
-    reflectance = np.asarray(glaze.ground if ground is None else ground, float)
-    if reflectance.shape != grid.shape:
-        raise ValueError(f"the ground has {reflectance.size} bands, but the table has {grid.size}")
-    stack = {"glazejax": "stack", "version": 1, "refractive_index": index, "coats": coats}
-    stack["ground"] = {
-        "wavelengths": grid.tolist(),
-        "reflectance": np.clip(reflectance, 0.0, 1.0).tolist(),
-    }
-    return json.dumps(stack | {"pigments": pigments})
-
-
-def _parts(
-    layer: Layer, number: int, grid: np.ndarray, pigments: dict[str, Any], separate: bool
-) -> dict[str, float]:
-    """Weights of a coat's paints, which are filed among the pigments."""
-    medium = layer.medium
-    # A mixture whose shares vary keeps its paints apart; any other coat is one medium.
-    media: list[tuple[Pigment | Mixture, float]] = [(medium, 1.0)]
-    if separate and isinstance(medium, Mixture):
-        media = [
-            (p, float(w))
-            for p, w in zip(medium.pigments, np.asarray(medium.weights, float), strict=True)
-        ]
-    weights = {}
-    for index, (paint, weight) in enumerate(media):
-        name = f"{number}.{index} {paint.name}"
-        # Interpolation and rounding must not leave k or s below 0.
-        pigments[name] = {"wavelengths": grid.tolist()} | {
-            key: np.maximum(np.asarray(getattr(paint, key), float), 0.0).tolist()
-            for key in ("absorption", "scattering")
-        }
-        weights[name] = weight
-    return weights
+    coats = list(glaze.coats)
+    for number, coat in enumerate(coats):
+        medium = coat.medium
+        # A coat of a stack is of few paints: any other mixture is one.
+        if isinstance(medium, Mixture) and not (mixed and number == layer):
+            paint = Pigment(medium.name, medium.wavelengths, medium.absorption, medium.scattering)
+            coats[number] = Layer(paint, coat.thickness)
+    whole = Glaze(coats, glaze.ground if ground is None else ground, index)
+    return json.dumps(stack_to_dict(stack_of(whole), digits=17))
 
 
 def _thickness(thickness: "Numbers | Mapping[str, Any]", most: float | None) -> dict[str, Any]:
