@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from types import ModuleType
 from typing import Any
 
@@ -243,6 +243,19 @@ def at_points(
     return np.asarray(table(**columns), float), table
 
 
+def by_blocks(
+    function: Callable[..., Any], rows: Sequence[Float[np.ndarray, "rows ..."]], block: int
+) -> Float[np.ndarray, "rows ..."]:
+    """Values of a function of rows, in blocks of one size, so that one program is compiled; the
+    first rows of the last block fill it up.
+    """
+    results = []
+    for start in range(0, len(rows[0]), block):
+        batch = (np.resize(x[start : start + block], (block, *x.shape[1:])) for x in rows)
+        results.append(np.asarray(function(*batch)))
+    return np.concatenate(results)[: len(rows[0])]
+
+
 def _ends(name: str, pair: Numbers) -> tuple[float, float]:
     values = np.asarray(pair, float)
     if values.shape != (2,):
@@ -377,14 +390,7 @@ class _Counted:
     def __call__(self, points: np.ndarray) -> np.ndarray:
         """Values (points, channels) at (points, axes)."""
         self.count += len(points)
-        if self.block is None:
-            return self._some(points)
-        # Filled up with the last point, so that every block is of one size.
-        spare = -len(points) % self.block
-        padded = np.concatenate([points, np.repeat(points[-1:], spare, axis=0)])
-        return np.concatenate(
-            [self._some(piece) for piece in np.split(padded, len(padded) // self.block)]
-        )[: len(points)]
+        return by_blocks(self._some, [points], self.block or len(points))
 
     def _some(self, points: np.ndarray) -> np.ndarray:
         sampled = concrete(self.function(**dict(zip(self.names, points.T.copy(), strict=True))))

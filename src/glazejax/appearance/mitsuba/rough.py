@@ -16,6 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ...interpolated import by_blocks
 from ...radiative.common.quadrature import gauss
 from ...radiative.rough import loss_constant, rough_reflectance_factor, surface_albedo, surface_loss
 from ...radiative.rough.body import Lit, reflectance
@@ -26,7 +27,7 @@ from ..glaze.interpolation import lagrange
 from . import lookup
 from .ground_split import GroundTerms, evenly, split
 from .lookup import NUMPY, Arithmetic
-from .surfaces import Layers, by_blocks, in_blocks
+from .surfaces import Layers, in_blocks
 
 _STEPS = 257
 _ANGLE_NODES = (12, 16, 20, 24, 32, 40, 48)

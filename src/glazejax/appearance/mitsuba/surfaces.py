@@ -6,6 +6,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from jaxtyping import Float
 
+from ...interpolated import by_blocks
 from ...spectra import Numbers
 from .lookup import Arithmetic
 
@@ -48,17 +49,6 @@ def in_blocks(
         )
 
     return by_blocks(solve_rows, rows, block).reshape(shape)
-
-
-def by_blocks(
-    solve: Callable[..., Any], rows: Sequence[Float[np.ndarray, "rows ..."]], block: int
-) -> Float[np.ndarray, "rows ..."]:
-    """Solutions of rows, in blocks of one size; the first rows fill up the last block."""
-    results = []
-    for start in range(0, len(rows[0]), block):
-        batch = (np.resize(x[start : start + block], (block, *x.shape[1:])) for x in rows)
-        results.append(np.asarray(solve(*batch)))
-    return np.concatenate(results)[: len(rows[0])]
 
 
 def inside(ops: Arithmetic, cosine: Any, refractive_index: float) -> Any:
