@@ -8,8 +8,6 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from ..extras import require
-
 FORMATS = ("png", "exr")
 
 
@@ -63,9 +61,9 @@ def write_exr(
         attributes: further entries of the header.
 
     Raises:
-        ModuleNotFoundError: OpenEXR is not installed.
+        ModuleNotFoundError: OpenEXR is not installed; callers ask `glazejax.extras` before they
+            compute anything.
     """
-    require("OpenEXR")
     import OpenEXR  # pyright: ignore[reportMissingImports]
 
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, **attributes}
