@@ -243,3 +243,11 @@ def test_a_long_word_of_a_coat_is_not_echoed_whole(key):
         coat = {"paint": {"CobaltBlue": 1}, "um": 9} | {key: value}
         with refusal(r"^.{1,700}$"):
             stack_from_dict({"glazejax": "stack", "coats": [coat]})
+
+
+def test_a_paint_that_a_mixture_holds_twice_keeps_its_weight(tmp_path):
+    blue, white = (gj.catalogue.pigment(name) for name in ("CobaltBlue", "ZincWhite"))
+    mixed = gj.Mixture([blue, white, blue], [0.2, 0.5, 0.3])
+    path = gj.save_glaze(gj.Glaze([gj.Layer(mixed, 2e-6)], 0.6), tmp_path / "glaze.json")
+    again = gj.load_glaze(path).coats[0].medium
+    assert_allclose(again.weights, [0.5, 0.5])

@@ -16,7 +16,7 @@ names and the acrylics as ``acrylics/NAME``; `pigments` brings own ones: ``{"Min
 
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
@@ -322,7 +322,7 @@ def stack_of(glaze: Glaze, instrument: Instrument | Geometry | str = "45:0") -> 
         raise ValueError("a stack's file holds one refractive index for all wavelengths")
     own_paints: dict[str, Pigment] = {}
     coats = tuple(
-        Coat(tuple(_named_parts(coat.medium, own_paints)), float(coat.thickness), 1)
+        Coat(_named_parts(coat.medium, own_paints), float(coat.thickness), 1)
         for coat in glaze.coats
     )
     # A ground of one number stays one, whatever bands the coats have.
@@ -338,8 +338,10 @@ def stack_of(glaze: Glaze, instrument: Instrument | Geometry | str = "45:0") -> 
 
 def _named_parts(
     medium: Pigment | Mixture, own_paints: dict[str, Pigment]
-) -> Iterator[tuple[float, str]]:
-    """(weight, name) of a medium's paints; `own_paints` takes those that no catalogue has."""
+) -> tuple[tuple[float, str], ...]:
+    """(weight, name) of a medium's paints, each once; `own_paints` takes those that no catalogue
+    has.
+    """
     mixed = isinstance(medium, Mixture)
     paints = medium.pigments if mixed else (medium,)
     if len(paints) > MOST_PARTS:
@@ -347,6 +349,7 @@ def _named_parts(
             f"{medium.name!r} is of {len(paints)} paints; a coat has {MOST_PARTS} at most"
         )
     shelf = all_paints()
+    weights: dict[str, float] = {}
     for paint, weight in zip(paints, medium.weights.tolist() if mixed else [1.0], strict=True):
         shipped = [paint.name, *(f"{group}/{paint.name}" for group in catalogue.names())]
         # A paint keeps a catalogue's name only with the catalogue's numbers.
@@ -357,7 +360,8 @@ def _named_parts(
             while name in own_paints and not _same(own_paints[name], paint):
                 name += "'"
             own_paints[name] = paint
-        yield weight, name
+        weights[name] = weights.get(name, 0.0) + weight
+    return tuple((weight, name) for name, weight in weights.items())
 
 
 def _same(first: Pigment, second: Pigment) -> bool:

@@ -201,6 +201,7 @@ def test_slopes_by_the_paint(table):
             lambda t: glaze_table(glaze(), WAVELENGTHS, thickness=[1e-6], layer=2),
             "layer is 2, but the glaze has 2",
         ),
+        (lambda t: glaze_table(glaze(), WAVELENGTHS, layer=5), "layer is 5, but the glaze has 2"),
         (lambda t: glaze_table(glaze(), WAVELENGTHS, thickness=[12.0]), "thickness is in metres"),
         (
             lambda t: glaze_table(glaze(top=np.full(3, 1e-6)), WAVELENGTHS),

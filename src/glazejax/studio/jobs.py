@@ -43,6 +43,7 @@ class Jobs:
         self._senders: dict[str, Send] = {}
         self._unheard: dict[str, dict[str, Any]] = {}
         self._took: dict[str, float] = {}
+        self._ends: dict[str, threading.Timer] = {}
         self._lock = threading.Lock()
 
     def start(self, name: str, task: str, request: Mapping[str, Any], send: Send) -> None:
@@ -80,7 +81,7 @@ class Jobs:
                 del self._senders[name]
         # Connections are lost, and pages come back: only then are the searches stopped.
         for name in names:
-            timer = threading.Timer(PATIENCE, self._give_up, [name])
+            self._ends[name] = timer = threading.Timer(PATIENCE, self._give_up, [name])
             timer.daemon = True
             timer.start()
 
@@ -94,6 +95,8 @@ class Jobs:
     def come_back(self, page: str, send: Send) -> None:
         """A page is there again: it gets the answers that came meanwhile, and those to come."""
         for name in self.names(page):
+            if (timer := self._ends.pop(name, None)) is not None:
+                timer.cancel()
             with self._lock:
                 answer = self._unheard.pop(name, None)
                 # What still runs sends to the page again.

@@ -86,6 +86,9 @@ def glaze_table(
             ".for_glaze here"
         )
     glaze = on_grid(glaze, wavelengths_nm)
+    # A ground alone has no layer, and needs none.
+    if glaze.coats or thickness is not None:
+        check_layer(glaze, layer)
     incidence, viewing = angles
     builder = _TableBuilder(
         glaze=glaze,
@@ -243,7 +246,6 @@ def _thickness_range(glaze: Glaze, thickness: Numbers | None, layer: int) -> Axi
     """Thicknesses in m, or None if they do not vary."""
     if thickness is None:
         return None
-    check_layer(glaze, layer)
     values = concrete(thickness)
     if values is None or values.size == 0:
         raise ValueError("thickness must be known numbers: the thicknesses of the scene, in metres")

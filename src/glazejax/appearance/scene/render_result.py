@@ -37,8 +37,7 @@ class RenderReport:
             f"rays: {self.rays} of {self.rays_full}, for {self.pixels} pixels, {self.refined} of "
             "them with several",
             f"spectra of a point under a light: {self.pairs} of {self.pairs_full}",
-            # Both renderers compute every band.
-            f"bands: {self.bands} of {self.bands}",
+            f"bands: {self.bands}",
             f"materials: {self.materials} of {self.materials_full}"
             + (f"; {self.angles}" if self.angles else ""),
             f"left out: {self.saved:.0%} of the spectral work",
