@@ -12,12 +12,11 @@ from glazefit.film.numerics.least_squares import (
     Looks,
     Surroundings,
     bounded_step,
-    damped_solution,
     descend,
     descend_within,
     levenberg_marquardt,
-    normal_solution,
 )
+from glazefit.film.numerics.linear_steps import damped_solution, normal_solution
 
 RNG = np.random.default_rng(11)
 

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import optimistix as optx
 from jaxtyping import Array, Bool, Float
 
-from .least_squares import LONGER, SHORTER, damped_solution, normal_solution
+from .linear_steps import LONGER, SHORTER, damped_solution, normal_solution
 
 
 class _State(NamedTuple):
