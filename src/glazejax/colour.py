@@ -25,6 +25,7 @@ from jaxtyping import Array, Float
 from .cie import CIE_1931, find_illuminant, find_observer, illuminants, observers
 from .cie.difference import ciede2000
 from .spectra import (
+    Bands,
     Grid,
     Numbers,
     Spectra,
@@ -114,7 +115,7 @@ def _weights(
 
 
 def _on_bands(
-    bands: Float[np.ndarray, "bands"],
+    bands: Bands,
     fine: Float[np.ndarray, "fine"],
     products: Float[np.ndarray, "fine 3"],
 ) -> Float[np.ndarray, "bands 3"]:
@@ -142,7 +143,7 @@ def _on_bands(
 
 
 def _lagrange_matrix(
-    bands: Float[np.ndarray, "bands"], points: Float[np.ndarray, "points"]
+    bands: Bands, points: Float[np.ndarray, "points"]
 ) -> Float[np.ndarray, "points bands"]:
     """Interpolation from the bands to the points: cubic inside, parabolic at the ends, constant
     beyond.

@@ -32,6 +32,7 @@ from .io.source import open_source
 from .paint.describe import MAX_THICKNESS, Coat, find_name, name_paints
 from .paint.media import Glaze, Layer, Mixture, Pigment, make_media
 from .spectra import (
+    Bands,
     common_range,
     describe_grid,
     lie_between,
@@ -55,8 +56,8 @@ class Spectrum(NamedTuple):
     the paint.
     """
 
-    wavelengths: Float[np.ndarray, "bands"]
-    reflectance: Float[np.ndarray, "bands"]
+    wavelengths: Bands
+    reflectance: Bands
 
     def on(self, wavelengths: Float[np.ndarray, "other"]) -> Float[np.ndarray, "other"]:
         """Reflectance on other wavelengths, nm.
@@ -125,7 +126,7 @@ class Stack:
         return {"white": WHITE, "black": BLACK}[side if self.ground == "card" else self.ground]
 
     def ground_on(
-        self, wavelengths: Float[np.ndarray, "bands"], side: str = "white"
+        self, wavelengths: Bands, side: str = "white"
     ) -> "float | Float[np.ndarray, 'bands']":
         """The ground's `level` at wavelengths in nm.
 
@@ -187,7 +188,7 @@ def paints(stack: Stack) -> Mapping[str, Pigment]:
     return {**all_paints(), **stack.pigments}
 
 
-def common_grid(stack: Stack, shelf: Mapping[str, Pigment]) -> Float[np.ndarray, "bands"]:
+def common_grid(stack: Stack, shelf: Mapping[str, Pigment]) -> Bands:
     """Wavelengths of the uppermost coat, nm, as far as all paints and the ground reach; of the oils
     without a coat.
 
@@ -596,7 +597,7 @@ def _number(what: str, value_given: Any, low: float, high: float) -> float:
     return value
 
 
-def _curve(what: str, numbers: Any) -> Float[np.ndarray, "bands"]:
+def _curve(what: str, numbers: Any) -> Bands:
     most = 1000
     if (
         not isinstance(numbers, list)

@@ -13,7 +13,14 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..radiative.common.fresnel import conductor_reflectance
-from ..spectra import Grid, Numbers, as_float_array, describe_grid, validate_wavelengths
+from ..spectra import (
+    Bands,
+    Grid,
+    Numbers,
+    as_float_array,
+    describe_grid,
+    validate_wavelengths,
+)
 
 _JOHNSON = (
     "P. B. Johnson, R. W. Christy, 'Optical constants of the noble metals', Phys. Rev. B 6, 4370 "
@@ -44,11 +51,11 @@ class Metal(NamedTuple):
 
     name: str
     """What it is called."""
-    wavelengths: Float[np.ndarray, "bands"]
+    wavelengths: Bands
     """In nm, (bands,)."""
-    refractive_index: Float[np.ndarray, "bands"]
+    refractive_index: Bands
     """Real part n, (bands,)."""
-    extinction: Float[np.ndarray, "bands"]
+    extinction: Bands
     """Imaginary part k, (bands,)."""
     source: str
     """Where the numbers were published."""

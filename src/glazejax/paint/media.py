@@ -25,6 +25,7 @@ from jax.core import Tracer
 from jaxtyping import Array, Bool, Float
 
 from ..spectra import (
+    Bands,
     Grid,
     Numbers,
     Spectra,
@@ -205,7 +206,7 @@ class _Labelled(_PlainModule):
         return self._labels.name
 
     @property
-    def wavelengths(self) -> Float[np.ndarray, "bands"]:
+    def wavelengths(self) -> Bands:
         """Wavelengths in nm, (bands,)."""
         return np.asarray(self._grid)
 
@@ -566,7 +567,7 @@ class Glaze(_PlainModule):
         vars(self).update(coats=coats, ground=as_float_array(ground), refractive_index=index)
 
     @property
-    def wavelengths(self) -> Float[np.ndarray, "bands"]:
+    def wavelengths(self) -> Bands:
         """Wavelengths of the coats in nm, (bands,).
 
         Raises:

@@ -16,6 +16,8 @@ from jaxtyping import Float
 from scipy.interpolate import make_interp_spline
 from scipy.special import log_ndtr, logsumexp
 
+from glazejax.spectra import Bands
+
 from ...film.model.errors import model_correlation, paint_covariance, smooth_kernel
 from .arrangement import Arrangement
 from .readings import LOG_AMOUNTS, NODES, GridReadings
@@ -164,7 +166,7 @@ def weigh_arrangement(
     arrangement: Arrangement,
     table: GridReadings,
     deviations: Float[np.ndarray, "paints bands"],
-    wavelengths: Float[np.ndarray, "bands"],
+    wavelengths: Bands,
     errors: CoatErrors,
 ) -> Evidence:
     """Evidence of films for one arrangement.
@@ -216,7 +218,7 @@ def _covariance(
     table: GridReadings,
     count: int,
     deviations: Float[np.ndarray, "paints bands"],
-    wavelengths: Float[np.ndarray, "bands"],
+    wavelengths: Bands,
     errors: CoatErrors,
 ) -> Float[np.ndarray, "nodes readings readings"]:
     """Of the readings at each node of the coarse grid, gain and patches aside."""
@@ -240,7 +242,7 @@ def _covariance(
 
 
 def fixed_covariance(
-    wavelengths: Float[np.ndarray, "bands"], grounds: int, errors: CoatErrors
+    wavelengths: Bands, grounds: int, errors: CoatErrors
 ) -> Float[np.ndarray, "readings readings"]:
     """Of readings over some grounds, whatever the film: the model's own error, noise, surface."""
     bands = grounds * wavelengths.size

@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from glazejax import colour
+from glazejax.spectra import Bands
 
 DARKEST = 0.008
 """What is darker is the surface's reflection or noise."""
@@ -35,7 +36,7 @@ def bounded(readings: Float[np.ndarray, "*n bands"]) -> Float[np.ndarray, "*n ba
 
 
 def views(
-    wavelengths: Float[np.ndarray, "bands"], readings: Float[np.ndarray, "*n bands"]
+    wavelengths: Bands, readings: Float[np.ndarray, "*n bands"]
 ) -> tuple[Float[np.ndarray, "*n features"], Float[np.ndarray, "*n features"]]:
     """Features of readings as they are, and with the gloss of all brought to one level.
 
@@ -65,7 +66,7 @@ def with_one_gloss(readings: Float[np.ndarray, "*n bands"]) -> Float[np.ndarray,
 
 
 def colours(
-    wavelengths: Float[np.ndarray, "bands"], readings: Float[np.ndarray, "n bands"]
+    wavelengths: Bands, readings: Float[np.ndarray, "n bands"]
 ) -> Float[np.ndarray, "n 3"] | None:
     """Colours with one gloss under D65 in a space of nearly equal steps: CIELAB with its chroma
     compressed as CIE94 weighs it; None where less than most of the visible range was read.
@@ -85,7 +86,7 @@ def colours(
 
 
 def features(
-    wavelengths: Float[np.ndarray, "bands"], readings: Float[np.ndarray, "*n bands"]
+    wavelengths: Bands, readings: Float[np.ndarray, "*n bands"]
 ) -> Float[np.ndarray, "*n features"]:
     """Slopes of -log R, then of log K/S, each between neighbouring bands; the same brought to one
     length, which a tint and a thin coat leave as it is; last -log R of the brightest band.

@@ -6,12 +6,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import ArrayLike, Float
+from jaxtyping import ArrayLike
 
 from glazejax import Pigment
 from glazejax.geometry import resolve_instrument
 from glazejax.progress import Progress, no_progress
-from glazejax.spectra import describe_grid, validate_wavelengths
+from glazejax.spectra import Bands, describe_grid, validate_wavelengths
 
 from ...film.films import Noise
 from ...film.model.mixing import digest
@@ -89,7 +89,7 @@ def usual_misfit(
     return misfit_of_right_answers(search)
 
 
-def _check_range(grid: Float[np.ndarray, "bands"], pigments: Sequence[Pigment]) -> None:
+def _check_range(grid: Bands, pigments: Sequence[Pigment]) -> None:
     first = min(float(paint.wavelengths[0]) for paint in pigments)
     last = max(float(paint.wavelengths[-1]) for paint in pigments)
     if np.sum((grid >= first) & (grid <= last)) < 3:
@@ -105,10 +105,10 @@ _MOST_SEARCHES = 4
 
 
 def prepare_search(
-    grid: Float[np.ndarray, "bands"],
+    grid: Bands,
     pigments: Sequence[Pigment],
     options: IdentificationOptions,
-    ground: Float[np.ndarray, "bands"] | None,
+    ground: Bands | None,
     progress: Progress = no_progress,
 ) -> FamilySearch:
     """The search among the families of some exemplars, set up or of those that were set up last.

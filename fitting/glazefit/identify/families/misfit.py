@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float
+
+from glazejax.spectra import Bands
 
 from .features import with_one_gloss
 
@@ -31,7 +32,7 @@ class UsualMisfit:
     answers: int
     half: float
     nine_tenths: float
-    band: Float[np.ndarray, "bands"]
+    band: Bands
 
 
 def misfit_of_right_answers(search: "FamilySearch") -> UsualMisfit | None:
@@ -73,9 +74,7 @@ def misfit_of_right_answers(search: "FamilySearch") -> UsualMisfit | None:
     )
 
 
-def at_brightness_of(
-    reading: Float[np.ndarray, "bands"], film: Float[np.ndarray, "bands"]
-) -> tuple[Float[np.ndarray, "bands"], float]:
+def at_brightness_of(reading: Bands, film: Bands) -> tuple[Bands, float]:
     """A computed film at the gloss and brightness of a reading, at the bands that are compared, and
     what its brightness was multiplied by.
 
@@ -95,15 +94,13 @@ def at_brightness_of(
     return out, scale
 
 
-def relative_misfit(
-    reading: Float[np.ndarray, "bands"], film: Float[np.ndarray, "bands"]
-) -> Float[np.ndarray, "bands"]:
+def relative_misfit(reading: Bands, film: Bands) -> Bands:
     """A reading less a film at its gloss and brightness, in shares of the reading's brightest band
     above its gloss; args as for `at_brightness_of`.
     """
     return (reading - at_brightness_of(reading, film)[0]) / brightest(reading)
 
 
-def brightest(reading: Float[np.ndarray, "bands"]) -> float:
+def brightest(reading: Bands) -> float:
     """Unit of a reading's misfits: its brightest band, its gloss at one level."""
     return float(with_one_gloss(reading).max())

@@ -20,6 +20,7 @@ from glazejax.geometry import Geometry, Instrument, resolve_instrument
 from glazejax.io import read_spectra
 from glazejax.io.quantity import Stated
 from glazejax.io.source import refusal
+from glazejax.spectra import Bands
 
 from ...film.films import Films
 from ...film.model.response import film_response
@@ -188,8 +189,8 @@ def _check_bands(films: Films, exemplars: Sequence[Pigment]) -> None:
 
 
 def _hiding(
-    wavelengths: Float[np.ndarray, "bands"],
-    reading: Float[np.ndarray, "bands"],
+    wavelengths: Bands,
+    reading: Bands,
     family: str,
     determined: Sequence[Pigment],
     instrument: Instrument,
@@ -260,9 +261,7 @@ def _fitted(
     return out
 
 
-def log_scattering(
-    paints: Sequence[Any], wavelengths: Float[np.ndarray, "bands"]
-) -> Float[np.ndarray, "paints bands"]:
+def log_scattering(paints: Sequence[Any], wavelengths: Bands) -> Float[np.ndarray, "paints bands"]:
     """Log s of some paints on another grid; beyond a paint's ends as at them."""
     return np.stack(
         [
@@ -272,9 +271,7 @@ def log_scattering(
     )
 
 
-def _usual_scattering(
-    determined: Sequence[Pigment], family: str, wavelengths: Float[np.ndarray, "bands"]
-) -> Float[np.ndarray, "bands"]:
+def _usual_scattering(determined: Sequence[Pigment], family: str, wavelengths: Bands) -> Bands:
     """Median at each band of the s of a family's paints, or of all where it has none."""
     relatives = [paint for paint in determined if paint.family == family]
     return np.exp(np.median(log_scattering(relatives or determined, wavelengths), axis=0))

@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from glazejax import Pigment
+from glazejax.spectra import Bands
 
 from ...film.numerics.columns import Columns
 from ..result.groups import COLOURLESS, GROUPS, answer_of
@@ -60,7 +61,7 @@ class Compared:
 
 def points_in(
     metrics: Sequence[Metric],
-    wavelengths: Float[np.ndarray, "bands"],
+    wavelengths: Bands,
     readings: Float[np.ndarray, "n bands"],
 ) -> list[Float[np.ndarray, "n components"]]:
     """Readings without the surface's part as points in the metric of each view."""
@@ -125,7 +126,7 @@ class FamilySearch:
         sureness: what evidence is worth.
     """
 
-    wavelengths: Float[np.ndarray, "bands"]
+    wavelengths: Bands
     families: tuple[str, ...]
     exemplars: tuple[Pigment, ...]
     family_of: Int[np.ndarray, "exemplars"]

@@ -12,6 +12,7 @@ from jaxtyping import Bool, Float, Int
 from glazejax import Pigment, catalogue
 from glazejax.geometry import Geometry, Instrument, resolve_instrument
 from glazejax.progress import Progress, no_progress
+from glazejax.spectra import Bands
 
 from ...film.model.errors import Prior
 from ...film.model.response import FilmResponse, film_response
@@ -46,10 +47,10 @@ _FILMS = 8192
 
 
 def search_families(
-    wavelengths: Float[np.ndarray, "bands"],
+    wavelengths: Bands,
     pigments: Sequence[Pigment],
     *,
-    ground: Float[np.ndarray, "bands"] | None = None,
+    ground: Bands | None = None,
     instrument: Instrument | Geometry | str | None = None,
     prior: Prior = EXPECTED,
     max_paints: int = 2,
@@ -122,14 +123,14 @@ def search_families(
 
 
 def _films_to_compare(
-    wavelengths: Float[np.ndarray, "bands"],
+    wavelengths: Bands,
     k_and_s: Float[np.ndarray, "2 exemplars bands"],
     *,
     bands: Bool[np.ndarray, "all_bands"],
     teaches: Bool[np.ndarray, "exemplars"],
     family_of: Int[np.ndarray, "exemplars"],
     response: FilmResponse,
-    ground: Float[np.ndarray, "bands"] | None,
+    ground: Bands | None,
     mixed: bool,
     varnish: Varnish | None,
 ) -> tuple[Compared, Int[np.ndarray, "sets 2"]]:
@@ -210,7 +211,7 @@ def _films_to_compare(
 
 
 def _points(
-    wavelengths: Float[np.ndarray, "bands"],
+    wavelengths: Bands,
     readings: Float[np.ndarray, "films bands"],
     metrics: Sequence[Metric],
 ) -> tuple[Float[np.ndarray, "components+2 films"], ...]:
@@ -249,7 +250,7 @@ def _log_prior(
 
 
 def _shared_bands(
-    wavelengths: Float[np.ndarray, "bands"],
+    wavelengths: Bands,
     known: Bool[np.ndarray, "exemplars bands"],
     teaches: Bool[np.ndarray, "exemplars"],
 ) -> tuple[Bool[np.ndarray, "bands"], Bool[np.ndarray, "exemplars"]]:

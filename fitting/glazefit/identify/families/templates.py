@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from glazejax import Pigment
-from glazejax.spectra import lie_between
+from glazejax.spectra import Bands, lie_between
 
 from ...film.model.response import FilmResponse
 from ...film.numerics.blocks import by_blocks
@@ -61,7 +61,7 @@ class Templates(Columns):
 
 
 def coefficients(
-    pigments: Sequence[Pigment], wavelengths: Float[np.ndarray, "bands"]
+    pigments: Sequence[Pigment], wavelengths: Bands
 ) -> Float[np.ndarray, "2 exemplars bands"]:
     """k and s of exemplars on a grid, 1/m; NaN where one is not known."""
     out = np.full((2, len(pigments), wavelengths.size), np.nan)
@@ -105,7 +105,7 @@ def most_films(exemplars: int, families: int, *, opaque: bool, mixed: bool) -> i
 def pure_templates(
     coefficients: Float[np.ndarray, "2 exemplars bands"],
     response: FilmResponse,
-    ground: Float[np.ndarray, "bands"] | None,
+    ground: Bands | None,
 ) -> Templates:
     """Films of one exemplar each.
 
@@ -127,7 +127,7 @@ def mixed_templates(
     families: Int[np.ndarray, "exemplars"],
     points: Float[np.ndarray, "exemplars components"],
     response: FilmResponse,
-    ground: Float[np.ndarray, "bands"] | None,
+    ground: Bands | None,
 ) -> Templates:
     """Films of two families each: of a few exemplars of one with a few of the other.
 
@@ -171,7 +171,7 @@ def _over(
     response: FilmResponse,
     members: Int[np.ndarray, "films 2"],
     fractions: Float[np.ndarray, "films 2"],
-    ground: Float[np.ndarray, "bands"] | None,
+    ground: Bands | None,
     levels: Sequence[float],
 ) -> Templates:
     """Films of these mixtures at some thicknesses, in usual ones."""
@@ -225,7 +225,7 @@ def coat_body(
     absorption: Float[np.ndarray, "films bands"],
     scattering: Float[np.ndarray, "films bands"],
     thickness: float,
-    ground: Float[np.ndarray, "bands"],
+    ground: Bands,
 ) -> Float[np.ndarray, "films bands"]:
     """Readings of coats of one thickness (m) over a ground."""
 

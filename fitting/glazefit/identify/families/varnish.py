@@ -10,6 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from glazejax.spectra import Bands
+
 from ...film.model.response import FilmResponse
 from ...film.model.varnish import AMOUNTS, DECAY, under_varnish, without_varnish, yellow
 from .features import views
@@ -43,7 +45,7 @@ class Varnish:
     def cover(
         self,
         response: FilmResponse,
-        wavelengths: Float[np.ndarray, "bands"],
+        wavelengths: Bands,
         bodies: Float[np.ndarray, "films bands"],
     ) -> Float[np.ndarray, "films bands"]:
         """Films as they are seen under the expected varnish.
@@ -58,7 +60,7 @@ class Varnish:
     def cover_at_random(
         self,
         response: FilmResponse,
-        wavelengths: Float[np.ndarray, "bands"],
+        wavelengths: Bands,
         bodies: Float[np.ndarray, "films bands"],
     ) -> Float[np.ndarray, "films bands"]:
         """Films under varnishes of different amounts and shapes; see `cover`."""
@@ -72,7 +74,7 @@ class Varnish:
     def exchange_at_random(
         self,
         response: FilmResponse,
-        wavelengths: Float[np.ndarray, "bands"],
+        wavelengths: Bands,
         bodies: Float[np.ndarray, "films bands"],
     ) -> Float[np.ndarray, "films bands"]:
         """Films under the expected varnish as they are seen under others; see `cover`."""
@@ -83,7 +85,7 @@ class Varnish:
     def differences(
         self,
         response: FilmResponse,
-        wavelengths: Float[np.ndarray, "bands"],
+        wavelengths: Bands,
         bodies: Float[np.ndarray, "films bands"],
     ) -> tuple[Float[np.ndarray, "draws features"], ...]:
         """Change of each view of spectra by varnishes from the expected one; see `cover`."""

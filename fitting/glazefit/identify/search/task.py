@@ -9,6 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from glazejax.spectra import Bands
+
 from ...film.films import Noise
 from ...film.model.errors import ModelError, Prior
 from ...film.model.optics import Optics
@@ -84,7 +86,7 @@ class Measured:
     """
 
     names: tuple[str, ...]
-    wavelengths: Float[np.ndarray, "bands"]
+    wavelengths: Bands
     readings: Float[np.ndarray, "spectra grounds bands"]
     grounds: Float[np.ndarray, "spectra grounds bands"]
     noise_sd: Float[np.ndarray, "spectra grounds bands"]
@@ -168,7 +170,7 @@ class IdentificationTask(NamedTuple):
     paints: Paints
     errors: Float[np.ndarray, "paints 2 bands"]  # relative, of the paints' k and s
     modes: Float[np.ndarray, "paints 2 bands modes"]  # correlated errors of their logarithms
-    wavelengths: Float[np.ndarray, "bands"]
+    wavelengths: Bands
     optics: Optics
     surface: float  # what a smooth surface adds to a reading
     noise: Noise

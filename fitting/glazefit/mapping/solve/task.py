@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
-from jaxtyping import ArrayLike, Bool, Float
+from jaxtyping import ArrayLike, Bool
 
 from glazejax.geometry import resolve_instrument
-from glazejax.spectra import describe_grid
+from glazejax.spectra import Bands, describe_grid
 
 from ...film.films import Noise
 from ...film.model.errors import ModelError, Prior
@@ -50,7 +50,7 @@ class MapTask:
     shape: tuple[int, int]
     searcher: Searcher | FamilySearcher
     prior: Prior
-    ground: Float[np.ndarray, "bands"] | None
+    ground: Bands | None
     options: dict[str, Any]
     notes: tuple[str, ...]
     coords: dict[str, tuple[np.ndarray, dict[str, Any]]]
@@ -67,7 +67,7 @@ def map_task(
     ground: ArrayLike | None = None,
     opaque: bool = False,
     mask: Bool[np.ndarray, "y x"] | str | Path | None = None,
-    spots: Mapping[str, Float[np.ndarray, "bands"]] | None = None,
+    spots: Mapping[str, Bands] | None = None,
     **search: Unpack[SearchKeywords],
 ) -> MapTask:
     """Options of `glazefit.map_cube`, checked; nothing of the image is read but what it is.
@@ -163,9 +163,7 @@ def map_task(
     )
 
 
-def _ground(
-    ground: ArrayLike, bands: WorkingBands, stored: np.ndarray
-) -> Float[np.ndarray, "bands"]:
+def _ground(ground: ArrayLike, bands: WorkingBands, stored: np.ndarray) -> Bands:
     """Internal reflectance of the ground at the working bands."""
     values = np.asarray(ground, float)
     if values.ndim > 1 or (values.ndim == 1 and values.size != stored.size):

@@ -16,6 +16,7 @@ from scipy.optimize import nnls
 
 from glazejax import Pigment
 from glazejax.geometry import Instrument
+from glazejax.spectra import Bands
 
 from ..store.chunk import Unexplained
 from .spots import spot_pigment
@@ -69,12 +70,12 @@ class UnexplainedSpot:
     name: str
     pixels: int
     place: tuple[int, int]
-    reading: Float[np.ndarray, "bands"]
+    reading: Bands
 
 
 def choose_spots(
     unexplained: Unexplained,
-    bare: Float[np.ndarray, "bands"],
+    bare: Bands,
     mapped: float,
     paint_names: Sequence[str] = (),
 ) -> list[UnexplainedSpot]:
@@ -124,8 +125,8 @@ def choose_spots(
 
 
 def spot_paints(
-    spots: Mapping[str, Float[np.ndarray, "bands"]],
-    wavelengths: Float[np.ndarray, "bands"],
+    spots: Mapping[str, Bands],
+    wavelengths: Bands,
     ends: tuple[float, float],
     paints: Sequence[Pigment],
     instrument: Instrument,

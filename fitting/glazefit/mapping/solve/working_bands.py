@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
 from glazejax import Pigment
-from glazejax.spectra import common_range
+from glazejax.spectra import Bands, common_range
 
 from ...film.films import Noise
 from ...film.shared_bands import SEARCHED, shared_bands
@@ -35,9 +35,9 @@ class WorkingBands:
         count: of the image's bands in each.
     """
 
-    wavelengths: Float[np.ndarray, "bands"]
+    wavelengths: Bands
     mean: Float[np.ndarray, "stored bands"]
-    count: Float[np.ndarray, "bands"]
+    count: Bands
 
     @classmethod
     def of(cls, stored: Float[np.ndarray, "stored"], pigments: Sequence[Pigment]) -> "WorkingBands":
