@@ -246,7 +246,7 @@ def test_bad_input_is_one_clear_error(paints):
         ({"spectra": good * 100}, "divide percent by 100"),
         ({"spectra": good * np.nan}, "must be a fraction"),
         ({"pigments": []}, "catalogue is empty"),
-        ({"pigments": [paints[0], paints[0]]}, "two pigments of the catalogue"),
+        ({"pigments": [paints[0], paints[0]]}, "two pigments are called"),
         ({"max_paints": 4}, "1, 2 or 3"),
         ({"max_coats": 4}, "1, 2 or 3 coats"),
         ({"ground": 1.2}, r"must lie in \[0, 1\]"),

@@ -292,7 +292,7 @@ def test_hostile_files_end_in_one_sentence(tmp_path, name, content, complaint):
         (read_spectra, "Name,R{run}400,410\nred,0.1,0.2\n"),
         (read_spectra, "nm;red\n400;0,1\n4{run}10;0,2\n"),
         (read_spectra, "a line\nred,-400{run}x,R410\nblue,0.1,0.2\n"),
-        (READERS[-2], "nm,one{commas}\n380,1\n780,1\n"),
+        (READERS[-2], "nm,one{commas}\n380,bright\n780,1\n"),
     ],
 )
 def test_long_runs_of_one_letter_are_refused_soon(tmp_path, reader, content):
