@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from types import ModuleType
 from typing import Any
 
@@ -37,7 +37,7 @@ from .chebyshev_table import (
     series_coefficients,
     trial_line,
 )
-from .radiative.common.chunks import on_all_cores, on_cpu
+from .radiative.common.chunks import by_blocks, on_all_cores, on_cpu
 from .spectra import Numbers, as_float_array, concrete, matmul
 
 Distance = Callable[[np.ndarray, np.ndarray], np.ndarray]
@@ -243,19 +243,6 @@ def at_points(
     return np.asarray(table(**columns), float), table
 
 
-def by_blocks(
-    function: Callable[..., Any], rows: Sequence[Float[np.ndarray, "rows ..."]], block: int
-) -> Float[np.ndarray, "rows ..."]:
-    """Values of a function of rows, in blocks of one size, so that one program is compiled; the
-    first rows of the last block fill it up.
-    """
-    results = []
-    for start in range(0, len(rows[0]), block):
-        batch = (np.resize(x[start : start + block], (block, *x.shape[1:])) for x in rows)
-        results.append(np.asarray(function(*batch)))
-    return np.concatenate(results)[: len(rows[0])]
-
-
 def _ends(name: str, pair: Numbers) -> tuple[float, float]:
     values = np.asarray(pair, float)
     if values.shape != (2,):
@@ -389,8 +376,9 @@ class _Counted:
 
     def __call__(self, points: np.ndarray) -> np.ndarray:
         """Values (points, channels) at (points, axes)."""
-        self.count += len(points)
-        return by_blocks(self._some, [points], self.block or len(points))
+        count = len(points)
+        self.count += count
+        return by_blocks(count, self.block or count, lambda rows: self._some(points[rows]))
 
     def _some(self, points: np.ndarray) -> np.ndarray:
         sampled = concrete(self.function(**dict(zip(self.names, points.T.copy(), strict=True))))

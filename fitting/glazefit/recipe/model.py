@@ -17,11 +17,11 @@ from jaxtyping import Array, Float
 from glazejax import Pigment, colour
 from glazejax.geometry import Instrument
 from glazejax.programs import Program
+from glazejax.radiative.common.chunks import by_blocks
 from glazejax.spectra import as_array, on_numpy_or_jax
 
 from ..film.model.optics import Optics
 from ..film.model.response import FilmResponse, film_response
-from ..film.numerics.blocks import by_blocks
 from .targets import Ground
 
 Sizes: TypeAlias = Float[np.ndarray, "n coats paints"]

@@ -12,10 +12,10 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from glazejax.programs import Program
+from glazejax.radiative.common.chunks import by_blocks
 
 from ...film.model.optics import Optics
 from ...film.model.response import FilmResponse
-from ...film.numerics.blocks import by_blocks
 from ..families.templates import coat_body
 from .arrangement import Arrangement
 

@@ -14,10 +14,10 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from glazejax import Pigment
+from glazejax.radiative.common.chunks import by_blocks
 from glazejax.spectra import Bands, lie_between
 
 from ...film.model.response import FilmResponse
-from ...film.numerics.blocks import by_blocks
 from ...film.numerics.columns import Columns
 
 FRACTIONS = (0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 0.95, 0.98)

@@ -18,10 +18,10 @@ from jax.scipy.special import gammaln
 from jaxtyping import Array, Bool, Float, Int
 
 from glazejax.programs import Program
+from glazejax.radiative.common.chunks import by_blocks
 
 from ...film.model.errors import Whitening, whitening
 from ...film.model.response import FilmResponse
-from ...film.numerics.blocks import by_blocks
 from ...film.numerics.least_squares import damped_newton, inverse_small
 from .chunk import Chunk
 from .pool import NOBODY, Pool

@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from glazejax.programs import Program
+from glazejax.radiative.common.chunks import by_blocks
 
 from ...film.model.errors import (
     Whitening,
@@ -24,7 +25,6 @@ from ...film.model.errors import (
     whitening,
 )
 from ...film.model.response import FilmResponse
-from ...film.numerics.blocks import by_blocks
 from ...film.numerics.columns import Columns
 from .chunk import Chunk
 from .fit import Weights, fit_all, fit_films, log_set_prior

@@ -15,10 +15,10 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from glazejax.programs import Program
+from glazejax.radiative.common.chunks import by_blocks
 
 from ...film.model.errors import model_correlation, whitening
 from ...film.model.response import FilmResponse
-from ...film.numerics.blocks import by_blocks
 from .chunk import Chunk
 from .table import ALIKE, FilmTable, NearestSets, Paints, film_readings, film_table, kept_table
 from .task import TYPICAL_READING, IdentificationTask

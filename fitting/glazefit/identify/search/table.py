@@ -20,9 +20,9 @@ from jaxtyping import Array, Float, Int
 
 from glazejax import Pigment
 from glazejax.programs import Program
+from glazejax.radiative.common.chunks import by_blocks
 
 from ...film.model.response import FilmResponse
-from ...film.numerics.blocks import by_blocks
 from .pool import NOBODY
 
 COMPONENTS = 20

@@ -15,8 +15,9 @@ import jax
 import numpy as np
 from jaxtyping import Float, Int
 
+from glazejax.radiative.common.chunks import by_blocks
+
 from ...film.colour_metric import reading_metric
-from ...film.numerics.blocks import by_blocks
 from ...film.numerics.columns import Columns
 from ...identify.search.chunk import Chunk
 from ...identify.search.fit import prior_terms

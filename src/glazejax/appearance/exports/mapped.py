@@ -12,12 +12,13 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from ...colour import colour_weights, delta_e_2000, white_point, xyz_to_lab
 from ...interpolated import at_points
 from ...paint.media import Glaze
 from ...progress import Progress, no_progress
+from ...radiative.common.chunks import by_blocks
 from ...radiative.common.fresnel import cos_refracted
 from ...radiative.common.quadrature import gauss
 from ...radiative.rough.lobes import lobe_albedo
@@ -118,18 +119,17 @@ def mapped_colours(
         batch: Float[np.ndarray, "some kinds"], size: int = _GLAZES
     ) -> Float[np.ndarray, "some means xyz"]:
         """XYZ of all means, so many glazes side by side."""
-        nonlocal computed
         stage = f"computing glazes, round {next(rounds)},"
-        pieces = []
-        for first in range(0, len(batch), size):
-            progress(first, len(batch), stage)
-            some = inner.at(batch[np.arange(first, first + size).clip(max=len(batch) - 1)])
+
+        def run(rows: Int[np.ndarray, "block"]) -> Float[np.ndarray, "block means xyz"]:
+            nonlocal computed
+            progress(int(rows[0]), len(batch), stage)
+            some = inner.at(batch[rows])
             spectra = pair_spectra(some, means.cos_in, means.cos_out, roughness, tolerance)
-            pieces.append(
-                np.einsum("pab,kp,bc->akc", spectra, means.weights, weights, optimize=True)
-            )
             computed += size
-        return np.concatenate(pieces)[: len(batch)]
+            return np.einsum("pab,kp,bc->akc", spectra, means.weights, weights, optimize=True)
+
+        return by_blocks(len(batch), size, run)
 
     def distance(
         first: Float[np.ndarray, "some means 3"], second: Float[np.ndarray, "some means 3"]

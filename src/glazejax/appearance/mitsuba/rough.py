@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...interpolated import by_blocks
+from ...radiative.common.chunks import by_blocks
 from ...radiative.common.quadrature import gauss
 from ...radiative.rough import loss_constant, rough_reflectance_factor, surface_albedo, surface_loss
 from ...radiative.rough.body import Lit, reflectance
@@ -133,8 +133,10 @@ class Rough:
         `nodes.split`.
         """
         surface = resolve(self.refractive_index, self.roughness, max(tolerance, FINEST))
-        rows = [x.reshape(-1, x.shape[-1]) for x in layers]
-        solved = by_blocks(lambda *batch: _terms(*batch, surface), rows, 256)
+        albedo, depth = (x.reshape(-1, x.shape[-1]) for x in layers)
+        solved = by_blocks(
+            len(albedo), 256, lambda rows: _terms(albedo[rows], depth[rows], surface)
+        )
         return np.asarray(solved, float).reshape(*layers[0].shape[:-1], -1)
 
     def expand(self, values: np.ndarray, cosines: np.ndarray, tolerance: float) -> GroundTerms:

@@ -6,7 +6,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from jaxtyping import Float
 
-from ...interpolated import by_blocks
+from ...radiative.common.chunks import by_blocks
 from ...spectra import Numbers
 from .lookup import Arithmetic
 
@@ -32,23 +32,18 @@ def in_blocks(
     rows = [np.broadcast_to(x, (*shape, x.shape[-1])).reshape(-1, x.shape[-1]) for x in layers]
     rows += [np.broadcast_to(x, shape).reshape(-1) for x in ends]
 
-    def solve_rows(
-        albedo: np.ndarray,
-        depth: np.ndarray,
-        ground: np.ndarray,
-        cos_in: np.ndarray,
-        cos_out: np.ndarray,
-    ) -> Any:
+    def run(numbers: np.ndarray) -> Any:
+        albedo, depth, below, light, eye = (x[numbers] for x in rows)
         return solve(
             albedo,
             depth,
-            substrate_reflectance=ground,
-            cos_incidence=cos_in,
-            cos_viewing=cos_out,
+            substrate_reflectance=below,
+            cos_incidence=light,
+            cos_viewing=eye,
             **options,
         )
 
-    return by_blocks(solve_rows, rows, block).reshape(shape)
+    return by_blocks(len(rows[0]), block, run).reshape(shape)
 
 
 def inside(ops: Arithmetic, cosine: Any, refractive_index: float) -> Any:

@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
-from jaxtyping import Array
+from jaxtyping import Array, Int
 
 from .inputs import concrete
 from .threads import cores, in_threads
@@ -83,6 +83,18 @@ def in_chunks(function: Callable[[Any], Any], batch: Any, chunk: int) -> Any:
         return shares[:, :share].reshape(size, *inner_shape)
 
     return jax.tree.map(join, jax.lax.map(function, jax.tree.map(split, batch)))
+
+
+def by_blocks(count: int, block: int, run: Callable[[Int[np.ndarray, "block"]], Any]) -> Any:
+    """Results of `run` for all rows, as numpy arrays; it is called with numbers of `block` rows.
+
+    The last block is filled up with rows that were there before: one shape, one program.
+    """
+    results = []
+    for first in range(0, count, block):
+        rows = np.arange(first, min(first + block, count))
+        results.append(run(np.resize(rows, block)))
+    return jax.tree.map(lambda *a: np.concatenate(a)[:count], *results)
 
 
 def on_its_devices(

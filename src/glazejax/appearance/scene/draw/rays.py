@@ -14,6 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from ....radiative.common.chunks import by_blocks
 from ..lights import Light, ParallelLight, PointLight
 from ..shapes import vector
 from .intersect import Geometry, Hit, nearest, surface
@@ -219,17 +220,12 @@ def _in_pieces(
     geometry: Geometry, sources: Lamps, origin: np.ndarray, direction: np.ndarray
 ) -> tuple[np.ndarray, ...]:
     """`_cast` for any number of rays, in pieces of few sizes so that few programs are compiled."""
-    pieces = []
     float_type = jnp.result_type(float)
-    for start in range(0, len(origin), TILE):
-        piece = slice(start, start + TILE)
-        count = len(origin[piece])
-        size = filled_size(count)
-        # Filled up with copies of the last ray.
-        rays = [
-            np.pad(np.asarray(a[piece], float_type), ((0, size - count), (0, 0)), "edge")
-            for a in (origin, direction)
-        ]
-        out = _cast(geometry, sources, *map(jnp.asarray, rays))
-        pieces.append([np.asarray(a)[:count] for a in out])
-    return tuple(np.concatenate(column) for column in zip(*pieces, strict=True))
+
+    def run(rows: Int[np.ndarray, "block"]) -> tuple[np.ndarray | Array, ...]:
+        rays = (jnp.asarray(a[rows], float_type) for a in (origin, direction))
+        return _cast(geometry, sources, *rays)
+
+    count = len(origin)
+    # Copies: bounces are kept, and not what filled them up.
+    return tuple(map(np.copy, by_blocks(count, min(filled_size(count), TILE), run)))
