@@ -22,6 +22,7 @@ from jaxtyping import Array, Float
 
 from .auxiliary import graded as auxiliary_graded
 from .auxiliary.panels import PanelMesh, Panels, graded_shares, rules
+from .common.chunks import in_chunks
 from .common.inputs import (
     Numbers,
     batch_shape,
@@ -337,7 +338,6 @@ def _solve_on_mesh(film: _ProfileFilm, light: dict[str, Any], tolerance: float) 
 
     def reflectance(halvings: int) -> Array:
         panels = _film_panels(film, mesh, halvings)
-        size = len(flat["substrate_reflectance"])
 
         def one(piece: tuple[Panels, dict[str, Array]]) -> Array:
             local, lit = piece
@@ -355,13 +355,9 @@ def _solve_on_mesh(film: _ProfileFilm, light: dict[str, Any], tolerance: float) 
         count = panels.width.shape[-1]
         bytes_each = auxiliary_graded.bytes_each(mesh, count, dtype.itemsize)
         # Chunk by chunk, and computed again for a reverse pass rather than kept.
-        chunk = max(1, min(size, _CHUNK_BYTES // bytes_each))
-        out = jax.lax.map(
-            lambda piece: jax.checkpoint(one)(jax.tree.map(lambda a: a[None], piece))[0],
-            (panels, flat),
-            batch_size=chunk,
-        )
-        return out.reshape(film.batch)
+        chunk = max(1, _CHUNK_BYTES // bytes_each)
+        solve = jax.jit(jax.checkpoint(one))
+        return in_chunks(solve, (panels, flat), chunk).reshape(film.batch)
 
     # Panels are halved until the answer stays.
     halvings = 0
