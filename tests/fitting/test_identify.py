@@ -14,7 +14,7 @@ from glazefit import (
     simulate_films,
 )
 from glazefit.film.model.errors import smooth_kernel
-from glazefit.identify.search import table
+from glazefit.identify.search import screen
 from glazejax import (
     Bidirectional,
     Glaze,
@@ -162,7 +162,7 @@ def test_an_answer_does_not_hang_on_what_was_asked_before(paints, blind):
     some = blind[-1].measured.readings[:4]
     lighter = np.clip(GROUNDS + 0.03, 0.0, 1.0)
     asked_before = identify(GRID, some, paints, ground=lighter)
-    table._MADE.clear()
+    screen._TABLES.clear()
     asked_first = identify(GRID, some, paints, ground=lighter)
     assert_array_equal(asked_before.probability, asked_first.probability)
     assert_array_equal(asked_before.members, asked_first.members)

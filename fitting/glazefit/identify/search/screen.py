@@ -8,6 +8,8 @@ so that the cost stays in proportion to the number of paints.
 """
 
 import math
+import threading
+from collections.abc import Hashable
 
 import jax
 import jax.numpy as jnp
@@ -20,7 +22,7 @@ from glazejax.radiative.common.chunks import by_blocks
 from ...film.model.errors import model_correlation, whitening
 from ...film.model.response import FilmResponse
 from .chunk import Chunk
-from .table import ALIKE, FilmTable, NearestSets, Paints, film_readings, film_table, kept_table
+from .table import ALIKE, FilmTable, NearestSets, Paints, film_readings, film_table
 from .task import TYPICAL_READING, IdentificationTask
 
 # Amounts of a third paint, as a share of the pair's.
@@ -29,6 +31,11 @@ _THIRDS = np.array([0.003, 0.02, 0.1, 0.4, 1.5])
 _SCORED = 16
 KEPT_TRIPLES = 40
 """Sets of three that are fitted, of as many."""
+
+
+_TABLES: dict[Hashable, FilmTable] = {}
+"""The last tables that were used, the latest last."""
+_TABLES_LOCK = threading.Lock()
 
 
 def table_over(task: IdentificationTask, ground: Float[np.ndarray, "grounds bands"]) -> FilmTable:
@@ -44,10 +51,16 @@ def table_over(task: IdentificationTask, ground: Float[np.ndarray, "grounds band
         *(task.optics, task.surface, task.noise, task.discrepancy),
         *(law := (task.max_paints, task.prior.spread)),
     )
-    return kept_table(
-        key,
-        lambda: film_table(*task.single, *law, rounded, common_whitening(task, len(rounded))),
-    )
+    # Not `glazejax.interpolated`: nothing is asked between the films. Each film stands as 20
+    # numbers, and a spectrum is compared with all of them by one product of matrices.
+    with _TABLES_LOCK:
+        table = _TABLES.pop(key, None) or film_table(
+            *task.single, *law, rounded, common_whitening(task, len(rounded))
+        )
+        _TABLES[key] = table
+        if len(_TABLES) > 16:
+            _TABLES.pop(next(iter(_TABLES)))
+        return table
 
 
 def alike_grounds(

@@ -9,9 +9,7 @@ fitted.
 
 import functools
 import itertools
-import threading
-from collections import OrderedDict
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -226,25 +224,3 @@ def film_table(
         half = -0.5 * np.sum(films**2, axis=0)
         tables.append(TableOfSize(sets, grid, np.concatenate([films, half[None]])))
     return FilmTable(to_components, middle, white, tuple(tables))
-
-
-_MADE: OrderedDict[Hashable, FilmTable] = OrderedDict()
-_MADE_LOCK = threading.Lock()
-
-
-def kept_table(key: Hashable, make: Callable[[], FilmTable]) -> FilmTable:
-    """The table of a key: the one that was made before, or a new one; sixteen are kept.
-
-    Not `glazejax.interpolated`: nothing is asked between the films. Each film stands as 20 numbers,
-    and a spectrum is compared with all of them by one product of matrices.
-
-    Args:
-        key: all that the table depends on.
-        make: it.
-    """
-    with _MADE_LOCK:
-        table = _MADE.pop(key, None) or make()
-        _MADE[key] = table
-        while len(_MADE) > 16:
-            _MADE.popitem(last=False)
-        return table

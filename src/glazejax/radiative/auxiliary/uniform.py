@@ -25,7 +25,7 @@ the surface: between the edges of the uniform grid that is a Toeplitz and a Hank
 stacks, and only the few rows of interfaces are a stack's own.
 """
 
-from collections import OrderedDict
+import functools
 from typing import Any
 
 import equinox as eqx
@@ -61,7 +61,8 @@ _TRANSFORMED = {"fixed_step": 1024, "decomposed": 16, "direct": np.inf}
 # From so many segments on, stacks with steps of their own are called one by one: one program serves
 # any number of them.
 _ALONE = 64
-_kept: OrderedDict[tuple[float, float], KernelTable] = OrderedDict()
+# Tables grow while they are kept.
+_kept_table = functools.lru_cache(maxsize=8)(KernelTable)
 
 
 def reflectance_factor(
@@ -383,12 +384,7 @@ def _table(table: KernelTable | None, settings: GridSettings, most: int) -> Kern
     if settings.variant != "fixed_step":
         return None
     if table is None:
-        key = (settings.refractive_index, settings.step)
-        table = _kept.setdefault(key, KernelTable(*key))
-        _kept.move_to_end(key)
-        # The table that was not used for longest goes first.
-        while len(_kept) > 8:
-            _kept.popitem(last=False)
+        table = _kept_table(settings.refractive_index, settings.step)
     table.grow(min(_rounded_up(most), MOST_SEGMENTS))
     return table
 
