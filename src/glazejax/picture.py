@@ -22,6 +22,7 @@ from .extras import require
 from .geometry import Geometry, Hemispherical, Instrument, geometry_of
 from .interpolated import MOST_AXES, at_points
 from .paint.media import Glaze, Layer, Mixture, Pigment, check_map, shared_shape
+from .radiative.common.chunks import pieces_of
 from .radiative.common.fresnel import dielectric_reflectance
 from .radiative.plan.plan import ALL, Savings, plan_stacks
 from .radiative.plan.reduction import distinct
@@ -219,9 +220,7 @@ class _PictureInputs:
     def compute(self, points: np.ndarray) -> np.ndarray:
         """XYZ by the solver, for points that hold the varying quantities, (points, varying)."""
         size = max(1, _STACKS // len(self.weights))
-        return np.concatenate(
-            [self._some(points[i : i + size]) for i in range(0, len(points), size)]
-        )
+        return np.concatenate([self._some(piece) for piece in pieces_of(points, size)])
 
     def _some(self, points: np.ndarray) -> np.ndarray:
         # What does not vary is the same for all points.

@@ -10,6 +10,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.optimize import minimize
 
 from glazejax.progress import Progress, no_progress
+from glazejax.radiative.common.chunks import pieces_of
 
 from ..result.groups import COLOURLESS, group_of
 from .search import FamilySearch
@@ -60,20 +61,19 @@ def calibrate(
     weights = _weights(search, sources, truth)
 
     # A few readings at a time: log odds of all sets at each power.
-    step = search.chunk
-    pieces: dict[float, list[np.ndarray]] = {power: [] for power in POWERS}
+    log_odds: dict[float, list[np.ndarray]] = {power: [] for power in POWERS}
     any_paint = []
-    for start in range(0, len(readings), step):
-        progress(start, len(readings), "trying families")
-        body = search.body(readings[start : start + step])
+    for some in pieces_of(np.arange(len(readings)), search.chunk):
+        progress(int(some[0]), len(readings), "trying families")
+        body = search.body(readings[some])
         points = search._points(body)
         any_paint.append(search.compared.metrics[0].log_any_paint(points[0]))
-        evidence = search._evidence(points, sources[start : start + step])
+        evidence = search._evidence(points, sources[some])
         possible = search._possible(body)
         for power in POWERS:
             log_sets = search._sum_by_set(evidence, possible, power).logs
-            pieces[power].append(log_sets + search.log_prior)
-    by_power = {power: np.concatenate(chunks) for power, chunks in pieces.items()}
+            log_odds[power].append(log_sets + search.log_prior)
+    by_power = {power: np.concatenate(chunks) for power, chunks in log_odds.items()}
 
     # First how sure one set is relative to others, among paints whose family is there.
     sureness = learn_power(

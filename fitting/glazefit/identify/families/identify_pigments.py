@@ -11,6 +11,7 @@ from jaxtyping import ArrayLike
 from glazejax import Pigment
 from glazejax.geometry import resolve_instrument
 from glazejax.progress import Progress, no_progress
+from glazejax.radiative.common.chunks import pieces_of
 from glazejax.spectra import Bands, describe_grid, validate_wavelengths
 
 from ...film.films import Noise
@@ -61,8 +62,8 @@ def identify_families(
             "reading over one ground, or own_films=True"
         )
     measured = measured.in_steps(SEARCHED)
-    for start in range(0, len(measured), _CHUNK):
-        batch = measured.take(np.arange(start, min(start + _CHUNK, len(measured))))
+    for some in pieces_of(np.arange(len(measured)), _CHUNK):
+        batch = measured.take(some)
         groups = [np.arange(len(batch))] if opaque else batch.by_grounds()
         identifications = []
         for rows in groups:

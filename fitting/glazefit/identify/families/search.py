@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from glazejax import Pigment
+from glazejax.radiative.common.chunks import pieces_of
 from glazejax.spectra import Bands
 
 from ...film.numerics.columns import Columns
@@ -151,14 +152,13 @@ class FamilySearch:
             hidden: families that are taken to be unknown, for each reading.
             sources: number of the source whose exemplars are left out, for each reading.
         """
-        step = self.chunk
         chunks = [
             self._odds(
-                readings[start : start + step],
-                None if hidden is None else hidden[start : start + step],
-                None if sources is None else sources[start : start + step],
+                readings[rows],
+                None if hidden is None else hidden[rows],
+                None if sources is None else sources[rows],
             )
-            for start in range(0, len(readings), step)
+            for rows in pieces_of(np.arange(len(readings)), self.chunk)
         ]
         return FamilyOdds.join(chunks)
 

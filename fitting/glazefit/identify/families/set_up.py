@@ -12,6 +12,7 @@ from jaxtyping import Bool, Float, Int
 from glazejax import Pigment, catalogue
 from glazejax.geometry import Geometry, Instrument, resolve_instrument
 from glazejax.progress import Progress, no_progress
+from glazejax.radiative.common.chunks import pieces_of
 from glazejax.spectra import Bands
 
 from ...film.model.errors import Prior
@@ -218,10 +219,7 @@ def _points(
     """Points of films in each metric (`as_columns`), some films at a time: they have far more
     features.
     """
-    chunks = [
-        points_in(metrics, wavelengths, readings[start : start + _FILMS])
-        for start in range(0, max(len(readings), 1), _FILMS)
-    ]
+    chunks = [points_in(metrics, wavelengths, some) for some in pieces_of(readings, _FILMS)]
     return tuple(as_columns(np.concatenate(points)) for points in zip(*chunks, strict=True))
 
 

@@ -3,6 +3,7 @@
 import numpy as np
 from jaxtyping import Float, Int
 
+from glazejax.radiative.common.chunks import pieces_of
 from glazejax.radiative.common.threads import in_threads
 
 from .chunk import Chunk
@@ -30,7 +31,7 @@ def find_candidates(task: IdentificationTask, measured: Measured) -> Pool:
     parts = [
         (chunk, ground)
         for rows, ground in alike_grounds(measured.grounds)
-        for chunk in np.split(rows, range(CHUNK, len(rows), CHUNK))
+        for chunk in pieces_of(rows, CHUNK)
     ]
     pool = Pool.join(in_threads(fit, parts))
     # Back in the order of the spectra.

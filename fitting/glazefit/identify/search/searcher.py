@@ -16,6 +16,7 @@ from glazejax import Pigment
 from glazejax.geometry import resolve_instrument
 from glazejax.names import first_repeated
 from glazejax.paint.media import MAX_THICKNESS
+from glazejax.radiative.common.chunks import pieces_of
 from glazejax.spectra import Bands, validate_wavelengths
 
 from ...film.films import Noise
@@ -145,8 +146,7 @@ class Searcher(NamedTuple):
         """Candidates and their odds, some hundred spectra at a time."""
         searcher, step = self.averaged or (self, 0.0)
         compile_ahead(searcher.task, measured.readings.shape[1])
-        for first in range(0, len(measured), _TOGETHER):
-            rows = np.arange(first, min(first + _TOGETHER, len(measured)))
+        for rows in pieces_of(np.arange(len(measured)), _TOGETHER):
             batch = measured.take(rows)
             few = batch.in_steps(step)
             pool = find_candidates(searcher.task, few)

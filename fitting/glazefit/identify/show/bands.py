@@ -10,6 +10,8 @@ import numpy as np
 from jaxtyping import Float
 from scipy.stats import t
 
+from glazejax.radiative.common.chunks import pieces_of
+
 from ..coats.arrangement import Arrangement
 from ..coats.readings import CoatedFilms
 from ..result import Identification
@@ -33,8 +35,7 @@ def expected_bands(
         identification: of the spectra.
         task: of the search.
     """
-    rows = np.arange(len(identification))
-    chunks = np.split(rows, range(CHUNK, len(rows), CHUNK))
+    chunks = pieces_of(np.arange(len(identification)), CHUNK)
     count = min(FITS, identification.members.shape[1])
     return np.concatenate([_bands(identification.take(chunk), task, count) for chunk in chunks])
 

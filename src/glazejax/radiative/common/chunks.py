@@ -85,15 +85,17 @@ def in_chunks(function: Callable[[Any], Any], batch: Any, chunk: int) -> Any:
     return jax.tree.map(join, jax.lax.map(function, jax.tree.map(split, batch)))
 
 
+def pieces_of(rows: np.ndarray, size: int) -> list[np.ndarray]:
+    """The rows in order, at most so many at a time; of none, one piece of none."""
+    return np.split(rows, range(size, len(rows), size))
+
+
 def by_blocks(count: int, block: int, run: Callable[[Int[np.ndarray, "block"]], Any]) -> Any:
     """Results of `run` for all rows, as numpy arrays; it is called with numbers of `block` rows.
 
     The last block is filled up with rows that were there before: one shape, one program.
     """
-    results = []
-    for first in range(0, count, block):
-        rows = np.arange(first, min(first + block, count))
-        results.append(run(np.resize(rows, block)))
+    results = [run(np.resize(rows, block)) for rows in pieces_of(np.arange(count), block)]
     return jax.tree.map(lambda *a: np.concatenate(a)[:count], *results)
 
 

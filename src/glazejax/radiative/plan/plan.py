@@ -121,8 +121,8 @@ class Plan:
                 padded = np.resize(members[start:stop], size)
                 pending.append((members[start:stop], self._solve(self._rows.take(padded), layers)))
         # The solver's programs may still run: the closed form needs none.
-        for piece in reduction.pieces(self._closed):
-            distinct[piece] = reduction.by_closed_form(self._rows.take(piece)).reflectance
+        closed = reduction.by_closed_form(self._rows.take(self._closed))
+        distinct[self._closed] = closed.reflectance
         for members, values in pending:
             distinct[members] = np.asarray(values)[: members.size]
         # Each entry has the value of its distinct stack.

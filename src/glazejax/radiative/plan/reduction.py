@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from ..common.chunks import pieces_of
 from . import closed_form
 from .bounds import End, hidden_below, scattered_beyond_first
 
@@ -107,23 +108,17 @@ def cut_below_opaque(rows: Rows, tolerance: float) -> tuple[Rows, Bool[np.ndarra
     return cut, hidden & (rows.ground > 0)
 
 
-def pieces(members: Int[np.ndarray, "members"]) -> list[Int[np.ndarray, "_"]]:
-    """Pieces as large as the closed form's quadrature should hold."""
-    size = 16384
-    return [members[i : i + size] for i in range(0, members.size, size)]
-
-
 def by_closed_form(rows: Rows) -> closed_form.FirstOrder:
-    """Closed form, index by index."""
+    """Closed form, index by index, in pieces as large as its quadrature should hold."""
     value, by_light, by_view = np.empty((3, rows.count))
     for index in np.unique(rows.refractive_index):
-        numbers = np.flatnonzero(rows.refractive_index == index)
-        chosen = rows.take(numbers)
-        media = (chosen.albedo, chosen.optical_thickness, chosen.ground, float(index))
-        first_order = closed_form.without_multiple_scattering(
-            *media, chosen.cos_incidence, chosen.cos_viewing
-        )
-        value[numbers], (by_light[numbers], by_view[numbers]) = first_order
+        for numbers in pieces_of(np.flatnonzero(rows.refractive_index == index), 16384):
+            chosen = rows.take(numbers)
+            media = (chosen.albedo, chosen.optical_thickness, chosen.ground, float(index))
+            first_order = closed_form.without_multiple_scattering(
+                *media, chosen.cos_incidence, chosen.cos_viewing
+            )
+            value[numbers], (by_light[numbers], by_view[numbers]) = first_order
     return closed_form.FirstOrder(value, (by_light, by_view))
 
 
@@ -141,7 +136,6 @@ def closes(rows: Rows, tolerance: float) -> Bool[np.ndarray, "stacks"]:
     # One quadrature an index: with more distinct ones it is not worth them.
     if np.unique(rows.refractive_index[fits]).size > 32:
         return np.zeros(rows.count, bool)
-    for piece in pieces(np.flatnonzero(fits)):
-        chosen = rows.take(piece)
-        fits[piece] = bound(chosen, by_closed_form(chosen).ground_radiosity) <= tolerance
+    chosen = rows.take(fits)
+    fits[fits] = bound(chosen, by_closed_form(chosen).ground_radiosity) <= tolerance
     return fits
