@@ -21,6 +21,7 @@ from jaxtyping import Array, Bool, Float, Int, Shaped
 
 from glazejax.programs import Program
 from glazejax.progress import Progress, counted, no_progress
+from glazejax.radiative.common.chunks import pieces_of
 from glazejax.radiative.common.threads import in_threads
 
 from ..film.numerics.columns import Columns, take_rows
@@ -224,12 +225,11 @@ def spread(
 
 def _blocks(top: Coats, bottom: Coats) -> list[tuple[np.ndarray, np.ndarray]]:
     """Upper and lower coats that are looked at together: as many each time, so that one program
-    serves all. Where a block reaches beyond the last coat, that one stands there again.
+    serves all. The last blocks are filled up with coats that were there before.
     """
 
     def parts(coats: Coats, size: int) -> list[np.ndarray]:
-        count = len(coats.paints)
-        return [np.arange(n, n + size).clip(max=count - 1) for n in range(0, count, size)]
+        return [np.resize(rows, size) for rows in pieces_of(np.arange(len(coats.paints)), size)]
 
     height, width = (640, 1) if len(bottom.paints) == 1 else (40, 40)
     return list(itertools.product(parts(top, height), parts(bottom, width)))

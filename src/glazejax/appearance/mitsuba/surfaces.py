@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ...radiative.common.chunks import by_blocks
+from ...radiative.common.inputs import flat_batch
 from ...spectra import Numbers
 from .lookup import Arithmetic
 
@@ -29,8 +30,8 @@ def in_blocks(
     ends = [np.asarray(x, float) for x in (ground, cos_in, cos_out)]
     shape = np.broadcast_shapes(layers[0].shape[:-1], *(x.shape for x in ends))
     # One row for each stack, ground and pair of directions.
-    rows = [np.broadcast_to(x, (*shape, x.shape[-1])).reshape(-1, x.shape[-1]) for x in layers]
-    rows += [np.broadcast_to(x, shape).reshape(-1) for x in ends]
+    rows = [flat_batch(x, shape, x.shape[-1]) for x in layers]
+    rows += [flat_batch(x, shape) for x in ends]
 
     def run(numbers: np.ndarray) -> Any:
         albedo, depth, below, light, eye = (x[numbers] for x in rows)
