@@ -260,7 +260,7 @@ def srgb(
     Source: IEC 61966-2-1:1999; matrices from its primaries, not rounded.
     """
     values, weights = _band_weights(wavelengths, reflectance, illuminant, observer)
-    matrix = _screen_matrix(tuple(white_point(wavelengths, illuminant, observer).tolist()))
+    matrix = _screen_matrix(white_point(wavelengths, illuminant, observer))
     return _compute(_clipped_srgb if clip else _srgb_of_light, values, weights @ matrix)
 
 
@@ -270,7 +270,7 @@ def xyz_to_srgb(xyz: Numbers, white: Grid, *, clip: bool = True) -> Float[Array,
 
     Notes and source as `srgb`.
     """
-    matrix = _screen_matrix(tuple(np.asarray(white, float).tolist()))
+    matrix = _screen_matrix(np.asarray(white, float))
     return _compute(_clipped_srgb if clip else _srgb_of_light, xyz, matrix)
 
 
@@ -423,11 +423,10 @@ def _root_jvp(primals: tuple[Array], tangents: tuple[Array]) -> tuple[Array, Arr
     return root, root / (2.4 * primals[0]) * tangents[0]
 
 
-@lru_cache(maxsize=128)
-def _screen_matrix(white: tuple[float, ...]) -> Float[np.ndarray, "3 3"]:
+def _screen_matrix(white: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
     """Matrix M such that ``xyz @ M`` is linear sRGB, adapted from the illuminant's white."""
     to_xyz = rgb_matrix()
-    adapt = bradford(np.asarray(white), to_xyz.sum(axis=1))
+    adapt = bradford(white, to_xyz.sum(axis=1))
     return (np.linalg.inv(to_xyz) @ adapt).T
 
 
