@@ -212,8 +212,7 @@ def export(
                 **light,
             )
         write_materialx(fit, path, overwrite=overwrite)
-        report.print_stack(console, exported, roughness)
-        report.print_fit(console, fit, path)
+        lines = report.report_fit(fit, path)
     else:
         from ..appearance.exports.textures import texture_set
 
@@ -235,8 +234,9 @@ def export(
                 progress=note,
                 **light,
             )
-        report.print_stack(console, exported, roughness)
-        report.print_textures(console, textures, path)
+        lines = report.report_textures(textures, path)
+    for title, text in (*report.report_stack(exported, roughness), *lines):
+        console.print(f"{title:9}{text}", markup=False)
     console.print(f"done in {time.perf_counter() - started:.1f} s")
 
 

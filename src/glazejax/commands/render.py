@@ -192,13 +192,6 @@ def render(
     if csv is not None:
         _write_table(csv, rendering, described, overwrite)
 
-    report.print_stack(
-        console, described, ground=bed.words, refractive_index=refractive_index, seen=seen
-    )
-    report.print_spectrum(console, rendering)
-    report.print_colour(console, rendering)
-    report.print_comparison(console, rendering, described)
-    report.print_ladder(console, rendering, coat)
     used = {
         name: shelf[name]
         for coat in described
@@ -209,7 +202,19 @@ def render(
     remarks = [("note", words) for words in bed.notes] + _remarks(used)
     if rendering.ladder.capped:
         remarks.append(("note", "coats of the ladder that reach 10 mm are shown at 10 mm"))
-    report.print_remarks(console, remarks)
+    lines = [
+        *report.report_stack(
+            described,
+            ground=bed.words,
+            refractive_index=refractive_index,
+            seen=seen,
+            width=console.width,
+        ),
+        *report.report_rendering(rendering, described, coat, console.width),
+        *(["", report.report_remarks(remarks)] if remarks else []),
+    ]
+    for line in lines:
+        console.print(line)
     files = " and ".join(str(path) for path in (out, csv, write_stack) if path is not None)
     total = time.perf_counter() - started
     console.print()

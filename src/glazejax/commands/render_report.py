@@ -1,17 +1,17 @@
 """Report of ``glazejax render``: the stack, its spectrum, its colour, the ladder and remarks."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from jaxtyping import Array, Float
-from rich.console import Console
+from rich.console import RenderableType
 from rich.table import Table
 from rich.text import Text
 
 from ..colour import delta_e_2000, xyz
 from ..paint.describe import Coat, format_length
 from ..plots import hex_colour
-from ..report import swatch
+from ..report import plain_table, swatch
 from .rendering import Rendering
 
 # Rounding in a spectrum moves an encoded value by less than this.
@@ -19,14 +19,14 @@ _WIDE = 72
 _LADDER_ROWS = (1, 2, 5, 10, 20, 40)
 
 
-def print_stack(
-    console: Console, coats: Sequence[Coat], *, ground: str, refractive_index: float, seen: str
-) -> None:
-    """Draw the layers from top to bottom, and say in words what is below and how they are seen."""
-    bar = min(console.width, 72)
-    console.print(
-        Text(f"~~~~ smooth surface, n = {refractive_index:g} ".ljust(bar, "~"), style="cyan")
-    )
+def report_stack(
+    coats: Sequence[Coat], *, ground: str, refractive_index: float, seen: str, width: int
+) -> Iterator[RenderableType]:
+    """Draw the layers from top to bottom, and say in words what is below and how they are seen, on
+    a screen of so many columns.
+    """
+    bar = min(width, 72)
+    yield Text(f"~~~~ smooth surface, n = {refractive_index:g} ".ljust(bar, "~"), style="cyan")
     table = Table.grid(padding=(0, 2))
     table.add_column(overflow="fold")
     table.add_column(justify="right", no_wrap=True)
@@ -42,50 +42,64 @@ def print_stack(
         table.add_row(
             f"  {coat.name}", coat.size, remark, style="dim" if coat.total == 0 else "bold"
         )
-    console.print(table)
-    console.print(Text(f"==== ground: {ground} ".ljust(bar, "="), style="cyan"))
-    console.print(Text(f"seen with {seen}"))
+    yield table
+    yield Text(f"==== ground: {ground} ".ljust(bar, "="), style="cyan")
+    yield Text(f"seen with {seen}")
 
 
-def print_spectrum(console: Console, rendering: Rendering) -> None:
-    """Print the reflectance of every band, as many columns as the terminal is wide."""
-    console.print()
-    console.print(Text("Reflectance", style="bold"))
-    columns = max(1, min(10, (console.width - 5) // 7))
+def report_rendering(
+    rendering: Rendering, coats: Sequence[Coat], repeated: Coat, width: int
+) -> Iterator[RenderableType]:
+    """Spectrum and colour of a glaze, its layers alone, and the ladder of one of its coats, on a
+    screen of so many columns.
+    """
+    yield ""
+    yield from _spectrum(rendering, width)
+    yield ""
+    yield from _colour(rendering)
+    yield ""
+    yield _comparison(rendering, coats, width)
+    yield ""
+    what = f" of {repeated.name}, one coat {format_length(repeated.thickness)}: sRGB, L*, C*"
+    yield Text.assemble(("Ladder", "bold"), what)
+    yield _ladder(rendering, width)
+
+
+def _spectrum(rendering: Rendering, width: int) -> Iterator[Text]:
+    """Reflectance of every band, as many in a line as the screen is wide."""
+    yield Text("Reflectance", style="bold")
+    columns = max(1, min(10, (width - 5) // 7))
     x = rendering.wavelengths
     values = rendering.glaze
     for start in range(0, x.size, columns):
         columns_shown = slice(start, start + columns)
-        console.print(Text("  nm " + "".join(f"{w:>7g}" for w in x[columns_shown]), style="dim"))
-        console.print(Text("  R  " + "".join(f"{r:>7.4f}" for r in values[columns_shown])))
+        yield Text("  nm " + "".join(f"{w:>7g}" for w in x[columns_shown]), style="dim")
+        yield Text("  R  " + "".join(f"{r:>7.4f}" for r in values[columns_shown]))
 
 
-def print_colour(console: Console, rendering: Rendering) -> None:
-    """Print XYZ, Lab and sRGB of the glaze."""
+def _colour(rendering: Rendering) -> Iterator[Text]:
+    """XYZ, Lab and sRGB of the glaze."""
     spectrum = rendering.glaze
     tristimulus = np.asarray(xyz(rendering.wavelengths, spectrum, **rendering.light))
     lightness, a, b = rendering.lab(spectrum)
     raw = rendering.rgb(spectrum, clip=False)
     shade = hex_colour(raw)
-    console.print()
-    console.print(Text.assemble(("Colour", "bold"), f" under {rendering.eye}"))
-    console.print(
-        Text("  XYZ    " + "".join(f"{v:9.4f}" for v in tristimulus) + "  (white: Y = 1)")
-    )
+    yield Text.assemble(("Colour", "bold"), f" under {rendering.eye}")
+    yield Text("  XYZ    " + "".join(f"{v:9.4f}" for v in tristimulus) + "  (white: Y = 1)")
     hue = np.rad2deg(np.arctan2(b, a)) % 360
     values = "".join(f"{format_decimals(v, 2):>9}" for v in (lightness, a, b))
-    console.print(Text(f"  L*a*b* {values}  (C* {np.hypot(a, b):.1f}, h {hue:.0f}°)"))
+    yield Text(f"  L*a*b* {values}  (C* {np.hypot(a, b):.1f}, h {hue:.0f}°)")
     line = Text(
         "  sRGB   "
         + "".join(f"{round(255 * float(v)):9d}" for v in np.clip(raw, 0, 1))
         + f"  {shade} "
     )
-    console.print(line + swatch(shade))
-    if outside := out_of_gamut(raw):
-        console.print(Text(f"         {outside}", style="yellow"))
+    yield line + swatch(shade)
+    if outside := _out_of_gamut(raw):
+        yield Text(f"         {outside}", style="yellow")
 
 
-def out_of_gamut(raw: Float[Array | np.ndarray, "3"]) -> str:
+def _out_of_gamut(raw: Float[Array | np.ndarray, "3"]) -> str:
     """A sentence on unclipped sRGB that a screen cannot show, or nothing."""
     # Rounding in a spectrum moves an encoded value by less than this.
     slack = 5e-4
@@ -99,19 +113,18 @@ def out_of_gamut(raw: Float[Array | np.ndarray, "3"]) -> str:
     )
 
 
-def print_comparison(console: Console, rendering: Rendering, coats: Sequence[Coat]) -> None:
-    """Print the colours of the bare ground and of each layer alone."""
+def _comparison(rendering: Rendering, coats: Sequence[Coat], width: int) -> Table:
+    """Colours of the bare ground and of each layer alone."""
     rows = [("the glaze", rendering.glaze)]
     if len(coats) > 1:
         pairs = zip(coats, rendering.alone, strict=True)
         rows += [(f"{coat.name} alone", spectrum) for coat, spectrum in pairs if coat.total > 0]
     rows.append(("bare ground", rendering.ground))
-    wide = console.width >= _WIDE
-    table = Table(box=None, padding=(0, 1), header_style="dim")
-    table.add_column(" On this ground", overflow="fold")
-    for title in ("L*", "a*", "b*", *(["ΔE00"] if wide else [])):
-        table.add_column(title, justify="right", no_wrap=True)
-    table.add_column("sRGB", no_wrap=True)
+    wide = width >= _WIDE
+    figures = ("L*", "a*", "b*", *(["ΔE00"] if wide else []))
+    last = len(figures) + 1
+    table = plain_table(" On this ground", *figures, "sRGB", words=(0, last), header_style="dim")
+    table.columns[last].no_wrap = True
     glaze_lab = rendering.lab(rendering.glaze)
     for name, spectrum in rows:
         values = rendering.lab(spectrum)
@@ -120,21 +133,14 @@ def print_comparison(console: Console, rendering: Rendering, coats: Sequence[Coa
         table.add_row(
             f" {name}", *(format_decimals(v) for v in cells), Text(f"{shade} ") + swatch(shade)
         )
-    console.print()
-    console.print(table)
+    return table
 
 
-def print_ladder(console: Console, rendering: Rendering, coat: Coat) -> None:
-    """Print a few rungs of the ladder of a coat."""
+def _ladder(rendering: Rendering, width: int) -> Table:
+    """A few rungs of the ladder."""
     ladder = rendering.ladder
-    console.print()
-    what = f" of {coat.name}, one coat {format_length(coat.thickness)}: sRGB, L*, C*"
-    console.print(Text.assemble(("Ladder", "bold"), what))
-    table = Table(box=None, padding=(0, 1), header_style="dim")
-    table.add_column(" coats", justify="right", no_wrap=True)
-    narrow = console.width < _WIDE
-    for title in ("glazejax", "multiply", "mixing"):
-        table.add_column(title, no_wrap=True)
+    ways = ("glazejax", "multiply", "mixing")
+    table = plain_table(" coats", *ways, words=(1, 2, 3), header_style="dim")
     for count in _LADDER_ROWS:
         if count > ladder.counts[-1]:
             break
@@ -142,24 +148,21 @@ def print_ladder(console: Console, rendering: Rendering, coat: Coat) -> None:
         for spectra in (ladder.glaze, ladder.multiply, ladder.mixing):
             lightness, a, b = rendering.lab(spectra[count])
             shade = hex_colour(rendering.rgb(spectra[count]))
-            numbers = "" if narrow else f"{lightness:4.0f}{np.hypot(a, b):4.0f} "
-            patch = Text("") if console.width < 50 else swatch(shade)
+            numbers = "" if width < _WIDE else f"{lightness:4.0f}{np.hypot(a, b):4.0f} "
+            patch = Text("") if width < 50 else swatch(shade)
             cells.append(Text(f"{shade}{numbers} ") + patch)
         table.add_row(str(count), *cells)
-    console.print(table)
+    return table
 
 
-def print_remarks(console: Console, remarks: Sequence[tuple[str, str]]) -> None:
-    """Print notes and warnings, wrapped with a hanging indent."""
-    if not remarks:
-        return
-    console.print()
+def report_remarks(remarks: Sequence[tuple[str, str]]) -> Table:
+    """Notes and warnings, wrapped with a hanging indent."""
     table = Table.grid(padding=(0, 1))
     table.add_column(no_wrap=True)
     table.add_column(overflow="fold")
     for kind, words in remarks:
         table.add_row(Text(f"{kind}:", style="yellow" if kind == "warning" else "dim"), Text(words))
-    console.print(table)
+    return table
 
 
 def format_decimals(value: float, places: int = 1) -> str:
