@@ -464,15 +464,12 @@ def _report(typed: Mapping[str, Any], identification: "Identification", console:
 
     from .result.table import table_of
     from .show.plots import plot_identification
-    from .show.terminal import (
-        print_families,
-        print_identification,
-        write_residuals,
-    )
+    from .show.terminal import print_identification, report_families, write_residuals
 
     top, overwrite = typed["top"], typed["overwrite"]
     if identification.family_sets:
-        print_families(identification, console, top, typed["painted"])
+        for line in report_families(identification, top, typed["painted"]):
+            console.print(line, markup=False, soft_wrap=True)
     else:
         print_identification(identification, console, top)
     if (csv := typed["csv"]) is not None:

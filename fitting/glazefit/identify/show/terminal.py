@@ -1,12 +1,12 @@
 """Output of `glazejax identify`: lines on the screen and tables."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from glazejax import catalogue
 from glazejax.io import write_table
@@ -40,21 +40,20 @@ def print_identification(identification: Identification, console: Console, top: 
         console.print(_table(identification, row, top))
         console.print(f"[bold]{_verdict(identification, row)}[/bold]")
         if sentence := identification.coats_words(row):
-            console.print(sentence, **_AS_IS)
+            console.print(sentence, markup=False, soft_wrap=True)
         for doubt in describe_ambiguity(identification, row):
             console.print(f"[dim]{doubt}[/dim]")
         console.print()
 
 
-def print_families(
-    identification: Identification, console: Console, top: int, painted: int | None
-) -> None:
-    """Print the most probable families of pigments of each spectrum, the exemplars that look most
-    like it, and what was not in use when it was painted.
+def report_families(
+    identification: Identification, top: int, painted: int | None
+) -> Iterator[str | Text]:
+    """The most probable families of pigments of each spectrum, the exemplars that look most like
+    it, and what was not in use when it was painted: lines as they are, without markup.
 
     Args:
         identification: by family.
-        console: to print to.
         top: sets of families for each spectrum.
         painted: year, or None if it is not known.
     """
@@ -62,16 +61,16 @@ def print_families(
     for row, name in enumerate(identification.measured.names):
         sets = identification.family_sets[row][:top]
         if identification.explained[row]:
-            console.print(f"{name}: {sets[0].words}, {identification.stated_words(row)}", **_AS_IS)
+            yield f"{name}: {sets[0].words}, {identification.stated_words(row)}"
         else:
-            console.print(f"{name}: {identification.unexplained(row)}", **_AS_IS)
+            yield f"{name}: {identification.unexplained(row)}"
         for family in sets[0].families if sets else ():
             if family in catalogue_families:
                 about = catalogue_families[family]
                 facts = (about.formula, about.colour_index, f"in use {about.in_use}")
-                console.print(f"  {family}: {', '.join(f for f in facts if f != '-')}", **_AS_IS)
+                yield f"  {family}: {', '.join(f for f in facts if f != '-')}"
         if sets and (sentence := describe_anachronism(sets[0].families, painted)):
-            console.print(f"  {sentence}", **_AS_IS)
+            yield f"  {sentence}"
         # Below half a per cent an answer is none that anybody would look into.
         alternatives = [
             f"{answer.words} {answer.probability:.0%}"
@@ -81,28 +80,26 @@ def print_families(
         if identification.explained[row]:
             alternatives.append(f"none of them {identification.none[row]:.0%}")
         if alternatives:
-            console.print(f"  or {'; '.join(alternatives)}", **_AS_IS)
+            yield f"  or {'; '.join(alternatives)}"
         if sentence := identification.coats_words(row):
-            console.print(f"  {sentence}", **_AS_IS)
+            yield f"  {sentence}"
         # A few hundredths are noise of the darkest bands.
         if (gloss := float(identification.gloss[row, 0])) < 0.97:
-            console.print(
+            yield (
                 "  its darkest bands are below what a smooth surface alone reflects to the stated "
                 f"instrument (taken as {gloss:.0%} of that): is the paint matte? If not, state the "
-                "instrument that read it, such as --instrument de:8 or 45:0",
-                **_AS_IS,
+                "instrument that read it, such as --instrument de:8 or 45:0"
             )
         near = dict.fromkeys(paint for c in identification.ranked(row, top) for paint in c.paints)
         if own_names := _own_references(near, sets[0] if sets else None):
-            console.print(f"  nearest reference: {', '.join(own_names)}", **_AS_IS)
-        console.print(f"  nearest exemplars: {', '.join(list(near)[:top])}", style="dim", **_AS_IS)
+            yield f"  nearest reference: {', '.join(own_names)}"
+        yield Text(f"  nearest exemplars: {', '.join(list(near)[:top])}", "dim")
     if identification.explained.any():
         read = "with" if has_infrared(identification.measured.wavelengths) else "without"
-        console.print(
+        yield Text(
             "In tests: so many of the answers that were as sure were right, on pure paints by "
             f"others, read {read} the near infrared; of mixtures fewer are.",
-            style="dim",
-            **_AS_IS,
+            "dim",
         )
 
 
@@ -116,9 +113,6 @@ def _own_references(near: Iterable[str], answer: FamilySet | None) -> list[str]:
     families.update(answer.families)
     own_paints = (paint.partition("/") for paint in near if paint not in catalogue.provenance())
     return [name for family, _, name in own_paints if family in families]
-
-
-_AS_IS: dict[str, Any] = {"markup": False, "soft_wrap": True}
 
 
 def _verdict(identification: Identification, row: int) -> str:
