@@ -278,7 +278,7 @@ def map_(
     from .map_cube import map_cube
     from .provenance import map_provenance
     from .show.page import write_report
-    from .show.report import print_map, write_sets
+    from .show.report import report_map, write_sets
     from .solve.spots import spot_pigment
     from .spot_files import write_spots
     from .store.run import connect
@@ -333,7 +333,8 @@ def map_(
     store = MapStore(out)
     tallies, sets = store.sums()
     console.print(f"Wrote the map to {out}")
-    print_map(paint_map, tallies, sets, console)
+    for line in report_map(paint_map, tallies, sets):
+        console.print(line)
     if csv is not None:
         write_sets(csv, paint_map, sets, overwrite=overwrite)
         console.print(f"Wrote the table of sets to {csv}")

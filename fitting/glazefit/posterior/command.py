@@ -436,9 +436,10 @@ def _write(result: "Posterior", out: Path, console: "Console") -> None:
     from glazejax.whole_file import whole_file
 
     from .plots import plot_bands, plot_corner
-    from .report import print_posterior, write_summary
+    from .report import report_posterior, write_summary
 
-    print_posterior(result, console)
+    for line in report_posterior(result):
+        console.print(line)
     write_summary(result, out / SUMMARY)
     # A notebook may have the old file open: put a new one in its place.
     with whole_file(out / DATA) as path:

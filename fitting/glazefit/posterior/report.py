@@ -1,10 +1,11 @@
 """Output of `glazejax posterior`: a table, sentences, and summary.csv."""
 
+from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
-from rich.console import Console
+from rich.console import RenderableType
 from rich.table import Table
 
 from glazejax.io import write_table
@@ -16,30 +17,30 @@ from .posterior import Posterior
 from .summary import AGREES, MEDIANS, Numbers, Row, Summary, in_units, interval
 
 
-def print_posterior(posterior: Posterior, console: Console) -> None:
-    """Print the numbers, what is open, where Laplace fails, and whether the chain has converged."""
+def report_posterior(posterior: Posterior) -> Iterator[RenderableType]:
+    """The numbers, what is open, where Laplace fails, and whether the chain has converged."""
     rows = posterior.summary()
     spectral = {q.name for q in posterior.problem.quantities if q.spectrum}
     plain = [row for row in rows if row.quantity not in spectral]
-    console.print(_table(posterior, Summary(plain, by=rows.by)))
+    yield _table(posterior, Summary(plain, by=rows.by))
     if posterior.problem.random:
-        console.print(
+        yield (
             "Thicknesses and fractions allow for paint that is stronger or weaker in one film than "
             f"in others, by {STRENGTH:.0%}."
         )
     if spectral:
-        console.print(_spectra(posterior))
+        yield _spectra(posterior)
     for sentence in posterior.identifiability.sentences:
-        console.print(f"[yellow]Open:[/yellow] {sentence}.")
+        yield f"[yellow]Open:[/yellow] {sentence}."
     if not posterior.identifiability.sentences:
-        console.print("The measurement narrows every unknown; none is left open.")
-    console.print(_laplace(posterior, rows))
+        yield "The measurement narrows every unknown; none is left open."
+    yield _laplace(posterior, rows)
     for message in (describe_unsettled(posterior), describe_misfit(posterior)):
         if message:
-            console.print(f"[yellow]{message}[/yellow]")
+            yield f"[yellow]{message}[/yellow]"
     colour = "green" if posterior.converged else "yellow"
     message = posterior.words()
-    console.print(f"[{colour}]{message[0].upper()}{message[1:]}.[/{colour}]")
+    yield f"[{colour}]{message[0].upper()}{message[1:]}.[/{colour}]"
 
 
 def _table(posterior: Posterior, rows: Summary) -> Table:

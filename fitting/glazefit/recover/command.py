@@ -388,10 +388,11 @@ def _report(recovery: "Recovery", how: progress.Collected, results: Destination)
     from glazejax.paint.describe import format_length
 
     from .films.plots import plot_paint
-    from .films.report import fit_table, print_summary
+    from .films.report import fit_table, report_films
 
     metres = results.thickness
-    print_summary(recovery, results.console, how.seconds, how.first)
+    for line in report_films(recovery, how.seconds, how.first):
+        results.console.print(line)
     results.console.print(
         f"[bold]Thickness: {format_length(metres)} is assumed, not measured.[/bold] Only k d and "
         "s d are known: a film of twice that has half the k and s."

@@ -69,7 +69,8 @@ def recover_from_coats(films: "Films", fit_options: dict[str, Any], results: "De
                 for extra in (1.0, 2.0)
             ]
         seconds = time.perf_counter() - began
-    report.print_coats(recovery, predictions, console, seconds)
+    for line in report.report_coats(recovery, predictions, seconds):
+        console.print(line)
     console.print(f"In pigments.csv a coat is taken as {format_length(metres)}.")
     names = list(recovery.paints)
     paints = [fit.pigment(name, metres) for name, fit in recovery.paints.items()]

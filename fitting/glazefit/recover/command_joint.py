@@ -78,9 +78,10 @@ def recover_together(
         seconds = time.perf_counter() - began
 
     from .joint.plots import plot_joint_paint
-    from .joint.report import film_table, print_joint
+    from .joint.report import film_table, report_joint
 
-    print_joint(recovery, console, seconds)
+    for line in report_joint(recovery, seconds):
+        console.print(line)
     if out is not None:
         results.write(
             recovery.pigments(unit).values(),
@@ -222,13 +223,14 @@ def _leave_out(
     from glazejax.io import write_table
 
     from .predict.crossvalidation import cross_validate
-    from .predict.left_out import left_out_table, plot_left_out, print_left_out
+    from .predict.left_out import left_out_table, plot_left_out, report_left_out
 
     out = results.out
     assert out is not None
     with progress.follow("leaving films out") as report:
         left_out = cross_validate(recovery, films, recipes, progress=report, **fit_options)
-    print_left_out(left_out, results.console)
+    for line in report_left_out(left_out):
+        results.console.print(line)
     table = left_out_table(recovery, left_out)
     write_table(out / "left_out.csv", *table, overwrite=results.overwrite)
     if results.plots:

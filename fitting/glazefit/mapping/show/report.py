@@ -1,6 +1,6 @@
 """A map in words and tables: what the command prints, and the table of sets."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +16,7 @@ from .overview import shown_sets
 
 if TYPE_CHECKING:
     import xarray
-    from rich.console import Console
+    from rich.console import RenderableType
 
 _NONE = "none of these"
 
@@ -26,19 +26,17 @@ def by_area(sets: Mapping[Members, SetSum]) -> list[tuple[Members, SetSum]]:
     return sorted(sets.items(), key=lambda item: (-item[1].pixels, item[0]))
 
 
-def print_map(
+def report_map(
     dataset: "xarray.Dataset",
     tallies: Mapping[str, float],
     sets: Mapping[Members, SetSum],
-    console: "Console",
-) -> None:
-    """Print what became of the pixels, and the sets that the report shows, too.
+) -> "Iterator[RenderableType]":
+    """What became of the pixels, and the sets that the report shows, too.
 
     Args:
         dataset: the map.
         tallies: counts of the pixels of each status.
         sets: sums over the pixels of each set.
-        console: to print to.
     """
     lines = dataset.sizes["y"]
     samples = dataset.sizes["x"]
@@ -49,9 +47,8 @@ def print_map(
         for status, count in counts.items()
         if status is not Status.MAPPED
     ]
-    console.print(
-        f"[bold]{samples} x {lines} pixels: {'; '.join([f'{mapped:,} mapped', *unmapped])}.[/bold]"
-    )
+    statuses = "; ".join([f"{mapped:,} mapped", *unmapped])
+    yield f"[bold]{samples} x {lines} pixels: {statuses}.[/bold]"
     if not mapped:
         return
     paints = paint_names(dataset)
@@ -68,10 +65,10 @@ def print_map(
         misfit = f"{off:.4f}" if members and np.isfinite(off) else "-"
         cells = [*([thickness] if thick else []), misfit]
         table.add_row(row["paints"], f"{sums.pixels:,}", f"{row['share']:.1%}", *cells)
-    console.print(table)
+    yield table
     further = [sums.pixels for members, sums in sets.items() if members not in reported]
     if further:
-        console.print(
+        yield (
             f"[dim]Others: {len(further)} further {'set' if len(further) == 1 else 'sets'} on "
             f"{sum(further) / mapped:.1%} of the "
             "area[/dim]"

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
-from rich.console import Console
+from rich.console import RenderableType
 
 from glazejax.report import plain_table
 
@@ -22,10 +22,10 @@ FILM_COLUMNS = (
 NEXT_COLUMNS = ("paint", "coats", "wavelength_nm", "reflectance", "low_90", "high_90")
 
 
-def print_coats(
-    recovery: CoatRecovery, predictions: Sequence[CoatPrediction], console: Console, seconds: float
-) -> None:
-    """Print a line a paint, and what is predicted of each."""
+def report_coats(
+    recovery: CoatRecovery, predictions: Sequence[CoatPrediction], seconds: float
+) -> Iterator[RenderableType]:
+    """A line a paint, and what is predicted of each."""
     title = (
         f"{len(recovery.paints)} paints from {len(recovery.films)} films of coats in "
         f"{seconds:.1f} s"
@@ -39,28 +39,26 @@ def print_coats(
             _factor(recovery.scattering(paint)),
             f"ΔE00 {fit.delta_e().mean():.1f}",
         )
-    console.print(table)
-    console.print(
+    yield table
+    yield (
         "[dim]s d: scattering times thickness of one coat, mean over the bands, × or ÷ one "
         "standard deviation.[/dim]"
     )
     for prediction in predictions:
         thickest = recovery.thickest(prediction.paint)
         change = float(prediction.delta_e(thickest.reflectance))
-        console.print(
+        yield (
             f"{prediction.paint}, {prediction.coats:g} coats on the ground of {thickest.name!r}: "
             f"ΔE00 {change:.1f} from that film, predicted to "
             f"ΔE00 {prediction.expected_error():.1f}."
         )
-    console.print(
+    yield (
         f"Films of equal coats may differ in thickness by {np.expm1(recovery.spread):.0%}. "
         "[bold]The unit is a typical coat: no length was measured.[/bold]"
     )
     for paint, fit in recovery.paints.items():
         if not fit.converged:
-            console.print(
-                f"[yellow]{paint}: the solver did not settle in {fit.steps} steps.[/yellow]"
-            )
+            yield f"[yellow]{paint}: the solver did not settle in {fit.steps} steps.[/yellow]"
 
 
 def plot_ladder(

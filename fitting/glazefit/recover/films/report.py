@@ -1,10 +1,10 @@
 """Report of films recovered one by one: a table on the screen, and the file that it leaves."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import TypeAlias
 
 import numpy as np
-from rich.console import Console
+from rich.console import RenderableType
 
 from glazejax.report import plain_table
 from glazejax.spectra import ranges
@@ -15,12 +15,11 @@ Table: TypeAlias = tuple[Sequence[str], Iterable[Sequence[object]]]
 """Titles of columns, and rows."""
 
 
-def print_summary(recovery: Recovery, console: Console, seconds: float, first: float) -> None:
-    """Print a line a paint: how well it is met, and what is known of it.
+def report_films(recovery: Recovery, seconds: float, first: float) -> Iterator[RenderableType]:
+    """A line a paint: how well it is met, and what is known of it.
 
     Args:
         recovery: recovered films.
-        console: to print to.
         seconds: the recovery took.
         first: seconds until the first chunk was done, with what was compiled for it.
     """
@@ -41,26 +40,26 @@ def print_summary(recovery: Recovery, console: Console, seconds: float, first: f
             "1" if recovery.gloss[row] == 1 else f"{recovery.gloss[row]:.2f}",
             f"{recovery.identifiable[row].sum()}/{grid.size} bands",
         )
-    console.print(table)
+    yield table
     if not recovery.identifiable.all():
-        console.print("Too opaque to separate k from s, only k/s is known:")
+        yield "Too opaque to separate k from s, only k/s is known:"
         for row in np.flatnonzero(~recovery.identifiable.all(axis=1)).tolist():
             where = ranges(grid, ~recovery.identifiable[row])
-            console.print(f"  {names[row]}: {where}: k/s {_ratios(recovery, row)}")
-    console.print(f"[dim]Rule: {RULE}.[/dim]")
+            yield f"  {names[row]}: {where}: k/s {_ratios(recovery, row)}"
+    yield f"[dim]Rule: {RULE}.[/dim]"
     if (recovery.gloss < 1).any():
-        console.print(
+        yield (
             "[dim]Gloss below 1: the film reads less than a smooth surface reflects; that share "
             "of it was counted.[/dim]"
         )
     odd = ~recovery.converged & (recovery.misfit > 9)
     for row in np.flatnonzero(odd.any(axis=1)):
-        console.print(
+        yield (
             f"[yellow]{names[row]}: the solver did not settle at {ranges(grid, odd[row])}.[/yellow]"
         )
     off = recovery.misfit > 16
     for row in np.flatnonzero(off.any(axis=1)):
-        console.print(
+        yield (
             f"[yellow]{names[row]}: no k and s meet both spectra within 4 standard deviations at "
             f"{ranges(grid, off[row])}.[/yellow]"
         )

@@ -1,7 +1,9 @@
 """Report of a joint recovery: tables on the screen, and the file that it leaves."""
 
+from collections.abc import Iterator
+
 import numpy as np
-from rich.console import Console
+from rich.console import RenderableType
 
 from glazejax.report import plain_table
 from glazejax.spectra import ranges
@@ -23,8 +25,8 @@ FILM_COLUMNS = (
 )
 
 
-def print_joint(recovery: JointRecovery, console: Console, seconds: float) -> None:
-    """Print a line a paint and a line a film."""
+def report_joint(recovery: JointRecovery, seconds: float) -> Iterator[RenderableType]:
+    """A line a paint, and what holds for all films."""
     sd = np.median(recovery.log_sd, axis=2)
     ratio = np.median(recovery.log_ratio_sd, axis=1)
     bands = recovery.wavelengths.size
@@ -39,10 +41,8 @@ def print_joint(recovery: JointRecovery, console: Console, seconds: float) -> No
             *(_per_cent(value) for value in (sd[0, row], sd[1, row], ratio[row])),
             f"{recovery.identifiable[row].sum()}/{bands} bands",
         )
-    console.print(table)
-    console.print(
-        f"[dim]Errors: median over the bands, one standard deviation. Rule: {RULE}.[/dim]"
-    )
+    yield table
+    yield f"[dim]Errors: median over the bands, one standard deviation. Rule: {RULE}.[/dim]"
     for row in np.flatnonzero(~recovery.identifiable.all(axis=1)).tolist():
         unknown = recovery.log_sd[:, row] > RELATIVE_LIMIT
         where = [
@@ -51,11 +51,11 @@ def print_joint(recovery: JointRecovery, console: Console, seconds: float) -> No
             if bands.any()
         ]
         remark = f"not known to {RELATIVE_LIMIT:.0%}: {'; '.join(where)}"
-        console.print(
+        yield (
             f"  {recovery.paints[row]}: {remark if where else 'in no mixture: its scale is open'}"
         )
     difference = recovery.delta_e()
-    console.print(
+    yield (
         f"Fitted films: ΔE00 (D65, 10°) {difference.mean():.2f} on average, "
         f"{difference.max():.2f} at most "
         f"({recovery.films.names[int(difference.max(axis=1).argmax())]}); gloss of the paints from "
@@ -63,17 +63,17 @@ def print_joint(recovery: JointRecovery, console: Console, seconds: float) -> No
     )
     # Films of known recipes are met to 2.3 at most (the samples).
     if difference.max() > 5.0:
-        console.print(
+        yield (
             "[yellow]No paint of these recipes reads so: do not rely on predictions of this "
             "fit. Are rows swapped, or films called by another paint's name?[/yellow]"
         )
     for film, paint, factor in find_suspect_weights(recovery):
-        console.print(
+        yield (
             f"[yellow]{recovery.films.names[film]}: reads as if it held {factor:.2g} times the "
             f"{paint} that its recipe says.[/yellow]"
         )
     if not recovery.converged:
-        console.print(f"[yellow]The solver did not settle in {recovery.steps} steps.[/yellow]")
+        yield f"[yellow]The solver did not settle in {recovery.steps} steps.[/yellow]"
 
 
 def _per_cent(log_sd: float) -> str:

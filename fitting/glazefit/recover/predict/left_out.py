@@ -3,10 +3,10 @@ a picture.
 """
 
 import textwrap
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from rich.console import Console
 
 from glazejax.plots import OVER_BLACK, OVER_WHITE, picture
 
@@ -28,11 +28,11 @@ LEFT_OUT_COLUMNS = (
 )
 
 
-def print_left_out(out: LeftOut, console: Console) -> None:
+def report_left_out(out: LeftOut) -> Iterator[str]:
     """Say how well films that were left out of the fit were predicted by the others."""
     off = out.predicted.mean(axis=1)
     farthest = int(off.argmax())
-    console.print(
+    yield (
         f"Left out in turn and predicted from their recipes, {len(out.names)} mixtures: ΔE00 "
         f"(D65, 10°) {off.mean():.2f} on average, median {np.median(off):.2f}, {off[farthest]:.2f} "
         f"at most ({out.names[farthest]}); {out.inside.mean():.0%} of the readings lie in the 90 % "
@@ -44,7 +44,7 @@ def print_left_out(out: LeftOut, console: Console) -> None:
         )
         for source in PARTS
     }
-    console.print(
+    yield (
         f"What they were expected to be off, ΔE00 {out.expected.mean():.1f} on average, comes "
         f"from the film ({errors['film']:.1f}, as the other films left out show), from the scale "
         f"of its paints ({errors['scale']:.1f}) and from the shape of their k and s "
@@ -54,13 +54,13 @@ def print_left_out(out: LeftOut, console: Console) -> None:
     unsteady = {p: chance for p, chance in out.variation.unsteady.items() if chance >= 0.5}
     if unsteady:
         listed = ", ".join(f"{paint} ({chance:.0%})" for paint, chance in unsteady.items())
-        console.print(
+        yield (
             "Films of these paints are probably twice as far from their recipes as films are on "
             f"average; such paint fades, stains or is hard to weigh: {listed}. Behind each, how "
             "probable that is."
         )
     if not out.complete:
-        console.print("[yellow]Interrupted: the mixtures that follow were not left out.[/yellow]")
+        yield "[yellow]Interrupted: the mixtures that follow were not left out.[/yellow]"
 
 
 def left_out_table(recovery: JointRecovery, out: LeftOut) -> Table:
