@@ -28,6 +28,7 @@ ABOUT = MapProvenance(
     facts={"Ground": "grey < white"},
     options={"Noise": "0.003"},
     versions={"glazejax": "1.2.3"},
+    platform="",
     inputs=[("cube", "cube.hdr", "0123abcd")],
     shortcuts={"Alike": "solved once"},
     agreement={"Same first set": "97.5 % of 2,000 pixels"},
@@ -244,7 +245,7 @@ def test_a_map_that_is_not_finished_or_empty_says_so(part, tmp_path):
     dark = dataset.copy(deep=True)
     dark["status"][:] = Status.DARK
     counts = {"too dark": float(dark["status"].size)}
-    about = MapProvenance("dark")
+    about = replace(ABOUT, title="dark")
     empty = write_report(dark, counts, {}, about, tmp_path / "dark").read_text(encoding="utf-8")
     assert "No pixel was mapped" in empty
     assert "Too dark" in empty

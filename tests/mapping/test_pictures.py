@@ -211,7 +211,7 @@ def test_a_number_is_its_colour_and_grey_where_it_is_not_known():
     from matplotlib import colormaps
 
     values = np.array([[0.0, 5.0], [20.0, np.nan]])
-    image = colour_numbers(MapPicture("a", "A", "", values, "viridis", 10.0))
+    image = colour_numbers(MapPicture("a", "A", values, high=10.0))
     side = image.shape[1] // 2
     corners = image[:: 2 * side - 1, :: 2 * side - 1]
     for at, level in (((0, 0), 0.0), ((0, 1), 0.5), ((1, 0), 1.0)):

@@ -4,7 +4,7 @@ files.
 
 import base64
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -66,16 +66,16 @@ class MapProvenance:
     """
 
     title: str
-    created: str = ""
-    command: str = ""
-    facts: Mapping[str, str] = field(default_factory=dict)
-    options: Mapping[str, str] = field(default_factory=dict)
-    versions: Mapping[str, str] = field(default_factory=dict)
-    platform: str = ""
-    inputs: Sequence[tuple[str, str, str]] = ()
-    shortcuts: Mapping[str, str] = field(default_factory=dict)
-    agreement: Mapping[str, str] = field(default_factory=dict)
-    notes: Sequence[str] = ()
+    created: str
+    command: str
+    facts: Mapping[str, str]
+    options: Mapping[str, str]
+    versions: Mapping[str, str]
+    platform: str
+    inputs: Sequence[tuple[str, str, str]]
+    shortcuts: Mapping[str, str]
+    agreement: Mapping[str, str]
+    notes: Sequence[str]
 
 
 def write_report(

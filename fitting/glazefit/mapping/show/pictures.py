@@ -32,10 +32,10 @@ class MapPicture(NamedTuple):
 
     key: str
     title: str
-    caption: str
     values: Float[np.ndarray, "rows columns"]
-    colours: str  # a colour map of matplotlib
-    high: float
+    caption: str = ""
+    colours: str = "viridis"  # a colour map of matplotlib
+    high: float = 1.0
     unit: str = ""
 
 
@@ -90,16 +90,12 @@ def numbers_of(look: Overview) -> list[MapPicture]:
             title="How sure: probability of the most probable set",
             caption="Low where several sets explain a pixel about as well.",
             values=means["probability"],
-            colours="viridis",
-            high=1.0,
         ),
         MapPicture(
             key="none",
             title="None of these paints",
             caption="Probability that no paints of the catalogue explain a pixel.",
             values=means["none"],
-            colours="viridis",
-            high=1.0,
         ),
         MapPicture(
             key="thickness",
@@ -108,7 +104,6 @@ def numbers_of(look: Overview) -> list[MapPicture]:
                 "Grey where it is not known: the film hides its ground, or no paints explain it."
             ),
             values=thick,
-            colours="viridis",
             high=_top(thick, 98.0, 1.0),
             unit="µm",
         ),
@@ -117,7 +112,6 @@ def numbers_of(look: Overview) -> list[MapPicture]:
             title="Thickness: its standard deviation",
             caption="How well the thickness is known, if the film is of these paints.",
             values=thick_sd,
-            colours="viridis",
             high=_top(thick_sd, 98.0, 0.1),
             unit="µm",
         ),
@@ -153,10 +147,8 @@ def paint_pictures(look: Overview, paint: int) -> list[MapPicture]:
     first = MapPicture(
         key=f"{file_stem(name)}_probability",
         title=f"{name}: probability",
-        caption="",
         values=look.paint_probability[..., paint],
         colours="magma_r",
-        high=1.0,
     )
     amount = look.paint_amount[..., paint] * 1e6
     share = look.paint_share[..., paint]
@@ -165,7 +157,6 @@ def paint_pictures(look: Overview, paint: int) -> list[MapPicture]:
     second = MapPicture(
         key=f"{file_stem(name)}_{'share' if unknown else 'amount'}",
         title=f"{name}: {'share by mass' if unknown else 'amount'}",
-        caption="",
         values=share if unknown else amount,
         colours="magma_r",
         high=1.0 if unknown else _top(np.where(amount > 0, amount, np.nan), 98.0, 0.1),
@@ -301,7 +292,7 @@ def _frame(
         axes = figure.subplots()
         axes.imshow(image, interpolation="antialiased")
         axes.set_axis_off()
-        axes.set_title(title, fontsize=10, color=INK, loc="left")
+        axes.set_title(title, loc="left")
         yield axes
 
 
@@ -334,7 +325,6 @@ def _write_legend(look: Overview, path: Path) -> None:
                 ha="center",
                 va="center",
                 fontsize=8,
-                color=INK,
                 bbox={"boxstyle": "circle,pad=.25", "fc": "white", "ec": INK, "lw": 0.6},
             )
         axes.figure.legend(
@@ -343,7 +333,6 @@ def _write_legend(look: Overview, path: Path) -> None:
             handler_map={tuple: HandlerTuple(ndivide=None)},
             loc="outside right upper",
             fontsize=7.5,
-            frameon=False,
         )
 
 
