@@ -39,7 +39,7 @@ def map_provenance(
         paint_map: the map.
         facts: names and words for the head of the page.
     """
-    inputs = [(entry["role"], entry["name"], entry["sha256"]) for entry in input_files(read)]
+    source = {"role": "CUBE", "name": str(cube), "sha256": quick_source_hash(cube)}
     return MapProvenance(
         title=cube.name,
         created=datetime.now().astimezone().isoformat(timespec="seconds"),
@@ -48,7 +48,7 @@ def map_provenance(
         options={option(name): str(value) for name, value in typed.items() if name != "cube"},
         versions={name: version(name) for name in _PACKAGES},
         platform=platform.platform(),
-        inputs=[("CUBE", str(cube), quick_source_hash(cube)), *inputs],
+        inputs=[source, *input_files(read)],
         shortcuts=shortcut_words(paint_map.attrs),
         agreement=agreement_words(paint_map.attrs),
         notes=tuple(map(str, paint_map.attrs.get("notes", ()))),

@@ -163,7 +163,6 @@ def _print_table(
     table = plain_table(
         *columns,
         words=[n for n, title in enumerate(columns) if title in ("target", "", COATS)],
-        padding=(0, 1),
         header_style="dim",
         pad_edge=False,
     )

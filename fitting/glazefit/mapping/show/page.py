@@ -59,7 +59,7 @@ class MapProvenance:
         options: names and values of what was set.
         versions: names and numbers of programs.
         platform: the computer, in words.
-        inputs: role, name and hash of each file that was read.
+        inputs: `role`, `name` and `sha256` of each file that was read.
         shortcuts: name of each, and what it did and may cost.
         agreement: what was compared with the full search, and how far they agree.
         notes: sentences of the reader and the solver.
@@ -72,7 +72,7 @@ class MapProvenance:
     options: Mapping[str, str]
     versions: Mapping[str, str]
     platform: str
-    inputs: Sequence[tuple[str, str, str]]
+    inputs: Sequence[Mapping[str, Any]]
     shortcuts: Mapping[str, str]
     agreement: Mapping[str, str]
     notes: Sequence[str]
