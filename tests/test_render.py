@@ -199,7 +199,7 @@ def test_gamut_is_said(run):
     assert "outside the sRGB gamut" not in out
 
 
-@pytest.mark.parametrize("width", [40, 60, 80, 200])
+@pytest.mark.parametrize("width", [40, 60, 74, 80, 200])
 def test_lines_fit_the_terminal(run, monkeypatch, width):
     monkeypatch.setenv("COLUMNS", str(width))
     out, _ = run(*STACK)

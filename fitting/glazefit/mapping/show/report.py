@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from rich.console import RenderableType
 
 from glazejax.io import write_table
 from glazejax.report import plain_table
@@ -16,7 +17,6 @@ from .overview import shown_sets
 
 if TYPE_CHECKING:
     import xarray
-    from rich.console import RenderableType
 
 _NONE = "none of these"
 
@@ -30,7 +30,7 @@ def report_map(
     dataset: "xarray.Dataset",
     tallies: Mapping[str, float],
     sets: Mapping[Members, SetSum],
-) -> "Iterator[RenderableType]":
+) -> Iterator[RenderableType]:
     """What became of the pixels, and the sets that the report shows, too.
 
     Args:
