@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from .errors import ModelError
+from .errors import ModelError, whitening
 
 MIXED = ModelError(coefficient=0.2, level=0.2, amplitude=0.004, length=100.0, shared=0.8)
 """Errors of k and s that a paint has in one film relative to others, and of the model, of size
@@ -123,22 +123,19 @@ def learn(
     often = Counter(
         paint for paints in (mixing or [s.paints for s in evidence]) for paint in paints
     )
-    likelihood = np.stack([s.log_likelihood - s.log_likelihood.max() for s in evidence])
+    likelihood = np.exp(np.stack([s.log_likelihood - s.log_likelihood.max() for s in evidence]))
     # The prior counts as twenty films in addition to those that were left out.
-    weights = _weights(np.exp(likelihood), np.array(PRIOR), 20.0)
+    weights = _weights(likelihood, np.array(PRIOR), 20.0)
     rows: dict[str, list[int]] = {}
     for row, size_evidence in enumerate(evidence):
         rows.setdefault(
             min(sorted(size_evidence.paints), key=lambda paint: often[paint]), []
         ).append(row)
     # All films count as two in addition to those of a paint.
-    of_paint = {
-        paint: _weights(np.exp(likelihood[chosen]), weights, 2.0) for paint, chosen in rows.items()
-    }
+    of_paint = {paint: _weights(likelihood[chosen], weights, 2.0) for paint, chosen in rows.items()}
     farther = _twice_as_far(weights)
     unsteady = {
-        paint: _probability(np.exp(likelihood[chosen]), farther, weights)
-        for paint, chosen in rows.items()
+        paint: _probability(likelihood[chosen], farther, weights) for paint, chosen in rows.items()
     }
     return Variation(weights, of_paint, len(evidence), unsteady)
 
@@ -203,9 +200,5 @@ def log_likelihood(
     r, p, f = (x[..., ::step].reshape(*x.shape[:-2], -1) for x in (off, paint, film))
     fixed = p.T @ p / len(p) + 0.003**2 * np.eye(r.size)
     varied = f.T @ f / len(f)
-    out = []
-    for size in SIZES:
-        root = np.linalg.cholesky(fixed + size**2 * varied)
-        white = np.linalg.solve(root, r)
-        out.append(-0.5 * white @ white - np.log(np.diag(root)).sum())
-    return np.array(out)
+    basis, height = whitening(fixed + np.square(SIZES)[:, None, None] * varied)
+    return height - 0.5 * np.sum((basis @ r) ** 2, axis=-1)
