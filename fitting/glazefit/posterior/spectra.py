@@ -10,6 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
+from scipy.linalg import block_diag
+
+from ..film.model.errors import principal_modes
 
 
 @dataclass(frozen=True)
@@ -54,13 +57,11 @@ class SpectraPrior:
         correlation = (1.0 + distance + distance**2 / 3.0) * np.exp(-distance)
 
         def principal(level_sd: float, shape: float) -> np.ndarray:
-            values, axes = np.linalg.eigh(level_sd**2 + shape**2 * correlation)
-            scaled = (axes * np.sqrt(np.maximum(values, 0.0)))[:, ::-1]
+            scaled = principal_modes(level_sd**2 + shape**2 * correlation)[::-1].T
             # Variance of each band that the modes from the n-th on carry.
             remainder = np.cumsum((scaled**2)[:, ::-1], axis=1)[:, ::-1].max(axis=0)
             return scaled[:, : max(1, int(np.sum(remainder > 0.02**2)))]
 
         k = principal(self.absorption_level, self.absorption_shape)
         s = principal(self.scattering_level, self.scattering_shape)
-        none = (np.zeros_like(s), np.zeros_like(k))
-        return np.stack([np.hstack([k, none[0]]), np.hstack([none[1], s])])
+        return block_diag(k, s).reshape(2, wavelengths.size, -1)

@@ -178,9 +178,15 @@ def smooth_modes(wavelengths: Bands, length: float, count: int) -> Float[np.ndar
     """The largest modes, so many at most, of an error of size one that is smooth over some nm
     (`smooth_kernel`).
     """
-    values, shapes = np.linalg.eigh(smooth_kernel(wavelengths, length))
-    largest = slice(-min(count, wavelengths.size), None)
-    return (shapes[:, largest] * np.sqrt(np.maximum(values[largest], 0.0))).T
+    return principal_modes(smooth_kernel(wavelengths, length))[-count:]
+
+
+def principal_modes(covariance: Float[np.ndarray, "n n"]) -> Float[np.ndarray, "modes n"]:
+    """Modes of errors of this covariance, each as large as its standard deviation, smallest first:
+    eigenvectors times the roots of their eigenvalues.
+    """
+    values, vectors = np.linalg.eigh(covariance)
+    return (vectors * np.sqrt(np.maximum(values, 0.0))).T
 
 
 def model_correlation(

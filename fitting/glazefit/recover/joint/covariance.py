@@ -10,6 +10,7 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
+from ...film.model.errors import principal_modes
 from .problem import JointProblem, Unknowns
 from .solver import Factors, solve, unflatten, unwhiten, whiten
 
@@ -95,8 +96,8 @@ class JointCovariance(NamedTuple):
     def largest(
         self, size: Float[np.ndarray, "*shape"], count: int, known: Sequence[int] = ()
     ) -> Float[np.ndarray, "modes *shape"]:
-        """The largest modes of the coefficients' errors: eigenvectors of their covariance times the
-        roots of its eigenvalues, largest first, by subspace iteration.
+        """The largest modes of the coefficients' errors (`principal_modes`), largest first, by
+        subspace iteration.
 
         Args:
             size: factor of each coefficient's error, (bands, local), 0 for those that do not
@@ -119,7 +120,5 @@ class JointCovariance(NamedTuple):
         basis = np.random.default_rng(0).standard_normal((size.size, columns))
         for _ in range(8):
             basis, _ = np.linalg.qr(times(basis))
-        values, vectors = np.linalg.eigh(basis.T @ times(basis))
-        last = slice(-min(count, columns), None)
-        modes = (basis @ vectors[:, last]) * np.sqrt(np.maximum(values[last], 0.0))
-        return modes.T[::-1].reshape(-1, *size.shape)
+        modes = principal_modes(basis.T @ times(basis))[-count:] @ basis.T
+        return modes[::-1].reshape(-1, *size.shape)
