@@ -49,6 +49,7 @@ from glazejax.programs import Program
 from glazejax.radiative.common.linalg import solve_positive
 
 from .chain_file import Draws
+from .numerics.weighted import numbers_at
 from .problem import FilmProblem, block_log_probability
 from .sampling import Sampling
 from .solve import Gaussians, Laplace
@@ -361,21 +362,18 @@ class Hamiltonian:
         """
         approximation = self._approximation
         rng = np.random.default_rng(self._options.seed)
-        blocks, modes, dims = approximation.modes.shape
+        blocks, _, dims = approximation.modes.shape
         prior = np.linalg.cholesky(np.linalg.inv(self._problem.prior_covariance)).T
         root = np.broadcast_to(prior, (blocks, dims, dims))
         log_step = np.full(blocks, np.log(0.3))
         if self._problem.scaled is None:
             root = _metric_root(root, approximation.draws(500, rng))
             return Chains(approximation.draws(self.walkers, rng), root, log_step)
-        # Evenly spaced places in the summed shares: each mode has its part of the chains.
-        quantiles = (np.arange(self.walkers) + rng.random()) / self.walkers
-        summed = np.cumsum(approximation.weights, axis=1)
-        chosen = np.stack(
-            [np.searchsorted(shares / shares[-1], quantiles) for shares in summed], axis=1
-        )
-        at = np.minimum(chosen, modes - 1)[..., None]
-        starts = np.take_along_axis(np.swapaxes(approximation.modes, 0, 1), at, 0)
+        # Each mode has its part of the chains.
+        places = (np.arange(self.walkers) + rng.random()) / self.walkers
+        chosen = np.stack([numbers_at(shares, places) for shares in approximation.weights], axis=1)
+        modes = np.swapaxes(approximation.modes, 0, 1)
+        starts = np.take_along_axis(modes, chosen[..., None], 0)
         return Chains(starts, root, log_step)
 
 

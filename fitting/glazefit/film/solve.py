@@ -21,13 +21,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
-from scipy.special import logsumexp
+from scipy.special import log_softmax
 
 from glazejax.extras import require
 from glazejax.programs import Program
 
 from .errors import expand
 from .numerics.least_squares import levenberg_marquardt
+from .numerics.weighted import numbers_at
 from .problem import FilmProblem
 
 TRUSTED_TAIL = 0.7
@@ -226,7 +227,7 @@ def laplace(problem: FilmProblem, solution: Modes, *, seed: int = 0) -> Laplace:
             means=points[at],
             roots=roots,
             inverses=np.linalg.inv(roots),
-            log_weights=volume - logsumexp(volume, axis=1, keepdims=True),
+            log_weights=log_softmax(volume, axis=1),
         ),
         tail=np.full(blocks, np.nan),
         sample=np.empty((0, blocks, problem.dims)),
@@ -287,12 +288,10 @@ def _importance(problem: FilmProblem, gaussian: Laplace, seed: int) -> Laplace:
         smooth, tail = arviz.psislw(np.ascontiguousarray(log_weights.T))
     smooth = np.asarray(smooth).reshape(-1, draws)
     tail = np.atleast_1d(np.asarray(tail))
-    # Evenly spaced places in the summed weights: less noise than independent draws.
-    quantiles = (np.arange(draws) + rng.random()) / draws
-    for b in np.flatnonzero(tail < TRUSTED_TAIL):
-        summed = np.cumsum(np.exp(smooth[b] - smooth[b].max()))
-        free[:, b] = free[np.searchsorted(summed / summed[-1], quantiles), b]
     weights = np.exp(smooth - smooth.max(axis=1, keepdims=True))
+    places = (np.arange(draws) + rng.random()) / draws
+    for b in np.flatnonzero(tail < TRUSTED_TAIL):
+        free[:, b] = free[numbers_at(weights[b], places), b]
     effective = weights.sum(axis=1) ** 2 / (weights**2).sum(axis=1)
     return replace(gaussian, tail=tail, sample=free, effective=effective)
 

@@ -12,6 +12,7 @@ from scipy.optimize import minimize
 from glazejax.progress import Progress, no_progress
 from glazejax.radiative.common.chunks import pieces_of
 
+from ...film.numerics.weighted import numbers_at
 from ..result.groups import COLOURLESS, group_of
 from .search import FamilySearch
 from .sureness import Sureness, log_densities
@@ -148,8 +149,7 @@ def learn_none(
     of_evidence, of_density, intercept = minimize(loss, usual, method="BFGS").x.tolist()
     evidence = with_family[:, 0]
     order = np.argsort(evidence)
-    below = np.cumsum(weights[0][order]) / np.sum(weights[0])
-    least = float(evidence[order][np.searchsorted(below, FALSE_ALARMS)])
+    least = float(evidence[order][numbers_at(weights[0][order], FALSE_ALARMS)])
     # More evidence never speaks for 'none'.
     return (max(of_evidence, 0.0), of_density), intercept, least
 

@@ -23,6 +23,7 @@ from ...film.model.errors import ModelError, draw_coefficient_errors, draw_model
 from ...film.model.mixing import weight_table
 from ...film.model.response import Response, film_response
 from ...film.model.variation import MIXED, SIZES, SizeEvidence, Variation, log_likelihood
+from ...film.numerics.weighted import numbers_at
 from ...film.tables import WAVELENGTH, Tabulated, Variables
 from ..joint.problem import model_deviation
 from ..joint.result import JointRecovery
@@ -85,8 +86,7 @@ class Prediction(Tabulated):
         # Each size as often as it is probable, in an order that has nothing to do with the other
         # draws'.
         ranks = (np.random.default_rng(0).permutation(count) + 0.5) / count
-        chances = np.cumsum(self.variation.of(self.paints))
-        sizes = np.asarray(SIZES)[np.minimum(np.searchsorted(chances, ranks), len(SIZES) - 1)]
+        sizes = np.asarray(SIZES)[numbers_at(self.variation.of(self.paints), ranks)]
         film = sizes[:, None, None] * self.deviations["film"]
         deviations = {**self.deviations, "film": film}
         return np.maximum(self.reflectance + sum(deviations[part] for part in sources), 0.0)
