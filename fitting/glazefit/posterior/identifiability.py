@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from scipy.linalg import eigh
 
 from glazejax.spectra import Bands, ranges
 
@@ -42,12 +43,11 @@ def directions(
         vectors in prior standard deviations, (dims, dims), the last axis is the unknown; and the
         correlation of the unknowns, (dims, dims).
     """
-    centred = free - free.mean(axis=0)
-    covariance = centred.T @ centred / max(len(free) - 1, 1)
-    root = np.linalg.inv(np.linalg.cholesky(prior))
-    shares, axes = np.linalg.eigh(root @ covariance @ root.T)
+    # Of a single unknown NumPy gives a number.
+    covariance = np.atleast_2d(np.cov(free, rowvar=False))
+    shares, axes = eigh(covariance, prior)
     # Back into unknowns, each in its own prior's standard deviations.
-    vectors = (np.linalg.inv(root) @ axes).T / np.sqrt(np.diag(prior))
+    vectors = (prior @ axes).T / np.sqrt(np.diag(prior))
     vectors /= np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-300)
     sd = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
     return shares, vectors, covariance / sd[:, None] / sd

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float, Int
+from scipy.linalg import block_diag
 
 # How much of a covariance is taken from its diagonal alone (Ledoit and Wolf's shrinkage, fixed).
 _SHRINKAGE = 0.2
@@ -119,10 +120,7 @@ def learn_metric(
     # The level, last, is a component of its own; slopes share the others.
     slopes = centred[:, :-1]
     _, _, directions = np.linalg.svd(slopes, full_matrices=False)
-    principal = directions[: min(components, len(features) - 1)].T
-    project = np.zeros((features.shape[1], principal.shape[1] + 1))
-    project[:-1, :-1] = principal
-    project[-1, -1] = 1.0
+    project = block_diag(directions[: min(components, len(features) - 1)].T, 1.0)
     points = centred @ project
 
     # What a varnish, say, adds to the differences between paints.
