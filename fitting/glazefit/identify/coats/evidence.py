@@ -14,11 +14,11 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 from scipy.interpolate import make_interp_spline
-from scipy.special import log_ndtr, logsumexp
+from scipy.special import log_ndtr, log_softmax, logsumexp
 
 from glazejax.spectra import Bands
 
-from ...film.model.errors import model_correlation, paint_covariance, smooth_kernel
+from ...film.model.errors import model_correlation, paint_covariance, smooth_kernel, whitening
 from .arrangement import Arrangement
 from .readings import LOG_AMOUNTS, NODES, GridReadings
 
@@ -122,7 +122,7 @@ def log_prior(arrangement: Arrangement, spread: float) -> Float[np.ndarray, "nod
         # From fractions to logs of amounts: a factor of each fraction.
         if len(coat) > 1:
             out += np.sum(coat_logs - log_total[..., None], axis=-1)
-    return out - np.asarray(logsumexp(out))
+    return log_softmax(out)
 
 
 def _axis(count: int) -> tuple[Float[np.ndarray, "nodes"], Float[np.ndarray, "nodes parts"]]:
@@ -181,11 +181,9 @@ def weigh_arrangement(
     """
     count = len(arrangement.paints)
 
-    # Errors at each node of the coarse grid, whitened by the inverse of their root.
-    covariance = _covariance(table, count, deviations, wavelengths, errors)
-    root = np.linalg.cholesky(covariance)
-    to_white = np.swapaxes(np.linalg.inv(root), 1, 2)
-    log_volume = np.log(np.diagonal(root, axis1=1, axis2=2)).sum(axis=1)
+    # Errors at each node of the coarse grid.
+    white = whitening(_covariance(table, count, deviations, wavelengths, errors)).basis
+    to_white = np.swapaxes(white, 1, 2)
 
     # Each place of the finer grid takes the errors of its node.
     readings = _finer(table.readings, count)
@@ -195,7 +193,7 @@ def weigh_arrangement(
         [(_finer(patch, count) - readings) @ to_white for patch in table.patches],
         errors,
     )
-    log_likelihood -= log_volume[:, None, None]
+    log_likelihood += np.log(np.diagonal(white, axis1=1, axis2=2)).sum(axis=1)[:, None, None]
 
     posterior = log_likelihood + log_prior(arrangement, errors.spread)[..., None]
     posterior = posterior.reshape(-1, len(bodies))

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.special import logsumexp
+from scipy.special import logsumexp, softmax
 
 from glazejax import Pigment
 
@@ -272,7 +272,7 @@ def _odds(
     out = []
     for row_odds in of_rows:
         totals = np.array([total for total, _ in row_odds])
-        shares = np.exp(totals - logsumexp(totals)) if row_odds else totals
+        shares = softmax(totals) if row_odds else totals
         ranked = np.argsort(-shares, kind="stable")
         out.append(tuple(replace(row_odds[n][1], share=float(shares[n])) for n in ranked))
     return tuple(out)

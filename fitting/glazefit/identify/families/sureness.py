@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.special import expit, logsumexp, softmax
+from scipy.special import expit, logit, logsumexp, softmax
 
 # Log evidence of a reading that no set may explain.
 _NOTHING = -700.0
@@ -79,7 +79,7 @@ class Sureness:
             unknown: the prior of the same.
         """
         log_odds = log_densities(log_sets, any_paint) @ np.array(self.slopes) + self.intercept
-        return np.asarray(expit(np.log(unknown / (1.0 - unknown)) - log_odds))
+        return np.asarray(expit(logit(unknown) - log_odds))
 
 
 def log_densities(

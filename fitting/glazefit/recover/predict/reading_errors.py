@@ -77,9 +77,7 @@ def reading_errors(calibrated: JointRecovery, response: Response, correlation: f
         # was read over one card or two.
         reached = reach[film].T  # (bands, 2)
         card_covariance = correlation * reached[:, :, None] * reached[:, None, :]
-        card_covariance = card_covariance + np.eye(2) * (
-            1.0 - correlation * reached[:, :, None] ** 2
-        )
+        card_covariance[:, [0, 1], [0, 1]] = 1.0
         towards = same * reached
         share = np.linalg.solve(card_covariance, towards[:, :, None])[:, :, 0]
         remaining = np.sqrt(np.maximum(1.0 - np.sum(share * towards, axis=1), 0.0))
