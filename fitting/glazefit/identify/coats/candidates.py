@@ -11,7 +11,7 @@ from scipy.special import logsumexp
 from ..search.chunk import Chunk
 from ..search.fit import Fitted, pool_of
 from ..search.pool import Pool
-from ..search.refine import Groups, move_readings, near_errors
+from ..search.refine import Groups, move_readings, near_errors, slopes_by_amount
 from ..search.surface import with_surface
 from ..search.task import IdentificationTask, Measured
 from .arrangement import Arrangement
@@ -129,8 +129,7 @@ def _candidates(
     logs = evidence.nearest[films]
     for _ in range(3):
         readings, slopes = coated.read_and_slopes(arrangement, np.exp(logs))
-        # An amount moves k and s together.
-        by_amount = (slopes[:, :size] + slopes[:, size:]) @ white.swapaxes(1, 2)
+        by_amount = slopes_by_amount(slopes) @ white.swapaxes(1, 2)
         off = white @ (chunk.target - readings)[..., None]
         # The added .1 holds amounts that hardly change the readings.
         normal = by_amount @ by_amount.swapaxes(1, 2) + 0.1 * np.eye(size)

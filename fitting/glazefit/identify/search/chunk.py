@@ -40,14 +40,14 @@ class Chunk:
         """Covariance of the readings' errors that come from noise, from the unknown gloss, and from
         other unknowns such as the amount of a varnish (`Measured.doubt`).
         """
-        return _diagonal(self.spectra.noise_sd) + self.noiseless_covariance
+        return diagonal_covariance(self.spectra.noise_sd) + self.noiseless_covariance
 
     @property
     def tolerance_covariance(self) -> Float[np.ndarray, "spectra readings readings"]:
         """`noise_covariance` with what counts as near in place of noise, for the amounts that are
         shown: these must not put a residual down to smooth errors of the paints.
         """
-        return _diagonal(self.tolerance) + self.noiseless_covariance
+        return diagonal_covariance(self.tolerance) + self.noiseless_covariance
 
     @property
     def noiseless_covariance(self) -> Float[np.ndarray, "spectra readings readings"]:
@@ -79,7 +79,7 @@ class Chunk:
         return amplitude[:, :, None] * amplitude[:, None] * correlation
 
 
-def _diagonal(
+def diagonal_covariance(
     sd: Float[np.ndarray, "spectra grounds bands"],
 ) -> Float[np.ndarray, "spectra readings readings"]:
     """Covariance of independent errors."""

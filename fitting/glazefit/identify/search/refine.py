@@ -163,6 +163,16 @@ def slopes_at(
     return by_blocks(len(sets), block_size(grounds[0].size), run)
 
 
+def slopes_by_amount(
+    slopes: Float[np.ndarray, "*n errors readings"],
+) -> Float[np.ndarray, "*n size readings"]:
+    """Slopes of readings by the log of every paint's amount, with which its k and s grow together,
+    from those by k, then s.
+    """
+    by_absorption, by_scattering = np.split(slopes, 2, axis=-2)
+    return by_absorption + by_scattering
+
+
 @Program
 def film_slopes(
     response: FilmResponse, paints: Paints, sets: Array, logs: Array, ground: Array

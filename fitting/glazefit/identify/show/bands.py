@@ -16,9 +16,9 @@ from ..coats.arrangement import Arrangement
 from ..coats.readings import CoatedFilms
 from ..result import Identification
 from ..search.candidates import CHUNK
-from ..search.chunk import Chunk
+from ..search.chunk import Chunk, diagonal_covariance
 from ..search.pool import NOBODY
-from ..search.refine import paints_covariance, slopes_at
+from ..search.refine import paints_covariance, slopes_at, slopes_by_amount
 from ..search.task import IdentificationTask
 from .figures import FITS
 
@@ -48,16 +48,11 @@ def _bands(
     d = task.discrepancy
     members = identification.members[:, :count]
     slopes = _slopes(identification, task, count)
-    covariance = (
-        paints_covariance(task, slopes, members) + Chunk(task, measured).smooth_covariance[:, None]
-    )
-    noise = measured.noise_sd.reshape(len(measured), 1, -1) ** 2
-    covariance = covariance + noise[..., None] * np.eye(noise.shape[-1])
-    # By log amounts: k and s of a paint grow together. The surface's share is an unknown too.
+    same = Chunk(task, measured).smooth_covariance + diagonal_covariance(measured.noise_sd)
+    covariance = paints_covariance(task, slopes, members) + same[:, None]
+    # The surface's share is an unknown too.
     size = members.shape[-1]
-    by_amount = np.where(
-        (members == NOBODY)[..., None], 0.0, slopes[..., :size, :] + slopes[..., size:, :]
-    )
+    by_amount = slopes_by_amount(slopes)
     # What it adds, in standard deviations.
     sd = max(d.surface_sd(task.surface), 1e-9)
     surface = np.full((*by_amount.shape[:2], 1, by_amount.shape[-1]), sd)
@@ -70,12 +65,8 @@ def _bands(
     # A weight of a tenth holds each log amount to what is expected.
     prior_precision = prior_precision + np.diag([0.1] * size + [1.0])
     solved = np.linalg.solve(covariance, np.swapaxes(design, -1, -2))
-    fitted = np.swapaxes(design, -1, -2) @ np.linalg.solve(
-        design @ solved + prior_precision, design
-    )
-    remaining = np.diagonal(covariance, axis1=-2, axis2=-1) - np.diagonal(
-        fitted, axis1=-2, axis2=-1
-    )
+    fitted = np.linalg.solve(design @ solved + prior_precision, design)
+    remaining = np.diagonal(covariance, axis1=-2, axis2=-1) - np.sum(design * fitted, axis=-2)
     ends = t.ppf(0.95, d.freedom)
     return (float(ends) * np.sqrt(np.maximum(remaining, 0.0))).reshape(
         *members.shape[:2], *measured.readings.shape[1:]

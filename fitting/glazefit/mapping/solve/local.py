@@ -28,6 +28,7 @@ from ...identify.search.refine import (
     fit_with_errors,
     near_errors,
     slopes_at,
+    slopes_by_amount,
 )
 from ...identify.search.searcher import Searcher
 from ...identify.search.surface import nuisance_modes
@@ -268,7 +269,7 @@ def _linear(
     shown_slopes = slopes_at(chunk, sets, logs, row)
     white = errors.basis[groups.of]
     gradient, prior = _prior_of(task, sets, weighed_films.logs)
-    _, whitened_slopes, data, gain = _follow(weighed_slopes, sets, white, gradient, prior)
+    _, whitened_slopes, data, gain = _follow(weighed_slopes, white, gradient, prior)
     followed = np.einsum("nmi,nmb->nib", whitened_slopes, gain)
     residual = chunk.target[row] - weighed_films.readings
     # Curvature of the data over that of the prior, for the evidence.
@@ -276,7 +277,7 @@ def _linear(
     ratios = np.maximum(np.linalg.eigvalsh(root @ data @ np.swapaxes(root, 1, 2)), 0.0)
     # What is shown is fitted with errors of its own: how near it comes to each reading.
     close = near_errors(chunk).basis[row]
-    by_shown, _, _, shown_gain = _follow(shown_slopes, sets, close, *_prior_of(task, sets, logs))
+    by_shown, _, _, shown_gain = _follow(shown_slopes, close, *_prior_of(task, sets, logs))
     eye = np.eye(films.readings.shape[1])
     shapes, solved = nuisance_modes(chunk)
     # How the reading that is shown moves: the body, and the surface that takes what is left.
@@ -305,7 +306,6 @@ def _linear(
 
 def _follow(
     slopes: Float[np.ndarray, "n errors readings"],
-    sets: Int[np.ndarray, "n size"],
     white: Float[np.ndarray, "n components readings"],
     gradient: Float[np.ndarray, "n size"],
     hessian: Float[np.ndarray, "n size size"],
@@ -320,16 +320,13 @@ def _follow(
 
     Args:
         slopes: of the readings by the log of every paint's k, then s.
-        sets: paints of each film.
         white: whitens readings.
         gradient, hessian: of minus the log prior.
     """
-    size = sets.shape[1]
-    # k and s grow together with the amount.
-    by = (slopes[:, :size] + slopes[:, size:]) * (sets != NOBODY)[..., None]
+    by = slopes_by_amount(slopes)
     whitened = np.einsum("nib,nmb->nmi", white, by)
     data = whitened @ np.swapaxes(whitened, 1, 2)
-    held = hessian + np.maximum(-gradient, 0.0)[..., None] * np.eye(size)
+    held = hessian + np.maximum(-gradient, 0.0)[..., None] * np.eye(by.shape[1])
     return by, whitened, data, np.linalg.solve(data + held, whitened @ white)
 
 
