@@ -226,8 +226,7 @@ class Identification(Tabulated):
     @cached_property
     def fractions(self) -> Float[np.ndarray, "spectra candidates 3"]:
         """By mass, of all paint in the film; NaN where there is none, or no amount is known."""
-        total = self.amounts.sum(axis=-1, keepdims=True)
-        return self.amounts / np.where(total == 0, np.nan, total)
+        return fractions_of(self.amounts)
 
     @cached_property
     def log_sd(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -587,6 +586,12 @@ _OF_CANDIDATES = tuple(
     if field.name not in ("family_sets", "paint_families", "coats_odds")
 )
 """Arrays with a row for each spectrum, and with a place for each of its candidates."""
+
+
+def fractions_of(amounts: Float[np.ndarray, "*n places"]) -> Float[np.ndarray, "*n places"]:
+    """Share of each paint in all; NaN where there is none."""
+    total = amounts.sum(axis=-1, keepdims=True)
+    return amounts / np.where(total == 0, np.nan, total)
 
 
 def log_sds(

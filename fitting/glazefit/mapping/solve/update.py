@@ -7,7 +7,7 @@ from jaxtyping import Bool, Float, Int
 
 from ...film.model.errors import Prior
 from ...film.numerics.columns import Columns
-from ...identify.result import log_sds
+from ...identify.result import fractions_of, log_sds
 from ...identify.search.pool import NOBODY
 from ...identify.search.weigh import Misfits, weigh
 from .local import Local, Searched
@@ -58,9 +58,7 @@ class Answers(Columns):
     @property
     def fractions(self) -> Float[np.ndarray, "spectra 3"]:
         """Share of each paint; NaN where the answer has no amounts."""
-        amounts = np.exp(self.amounts)
-        total = amounts.sum(axis=-1, keepdims=True)
-        return np.divide(amounts, total, out=np.full_like(amounts, np.nan), where=total > 0.0)
+        return fractions_of(np.exp(self.amounts))
 
     @property
     def thickness(self) -> Float[np.ndarray, "spectra"]:
