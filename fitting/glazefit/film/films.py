@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import ArrayLike, Bool, Float
 
 from glazejax.geometry import Geometry
 from glazejax.geometry import Instrument as Instrument
@@ -280,6 +280,26 @@ def usual_cards(wavelengths: Bands) -> tuple[Bands, Bands]:
     black = np.full_like(wavelengths, 0.025)
     white = 0.95 - 0.02 * np.maximum(700 - wavelengths, 0) / 300
     return black, white - 0.2 * np.exp(-np.maximum(wavelengths - 400, 0) / 12)
+
+
+def check_ground(ground: ArrayLike | None, *, opaque: bool = False) -> None:
+    """Refuse a ground of films that show none, none of films that show it, and internal
+    reflectances that no ground has.
+
+    Raises:
+        ValueError: one of these.
+    """
+    if (ground is None) != opaque:
+        raise ValueError(
+            "opaque films show no ground: leave out ground, or leave out opaque"
+            if opaque
+            else "no ground is stated: what is under the paint? Give ground, its internal "
+            "reflectance such as 0.9, or opaque=True for films that hide it"
+        )
+    values = np.asarray([] if ground is None else ground, dtype=np.float64)
+    wrong = values[~((values >= 0) & (values <= 1))]
+    if wrong.size:
+        raise ValueError(f"a ground's internal reflectance is {wrong[0]:g}; it must lie in [0, 1]")
 
 
 USUAL_CARD_SD = (0.005, 0.02)

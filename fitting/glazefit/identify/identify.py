@@ -16,7 +16,7 @@ from jaxtyping import ArrayLike, Float
 from glazejax import Hemispherical
 from glazejax.geometry import Geometry, resolve_instrument
 
-from ..film.films import Films, Instrument, Noise, card_readings
+from ..film.films import Films, Instrument, Noise, card_readings, check_ground
 from ..film.model.mixing import Pigments, listed_pigments
 from ..film.model.response import film_response
 from .families.expected import has_families
@@ -40,13 +40,7 @@ def identify_chunks(
 
     Args and errors are those of `identify`.
     """
-    if (ground is None) != opaque:
-        raise ValueError(
-            "opaque films show no ground: leave out ground, or leave out opaque"
-            if opaque
-            else "no ground is stated: give ground, its internal reflectance such as 0.9, or "
-            "opaque=True for opaque films"
-        )
+    check_ground(ground, opaque=opaque)
     paints = listed_pigments(pigments)
     # Weighing coats and families imports parts of scipy, and most searches need neither.
     if has_families(paints) and not options.own_films:

@@ -9,10 +9,10 @@ import numpy as np
 from glazejax import Bidirectional, Pigment, catalogue, colour
 from glazejax.geometry import resolve_instrument
 from glazejax.paint.media import MAX_THICKNESS
-from glazejax.spectra import common_range, describe_grid, lie_between, same_grid
+from glazejax.spectra import common_range, describe_grid, lie_between
 
 from ..film.colour_metric import lab_metric
-from ..film.films import Instrument, InstrumentLike
+from ..film.films import Instrument, InstrumentLike, check_ground
 from ..film.model.mixing import Pigments, check_paints, listed_pigments
 from ..film.model.optics import Optics
 from .model import StackModel, make_model
@@ -199,12 +199,10 @@ def _on_one_grid(
             f"{describe_grid(grid)}, the "
             "wavelengths of the pigments"
         )
-    wrong = base[~((base >= 0) & (base <= 1))]
-    if wrong.size:
-        raise ValueError(f"the ground's reflectance must lie in [0, 1], not {wrong.flat[0]:g}")
+    check_ground(ground)
     if not shared.any():
         raise ValueError(f"pigments ({describe_grid(grid)}) and targets share no wavelengths")
     common = grid[shared]
     colour.colour_weights(common)  # says if too little is left for a colour
-    same = [p if same_grid(p.wavelengths, common) else p.resample(common) for p in paints]
-    return tuple(same), float(base) if base.ndim == 0 else base[shared]
+    on_bands = tuple(paint.resample(common) for paint in paints)
+    return on_bands, float(base) if base.ndim == 0 else base[shared]

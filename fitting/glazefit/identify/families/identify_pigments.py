@@ -52,7 +52,7 @@ def identify_families(
     """
     # A wrong symbol is said before a search is set up, which takes some seconds.
     log_odds_of_elements([], options.elements, options.without_elements)
-    grid = validate_wavelengths(np.asarray(wavelengths, dtype=np.float64))
+    grid = validate_wavelengths(wavelengths)
     measured = check_spectra(grid, spectra, ground, names, options.noise or Noise())
     _check_range(grid, pigments)
     grounds = measured.readings.shape[1]

@@ -82,7 +82,7 @@ class Searcher(NamedTuple):
         instrument = resolve_instrument(options.instrument)
         discrepancy = options.discrepancy or ModelError()
         prior = options.prior or Prior()
-        grid = validate_wavelengths(np.asarray(wavelengths, dtype=np.float64))
+        grid = validate_wavelengths(wavelengths)
         resampled = check_pigments(pigments, grid)
         largest = min(options.max_paints, len(resampled))
         response = film_response(instrument)
@@ -170,8 +170,8 @@ def check_spectra(
     names: Sequence[str] | None,
     noise: Noise,
 ) -> Measured:
-    """Spectra at wavelengths that were validated, and grounds, as (spectra, grounds, bands); see
-    `glazefit.identify`.
+    """Spectra at wavelengths that were validated, and grounds of legal values, as (spectra,
+    grounds, bands); see `glazefit.identify`.
 
     Raises:
         ValueError: shapes that do not match, values that are not reflectances, or repeated names.
@@ -214,7 +214,6 @@ def check_spectra(
             f"a ground of shape {below.shape} does not fit spectra of shape (spectra, grounds, "
             f"bands) = {readings.shape}"
         ) from None
-    check_ground(below)
     # Spectra that are rougher than the stated noise are as noisy as they are rough.
     roughness = noise_of_each(readings).max(axis=-1)[:, None, None]
     doubt = np.empty((len(readings), 0, *readings.shape[1:]))
@@ -226,17 +225,6 @@ def check_spectra(
         noise_sd=np.maximum(noise.sd(readings), roughness),
         doubt=doubt,
     )
-
-
-def check_ground(ground: Float[np.ndarray, "..."]) -> None:
-    """Refuse internal reflectances of a ground that none has.
-
-    Raises:
-        ValueError: one that is not in [0, 1].
-    """
-    wrong = ground[~((ground >= 0) & (ground <= 1))]
-    if wrong.size:
-        raise ValueError(f"a ground's internal reflectance is {wrong[0]:g}; it must lie in [0, 1]")
 
 
 def check_pigments(pigments: Pigments, wavelengths: Float[np.ndarray, "bands"]) -> list[Pigment]:

@@ -13,12 +13,12 @@ from jaxtyping import ArrayLike, Bool
 from glazejax.geometry import resolve_instrument
 from glazejax.spectra import Bands, describe_grid
 
-from ...film.films import Noise
+from ...film.films import Noise, check_ground
 from ...film.model.errors import ModelError, Prior
 from ...film.model.mixing import Pigments, digest, listed_pigments
 from ...identify.families.expected import EXPECTED, has_families
 from ...identify.search.options import IdentificationOptions, SearchKeywords
-from ...identify.search.searcher import Searcher, check_ground
+from ...identify.search.searcher import Searcher
 from .by_family import FamilySearcher
 from .image import Image
 from .spots import spot_pigment
@@ -78,13 +78,7 @@ def map_task(
     from glazejax.io import CubeSource, read_mask
 
     chosen = IdentificationOptions(**search)
-    if (ground is None) != opaque:
-        raise ValueError(
-            "opaque films show no ground: leave out ground, or leave out opaque"
-            if opaque
-            else "what is under the paint? Give ground, its internal reflectance such as 0.9, or "
-            "opaque=True for films that hide it"
-        )
+    check_ground(ground, opaque=opaque)
     # The image, of which only shape and wavelengths are known so far.
     source = CubeSource(Path(cube)) if isinstance(cube, str | Path) else cube
     array = source.open() if isinstance(source, CubeSource) else _check_image(source)
@@ -171,7 +165,6 @@ def _ground(ground: ArrayLike, bands: WorkingBands, stored: np.ndarray) -> Bands
             f"a ground of shape {values.shape} is neither a number nor one for each of "
             f"{stored.size} bands"
         )
-    check_ground(values)
     return np.broadcast_to(values, stored.shape) @ bands.mean
 
 
