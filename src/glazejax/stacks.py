@@ -28,7 +28,7 @@ from jaxtyping import Float
 from . import catalogue
 from .geometry import Geometry, Instrument, geometry_of, parse_geometry
 from .io.outputs import check_output
-from .io.source import open_source
+from .io.source import naming, open_source
 from .paint.describe import MAX_THICKNESS, Coat, find_name, name_paints
 from .paint.media import Glaze, Layer, Mixture, Pigment, make_media
 from .spectra import (
@@ -224,12 +224,9 @@ def read_stack(path: str | Path) -> Stack:
         ValueError: not such a file; the message says where and what would fix it.
     """
     with open_source(path) as source:
-        try:
-            return parse_stack(source.text(most=_MOST_BYTES, fallback=None))
-        except ValueError as error:
-            raise (
-                error if str(error).startswith(str(path)) else ValueError(f"{path}: {error}")
-            ) from None
+        text = source.text(most=_MOST_BYTES, fallback=None)
+    with naming(path):
+        return parse_stack(text)
 
 
 def write_stack(

@@ -24,7 +24,7 @@ from jaxtyping import Float
 
 from glazejax.io import SpectraTable, read_spectra
 from glazejax.io.quantity import Stated
-from glazejax.io.source import refusal
+from glazejax.io.source import naming
 from glazejax.io.spectra_table import list_names
 
 from .films import SPECTRA, Films
@@ -65,10 +65,8 @@ def read_loose_films(path: str | Path, *, specular: bool = True, **stated: Unpac
             a name whose ending is nearly right. The message is one line and says which.
     """
     table = one_reading(read_spectra(path, **stated), specular=specular)
-    try:
+    with naming(path):
         return loose_films(table)
-    except ValueError as error:
-        raise refusal(path, error) from None
 
 
 def loose_films(table: SpectraTable) -> Films:

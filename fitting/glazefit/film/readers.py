@@ -14,7 +14,7 @@ import numpy as np
 
 from glazejax.io import SpectraTable, read_spectra
 from glazejax.io.quantity import Stated
-from glazejax.io.source import open_source, refusal
+from glazejax.io.source import naming, open_source
 
 from .films import Films, usual_cards
 
@@ -53,10 +53,8 @@ def read_films(path: str | Path, **stated: Unpack[Stated]) -> Films:
 
 def films_in(table: SpectraTable, path: str | Path) -> Films:
     """Films of a table that was read from a file, as `read_films` gives them; errors name it."""
-    try:
+    with naming(path):
         return films_of(one_reading(table))
-    except ValueError as error:
-        raise refusal(path, error) from None
 
 
 def one_reading(table: SpectraTable, *, specular: bool = True) -> SpectraTable:

@@ -392,6 +392,7 @@ def _spectrum(
     console: "Console",
 ) -> "Reading":
     from glazejax.io import read_spectra
+    from glazejax.io.spectra_table import row_of
 
     from ..film.reading import reading_over
     from ..film.shared_bands import PAINTS_KNOWN, crop_bands
@@ -400,9 +401,7 @@ def _spectrum(
     table = read_spectra(file, **stated)
     progress.print_notes(console, file, table.notes)
     progress.print_notes(console, "--ground", below.notes)
-    if not sample and len(table) > 1:
-        raise ValueError(f"{file} holds {len(table)} spectra; choose one with --sample")
-    (row,) = options.choose_rows(file, table.names, [sample or table.names[0]], "--sample")
+    row = row_of(table.names, sample, str(file), "--sample ")
     used, notes = crop_bands(table.wavelengths, *reach, PAINTS_KNOWN)
     progress.print_notes(console, file, notes)
     grid = table.wavelengths[used]

@@ -686,22 +686,16 @@ def all_named(shelf: "Mapping[str, Pigment]") -> "dict[str, Pigment]":
     return shelves
 
 
-def choose_rows(
-    file: Path, names: Sequence[str], asked: Sequence[str], argument: str = "--samples"
-) -> list[int]:
-    """Rows of the wanted spectra of a file, or all.
+def choose_rows(file: Path, names: Sequence[str], asked: Sequence[str]) -> list[int]:
+    """Rows of the spectra of a file that ``--samples`` names, or all.
 
     Raises:
         ValueError: the file has no spectrum of that name.
     """
-    from ..io.spectra_table import there_are
+    from ..io.spectra_table import row_of
 
-    for name in asked:
-        if name not in names:
-            raise ValueError(
-                f"{argument}: {file} holds no spectrum {name!r}; {there_are(name, names)}"
-            )
-    return [names.index(name) for name in asked] or list(range(len(names)))
+    rows = [row_of(names, name, f"--samples: {file}") for name in asked]
+    return rows or list(range(len(names)))
 
 
 def check_outputs(

@@ -289,7 +289,7 @@ def explain_errors(path: Path, missing: str = "") -> Iterator[None]:
 
 
 @contextmanager
-def naming(path: Path) -> Iterator[None]:
+def naming(path: str | Path) -> Iterator[None]:
     """Has the errors of what knows no file name this one."""
     try:
         yield

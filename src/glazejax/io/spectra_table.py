@@ -57,6 +57,32 @@ class SpectraTable:
         return f"SpectraTable({len(self)} spectra, {describe_grid(self.wavelengths)})"
 
 
+def row_of(
+    names: Sequence[str], wanted: str, holder: str, example: str = "", what: str = "spectrum"
+) -> int:
+    """Row of the spectrum, or lamp, that is called so; where none is named, of the only one.
+
+    Args:
+        names: of the rows.
+        wanted: the name; may be empty.
+        holder: of the rows, such as a file: how errors begin.
+        example: what a name is written behind, such as ``FILE:``.
+        what: is looked for.
+
+    Raises:
+        ValueError: there are several and none is named, or none is called so.
+    """
+    if wanted and wanted not in names:
+        raise ValueError(f"{holder} holds no {what} {wanted!r}; {there_are(wanted, names)}")
+    if not wanted and len(names) > 1:
+        several = {"spectrum": "spectra"}.get(what, f"{what}s")
+        raise ValueError(
+            f"{holder} holds {len(names)} {several}: choose one, as {example}{names[0]} "
+            f"({there_are('', names)})"
+        )
+    return names.index(wanted) if wanted else 0
+
+
 def there_are(wanted: str, names: Sequence[str]) -> str:
     """Sentence for where no spectrum is called so, or none is wanted (empty): the nearest names if
     there are such, else the first few.

@@ -19,8 +19,8 @@ from glazejax.catalogue.colour_index import colour_indices, family_named
 from glazejax.geometry import Geometry, Instrument, resolve_instrument
 from glazejax.io import read_spectra
 from glazejax.io.quantity import Stated
-from glazejax.io.source import refusal
-from glazejax.spectra import Bands
+from glazejax.io.source import naming
+from glazejax.spectra import Bands, common_range
 
 from ...film.films import Films
 from ...film.model.response import film_response
@@ -100,11 +100,9 @@ def read_references(
     table = read_spectra(path, **stated)
     titles = [title for title in table.attributes if title.strip().lower() == "family"]
     families = dict(zip(table.names, table.attributes[titles[0]], strict=True)) if titles else {}
-    try:
+    with naming(path):
         films = loose_films(one_reading(table))
         return references_of(films, families, instrument=instrument, source=Path(path).name)
-    except ValueError as error:
-        raise refusal(Path(path), error) from None
 
 
 def references_of(
@@ -178,8 +176,7 @@ def references_of(
 
 
 def _check_bands(films: Films, exemplars: Sequence[Pigment]) -> None:
-    first = max(float(paint.wavelengths[0]) for paint in exemplars)
-    last = min(float(paint.wavelengths[-1]) for paint in exemplars)
+    first, last = common_range(paint.wavelengths for paint in exemplars)
     grid = films.wavelengths
     if grid[0] > first or grid[-1] < last:
         raise ValueError(

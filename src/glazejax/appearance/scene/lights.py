@@ -124,22 +124,19 @@ def measured_lamp(text: str | Path, wavelengths: Grid, strength: float = 1.0) ->
     from ...io.formats.table import read_table
     from ...io.quantity import nanometres
     from ...io.source import naming, open_source, show_path
-    from ...io.spectra_table import there_are
+    from ...io.spectra_table import row_of
 
     path, name = split_sample(str(text))
     with open_source(
         path, missing=f"there is no file {show_path(path)} with the spectrum of a lamp"
     ) as source:
         raw = read_table(source)
+    row = row_of(raw.names, name, str(path), f"{path}:", "lamp")
     with naming(path):
-        if not name and len(raw.names) > 1:
-            raise ValueError(f"holds {len(raw.names)} lamps: choose one, as {path}:{raw.names[0]}")
-        if name and name not in raw.names:
-            raise ValueError(f"holds no lamp {name!r}; {there_are(name, raw.names)}")
         bands, _ = nanometres(raw.wavelengths, raw.wavelength_unit)
         order = np.argsort(bands)
         bands = bands[order]
-        power = raw.values[raw.names.index(name) if name else 0, order]
+        power = raw.values[row, order]
         wrong = ~np.isfinite(power)
         if wrong.any():
             raise ValueError(f"the lamp lacks a number at {bands[wrong][0]:g} nm")

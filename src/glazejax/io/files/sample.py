@@ -8,7 +8,7 @@ from typing import Unpack
 
 from ..quantity import Stated
 from ..source import is_there, split_sheet
-from ..spectra_table import SpectraTable, there_are
+from ..spectra_table import SpectraTable, row_of
 from .read import read_spectra
 
 
@@ -58,16 +58,7 @@ def read_sample(
             f"{lead}{text!r} is neither a number from 0 to 1, such as 0.9, nor a file"
         )
     table = read_spectra(path, **stated)
-    if not sample and len(table) > 1:
-        raise ValueError(
-            f"{lead}{path} holds {len(table)} spectra: choose one, as "
-            f"{text.rstrip(':')}:{table.names[0]} ({there_are('', table.names)})"
-        )
-    if sample and sample not in table.names:
-        raise ValueError(
-            f"{lead}{path} holds no spectrum {sample!r}; {there_are(sample, table.names)}"
-        )
-    row = table.names.index(sample) if sample else 0
+    row = row_of(table.names, sample, f"{lead}{path}", f"{text.rstrip(':')}:")
     return replace(
         table,
         names=table.names[row : row + 1],
