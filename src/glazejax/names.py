@@ -39,6 +39,14 @@ def nearest_names(
     return [folded[k] for k in difflib.get_close_matches(key, folded, n=count, cutoff=cutoff)]
 
 
+def nearest_hint(name: str, choices: Iterable[str], cutoff: float = 0.4) -> str:
+    """Clause that lists the known names near one, such as ``; nearest: azurite``; empty if none
+    is.
+    """
+    near = nearest_names(name, choices, cutoff=cutoff)
+    return f"; nearest: {', '.join(near)}" if near else ""
+
+
 def first_repeated(names: Iterable[str]) -> str | None:
     """The first of the names that stand there twice; None if all differ."""
     return next((name for name, count in Counter(names).items() if count > 1), None)

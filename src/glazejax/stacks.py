@@ -144,10 +144,7 @@ class Stack:
         """
         shelf = paints(self)
         grid = common_grid(self, shelf)
-        coats = name_paints(self.shown, shelf)
-        # Only the paints in use are brought to the grid.
-        used = {name: shelf[name].resample(grid) for coat in coats for _, name in coat.parts}
-        return make_media(coats, used)
+        return make_media(name_paints(self.shown, shelf), shelf, grid)
 
     def glaze(self, side: str = "white") -> Glaze:
         """The stack for `glazejax.reflectance`.

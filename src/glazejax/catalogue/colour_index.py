@@ -3,7 +3,7 @@
 import functools
 import re
 
-from ..names import nearest_names
+from ..names import nearest_hint
 from .exemplars import families
 
 # PB29, P.B. 29, PB15:3, NR9; a form behind the colon is the same pigment. NO is a word.
@@ -56,8 +56,7 @@ def family_named(text: str) -> str:
             return named[0]
         if named:
             raise ValueError(f"it names {' and '.join(named)}: a reference is of one pigment")
-        near = nearest_names(text, families(), cutoff=0.75)
-        hint = f"; nearest: {', '.join(near)}" if near else ""
+        hint = nearest_hint(text, families(), 0.75)
         raise ValueError(f"it names neither a Colour Index number nor a family{hint}")
     having = [_numbered().get(number, ()) for number in numbers]
     for number, numbered in zip(numbers, having, strict=True):

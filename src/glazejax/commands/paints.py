@@ -53,7 +53,7 @@ def paints(
     from rich.console import Console
 
     from .. import catalogue
-    from ..names import nearest_names
+    from ..names import nearest_hint
 
     options.check_outputs({"--out": out, "--csv": csv}, overwrite, inputs=[references])
     if references is not None:
@@ -76,8 +76,7 @@ def paints(
         return
     families = catalogue.families()
     if family and family not in families:
-        near = nearest_names(family, families, cutoff=0.4)
-        hint = f"; nearest: {', '.join(near)}" if near else ""
+        hint = nearest_hint(family, families)
         raise ValueError(f"no family of pigments is called {family!r}{hint}")
     if out is not None and not family:
         raise ValueError("--out draws one family: name it by --family, such as --family azurite")

@@ -323,8 +323,7 @@ def _lay(
     notes = ground.notes
     with ground.blame():
         grid = common_grid(Stack(tuple(coats), ground=level), shelf)
-    names = {name for coat in coats for _, name in coat.parts}
-    grids = [shelf[name].wavelengths for name in names]
+    grids = [shelf[name].wavelengths for coat in coats for _, name in coat.parts]
     if isinstance(level, Spectrum):
         grids.append(level.wavelengths)
         level = Spectrum(grid, level.on(grid))
@@ -334,8 +333,7 @@ def _lay(
             f"{describe_grid(grid)}"
         )
         notes = (*notes, note)
-    used = {name: shelf[name].resample(grid) for name in names}
-    return make_media(coats, used), ground._replace(level=level, notes=notes)
+    return make_media(coats, shelf, grid), ground._replace(level=level, notes=notes)
 
 
 def _remarks(used: "Mapping[str, Pigment]") -> list[tuple[str, str]]:

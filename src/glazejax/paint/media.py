@@ -738,18 +738,21 @@ def _check_grids(media: Sequence[Pigment | Mixture]) -> None:
             )
 
 
-def make_media(coats: Sequence[Coat], shelf: Mapping[str, Pigment]) -> list[Pigment | Mixture]:
-    """Media of the coats, on the wavelengths of its pigments.
+def make_media(
+    coats: Sequence[Coat], shelf: Mapping[str, Pigment], grid: Bands | None = None
+) -> list[Pigment | Mixture]:
+    """Media of the coats, on the wavelengths of their pigments or, if given, of a grid (nm).
 
     Raises:
         KeyError: a pigment that the shelf does not have under that very name.
-        ValueError: pigments of one mixture on different wavelengths.
+        ValueError: pigments of one mixture on different wavelengths, or a grid that one does not
+            cover.
     """
-    return [
-        shelf[coat.parts[0][1]]
-        if len(coat.parts) == 1
-        else Mixture(
-            [shelf[name] for _, name in coat.parts], [weight for weight, _ in coat.parts], coat.name
-        )
-        for coat in coats
-    ]
+    media: list[Pigment | Mixture] = []
+    for coat in coats:
+        paints = [shelf[name] for _, name in coat.parts]
+        if grid is not None:
+            paints = [paint.resample(grid) for paint in paints]
+        weights = [weight for weight, _ in coat.parts]
+        media.append(paints[0] if len(paints) == 1 else Mixture(paints, weights, coat.name))
+    return media

@@ -15,7 +15,7 @@ from jaxtyping import Float
 
 from glazejax import catalogue
 from glazejax.catalogue import Family
-from glazejax.names import nearest_names
+from glazejax.names import nearest_hint
 
 if TYPE_CHECKING:
     from .search import FamilySearch
@@ -51,8 +51,7 @@ def check_elements(symbols: Sequence[str]) -> tuple[str, ...]:
     """
     for symbol in symbols:
         if symbol not in _SYMBOLS:
-            near = nearest_names(symbol.capitalize(), sorted(_SYMBOLS), cutoff=0.4)
-            hint = f"; nearest: {', '.join(near)}" if near else ""
+            hint = nearest_hint(symbol.capitalize(), sorted(_SYMBOLS))
             raise ValueError(
                 f"there is no element {symbol!r}{hint}; write symbols such as Cu, Pb, Hg"
             )

@@ -93,7 +93,7 @@ def _glaze(table: TomlTable, material: _GlazeKeys, grid: np.ndarray, folder: Pat
     with table.blame("coats"):
         # Names as typed become those of the shelf; the paints go to the scene's bands.
         described = name_paints(parse_coats(material.coats), shelf)
-        media = [medium.resample(grid) for medium in make_media(described, shelf)]
+        media = make_media(described, shelf, grid)
     ground = read_reflectance(table, "ground", material.ground, grid, folder)
     with table.blame():
         coats = [Layer(medium, coat.total) for medium, coat in zip(media, described, strict=True)]
