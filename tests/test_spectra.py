@@ -13,6 +13,7 @@ from glazejax.spectra import (
     describe_grid,
     ranges,
     resample,
+    scale_by_size,
     validate_wavelengths,
 )
 
@@ -111,43 +112,39 @@ def test_resampling_checks_shape():
 
 
 def test_fraction_stays():
-    values, note = as_fraction([[0.1, 0.2], [1.65, 0.3]])
-    assert values.tolist() == [[0.1, 0.2], [1.65, 0.3]]
-    assert note is None
+    assert as_fraction([1.65, 0.3], "bright").tolist() == [1.65, 0.3]
 
 
-def test_percent_is_divided_and_said():
-    values, note = as_fraction([50.0, 4.0])
-    assert_allclose(values, [0.5, 0.04])
-    assert note is not None
-    assert "percent" in note
+def test_percent_is_divided():
+    assert_allclose(as_fraction([50.0, 4.0], "grey"), [0.5, 0.04])
 
 
 def test_black_below_the_limit_of_one_band_is_still_percent():
     # A matt ultramarine dips to 2 %, but nowhere is its whole spectrum that dark.
-    values, _ = as_fraction([[1.2, 6.0], [80.0, 90.0]])
-    assert_allclose(values[0], [0.012, 0.06])
+    rows = np.array([[1.2, 6.0], [80.0, 90.0]])
+    assert scale_by_size(rows, rows.max(axis=1), ["matt", "white"], [], "") == 100.0
+
+
+def test_percent_and_fractions_are_not_mixed():
+    rows = np.array([[0.3, 0.4], [50.0, 60.0], [0.1, 0.2]])
+    with refusal("mixed: dark in percent.*white, tint in fractions"):
+        scale_by_size(rows, rows.max(axis=1), ["white", "dark", "tint"], [], "")
 
 
 @pytest.mark.parametrize(
-    ("rows", "complaint"),
+    ("values", "complaint"),
     [
-        ([[0.3, 0.4], [50, 60], [0.1, 0.2]], "mixed: dark in percent.*white, tint in fractions"),
-        ([[0.5, np.nan], [0.5, 0.6], [0.5, 0.6]], "white is not finite at band 2"),
-        ([[0.5, 0.6], [0.5, np.inf], [0.5, 0.6]], "dark is not finite at band 2"),
-        ([[0.5, 0.6], [0.5, 0.6], [-0.01, 0.6]], "tint is negative at band 1: -0.01"),
-        ([[0.5, 0.6], [0.5, 1.9], [0.5, 0.6]], "dark reaches 1.9"),
-        ([[50, 60], [50, 60], [50, 300]], "tint reaches 300"),
+        ([0.5, np.nan], "white is not finite at band 2"),
+        ([0.5, np.inf], "white is not finite at band 2"),
+        ([-0.01, 0.6], "white is negative at band 1: -0.01"),
+        ([0.5, 1.9], "white reaches 1.9"),
+        ([50, 300], "white reaches 300"),
+        ([[0.5, 0.6]], r"of shape \(bands,\), not \(1, 2\)"),
     ],
 )
-def test_wrong_reflectance_names_the_row(rows, complaint):
+def test_wrong_reflectance_is_named(values, complaint):
     with refusal(complaint):
-        as_fraction(rows, ["white", "dark", "tint"])
-
-
-def test_names_must_fit_the_rows():
-    with refusal("1 names were given for 2 rows"):
-        as_fraction([[0.5], [0.6]], ["only"])
+        as_fraction(values, "white")
 
 
 def test_bands_in_words():

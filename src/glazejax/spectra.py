@@ -202,55 +202,32 @@ def same_grid(first: Bands, second: Float[np.ndarray, "others"]) -> bool:
     return first.shape == second.shape and bool((np.abs(first - second) <= 1e-6).all())
 
 
-def as_fraction(
-    reflectance: Spectra, names: Sequence[str] | None = None
-) -> tuple[Float[np.ndarray, "*rows bands"], str | None]:
-    """Check measured reflectance and express it as a fraction.
+def as_fraction(reflectance: Spectra, name: str) -> Bands:
+    """Check a measured spectrum, (bands,), fraction or percent, and express it as a fraction.
 
-    All spectra of one call are in one unit: percent if the brightest exceeds 2, see
-    `scale_by_size`. Fractions may overshoot 1 up to 1.7, which fluorescence and calibration do.
-
-    Args:
-        reflectance: (bands,) or (rows, bands), fraction or percent.
-        names: one name a row, for the errors; rows are numbered from 1 if left out.
-
-    Returns:
-        Reflectance as a fraction, the same shape, and a sentence that says what was changed (or
-        None).
+    It is in percent if it exceeds 2, see `scale_by_size`. Fractions may overshoot 1 up to 1.7,
+    which fluorescence and calibration do.
 
     Raises:
-        ValueError: a value is NaN, infinite, negative or too large, or units are mixed; the row is
+        ValueError: another shape, or a value that is NaN, infinite, negative or too large; it is
             named.
     """
     values = np.array(reflectance, dtype=np.float64)
-    if values.ndim not in (1, 2) or values.size == 0:
-        raise ValueError(
-            f"reflectance must be of shape (bands,) or (rows, bands), not {values.shape}"
-        )
-    rows = np.atleast_2d(values)
-    if names is None:
-        names = [f"row {i + 1}" for i in range(len(rows))]
-    elif len(names) != len(rows):
-        raise ValueError(f"{len(names)} names were given for {len(rows)} rows of reflectance")
-    for complaint, wrong in (("not finite", ~np.isfinite(rows)), ("negative", rows < 0)):
+    if values.ndim != 1 or values.size == 0:
+        raise ValueError(f"reflectance of {name} must be of shape (bands,), not {values.shape}")
+    for complaint, wrong in (("not finite", ~np.isfinite(values)), ("negative", values < 0)):
         if wrong.any():
-            i, j = (int(k) for k in np.argwhere(wrong)[0])
-            raise ValueError(
-                f"reflectance of {names[i]} is {complaint} at band {j + 1}: {rows[i, j]:g}"
-            )
-    peaks = rows.max(axis=1)
+            i = int(wrong.argmax())
+            raise ValueError(f"reflectance of {name} is {complaint} at band {i + 1}: {values[i]:g}")
+    peak = values.max(keepdims=True)
     cure = "divide by what stands for a reflectance of 1"
-    notes: list[str] = []
-    scale = scale_by_size(rows, peaks, names, notes, cure)
-    brightest = int(peaks.argmax())
-    if peaks[brightest] > MAX_FRACTION * scale:
+    scale = scale_by_size(values[None], peak, [name], [], cure)
+    if peak[0] > MAX_FRACTION * scale:
         raise ValueError(
-            f"reflectance of {names[brightest]} reaches {peaks[brightest]:g}, too much for a "
-            f"fraction (at most {MAX_FRACTION:g}); {cure}"
+            f"reflectance of {name} reaches {peak[0]:g}, too much for a fraction (at most "
+            f"{MAX_FRACTION:g}); {cure}"
         )
-    if scale == 1.0:
-        return values, None
-    return values / scale, "; ".join([*notes, "values are in percent; divided by 100"])
+    return values / scale
 
 
 def scale_by_size(

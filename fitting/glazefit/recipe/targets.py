@@ -208,7 +208,7 @@ def spectral_target(wavelengths: ArrayLike, reflectance: ArrayLike, *, name: str
     from glazejax.spectra import as_fraction, validate_wavelengths
 
     grid = validate_wavelengths(np.asarray(wavelengths))
-    values, _ = as_fraction(np.asarray(reflectance), [name] if np.ndim(reflectance) == 2 else None)
+    values = as_fraction(np.asarray(reflectance), name)
     if values.shape != grid.shape:
         raise ValueError(
             f"{name!r} has {values.size} values for {grid.size} wavelengths; give one a wavelength"
