@@ -107,8 +107,8 @@ def read_search(typed: Mapping[str, Any], console: "Console") -> Search:
 
     Raises:
         FileNotFoundError: no file of references.
-        ValueError: paints that there are not, facts or references where no families are searched,
-            or a table that is no references.
+        ValueError: paints that there are not, references where no families are searched, or a
+            table that is no references.
     """
     from ..film.films import Instrument
     from ..film.model.errors import ModelError, Prior
@@ -129,11 +129,6 @@ def read_search(typed: Mapping[str, Any], console: "Console") -> Search:
     instrument = Instrument(
         options.read_geometry(typed["instrument"], "d:8"), typed["refractive_index"]
     )
-    if any(value not in ((), None) for value in facts.values()) and not by_family:
-        raise ValueError(
-            "--elements, --without-elements and --painted weigh families of pigments: give "
-            "--catalogue pigments"
-        )
     if references is not None:
         if not by_family:
             raise ValueError(

@@ -105,10 +105,6 @@ def predict(
 
     start_jax()
     seen_by = options.read_geometry(instrument, _GEOMETRY)
-    from glazejax.colour import find_illuminant, find_observer
-
-    illuminant = find_illuminant(illuminant)
-    observer = find_observer(observer)
     recipe, shelf = read_mixture(mixture, options.read_shelf(pigments, catalogue))
 
     from rich.console import Console

@@ -98,7 +98,7 @@ class IdentificationOptions:
         if self.elements or self.without_elements or self.painted is not None:
             raise ValueError(
                 "elements and years apply to families of pigments only: use "
-                "catalogue.load('pigments') (--catalogue pigments)"
+                "catalogue.load('pigments') (--catalogue pigments), or leave them out"
             )
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import ArrayLike, Bool
 
 from glazejax.geometry import resolve_instrument
-from glazejax.spectra import Bands, describe_grid
+from glazejax.spectra import Bands, validate_wavelengths
 
 from ...film.films import Noise, check_ground
 from ...film.model.errors import ModelError, Prior
@@ -172,16 +172,14 @@ def _check_image(array: "xarray.DataArray") -> "xarray.DataArray":
     """An image that was made by the caller.
 
     Raises:
-        ValueError: other dimensions, or no wavelengths.
+        ValueError: other dimensions, or no legal wavelengths.
     """
     if array.dims != ("y", "x", "wavelength") or "wavelength" not in array.coords:
         raise ValueError(
             "an image has the dimensions y, x, wavelength, with wavelengths in nm; this one has "
             f"{array.dims}"
         )
-    grid = np.asarray(array["wavelength"], float)
-    if np.any(np.diff(grid) <= 0) or grid[0] < 100:
-        raise ValueError(f"wavelengths must ascend and be in nm; these are {describe_grid(grid)}")
+    validate_wavelengths(np.asarray(array["wavelength"]))
     return array
 
 

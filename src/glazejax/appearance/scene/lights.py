@@ -162,8 +162,6 @@ def lamp_on_bands(
     Raises:
         ValueError: the table does not cover the bands, or holds negative or no power.
     """
-    own = np.asarray(own, float)
-    values = np.asarray(values, float)
     grid = validate_wavelengths(wavelengths)
     if own[0] > grid[0] or own[-1] < grid[-1]:
         raise ValueError(
