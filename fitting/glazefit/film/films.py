@@ -121,9 +121,9 @@ class Films(Tabulated):
         for what in SPECTRA:
             values = np.asarray(getattr(self, what), dtype=np.float64)
             object.__setattr__(self, what, values)
-            if values.shape != (len(self.names), grid.size):
+            if values.shape != (count, grid.size):
                 raise ValueError(
-                    f"{what} has shape {values.shape} but there are {len(self.names)} films and "
+                    f"{what} has shape {values.shape} but there are {count} films and "
                     f"{grid.size} bands"
                 )
             wrong = ~np.isfinite(values) | (values < 0)

@@ -188,7 +188,7 @@ def read_ground_of_cube(
     cube: "xarray.DataArray",
     paints: Sequence["Pigment"],
     instrument: "Instrument",
-) -> tuple["float | Float[np.ndarray, 'bands'] | None", str, tuple[str, ...]]:
+) -> tuple["Float[np.ndarray, 'bands'] | None", str, tuple[str, ...]]:
     """The ground below all pixels, as seen from inside the paint, at the bands of a cube; its
     words, and notes.
 
@@ -243,9 +243,7 @@ def read_ground_of_cube(
         notes = stated.notes
         how = "measured bare with the same instrument" if bare else "as seen from inside the paint"
         description = f"{stated.words}, {how}"
-        if isinstance(below, float | int) and not bare:
-            return below, description, notes
-    spectrum = np.broadcast_to(np.asarray(below, np.float64), (int(within.sum()),))
+    spectrum = np.broadcast_to(below, grid[within].shape)
     if bare:
         spectrum = ground_from_air(spectrum, instrument)
     # Where no paint is known, no ground is asked for.

@@ -203,10 +203,6 @@ def check_spectra(
         )
     # One ground for all, for each ground of a film, or for each spectrum.
     below = np.asarray(UNSEEN_GROUND if ground is None else ground, dtype=np.float64)
-    if below.ndim == 1 and below.shape[0] != grid.size:
-        raise ValueError(
-            f"a ground of shape {below.shape} does not end in the {grid.size} bands of the spectra"
-        )
     try:
         below = np.broadcast_to(below, readings.shape)
     except ValueError:

@@ -43,10 +43,10 @@ def spot_pigment(
             f"the spot {name!r} has {read.size} readings, the image {wavelengths.size} bands"
         )
     body = read - instrument.seen_surface
-    if not (np.isfinite(body).all() and (body > -0.02).all() and (read < 1.2).all()):
-        wrong = read[~(np.isfinite(body) & (body > -0.02) & (read < 1.2))][0]
+    wrong = read[~((body > -0.02) & (read < 1.2))]
+    if wrong.size:
         raise ValueError(
-            f"the spot {name!r} reads {wrong:g}; a hiding paint reads from "
+            f"the spot {name!r} reads {wrong[0]:g}; a hiding paint reads from "
             f"{instrument.seen_surface:.3f} (its surface) "
             "to 1.2: is the spot in focus, and the image calibrated?"
         )

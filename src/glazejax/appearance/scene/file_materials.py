@@ -10,7 +10,7 @@ from ...extras import require
 from ...io.source import open_source, refusal, show_path
 from ...paint.describe import MAX_THICKNESS, format_length, name_paints, parse_coats
 from ...paint.media import Glaze, Layer, make_media
-from ...spectra import Bands, describe_grid, resample
+from ...spectra import Bands, resample
 from ..metals import metal
 from .file_table import (
     LENGTHS,
@@ -233,13 +233,7 @@ def _measured_material(
     from ...io import read_sample
 
     sample = read_sample(text, folder=folder)
-    bands = sample.wavelengths
-    if bands[0] > grid[0] + 1e-6 or bands[-1] < grid[-1] - 1e-6:
-        raise ValueError(
-            f"{text} is known at {describe_grid(bands)} only, but the scene has "
-            f"{describe_grid(grid)}"
-        )
-    values = np.asarray(resample(bands, sample.reflectance[0], grid), float)
+    values = np.asarray(resample(sample.wavelengths, sample.reflectance[0], grid), float)
     brightest = int(values.argmax())
     most = f"{text} reflects {values[brightest]:.4g} at {grid[brightest]:g} nm"
     # What a measured white may reach by noise and calibration.
