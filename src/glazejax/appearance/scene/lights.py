@@ -131,8 +131,8 @@ def measured_lamp(text: str | Path, wavelengths: Grid, strength: float = 1.0) ->
         path, missing=f"there is no file {show_path(path)} with the spectrum of a lamp"
     ) as source:
         raw = read_table(source)
-    row = row_of(raw.names, name, str(path), f"{path}:", "lamp")
     with naming(path):
+        row = row_of(raw.names, name, "the file", f"{path}:", "lamp")
         bands, _ = nanometres(raw.wavelengths, raw.wavelength_unit)
         order = np.argsort(bands)
         bands = bands[order]
