@@ -2,6 +2,7 @@ import csv
 import functools
 import io
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -71,6 +72,12 @@ def test_results_are_those_of_the_library(run, tmp_path, films):
     assert [row["identifiable"] == "True" for row in rows] == recovery.identifiable.ravel().tolist()
     for name in ("01A.png", "02B.png"):
         assert (tmp_path / "res" / name).read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_name_in_brackets_is_printed_as_it_is(run, tmp_path, films):
+    named = replace(films, names=("Red [old]", "02B"))
+    out, _ = run(write(tmp_path / "f.tsv", named), "--out", "res", "--no-plots")
+    assert "Red [old]" in out
 
 
 def test_names_and_masstones(run, tmp_path, films):

@@ -183,7 +183,7 @@ def identify(
         name.rpartition("_")[2] in ROWS for name in one_reading(table).names
     )
     measured = films_in(table, file) if over_cards else table
-    console = Console(highlight=False)
+    console = Console(highlight=False, markup=False)
     progress.print_notes(console, file, measured.notes)
     typed |= {"catalogue": catalogue}
     searches = [typed]
@@ -278,8 +278,8 @@ def _identify(
         console.print(f"Wrote the report to {report}, and the same as {beside[0]} and {beside[1]}")
     counted = f"{len(identification)} spectra" if len(identification) > 1 else "1 spectrum"
     console.print(
-        f"[dim]{counted} against {len(paints)} paints in {how.seconds:.1f} s, compilation "
-        "included.[/dim]"
+        f"{counted} against {len(paints)} paints in {how.seconds:.1f} s, compilation included.",
+        style="dim",
     )
     console.print(search.asked, soft_wrap=True)
     if how.interrupted:
@@ -469,7 +469,7 @@ def _report(typed: Mapping[str, Any], identification: "Identification", console:
     top, overwrite = typed["top"], typed["overwrite"]
     if identification.family_sets:
         for line in report_families(identification, top, typed["painted"]):
-            console.print(line, markup=False, soft_wrap=True)
+            console.print(line, soft_wrap=True)
     else:
         print_identification(identification, console, top)
     if (csv := typed["csv"]) is not None:

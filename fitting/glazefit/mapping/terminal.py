@@ -31,7 +31,7 @@ def name_damage(console: "Console") -> Iterator[None]:
             message: Warning | str, category: type[Warning], *args: Any, **kwargs: Any
         ) -> None:
             if issubclass(category, DamagedWindow):
-                console.print(str(message), style="yellow", markup=False)
+                console.print(str(message), style="yellow")
             else:
                 show_warning(message, category, *args, **kwargs)
 
@@ -72,7 +72,7 @@ def say_what_is_kept(out: Path, console: "Console", *, overwrite: bool) -> Itera
     except KeyboardInterrupt as stop:
         terminated = isinstance(stop, _Terminated)
         message = kept("Stopped") if terminated else kept()
-        console.print(message, style="yellow", markup=False)
+        console.print(message, style="yellow")
         raise typer.Exit(interrupts.TERMINATED if terminated else interrupts.INTERRUPTED) from None
 
 

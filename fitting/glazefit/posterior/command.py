@@ -196,7 +196,7 @@ def posterior(
     from ..film.model.errors import Prior
     from .coats import CoatPrior, parse_coats
 
-    console = Console(highlight=False)
+    console = Console(highlight=False, markup=False)
     seen_with = Instrument(seen_by, refractive_index)
     errors = Noise(noise, noise_share)
     prior = Prior(thickness=usual, error=paint_error)
@@ -228,8 +228,9 @@ def posterior(
     if result.chain is not None and result.chain.interrupted:
         count = result.chain.free.shape[0] * result.chain.thin
         console.print(
-            f"[yellow]Interrupted: {count} of {total} steps are kept in {folder / CHAIN}. To go "
-            "on, give the same command with --resume (and without --overwrite).[/yellow]"
+            f"Interrupted: {count} of {total} steps are kept in {folder / CHAIN}. To go "
+            "on, give the same command with --resume (and without --overwrite).",
+            style="yellow",
         )
         raise typer.Exit(progress.INTERRUPTED)
     if result.chain is not None and not result.converged:
@@ -337,7 +338,7 @@ def _simulate(
         f"{mixture}, {format_length(d)} thick," for mixture, d in zip(mixtures, thick, strict=True)
     )
     console.print(
-        f"[bold]Simulated data:[/bold] {description} with made-up noise (seed {seed}). Nothing "
+        f"Simulated data: {description} with made-up noise (seed {seed}). Nothing "
         "here was measured."
     )
     return film
@@ -449,6 +450,6 @@ def _write(result: "Posterior", out: Path, console: "Console") -> None:
     console.print(f"Wrote {', '.join([*files, DATA, SUMMARY, CORNER, BANDS])} to {out}")
     if result.problem.kind != "bands":
         console.print(
-            "[dim]Thickness is on the scale of the paints; the catalogue's assume films of 25 "
-            "µm.[/dim]"
+            "Thickness is on the scale of the paints; the catalogue's assume films of 25 µm.",
+            style="dim",
         )

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from rich.console import RenderableType
 from rich.table import Table
+from rich.text import Text
 
 from glazejax.io import write_table
 from glazejax.report import plain_table
@@ -31,16 +32,16 @@ def report_posterior(posterior: Posterior) -> Iterator[RenderableType]:
     if spectral:
         yield _spectra(posterior)
     for sentence in posterior.identifiability.sentences:
-        yield f"[yellow]Open:[/yellow] {sentence}."
+        yield Text.assemble(("Open:", "yellow"), f" {sentence}.")
     if not posterior.identifiability.sentences:
         yield "The measurement narrows every unknown; none is left open."
     yield _laplace(posterior, rows)
     for message in (describe_unsettled(posterior), describe_misfit(posterior)):
         if message:
-            yield f"[yellow]{message}[/yellow]"
+            yield Text(message, "yellow")
     colour = "green" if posterior.converged else "yellow"
     message = posterior.words()
-    yield f"[{colour}]{message[0].upper()}{message[1:]}.[/{colour}]"
+    yield Text(f"{message[0].upper()}{message[1:]}.", colour)
 
 
 def _table(posterior: Posterior, rows: Summary) -> Table:

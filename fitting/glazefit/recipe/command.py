@@ -286,7 +286,7 @@ def recipe(
             ground=base,
             instrument=resolve_instrument(seen_by, refractive_index),
             eye=(lights[0], observer),
-            console=Console(highlight=False),
+            console=Console(highlight=False, markup=False),
         )
         return
     # Films of an instrument that has no table yet are solved: some seconds.
@@ -308,7 +308,7 @@ def recipe(
             metamerism=metamerism,
             seed=seed,
         )
-    console = Console(highlight=False)
+    console = Console(highlight=False, markup=False)
     for file, file_notes in ((spectrum, notes), ("--ground", base.notes)):
         progress.print_notes(console, str(file), file_notes)
     from .recipe import recipe_chunks
@@ -340,9 +340,9 @@ def recipe(
     if pigments is not None and (
         remark := _say_unknown_strength(recipe_lists[0][0], task, observer)
     ):
-        console.print(remark, style="yellow", markup=False)
+        console.print(remark, style="yellow")
     if named:
-        console.print(f"wrote {', '.join(str(outputs[name]) for name in named)}", markup=False)
+        console.print(f"wrote {', '.join(str(outputs[name]) for name in named)}")
     if how.interrupted:
         progress.stop_interrupted(console, len(recipe_lists), len(targets), "targets")
 
@@ -478,15 +478,16 @@ def _print(
         reached = sum(recipes[0].in_gamut for recipes in recipe_lists)
         console.print(f"{reached} of {len(recipe_lists)} targets within a ΔE00 of 1")
     console.print(
-        f"[dim]{lead} 10 %: ΔE00 when that coat alone is a tenth thicker or thinner. "
+        f"{lead} 10 %: ΔE00 when that coat alone is a tenth thicker or thinner. "
         f"{len(task.pigments)} paints, up to {task.max_paints} in {task.max_coats} "
         f"{'unmixed ' if task.glazes else ''}coats; "
-        f"{_describe_view(task)}.[/dim]"
+        f"{_describe_view(task)}.",
+        style="dim",
     )
     for assumption in dict.fromkeys(filter(None, map(catalogue.assumed_scale, task.pigments))):
         console.print(
-            f"[dim]{assumption[0].upper()}{assumption[1:]}; thicknesses here are on that "
-            "scale.[/dim]"
+            f"{assumption[0].upper()}{assumption[1:]}; thicknesses here are on that scale.",
+            style="dim",
         )
     console.print(
         f"{len(recipe_lists)} target{'s' if len(recipe_lists) > 1 else ''} in {seconds:.1f} s "

@@ -108,6 +108,7 @@ def _print(addition: "Addition", reading: Path, console: "Console") -> None:
         console.print("Add half of it first, and read again: more cannot be taken out.")
     if addition.thickness is not None:
         console.print(
-            f"[dim]Of a film as thick as that of {reading.name}: "
-            f"{in_painters_terms(addition.thickness)}.[/dim]"
+            f"Of a film as thick as that of {reading.name}: "
+            f"{in_painters_terms(addition.thickness)}.",
+            style="dim",
         )

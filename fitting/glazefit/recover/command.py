@@ -213,7 +213,7 @@ def recover(
     from ..film.partial_films import tint
     from ..film.readers import readable_names
 
-    console = Console()
+    console = Console(highlight=False, markup=False)
     stated_noise = {
         name: value
         for name, value in (("floor", noise), ("share", noise_share))
@@ -324,7 +324,7 @@ def _noise(films: "Films", console: "Console") -> "Noise":
     if noise != Noise():
         console.print(
             f"Noise of a reading R, estimated from how rough the spectra are: {noise.floor:.2g} + "
-            f"{noise.share:.2g} R [dim](--noise, --noise-share)[/dim]"
+            f"{noise.share:.2g} R (--noise, --noise-share)"
         )
     return noise
 
@@ -377,7 +377,7 @@ def _simulate(
 
     paints = options.choose_paints(catalogue.load(shelf), samples)
     console.print(
-        f"[bold]Simulated data:[/bold] spectra of {len(paints)} catalogue paints, "
+        f"Simulated data: spectra of {len(paints)} catalogue paints, "
         f"{format_length(thickness)} thick, "
         f"with made-up noise (seed {seed}). Nothing here was measured."
     )
@@ -394,8 +394,9 @@ def _report(recovery: "Recovery", how: progress.Collected, results: Destination)
     for line in report_films(recovery, how.seconds, how.first):
         results.console.print(line)
     results.console.print(
-        f"[bold]Thickness: {format_length(metres)} is assumed, not measured.[/bold] Only k d and "
-        "s d are known: a film of twice that has half the k and s."
+        f"Thickness: {format_length(metres)} is assumed, not measured. Only k d and s d are known: "
+        "a film of twice that has half the k and s.",
+        style="bold",
     )
     results.write(
         [recovery.pigment(row, metres) for row in range(len(recovery))],

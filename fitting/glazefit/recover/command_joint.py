@@ -50,8 +50,8 @@ def recover_together(
     recipes = recipes_from_names(films.names, listed)
     for short, long in _one_paint_twice(recipes):
         console.print(
-            f"[yellow]{short} and {long} are fitted as two paints: if they are one, call it by one "
-            "name.[/yellow]"
+            f"{short} and {long} are fitted as two paints: if they are one, call it by one name.",
+            style="yellow",
         )
     file = None if knowledge.into is None else PaintFile.open(knowledge.into, "--into")
     references = known_paints(recipes, file, knowledge.white, overwrite, knowledge.catalogue)
@@ -251,18 +251,18 @@ def _say_scale(
             if films.any()
             else ""
         )
-        console.print(f"[bold]Scale: that of {' and '.join(references)}{thick}.[/bold]")
+        console.print(f"Scale: that of {' and '.join(references)}{thick}.", style="bold")
     elif gauge is not None:
         console.print(
-            f"[bold]Thickness: as measured, about {format_length(gauge.typical)}; k and s share "
-            f"its error of {gauge.common:.0%}.[/bold] In films.csv it is in units of "
-            f"{format_length(unit)}."
+            f"Thickness: as measured, about {format_length(gauge.typical)}; k and s share its "
+            f"error of {gauge.common:.0%}. In films.csv it is in units of {format_length(unit)}.",
+            style="bold",
         )
     else:
         console.print(
-            f"[bold]Thickness: a typical film is taken as {format_length(unit)}, not "
-            "measured.[/bold] Thicknesses in "
-            "films.csv are in units of that."
+            f"Thickness: a typical film is taken as {format_length(unit)}, not measured. "
+            "Thicknesses in films.csv are in units of that.",
+            style="bold",
         )
 
 
@@ -302,6 +302,6 @@ def _print_next_films(recovery: "JointRecovery", catalogue: str, console: "Conso
         )
         console.print(
             f"{paint}: mixtures with white and films of it are predicted to "
-            f"ΔE00 {ranking.now:.1f}. Most useful next film: [bold]{best.film}[/bold] "
+            f"ΔE00 {ranking.now:.1f}. Most useful next film: {best.film} "
             f"(then {best.expected:.1f}; {runners_up})."
         )

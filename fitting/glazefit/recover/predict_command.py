@@ -114,7 +114,7 @@ def predict(
     from .joint.joint import UNIT
     from .predict.mixture import calibrate_mixture, predict_mixture
 
-    console = Console(highlight=False)
+    console = Console(highlight=False, markup=False)
     # A reading calibrates the mixture, and says over which grounds and how thick its films are.
     seen_with = Instrument(seen_by, refractive_index)
     calibrated = None
@@ -172,7 +172,7 @@ def predict(
             console,
         )
     if out is not None:
-        console.print(f"Wrote {out}", markup=False)
+        console.print(f"Wrote {out}")
 
 
 def read_recipe(text: str) -> dict[str, float]:
@@ -305,18 +305,19 @@ def _say_reading(
     )
     if not calibrated.converged:
         console.print(
-            "[yellow]The fit of the reading did not settle; take what follows as rough.[/yellow]"
+            "The fit of the reading did not settle; take what follows as rough.", style="yellow"
         )
     # Farther off, the mixture may be another one.
     if fit.max() > 2.0:
         console.print(
-            f"[yellow]The reading is met no nearer than ΔE00 {fit.max():.1f}: is the mixture "
-            "as stated?[/yellow]"
+            f"The reading is met no nearer than ΔE00 {fit.max():.1f}: is the mixture as stated?",
+            style="yellow",
         )
     elif is_another(calibrated):
         console.print(
-            "[yellow]The reading is met, but by k and s that this mixture hardly has: is it as "
-            "stated? What follows holds only if it is.[/yellow]"
+            "The reading is met, but by k and s that this mixture hardly has: is it as "
+            "stated? What follows holds only if it is.",
+            style="yellow",
         )
 
 
@@ -366,7 +367,7 @@ def _print(
             f"Two mixings of {mixture} differ by about ΔE00 {next_one:.1f}. The paints are not "
             f"known exactly either: that adds {say_paint_errors(predictions, eye)}."
         )
-        console.print("[dim]A reading of one film of it narrows that: --reading FILE.[/dim]")
+        console.print("A reading of one film of it narrows that: --reading FILE.", style="dim")
 
 
 def say_paint_errors(predictions: "Sequence[Prediction]", eye: tuple[str, str]) -> str:

@@ -194,7 +194,7 @@ def export(
     observer = find_observer(observer)
     exported = _stack(stack, ground, refractive_index, pigments)
     glaze = exported.glaze()
-    console = Console(highlight=False, soft_wrap=True)
+    console = Console(highlight=False, markup=False, soft_wrap=True)
     light: dict[str, Any] = {"illuminant": illuminant, "observer": observer}
     if to == "openpbr":
         from ..appearance.exports.fit import fit_openpbr
@@ -236,7 +236,7 @@ def export(
             )
         lines = report.report_textures(textures, path)
     for title, text in (*report.report_stack(exported, roughness), *lines):
-        console.print(f"{title:9}{text}", markup=False)
+        console.print(f"{title:9}{text}")
     console.print(f"done in {time.perf_counter() - started:.1f} s")
 
 

@@ -68,7 +68,7 @@ def paints(
         lister.load()(
             references,
             instrument=seen_by,
-            console=Console(highlight=False),
+            console=Console(highlight=False, markup=False),
             csv=csv,
             overwrite=overwrite,
             stated=options.stated(quantity, unit, scale),
@@ -80,7 +80,7 @@ def paints(
         raise ValueError(f"no family of pigments is called {family!r}{hint}")
     if out is not None and not family:
         raise ValueError("--out draws one family: name it by --family, such as --family azurite")
-    console = Console(highlight=False)
+    console = Console(highlight=False, markup=False)
     origins = [
         origin
         for origin in catalogue.provenance().values()
@@ -121,13 +121,13 @@ def _print_families(
         f"{len(origins)} exemplars of {len(families) - len(without)} families, by {len(sources)} "
         f"sources: {', '.join(sources)}."
     )
-    console.print(f"[dim]Known by name, without an exemplar: {', '.join(without)}.[/dim]")
+    console.print(f"Known by name, without an exemplar: {', '.join(without)}.", style="dim")
 
 
 def _print_family(console: "Console", about: "Family", origins: "list[Provenance]") -> None:
     elements = ", ".join(about.elements) or "none that X-ray fluorescence finds"
     console.print(
-        f"[bold]{about.name}[/bold]: {about.formula}; {about.colour_index}; in use "
+        f"{about.name}: {about.formula}; {about.colour_index}; in use "
         f"{about.in_use}; elements: {elements}{f'; {about.caution}' if about.caution else ''}."
     )
     if not origins:
@@ -143,7 +143,7 @@ def _print_family(console: "Console", about: "Family", origins: "list[Provenance
         )
     for source in dict.fromkeys(origin.source for origin in origins):
         first = next(origin for origin in origins if origin.source == source)
-        console.print(f"[dim]{source}: {first.citation} ({first.licence})[/dim]", soft_wrap=True)
+        console.print(f"{source}: {first.citation} ({first.licence})", style="dim", soft_wrap=True)
 
 
 def _draw(path: Path, about: "Family", pigments: "list[Pigment]") -> None:

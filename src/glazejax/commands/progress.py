@@ -178,12 +178,12 @@ def collect(
 def print_notes(console: "Console", file: Path | str, notes: Sequence[str]) -> None:
     """Print what a reader noticed in a file."""
     for note in notes:
-        console.print(f"{file}: {note}", style="dim", markup=False)
+        console.print(f"{file}: {note}", style="dim")
 
 
 def stop_interrupted(console: "Console", done: int, total: int, things: str) -> NoReturn:
     """Say how much was finished before Ctrl-C, and stop as a shell expects."""
     console.print(
-        f"[yellow]Interrupted: {done} of {total} {things} were finished and written.[/yellow]"
+        f"Interrupted: {done} of {total} {things} were finished and written.", style="yellow"
     )
     raise typer.Exit(INTERRUPTED)

@@ -95,12 +95,12 @@ def render(
 
     from .main import start_jax
 
-    console = Console(highlight=False, soft_wrap=False)
+    console = Console(highlight=False, markup=False, soft_wrap=False)
     if list_pigments:
         from ..spectra import describe_grid
 
         for name, pigment in _shelf(pigments, catalogue).items():
-            console.print(f"{name:24} {describe_grid(pigment.wavelengths)}", markup=False)
+            console.print(f"{name:24} {describe_grid(pigment.wavelengths)}")
         return
     if coats is not None and stack is not None:
         raise ValueError(f"--stack {stack} says what the coats are: leave out --coats")
@@ -218,9 +218,7 @@ def render(
     files = " and ".join(str(path) for path in (out, csv, write_stack) if path is not None)
     total = time.perf_counter() - started
     console.print()
-    console.print(
-        f"wrote {files} in {total:.1f} s ({solved:.1f} s of it computing spectra)", markup=False
-    )
+    console.print(f"wrote {files} in {total:.1f} s ({solved:.1f} s of it computing spectra)")
 
 
 def _read_stack(path: Path) -> "Stack":

@@ -52,12 +52,11 @@ def list_references(
         console.print(
             f"{family:<23}{f'{first}-{last}':<10}{index:<14}{coefficients:<19}{name}",
             soft_wrap=True,
-            markup=False,
         )
     families = len({paint.pigment.family for paint in read.paints})
     console.print(f"{len(rows)} references of {families} families, from {file}.", soft_wrap=True)
     for line in read.unclear:
-        console.print(f"not understood: {line}", soft_wrap=True, markup=False)
+        console.print(f"not understood: {line}", soft_wrap=True)
     if csv is not None:
         write_table(csv, _COLUMNS, rows, overwrite=overwrite)
         console.print(f"Wrote {len(rows)} references to {csv}")

@@ -35,14 +35,14 @@ def print_identification(identification: Identification, console: Console, top: 
     """
     for row in range(len(identification)):
         if len(identification) > _FEW:
-            console.print(identification.words(row), markup=False)
+            console.print(identification.words(row))
             continue
         console.print(_table(identification, row, top))
-        console.print(f"[bold]{_verdict(identification, row)}[/bold]")
+        console.print(_verdict(identification, row), style="bold")
         if sentence := identification.coats_words(row):
-            console.print(sentence, markup=False, soft_wrap=True)
+            console.print(sentence, soft_wrap=True)
         for doubt in describe_ambiguity(identification, row):
-            console.print(f"[dim]{doubt}[/dim]")
+            console.print(doubt, style="dim")
         console.print()
 
 

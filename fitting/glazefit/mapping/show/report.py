@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rich.console import RenderableType
+from rich.text import Text
 
 from glazejax.io import write_table
 from glazejax.report import plain_table
@@ -48,7 +49,7 @@ def report_map(
         if status is not Status.MAPPED
     ]
     statuses = "; ".join([f"{mapped:,} mapped", *unmapped])
-    yield f"[bold]{samples} x {lines} pixels: {statuses}.[/bold]"
+    yield Text(f"{samples} x {lines} pixels: {statuses}.", "bold")
     if not mapped:
         return
     paints = paint_names(dataset)
@@ -68,10 +69,11 @@ def report_map(
     yield table
     further = [sums.pixels for members, sums in sets.items() if members not in reported]
     if further:
-        yield (
-            f"[dim]Others: {len(further)} further {'set' if len(further) == 1 else 'sets'} on "
+        yield Text(
+            f"Others: {len(further)} further {'set' if len(further) == 1 else 'sets'} on "
             f"{sum(further) / mapped:.1%} of the "
-            "area[/dim]"
+            "area",
+            "dim",
         )
 
 

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 from rich.console import RenderableType
+from rich.text import Text
 
 from glazejax.report import plain_table
 
@@ -40,9 +41,10 @@ def report_coats(
             f"ΔE00 {fit.delta_e().mean():.1f}",
         )
     yield table
-    yield (
-        "[dim]s d: scattering times thickness of one coat, mean over the bands, × or ÷ one "
-        "standard deviation.[/dim]"
+    yield Text(
+        "s d: scattering times thickness of one coat, mean over the bands, × or ÷ one "
+        "standard deviation.",
+        "dim",
     )
     for prediction in predictions:
         thickest = recovery.thickest(prediction.paint)
@@ -52,13 +54,13 @@ def report_coats(
             f"ΔE00 {change:.1f} from that film, predicted to "
             f"ΔE00 {prediction.expected_error():.1f}."
         )
-    yield (
-        f"Films of equal coats may differ in thickness by {np.expm1(recovery.spread):.0%}. "
-        "[bold]The unit is a typical coat: no length was measured.[/bold]"
+    yield Text.assemble(
+        f"Films of equal coats may differ in thickness by {np.expm1(recovery.spread):.0%}. ",
+        ("The unit is a typical coat: no length was measured.", "bold"),
     )
     for paint, fit in recovery.paints.items():
         if not fit.converged:
-            yield f"[yellow]{paint}: the solver did not settle in {fit.steps} steps.[/yellow]"
+            yield Text(f"{paint}: the solver did not settle in {fit.steps} steps.", "yellow")
 
 
 def plot_ladder(

@@ -5,6 +5,7 @@ from typing import TypeAlias
 
 import numpy as np
 from rich.console import RenderableType
+from rich.text import Text
 
 from glazejax.report import plain_table
 from glazejax.spectra import ranges
@@ -46,22 +47,24 @@ def report_films(recovery: Recovery, seconds: float, first: float) -> Iterator[R
         for row in np.flatnonzero(~recovery.identifiable.all(axis=1)).tolist():
             where = ranges(grid, ~recovery.identifiable[row])
             yield f"  {names[row]}: {where}: k/s {_ratios(recovery, row)}"
-    yield f"[dim]Rule: {RULE}.[/dim]"
+    yield Text(f"Rule: {RULE}.", "dim")
     if (recovery.gloss < 1).any():
-        yield (
-            "[dim]Gloss below 1: the film reads less than a smooth surface reflects; that share "
-            "of it was counted.[/dim]"
+        yield Text(
+            "Gloss below 1: the film reads less than a smooth surface reflects; that share "
+            "of it was counted.",
+            "dim",
         )
     odd = ~recovery.converged & (recovery.misfit > 9)
     for row in np.flatnonzero(odd.any(axis=1)):
-        yield (
-            f"[yellow]{names[row]}: the solver did not settle at {ranges(grid, odd[row])}.[/yellow]"
+        yield Text(
+            f"{names[row]}: the solver did not settle at {ranges(grid, odd[row])}.", "yellow"
         )
     off = recovery.misfit > 16
     for row in np.flatnonzero(off.any(axis=1)):
-        yield (
-            f"[yellow]{names[row]}: no k and s meet both spectra within 4 standard deviations at "
-            f"{ranges(grid, off[row])}.[/yellow]"
+        yield Text(
+            f"{names[row]}: no k and s meet both spectra within 4 standard deviations at "
+            f"{ranges(grid, off[row])}.",
+            "yellow",
         )
 
 

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 from rich.console import RenderableType
+from rich.text import Text
 
 from glazejax.report import plain_table
 from glazejax.spectra import ranges
@@ -42,7 +43,7 @@ def report_joint(recovery: JointRecovery, seconds: float) -> Iterator[Renderable
             f"{recovery.identifiable[row].sum()}/{bands} bands",
         )
     yield table
-    yield f"[dim]Errors: median over the bands, one standard deviation. Rule: {RULE}.[/dim]"
+    yield Text(f"Errors: median over the bands, one standard deviation. Rule: {RULE}.", "dim")
     for row in np.flatnonzero(~recovery.identifiable.all(axis=1)).tolist():
         unknown = recovery.log_sd[:, row] > RELATIVE_LIMIT
         where = [
@@ -63,17 +64,19 @@ def report_joint(recovery: JointRecovery, seconds: float) -> Iterator[Renderable
     )
     # Films of known recipes are met to 2.3 at most (the samples).
     if difference.max() > 5.0:
-        yield (
-            "[yellow]No paint of these recipes reads so: do not rely on predictions of this "
-            "fit. Are rows swapped, or films called by another paint's name?[/yellow]"
+        yield Text(
+            "No paint of these recipes reads so: do not rely on predictions of this "
+            "fit. Are rows swapped, or films called by another paint's name?",
+            "yellow",
         )
     for film, paint, factor in find_suspect_weights(recovery):
-        yield (
-            f"[yellow]{recovery.films.names[film]}: reads as if it held {factor:.2g} times the "
-            f"{paint} that its recipe says.[/yellow]"
+        yield Text(
+            f"{recovery.films.names[film]}: reads as if it held {factor:.2g} times the "
+            f"{paint} that its recipe says.",
+            "yellow",
         )
     if not recovery.converged:
-        yield f"[yellow]The solver did not settle in {recovery.steps} steps.[/yellow]"
+        yield Text(f"The solver did not settle in {recovery.steps} steps.", "yellow")
 
 
 def _per_cent(log_sd: float) -> str:

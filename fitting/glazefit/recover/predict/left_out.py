@@ -7,6 +7,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+from rich.console import RenderableType
+from rich.text import Text
 
 from glazejax.plots import OVER_BLACK, OVER_WHITE, picture
 
@@ -28,7 +30,7 @@ LEFT_OUT_COLUMNS = (
 )
 
 
-def report_left_out(out: LeftOut) -> Iterator[str]:
+def report_left_out(out: LeftOut) -> Iterator[RenderableType]:
     """Say how well films that were left out of the fit were predicted by the others."""
     off = out.predicted.mean(axis=1)
     farthest = int(off.argmax())
@@ -60,7 +62,7 @@ def report_left_out(out: LeftOut) -> Iterator[str]:
             "probable that is."
         )
     if not out.complete:
-        yield "[yellow]Interrupted: the mixtures that follow were not left out.[/yellow]"
+        yield Text("Interrupted: the mixtures that follow were not left out.", "yellow")
 
 
 def left_out_table(recovery: JointRecovery, out: LeftOut) -> Table:
