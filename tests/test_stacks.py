@@ -250,4 +250,5 @@ def test_a_paint_that_a_mixture_holds_twice_keeps_its_weight(tmp_path):
     mixed = gj.Mixture([blue, white, blue], [0.2, 0.5, 0.3])
     path = gj.save_glaze(gj.Glaze([gj.Layer(mixed, 2e-6)], 0.6), tmp_path / "glaze.json")
     again = gj.load_glaze(path).coats[0].medium
+    assert isinstance(again, gj.Mixture)
     assert_allclose(again.weights, [0.5, 0.5])

@@ -64,4 +64,4 @@ class SpectraPrior:
 
         k = principal(self.absorption_level, self.absorption_shape)
         s = principal(self.scattering_level, self.scattering_shape)
-        return block_diag(k, s).reshape(2, wavelengths.size, -1)
+        return np.asarray(block_diag(k, s)).reshape(2, wavelengths.size, -1)

@@ -120,7 +120,7 @@ def learn_metric(
     # The level, last, is a component of its own; slopes share the others.
     slopes = centred[:, :-1]
     _, _, directions = np.linalg.svd(slopes, full_matrices=False)
-    project = block_diag(directions[: min(components, len(features) - 1)].T, 1.0)
+    project = np.asarray(block_diag(directions[: min(components, len(features) - 1)].T, 1.0))
     points = centred @ project
 
     # What a varnish, say, adds to the differences between paints.
