@@ -146,6 +146,7 @@ def test_slightly_negative_readings_are_noise(read):
             "'b' is negative at band 1 .400 nm.: -2",
         ),
         ("Name,400,410\nred,.1,.1\nblue,10,20\n", "mixed: blue in percent .*, red in fractions"),
+        ("nm,a (%),b\n400,10,.2\n500,20,.3\n", "'b' states nothing and is 0.3 at most"),
         ("Name,400,410\nred,.1,.1\n\nred,.1,.2\n", "line 4: sample 'red' is already on line 2"),
         ("wavelength,a,a\n400,.1,.2\n", "line 1: sample 'a' is already"),
         ("Name,400,410\n,.1,.1\n", "line 2: a sample has no name"),

@@ -158,6 +158,11 @@ def micrometres(metres: float) -> str:
     return f"{value:.0f}" if value >= 9.5 else f"{value:.1f}" if value >= 0.95 else f"{value:.2f}"
 
 
+def _compared(measured: float, film: float) -> tuple[float, float] | tuple[str, str]:
+    """Cells of a film and of what is left; empty at bands where it is not computed."""
+    return ("", "") if np.isnan(film) else (film, measured - film)
+
+
 def write_residuals(identification: Identification, path: Path, *, overwrite: bool = False) -> None:
     """Write measured, fitted and residual spectra of the best explanations, a line a spectrum,
     ground and band; where families were searched, as the report draws them.
@@ -166,7 +171,7 @@ def write_residuals(identification: Identification, path: Path, *, overwrite: bo
     fitted = f"fitted{by_family}"
     header = ("spectrum", "ground", "wavelength_nm", "measured", fitted, "residual")
     lines = (
-        (name, ground + 1, f"{nm:g}", measured[band], film[band], measured[band] - film[band])
+        (name, ground + 1, f"{nm:g}", measured[band], *_compared(measured[band], film[band]))
         for row, name in enumerate(identification.measured.names)
         for best in explanations(identification, row, 1)
         for ground, (measured, film) in enumerate(

@@ -15,7 +15,7 @@ from operator import itemgetter
 import numpy as np
 from jaxtyping import Float
 
-from ...spectra import describe_grid, validate_wavelengths
+from ...spectra import MIN_PERCENT, describe_grid, validate_wavelengths
 from ..finish import DETECTED, SPECTROMETER, RawSpectra, detectors_overlap, different
 from ..quantity import (
     MODES,
@@ -177,6 +177,8 @@ def read_table(source: Source) -> RawSpectra:
         columns, title = _reflectances(cells, columns)
         names = _column_names(cells, columns)
         wavelengths, values = _read_long(cells, grids, dict(zip(columns, names, strict=True)))
+        if meaning(title).scale == 100.0:
+            _check_percent(cells, columns, values)
         layout = "a sample a column"
         unit = next((unit for row in cells.titles if (unit := length_unit(row[grids[0]]))), "")
     if cells.percent and len(cells.percent) != values.size:
@@ -198,6 +200,20 @@ def read_table(source: Source) -> RawSpectra:
         # Lines above are a spectrometer's; without them, a person may have made the file.
         lit=DETECTED if titled or not cells.header_line else SPECTROMETER,
     )
+
+
+def _check_percent(cells: _Cells, columns: Sequence[int], values: Rows) -> None:
+    """Refuse a column that looks like fractions and does not state percent, next to one that
+    does.
+    """
+    for column, sample in zip(columns, values, strict=True):
+        name = cells.header[column]
+        if name and meaning(name).scale is None and np.nanmax(sample) <= MIN_PERCENT:
+            raise cells.error(
+                cells.header_line,
+                f"other titles state percent; {name!r} states nothing and is {np.nanmax(sample):g} "
+                "at most: write % in all titles, and all values in percent",
+            )
 
 
 def _open_table(source: Source) -> tuple[_Cells, tuple[int, str]]:
