@@ -12,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
+from glazefit.mapping.map_cube import solve_windows
 from glazefit.mapping.store.chunk import ChunkMaps, SetSum
 from glazefit.mapping.store.layout import PLACES, VARIABLES, Status
-from glazefit.mapping.store.run import AT_ONCE, finish
 from glazefit.mapping.store.store import MapStore
 from glazefit.mapping.store.windows import Window
 from glazejax.progress import no_progress
@@ -71,16 +71,7 @@ def store_at(path: str | Path, **more) -> MapStore:
 def run_chunks(store: MapStore, solver, client=None, progress=no_progress) -> None:
     """All windows that are not there yet, as `map_cube` has them made and kept."""
     with store.writing():
-        finish(
-            keys=store.windows(),
-            work=solver.solve,
-            done=store.done(),
-            put=store.put,
-            client=client,
-            progress=progress,
-            stage="mapping",
-            at_once=AT_ONCE,
-        )
+        solve_windows(store, solver.solve, client, progress)
 
 
 def full(*_, **__):

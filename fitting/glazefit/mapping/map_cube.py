@@ -6,7 +6,7 @@ answered from the nearest representative. The cost of that is measured on pixels
 themselves.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from functools import partial
 from importlib.metadata import version
@@ -34,10 +34,11 @@ from .solve.survey import Features, survey
 from .solve.task import MapTask, map_task
 from .solve.unexplained import choose_spots
 from .solve.working_bands import classify
+from .store.chunk import ChunkMaps
 from .store.layout import STATUS_WORDS, Status
 from .store.run import AT_ONCE, client_in_scope, finish
 from .store.store import MapStore, check_map, open_map
-from .store.windows import BASE, chunk_shape
+from .store.windows import BASE, Window, chunk_shape
 
 if TYPE_CHECKING:
     import xarray
@@ -162,16 +163,7 @@ def map_cube(
             compared = agreement(task, surveyed.checked, answers.columns(task.prior))
             store.work.put("checked", compared)
         solver = PixelSolver(task, atlas, reach=float(surveyed.reach))
-        finish(
-            keys=store.windows(),
-            work=solver.solve,
-            done=store.done(),
-            put=store.put,
-            client=client,
-            progress=progress,
-            stage="mapping",
-            at_once=AT_ONCE,
-        )
+        solve_windows(store, solver.solve, client, progress)
         tallies, _ = store.sums()
         store.note(
             complete=True,
@@ -222,6 +214,25 @@ class _Surveyed:
     readings: Float[np.ndarray, "representatives bands"]
     reach: np.ndarray
     checked: Float[np.ndarray, "pixels bands"]
+
+
+def solve_windows(
+    store: MapStore,
+    solve: Callable[[Window], ChunkMaps],
+    client: "Client | None" = None,
+    progress: Progress = no_progress,
+) -> None:
+    """Solve and keep all windows of a map that are not there yet; see `store.run.finish`."""
+    finish(
+        keys=store.windows(),
+        work=solve,
+        done=store.done(),
+        put=store.put,
+        client=client,
+        progress=progress,
+        stage="mapping",
+        at_once=AT_ONCE,
+    )
 
 
 def _survey(store: MapStore, task: MapTask, most: int, progress: Progress) -> _Surveyed:
