@@ -59,3 +59,13 @@ def test_what_fails_names_the_users_file_and_no_part_of_it(tmp_path):
 
     with refusal(r"gone/o\.csv'$", FileNotFoundError):
         write()
+
+
+def test_a_link_is_written_through(tmp_path):
+    """As /dev/stdout is, where it is sent to a file."""
+    link, real = tmp_path / "link.csv", tmp_path / "real.csv"
+    real.write_text("old")
+    link.symlink_to(real)
+    write_files({link: [b"new"]}, overwrite=True)
+    assert link.is_symlink()
+    assert real.read_bytes() == b"new"

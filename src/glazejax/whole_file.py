@@ -9,10 +9,10 @@ from pathlib import Path
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
     """A name to write under: what was written takes the file's own once it is whole, and is taken
-    away if that fails. So a file is there whole, or as it was before. A device or a pipe, such as
-    /dev/stdout, is written to as it is.
+    away if that fails. So a file is there whole, or as it was before. A device, a pipe or a
+    link, such as /dev/stdout, is written to as it is.
     """
-    if path.exists() and not path.is_file():
+    if path.exists() and (path.is_symlink() or not path.is_file()):
         yield path
         return
     # Programs that write the same file at one time each write a part of their own.

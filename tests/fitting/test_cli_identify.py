@@ -86,6 +86,11 @@ def test_ground_must_be_a_reflectance_a_file_or_said(table, tmp_path):
         words = [] if ground is None else ["--ground", ground]
         result = run(one, "--catalogue", "oils", *words)
         assert complaint in str(result.exception)
+    infrared = tmp_path / "infrared.csv"
+    write_table(infrared, ["Name", "900", "1000", "1100"], [["grey", 0.4, 0.4, 0.4]])
+    said = str(run(one, "--ground", infrared).exception)
+    assert "infrared.csv: the ground: the readings'" in said
+    assert "no three bands in common" in said
     assert "holds no spectrum 'x'" in str(run(one, "--ground", "0.9", "--samples", "x").exception)
     assert "unknown sample 'read'" in str(run(table, "--samples", "read").exception)
     named = tmp_path / "named.csv"

@@ -75,9 +75,10 @@ def test_results_are_those_of_the_library(run, tmp_path, films):
 
 
 def test_a_name_in_brackets_is_printed_as_it_is(run, tmp_path, films):
-    named = replace(films, names=("Red [old]", "02B"))
+    named = replace(films, names=("Red [old]", "White :100:"))
     out, _ = run(write(tmp_path / "f.tsv", named), "--out", "res", "--no-plots")
     assert "Red [old]" in out
+    assert "White :100:" in out
 
 
 def test_names_and_masstones(run, tmp_path, films):

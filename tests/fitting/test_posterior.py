@@ -455,7 +455,7 @@ def test_compiled_program_calls_no_library_for_linear_algebra():
         (lambda: posterior_of_bands(film_of(0.3), sampler="emcee", steps=3), "3 steps are fewer"),
         (lambda: posterior_of_bands(film_of(0.3), thin=0), "thin is 0"),
         (
-            lambda: posterior_of_bands(film_of(0.3), sampler="importance", walkers=1),
+            lambda: posterior_of_bands(film_of(0.3), sampler="importance", walkers=0),
             "importance samples no chain: leave out walkers, or take hmc or emcee",
         ),
         (

@@ -72,7 +72,9 @@ class Sampling:
                 f"{self.steps} steps were asked for; ask for some thousands, or for 0 to sample "
                 "nothing"
             )
-        of_chain = [name for name in ("steps", "walkers", "thin") if getattr(self, name)]
+        # No steps are none that were asked for.
+        stated = {"steps": self.steps or None, "walkers": self.walkers, "thin": self.thin}
+        of_chain = [name for name, value in stated.items() if value is not None]
         if self.sampler == "importance" and of_chain:
             raise ValueError(
                 f"importance samples no chain: leave out {of_chain[0]}, or take hmc or emcee"

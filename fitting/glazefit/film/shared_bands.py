@@ -80,8 +80,8 @@ def crop_bands(
         return used, ()
     if used.sum() < 3:
         raise ValueError(
-            f"the films' {describe_grid(wavelengths)} and {low:g}-{high:g} nm have no three bands "
-            f"in common: {why}"
+            f"the readings' {describe_grid(wavelengths)} and {low:g}-{high:g} nm have no three "
+            f"bands in common: {why}; check the wavelengths"
         )
     return used, (f"cropped to {describe_grid(wavelengths[used])}: {why}",)
 

@@ -183,7 +183,7 @@ def identify(
         name.rpartition("_")[2] in ROWS for name in one_reading(table).names
     )
     measured = films_in(table, file) if over_cards else table
-    console = Console(highlight=False, markup=False)
+    console = Console(highlight=False, markup=False, emoji=False)
     progress.print_notes(console, file, measured.notes)
     typed |= {"catalogue": catalogue}
     searches = [typed]
@@ -335,10 +335,11 @@ def _choose_spectra(
         # Each family is known at bands of its own, and what a reading has is used.
         used, changes = np.ones(measured.wavelengths.size, bool), ()
         if stated_ground is not None and isinstance(stated_ground.level, Spectrum):
-            reach = common_range([stated_ground.level.wavelengths])
-            used, changes = crop_bands(
-                measured.wavelengths, *reach, "the ground is known there only"
-            )
+            covered = stated_ground.level.wavelengths
+            with stated_ground.blame():
+                used, changes = crop_bands(
+                    measured.wavelengths, covered[0], covered[-1], "the ground is known there only"
+                )
         grid, mean = measured.wavelengths[used], np.eye(used.size)[:, used]
     else:
         grid, mean, changes = shared_bands(

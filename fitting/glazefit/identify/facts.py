@@ -107,12 +107,13 @@ def read_search(typed: Mapping[str, Any], console: "Console") -> Search:
 
     Raises:
         FileNotFoundError: no file of references.
-        ValueError: paints that there are not, references where no families are searched, or a
-            table that is no references.
+        ValueError: paints that there are not, references or facts where no families are searched,
+            or a table that is no references.
     """
     from ..film.films import Instrument
     from ..film.model.errors import ModelError, Prior
     from .families.expected import EXPECTED, has_families
+    from .search.options import IdentificationOptions
 
     pigments, catalogue, references = (
         typed[name] for name in ("pigments", "catalogue", "references")
@@ -129,6 +130,8 @@ def read_search(typed: Mapping[str, Any], console: "Console") -> Search:
     instrument = Instrument(
         options.read_geometry(typed["instrument"], "d:8"), typed["refractive_index"]
     )
+    if not by_family:
+        IdentificationOptions(**facts).refuse_facts()
     if references is not None:
         if not by_family:
             raise ValueError(

@@ -285,7 +285,7 @@ def map_(
     from .store.store import MapStore
     from .terminal import name_damage, say_what_is_kept
 
-    console = Console(highlight=False, markup=False)
+    console = Console(highlight=False, markup=False, emoji=False)
     if example:
         cube, example_ground, foreign = _example(out, console)
         if not (opaque or ground):

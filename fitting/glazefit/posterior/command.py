@@ -196,7 +196,7 @@ def posterior(
     from ..film.model.errors import Prior
     from .coats import CoatPrior, parse_coats
 
-    console = Console(highlight=False, markup=False)
+    console = Console(highlight=False, markup=False, emoji=False)
     seen_with = Instrument(seen_by, refractive_index)
     errors = Noise(noise, noise_share)
     prior = Prior(thickness=usual, error=paint_error)

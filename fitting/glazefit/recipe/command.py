@@ -286,7 +286,7 @@ def recipe(
             ground=base,
             instrument=resolve_instrument(seen_by, refractive_index),
             eye=(lights[0], observer),
-            console=Console(highlight=False, markup=False),
+            console=Console(highlight=False, markup=False, emoji=False),
         )
         return
     # Films of an instrument that has no table yet are solved: some seconds.
@@ -308,7 +308,7 @@ def recipe(
             metamerism=metamerism,
             seed=seed,
         )
-    console = Console(highlight=False, markup=False)
+    console = Console(highlight=False, markup=False, emoji=False)
     for file, file_notes in ((spectrum, notes), ("--ground", base.notes)):
         progress.print_notes(console, str(file), file_notes)
     from .recipe import recipe_chunks

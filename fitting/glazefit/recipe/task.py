@@ -199,7 +199,7 @@ def _on_one_grid(
             f"{describe_grid(grid)}, the "
             "wavelengths of the pigments"
         )
-    check_ground(ground)
+    check_ground(base)
     if not shared.any():
         raise ValueError(f"pigments ({describe_grid(grid)}) and targets share no wavelengths")
     common = grid[shared]

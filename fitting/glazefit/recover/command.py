@@ -213,7 +213,7 @@ def recover(
     from ..film.partial_films import tint
     from ..film.readers import readable_names
 
-    console = Console(highlight=False, markup=False)
+    console = Console(highlight=False, markup=False, emoji=False)
     stated_noise = {
         name: value
         for name, value in (("floor", noise), ("share", noise_share))

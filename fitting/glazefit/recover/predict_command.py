@@ -114,7 +114,7 @@ def predict(
     from .joint.joint import UNIT
     from .predict.mixture import calibrate_mixture, predict_mixture
 
-    console = Console(highlight=False, markup=False)
+    console = Console(highlight=False, markup=False, emoji=False)
     # A reading calibrates the mixture, and says over which grounds and how thick its films are.
     seen_with = Instrument(seen_by, refractive_index)
     calibrated = None

@@ -194,7 +194,7 @@ def export(
     observer = find_observer(observer)
     exported = _stack(stack, ground, refractive_index, pigments)
     glaze = exported.glaze()
-    console = Console(highlight=False, markup=False, soft_wrap=True)
+    console = Console(highlight=False, markup=False, emoji=False, soft_wrap=True)
     light: dict[str, Any] = {"illuminant": illuminant, "observer": observer}
     if to == "openpbr":
         from ..appearance.exports.fit import fit_openpbr

@@ -68,7 +68,7 @@ def paints(
         lister.load()(
             references,
             instrument=seen_by,
-            console=Console(highlight=False, markup=False),
+            console=Console(highlight=False, markup=False, emoji=False),
             csv=csv,
             overwrite=overwrite,
             stated=options.stated(quantity, unit, scale),
@@ -80,7 +80,7 @@ def paints(
         raise ValueError(f"no family of pigments is called {family!r}{hint}")
     if out is not None and not family:
         raise ValueError("--out draws one family: name it by --family, such as --family azurite")
-    console = Console(highlight=False, markup=False)
+    console = Console(highlight=False, markup=False, emoji=False)
     origins = [
         origin
         for origin in catalogue.provenance().values()

@@ -95,7 +95,7 @@ def render(
 
     from .main import start_jax
 
-    console = Console(highlight=False, markup=False, soft_wrap=False)
+    console = Console(highlight=False, markup=False, emoji=False, soft_wrap=False)
     if list_pigments:
         from ..spectra import describe_grid
 

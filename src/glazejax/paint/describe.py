@@ -6,9 +6,9 @@ Nothing here knows optics: text becomes `Coat`s, and names become pigments of a 
 
 import re
 from collections.abc import Iterable, Sequence
-from pathlib import Path
 from typing import NamedTuple
 
+from ..io.source import is_there
 from ..names import nearest_names
 
 MAX_THICKNESS = 0.01
@@ -87,7 +87,7 @@ def parse_coats(text: str) -> tuple[Coat, ...]:
 
 def names_file(text: str) -> bool:
     """Test whether a text that says what the coats are is the path of a stack's file."""
-    return text.lower().endswith(".json") or Path(text).is_file()
+    return text.lower().endswith(".json") or is_there(text)
 
 
 def _coat(entry: str, text: str) -> Coat:

@@ -128,6 +128,8 @@ class Jobs:
             self._unheard.pop(name, None)
             self._senders.pop(name, None)
             process = self._running.pop(name, None)
+        if (timer := self._ends.pop(name, None)) is not None:
+            timer.cancel()
         if process is not None:
             process.kill()
             process.wait()

@@ -98,7 +98,8 @@ class IdentificationOptions:
         if self.elements or self.without_elements or self.painted is not None:
             raise ValueError(
                 "elements and years apply to families of pigments only: use "
-                "catalogue.load('pigments') (--catalogue pigments), or leave them out"
+                "catalogue.load('pigments') (--catalogue pigments) without own_films "
+                "(--own-films), or leave them out"
             )
 
 

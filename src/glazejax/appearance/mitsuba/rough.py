@@ -130,7 +130,7 @@ class Rough:
 
     def terms(self, layers: Layers, cosines: np.ndarray, tolerance: float) -> np.ndarray:
         """R0, T and S on the functions of the angle, one row a stack: (..., rows), see
-        `nodes.split`.
+        `ground_split.split`.
         """
         surface = resolve(self.refractive_index, self.roughness, max(tolerance, FINEST))
         albedo, depth = (x.reshape(-1, x.shape[-1]) for x in layers)

@@ -25,7 +25,7 @@ def read_numbers(given: Sequence[float] | np.ndarray | str | Path, unit: str) ->
     """
     listed = not isinstance(given, str | Path)
     name = Path("wavelengths") if listed else Path(given)
-    values = np.asarray(given, np.float64) if listed else column(name)
+    values = np.ravel(np.asarray(given, np.float64)) if listed else column(name)
     said = "wavelengths must be finite numbers: "
     if not values.size:
         raise refusal(name, f"{said}there are none")

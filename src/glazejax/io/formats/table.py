@@ -15,7 +15,7 @@ from operator import itemgetter
 import numpy as np
 from jaxtyping import Float
 
-from ...spectra import MIN_PERCENT, describe_grid, validate_wavelengths
+from ...spectra import describe_grid, validate_wavelengths
 from ..finish import DETECTED, SPECTROMETER, RawSpectra, detectors_overlap, different
 from ..quantity import (
     MODES,
@@ -203,16 +203,17 @@ def read_table(source: Source) -> RawSpectra:
 
 
 def _check_percent(cells: _Cells, columns: Sequence[int], values: Rows) -> None:
-    """Refuse a column that looks like fractions and does not state percent, next to one that
-    does.
+    """Refuse a column that does not state percent, next to one that does, and is hardly of paint
+    in percent.
     """
     for column, sample in zip(columns, values, strict=True):
         name = cells.header[column]
-        if name and meaning(name).scale is None and np.nanmax(sample) <= MIN_PERCENT:
+        most = np.fmax.reduce(sample)
+        if name and meaning(name).scale is None and most <= 1.0:
             raise cells.error(
                 cells.header_line,
-                f"other titles state percent; {name!r} states nothing and is {np.nanmax(sample):g} "
-                "at most: write % in all titles, and all values in percent",
+                f"other titles state percent; {name!r} states nothing and is {most:g} at most: "
+                "write % in all titles, and all values in percent",
             )
 
 

@@ -91,7 +91,8 @@ def pieces_of(rows: np.ndarray, size: int) -> list[np.ndarray]:
 
 
 def by_blocks(count: int, block: int, run: Callable[[Int[np.ndarray, "block"]], Any]) -> Any:
-    """Results of `run` for all rows, as numpy arrays; it is called with numbers of `block` rows.
+    """Results of `run` for all rows, at least one, as numpy arrays; it is called with numbers of
+    `block` rows.
 
     The last block is filled up with rows that were there before: one shape, one program.
     """

@@ -52,9 +52,9 @@ def symmetric_eigen(
         cosine = 1.0 / jnp.sqrt(1.0 + tangent * tangent)
         sine = cosine * tangent
         # Both sides of the matrix are turned, and the pairs change as in a tournament.
-        work = _rotate(work, cosine[..., None], sine[..., None], half, -2)
-        work = _rotate(work, cosine[..., None, :], sine[..., None, :], half, -1)
-        vectors = _rotate(vectors, cosine[..., None, :], sine[..., None, :], half, -1)
+        work = _rotate(work, cosine[..., None], sine[..., None], -2)
+        work = _rotate(work, cosine[..., None, :], sine[..., None, :], -1)
+        vectors = _rotate(vectors, cosine[..., None, :], sine[..., None, :], -1)
         return work[..., order, :][..., :, order], vectors[..., :, order]
 
     def sweep(state):
@@ -85,8 +85,8 @@ def symmetric_eigen(
     )
 
 
-def _rotate(matrix: Array, cosine: Array, sine: Array, half: int, axis: int) -> Array:
-    """Rows (or columns) i and i + half turned into each other."""
+def _rotate(matrix: Array, cosine: Array, sine: Array, axis: int) -> Array:
+    """Rows (or columns) of both halves turned into each other."""
     first, second = jnp.split(matrix, 2, axis=axis)
     return jnp.concatenate(
         [cosine * first - sine * second, sine * first + cosine * second], axis=axis

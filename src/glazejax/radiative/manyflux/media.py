@@ -145,7 +145,7 @@ def fewest_shared_directions(
 
     def best(count: int) -> tuple[float, SharedSpread]:
         # Of a number of directions, every way to share them out and to crowd them.
-        shares = {_shared_out(ends, media, count, share) for share in (0.3, 0.4, 0.5)}
+        shares = {_shared_out(ends, count, share) for share in (0.3, 0.4, 0.5)}
         spreads = itertools.product(shares, (0.5, 1.5, 2.5, 3.5))
         return best_rule((SharedSpread(ends, *spread, media) for spread in spreads), sums, exact)
 
@@ -156,9 +156,7 @@ def fewest_shared_directions(
     return first_good(map(best, counts), tolerance, len(sizes), where)
 
 
-def _shared_out(
-    ends: tuple[float, ...], media: tuple[float, ...], count: int, share: float
-) -> tuple[int, ...]:
+def _shared_out(ends: tuple[float, ...], count: int, share: float) -> tuple[int, ...]:
     """Nodes of each piece: a share for the first, the others by the steepest cosine at
     their ends.
     """
