@@ -12,6 +12,7 @@ depth, eqs (3)-(21). Two ways to the same number:
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from typing import Any, Literal, NamedTuple, TypeAlias, cast
 
@@ -334,30 +335,12 @@ def _solve_on_mesh(film: _ProfileFilm, light: dict[str, Any], tolerance: float) 
     deeper = int(np.ceil(np.log2(min(max(thickest / 40.0, 1.0), 1e6))))
     mesh = mesh._replace(graded=mesh.graded + deeper)
 
-    table = rules(mesh.nodes, mesh.points, dtype)
-
     def reflectance(halvings: int) -> Array:
         panels = _film_panels(film, mesh, halvings)
-
-        def one(piece: tuple[Panels, dict[str, Array]]) -> Array:
-            local, lit = piece
-            index = lit["refractive_index"] if fixed is None else fixed
-            stack = StackArrays(
-                albedo=local.albedo,
-                optical_thickness=local.width,
-                ground=lit["substrate_reflectance"],
-                refractive_index=index,
-                cos_incidence=lit["cos_incidence"],
-                cos_viewing=lit.get("cos_viewing"),
-            )
-            return auxiliary_graded.reflectance_on(local._replace(rules=table), stack)
-
         count = panels.width.shape[-1]
         bytes_each = auxiliary_graded.bytes_each(mesh, count, dtype.itemsize)
-        # Chunk by chunk, and computed again for a reverse pass rather than kept.
         chunk = max(1, _CHUNK_BYTES // bytes_each)
-        solve = jax.jit(jax.checkpoint(one))
-        return in_chunks(solve, (panels, flat), chunk).reshape(film.batch)
+        return _on_panels((panels, flat), mesh, fixed, chunk).reshape(film.batch)
 
     # Panels are halved until the answer stays.
     halvings = 0
@@ -371,6 +354,35 @@ def _solve_on_mesh(film: _ProfileFilm, light: dict[str, Any], tolerance: float) 
         if halvings == 4:
             raise ValueError(_error_message(np.max(np.abs(change)), tolerance))
         before = value
+
+
+@functools.partial(jax.jit, static_argnums=(1, 2, 3))
+def _on_panels(
+    batch: tuple[Panels, dict[str, Array]],
+    mesh: PanelMesh,
+    refractive_index: float | None,
+    chunk: int,
+) -> Array:
+    """Reflectance of films on their panels, so many at a time; an index that is None is in the
+    batch.
+    """
+    table = rules(mesh.nodes, mesh.points, batch[0].width.dtype)
+
+    def one(piece: tuple[Panels, dict[str, Array]]) -> Array:
+        local, lit = piece
+        index = lit["refractive_index"] if refractive_index is None else refractive_index
+        stack = StackArrays(
+            albedo=local.albedo,
+            optical_thickness=local.width,
+            ground=lit["substrate_reflectance"],
+            refractive_index=index,
+            cos_incidence=lit["cos_incidence"],
+            cos_viewing=lit.get("cos_viewing"),
+        )
+        return auxiliary_graded.reflectance_on(local._replace(rules=table), stack)
+
+    # Chunk by chunk, and computed again for a reverse pass rather than kept.
+    return in_chunks(jax.checkpoint(one), batch, chunk)
 
 
 def _film_panels(film: _ProfileFilm, mesh: PanelMesh, halvings: int) -> Panels:
