@@ -28,7 +28,7 @@ def draw(curves: dict[str, tuple[Style, Sequence[tuple[float, float]]]]) -> "Fig
     """Log-log plots of (error, seconds) of each named curve; accuracy grows to the right."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(14.5, 6.2), layout="constrained")
+    figure = Figure(figsize=(14.5, 7.0), layout="constrained")
     panels = figure.subplots(1, 2, sharey=True)
     for panel, axes in zip(BOTH, panels, strict=True):
         _draw(axes, {name: curve for name, curve in curves.items() if panel in curve[0].panel})
@@ -56,4 +56,12 @@ def _draw(axes, curves: dict) -> None:
     axes.invert_xaxis()
     axes.grid(True, which="major", color="0.9", linewidth=0.8)
     axes.spines[["top", "right"]].set_visible(False)
-    axes.legend(fontsize=9, frameon=False)
+    # Below, where no curve is.
+    axes.legend(
+        loc="upper center",
+        bbox_to_anchor=(0.5, -0.1),
+        ncols=3,
+        fontsize=9,
+        columnspacing=1.2,
+        frameon=False,
+    )
