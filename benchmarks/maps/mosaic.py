@@ -5,7 +5,8 @@ catalogue lacks the paint; compared with what people use, with the same exemplar
 
 Each source of measured paint is left out in turn and lies on two panels
 (`benchmarks.maps.panel`): twelve flat fields, and fields under brush strokes. Two paints of a panel
-are unknown to the catalogue. Where scikit-learn is not installed, its row is left out.
+are unknown to the catalogue. `no camera` names each paint from its spectrum as it was measured: what
+it misses, the map cannot find. Where scikit-learn is not installed, its row is left out.
 """
 
 import tempfile
@@ -20,11 +21,14 @@ import numpy as np
 
 from benchmarks.maps.panel import NOISE, SOURCES, Panel, lay_panel
 from benchmarks.paintbench.library import FALSE_ALARMS, Answer, Namer, Table
+from benchmarks.paintbench.program import answer_of_sets
 from benchmarks.paintbench.spectra import GRID, on_grid
 from benchmarks.paintbench.tasks import is_right
 from benchmarks.results import Quantity, Results, command_line, percent, progress, quantity
 from benchmarks.rivals.namers import Classifier, Neighbours, Unmixing, namers
 from glazefit import map_cube
+from glazefit.identify.families.naming import name_sets
+from glazefit.identify.families.set_up import search_families
 from glazefit.identify.result.groups import GROUPS
 from glazejax.commands.main import start_jax
 
@@ -120,6 +124,9 @@ def score_panel(panel: Panel, pixels: int) -> dict[str, Score]:
     start = time.perf_counter()
     answers = _answers_of_map(panel, drawn)
     scores = {"the map": score_answers(panel, drawn, answers, time.perf_counter() - start)}
+    start = time.perf_counter()
+    answers = _answers_to_spectra(panel, drawn)
+    scores["no camera"] = score_answers(panel, drawn, answers, time.perf_counter() - start)
     readings = panel.readings.reshape(height * width, -1)[drawn]
     asked = on_grid(panel.wavelengths, readings, GRID)
     unnamed = Table(
@@ -182,6 +189,17 @@ def _answers_of_map(panel: Panel, drawn: np.ndarray) -> list[Answer]:
         )
         for row, own in enumerate(members.tolist())
     ]
+
+
+def _answers_to_spectra(panel: Panel, drawn: np.ndarray) -> list[Answer]:
+    """What is said of the paint of some pixels from its spectrum as it was measured."""
+    search = search_families(panel.wavelengths, panel.pigments(), instrument="45:0")
+    odds = search.odds(panel.spectra)
+    of_paint = [
+        answer_of_sets(name_sets(search, chances), float(none), bool(unlike) or none >= 0.5)
+        for chances, none, unlike in zip(odds.sets, odds.none, odds.unlike, strict=True)
+    ]
+    return [of_paint[label] for label in panel.labels.ravel()[drawn]]
 
 
 def score_answers(
@@ -264,6 +282,7 @@ def _show(results: Results, scores: dict[str, Score]) -> None:
 
 _KEYS = {
     "the map": "map",
+    "no camera": "spectra",
     "spectral angle": "angle",
     "slopes of both": "slopes",
     "NNLS of -log R": "nnls",

@@ -73,6 +73,7 @@ class Panel:
         hidden: families that are left out of the catalogue.
         paints: by number.
         wavelengths: (bands,), nm.
+        spectra: of the paints as they were measured, (paints, bands).
         readings: reflectance, (y, x, bands).
         labels: number of the paint of each pixel.
         inside: which pixels lie off the edges of fields and strokes.
@@ -82,6 +83,7 @@ class Panel:
     hidden: frozenset[str]
     paints: tuple[PanelPaint, ...]
     wavelengths: Float[np.ndarray, "bands"]
+    spectra: Float[np.ndarray, "paints bands"]
     readings: Float[np.ndarray, "y x bands"]
     labels: Int[np.ndarray, "y x"]
     inside: Bool[np.ndarray, "y x"]
@@ -158,6 +160,7 @@ def lay_panel(
         hidden=hidden,
         paints=paints,
         wavelengths=wavelengths,
+        spectra=spectra,
         readings=_photograph(spectra[labels] * level[..., None], noise, rng),
         labels=labels,
         inside=least == most,

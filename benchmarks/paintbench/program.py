@@ -138,7 +138,7 @@ class FamilyCatalogue:
         for chances, none, unlike, body in zip(
             odds.sets, odds.none, odds.unlike, films, strict=True
         ):
-            answer = self._answer(
+            answer = answer_of_sets(
                 name_sets(search, chances), float(none), bool(unlike) or none >= 0.5
             )
             film = np.full(GRID.size, np.nan)
@@ -157,22 +157,25 @@ class FamilyCatalogue:
             )
         return self._searches[key]
 
-    @staticmethod
-    def _answer(found: Sequence[FamilySet], none: float, refused: bool) -> Answer:
-        return Answer(
-            ranked=tuple(
-                tuple(
-                    tuple(family for family, _ in answer.within[name])
-                    if name in answer.within
-                    else (name,)
-                    for name in answer.families
-                )
-                for answer in found
-            ),
-            chances=tuple(answer.probability for answer in found),
-            doubt=none,
-            refused=refused,
-        )
+
+def answer_of_sets(sets: Sequence[FamilySet], none: float, refused: bool) -> Answer:
+    """What a search by families answers: its sets with the families of each group that it names,
+    how probable it is that the reading is none of them, and whether it is refused.
+    """
+    return Answer(
+        ranked=tuple(
+            tuple(
+                tuple(family for family, _ in answer.within[name])
+                if name in answer.within
+                else (name,)
+                for name in answer.families
+            )
+            for answer in sets
+        ),
+        chances=tuple(answer.probability for answer in sets),
+        doubt=none,
+        refused=refused,
+    )
 
 
 def references_in(library: Table, group: str, instrument: str) -> References:

@@ -316,7 +316,8 @@ def run_references(
     every: int = 1,
 ) -> None:
     """Tasks `references_400` and `references_380`: each maker of a group's paints is to be named with
-    those of its other makers in addition to the library, as a user's own references are.
+    those of its other makers in addition to the library, as a user's own references are; and
+    `references_none`, `none` with these references, from 400 nm.
 
     Args:
         sources: of samples.
@@ -333,6 +334,7 @@ def run_references(
         bands = within(RANGES[task])
         for namer in namers:
             answers: list[Answer] = []
+            without: list[Answer] = []
             asked: list[Table] = []
             for one in makers:
                 is_chosen = own & (maker == one)
@@ -342,10 +344,18 @@ def run_references(
                 learner = _whole_grid(namer, library, bands)
                 answers += learner.answer(unnamed, [None] * len(unnamed), pairs=False)
                 asked.append(unnamed)
+                if task == "pigment_400":
+                    foreign = table.families == FOREIGN
+                    rows = is_chosen & (has_family | foreign)
+                    unknown = _blank(table.take(rows).within(bands), bands)
+                    hidden = [str(family) for family in unknown.families]
+                    without += learner.answer(unknown, hidden, pairs=False)
             truths = [(str(family),) for unnamed in asked for family in unnamed.families]
             readings = np.concatenate([unnamed.readings for unnamed in asked])
             scores = score_names(answers, truths) | score_headlines(answers, truths, readings)
             record.add(task.replace("pigment", "references"), group, namer.name, scores)
+            if without:
+                record.add("references_none", group, namer.name, score_none(without, answers))
 
 
 def run_own(sources: Sequence[Source], namer: Namer, record: Record) -> None:
@@ -456,20 +466,22 @@ def _none(source: Source, namer: Namer, library: Table, unnamed: Table, record: 
         return
     without = namer.answer(out, [str(family) for family in out.families], pairs=False)
     with_all = namer.answer(kept, [None] * len(kept), pairs=False)
-    record.add(
-        "none",
-        source.name,
-        namer.name,
-        {
-            "n": len(out),
-            "found": float(np.mean([answer.refused for answer in without])),
-            "false": float(np.mean([answer.refused for answer in with_all])),
-            "auc": area_under_curve(
-                np.array([answer.doubt for answer in without]),
-                np.array([answer.doubt for answer in with_all]),
-            ),
-        },
-    )
+    record.add("none", source.name, namer.name, score_none(without, with_all))
+
+
+def score_none(without: Sequence[Answer], with_all: Sequence[Answer]) -> Scores:
+    """`found`, `false` and `auc` of answers to readings whose family no source has, and to readings
+    whose family is there.
+    """
+    return {
+        "n": len(without),
+        "found": float(np.mean([answer.refused for answer in without])),
+        "false": float(np.mean([answer.refused for answer in with_all])),
+        "auc": area_under_curve(
+            np.array([answer.doubt for answer in without]),
+            np.array([answer.doubt for answer in with_all]),
+        ),
+    }
 
 
 def area_under_curve(foreign: np.ndarray, known: np.ndarray) -> float:
