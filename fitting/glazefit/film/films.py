@@ -44,8 +44,8 @@ class Noise:
     share: float = 0.002
 
     def __post_init__(self) -> None:
-        for name, value in (("floor", self.floor), ("share", self.share)):
-            if not (np.isfinite(value) and value >= 0):
+        for name, value in vars(self).items():
+            if not 0 <= value < np.inf:
                 raise ValueError(
                     f"the noise's {name} is {value:g}; it must be 0 or more, such as 0.0005"
                 )

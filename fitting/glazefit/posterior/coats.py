@@ -59,7 +59,7 @@ class CoatPrior:
             raise ValueError(
                 f"{where} is {self.thickness:g} m thick; it must be in [0, 0.01], in metres"
             )
-        if not (np.isfinite(self.spread) and self.spread >= 0):
+        if not 0 <= self.spread < np.inf:
             raise ValueError(
                 f"{where}: the spread {self.spread:g} of its thickness must be 0 or more, such "
                 "as 0.3"

@@ -46,7 +46,7 @@ class SpectraPrior:
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
-            if not (np.isfinite(value) and value > 0):
+            if not 0 < value < np.inf:
                 raise ValueError(f"the spectra's {name} is {value:g}; it must be positive")
 
     def modes(self, wavelengths: Float[np.ndarray, "bands"]) -> Float[np.ndarray, "2 bands modes"]:

@@ -13,7 +13,7 @@ it.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -77,11 +77,9 @@ class ModelError:
     screening: float = 0.035
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            name = field.name
-            value = getattr(self, name)
+        for name, value in vars(self).items():
             needed = name in ("freedom", "apart") or "length" in name
-            if not (np.isfinite(value) and value >= 0 and (value > 0 or not needed)):
+            if not (0 <= value < np.inf and (value > 0 or not needed)):
                 raise ValueError(
                     f"the discrepancy's {name} is {value:g}; it must be "
                     f"{'above 0' if needed else '0 or more'}"
@@ -143,7 +141,7 @@ class Prior:
             )
         for name in ("spread", "concentration", "error", "error_spread", "error_length"):
             value = getattr(self, name)
-            if value is not None and not (np.isfinite(value) and value > 0):
+            if value is not None and not 0 < value < np.inf:
                 raise ValueError(f"the prior's {name} is {value:g}; it must be positive")
         if not min(self.sizes) > 0:
             raise ValueError("the probabilities of sizes must be positive")
