@@ -64,15 +64,25 @@ class PaintErrors:
         """Of one film."""
         film = self.film
         size = _size(film, free)
-        if data.expansion is None:
-            off, linear = _look(film, _unknown(film, free, data, shared), free, data, shared)
-            return _misfit(off, linear, data, shared, size)
         expansion = data.expansion
-        shift = jnp.moveaxis(expansion.shift.reshape(len(film.sizes), 2, -1), 0, -1)
-        off = data.reflectance - film.read(free, data, shared, shift) - expansion.offset
-        root = size * expansion.spread
-        white = expansion.whiten @ off.reshape(-1) / jnp.sqrt(1.0 + root**2)
-        return jnp.concatenate([white, root_of_log1p(root)])
+        if expansion is not None:
+            shift = jnp.moveaxis(expansion.shift.reshape(len(film.sizes), 2, -1), 0, -1)
+            off = data.reflectance - film.read(free, data, shared, shift) - expansion.offset
+            root = size * expansion.spread
+            white = expansion.whiten @ off.reshape(-1) / jnp.sqrt(1.0 + root**2)
+            return jnp.concatenate([white, root_of_log1p(root)])
+        off, linear = _look(film, _unknown(film, free, data, shared), free, data, shared)
+        through = linear.by_ground * data.ground_sd / data.sd
+        precision = 1.0 / (data.sd * jnp.sqrt(1.0 + through**2))
+        white = (off * precision).reshape(-1)
+        log_determinants = [root_of_log1p(through).reshape(-1)]
+        if len(linear.by_log):
+            caused = _caused(linear.by_log * precision, shared.smooth)
+            root = jnp.linalg.cholesky(jnp.eye(white.size) + size**2 * caused)
+            white = jax.scipy.linalg.solve_triangular(root, white, lower=True)
+            # The diagonal is 1 or more; with a constant added its logarithm has a smooth root.
+            log_determinants.append(jnp.sqrt(1.0 + 2.0 * jnp.log(jnp.diagonal(root))))
+        return jnp.concatenate([white, *log_determinants])
 
 
 def _size(film: Film, free: Float[Array, "dims"]) -> Float[Array, ""]:
@@ -97,27 +107,6 @@ def _look(
     """Errors of the readings, and their slopes, at k d and s d of the unknown coat."""
     linear = film.look_up(thickness, data, shared)
     return data.reflectance - film.surface(free, shared) - linear.body, linear
-
-
-def _misfit(
-    off: Float[Array, "bands grounds"],
-    linear: Slopes,
-    data: FilmData,
-    shared: FilmShared,
-    size: Float[Array, ""],
-) -> Float[Array, "rows"]:
-    """Residuals of readings that are off by this, with the slopes of this place."""
-    through = linear.by_ground * data.ground_sd / data.sd
-    precision = 1.0 / (data.sd * jnp.sqrt(1.0 + through**2))
-    white = (off * precision).reshape(-1)
-    log_determinants = [root_of_log1p(through).reshape(-1)]
-    if len(linear.by_log):
-        caused = _caused(linear.by_log * precision, shared.smooth)
-        root = jnp.linalg.cholesky(jnp.eye(white.size) + size**2 * caused)
-        white = jax.scipy.linalg.solve_triangular(root, white, lower=True)
-        # The diagonal is 1 or more; with a constant added its logarithm has a smooth root.
-        log_determinants.append(jnp.sqrt(1.0 + 2.0 * jnp.log(jnp.diagonal(root))))
-    return jnp.concatenate([white, *log_determinants])
 
 
 @dataclass(frozen=True)
