@@ -166,9 +166,10 @@ def without_errors(
     film: Film, free: Float[Array, "films dims"], data: FilmData, shared: FilmShared
 ) -> tuple[Float[Array, "films errors bands"], Float[Array, "films"]]:
     """Log k d and log s d of the coats without error, and what the surface adds to a reading."""
-    thickness = jax.vmap(lambda f, d: film.optical(f, d, shared))(free, data)
+    thickness, above = jax.vmap(lambda f, d: (film.optical(f, d, shared), film.surface(f, shared)))(
+        free, data
+    )
     logs = jnp.moveaxis(jnp.log(jnp.maximum(thickness, 1e-9)), -1, 1)
-    above = jax.vmap(lambda f: film.surface(f, shared))(free)
     return logs.reshape(len(logs), -1, logs.shape[-1]), above
 
 
@@ -204,27 +205,29 @@ def expand(
     share = np.exp(2.0 * free[:, -1])[:, None, None]
     smooth = np.asarray(shared.smooth)
     delta = np.asarray(data.expansion.shift)
-    for _ in range(steps):
+    while True:
         linear = slopes(film, shared.response, logs + delta, data.ground)
         by_log = np.asarray(linear.by_log)
-        target = unexplained - linear.body + np.einsum("febg,feb->fbg", by_log, delta)
+        variance = np.asarray(_variance(data, linear))
+        offset = -np.einsum("febg,feb->fbg", by_log, delta)
+        if not steps:
+            break
+        steps -= 1
+        target = unexplained - linear.body - offset
         covariance = share * _caused(by_log, smooth)
-        variance = np.asarray(_variance(data, linear)).reshape(len(delta), -1)
-        covariance += np.eye(variance.shape[1]) * variance[:, None]
-        pull = np.linalg.solve(covariance, target.reshape(len(delta), -1, 1)).reshape(target.shape)
+        rows = variance.reshape(len(delta), -1, 1)
+        covariance += np.eye(rows.shape[1]) * rows
+        pull = np.linalg.solve(covariance, target.reshape(rows.shape)).reshape(target.shape)
         step = share * (np.einsum("febg,fbg->feb", by_log, pull) @ smooth) - delta
         # A step of more than 1 in log k or log s goes beyond where slopes hold.
         delta = delta + step / np.maximum(1.0, np.abs(step).max(axis=(1, 2), keepdims=True))
-    linear = slopes(film, shared.response, logs + delta, data.ground)
-    by_log = np.asarray(linear.by_log)
-    root = 1.0 / np.sqrt(np.asarray(_variance(data, linear)))
-    caused = _caused(by_log * root[:, None], smooth)
-    spread, axes = np.linalg.eigh(caused)
+    root = 1.0 / np.sqrt(variance)
+    spread, axes = np.linalg.eigh(_caused(by_log * root[:, None], smooth))
     whiten = np.swapaxes(axes, 1, 2) * root.reshape(len(root), 1, -1)
     return data._replace(
         expansion=Expansion(
             shift=delta,
-            offset=-np.einsum("febg,feb->fbg", by_log, delta),
+            offset=offset,
             whiten=whiten,
             spread=np.sqrt(np.maximum(spread, 0.0)),
         )
