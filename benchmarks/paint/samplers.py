@@ -143,7 +143,7 @@ def measured_aies(posed: Posed, steps: int, seed: int) -> Measured:
     # Twice as many as unknowns, as NumPyro advises.
     chains = max(Sampling().walkers_for(problem.dims), 2 * blocks * dims)
     approximate = laplace(problem, posed.modes, seed=seed)
-    start = approximate.draws(chains, np.random.default_rng(seed)).reshape(chains, -1)
+    start = approximate.gaussians.draws(chains, np.random.default_rng(seed)).reshape(chains, -1)
 
     def run(steps: int) -> tuple[float, np.ndarray]:
         sampler = MCMC(

@@ -390,6 +390,7 @@ def test_gaussians_of_laplace_have_the_density_of_their_mixture():
         np.array([0.1, 0.9]),
         np.empty((0, 2, 3)),
         np.array([[True, True], [True, False]]),
+        np.ones(2),
     )
     points = rng.standard_normal((5, 2, 3))
     for block in range(2):
@@ -399,7 +400,7 @@ def test_gaussians_of_laplace_have_the_density_of_their_mixture():
         )
         off = found.gaussians.log_density(np, points)[:, block] - np.log(exact)
         assert_allclose(off, 1.5 * np.log(2 * np.pi), rtol=1e-9)
-    drawn = found.draws(40_000, rng)
+    drawn = gaussians.draws(40_000, rng)
     mean = np.einsum("bm,bmd->bd", weights, modes)
     assert_allclose(drawn.mean(axis=0), mean, atol=0.05)
     # A mode without probability need not have settled; a second one counts from a hundredth.

@@ -47,7 +47,7 @@ class Ensemble:
 
     def begin(self, asked: threading.Event) -> dict[str, Any]:
         """Draws of the approximation; nothing is warmed up."""
-        free = self._approximation.draws(self.walkers, np.random.default_rng(self._seed))
+        free = self._approximation.gaussians.draws(self.walkers, np.random.default_rng(self._seed))
         return {"free": free.reshape(self.walkers, -1)}
 
     def steps(self, state: dict[str, Any], number: int, count: int) -> Draws:

@@ -367,8 +367,8 @@ class Hamiltonian:
         root = np.broadcast_to(prior, (blocks, dims, dims))
         log_step = np.full(blocks, np.log(0.3))
         if self._problem.scaled is None:
-            root = _metric_root(root, approximation.draws(500, rng))
-            return Chains(approximation.draws(self.walkers, rng), root, log_step)
+            root = _metric_root(root, approximation.gaussians.draws(500, rng))
+            return Chains(approximation.gaussians.draws(self.walkers, rng), root, log_step)
         # Each mode has its part of the chains.
         places = (np.arange(self.walkers) + rng.random()) / self.walkers
         chosen = np.stack([numbers_at(shares, places) for shares in approximation.weights], axis=1)

@@ -59,6 +59,16 @@ class Gaussians(NamedTuple):
         steps = jax.random.normal(noise, (chains, blocks, dims))
         return self.means[at] + jnp.einsum("cbij,cbj->cbi", self.roots[at], steps)
 
+    def draws(self, n: int, rng: np.random.Generator) -> Float[np.ndarray, "n blocks dims"]:
+        """The same by NumPy's random numbers."""
+        blocks, parts, dims = self.means.shape
+        shares = np.exp(np.asarray(self.log_weights))
+        chosen = np.array([rng.choice(parts, size=n, p=share) for share in shares])
+        at = np.arange(blocks)[:, None], chosen
+        noise = rng.standard_normal((blocks, n, dims))
+        points = self.means[at] + np.einsum("bnij,bnj->bni", self.roots[at], noise)
+        return np.swapaxes(points, 0, 1)
+
     def log_density(self, xp: Any, free: Float[Any, "n blocks dims"]) -> Any:
         """Up to a constant, (n, blocks); `xp` is numpy or jax.numpy."""
         white = xp.einsum("bpij,nbpj->nbpi", self.inverses, free[:, :, None] - self.means)
@@ -85,7 +95,7 @@ class Laplace:
     tail: Float[np.ndarray, "blocks"]
     sample: Float[np.ndarray, "draws blocks dims"]
     settled: Bool[np.ndarray, "blocks modes"]
-    effective: Float[np.ndarray, "blocks"] | float = np.nan
+    effective: Float[np.ndarray, "blocks"]
 
     @property
     def modes(self) -> Float[np.ndarray, "blocks modes dims"]:
@@ -111,15 +121,6 @@ class Laplace:
     def many(self) -> np.ndarray:
         """True if a second mode has a hundredth of the probability or more, (blocks,)."""
         return np.sort(self.weights, axis=1)[:, -2] >= 0.01
-
-    def draws(self, n: int, rng: np.random.Generator) -> Float[np.ndarray, "n blocks dims"]:
-        """Draws of the free unknowns from the Gaussians."""
-        blocks, modes, dims = self.modes.shape
-        chosen = np.array([rng.choice(modes, size=n, p=w) for w in self.weights])
-        rows = np.arange(blocks)[:, None]
-        roots = self.gaussians.roots[rows, chosen]
-        noise = np.einsum("bnij,bnj->bni", roots, rng.standard_normal((blocks, n, dims)))
-        return np.swapaxes(self.modes[rows, chosen] + noise, 0, 1)
 
 
 @functools.partial(Program, fixed=("residuals", "batch"))
@@ -222,18 +223,13 @@ def laplace(problem: FilmProblem, solution: Modes, *, seed: int = 0) -> Laplace:
     volume = solution.height[at] + 0.5 * np.linalg.slogdet(covariances)[1]
     volume = np.where(real, volume, -np.inf)
     roots = np.linalg.cholesky(covariances)
-    gaussian = Laplace(
-        gaussians=Gaussians(
-            means=points[at],
-            roots=roots,
-            inverses=np.linalg.inv(roots),
-            log_weights=log_softmax(volume, axis=1),
-        ),
-        tail=np.full(blocks, np.nan),
-        sample=np.empty((0, blocks, problem.dims)),
-        settled=solution.settled[at] & real,
+    gaussians = Gaussians(
+        means=points[at],
+        roots=roots,
+        inverses=np.linalg.inv(roots),
+        log_weights=log_softmax(volume, axis=1),
     )
-    return _importance(problem, gaussian, seed)
+    return _importance(problem, gaussians, solution.settled[at] & real, seed)
 
 
 def _distinct(
@@ -271,15 +267,20 @@ def _inverse(hessians: np.ndarray, prior: np.ndarray) -> np.ndarray:
     return np.einsum("...ij,...j,...kj->...ik", scaled, 1.0 / np.maximum(values, 1.0), scaled)
 
 
-def _importance(problem: FilmProblem, gaussian: Laplace, seed: int) -> Laplace:
+def _importance(
+    problem: FilmProblem,
+    gaussians: Gaussians,
+    settled: Bool[np.ndarray, "blocks modes"],
+    seed: int,
+) -> Laplace:
     """The Gaussians with draws from them, taken again by their importance weights, the Pareto index
     of these, and what the draws are worth.
     """
     draws = 4000
     arviz = load_arviz()
     rng = np.random.default_rng(seed + 1)
-    free = gaussian.draws(draws, rng)
-    log_weights = problem.log_probability(free) - gaussian.gaussians.log_density(np, free)
+    free = gaussians.draws(draws, rng)
+    log_weights = problem.log_probability(free) - gaussians.log_density(np, free)
     # A draw of no probability has no weight.
     log_weights = np.where(np.isfinite(log_weights), log_weights, log_weights.max(axis=0) - 700.0)
     with warnings.catch_warnings():
@@ -292,8 +293,13 @@ def _importance(problem: FilmProblem, gaussian: Laplace, seed: int) -> Laplace:
     places = (np.arange(draws) + rng.random()) / draws
     for b in np.flatnonzero(tail < TRUSTED_TAIL):
         free[:, b] = free[numbers_at(weights[b], places), b]
-    effective = weights.sum(axis=1) ** 2 / (weights**2).sum(axis=1)
-    return replace(gaussian, tail=tail, sample=free, effective=effective)
+    return Laplace(
+        gaussians=gaussians,
+        tail=tail,
+        sample=free,
+        settled=settled,
+        effective=weights.sum(axis=1) ** 2 / (weights**2).sum(axis=1),
+    )
 
 
 def load_arviz() -> Any:
