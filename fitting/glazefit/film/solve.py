@@ -283,12 +283,11 @@ def _importance(
     log_weights = problem.log_probability(free) - gaussians.log_density(np, free)
     # A draw of no probability has no weight.
     log_weights = np.where(np.isfinite(log_weights), log_weights, log_weights.max(axis=0) - 700.0)
-    with warnings.catch_warnings():
-        # It warns of large indices, which are the answer here.
-        warnings.simplefilter("ignore")
+    # It warns of large indices, which are the answer here.
+    with warnings.catch_warnings(action="ignore"):
         smooth, tail = arviz.psislw(np.ascontiguousarray(log_weights.T))
     smooth = np.asarray(smooth).reshape(-1, draws)
-    tail = np.atleast_1d(np.asarray(tail))
+    tail = np.atleast_1d(tail)
     weights = np.exp(smooth - smooth.max(axis=1, keepdims=True))
     places = (np.arange(draws) + rng.random()) / draws
     for b in np.flatnonzero(tail < TRUSTED_TAIL):
@@ -305,7 +304,6 @@ def _importance(
 def load_arviz() -> Any:
     """ArviZ, without the announcement of its next version."""
     require("arviz")
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", FutureWarning)
+    with warnings.catch_warnings(action="ignore", category=FutureWarning):
         import arviz
     return arviz

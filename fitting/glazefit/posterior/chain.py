@@ -122,9 +122,8 @@ def count_samples(
     moves = np.ptp(values, axis=(0, 1)) > 0
     if len(values) < 8 or not moves.any():
         return np.zeros(values.shape[-1]), np.full(values.shape[-1], np.inf)
-    with warnings.catch_warnings():
-        # More walkers than steps are what an ensemble has.
-        warnings.simplefilter("ignore")
+    # More walkers than steps are what an ensemble has.
+    with warnings.catch_warnings(action="ignore"):
         draws = arviz.convert_to_dataset({"of": np.swapaxes(values, 0, 1)})
         samples = arviz.ess(draws)["of"].to_numpy()
         rhat = arviz.rhat(draws)["of"].to_numpy()
