@@ -48,18 +48,15 @@ class Ensemble:
     def begin(self, asked: threading.Event) -> dict[str, Any]:
         """Draws of the approximation; nothing is warmed up."""
         free = self._approximation.gaussians.draws(self.walkers, np.random.default_rng(self._seed))
-        return {"free": free.reshape(self.walkers, -1)}
+        height = self._problem.log_probability(free)
+        return {"free": free.reshape(self.walkers, -1), "height": height}
 
     def steps(self, state: dict[str, Any], number: int, count: int) -> Draws:
         """So many steps after the first `number`."""
         import emcee
 
-        ensemble = emcee.State(state["free"])
-        if "height" in state:
-            height = state["height"]
-            ensemble = emcee.State(
-                state["free"], log_prob=height.sum(axis=1), blobs=np.squeeze(height)
-            )
+        height = state["height"]
+        ensemble = emcee.State(state["free"], log_prob=height.sum(axis=1), blobs=np.squeeze(height))
         free = []
         heights = []
         accepted = 0.0
