@@ -87,7 +87,7 @@ class Sampling:
                 "thousands, such as 4000"
             )
         if self.walkers is not None:
-            self._check_walkers(self.walkers, 2)
+            self.walkers_for(1)
 
     @property
     def length(self) -> int:
@@ -106,18 +106,16 @@ class Sampling:
             ValueError: too few were asked for.
         """
         least = 2 * dims if self.sampler == "emcee" else 2
+        usual = _WALKERS[self.sampler]
         if self.walkers is None:
-            return max(_WALKERS[self.sampler], least)
-        self._check_walkers(self.walkers, least)
-        return self.walkers
-
-    def _check_walkers(self, walkers: int, least: int) -> None:
-        odd = self.sampler == "emcee" and walkers % 2
-        if walkers < least or odd:
+            return max(usual, least)
+        odd = self.sampler == "emcee" and self.walkers % 2
+        if self.walkers < least or odd:
             raise ValueError(
-                f"{walkers} walkers are not enough, or odd; take an even number of at least "
-                f"{least}, such as {_WALKERS[self.sampler]}"
+                f"{self.walkers} walkers are not enough, or odd; take an even number of at least "
+                f"{least}, such as {usual}"
             )
+        return self.walkers
 
 
 def check_sampler(word: str, argument: str) -> None:
