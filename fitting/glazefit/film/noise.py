@@ -32,15 +32,12 @@ def estimate_noise(films: Films) -> Noise:
     """
     readings = films.readings()
     everything = _fit_ends(films.wavelengths, readings)
-    if everything is None:
-        return Noise()
     # Cards are smooth whatever the paint is.
     # Films so much rougher than their cards have spectra that are no smooth ones; the cards then
     # say what noise is.
     bare = _fit_ends(films.wavelengths, readings[:2])
-    if bare is not None and np.mean(everything) > 3.0 * np.mean(bare):
-        return _at_least(bare)
-    return _at_least(everything)
+    rough = everything and bare and np.mean(everything) > 3.0 * np.mean(bare)
+    return _at_least(bare if rough else everything)
 
 
 def spectra_noise(wavelengths: Bands, spectra: Float[np.ndarray, "rows bands"]) -> Noise:
@@ -50,12 +47,13 @@ def spectra_noise(wavelengths: Bands, spectra: Float[np.ndarray, "rows bands"]) 
         wavelengths: nm, ascending.
         spectra: reflectance.
     """
-    estimate = _fit_ends(wavelengths, [spectra])
-    return Noise() if estimate is None else _at_least(estimate)
+    return _at_least(_fit_ends(wavelengths, [spectra]))
 
 
-def _at_least(estimate: tuple[float, float]) -> Noise:
-    """Noise from what it is at both ends."""
+def _at_least(estimate: tuple[float, float] | None) -> Noise:
+    """Noise from what it is at both ends; `Noise()` where that is not known."""
+    if estimate is None:
+        return Noise()
     dark, bright = np.maximum(estimate, Noise().sd(np.array(_ENDS)))
     share = max((bright - dark) / (_ENDS[1] - _ENDS[0]), 0.0)
     return Noise(float(min(dark - share * _ENDS[0], MOST)), float(min(share, MOST)))
