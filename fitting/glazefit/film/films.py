@@ -326,8 +326,8 @@ def card_readings(films: Films, instrument: Instrument, noise: Noise) -> CardRea
         ValueError: a card is darker than its surface alone, or brighter than a perfect diffuser, by
             more than four standard deviations.
     """
-    over = np.stack([films.over_black, films.over_white], axis=-1)
-    bare = np.stack([films.bare_black, films.bare_white], axis=-1)
+    over = films.over_cards.swapaxes(1, 2)
+    bare = films.bare_cards.swapaxes(1, 2)
     internal, slope = card_reflectance(bare, instrument)
     # Cards that no reading needs are not judged.
     presumed = (films.assumed | films.opaque[:, None] | ~films.seen)[:, None]

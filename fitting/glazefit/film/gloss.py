@@ -11,6 +11,7 @@ the darkest bands allow; there the paint itself is taken to be black.
 
 import numpy as np
 from jaxtyping import Float
+from numpy.lib.stride_tricks import sliding_window_view
 
 from glazejax.spectra import describe_grid
 
@@ -31,10 +32,9 @@ def estimate_gloss(
     lowest = np.minimum(films.over_black, films.over_white)
     # The mean of a few bands, so that one noisy reading does not decide.
     width = min(3, lowest.shape[1])
-    means = (
-        np.lib.stride_tricks.sliding_window_view(lowest, width, axis=1).mean(axis=-1).min(axis=1)
-    )
-    short = instrument.seen_surface - lowest.min(axis=1) > 3.0 * noise.sd(lowest.min(axis=1))
+    means = sliding_window_view(lowest, width, axis=1).mean(axis=-1).min(axis=1)
+    darkest = lowest.min(axis=1)
+    short = instrument.seen_surface - darkest > 3.0 * noise.sd(darkest)
     return np.where(short, np.clip(means / instrument.seen_surface, 1e-3, 1.0), 1.0)
 
 

@@ -67,11 +67,11 @@ def _fit_ends(
     """
     if wavelengths.size < 2 or np.median(np.diff(wavelengths)) > 12.0:
         return None
-    residuals = [roughness(wavelengths, rows) for rows in spectra]
-    differences = np.concatenate([residual[0].ravel() for residual in residuals])
+    differences, reflectance = np.hstack(
+        [np.reshape(roughness(wavelengths, rows), (2, -1)) for rows in spectra]
+    )
     if not differences.size:
         return None
-    reflectance = np.concatenate([residual[1].ravel() for residual in residuals])
     # So many spectra give the noise to a hundredth, and steps of the search are a tenth.
     chosen = np.linspace(0, len(reflectance) - 1, min(len(reflectance), 20_000)).astype(int)
     floors = np.geomspace(1e-4, MOST, 48)

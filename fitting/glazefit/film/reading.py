@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from glazejax.spectra import Bands, describe_grid, validate_wavelengths
 
-from .films import Films, Instrument, Noise, card_readings
+from .films import CardReadings, Films, Instrument, Noise, card_readings
 
 Values = Float[np.ndarray, "bands grounds"]
 
@@ -83,7 +83,7 @@ def readings(films: Films, instrument: Instrument, noise: Noise) -> list[Reading
             name=name,
             wavelengths=films.wavelengths,
             grounds=("black", "white"),
-            **dict(zip(measured._fields, arrays, strict=True)),
+            **CardReadings(*arrays)._asdict(),
         )
         for name, *arrays in zip(films.names, *measured, strict=True)
     ]

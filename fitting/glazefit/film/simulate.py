@@ -40,8 +40,7 @@ def simulate_films(
     k, s = (
         np.asarray(a).reshape(len(names), len(wavelengths), -1) for a in (absorption, scattering)
     )
-    black, white = usual_cards(wavelengths)
-    grounds = np.broadcast_to(np.stack([black, white], axis=-1), (*k.shape[:2], 2))
+    grounds = np.broadcast_to(np.stack(usual_cards(wavelengths), axis=-1), (*k.shape[:2], 2))
     optics = Optics.of(instrument)
     empty = np.full((1, 1, 1), 1e-12)
 
