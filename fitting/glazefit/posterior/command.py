@@ -14,11 +14,9 @@ from glazejax.extras import require
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from glazejax import Pigment
     from glazejax.io.quantity import Stated
 
     from ..film.films import Films, Instrument, Noise
-    from ..film.model.errors import Prior
     from ..film.reading import Reading
     from .coats import CoatPrior
     from .posterior import Posterior
@@ -222,8 +220,15 @@ def posterior(
     folder.mkdir(parents=True, exist_ok=True)
     settings |= {"seed": seed, "resume": resume, "overwrite": overwrite, "path": folder / CHAIN}
     with progress.follow("finding the mode (the first run compiles for up to a minute)") as report:
+        from .posterior import posterior_of_bands, posterior_of_coats, posterior_of_film
+
         settings |= {"instrument": seen_with, "noise": errors, "progress": report}
-        result = _posterior_of(film, made_of, stack, prior, settings)
+        if stack:
+            result = posterior_of_coats(film, stack, prior=prior, **settings)
+        elif made_of:
+            result = posterior_of_film(film, made_of, prior=prior, **settings)
+        else:
+            result = posterior_of_bands(film, **settings)
     _write(result, folder, console)
     if result.chain is not None and result.chain.interrupted:
         count = result.chain.free.shape[0] * result.chain.thin
@@ -342,25 +347,6 @@ def _simulate(
         "here was measured."
     )
     return film
-
-
-def _posterior_of(
-    film: "Films | Reading",
-    paints: "Sequence[Pigment]",
-    coats: "Sequence[CoatPrior]",
-    prior: "Prior",
-    settings: dict[str, Any],
-) -> "Posterior":
-    """The posterior of the film's coats, of its paints, or of its bands where no paint is
-    assumed.
-    """
-    from .posterior import posterior_of_bands, posterior_of_coats, posterior_of_film
-
-    if coats:
-        return posterior_of_coats(film, coats, prior=prior, **settings)
-    if not paints:
-        return posterior_of_bands(film, **settings)
-    return posterior_of_film(film, paints, prior=prior, **settings)
 
 
 def _film(
