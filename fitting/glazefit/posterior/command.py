@@ -218,11 +218,18 @@ def posterior(
             else _spectrum(file, sample, stated, ground, reach, noise=errors, console=console)
         )
     folder.mkdir(parents=True, exist_ok=True)
-    settings |= {"seed": seed, "resume": resume, "overwrite": overwrite, "path": folder / CHAIN}
     with progress.follow("finding the mode (the first run compiles for up to a minute)") as report:
         from .posterior import posterior_of_bands, posterior_of_coats, posterior_of_film
 
-        settings |= {"instrument": seen_with, "noise": errors, "progress": report}
+        settings |= {
+            "seed": seed,
+            "path": folder / CHAIN,
+            "resume": resume,
+            "overwrite": overwrite,
+            "instrument": seen_with,
+            "noise": errors,
+            "progress": report,
+        }
         if stack:
             result = posterior_of_coats(film, stack, prior=prior, **settings)
         elif made_of:
