@@ -129,12 +129,8 @@ def pose_stack(
         data = data._replace(table=np.stack([tabulate(film, *pair) for pair in pairs]))
     unknowns, quantities = name_unknowns(
         film,
-        # Paints of several films side by side differ.
-        paints=[
-            [p.name for p in coat.paints] if len(films) == 1 else range(1, len(coat.paints) + 1)
-            for coat in first
-        ],
-        suffixes=["" if kind == "paints" else f" of coat {n + 1}" for n in range(len(first))],
+        kind=kind,
+        coats=first,
         shares=data.shares,
         median=median[0],
         spread=spread[0],
@@ -229,8 +225,8 @@ class _CoatAmounts:
 def name_unknowns(
     film: Film,
     *,
-    paints: Sequence[Sequence[object]],
-    suffixes: Sequence[str],
+    kind: str,
+    coats: Sequence[CoatPrior],
     shares: Float[np.ndarray, "blocks paints"],
     median: Float[np.ndarray, "coats"],
     spread: Float[np.ndarray, "coats"],
@@ -242,8 +238,8 @@ def name_unknowns(
 
     Args:
         film: whose unknowns they are.
-        paints: names of each coat's paints.
-        suffixes: of the names of what a coat has.
+        kind: of the problem.
+        coats: of the first film.
         shares: of all paints in their coats, where they are known.
         median, spread: of the thicknesses' prior, m, and standard deviation of the log.
         grid: wavelengths, nm.
@@ -261,10 +257,11 @@ def name_unknowns(
         reported.append(Quantity(name, True, values, spectrum))
 
     unit = np.eye(film.dims)
-    for n, suffix in enumerate(suffixes):
+    for n, coat in enumerate(coats):
+        suffix = "" if kind == "paints" else f" of coat {n + 1}"
         members = film.paints[n]
         stated = shares[:, members]
-        coat = _CoatAmounts(
+        amounts = _CoatAmounts(
             median=median[n],
             spread=spread[n] if film.thickness[n] else 0.0,
             thickness=positions.thickness[n],
@@ -274,15 +271,19 @@ def name_unknowns(
             shares=stated[0] if np.all(stated == stated[0]) else stated,
         )
         if film.fractions[n]:
-            fractions = [f"fraction {paint}{suffix}" for paint in paints[n]]
+            # Paints of several films side by side differ.
+            fractions = [
+                f"fraction {paint.name if len(shares) == 1 else number}{suffix}"
+                for number, paint in enumerate(coat.paints, 1)
+            ]
             names += fractions[:-1]
             reported += [
-                Quantity(name, False, functools.partial(coat.fraction, which=i))
+                Quantity(name, False, functools.partial(amounts.fraction, which=i))
                 for i, name in enumerate(fractions)
             ]
         if film.thickness[n]:
             names.append(f"thickness{suffix}")
-            reported.append(Quantity(names[-1], True, coat.total))
+            reported.append(Quantity(names[-1], True, amounts.total))
     if film.spectra:
         # A mode is of k d or of s d alone.
         counts = np.any(shared.modes != 0, axis=1).sum(axis=1)
