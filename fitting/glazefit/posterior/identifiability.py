@@ -116,7 +116,7 @@ def _of_spectra(
     spectra: Mapping[str, Float[np.ndarray, "draws bands"]], wavelengths: Bands
 ) -> list[str]:
     """Sentences on what is open in k d and s d, band by band."""
-    k, s, ratio = (_known_values(spectra[what]) for what in ("absorption", "scattering", "ratio"))
+    k, s, ratio = _known_values(spectra)
     cases = (
         (only_ratio(spectra), "only k/s is known, not k and s by themselves"),
         (~ratio & s & ~k, "s is known, but of k only an upper limit"),
@@ -224,9 +224,15 @@ def only_ratio(
     spectra: Mapping[str, Float[np.ndarray, "draws bands"]],
 ) -> Bool[np.ndarray, "bands"]:
     """Bands of which k/s is known, but not both k and s."""
-    k, s, ratio = (_known_values(spectra[what]) for what in ("absorption", "scattering", "ratio"))
+    k, s, ratio = _known_values(spectra)
     return ratio & ~(k & s)
 
 
-def _known_values(values: Float[np.ndarray, "draws blocks"]) -> np.ndarray:
-    return values.std(axis=0) <= np.maximum(RELATIVE_LIMIT * values.mean(axis=0), ABSOLUTE_LIMIT)
+def _known_values(
+    spectra: Mapping[str, Float[np.ndarray, "draws bands"]],
+) -> list[Bool[np.ndarray, "bands"]]:
+    """Bands of which k, s and k/s are known."""
+    return [
+        values.std(axis=0) <= np.maximum(RELATIVE_LIMIT * values.mean(axis=0), ABSOLUTE_LIMIT)
+        for values in spectra.values()
+    ]
