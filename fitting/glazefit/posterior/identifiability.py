@@ -67,12 +67,6 @@ def _describe_correlated(
     ]
 
 
-def _parts(vector: Float[np.ndarray, "dims"]) -> Int[np.ndarray, "members"]:
-    """The unknowns that a direction is made of, largest first."""
-    members = np.flatnonzero(np.abs(vector) >= 0.3)
-    return members[np.argsort(-np.abs(vector[members]))]
-
-
 def _describe_open(
     share: float,
     vector: Float[np.ndarray, "dims"],
@@ -209,15 +203,14 @@ def _open_directions(
     names = [problem.unknowns[i] for i in columns]
     prior = problem.prior_covariance[np.ix_(columns, columns)]
     shares, vectors, correlation = directions(free[:, columns], prior)
-    open_ = [(s, v, _parts(v)) for s, v in zip(shares, vectors, strict=True) if s >= OPEN]
-    return [
-        *(
-            _describe_open(*direction, names)
-            for direction in open_
-            if alone or len(direction[2]) > 1
-        ),
-        *_describe_correlated(correlation, names),
-    ]
+    sentences = []
+    for share, vector in zip(shares, vectors, strict=True):
+        # The unknowns that the direction is made of, largest first.
+        members = np.flatnonzero(np.abs(vector) >= 0.3)
+        members = members[np.argsort(-np.abs(vector[members]))]
+        if share >= OPEN and (alone or len(members) > 1):
+            sentences.append(_describe_open(share, vector, members, names))
+    return sentences + _describe_correlated(correlation, names)
 
 
 def only_ratio(
