@@ -109,16 +109,15 @@ class Summary(list[Row]):
 
     def _by_block(self, blocks: list[str]) -> tuple[list[str], list[list[str]]]:
         last = ["ESS", "Laplace"] if self.by else ["its own test"]
-        quantities = list(dict.fromkeys(row.quantity for row in self))
+        quantities = dict.fromkeys(row.quantity for row in self)
         lines = []
         for block in blocks:
-            mine = {row.quantity: row for row in self if row.block == block}
-            cells = [interval(r.median, r.lower, r.upper) for r in mine.values()]
-            verdicts = list(dict.fromkeys(r.laplace for r in mine.values()))
-            differences = [w for w in verdicts if w != AGREES]
-            samples = [f"{next(iter(mine.values())).effective_samples:.0f}"] if self.by else []
+            mine = [row for row in self if row.block == block]
+            cells = [interval(row.median, row.lower, row.upper) for row in mine]
+            differences = dict.fromkeys(row.laplace for row in mine if row.laplace != AGREES)
+            samples = [f"{mine[0].effective_samples:.0f}"] if self.by else []
             lines.append(
-                [block.removesuffix(" nm"), *cells, *samples, ", ".join(differences) or verdicts[0]]
+                [block.removesuffix(" nm"), *cells, *samples, ", ".join(differences) or AGREES]
             )
         return [
             "band",
@@ -185,10 +184,8 @@ def compare(
     """
     look = np.log if logarithmic else np.asarray
     tiny = np.finfo(float).tiny if logarithmic else -np.inf
-    low, middle, high = (
-        look(np.maximum(v, tiny)) for v in (sampled.lower, sampled.median, sampled.upper)
-    )
-    other_low, other_high = (look(np.maximum(v, tiny)) for v in (laplace.lower, laplace.upper))
+    quantiles = (sampled.lower, sampled.median, sampled.upper, laplace.lower, laplace.upper)
+    low, middle, high, other_low, other_high = (look(np.maximum(v, tiny)) for v in quantiles)
     width = np.maximum(high - low, 1e-300)
     off = np.maximum(np.abs(low - other_low), np.abs(high - other_high)) / width
     skew = (high - middle) / np.maximum(middle - low, 1e-300)
