@@ -228,8 +228,10 @@ def test_how_laplace_fails_is_named():
     normal = rng.standard_normal(20_000)
 
     def words(sampled, laplace, share=False, many=False):
-        one, other = (Numbers.of(np.asarray(v)[:, None]) for v in (sampled, laplace))
-        return compare(one, other, logarithmic=False, share=share, multimodal=np.array([many]))[0]
+        """All but shares are looked at by their logarithms."""
+        values = (sampled, laplace) if share else map(np.exp, (sampled, laplace))
+        one, other = (Numbers.of(np.asarray(v)[:, None]) for v in values)
+        return compare(one, other, logarithmic=not share, multimodal=np.array([many]))[0]
 
     assert words(normal, normal + 0.1) == "agrees"
     assert words(normal, normal + 0.8) == "shifted"

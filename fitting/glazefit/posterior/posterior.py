@@ -131,7 +131,6 @@ class Posterior:
                     Numbers.of(quantity.values(self.free)),
                     Numbers.of(quantity.values(self.laplace.sample)),
                     logarithmic=quantity.logarithmic,
-                    share=not quantity.logarithmic,
                     multimodal=self.laplace.many,
                 )
             columns = vars(chain) | {

@@ -171,15 +171,13 @@ def compare(
     laplace: Numbers,
     *,
     logarithmic: bool,
-    share: bool,
     multimodal: Bool[np.ndarray, "blocks"],
 ) -> list[str]:
     """Name the difference between a chain and Laplace's approximation, in a word or two a block.
 
     Args:
         sampled, laplace: numbers of one quantity.
-        logarithmic: compare logarithms.
-        share: the quantity lies in [0, 1].
+        logarithmic: compare logarithms; else the quantity lies in [0, 1].
         multimodal: whether the block has more modes than one.
     """
     look = np.log if logarithmic else np.asarray
@@ -196,7 +194,7 @@ def compare(
     cases = {
         AGREES: off <= agree,
         "two modes": multimodal,
-        "against a bound": share & ends,
+        "against a bound": ends & (not logarithmic),
         "skewed": ~((skew >= 1.0 / 1.5) & (skew <= 1.5)),
         "Laplace too wide": other_high - other_low > width * (1.0 + agree),
         "Laplace too narrow": other_high - other_low < width * (1.0 - agree),
