@@ -133,7 +133,8 @@ class Posterior:
                     logarithmic=quantity.logarithmic,
                     multimodal=self.laplace.many,
                 )
-            columns = vars(chain) | {
+            columns = {"effective_samples": samples, "autocorrelation_time": times} | vars(chain)
+            columns |= {
                 f"laplace_{name}": values
                 for name, values in vars(gaussian).items()
                 if name != "median"
@@ -143,8 +144,6 @@ class Posterior:
                     quantity=quantity.name,
                     block=block,
                     **{name: float(values[b]) for name, values in columns.items()},
-                    effective_samples=float(samples[b]),
-                    autocorrelation_time=float(times[b]),
                     converged=bool(converged[b]),
                     laplace=verdicts[b],
                 )
