@@ -46,10 +46,9 @@ def inference_data(
     coords: dict[str, Any] = {
         "wavelength": film.wavelengths,
         "ground": list(film.grounds),
-        "film": list(problem.blocks),
     }
-    if bands:
-        coords.pop("film")
+    if not bands:
+        coords["film"] = list(problem.blocks)
     dims: dict[str, list[str]] = {}
 
     def by_block(name: str, values: np.ndarray) -> np.ndarray:
@@ -64,7 +63,7 @@ def inference_data(
 
     variables: dict[str, np.ndarray] = {}
     # What has a further axis: of paints, or of the bands of a spectrum.
-    axes: dict[str, tuple[str, list[np.ndarray]]] = {}
+    stacks: dict[str, list[np.ndarray]] = {}
     spectrum = {q.name: q.spectrum for q in problem.quantities}
     shown = problem.shown(free) if problem.random else {}
     rows = [(name, "", values) for name, values in draws.items()]
@@ -78,14 +77,14 @@ def inference_data(
         key = ("fraction" if paint else spectrum[name] or name.replace(" ", "_")) + suffix
         values = by_block(key, values)
         if paint or spectrum[name]:
-            axis = "paint" if paint else "wavelength"
-            axes.setdefault(key, (axis, []))[1].append(values)
+            stacks.setdefault(key, []).append(values)
         else:
             variables[key] = values
-    for key, (axis, each_value) in axes.items():
+    for key, each_value in stacks.items():
         variables[key] = np.stack(each_value, axis=-1)
+        axis = "paint" if key.startswith("fraction") else "wavelength"
         dims[key] = [*dims.get(key, []), axis]
-    if "fraction" in axes:
+    if "fraction" in stacks:
         coords["paint"] = [n.removeprefix("fraction ") for n in draws if n.startswith("fraction ")]
 
     flat = free.reshape(-1, *free.shape[2:])
