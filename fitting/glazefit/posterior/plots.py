@@ -56,13 +56,12 @@ def _corner_of_film(posterior: Posterior, path: str | Path) -> None:
 
     names = [q.name for q in posterior.problem.quantities if not q.spectrum]
     # Two fractions are one and its complement; of more, each says something.
-    binary = len([n for n in names if n.startswith("fraction ")]) == 2
+    binary = sum(n.startswith("fraction ") for n in names) == 2
     if binary or posterior.problem.kind == "stack":
         names = [
             n for n in names if not n.startswith("fraction ") or n in posterior.problem.unknowns
         ]
-    titles = [in_units(name)[0] for name in names]
-    units = [in_units(name)[1] for name in names]
+    titles, units = zip(*map(in_units, names), strict=True)
     draws = np.stack([_thin(posterior.draws[n][..., 0]) for n in names], axis=1) * units
     approximate = np.stack([posterior.laplace_draws[n][:, 0] for n in names], axis=1) * units
     low, high = np.quantile(np.concatenate([draws, approximate]), (0.002, 0.995), axis=0)
@@ -72,7 +71,7 @@ def _corner_of_film(posterior: Posterior, path: str | Path) -> None:
     with picture(path, side, side, layout=None) as figure:
         common: dict[str, Any] = {
             "fig": figure,
-            "range": list(zip(low - still, high + still, strict=True)),
+            "range": np.transpose([low - still, high + still]),
             "bins": 30,
             **_CONTOURS,
         }
@@ -138,17 +137,14 @@ def _corner_of_bands(posterior: Posterior, path: str | Path) -> None:
     with picture(path, 10.5, 7) as figure:
         panels = figure.subplots(2, 3).ravel()
         for panel, b in zip(panels, chosen, strict=False):
-            x, y = (np.log10(_thin(posterior.draws[n][..., b])) for n in names)
-            u, v = (np.log10(posterior.laplace_draws[n][:, b]) for n in names)
-            limits = [
-                tuple(np.quantile(np.concatenate(pair), (0.002, 0.998)))
-                for pair in ((x, u), (y, v))
-            ]
+            draws = np.log10([_thin(posterior.draws[n][..., b]) for n in names])
+            approximate = np.log10([posterior.laplace_draws[n][:, b] for n in names])
+            limits = np.quantile(np.hstack([draws, approximate]), (0.002, 0.998), axis=1).T
             options = {"ax": panel, "bins": 40, "range": limits, **_CONTOURS}
             with warnings.catch_warnings(action="ignore"):
-                corner.hist2d(u, v, **_OUTLINES, **options)
+                corner.hist2d(*approximate, **_OUTLINES, **options)
                 if posterior.chain is not None:
-                    corner.hist2d(x, y, color=SAMPLED, **options)
+                    corner.hist2d(*draws, color=SAMPLED, **options)
             tail = posterior.laplace.tail[b]
             panel.set_title(
                 f"{posterior.problem.blocks[b]}, Laplace's tail index {tail:.2f}", fontsize=9
