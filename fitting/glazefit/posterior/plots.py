@@ -260,24 +260,19 @@ def _optical_bands(posterior: Posterior, path: str | Path) -> None:
                         lw=0.9,
                         label=None if n else f"{label}, 90 % by Laplace",
                     )
-        low = min(draws[n].median.min() for n in ("absorption", "scattering"))
-        high = max(draws[n].upper.max() for n in ("absorption", "scattering"))
+        k, s, ratio = draws.values()
+        low = min(*k.median, *s.median)
+        high = max(*k.upper, *s.upper)
         label_spectra(thicknesses, "optical thickness", yscale="log", ylim=(low / 10, high * 2))
-        low = draws["ratio"].median.min()
-        high = draws["ratio"].median.max()
+        low = ratio.median.min()
+        high = ratio.median.max()
         label_spectra(ratios, "k/s", yscale="log", ylim=(low / 3, high * 3))
-        shade = only_ratio(drawn)
-        _shade(thicknesses, grid, shade, "only k/s is known")
+        # Grey columns.
+        edges = np.concatenate([[grid[0]], (grid[1:] + grid[:-1]) / 2, [grid[-1]]])
+        for n, b in enumerate(np.flatnonzero(only_ratio(drawn))):
+            label = None if n else "only k/s is known"
+            thicknesses.axvspan(edges[b], edges[b + 1], color="0.88", lw=0, zorder=0, label=label)
         thicknesses.legend()
         ratios.legend()
         thicknesses.set_title(f"{film.name}: bands of 90 %")
         ratios.set_title(_subtitle(posterior))
-
-
-def _shade(panel: Any, grid: np.ndarray, chosen: np.ndarray, label: str) -> None:
-    """Grey columns behind the chosen bands."""
-    edges = np.concatenate([[grid[0]], (grid[1:] + grid[:-1]) / 2, [grid[-1]]])
-    for n, b in enumerate(np.flatnonzero(chosen)):
-        panel.axvspan(
-            edges[b], edges[b + 1], color="0.88", lw=0, zorder=0, label=None if n else label
-        )
