@@ -236,22 +236,22 @@ def _optical_bands(posterior: Posterior, path: str | Path) -> None:
     film = posterior.films[0]
     grid = film.wavelengths
     drawn = posterior.spectra()
-    draws = {name: Numbers.of(values) for name, values in drawn.items()}
-    rough = {name: Numbers.of(values) for name, values in posterior.spectra(laplace=True).items()}
+    k, s, ratio = map(Numbers.of, drawn.values())
+    approximate = map(Numbers.of, posterior.spectra(laplace=True).values())
     with picture(path, 11, 4.4) as figure:
         thicknesses, ratios = figure.subplots(1, 2)
-        for panel, name, colour, label in (
-            (thicknesses, "absorption", ABSORPTION, "k d"),
-            (thicknesses, "scattering", SCATTERING, "s d"),
-            (ratios, "ratio", _RATIO, "k/s"),
-        ):
-            numbers = draws[name]
+        curves = (
+            (thicknesses, k, ABSORPTION, "k d"),
+            (thicknesses, s, SCATTERING, "s d"),
+            (ratios, ratio, _RATIO, "k/s"),
+        )
+        for (panel, numbers, colour, label), rough in zip(curves, approximate, strict=True):
             panel.plot(
                 grid, numbers.median, "-o", color=colour, ms=3, lw=1.2, label=f"{label}, median"
             )
             panel.fill_between(grid, numbers.lower, numbers.upper, color=colour, alpha=0.25, lw=0)
             if posterior.chain is not None:
-                for n, edge in enumerate((rough[name].lower, rough[name].upper)):
+                for n, edge in enumerate((rough.lower, rough.upper)):
                     panel.plot(
                         grid,
                         edge,
@@ -260,7 +260,6 @@ def _optical_bands(posterior: Posterior, path: str | Path) -> None:
                         lw=0.9,
                         label=None if n else f"{label}, 90 % by Laplace",
                     )
-        k, s, ratio = draws.values()
         low = min(*k.median, *s.median)
         high = max(*k.upper, *s.upper)
         label_spectra(thicknesses, "optical thickness", yscale="log", ylim=(low / 10, high * 2))
