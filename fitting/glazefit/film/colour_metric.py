@@ -4,6 +4,7 @@ import numpy as np
 from jaxtyping import Float
 
 from glazejax.colour import delta_e_2000, lab
+from glazejax.spectra import Bands
 
 
 def lab_metric(colour: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 3 3"]:
@@ -31,7 +32,7 @@ def lab_metric(colour: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*bat
 
 
 def reading_metric(
-    wavelengths: Float[np.ndarray, "bands"], readings: Float[np.ndarray, "spectra bands"]
+    wavelengths: Bands, readings: Float[np.ndarray, "spectra bands"]
 ) -> Float[np.ndarray, "spectra colours bands"]:
     """T for each spectrum, so that |T d| is Delta E00 (D65, 10 degrees) to the spectrum moved by a
     small d.
@@ -42,7 +43,7 @@ def reading_metric(
     try:
         base = np.asarray(lab(wavelengths, readings, observer=10))
     except ValueError:
-        return np.broadcast_to(100.0 / np.sqrt(bands) * np.eye(bands), (count, bands, bands)).copy()
+        return np.tile(100.0 / np.sqrt(bands) * np.eye(bands), (count, 1, 1))
     shifted = readings[:, None] + 1e-3 * np.eye(bands)
     by_reading = (np.asarray(lab(wavelengths, shifted, observer=10)) - base[:, None]) / 1e-3
     return lab_metric(base) @ np.swapaxes(by_reading, 1, 2)

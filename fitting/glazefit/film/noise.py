@@ -75,7 +75,7 @@ def _fit_ends(
     # So many spectra give the noise to a hundredth, and steps of the search are a tenth.
     chosen = np.linspace(0, len(reflectance) - 1, min(len(reflectance), 20_000)).astype(int)
     floors = np.geomspace(1e-4, MOST, 48)
-    shares = np.concatenate([[0.0], np.geomspace(3e-4, MOST, 24)])
+    shares = np.r_[0.0, np.geomspace(3e-4, MOST, 24)]
     floor, share = min(
         itertools.product(floors, shares),
         key=lambda noise: _cost(differences[chosen], noise[0] + noise[1] * reflectance[chosen]),

@@ -77,12 +77,9 @@ def loose_films(table: SpectraTable) -> Films:
     """
     rows = rows_of(table)
     shared = {}
-    for film in [
-        film
-        for film, endings in rows.items()
-        if film.lower() in _CARDS and not {"ob", "ow"} & set(endings)
-    ]:
-        shared.update(rows.pop(film))
+    for film, endings in list(rows.items()):
+        if film.lower() in _CARDS and {"ob", "ow"}.isdisjoint(endings):
+            shared.update(rows.pop(film))
     _check_rows(rows)
     return _add_notes(build_films(table, rows, shared))
 
@@ -101,7 +98,7 @@ def _check_rows(rows: Mapping[str, Mapping[str, int]]) -> None:
             raise ValueError(
                 f"{film!r} is there with an ending and without: opaque paint has one row, {film!r}"
             )
-        if not {"ob", "ow", "opaque"} & set(endings):
+        if {"ob", "ow", "opaque"}.isdisjoint(endings):
             raise ValueError(
                 f"film {film!r} has no row '{film}_ob' or '{film}_ow' (paint over black, over "
                 "white); cards of all films are card_b and card_w"

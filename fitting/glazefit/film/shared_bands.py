@@ -97,7 +97,7 @@ def means_of_steps(grid: Bands, step: float) -> Float[np.ndarray, "bands new"] |
 
 def running_mean(wavelengths: Bands, values: Bands, width: float) -> Bands:
     """Mean over a window of this width (nm) around each band."""
-    sums = np.concatenate([[0.0], np.cumsum(values)])
+    sums = np.r_[0.0, np.cumsum(values)]
     first = np.searchsorted(wavelengths, wavelengths - 0.5 * width)
     last = np.searchsorted(wavelengths, wavelengths + 0.5 * width, side="right")
     return (sums[last] - sums[first]) / (last - first)

@@ -267,7 +267,7 @@ def _optical_bands(posterior: Posterior, path: str | Path) -> None:
         high = ratio.median.max()
         label_spectra(ratios, "k/s", yscale="log", ylim=(low / 3, high * 3))
         # Grey columns.
-        edges = np.concatenate([[grid[0]], (grid[1:] + grid[:-1]) / 2, [grid[-1]]])
+        edges = np.r_[grid[0], (grid[1:] + grid[:-1]) / 2, grid[-1]]
         for n, b in enumerate(np.flatnonzero(only_ratio(drawn))):
             label = None if n else "only k/s is known"
             thicknesses.axvspan(edges[b], edges[b + 1], color="0.88", lw=0, zorder=0, label=label)
