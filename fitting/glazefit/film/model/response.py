@@ -48,6 +48,11 @@ SHIPPED = {"d8": Instrument(), "45_0": Instrument(Bidirectional(45, 0))}
 """
 
 
+def over_ground(black: Any, gain: Any, back: Any, ground: Any) -> Any:
+    """Reading without the outer surface's part of a film, from its three numbers, on a ground."""
+    return black + gain * ground / (1.0 - back * ground)
+
+
 def ground_below(
     body: Float[Array | np.ndarray, "*#batch"],
     gain: float | Float[Array | np.ndarray, "*#batch"],
@@ -159,7 +164,11 @@ class FilmResponse(Response):
             absorption, scattering: optical thicknesses k d and s d, (...), >= 0.
             ground: internal reflectance of the Lambertian ground, (...), in [0, 1].
         """
-        return on_numpy_or_jax(_over, *self.numbers(absorption, scattering), ground)
+        return on_numpy_or_jax(
+            lambda _, *numbers: over_ground(*numbers),
+            *self.numbers(absorption, scattering),
+            ground,
+        )
 
     def internal(self, body: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
         """Internal reflectance of the Lambertian ground that, bare, reads `body` without the outer
@@ -172,10 +181,6 @@ class FilmResponse(Response):
             body,
             *numbers,
         )
-
-
-def _over(_: Any, black: Any, gain: Any, back: Any, ground: Any) -> Any:
-    return black + gain * ground / (1.0 - back * ground)
 
 
 def _spline_weights(thickness: Array, highest: float) -> tuple[Array, Array, Array]:

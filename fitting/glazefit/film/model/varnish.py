@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from glazejax.spectra import Bands
 
-from .response import FilmResponse, ground_below
+from .response import FilmResponse, ground_below, over_ground
 
 DECAY = 60.0
 """Wavelengths over which a yellowed resin's absorption falls to 1/e, nm."""
@@ -61,16 +61,14 @@ def _change_coat(
     """Reading of what lies below one varnish under another one in its place."""
     dark, gain, back = _through(response, before)
     below = ground_below(np.asarray(body) - dark, gain, back)
-    dark, gain, back = _through(response, after)
-    return dark + gain * below / (1.0 - back * below)
+    return over_ground(*_through(response, after), below)
 
 
 def limits_under(response: FilmResponse, thickness: Bands) -> tuple[Bands, Bands]:
     """Least and largest reading of paint under a varnish, outer surface aside: beyond, the inverse
     of `under_varnish` makes any number.
     """
-    dark, gain, back = _through(response, thickness)
-    low, high = (dark + gain * below / (1.0 - back * below) for below in _PAINT)
+    low, high = (over_ground(*_through(response, thickness), below) for below in _PAINT)
     return low, high
 
 
