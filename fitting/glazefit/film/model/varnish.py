@@ -68,7 +68,8 @@ def limits_under(response: FilmResponse, thickness: Bands) -> tuple[Bands, Bands
     """Least and largest reading of paint under a varnish, outer surface aside: beyond, the inverse
     of `under_varnish` makes any number.
     """
-    low, high = (over_ground(*_through(response, thickness), below) for below in _PAINT)
+    numbers = _through(response, thickness)
+    low, high = (over_ground(*numbers, below) for below in _PAINT)
     return low, high
 
 
