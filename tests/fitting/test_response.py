@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from glazefit.film.model import response
 from glazefit.film.model.optics import Optics
 from glazefit.film.model.response import (
     _NODES,
@@ -64,6 +65,23 @@ def test_clear_and_opaque_ends(table):
     assert np.all(np.isfinite(values))
     # A spline through noughts is nought but for rounding.
     assert np.all((values > -1e-15) & (values < 1))
+
+
+@pytest.mark.parametrize(("each", "library"), [(200, np), (300, jnp)])
+def test_numpy_is_asked_for_few_films_alone(table, monkeypatch, each, library):
+    """Not for few k d and few s d that make many films."""
+    libraries = []
+    look_up = response.look_up
+
+    def noted(xp, *arguments):
+        libraries.append(xp)
+        return look_up(xp, *arguments)
+
+    monkeypatch.setattr(response, "look_up", noted)
+    thickness = np.geomspace(0.01, 10.0, each)
+    black, _, _ = table.numbers(thickness[:, None], thickness)
+    assert black.shape == (each, each)
+    assert libraries == [library]
 
 
 def test_slopes_equal_finite_differences_of_the_solver(table):

@@ -112,7 +112,9 @@ class FilmResponse(Response):
     ) -> tuple[Float[Array, "*batch"], Float[Array, "*batch"], Float[Array, "*batch"]]:
         """Black, gain and back of films, each (...), from k d and s d, (...), >= 0."""
         k, s = as_array(absorption), as_array(scattering)
-        if small(k, s) and not isinstance(self.patches, Tracer):
+        # Few of each may make many films.
+        films = np.broadcast_to(0.0, np.broadcast_shapes(k.shape, s.shape))
+        if small(k, s) and small(films) and not isinstance(self.patches, Tracer):
             values = look_up(np, np.asarray(self.patches), np.asarray(k), np.asarray(s), _NODES)
         else:
             values = look_up(jnp, self.patches, k, s, _NODES)
