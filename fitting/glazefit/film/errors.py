@@ -31,7 +31,17 @@ from jaxtyping import Array, Float
 
 from glazejax.programs import Program
 
-from .forward import Expansion, Film, FilmData, FilmShared, Slopes, slopes
+from .forward import (
+    Expansion,
+    Film,
+    FilmData,
+    FilmShared,
+    PerUnknown,
+    Scalar,
+    Slopes,
+    Terms,
+    slopes,
+)
 from .model.errors import paint_covariance
 from .numerics.least_squares import root_of_log1p
 
@@ -58,9 +68,7 @@ class PaintErrors:
 
     film: Film
 
-    def __call__(
-        self, free: Float[Array, "dims"], data: FilmData, shared: FilmShared
-    ) -> Float[Array, "rows"]:
+    def __call__(self, free: PerUnknown, data: FilmData, shared: FilmShared) -> Terms:
         """Of one film."""
         film = self.film
         size = _size(film, free)
@@ -85,13 +93,13 @@ class PaintErrors:
         return jnp.concatenate([white, *log_determinants])
 
 
-def _size(film: Film, free: Float[Array, "dims"]) -> Float[Array, ""]:
+def _size(film: Film, free: PerUnknown) -> Scalar:
     """Of the paints' errors; of no meaning where there are none."""
     return jnp.exp(jnp.sum(free[film.places.error]))
 
 
 def _unknown(
-    film: Film, free: Float[Array, "dims"], data: FilmData, shared: FilmShared
+    film: Film, free: PerUnknown, data: FilmData, shared: FilmShared
 ) -> Float[Array, "2 bands"]:
     """k d and s d of the unknown coat."""
     return film.optical(free, data, shared)[..., film.unknown_coat]
@@ -100,7 +108,7 @@ def _unknown(
 def _look(
     film: Film,
     thickness: Float[Array, "2 bands"],
-    free: Float[Array, "dims"],
+    free: PerUnknown,
     data: FilmData,
     shared: FilmShared,
 ) -> tuple[Float[Array, "bands grounds"], Slopes]:
@@ -119,15 +127,13 @@ class ScaledReadings:
 
     film: Film
 
-    def __call__(
-        self, free: Float[Array, "dims"], data: FilmData, shared: FilmShared
-    ) -> Float[Array, "rows"]:
+    def __call__(self, free: PerUnknown, data: FilmData, shared: FilmShared) -> Terms:
         """Of one film."""
         logs = jnp.log(_unknown(self.film, free, data, shared))
         return self._at(logs, free, data, shared).reshape(-1)
 
     def slopes(
-        self, free: Float[Array, "dims"], data: FilmData, shared: FilmShared
+        self, free: PerUnknown, data: FilmData, shared: FilmShared
     ) -> Float[Array, "rows dims"]:
         """By the unknowns: a band's readings hang on its own k d and s d, and these on the paint's
         unknowns.
@@ -149,7 +155,7 @@ class ScaledReadings:
     def _at(
         self,
         logs: Float[Array, "2 bands"],
-        free: Float[Array, "dims"],
+        free: PerUnknown,
         data: FilmData,
         shared: FilmShared,
     ) -> Float[Array, "bands grounds"]:

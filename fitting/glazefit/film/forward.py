@@ -9,7 +9,7 @@ stack: the sampler asks a spline in place of the solver, at a tenth of its cost.
 import functools
 import itertools
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import jax
 import jax.numpy as jnp
@@ -27,6 +27,15 @@ from .model.spline import look_up, nodes_of, patches
 HIGHEST = (100.0, 400.0)
 """Optical thicknesses k d and s d at which every film is opaque."""
 _NODES = 56
+
+PerUnknown: TypeAlias = Float[Array, "dims"]
+"""A number for each free unknown of one block, such as its value."""
+Scalar: TypeAlias = Float[Array, ""]
+"""One number of a block."""
+Terms: TypeAlias = Float[Array, "rows"]
+"""Residuals of one block, or readings in units of their errors."""
+PerReading: TypeAlias = Float[Any, "*blocks bands grounds"]
+"""A number for each reading of each block."""
 
 
 class Slopes(NamedTuple):
@@ -46,7 +55,7 @@ class Expansion(NamedTuple):
     """
 
     shift: Float[Any, "*blocks errors bands"]  # delta*, of log k and log s of each coat in turn
-    offset: Float[Any, "*blocks bands grounds"]  # -J delta*
+    offset: PerReading  # -J delta*
     whiten: Float[Any, "*blocks rows rows"]  # W
     spread: Float[Any, "*blocks rows"]  # roots of b
 
@@ -58,10 +67,10 @@ class FilmData(NamedTuple):
     absorption: Float[Any, "*blocks bands paints"]
     scattering: Float[Any, "*blocks bands paints"]
     shares: Float[Any, "*blocks paints"]  # fractions; of no meaning where they are unknown
-    reflectance: Float[Any, "*blocks bands grounds"]
-    ground: Float[Any, "*blocks bands grounds"]
-    sd: Float[Any, "*blocks bands grounds"]
-    ground_sd: Float[Any, "*blocks bands grounds"]
+    reflectance: PerReading
+    ground: PerReading
+    sd: PerReading
+    ground_sd: PerReading
     # Of a film that is not `Film.tabulated`.
     expansion: Expansion | None = None
     # Of one that is, of several coats: readings over each ground, their slopes by each ground, then
@@ -150,7 +159,7 @@ class Film:
         return self.places.error.stop
 
     def optical(
-        self, free: Float[Array, "dims"], data: FilmData, shared: FilmShared
+        self, free: PerUnknown, data: FilmData, shared: FilmShared
     ) -> Float[Array, "2 bands coats"]:
         """Optical thicknesses k d and s d of all coats, top first, without errors of the paints."""
         positions = self.places
@@ -169,7 +178,7 @@ class Film:
             coats.append(jnp.stack([coefficient @ amounts for coefficient in coefficients]))
         return jnp.stack(coats, axis=-1)
 
-    def surface(self, free: Float[Array, "dims"], shared: FilmShared) -> Float[Array, ""]:
+    def surface(self, free: PerUnknown, shared: FilmShared) -> Scalar:
         """Reflectance that the surface adds to a reading."""
         return shared.surface * jnp.prod(jax.nn.sigmoid(free[self.places.gloss]))
 
@@ -194,7 +203,7 @@ class Film:
 
     def read(
         self,
-        free: Float[Array, "dims"],
+        free: PerUnknown,
         data: FilmData,
         shared: FilmShared,
         errors: Float[Array, "2 #bands #coats"] | float = 0.0,

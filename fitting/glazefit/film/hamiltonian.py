@@ -49,6 +49,7 @@ from glazejax.programs import Program
 from glazejax.radiative.common.linalg import solve_positive
 
 from .chain_file import Draws
+from .forward import PerUnknown, Scalar, Terms
 from .numerics.weighted import numbers_at
 from .problem import FilmProblem, block_log_probability
 from .sampling import Sampling
@@ -89,14 +90,14 @@ class Graph(NamedTuple):
     shared: Any
     root: Float[Array, "dims dims"]
 
-    def lift(self, free: Float[Array, "dims"]) -> Float[Array, "rows"]:
+    def lift(self, free: PerUnknown) -> Terms:
         """Scaled readings and unknowns: the coordinates in which distances are measured."""
         scaled = self.root @ free
         if self.scaled is None:
             return scaled
         return jnp.concatenate([self.scaled(free, self.data, self.shared), scaled])
 
-    def slopes(self, free: Float[Array, "dims"]) -> Float[Array, "rows dims"]:
+    def slopes(self, free: PerUnknown) -> Float[Array, "rows dims"]:
         """Of `lift`."""
         if self.scaled is None:
             return self.root
@@ -105,7 +106,7 @@ class Graph(NamedTuple):
             return jax.jacfwd(self.lift)(free)
         return jnp.concatenate([scaled_slopes(free, self.data, self.shared), self.root])
 
-    def at(self, free: Float[Array, "dims"]) -> Here:
+    def at(self, free: PerUnknown) -> Here:
         """All that a step needs to know of a place."""
         slopes = self.slopes(free)
         root = jnp.linalg.cholesky(slopes.T @ slopes)
@@ -115,7 +116,7 @@ class Graph(NamedTuple):
         # factor held.
         factor = slopes @ inverse
 
-        def falling(free: Float[Array, "dims"]) -> tuple[Array, Array]:
+        def falling(free: PerUnknown) -> tuple[Array, Array]:
             height = block_log_probability(self.residuals, free, self.data, self.shared)
             if self.scaled is None:
                 return -height, height
@@ -133,8 +134,8 @@ class Graph(NamedTuple):
         )
 
     def move(
-        self, origin: Here, push: Float[Array, "dims"], near: Float[Array, ""]
-    ) -> tuple[Float[Array, "dims"], Bool[Array, ""]]:
+        self, origin: Here, push: PerUnknown, near: Scalar
+    ) -> tuple[PerUnknown, Bool[Array, ""]]:
         """The place on the graph that a push along it leads to, and whether it was found."""
 
         def left(free: Array) -> tuple[Array, Array]:
@@ -165,20 +166,20 @@ class Flight(NamedTuple):
     """A trajectory under way, between two of its places."""
 
     before: Here
-    free: Float[Array, "dims"]  # where it is now
-    momentum: Float[Array, "dims"]  # where it was
-    first: Float[Array, ""]  # energy at the start
+    free: PerUnknown  # where it is now
+    momentum: PerUnknown  # where it was
+    first: Scalar  # energy at the start
     reversible: Bool[Array, ""]  # whether all of its steps can be reversed
     visited: Array  # places
 
 
-def _energy(state: Here, momentum: Float[Array, "dims"]) -> Float[Array, ""]:
+def _energy(state: Here, momentum: PerUnknown) -> Scalar:
     return state.potential + 0.5 * momentum @ state.inverse @ momentum
 
 
 def _trajectory(
-    graph: Graph, free: Float[Array, "dims"], log_step: Float[Array, ""], key: Array
-) -> tuple[Float[Array, "dims"], Float[Array, ""], Float[Array, ""]]:
+    graph: Graph, free: PerUnknown, log_step: Scalar, key: Array
+) -> tuple[PerUnknown, Scalar, Scalar]:
     """End of a trajectory of one chain, the log posterior there, and by how much its energy has
     fallen.
     """

@@ -11,10 +11,10 @@ from typing import Any, Protocol
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 from scipy.special import polygamma
 
-from .forward import Film, FilmShared, log_fractions
+from .forward import Film, FilmShared, PerUnknown, Terms, log_fractions
 from .model.errors import Prior
 from .model.variation import STRENGTH
 
@@ -22,7 +22,7 @@ from .model.variation import STRENGTH
 class Law(Protocol):
     """A law of the free unknowns; hashable, since compiled programs are kept by it."""
 
-    def residuals(self, free: Float[Array, "dims"], shared: Any) -> Float[Array, "rows"]:
+    def residuals(self, free: PerUnknown, shared: Any) -> Terms:
         """Half their squares, summed, are minus the logarithm of the density up to a constant."""
         ...
 
@@ -79,7 +79,7 @@ class FilmPrior:
         sd[positions.error] = prior.error_spread
         return mean, sd
 
-    def residuals(self, free: Float[Array, "dims"], shared: FilmShared) -> Float[Array, "rows"]:
+    def residuals(self, free: PerUnknown, shared: FilmShared) -> Terms:
         """One an unknown, and one more for each coat's fractions."""
         positions = self.film.places
         # Dirichlet's density in the log-ratios is the product of the fractions to their

@@ -24,11 +24,11 @@ from jaxtyping import Array, Float
 from glazejax.programs import Program
 from glazejax.radiative.common.chunks import in_chunks
 
-from .forward import Film
+from .forward import Film, PerUnknown, Scalar, Terms
 from .prior import Law
 from .reading import Reading
 
-Residuals = Callable[[Float[Array, "dims"], Any, Any], Float[Array, "rows"]]
+Residuals = Callable[[PerUnknown, Any, Any], Terms]
 """Residuals of one block, (rows,), from its free unknowns, (dims,), its own data and what all
 blocks share. Half their squares, summed, are minus the log-probability up to a constant.
 """
@@ -41,7 +41,7 @@ class PosteriorResiduals:
     misfit: Residuals
     prior: Law
 
-    def __call__(self, free: Float[Array, "dims"], data: Any, shared: Any) -> Float[Array, "rows"]:
+    def __call__(self, free: PerUnknown, data: Any, shared: Any) -> Terms:
         """Of one block."""
         terms = (self.misfit(free, data, shared), self.prior.residuals(free, shared))
         return jnp.concatenate(terms)
@@ -195,9 +195,7 @@ class FilmProblem:
         return {name: np.stack(values, axis=-1) for name, values in spectra.items()}
 
 
-def block_log_probability(
-    residuals: Residuals, free: Float[Array, "dims"], data: Any, shared: Any
-) -> Float[Array, ""]:
+def block_log_probability(residuals: Residuals, free: PerUnknown, data: Any, shared: Any) -> Scalar:
     """Log-probability of one block up to a constant, minus half the sum of squares of the
     residuals; what overflows, so far out, counts as impossible.
     """
