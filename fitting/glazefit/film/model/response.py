@@ -15,7 +15,7 @@ solved.
 import abc
 import functools
 from importlib.resources import files
-from typing import Any
+from typing import Any, TypeAlias
 
 import equinox as eqx
 import jax
@@ -42,6 +42,11 @@ from .spline import (
 
 _NODES = 80
 
+FilmNumber: TypeAlias = Float[Array, "*batch"]
+"""A number for each film of a batch."""
+GroundNumber: TypeAlias = Float[Array | np.ndarray, "*#batch"]
+"""A number for each ground, or for each film over one."""
+
 SHIPPED = {"d8": Instrument(), "45_0": Instrument(Bidirectional(45, 0))}
 """Instruments whose table lies next to this file: the defaults of
 `glazefit`.
@@ -54,9 +59,9 @@ def over_ground(black: Any, gain: Any, back: Any, ground: Any) -> Any:
 
 
 def ground_below(
-    body: Float[Array | np.ndarray, "*#batch"],
-    gain: float | Float[Array | np.ndarray, "*#batch"],
-    back: float | Float[Array | np.ndarray, "*#batch"],
+    body: GroundNumber,
+    gain: float | GroundNumber,
+    back: float | GroundNumber,
 ) -> Any:
     """Internal reflectance of the Lambertian ground that reads ``body`` = gain rho/(1 - back rho)
     when it is bare.
@@ -72,9 +77,7 @@ def ground_below(
     return body / (gain + back * body)
 
 
-def hiding_factor(
-    absorption: Float[Array, "*films"], scattering: Float[Array, "*films"]
-) -> Float[Array, "*films"]:
+def hiding_factor(absorption: FilmNumber, scattering: FilmNumber) -> FilmNumber:
     """Factor by which films of k d and s d, (...), are thinner than where a table of films ends,
     thick enough to hide whatever is below.
     """
@@ -85,9 +88,7 @@ class Response(eqx.Module):
     """Model of one film."""
 
     @abc.abstractmethod
-    def body(
-        self, absorption: ArrayLike, scattering: ArrayLike, ground: ArrayLike
-    ) -> Float[Array, "*batch"]:
+    def body(self, absorption: ArrayLike, scattering: ArrayLike, ground: ArrayLike) -> FilmNumber:
         """Reflectance without the outer surface's part, from k d, s d and the ground's internal
         reflectance.
         """
@@ -109,7 +110,7 @@ class FilmResponse(Response):
         self,
         absorption: Float[ArrayLike, "*#batch"],
         scattering: Float[ArrayLike, "*#batch"],
-    ) -> tuple[Float[Array, "*batch"], Float[Array, "*batch"], Float[Array, "*batch"]]:
+    ) -> tuple[FilmNumber, FilmNumber, FilmNumber]:
         """Black, gain and back of films, each (...), from k d and s d, (...), >= 0."""
         k, s = as_array(absorption), as_array(scattering)
         # Few of each may make many films.
@@ -123,8 +124,8 @@ class FilmResponse(Response):
 
     def body_and_slopes(
         self,
-        absorption: Float[Array, "*films"],
-        scattering: Float[Array, "*films"],
+        absorption: FilmNumber,
+        scattering: FilmNumber,
         ground: Float[Array, "..."],
     ) -> tuple[Float[Array, "..."], Float[Array, "..."], Float[Array, "..."]]:
         """`body`, and its derivatives by k d and by s d: all from one look at the table, twice as
@@ -157,9 +158,7 @@ class FilmResponse(Response):
         slope_s = (slope_s - ~ends_by_k * thicker / HIGHEST[1]) / beyond
         return black + gain * ground_gain, slope_k, slope_s
 
-    def body(
-        self, absorption: ArrayLike, scattering: ArrayLike, ground: ArrayLike
-    ) -> Float[Array, "*batch"]:
+    def body(self, absorption: ArrayLike, scattering: ArrayLike, ground: ArrayLike) -> FilmNumber:
         """Reflectance without the outer surface's part, (...).
 
         Args:
@@ -172,7 +171,7 @@ class FilmResponse(Response):
             ground,
         )
 
-    def internal(self, body: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
+    def internal(self, body: FilmNumber) -> FilmNumber:
         """Internal reflectance of the Lambertian ground that, bare, reads `body` without the outer
         surface's part.
         """
