@@ -15,7 +15,7 @@ Gaussians are left as they are and not to be trusted (Vehtari, Simpson, Gelman, 
 import functools
 import warnings
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import jax
 import jax.numpy as jnp
@@ -33,11 +33,20 @@ from .problem import FilmProblem
 
 TRUSTED_TAIL = 0.7
 
+StartPoints: TypeAlias = Float[np.ndarray, "blocks starts dims"]
+"""Free unknowns of each start of each block."""
+ModeFlags: TypeAlias = Bool[np.ndarray, "blocks modes"]
+"""What holds of which mode of each block."""
+PerBlock: TypeAlias = Float[np.ndarray, "blocks"]
+"""A number for each block."""
+BlockFlags: TypeAlias = Bool[np.ndarray, "blocks"]
+"""What holds of which block."""
+
 
 class Modes(NamedTuple):
     """Ends of least squares from each start of each block, best first."""
 
-    points: Float[np.ndarray, "blocks starts dims"]
+    points: StartPoints
     settled: Bool[np.ndarray, "blocks starts"]  # False where it was stopped
     height: Float[np.ndarray, "blocks starts"]  # log posterior
 
@@ -92,10 +101,10 @@ class Laplace:
     """
 
     gaussians: Gaussians
-    tail: Float[np.ndarray, "blocks"]
+    tail: PerBlock
     sample: Float[np.ndarray, "draws blocks dims"]
-    settled: Bool[np.ndarray, "blocks modes"]
-    effective: Float[np.ndarray, "blocks"]
+    settled: ModeFlags
+    effective: PerBlock
 
     @property
     def modes(self) -> Float[np.ndarray, "blocks modes dims"]:
@@ -108,17 +117,17 @@ class Laplace:
         return np.exp(np.asarray(self.gaussians.log_weights))
 
     @property
-    def converged(self) -> Bool[np.ndarray, "blocks"]:
+    def converged(self) -> BlockFlags:
         """True if least squares came to an end at every mode that has a part of the probability."""
         return np.all(self.settled | (self.weights == 0), axis=1)
 
     @property
-    def trusted(self) -> np.ndarray:
+    def trusted(self) -> BlockFlags:
         """True if the approximation is good enough for standard errors and intervals, (blocks,)."""
         return self.tail < TRUSTED_TAIL
 
     @property
-    def many(self) -> np.ndarray:
+    def many(self) -> BlockFlags:
         """True if a second mode has a hundredth of the probability or more, (blocks,)."""
         return np.sort(self.weights, axis=1)[:, -2] >= 0.01
 
@@ -181,7 +190,7 @@ def find_modes(problem: FilmProblem, *, seed: int = 0) -> Modes:
     return climb(problem, _starts(problem, seed))
 
 
-def climb(problem: FilmProblem, first: Float[np.ndarray, "blocks starts dims"]) -> Modes:
+def climb(problem: FilmProblem, first: StartPoints) -> Modes:
     """Ends of least squares from some points, best first."""
     blocks, starts, _ = first.shape
     batch = max(1, problem.chunk * blocks // starts)
@@ -193,7 +202,7 @@ def climb(problem: FilmProblem, first: Float[np.ndarray, "blocks starts dims"]) 
     return Modes(points=points[at], settled=settled[at], height=height[at])
 
 
-def _starts(problem: FilmProblem, seed: int) -> Float[np.ndarray, "blocks starts dims"]:
+def _starts(problem: FilmProblem, seed: int) -> StartPoints:
     """The likeliest of each group of draws, so that the starts do not all lie in one valley."""
     blocks, starts = len(problem.blocks), problem.starts
     tried = problem.prior_draws(np.random.default_rng(seed), starts * 48)
@@ -233,10 +242,10 @@ def laplace(problem: FilmProblem, solution: Modes, *, seed: int = 0) -> Laplace:
 
 
 def _distinct(
-    points: Float[np.ndarray, "blocks starts dims"],
+    points: StartPoints,
     covariances: Float[np.ndarray, "blocks starts dims dims"],
     height: Float[np.ndarray, "blocks starts"],
-) -> tuple[Int[np.ndarray, "blocks modes"], Bool[np.ndarray, "blocks modes"]]:
+) -> tuple[Int[np.ndarray, "blocks modes"], ModeFlags]:
     """Numbers of the modes that differ from better ones and are not hopelessly lower, and whether
     there is one.
     """
@@ -270,7 +279,7 @@ def _inverse(hessians: np.ndarray, prior: np.ndarray) -> np.ndarray:
 def _importance(
     problem: FilmProblem,
     gaussians: Gaussians,
-    settled: Bool[np.ndarray, "blocks modes"],
+    settled: ModeFlags,
     seed: int,
 ) -> Laplace:
     """The Gaussians with draws from them, taken again by their importance weights, the Pareto index

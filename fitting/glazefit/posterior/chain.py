@@ -8,10 +8,10 @@ import warnings
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from ..film.chain_file import Chain
-from ..film.solve import load_arviz
+from ..film.solve import BlockFlags, PerBlock, load_arviz
 
 ENOUGH_SAMPLES = 400.0
 """Effective samples that it must hold."""
@@ -32,20 +32,20 @@ class Convergence:
         discarded: steps left out at the start.
     """
 
-    samples: Float[np.ndarray, "blocks"]
-    apart: Float[np.ndarray, "blocks"]
+    samples: PerBlock
+    apart: PerBlock
     walkers: int
     length: int
     discarded: int
 
     @property
-    def times(self) -> Float[np.ndarray, "blocks"]:
+    def times(self) -> PerBlock:
         """Steps of all walkers for one effective sample, (blocks,); infinite without a sample."""
         with np.errstate(divide="ignore"):
             return self.length * self.walkers / self.samples
 
     @property
-    def converged(self) -> Bool[np.ndarray, "blocks"]:
+    def converged(self) -> BlockFlags:
         """By block, (blocks,)."""
         return (self.samples >= ENOUGH_SAMPLES) & (self.apart < MOST_APART)
 

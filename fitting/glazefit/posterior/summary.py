@@ -7,7 +7,9 @@ from dataclasses import dataclass
 from html import escape
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
+
+from ..film.solve import BlockFlags, PerBlock
 
 LEVELS = (0.05, 0.5, 0.95)
 """Quantiles that are reported; the outer two enclose 90 %."""
@@ -21,11 +23,11 @@ MEDIANS = "median [5 %, 95 %]"
 class Numbers:
     """Of one quantity, for all blocks, each (blocks,)."""
 
-    mean: Float[np.ndarray, "blocks"]
-    sd: Float[np.ndarray, "blocks"]
-    lower: Float[np.ndarray, "blocks"]
-    median: Float[np.ndarray, "blocks"]
-    upper: Float[np.ndarray, "blocks"]
+    mean: PerBlock
+    sd: PerBlock
+    lower: PerBlock
+    median: PerBlock
+    upper: PerBlock
 
     @classmethod
     def of(cls, draws: Float[np.ndarray, "*draws blocks"]) -> "Numbers":
@@ -171,7 +173,7 @@ def compare(
     laplace: Numbers,
     *,
     logarithmic: bool,
-    multimodal: Bool[np.ndarray, "blocks"],
+    multimodal: BlockFlags,
 ) -> list[str]:
     """Name the difference between a chain and Laplace's approximation, in a word or two a block.
 
