@@ -20,7 +20,7 @@ Three loops remain in addition:
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import jax
 import jax.numpy as jnp
@@ -28,17 +28,24 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from .columns import take_rows
-from .linear_steps import LONGER, SHORTER
+from .linear_steps import LONGER, SHORTER, PerVariable
+
+Point: TypeAlias = Float[np.ndarray, "n"]
+"""A number for each unknown of one problem."""
+PerProblem: TypeAlias = Float[np.ndarray, "n"]
+"""A number for each of many problems."""
+Positions: TypeAlias = Float[np.ndarray, "n m"]
+"""A number for each unknown of each problem."""
 
 
 def levenberg_marquardt(
     residuals: Callable[..., Float[Array, "rows"]],
-    start: Float[Array, "n m"],
+    start: PerVariable,
     *problem_data: Any,
     rtol: float,
     atol: float,
     max_steps: int,
-) -> tuple[Float[Array, "n m"], Bool[Array, "n"]]:
+) -> tuple[PerVariable, Bool[Array, "n"]]:
     """The points of least squares nearest to some starts, and whether each settled.
 
     Args:
@@ -162,16 +169,16 @@ class Surroundings(NamedTuple):
 class Descent(NamedTuple):
     """End of `descend`, what was seen there, the number of steps, and whether they settled."""
 
-    point: Float[np.ndarray, "n"]
+    point: Point
     seen: Surroundings
     steps: int
     settled: bool
 
 
 def descend(
-    look: Callable[[Float[np.ndarray, "n"]], Surroundings],
-    solve: Callable[[Any, float, Float[np.ndarray, "n"]], Float[np.ndarray, "n"]],
-    start: Float[np.ndarray, "n"],
+    look: Callable[[Point], Surroundings],
+    solve: Callable[[Any, float, Point], Point],
+    start: Point,
     *,
     first_step: float,
     max_steps: int,
@@ -232,8 +239,8 @@ class Looks(NamedTuple):
     curvature.
     """
 
-    cost: Float[np.ndarray, "n"]  # sum of squares; infinite where it is no number
-    slope: Float[np.ndarray, "n m"]
+    cost: PerProblem  # sum of squares; infinite where it is no number
+    slope: Positions
     curvature: Float[np.ndarray, "n m m"]
 
 
@@ -250,15 +257,15 @@ class BoundedDescent(NamedTuple):
     number of its steps that counted.
     """
 
-    point: Float[np.ndarray, "n m"]
-    cost: Float[np.ndarray, "n"]
+    point: Positions
+    cost: PerProblem
     settled: Bool[np.ndarray, "n"]
     steps: Int[np.ndarray, "n"]
 
 
 def descend_within(
     look: Callable[[Int[np.ndarray, "rows"], Float[np.ndarray, "rows m"]], Looks],
-    start: Float[np.ndarray, "n m"],
+    start: Positions,
     start_values: Looks,
     bounds: Bounds,
     *,
@@ -309,16 +316,16 @@ def descend_within(
     return BoundedDescent(point, values.cost, settled, steps)
 
 
-def _largest(curvature: Float[np.ndarray, "n m m"]) -> Float[np.ndarray, "n"]:
+def _largest(curvature: Float[np.ndarray, "n m m"]) -> PerProblem:
     return np.maximum(curvature.max(axis=(1, 2)), 1e-9)
 
 
 def bounded_step(
-    point: Float[np.ndarray, "n m"],
+    point: Positions,
     values: Looks,
     bounds: Bounds,
-    damping: Float[np.ndarray, "n"],
-) -> tuple[Float[np.ndarray, "n m"], Float[np.ndarray, "n"]]:
+    damping: PerProblem,
+) -> tuple[Positions, PerProblem]:
     """End of a damped step within bounds, and by how much it should lower the cost's root."""
     # What is not there has no slope, and stays; so does what is at a bound and drawn beyond it.
     fixed = (

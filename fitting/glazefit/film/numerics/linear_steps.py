@@ -2,6 +2,8 @@
 its damping changes.
 """
 
+from typing import TypeAlias
+
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -12,10 +14,17 @@ from glazejax.radiative.common.linalg import matmul, solve_positive
 LONGER = 3.5
 SHORTER = 0.25
 
+PerVariable: TypeAlias = Float[Array, "n m"]
+"""A number for each unknown of each problem."""
+PerRow: TypeAlias = Float[Array, "n rows"]
+"""A number for each residual of each problem."""
+SlopeMatrices: TypeAlias = Float[Array, "n rows m"]
+"""Slopes of each problem's residuals by its unknowns."""
+
 
 def damped_solution(
-    matrix: Float[Array, "n rows m"], target: Float[Array, "n rows"], damping: Float[Array, "n"]
-) -> Float[Array, "n m"]:
+    matrix: SlopeMatrices, target: PerRow, damping: Float[Array, "n"]
+) -> PerVariable:
     """x of least |A x - b|^2 + damping |x|^2, side by side; in plain operations, for a few unknowns
     each.
 
@@ -50,8 +59,8 @@ def damped_solution(
 
 
 def normal_solution(
-    matrix: Float[Array, "n rows m"], target: Float[Array, "n rows"], damping: Float[Array, "n"]
-) -> Float[Array, "n m"]:
+    matrix: SlopeMatrices, target: PerRow, damping: Float[Array, "n"]
+) -> PerVariable:
     """Solve as `damped_solution`, for any number of unknowns: the normal equations, by elimination.
 
     They square the condition, so columns should be of like size and well apart, as those of a

@@ -8,13 +8,21 @@ import jax.numpy as jnp
 import optimistix as optx
 from jaxtyping import Array, Bool, Float
 
-from .linear_steps import LONGER, SHORTER, damped_solution, normal_solution
+from .linear_steps import (
+    LONGER,
+    SHORTER,
+    PerRow,
+    PerVariable,
+    SlopeMatrices,
+    damped_solution,
+    normal_solution,
+)
 
 
 class _State(NamedTuple):
-    tried: Float[Array, "n m"]
-    residual: Float[Array, "n rows"]  # at the point
-    slopes: Float[Array, "n rows m"]
+    tried: PerVariable
+    residual: PerRow  # at the point
+    slopes: SlopeMatrices
     length: Float[Array, "n"]  # one over the damping
     first: Bool[Array, ""]
     done: Bool[Array, "n"]
@@ -106,10 +114,10 @@ class SideBySide(optx.AbstractLeastSquaresSolver):
         return jnp.all(jnp.abs(change) < self.atol + self.rtol * jnp.abs(value), axis=1)
 
 
-def _look(fn: Callable, point: Float[Array, "n m"], args: Any) -> tuple[Array, Array, Any]:
+def _look(fn: Callable, point: PerVariable, args: Any) -> tuple[Array, Array, Any]:
     """Residuals, their slopes, (n, rows, m), and what else the function gives."""
 
-    def along(direction: Float[Array, "n m"]) -> tuple[Array, Array, Any]:
+    def along(direction: PerVariable) -> tuple[Array, Array, Any]:
         return jax.jvp(lambda free: fn(free, args), (point,), (direction,), has_aux=True)
 
     # Along one unknown of all problems at a time: each knows its own alone.
@@ -125,10 +133,10 @@ def _where(chosen: Bool[Array, "n"], value: Array, alternative: Array) -> Array:
     return jnp.where(chosen.reshape(-1, *[1] * (value.ndim - 1)), value, alternative)
 
 
-def _times(matrix: Float[Array, "n rows m"], vector: Float[Array, "n m"]) -> Float[Array, "n rows"]:
+def _times(matrix: SlopeMatrices, vector: PerVariable) -> PerRow:
     # Products and sums: an accelerator's matrix units would round.
     return jnp.sum(matrix * vector[:, None, :], axis=2)
 
 
-def _half_square(residual: Float[Array, "n rows"]) -> Float[Array, "n"]:
+def _half_square(residual: PerRow) -> Float[Array, "n"]:
     return 0.5 * jnp.sum(residual**2, axis=1)
