@@ -5,7 +5,7 @@ saw them.
 import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from jaxtyping import ArrayLike, Bool, Float
@@ -21,7 +21,10 @@ from .model.optics import Optics
 from .model.response import ground_below
 from .tables import WAVELENGTH, Tabulated, Variables
 
-Spectra = Float[np.ndarray, "films bands"]
+Spectra: TypeAlias = Float[np.ndarray, "films bands"]
+"""A spectrum of each film."""
+PerCard: TypeAlias = Float[np.ndarray, "*films bands cards"]
+"""A spectrum of each card of each film."""
 InstrumentLike = Instrument | Geometry | str
 """What an `instrument=` argument takes, see `glazejax.geometry.resolve_instrument`."""
 SPECTRA = ("bare_black", "bare_white", "over_black", "over_white")
@@ -313,10 +316,10 @@ class CardReadings(NamedTuple):
     deviations.
     """
 
-    reflectance: Float[np.ndarray, "*films bands cards"]
-    ground: Float[np.ndarray, "*films bands cards"]  # internal reflectance of the cards
-    sd: Float[np.ndarray, "*films bands cards"]
-    ground_sd: Float[np.ndarray, "*films bands cards"]
+    reflectance: PerCard
+    ground: PerCard  # internal reflectance of the cards
+    sd: PerCard
+    ground_sd: PerCard
 
 
 def card_readings(films: Films, instrument: Instrument, noise: Noise) -> CardReadings:

@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy.lib.stride_tricks import sliding_window_view
 
+from glazejax.io.spectra_table import Rows
 from glazejax.spectra import Bands
 
 from .films import Films, Noise
@@ -40,7 +41,7 @@ def estimate_noise(films: Films) -> Noise:
     return _at_least(bare if rough else everything)
 
 
-def spectra_noise(wavelengths: Bands, spectra: Float[np.ndarray, "rows bands"]) -> Noise:
+def spectra_noise(wavelengths: Bands, spectra: Rows) -> Noise:
     """Noise of an instrument from the roughness of many spectra of paint.
 
     Args:
@@ -59,9 +60,7 @@ def _at_least(estimate: tuple[float, float] | None) -> Noise:
     return Noise(float(min(dark - share * _ENDS[0], MOST)), float(min(share, MOST)))
 
 
-def _fit_ends(
-    wavelengths: Bands, spectra: Sequence[Float[np.ndarray, "rows bands"]]
-) -> tuple[float, float] | None:
+def _fit_ends(wavelengths: Bands, spectra: Sequence[Rows]) -> tuple[float, float] | None:
     """Noise at both ends that fits roughness best; None if there is none, or bands lie 12 nm apart
     or more: spectra of paint are then rough themselves.
     """
@@ -84,7 +83,7 @@ def _fit_ends(
 
 
 def roughness(
-    wavelengths: Bands, spectra: Float[np.ndarray, "rows bands"]
+    wavelengths: Bands, spectra: Rows
 ) -> tuple[Float[np.ndarray, "rows windows"], Float[np.ndarray, "rows windows"]]:
     """Divided differences of spectra, as large as the noise of one reading, and the mean reading of
     each window.

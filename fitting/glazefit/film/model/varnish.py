@@ -6,6 +6,8 @@ without scattering does that lies on the paint: both are in `FilmResponse`. Seen
 the paint is one Lambertian ground.
 """
 
+from typing import TypeAlias
+
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
@@ -23,6 +25,9 @@ between them is left open.
 # Internal reflectances of paint, with what noise may feign.
 _PAINT = (-0.5, 1.0)
 
+BodySpectra: TypeAlias = Float[np.ndarray, "*n bands"]
+"""Readings without the surface's part."""
+
 
 def yellow(wavelengths: Bands, decay: float = DECAY) -> Bands:
     """Absorption of a yellowed varnish in units of that at 400 nm: it falls exponentially to the
@@ -33,9 +38,9 @@ def yellow(wavelengths: Bands, decay: float = DECAY) -> Bands:
 
 def under_varnish(
     response: FilmResponse,
-    body: Float[np.ndarray, "*n bands"],
+    body: BodySpectra,
     thickness: Bands,
-) -> Float[np.ndarray, "*n bands"]:
+) -> BodySpectra:
     """Reading of a paint under a varnish, from that without it; both without the surface's part.
 
     Args:
@@ -48,16 +53,16 @@ def under_varnish(
 
 def without_varnish(
     response: FilmResponse,
-    body: Float[np.ndarray, "*n bands"],
+    body: BodySpectra,
     thickness: Bands,
-) -> Float[np.ndarray, "*n bands"]:
+) -> BodySpectra:
     """The inverse of `under_varnish`: what the paint would read if its varnish were taken off."""
     return _change_coat(response, body, before=thickness, after=np.zeros_like(thickness))
 
 
 def _change_coat(
-    response: FilmResponse, body: Float[np.ndarray, "*n bands"], *, before: Bands, after: Bands
-) -> Float[np.ndarray, "*n bands"]:
+    response: FilmResponse, body: BodySpectra, *, before: Bands, after: Bands
+) -> BodySpectra:
     """Reading of what lies below one varnish under another one in its place."""
     dark, gain, back = _through(response, before)
     below = ground_below(np.asarray(body) - dark, gain, back)
