@@ -6,7 +6,7 @@ thickness, what the spectra of an unknown paint are made of, and the log size of
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeAlias
 
 import jax
 import jax.numpy as jnp
@@ -17,6 +17,9 @@ from scipy.special import polygamma
 from .forward import Film, FilmShared, PerUnknown, Terms, log_fractions
 from .model.errors import Prior
 from .model.variation import STRENGTH
+
+Covariance: TypeAlias = Float[np.ndarray, "dims dims"]
+"""Of the free unknowns of a block."""
 
 
 class Law(Protocol):
@@ -30,7 +33,7 @@ class Law(Protocol):
         """Draws of the unknowns."""
         ...
 
-    def covariance(self, shared: Any) -> Float[np.ndarray, "dims dims"]:
+    def covariance(self, shared: Any) -> Covariance:
         """Of the draws."""
         ...
 
@@ -111,7 +114,7 @@ class FilmPrior:
         draws[:, positions.gloss] = rng.logistic(size=(n, int(film.gloss)))
         return draws
 
-    def covariance(self, shared: FilmShared) -> Float[np.ndarray, "dims dims"]:
+    def covariance(self, shared: FilmShared) -> Covariance:
         """Of the draws: log-ratios to the same fraction are correlated by a half."""
         sd = np.asarray(shared.sd)
         covariance = np.diag(sd**2)

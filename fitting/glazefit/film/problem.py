@@ -14,7 +14,7 @@ import functools
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import jax
 import jax.numpy as jnp
@@ -25,8 +25,17 @@ from glazejax.programs import Program
 from glazejax.radiative.common.chunks import in_chunks
 
 from .forward import Film, PerUnknown, Scalar, Terms
-from .prior import Law
+from .prior import Covariance, Law
 from .reading import Reading
+
+FreeDraws: TypeAlias = Float[np.ndarray, "draws blocks dims"]
+"""Draws of the free unknowns of each block."""
+FreeValues: TypeAlias = Float[np.ndarray, "*shape dims"]
+"""Any values of the free unknowns."""
+QuantityValues: TypeAlias = Float[np.ndarray, "*shape"]
+"""Values of a reported quantity."""
+SpectraDraws: TypeAlias = Mapping[str, Float[np.ndarray, "draws bands"]]
+"""Draws of k d, s d and k/s by name, in this order."""
 
 Residuals = Callable[[PerUnknown, Any, Any], Terms]
 """Residuals of one block, (rows,), from its free unknowns, (dims,), its own data and what all
@@ -63,7 +72,7 @@ class Quantity(NamedTuple):
     values: Callable[[np.ndarray], np.ndarray]
     spectrum: str = ""
 
-    def scaled(self, free: Float[np.ndarray, "*shape dims"]) -> Float[np.ndarray, "*shape"]:
+    def scaled(self, free: FreeValues) -> QuantityValues:
         """Values, or their logarithms where these are looked at."""
         values = self.values(free)
         return np.log(values) if self.logarithmic else values
@@ -128,7 +137,7 @@ class FilmProblem:
         return PosteriorResiduals(self.misfit, self.prior)
 
     @functools.cached_property
-    def prior_covariance(self) -> Float[np.ndarray, "dims dims"]:
+    def prior_covariance(self) -> Covariance:
         """Of the free unknowns."""
         return self.prior.covariance(self.shared)
 
@@ -151,22 +160,16 @@ class FilmProblem:
         # cache.
         return max(1, 12_000 // (self.bands * len(self.blocks)))
 
-    def log_likelihood(
-        self, free: Float[np.ndarray, "draws blocks dims"]
-    ) -> Float[np.ndarray, "draws blocks"]:
+    def log_likelihood(self, free: FreeDraws) -> Float[np.ndarray, "draws blocks"]:
         """The part of `log_probability` that the measurement has, up to a constant."""
         return np.asarray(log_probability(self.misfit, self.data, self.shared, free, self.chunk))
 
-    def readings(
-        self, free: Float[np.ndarray, "draws blocks dims"]
-    ) -> Float[np.ndarray, "draws blocks *reading"]:
+    def readings(self, free: FreeDraws) -> Float[np.ndarray, "draws blocks *reading"]:
         """Readings of the instrument, without noise and errors of the paints."""
         reading = np.asarray(_readings(self.film, self.data, self.shared, free))
         return reading[..., 0, :] if self.kind == "bands" else reading
 
-    def draws(
-        self, free: Float[np.ndarray, "*shape dims"]
-    ) -> Mapping[str, Float[np.ndarray, "*shape"]]:
+    def draws(self, free: FreeValues) -> Mapping[str, QuantityValues]:
         """The reported quantities of some values of the free unknowns; strengths of the paints are
         drawn, alike at each call for one measurement.
         """
@@ -174,15 +177,11 @@ class FilmProblem:
         random = rng.standard_normal((*free.shape[:-1], self.random))
         return self.shown(np.concatenate([free, random], axis=-1))
 
-    def shown(
-        self, free: Float[np.ndarray, "*shape dims"]
-    ) -> Mapping[str, Float[np.ndarray, "*shape"]]:
+    def shown(self, free: FreeValues) -> Mapping[str, QuantityValues]:
         """The reported quantities as the readings show them, were paints as strong as elsewhere."""
         return {quantity.name: quantity.values(free) for quantity in self.quantities}
 
-    def spectra(
-        self, free: Float[np.ndarray, "draws blocks dims"]
-    ) -> Mapping[str, Float[np.ndarray, "draws bands"]]:
+    def spectra(self, free: FreeDraws) -> SpectraDraws:
         """K d, s d and k/s of all bands, or of the first block's unknown paint; empty without
         one.
         """

@@ -8,13 +8,14 @@ from jaxtyping import Float
 
 from glazejax import Pigment
 from glazejax.geometry import resolve_instrument
+from glazejax.spectra import Bands
 
 from .films import Films, Instrument, InstrumentLike, Noise, usual_cards
 from .model.optics import Optics
 
 
 def simulate_films(
-    wavelengths: Float[np.ndarray, "bands"],
+    wavelengths: Bands,
     absorption: Float[np.ndarray, "films bands *coats"],
     scattering: Float[np.ndarray, "films bands *coats"],
     *,

@@ -29,7 +29,7 @@ from glazejax.programs import Program
 from .errors import expand
 from .numerics.least_squares import levenberg_marquardt
 from .numerics.weighted import numbers_at
-from .problem import FilmProblem
+from .problem import FilmProblem, FreeDraws
 
 TRUSTED_TAIL = 0.7
 
@@ -102,7 +102,7 @@ class Laplace:
 
     gaussians: Gaussians
     tail: PerBlock
-    sample: Float[np.ndarray, "draws blocks dims"]
+    sample: FreeDraws
     settled: ModeFlags
     effective: PerBlock
 

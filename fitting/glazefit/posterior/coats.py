@@ -19,6 +19,7 @@ from glazejax import Pigment
 from glazejax.names import first_repeated
 from glazejax.paint import describe
 from glazejax.paint.describe import find_name
+from glazejax.spectra import Bands
 
 UNKNOWN = "?"
 ABOUT = "~"
@@ -115,7 +116,7 @@ class CoatPrior:
             else np.asarray(self.fractions, float)
         )
 
-    def on(self, wavelengths: Float[np.ndarray, "bands"]) -> "CoatPrior":
+    def on(self, wavelengths: Bands) -> "CoatPrior":
         """The same with its paints on other wavelengths, nm."""
         return replace(self, paints=tuple(paint.resample(wavelengths) for paint in self.paints))
 

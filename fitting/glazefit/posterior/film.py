@@ -3,13 +3,14 @@
 import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from jaxtyping import Float
 from scipy.special import expit, softmax
 
 from glazejax import Pigment
+from glazejax.spectra import Bands
 
 from ..film.errors import PaintErrors, ScaledReadings, usual_errors, without_errors
 from ..film.films import CardReadings, Instrument
@@ -23,6 +24,9 @@ from ..film.problem import FilmProblem, Quantity, fingerprint
 from ..film.reading import Reading
 from .coats import CoatPrior
 from .spectra import SpectraPrior
+
+FreeAndRandom: TypeAlias = Float[np.ndarray, "*n numbers"]
+"""Free unknowns, and random numbers where these follow."""
 
 
 def pose_films(
@@ -183,16 +187,14 @@ class _CoatAmounts:
     random: slice  # one for the thickness, one for each paint
     shares: Float[np.ndarray, "*blocks paints"]  # of fractions that are known
 
-    def shown(self, values: Float[np.ndarray, "*n numbers"]) -> Float[np.ndarray, "*n paints"]:
+    def shown(self, values: FreeAndRandom) -> Float[np.ndarray, "*n paints"]:
         """Fractions, were all paints as strong as elsewhere."""
         if self.ratios.start == self.ratios.stop:
             return self.shares
         logs = values[..., self.ratios]
         return softmax(np.concatenate([logs, np.zeros_like(logs[..., :1])], axis=-1), axis=-1)
 
-    def log_strengths(
-        self, values: Float[np.ndarray, "*n numbers"]
-    ) -> Float[np.ndarray, "*n paints"]:
+    def log_strengths(self, values: FreeAndRandom) -> Float[np.ndarray, "*n paints"]:
         """Of the paints, from their distribution and the thickness expected.
 
         Draws of both before the readings are moved by what the readings show of their product
@@ -206,7 +208,7 @@ class _CoatAmounts:
         off = (values[..., self.thickness].sum(axis=-1) - product) / variance
         return before + STRENGTH**2 * fractions * off[..., None]
 
-    def fraction(self, values: Float[np.ndarray, "*n numbers"], which: int) -> np.ndarray:
+    def fraction(self, values: FreeAndRandom, which: int) -> np.ndarray:
         """Of one paint."""
         fractions = self.shown(values)
         if values.shape[-1] >= self.random.stop:
@@ -214,7 +216,7 @@ class _CoatAmounts:
             fractions = amounts / amounts.sum(axis=-1, keepdims=True)
         return fractions[..., which]
 
-    def total(self, values: Float[np.ndarray, "*n numbers"]) -> np.ndarray:
+    def total(self, values: FreeAndRandom) -> np.ndarray:
         """Thickness, m."""
         logs = values[..., self.thickness].sum(axis=-1)
         if values.shape[-1] >= self.random.stop:
@@ -230,7 +232,7 @@ def name_unknowns(
     shares: Float[np.ndarray, "blocks paints"],
     median: Float[np.ndarray, "coats"],
     spread: Float[np.ndarray, "coats"],
-    grid: Float[np.ndarray, "bands"],
+    grid: Bands,
     shared: FilmShared,
 ) -> tuple[tuple[str, ...], tuple[Quantity, ...]]:
     """Names of the free unknowns, of which a log-ratio is called by the paint whose share it moves,

@@ -5,7 +5,7 @@ an eigenvalue of 1 is a direction of which the data say nothing, and .01 one tha
 times.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +14,8 @@ from scipy.linalg import eigh
 
 from glazejax.spectra import Bands, ranges
 
-from ..film.problem import FilmProblem, Quantity
+from ..film.prior import Covariance
+from ..film.problem import FilmProblem, FreeDraws, Quantity, SpectraDraws
 from ..recover.films.result import ABSOLUTE_LIMIT, RELATIVE_LIMIT
 from .summary import LEVELS
 
@@ -34,7 +35,7 @@ class Identifiability:
 
 
 def directions(
-    free: Float[np.ndarray, "draws dims"], prior: Float[np.ndarray, "dims dims"]
+    free: Float[np.ndarray, "draws dims"], prior: Covariance
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Directions of the free unknowns, from their draws.
 
@@ -53,9 +54,7 @@ def directions(
     return shares, vectors, covariance / sd[:, None] / sd
 
 
-def _describe_correlated(
-    correlation: Float[np.ndarray, "dims dims"], names: Sequence[str]
-) -> list[str]:
+def _describe_correlated(correlation: Covariance, names: Sequence[str]) -> list[str]:
     """Pairs of unknowns that move together: known together better than each by itself."""
     return [
         f"{names[j]} and {names[i]} can hardly be distinguished: they move "
@@ -82,7 +81,7 @@ def _describe_open(
     return f"the data say little of one direction ({moves}): it keeps {width}"
 
 
-def open_above(problem: FilmProblem, free: Float[np.ndarray, "draws blocks dims"]) -> list[str]:
+def open_above(problem: FilmProblem, free: FreeDraws) -> list[str]:
     """Films of paints that hide their ground, in words: they are so thick at least, and may be
     thicker.
 
@@ -106,9 +105,7 @@ def open_above(problem: FilmProblem, free: Float[np.ndarray, "draws blocks dims"
     ]
 
 
-def _of_spectra(
-    spectra: Mapping[str, Float[np.ndarray, "draws bands"]], wavelengths: Bands
-) -> list[str]:
+def _of_spectra(spectra: SpectraDraws, wavelengths: Bands) -> list[str]:
     """Sentences on what is open in k d and s d, band by band."""
     k, s, ratio = _known_values(spectra)
     cases = (
@@ -122,7 +119,7 @@ def _of_spectra(
 
 def identify_open(
     problem: FilmProblem,
-    free: Float[np.ndarray, "draws blocks dims"],
+    free: FreeDraws,
     wavelengths: Bands,
 ) -> Identifiability:
     """Open directions, and sentences that name them.
@@ -214,7 +211,7 @@ def _open_directions(
 
 
 def only_ratio(
-    spectra: Mapping[str, Float[np.ndarray, "draws bands"]],
+    spectra: SpectraDraws,
 ) -> Bool[np.ndarray, "bands"]:
     """Bands of which k/s is known, but not both k and s."""
     k, s, ratio = _known_values(spectra)
@@ -222,7 +219,7 @@ def only_ratio(
 
 
 def _known_values(
-    spectra: Mapping[str, Float[np.ndarray, "draws bands"]],
+    spectra: SpectraDraws,
 ) -> list[Bool[np.ndarray, "bands"]]:
     """Bands of which k, s and k/s are known."""
     return [

@@ -12,6 +12,8 @@ import numpy as np
 from jaxtyping import Float
 from scipy.linalg import block_diag
 
+from glazejax.spectra import Bands
+
 from ..film.model.errors import principal_modes
 
 
@@ -49,7 +51,7 @@ class SpectraPrior:
             if not 0 < value < np.inf:
                 raise ValueError(f"the spectra's {name} is {value:g}; it must be positive")
 
-    def modes(self, wavelengths: Float[np.ndarray, "bands"]) -> Float[np.ndarray, "2 bands modes"]:
+    def modes(self, wavelengths: Bands) -> Float[np.ndarray, "2 bands modes"]:
         """Slopes of log k d and of log s d by the weights of all modes: those of k d first, each
         scaled by its standard deviation, largest first; a mode is of one of the two.
         """

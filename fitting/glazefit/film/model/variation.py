@@ -15,6 +15,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from glazejax.spectra import Bands
+
 from .errors import ModelError, whitening
 
 MIXED = ModelError(coefficient=0.2, level=0.2, amplitude=0.004, length=100.0, shared=0.8)
@@ -182,7 +184,7 @@ def log_likelihood(
     off: Float[np.ndarray, "grounds bands"],
     paint: Float[np.ndarray, "draws grounds bands"],
     film: Float[np.ndarray, "draws grounds bands"],
-    wavelengths: Float[np.ndarray, "bands"],
+    wavelengths: Bands,
 ) -> Weights:
     """Log likelihood of a film's readings for each size, Gaussian, up to a constant.
 
