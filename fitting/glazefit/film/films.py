@@ -119,7 +119,7 @@ class Films(Tabulated):
         blind = ~self.seen.any(axis=1)
         if blind.any():
             raise ValueError(
-                f"film {self.names[int(blind.argmax())]!r} has no reading, over black or over white"
+                f"film {self.names[blind.argmax()]!r} has no reading, over black or over white"
             )
         for what in SPECTRA:
             values = np.asarray(getattr(self, what), dtype=np.float64)
@@ -131,7 +131,7 @@ class Films(Tabulated):
                 )
             wrong = ~np.isfinite(values) | (values < 0)
             if wrong.any():
-                i, j = (int(n) for n in np.argwhere(wrong)[0])
+                i, j = np.argwhere(wrong)[0]
                 raise ValueError(
                     f"{what} of {self.names[i]!r} at {grid[j]:g} nm is {values[i, j]:g}; "
                     "reflectance is 0 or more"
@@ -140,7 +140,7 @@ class Films(Tabulated):
         # one brighter.
         dim = (self.bare_white.mean(axis=1) <= self.bare_black.mean(axis=1)) & self.seen.all(axis=1)
         if dim.any():
-            name = self.names[int(dim.argmax())]
+            name = self.names[dim.argmax()]
             raise ValueError(
                 f"the bare white card of {name!r} is not brighter than its bare black card: are "
                 "the rows swapped?"
@@ -150,7 +150,7 @@ class Films(Tabulated):
         darker = (self.over_black - self.over_white).mean(axis=1)
         darker = np.where(self.seen.all(axis=1) & ~self.opaque, darker, 0.0)
         if darker.max(initial=0.0) > 0.01:
-            name = self.names[int(darker.argmax())]
+            name = self.names[darker.argmax()]
             raise ValueError(
                 f"film {name!r} is darker over white than over black, by {darker.max():.2g} on "
                 f"average: are the rows {name}_ob and {name}_ow swapped?"
@@ -348,7 +348,7 @@ def card_readings(films: Films, instrument: Instrument, noise: Noise) -> CardRea
         ),
     ):
         if wrong.any():
-            film, band, card = (int(n) for n in np.argwhere(wrong)[0])
+            film, band, card = np.argwhere(wrong)[0]
             raise ValueError(
                 f"the bare {('black', 'white')[card]} card of {films.names[film]!r} reads "
                 f"{bare[film, band, card]:.4f} at {films.wavelengths[band]:g} nm, {complaint}"

@@ -57,7 +57,7 @@ class Reading:
                 )
             wrong = ~((values >= low) & (values <= high) & np.isfinite(values))
             if wrong.any():
-                i, j = (int(n) for n in np.argwhere(wrong)[0])
+                i, j = np.argwhere(wrong)[0]
                 raise ValueError(
                     f"{what} of {self.name!r} over {self.grounds[j]} at {self.wavelengths[i]:g} "
                     f"nm is {values[i, j]:g}; it must be in [{low:g}, {high:g}]"

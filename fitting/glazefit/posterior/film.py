@@ -97,7 +97,7 @@ def pose_stack(
     differs = film.thickness & np.any((median != median[0]) | (spread != spread[0]), axis=0)
     if differs.any():
         raise ValueError(
-            f"coat {int(differs.argmax()) + 1} is expected to be of other thickness in one film "
+            f"coat {differs.argmax() + 1} is expected to be of other thickness in one film "
             "than in another; films that are sampled side by side must have the same prior"
         )
     # k and s of all paints of a film, (films, paints, 2, bands).

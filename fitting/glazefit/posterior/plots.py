@@ -133,7 +133,7 @@ def _corner_of_bands(posterior: Posterior, path: str | Path) -> None:
     count = len(posterior.problem.blocks)
     spread = np.linspace(0, count - 1, 5).round().astype(int)[1:-1]
     poorest = [b for b in np.argsort(-posterior.laplace.tail) if b not in spread]
-    chosen = sorted({*spread.tolist(), *(int(b) for b in poorest[: 6 - len(set(spread))])})
+    chosen = sorted({*spread, *poorest[: 6 - len(set(spread))]})
     with picture(path, 10.5, 7) as figure:
         panels = figure.subplots(2, 3).ravel()
         for panel, b in zip(panels, chosen, strict=False):

@@ -100,7 +100,7 @@ def _laplace(posterior: Posterior, rows: list[Row]) -> str:
     """One sentence on Laplace's approximation."""
     bands = len(posterior.problem.blocks)
     if posterior.chain is None:
-        bad = int((~posterior.laplace.trusted).sum())
+        bad = np.sum(~posterior.laplace.trusted)
         can = f"Laplace's errors {'cannot' if bad else 'can'} be trusted"
         if bands == 1:
             return (

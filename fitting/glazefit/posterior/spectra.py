@@ -62,7 +62,7 @@ class SpectraPrior:
             scaled = principal_modes(level_sd**2 + shape**2 * correlation)[::-1].T
             # Variance of each band that the modes from the n-th on carry.
             remainder = np.cumsum((scaled**2)[:, ::-1], axis=1)[:, ::-1].max(axis=0)
-            return scaled[:, : max(1, int(np.sum(remainder > 0.02**2)))]
+            return scaled[:, : max(1, np.count_nonzero(remainder > 0.02**2))]
 
         k = principal(self.absorption_level, self.absorption_shape)
         s = principal(self.scattering_level, self.scattering_shape)
