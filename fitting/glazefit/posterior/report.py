@@ -1,7 +1,6 @@
 """Output of `glazejax posterior`: a table, sentences, and summary.csv."""
 
 from collections.abc import Iterator
-from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -57,9 +56,9 @@ def _spectra(posterior: Posterior) -> Table:
     """k d and s d of a stack's unknown paint."""
     title = f"{posterior.films[0].name}, unknown paint: {MEDIANS}"
     table = plain_table("band", "k d", "s d", "k/s", title=title)
-    numbers = {name: Numbers.of(draws) for name, draws in posterior.spectra().items()}
+    numbers = [Numbers.of(draws) for draws in posterior.spectra().values()]
     for b, wavelength in enumerate(posterior.films[0].wavelengths):
-        cells = [interval(n.median[b], n.lower[b], n.upper[b]) for n in numbers.values()]
+        cells = [interval(n.median[b], n.lower[b], n.upper[b]) for n in numbers]
         table.add_row(f"{wavelength:g}", *cells)
     return table
 
@@ -116,9 +115,8 @@ def _laplace(posterior: Posterior, rows: list[Row]) -> str:
     elif posterior.spectra():
         where = f"for {len(off)} of {len(rows)} quantities"
     else:
-        titles = [in_units(row.quantity)[0].split(" (")[0] for row in off]
-        differences = [f"{title} ({row.laplace})" for title, row in zip(titles, off, strict=True)]
-        where = "for " + ", ".join(differences)
+        differences = [f"{in_units(row.quantity)[0].split(' (')[0]} ({row.laplace})" for row in off]
+        where = f"for {', '.join(differences)}"
     return f"Laplace's 90 % intervals differ from the chain's {where}."
 
 
@@ -126,5 +124,5 @@ def write_summary(posterior: Posterior, path: Path) -> None:
     """Write the summary as a table, a line a quantity and block; thickness in m,
     fractions 0 to 1, in place of an older one.
     """
-    rows = [asdict(row) for row in posterior.summary()]
+    rows = [vars(row) for row in posterior.summary()]
     write_table(path, list(rows[0]), [list(row.values()) for row in rows], overwrite=True)
