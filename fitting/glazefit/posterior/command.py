@@ -32,10 +32,8 @@ BANDS = "bands.png"
 
 @help_groups(
     usual="--paints --coats --ground --out --steps",
-    given=(
-        "--sample --quantity --unit --scale --pigments --catalogue --instrument --thickness "
-        "--paint-error"
-    ),
+    given="--sample --quantity --unit --scale --pigments --catalogue --instrument --thickness "
+    "--paint-error",
     tried="--bands --sampler --simulate",
     written="--resume --overwrite",
     fine="--walkers --thin --noise --noise-share --refractive-index --seed",
@@ -63,10 +61,8 @@ def posterior(
         str,
         options.option(
             metavar="NAMES",
-            help=(
-                "What the film is made of, such as CobaltBlue,ZincWhite. Default: what "
-                "mixtures.tsv in the folder of FILE states."
-            ),
+            help="What the film is made of, such as CobaltBlue,ZincWhite. Default: what "
+            "mixtures.tsv in the folder of FILE states.",
         ),
     ] = "",
     coats: Annotated[
@@ -101,28 +97,22 @@ def posterior(
     steps: Annotated[
         int | None,
         options.option(
-            help=(
-                "Steps of the whole chain; 0 for Laplace's standard errors alone. Default: 200 of "
-                "hmc, 5000 of emcee."
-            ),
+            help="Steps of the whole chain; 0 for Laplace's standard errors alone. Default: 200 of "
+            "hmc, 5000 of emcee.",
         ),
     ] = None,
     walkers: Annotated[
         int | None,
         options.option(
-            help=(
-                "How many chains of hmc, or walkers of emcee's ensemble, an even number. Default: "
-                "16; 32 of emcee, or twice as many as there are unknowns."
-            ),
+            help="How many chains of hmc, or walkers of emcee's ensemble, an even number. Default: "
+            "16; 32 of emcee, or twice as many as there are unknowns.",
         ),
     ] = None,
     thin: Annotated[
         int | None,
         options.option(
-            help=(
-                "Keep every so many-th step: 5 keeps steps 5, 10, 15, ... Default: 1 of hmc, 5 of "
-                "emcee."
-            ),
+            help="Keep every so many-th step: 5 keeps steps 5, 10, 15, ... Default: 1 of hmc, 5 of "
+            "emcee.",
         ),
     ] = None,
     seed: options.Seed = 0,
@@ -138,10 +128,8 @@ def posterior(
     paint_error: Annotated[
         float,
         typer.Option(
-            help=(
-                "Error expected of the paints' k and s, as a share of them; its true size is "
-                "estimated too."
-            )
+            help="Error expected of the paints' k and s, as a share of them; its true size is "
+            "estimated too."
         ),
     ] = 0.05,
     noise: options.Noise = 0.0005,
