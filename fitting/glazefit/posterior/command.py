@@ -322,7 +322,7 @@ def _simulate(
     thick = [usual if coat.thickness is None else coat.thickness for coat in coats]
     media = [Mixture(coat.on(grid).paints, coat.shares) for coat in coats]
     k, s = (
-        np.stack([getattr(m, what) * d for m, d in zip(media, thick, strict=True)], axis=-1)
+        np.stack([getattr(medium, what) for medium in media], axis=-1) * thick
         for what in ("absorption", "scattering")
     )
     film = simulate_films(
