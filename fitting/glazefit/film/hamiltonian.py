@@ -193,7 +193,7 @@ def _trajectory(
     number = jnp.clip(jnp.ceil(turn / step), 1, most)
     # No place, in the shape of one.
     place = jax.eval_shape(graph.at, free)
-    start = jax.tree.map(lambda a: jnp.zeros(a.shape, a.dtype), place)
+    start = jax.tree.map(jnp.zeros_like, place)
     noise = jax.random.normal(kick, place.scaled.shape, dtype)
 
     def going(flight: Flight) -> Array:

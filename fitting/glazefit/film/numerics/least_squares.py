@@ -145,7 +145,7 @@ def damped_newton(
     # The first round looks at the start itself: `look` stands in the program once, which compiles
     # in half the time.
     shapes = jax.eval_shape(look, start)
-    nothing = jax.tree.map(lambda a: jnp.zeros(a.shape, a.dtype), shapes)
+    nothing = jax.tree.map(jnp.zeros_like, shapes)
     unseen = (
         jnp.full_like(nothing[0], jnp.inf),
         nothing[1],
