@@ -163,7 +163,6 @@ def _coat(entry: str, shelf: Mapping[str, Pigment], spread: float) -> CoatPrior:
     paint, colon, size = (piece.strip() for piece in entry.rpartition(":"))
     if not colon and entry == UNKNOWN:
         paint = UNKNOWN
-        size = UNKNOWN
     elif not (colon and paint and size):
         raise ValueError(
             f"coat {entry!r}: write PAINT:THICKNESS, such as Eosin:5um, Eosin:~5um if that is "
@@ -187,7 +186,9 @@ def _coat(entry: str, shelf: Mapping[str, Pigment], spread: float) -> CoatPrior:
     options = {"thickness": thickness, "spread": spread if about else 0.0}
     if paint == UNKNOWN:
         return CoatPrior(**options)
-    if mixed:
-        return CoatPrior([shelf[find_name(name, shelf)] for name in names], **options)
-    paints = [shelf[find_name(name, shelf)] for _, name in read.parts]
-    return CoatPrior(paints, fractions=[weight for weight, _ in read.parts], **options)
+    fractions = None
+    if not mixed:
+        fractions = [weight for weight, _ in read.parts]
+        names = [name for _, name in read.parts]
+    paints = [shelf[find_name(name, shelf)] for name in names]
+    return CoatPrior(paints, fractions=fractions, **options)
