@@ -68,12 +68,8 @@ def measure_gloss(films: Films, excluded: Films, instrument: Instrument) -> dict
             continue
         excluded_row = excluded.names.index(name)
         measured = films.seen[row] & excluded.seen[excluded_row]
-        off = [
-            np.mean(getattr(films, over)[row] - getattr(excluded, over)[excluded_row])
-            for over, used in zip(("over_black", "over_white"), measured, strict=True)
-            if used
-        ]
-        share = float(np.mean(off)) / surface if off else np.nan
+        off = (films.over_cards[row] - excluded.over_cards[excluded_row])[measured]
+        share = float(np.mean(off)) / surface if off.size else np.nan
         if not 0.01 < share < 1.5:
             raise ValueError(
                 f"film {name!r} reads {share * surface:+.4f} more with the specular part than "
