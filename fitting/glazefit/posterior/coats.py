@@ -180,7 +180,7 @@ def _coat(entry: str, shelf: Mapping[str, Pigment], spread: float) -> CoatPrior:
     names = [name.strip() for name in paint.split("+")] if mixed else [paint]
     if not all(names):
         raise ValueError(f"coat {entry!r}: there is a + too many; write ZincWhite+CobaltBlue:20um")
-    written = f"{names[0] if mixed else paint}:{'1um' if size == UNKNOWN else size}"
+    written = f"{names[0]}:{'1um' if size == UNKNOWN else size}"
     (read,) = describe.parse_coats(written)
     thickness = None if size == UNKNOWN else read.total
     options = {"thickness": thickness, "spread": spread if about else 0.0}

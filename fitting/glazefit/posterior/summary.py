@@ -5,6 +5,7 @@ two differ.
 from collections.abc import Iterable
 from dataclasses import dataclass
 from html import escape
+from typing import TypeAlias
 
 import numpy as np
 from jaxtyping import Float
@@ -13,6 +14,9 @@ from ..film.solve import BlockFlags, PerBlock
 
 LEVELS = (0.05, 0.5, 0.95)
 """Quantiles that are reported; the outer two enclose 90 %."""
+
+Cells: TypeAlias = tuple[list[str], list[list[str]]]
+"""Titles and lines of a table, as text."""
 
 AGREES = "agrees"
 MEDIANS = "median [5 %, 95 %]"
@@ -84,12 +88,12 @@ class Summary(list[Row]):
         super().__init__(rows)
         self.by = by
 
-    def cells(self) -> tuple[list[str], list[list[str]]]:
+    def cells(self) -> Cells:
         """Titles and lines of the table, as text."""
         blocks = list(dict.fromkeys(row.block for row in self))
         return self._by_quantity() if len(blocks) < 2 else self._by_block(blocks)
 
-    def _by_quantity(self) -> tuple[list[str], list[list[str]]]:
+    def _by_quantity(self) -> Cells:
         titles = (
             [self.by, "sd", "Laplace", "sd", "Laplace"]
             if self.by
@@ -109,7 +113,7 @@ class Summary(list[Row]):
             lines.append([*line, row.laplace])
         return ["", *titles], lines
 
-    def _by_block(self, blocks: list[str]) -> tuple[list[str], list[list[str]]]:
+    def _by_block(self, blocks: list[str]) -> Cells:
         last = ["ESS", "Laplace"] if self.by else ["its own test"]
         quantities = dict.fromkeys(row.quantity for row in self)
         lines = []
