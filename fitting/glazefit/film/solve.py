@@ -187,7 +187,13 @@ def find_modes(problem: FilmProblem, *, seed: int = 0) -> Modes:
     """Modes of each block, one from each start, best first; a start is the likeliest of many draws
     of the prior.
     """
-    return climb(problem, _starts(problem, seed))
+    blocks, starts = len(problem.blocks), problem.starts
+    tried = problem.prior_draws(np.random.default_rng(seed), starts * 48)
+    values = problem.log_probability(np.repeat(tried[:, None], blocks, axis=1))
+    best = values.reshape(starts, -1, blocks).argmax(axis=1)
+    # The likeliest of each group of draws, so that the starts do not all lie in one valley.
+    groups = zip(np.split(tried, starts), best, strict=True)
+    return climb(problem, np.stack([group[of] for group, of in groups], axis=1))
 
 
 def climb(problem: FilmProblem, first: StartPoints) -> Modes:
@@ -200,15 +206,6 @@ def climb(problem: FilmProblem, first: StartPoints) -> Modes:
     order = np.argsort(-np.nan_to_num(height, nan=-np.inf), axis=1)
     at = np.arange(blocks)[:, None], order
     return Modes(points=points[at], settled=settled[at], height=height[at])
-
-
-def _starts(problem: FilmProblem, seed: int) -> StartPoints:
-    """The likeliest of each group of draws, so that the starts do not all lie in one valley."""
-    blocks, starts = len(problem.blocks), problem.starts
-    tried = problem.prior_draws(np.random.default_rng(seed), starts * 48)
-    values = problem.log_probability(np.repeat(tried[:, None], blocks, axis=1))
-    best = values.reshape(starts, -1, blocks).argmax(axis=1)
-    return np.stack([group[of] for group, of in zip(np.split(tried, starts), best, strict=True)], 1)
 
 
 def laplace(problem: FilmProblem, solution: Modes, *, seed: int = 0) -> Laplace:
@@ -225,7 +222,13 @@ def laplace(problem: FilmProblem, solution: Modes, *, seed: int = 0) -> Laplace:
     hessians = np.asarray(
         _curvature(problem.residuals, problem.data, problem.shared, points, batch)
     )
-    covariances = _inverse(hessians, problem.prior_covariance)
+    # Covariances, never wider than the prior allows.
+    root = np.linalg.cholesky(problem.prior_covariance)
+    values, axes = np.linalg.eigh(root.T @ np.nan_to_num(hessians) @ root)
+    scaled = root @ axes
+    covariances = np.einsum(
+        "...ij,...j,...kj->...ik", scaled, 1.0 / np.maximum(values, 1.0), scaled
+    )
     chosen, real = _distinct(points, covariances, solution.height)
     at = np.arange(blocks)[:, None], chosen
     covariances = covariances[at]
@@ -266,14 +269,6 @@ def _distinct(
                 chosen.append(s)
         index[b, : len(chosen)], real[b, : len(chosen)] = chosen, True
     return index, real
-
-
-def _inverse(hessians: np.ndarray, prior: np.ndarray) -> np.ndarray:
-    """Covariances, never wider than the prior allows."""
-    root = np.linalg.cholesky(prior)
-    values, axes = np.linalg.eigh(root.T @ np.nan_to_num(hessians) @ root)
-    scaled = root @ axes
-    return np.einsum("...ij,...j,...kj->...ik", scaled, 1.0 / np.maximum(values, 1.0), scaled)
 
 
 def _importance(
