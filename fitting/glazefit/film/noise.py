@@ -66,19 +66,26 @@ def _fit_ends(wavelengths: Bands, spectra: Sequence[Rows]) -> tuple[float, float
     """
     if wavelengths.size < 2 or np.median(np.diff(wavelengths)) > 12.0:
         return None
-    differences, reflectance = np.hstack(
-        [np.reshape(roughness(wavelengths, rows), (2, -1)) for rows in spectra]
-    )
-    if not differences.size:
+    pairs = np.hstack([np.reshape(roughness(wavelengths, rows), (2, -1)) for rows in spectra])
+    if not pairs.size:
         return None
     # So many spectra give the noise to a hundredth, and steps of the search are a tenth.
-    chosen = np.linspace(0, len(reflectance) - 1, min(len(reflectance), 20_000)).astype(int)
+    count = pairs.shape[1]
+    chosen = np.linspace(0, count - 1, min(count, 20_000)).astype(int)
+    differences, reflectance = pairs[:, chosen]
+
+    def cost(noise: tuple[float, float]) -> float:
+        """Minus the log likelihood of Student's t with 4 degrees of freedom, whose scale is that of
+        Gaussian noise of this size.
+        """
+        # Scale of such a t that fits standard normal numbers best.
+        scale = 0.831 * (noise[0] + noise[1] * reflectance)
+        square = (differences / scale) ** 2 / 4.0
+        return float(np.sum(np.log(scale) + 2.5 * np.log1p(square)))
+
     floors = np.geomspace(1e-4, MOST, 48)
     shares = np.r_[0.0, np.geomspace(3e-4, MOST, 24)]
-    floor, share = min(
-        itertools.product(floors, shares),
-        key=lambda noise: _cost(differences[chosen], noise[0] + noise[1] * reflectance[chosen]),
-    )
+    floor, share = min(itertools.product(floors, shares), key=cost)
     return floor + share * _ENDS[0], floor + share * _ENDS[1]
 
 
@@ -115,13 +122,3 @@ def noise_of_each(readings: Float[np.ndarray, "*n bands"]) -> Float[np.ndarray, 
     third = np.diff(readings, n=3, axis=-1)
     sd = 1.4826 * np.median(np.abs(third), axis=-1) / np.sqrt(20.0)
     return np.minimum(sd, 0.1)
-
-
-def _cost(differences: Float[np.ndarray, "n"], sd: Float[np.ndarray, "n"]) -> float:
-    """Minus the log likelihood of Student's t with 4 degrees of freedom, whose scale is that of
-    Gaussian noise of this size.
-    """
-    # Scale of such a t that fits standard normal numbers best.
-    scale = 0.831 * sd
-    square = (differences / scale) ** 2 / 4.0
-    return float(np.sum(np.log(scale) + 2.5 * np.log1p(square)))

@@ -176,8 +176,7 @@ def solve(problem: FilmProblem, *, seed: int = 0) -> tuple[FilmProblem, Modes]:
     film, data, shared = problem.film, problem.data, problem.shared
     # Modes are found after each linearisation, the fifth of which changes little.
     for turn in range(5):
-        steps = 8 if turn else 0
-        data = expand(film, modes.points[:, 0], data, shared, steps=steps)
+        data = expand(film, modes.points[:, 0], data, shared, steps=8 if turn else 0)
         problem = replace(problem, data=data)
         modes = climb(problem, modes.points)
     return problem, modes

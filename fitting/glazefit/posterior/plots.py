@@ -167,7 +167,11 @@ def _spectra_of_film(posterior: Posterior, path: str | Path) -> None:
     grid = film.wavelengths
     draws = posterior.flat[:: max(1, len(posterior.flat) // 400)]
     low, middle, high = np.quantile(posterior.problem.readings(draws)[:, 0], LEVELS, axis=0)
-    allowed = _reading_sd(posterior, draws)
+    # Standard deviation of a reading by noise, grounds and the median model error.
+    errors = posterior.problem.data.expansion
+    back = np.linalg.inv(np.asarray(errors.whiten[0]))
+    scale = 1.0 + (np.exp(np.median(draws[:, 0, -1])) * np.asarray(errors.spread[0])) ** 2
+    allowed = np.sqrt(np.einsum("ij,j,ij->i", back, scale, back)).reshape(film.reflectance.shape)
     with picture(path, 11, 4.4) as figure:
         spectra, residuals = figure.subplots(1, 2)
         for g, ground in enumerate(film.grounds):
@@ -217,18 +221,6 @@ def _mixture(posterior: Posterior) -> str:
             coat = name.removeprefix("thickness").removeprefix(" of ")
             amounts.append(f"{coat} {np.median(draws) * 1e6:.3g} µm".strip())
     return ", ".join(amounts)
-
-
-def _reading_sd(
-    posterior: Posterior, free: Float[np.ndarray, "draws 1 dims"]
-) -> Float[np.ndarray, "bands grounds"]:
-    """Standard deviation of a reading by noise, grounds and the median model error."""
-    errors = posterior.problem.data.expansion
-    back = np.linalg.inv(np.asarray(errors.whiten[0]))
-    scale = 1.0 + (np.exp(np.median(free[:, 0, -1])) * np.asarray(errors.spread[0])) ** 2
-    return np.sqrt(np.einsum("ij,j,ij->i", back, scale, back)).reshape(
-        posterior.films[0].reflectance.shape
-    )
 
 
 def _optical_bands(posterior: Posterior, path: str | Path) -> None:
