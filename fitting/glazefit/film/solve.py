@@ -200,7 +200,7 @@ def climb(problem: FilmProblem, first: StartPoints) -> Modes:
     blocks, starts, _ = first.shape
     batch = max(1, problem.chunk * blocks // starts)
     climbed = _climb(problem.residuals, problem.data, problem.shared, first, min(batch, blocks))
-    points, settled = (np.asarray(a) for a in climbed)
+    points, settled = map(np.asarray, climbed)
     height = problem.log_probability(np.swapaxes(points, 0, 1)).T
     order = np.argsort(-np.nan_to_num(height, nan=-np.inf), axis=1)
     at = np.arange(blocks)[:, None], order
@@ -289,7 +289,7 @@ def _importance(
     # It warns of large indices, which are the answer here.
     with warnings.catch_warnings(action="ignore"):
         smooth, tail = arviz.psislw(np.ascontiguousarray(log_weights.T))
-    smooth = np.asarray(smooth).reshape(-1, draws)
+    smooth = np.reshape(smooth, (-1, draws))
     tail = np.atleast_1d(tail)
     weights = np.exp(smooth - smooth.max(axis=1, keepdims=True))
     places = (np.arange(draws) + rng.random()) / draws

@@ -52,7 +52,7 @@ class Convergence:
     def words(self) -> str:
         """One sentence, with the reason."""
         good = self.converged
-        least = float(self.samples.min())
+        least = self.samples.min()
         rule = f"{ENOUGH_SAMPLES:.0f} samples are needed, and an R-hat below {MOST_APART:g}"
         numbers = (
             f"{self.length} steps kept, {least:.0f} effective samples, R-hat "

@@ -159,7 +159,7 @@ class Posterior:
     def words(self) -> str:
         """Convergence, in a sentence."""
         if self.convergence is None and self.weighted:
-            tail = float(self.laplace.tail.max())
+            tail = self.laplace.tail.max()
             good = "good" if self.laplace.trusted.all() else "not to be trusted"
             count = np.min(self.laplace.effective)
             return (
@@ -188,7 +188,7 @@ def _attributes(posterior: Posterior) -> dict[str, Any]:
         "converged": int(posterior.converged),
         "convergence": posterior.words(),
         "open_directions": "; ".join(posterior.identifiability.sentences) or "none",
-        "laplace_tail_index": [float(k) for k in posterior.laplace.tail],
+        "laplace_tail_index": posterior.laplace.tail.tolist(),
         "laplace_modes_settled": int(posterior.laplace.converged.all()),
     }
     state = posterior.convergence
@@ -199,8 +199,8 @@ def _attributes(posterior: Posterior) -> dict[str, Any]:
             "inference_library": library,
             "inference_library_version": version(library),
             "sampler": chain.sampler,
-            "autocorrelation_time": [float(t) for t in state.times],
-            "effective_samples": [float(n) for n in state.samples],
+            "autocorrelation_time": state.times.tolist(),
+            "effective_samples": state.samples.tolist(),
             "r_hat": float(np.max(state.apart)),
             "steps_kept": state.length,
             "steps_discarded": state.discarded,
