@@ -88,7 +88,7 @@ def _corner_of_film(posterior: Posterior, path: str | Path) -> None:
                     draws,
                     color=SAMPLED,
                     labels=titles,
-                    quantiles=list(LEVELS),
+                    quantiles=LEVELS,
                     hist_kwargs={"lw": 1.4},
                     **common,
                 )

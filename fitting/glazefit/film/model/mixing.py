@@ -78,14 +78,13 @@ class MixingLaw:
         Raises:
             ValueError: a paint has no density.
         """
-        fractions = weights / weights.sum(axis=1, keepdims=True)
         if self.name == "volume":
             densities = self.densities or {}
             missing = [paint for paint in paints if paint not in densities]
             if missing:
                 raise ValueError(f"no density was given for {', '.join(map(repr, missing))}")
-            fractions = fractions / np.array([densities[paint] for paint in paints])
-        return fractions / fractions.sum(axis=1, keepdims=True)
+            weights = weights / np.array([densities[paint] for paint in paints])
+        return weights / weights.sum(axis=1, keepdims=True)
 
 
 def weight_table(
