@@ -256,7 +256,7 @@ def error_modes(
     for pigment in pigments:
         if pigment.error_modes is not None:
             sources[pigment.provenance] = max(
-                sources.get(pigment.provenance, 0), pigment.error_modes.shape[0]
+                sources.get(pigment.provenance, 0), len(pigment.error_modes)
             )
     first = dict(zip(sources, np.cumsum([0, *sources.values()]), strict=False))
     bands = pigments[0].wavelengths.size
