@@ -191,12 +191,11 @@ def posterior(
     if file is not None and not (named or coats or bands):
         named = _recipe(file, sample)
     made_of = list(options.find_paints(named, shelf).values())
+    layers = stack or (CoatPrior(made_of),)
     if file is None:
-        film = _simulate(
-            stack or (CoatPrior(made_of),), usual, seen_with, errors, seed=seed, console=console
-        )
+        film = _simulate(layers, usual, seen_with, errors, seed=seed, console=console)
     else:
-        grids = [p.wavelengths for p in (*made_of, *(p for coat in stack for p in coat.paints))]
+        grids = [paint.wavelengths for coat in layers for paint in coat.paints]
         # Without a paint nothing bounds the bands.
         reach = common_range(grids) if grids else (0.0, math.inf)
         stated = options.stated(quantity, unit, scale)
@@ -225,15 +224,16 @@ def posterior(
         else:
             result = posterior_of_bands(film, **settings)
     _write(result, folder, console)
-    if result.chain is not None and result.chain.interrupted:
-        count = result.chain.free.shape[0] * result.chain.thin
+    chain = result.chain
+    if chain is not None and chain.interrupted:
+        count = len(chain.free) * chain.thin
         console.print(
             f"Interrupted: {count} of {total} steps are kept in {folder / CHAIN}. To go "
             "on, give the same command with --resume (and without --overwrite).",
             style="yellow",
         )
         raise typer.Exit(progress.INTERRUPTED)
-    if result.chain is not None and not result.converged:
+    if chain is not None and not result.converged:
         console.print(
             "To lengthen the chain, give the same command with --resume and more --steps."
         )
