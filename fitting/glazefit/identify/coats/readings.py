@@ -16,7 +16,7 @@ from glazejax.radiative.common.chunks import by_blocks
 
 from ...film.model.optics import Optics
 from ...film.model.response import FilmResponse
-from ..families.templates import coat_body
+from ..families.templates import FilmCurves, coat_body
 from .arrangement import Arrangement
 
 LOG_AMOUNTS = (-3.6, 3.2)
@@ -167,7 +167,7 @@ def _solve(
     depths: Float[np.ndarray, "2 films bands coats"],
     ground: Float[np.ndarray, "bands"],
     optics: Optics,
-) -> Float[np.ndarray, "films bands"]:
+) -> FilmCurves:
     """Reflectance of stacks, k d and s d of their coats."""
     shape = depths.shape[1:3]
     flat = depths.reshape(2, -1, depths.shape[-1])

@@ -16,6 +16,7 @@ from ...film.numerics.weighted import numbers_at
 from ..result.groups import COLOURLESS, group_of
 from .search import FamilySearch
 from .sureness import Sureness, log_densities
+from .templates import FilmCurves, PerExemplar
 
 POWERS = (0.15, 0.2, 0.25, 0.33, 0.5, 0.75)
 """Powers within a set that are tried."""
@@ -33,7 +34,7 @@ _SOUGHT = 4
 
 def calibrate(
     search: FamilySearch,
-    change: Callable[[Float[np.ndarray, "films bands"]], Float[np.ndarray, "films bands"]] | None,
+    change: Callable[[FilmCurves], FilmCurves] | None,
     progress: Progress = no_progress,
 ) -> FamilySearch:
     """The same search, as sure as what is said of its exemplars comes true: each is searched among
@@ -165,9 +166,7 @@ def right_sets(search: FamilySearch) -> Bool[np.ndarray, "families sets"]:
     return np.array(right, dtype=bool)
 
 
-def _few_of_each(
-    sources: Int[np.ndarray, "exemplars"], families: Int[np.ndarray, "exemplars"]
-) -> Int[np.ndarray, "kept"]:
+def _few_of_each(sources: PerExemplar, families: PerExemplar) -> Int[np.ndarray, "kept"]:
     """Exemplars of each source's families, evenly through their order, at most some of each."""
     chosen: list[int] = []
     for pair in sorted(set(zip(sources.tolist(), families.tolist(), strict=True))):
@@ -191,7 +190,7 @@ def _weights(
 
 def exemplars_as_readings(
     search: FamilySearch,
-) -> tuple[Float[np.ndarray, "exemplars bands"], Int[np.ndarray, "exemplars"]]:
+) -> tuple[Float[np.ndarray, "exemplars bands"], PerExemplar]:
     """One film of each exemplar, on all bands; beyond those that are compared, as at the last."""
     films = search.compared
     pure = np.flatnonzero(films.templates.members[:, 1] < 0)

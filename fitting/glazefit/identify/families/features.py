@@ -8,12 +8,18 @@ between pigments: where a band lies and how steep it is. -log R is the natural s
 over a bright ground, log K/S (Kubelka-Munk's remission function) of one that hides its ground.
 """
 
+from typing import TypeAlias
+
 import numpy as np
 from jaxtyping import Float
 
 from glazejax import colour
 from glazejax.spectra import Bands
 
+Reflectances: TypeAlias = Float[np.ndarray, "*n bands"]
+"""Reflectance factors over the bands, of any number of spectra."""
+SpectrumFeatures: TypeAlias = Float[np.ndarray, "*n features"]
+"""What is compared of spectra (`features`)."""
 DARKEST = 0.008
 """What is darker is the surface's reflection or noise."""
 # Added to K/S, whose log would make much of how bright a white was read: that of 93 %. Of exemplars
@@ -28,16 +34,14 @@ _FLAT = 0.1
 _GAP = 1.7
 
 
-def bounded(readings: Float[np.ndarray, "*n bands"]) -> Float[np.ndarray, "*n bands"]:
+def bounded(readings: Reflectances) -> Reflectances:
     """Readings from the darkest on; a spectrum that is brighter than white anywhere is scaled down
     to it.
     """
     return np.maximum(readings / np.maximum(readings.max(axis=-1, keepdims=True), 1.0), DARKEST)
 
 
-def views(
-    wavelengths: Bands, readings: Float[np.ndarray, "*n bands"]
-) -> tuple[Float[np.ndarray, "*n features"], Float[np.ndarray, "*n features"]]:
+def views(wavelengths: Bands, readings: Reflectances) -> tuple[SpectrumFeatures, SpectrumFeatures]:
     """Features of readings as they are, and with the gloss of all brought to one level.
 
     Args and shapes as for `features`.
@@ -57,7 +61,7 @@ def surface_in(readings: Float[np.ndarray, "n bands"], surface: float) -> Float[
     return np.clip(np.sort(readings, axis=1)[:, :3].mean(axis=1), 0.0, surface)
 
 
-def with_one_gloss(readings: Float[np.ndarray, "*n bands"]) -> Float[np.ndarray, "*n bands"]:
+def with_one_gloss(readings: Reflectances) -> Reflectances:
     """Readings less as much as an outer surface may have added to all bands, so that a dark
     paint is the same to an instrument that sees the surface and to one that does not.
     """
@@ -85,9 +89,7 @@ def colours(
     return np.concatenate([lab[:, :1], smaller * lab[:, 1:]], axis=1)
 
 
-def features(
-    wavelengths: Bands, readings: Float[np.ndarray, "*n bands"]
-) -> Float[np.ndarray, "*n features"]:
+def features(wavelengths: Bands, readings: Reflectances) -> SpectrumFeatures:
     """Slopes of -log R, then of log K/S, each between neighbouring bands; the same brought to one
     length, which a tint and a thin coat leave as it is; last -log R of the brightest band.
 

@@ -12,11 +12,16 @@ mixture of its exemplars in place of one mean, so that a family may have several
 """
 
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from scipy.linalg import block_diag
 
+from .templates import PerExemplar
+
+Covariance: TypeAlias = Float[np.ndarray, "n n"]
+"""A covariance, or a root of its inverse."""
 # How much of a covariance is taken from its diagonal alone (Ledoit and Wolf's shrinkage, fixed).
 _SHRINKAGE = 0.2
 # Degrees of freedom of Student's t: some paints are much further from their kind than others.
@@ -100,7 +105,7 @@ def _log_t(squares: Float[np.ndarray, "*n"], dimensions: int) -> Float[np.ndarra
 
 def learn_metric(
     features: Float[np.ndarray, "exemplars features"],
-    families: Int[np.ndarray, "exemplars"],
+    families: PerExemplar,
     disturbances: Float[np.ndarray, "draws features"] | None = None,
     components: int = 25,
 ) -> Metric:
@@ -153,7 +158,7 @@ def learn_metric(
 def _within_families(
     points: Float[np.ndarray, "exemplars components"],
     white: Float[np.ndarray, "exemplars components"],
-    families: Int[np.ndarray, "exemplars"],
+    families: PerExemplar,
 ) -> Float[np.ndarray, "components components"]:
     """Covariance of differences to the nearest other exemplar of the same family."""
     total = np.zeros((points.shape[1], points.shape[1]))
@@ -178,10 +183,10 @@ def _within_families(
     return _shrink(total / weight)
 
 
-def _shrink(covariance: Float[np.ndarray, "n n"]) -> Float[np.ndarray, "n n"]:
+def _shrink(covariance: Covariance) -> Covariance:
     return (1.0 - _SHRINKAGE) * covariance + _SHRINKAGE * np.diag(np.diag(covariance))
 
 
-def _inverse_root(covariance: Float[np.ndarray, "n n"]) -> Float[np.ndarray, "n n"]:
+def _inverse_root(covariance: Covariance) -> Covariance:
     """Matrix W with W W^T the inverse: points times it have unit covariance."""
     return np.linalg.cholesky(np.linalg.inv(covariance))

@@ -8,7 +8,7 @@ paint at all (`metric.py`). What it is worth is learnt from the exemplars (`sure
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -22,9 +22,15 @@ from ..result.groups import COLOURLESS, GROUPS, answer_of
 from ..search.pool import NOBODY
 from .features import colours, surface_in, views, with_one_gloss
 from .metric import Metric, as_columns, squares_between
-from .sureness import Sureness
-from .templates import Templates
+from .sureness import PerSet, PerSpectrum, Sureness
+from .templates import PerExemplar, Templates
 
+ReadSpectra: TypeAlias = Float[np.ndarray, "spectra bands"]
+"""A spectrum a row, as it was read or without the surface's part."""
+PerTemplate: TypeAlias = Float[np.ndarray, "spectra templates"]
+"""A number for each template, of each spectrum."""
+Possible: TypeAlias = Bool[np.ndarray, "spectra templates"]
+"""True where a template may have the colour of a spectrum."""
 ANOTHER_COLOUR = 12.0
 """Colour difference (nearly CIE94) beyond which a film is no explanation of a reading; but for
 colours near black, CIEDE2000 is then below 15.
@@ -80,10 +86,10 @@ class _SetSums(NamedTuple):
         sums: of the weights of each set.
     """
 
-    logs: Float[np.ndarray, "spectra sets"]
-    tempered: Float[np.ndarray, "spectra templates"]
-    weights: Float[np.ndarray, "spectra templates"]
-    sums: Float[np.ndarray, "spectra sets"]
+    logs: PerSet
+    tempered: PerTemplate
+    weights: PerTemplate
+    sums: PerSet
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,13 +106,13 @@ class FamilyOdds(Columns):
         evidence: log evidence of the best template, (spectra,).
     """
 
-    sets: Float[np.ndarray, "spectra sets"]
-    none: Float[np.ndarray, "spectra"]
+    sets: PerSet
+    none: PerSpectrum
     unlike: Bool[np.ndarray, "spectra"]
     best: Int[np.ndarray, "spectra sets"]
-    fraction: Float[np.ndarray, "spectra sets"]
-    fraction_sd: Float[np.ndarray, "spectra sets"]
-    evidence: Float[np.ndarray, "spectra"]
+    fraction: PerSet
+    fraction_sd: PerSet
+    evidence: PerSpectrum
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -130,8 +136,8 @@ class FamilySearch:
     wavelengths: Bands
     families: tuple[str, ...]
     exemplars: tuple[Pigment, ...]
-    family_of: Int[np.ndarray, "exemplars"]
-    source_of: Int[np.ndarray, "exemplars"]
+    family_of: PerExemplar
+    source_of: PerExemplar
     members: Int[np.ndarray, "sets 2"]
     log_prior: Float[np.ndarray, "sets"]
     unknown: float
@@ -141,7 +147,7 @@ class FamilySearch:
 
     def odds(
         self,
-        readings: Float[np.ndarray, "spectra bands"],
+        readings: ReadSpectra,
         hidden: Bool[np.ndarray, "spectra families"] | None = None,
         sources: Int[np.ndarray, "spectra"] | None = None,
     ) -> FamilyOdds:
@@ -182,7 +188,7 @@ class FamilySearch:
 
     def _odds(
         self,
-        readings: Float[np.ndarray, "spectra bands"],
+        readings: ReadSpectra,
         hidden: Bool[np.ndarray, "spectra families"] | None,
         sources: Int[np.ndarray, "spectra"] | None,
     ) -> FamilyOdds:
@@ -209,7 +215,7 @@ class FamilySearch:
             evidence=evidence.max(axis=1),
         )
 
-    def gloss(self, readings: Float[np.ndarray, "spectra bands"]) -> Float[np.ndarray, "spectra"]:
+    def gloss(self, readings: ReadSpectra) -> PerSpectrum:
         """Share of a smooth surface's reflection that is in each reading, 1 or less
         (`features.surface_in`).
         """
@@ -220,7 +226,7 @@ class FamilySearch:
     def films(
         self,
         templates: Int[np.ndarray, "spectra films"],
-        readings: Float[np.ndarray, "spectra bands"],
+        readings: ReadSpectra,
     ) -> Float[np.ndarray, "spectra films compared"]:
         """Readings of computed films with as much gloss as is in each reading, at the bands that
         are compared.
@@ -229,15 +235,11 @@ class FamilySearch:
         gloss = readings[:, bands] - with_one_gloss(self.body(readings)[:, bands])
         return with_one_gloss(self.compared.templates.readings[templates]) + gloss[:, None]
 
-    def body(
-        self, readings: Float[np.ndarray, "spectra bands"]
-    ) -> Float[np.ndarray, "spectra bands"]:
+    def body(self, readings: ReadSpectra) -> ReadSpectra:
         """Readings without the surface's part."""
         return readings - surface_in(readings, self.surface)[:, None]
 
-    def _possible(
-        self, body: Float[np.ndarray, "spectra bands"]
-    ) -> Bool[np.ndarray, "spectra templates"]:
+    def _possible(self, body: ReadSpectra) -> Possible:
         """True where a template may have the colour of a reading without the surface's part; all
         may where no visible range was read.
         """
@@ -259,9 +261,7 @@ class FamilySearch:
         families = np.append([name in names for name in self.families], True)
         return np.asarray(families[self.members[self.compared.sets]].all(axis=1))
 
-    def _points(
-        self, body: Float[np.ndarray, "spectra bands"]
-    ) -> list[Float[np.ndarray, "spectra components"]]:
+    def _points(self, body: ReadSpectra) -> list[Float[np.ndarray, "spectra components"]]:
         """Readings without the surface's part, as points in the metric of each view."""
         bands = self.compared.bands
         return points_in(self.compared.metrics, self.wavelengths[bands], body[:, bands])
@@ -270,7 +270,7 @@ class FamilySearch:
         self,
         points: Sequence[Float[np.ndarray, "spectra components"]],
         sources: Int[np.ndarray, "spectra"] | None,
-    ) -> Float[np.ndarray, "spectra templates"]:
+    ) -> PerTemplate:
         """Of all templates; -inf where one may not be used.
 
         Args:
@@ -292,8 +292,8 @@ class FamilySearch:
 
     def _sum_by_set(
         self,
-        evidence: Float[np.ndarray, "spectra templates"],
-        possible: Bool[np.ndarray, "spectra templates"],
+        evidence: PerTemplate,
+        possible: Possible,
         power: float,
     ) -> "_SetSums":
         """Evidence of templates, tempered by a power, averaged over each set's."""
@@ -315,11 +315,11 @@ class FamilySearch:
         )
 
     def _films_of_sets(
-        self, sums: "_SetSums", possible: Bool[np.ndarray, "spectra templates"]
+        self, sums: "_SetSums", possible: Possible
     ) -> tuple[
         Int[np.ndarray, "spectra sets"],
-        Float[np.ndarray, "spectra sets"],
-        Float[np.ndarray, "spectra sets"],
+        PerSet,
+        PerSet,
     ]:
         """Best template of each set, of the reading's colour where one is; mean and standard
         deviation of the fraction of its first family.

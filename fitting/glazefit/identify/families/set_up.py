@@ -26,7 +26,15 @@ from .metric import Metric, as_columns, learn_metric
 from .search import Compared, FamilySearch, points_in
 from .stand_ins import with_stand_ins
 from .sureness import Sureness
-from .templates import Templates, coefficients, mixed_templates, pure_templates
+from .templates import (
+    Coefficients,
+    FilmCurves,
+    PerExemplar,
+    Templates,
+    coefficients,
+    mixed_templates,
+    pure_templates,
+)
 from .varnish import CONDITIONS, Varnish
 
 # Share of the exemplars that must know a band that is compared: what fewer know, such as the bands
@@ -125,11 +133,11 @@ def search_families(
 
 def _films_to_compare(
     wavelengths: Bands,
-    k_and_s: Float[np.ndarray, "2 exemplars bands"],
+    k_and_s: Coefficients,
     *,
     bands: Bool[np.ndarray, "all_bands"],
     teaches: Bool[np.ndarray, "exemplars"],
-    family_of: Int[np.ndarray, "exemplars"],
+    family_of: PerExemplar,
     response: FilmResponse,
     ground: Bands | None,
     mixed: bool,
@@ -213,7 +221,7 @@ def _films_to_compare(
 
 def _points(
     wavelengths: Bands,
-    readings: Float[np.ndarray, "films bands"],
+    readings: FilmCurves,
     metrics: Sequence[Metric],
 ) -> tuple[Float[np.ndarray, "components+2 films"], ...]:
     """Points of films in each metric (`as_columns`), some films at a time: they have far more

@@ -6,12 +6,11 @@ known at all of them and fits as well.
 """
 
 import numpy as np
-from jaxtyping import Float, Int
+
+from .templates import Coefficients, PerExemplar
 
 
-def with_stand_ins(
-    k_and_s: Float[np.ndarray, "2 exemplars bands"], family_of: Int[np.ndarray, "exemplars"]
-) -> Float[np.ndarray, "2 exemplars bands"]:
+def with_stand_ins(k_and_s: Coefficients, family_of: PerExemplar) -> Coefficients:
     """k and s of exemplars, continued beyond the bands at which they are known: log k/s and log s
     go on as they do, in the median, for the others of the family that are known there, or for all
     exemplars where none of the family is.

@@ -10,11 +10,16 @@ unusual reading has much of it for whatever comes nearest.
 """
 
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from jaxtyping import Bool, Float
 from scipy.special import expit, logit, logsumexp, softmax
 
+PerSpectrum: TypeAlias = Float[np.ndarray, "spectra"]
+"""A number for each spectrum."""
+PerSet: TypeAlias = Float[np.ndarray, "spectra sets"]
+"""A number for each set of families, of each spectrum."""
 # Log evidence of a reading that no set may explain.
 _NOTHING = -700.0
 WORTHLESS = 0.01
@@ -42,9 +47,9 @@ class Sureness:
 
     def share(
         self,
-        log_sets: Float[np.ndarray, "spectra sets"],
+        log_sets: PerSet,
         log_prior: Float[np.ndarray, "#spectra sets"],
-    ) -> Float[np.ndarray, "spectra sets"]:
+    ) -> PerSet:
         """Probabilities of sets, if it is one of them.
 
         Args:
@@ -56,7 +61,7 @@ class Sureness:
         tempered = softmax(self.sharpness * log_sets, axis=1)
         return np.asarray((1.0 - WORTHLESS) * tempered + WORTHLESS * prior)
 
-    def is_unlike(self, log_sets: Float[np.ndarray, "spectra sets"]) -> Bool[np.ndarray, "spectra"]:
+    def is_unlike(self, log_sets: PerSet) -> Bool[np.ndarray, "spectra"]:
         """True for readings that look less like the families than nearly all paints that are of
         them.
 
@@ -67,10 +72,10 @@ class Sureness:
 
     def none(
         self,
-        log_sets: Float[np.ndarray, "spectra sets"],
-        any_paint: Float[np.ndarray, "spectra"],
+        log_sets: PerSet,
+        any_paint: PerSpectrum,
         unknown: float,
-    ) -> Float[np.ndarray, "spectra"]:
+    ) -> PerSpectrum:
         """Probability that a reading is of none of the families.
 
         Args:
@@ -82,13 +87,11 @@ class Sureness:
         return np.asarray(expit(logit(unknown) - log_odds))
 
 
-def log_densities(
-    log_sets: Float[np.ndarray, "spectra sets"], any_paint: Float[np.ndarray, "spectra"]
-) -> Float[np.ndarray, "spectra 2"]:
+def log_densities(log_sets: PerSet, any_paint: PerSpectrum) -> Float[np.ndarray, "spectra 2"]:
     """Log evidence of all sets, and log density as any paint: what 'none' is judged by."""
     return np.column_stack([log_sum(log_sets), any_paint])
 
 
-def log_sum(log_sets: Float[np.ndarray, "spectra sets"]) -> Float[np.ndarray, "spectra"]:
+def log_sum(log_sets: PerSet) -> PerSpectrum:
     """Log of the sum over sets; finite where there is none."""
     return np.maximum(np.asarray(logsumexp(log_sets, axis=1)), _NOTHING)

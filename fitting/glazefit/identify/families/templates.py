@@ -8,6 +8,7 @@ said to hide its ground but may not, coats of several thicknesses accompany it.
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import jax
 import numpy as np
@@ -20,6 +21,12 @@ from glazejax.spectra import Bands, lie_between
 from ...film.model.response import FilmResponse
 from ...film.numerics.columns import Columns
 
+Coefficients: TypeAlias = Float[np.ndarray, "2 exemplars bands"]
+"""k and s of exemplars, 1/m."""
+PerExemplar: TypeAlias = Int[np.ndarray, "exemplars"]
+"""A number for each exemplar: of its family, or of its source."""
+FilmCurves: TypeAlias = Float[np.ndarray, "films bands"]
+"""A curve for each film over the bands: what it reads, or its k, s or k/s."""
 FRACTIONS = (0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 0.95, 0.98)
 """Mass fractions of the first of two paints."""
 COATS = (0.35, 1.0)
@@ -60,9 +67,7 @@ class Templates(Columns):
         return len(self.members)
 
 
-def coefficients(
-    pigments: Sequence[Pigment], wavelengths: Bands
-) -> Float[np.ndarray, "2 exemplars bands"]:
+def coefficients(pigments: Sequence[Pigment], wavelengths: Bands) -> Coefficients:
     """k and s of exemplars on a grid, 1/m; NaN where one is not known."""
     out = np.full((2, len(pigments), wavelengths.size), np.nan)
     for row, pigment in enumerate(pigments):
@@ -103,7 +108,7 @@ def most_films(exemplars: int, families: int, *, opaque: bool, mixed: bool) -> i
 
 
 def pure_templates(
-    coefficients: Float[np.ndarray, "2 exemplars bands"],
+    coefficients: Coefficients,
     response: FilmResponse,
     ground: Bands | None,
 ) -> Templates:
@@ -123,8 +128,8 @@ def pure_templates(
 
 
 def mixed_templates(
-    coefficients: Float[np.ndarray, "2 exemplars bands"],
-    families: Int[np.ndarray, "exemplars"],
+    coefficients: Coefficients,
+    families: PerExemplar,
     points: Float[np.ndarray, "exemplars components"],
     response: FilmResponse,
     ground: Bands | None,
@@ -167,7 +172,7 @@ def typical(points: Float[np.ndarray, "own components"], rows: Int[np.ndarray, "
 
 
 def _over(
-    coefficients: Float[np.ndarray, "2 exemplars bands"],
+    coefficients: Coefficients,
     response: FilmResponse,
     members: Int[np.ndarray, "films 2"],
     fractions: Float[np.ndarray, "films 2"],
@@ -193,18 +198,14 @@ def _over(
     )
 
 
-def hiding_body(
-    response: FilmResponse, ratio: Float[np.ndarray, "films bands"]
-) -> Float[np.ndarray, "films bands"]:
+def hiding_body(response: FilmResponse, ratio: FilmCurves) -> FilmCurves:
     """Readings of films that hide their ground, from k/s: one curve of one variable, computed at
     some points.
     """
     return np.interp(np.log(ratio), *_hiding_curve(response))
 
 
-def hiding_ratio(
-    response: FilmResponse, bodies: Float[np.ndarray, "films bands"]
-) -> Float[np.ndarray, "films bands"]:
+def hiding_ratio(response: FilmResponse, bodies: FilmCurves) -> FilmCurves:
     """k/s of films that hide their ground, from readings without the surface's part."""
     logs, curve = _hiding_curve(response)
     return np.exp(np.interp(bodies, curve[::-1], logs[::-1]))
@@ -222,11 +223,11 @@ def _hiding_curve(
 
 def coat_body(
     response: FilmResponse,
-    absorption: Float[np.ndarray, "films bands"],
-    scattering: Float[np.ndarray, "films bands"],
+    absorption: FilmCurves,
+    scattering: FilmCurves,
     thickness: float,
     ground: Bands,
-) -> Float[np.ndarray, "films bands"]:
+) -> FilmCurves:
     """Readings of coats of one thickness (m) over a ground."""
 
     def run(rows: Int[np.ndarray, "block"]) -> Array:

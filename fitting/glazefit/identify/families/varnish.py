@@ -15,6 +15,7 @@ from glazejax.spectra import Bands
 from ...film.model.response import FilmResponse
 from ...film.model.varnish import AMOUNTS, DECAY, under_varnish, without_varnish, yellow
 from .features import views
+from .templates import FilmCurves
 
 # Natural log of the factor by which a varnish's decay varies.
 _DECAY_SPREAD = 0.4
@@ -46,8 +47,8 @@ class Varnish:
         self,
         response: FilmResponse,
         wavelengths: Bands,
-        bodies: Float[np.ndarray, "films bands"],
-    ) -> Float[np.ndarray, "films bands"]:
+        bodies: FilmCurves,
+    ) -> FilmCurves:
         """Films as they are seen under the expected varnish.
 
         Args:
@@ -61,8 +62,8 @@ class Varnish:
         self,
         response: FilmResponse,
         wavelengths: Bands,
-        bodies: Float[np.ndarray, "films bands"],
-    ) -> Float[np.ndarray, "films bands"]:
+        bodies: FilmCurves,
+    ) -> FilmCurves:
         """Films under varnishes of different amounts and shapes; see `cover`."""
         rng = np.random.default_rng(_SEED)
         which = rng.choice(len(self.levels), len(bodies), p=self.chances)
@@ -75,8 +76,8 @@ class Varnish:
         self,
         response: FilmResponse,
         wavelengths: Bands,
-        bodies: Float[np.ndarray, "films bands"],
-    ) -> Float[np.ndarray, "films bands"]:
+        bodies: FilmCurves,
+    ) -> FilmCurves:
         """Films under the expected varnish as they are seen under others; see `cover`."""
         expected = self.mean_thickness * yellow(wavelengths)
         bare = without_varnish(response, bodies, expected)
@@ -86,7 +87,7 @@ class Varnish:
         self,
         response: FilmResponse,
         wavelengths: Bands,
-        bodies: Float[np.ndarray, "films bands"],
+        bodies: FilmCurves,
     ) -> tuple[Float[np.ndarray, "draws features"], ...]:
         """Change of each view of spectra by varnishes from the expected one; see `cover`."""
         repeated = np.repeat(bodies, _DRAWS, axis=0)
