@@ -5,11 +5,11 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 from scipy.special import logsumexp
 
 from ..search.chunk import Chunk
-from ..search.fit import Fitted, pool_of
+from ..search.fit import FilmNumbers, Fitted, pool_of
 from ..search.pool import Pool
 from ..search.refine import Groups, move_readings, near_errors, slopes_by_amount
 from ..search.surface import with_surface
@@ -33,7 +33,7 @@ class WeighedSet(NamedTuple):
     """
 
     members: tuple[int, ...]
-    rows: Int[np.ndarray, "films"]
+    rows: FilmNumbers
     arrangements: Sequence[Arrangement]
     stated: Sequence[Evidence]
     logs: Float[np.ndarray, "ways films"]
@@ -101,7 +101,7 @@ def _candidates(
     members: tuple[int, ...],
     arrangement: Arrangement,
     evidence: Evidence,
-    films: Int[np.ndarray, "films"],
+    films: FilmNumbers,
 ) -> Pool:
     """One candidate for each of some films, with amounts that come near the readings.
 

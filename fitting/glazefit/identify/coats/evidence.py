@@ -19,6 +19,7 @@ from scipy.special import log_ndtr, log_softmax, logsumexp
 from glazejax.spectra import Bands
 
 from ...film.model.errors import model_correlation, paint_covariance, smooth_kernel, whitening
+from ..search.refine import FilmReadings
 from .arrangement import Arrangement
 from .readings import LOG_AMOUNTS, NODES, GridReadings
 
@@ -86,7 +87,7 @@ class Evidence(NamedTuple):
     log_amounts: Float[np.ndarray, "films paints"]
     covariance: Float[np.ndarray, "films paints paints"]
     nearest: Float[np.ndarray, "films paints"]
-    readings: Float[np.ndarray, "films readings"]
+    readings: FilmReadings
 
 
 def coefficient_sd(
@@ -162,7 +163,7 @@ def _finer(
 
 
 def weigh_arrangement(
-    bodies: Float[np.ndarray, "films readings"],
+    bodies: FilmReadings,
     arrangement: Arrangement,
     table: GridReadings,
     deviations: Float[np.ndarray, "paints bands"],

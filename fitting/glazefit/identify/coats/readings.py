@@ -17,6 +17,7 @@ from glazejax.radiative.common.chunks import by_blocks
 from ...film.model.optics import Optics
 from ...film.model.response import FilmResponse
 from ..families.templates import FilmCurves, coat_body
+from ..search.refine import FilmReadings
 from .arrangement import Arrangement
 
 LOG_AMOUNTS = (-3.6, 3.2)
@@ -48,7 +49,7 @@ class CoatedFilms(NamedTuple):
 
     def read(
         self, arrangement: Arrangement, amounts: Float[np.ndarray, "#2 films paints"]
-    ) -> Float[np.ndarray, "films readings"]:
+    ) -> FilmReadings:
         """Readings over each ground, ground by ground, without the outer surface's part.
 
         Args:
@@ -79,7 +80,7 @@ class CoatedFilms(NamedTuple):
 
     def read_and_slopes(
         self, arrangement: Arrangement, amounts: Float[np.ndarray, "films paints"]
-    ) -> tuple[Float[np.ndarray, "films readings"], Float[np.ndarray, "films errors readings"]]:
+    ) -> tuple[FilmReadings, Float[np.ndarray, "films errors readings"]]:
         """Readings, and their slopes by the log of every paint's k, then s."""
         paints = range(amounts.shape[1])
         # The amounts as they are, then with more of each paint's k, then with more of its s.

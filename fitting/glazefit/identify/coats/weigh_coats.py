@@ -18,7 +18,7 @@ from ..result import Identification
 from ..result.odds import DECIDED, CoatsOdds
 from ..search.options import IdentificationOptions
 from ..search.pool import Pool
-from ..search.task import IdentificationTask
+from ..search.task import IdentificationTask, OverGrounds
 from ..search.weigh import odds_of
 from .arrangement import Arrangement, arrangements
 from .candidates import WeighedSet, log_rarity, with_coats
@@ -107,7 +107,7 @@ def weigh_coats(
 def _weigh_set(
     members: tuple[int, ...],
     rows: Int[np.ndarray, "films"],
-    bodies: Float[np.ndarray, "spectra grounds bands"],
+    bodies: OverGrounds,
     films: CoatedFilms,
     wavelengths: Float[np.ndarray, "bands"],
     options: IdentificationOptions,

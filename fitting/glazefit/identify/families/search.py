@@ -19,10 +19,10 @@ from glazejax.spectra import Bands
 
 from ...film.numerics.columns import Columns
 from ..result.groups import COLOURLESS, GROUPS, answer_of
-from ..search.pool import NOBODY
+from ..search.pool import NOBODY, PerSpectrum
 from .features import colours, surface_in, views, with_one_gloss
 from .metric import Metric, as_columns, squares_between
-from .sureness import PerSet, PerSpectrum, Sureness
+from .sureness import PerSet, Sureness
 from .templates import PerExemplar, Templates
 
 ReadSpectra: TypeAlias = Float[np.ndarray, "spectra bands"]

@@ -16,8 +16,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.special import expit, logit, logsumexp, softmax
 
-PerSpectrum: TypeAlias = Float[np.ndarray, "spectra"]
-"""A number for each spectrum."""
+from ..search.pool import PerSpectrum
+
 PerSet: TypeAlias = Float[np.ndarray, "spectra sets"]
 """A number for each set of families, of each spectrum."""
 # Log evidence of a reading that no set may explain.

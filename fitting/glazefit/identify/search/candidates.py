@@ -1,7 +1,7 @@
 """Candidates of spectra: sets from the screen, ranked, the best refined, read as they are seen."""
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from glazejax.radiative.common.chunks import pieces_of
 from glazejax.radiative.common.threads import in_threads
@@ -12,7 +12,7 @@ from .pool import Pool
 from .refine import refine
 from .screen import alike_grounds, table_over
 from .surface import with_surface
-from .task import IdentificationTask, Measured
+from .task import IdentificationTask, Measured, RowNumbers
 
 CHUNK = 64
 """Spectra that are fitted at a time."""
@@ -23,7 +23,7 @@ def find_candidates(task: IdentificationTask, measured: Measured) -> Pool:
     these side by side.
     """
 
-    def fit(part: tuple[Int[np.ndarray, "rows"], Float[np.ndarray, "grounds bands"]]) -> Pool:
+    def fit(part: tuple[RowNumbers, Float[np.ndarray, "grounds bands"]]) -> Pool:
         rows, ground = part
         chunk = Chunk(task, measured.take(rows))
         return with_surface(chunk, refine(chunk, rank(chunk, table_over(task, ground))))

@@ -2,12 +2,16 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeAlias
 
 import numpy as np
 from jaxtyping import Float
 
 from ...film.model.errors import model_correlation
-from .task import TYPICAL_READING, IdentificationTask, Measured
+from .task import TYPICAL_READING, IdentificationTask, Measured, OverGrounds
+
+Covariances: TypeAlias = Float[np.ndarray, "spectra readings readings"]
+"""A covariance of the readings of each spectrum."""
 
 
 @dataclass(frozen=True)
@@ -30,49 +34,47 @@ class Chunk:
         return self.spectra.flat - self.task.mean_surface
 
     @cached_property
-    def tolerance(self) -> Float[np.ndarray, "spectra grounds bands"]:
+    def tolerance(self) -> OverGrounds:
         """Distance that counts as near to each reading when amounts and gloss are shown."""
         # Near black .005, and .02 for each unit of reflectance.
         return np.hypot(self.spectra.noise_sd, 0.005 + 0.02 * self.spectra.readings)
 
     @property
-    def noise_covariance(self) -> Float[np.ndarray, "spectra readings readings"]:
+    def noise_covariance(self) -> Covariances:
         """Covariance of the readings' errors that come from noise, from the unknown gloss, and from
         other unknowns such as the amount of a varnish (`Measured.doubt`).
         """
         return diagonal_covariance(self.spectra.noise_sd) + self.noiseless_covariance
 
     @property
-    def tolerance_covariance(self) -> Float[np.ndarray, "spectra readings readings"]:
+    def tolerance_covariance(self) -> Covariances:
         """`noise_covariance` with what counts as near in place of noise, for the amounts that are
         shown: these must not put a residual down to smooth errors of the paints.
         """
         return diagonal_covariance(self.tolerance) + self.noiseless_covariance
 
     @property
-    def noiseless_covariance(self) -> Float[np.ndarray, "spectra readings readings"]:
+    def noiseless_covariance(self) -> Covariances:
         """`noise_covariance` without the noise: unknown gloss and other unknowns alone."""
         doubt = self.spectra.doubt.reshape(*self.spectra.doubt.shape[:2], self.target.shape[1])
         surface = self.task.discrepancy.surface_sd(self.task.surface)
         return surface**2 + np.swapaxes(doubt, 1, 2) @ doubt
 
     @property
-    def smooth_covariance(self) -> Float[np.ndarray, "spectra readings readings"]:
+    def smooth_covariance(self) -> Covariances:
         """Covariance of the model's own smooth error, paints' coefficients aside."""
         d = self.task.discrepancy
         return self._smooth(d.amplitude + d.share * self.spectra.flat)
 
     @property
-    def ranking_covariance(self) -> Float[np.ndarray, "spectra readings readings"]:
+    def ranking_covariance(self) -> Covariances:
         """Covariance of one smooth error that stands for all while candidates are looked for."""
         # Smaller on dark films, whose readings differ by little: at 0 a tenth of the error at a
         # middling reading.
         dark = 0.1 + self.spectra.flat / TYPICAL_READING
         return self._smooth(self.task.discrepancy.screening * dark)
 
-    def _smooth(
-        self, amplitude: Float[np.ndarray, "spectra readings"]
-    ) -> Float[np.ndarray, "spectra readings readings"]:
+    def _smooth(self, amplitude: Float[np.ndarray, "spectra readings"]) -> Covariances:
         d = self.task.discrepancy
         grounds = self.spectra.readings.shape[1]
         correlation = model_correlation(self.task.wavelengths, grounds, d.length, d.shared)
@@ -80,8 +82,8 @@ class Chunk:
 
 
 def diagonal_covariance(
-    sd: Float[np.ndarray, "spectra grounds bands"],
-) -> Float[np.ndarray, "spectra readings readings"]:
+    sd: OverGrounds,
+) -> Covariances:
     """Covariance of independent errors."""
     flat = sd.reshape(len(sd), -1)
     return flat[..., None] ** 2 * np.eye(flat.shape[-1])

@@ -9,7 +9,7 @@ candidate's evidence.
 
 import functools
 import math
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import jax
 import jax.numpy as jnp
@@ -26,9 +26,17 @@ from ...film.numerics.least_squares import damped_newton, inverse_small
 from .chunk import Chunk
 from .pool import NOBODY, Pool
 from .screen import grow_triples
-from .table import FilmTable, NearestSets, Paints
+from .table import Block, FilmTable, NearestSets, Paints
 from .task import Expected, IdentificationTask, Number
 
+FilmNumbers: TypeAlias = Int[np.ndarray, "films"]
+"""A number for each film: of its spectrum, its errors or its group."""
+FilmSets: TypeAlias = Int[np.ndarray, "films size"]
+"""Paints of each film by number, negative for none."""
+FilmLogs: TypeAlias = Float[np.ndarray, "films size"]
+"""Log amounts of these paints."""
+PerPaint: TypeAlias = Float[Array, "size"]
+"""A number for each paint of one film."""
 # Amounts between which a paint is searched, in units of the usual thickness; below the first it is
 # not there.
 LEAST = 1e-5
@@ -110,11 +118,11 @@ def rank(chunk: Chunk, table: FilmTable) -> Pool:
 
 def fit_all(
     chunk: Chunk,
-    row: Int[np.ndarray, "films"],
-    sets: Int[np.ndarray, "films size"],
-    logs: Float[np.ndarray, "films size"],
+    row: FilmNumbers,
+    sets: FilmSets,
+    logs: FilmLogs,
     errors: Whitening,
-    own: Int[np.ndarray, "films"],
+    own: FilmNumbers,
     steps: int,
     block: int,
 ) -> Fitted:
@@ -138,7 +146,7 @@ def fit_all(
         (chunk.spectra.grounds, chunk.target, *errors, logs, task.expected),
     )
 
-    def run(n: Int[np.ndarray, "block"]) -> Fitted:
+    def run(n: Block) -> Fitted:
         weights = Weights(target[row[n]], basis[own[n]], height[own[n]], expected)
         start = sets[n], logs[n], grounds[row[n]]
         return fit_films(*single, *start, weights, steps=np.asarray(steps))
@@ -256,9 +264,7 @@ def _fit_film(
     return Fitted(logs, spread, log_evidence, readings)
 
 
-def trace_curvature(
-    by_data: Float[Array, "size"], by_prior: Float[Array, "size"]
-) -> Float[Array, "size"]:
+def trace_curvature(by_data: PerPaint, by_prior: PerPaint) -> PerPaint:
     """Curvature that lets a paint go in one step to the trace at which data and prior balance.
 
     Where the data want less of a paint, their gradient p is positive and nearly in proportion to
@@ -295,7 +301,7 @@ def prior_terms(
 
 
 def log_prior(
-    logs: Float[Array, "size"], present: Bool[Array, "size"], spread: Number, concentration: Number
+    logs: PerPaint, present: Bool[Array, "size"], spread: Number, concentration: Number
 ) -> Float[Array, ""]:
     """Log prior density of log amounts: log-normal total of median 1, Dirichlet fractions."""
     m = present.sum(dtype=logs.dtype)

@@ -1,12 +1,19 @@
 """Candidates of spectra while they are searched for."""
 
 from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from ...film.numerics.columns import Columns
 
+PerSpectrum: TypeAlias = Float[np.ndarray, "spectra"]
+"""A number for each spectrum."""
+PerCandidate: TypeAlias = Float[np.ndarray, "spectra candidates"]
+"""A number for each candidate of each spectrum."""
+CandidateReadings: TypeAlias = Float[np.ndarray, "spectra candidates readings"]
+"""Readings of each candidate over all grounds in one row."""
 NOBODY = -1
 """Stands where a candidate has fewer than three paints."""
 
@@ -20,12 +27,10 @@ class Pool(Columns):
     logs: Float[np.ndarray, "spectra candidates 3"]  # log amounts, as they are shown
     weighed: Float[np.ndarray, "spectra candidates 3"]  # and as they are weighed
     covariance: Float[np.ndarray, "spectra candidates 3 3"]
-    log_weight: Float[np.ndarray, "spectra candidates"]  # log evidence and log prior of the set
-    readings: Float[np.ndarray, "spectra candidates readings"]
-    adjusted: Float[
-        np.ndarray, "spectra candidates readings"
-    ]  # moved by the likeliest errors of the paints' coefficients
-    gloss: Float[np.ndarray, "spectra candidates"]
+    log_weight: PerCandidate  # log evidence and log prior of the set
+    readings: CandidateReadings
+    adjusted: CandidateReadings  # moved by the likeliest errors of the paints' coefficients
+    gloss: PerCandidate
     condition: Int[np.ndarray, "spectra candidates"]  # by number; see `conditions`
 
     def merge(self, *pools: "Pool") -> "Pool":
@@ -47,7 +52,7 @@ class Pool(Columns):
     def at_bands(self, to_bands: Float[np.ndarray, "bands new"]) -> "Pool":
         """The candidates with their readings at other bands, by a matrix."""
 
-        def moved(readings: Float[np.ndarray, "spectra candidates readings"]) -> np.ndarray:
+        def moved(readings: CandidateReadings) -> np.ndarray:
             by_ground = readings.reshape(*readings.shape[:2], -1, len(to_bands))
             return (by_ground @ to_bands).reshape(*readings.shape[:2], -1)
 

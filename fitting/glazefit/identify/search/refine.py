@@ -7,7 +7,7 @@ candidate stands, and again where that has moved to.
 """
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import jax
 import jax.numpy as jnp
@@ -27,11 +27,13 @@ from ...film.model.errors import (
 from ...film.model.response import FilmResponse
 from ...film.numerics.columns import Columns
 from .chunk import Chunk
-from .fit import Weights, fit_all, fit_films, log_set_prior
+from .fit import FilmLogs, FilmNumbers, FilmSets, Weights, fit_all, fit_films, log_set_prior
 from .pool import NOBODY, Pool
-from .table import Paints
+from .table import Block, Paints
 from .task import IdentificationTask
 
+FilmReadings: TypeAlias = Float[np.ndarray, "films readings"]
+"""Readings of each film over all grounds in one row."""
 # Films whose errors are worked out together.
 _ERRORS = 32
 
@@ -61,18 +63,16 @@ def compile_ahead(task: IdentificationTask, grounds: int) -> None:
 class CandidateFilms(Columns):
     """Candidates of several spectra in one row."""
 
-    row: Int[np.ndarray, "films"]  # of the spectrum
-    column: Int[np.ndarray, "films"]  # in the pool
-    sets: Int[np.ndarray, "films size"]
-    logs: Float[np.ndarray, "films size"]
+    row: FilmNumbers  # of the spectrum
+    column: FilmNumbers  # in the pool
+    sets: FilmSets
+    logs: FilmLogs
     covariance: Float[np.ndarray, "films size size"]
     log_weight: Float[np.ndarray, "films"]
-    readings: Float[np.ndarray, "films readings"]
+    readings: FilmReadings
 
     @classmethod
-    def of(
-        cls, pool: Pool, row: Int[np.ndarray, "films"], column: Int[np.ndarray, "films"], size: int
-    ) -> "CandidateFilms":
+    def of(cls, pool: Pool, row: FilmNumbers, column: FilmNumbers, size: int) -> "CandidateFilms":
         """Those of a pool that stand there, with room for so many paints."""
         at = row, column
         sets = pool.members[at][:, :size]
@@ -90,7 +90,7 @@ class CandidateFilms(Columns):
 class Groups(NamedTuple):
     """Films that stand for all with the same paints but for traces."""
 
-    of: Int[np.ndarray, "films"]  # group of each film
+    of: FilmNumbers  # group of each film
     row: Int[np.ndarray, "groups"]  # spectrum
     sets: Int[np.ndarray, "groups size"]
     slopes: Float[np.ndarray, "groups errors readings"]
@@ -147,9 +147,9 @@ def refine(chunk: Chunk, pool: Pool) -> Pool:
 
 def slopes_at(
     chunk: Chunk,
-    sets: Int[np.ndarray, "films size"],
-    logs: Float[np.ndarray, "films size"],
-    row: Int[np.ndarray, "films"],
+    sets: FilmSets,
+    logs: FilmLogs,
+    row: FilmNumbers,
 ) -> Float[np.ndarray, "films errors readings"]:
     """`film_slopes` of any number of films, over the grounds of their spectra, which `row`
     numbers.
@@ -283,7 +283,7 @@ def coefficient_errors(chunk: Chunk, groups: Groups) -> Whitening:
     by = groups.slopes.astype(np.float32)
     single = task._replace(errors=task.errors.astype(np.float32))
 
-    def some(n: Int[np.ndarray, "block"]) -> Whitening:
+    def some(n: Block) -> Whitening:
         row, sets = groups.row[n], groups.sets[n]
         caused = paints_covariance(single, by[n], sets)
         white = whitening(noise[row] + (smooth[row] + caused))
@@ -305,9 +305,9 @@ def near_errors(chunk: Chunk) -> Whitening:
 
 def move_readings(
     chunk: Chunk,
-    readings: Float[np.ndarray, "films readings"],
+    readings: FilmReadings,
     groups: Groups,
-) -> Float[np.ndarray, "films readings"]:
+) -> FilmReadings:
     """Readings of films, changed by the most probable errors of their paints' k and s.
 
     A film of the right paints then agrees with what was measured; one of other paints does not.

@@ -22,8 +22,17 @@ from glazejax.radiative.common.chunks import by_blocks
 from ...film.model.errors import model_correlation, whitening
 from ...film.model.response import FilmResponse
 from .chunk import Chunk
-from .table import ALIKE, FilmTable, NearestSets, Paints, film_readings, film_table
-from .task import TYPICAL_READING, IdentificationTask
+from .table import (
+    ALIKE,
+    Block,
+    FilmTable,
+    NearestSets,
+    Paints,
+    WhiteningMatrix,
+    film_readings,
+    film_table,
+)
+from .task import TYPICAL_READING, IdentificationTask, OverGrounds, RowNumbers
 
 # Amounts of a third paint, as a share of the pair's.
 _THIRDS = np.array([0.003, 0.02, 0.1, 0.4, 1.5])
@@ -64,8 +73,8 @@ def table_over(task: IdentificationTask, ground: Float[np.ndarray, "grounds band
 
 
 def alike_grounds(
-    grounds: Float[np.ndarray, "spectra grounds bands"],
-) -> list[tuple[Int[np.ndarray, "rows"], Float[np.ndarray, "grounds bands"]]]:
+    grounds: OverGrounds,
+) -> list[tuple[RowNumbers, Float[np.ndarray, "grounds bands"]]]:
     """Groups of spectra with nearly the same grounds: their numbers and their mean ground."""
     remaining = np.arange(len(grounds))
     groups = []
@@ -76,9 +85,7 @@ def alike_grounds(
     return groups
 
 
-def common_whitening(
-    task: IdentificationTask, grounds: int
-) -> Float[np.ndarray, "readings readings"]:
+def common_whitening(task: IdentificationTask, grounds: int) -> WhiteningMatrix:
     """Of a reading of middling size over so many grounds, for the searches that only rank."""
     d = task.discrepancy
     sd = task.noise.sd(np.full(grounds * task.wavelengths.size, TYPICAL_READING))
@@ -88,7 +95,7 @@ def common_whitening(
 
 def grow_triples(
     chunk: Chunk,
-    white: Float[np.ndarray, "readings readings"],
+    white: WhiteningMatrix,
     pairs: Int[np.ndarray, "spectra pairs 2"],
     logs: Float[np.ndarray, "spectra pairs 2"],
     log_evidence: Float[np.ndarray, "spectra pairs"],
@@ -112,7 +119,7 @@ def grow_triples(
     target = chunk.target @ white.T
     arrays = sets, tries, chunk.spectra.grounds, target
 
-    def run(n: Int[np.ndarray, "block"]) -> tuple[Array, Array]:
+    def run(n: Block) -> tuple[Array, Array]:
         return score(task.response, task.paints, *(values[n] for values in arrays), white)
 
     cost, where = by_blocks(len(sets), _SCORED, run)

@@ -10,7 +10,7 @@ fitted.
 import functools
 import itertools
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import jax.numpy as jnp
 import numpy as np
@@ -23,6 +23,10 @@ from glazejax.radiative.common.chunks import by_blocks
 from ...film.model.response import FilmResponse
 from .pool import NOBODY
 
+WhiteningMatrix: TypeAlias = Float[np.ndarray, "readings readings"]
+"""W, so that errors common to all films are |W r|^2."""
+Block: TypeAlias = Int[np.ndarray, "block"]
+"""Numbers of the films, or of the spectra, that are computed together."""
 COMPONENTS = 20
 """Numbers that stand for a film's readings while sets are ranked."""
 ALIKE = 0.04
@@ -108,7 +112,7 @@ class FilmTable(NamedTuple):
 
     project: Float[np.ndarray, "components readings"]
     middle: Float[np.ndarray, "components"]
-    white: Float[np.ndarray, "readings readings"]
+    white: WhiteningMatrix
     sizes: tuple[TableOfSize, ...]
 
     def nearest(self, target: Float[np.ndarray, "spectra readings"], keep: int) -> "NearestSets":
@@ -123,7 +127,7 @@ class FilmTable(NamedTuple):
         # Minus half of the misfit that differs, by one product: the spectrum's components, and 1.
         augmented = np.concatenate([spectra, np.ones((len(spectra), 1), np.float32)], axis=1)
 
-        def look(kind: TableOfSize, count: int | None, n: Int[np.ndarray, "block"]) -> NearestSets:
+        def look(kind: TableOfSize, count: int | None, n: Block) -> NearestSets:
             near = (augmented[n] @ kind.films).reshape(-1, len(kind.grid), len(kind.sets))
             least = alone[n, None] - 2.0 * near.max(axis=1)
             best = np.argsort(least, axis=1, kind="stable")[:, :count]
@@ -156,7 +160,7 @@ def film_table(
     largest: int,
     spread: float,
     ground: Float[np.ndarray, "grounds bands"],
-    white: Float[np.ndarray, "readings readings"],
+    white: WhiteningMatrix,
 ) -> FilmTable:
     """Films of all sets of one paint, and of two if `largest` is more than one.
 
@@ -190,7 +194,7 @@ def film_table(
         amounts = grid[:, None].astype(np.float32)
         below = ground.astype(np.float32)
 
-        def run(n: Int[np.ndarray, "block"]) -> np.ndarray:
+        def run(n: Block) -> np.ndarray:
             members, tries = sets[numbers[n] // len(grid)], amounts[numbers[n] % len(grid)]
             films = _read(response, paints, members, tries, below)
             return np.asarray(films, np.float64).reshape(len(n), -1) @ to.T

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import jax
 import jax.numpy as jnp
@@ -18,6 +18,10 @@ from ...film.model.response import FilmResponse
 from ...film.shared_bands import means_of_steps
 from .table import Paints
 
+OverGrounds: TypeAlias = Float[np.ndarray, "spectra grounds bands"]
+"""Spectra of films over each of their grounds."""
+RowNumbers: TypeAlias = Int[np.ndarray, "rows"]
+"""Numbers of some spectra."""
 # A middling reflectance: errors that rank sets of paints are stated for it.
 TYPICAL_READING = 0.3
 Number = Float[Array | np.ndarray, ""] | float
@@ -87,15 +91,15 @@ class Measured:
 
     names: tuple[str, ...]
     wavelengths: Bands
-    readings: Float[np.ndarray, "spectra grounds bands"]
-    grounds: Float[np.ndarray, "spectra grounds bands"]
-    noise_sd: Float[np.ndarray, "spectra grounds bands"]
+    readings: OverGrounds
+    grounds: OverGrounds
+    noise_sd: OverGrounds
     doubt: Float[np.ndarray, "spectra shapes grounds bands"]
 
     def __len__(self) -> int:
         return len(self.names)
 
-    def take(self, rows: Int[np.ndarray, "rows"]) -> "Measured":
+    def take(self, rows: RowNumbers) -> "Measured":
         """Some of the spectra, by number."""
         arrays = {name: getattr(self, name)[rows] for name in _OF_SPECTRA}
         return replace(self, names=tuple(self.names[row] for row in rows), **arrays)
@@ -111,7 +115,7 @@ class Measured:
             self, **{name: getattr(self, name) @ mean for name in ("wavelengths", *_OF_SPECTRA)}
         )
 
-    def by_grounds(self) -> list[Int[np.ndarray, "rows"]]:
+    def by_grounds(self) -> list[RowNumbers]:
         """Numbers of the spectra over each ground: they share what is computed."""
         rows: dict[bytes, list[int]] = {}
         for row, ground in enumerate(self.grounds):

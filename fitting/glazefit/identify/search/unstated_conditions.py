@@ -10,13 +10,12 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
 
 from ...film.model.response import FilmResponse
 from ...film.model.varnish import AMOUNTS, limits_under, under_varnish, without_varnish, yellow
 from .candidates import find_candidates
 from .pool import Pool
-from .task import IdentificationTask, Measured
+from .task import IdentificationTask, Measured, OverGrounds, RowNumbers
 from .weigh import Odds, odds_of
 
 
@@ -84,9 +83,7 @@ def search_unstated_conditions(
     """
     prior = tasks[opaque].prior
 
-    def try_under(
-        pool: Pool, conditions: tuple[Condition, ...], rows: Int[np.ndarray, "rows"]
-    ) -> Pool:
+    def try_under(pool: Pool, conditions: tuple[Condition, ...], rows: RowNumbers) -> Pool:
         """The pool with candidates of some of the spectra under further conditions."""
         pools = []
         for condition in conditions:
@@ -133,11 +130,9 @@ class FilmsUnderCondition(NamedTuple):
     task: IdentificationTask
     opaque: bool  # whether they hide their ground
     measured: Measured
-    slope: Float[
-        np.ndarray, "spectra grounds bands"
-    ]  # of these readings by those that were measured
+    slope: OverGrounds  # of these readings by those that were measured
 
-    def take(self, rows: Int[np.ndarray, "rows"]) -> "FilmsUnderCondition":
+    def take(self, rows: RowNumbers) -> "FilmsUnderCondition":
         """Some of the films, by number."""
         return self._replace(measured=self.measured.take(rows), slope=self.slope[rows])
 
@@ -169,7 +164,7 @@ def films_under(
 
 def remove_varnish(
     measured: Measured, response: FilmResponse, surface: float, varnish: str
-) -> tuple[Measured, Float[np.ndarray, "spectra grounds bands"]]:
+) -> tuple[Measured, OverGrounds]:
     """Spectra as they would be without a varnish, and their slopes by the readings under it; NaN
     for spectra that no paint reads under it.
 

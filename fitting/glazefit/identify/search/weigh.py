@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from ...film.model.errors import Prior
-from .pool import Pool
+from .pool import PerCandidate, PerSpectrum, Pool
 from .task import Measured
 
 MISFIT = (-0.98, 1.83)
@@ -23,29 +23,23 @@ _COLOUR_OF_RMSE = 100.0
 class Misfits(NamedTuple):
     """Misfits of candidates to the spectra; infinite for those that hardly matter."""
 
-    delta_e: Float[
-        np.ndarray, "spectra candidates"
-    ]  # Delta E00, the larger over the grounds, as fitted
-    adjusted_delta_e: Float[
-        np.ndarray, "spectra candidates"
-    ]  # the same with errors of their paints allowed
-    residual: Float[
-        np.ndarray, "spectra candidates"
-    ]  # root mean square of the latter's residual, noise aside
-    noise_delta_e: Float[np.ndarray, "spectra"]  # Delta E00 that noise alone makes
+    delta_e: PerCandidate  # Delta E00, the larger over the grounds, as fitted
+    adjusted_delta_e: PerCandidate  # the same with errors of their paints allowed
+    residual: PerCandidate  # root mean square of the latter's residual, noise aside
+    noise_delta_e: PerSpectrum  # Delta E00 that noise alone makes
 
 
 class Odds(NamedTuple):
     """Odds of candidates and of none of them, before they are made to sum to 1."""
 
-    candidates: Float[np.ndarray, "spectra candidates"]
-    none: Float[np.ndarray, "spectra"]
-    misfit: Float[np.ndarray, "spectra"]  # see `glazefit.Identification`
+    candidates: PerCandidate
+    none: PerSpectrum
+    misfit: PerSpectrum  # see `glazefit.Identification`
     rejected: Bool[np.ndarray, "spectra candidates"]  # by eye
     misfits: Misfits
 
     @property
-    def total(self) -> Float[np.ndarray, "spectra"]:
+    def total(self) -> PerSpectrum:
         """Of all there is."""
         return self.candidates.sum(axis=1) + self.none
 
@@ -62,7 +56,7 @@ def odds_of(measured: Measured, pool: Pool, prior: Prior) -> Odds:
     return weigh(weight, _misfits(measured, pool, evidence_shares(weight)), prior)
 
 
-def weigh(weight: Float[np.ndarray, "spectra candidates"], misfits: Misfits, prior: Prior) -> Odds:
+def weigh(weight: PerCandidate, misfits: Misfits, prior: Prior) -> Odds:
     """Odds of candidates and of none.
 
     Args:
@@ -95,8 +89,8 @@ def weigh(weight: Float[np.ndarray, "spectra candidates"], misfits: Misfits, pri
 
 
 def evidence_shares(
-    weight: Float[np.ndarray, "spectra candidates"],
-) -> Float[np.ndarray, "spectra candidates"]:
+    weight: PerCandidate,
+) -> PerCandidate:
     """Probability of each candidate before its misfit counts, if the film is of the catalogue's
     paints; none of one whose log weight is not finite.
     """
@@ -119,7 +113,7 @@ def log_odds_of_none(misfit: float | Float[np.ndarray, "*n"]) -> Float[np.ndarra
     return np.asarray(intercept + slope * np.log(np.maximum(misfit, 0.1)))
 
 
-def _of_noise(measured: Measured) -> Float[np.ndarray, "spectra"]:
+def _of_noise(measured: Measured) -> PerSpectrum:
     """Delta E00 that the noise of the readings causes, root mean square of a few draws; 0 where it
     cannot be seen.
     """
@@ -146,7 +140,7 @@ def _colour_difference(measured: Measured, computed: np.ndarray) -> np.ndarray:
 def _misfits(
     measured: Measured,
     pool: Pool,
-    share: Float[np.ndarray, "spectra candidates"],
+    share: PerCandidate,
 ) -> Misfits:
     """Misfits of the candidates of the largest share."""
     # The colour of a spectrum costs as much as its fit: those of 40 are compared.
