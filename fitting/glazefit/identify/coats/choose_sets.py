@@ -10,6 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int
 
+from glazejax.spectra import Bands
+
 from ...film.model.errors import whitening
 from ..result import Identification
 from ..search.pool import NOBODY
@@ -47,7 +49,7 @@ def best_sets(identification: Identification, row: int, max_coats: int) -> list[
 def nearest_pairs(
     bodies: Float[np.ndarray, "spectra grounds bands"],
     films: CoatedFilms,
-    wavelengths: Float[np.ndarray, "bands"],
+    wavelengths: Bands,
     log_prior: Float[np.ndarray, "paints"],
 ) -> Int[np.ndarray, "spectra pairs 2"]:
     """The two pairs of paints that come nearest to films over one ground or several as one over the

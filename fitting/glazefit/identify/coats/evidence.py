@@ -9,7 +9,7 @@ integrated in closed form.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from jaxtyping import Float
@@ -21,8 +21,14 @@ from glazejax.spectra import Bands
 from ...film.model.errors import model_correlation, paint_covariance, smooth_kernel, whitening
 from ..search.refine import FilmReadings
 from .arrangement import Arrangement
-from .readings import LOG_AMOUNTS, NODES, GridReadings
+from .readings import LOG_AMOUNTS, NODES, FilmAmounts, GridReadings
 
+PaintCurves: TypeAlias = Float[np.ndarray, "paints bands"]
+"""k, s or errors of each paint over the bands."""
+ReadingsAtPlaces: TypeAlias = Float[np.ndarray, "nodes block bands"]
+"""Readings at each place of the finer grid, by the nodes that they are around."""
+FilmsAtPlaces: TypeAlias = Float[np.ndarray, "nodes block films"]
+"""A number for each film at each of these places."""
 # Amounts between two nodes of the solver's grid, by the number of paints; readings between them are
 # interpolated by cubic splines.
 _FINER = {1: 6, 2: 4, 3: 2}
@@ -84,17 +90,17 @@ class Evidence(NamedTuple):
     """
 
     log: Float[np.ndarray, "films"]
-    log_amounts: Float[np.ndarray, "films paints"]
+    log_amounts: FilmAmounts
     covariance: Float[np.ndarray, "films paints paints"]
-    nearest: Float[np.ndarray, "films paints"]
+    nearest: FilmAmounts
     readings: FilmReadings
 
 
 def coefficient_sd(
-    absorption: Float[np.ndarray, "paints bands"],
-    scattering: Float[np.ndarray, "paints bands"],
+    absorption: PaintCurves,
+    scattering: PaintCurves,
     errors: CoatErrors,
-) -> Float[np.ndarray, "paints bands"]:
+) -> PaintCurves:
     """Standard deviation of log k where an opaque film gave k/s: large where that
     film is nearly black or nearly white.
 
@@ -149,9 +155,7 @@ def _finer_amounts(count: int) -> Float[np.ndarray, "nodes block paints"]:
     return _in_blocks(np.stack(grid, axis=-1), count, count)
 
 
-def _finer(
-    values: Float[np.ndarray, "nodes bands"], count: int
-) -> Float[np.ndarray, "nodes block bands"]:
+def _finer(values: Float[np.ndarray, "nodes bands"], count: int) -> ReadingsAtPlaces:
     """Values at the coarse nodes, by cubic splines on the finer grid."""
     bands = values.shape[-1]
     nodes, finer_nodes = _axis(count)
@@ -166,7 +170,7 @@ def weigh_arrangement(
     bodies: FilmReadings,
     arrangement: Arrangement,
     table: GridReadings,
-    deviations: Float[np.ndarray, "paints bands"],
+    deviations: PaintCurves,
     wavelengths: Bands,
     errors: CoatErrors,
 ) -> Evidence:
@@ -216,7 +220,7 @@ def weigh_arrangement(
 def _covariance(
     table: GridReadings,
     count: int,
-    deviations: Float[np.ndarray, "paints bands"],
+    deviations: PaintCurves,
     wavelengths: Bands,
     errors: CoatErrors,
 ) -> Float[np.ndarray, "nodes readings readings"]:
@@ -257,10 +261,10 @@ def fixed_covariance(
 
 def _log_likelihood(
     readings: Float[np.ndarray, "nodes films bands"],
-    computed: Float[np.ndarray, "nodes block bands"],
-    patches: Sequence[Float[np.ndarray, "nodes block bands"]],
+    computed: ReadingsAtPlaces,
+    patches: Sequence[ReadingsAtPlaces],
     errors: CoatErrors,
-) -> Float[np.ndarray, "nodes block films"]:
+) -> FilmsAtPlaces:
     """Of films at places whose errors are those of their node; readings are whitened by these.
 
     Args:
@@ -301,9 +305,9 @@ def _log_likelihood(
 
 def _log_patch(
     length: Float[np.ndarray, "nodes block #films"],
-    product: Float[np.ndarray, "nodes block films"],
+    product: FilmsAtPlaces,
     deviation: float,
-) -> Float[np.ndarray, "nodes block films"]:
+) -> FilmsAtPlaces:
     """Log of the integral over a share above 0, half a Gaussian a priori, of how much better it
     meets a film.
     """

@@ -6,13 +6,14 @@ The grid replaces a search: nothing that explains a spectrum is missed, and evid
 
 import functools
 import itertools
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from jaxtyping import Array, Float, Int
 
 from glazejax.programs import Program
 from glazejax.radiative.common.chunks import by_blocks
+from glazejax.spectra import Bands
 
 from ...film.model.optics import Optics
 from ...film.model.response import FilmResponse
@@ -20,6 +21,8 @@ from ..families.templates import FilmCurves, coat_body
 from ..search.refine import FilmReadings
 from .arrangement import Arrangement
 
+FilmAmounts: TypeAlias = Float[np.ndarray, "films paints"]
+"""Amounts of the paints of each film in usual ones, or their logs."""
 LOG_AMOUNTS = (-3.6, 3.2)
 """Least and largest log of a paint's amount, in usual ones."""
 NODES = {1: 29, 2: 15, 3: 9}
@@ -79,7 +82,7 @@ class CoatedFilms(NamedTuple):
         return np.concatenate(over, axis=-1)
 
     def read_and_slopes(
-        self, arrangement: Arrangement, amounts: Float[np.ndarray, "films paints"]
+        self, arrangement: Arrangement, amounts: FilmAmounts
     ) -> tuple[FilmReadings, Float[np.ndarray, "films errors readings"]]:
         """Readings, and their slopes by the log of every paint's k, then s."""
         paints = range(amounts.shape[1])
@@ -95,7 +98,7 @@ class CoatedFilms(NamedTuple):
 
 
 def _shifted(
-    amounts: Float[np.ndarray, "films paints"], quantity: int, paint: int
+    amounts: FilmAmounts, quantity: int, paint: int
 ) -> Float[np.ndarray, "2 films paints"]:
     """Amounts with more of one paint's k (quantity 0) or s (1)."""
     shifted = np.stack([amounts, amounts])
@@ -166,7 +169,7 @@ def _patches(
 
 def _solve(
     depths: Float[np.ndarray, "2 films bands coats"],
-    ground: Float[np.ndarray, "bands"],
+    ground: Bands,
     optics: Optics,
 ) -> FilmCurves:
     """Reflectance of stacks, k d and s d of their coats."""

@@ -10,6 +10,7 @@ from jaxtyping import Float, Int
 from scipy.special import logsumexp, softmax
 
 from glazejax import Pigment
+from glazejax.spectra import Bands
 
 from ...film.model.errors import Prior
 from ...film.shared_bands import SEARCHED
@@ -109,7 +110,7 @@ def _weigh_set(
     rows: Int[np.ndarray, "films"],
     bodies: OverGrounds,
     films: CoatedFilms,
-    wavelengths: Float[np.ndarray, "bands"],
+    wavelengths: Bands,
     options: IdentificationOptions,
 ) -> WeighedSet:
     """All ways in which the paints of a set may lie, with amounts, gain, surface and patches

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -22,6 +22,8 @@ from .in_tests import came_true, has_infrared
 from .odds import CoatsOdds
 from .table import table_of
 
+PerPlace: TypeAlias = Float[np.ndarray, "*n places"]
+"""A number for each paint of a candidate, with room for three."""
 # Spectra that are named where a result is printed.
 _SHOWN = 3
 
@@ -588,7 +590,7 @@ _OF_CANDIDATES = tuple(
 """Arrays with a row for each spectrum, and with a place for each of its candidates."""
 
 
-def fractions_of(amounts: Float[np.ndarray, "*n places"]) -> Float[np.ndarray, "*n places"]:
+def fractions_of(amounts: PerPlace) -> PerPlace:
     """Share of each paint in all; NaN where there is none."""
     total = amounts.sum(axis=-1, keepdims=True)
     return amounts / np.where(total == 0, np.nan, total)
@@ -596,10 +598,10 @@ def fractions_of(amounts: Float[np.ndarray, "*n places"]) -> Float[np.ndarray, "
 
 def log_sds(
     members: Int[np.ndarray, "*n places"],
-    fractions: Float[np.ndarray, "*n places"],
+    fractions: PerPlace,
     log_covariance: Float[np.ndarray, "*n places places"],
     prior: float,
-) -> tuple[Float[np.ndarray, "*n places"], Float[np.ndarray, "*n places"], Float[np.ndarray, "*n"]]:
+) -> tuple[PerPlace, PerPlace, Float[np.ndarray, "*n"]]:
     """Standard deviations of the logs of amounts, of fractions and of the thickness.
 
     What the readings leave open, and that a paint is stronger or weaker in one film than in others.

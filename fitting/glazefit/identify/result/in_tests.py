@@ -9,13 +9,15 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
+from glazejax.spectra import Bands
+
 FILE = Path(__file__).with_name("in_tests.csv")
 """The counts."""
 # Bands from here on count as near infrared, nm.
 _INFRARED = 900.0
 
 
-def has_infrared(wavelengths: Float[np.ndarray, "bands"]) -> bool:
+def has_infrared(wavelengths: Bands) -> bool:
     """True if a reading holds enough of the near infrared to be counted with it."""
     return float(wavelengths[-1]) >= _INFRARED
 

@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import ArrayLike, Bool, Float
+from jaxtyping import ArrayLike, Bool
 
 from glazejax import Pigment
 from glazejax.geometry import resolve_instrument
@@ -223,7 +223,7 @@ def check_spectra(
     )
 
 
-def check_pigments(pigments: Pigments, wavelengths: Float[np.ndarray, "bands"]) -> list[Pigment]:
+def check_pigments(pigments: Pigments, wavelengths: Bands) -> list[Pigment]:
     """The catalogue on the grid of the spectra.
 
     Raises:
