@@ -2,8 +2,7 @@
 JSON.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
@@ -13,7 +12,7 @@ from ..families.evidence import describe_anachronism
 from ..families.misfit import UsualMisfit, brightest, relative_misfit
 from ..result import Identification
 from .explanation import Explanation, explanations
-from .record import describe_run, describe_spot, round_spectra
+from .record import Record, describe_run, describe_spot, round_spectra
 
 SCHEMA = {"name": "glazejax identify families report", "version": 2}
 COLUMNS = (
@@ -31,13 +30,13 @@ COLUMNS = (
 
 def make_family_record(
     identification: Identification,
-    about: Mapping[str, Any],
+    about: Record,
     names: Sequence[str],
     top: int,
     *,
     painted: int | None,
     usual: UsualMisfit | None,
-) -> dict[str, Any]:
+) -> Record:
     """All that is filed, as JSON has it.
 
     Args:
@@ -67,7 +66,7 @@ def _spot(
     *,
     painted: int | None,
     usual: UsualMisfit | None,
-) -> dict[str, Any]:
+) -> Record:
     answers = identification.family_sets[row][:top]
     named = dict.fromkeys(
         family
@@ -98,7 +97,7 @@ def _spot(
     }
 
 
-def describe_pigments(names: Iterable[str]) -> list[dict[str, Any]]:
+def describe_pigments(names: Iterable[str]) -> list[Record]:
     """Describe families; names of groups are left out."""
     families = catalogue.families()
     return [
@@ -114,7 +113,7 @@ def describe_pigments(names: Iterable[str]) -> list[dict[str, Any]]:
     ]
 
 
-def describe_film(film: Explanation, reading: np.ndarray) -> dict[str, Any]:
+def describe_film(film: Explanation, reading: np.ndarray) -> Record:
     """A film that stands for an answer, and whose paints it is of.
 
     Args:
@@ -138,7 +137,7 @@ def describe_film(film: Explanation, reading: np.ndarray) -> dict[str, Any]:
     }
 
 
-def table_rows(record: Mapping[str, Any]) -> Iterator[list[object]]:
+def table_rows(record: Record) -> Iterator[list[object]]:
     """Cells of `COLUMNS`."""
     for spot in record["spots"]:
         tests = spot["in_tests"]

@@ -1,18 +1,18 @@
 """Plots of a spot on a page: which fits are drawn, and axes that hold them."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 
 from ...page.plot import PlotAxes
 from .explanation import LEAST
+from .record import Record
 
 FITS = 3
 """Explanations that are drawn, at most."""
 
 
-def fits_to_draw(explanations: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+def fits_to_draw(explanations: Sequence[Record]) -> list[Record]:
     """The first explanations of a spot that are worth a line."""
     return [
         explanation
@@ -21,7 +21,7 @@ def fits_to_draw(explanations: Sequence[Mapping[str, Any]]) -> list[Mapping[str,
     ]
 
 
-def plot_axes(record: Mapping[str, Any], spot: Mapping[str, Any]) -> dict[str, Any]:
+def plot_axes(record: Record, spot: Record) -> Record:
     """Axes of the spectra and of what the fits leave, and that itself, (fits, grounds, bands)."""
     grid = np.asarray(record["measurement"]["wavelengths_nm"])
     measured = np.asarray(spot["measured"])

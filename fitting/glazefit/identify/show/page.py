@@ -4,9 +4,8 @@ identification.
 
 import json
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -18,9 +17,8 @@ from ..result import percent
 from ..search.weigh import REJECTED, UNSEEN
 from . import family_record, record
 from .figures import fits_to_draw, plot_axes
+from .record import Record
 from .terminal import micrometres
-
-Record = Mapping[str, Any]
 
 DRAWN = 60
 """Spots whose spectra are drawn; those of all are in the JSON."""

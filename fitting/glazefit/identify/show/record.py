@@ -3,9 +3,9 @@ the JSON.
 """
 
 import platform
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from importlib.metadata import version
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from jaxtyping import Float
@@ -18,6 +18,8 @@ from ..result import Candidate, Identification
 from .ambiguity import describe_ambiguity, describe_undecided
 from .ruled_out import IMPROBABLE, LEAST_SHARE, ruled_out
 
+Record: TypeAlias = dict[str, Any]
+"""Numbers and words by name, as pages and JSON have them."""
 SCHEMA = {"name": "glazejax identify report", "version": 1}
 _PACKAGES = ("glazejax", "jax", "jaxlib", "numpy", "scipy", "colour-science")
 
@@ -25,10 +27,10 @@ _PACKAGES = ("glazejax", "jax", "jaxlib", "numpy", "scipy", "colour-science")
 def make_record(
     identification: Identification,
     bands: Float[np.ndarray, "spectra explanations grounds bands"],
-    about: Mapping[str, Any],
+    about: Record,
     names: Sequence[str],
     top: int,
-) -> dict[str, Any]:
+) -> Record:
     """All that is filed, as JSON has it.
 
     Args:
@@ -46,9 +48,7 @@ def make_record(
     }
 
 
-def describe_run(
-    identification: Identification, about: Mapping[str, Any], names: Sequence[str]
-) -> dict[str, Any]:
+def describe_run(identification: Identification, about: Record, names: Sequence[str]) -> Record:
     """Describe what was identified, how and with what, as JSON has it.
 
     Args:
@@ -78,7 +78,7 @@ def describe_run(
     }
 
 
-def describe_spot(identification: Identification, row: int) -> dict[str, Any]:
+def describe_spot(identification: Identification, row: int) -> Record:
     """Describe a spectrum and its answer, as the records of paints and of families have it."""
     return {
         "id": f"spot-{row + 1}",
@@ -93,7 +93,7 @@ def describe_spot(identification: Identification, row: int) -> dict[str, Any]:
     }
 
 
-def _spot(identification: Identification, bands: np.ndarray, row: int, top: int) -> dict[str, Any]:
+def _spot(identification: Identification, bands: np.ndarray, row: int, top: int) -> Record:
     chances = identification.paint_probability[row]
     ranked = identification.ranked(row, top)
     spot = describe_spot(identification, row)
@@ -134,7 +134,7 @@ def _open_words(identification: Identification, row: int) -> list[str]:
     ]
 
 
-def _explanation(candidate: Candidate, rank: int, band: np.ndarray | None) -> dict[str, Any]:
+def _explanation(candidate: Candidate, rank: int, band: np.ndarray | None) -> Record:
     micro = 1e6
     return {
         "rank": rank,
@@ -224,7 +224,7 @@ intervals.
 """
 
 
-def table_rows(record: Mapping[str, Any]) -> Iterator[list[object]]:
+def table_rows(record: Record) -> Iterator[list[object]]:
     """Cells of `COLUMNS`; None where there is no number."""
     for spot in record["spots"]:
         for film in spot["explanations"]:
