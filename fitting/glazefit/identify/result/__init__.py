@@ -1,7 +1,7 @@
 """Result of an identification: a ranked list for each spectrum, and how sure it is."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, TypeAlias
 
@@ -317,38 +317,39 @@ class Identification(Tabulated):
         """Explanations of one spectrum, most probable first."""
         out = []
         for n in range(self.probability.shape[1])[:count]:
-            condition = CONDITIONS[self.condition[row, n]]
+            at = row, n
+            condition = CONDITIONS[self.condition[at]]
             hidden = self.opaque if condition.opaque is None else condition.opaque
-            present = np.flatnonzero(self.members[row, n] != NOBODY)
+            present = np.flatnonzero(self.members[at] != NOBODY)
             if not present.size:  # A place that other spectra needed.
                 continue
-            share = self.fractions[row, n]
-            order = present[np.lexsort((-share[present], self.coats[row, n, present]))]
-            total = float(self.amounts[row, n].sum())
-            spread = self.log_sd[1][row, n] * share
-            thickness_sd = total * float(self.log_sd[2][row, n])
+            share = self.fractions[at]
+            order = present[np.lexsort((-share[present], self.coats[at][present]))]
+            total = float(self.amounts[at].sum())
+            spread = self.log_sd[1][at] * share
+            thickness_sd = total * float(self.log_sd[2][at])
             # The ground of a film that hides it says nothing on lengths.
             length = np.nan if hidden else 1.0
             out.append(
                 Candidate(
-                    paints=tuple(self.paints[i] for i in self.members[row, n, order]),
+                    paints=tuple(self.paints[i] for i in self.members[at][order]),
                     fractions=share[order],
                     fractions_sd=np.minimum(spread[order], 0.3),
-                    fractions_90=self.fractions_90[row, n, order],
-                    amounts=self.amounts[row, n, order] * length,
-                    amounts_90=self.amounts_90[row, n, order] * length,
-                    coats=tuple(self.coats[row, n, order].tolist()),
+                    fractions_90=self.fractions_90[at][order],
+                    amounts=self.amounts[at][order] * length,
+                    amounts_90=self.amounts_90[at][order] * length,
+                    coats=tuple(self.coats[at][order].tolist()),
                     thickness=total * length,
                     thickness_sd=thickness_sd * length,
-                    thickness_90=self.thickness_90[row, n] * length,
-                    probability=float(self.probability[row, n]),
+                    thickness_90=self.thickness_90[at] * length,
+                    probability=float(self.probability[at]),
                     condition=condition.words,
-                    gloss=float(self.gloss[row, n]),
-                    fitted=self.fitted[row, n],
-                    residual=self.residual[row, n],
-                    rmse=float(self.rmse[row, n]),
-                    angle=float(self.angle[row, n]),
-                    delta_e=float(self.delta_e[row, n]),
+                    gloss=float(self.gloss[at]),
+                    fitted=self.fitted[at],
+                    residual=self.residual[at],
+                    rmse=float(self.rmse[at]),
+                    angle=float(self.angle[at]),
+                    delta_e=float(self.delta_e[at]),
                 )
             )
         return out
@@ -390,23 +391,17 @@ class Identification(Tabulated):
         film = self.films_of_answers(row).get(answer_of(self.family_sets[row][0].families))
         return "none that was kept" if film is None else " + ".join(film.paints)
 
-    def not_told(self, row: int, least: float = 0.2) -> dict[str, list[str]]:
+    def not_told(self, row: int) -> dict[str, list[str]]:
         """Paints of the first candidate -> others that may stand in their place, most probable
-        first.
-
-        Args:
-            row: the spectrum.
-            least: share of the first candidate's probability that a film with another paint must
-                have.
+        first: a film with another paint has at least a fifth of the first one's probability.
         """
-        ranked = self.ranked(row)
-        first = ranked[0]
-        first_paints = set(ranked[0].paints)
+        first, *others = self.ranked(row)
+        first_paints = set(first.paints)
         out: dict[str, list[str]] = {}
-        for candidate in ranked[1:]:
+        for candidate in others:
             gone = first_paints - set(candidate.paints)
             new = set(candidate.paints) - first_paints
-            if len(gone) == len(new) == 1 and candidate.probability >= least * first.probability:
+            if len(gone) == len(new) == 1 and candidate.probability >= 0.2 * first.probability:
                 alternatives = out.setdefault(gone.pop(), [])
                 alternatives.extend(new - set(alternatives))
         return out
@@ -567,25 +562,28 @@ class Identification(Tabulated):
 
     def _with_places(self, count: int) -> "Identification":
         """The same with empty places up to a count of candidates."""
-        missing = count - self.probability.shape[1]
-        if missing == 0:
+        filled = self.probability.shape[1]
+        if filled == count:
             return self
-        padded = {
-            name: np.concatenate([values, np.repeat(values[:, -1:], missing, axis=1)], axis=1)
-            for name in _OF_CANDIDATES
-            for values in [getattr(self, name)]
-        }
-        padded["members"][:, -missing:] = NOBODY
-        padded["probability"][:, -missing:] = 0.0
+        # The others repeat the last.
+        places = np.minimum(np.arange(count), filled - 1)
+        padded = {name: getattr(self, name)[:, places] for name in _OF_CANDIDATES}
+        padded["members"][:, filled:] = NOBODY
+        padded["probability"][:, filled:] = 0.0
         return replace(self, **padded)
 
 
 _OF_SPECTRA = ("none", "misfit", "paint_probability")
-_OF_CANDIDATES = tuple(
-    field.name
-    for field in fields(Identification)
-    if field.name not in ("measured", "paints", "opaque", "spread", *_OF_SPECTRA)
-    if field.name not in ("family_sets", "paint_families", "coats_odds")
+_OF_CANDIDATES = (
+    "members",
+    "coats",
+    "amounts",
+    "log_covariance",
+    "probability",
+    "rejected",
+    "gloss",
+    "fitted",
+    "condition",
 )
 """Arrays with a row for each spectrum, and with a place for each of its candidates."""
 
@@ -613,9 +611,10 @@ def log_sds(
         prior: standard deviation of the log thickness before the readings.
     """
     varied = np.where(members != NOBODY, STRENGTH, 0.0) ** 2
-    covariance = log_covariance + varied[..., None] * np.eye(members.shape[-1])
+    identity = np.eye(members.shape[-1])
+    covariance = log_covariance + varied[..., None] * identity
     # d log f = d u - sum f d u, and d log thickness = sum f d u.
-    slope = np.eye(members.shape[-1]) - fractions[..., None, :]
+    slope = identity - fractions[..., None, :]
     spread = np.einsum("...ij,...jk,...ik->...i", slope, covariance, slope, optimize=True)
     shown = np.einsum("...i,...ij,...j->...", fractions, log_covariance, fractions, optimize=True)
     thickness = thickness_variance(shown, prior**2, np.sum(fractions**2, axis=-1))

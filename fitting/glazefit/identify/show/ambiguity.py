@@ -93,10 +93,9 @@ def possible_additions(identification: Identification, row: int) -> dict[str, fl
     The upper end of the 90 % interval in the candidate of the same paints and that one, where one
     was kept.
     """
-    ranked = identification.ranked(row)
-    first = ranked[0]
+    first, *others = identification.ranked(row)
     out: dict[str, float] = {}
-    for larger in ranked[1:]:
+    for larger in others:
         extra = set(larger.paints) - set(first.paints)
         same = (
             set(first.paints) < set(larger.paints)
@@ -116,11 +115,10 @@ def evidence_relied_on(identification: Identification, row: int) -> list[str]:
     """Sentences on what decides between the first candidate and other pigments, where it is the
     ground, a varnish or an end.
     """
-    ranked = identification.ranked(row)
-    first = ranked[0]
+    first, *others = identification.ranked(row)
     rivals = [
         c
-        for c in ranked[1:]
+        for c in others
         if _pigments(c) != _pigments(first) and c.probability >= _LEAST * first.probability
     ]
     return [
