@@ -57,8 +57,7 @@ class Chunk:
     def noiseless_covariance(self) -> Covariances:
         """`noise_covariance` without the noise: unknown gloss and other unknowns alone."""
         doubt = self.spectra.doubt.reshape(*self.spectra.doubt.shape[:2], self.target.shape[1])
-        surface = self.task.discrepancy.surface_sd(self.task.surface)
-        return surface**2 + np.swapaxes(doubt, 1, 2) @ doubt
+        return self.task.surface_sd**2 + np.swapaxes(doubt, 1, 2) @ doubt
 
     @property
     def smooth_covariance(self) -> Covariances:

@@ -90,7 +90,7 @@ def common_whitening(task: IdentificationTask, grounds: int) -> WhiteningMatrix:
     d = task.discrepancy
     sd = task.noise.sd(np.full(grounds * task.wavelengths.size, TYPICAL_READING))
     smooth = d.screening**2 * model_correlation(task.wavelengths, grounds, d.length, d.shared)
-    return whitening(np.diag(sd**2) + d.surface_sd(task.surface) ** 2 + smooth).basis
+    return whitening(np.diag(sd**2) + task.surface_sd**2 + smooth).basis
 
 
 def grow_triples(

@@ -16,16 +16,15 @@ def with_surface(chunk: Chunk, pool: Pool) -> Pool:
     candidate's residual.
     """
     task = chunk.task
-    d = task.discrepancy
     shapes, solved = nuisance_modes(chunk)
     off = chunk.target[:, None] - pool.readings
     estimates = solved @ np.swapaxes(off, 1, 2)
-    added = np.maximum(d.gloss * task.surface + d.surface_sd(task.surface) * estimates[:, 0], 0.0)
+    added = np.maximum(task.mean_surface + task.surface_sd * estimates[:, 0], 0.0)
     # As a share of a smooth surface's; an instrument that sees none of that has no such share.
     gloss = added / task.surface if task.surface > 0 else np.ones_like(added)
     readings = pool.readings + added[..., None]
     readings = readings + np.swapaxes(estimates[:, 1:], 1, 2) @ shapes[:, 1:]
-    adjusted = pool.adjusted + d.gloss * task.surface
+    adjusted = pool.adjusted + task.mean_surface
     lengths = {
         name: getattr(pool, name) + np.log(task.prior.thickness) for name in ("logs", "weighed")
     }
@@ -49,9 +48,11 @@ def nuisance_modes(
     """
     count, readings = chunk.target.shape
     doubt = chunk.spectra.doubt
-    surface = chunk.task.discrepancy.surface_sd(chunk.task.surface)
     shapes = np.concatenate(
-        [np.full((count, 1, readings), surface), doubt.reshape(*doubt.shape[:2], readings)],
+        [
+            np.full((count, 1, readings), chunk.task.surface_sd),
+            doubt.reshape(*doubt.shape[:2], readings),
+        ],
         axis=1,
     )
     precise = shapes / chunk.tolerance.reshape(count, 1, readings) ** 2

@@ -211,6 +211,11 @@ class IdentificationTask(NamedTuple):
         return self.discrepancy.gloss * self.surface
 
     @property
+    def surface_sd(self) -> float:
+        """Standard deviation of that."""
+        return self.discrepancy.surface_sd(self.surface)
+
+    @property
     def independent_readings(self) -> float:
         """Readings that count as independent where candidates are weighed; see
         `ModelError.apart`.
