@@ -36,54 +36,50 @@ def expected_bands(
         task: of the search.
     """
     chunks = pieces_of(np.arange(len(identification)), CHUNK)
-    count = min(FITS, identification.members.shape[1])
-    return np.concatenate([_bands(identification.take(chunk), task, count) for chunk in chunks])
+    return np.concatenate([_bands(identification.take(chunk), task) for chunk in chunks])
 
 
 def _bands(
-    identification: Identification, task: IdentificationTask, count: int
+    identification: Identification, task: IdentificationTask
 ) -> Float[np.ndarray, "spectra candidates grounds bands"]:
     """Of a few spectra."""
     measured = identification.measured
-    d = task.discrepancy
-    members = identification.members[:, :count]
-    slopes = _slopes(identification, task, count)
+    members = identification.members[:, :FITS]
+    slopes = _slopes(identification, task)
     same = Chunk(task, measured).smooth_covariance + diagonal_covariance(measured.noise_sd)
     covariance = paints_covariance(task, slopes, members) + same[:, None]
     # The surface's share is an unknown too.
     size = members.shape[-1]
     by_amount = slopes_by_amount(slopes)
     # What it adds, in standard deviations.
-    sd = max(d.surface_sd(task.surface), 1e-9)
+    sd = max(task.surface_sd, 1e-9)
     surface = np.full((*by_amount.shape[:2], 1, by_amount.shape[-1]), sd)
     design = np.concatenate([by_amount, surface], axis=-2)
     # What is expected of the total, next to nothing of the fractions, and what of the surface.
-    share = np.concatenate(
-        [identification.fractions[:, :count], np.zeros((*members.shape[:2], 1))], axis=-1
-    )
+    share = np.pad(identification.fractions[:, :FITS], ((0, 0), (0, 0), (0, 1)))
     prior_precision = share[..., :, None] * share[..., None, :] / task.prior.spread**2
     # A weight of a tenth holds each log amount to what is expected.
     prior_precision = prior_precision + np.diag([0.1] * size + [1.0])
     solved = np.linalg.solve(covariance, np.swapaxes(design, -1, -2))
     fitted = np.linalg.solve(design @ solved + prior_precision, design)
     remaining = np.diagonal(covariance, axis1=-2, axis2=-1) - np.sum(design * fitted, axis=-2)
-    ends = t.ppf(0.95, d.freedom)
+    ends = t.ppf(0.95, task.discrepancy.freedom)
     return (float(ends) * np.sqrt(np.maximum(remaining, 0.0))).reshape(
         *members.shape[:2], *measured.readings.shape[1:]
     )
 
 
 def _slopes(
-    identification: Identification, task: IdentificationTask, count: int
+    identification: Identification, task: IdentificationTask
 ) -> Float[np.ndarray, "spectra candidates errors readings"]:
     """Slopes of the readings by the log of k, then of s, of the paints of the most probable
     explanations.
     """
     with np.errstate(divide="ignore"):
-        logs = np.log(identification.amounts[:, :count] / task.prior.thickness)
-    sets = identification.members[:, :count]
-    coats = identification.coats[:, :count]
-    row = np.repeat(np.arange(len(identification)), count)
+        logs = np.log(identification.amounts[:, :FITS] / task.prior.thickness)
+    sets = identification.members[:, :FITS]
+    coats = identification.coats[:, :FITS]
+    row = np.repeat(np.arange(len(identification)), sets.shape[1])
     # Films of one coat by the table.
     chunk = Chunk(task, identification.measured)
     slopes = slopes_at(chunk, sets.reshape(len(row), -1), logs.reshape(len(row), -1), row)
@@ -93,14 +89,15 @@ def _slopes(
         at = spectrum, candidate
         size = int((sets[at] != NOBODY).sum())
         members = sets[at][:size]
-        upper, lower = (np.flatnonzero(coats[at][:size] == n).tolist() for n in (0, 1))
         films = CoatedFilms(
             coefficients=np.array([np.asarray(values)[members] for values in task.paints]),
             grounds=identification.measured.grounds[spectrum],
             optics=task.optics,
             response=task.response,
         )
-        arrangement = Arrangement((tuple(upper), tuple(lower)))
+        arrangement = Arrangement(
+            tuple(tuple(np.flatnonzero(coats[at][:size] == n).tolist()) for n in (0, 1))
+        )
         _, by_log = films.read_and_slopes(arrangement, np.exp(logs[at][None, :size]))
         errors = [*range(size), *range(sets.shape[-1], sets.shape[-1] + size)]
         slopes[(*at, errors)] = by_log[0]
