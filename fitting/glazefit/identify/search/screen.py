@@ -129,7 +129,7 @@ def grow_triples(
     chosen = np.stack([np.resize(numbers, keep) for numbers in unique])
     new = np.arange(keep) < np.asarray([len(numbers) for numbers in unique])[:, None]
     amounts = np.take_along_axis(tries, where[..., None, None], axis=2)[:, :, 0]
-    return NearestSets(*(values[rows, chosen] for values in (sets, amounts, cost))), new
+    return NearestSets(sets[rows, chosen], amounts[rows, chosen]), new
 
 
 def grow(

@@ -132,8 +132,7 @@ class FilmTable(NamedTuple):
             least = alone[n, None] - 2.0 * near.max(axis=1)
             best = np.argsort(least, axis=1, kind="stable")[:, :count]
             where = np.argmax(np.take_along_axis(near, best[:, None], axis=2), axis=1)
-            misfit = np.take_along_axis(least, best, axis=1)
-            return NearestSets(kind.sets[best], kind.grid[where], misfit)
+            return NearestSets(kind.sets[best], kind.grid[where])
 
         # Sixteen spectra at a time bound the memory.
         block = min(16, len(spectra))
@@ -151,7 +150,6 @@ class NearestSets(NamedTuple):
 
     sets: Int[np.ndarray, "spectra kept size"]
     amounts: Float[np.ndarray, "spectra kept size"]  # of each paint
-    misfit: Float[np.ndarray, "spectra kept"]  # squared, in the units of the errors
 
 
 def film_table(
