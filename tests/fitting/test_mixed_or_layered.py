@@ -126,23 +126,24 @@ def test_a_film_that_hides_does_not_know_its_ground(oils):
 
 def test_the_prior_sums_to_one_and_fractions_are_uniform():
     for way in (MIXED, OVER):
-        assert np.exp(log_prior(way, 0.9)).sum() == pytest.approx(1.0)
+        assert np.exp(log_prior(way)).sum() == pytest.approx(1.0)
     logs = evidence_module._finer_amounts(2)
     fraction = 1.0 / (1.0 + np.exp(logs[..., 1] - logs[..., 0]))
-    weight = np.exp(log_prior(MIXED, 0.9))
+    weight = np.exp(log_prior(MIXED))
     for low, high in ((0.1, 0.3), (0.4, 0.6), (0.6, 0.9)):
         share = weight[(fraction > low) & (fraction < high)].sum()
         assert share == pytest.approx(high - low, abs=0.03)
 
 
-def test_a_gain_is_integrated_as_a_gaussian():
+def test_a_gain_is_integrated_as_a_gaussian(monkeypatch):
     rng = np.random.default_rng(1)
     computed = rng.normal(size=(1, 1, 6))
     seen = rng.normal(size=(1, 3, 6))
     errors = CoatErrors(
         gains=(0.3,), gain_weights=(1.0,), scales=(1.0,), weights=(1.0,), patchy=0.0
     )
-    found = evidence_module._log_likelihood(seen, computed, [], errors)[0, 0]
+    monkeypatch.setattr(evidence_module, "ERRORS", errors)
+    found = evidence_module._log_likelihood(seen, computed, [])[0, 0]
     covariance = np.eye(6) + 0.09 * np.outer(computed[0, 0], computed[0, 0])
     gaussian: Any = multivariate_normal
     exact = gaussian.logpdf(seen[0], computed[0, 0], covariance)
@@ -164,7 +165,6 @@ def test_what_lies_between_two_nodes_adds_covariance_along_each_amount():
             2,
             np.ones((2, GRID.size)),
             GRID,
-            CoatErrors(),
         )
         for each in (0.0 * slopes, slopes)
     )
@@ -185,17 +185,18 @@ def test_a_patch_is_integrated_over_shares_above_zero():
         length, product = float(patch @ patch), float(sign * patch @ seen)
 
         exact = quad(_better, 0.0, 5.0, args=(length, product))[0]
-        found = evidence_module._log_patch(np.array([[[length]]]), np.array([[[product]]]), 0.2)
+        found = evidence_module._log_patch(np.array([[[length]]]), np.array([[[product]]]))
         assert found.item() == pytest.approx(np.log(exact), abs=1e-8)
 
 
-def test_evidence_tells_the_amounts(oils):
+def test_evidence_tells_the_amounts(oils, monkeypatch):
     paints = oils[:2]
     coats = [Layer(paints[0], 10e-6), Layer(paints[1], 30e-6)]
     table = grid_readings(OVER, in_usual_coats(paints))
     small = CoatErrors(amplitude=0.002, offset=0.001, coefficient=0.01, pure_reading=0.0)
+    monkeypatch.setattr(evidence_module, "ERRORS", small)
     deviations = np.full((2, GRID.size), 0.01)
-    found = weigh_arrangement(read(coats)[None], OVER, table, deviations, GRID, small)
+    found = weigh_arrangement(read(coats)[None], OVER, table, deviations, GRID)
     off = found.log_amounts[0] - np.log([10.0 / 25.0, 30.0 / 25.0])
     assert np.all(np.abs(off) < 3.0 * np.sqrt(np.diagonal(found.covariance[0])) + 0.05)
     assert off[0] == pytest.approx(0.0, abs=0.1)
@@ -269,7 +270,7 @@ def test_three_coats_are_told(oils):
 def test_stated_probabilities_come_true_in_simulation(oils):
     """Draws of amounts, lies, gains and smooth errors as the odds expect them."""
     rng = np.random.default_rng(5)
-    errors = CoatErrors()
+    errors = evidence_module.ERRORS
     pair = oils[:2]
     paints = in_usual_coats(pair)
     ways = arrangements(2, 2)
@@ -280,7 +281,7 @@ def test_stated_probabilities_come_true_in_simulation(oils):
     truths = []
     for number in range(120):
         way = ways[0] if number % 2 else ways[1 + number // 2 % 2]
-        weight = np.exp(log_prior(way, errors.spread)).sum(axis=1)
+        weight = np.exp(log_prior(way)).sum(axis=1)
         node = rng.choice(len(weight), p=weight)
         moved = tables[way].readings[node] * (1.0 + errors.gains[0] * rng.normal())
         films.append(moved + rng.multivariate_normal(np.zeros(GRID.size), smooth))

@@ -15,7 +15,7 @@ from glazejax.spectra import Bands
 from ...film.model.errors import whitening
 from ..result import Identification
 from ..search.pool import NOBODY
-from .evidence import CoatErrors, fixed_covariance
+from .evidence import ERRORS, fixed_covariance
 from .readings import LOG_AMOUNTS, CoatedFilms
 
 
@@ -61,7 +61,6 @@ def nearest_pairs(
         wavelengths: of the bands, nm.
         log_prior: of each paint, up to a constant.
     """
-    errors = CoatErrors()
     paints = films.coefficients.shape[1]
     grounds = films.grounds
     # Some 1500 single coats in a table, of at most 15 amounts of each paint.
@@ -69,13 +68,13 @@ def nearest_pairs(
     amounts = np.exp(logs)[:, None]
     depths = (films.coefficients[:, :, None] * amounts).reshape(2, -1, wavelengths.size)
     black, gain, back = (np.asarray(a)[:, None] for a in films.response.numbers(*depths))
-    white = whitening(fixed_covariance(wavelengths, len(grounds), errors)).basis.astype(np.float32)
+    white = whitening(fixed_covariance(wavelengths, len(grounds))).basis.astype(np.float32)
     target = (bodies.reshape(len(bodies), -1) @ white.T).astype(np.float32)
 
     # Lower coats as grounds of the upper ones.
     lower = black + gain * grounds / (1.0 - back * grounds)
     below = np.clip(np.asarray(films.response.internal(jnp.asarray(lower))), 0.0, 1.0)
-    rare = (logs / errors.spread) ** 2
+    rare = (logs / ERRORS.spread) ** 2
     misfit = np.full((len(bodies), paints, paints), np.inf)
     for upper in range(paints):
         rows = slice(upper * logs.size, (upper + 1) * logs.size)

@@ -78,6 +78,10 @@ class CoatErrors:
     spread: float = 0.9
 
 
+ERRORS = CoatErrors()
+"""Those of any reading."""
+
+
 class Evidence(NamedTuple):
     """Evidence of some films for an arrangement.
 
@@ -96,11 +100,7 @@ class Evidence(NamedTuple):
     readings: FilmReadings
 
 
-def coefficient_sd(
-    absorption: PaintCurves,
-    scattering: PaintCurves,
-    errors: CoatErrors,
-) -> PaintCurves:
+def coefficient_sd(absorption: PaintCurves, scattering: PaintCurves) -> PaintCurves:
     """Standard deviation of log k where an opaque film gave k/s: large where that
     film is nearly black or nearly white.
 
@@ -110,11 +110,11 @@ def coefficient_sd(
     a = 1.0 + ratio
     # dR / d log(K/S).
     slope = ratio * (a / np.sqrt(np.maximum(a**2 - 1.0, 1e-12)) - 1.0)
-    reading_sd = errors.pure_reading / np.maximum(slope, 1e-4)
-    return np.minimum(np.hypot(errors.coefficient, reading_sd), errors.most)
+    reading_sd = ERRORS.pure_reading / np.maximum(slope, 1e-4)
+    return np.minimum(np.hypot(ERRORS.coefficient, reading_sd), ERRORS.most)
 
 
-def log_prior(arrangement: Arrangement, spread: float) -> Float[np.ndarray, "nodes block"]:
+def log_prior(arrangement: Arrangement) -> Float[np.ndarray, "nodes block"]:
     """Log prior probability of each place of the finer grid: each coat's thickness is
     log-normal, the fractions of its paints are uniform.
     """
@@ -125,7 +125,7 @@ def log_prior(arrangement: Arrangement, spread: float) -> Float[np.ndarray, "nod
     for coat in arrangement.coats:
         coat_logs = logs[..., [column[paint] for paint in coat]]
         log_total = np.asarray(logsumexp(coat_logs, axis=-1))
-        out -= 0.5 * (log_total / spread) ** 2
+        out -= 0.5 * (log_total / ERRORS.spread) ** 2
         # From fractions to logs of amounts: a factor of each fraction.
         if len(coat) > 1:
             out += np.sum(coat_logs - log_total[..., None], axis=-1)
@@ -172,7 +172,6 @@ def weigh_arrangement(
     table: GridReadings,
     deviations: PaintCurves,
     wavelengths: Bands,
-    errors: CoatErrors,
 ) -> Evidence:
     """Evidence of films for one arrangement.
 
@@ -182,12 +181,11 @@ def weigh_arrangement(
         table: what that reads.
         deviations: standard deviations of log k of the arrangement's paints.
         wavelengths: of the bands, nm.
-        errors: what a reading errs by.
     """
     count = len(arrangement.paints)
 
     # Errors at each node of the coarse grid.
-    white = whitening(_covariance(table, count, deviations, wavelengths, errors)).basis
+    white = whitening(_covariance(table, count, deviations, wavelengths)).basis
     to_white = np.swapaxes(white, 1, 2)
 
     # Each place of the finer grid takes the errors of its node.
@@ -196,11 +194,10 @@ def weigh_arrangement(
         bodies @ to_white,
         readings @ to_white,
         [(_finer(patch, count) - readings) @ to_white for patch in table.patches],
-        errors,
     )
     log_likelihood += np.log(np.diagonal(white, axis1=1, axis2=2)).sum(axis=1)[:, None, None]
 
-    posterior = log_likelihood + log_prior(arrangement, errors.spread)[..., None]
+    posterior = log_likelihood + log_prior(arrangement)[..., None]
     posterior = posterior.reshape(-1, len(bodies))
     total = np.asarray(logsumexp(posterior, axis=0))
     share = np.exp(posterior - total)
@@ -222,16 +219,15 @@ def _covariance(
     count: int,
     deviations: PaintCurves,
     wavelengths: Bands,
-    errors: CoatErrors,
 ) -> Float[np.ndarray, "nodes readings readings"]:
     """Of the readings at each node of the coarse grid, gain and patches aside."""
     readings = table.readings.shape[-1]
     grounds = readings // wavelengths.size
-    fixed = fixed_covariance(wavelengths, grounds, errors)
+    fixed = fixed_covariance(wavelengths, grounds)
 
     # What errors of each paint's k cause, the same ones over each ground.
     caused = table.slopes * np.tile(deviations, grounds)[:, None]
-    kernel = smooth_kernel(np.tile(wavelengths, grounds), errors.coefficient_length)
+    kernel = smooth_kernel(np.tile(wavelengths, grounds), ERRORS.coefficient_length)
     covariance = fixed + paint_covariance(caused.swapaxes(0, 1), kernel)
 
     # What amounts between the places of the finer grid would change.
@@ -244,18 +240,16 @@ def _covariance(
     return covariance
 
 
-def fixed_covariance(
-    wavelengths: Bands, grounds: int, errors: CoatErrors
-) -> Float[np.ndarray, "readings readings"]:
+def fixed_covariance(wavelengths: Bands, grounds: int) -> Float[np.ndarray, "readings readings"]:
     """Of readings over some grounds, whatever the film: the model's own error, noise, surface."""
     bands = grounds * wavelengths.size
-    correlation = model_correlation(wavelengths, grounds, errors.length, errors.shared)
-    fixed = errors.amplitude**2 * correlation
-    fixed += errors.noise**2 * np.eye(bands) + errors.offset**2
+    correlation = model_correlation(wavelengths, grounds, ERRORS.length, ERRORS.shared)
+    fixed = ERRORS.amplitude**2 * correlation
+    fixed += ERRORS.noise**2 * np.eye(bands) + ERRORS.offset**2
     # Bands beyond this, nm, are another detector's.
     beyond = np.tile(wavelengths > 1005.0, grounds)
     if beyond.any() and not beyond.all():
-        fixed += errors.second_camera**2 * np.outer(beyond, beyond)
+        fixed += ERRORS.second_camera**2 * np.outer(beyond, beyond)
     return fixed
 
 
@@ -263,7 +257,6 @@ def _log_likelihood(
     readings: Float[np.ndarray, "nodes films bands"],
     computed: ReadingsAtPlaces,
     patches: Sequence[ReadingsAtPlaces],
-    errors: CoatErrors,
 ) -> FilmsAtPlaces:
     """Of films at places whose errors are those of their node; readings are whitened by these.
 
@@ -271,19 +264,18 @@ def _log_likelihood(
         readings: readings of the films.
         computed: at the places.
         patches: what a part that is missing everywhere would change.
-        errors: gains, patches and scales.
     """
     films = np.swapaxes(readings, 1, 2)
     size = np.sum(computed**2, axis=-1)[..., None]
     across = computed @ films
     off = np.sum(readings**2, axis=-1)[:, None] - 2.0 * across + size
     along = across - size
-    log_volumes = readings.shape[-1] * np.log(errors.scales)
+    log_volumes = readings.shape[-1] * np.log(ERRORS.scales)
     # Nothing is missing, or a part of one of the patches.
-    ways = [(1.0 - errors.patchy if patches else 1.0, None)]
-    ways += [(errors.patchy / len(patches), patch) for patch in patches]
+    ways = [(1.0 - ERRORS.patchy if patches else 1.0, None)]
+    ways += [(ERRORS.patchy / len(patches), patch) for patch in patches]
     terms = []
-    for gain, gain_weight in zip(errors.gains, errors.gain_weights, strict=True):
+    for gain, gain_weight in zip(ERRORS.gains, ERRORS.gain_weights, strict=True):
         # The gain is Gaussian: its direction is taken out, and its volume counted.
         volume = 1.0 + gain**2 * size
         misfit = off - gain**2 * along**2 / volume
@@ -295,9 +287,9 @@ def _log_likelihood(
                 product = patch @ films - with_gain - gain**2 * with_gain * along / volume
             # All errors larger or smaller by each scale; without a patch its integral is 1.
             for scale, weight, log_volume in zip(
-                errors.scales, errors.weights, log_volumes, strict=True
+                ERRORS.scales, ERRORS.weights, log_volumes, strict=True
             ):
-                better = _log_patch(length / scale**2, product / scale**2, errors.patch)
+                better = _log_patch(length / scale**2, product / scale**2)
                 value = -0.5 * misfit / scale**2 - 0.5 * np.log(volume) - log_volume + better
                 terms.append(value + np.log(gain_weight * chance * weight))
     return np.asarray(logsumexp(terms, axis=0))
@@ -306,12 +298,13 @@ def _log_likelihood(
 def _log_patch(
     length: Float[np.ndarray, "nodes block #films"],
     product: FilmsAtPlaces,
-    deviation: float,
 ) -> FilmsAtPlaces:
     """Log of the integral over a share above 0, half a Gaussian a priori, of how much better it
     meets a film.
     """
-    precision = length + 1.0 / deviation**2
+    precision = length + 1.0 / ERRORS.patch**2
     mean = product / precision
     log_mass = log_ndtr(mean * np.sqrt(precision))
-    return np.log(2.0 / deviation) + 0.5 * mean**2 * precision - 0.5 * np.log(precision) + log_mass
+    return (
+        np.log(2.0 / ERRORS.patch) + 0.5 * mean**2 * precision - 0.5 * np.log(precision) + log_mass
+    )

@@ -24,7 +24,7 @@ from ..search.weigh import odds_of
 from .arrangement import Arrangement, arrangements
 from .candidates import WeighedSet, log_rarity, with_coats
 from .choose_sets import best_sets, nearest_pairs
-from .evidence import CoatErrors, coefficient_sd, weigh_arrangement
+from .evidence import coefficient_sd, weigh_arrangement
 from .readings import CoatedFilms, grid_readings
 
 # Share of readings whose evidence says nothing of how their paints lie: nearly twice that of the
@@ -124,7 +124,6 @@ def _weigh_set(
         wavelengths: of the bands, nm.
         options: of the search.
     """
-    errors = CoatErrors()
     # Bands at which each of the paints is known.
     set_coefficients = films.coefficients[:, list(members)]
     bands = np.isfinite(set_coefficients).all(axis=(0, 1))
@@ -147,9 +146,8 @@ def _weigh_set(
                 read,
                 arrangement,
                 grid_readings(arrangement, films._replace(coefficients=np.stack([k, s]))),
-                coefficient_sd(k, s, errors)[list(arrangement.paints)],
+                coefficient_sd(k, s)[list(arrangement.paints)],
                 wavelengths[bands],
-                errors,
             )
             by_library.append(evidence._replace(log=evidence.log + np.log(chance * share)))
         stated.append(by_library[0])
