@@ -67,9 +67,10 @@ def with_coats(
     flat = np.full(count, -np.inf)
     best = np.full(count, -np.inf)
     for weighed_set in weighed:
+        set_rows = weighed_set.rows
         mixed = np.asarray(logsumexp(weighed_set.logs[~weighed_set.several], axis=0))
-        flat[weighed_set.rows] = np.logaddexp(flat[weighed_set.rows], mixed)
-        best[weighed_set.rows] = np.maximum(best[weighed_set.rows], weighed_set.logs.max(axis=0))
+        flat[set_rows] = np.logaddexp(flat[set_rows], mixed)
+        best[set_rows] = np.maximum(best[set_rows], weighed_set.logs.max(axis=0))
     rare = log_rarity(task)
     scale = np.asarray(logsumexp(pool.log_weight, axis=1)) - flat
 
@@ -82,17 +83,17 @@ def with_coats(
             # Coats whose log chance is 8 below the spectrum's best are no candidate.
             films = np.flatnonzero(logs > best[weighed_set.rows] - 8.0)
             if len(arrangement.coats) == 2 and films.size:
-                chunk = Chunk(task, measured.take(weighed_set.rows[films]))
+                set_rows = weighed_set.rows[films]
                 near = _candidates(
-                    chunk, weighed_set.members, arrangement, weighed_set.stated[number], films
+                    Chunk(task, measured.take(set_rows)),
+                    weighed_set.members,
+                    arrangement,
+                    weighed_set.stated[number],
+                    films,
                 )
-                weight = (
-                    logs[films]
-                    + scale[weighed_set.rows[films]]
-                    + rare[list(weighed_set.members)].sum()
-                )
+                weight = logs[films] + scale[set_rows] + rare[list(weighed_set.members)].sum()
                 pools.append(replace(near, log_weight=weight[:, None]))
-                rows.append(weighed_set.rows[films])
+                rows.append(set_rows)
     return pool.merge(Pool.join(pools).spread(np.concatenate(rows), count)) if pools else pool
 
 
