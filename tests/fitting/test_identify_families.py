@@ -475,14 +475,14 @@ def test_varnishes_are_covers_of_their_expected_amount():
     unknown = CONDITIONS["unknown"]
     assert thin is not None
     assert unknown is not None
-    random = thin.cover_at_random(response, GRID, body)
-    expected = thin.cover(response, GRID, body)
+    random = under_varnish(response, body, thin.at_random(GRID, len(body)))
+    expected = under_varnish(response, body, thin.expected(GRID))
     assert np.mean(random, axis=0) == pytest.approx(expected[0], abs=0.04)
     assert (random <= 0.5 + 1e-9).all()
     # Some are none at all, and none shines.
     assert random[:, 0].std() > 0.03
     assert CONDITIONS["none"] is None
-    assert unknown.mean_thickness == pytest.approx(0.16)
+    assert unknown.expected(np.array([400.0])).item() == pytest.approx(0.16)
 
 
 # ---- names ---------------------------------------------------------------------------------------

@@ -17,6 +17,7 @@ from glazejax.spectra import Bands
 
 from ...film.model.errors import Prior
 from ...film.model.response import FilmResponse, film_response
+from ...film.model.varnish import under_varnish
 from ..result.groups import COLOURLESS
 from ..search.pool import NOBODY
 from .calibration import calibrate
@@ -161,7 +162,8 @@ def _films_to_compare(
     def cover(films: Templates) -> Templates:
         if varnish is None:
             return films
-        return replace(films, readings=varnish.cover(response, wavelengths, films.readings))
+        expected = varnish.expected(wavelengths)
+        return replace(films, readings=under_varnish(response, films.readings, expected))
 
     exemplars = np.flatnonzero(np.isfinite(k_and_s[0]).all(axis=1))
     k_and_s = k_and_s[:, exemplars]

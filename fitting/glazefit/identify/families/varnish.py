@@ -38,67 +38,47 @@ class Varnish:
     spreads: tuple[float, ...]
     chances: tuple[float, ...]
 
-    @property
-    def mean_thickness(self) -> float:
-        """Mean optical thickness at 400 nm."""
-        return float(np.dot(self.levels, self.chances))
+    def expected(self, wavelengths: Bands) -> Bands:
+        """Mean optical thickness at each wavelength, nm."""
+        return float(np.dot(self.levels, self.chances)) * yellow(wavelengths)
 
-    def cover(
-        self,
-        response: FilmResponse,
-        wavelengths: Bands,
-        bodies: FilmCurves,
+    def at_random(self, wavelengths: Bands, count: int) -> FilmCurves:
+        """Optical thicknesses of varnishes of different amounts and shapes; see `expected`."""
+        rng = np.random.default_rng(_SEED)
+        which = rng.choice(len(self.levels), count, p=self.chances)
+        thickness = rng.normal(np.array(self.levels)[which], np.array(self.spreads)[which])
+        decay = DECAY * np.exp(rng.normal(0.0, _DECAY_SPREAD, count))
+        shape = np.stack([yellow(wavelengths, float(rate)) for rate in decay])
+        return np.maximum(thickness, 0.0)[:, None] * shape
+
+    def exchange_at_random(
+        self, response: FilmResponse, wavelengths: Bands, bodies: FilmCurves
     ) -> FilmCurves:
-        """Films as they are seen under the expected varnish.
+        """Films under the expected varnish as they are seen under others.
 
         Args:
             response: of the instrument.
             wavelengths: nm.
-            bodies: readings without varnish and without the outer surface's part.
+            bodies: readings without the outer surface's part.
         """
-        return under_varnish(response, bodies, self.mean_thickness * yellow(wavelengths))
-
-    def cover_at_random(
-        self,
-        response: FilmResponse,
-        wavelengths: Bands,
-        bodies: FilmCurves,
-    ) -> FilmCurves:
-        """Films under varnishes of different amounts and shapes; see `cover`."""
-        rng = np.random.default_rng(_SEED)
-        which = rng.choice(len(self.levels), len(bodies), p=self.chances)
-        thickness = rng.normal(np.array(self.levels)[which], np.array(self.spreads)[which])
-        decay = DECAY * np.exp(rng.normal(0.0, _DECAY_SPREAD, len(bodies)))
-        shape = np.stack([yellow(wavelengths, float(rate)) for rate in decay])
-        return under_varnish(response, bodies, np.maximum(thickness, 0.0)[:, None] * shape)
-
-    def exchange_at_random(
-        self,
-        response: FilmResponse,
-        wavelengths: Bands,
-        bodies: FilmCurves,
-    ) -> FilmCurves:
-        """Films under the expected varnish as they are seen under others; see `cover`."""
-        expected = self.mean_thickness * yellow(wavelengths)
-        bare = without_varnish(response, bodies, expected)
-        return self.cover_at_random(response, wavelengths, bare)
+        bare = without_varnish(response, bodies, self.expected(wavelengths))
+        return under_varnish(response, bare, self.at_random(wavelengths, len(bodies)))
 
     def differences(
-        self,
-        response: FilmResponse,
-        wavelengths: Bands,
-        bodies: FilmCurves,
+        self, response: FilmResponse, wavelengths: Bands, bodies: FilmCurves
     ) -> tuple[Float[np.ndarray, "draws features"], ...]:
-        """Change of each view of spectra by varnishes from the expected one; see `cover`."""
+        """Change of each view of spectra without varnish by varnishes from the expected one; see
+        `exchange_at_random`.
+        """
         repeated = np.repeat(bodies, _DRAWS, axis=0)
-        expected = self.cover(response, wavelengths, repeated)
-        varied = self.cover_at_random(response, wavelengths, repeated)
-        return tuple(
-            features - usual
-            for features, usual in zip(
-                views(wavelengths, varied), views(wavelengths, expected), strict=True
+        varied, expected = (
+            views(wavelengths, under_varnish(response, repeated, thickness))
+            for thickness in (
+                self.at_random(wavelengths, len(repeated)),
+                self.expected(wavelengths),
             )
         )
+        return tuple(features - usual for features, usual in zip(varied, expected, strict=True))
 
 
 def _of_amounts(**chances: float) -> Varnish:
