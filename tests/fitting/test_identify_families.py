@@ -135,7 +135,7 @@ def test_the_metric_finds_the_covariance_within_families():
     middles = rng.normal(0.0, 20.0, (40, 3))
     families = np.repeat(np.arange(40), 6)
     points = middles[families] + spread * rng.standard_normal((240, 3))
-    found = metric.learn_metric(points, families)
+    found = metric.learn_metric(points, families, points[:0], 25)
     # Distances within families are alike along all axes once they are whitened.
     white = found.place(points)
     apart = white - np.repeat([white[families == f].mean(axis=0) for f in range(40)], 6, 0)
@@ -148,7 +148,7 @@ def test_the_metric_finds_the_covariance_within_families():
 def test_a_metric_needs_two_paints_of_a_family():
     points = np.random.default_rng(0).normal(size=(4, 3))
     with refusal("give more exemplars"):
-        metric.learn_metric(points, np.arange(4))
+        metric.learn_metric(points, np.arange(4), points[:0], 25)
 
 
 def test_thick_films_are_those_of_the_solver():

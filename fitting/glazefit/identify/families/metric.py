@@ -106,15 +106,16 @@ def _log_t(squares: Float[np.ndarray, "*n"], dimensions: int) -> Float[np.ndarra
 def learn_metric(
     features: Float[np.ndarray, "exemplars features"],
     families: PerExemplar,
-    disturbances: Float[np.ndarray, "draws features"] | None = None,
-    components: int = 25,
+    disturbances: Float[np.ndarray, "draws features"],
+    components: int,
 ) -> Metric:
     """The metric of some exemplars.
 
     Args:
         features: of a spectrum of each paint.
         families: number of the family of each.
-        disturbances: differences that what lies on a paint may make besides, such as a varnish.
+        disturbances: differences that what lies on a paint may make besides, such as a varnish;
+            there may be none.
         components: principal components of the slopes that are compared, besides the level.
 
     Raises:
@@ -128,11 +129,9 @@ def learn_metric(
     project = np.asarray(block_diag(directions[: min(components, len(features) - 1)].T, 1.0))
     points = centred @ project
 
-    # What a varnish, say, adds to the differences between paints.
-    besides = np.zeros((points.shape[1], points.shape[1]))
-    if disturbances is not None:
-        projected = disturbances @ project
-        besides = projected.T @ projected / len(projected)
+    # What a varnish, say, adds to the differences between paints; without any, nothing.
+    projected = disturbances @ project
+    besides = projected.T @ projected / max(len(projected), 1)
 
     # The nearest exemplar depends on the metric, and the metric on the nearest ones.
     within = np.cov(points.T) + 1e-9 * np.eye(points.shape[1])

@@ -174,10 +174,12 @@ def _films_to_compare(
     one_of_each = slice(len(exemplars))
     bodies = pure.readings[one_of_each][taught]
     pure = cover(pure)
-    view_differences = (
-        [None, None] if varnish is None else varnish.differences(response, wavelengths, bodies)
-    )
     view_features = views(wavelengths, pure.readings[one_of_each])
+    view_differences = (
+        [features[:0] for features in view_features]
+        if varnish is None
+        else varnish.differences(response, wavelengths, bodies)
+    )
     metrics = tuple(
         learn_metric(
             values[taught],
