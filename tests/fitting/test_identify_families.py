@@ -282,8 +282,7 @@ def test_a_hidden_family_is_in_no_answer(found_search):
 def test_exemplars_of_a_source_that_is_left_out_are_not_compared(found_search):
     readings, rows = calibration.exemplars_as_readings(found_search)
     own = found_search.source_of[rows[:5]]
-    points = found_search._points(found_search.body(readings[:5]))
-    seen = found_search._evidence(points, own)
+    _, seen, _ = found_search.compare(readings[:5], own)
     of_members = np.append(found_search.source_of, -1)[found_search.compared.templates.members]
     for row, source in enumerate(own):
         assert np.isneginf(seen[row, (of_members == source).any(axis=1)]).all()

@@ -67,11 +67,8 @@ def calibrate(
     any_paint = []
     for some in pieces_of(np.arange(len(readings)), search.chunk):
         progress(int(some[0]), len(readings), "trying families")
-        body = search.body(readings[some])
-        points = search._points(body)
-        any_paint.append(search.compared.metrics[0].log_any_paint(points[0]))
-        evidence = search._evidence(points, sources[some])
-        possible = search._possible(body)
+        density, evidence, possible = search.compare(readings[some], sources[some])
+        any_paint.append(density)
         for power in POWERS:
             log_sets = search._sum_by_set(evidence, possible, power).logs
             log_odds[power].append(log_sets + search.log_prior)

@@ -27,6 +27,8 @@ from .templates import PerExemplar, Templates
 
 ReadSpectra: TypeAlias = Float[np.ndarray, "spectra bands"]
 """A spectrum a row, as it was read or without the surface's part."""
+Sources: TypeAlias = Int[np.ndarray, "spectra"]
+"""Number of the source whose exemplars are left out, for each spectrum."""
 PerTemplate: TypeAlias = Float[np.ndarray, "spectra templates"]
 """A number for each template, of each spectrum."""
 Possible: TypeAlias = Bool[np.ndarray, "spectra templates"]
@@ -149,7 +151,7 @@ class FamilySearch:
         self,
         readings: ReadSpectra,
         hidden: Bool[np.ndarray, "spectra families"] | None = None,
-        sources: Int[np.ndarray, "spectra"] | None = None,
+        sources: Sources | None = None,
     ) -> FamilyOdds:
         """Probabilities of all sets of families.
 
@@ -190,13 +192,9 @@ class FamilySearch:
         self,
         readings: ReadSpectra,
         hidden: Bool[np.ndarray, "spectra families"] | None,
-        sources: Int[np.ndarray, "spectra"] | None,
+        sources: Sources | None,
     ) -> FamilyOdds:
-        body = self.body(readings)
-        points = self._points(body)
-        any_paint = self.compared.metrics[0].log_any_paint(points[0])
-        evidence = self._evidence(points, sources)
-        possible = self._possible(body)
+        any_paint, evidence, possible = self.compare(readings, sources)
         sums = self._sum_by_set(evidence, possible, self.sureness.power)
         best, mean, sd = self._films_of_sets(sums, possible)
         log_sets = sums.logs + self.log_prior
@@ -214,6 +212,18 @@ class FamilySearch:
             fraction_sd=sd,
             evidence=evidence.max(axis=1),
         )
+
+    def compare(
+        self, readings: ReadSpectra, sources: Sources | None
+    ) -> tuple[PerSpectrum, PerTemplate, Possible]:
+        """Log density of readings as any paint (`Metric.log_any_paint`), evidence of all templates,
+        and which of these may have their colour; arguments as for `odds`.
+        """
+        films = self.compared
+        body = self.body(readings)
+        points = points_in(films.metrics, self.wavelengths[films.bands], body[:, films.bands])
+        any_paint = films.metrics[0].log_any_paint(points[0])
+        return any_paint, self._evidence(points, sources), self._possible(body)
 
     def gloss(self, readings: ReadSpectra) -> PerSpectrum:
         """Share of a smooth surface's reflection that is in each reading, 1 or less
@@ -261,20 +271,15 @@ class FamilySearch:
         families = np.append([name in names for name in self.families], True)
         return np.asarray(families[self.members[self.compared.sets]].all(axis=1))
 
-    def _points(self, body: ReadSpectra) -> list[Float[np.ndarray, "spectra components"]]:
-        """Readings without the surface's part, as points in the metric of each view."""
-        bands = self.compared.bands
-        return points_in(self.compared.metrics, self.wavelengths[bands], body[:, bands])
-
     def _evidence(
         self,
         points: Sequence[Float[np.ndarray, "spectra components"]],
-        sources: Int[np.ndarray, "spectra"] | None,
+        sources: Sources | None,
     ) -> PerTemplate:
         """Of all templates; -inf where one may not be used.
 
         Args:
-            points: of readings (`_points`).
+            points: of readings in the metric of each view.
             sources: as for `odds`.
         """
         films = self.compared
