@@ -63,16 +63,15 @@ def calibrate(
     weights = _weights(search, sources, truth)
 
     # A few readings at a time: log odds of all sets at each power.
-    log_odds: dict[float, list[np.ndarray]] = {power: [] for power in POWERS}
+    log_odds = []
     any_paint = []
     for some in pieces_of(np.arange(len(readings)), search.chunk):
         progress(int(some[0]), len(readings), "trying families")
         density, evidence, possible = search.compare(readings[some], sources[some])
         any_paint.append(density)
-        for power in POWERS:
-            log_sets = search._sum_by_set(evidence, possible, power).logs
-            log_odds[power].append(log_sets + search.log_prior)
-    by_power = {power: np.concatenate(chunks) for power, chunks in log_odds.items()}
+        logs = [search._sum_by_set(evidence, possible, power).logs for power in POWERS]
+        log_odds.append(np.array(logs) + search.log_prior)
+    by_power = dict(zip(POWERS, np.concatenate(log_odds, axis=1), strict=True))
 
     # First how sure one set is relative to others, among paints whose family is there.
     sureness = learn_power(

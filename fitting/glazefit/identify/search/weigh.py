@@ -52,8 +52,7 @@ def odds_of(measured: Measured, pool: Pool, prior: Prior) -> Odds:
         pool: their candidates.
         prior: what was expected.
     """
-    weight = pool.log_weight
-    return weigh(weight, _misfits(measured, pool, evidence_shares(weight)), prior)
+    return weigh(pool.log_weight, _misfits(measured, pool), prior)
 
 
 def weigh(weight: PerCandidate, misfits: Misfits, prior: Prior) -> Odds:
@@ -137,14 +136,11 @@ def _colour_difference(measured: Measured, computed: np.ndarray) -> np.ndarray:
     return off
 
 
-def _misfits(
-    measured: Measured,
-    pool: Pool,
-    share: PerCandidate,
-) -> Misfits:
+def _misfits(measured: Measured, pool: Pool) -> Misfits:
     """Misfits of the candidates of the largest share."""
     # The colour of a spectrum costs as much as its fit: those of 40 are compared.
-    chosen = np.argsort(-share, axis=1, kind="stable")[:, :40]
+    shares = evidence_shares(pool.log_weight)
+    chosen = np.argsort(-shares, axis=1, kind="stable")[:, :40]
     rows = np.arange(len(measured))[:, None]
     measured_readings = measured.readings[:, None]
     noise = np.mean(measured.noise_sd**2, axis=(1, 2))[:, None]
@@ -159,7 +155,7 @@ def _misfits(
 
     def place(values: np.ndarray) -> np.ndarray:
         """Values of these candidates among all, where the others' are infinite."""
-        out = np.full(share.shape, np.inf)
+        out = np.full(shares.shape, np.inf)
         out[rows, chosen] = values
         return out
 
