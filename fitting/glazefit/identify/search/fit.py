@@ -297,7 +297,7 @@ def prior_terms(
     gradient = share * total / spread**2 - concentration * (present.astype(logs.dtype) - m * share)
     outer = jnp.outer(share, share)
     hessian = outer / spread**2 + concentration * m * (jnp.diag(share) - outer)
-    return gradient, hessian + jnp.diag(jnp.where(present, 0.0, 1.0).astype(logs.dtype))
+    return gradient, hessian + jnp.diag((~present).astype(logs.dtype))
 
 
 def log_prior(

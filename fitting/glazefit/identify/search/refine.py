@@ -136,10 +136,12 @@ def refine(chunk: Chunk, pool: Pool) -> Pool:
         adjusted=pool.readings.copy(),
     )
     at = films.row, films.column
+    of_paints = (*at, slice(size))
+    absent = films.sets == NOBODY
     out.log_weight[at] = films.log_weight
-    out.covariance[(*at, slice(size), slice(size))] = films.covariance
-    out.logs[(*at, slice(size))] = np.where(films.sets == NOBODY, -np.inf, near.logs)
-    out.weighed[(*at, slice(size))] = np.where(films.sets == NOBODY, -np.inf, films.logs)
+    out.covariance[(*of_paints, slice(size))] = films.covariance
+    out.logs[of_paints] = np.where(absent, -np.inf, near.logs)
+    out.weighed[of_paints] = np.where(absent, -np.inf, films.logs)
     out.readings[at] = near.readings
     out.adjusted[at] = move_readings(chunk, near.readings, groups)
     return out
