@@ -18,7 +18,7 @@ from glazejax.spectra import Bands
 from ...film.model.optics import Optics
 from ...film.model.response import FilmResponse
 from ..families.templates import FilmCurves, coat_body
-from ..search.refine import FilmReadings
+from ..search.refine import FilmReadings, FilmSlopes
 from .arrangement import Arrangement
 
 FilmAmounts: TypeAlias = Float[np.ndarray, "films paints"]
@@ -83,7 +83,7 @@ class CoatedFilms(NamedTuple):
 
     def read_and_slopes(
         self, arrangement: Arrangement, amounts: FilmAmounts
-    ) -> tuple[FilmReadings, Float[np.ndarray, "films errors readings"]]:
+    ) -> tuple[FilmReadings, FilmSlopes]:
         """Readings, and their slopes by the log of every paint's k, then s."""
         paints = range(amounts.shape[1])
         # The amounts as they are, then with more of each paint's k, then with more of its s.

@@ -4,6 +4,7 @@ over one ground or several; and coats as candidates.
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import TypeAlias
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -27,6 +28,8 @@ from .choose_sets import best_sets, nearest_pairs
 from .evidence import coefficient_sd, weigh_arrangement
 from .readings import CoatedFilms, grid_readings
 
+Chances: TypeAlias = Float[np.ndarray, "ways"]
+"""Probability of each way in which paints may lie."""
 # Share of readings whose evidence says nothing of how their paints lie: nearly twice that of the
 # decided answers of `benchmarks.paintbench --coats` that were wrong while it was taken to be none.
 _WORTHLESS = 0.2
@@ -170,9 +173,7 @@ def _weigh_set(
     )
 
 
-def _ways(
-    size: int, options: IdentificationOptions
-) -> tuple[list[Arrangement], Float[np.ndarray, "ways"]]:
+def _ways(size: int, options: IdentificationOptions) -> tuple[list[Arrangement], Chances]:
     """Ways in which some of a set's paints may lie, and their prior probabilities."""
     prior = options.prior or Prior()
     alone = [Arrangement(((paint,),)) for paint in range(size)]
@@ -209,7 +210,7 @@ def coats_of_families(
 def _odds_of(
     names: Sequence[str],
     arrangements: Sequence[Arrangement],
-    chances: Float[np.ndarray, "ways"],
+    chances: Chances,
     reason: str,
 ) -> CoatsOdds:
     """Odds of one set by those of the ways in which its paints may lie."""
@@ -277,7 +278,7 @@ def _odds(
     return tuple(out)
 
 
-def _reason(weighed: WeighedSet, chances: Float[np.ndarray, "ways"], number: int) -> str:
+def _reason(weighed: WeighedSet, chances: Chances, number: int) -> str:
     """Give the reason why a spectrum does not show whether there is more than one coat; empty where
     it does.
     """

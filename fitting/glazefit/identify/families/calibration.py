@@ -15,7 +15,7 @@ from glazejax.radiative.common.chunks import pieces_of
 from ...film.numerics.weighted import numbers_at
 from ..result.groups import COLOURLESS, group_of
 from .search import FamilySearch
-from .sureness import Sureness, log_densities
+from .sureness import PerFamilySet, Sureness, log_densities
 from .templates import FilmCurves, PerExemplar
 
 POWERS = (0.15, 0.2, 0.25, 0.33, 0.5, 0.75)
@@ -94,7 +94,7 @@ def calibrate(
 
 def learn_power(
     log_sets: Mapping[float, Float[np.ndarray, "readings sets"]],
-    log_prior: Float[np.ndarray, "sets"],
+    log_prior: PerFamilySet,
     correct: Bool[np.ndarray, "readings sets"],
     weights: Float[np.ndarray, "readings"],
 ) -> Sureness:

@@ -20,8 +20,8 @@ from scipy.linalg import block_diag
 
 from .templates import PerExemplar
 
-Covariance: TypeAlias = Float[np.ndarray, "n n"]
-"""A covariance, or a root of its inverse."""
+Covariance: TypeAlias = Float[np.ndarray, "components components"]
+"""Of components: a covariance, or a root of its inverse."""
 # How much of a covariance is taken from its diagonal alone (Ledoit and Wolf's shrinkage, fixed).
 _SHRINKAGE = 0.2
 # Degrees of freedom of Student's t: some paints are much further from their kind than others.
@@ -47,10 +47,10 @@ class Metric:
 
     mean: Float[np.ndarray, "features"]
     project: Float[np.ndarray, "features components"]
-    whiten: Float[np.ndarray, "components components"]
+    whiten: Covariance
     middle: Float[np.ndarray, "components"]
     log_volume: float
-    spread: Float[np.ndarray, "components components"]
+    spread: Covariance
 
     def place(
         self, features: Float[np.ndarray, "*n features"]
@@ -158,7 +158,7 @@ def _within_families(
     points: Float[np.ndarray, "exemplars components"],
     white: Float[np.ndarray, "exemplars components"],
     families: PerExemplar,
-) -> Float[np.ndarray, "components components"]:
+) -> Covariance:
     """Covariance of differences to the nearest other exemplar of the same family."""
     total = np.zeros((points.shape[1], points.shape[1]))
     weight = 0.0

@@ -22,7 +22,7 @@ from ..result.groups import COLOURLESS, GROUPS, answer_of
 from ..search.pool import NOBODY, PerSpectrum
 from .features import colours, surface_in, views, with_one_gloss
 from .metric import Metric, as_columns, squares_between
-from .sureness import PerSet, Sureness
+from .sureness import PerFamilySet, PerSet, Sureness
 from .templates import PerExemplar, Templates
 
 ReadSpectra: TypeAlias = Float[np.ndarray, "spectra bands"]
@@ -141,7 +141,7 @@ class FamilySearch:
     family_of: PerExemplar
     source_of: PerExemplar
     members: Int[np.ndarray, "sets 2"]
-    log_prior: Float[np.ndarray, "sets"]
+    log_prior: PerFamilySet
     unknown: float
     compared: Compared
     surface: float

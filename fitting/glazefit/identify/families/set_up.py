@@ -26,7 +26,7 @@ from .features import colours, views
 from .metric import Metric, as_columns, learn_metric
 from .search import Compared, FamilySearch, points_in
 from .stand_ins import with_stand_ins
-from .sureness import Sureness
+from .sureness import PerFamilySet, Sureness
 from .templates import (
     Coefficients,
     FilmCurves,
@@ -237,7 +237,7 @@ def _points(
 
 def _log_prior(
     members: Int[np.ndarray, "sets 2"], sizes: Sequence[float], families: Sequence[str]
-) -> Float[np.ndarray, "sets"]:
+) -> PerFamilySet:
     """Log prior probability of each set: sets of one kind share theirs by how common their families
     are in paint.
     """

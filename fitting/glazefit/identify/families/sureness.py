@@ -18,8 +18,10 @@ from scipy.special import expit, logit, logsumexp, softmax
 
 from ..search.pool import PerSpectrum
 
+PerFamilySet: TypeAlias = Float[np.ndarray, "sets"]
+"""A number for each set of families."""
 PerSet: TypeAlias = Float[np.ndarray, "spectra sets"]
-"""A number for each set of families, of each spectrum."""
+"""A number for each of these sets, of each spectrum."""
 # Log evidence of a reading that no set may explain.
 _NOTHING = -700.0
 WORTHLESS = 0.01

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ...film.model.errors import model_correlation
+from .table import FlatReadings
 from .task import TYPICAL_READING, IdentificationTask, Measured, OverGrounds
 
 Covariances: TypeAlias = Float[np.ndarray, "spectra readings readings"]
@@ -29,7 +30,7 @@ class Chunk:
         return len(self.spectra)
 
     @cached_property
-    def target(self) -> Float[np.ndarray, "spectra readings"]:
+    def target(self) -> FlatReadings:
         """Readings without the mean surface: what a candidate's film is to meet."""
         return self.spectra.flat - self.task.mean_surface
 
@@ -73,7 +74,7 @@ class Chunk:
         dark = 0.1 + self.spectra.flat / TYPICAL_READING
         return self._smooth(self.task.discrepancy.screening * dark)
 
-    def _smooth(self, amplitude: Float[np.ndarray, "spectra readings"]) -> Covariances:
+    def _smooth(self, amplitude: FlatReadings) -> Covariances:
         d = self.task.discrepancy
         grounds = self.spectra.readings.shape[1]
         correlation = model_correlation(self.task.wavelengths, grounds, d.length, d.shared)

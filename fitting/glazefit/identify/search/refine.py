@@ -34,6 +34,8 @@ from .task import IdentificationTask
 
 FilmReadings: TypeAlias = Float[np.ndarray, "films readings"]
 """Readings of each film over all grounds in one row."""
+FilmSlopes: TypeAlias = Float[np.ndarray, "films errors readings"]
+"""Slopes of each film's readings by the log of its paints' k, then s."""
 # Films whose errors are worked out together.
 _ERRORS = 32
 
@@ -152,7 +154,7 @@ def slopes_at(
     sets: FilmSets,
     logs: FilmLogs,
     row: FilmNumbers,
-) -> Float[np.ndarray, "films errors readings"]:
+) -> FilmSlopes:
     """`film_slopes` of any number of films, over the grounds of their spectra, which `row`
     numbers.
     """
@@ -231,7 +233,7 @@ def fit_with_errors(
 def _group(
     task: IdentificationTask,
     films: CandidateFilms,
-    slopes: Float[np.ndarray, "films errors readings"],
+    slopes: FilmSlopes,
 ) -> Groups:
     """Films by their paints but for traces; the most probable of each group stands for it."""
     size = films.sets.shape[1]

@@ -26,6 +26,7 @@ from .table import (
     ALIKE,
     Block,
     FilmTable,
+    Grounds,
     NearestSets,
     Paints,
     WhiteningMatrix,
@@ -47,7 +48,7 @@ _TABLES: dict[Hashable, FilmTable] = {}
 _TABLES_LOCK = threading.Lock()
 
 
-def table_over(task: IdentificationTask, ground: Float[np.ndarray, "grounds bands"]) -> FilmTable:
+def table_over(task: IdentificationTask, ground: Grounds) -> FilmTable:
     """Films over a ground, which searches of the same paints by the same instrument share.
 
     A table over another ground, however near, would make the answer depend on what was asked
@@ -74,7 +75,7 @@ def table_over(task: IdentificationTask, ground: Float[np.ndarray, "grounds band
 
 def alike_grounds(
     grounds: OverGrounds,
-) -> list[tuple[RowNumbers, Float[np.ndarray, "grounds bands"]]]:
+) -> list[tuple[RowNumbers, Grounds]]:
     """Groups of spectra with nearly the same grounds: their numbers and their mean ground."""
     remaining = np.arange(len(grounds))
     groups = []

@@ -25,6 +25,10 @@ from .pool import NOBODY
 
 WhiteningMatrix: TypeAlias = Float[np.ndarray, "readings readings"]
 """W, so that errors common to all films are |W r|^2."""
+FlatReadings: TypeAlias = Float[np.ndarray, "spectra readings"]
+"""Readings of each spectrum over all grounds in one row."""
+Grounds: TypeAlias = Float[np.ndarray, "grounds bands"]
+"""Internal reflectance of each ground below a film."""
 Block: TypeAlias = Int[np.ndarray, "block"]
 """Numbers of the films, or of the spectra, that are computed together."""
 COMPONENTS = 20
@@ -115,7 +119,7 @@ class FilmTable(NamedTuple):
     white: WhiteningMatrix
     sizes: tuple[TableOfSize, ...]
 
-    def nearest(self, target: Float[np.ndarray, "spectra readings"], keep: int) -> "NearestSets":
+    def nearest(self, target: FlatReadings, keep: int) -> "NearestSets":
         """Sets that come nearest to each spectrum, those of one paint before those of two.
 
         Args:
@@ -157,7 +161,7 @@ def film_table(
     paints: Paints,
     largest: int,
     spread: float,
-    ground: Float[np.ndarray, "grounds bands"],
+    ground: Grounds,
     white: WhiteningMatrix,
 ) -> FilmTable:
     """Films of all sets of one paint, and of two if `largest` is more than one.

@@ -16,7 +16,7 @@ from ...film.model.errors import ModelError, Prior
 from ...film.model.optics import Optics
 from ...film.model.response import FilmResponse
 from ...film.shared_bands import means_of_steps
-from .table import Paints
+from .table import FlatReadings, Paints
 
 OverGrounds: TypeAlias = Float[np.ndarray, "spectra grounds bands"]
 """Spectra of films over each of their grounds."""
@@ -123,7 +123,7 @@ class Measured:
         return [np.array(group) for group in rows.values()]
 
     @property
-    def flat(self) -> Float[np.ndarray, "spectra readings"]:
+    def flat(self) -> FlatReadings:
         """Readings over all grounds in one row."""
         return self.readings.reshape(len(self), -1)
 
