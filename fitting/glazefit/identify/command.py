@@ -107,17 +107,13 @@ def identify(
     thickness: options.Thickness = "25um",
     top: Annotated[
         int,
-        typer.Option(
-            callback=options.between(1),
-            help="Number of explanations for each spectrum.",
-        ),
+        typer.Option(callback=options.between(1), help="Number of explanations for each spectrum."),
     ] = 5,
     csv: options.Csv = None,
     residuals: Annotated[
         Path | None,
         options.option(
-            metavar="FILE",
-            help="Also write a table of measured, fitted and residual spectra.",
+            metavar="FILE", help="Also write a table of measured, fitted and residual spectra."
         ),
     ] = None,
     out: options.PictureIfNamed = None,
@@ -247,12 +243,7 @@ def _identify(
         from .show.page import write_page
 
         about = _about(
-            typed,
-            task=task,
-            search=search,
-            searched=search_options,
-            inputs=inputs,
-            subject=subject,
+            typed, task=task, search=search, searched=search_options, inputs=inputs, subject=subject
         )
         if not search.by_family:
             from .search.searcher import Searcher

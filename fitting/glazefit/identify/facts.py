@@ -25,11 +25,7 @@ def _check_elements(text: str) -> None:
 
 
 def _symbols(text: str) -> Any:
-    return options.option(
-        metavar="SYMBOLS",
-        callback=options.checked(_check_elements),
-        help=text,
-    )
+    return options.option(metavar="SYMBOLS", callback=options.checked(_check_elements), help=text)
 
 
 Elements = Annotated[

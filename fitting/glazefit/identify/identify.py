@@ -127,9 +127,7 @@ def identify(
 
 
 def identify_films(
-    films: Films,
-    pigments: Pigments,
-    **options: Unpack[IdentificationKeywords],
+    films: Films, pigments: Pigments, **options: Unpack[IdentificationKeywords]
 ) -> Identification:
     """Identify as `identify` does films over a black and a white card that were measured bare.
 
@@ -152,12 +150,7 @@ def identify_films(
         ground = ground_from_air(films.bare_cards, seen_by)
     options["instrument"] = seen_by
     return identify(
-        films.wavelengths,
-        films.over_cards,
-        pigments,
-        ground=ground,
-        names=films.names,
-        **options,
+        films.wavelengths, films.over_cards, pigments, ground=ground, names=films.names, **options
     )
 
 

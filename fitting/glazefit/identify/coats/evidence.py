@@ -215,10 +215,7 @@ def weigh_arrangement(
 
 
 def _covariance(
-    table: GridReadings,
-    count: int,
-    deviations: PaintCurves,
-    wavelengths: Bands,
+    table: GridReadings, count: int, deviations: PaintCurves, wavelengths: Bands
 ) -> Float[np.ndarray, "nodes readings readings"]:
     """Of the readings at each node of the coarse grid, gain and patches aside."""
     readings = table.readings.shape[-1]
@@ -296,8 +293,7 @@ def _log_likelihood(
 
 
 def _log_patch(
-    length: Float[np.ndarray, "nodes block #films"],
-    product: FilmsAtPlaces,
+    length: Float[np.ndarray, "nodes block #films"], product: FilmsAtPlaces
 ) -> FilmsAtPlaces:
     """Log of the integral over a share above 0, half a Gaussian a priori, of how much better it
     meets a film.

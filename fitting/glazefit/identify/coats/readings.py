@@ -168,9 +168,7 @@ def _patches(
 
 
 def _solve(
-    depths: Float[np.ndarray, "2 films bands coats"],
-    ground: Bands,
-    optics: Optics,
+    depths: Float[np.ndarray, "2 films bands coats"], ground: Bands, optics: Optics
 ) -> FilmCurves:
     """Reflectance of stacks, k d and s d of their coats."""
     shape = depths.shape[1:3]

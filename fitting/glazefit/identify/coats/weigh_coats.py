@@ -208,10 +208,7 @@ def coats_of_families(
 
 
 def _odds_of(
-    names: Sequence[str],
-    arrangements: Sequence[Arrangement],
-    chances: Chances,
-    reason: str,
+    names: Sequence[str], arrangements: Sequence[Arrangement], chances: Chances, reason: str
 ) -> CoatsOdds:
     """Odds of one set by those of the ways in which its paints may lie."""
     several = [len(arrangement.coats) > 1 for arrangement in arrangements]

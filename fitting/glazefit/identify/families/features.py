@@ -46,10 +46,7 @@ def views(wavelengths: Bands, readings: Reflectances) -> tuple[SpectrumFeatures,
 
     Args and shapes as for `features`.
     """
-    return (
-        features(wavelengths, readings),
-        features(wavelengths, with_one_gloss(readings)),
-    )
+    return features(wavelengths, readings), features(wavelengths, with_one_gloss(readings))
 
 
 def surface_in(readings: Float[np.ndarray, "n bands"], surface: float) -> Float[np.ndarray, "n"]:

@@ -69,9 +69,7 @@ class Compared:
 
 
 def points_in(
-    metrics: Sequence[Metric],
-    wavelengths: Bands,
-    readings: Float[np.ndarray, "n bands"],
+    metrics: Sequence[Metric], wavelengths: Bands, readings: Float[np.ndarray, "n bands"]
 ) -> list[Float[np.ndarray, "n components"]]:
     """Readings without the surface's part as points in the metric of each view."""
     features = views(wavelengths, readings)
@@ -234,9 +232,7 @@ class FamilySearch:
         return surface_in(readings, self.surface) / self.surface
 
     def films(
-        self,
-        templates: Int[np.ndarray, "spectra films"],
-        readings: ReadSpectra,
+        self, templates: Int[np.ndarray, "spectra films"], readings: ReadSpectra
     ) -> Float[np.ndarray, "spectra films compared"]:
         """Readings of computed films with as much gloss as is in each reading, at the bands that
         are compared.
@@ -272,9 +268,7 @@ class FamilySearch:
         return np.asarray(families[self.members[self.compared.sets]].all(axis=1))
 
     def _evidence(
-        self,
-        points: Sequence[Float[np.ndarray, "spectra components"]],
-        sources: Sources | None,
+        self, points: Sequence[Float[np.ndarray, "spectra components"]], sources: Sources | None
     ) -> PerTemplate:
         """Of all templates; -inf where one may not be used.
 
@@ -295,12 +289,7 @@ class FamilySearch:
             evidence = np.where(same_source, -np.inf, evidence)
         return evidence
 
-    def _sum_by_set(
-        self,
-        evidence: PerTemplate,
-        possible: Possible,
-        power: float,
-    ) -> "_SetSums":
+    def _sum_by_set(self, evidence: PerTemplate, possible: Possible, power: float) -> "_SetSums":
         """Evidence of templates, tempered by a power, averaged over each set's."""
         starts, counts = self._by_set
         tempered = power * evidence
@@ -321,11 +310,7 @@ class FamilySearch:
 
     def _films_of_sets(
         self, sums: "_SetSums", possible: Possible
-    ) -> tuple[
-        Int[np.ndarray, "spectra sets"],
-        PerSet,
-        PerSet,
-    ]:
+    ) -> tuple[Int[np.ndarray, "spectra sets"], PerSet, PerSet]:
         """Best template of each set, of the reading's colour where one is; mean and standard
         deviation of the fraction of its first family.
         """

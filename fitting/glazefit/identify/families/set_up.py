@@ -195,11 +195,7 @@ def _films_to_compare(
     groups = [pure]
     if mixed:
         mixtures = mixed_templates(
-            k_and_s,
-            families,
-            metrics[0].place(view_features[0]),
-            response,
-            ground,
+            k_and_s, families, metrics[0].place(view_features[0]), response, ground
         )
         groups.append(cover(mixtures))
     templates = Templates.join(groups)
@@ -224,9 +220,7 @@ def _films_to_compare(
 
 
 def _points(
-    wavelengths: Bands,
-    readings: FilmCurves,
-    metrics: Sequence[Metric],
+    wavelengths: Bands, readings: FilmCurves, metrics: Sequence[Metric]
 ) -> tuple[Float[np.ndarray, "components+2 films"], ...]:
     """Points of films in each metric (`as_columns`), some films at a time: they have far more
     features.

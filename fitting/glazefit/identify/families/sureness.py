@@ -47,11 +47,7 @@ class Sureness:
     intercept: float = 0.0
     least: float = -np.inf
 
-    def share(
-        self,
-        log_sets: PerSet,
-        log_prior: Float[np.ndarray, "#spectra sets"],
-    ) -> PerSet:
+    def share(self, log_sets: PerSet, log_prior: Float[np.ndarray, "#spectra sets"]) -> PerSet:
         """Probabilities of sets, if it is one of them.
 
         Args:
@@ -72,12 +68,7 @@ class Sureness:
         """
         return log_sum(log_sets) < self.least
 
-    def none(
-        self,
-        log_sets: PerSet,
-        any_paint: PerSpectrum,
-        unknown: float,
-    ) -> PerSpectrum:
+    def none(self, log_sets: PerSet, any_paint: PerSpectrum, unknown: float) -> PerSpectrum:
         """Probability that a reading is of none of the families.
 
         Args:

@@ -108,9 +108,7 @@ def most_films(exemplars: int, families: int, *, opaque: bool, mixed: bool) -> i
 
 
 def pure_templates(
-    coefficients: Coefficients,
-    response: FilmResponse,
-    ground: Bands | None,
+    coefficients: Coefficients, response: FilmResponse, ground: Bands | None
 ) -> Templates:
     """Films of one exemplar each.
 

@@ -81,9 +81,7 @@ class Chunk:
         return amplitude[:, :, None] * amplitude[:, None] * correlation
 
 
-def diagonal_covariance(
-    sd: OverGrounds,
-) -> Covariances:
+def diagonal_covariance(sd: OverGrounds) -> Covariances:
     """Covariance of independent errors."""
     flat = sd.reshape(len(sd), -1)
     return flat[..., None] ** 2 * np.eye(flat.shape[-1])

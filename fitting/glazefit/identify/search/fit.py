@@ -156,10 +156,7 @@ def fit_all(
 
 
 def pool_of(
-    task: IdentificationTask,
-    sets: np.ndarray,
-    fitted: Fitted,
-    coats: np.ndarray | None = None,
+    task: IdentificationTask, sets: np.ndarray, fitted: Fitted, coats: np.ndarray | None = None
 ) -> Pool:
     """Fitted candidates with room for three paints each."""
     size = sets.shape[-1]

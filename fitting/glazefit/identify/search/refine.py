@@ -149,12 +149,7 @@ def refine(chunk: Chunk, pool: Pool) -> Pool:
     return out
 
 
-def slopes_at(
-    chunk: Chunk,
-    sets: FilmSets,
-    logs: FilmLogs,
-    row: FilmNumbers,
-) -> FilmSlopes:
+def slopes_at(chunk: Chunk, sets: FilmSets, logs: FilmLogs, row: FilmNumbers) -> FilmSlopes:
     """`film_slopes` of any number of films, over the grounds of their spectra, which `row`
     numbers.
     """
@@ -230,11 +225,7 @@ def fit_with_errors(
     return films, groups, errors
 
 
-def _group(
-    task: IdentificationTask,
-    films: CandidateFilms,
-    slopes: FilmSlopes,
-) -> Groups:
+def _group(task: IdentificationTask, films: CandidateFilms, slopes: FilmSlopes) -> Groups:
     """Films by their paints but for traces; the most probable of each group stands for it."""
     size = films.sets.shape[1]
     effect = np.sqrt(np.mean(slopes**2, axis=-1))
@@ -307,11 +298,7 @@ def near_errors(chunk: Chunk) -> Whitening:
     return whitening(chunk.tolerance_covariance)
 
 
-def move_readings(
-    chunk: Chunk,
-    readings: FilmReadings,
-    groups: Groups,
-) -> FilmReadings:
+def move_readings(chunk: Chunk, readings: FilmReadings, groups: Groups) -> FilmReadings:
     """Readings of films, changed by the most probable errors of their paints' k and s.
 
     A film of the right paints then agrees with what was measured; one of other paints does not.

@@ -73,9 +73,7 @@ def table_over(task: IdentificationTask, ground: Grounds) -> FilmTable:
         return table
 
 
-def alike_grounds(
-    grounds: OverGrounds,
-) -> list[tuple[RowNumbers, Grounds]]:
+def alike_grounds(grounds: OverGrounds) -> list[tuple[RowNumbers, Grounds]]:
     """Groups of spectra with nearly the same grounds: their numbers and their mean ground."""
     remaining = np.arange(len(grounds))
     groups = []

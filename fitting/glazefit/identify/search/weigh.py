@@ -87,9 +87,7 @@ def weigh(weight: PerCandidate, misfits: Misfits, prior: Prior) -> Odds:
     return Odds(candidates=odds, none=none, misfit=misfit, rejected=rejected, misfits=misfits)
 
 
-def evidence_shares(
-    weight: PerCandidate,
-) -> PerCandidate:
+def evidence_shares(weight: PerCandidate) -> PerCandidate:
     """Probability of each candidate before its misfit counts, if the film is of the catalogue's
     paints; none of one whose log weight is not finite.
     """

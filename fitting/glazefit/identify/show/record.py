@@ -112,11 +112,7 @@ def _spot(identification: Identification, bands: np.ndarray, row: int, top: int)
             for rank, candidate in enumerate(ranked, start=1)
         ],
         "ruled_out": [
-            {
-                **paint._asdict(),
-                "delta_e": _number(paint.delta_e),
-                "rmse": _number(paint.rmse),
-            }
+            {**paint._asdict(), "delta_e": _number(paint.delta_e), "rmse": _number(paint.rmse)}
             for paint in ruled_out(identification, row)
         ],
     }
@@ -190,9 +186,7 @@ def _numbers(values: np.ndarray) -> list[float] | None:
     return [float(value) for value in values] if np.isfinite(values).all() else None
 
 
-def round_spectra(
-    spectra: Float[np.ndarray, "grounds bands"],
-) -> list[list[float | None]]:
+def round_spectra(spectra: Float[np.ndarray, "grounds bands"]) -> list[list[float | None]]:
     """Spectra with as many digits as are filed; what is not known at a band is None there."""
     # Six digits separate spectra in the JSON.
     return [[_number(x) for x in line] for line in np.round(spectra, 6).tolist()]
