@@ -26,7 +26,7 @@ def best_sets(identification: Identification, row: int, max_coats: int) -> list[
     chances: dict[tuple[int, ...], float] = {}
     candidates = identification.members[row]
     for candidate, chance in zip(candidates, identification.probability[row], strict=True):
-        paint_set = tuple(sorted(int(member) for member in candidate if member != NOBODY))
+        paint_set = tuple(sorted(candidate[candidate != NOBODY].tolist()))
         if len(paint_set) > 1 and chance > 0:
             chances[paint_set] = chances.get(paint_set, 0.0) + float(chance)
     likely = np.argsort(-identification.paint_probability[row], kind="stable")
@@ -37,7 +37,7 @@ def best_sets(identification: Identification, row: int, max_coats: int) -> list[
         }
         if not of_size and len(likely) >= size:
             # None was kept: the paints that are most probable, whatever accompanies them.
-            of_size = {tuple(sorted(int(paint) for paint in likely[:size])): 1.0}
+            of_size = {tuple(sorted(likely[:size].tolist())): 1.0}
         total = sum(of_size.values())
         best = sorted(of_size, key=lambda paint_set: -of_size[paint_set])
         # Two pairs, or one set of three, of those with a twentieth of all of their size.

@@ -120,10 +120,9 @@ def log_prior(arrangement: Arrangement) -> Float[np.ndarray, "nodes block"]:
     """
     paints = arrangement.paints
     logs = _finer_amounts(len(paints))
-    column = {paint: number for number, paint in enumerate(paints)}
     out = np.zeros(logs.shape[:2])
     for coat in arrangement.coats:
-        coat_logs = logs[..., [column[paint] for paint in coat]]
+        coat_logs = logs[..., [paints.index(paint) for paint in coat]]
         log_total = np.asarray(logsumexp(coat_logs, axis=-1))
         out -= 0.5 * (log_total / ERRORS.spread) ** 2
         # From fractions to logs of amounts: a factor of each fraction.
@@ -140,30 +139,29 @@ def _axis(count: int) -> tuple[Float[np.ndarray, "nodes"], Float[np.ndarray, "no
 
 
 def _in_blocks(
-    box: Float[np.ndarray, "..."], count: int, values: int
+    box: Float[np.ndarray, "... values"], count: int
 ) -> Float[np.ndarray, "nodes block values"]:
     """Values on the whole finer grid, node by node of the coarse one."""
     coarse, finer = NODES[count], _FINER[count]
-    split = box.reshape(*[size for _ in range(count) for size in (coarse, finer)], values)
+    split = box.reshape(*[coarse, finer] * count, -1)
     nodes_first = [2 * axis for axis in range(count)] + [2 * axis + 1 for axis in range(count)]
-    return split.transpose(*nodes_first, 2 * count).reshape(coarse**count, finer**count, values)
+    return split.transpose(*nodes_first, 2 * count).reshape(coarse**count, finer**count, -1)
 
 
 def _finer_amounts(count: int) -> Float[np.ndarray, "nodes block paints"]:
     along = _axis(count)[1].ravel()
     grid = np.meshgrid(*[along] * count, indexing="ij")
-    return _in_blocks(np.stack(grid, axis=-1), count, count)
+    return _in_blocks(np.stack(grid, axis=-1), count)
 
 
 def _finer(values: Float[np.ndarray, "nodes bands"], count: int) -> ReadingsAtPlaces:
     """Values at the coarse nodes, by cubic splines on the finer grid."""
-    bands = values.shape[-1]
     nodes, finer_nodes = _axis(count)
     weights = make_interp_spline(nodes, np.eye(nodes.size))(finer_nodes.ravel())
-    box = values.reshape(*[nodes.size] * count, bands)
+    box = values.reshape(*[nodes.size] * count, -1)
     for axis in range(count):
         box = np.moveaxis(np.tensordot(weights, box, axes=(1, axis)), 0, axis)
-    return _in_blocks(box, count, bands)
+    return _in_blocks(box, count)
 
 
 def weigh_arrangement(
