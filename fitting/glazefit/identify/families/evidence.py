@@ -6,7 +6,7 @@ been retouched, so nothing is ruled out.
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -77,14 +77,20 @@ def with_facts(
     """
     if not elements and not absent and painted is None:
         return search
-    about = catalogue.families()
-    # Nothing is known of a family of own references that the catalogue does not have.
-    sets = [[about[name] for name in names if name in about] for names in search.sets]
+    sets = [facts_of(names) for names in search.sets]
     # Compared with a film of no pigment that is known, of which elements say nothing.
     fits = log_odds_of_elements(sets, elements, absent)
     fits -= log_odds_of_elements([()], elements, absent)
     fits += log_odds_of_year(sets, painted)
     return replace(search, log_prior=search.log_prior + fits)
+
+
+def facts_of(names: Iterable[str]) -> list[Family]:
+    """Facts about families; names of groups, and of own references' families that the catalogue
+    does not have, are passed over.
+    """
+    about = catalogue.families()
+    return [about[name] for name in names if name in about]
 
 
 def log_odds_of_elements(
@@ -145,10 +151,9 @@ def describe_anachronism(families: Sequence[str], year: int | None) -> str:
     """
     if year is None:
         return ""
-    about = catalogue.families()
     periods = [
-        f"{name} was in use {about[name].in_use}"
-        for name in families
-        if name in about and not _in_use(about[name], year)
+        f"{family.name} was in use {family.in_use}"
+        for family in facts_of(families)
+        if not _in_use(family, year)
     ]
     return f"not of {year}: {'; '.join(periods)}" if periods else ""

@@ -8,7 +8,7 @@ import numpy as np
 
 from glazejax import catalogue
 
-from ..families.evidence import describe_anachronism
+from ..families.evidence import describe_anachronism, facts_of
 from ..families.misfit import UsualMisfit, brightest, relative_misfit
 from ..result import Identification
 from .explanation import Explanation, explanations
@@ -99,17 +99,15 @@ def _spot(
 
 def describe_pigments(names: Iterable[str]) -> list[Record]:
     """Describe families; names of groups are left out."""
-    families = catalogue.families()
     return [
         {
-            "family": family,
-            "formula": families[family].formula,
-            "elements": list(families[family].elements),
-            "colour_index": families[family].colour_index,
-            "in_use": families[family].in_use,
+            "family": family.name,
+            "formula": family.formula,
+            "elements": list(family.elements),
+            "colour_index": family.colour_index,
+            "in_use": family.in_use,
         }
-        for family in names
-        if family in families
+        for family in facts_of(names)
     ]
 
 

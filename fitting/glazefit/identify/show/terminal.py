@@ -13,7 +13,7 @@ from glazejax.io import write_table
 from glazejax.report import plain_table
 
 from ...page.words import chance
-from ..families.evidence import describe_anachronism
+from ..families.evidence import describe_anachronism, facts_of
 from ..result import Identification
 from ..result.groups import FamilySet
 from ..result.in_tests import has_infrared
@@ -57,18 +57,15 @@ def report_families(
         top: sets of families for each spectrum.
         painted: year, or None if it is not known.
     """
-    catalogue_families = catalogue.families()
     for row, name in enumerate(identification.measured.names):
         sets = identification.family_sets[row][:top]
         if identification.explained[row]:
             yield f"{name}: {sets[0].words}, {identification.stated_words(row)}"
         else:
             yield f"{name}: {identification.unexplained(row)}"
-        for family in sets[0].families if sets else ():
-            if family in catalogue_families:
-                about = catalogue_families[family]
-                facts = (about.formula, about.colour_index, f"in use {about.in_use}")
-                yield f"  {family}: {', '.join(f for f in facts if f != '-')}"
+        for family in facts_of(sets[0].families if sets else ()):
+            facts = (family.formula, family.colour_index, f"in use {family.in_use}")
+            yield f"  {family.name}: {', '.join(f for f in facts if f != '-')}"
         if sets and (sentence := describe_anachronism(sets[0].families, painted)):
             yield f"  {sentence}"
         # Below half a per cent an answer is none that anybody would look into.
