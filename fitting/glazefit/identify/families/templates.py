@@ -84,12 +84,7 @@ def usual_coat(pigments: Sequence[Pigment]) -> float:
     """Thickness at which the median exemplar scatters twice on the way through, each by its median
     over the bands, m.
     """
-    scattering = np.stack([np.median(np.asarray(pigment.scattering)) for pigment in pigments])
-    return usual_thickness(scattering[:, None])
-
-
-def usual_thickness(scattering: Float[np.ndarray, "exemplars bands"]) -> float:
-    """Thickness at which the median exemplar scatters twice on the way through, m."""
+    scattering = [np.median(np.asarray(pigment.scattering)) for pigment in pigments]
     return float(2.0 / np.median(scattering))
 
 
@@ -178,7 +173,8 @@ def _over(
     levels: Sequence[float],
 ) -> Templates:
     """Films of these mixtures at some thicknesses, in usual ones."""
-    usual = usual_thickness(coefficients[1])
+    # The median of all scatters twice on the way through.
+    usual = float(2.0 / np.median(coefficients[1]))
     below = np.full(coefficients.shape[-1], LIGHT_GROUND) if ground is None else ground
     # Coefficients add by mass.
     k, s = (np.einsum("fm,fmb->fb", fractions, values[members]) for values in coefficients)
