@@ -84,36 +84,30 @@ class Searcher(NamedTuple):
         prior = options.prior or Prior()
         grid = validate_wavelengths(wavelengths)
         resampled = check_pigments(pigments, grid)
-        largest = min(options.max_paints, len(resampled))
-        response = film_response(instrument)
-        extenders = find_extenders(resampled, prior.thickness)
-        errors = relative_errors(resampled, discrepancy)
-        modes = error_modes(resampled, discrepancy).astype(np.float32)
-        noise = options.noise or Noise()
-        tasks = {}
-        for hidden, expected in ((True, opaque_prior(prior, resampled)), (False, prior)):
-            tasks[hidden] = IdentificationTask(
-                response=response,
-                paints=paints_of(resampled, expected.thickness),
-                errors=errors,
-                modes=modes,
-                wavelengths=grid,
-                optics=Optics.of(instrument),
-                surface=instrument.seen_surface,
-                noise=noise,
-                discrepancy=discrepancy,
-                prior=expected,
-                extenders=extenders,
-                max_paints=largest,
-                effort=THOROUGH if options.thorough else USUAL,
-            )
+        showing = IdentificationTask(
+            response=film_response(instrument),
+            paints=paints_of(resampled, prior.thickness),
+            errors=relative_errors(resampled, discrepancy),
+            modes=error_modes(resampled, discrepancy).astype(np.float32),
+            wavelengths=grid,
+            optics=Optics.of(instrument),
+            surface=instrument.seen_surface,
+            noise=options.noise or Noise(),
+            discrepancy=discrepancy,
+            prior=prior,
+            extenders=find_extenders(resampled, prior.thickness),
+            max_paints=min(options.max_paints, len(resampled)),
+            effort=THOROUGH if options.thorough else USUAL,
+        )
+        thick = opaque_prior(prior, resampled)
+        hiding = showing._replace(paints=paints_of(resampled, thick.thickness), prior=thick)
         averaged = None
         step = max(SEARCHED, float(np.ptp(grid)) / _MOST_BANDS)
         mean = means_of_steps(grid, step)
         if mean is not None:
             averaged = cls.of(grid @ mean, pigments, options, opaque=opaque), step
         return cls(
-            tasks=tasks,
+            tasks={False: showing, True: hiding},
             opaque=opaque,
             paints=tuple(p.name for p in resampled),
             varnish=options.varnish or "unknown",
@@ -212,14 +206,13 @@ def check_spectra(
         ) from None
     # Spectra that are rougher than the stated noise are as noisy as they are rough.
     roughness = noise_of_each(readings).max(axis=-1)[:, None, None]
-    doubt = np.empty((len(readings), 0, *readings.shape[1:]))
     return Measured(
         names=labels,
         wavelengths=grid,
         readings=readings,
         grounds=below,
         noise_sd=np.maximum(noise.sd(readings), roughness),
-        doubt=doubt,
+        doubt=np.empty((len(readings), 0, *readings.shape[1:])),
     )
 
 
