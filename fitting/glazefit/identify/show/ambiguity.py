@@ -50,13 +50,8 @@ def describe_undecided(identification: Identification, row: int) -> str:
         (name for name, chance in chances.items() if 0.05 < chance < 0.95),
         key=lambda name: -chances[name],
     )
-    if not open_:
-        return ""
-    return (
-        "Not settled by this spectrum: "
-        + ", ".join(f"{name} ({chances[name]:.0%})" for name in open_)
-        + "."
-    )
+    words = ", ".join(f"{name} ({chances[name]:.0%})" for name in open_)
+    return f"Not settled by this spectrum: {words}." if words else ""
 
 
 def describe_additions(identification: Identification, row: int) -> str:
@@ -153,8 +148,8 @@ def _relies_on_spectrum_ends(
     """
     measured = identification.measured
     grid = measured.wavelengths
-    size = max(1, grid.size // 10)
-    if grid.size < 10:
+    size = grid.size // 10
+    if size == 0:
         return []
     usual = ModelError()
     sd = np.hypot(measured.noise_sd[row], usual.amplitude + usual.share * measured.readings[row])
@@ -166,7 +161,7 @@ def _relies_on_spectrum_ends(
     # Another candidate that fits the rest as well, and the whole much worse, hangs on this end.
     first_misses = misses(first)
     out = []
-    for what, end in (("first", slice(0, size)), ("last", slice(grid.size - size, None))):
+    for what, end in (("first", slice(size)), ("last", slice(-size, None))):
         for rival in rivals:
             theirs = misses(rival)
             equal_elsewhere = (
