@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from glazejax.spectra import Bands
+from glazejax.spectra import Bands, lie_between
 
 from .features import with_one_gloss
 
@@ -55,7 +55,7 @@ def misfit_of_right_answers(search: "FamilySearch") -> UsualMisfit | None:
         template = int(odds.best[row, first[row]])
         grid = np.asarray(search.exemplars[rows[row]].wavelengths)
         # Beyond the bands that an exemplar is known at, its reading is made up.
-        covered = (search.wavelengths >= grid[0]) & (search.wavelengths <= grid[-1]) & films.bands
+        covered = lie_between(search.wavelengths, grid[0], grid[-1]) & films.bands
         film = np.full(covered.size, np.nan)
         film[films.bands] = films.templates.readings[template] + search.surface
         film[~covered] = np.nan

@@ -188,9 +188,11 @@ def remove_varnish(
     brighter = without_varnish(response, body + 1e-4, optical_thickness * absorption)
     varnish_error = spread / 0.01 * (more_varnish - bare)
     slope = (brighter - bare) / 1e-4
-    doubt = varnish_error[:, None]
     changed = replace(
-        measured, readings=bare + surface, noise_sd=measured.noise_sd * slope, doubt=doubt
+        measured,
+        readings=bare + surface,
+        noise_sd=measured.noise_sd * slope,
+        doubt=varnish_error[:, None],
     )
     return changed, np.where(possible, slope, np.nan)
 
