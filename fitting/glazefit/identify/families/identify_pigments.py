@@ -54,7 +54,13 @@ def identify_families(
     log_odds_of_elements([], options.elements, options.without_elements)
     grid = validate_wavelengths(wavelengths)
     measured = check_spectra(grid, spectra, ground, names, options.noise or Noise())
-    _check_range(grid, pigments)
+    first = min(float(paint.wavelengths[0]) for paint in pigments)
+    last = max(float(paint.wavelengths[-1]) for paint in pigments)
+    if np.sum((grid >= first) & (grid <= last)) < 3:
+        raise ValueError(
+            f"the spectra have {describe_grid(grid)} and the pigments are known from {first:g} to "
+            f"{last:g} nm: no three bands lie there"
+        )
     grounds = measured.readings.shape[1]
     if grounds != 1:
         raise ValueError(
@@ -88,16 +94,6 @@ def usual_misfit(
     alone = replace(options, elements=(), without_elements=(), painted=None)
     search = prepare_search(identification.measured.wavelengths, pigments, alone, ground)
     return misfit_of_right_answers(search)
-
-
-def _check_range(grid: Bands, pigments: Sequence[Pigment]) -> None:
-    first = min(float(paint.wavelengths[0]) for paint in pigments)
-    last = max(float(paint.wavelengths[-1]) for paint in pigments)
-    if np.sum((grid >= first) & (grid <= last)) < 3:
-        raise ValueError(
-            f"the spectra have {describe_grid(grid)} and the pigments are known from {first:g} to "
-            f"{last:g} nm: no three bands lie there"
-        )
 
 
 _SEARCHES: dict[tuple[object, ...], FamilySearch] = {}

@@ -124,7 +124,13 @@ def references_of(
         ValueError: no film is understood, or their bands are too few.
     """
     exemplars = list(catalogue.load("pigments").values())
-    _check_bands(films, exemplars)
+    grid = films.wavelengths
+    lowest, highest = common_range(paint.wavelengths for paint in exemplars)
+    if grid[0] > lowest or grid[-1] < highest:
+        raise ValueError(
+            f"references were read from {grid[0]:g} to {grid[-1]:g} nm; give spectra that hold "
+            f"{lowest:g} to {highest:g} nm, which every exemplar is compared at"
+        )
     stated = families or {}
     family_of: dict[str, str] = {}
     unclear = []
@@ -151,38 +157,28 @@ def references_of(
     fitted = _fitted(average(films, SEARCHED), recipes, family_of, determined, seen_by)
     paints: dict[tuple[str, bytes], ReferencePaint] = {}
     # In the order of their names, so that the order of a file changes nothing.
-    for name in sorted(family_of):
+    for name, family in sorted(family_of.items()):
         row = films.names.index(name)
         # What was read twice counts once.
-        key = (family_of[name], films.over_white[row].tobytes() + films.over_black[row].tobytes())
+        key = (family, films.over_white[row].tobytes() + films.over_black[row].tobytes())
         if key in paints:
             continue
         pigment, by = fitted.get(name) or (
-            _hiding(films.wavelengths, films.over_white[row], family_of[name], determined, seen_by),
+            _hiding(grid, films.over_white[row], family, determined, seen_by),
             OPAQUE,
         )
         paints[key] = ReferencePaint(
             name=name,
             colour_index=" ".join(colour_indices(stated.get(name) or name)),
             pigment=pigment.renamed(
-                f"{family_of[name]}/{name} ({source})",
-                family=family_of[name],
+                f"{family}/{name} ({source})",
+                family=family,
                 source=source,
                 provenance=f"{name} of {source}; {by}",
             ),
             coefficients=by,
         )
     return References(paints=tuple(paints.values()), unclear=tuple(unclear), notes=films.notes)
-
-
-def _check_bands(films: Films, exemplars: Sequence[Pigment]) -> None:
-    first, last = common_range(paint.wavelengths for paint in exemplars)
-    grid = films.wavelengths
-    if grid[0] > first or grid[-1] < last:
-        raise ValueError(
-            f"references were read from {grid[0]:g} to {grid[-1]:g} nm; give spectra that hold "
-            f"{first:g} to {last:g} nm, which every exemplar is compared at"
-        )
 
 
 def _hiding(
