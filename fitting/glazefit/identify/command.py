@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
 # Spectra from which on a map is the better way.
 _MANY = 2000
+# Options that name files to write.
+_OUTPUTS = ("csv", "residuals", "out", "report")
 
 
 @help_groups(
@@ -187,7 +189,7 @@ def identify(
         # Two cards give a film's thickness too, and families have none.
         of_families = {"references": None, "elements": "", "without_elements": "", "painted": None}
         second = {**typed, **of_families, "catalogue": options.OILS}
-        for output in ("csv", "residuals", "out", "report"):
+        for output in _OUTPUTS:
             if (path := typed[output]) is not None:
                 second[output] = path.with_stem(f"{path.stem}-{options.OILS}")
         options.check_outputs(_outputs(second), overwrite, inputs=list(read.values()))
@@ -290,7 +292,7 @@ class _Spectra(NamedTuple):
 
 def _outputs(typed: Mapping[str, Any]) -> dict[str, Path | None]:
     """Files to write by what they are called in errors."""
-    files = {f"--{name}": typed[name] for name in ("csv", "residuals", "out", "report")}
+    files = {f"--{name}": typed[name] for name in _OUTPUTS}
     if typed["report"] is None:
         return files
     from glazejax.extras import require
@@ -422,7 +424,9 @@ def _about(
         "created": datetime.now().astimezone().isoformat(timespec="seconds"),
         "command": command_line(),
         "options": {
-            "FILE" if name == "file" else option(name): _plain(value)
+            "FILE" if name == "file" else option(name): (
+                str(value) if isinstance(value, Path) else value
+            )
             for name, value in typed.items()
         },
         "inputs": inputs,
@@ -444,10 +448,6 @@ def _about(
             },
         },
     }
-
-
-def _plain(value: Any) -> Any:
-    return str(value) if isinstance(value, Path) else value
 
 
 def _report(typed: Mapping[str, Any], identification: "Identification", console: "Console") -> None:

@@ -111,9 +111,7 @@ def read_search(typed: Mapping[str, Any], console: "Console") -> Search:
     from .families.expected import EXPECTED, has_families
     from .search.options import IdentificationOptions
 
-    pigments, catalogue, references = (
-        typed[name] for name in ("pigments", "catalogue", "references")
-    )
+    pigments, catalogue, references = typed["pigments"], typed["catalogue"], typed["references"]
     paints = options.choose_paints(
         options.read_shelf(pigments, catalogue), typed["only"], typed["without"]
     )

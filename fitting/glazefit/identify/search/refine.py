@@ -141,7 +141,7 @@ def refine(chunk: Chunk, pool: Pool) -> Pool:
     of_paints = (*at, slice(size))
     absent = films.sets == NOBODY
     out.log_weight[at] = films.log_weight
-    out.covariance[(*of_paints, slice(size))] = films.covariance
+    out.covariance[*of_paints, slice(size)] = films.covariance
     out.logs[of_paints] = np.where(absent, -np.inf, near.logs)
     out.weighed[of_paints] = np.where(absent, -np.inf, films.logs)
     out.readings[at] = near.readings

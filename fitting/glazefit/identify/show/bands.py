@@ -100,5 +100,5 @@ def _slopes(
         )
         _, by_log = films.read_and_slopes(arrangement, np.exp(logs[at][None, :size]))
         errors = [*range(size), *range(sets.shape[-1], sets.shape[-1] + size)]
-        slopes[(*at, errors)] = by_log[0]
+        slopes[*at, errors] = by_log[0]
     return slopes
