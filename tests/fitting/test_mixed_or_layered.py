@@ -18,7 +18,7 @@ from glazefit.film.model.response import film_response
 from glazefit.identify.coats import evidence as evidence_module
 from glazefit.identify.coats.arrangement import Arrangement, arrangements
 from glazefit.identify.coats.choose_sets import nearest_pairs
-from glazefit.identify.coats.evidence import CoatErrors, log_prior, weigh_arrangement
+from glazefit.identify.coats.evidence import log_prior, weigh_arrangement
 from glazefit.identify.coats.readings import (
     LOG_AMOUNTS,
     NODES,
@@ -139,10 +139,8 @@ def test_a_gain_is_integrated_as_a_gaussian(monkeypatch):
     rng = np.random.default_rng(1)
     computed = rng.normal(size=(1, 1, 6))
     seen = rng.normal(size=(1, 3, 6))
-    errors = CoatErrors(
-        gains=(0.3,), gain_weights=(1.0,), scales=(1.0,), weights=(1.0,), patchy=0.0
-    )
-    monkeypatch.setattr(evidence_module, "ERRORS", errors)
+    for name, value in {"_GAINS": {0.3: 1.0}, "_SCALES": {1.0: 1.0}, "_PATCHY": 0.0}.items():
+        monkeypatch.setattr(evidence_module, name, value)
     found = evidence_module._log_likelihood(seen, computed, [])[0, 0]
     covariance = np.eye(6) + 0.09 * np.outer(computed[0, 0], computed[0, 0])
     gaussian: Any = multivariate_normal
@@ -193,8 +191,8 @@ def test_evidence_tells_the_amounts(oils, monkeypatch):
     paints = oils[:2]
     coats = [Layer(paints[0], 10e-6), Layer(paints[1], 30e-6)]
     table = grid_readings(OVER, in_usual_coats(paints))
-    small = CoatErrors(amplitude=0.002, offset=0.001, coefficient=0.01, pure_reading=0.0)
-    monkeypatch.setattr(evidence_module, "ERRORS", small)
+    monkeypatch.setattr(evidence_module, "_AMPLITUDE", 0.002)
+    monkeypatch.setattr(evidence_module, "_OFFSET", 0.001)
     deviations = np.full((2, GRID.size), 0.01)
     found = weigh_arrangement(read(coats)[None], OVER, table, deviations, GRID)
     off = found.log_amounts[0] - np.log([10.0 / 25.0, 30.0 / 25.0])
@@ -270,20 +268,20 @@ def test_three_coats_are_told(oils):
 def test_stated_probabilities_come_true_in_simulation(oils):
     """Draws of amounts, lies, gains and smooth errors as the odds expect them."""
     rng = np.random.default_rng(5)
-    errors = evidence_module.ERRORS
     pair = oils[:2]
     paints = in_usual_coats(pair)
     ways = arrangements(2, 2)
     tables = {way: grid_readings(way, paints) for way in ways}
-    smooth = errors.amplitude**2 * evidence_module.smooth_kernel(GRID, errors.length)
-    smooth += errors.noise**2 * np.eye(GRID.size) + errors.offset**2
+    errors = evidence_module
+    smooth = errors._AMPLITUDE**2 * errors.smooth_kernel(GRID, errors._LENGTH)
+    smooth += errors._NOISE**2 * np.eye(GRID.size) + errors._OFFSET**2
     films = []
     truths = []
     for number in range(120):
         way = ways[0] if number % 2 else ways[1 + number // 2 % 2]
         weight = np.exp(log_prior(way)).sum(axis=1)
         node = rng.choice(len(weight), p=weight)
-        moved = tables[way].readings[node] * (1.0 + errors.gains[0] * rng.normal())
+        moved = tables[way].readings[node] * (1.0 + min(errors._GAINS) * rng.normal())
         films.append(moved + rng.multivariate_normal(np.zeros(GRID.size), smooth))
         truths.append(way != ways[0])
     found = odds(np.clip(films, 0.0, 1.4), pair)

@@ -15,7 +15,7 @@ from glazejax.spectra import Bands
 from ...film.model.errors import whitening
 from ..result import Identification
 from ..search.pool import NOBODY
-from .evidence import ERRORS, fixed_covariance
+from .evidence import SPREAD, fixed_covariance
 from .readings import LOG_AMOUNTS, CoatedFilms
 
 
@@ -74,7 +74,7 @@ def nearest_pairs(
     # Lower coats as grounds of the upper ones.
     lower = black + gain * grounds / (1.0 - back * grounds)
     below = np.clip(np.asarray(films.response.internal(jnp.asarray(lower))), 0.0, 1.0)
-    rare = (logs / ERRORS.spread) ** 2
+    rare = (logs / SPREAD) ** 2
     misfit = np.full((len(bodies), paints, paints), np.inf)
     for upper in range(paints):
         rows = slice(upper * logs.size, (upper + 1) * logs.size)

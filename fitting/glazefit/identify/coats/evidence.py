@@ -8,7 +8,6 @@ integrated in closed form.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -34,52 +33,35 @@ FilmsAtPlaces: TypeAlias = Float[np.ndarray, "nodes block films"]
 _FINER = {1: 6, 2: 4, 3: 2}
 # k and s are related to the reading of a film that hides its ground as K/S = 2 k / (.75 s).
 _RATIO = 2.0 / 0.75
-
-
-@dataclass(frozen=True, kw_only=True)
-class CoatErrors:
-    """Errors of a reading when coats are estimated from mixtures.
-
-    Attributes:
-        amplitude: standard deviation of the model's own smooth error, in reflectance.
-        length: over which that stays similar, nm.
-        noise: of a single band.
-        offset: of the surface's part, the same in all bands.
-        gains, gain_weights: standard deviations of the relative level, and how probable each is:
-            an instrument that rests on the film, and a probe held by hand.
-        coefficient: standard deviation of log k, in addition to what one reading leaves open.
-        pure_reading: of the pure paint's reading that k/s was estimated from.
-        most: largest standard deviation of log k that counts.
-        coefficient_length: over which log k errs together, nm.
-        shared: correlation of the model's own error between grounds.
-        second_camera: offset of bands beyond 1 micrometre, which have a detector of their own.
-        patchy: probability that a part of the film is missing in places.
-        patch: standard deviation of the share of the area in which it is.
-        scales, weights: factors of all of these together, and how probable each is.
-        spread: standard deviation of the log of a coat's thickness.
-    """
-
-    amplitude: float = 0.02
-    length: float = 60.0
-    noise: float = 0.003
-    offset: float = 0.015
-    gains: tuple[float, ...] = (0.04, 0.4)
-    gain_weights: tuple[float, ...] = (0.95, 0.05)
-    coefficient: float = 0.1
-    pure_reading: float = 0.01
-    most: float = 0.7
-    coefficient_length: float = 100.0
-    shared: float = 0.6
-    second_camera: float = 0.02
-    patchy: float = 0.1
-    patch: float = 0.2
-    scales: tuple[float, ...] = (0.5, 1.0, 2.0, 4.0)
-    weights: tuple[float, ...] = (0.25, 0.4, 0.25, 0.1)
-    spread: float = 0.9
-
-
-ERRORS = CoatErrors()
-"""Those of any reading."""
+# Errors of a reading when coats are estimated from mixtures. The model's own smooth error: standard
+# deviation in reflectance, length over which it stays similar, nm, and correlation between grounds.
+_AMPLITUDE = 0.02
+_LENGTH = 60.0
+_SHARED = 0.6
+# Noise of a single band.
+_NOISE = 0.003
+# Of the surface's part, the same in all bands, and of bands beyond 1 micrometre, which have a
+# detector of their own.
+_OFFSET = 0.015
+_SECOND_CAMERA = 0.02
+# Standard deviations of the relative level -> how probable each is: an instrument that rests on the
+# film, and a probe held by hand.
+_GAINS = {0.04: 0.95, 0.4: 0.05}
+# Standard deviation of log k in addition to what one reading leaves open, that of the pure paint's
+# reading that k/s was estimated from, the largest of log k that counts, and the length over which
+# log k errs together, nm.
+_COEFFICIENT = 0.1
+_PURE_READING = 0.01
+_MOST = 0.7
+_COEFFICIENT_LENGTH = 100.0
+# Probability that a part of the film is missing in places, and standard deviation of the share of
+# the area in which it is.
+_PATCHY = 0.1
+_PATCH = 0.2
+# Factors of all of these together -> how probable each is.
+_SCALES = {0.5: 0.25, 1.0: 0.4, 2.0: 0.25, 4.0: 0.1}
+SPREAD = 0.9
+"""Standard deviation of the log of a coat's thickness."""
 
 
 class Evidence(NamedTuple):
@@ -110,8 +92,8 @@ def coefficient_sd(absorption: PaintCurves, scattering: PaintCurves) -> PaintCur
     a = 1.0 + ratio
     # dR / d log(K/S).
     slope = ratio * (a / np.sqrt(np.maximum(a**2 - 1.0, 1e-12)) - 1.0)
-    reading_sd = ERRORS.pure_reading / np.maximum(slope, 1e-4)
-    return np.minimum(np.hypot(ERRORS.coefficient, reading_sd), ERRORS.most)
+    reading_sd = _PURE_READING / np.maximum(slope, 1e-4)
+    return np.minimum(np.hypot(_COEFFICIENT, reading_sd), _MOST)
 
 
 def log_prior(arrangement: Arrangement) -> Float[np.ndarray, "nodes block"]:
@@ -124,7 +106,7 @@ def log_prior(arrangement: Arrangement) -> Float[np.ndarray, "nodes block"]:
     for coat in arrangement.coats:
         coat_logs = logs[..., [paints.index(paint) for paint in coat]]
         log_total = np.asarray(logsumexp(coat_logs, axis=-1))
-        out -= 0.5 * (log_total / ERRORS.spread) ** 2
+        out -= 0.5 * (log_total / SPREAD) ** 2
         # From fractions to logs of amounts: a factor of each fraction.
         if len(coat) > 1:
             out += np.sum(coat_logs - log_total[..., None], axis=-1)
@@ -222,7 +204,7 @@ def _covariance(
 
     # What errors of each paint's k cause, the same ones over each ground.
     caused = table.slopes * np.tile(deviations, grounds)[:, None]
-    kernel = smooth_kernel(np.tile(wavelengths, grounds), ERRORS.coefficient_length)
+    kernel = smooth_kernel(np.tile(wavelengths, grounds), _COEFFICIENT_LENGTH)
     covariance = fixed + paint_covariance(caused.swapaxes(0, 1), kernel)
 
     # What amounts between the places of the finer grid would change.
@@ -238,13 +220,13 @@ def _covariance(
 def fixed_covariance(wavelengths: Bands, grounds: int) -> Float[np.ndarray, "readings readings"]:
     """Of readings over some grounds, whatever the film: the model's own error, noise, surface."""
     bands = grounds * wavelengths.size
-    correlation = model_correlation(wavelengths, grounds, ERRORS.length, ERRORS.shared)
-    fixed = ERRORS.amplitude**2 * correlation
-    fixed += ERRORS.noise**2 * np.eye(bands) + ERRORS.offset**2
+    correlation = model_correlation(wavelengths, grounds, _LENGTH, _SHARED)
+    fixed = _AMPLITUDE**2 * correlation
+    fixed += _NOISE**2 * np.eye(bands) + _OFFSET**2
     # Bands beyond this, nm, are another detector's.
     beyond = np.tile(wavelengths > 1005.0, grounds)
     if beyond.any() and not beyond.all():
-        fixed += ERRORS.second_camera**2 * np.outer(beyond, beyond)
+        fixed += _SECOND_CAMERA**2 * np.outer(beyond, beyond)
     return fixed
 
 
@@ -265,12 +247,12 @@ def _log_likelihood(
     across = computed @ films
     off = np.sum(readings**2, axis=-1)[:, None] - 2.0 * across + size
     along = across - size
-    log_volumes = readings.shape[-1] * np.log(ERRORS.scales)
+    log_volumes = readings.shape[-1] * np.log(list(_SCALES))
     # Nothing is missing, or a part of one of the patches.
-    ways = [(1.0 - ERRORS.patchy if patches else 1.0, None)]
-    ways += [(ERRORS.patchy / len(patches), patch) for patch in patches]
+    ways = [(1.0 - _PATCHY if patches else 1.0, None)]
+    ways += [(_PATCHY / len(patches), patch) for patch in patches]
     terms = []
-    for gain, gain_weight in zip(ERRORS.gains, ERRORS.gain_weights, strict=True):
+    for gain, gain_weight in _GAINS.items():
         # The gain is Gaussian: its direction is taken out, and its volume counted.
         volume = 1.0 + gain**2 * size
         misfit = off - gain**2 * along**2 / volume
@@ -281,9 +263,7 @@ def _log_likelihood(
                 length = np.sum(patch**2, axis=-1)[..., None] - gain**2 * with_gain**2 / volume
                 product = patch @ films - with_gain - gain**2 * with_gain * along / volume
             # All errors larger or smaller by each scale; without a patch its integral is 1.
-            for scale, weight, log_volume in zip(
-                ERRORS.scales, ERRORS.weights, log_volumes, strict=True
-            ):
+            for (scale, weight), log_volume in zip(_SCALES.items(), log_volumes, strict=True):
                 better = _log_patch(length / scale**2, product / scale**2)
                 value = -0.5 * misfit / scale**2 - 0.5 * np.log(volume) - log_volume + better
                 terms.append(value + np.log(gain_weight * chance * weight))
@@ -296,9 +276,7 @@ def _log_patch(
     """Log of the integral over a share above 0, half a Gaussian a priori, of how much better it
     meets a film.
     """
-    precision = length + 1.0 / ERRORS.patch**2
+    precision = length + 1.0 / _PATCH**2
     mean = product / precision
     log_mass = log_ndtr(mean * np.sqrt(precision))
-    return (
-        np.log(2.0 / ERRORS.patch) + 0.5 * mean**2 * precision - 0.5 * np.log(precision) + log_mass
-    )
+    return np.log(2.0 / _PATCH) + 0.5 * mean**2 * precision - 0.5 * np.log(precision) + log_mass
