@@ -5,7 +5,7 @@ Films are searched as they were said to be. Where the answer may rest on somethi
 are searched again as they would be seen under each of a few other conditions.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -29,36 +29,21 @@ class Condition(NamedTuple):
     opaque: bool | None = None  # None is as stated
 
 
-_VARNISHED = "under a yellowed varnish"
 _LIGHT = 0.85
 _DARK = 0.04
 """Internal reflectances of grounds that nobody named."""
-
-
-class Conditions(NamedTuple):
-    """All conditions that are tried; the first is what was stated. Pools and maps hold their
-    places here as numbers.
-    """
-
-    as_stated: Condition = Condition("", 1.0)
-    thin_varnish: Condition = Condition(_VARNISHED, 0.08, varnish="thin")
-    yellowed_varnish: Condition = Condition(_VARNISHED, 0.08, varnish="yellowed")
-    light_ground: Condition = Condition("over a light ground", 0.4, ground=_LIGHT, opaque=False)
-    hiding: Condition = Condition("hiding its ground", 0.05, opaque=True)
-    lighter_ground: Condition = Condition("over a lighter ground than stated", 0.03, ground=_LIGHT)
-    darker_ground: Condition = Condition("over a darker ground than stated", 0.03, ground=_DARK)
-
-
-CONDITIONS = Conditions()
-
-
-CONDITIONS_OF_VARNISH: dict[str, tuple[Condition, ...]] = {
-    "none": (),
-    "thin": (CONDITIONS.thin_varnish,),
-    "yellowed": (CONDITIONS.yellowed_varnish,),
-    "unknown": (CONDITIONS.thin_varnish, CONDITIONS.yellowed_varnish),
-}
-"""What was stated of a varnish -> the conditions that are tried for it."""
+_LIGHT_GROUND = Condition("over a light ground", 0.4, ground=_LIGHT, opaque=False)
+_OTHER_GROUNDS = (
+    Condition("hiding its ground", 0.05, opaque=True),
+    Condition("over a lighter ground than stated", 0.03, ground=_LIGHT),
+    Condition("over a darker ground than stated", 0.03, ground=_DARK),
+)
+# In the order of `AMOUNTS`, by which maps number them.
+_VARNISHED = {name: Condition("under a yellowed varnish", 0.08, varnish=name) for name in AMOUNTS}
+CONDITIONS = (Condition("", 1.0), *_VARNISHED.values(), _LIGHT_GROUND, *_OTHER_GROUNDS)
+"""All conditions that are tried; the first is what was stated. Pools and maps hold their places
+here as numbers.
+"""
 
 
 def search_unstated_conditions(
@@ -79,11 +64,11 @@ def search_unstated_conditions(
         opaque: whether they were said to hide it.
         measured: spectra; those in doubt are searched again.
         pool: their candidates as stated.
-        varnish: what was stated of it, a key of `CONDITIONS_OF_VARNISH`.
+        varnish: what was stated of it, one of `options.VARNISHES`.
     """
     prior = tasks[opaque].prior
 
-    def try_under(pool: Pool, conditions: tuple[Condition, ...], rows: RowNumbers) -> Pool:
+    def try_under(pool: Pool, conditions: Iterable[Condition], rows: RowNumbers) -> Pool:
         """The pool with candidates of some of the spectra under further conditions."""
         pools = []
         for condition in conditions:
@@ -101,11 +86,9 @@ def search_unstated_conditions(
     # Conditions that are tried for every spectrum.
     everything = np.arange(len(measured))
     if opaque:
-        pool = try_under(pool, (CONDITIONS.light_ground,), everything)
-    stated = varnish in AMOUNTS
-    if stated:
-        (condition,) = CONDITIONS_OF_VARNISH[varnish]
-        pool = try_under(pool, (condition,), everything)
+        pool = try_under(pool, [_LIGHT_GROUND], everything)
+    if condition := _VARNISHED.get(varnish):
+        pool = try_under(pool, [condition], everything)
         # A varnish that was stated weighs as what was stated does, and all without it little: by
         # the probability that it is not there.
         under = pool.condition == CONDITIONS.index(condition)
@@ -117,10 +100,9 @@ def search_unstated_conditions(
     if not len(doubtful):
         return pool, odds
     if measured.readings.shape[1] == 1 and not opaque:
-        grounds = (CONDITIONS.hiding, CONDITIONS.lighter_ground, CONDITIONS.darker_ground)
-        pool = try_under(pool, grounds, doubtful)
-    if not stated:
-        pool = try_under(pool, CONDITIONS_OF_VARNISH[varnish], doubtful)
+        pool = try_under(pool, _OTHER_GROUNDS, doubtful)
+    if varnish == "unknown":
+        pool = try_under(pool, _VARNISHED.values(), doubtful)
     return pool, odds_of(measured, pool, prior)
 
 
