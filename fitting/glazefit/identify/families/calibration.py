@@ -165,8 +165,8 @@ def right_sets(search: FamilySearch) -> Bool[np.ndarray, "families sets"]:
 def _few_of_each(sources: PerExemplar, families: PerExemplar) -> Int[np.ndarray, "kept"]:
     """Exemplars of each source's families, evenly through their order, at most some of each."""
     chosen: list[int] = []
-    for pair in sorted(set(zip(sources.tolist(), families.tolist(), strict=True))):
-        rows = np.flatnonzero((sources == pair[0]) & (families == pair[1]))
+    for source, family in set(zip(sources.tolist(), families.tolist(), strict=True)):
+        rows = np.flatnonzero((sources == source) & (families == family))
         positions = np.linspace(0, len(rows) - 1, min(len(rows), _SOUGHT)).round().astype(int)
         chosen += rows[positions].tolist()
     return np.array(sorted(chosen))

@@ -183,7 +183,7 @@ def _number(value: float) -> float | None:
 
 
 def _numbers(values: np.ndarray) -> list[float] | None:
-    return [float(value) for value in values] if np.isfinite(values).all() else None
+    return values.tolist() if np.isfinite(values).all() else None
 
 
 def round_spectra(spectra: Float[np.ndarray, "grounds bands"]) -> list[list[float | None]]:
