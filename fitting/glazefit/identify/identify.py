@@ -14,9 +14,9 @@ import numpy as np
 from jaxtyping import ArrayLike, Float
 
 from glazejax import Hemispherical
-from glazejax.geometry import Geometry, resolve_instrument
+from glazejax.geometry import resolve_instrument
 
-from ..film.films import Films, Instrument, Noise, card_readings, check_ground
+from ..film.films import Films, InstrumentLike, Noise, card_readings, check_ground
 from ..film.model.mixing import Pigments, listed_pigments
 from ..film.model.response import film_response
 from .families.expected import has_families
@@ -156,7 +156,7 @@ def identify_films(
 
 def ground_from_air(
     bare: Float[np.ndarray, "*shape"],
-    instrument: Instrument | Geometry | str | None = None,
+    instrument: InstrumentLike | None = None,
     refractive_index: float = 1.5,
 ) -> Float[np.ndarray, "*shape"]:
     """Internal reflectance of grounds from what they read bare, with the same instrument.

@@ -16,13 +16,13 @@ from jaxtyping import Float
 
 from glazejax import Pigment, catalogue
 from glazejax.catalogue.colour_index import colour_indices, family_named
-from glazejax.geometry import Geometry, Instrument, resolve_instrument
+from glazejax.geometry import resolve_instrument
 from glazejax.io import read_spectra
 from glazejax.io.quantity import Stated
 from glazejax.io.source import naming
 from glazejax.spectra import Bands, common_range
 
-from ...film.films import Films
+from ...film.films import Films, Instrument, InstrumentLike
 from ...film.model.response import film_response
 from ...film.partial_films import average, loose_films, recipes_from_names
 from ...film.readers import one_reading
@@ -77,7 +77,7 @@ class References:
 
 def read_references(
     path: str | Path,
-    instrument: Instrument | Geometry | str | None = None,
+    instrument: InstrumentLike | None = None,
     **stated: Unpack[Stated],
 ) -> References:
     """Read reference paints from any table that `glazejax.io.read_spectra` reads.
@@ -109,7 +109,7 @@ def references_of(
     films: Films,
     families: Mapping[str, str] | None = None,
     *,
-    instrument: Instrument | Geometry | str | None = None,
+    instrument: InstrumentLike | None = None,
     source: str = "references",
 ) -> References:
     """Reference paints from their films.

@@ -10,11 +10,12 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from glazejax import Pigment, catalogue
-from glazejax.geometry import Geometry, Instrument, resolve_instrument
+from glazejax.geometry import resolve_instrument
 from glazejax.progress import Progress, no_progress
 from glazejax.radiative.common.chunks import pieces_of
 from glazejax.spectra import Bands
 
+from ...film.films import InstrumentLike
 from ...film.model.errors import Prior
 from ...film.model.response import FilmResponse, film_response
 from ...film.model.varnish import under_varnish
@@ -61,7 +62,7 @@ def search_families(
     pigments: Sequence[Pigment],
     *,
     ground: Bands | None = None,
-    instrument: Instrument | Geometry | str | None = None,
+    instrument: InstrumentLike | None = None,
     prior: Prior = EXPECTED,
     max_paints: int = 2,
     varnish: str = "none",

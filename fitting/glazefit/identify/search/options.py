@@ -4,9 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, TypedDict
 
-from glazejax.geometry import Geometry
-
-from ...film.films import Instrument, Noise
+from ...film.films import InstrumentLike, Noise
 from ...film.model.errors import ModelError, Prior
 from ...film.model.varnish import AMOUNTS
 
@@ -17,7 +15,7 @@ VARNISHES = ("none", *AMOUNTS, "unknown")
 class SearchKeywords(TypedDict, total=False):
     """Fields of `IdentificationOptions` that a map of paints takes too."""
 
-    instrument: Instrument | Geometry | str | None
+    instrument: InstrumentLike | None
     noise: Noise | None
     discrepancy: ModelError | None
     prior: Prior | None
@@ -65,7 +63,7 @@ class IdentificationOptions:
             By default "none" where families are searched, and "unknown" where paints are.
     """
 
-    instrument: Instrument | Geometry | str | None = None
+    instrument: InstrumentLike | None = None
     noise: Noise | None = None
     discrepancy: ModelError | None = None
     prior: Prior | None = None
