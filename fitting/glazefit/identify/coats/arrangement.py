@@ -3,6 +3,10 @@
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
+
+PaintNumbers: TypeAlias = tuple[int, ...]
+"""Numbers of the paints of a set, or their places in it."""
 
 
 @dataclass(frozen=True)
@@ -13,10 +17,10 @@ class Arrangement:
         coats: the coats, top first, each the places of its paints in the set.
     """
 
-    coats: tuple[tuple[int, ...], ...]
+    coats: tuple[PaintNumbers, ...]
 
     @property
-    def paints(self) -> tuple[int, ...]:
+    def paints(self) -> PaintNumbers:
         """Places of all its paints, ascending."""
         return tuple(sorted(index for coat in self.coats for index in coat))
 

@@ -14,7 +14,7 @@ from ..search.pool import Pool
 from ..search.refine import Groups, move_readings, near_errors, slopes_by_amount
 from ..search.surface import with_surface
 from ..search.task import IdentificationTask, Measured
-from .arrangement import Arrangement
+from .arrangement import Arrangement, PaintNumbers
 from .evidence import Evidence
 from .readings import CoatedFilms
 
@@ -32,7 +32,7 @@ class WeighedSet(NamedTuple):
         readings: of the best films of each, without the outer surface's part.
     """
 
-    members: tuple[int, ...]
+    members: PaintNumbers
     rows: FilmNumbers
     arrangements: Sequence[Arrangement]
     stated: Sequence[Evidence]
@@ -99,7 +99,7 @@ def with_coats(
 
 def _candidates(
     chunk: Chunk,
-    members: tuple[int, ...],
+    members: PaintNumbers,
     arrangement: Arrangement,
     evidence: Evidence,
     films: FilmNumbers,

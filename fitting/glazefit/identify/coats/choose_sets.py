@@ -15,15 +15,16 @@ from glazejax.spectra import Bands
 from ...film.model.errors import whitening
 from ..result import Identification
 from ..search.pool import NOBODY
+from .arrangement import PaintNumbers
 from .evidence import SPREAD, fixed_covariance
 from .readings import LOG_AMOUNTS, CoatedFilms
 
 
-def best_sets(identification: Identification, row: int, max_coats: int) -> list[tuple[int, ...]]:
+def best_sets(identification: Identification, row: int, max_coats: int) -> list[PaintNumbers]:
     """The most probable sets of two paints of a spectrum, however they lie; of three where three
     coats are tried.
     """
-    chances: dict[tuple[int, ...], float] = {}
+    chances: dict[PaintNumbers, float] = {}
     candidates = identification.members[row]
     for candidate, chance in zip(candidates, identification.probability[row], strict=True):
         paint_set = tuple(sorted(candidate[candidate != NOBODY].tolist()))

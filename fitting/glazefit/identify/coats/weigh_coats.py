@@ -22,7 +22,7 @@ from ..search.options import IdentificationOptions
 from ..search.pool import Pool
 from ..search.task import IdentificationTask, OverGrounds
 from ..search.weigh import odds_of
-from .arrangement import Arrangement, arrangements
+from .arrangement import Arrangement, PaintNumbers, arrangements
 from .candidates import WeighedSet, log_rarity, with_coats
 from .choose_sets import best_sets, nearest_pairs
 from .evidence import coefficient_sd, weigh_arrangement
@@ -84,7 +84,7 @@ def weigh_coats(
                 larger = [paint_set for paint_set in sets[row] if len(paint_set) > 2]
                 sets[row] = list(dict.fromkeys([*sets[row][:1], *map(tuple, pairs), *larger]))
         # Spectra over one ground that share a set are weighed together.
-        jobs: dict[tuple[int, ...], list[int]] = {}
+        jobs: dict[PaintNumbers, list[int]] = {}
         for row in rows:
             for members in sets[row]:
                 jobs.setdefault(members, []).append(row)
@@ -109,7 +109,7 @@ def weigh_coats(
 
 
 def _weigh_set(
-    members: tuple[int, ...],
+    members: PaintNumbers,
     rows: Int[np.ndarray, "films"],
     bodies: OverGrounds,
     films: CoatedFilms,
