@@ -199,7 +199,7 @@ def identify(
 
 
 def _identify(
-    typed: Mapping[str, Any],
+    typed: facts.Typed,
     measured: "SpectraTable | Films",
     read: Mapping[str, Path | None],
     subject: Mapping[str, str],
@@ -290,7 +290,7 @@ class _Spectra(NamedTuple):
     notes: tuple[str, ...]
 
 
-def _outputs(typed: Mapping[str, Any]) -> dict[str, Path | None]:
+def _outputs(typed: facts.Typed) -> dict[str, Path | None]:
     """Files to write by what they are called in errors."""
     files = {f"--{name}": typed[name] for name in _OUTPUTS}
     if typed["report"] is None:
@@ -303,7 +303,7 @@ def _outputs(typed: Mapping[str, Any]) -> dict[str, Path | None]:
 
 
 def _choose_spectra(
-    typed: Mapping[str, Any],
+    typed: facts.Typed,
     measured: "SpectraTable | Films",
     search: facts.Search,
     console: "Console",
@@ -392,7 +392,7 @@ def _choose_spectra(
 
 
 def _about(
-    typed: Mapping[str, Any],
+    typed: facts.Typed,
     *,
     task: _Spectra,
     search: facts.Search,
@@ -450,7 +450,7 @@ def _about(
     }
 
 
-def _report(typed: Mapping[str, Any], identification: "Identification", console: "Console") -> None:
+def _report(typed: facts.Typed, identification: "Identification", console: "Console") -> None:
     """Print an identification, and write and draw it as options were typed."""
     from glazejax.io import write_table
 

@@ -6,7 +6,7 @@ import datetime
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, TypeAlias
 
 import typer
 
@@ -16,6 +16,10 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from glazejax import Pigment
+
+
+Typed: TypeAlias = Mapping[str, Any]
+"""Options by the names of a command's arguments."""
 
 
 def _check_elements(text: str) -> None:
@@ -94,7 +98,7 @@ class Search(NamedTuple):
     asked: str
 
 
-def read_search(typed: Mapping[str, Any], console: "Console") -> Search:
+def read_search(typed: Typed, console: "Console") -> Search:
     """The search that options ask for.
 
     Args:

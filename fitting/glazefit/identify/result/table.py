@@ -2,10 +2,12 @@
 
 from collections.abc import Iterator
 from itertools import chain
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
+TableRows: TypeAlias = Iterator[list[object]]
+"""Rows of a table, cell by cell."""
 _OF_SPECTRUM = ("none_of_these", "explained", "coats_probability")
 COLUMNS = (
     "spectrum",
@@ -33,16 +35,14 @@ FAMILY_COLUMNS = (
 """
 
 
-def table_of(
-    identification: Any, top: int | None = None
-) -> tuple[tuple[str, ...], Iterator[list[object]]]:
+def table_of(identification: Any, top: int | None = None) -> tuple[tuple[str, ...], TableRows]:
     """Titles, and a row for each of the most probable explanations of an `Identification`, of
     families where these were searched.
     """
     columns, cells = (
         (FAMILY_COLUMNS, _family_cells) if identification.family_sets else (COLUMNS, _cells)
     )
-    rows: Iterator[list[object]] = (
+    rows: TableRows = (
         [
             name,
             rank,
@@ -57,7 +57,7 @@ def table_of(
     return columns, rows
 
 
-def _cells(identification: Any, row: int, top: int | None) -> Iterator[list[object]]:
+def _cells(identification: Any, row: int, top: int | None) -> TableRows:
     """Cells of `COLUMNS` that are an explanation's own."""
     for candidate in identification.ranked(row, top):
         coats = [coat + 1 for coat in candidate.coats]
@@ -78,7 +78,7 @@ def _cells(identification: Any, row: int, top: int | None) -> Iterator[list[obje
         ]
 
 
-def _family_cells(identification: Any, row: int, top: int | None) -> Iterator[list[object]]:
+def _family_cells(identification: Any, row: int, top: int | None) -> TableRows:
     """Cells of `FAMILY_COLUMNS` that are an answer's own."""
     counts = identification.came_true(row)
     for number, answer in enumerate(identification.family_sets[row][:top]):
