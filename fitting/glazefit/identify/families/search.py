@@ -158,14 +158,29 @@ class FamilySearch:
             hidden: families that are taken to be unknown, for each reading.
             sources: number of the source whose exemplars are left out, for each reading.
         """
-        chunks = [
-            self._odds(
-                readings[rows],
-                None if hidden is None else hidden[rows],
-                None if sources is None else sources[rows],
+        chunks = []
+        for rows in pieces_of(np.arange(len(readings)), self.chunk):
+            any_paint, evidence, possible = self.compare(
+                readings[rows], None if sources is None else sources[rows]
             )
-            for rows in pieces_of(np.arange(len(readings)), self.chunk)
-        ]
+            sums = self._sum_by_set(evidence, possible, self.sureness.power)
+            best, mean, sd = self._films_of_sets(sums, possible)
+            log_sets = sums.logs + self.log_prior
+            if hidden is not None:
+                # `NOBODY` is the last column, and in no reading hidden.
+                padded = np.pad(hidden[rows], ((0, 0), (0, 1)))
+                log_sets = np.where(padded[:, self.members].any(axis=-1), -np.inf, log_sets)
+            none = self.sureness.none(log_sets, any_paint, self.unknown)
+            chunk = FamilyOdds(
+                sets=(1.0 - none[:, None]) * self.sureness.share(log_sets, self.log_prior[None]),
+                none=none,
+                unlike=self.sureness.is_unlike(log_sets),
+                best=best,
+                fraction=mean,
+                fraction_sd=sd,
+                evidence=evidence.max(axis=1),
+            )
+            chunks.append(chunk)
         return FamilyOdds.join(chunks)
 
     @cached_property
@@ -186,42 +201,28 @@ class FamilySearch:
         """Readings that are compared at a time."""
         return max(1, _COMPARISONS // len(self.compared.templates))
 
-    def _odds(
-        self,
-        readings: ReadSpectra,
-        hidden: Bool[np.ndarray, "spectra families"] | None,
-        sources: Sources | None,
-    ) -> FamilyOdds:
-        any_paint, evidence, possible = self.compare(readings, sources)
-        sums = self._sum_by_set(evidence, possible, self.sureness.power)
-        best, mean, sd = self._films_of_sets(sums, possible)
-        log_sets = sums.logs + self.log_prior
-        if hidden is not None:
-            # `NOBODY` is the last column, and in no reading hidden.
-            padded = np.pad(hidden, ((0, 0), (0, 1)))
-            log_sets = np.where(padded[:, self.members].any(axis=-1), -np.inf, log_sets)
-        none = self.sureness.none(log_sets, any_paint, self.unknown)
-        return FamilyOdds(
-            sets=(1.0 - none[:, None]) * self.sureness.share(log_sets, self.log_prior[None]),
-            none=none,
-            unlike=self.sureness.is_unlike(log_sets),
-            best=best,
-            fraction=mean,
-            fraction_sd=sd,
-            evidence=evidence.max(axis=1),
-        )
-
     def compare(
         self, readings: ReadSpectra, sources: Sources | None
     ) -> tuple[PerSpectrum, PerTemplate, Possible]:
-        """Log density of readings as any paint (`Metric.log_any_paint`), evidence of all templates,
-        and which of these may have their colour; arguments as for `odds`.
+        """Log density of readings as any paint (`Metric.log_any_paint`), evidence of all templates
+        (-inf where one may not be used), and which of these may have their colour; arguments as for
+        `odds`.
         """
         films = self.compared
         body = self.body(readings)
         points = points_in(films.metrics, self.wavelengths[films.bands], body[:, films.bands])
+        # Views are not independent: their mean, a logarithmic pool (Genest and Zidek,
+        # Statistical Science 1 (1986) 114), says what both say.
+        evidence = np.zeros((len(body), len(films.templates)), dtype=np.float32)
+        for metric, places, references in zip(films.metrics, points, films.points, strict=True):
+            evidence += metric.log_evidence(places, references)
+        evidence /= len(films.metrics)
+        if sources is not None:
+            of_members = np.append(self.source_of, NOBODY)[films.templates.members]
+            same_source = (of_members[None] == sources[:, None, None]).any(axis=-1)
+            evidence = np.where(same_source, -np.inf, evidence)
         any_paint = films.metrics[0].log_any_paint(points[0])
-        return any_paint, self._evidence(points, sources), self._possible(body)
+        return any_paint, evidence, self._possible(body)
 
     def gloss(self, readings: ReadSpectra) -> PerSpectrum:
         """Share of a smooth surface's reflection that is in each reading, 1 or less
@@ -266,28 +267,6 @@ class FamilySearch:
         """True for templates that hold none but some families."""
         families = np.append([name in names for name in self.families], True)
         return np.asarray(families[self.members[self.compared.sets]].all(axis=1))
-
-    def _evidence(
-        self, points: Sequence[Float[np.ndarray, "spectra components"]], sources: Sources | None
-    ) -> PerTemplate:
-        """Of all templates; -inf where one may not be used.
-
-        Args:
-            points: of readings in the metric of each view.
-            sources: as for `odds`.
-        """
-        films = self.compared
-        # Views are not independent: their mean, a logarithmic pool (Genest and Zidek,
-        # Statistical Science 1 (1986) 114), says what both say.
-        evidence = np.zeros((len(points[0]), len(films.templates)), dtype=np.float32)
-        for metric, places, references in zip(films.metrics, points, films.points, strict=True):
-            evidence += metric.log_evidence(places, references)
-        evidence /= len(films.metrics)
-        if sources is not None:
-            of_members = np.append(self.source_of, NOBODY)[films.templates.members]
-            same_source = (of_members[None] == sources[:, None, None]).any(axis=-1)
-            evidence = np.where(same_source, -np.inf, evidence)
-        return evidence
 
     def _sum_by_set(self, evidence: PerTemplate, possible: Possible, power: float) -> "_SetSums":
         """Evidence of templates, tempered by a power, averaged over each set's."""
