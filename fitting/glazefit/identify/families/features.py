@@ -101,11 +101,8 @@ def features(wavelengths: Bands, readings: Reflectances) -> SpectrumFeatures:
     # (1 - R)^2 / 2 R, Kubelka and Munk's K/S of a film that hides its ground.
     ratio = np.log((1.0 - values) ** 2 / (2.0 * values) + _LEAST_RATIO)
     slopes = [np.diff(curve, axis=-1)[..., near] for curve in (absorbance, ratio)]
-    shapes = [_shape(values) for values in slopes]
+    # Of one length, but that slopes without any shape stay small.
+    shapes = [
+        slope / np.sqrt(np.sum(slope**2, axis=-1, keepdims=True) + _FLAT**2) for slope in slopes
+    ]
     return np.concatenate([*slopes, *shapes, absorbance.min(axis=-1, keepdims=True)], axis=-1)
-
-
-def _shape(slopes: Float[np.ndarray, "*n slopes"]) -> Float[np.ndarray, "*n slopes"]:
-    """Slopes of one length, but that slopes without any shape stay small."""
-    length = np.sqrt(np.sum(slopes**2, axis=-1, keepdims=True) + _FLAT**2)
-    return np.asarray(slopes / length)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Int
 
 from glazejax import Pigment, catalogue
 from glazejax.geometry import resolve_instrument
@@ -24,13 +24,12 @@ from ..search.pool import NOBODY
 from .calibration import calibrate
 from .expected import EXPECTED
 from .features import colours, views
-from .metric import Metric, as_columns, learn_metric
+from .metric import as_columns, learn_metric
 from .search import Compared, FamilySearch, points_in
 from .stand_ins import with_stand_ins
 from .sureness import PerFamilySet, Sureness
 from .templates import (
     Coefficients,
-    FilmCurves,
     PerExemplar,
     Templates,
     coefficients,
@@ -209,25 +208,20 @@ def _films_to_compare(
     order = np.argsort(sets, kind="stable")
     templates = templates.take(order)
     templates = replace(templates, members=np.append(exemplars, NOBODY)[templates.members])
+    # Some films at a time: they have far more features.
+    chunks = [
+        points_in(metrics, wavelengths, readings)
+        for readings in pieces_of(templates.readings, _FILMS)
+    ]
     compared = Compared(
         bands=bands,
         metrics=metrics,
         templates=templates,
-        points=_points(wavelengths, templates.readings, metrics),
+        points=tuple(as_columns(np.concatenate(points)) for points in zip(*chunks, strict=True)),
         colours=colours(wavelengths, templates.readings),
         sets=sets[order],
     )
     return compared, np.where(members[:, :1] == NOBODY, members[:, ::-1], members)
-
-
-def _points(
-    wavelengths: Bands, readings: FilmCurves, metrics: Sequence[Metric]
-) -> tuple[Float[np.ndarray, "components+2 films"], ...]:
-    """Points of films in each metric (`as_columns`), some films at a time: they have far more
-    features.
-    """
-    chunks = [points_in(metrics, wavelengths, some) for some in pieces_of(readings, _FILMS)]
-    return tuple(as_columns(np.concatenate(points)) for points in zip(*chunks, strict=True))
 
 
 def _log_prior(

@@ -155,11 +155,6 @@ def micrometres(metres: float) -> str:
     return f"{value:.0f}" if value >= 9.5 else f"{value:.1f}" if value >= 0.95 else f"{value:.2f}"
 
 
-def _compared(measured: float, film: float) -> tuple[float, float] | tuple[str, str]:
-    """Cells of a film and of what is left; empty at bands where it is not computed."""
-    return ("", "") if np.isnan(film) else (film, measured - film)
-
-
 def write_residuals(identification: Identification, path: Path, *, overwrite: bool = False) -> None:
     """Write measured, fitted and residual spectra of the best explanations, a line a spectrum,
     ground and band; where families were searched, as the report draws them.
@@ -167,13 +162,15 @@ def write_residuals(identification: Identification, path: Path, *, overwrite: bo
     by_family = " at the reading's gloss and brightness" if identification.family_sets else ""
     fitted = f"fitted{by_family}"
     header = ("spectrum", "ground", "wavelength_nm", "measured", fitted, "residual")
+    measured = identification.measured
     lines = (
-        (name, ground + 1, f"{nm:g}", measured[band], *_compared(measured[band], film[band]))
-        for row, name in enumerate(identification.measured.names)
+        # Empty at bands where a film is not computed.
+        (name, ground, f"{nm:g}", read, *(("", "") if np.isnan(film) else (film, read - film)))
+        for row, name in enumerate(measured.names)
         for best in explanations(identification, row, 1)
-        for ground, (measured, film) in enumerate(
-            zip(identification.measured.readings[row], best.fitted, strict=True)
+        for ground, curves in enumerate(
+            zip(measured.readings[row], best.fitted, strict=True), start=1
         )
-        for band, nm in enumerate(identification.measured.wavelengths)
+        for nm, read, film in zip(measured.wavelengths, *curves, strict=True)
     )
     write_table(path, header, lines, overwrite=overwrite)
