@@ -123,8 +123,14 @@ def grow_triples(
 
     cost, where = by_blocks(len(sets), _SCORED, run)
     keep = min(KEPT_TRIPLES, math.comb(task.paint_count, 3))
-    # Pairs that overlap can give fewer sets than wanted: then some come twice.
-    unique = [unique_best(s, c, keep) for s, c in zip(sets, cost, strict=True)]
+    # The cheapest different sets. Pairs that overlap can give fewer than wanted: then some come
+    # twice.
+    unique = []
+    for spectrum_sets, costs in zip(sets, cost, strict=True):
+        order = np.argsort(costs, kind="stable")
+        members = np.sort(spectrum_sets[order], axis=-1)
+        _, first = np.unique(members, axis=0, return_index=True)
+        unique.append(order[np.sort(first)[:keep]])
     chosen = np.stack([np.resize(numbers, keep) for numbers in unique])
     new = np.arange(keep) < np.asarray([len(numbers) for numbers in unique])[:, None]
     amounts = np.take_along_axis(tries, where[..., None, None], axis=2)[:, :, 0]
@@ -185,13 +191,3 @@ def score(
         return cost.min(axis=-1), jnp.argmin(cost, axis=-1)
 
     return jax.lax.map(one, (sets, amounts, ground, target))
-
-
-def unique_best(
-    sets: Int[np.ndarray, "sets size"], cost: Float[np.ndarray, "sets"], keep: int
-) -> Int[np.ndarray, "kept"]:
-    """Numbers of the `keep` cheapest different sets (fewer if there are fewer)."""
-    order = np.argsort(cost, kind="stable")
-    members = np.sort(sets[order], axis=-1)
-    _, first = np.unique(members, axis=0, return_index=True)
-    return order[np.sort(first)[:keep]]
