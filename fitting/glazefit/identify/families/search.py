@@ -22,7 +22,7 @@ from ..result.groups import COLOURLESS, GROUPS, answer_of
 from ..search.pool import NOBODY, PerSpectrum
 from .features import colours, surface_in, views, with_one_gloss
 from .metric import Metric, as_columns, squares_between
-from .sureness import PerFamilySet, PerSet, Sureness
+from .sureness import PerFamilySet, PerSet, Sureness, log_sum
 from .templates import PerExemplar, Templates
 
 ReadSpectra: TypeAlias = Float[np.ndarray, "spectra bands"]
@@ -174,7 +174,7 @@ class FamilySearch:
             chunk = FamilyOdds(
                 sets=(1.0 - none[:, None]) * self.sureness.share(log_sets, self.log_prior[None]),
                 none=none,
-                unlike=self.sureness.is_unlike(log_sets),
+                unlike=log_sum(log_sets) < self.sureness.least,
                 best=best,
                 fraction=mean,
                 fraction_sd=sd,

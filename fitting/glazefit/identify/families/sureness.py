@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from scipy.special import expit, logit, logsumexp, softmax
 
 from ..search.pool import PerSpectrum
@@ -58,15 +58,6 @@ class Sureness:
         prior = softmax(np.broadcast_to(allowed, log_sets.shape), axis=1)
         tempered = softmax(self.sharpness * log_sets, axis=1)
         return np.asarray((1.0 - WORTHLESS) * tempered + WORTHLESS * prior)
-
-    def is_unlike(self, log_sets: PerSet) -> Bool[np.ndarray, "spectra"]:
-        """True for readings that look less like the families than nearly all paints that are of
-        them.
-
-        Args:
-            log_sets: as for `share`.
-        """
-        return log_sum(log_sets) < self.least
 
     def none(self, log_sets: PerSet, any_paint: PerSpectrum, unknown: float) -> PerSpectrum:
         """Probability that a reading is of none of the families.
