@@ -101,13 +101,13 @@ class Candidate:
         for.
         """
         indices = [i for i in coat if self.fractions[i] >= TRACE]
-        traces = [self.paints[i] for i in coat if i not in indices]
-        names = (
-            [self.paints[i] for i in indices]
-            if len(indices) == 1 and not always
-            else [f"{percent(self.fractions[i])} {self.paints[i]}" for i in indices]
-        )
-        return " + ".join([*names, *(f"a trace of {paint}" for paint in traces)])
+        alone = len(indices) == 1 and not always
+        names = [
+            self.paints[i] if alone else f"{percent(self.fractions[i])} {self.paints[i]}"
+            for i in indices
+        ]
+        names += [f"a trace of {self.paints[i]}" for i in coat if i not in indices]
+        return " + ".join(names)
 
 
 TRACE = 0.001

@@ -182,13 +182,13 @@ def check_spectra(
             f"bands) with {grid.size} bands"
         )
     # A name for each spectrum, and no name twice.
-    labels = tuple(names) if names is not None else tuple(str(i + 1) for i in range(len(readings)))
+    labels = tuple(map(str, range(1, len(readings) + 1)) if names is None else names)
     if len(labels) != len(readings):
         raise ValueError(f"{len(labels)} names were given for {len(readings)} spectra")
     if (twice := first_repeated(labels)) is not None:
         raise ValueError(f"two spectra are called {twice!r}; names must differ")
     # Readings are fractions.
-    wrong = ~(np.isfinite(readings) & (readings >= 0) & (readings <= _TOO_BRIGHT))
+    wrong = ~((readings >= 0) & (readings <= _TOO_BRIGHT))
     if wrong.any():
         row, _, band = (int(i) for i in np.argwhere(wrong)[0])
         raise ValueError(
