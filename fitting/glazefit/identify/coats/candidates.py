@@ -138,17 +138,18 @@ def _candidates(
         logs = logs + np.clip(step, -0.3, 0.3)
     readings, slopes = coated.read_and_slopes(arrangement, np.exp(logs))
 
-    coats = np.zeros((len(films), 1, size), dtype=np.int32)
-    coats[..., list(arrangement.coats[1])] = 1
     fitted = Fitted(
         logs=logs[:, None],
         covariance=evidence.covariance[films][:, None],
         log_evidence=np.zeros((len(films), 1)),
         readings=readings[:, None],
     )
-    pool = pool_of(task, sets[:, None], fitted, coats)
+    pool = pool_of(task, sets[:, None], fitted)
+    coats = np.zeros_like(pool.coats)
+    coats[..., list(arrangement.coats[1])] = 1
     weighed = pool.logs.copy()
     weighed[..., :size] = evidence.log_amounts[films][:, None]
     row = np.arange(len(films))
     adjusted = move_readings(chunk, readings, Groups(row, row, sets, slopes))
-    return with_surface(chunk, replace(pool, weighed=weighed, adjusted=adjusted[:, None]))
+    pool = replace(pool, coats=coats, weighed=weighed, adjusted=adjusted[:, None])
+    return with_surface(chunk, pool)

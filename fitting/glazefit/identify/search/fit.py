@@ -155,17 +155,14 @@ def fit_all(
     return Fitted(*(values.astype(np.float64) for values in fitted))
 
 
-def pool_of(
-    task: IdentificationTask, sets: np.ndarray, fitted: Fitted, coats: np.ndarray | None = None
-) -> Pool:
-    """Fitted candidates with room for three paints each."""
+def pool_of(task: IdentificationTask, sets: np.ndarray, fitted: Fitted) -> Pool:
+    """Fitted candidates of one coat with room for three paints each."""
     size = sets.shape[-1]
     room = ((0, 0), (0, 0), (0, 3 - size))
-    where = np.zeros_like(sets) if coats is None else coats
     logs = np.pad(fitted.logs, room, constant_values=-np.inf)
     return Pool(
         members=np.pad(sets, room, constant_values=NOBODY),
-        coats=np.pad(where, room),
+        coats=np.pad(np.zeros_like(sets), room),
         logs=logs,
         weighed=logs,
         covariance=np.pad(fitted.covariance, (*room, (0, 3 - size))),
