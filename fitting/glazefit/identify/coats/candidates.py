@@ -116,9 +116,8 @@ def _candidates(
     task = chunk.task
     size = len(members)
     sets = np.tile(np.array(members, dtype=np.int32), (len(films), 1))
-    coefficients = [np.asarray(coefficient, float)[list(members)] for coefficient in task.paints]
     coated = CoatedFilms(
-        coefficients=np.array(coefficients),
+        coefficients=np.take(np.stack(task.paints), members, axis=1).astype(float),
         grounds=chunk.spectra.grounds[0],
         optics=task.optics,
         response=task.response,

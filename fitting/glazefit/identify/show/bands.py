@@ -90,7 +90,7 @@ def _slopes(
         size = int((sets[at] != NOBODY).sum())
         members = sets[at][:size]
         films = CoatedFilms(
-            coefficients=np.array([np.asarray(values)[members] for values in task.paints]),
+            coefficients=np.take(np.stack(task.paints), members, axis=1),
             grounds=identification.measured.grounds[spectrum],
             optics=task.optics,
             response=task.response,
