@@ -567,7 +567,7 @@ class Identification(Tabulated):
             return self
         # The others repeat the last.
         places = np.minimum(np.arange(count), filled - 1)
-        padded = {name: getattr(self, name)[:, places] for name in _OF_CANDIDATES}
+        padded = {name: np.take(getattr(self, name), places, axis=1) for name in _OF_CANDIDATES}
         padded["members"][:, filled:] = NOBODY
         padded["probability"][:, filled:] = 0.0
         return replace(self, **padded)
