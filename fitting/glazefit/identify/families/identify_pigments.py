@@ -166,28 +166,25 @@ def _identification(
     """
     readings = measured.readings[:, 0]
     odds = search.odds(readings)
-    count = min(options.keep, odds.sets.shape[1])
-    best = np.argsort(-odds.sets, axis=1, kind="stable")[:, :count]
-    rows = np.arange(len(measured))[:, None]
-    gloss = search.gloss(readings)
-    thickness = usual_coat(search.exemplars)
+    best = np.argsort(-odds.sets, axis=1, kind="stable")[:, : options.keep]
+    at = np.arange(len(measured))[:, None], best
     templates = search.compared.templates
     grid = search.wavelengths[search.compared.bands]
     # The best sets of each spectrum as candidates, each by its best film.
-    shape = (len(measured), count)
-    template = odds.best[rows, best]
+    shape = best.shape
+    template = odds.best[at]
     pair = templates.members[template]
     present = pair != NOBODY
     members = np.full((*shape, 3), NOBODY)
     members[..., :2] = pair
     # A film that hides its ground is of no thickness: shown as a usual coat.
     coat = templates.thickness[template]
-    depth = thickness * np.where(np.isinf(coat), 1.0, coat)
-    share = np.where(present[..., 1], odds.fraction[rows, best], 1.0)
+    depth = usual_coat(search.exemplars) * np.where(np.isinf(coat), 1.0, coat)
+    share = np.where(present[..., 1], odds.fraction[at], 1.0)
     amounts = np.zeros((*shape, 3))
     amounts[..., :2] = depth[..., None] * np.stack([share, 1.0 - share], axis=-1)
     # Half of the variance of the log odds of the fractions to each log amount.
-    spread = odds.fraction_sd[rows, best] / np.maximum(share * (1.0 - share), 1e-6)
+    spread = odds.fraction_sd[at] / np.maximum(share * (1.0 - share), 1e-6)
     variance = np.where(present[..., 1], 0.5 * spread**2, 0.0)
     covariance = np.zeros((*shape, 3, 3))
     covariance[..., :2, :2] = variance[..., None, None] * np.eye(2)
@@ -197,7 +194,7 @@ def _identification(
     fitted = np.full((*shape, 1, readings.shape[1]), np.nan)
     fitted[:, :, 0, near] = search.films(template, readings) @ np.array(between)
     # Each paint's probability is the sum over the candidates that hold it.
-    probability = odds.sets[rows, best]
+    probability = odds.sets[at]
     paint_probability = np.zeros((len(measured), len(search.exemplars)))
     row, column, index = np.nonzero(present)
     np.add.at(paint_probability, (row, pair[row, column, index]), probability[row, column])
@@ -214,7 +211,7 @@ def _identification(
         # Other people's paint differs by eye from every exemplar; the evidence decides.
         rejected=np.broadcast_to(odds.unlike[:, None], shape).copy(),
         paint_probability=np.minimum(paint_probability, 1.0),
-        gloss=np.broadcast_to(gloss[:, None], shape).copy(),
+        gloss=np.broadcast_to(search.gloss(readings)[:, None], shape).copy(),
         fitted=fitted,
         condition=np.zeros(shape, dtype=int),
         opaque=opaque,
