@@ -181,8 +181,7 @@ def ground_from_air(
     """
     seen_by = resolve_instrument(instrument, refractive_index)
     within = np.asarray(bare, dtype=np.float64) - seen_by.seen_surface
-    response = film_response(seen_by)
-    internal = np.asarray(response.internal(jnp.asarray(within)))
+    internal = np.asarray(film_response(seen_by).internal(jnp.asarray(within)))
     for wrong, reason in (
         (within < -0.01, "less than its surface alone"),
         (internal > 1.01, "more than white can"),

@@ -200,11 +200,10 @@ def _covariance(
     """Of the readings at each node of the coarse grid, gain and patches aside."""
     readings = table.readings.shape[-1]
     grounds = readings // wavelengths.size
-    fixed = fixed_covariance(wavelengths, grounds)
-
     # What errors of each paint's k cause, the same ones over each ground.
     caused = table.slopes * np.tile(deviations, grounds)[:, None]
     kernel = smooth_kernel(np.tile(wavelengths, grounds), _COEFFICIENT_LENGTH)
+    fixed = fixed_covariance(wavelengths, grounds)
     covariance = fixed + paint_covariance(caused.swapaxes(0, 1), kernel)
 
     # What amounts between the places of the finer grid would change.
@@ -220,8 +219,7 @@ def _covariance(
 def fixed_covariance(wavelengths: Bands, grounds: int) -> Float[np.ndarray, "readings readings"]:
     """Of readings over some grounds, whatever the film: the model's own error, noise, surface."""
     bands = grounds * wavelengths.size
-    correlation = model_correlation(wavelengths, grounds, _LENGTH, _SHARED)
-    fixed = _AMPLITUDE**2 * correlation
+    fixed = _AMPLITUDE**2 * model_correlation(wavelengths, grounds, _LENGTH, _SHARED)
     fixed += _NOISE**2 * np.eye(bands) + _OFFSET**2
     # Bands beyond this, nm, are another detector's.
     beyond = np.tile(wavelengths > 1005.0, grounds)

@@ -61,11 +61,10 @@ def weigh_coats(
     """
     measured = identification.measured
     opaque = identification.opaque
-    usual = (options.prior or Prior()).thickness
     sets = [best_sets(identification, row, options.max_coats) for row in range(len(measured))]
     few = measured.in_steps(SEARCHED)
     films = CoatedFilms(
-        coefficients=coefficients(pigments, few.wavelengths) * usual,
+        coefficients=coefficients(pigments, few.wavelengths) * (options.prior or Prior()).thickness,
         grounds=few.grounds[0],
         optics=task.optics,
         response=task.response,

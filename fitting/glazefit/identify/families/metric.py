@@ -124,8 +124,7 @@ def learn_metric(
     mean = features.mean(axis=0)
     centred = features - mean
     # The level, last, is a component of its own; slopes share the others.
-    slopes = centred[:, :-1]
-    _, _, directions = np.linalg.svd(slopes, full_matrices=False)
+    _, _, directions = np.linalg.svd(centred[:, :-1], full_matrices=False)
     project = np.asarray(block_diag(directions[: min(components, len(features) - 1)].T, 1.0))
     points = centred @ project
 
@@ -143,14 +142,13 @@ def learn_metric(
     # All exemplars in that space, against which one family's are weighed.
     white = points @ whiten
     total = _shrink(np.cov(white.T)) + whiten.T @ besides @ whiten
-    spread = _inverse_root(total)
     return Metric(
         mean=mean,
         project=project,
         whiten=whiten,
         middle=white.mean(axis=0),
         log_volume=float(0.5 * np.linalg.slogdet(total)[1]),
-        spread=spread,
+        spread=_inverse_root(total),
     )
 
 

@@ -192,9 +192,8 @@ def _hiding(
     reading = np.clip(running_mean(wavelengths, reading, SEARCHED), _DARKEST, _BRIGHTEST)
     # A reading darker than the surface alone is of paint with less gloss.
     surface = surface_in(reading[None], instrument.seen_surface)
-    response = film_response(instrument)
     scattering = _usual_scattering(determined, family, wavelengths)
-    absorption = scattering * hiding_ratio(response, (reading - surface)[None])[0]
+    absorption = scattering * hiding_ratio(film_response(instrument), (reading - surface)[None])[0]
     return Pigment("", wavelengths, absorption, scattering)
 
 

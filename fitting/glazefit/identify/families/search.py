@@ -72,8 +72,10 @@ def points_in(
     metrics: Sequence[Metric], wavelengths: Bands, readings: Float[np.ndarray, "n bands"]
 ) -> list[Float[np.ndarray, "n components"]]:
     """Readings without the surface's part as points in the metric of each view."""
-    features = views(wavelengths, readings)
-    return [metric.place(values) for metric, values in zip(metrics, features, strict=True)]
+    return [
+        metric.place(features)
+        for metric, features in zip(metrics, views(wavelengths, readings), strict=True)
+    ]
 
 
 class _SetSums(NamedTuple):
@@ -221,8 +223,7 @@ class FamilySearch:
             of_members = np.append(self.source_of, NOBODY)[films.templates.members]
             same_source = (of_members[None] == sources[:, None, None]).any(axis=-1)
             evidence = np.where(same_source, -np.inf, evidence)
-        any_paint = films.metrics[0].log_any_paint(points[0])
-        return any_paint, evidence, self._possible(body)
+        return films.metrics[0].log_any_paint(points[0]), evidence, self._possible(body)
 
     def gloss(self, readings: ReadSpectra) -> PerSpectrum:
         """Share of a smooth surface's reflection that is in each reading, 1 or less

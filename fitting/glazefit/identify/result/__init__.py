@@ -327,7 +327,6 @@ class Identification(Tabulated):
             order = present[np.lexsort((-share[present], self.coats[at][present]))]
             total = float(self.amounts[at].sum())
             spread = self.log_sd[1][at] * share
-            thickness_sd = total * float(self.log_sd[2][at])
             # The ground of a film that hides it says nothing on lengths.
             length = np.nan if hidden else 1.0
             out.append(
@@ -340,7 +339,7 @@ class Identification(Tabulated):
                     amounts_90=self.amounts_90[at][order] * length,
                     coats=tuple(self.coats[at][order].tolist()),
                     thickness=total * length,
-                    thickness_sd=thickness_sd * length,
+                    thickness_sd=total * float(self.log_sd[2][at]) * length,
                     thickness_90=self.thickness_90[at] * length,
                     probability=float(self.probability[at]),
                     condition=condition.words,
@@ -439,8 +438,9 @@ class Identification(Tabulated):
         """
         if not (self.family_sets and self.explained[row]):
             return None
-        infrared = has_infrared(self.measured.wavelengths)
-        return came_true(self.family_sets[row][0].probability, infrared)
+        return came_true(
+            self.family_sets[row][0].probability, has_infrared(self.measured.wavelengths)
+        )
 
     def stated_words(self, row: int) -> str:
         """Say how probable the first answer by family is said to be, and how often such answers
@@ -487,8 +487,7 @@ class Identification(Tabulated):
         """
         number = int(np.argmax(self.paint_probability[row]))
         share = float(self.paint_probability[row, number])
-        best = self.ranked(row, 1)[0]
-        if share < 0.5 or self.paints[number] in best.paints:
+        if share < 0.5 or self.paints[number] in self.ranked(row, 1)[0].paints:
             return None
         return self.paints[number], share
 

@@ -34,13 +34,12 @@ class CoatsOdds:
     def words(self) -> str:
         """One sentence."""
         best = self.most_probable
-        several = " over " in best
         if self.reason:
             return (
                 f"whether these paints were mixed or laid one over another is open "
                 f"({self.layered:.0%} for several coats): {self.reason}"
             )
-        if several:
+        if " over " in best:
             return f"laid one over another: {best} ({self.chances[best]:.0%})"
         if len(self.paints) > 1 and " + " in best:
             return f"mixed, not laid one over another ({1.0 - self.layered:.0%} for one coat)"

@@ -151,8 +151,7 @@ def fit_all(
         start = sets[n], logs[n], grounds[row[n]]
         return fit_films(*single, *start, weights, steps=np.asarray(steps))
 
-    fitted = by_blocks(len(sets), block, run)
-    return Fitted(*(values.astype(np.float64) for values in fitted))
+    return Fitted(*(values.astype(np.float64) for values in by_blocks(len(sets), block, run)))
 
 
 def pool_of(task: IdentificationTask, sets: np.ndarray, fitted: Fitted) -> Pool:

@@ -215,12 +215,15 @@ def fit_with_errors(
         steps=task.effort.steps,
         block=block_size(chunk.target.shape[1]),
     )
-    log_weight = fitted.log_evidence + log_set_prior(task, films.sets)
     # Nothing is known together with a paint that is not there.
     absent = films.sets == NOBODY
     spread = np.where(absent[:, :, None] | absent[:, None, :], 0.0, fitted.covariance)
     films = replace(
-        films, logs=fitted.logs, covariance=spread, log_weight=log_weight, readings=fitted.readings
+        films,
+        logs=fitted.logs,
+        covariance=spread,
+        log_weight=fitted.log_evidence + log_set_prior(task, films.sets),
+        readings=fitted.readings,
     )
     return films, groups, errors
 

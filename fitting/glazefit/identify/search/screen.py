@@ -115,8 +115,7 @@ def grow_triples(
     amounts = np.exp(logs)[rows, best]
     sets, tries = grow(pairs[rows, best], amounts, task.paint_count)
     # Each at a few amounts of the third paint.
-    target = chunk.target @ white.T
-    arrays = sets, tries, chunk.spectra.grounds, target
+    arrays = sets, tries, chunk.spectra.grounds, chunk.target @ white.T
 
     def run(n: Block) -> tuple[Array, Array]:
         return score(task.response, task.paints, *(values[n] for values in arrays), white)

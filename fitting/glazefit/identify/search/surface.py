@@ -24,11 +24,12 @@ def with_surface(chunk: Chunk, pool: Pool) -> Pool:
     gloss = added / task.surface if task.surface > 0 else np.ones_like(added)
     readings = pool.readings + added[..., None]
     readings = readings + np.swapaxes(estimates[:, 1:], 1, 2) @ shapes[:, 1:]
-    adjusted = pool.adjusted + task.mean_surface
     lengths = {
         name: getattr(pool, name) + np.log(task.prior.thickness) for name in ("logs", "weighed")
     }
-    return replace(pool, readings=readings, adjusted=adjusted, gloss=gloss, **lengths)
+    return replace(
+        pool, readings=readings, adjusted=pool.adjusted + task.mean_surface, gloss=gloss, **lengths
+    )
 
 
 def nuisance_modes(

@@ -49,7 +49,6 @@ def _bands(
     same = Chunk(task, measured).smooth_covariance + diagonal_covariance(measured.noise_sd)
     covariance = paints_covariance(task, slopes, members) + same[:, None]
     # The surface's share is an unknown too.
-    size = members.shape[-1]
     by_amount = slopes_by_amount(slopes)
     # What it adds, in standard deviations.
     sd = max(task.surface_sd, 1e-9)
@@ -59,12 +58,12 @@ def _bands(
     share = np.pad(identification.fractions[:, :FITS], ((0, 0), (0, 0), (0, 1)))
     prior_precision = share[..., :, None] * share[..., None, :] / task.prior.spread**2
     # A weight of a tenth holds each log amount to what is expected.
-    prior_precision = prior_precision + np.diag([0.1] * size + [1.0])
+    prior_precision = prior_precision + np.diag([0.1] * members.shape[-1] + [1.0])
     solved = np.linalg.solve(covariance, np.swapaxes(design, -1, -2))
     fitted = np.linalg.solve(design @ solved + prior_precision, design)
     remaining = np.diagonal(covariance, axis1=-2, axis2=-1) - np.sum(design * fitted, axis=-2)
-    ends = t.ppf(0.95, task.discrepancy.freedom)
-    return (float(ends) * np.sqrt(np.maximum(remaining, 0.0))).reshape(
+    ends = float(t.ppf(0.95, task.discrepancy.freedom))
+    return (ends * np.sqrt(np.maximum(remaining, 0.0))).reshape(
         *members.shape[:2], *measured.readings.shape[1:]
     )
 

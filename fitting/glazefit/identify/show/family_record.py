@@ -75,7 +75,6 @@ def _spot(
         for family in dict(answer.within.get(name, ((name, 1.0),)))
     )
     reading = identification.measured.readings[row]
-    films = explanations(identification, row, top)
     counts = identification.came_true(row)
     return {
         **describe_spot(identification, row),
@@ -93,7 +92,9 @@ def _spot(
             for rank, answer in enumerate(answers, start=1)
         ],
         "pigments": describe_pigments(named),
-        "explanations": [describe_film(film, reading[0]) for film in films],
+        "explanations": [
+            describe_film(film, reading[0]) for film in explanations(identification, row, top)
+        ],
     }
 
 
