@@ -236,15 +236,17 @@ def _fitted(
         )
         rows = [row for row, paint in enumerate(recovery.paints) if paint in family_of]
         grid = recovery.wavelengths
-        families = [family_of[recovery.paints[row]] for row in rows]
-        usual = np.array([_usual_scattering(determined, family, grid) for family in families])
+        usual = np.array(
+            [_usual_scattering(determined, family_of[recovery.paints[row]], grid) for row in rows]
+        )
         steps = np.log(usual / recovery.scattering[rows])
         sd = recovery.relative_log_sd if by == TINT else recovery.log_sd
         is_open = np.median(sd[:, rows], axis=(0, 2)) > _OPEN
         # Their unit of length becomes the catalogue's: of tints one for all, whose relative
         # strengths are determined; over cards one for each, as thicknesses are not.
         levels = np.median(steps, axis=1, keepdims=True)
-        levels = np.full_like(levels, np.median(levels)) if by == TINT else levels
+        if by == TINT:
+            levels = np.full_like(levels, np.median(levels))
         # Where only k/s is determined, s is the usual one.
         factors = np.exp(np.where(is_open[:, None], steps, levels))
         for row, factor, alone in zip(rows, factors, is_open, strict=True):

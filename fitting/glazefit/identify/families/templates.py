@@ -134,15 +134,14 @@ def mixed_templates(
         families: number of each exemplar's family.
         points: of the exemplars in the metric, by which those that are mixed are chosen.
     """
-    chosen = {
-        int(family): typical(points[families == family], np.flatnonzero(families == family))
+    chosen = [
+        typical(points[families == family], np.flatnonzero(families == family))
         for family in np.unique(families)
-    }
+    ]
     pairs = [
-        (a, b)
-        for first_family, second_family in itertools.combinations(sorted(chosen), 2)
-        for a in chosen[first_family]
-        for b in chosen[second_family]
+        pair
+        for two_families in itertools.combinations(chosen, 2)
+        for pair in itertools.product(*two_families)
     ]
     members = np.repeat(np.array(pairs, dtype=int).reshape(-1, 2), len(FRACTIONS), axis=0)
     first = np.tile(FRACTIONS, len(pairs))
