@@ -7,6 +7,7 @@ What white or black accompanies a colour changes a spectrum less than the colour
 the same colours are one answer, which names the companion that is most probable.
 """
 
+from collections import defaultdict
 from collections.abc import Sequence
 
 import numpy as np
@@ -31,13 +32,13 @@ def name_sets(search: FamilySearch, probabilities: Float[np.ndarray, "sets"]) ->
         search: that the probabilities are from.
         probabilities: of each of its sets of families.
     """
-    sets_of: dict[frozenset[str], list[tuple[float, list[str]]]] = {}
-    totals: dict[frozenset[str], float] = {}
+    sets_of: defaultdict[frozenset[str], list[tuple[float, list[str]]]] = defaultdict(list)
+    totals: defaultdict[frozenset[str], float] = defaultdict(float)
     for answer, names, chance in zip(
         search.answers, search.sets, probabilities.tolist(), strict=True
     ):
-        sets_of.setdefault(answer, []).append((chance, names))
-        totals[answer] = totals.get(answer, 0.0) + chance
+        sets_of[answer].append((chance, names))
+        totals[answer] += chance
     return [
         _answer(sets_of[answer], totals[answer])
         for answer in sorted(totals, key=lambda answer: -totals[answer])
@@ -55,17 +56,16 @@ def _answer(sets: Sequence[tuple[float, list[str]]], total: float) -> FamilySet:
     """
     sets = [(chance, names) for chance, names in sets if chance > _SMALL * total]
     # Which groups together have most of it: a colour alone, or with a white, or with a black.
-    of_groups: dict[frozenset[str], float] = {}
+    of_groups: defaultdict[frozenset[str], float] = defaultdict(float)
     for chance, members in sets:
-        key = frozenset(map(group_of, members))
-        of_groups[key] = of_groups.get(key, 0.0) + chance
+        of_groups[frozenset(map(group_of, members))] += chance
     groups = max(of_groups, key=lambda key: of_groups[key])
 
-    by_group: dict[str, dict[str, float]] = {group: {} for group in groups}
+    by_group: dict[str, defaultdict[str, float]] = {group: defaultdict(float) for group in groups}
     for chance, members in sets:
         for family in members:
             if (shares := by_group.get(group_of(family))) is not None:
-                shares[family] = shares.get(family, 0.0) + chance
+                shares[family] += chance
     names = []
     within = {}
     for group, families in by_group.items():
@@ -78,7 +78,7 @@ def _answer(sets: Sequence[tuple[float, list[str]]], total: float) -> FamilySet:
         # A black that has no chance of its own is named with the others for what it is called.
         ranked += [name for name in GROUPS[group] if group == "a black" and name not in ranked]
         within[group] = tuple(
-            (family, families.get(family, 0.0) / group_total) for family in ranked[:LARGEST]
+            (family, families[family] / group_total) for family in ranked[:LARGEST]
         )
     return FamilySet(families=coloured_first(names), probability=total, within=within)
 

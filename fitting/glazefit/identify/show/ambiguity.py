@@ -2,6 +2,8 @@
 record.
 """
 
+from collections import defaultdict
+
 import numpy as np
 
 from glazejax.catalogue import family
@@ -41,11 +43,11 @@ def describe_undecided(identification: Identification, row: int) -> str:
     is left out: the headline says it.
     """
     explained = 1.0 - float(identification.none[row]) if identification.explained[row] else 1.0
-    chances: dict[str, float] = {}
+    chances: defaultdict[str, float] = defaultdict(float)
     for paint, chance in zip(
         identification.paints, identification.paint_probability[row] / explained, strict=True
     ):
-        chances[family(paint)] = chances.get(family(paint), 0.0) + float(chance)
+        chances[family(paint)] += float(chance)
     open_ = sorted(
         (name for name, chance in chances.items() if 0.05 < chance < 0.95),
         key=lambda name: -chances[name],
