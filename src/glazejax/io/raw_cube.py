@@ -5,6 +5,7 @@ import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -159,14 +160,12 @@ class RawCube:
     @property
     def shape(self) -> tuple[int, int, int]:
         """Lines, samples, stored bands."""
-        y, x, band = self.order
-        return self.sizes[y], self.sizes[x], self.sizes[band]
+        return itemgetter(*self.order)(self.sizes)
 
     @property
     def piece(self) -> tuple[int, int, int]:
         """Lines, samples, bands that the file stores together."""
-        y, x, band = self.order
-        return self.chunks[y], self.chunks[x], self.chunks[band]
+        return itemgetter(*self.order)(self.chunks)
 
     @property
     def top(self) -> float | None:
