@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from operator import itemgetter
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from jaxtyping import Float
@@ -16,6 +16,9 @@ from .finish import DELETED
 from .quantity import nanometres
 from .source import explain_errors, naming, refusal, show_path
 from .spectra_table import Chosen, Stored
+
+PerAxis: TypeAlias = tuple[int, int, int]
+"""A number of each axis of an image: y, x and wavelength."""
 
 # Bytes of a mapped file that are let go together.
 _MAPPED = 1 << 26
@@ -139,7 +142,7 @@ class RawCube:
     path: Path
     format: str
     data: OnDisk
-    order: tuple[int, int, int]
+    order: PerAxis
     sizes: tuple[int, ...]
     dtype: np.dtype[Any]
     chunks: tuple[int, ...] = (1, 1, 1)
@@ -158,12 +161,12 @@ class RawCube:
     attributes: Mapping[str, Any] = field(default_factory=dict)
 
     @property
-    def shape(self) -> tuple[int, int, int]:
+    def shape(self) -> PerAxis:
         """Lines, samples, stored bands."""
         return itemgetter(*self.order)(self.sizes)
 
     @property
-    def piece(self) -> tuple[int, int, int]:
+    def piece(self) -> PerAxis:
         """Lines, samples, bands that the file stores together."""
         return itemgetter(*self.order)(self.chunks)
 

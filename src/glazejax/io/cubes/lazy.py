@@ -15,7 +15,7 @@ from xarray.core.indexing import (
     explicit_indexing_adapter,
 )
 
-from ..raw_cube import RawCube
+from ..raw_cube import PerAxis, RawCube
 from ..spectra_table import Bands
 from .calibration import Calibration
 
@@ -48,7 +48,7 @@ class CubeReading(BackendArray):
     dtype: ClassVar[np.dtype[Any]] = np.dtype(np.float32)
 
     @property
-    def shape(self) -> tuple[int, int, int]:
+    def shape(self) -> PerAxis:
         """Lines, samples and bands that are given; lines and samples that do not fill a bin are
         left out.
         """
