@@ -161,8 +161,8 @@ def one_detector_each(wavelengths: Bands, notes: list[str]) -> Int[np.ndarray, "
     runs = _runs(wavelengths)
     ends = [(run[-1] + after[0]) / 2 for run, after in pairwise(runs)]
     notes += [f"detectors overlap: the change is at {end:g} nm" for end in ends]
-    each = zip(runs, [0.0, *ends], [*ends, np.inf], strict=True)
-    return np.flatnonzero(np.concatenate([(run > low) & (run <= high) for run, low, high in each]))
+    detectors = np.repeat(range(len(runs)), [*map(len, runs)])
+    return np.flatnonzero(np.searchsorted(ends, wavelengths) == detectors)
 
 
 def _runs(wavelengths: Bands) -> list[np.ndarray]:
