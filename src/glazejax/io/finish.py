@@ -203,7 +203,7 @@ def lit_bands(
     wrong: np.ndarray = ~((low >= raw.lowest * scale) & (peak <= raw.highest * scale))
     below = np.flatnonzero(wrong & (wavelengths < raw.lit[0]))
     above = np.flatnonzero(wrong & (wavelengths > raw.lit[1]))
-    kept = slice(*(below[-1:] + 1).tolist() or [0], *above[:1].tolist() or [wavelengths.size])
+    kept = slice(below.max(initial=-1) + 1, above.min(initial=wavelengths.size))
     if below.size or above.size:
         left = np.ones(wavelengths.size, bool)
         left[kept] = False
