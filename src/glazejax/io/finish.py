@@ -242,9 +242,9 @@ def _without_missing(
     if not bands.all():
         notes.append(f"{(~bands).sum()} bands without data are left out")
     if not rows.all():
-        lost = [name for name, keep in zip(names, rows, strict=True) if not keep]
+        lost = [names[i] for i in np.flatnonzero(~rows)]
         notes.append(f"{len(lost)} spectra that lack data are left out: {list_names(lost)}")
-    return wavelengths[bands], values[rows][:, bands], [i for i, keep in enumerate(rows) if keep]
+    return wavelengths[bands], values[rows][:, bands], np.flatnonzero(rows).tolist()
 
 
 def _to_fractions(
@@ -302,7 +302,7 @@ def _to_fractions(
             f"reflectance of {names[worst]!r} reaches {peaks[worst]:g} as a fraction, where "
             f"{raw.highest:g} is the most: is the file's unit or scale factor right?"
         )
-    bright = list_names([names[int(i)] for i in np.flatnonzero(peaks > 1)])
+    bright = list_names([names[i] for i in np.flatnonzero(peaks > 1)])
     if bright:
         verb = "exceeds" if (peaks > 1).sum() == 1 else "exceed"
         causes = "fluorescence, highlights or calibration"
