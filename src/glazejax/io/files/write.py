@@ -98,7 +98,7 @@ def _check(table: SpectraTable, path: Path) -> None:
     if 0 <= values.min() <= values.max() <= MAX_DECLARED:
         return
     wrong = ~((values >= 0) & (values <= MAX_DECLARED))
-    i, j = (int(k) for k in np.argwhere(wrong)[0])
+    i, j = np.argwhere(wrong)[0].tolist()
     raise ValueError(
         f"{path}: reflectance of {table.names[i]!r} is {values[i, j]:g} at "
         f"{table.wavelengths[j]:g} nm; it must be "
