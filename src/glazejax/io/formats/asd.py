@@ -32,8 +32,8 @@ def read_asd(source: Source) -> RawSpectra:
     damaged = "an ASD file that was cut short or is damaged: "
     if len(content) < _HEADER:
         raise source.error(f"{damaged}{len(content)} bytes of its header's 484")
-    code, start, step, number = content[186], *struct.unpack_from("<ff", content, 191), content[199]
-    (channels,) = struct.unpack_from("<H", content, 204)
+    # Of the header: its type, first wavelength and step, format of numbers, and channels.
+    code, start, step, number, channels = struct.unpack_from("<B4xffB4xH", content, 186)
     version = 1 if content[:3] == b"ASD" else int(content[2:3])
     if code >= len(_KINDS) or number not in _NUMBERS or not (channels and start > 0 and step > 0):
         raise source.error(
