@@ -194,9 +194,10 @@ def _steps(block: _Block) -> tuple[Bands, Bands]:
     differs = False
     for line, text in block.data:
         try:
-            x, digits, row, ends_so = _unpack(text) if packed else _plain(text)
+            word, row, ends_so = _unpack(text) if packed else _plain(text)
         except (ValueError, IndexError):
             raise block.damaged(f"{text[:40]!r} are not an abscissa and ordinates", line) from None
+        x = float(word)
         at = len(values)
         if differs:
             at -= 1
@@ -204,7 +205,8 @@ def _steps(block: _Block) -> tuple[Bands, Bands]:
                 raise block.damaged(f"the line does not begin with {values[-1]:g}", line)
             row = row[1:]
         # Abscissas may be rounded or cut to the digits they have.
-        if abs(x * factor - (first + at * step)) > 0.5 * abs(step) + 10.0**-digits * abs(factor):
+        last_digit = 10.0 ** -_decimals(word) * abs(factor)
+        if abs(x * factor - (first + at * step)) > 0.5 * abs(step) + last_digit:
             wrong = wrong or block.damaged(
                 f"the line begins at {x:g}, not {first + at * step:g}", line
             )
@@ -218,8 +220,8 @@ def _steps(block: _Block) -> tuple[Bands, Bands]:
     return np.linspace(first, last, len(values)), np.array(values)
 
 
-def _plain(text: str) -> tuple[float, int, array, bool]:
-    """Abscissa, its decimals, and ordinates of a line of plain numbers, which a sign may part.
+def _plain(text: str) -> tuple[str, array, bool]:
+    """Abscissa as it stands, and ordinates of a line of plain numbers, which a sign may part.
 
     Raises:
         ValueError, IndexError: the line is damaged.
@@ -227,10 +229,10 @@ def _plain(text: str) -> tuple[float, int, array, bool]:
     words = _PLAIN.findall(text)
     if re.sub(r"[\s,;]", "", _PLAIN.sub("", text)):
         raise ValueError(text)
-    return float(words[0]), _decimals(words[0]), array("d", map(float, words[1:])), False
+    return words[0], array("d", map(float, words[1:])), False
 
 
-def _unpack(text: str) -> tuple[float, int, array, bool]:
+def _unpack(text: str) -> tuple[str, array, bool]:
     """The same of a line of packed numbers, and whether it ends in a difference."""
     begin = _FIRST.match(text)
     if begin is None:
@@ -251,7 +253,7 @@ def _unpack(text: str) -> tuple[float, int, array, bool]:
         values.append(
             values[-1] + change if differs else float(f"{_SQUEEZED.get(sign, sign)}{digits}")
         )
-    return float(begin[1]), _decimals(begin[1]), values, differs
+    return begin[1], values, differs
 
 
 def _decimals(word: str) -> int:
