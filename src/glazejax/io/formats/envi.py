@@ -314,7 +314,7 @@ class EnviFile:
                         "not finite"
                     )
                 pair.append(np.resize(values, count) if values.size else neutral)
-            if any(np.ndim(values) for values in pair):
+            if any(map(np.ndim, pair)):
                 notes.append(f"the header's {words!r} gain and offset values are applied")
                 return pair[0], pair[1]
         return 1.0, 0.0

@@ -132,7 +132,7 @@ class _Cells:
 
     def wavelength(self, cell: str) -> float | None:
         """Wavelength in a cell, which may carry its unit, or None."""
-        return self.number(_NANOMETRES.sub("", cell).rstrip())
+        return self.number(_NANOMETRES.sub("", cell))
 
 
 def read_table(source: Source) -> RawSpectra:
