@@ -664,15 +664,14 @@ def _full_name(name: str, all_names: Iterable[str]) -> str:
     try:
         return find_name(name, all_names)
     except ValueError as error:
-        family = next(
-            (family_name for family_name in catalogue.families() if same_name(family_name, name)),
-            None,
-        )
-        if family is None or ALL_NAMES not in str(error):
-            raise
-        raise ValueError(
-            f"there is no pigment {name!r} here: {family} is a family of --catalogue {PIGMENTS}"
-        ) from None
+        if ALL_NAMES in str(error):
+            for family in catalogue.families():
+                if same_name(family, name):
+                    raise ValueError(
+                        f"there is no pigment {name!r} here: {family} is a family of --catalogue "
+                        f"{PIGMENTS}"
+                    ) from None
+        raise
 
 
 def all_named(shelf: "Mapping[str, Pigment]") -> "dict[str, Pigment]":

@@ -102,13 +102,11 @@ def read_scene(path: str | Path) -> SceneFile:
     with open_source(path) as source:
         # A character may become 20 times itself in Python's parser.
         text = source.text(most=_MAX_FILE, fallback=None)
-        long = next(
-            (i for i, line in enumerate(text.splitlines(), start=1) if len(line) > longest), None
-        )
-        if long is not None:
-            raise source.error(
-                f"more than {longest} characters, too long for a line of a scene file", long
-            )
+        for number, line in enumerate(text.splitlines(), start=1):
+            if len(line) > longest:
+                raise source.error(
+                    f"more than {longest} characters, too long for a line of a scene file", number
+                )
         try:
             content = tomllib.loads(text)
         except ValueError as error:

@@ -92,11 +92,11 @@ def read_jcamp(source: Source) -> RawSpectra:
     grids, values = zip(*map(_spectrum, blocks), strict=True)
     names = [block.name for block in blocks]
     units = [block.labels.get("YUNITS", "") or "no YUNITS" for block in blocks]
-    other = next((unit for unit in units if meaning(unit) != meaning(units[0])), units[0])
-    if other != units[0]:
-        raise source.error(
-            f"some blocks are in {units[0]!r} and some in {other!r}; bring all to one unit"
-        )
+    for unit in units:
+        if meaning(unit) != meaning(units[0]):
+            raise source.error(
+                f"some blocks are in {units[0]!r} and some in {unit!r}; bring all to one unit"
+            )
     for name, grid in zip(names, grids, strict=True):
         if grid.shape != grids[0].shape or not np.allclose(grid, grids[0], rtol=1e-9):
             raise source.error(

@@ -3,6 +3,7 @@ them.
 """
 
 import re
+from itertools import chain
 
 import numpy as np
 
@@ -34,9 +35,9 @@ def read_qtx(source: Source) -> RawSpectra:
         raise source.error("Datacolor QTX without reflectance: no section has STD_R= or BAT_R=")
     grids = [[keys.get(key, "") for key in _GRID] for _, keys in read]
     words = [keys["R"].split(",") for _, keys in read]
-    wrong = next((word for row in [grids[0], *words] for word in row if not is_number(word)), None)
-    if wrong is not None:
-        raise source.error(f"{', '.join(_GRID)} and R must be numbers, not {wrong[:20]!r}")
+    for word in chain(grids[0], *words):
+        if not is_number(word):
+            raise source.error(f"{', '.join(_GRID)} and R must be numbers, not {word[:20]!r}")
     low, step, count = map(read_number, grids[0])
     for (number, _), grid, row in zip(read, grids, words, strict=True):
         if grid != grids[0] or len(row) != count:
