@@ -30,8 +30,8 @@ def axes_of(
         next((i for i, word in enumerate(words) if kind.fullmatch(word)), None) for kind in _NAMES
     ]
     band = named[2]
-    if band is None and named[0] is not None and named[1] is not None:
-        band = ({0, 1, 2} - {named[0], named[1]}).pop()
+    if band is None and None not in named[:2]:
+        band = {0, 1, 2}.difference(named).pop()
     if band is None:
         fitting = [i for i in range(3) if shape[i] == count and i not in named]
         band = fitting[-1] if fitting else 2
