@@ -12,7 +12,7 @@ differentiated.
 Source: paper B (Tominaga 1993), section 2; presets by colour-science.
 """
 
-from typing import Literal, NamedTuple, get_args
+from typing import Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
@@ -21,6 +21,9 @@ from ...colour import SRGB_PRIMARIES, bradford, colour_science, srgb_to_xyz
 from ...radiative.common.fresnel import array_module
 from ...spectra import Numbers, as_array, as_float_array, concrete, matmul
 from .tone import ToneCurve, look_up
+
+Channels: TypeAlias = Float[Array | np.ndarray, "*batch 3"]
+"""Colours as the light of three primaries, or as XYZ."""
 
 Gamut = Literal["clip", "dim", "desaturate", "error"]
 """What becomes of a colour that the display can't show; see `Display.to_rgb`."""
@@ -332,9 +335,7 @@ def _floats(values: Numbers) -> Float[Array | np.ndarray, "..."]:
     )
 
 
-def _outside(
-    light: Float[Array | np.ndarray, "*batch 3"],
-) -> Bool[Array | np.ndarray | np.bool_, "*batch"]:
+def _outside(light: Channels) -> Bool[Array | np.ndarray | np.bool_, "*batch"]:
     """Mask of colours for which a primary would have to shine less than not at all, or more than it
     can.
     """
@@ -343,17 +344,13 @@ def _outside(
     return array_module(light).any((light < -1e-6) | (light > 1.0 + 1e-6), axis=-1)
 
 
-def _times(
-    vectors: Float[Array | np.ndarray, "*batch 3"], matrix: Float[np.ndarray, "3 3"]
-) -> Float[Array | np.ndarray, "*batch 3"]:
+def _times(vectors: Channels, matrix: Float[np.ndarray, "3 3"]) -> Channels:
     """The matrix times each vector."""
     xp = array_module(vectors)
     return matmul(xp, vectors, xp.asarray(matrix.T, vectors.dtype))
 
 
-def _bring_inside(
-    light: Float[Array | np.ndarray, "*batch 3"], shares: Float[np.ndarray, "3"], how: str
-) -> Float[Array | np.ndarray, "*batch 3"]:
+def _bring_inside(light: Channels, shares: Float[np.ndarray, "3"], how: str) -> Channels:
     """Light of each primary, (..., 3), made to lie in [0, 1].
 
     Args:
@@ -370,9 +367,7 @@ def _bring_inside(
     return xp.clip(light, 0.0, 1.0)
 
 
-def _desaturate(
-    light: Float[Array | np.ndarray, "*batch 3"], shares: Float[np.ndarray, "3"]
-) -> Float[Array | np.ndarray, "*batch 3"]:
+def _desaturate(light: Channels, shares: Float[np.ndarray, "3"]) -> Channels:
     """Each colour moved towards the grey of its luminance just until it fits."""
     xp = array_module(light)
     # What is brighter than white becomes white.
