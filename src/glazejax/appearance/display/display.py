@@ -130,32 +130,29 @@ class Display:
         Raises:
             ValueError: there is no such display.
         """
-        if PRESETS.get(name.strip().lower()) == "sRGB":
-            return cls._srgb(white_luminance)
-        colour = colour_science()
-        names = {key.lower(): key for key in colour.RGB_COLOURSPACES}
-        standard = PRESETS.get(name.strip().lower(), name).lower()
-        if standard not in names:
-            raise ValueError(
-                f"unknown display {name!r}: there are {', '.join(PRESETS.values())}, or measure "
-                "yours"
-            )
-        space = colour.RGB_COLOURSPACES[names[standard]]
-        luminances = (
-            colour.normalised_primary_matrix(space.primaries, space.whitepoint)[1] * white_luminance
-        )
-        # The standard's own decoding, at each of 256 levels.
-        light = np.asarray(space.cctf_decoding(np.linspace(0.0, 1.0, 256)))
-        return cls(space.primaries, luminances, ToneCurve(np.arange(256.0), light), name=space.name)
-
-    @classmethod
-    def _srgb(cls, white_luminance: float) -> "Display":
-        """`preset` of the display that most are, without waiting for colour-science."""
-        luminances = srgb_to_xyz(np.eye(3))[:, 1] * white_luminance
-        light = srgb_to_xyz(np.linspace(0.0, 1.0, 256)[:, None] * np.ones(3))[:, 1]
-        return cls(
-            np.array(SRGB_PRIMARIES), luminances, ToneCurve(np.arange(256.0), light), name="sRGB"
-        )
+        title = PRESETS.get(name.strip().lower(), name)
+        steps = np.linspace(0.0, 1.0, 256)
+        if title == "sRGB":
+            # Most displays are: they need not wait for colour-science.
+            primaries = SRGB_PRIMARIES
+            luminances = srgb_to_xyz(np.eye(3))[:, 1]
+            light = srgb_to_xyz(steps[:, None] * np.ones(3))[:, 1]
+        else:
+            colour = colour_science()
+            names = {key.lower(): key for key in colour.RGB_COLOURSPACES}
+            if title.lower() not in names:
+                raise ValueError(
+                    f"unknown display {name!r}: there are {', '.join(PRESETS.values())}, or "
+                    "measure yours"
+                )
+            space = colour.RGB_COLOURSPACES[names[title.lower()]]
+            title = space.name
+            primaries = space.primaries
+            luminances = colour.normalised_primary_matrix(primaries, space.whitepoint)[1]
+            # The standard's own decoding, at each of 256 levels.
+            light = np.asarray(space.cctf_decoding(steps))
+        curve = ToneCurve(np.arange(256.0), light)
+        return cls(primaries, luminances * white_luminance, curve, name=title)
 
     @classmethod
     def paper_monitor(cls) -> "Display":
