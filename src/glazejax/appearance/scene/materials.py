@@ -38,6 +38,9 @@ PairSpectra: TypeAlias = Float[Array, "pairs bands"]
 PerPair: TypeAlias = Float[Array, "pairs"]
 """A number a pair of a point and a light."""
 
+Span: TypeAlias = tuple[float, float]
+"""Least and largest of some values."""
+
 FresnelModel = Literal["exact", "hall", "cook-torrance"]
 """How the reflectance of a metal depends on the angle."""
 
@@ -58,9 +61,9 @@ class Angles(eqx.Module):
 class SeenRanges(eqx.Module):
     """Part of a material that a scene shows: ranges of cosines and thicknesses."""
 
-    light: tuple[float, float]
-    view: tuple[float, float]
-    thickness: tuple[float, float]
+    light: Span
+    view: Span
+    thickness: Span
 
 
 def check_spectrum(what: str, spectrum: Numbers, wavelengths: Bands) -> None:
@@ -337,7 +340,7 @@ class GlazedTable(_GlazedSurface, Material):
         return self.table.mirror(cos_view)
 
 
-def _degrees(cosines: tuple[float, float]) -> tuple[float, float]:
+def _degrees(cosines: Span) -> Span:
     """Range of angles in degrees that holds a range of cosines, and never so narrow that rounding
     shows.
     """

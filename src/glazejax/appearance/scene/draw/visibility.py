@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ....radiative.common.fresnel import dielectric_reflectance
-from ..materials import Glazed, Material, SeenRanges
+from ..materials import Glazed, Material, SeenRanges, Span
 from .rays import Bounce, PerPoint
 
 
@@ -19,8 +19,8 @@ class MaterialsInView:
 
     def __init__(self, materials: Sequence[Material]):
         self.materials: list[Material] = list(materials)
-        self._light: dict[int, tuple[float, float]] = {}
-        self._view: dict[int, tuple[float, float]] = {}
+        self._light: dict[int, Span] = {}
+        self._view: dict[int, Span] = {}
         self._rays = 0
         self._samples = 0
         # Under any gloss the mirror reflection is bounded by that of the largest index.
@@ -98,11 +98,11 @@ class MaterialsInView:
         return "angles of the glazes: " + "; ".join(lines) if lines else ""
 
 
-def _wider(span: tuple[float, float] | None, values: np.ndarray) -> tuple[float, float]:
+def _wider(span: Span | None, values: np.ndarray) -> Span:
     low, high = span or (np.inf, -np.inf)
     return float(values.min(initial=low)), float(values.max(initial=high))
 
 
-def _legal(pair: tuple[float, float]) -> tuple[float, float]:
+def _legal(pair: Span) -> Span:
     """Range of cosines; that of an unlit material is any."""
     return (max(pair[0], 0.0), min(pair[1], 1.0)) if pair[0] <= pair[1] else (1.0, 1.0)
