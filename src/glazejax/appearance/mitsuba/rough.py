@@ -22,18 +22,17 @@ from ...radiative.rough import loss_constant, rough_reflectance_factor, surface_
 from ...radiative.rough.body import Lit, reflectance
 from ...radiative.rough.body import Surface as Resolved
 from ...radiative.rough.resolution import FINEST, resolve
-from ...spectra import Numbers
 from ..glaze.interpolation import lagrange
 from . import lookup
 from .ground_split import GroundTerms, evenly, split
 from .lookup import NUMPY, Arithmetic
-from .surfaces import Layers, in_blocks
+from .surfaces import Layers, SolvedSurface
 
 _STEPS = 257
 _ANGLE_NODES = (12, 16, 20, 24, 32, 40, 48)
 
 
-class Rough:
+class Rough(SolvedSurface):
     """GGX facets, their loss made good; it answers what `smooth.Smooth` does.
 
     Attributes:
@@ -43,13 +42,13 @@ class Rough:
     """
 
     def __init__(self, refractive_index: float, roughness: float):
-        self.refractive_index: float = refractive_index
+        arguments: dict[str, Any] = {"refractive_index": refractive_index, "roughness": roughness}
+        super().__init__(rough_reflectance_factor, 512, FINEST, **arguments)
         self.roughness: float = roughness
         self._resolved = resolve(refractive_index, roughness, FINEST)
         air_table = self._resolved.operators().table
         assert air_table is not None
         self._turn = float(air_table.turn)
-        arguments: dict[str, Any] = {"refractive_index": refractive_index, "roughness": roughness}
         self.lost: float = loss_constant(**arguments)
         # Even steps of the coordinate, in which the lookup counts.
         cosines = np.maximum(self.cosine(np.linspace(0.0, 1.0, _STEPS)), 1e-6)
@@ -85,27 +84,6 @@ class Rough:
     def analytic_factor(self, ops: Arithmetic, cos_in: Any, cos_out: Any) -> Any:
         """Nothing is known without the table."""
         return 1.0
-
-    def factor(
-        self,
-        layers: Layers,
-        ground: Numbers,
-        cos_in: Numbers,
-        cos_out: Numbers,
-        tolerance: float,
-    ) -> np.ndarray:
-        """`rough_reflectance_factor` of stacks."""
-        return in_blocks(
-            rough_reflectance_factor,
-            layers,
-            ground,
-            cos_in,
-            cos_out,
-            block=512,
-            roughness=self.roughness,
-            refractive_index=self.refractive_index,
-            tolerance=max(tolerance, FINEST),
-        )
 
     def angles(self, error: Callable[[np.ndarray], float], tolerance: float) -> np.ndarray:
         """Nodes between which the functions of the angle are polynomials, which costs no

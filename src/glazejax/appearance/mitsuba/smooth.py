@@ -7,17 +7,16 @@ import numpy as np
 from jaxtyping import Float
 
 from ...radiative.stack import stack_reflectance_factor
-from ...spectra import Numbers
 from ..glaze.interpolation import LEAST_SUM
 from .ground_split import GroundTerms, evenly, split
 from .lookup import Arithmetic
-from .surfaces import Layers, in_blocks, inside
+from .surfaces import Layers, SolvedSurface, inside
 
 # Numbers of angles that are tried.
 _ANGLES = (4, 5, 6, 8, 10, 12, 16, 24, 32)
 
 
-class Smooth:
+class Smooth(SolvedSurface):
     """Fresnel's surface: what is smooth is smooth in the cosine inside the paint.
 
     The table of a body asks a surface for the coordinate in which angles are smooth, what is known
@@ -25,7 +24,7 @@ class Smooth:
     """
 
     def __init__(self, refractive_index: float):
-        self.refractive_index = refractive_index
+        super().__init__(stack_reflectance_factor, 4096, 0.0, refractive_index)
         self._steepest = float(
             np.sqrt((refractive_index - 1.0) * (refractive_index + 1.0)) / refractive_index
         )
@@ -58,26 +57,6 @@ class Smooth:
         n = self.refractive_index
         total = ops.maximum(inside(ops, cos_in, n) + inside(ops, cos_out, n), LEAST_SUM)
         return self.let_in(ops, cos_in) * self.let_in(ops, cos_out) / total
-
-    def factor(
-        self,
-        layers: Layers,
-        ground: Numbers,
-        cos_in: Numbers,
-        cos_out: Numbers,
-        tolerance: float,
-    ) -> np.ndarray:
-        """`stack_reflectance_factor` of stacks."""
-        return in_blocks(
-            stack_reflectance_factor,
-            layers,
-            ground,
-            cos_in,
-            cos_out,
-            block=4096,
-            refractive_index=self.refractive_index,
-            tolerance=tolerance,
-        )
 
     def angles(
         self, error: Callable[[np.ndarray], float], tolerance: float
