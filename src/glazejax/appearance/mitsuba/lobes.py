@@ -50,32 +50,30 @@ class Facets:
     def sample(self, wi: Any, sample1: Any, sample2: Any) -> Any:
         """A direction by visible normals, or by the cosine."""
         mi = self._mi
-        dr = self._dr
-        loss = self._surface.columns(self._ops, dr.maximum(wi.z, 1e-6))[2]
+        loss = self._surface.columns(self._ops, wi.z)[2]
         normal, _ = self._facets.sample(wi, sample2)
-        return dr.select(
+        return self._dr.select(
             sample1 < loss, mi.warp.square_to_cosine_hemisphere(sample2), mi.reflect(wi, normal)
         )
 
     def density(self, wi: Any, wo: Any) -> Any:
         """Of `sample`, in solid angle."""
-        mi = self._mi
         dr = self._dr
-        loss = self._surface.columns(self._ops, dr.maximum(wi.z, 1e-6))[2]
+        loss = self._surface.columns(self._ops, wi.z)[2]
         normal = dr.normalize(wi + wo)
         along = dr.dot(wo, normal)
         # The density of a facet's normal, over 4 (o.m) for the direction mirrored by it.
         single = dr.select(
             along > 0.0, self._facets.pdf(wi, normal) / dr.maximum(4.0 * along, 1e-12), 0.0
         )
-        return loss * mi.warp.square_to_cosine_hemisphere_pdf(wo) + (1.0 - loss) * single
+        drawn = self._mi.warp.square_to_cosine_hemisphere_pdf(wo)
+        return loss * drawn + (1.0 - loss) * single
 
     def value(self, wi: Any, wo: Any) -> Any:
         """BSDF times the cosine of `wo`, both above the surface."""
-        mi = self._mi
         dr = self._dr
         normal = dr.normalize(wi + wo)
-        met = mi.fresnel(dr.dot(wi, normal), self._surface.refractive_index)[0]
+        met = self._mi.fresnel(dr.dot(wi, normal), self._surface.refractive_index)[0]
         # F D G/(4 c_i c_o), times c_o.
         single = (
             self._facets.eval(normal)
@@ -84,7 +82,5 @@ class Facets:
             / dr.maximum(4.0 * wi.z, 1e-12)
         )
         # k(i) k(o)/C, what facets lose to one another, times c_o.
-        missing_in, missing_out = (
-            self._surface.columns(self._ops, dr.maximum(w.z, 1e-6))[1] for w in (wi, wo)
-        )
+        missing_in, missing_out = (self._surface.columns(self._ops, w.z)[1] for w in (wi, wo))
         return single + missing_in * missing_out / self._surface.lost * wo.z

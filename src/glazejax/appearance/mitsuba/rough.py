@@ -72,10 +72,9 @@ class Rough(SolvedSurface):
         return np.clip(self._turn * np.sinh(coordinate * np.arcsinh(1.0 / self._turn)), 0.0, 1.0)
 
     def columns(self, ops: Arithmetic, cosine: Any) -> Any:
-        """Of `table`, at a cosine in air."""
-        return lookup.line_sum(
-            ops, self.table, lookup.place(ops, self.coordinate(ops, cosine), _STEPS), 1
-        )[0]
+        """Of `table`, at a cosine in air; what lies below counts as grazing."""
+        along = self.coordinate(ops, ops.maximum(cosine, 1e-6))
+        return lookup.line_sum(ops, self.table, lookup.place(ops, along, _STEPS), 1)[0]
 
     def let_in(self, ops: Arithmetic, cosine: Any) -> Any:
         """Nothing is known without the table."""
