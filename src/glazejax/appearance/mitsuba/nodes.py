@@ -13,6 +13,7 @@ from numpy.polynomial import chebyshev
 from ...chebyshev_table import SAFETY, Axis, Mirrored, along_axis, extrema
 from ...interpolated import interpolated
 from ...paint.media import Glaze
+from ...spectra import Bands
 from ..glaze.interpolation import error_weight, lagrange
 from ..glaze.solve import with_variables
 from ..glaze.table import LEAST_COSINE
@@ -25,6 +26,12 @@ from .surfaces import Layers
 GlazeSurface: TypeAlias = Smooth | Rough
 """What lies above a body."""
 
+Ranges: TypeAlias = dict[str, tuple[float, float]]
+"""Least and largest value of what varies, "thickness" in m and "fraction"."""
+
+Points: TypeAlias = dict[str, np.ndarray]
+"""Values of what varies, (points,) each."""
+
 # Share of the tolerance that the solver has.
 SOLVER = 0.1
 # Thicknesses and fractions that are computed at most.
@@ -35,7 +42,7 @@ class Nodes(NamedTuple):
     """The terms at a few angles, as Chebyshev series over what varies."""
 
     surface: GlazeSurface
-    wavelengths: Float[np.ndarray, "bands"]
+    wavelengths: Bands
     cosines: Float[np.ndarray, "angles"]
     """Nodes, in air."""
     axes: dict[str, Axis | Mirrored]
@@ -64,20 +71,16 @@ class NodeSolver:
     layer: int
     tolerance: float
 
-    def factor(
-        self, points: dict[str, np.ndarray], cos_in: Any, cos_out: Any, ground: Any
-    ) -> np.ndarray:
+    def factor(self, points: Points, cos_in: Any, cos_out: Any, ground: Any) -> np.ndarray:
         """Reflectance factor (points or 1, pairs, bands); cosines and ground broadcast to that."""
         layers = [x[..., None, :, :] for x in self._layers(points)]
         return self.surface.factor(layers, ground, cos_in, cos_out, self.tolerance)
 
-    def terms(
-        self, points: dict[str, np.ndarray], cosines: np.ndarray
-    ) -> Float[np.ndarray, "points bands rows"]:
+    def terms(self, points: Points, cosines: np.ndarray) -> Float[np.ndarray, "points bands rows"]:
         """Rows of the surface's `terms`."""
         return self.surface.terms(self._layers(points), cosines, self.tolerance)
 
-    def _layers(self, points: dict[str, np.ndarray]) -> Layers:
+    def _layers(self, points: Points) -> Layers:
         """Albedo and optical thickness of the layers at points, (points or 1, bands, layers)."""
         glaze = self.glaze
         if points:
@@ -94,7 +97,7 @@ def solve_nodes(
     surface: GlazeSurface,
     glaze: Glaze,
     layer: int,
-    ranges: dict[str, tuple[float, float]],
+    ranges: Ranges,
     tolerance: float,
 ) -> Nodes:
     """Few angles, thicknesses and fractions that give all others within the tolerance.
@@ -103,7 +106,7 @@ def solve_nodes(
         surface: above.
         glaze: of `read_coats`.
         layer: the coat that varies.
-        ranges: least and largest value of what varies, "thickness" in m and "fraction".
+        ranges: of what varies.
         tolerance: absolute error wanted of the reflectance factor, for any ground.
     """
     solver = NodeSolver(surface, glaze, layer, SOLVER * tolerance)
@@ -162,9 +165,7 @@ def over(terms: GroundTerms, ground: Any) -> np.ndarray:
     )
 
 
-def _error_of_nodes(
-    solver: NodeSolver, ranges: dict[str, tuple[float, float]]
-) -> Callable[[np.ndarray], float]:
+def _error_of_nodes(solver: NodeSolver, ranges: Ranges) -> Callable[[np.ndarray], float]:
     """Error of nodes of the angle, at a few thicknesses and fractions and at angles between."""
     rng = np.random.default_rng(0)
     points = {}

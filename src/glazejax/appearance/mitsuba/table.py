@@ -17,6 +17,7 @@ from numpy.polynomial import chebyshev
 from ...chebyshev_table import SAFETY, Axis, Mirrored, along_axis, series_coefficients
 from ...paint.media import Glaze
 from ...radiative.common.quadrature import gauss
+from ...spectra import Bands
 from ..glaze.interpolation import error_weight, lagrange
 from ..glaze.table import LEAST_COSINE
 from . import lookup
@@ -27,6 +28,7 @@ from .nodes import (
     GlazeSurface,
     Nodes,
     NodeSolver,
+    Ranges,
     over,
     solve_nodes,
 )
@@ -69,7 +71,7 @@ class Body:
     """
 
     surface: GlazeSurface
-    wavelengths: Float[np.ndarray, "bands"]
+    wavelengths: Bands
     axes: dict[str, Axis | Mirrored]
     counts: tuple[int, ...]
     angles: int
@@ -119,8 +121,8 @@ def body_table(
     surface: GlazeSurface,
     glaze: Glaze,
     layer: int,
-    ranges: dict[str, tuple[float, float]],
-    ground: Float[np.ndarray, "bands"] | None,
+    ranges: Ranges,
+    ground: Bands | None,
     mean_ground: float,
     tolerance: float,
 ) -> Body:
