@@ -7,9 +7,12 @@ wavelengths linearly.
 """
 
 from collections.abc import Iterable, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
+
+WeightedNodes: TypeAlias = list[tuple[Any, list[Any]]]
+"""Numbers of nodes around a point, each with the weights of its values and slopes."""
 
 
 class Place(NamedTuple):
@@ -75,11 +78,11 @@ def hermite(t: Any) -> tuple[tuple[Any, Any], tuple[Any, Any]]:
     )
 
 
-def nodes_and_weights(spots: Sequence[Place], counts: Sequence[int]) -> list[tuple[Any, list[Any]]]:
+def nodes_and_weights(spots: Sequence[Place], counts: Sequence[int]) -> WeightedNodes:
     """Nodes around a point, each with the weights of its 2^axes numbers (value, slopes, mixed
     slope).
     """
-    nodes: list[tuple[Any, list[Any]]] = [(0, [1.0])]
+    nodes: WeightedNodes = [(0, [1.0])]
     # Axis by axis each node becomes two, and each weight one of a value and one of a slope.
     for spot, count in zip(spots, counts, strict=True):
         sides = hermite(spot.along)
@@ -95,7 +98,7 @@ def nodes_and_weights(spots: Sequence[Place], counts: Sequence[int]) -> list[tup
 
 
 def node_sum(
-    ops: Arithmetic, table: Any, nodes: Any, packets: int, row: Any = 0, rows: int = 1
+    ops: Arithmetic, table: Any, nodes: WeightedNodes, packets: int, row: Any = 0, rows: int = 1
 ) -> list[Any]:
     """Packets at a point, from a table (nodes, rows, numbers, packets, 4) laid out flat.
 
@@ -117,7 +120,7 @@ def node_sum(
 
 
 def spectral_sum(
-    ops: Arithmetic, table: Any, nodes: Any, packets: int, band: Place, bands: int
+    ops: Arithmetic, table: Any, nodes: WeightedNodes, packets: int, band: Place, bands: int
 ) -> list[Any]:
     """The same between two bands, the rows of the table."""
     low, high = (node_sum(ops, table, nodes, packets, band.lower + side, bands) for side in (0, 1))

@@ -22,7 +22,7 @@ from ..glaze.interpolation import error_weight, lagrange
 from ..glaze.table import LEAST_COSINE
 from . import lookup
 from .ground_split import factor_of
-from .lookup import NUMPY, Arithmetic, Place
+from .lookup import NUMPY, Arithmetic, Place, WeightedNodes
 from .nodes import (
     SOLVER,
     GlazeSurface,
@@ -103,7 +103,7 @@ class Body:
         )
 
 
-def nodes_at(ops: Arithmetic, body: Body, varying: dict[str, Any]) -> list[tuple[Any, list[Any]]]:
+def nodes_at(ops: Arithmetic, body: Body, varying: dict[str, Any]) -> WeightedNodes:
     """Nodes and weights of `lookup` for the values of the body's axes."""
     axis_spots = []
     for (name, axis), count in zip(body.axes.items(), body.counts, strict=True):
