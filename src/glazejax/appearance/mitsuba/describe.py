@@ -76,8 +76,9 @@ def glaze_bsdf(
         "coats": str(glaze),
         "layer": int(layer),
         "gloss": bool(gloss),
+        "roughness": float(roughness),
+        "tolerance": float(tolerance),
     }
-    description |= {"roughness": float(roughness), "tolerance": float(tolerance)}
     if isinstance(glaze, Glaze):
         # A spectrum of the ground goes with the coats; maps and textures stay Mitsuba's.
         spectrum = (
