@@ -1,6 +1,5 @@
 """Parameters of a glaze in a scene file, read from Mitsuba's properties and checked."""
 
-import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -45,17 +44,17 @@ def read_parameters(mi: Any, props: Any) -> GlazeParameters:
             f"a glaze has no {name!r}"
             + (f"; you may mean {near[0]!r}" if near else f"; it has {known}")
         )
-    if "coats" not in names or not isinstance(props["coats"], str):
+    entries = {name: props[name] for name in names}
+    if not isinstance(entries.get("coats"), str):
         raise ValueError('a glaze needs "coats", such as "UltramarineBlue:3um, ZincWhite:20um"')
     # Textures count in any unit, so that an optimiser meets numbers near 1.
-    scale = _number(props, names, "thickness_scale", 1.0, 1e-12, 1e3)
-    thickness = _texture(mi, props, names, "thickness", "get_unbounded_texture")
-    fraction = _texture(mi, props, names, "fraction", "get_unbounded_texture")
-    if "ground" in names and _is_array(mi, props["ground"]):
-        ground = _bands(props["ground"])
+    scale = _number(entries, "thickness_scale", 1.0, 1e-12, 1e3)
+    thickness = _texture(mi, props, entries, "thickness", "get_unbounded_texture")
+    fraction = _texture(mi, props, entries, "fraction", "get_unbounded_texture")
+    if _is_array(mi, entries.get("ground")):
+        ground = _bands(entries["ground"])
     else:
-        ground = _texture(mi, props, names, "ground", "get_texture")
-    most = _number(props, names, "thickness_max", math.nan, 0.0, MAX_THICKNESS)
+        ground = _texture(mi, props, entries, "ground", "get_texture")
     least, largest = (scale * end for end in _range(mi, thickness))
     check_quantity(
         "thickness",
@@ -64,50 +63,45 @@ def read_parameters(mi: Any, props: Any) -> GlazeParameters:
         ": thickness is in metres (20 micrometres are 20e-6, or 20 with a thickness_scale of 1e-6)",
     )
     # Without a limit the table ends at the largest thickness there is.
-    if math.isnan(most):
-        most = largest
-    elif largest > most * (1 + 1e-6):
+    most = _number(entries, "thickness_max", largest, 0.0, MAX_THICKNESS)
+    if largest > most * (1 + 1e-6):
         raise ValueError(
             f"thickness reaches {largest:g} m, beyond the thickness_max of {most:g} m: raise that"
         )
     check_quantity("fraction", _range(mi, fraction))
     check_quantity("ground", _range(mi, ground))
-    gloss = props["gloss"] if "gloss" in names else True
+    gloss = entries.get("gloss", True)
     if not isinstance(gloss, bool):
         raise ValueError(f"gloss is {gloss!r}; it must be true or false")
     return GlazeParameters(
-        coats=props["coats"],
-        layer=int(_number(props, names, "layer", 0, 0, 1000)),
+        coats=entries["coats"],
+        layer=int(_number(entries, "layer", 0, 0, 1000)),
         thickness=thickness * scale if isinstance(thickness, float) else thickness,
         thickness_scale=scale,
         thickness_max=most,
         fraction=fraction,
         ground=ground,
-        refractive_index=_number(props, names, "refractive_index", 0.0, 1.0, 2.5)
-        if "refractive_index" in names
-        else None,
-        roughness=_number(props, names, "roughness", 0.0, 0.0, 1.0),
+        refractive_index=_number(entries, "refractive_index", None, 1.0, 2.5),
+        roughness=_number(entries, "roughness", 0.0, 0.0, 1.0),
         gloss=gloss,
-        tolerance=_number(props, names, "tolerance", 1e-3, 1e-5, 0.1),
+        tolerance=_number(entries, "tolerance", 1e-3, 1e-5, 0.1),
     )
 
 
-def _number(
-    props: Any, names: set[str], name: str, default: float, low: float, high: float
-) -> float:
-    if name not in names:
+def _number(entries: dict[str, Any], name: str, default: Any, low: float, high: float) -> Any:
+    if name not in entries:
         return default
-    value = props[name]
+    value = entries[name]
     if not isinstance(value, int | float) or isinstance(value, bool) or not low <= value <= high:
         raise ValueError(f"{name} is {value!r}; it must be a number between {low:g} and {high:g}")
     return float(value)
 
 
-def _texture(mi: Any, props: Any, names: set[str], name: str, getter: str) -> Any:
+def _texture(mi: Any, props: Any, entries: dict[str, Any], name: str, getter: str) -> Any:
     """A number, a texture, or None if it is not given."""
-    if name not in names:
+    if name not in entries:
         return None
-    value = props[name]
+    value = entries[name]
     if isinstance(value, int | float) and not isinstance(value, bool):
         return float(value)
     if _is_array(mi, value) or isinstance(value, str | bool):
