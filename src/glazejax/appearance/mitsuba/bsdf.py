@@ -97,7 +97,7 @@ class GlazeBSDF:
         parameters = read_parameters(mi, props)
         self._given = parameters
         self._thickness, self._fraction = (
-            None if x is None or isinstance(x, float) else x
+            None if isinstance(x, float | None) else x
             for x in (parameters.thickness, parameters.fraction)
         )
         self._coats = _text_of(parameters.coats)
@@ -294,7 +294,7 @@ class GlazeBSDF:
             return _Bands(self._mi, self._dr, ground, bands_of(self._coats))
         return (
             None
-            if ground is None or isinstance(ground, float) or not ground.is_spatially_varying()
+            if isinstance(ground, float | None) or not ground.is_spatially_varying()
             else ground
         )
 
@@ -302,7 +302,7 @@ class GlazeBSDF:
         """The ground as the table takes it."""
         if self._ground is not None:
             return "any"
-        if parameters.ground is None or isinstance(parameters.ground, float):
+        if isinstance(parameters.ground, float | None):
             return "own" if parameters.ground is None else parameters.ground
         mi = self._mi
         # The texture's spectrum at the table's own bands.
@@ -359,7 +359,7 @@ class _Bands:
 
 def _span(value: Any, most: float) -> float | tuple[float, float] | None:
     """A number, the range of a texture, or None."""
-    return value if value is None or isinstance(value, float) else (0.0, most)
+    return value if isinstance(value, float | None) else (0.0, most)
 
 
 def _text_of(coats: str) -> str:
