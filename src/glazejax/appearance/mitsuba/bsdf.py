@@ -199,10 +199,18 @@ class GlazeBSDF:
         surface = lobe is not None and ctx.is_enabled(lobe.kind, 0)
         body = ctx.is_enabled(mi.BSDFFlags.DiffuseReflection, self._last)
         ops = DrJit(mi, dr, lit)
-        varying = self._varying(si, lit)
+        varying = {}
+        if self._thickness is not None:
+            varying["thickness"] = self._thickness.eval_1(si, lit) * self._given.thickness_scale
+        if self._fraction is not None:
+            varying["fraction"] = self._fraction.eval_1(si, lit)
         weights = None
         if body and valued:
-            ground = None if self._ground is None else self._ground_at(si, lit)
+            ground = None
+            if self._ground is not None:
+                value = self._ground.eval(si, lit)
+                # Below 1, as reflections between ground and body sum to 1/(1 - S ground).
+                ground = [dr.clip(value[k], 0.0, 0.999) for k in range(len(si.wavelengths))]
             weights = table.at_point(ops, self._body, varying, list(si.wavelengths), ground)
         share = mi.Float(1.0 if surface else 0.0)
         if lobe is not None and surface and body:
@@ -273,19 +281,6 @@ class GlazeBSDF:
             weight = dr.select(first, mirrored, weight)
         bs.pdf = dr.select(at.lit, bs.pdf, 0.0)
         return bs, dr.select(bs.pdf > 0.0, weight, 0.0)
-
-    def _varying(self, si: Any, lit: Any) -> dict[str, Any]:
-        coordinates = {}
-        if self._thickness is not None:
-            coordinates["thickness"] = self._thickness.eval_1(si, lit) * self._given.thickness_scale
-        if self._fraction is not None:
-            coordinates["fraction"] = self._fraction.eval_1(si, lit)
-        return coordinates
-
-    def _ground_at(self, si: Any, lit: Any) -> Any:
-        value = self._ground.eval(si, lit)
-        # Below 1, as reflections between ground and body sum to 1/(1 - S ground).
-        return [self._dr.clip(value[k], 0.0, 0.999) for k in range(len(si.wavelengths))]
 
     def _ground_texture(self, parameters: GlazeParameters) -> Any:
         """Texture that gives the ground at each place; None where it is the same everywhere."""
