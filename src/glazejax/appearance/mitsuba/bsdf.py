@@ -208,12 +208,11 @@ class GlazeBSDF:
         if body and valued:
             ground = None
             if self._ground is not None:
-                value = self._ground.eval(si, lit)
                 # Below 1, as reflections between ground and body sum to 1/(1 - S ground).
-                ground = [dr.clip(value[k], 0.0, 0.999) for k in range(len(si.wavelengths))]
+                ground = [dr.clip(value, 0.0, 0.999) for value in self._ground.eval(si, lit)]
             weights = table.at_point(ops, self._body, varying, list(si.wavelengths), ground)
         share = mi.Float(1.0 if surface else 0.0)
-        if lobe is not None and surface and body:
+        if surface and body:
             # They are sampled by the light they send back, which no derivative passes.
             within = dr.maximum(dr.detach(si.wi.z), _LEAST_COSINE)
             below = table.mean_albedo(
@@ -325,11 +324,9 @@ class _Bands:
                 f"the ground has {values.shape[-1]} bands, but the coats have {wavelengths.size} "
                 f"({wavelengths[0]:g} to {wavelengths[-1]:g} nm): resample it to those"
             )
-        self._mi, self._ends, self._mean = (
-            mi,
-            (float(wavelengths[0]), float(wavelengths[-1])),
-            float(values.mean()),
-        )
+        self._mi = mi
+        self._ends = float(wavelengths[0]), float(wavelengths[-1])
+        self._mean = float(values.mean())
         # Bands are the depth of a volume texture.
         volume = np.ascontiguousarray(np.moveaxis(values, -1, 0)[..., None], np.float32)
         self._texture = mi.Texture3f(
@@ -344,9 +341,9 @@ class _Bands:
         """At each wavelength, linear between bands."""
         low, high = self._ends
         values = []
-        for k in range(len(si.wavelengths)):
+        for wavelength in si.wavelengths:
             # Texels lie at the middle of their cells.
-            band = (si.wavelengths[k] - low) / (high - low) * (self._count - 1)
+            band = (wavelength - low) / (high - low) * (self._count - 1)
             where = self._mi.Point3f(si.uv.x, si.uv.y, (band + 0.5) / self._count)
             values.append(self._texture.eval(where, active)[0])
         return values
