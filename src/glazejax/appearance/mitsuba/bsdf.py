@@ -17,7 +17,7 @@ from . import table
 from .coats import index_of, read_coats
 from .device import DrJit, renderer
 from .lobes import Facets, Mirror
-from .parameters import GlazeParameters, read_parameters
+from .parameters import read_parameters
 from .rough import Rough
 from .smooth import Smooth
 from .table import Body, body_table
@@ -101,14 +101,14 @@ class GlazeBSDF:
             for x in (parameters.thickness, parameters.fraction)
         )
         self._coats = _text_of(parameters.coats)
-        self._ground = self._ground_texture(parameters)
+        self._ground = self._ground_texture()
         # Room for a texture of one value: a table needs a range.
         self.table: Body = _table(
             coats=self._coats,
             layer=parameters.layer,
             thickness=_span(parameters.thickness, max(parameters.thickness_max, 1e-9)),
             fraction=_span(parameters.fraction, 1.0),
-            ground=self._ground_key(parameters),
+            ground=self._ground_key(),
             mean_ground=self._mean_ground(),
             refractive_index=parameters.refractive_index,
             roughness=parameters.roughness,
@@ -118,11 +118,7 @@ class GlazeBSDF:
         above = self.table.surface
         lobe: Facets | Mirror | None = None
         if parameters.gloss:
-            lobe = (
-                Facets(mi, dr, above)
-                if isinstance(above, Rough)
-                else Mirror(mi, dr, above.refractive_index)
-            )
+            lobe = Facets(mi, dr, above) if isinstance(above, Rough) else Mirror(mi, dr, above)
         self._surface: Any = lobe
         flags = mi.BSDFFlags
         # Mitsuba must know whether the glaze varies over a surface.
@@ -281,9 +277,9 @@ class GlazeBSDF:
         bs.pdf = dr.select(at.lit, bs.pdf, 0.0)
         return bs, dr.select(bs.pdf > 0.0, weight, 0.0)
 
-    def _ground_texture(self, parameters: GlazeParameters) -> Any:
+    def _ground_texture(self) -> Any:
         """Texture that gives the ground at each place; None where it is the same everywhere."""
-        ground = parameters.ground
+        ground = self._given.ground
         if isinstance(ground, np.ndarray):
             return _Bands(self._mi, self._dr, ground, bands_of(self._coats))
         return (
@@ -292,19 +288,20 @@ class GlazeBSDF:
             else ground
         )
 
-    def _ground_key(self, parameters: GlazeParameters) -> str | float | tuple[float, ...]:
+    def _ground_key(self) -> str | float | tuple[float, ...]:
         """The ground as the table takes it."""
         if self._ground is not None:
             return "any"
-        if isinstance(parameters.ground, float | None):
-            return "own" if parameters.ground is None else parameters.ground
+        ground = self._given.ground
+        if isinstance(ground, float | None):
+            return "own" if ground is None else ground
         mi = self._mi
         # The texture's spectrum at the table's own bands.
         where = self._dr.zeros(self._mi.SurfaceInteraction3f)
         reflectance = []
         for wavelength in bands_of(self._coats):
             where.wavelengths = mi.UnpolarizedSpectrum(float(wavelength))
-            reflectance.append(float(np.array(parameters.ground.eval(where)).ravel()[0]))
+            reflectance.append(float(np.array(ground.eval(where)).ravel()[0]))
         return tuple(float(x) for x in np.clip(reflectance, 0.0, 1.0))
 
     def _mean_ground(self) -> float:

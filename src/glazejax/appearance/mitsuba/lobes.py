@@ -12,9 +12,10 @@ class Mirror:
 
     delta = True
 
-    def __init__(self, mi: Any, dr: Any, refractive_index: float):
+    def __init__(self, mi: Any, dr: Any, surface: Smooth):
         self._mi = mi
-        self._ops, self._surface = DrJit(mi, dr), Smooth(refractive_index)
+        self._ops = DrJit(mi, dr)
+        self._surface = surface
         self.kind: Any = mi.BSDFFlags.DeltaReflection
 
     def albedo(self, cosine: Any) -> Any:
