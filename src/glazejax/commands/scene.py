@@ -153,7 +153,7 @@ def _check_output(out: Path, spectral: Path | None, overwrite: bool) -> None:
 def _read_size(text: str) -> tuple[int, int]:
     """Pixels of WIDTHxHEIGHT."""
     try:
-        width, height = (int(number) for number in text.lower().split("x"))
+        width, height = map(int, text.lower().split("x"))
     except ValueError:
         raise ValueError(
             f"--size {text!r}: write WIDTHxHEIGHT in pixels, such as 160x120"

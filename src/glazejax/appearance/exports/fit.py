@@ -261,5 +261,5 @@ def _round_numbers(material: OpenPBR) -> OpenPBR:
 
 def colour_tuple(values: Float[np.ndarray, "3"]) -> tuple[float, float, float]:
     """A colour as `OpenPBR` takes it."""
-    red, green, blue = (float(value) for value in values)
+    red, green, blue = values.tolist()
     return red, green, blue

@@ -231,7 +231,7 @@ class _TableBuilder:
 
 def _cosines(name: str, pair: tuple[float, float]) -> Axis:
     """Cosines of a range of angles in degrees."""
-    low, high = (float(angle) for angle in pair)
+    low, high = map(float, pair)
     if not 0.0 <= low <= high <= 90.0:
         raise ValueError(
             f"angles of {name} are {low:g} to {high:g} degrees; give (least, largest) within 0 "

@@ -295,14 +295,13 @@ class GlazeBSDF:
         ground = self._given.ground
         if isinstance(ground, float | None):
             return "own" if ground is None else ground
-        mi = self._mi
         # The texture's spectrum at the table's own bands.
         where = self._dr.zeros(self._mi.SurfaceInteraction3f)
         reflectance = []
         for wavelength in bands_of(self._coats):
-            where.wavelengths = mi.UnpolarizedSpectrum(float(wavelength))
+            where.wavelengths = self._mi.UnpolarizedSpectrum(float(wavelength))
             reflectance.append(float(np.array(ground.eval(where)).ravel()[0]))
-        return tuple(float(x) for x in np.clip(reflectance, 0.0, 1.0))
+        return tuple(np.clip(reflectance, 0.0, 1.0).tolist())
 
     def _mean_ground(self) -> float:
         if self._ground is None:
