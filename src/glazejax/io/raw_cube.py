@@ -20,6 +20,9 @@ from .spectra_table import Chosen, Stored
 PerAxis: TypeAlias = tuple[int, int, int]
 """A number of each axis of an image: y, x and wavelength."""
 
+CubeFields: TypeAlias = dict[str, Any]
+"""Some fields of a `RawCube`, by their names."""
+
 # Bytes of a mapped file that are let go together.
 _MAPPED = 1 << 26
 # What the system maps around a byte that is read.

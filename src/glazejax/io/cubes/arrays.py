@@ -8,7 +8,7 @@ import numpy as np
 
 from ..files.read import envi_file
 from ..formats.envi import EnviFile
-from ..raw_cube import OnDisk, RawCube
+from ..raw_cube import CubeFields, OnDisk, RawCube
 from ..source import refusal
 from .axes import axes_of
 from .numbers import load_npy
@@ -39,7 +39,7 @@ def envi_cube(path: Path, count: int | None = None) -> RawCube:
     return replace(envi.raw(wavelengths), **_place(envi))
 
 
-def _place(envi: EnviFile) -> dict[str, Any]:
+def _place(envi: EnviFile) -> CubeFields:
     """Coordinates and pixel size from the header's ``map info``, ``pixel size`` and ``coordinate
     system string``.
 
@@ -53,7 +53,7 @@ def _place(envi: EnviFile) -> dict[str, Any]:
     info = envi.entries("map info")
     sizes = envi.entries("pixel size")
     about: dict[str, Any] = {}
-    placed: dict[str, Any] = {"attributes": attributes, "about_place": about}
+    placed: CubeFields = {"attributes": attributes, "about_place": about}
     if info:
         attributes["map_info"] = ", ".join(info)
     words = dict(entry.lower().split("=", 1) for entry in (info or sizes) if "=" in entry)

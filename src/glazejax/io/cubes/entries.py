@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..quantity import first_quantity, meaning
-from ..raw_cube import OnDisk, RawCube
+from ..raw_cube import CubeFields, OnDisk, RawCube
 from ..source import refusal
 from ..spectra_table import list_names
 from .axes import axes_of
@@ -92,7 +92,7 @@ def describe(
     if reverse:
         order = (2 - order[0], 2 - order[1], 2 - order[2])
     bands = image.shape[order[2]]
-    spatial: dict[str, Any] = {}
+    spatial: CubeFields = {}
     y, x = (_coordinates(image, axis, entries) for axis in order[:2])
     if y is not None and x is not None:
         lines, samples = (np.asarray(place.array[...], float) for place in (y, x))
@@ -210,7 +210,7 @@ def _good(image: FolderEntry, entries: Sequence[FolderEntry], count: int) -> np.
     return None
 
 
-def _meaning(path: Path, image: FolderEntry) -> dict[str, Any]:
+def _meaning(path: Path, image: FolderEntry) -> CubeFields:
     """Quantity, gain, offset, scale and marks of missing data by the conventions of CF, and by the
     names that others use.
     """

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ...extras import require
-from ..raw_cube import OnDisk, RawCube, whole
+from ..raw_cube import CubeFields, OnDisk, RawCube, whole
 from ..source import refusal
 from ..spectra_table import Stored, list_names
 from .axes import axes_of
@@ -53,7 +53,7 @@ def tiff_cube(path: Path, count: int | None) -> RawCube:
             order = axes_of(series.shape, count, names)
             count = int(series.shape[order[2]])
             dtype = series.dtype
-            layout: dict[str, Any] = {
+            layout: CubeFields = {
                 "data": OnDisk(_array, path, None),
                 "order": order,
                 "sizes": tuple(map(int, series.shape)),
@@ -82,9 +82,7 @@ def tiff_cube(path: Path, count: int | None) -> RawCube:
     )
 
 
-def _layout_of_planes(
-    size: tuple[int, ...], places: list[tuple[Path, int | None]]
-) -> dict[str, Any]:
+def _layout_of_planes(size: tuple[int, ...], places: list[tuple[Path, int | None]]) -> CubeFields:
     """Fields of a `RawCube` of which each band is a file, or a page of one."""
     return {
         "data": OnDisk(_planes, *places),
@@ -143,7 +141,7 @@ def picture_folder(path: Path, count: int | None) -> RawCube:
     wavelengths = (
         None if count is not None else _wavelengths_of_names([file.stem for file in files])
     )
-    place: dict[str, Any] = {}
+    place: CubeFields = {}
     sizes: list[tuple[tuple[int, ...], Any]] = []
     for file in files:
         with whole(file):
@@ -236,11 +234,11 @@ def _wavelengths_of_names(names: list[str]) -> Stored | None:
     return last if last.min() >= 200.0 and last.max() <= 2600.0 else None
 
 
-def _place(file: Any) -> dict[str, Any]:
+def _place(file: Any) -> CubeFields:
     """Coordinates of a GeoTIFF, and GDAL's mark of missing data."""
     page = file.pages[0]
     tags = page.tags
-    placed: dict[str, Any] = {}
+    placed: CubeFields = {}
     with contextlib.suppress(ValueError):
         placed["ignore"] = (float(str(tags.valueof(42113)).strip("\0 ")),)
     scale = tags.valueof(33550)
