@@ -17,6 +17,9 @@ from .device import renderer
 Surface: TypeAlias = "Numbers | Mapping[str, Any] | None"
 """A number, a map (rows, columns), or the dictionary of a texture of Mitsuba."""
 
+Description: TypeAlias = dict[str, Any]
+"""What `mitsuba.load_dict` takes."""
+
 _MICROMETRE = 1e-6
 
 
@@ -71,7 +74,7 @@ def glaze_bsdf(
         check_glaze(glaze)
     if not 0 <= roughness <= 1:
         raise ValueError(f"roughness is {roughness}; it must lie between 0 (smooth) and 1")
-    description: dict[str, Any] = {
+    description: Description = {
         "type": "glaze",
         "coats": str(glaze),
         "layer": int(layer),
@@ -125,8 +128,8 @@ def _text(
     return json.dumps(stack_to_dict(stack_of(whole), digits=17))
 
 
-def _thickness(thickness: "Numbers | Mapping[str, Any]", most: float | None) -> dict[str, Any]:
-    description: dict[str, Any] = {} if most is None else {"thickness_max": float(most)}
+def _thickness(thickness: "Numbers | Mapping[str, Any]", most: float | None) -> Description:
+    description: Description = {} if most is None else {"thickness_max": float(most)}
     if isinstance(thickness, Mapping) or np.ndim(thickness) == 0:
         return description | {"thickness": _map("thickness", thickness)}
     values = check_map("thickness", thickness)
@@ -150,7 +153,7 @@ def _map(kind: str, surface: "Numbers | Mapping[str, Any]", axes: Sequence[int] 
     return float(values) if values.ndim == 0 else _texture(values)
 
 
-def _texture(values: np.ndarray) -> dict[str, Any]:
+def _texture(values: np.ndarray) -> Description:
     """A map of numbers as a texture, linear between its values."""
     mi, _ = renderer()
     return {

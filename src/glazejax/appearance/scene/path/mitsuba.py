@@ -7,11 +7,11 @@ that is said.
 """
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from ....spectra import Bands, Numbers
+from ...mitsuba.describe import Description
 from ..lights import AreaLight, Light, PointLight
 from ..materials import Conductor, Glazed, Lambert, Material, Phong
 from ..scene import Scene
@@ -28,7 +28,7 @@ def mitsuba_scene(
     background: bool,
     tolerance: float,
     notes: list[str],
-) -> dict[str, Any]:
+) -> Description:
     """Dictionary for `mitsuba.load_dict`; a spectral variant must be set.
 
     Args:
@@ -56,7 +56,7 @@ def mitsuba_scene(
         target=numbers(camera.target),
         up=numbers(camera.up),
     )
-    description: dict[str, Any] = {
+    description: Description = {
         "type": "scene",
         # Paths without an end need Russian roulette, or they go on between white walls.
         "integrator": {
@@ -114,7 +114,7 @@ def mitsuba_scene(
     return description
 
 
-def spectrum(values: Numbers, wavelengths: Bands) -> dict[str, Any]:
+def spectrum(values: Numbers, wavelengths: Bands) -> Description:
     """A spectrum for Mitsuba: linear between the bands, nothing beyond them."""
     values = np.broadcast_to(np.asarray(values, float), wavelengths.shape)
     listed = ",".join(f"{v:.9g}" for v in values)
@@ -137,7 +137,7 @@ def _bsdf(
     on_sphere: bool,
     tolerance: float,
     notes: list[str],
-) -> dict[str, Any]:
+) -> Description:
     if isinstance(material, Lambert):
         return {"type": "diffuse", "reflectance": spectrum(material.reflectance, grid)}
     if isinstance(material, Glazed):
@@ -158,7 +158,7 @@ def _bsdf(
     return {"type": "roughplastic", "alpha": width, "diffuse_reflectance": body}
 
 
-def _glaze(material: Glazed, grid: np.ndarray, on_sphere: bool, tolerance: float) -> dict[str, Any]:
+def _glaze(material: Glazed, grid: np.ndarray, on_sphere: bool, tolerance: float) -> Description:
     from ...mitsuba import glaze_bsdf, register
 
     register()
@@ -177,7 +177,7 @@ def _glaze(material: Glazed, grid: np.ndarray, on_sphere: bool, tolerance: float
     )
 
 
-def _metal(name: str, material: Conductor, grid: np.ndarray, notes: list[str]) -> dict[str, Any]:
+def _metal(name: str, material: Conductor, grid: np.ndarray, notes: list[str]) -> Description:
     """Fresnel's mirror, or Beckmann's facets, half of them left at the same angle; always of the
     exact reflectance.
     """
@@ -201,7 +201,7 @@ def _metal(name: str, material: Conductor, grid: np.ndarray, notes: list[str]) -
     return {"type": "roughconductor", "distribution": "beckmann", "alpha": alpha} | optics
 
 
-def _light(light: Light, grid: np.ndarray, path: Path) -> dict[str, Any]:
+def _light(light: Light, grid: np.ndarray, path: Path) -> Description:
     if isinstance(light, AreaLight):
         emitter = {"type": "area", "radiance": spectrum(light.spectrum, grid)}
         black = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.0}}

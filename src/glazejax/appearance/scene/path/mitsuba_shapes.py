@@ -9,10 +9,11 @@ import numpy as np
 from jaxtyping import Float
 
 from ....spectra import Numbers
+from ...mitsuba.describe import Description
 from ..shapes import Box, Mesh, Plane, Shape, Sphere, plane_frame, rotation
 
 
-def mitsuba_shape(shape: Shape, path: Path, *, mapped: bool = False) -> dict[str, Any]:
+def mitsuba_shape(shape: Shape, path: Path, *, mapped: bool = False) -> Description:
     """A shape for `mitsuba.load_dict`, without its material.
 
     Args:
@@ -85,7 +86,7 @@ def relief_mesh(plane: Plane) -> Mesh:
     )
 
 
-def write_ply(path: Path, mesh: Mesh) -> dict[str, Any]:
+def write_ply(path: Path, mesh: Mesh) -> Description:
     """A mesh as a binary PLY file, and the shape that loads it."""
     names = list("xyz")
     columns = [np.asarray(mesh.vertices)]
