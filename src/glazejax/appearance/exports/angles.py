@@ -22,6 +22,9 @@ from .spaces import Space, find_space
 Angles: TypeAlias = Float[np.ndarray, "angles"]
 """A number an angle."""
 
+Viewing: TypeAlias = tuple[str, str | int]
+"""Illuminant and observer of colours."""
+
 VIEWS = (0.0, 15.0, 30.0, 45.0, 60.0, 75.0)
 """Degrees at which colours are compared, of light and of eye."""
 # Pairs of angles of which a rough surface's light is computed together.
@@ -53,7 +56,7 @@ class AngularColour:
     refractive_index: float
     roughness: float
     space: Space
-    light: tuple[str, str | int]
+    light: Viewing
     error: float
 
     @property

@@ -24,7 +24,7 @@ from ...radiative.common.quadrature import gauss
 from ...radiative.rough.lobes import lobe_albedo
 from ...spectra import validate_wavelengths
 from ..glaze.solve import check_layer, indices, on_grid, with_variables
-from .angles import pair_spectra
+from .angles import Viewing, pair_spectra
 from .rgb import Triples, rgb_of_xyz
 from .spaces import Space
 
@@ -86,7 +86,7 @@ def mapped_colours(
     *,
     roughness: float,
     space: Space,
-    light: tuple[str, str | int],
+    light: Viewing,
     coat: bool,
     delta_e: float,
     progress: Progress = no_progress,

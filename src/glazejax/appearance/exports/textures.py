@@ -16,7 +16,7 @@ from ...progress import Progress, no_progress
 from ...spectra import Numbers
 from ...stacks import Stack
 from ..image_files import FORMATS, normals, write_image
-from .angles import angular_colour, check_roughness
+from .angles import Viewing, angular_colour, check_roughness
 from .fit import Errors, colour_tuple, material_errors
 from .mapped import Colours, MappedGlaze, mapped_colours
 from .materialx import ImageNode, write_materialx
@@ -230,7 +230,7 @@ def _errors(
     material: OpenPBR,
     roughness: float,
     space: Space,
-    light: tuple[str, str | int],
+    light: Viewing,
     progress: Progress,
 ) -> Errors:
     """Largest errors at pixels from the darkest to the lightest, each a material of its own."""
@@ -259,7 +259,7 @@ def _errors(
 def _write_words(
     result: TextureSet,
     space: Space,
-    light: tuple[str, str | int],
+    light: Viewing,
     kind: str,
     heights: dict[str, Any],
 ) -> None:
