@@ -9,7 +9,7 @@ and interpolated for all pixels, as in `glazejax.picture`.
 
 import itertools
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -27,6 +27,9 @@ from ..glaze.solve import check_layer, indices, on_grid, with_variables
 from .angles import Viewing, pair_spectra
 from .rgb import Triples, rgb_of_xyz
 from .spaces import Space
+
+MeanColours: TypeAlias = Float[np.ndarray, "some means 3"]
+"""XYZ of the means of some glazes."""
 
 # Tints of a coat that are tried; between them their error is a parabola.
 _TINTS = np.exp(np.linspace(0.0, np.log(2e-3), 41))
@@ -115,9 +118,7 @@ def mapped_colours(
     computed = 0
     rounds = itertools.count(1)
 
-    def mean_xyz(
-        batch: Float[np.ndarray, "some kinds"], size: int = _GLAZES
-    ) -> Float[np.ndarray, "some means xyz"]:
+    def mean_xyz(batch: Float[np.ndarray, "some kinds"], size: int = _GLAZES) -> MeanColours:
         """XYZ of all means, so many glazes side by side."""
         stage = f"computing glazes, round {next(rounds)},"
 
@@ -131,9 +132,7 @@ def mapped_colours(
 
         return by_blocks(len(batch), size, run)
 
-    def distance(
-        first: Float[np.ndarray, "some means 3"], second: Float[np.ndarray, "some means 3"]
-    ):
+    def distance(first: MeanColours, second: MeanColours):
         labs = (np.asarray(xyz_to_lab(xyz, white)) for xyz in (first, second))
         return delta_e_2000(*labs).max(axis=-1)
 
@@ -146,7 +145,7 @@ def mapped_colours(
         values = mean_xyz(distinct, len(distinct))
     else:
 
-        def of_varied(batch: Float[np.ndarray, "some axes"]) -> Float[np.ndarray, "some means 3"]:
+        def of_varied(batch: Float[np.ndarray, "some axes"]) -> MeanColours:
             complete = np.repeat(distinct[:1], len(batch), axis=0)
             complete[:, varied] = batch
             return mean_xyz(complete)
