@@ -18,6 +18,7 @@ from ....radiative.common.chunks import by_blocks
 from ..lights import Light, ParallelLight, PointLight
 from ..shapes import vector
 from .intersect import Geometry, Hit, nearest, surface
+from .triangles import HostVectors
 
 PerLight: TypeAlias = Float[np.ndarray, "points lights"]
 """A number a point and light."""
@@ -167,8 +168,8 @@ def _cast(
 def trace(
     geometry: Geometry,
     sources: Lamps,
-    origin: Float[np.ndarray, "rays 3"],
-    direction: Float[np.ndarray, "rays 3"],
+    origin: HostVectors,
+    direction: HostVectors,
     *,
     reflects: Reflects,
     most_bounces: int,

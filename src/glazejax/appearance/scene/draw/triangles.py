@@ -24,6 +24,9 @@ Corners: TypeAlias = Float[np.ndarray, "triangles 3"]
 Vectors: TypeAlias = Float[Array, "rays 3"]
 """A vector a ray."""
 
+HostVectors: TypeAlias = Float[np.ndarray, "rays 3"]
+"""A vector a ray, in NumPy."""
+
 
 class Triangles(NamedTuple):
     """Triangles of all meshes."""
@@ -108,8 +111,8 @@ class TriangleCaster:
 
     def nearest(
         self,
-        origin: Float[np.ndarray, "rays 3"],
-        direction: Float[np.ndarray, "rays 3"],
+        origin: HostVectors,
+        direction: HostVectors,
         limit: Float[np.ndarray, "rays"],
     ) -> tuple[Float[np.ndarray, "rays"], Int[np.ndarray, "rays"]]:
         """Distance and number of the nearest triangle nearer than the limit; the limit and -1 where
