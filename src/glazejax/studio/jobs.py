@@ -18,12 +18,14 @@ from contextlib import suppress
 from importlib.metadata import entry_points
 from typing import Any
 
+from .messages import JsonObject
+
 MOST = 2
 """Searches at a time."""
 PATIENCE = 120.0
 """Seconds that a search whose page is gone goes on: connections are lost, and pages come back."""
 
-Send = Callable[[str, dict[str, Any]], None]
+Send = Callable[[str, JsonObject], None]
 """Tells a page of a search by its name; a page that has come back has another one."""
 
 
@@ -41,7 +43,7 @@ class Jobs:
         self._running: dict[str, subprocess.Popen[str]] = {}
         self._idle: list[subprocess.Popen[str]] = []
         self._senders: dict[str, Send] = {}
-        self._unheard: dict[str, dict[str, Any]] = {}
+        self._unheard: dict[str, JsonObject] = {}
         self._took: dict[str, float] = {}
         self._ends: dict[str, threading.Timer] = {}
         self._lock = threading.Lock()
@@ -110,7 +112,7 @@ class Jobs:
         if name not in self._senders:
             self.stop(name)
 
-    def _send(self, name: str, message: dict[str, Any]) -> None:
+    def _send(self, name: str, message: JsonObject) -> None:
         """To the page, or kept for it if it is an answer and the page is gone."""
         with self._lock:
             send = self._senders.get(name)
@@ -163,7 +165,7 @@ class Jobs:
                 self._send(name, {"progress": state})
 
         threading.Thread(target=beat, daemon=True).start()
-        answer: dict[str, Any] | None = None
+        answer: JsonObject | None = None
         # A process that ends before its answer gives none.
         with suppress(OSError, ValueError):
             assert process.stdin is not None

@@ -9,10 +9,13 @@ import json
 import math
 import struct
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from jaxtyping import Float
+
+JsonObject: TypeAlias = dict[str, Any]
+"""An object as JSON has it."""
 
 MOST_BYTES = 24 << 20
 """Of one message: a dropped file and some more."""
@@ -32,9 +35,7 @@ def pack(header: Mapping[str, Any], arrays: Arrays | None = None) -> bytes:
     return b"".join([struct.pack("<I", len(head)), head, *blocks])
 
 
-def unpack(
-    message: bytes | str,
-) -> tuple[dict[str, Any], dict[str, Float[np.ndarray, "..."]], bytes]:
+def unpack(message: bytes | str) -> tuple[JsonObject, Arrays, bytes]:
     """Header, arrays, and what follows them, such as a file's content.
 
     Raises:
@@ -70,7 +71,7 @@ def unpack(
     return header, arrays, bytes(message[at:])
 
 
-def _header(text: bytes | str) -> dict[str, Any]:
+def _header(text: bytes | str) -> JsonObject:
     try:
         header = json.loads(text)
     except (ValueError, RecursionError):

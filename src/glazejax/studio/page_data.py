@@ -6,7 +6,6 @@ The page computes every colour itself, from these numbers, with `page/solver.js`
 import base64
 import re
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
@@ -15,12 +14,13 @@ from ..colour import CIE_1931
 from ..paint.media import MAX_THICKNESS, Pigment
 from ..spectra import describe_grid, ranges
 from ..stacks import BLACK, MOST_COATS, MOST_PARTS, WHITE, all_paints, pigment_to_dict
+from .messages import JsonObject
 
 # What is seen of the eye's curves, nm.
 _EYE = (360, 780)
 
 
-def page_data(own_paints: Mapping[str, Pigment] | None = None) -> dict[str, Any]:
+def page_data(own_paints: Mapping[str, Pigment] | None = None) -> JsonObject:
     """All that the page needs to know, and own paints in addition to the catalogues'.
 
     Args:
@@ -46,7 +46,7 @@ def page_data(own_paints: Mapping[str, Pigment] | None = None) -> dict[str, Any]
     }
 
 
-def entry(name: str, paint: Pigment) -> dict[str, Any]:
+def entry(name: str, paint: Pigment) -> JsonObject:
     """Entry of a paint on the page."""
     # The catalogues' paints are the first's by name, and further ones' as CATALOGUE/NAME.
     group, _, label = name.rpartition("/")
@@ -69,7 +69,7 @@ def entry(name: str, paint: Pigment) -> dict[str, Any]:
     }
 
 
-def _curves(paint: Pigment) -> dict[str, Any]:
+def _curves(paint: Pigment) -> JsonObject:
     """Coefficients of a shipped paint, with the modes of its errors in 16 bits."""
     columns = pigment_to_dict(paint)
     for key in ("identifiable", "provenance"):
@@ -83,13 +83,13 @@ def _curves(paint: Pigment) -> dict[str, Any]:
     return columns | {"modes": packed, "step": step}
 
 
-def _lamp(curve: cie.Curve) -> dict[str, Any]:
+def _lamp(curve: cie.Curve) -> JsonObject:
     return {"wavelengths": curve.wavelengths.tolist(), "power": curve.values.tolist()}
 
 
-def _eye() -> dict[str, Any]:
+def _eye() -> JsonObject:
     """Colour matching functions at every nanometre."""
-    eye: dict[str, Any] = {"start": _EYE[0]}
+    eye: JsonObject = {"start": _EYE[0]}
     for name, curve in zip("xyz", cie.observers()[CIE_1931], strict=True):
         visible = (curve.wavelengths >= _EYE[0]) & (curve.wavelengths <= _EYE[1])
         eye[name] = curve.values[visible].tolist()

@@ -21,7 +21,7 @@ from ..io.source import shorten
 from ..spectra import describe_grid
 from ..stacks import stack_from_dict, stack_to_dict
 from .jobs import Jobs
-from .messages import MOST_FILE, pack, unpack
+from .messages import MOST_FILE, JsonObject, pack, unpack
 from .page_data import page_data
 
 Send = Callable[[bytes], None]
@@ -74,7 +74,7 @@ class Session:
         """The page is gone; it may come back."""
         self.jobs.leave(self._inform)
 
-    def _on_hello(self, header: dict[str, Any], arrays: Any, body: bytes) -> None:
+    def _on_hello(self, header: JsonObject, arrays: Any, body: bytes) -> None:
         """Answer with what there is."""
         page = header.get("page")
         # A blank separates the page's name from that of a search.
@@ -90,12 +90,12 @@ class Session:
         self.tell(answer)
         self.jobs.come_back(self._page, self._inform)
 
-    def _on_file(self, header: dict[str, Any], arrays: Any, body: bytes) -> None:
+    def _on_file(self, header: JsonObject, arrays: Any, body: bytes) -> None:
         """A dropped file: films, or spectra."""
         name = str(header.get("name", "the file"))[:200]
         table = _read_upload(name, body)
         grid = np.asarray(table.wavelengths, float)
-        answer: dict[str, Any] = {
+        answer: JsonObject = {
             "type": "file",
             "name": name,
             "notes": list(table.notes),
@@ -113,7 +113,7 @@ class Session:
             answer["notes"].append(str(error))
         self.tell(answer, arrays)
 
-    def _on_start(self, header: dict[str, Any], arrays: Any, body: bytes) -> None:
+    def _on_start(self, header: JsonObject, arrays: Any, body: bytes) -> None:
         """A search: recipes for a colour, what is in a film, paints from films."""
         if not isinstance(header.get("options", {}), dict):
             raise ValueError("the options of a search must be an object")
@@ -125,11 +125,11 @@ class Session:
 
         self.jobs.start(f"{self._page} {name}", task, request, self._inform)
 
-    def _inform(self, name: str, message: dict[str, Any]) -> None:
+    def _inform(self, name: str, message: JsonObject) -> None:
         """Tell the page of its search."""
         self.tell({"type": "job", "name": name.partition(" ")[2], **message})
 
-    def _on_stop(self, header: dict[str, Any], arrays: Any, body: bytes) -> None:
+    def _on_stop(self, header: JsonObject, arrays: Any, body: bytes) -> None:
         """End a search."""
         name = str(header.get("name"))[:80]
         self.jobs.stop(f"{self._page} {name}")
