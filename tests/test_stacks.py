@@ -52,6 +52,17 @@ def test_a_file_that_was_written_is_read_again(tmp_path):
         write_stack(path, stack)
 
 
+def test_a_file_is_replaced_as_a_whole(tmp_path):
+    path = write_stack(tmp_path / "stack.json", stack_from_dict(GIVEN))
+    before = path.read_text(encoding="utf-8")
+    # Another name of the old file keeps it: the new one is a file of its own.
+    (tmp_path / "old.json").hardlink_to(path)
+    write_stack(path, stack_from_dict({**GIVEN, "ground": 0.2}), overwrite=True)
+    assert (tmp_path / "old.json").read_text(encoding="utf-8") == before
+    assert read_stack(path).ground == 0.2
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["old.json", "stack.json"]
+
+
 def test_the_glaze_is_that_of_the_shown_coats():
     stack = stack_from_dict(GIVEN)
     blue = gj.catalogue.pigment("CobaltBlue")

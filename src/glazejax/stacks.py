@@ -29,6 +29,7 @@ from . import catalogue
 from .geometry import Geometry, Instrument, geometry_of, parse_geometry
 from .io.outputs import check_output
 from .io.source import naming, open_source
+from .io.write import write_files
 from .paint.describe import MAX_THICKNESS, Coat, find_name, name_paints
 from .paint.media import Glaze, Layer, Mixture, Pigment, make_media
 from .spectra import (
@@ -246,7 +247,7 @@ def write_stack(
     """
     path = check_output(path, overwrite=overwrite, switch="overwrite=True")
     content = json.dumps(stack_to_dict(stack, digits), indent=1, ensure_ascii=False)
-    path.write_text(content + "\n", encoding="utf-8")
+    write_files({path: [f"{content}\n".encode()]}, overwrite=True)
     return path
 
 
