@@ -1,5 +1,7 @@
 """Results as tables of pandas and data sets of xarray."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
@@ -9,10 +11,13 @@ from glazefit.film.films import Films
 from glazefit.film.model.variation import Variation
 from glazefit.identify.identify import identify
 from glazefit.recipe.recipe import Recipe
-from glazefit.recipe.targets import lab_target
+from glazefit.recipe.report import screen_colours
+from glazefit.recipe.targets import lab_target, spectral_target
 from glazefit.recover.films.film_by_film import recover_films
 from glazefit.recover.predict.prediction import Prediction
+from glazejax import colour
 from glazejax.paint.describe import Coat
+from glazejax.plots import hex_colour
 
 GRID = np.arange(400.0, 701.0, 100.0)
 FILMS = Films(
@@ -74,13 +79,13 @@ def test_a_prediction():
     assert (frame.lower_90 < frame.reflectance).all()
 
 
-def test_a_recipe():
+def a_recipe():
     paints = gj.catalogue.load()
     blue, white = paints["CobaltBlue"], paints["ZincWhite"]
     mixture = gj.Mixture([blue, white], [0.25, 0.75])
     glaze = gj.Glaze([gj.Layer(blue, 5e-6), gj.Layer(mixture, 2e-5)], 0.9)
     mixed = ((0.75, "ZincWhite"), (0.25, "CobaltBlue"))
-    found = Recipe(
+    return Recipe(
         target=lab_target([50, 0, 0]),
         coats=(Coat(((1.0, "CobaltBlue"),), 5e-6, 1), Coat(mixed, 2e-5, 1)),
         glaze=glaze,
@@ -95,12 +100,27 @@ def test_a_recipe():
         sensitivity=(0.5, 0.1),
         between_mixings=2.0,
     )
+
+
+def test_a_recipe():
+    found = a_recipe()
     assert check_units(found).reflectance.sel(wavelength=700) == 0.5
     frame = found.to_dataframe()
     assert frame.thickness_um.tolist() == pytest.approx([5, 20, 20])
     assert frame.paint.tolist() == ["CobaltBlue", "ZincWhite", "CobaltBlue"]
     assert frame.share.tolist() == [1.0, 0.75, 0.25]
     assert frame.parts.tolist() == [1, 3, 1]
+
+
+def test_the_swatches_of_a_recipe_are_what_its_observer_sees():
+    found = a_recipe()
+    ten = colour.find_observer("10")
+    grid, values = found.wavelengths, np.linspace(0.9, 0.05, 31)
+    target = spectral_target(grid, values, name="sky")
+    found = replace(found, target=target, reflectance=values, observer=ten)
+    shade = hex_colour(colour.srgb(grid, values, observer=ten))
+    assert screen_colours(found) == (shade, shade)
+    assert shade != hex_colour(colour.srgb(grid, values))
 
 
 @pytest.mark.slow

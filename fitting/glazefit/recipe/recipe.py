@@ -68,6 +68,7 @@ class Recipe(Tabulated):
         before: largest Delta E 2000 before these steps, at the amounts that the table led to.
         mixed: the nearest recipe with paints mixed within its coats, to compare with one of unmixed
             coats; else None.
+        observer: full name, by whom the colours are seen.
     """
 
     target: Target
@@ -89,6 +90,7 @@ class Recipe(Tabulated):
     steps: int = 0
     before: float = np.nan
     mixed: "Recipe | None" = None
+    observer: str = colour.CIE_1931
 
     @property
     def cautions(self) -> dict[str, str]:
@@ -336,6 +338,7 @@ def _recipe(
         converged=stack.settled.item(),
         steps=stack.steps.item(),
         before=stack.before.item(),
+        observer=task.observer,
     )
 
 

@@ -78,16 +78,17 @@ def _parts(coat: Coat) -> list[str]:
 
 def screen_colours(recipe: Recipe) -> tuple[str, str]:
     """Colours of the target and of the recipe on a screen, #rrggbb, seen by the first illuminant
-    and the 1931 observer.
+    and the recipe's observer.
     """
     light = next(iter(recipe.delta_e))
+    eye = recipe.observer
     target = recipe.target
     if target.wavelengths is not None and target.reflectance is not None:
-        wanted = colour.srgb(target.wavelengths, target.reflectance, illuminant=light)
-        mixed = colour.srgb(recipe.wavelengths, recipe.reflectance, illuminant=light)
+        wanted = colour.srgb(target.wavelengths, target.reflectance, illuminant=light, observer=eye)
+        mixed = colour.srgb(recipe.wavelengths, recipe.reflectance, illuminant=light, observer=eye)
     else:
         # Relative to the illuminant's white, which a screen shows as its own.
-        white = colour.white_point(recipe.wavelengths, light)
+        white = colour.white_point(recipe.wavelengths, light, eye)
         wanted, mixed = (
             colour.xyz_to_srgb(colour.lab_to_xyz(labs[light], white), white)
             for labs in (target.labs, recipe.lab)
