@@ -268,6 +268,10 @@ def test_measured_lamps(tmp_path):
     )
     one = measured_lamp(f"{table}:one", GRID, 2.0)
     assert_allclose(one[1:] / one[:-1], GRID[1:] / GRID[:-1], rtol=2e-3)
+    # A lamp whose power equals its wavelengths is no second column of them.
+    ramp = tmp_path / "ramp.csv"
+    ramp.write_text("nm,lamp\n" + "\n".join(f"{w},{w}" for w in range(380, 800, 5)))
+    assert_allclose(measured_lamp(ramp, GRID, 2.0), one, rtol=1e-9)
     with refusal("holds 2 lamps: choose one"):
         measured_lamp(table, GRID)
     with refusal("no lamp 'three'; there are one, two"):

@@ -418,6 +418,9 @@ def _choose_columns(cells: _Cells) -> tuple[list[int], list[int]]:
         raise cells.error(cells.header_line, _no_wavelength(cells.header[grid]))
     right = [i for i in range(grid + 1, width) if i not in barred and (not numbers or numbers[i])]
     further = [i for i in right if i in titled or (i in runs and numbers[i] == numbers[grid])]
+    if {*right} == {*further}:
+        # A lamp's power may run as its wavelengths do.
+        further = [i for i in right if i in titled]
     columns = sorted({*right}.difference(further))
     if not columns:
         raise cells.error(cells.header_line, "no column of numbers but the wavelengths")
