@@ -168,7 +168,6 @@ def identify(
     from glazejax.commands.main import start_jax
 
     start_jax()
-    from rich.console import Console
 
     from glazejax.io import read_spectra
 
@@ -181,7 +180,7 @@ def identify(
         name.rpartition("_")[2] in ROWS for name in one_reading(table).names
     )
     measured = films_in(table, file) if over_cards else table
-    console = Console(highlight=False, markup=False, emoji=False)
+    console = progress.plain_console()
     progress.print_notes(console, file, measured.notes)
     typed |= {"catalogue": catalogue}
     searches = [typed]

@@ -267,7 +267,6 @@ def map_(
     few_arenas()
     start_jax(optimisation=3)
     import numpy as np
-    from rich.console import Console
 
     from glazejax.commands.command_line import command_line
     from glazejax.io import CubeSource
@@ -285,7 +284,7 @@ def map_(
     from .store.store import MapStore
     from .terminal import name_damage, say_what_is_kept
 
-    console = Console(highlight=False, markup=False, emoji=False)
+    console = progress.plain_console()
     if example:
         cube, example_ground, foreign = _example(out, console)
         if not (opaque or ground):

@@ -174,7 +174,6 @@ def posterior(
 
     start_jax()
     seen_by = options.read_geometry(instrument, _GEOMETRY)
-    from rich.console import Console
 
     from glazejax.spectra import common_range
 
@@ -182,7 +181,7 @@ def posterior(
     from ..film.model.errors import Prior
     from .coats import CoatPrior, parse_coats
 
-    console = Console(highlight=False, markup=False, emoji=False)
+    console = progress.plain_console()
     seen_with = Instrument(seen_by, refractive_index)
     errors = Noise(noise, noise_share)
     prior = Prior(thickness=usual, error=paint_error)

@@ -242,13 +242,13 @@ def recipe(
         load_matplotlib_ahead()
     seen_by = options.read_geometry(instrument, _GEOMETRY)
     base = options.read_ground(_GROUND if ground is None else ground)
-    from rich.console import Console
 
     from glazejax.geometry import resolve_instrument
 
     from .targets import colourchecker_targets, spectral_target, srgb_target
     from .task import make_task
 
+    console = progress.plain_console()
     stated = options.stated(quantity, unit, scale)
     notes: Sequence[str] = ()
     if lab is not None:
@@ -286,7 +286,7 @@ def recipe(
             ground=base,
             instrument=resolve_instrument(seen_by, refractive_index),
             eye=(lights[0], observer),
-            console=Console(highlight=False, markup=False, emoji=False),
+            console=console,
         )
         return
     # Films of an instrument that has no table yet are solved: some seconds.
@@ -308,7 +308,6 @@ def recipe(
             metamerism=metamerism,
             seed=seed,
         )
-    console = Console(highlight=False, markup=False, emoji=False)
     for file, file_notes in ((spectrum, notes), ("--ground", base.notes)):
         progress.print_notes(console, str(file), file_notes)
     from .recipe import recipe_chunks

@@ -207,13 +207,11 @@ def recover(
     start_jax()
     seen_by = options.read_geometry(instrument, _GEOMETRY)
 
-    from rich.console import Console
-
     from ..film.films import Instrument, Noise
     from ..film.partial_films import tint
     from ..film.readers import readable_names
 
-    console = Console(highlight=False, markup=False, emoji=False)
+    console = progress.plain_console()
     stated_noise = {
         name: value
         for name, value in (("floor", noise), ("share", noise_share))

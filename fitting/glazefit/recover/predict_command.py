@@ -107,14 +107,12 @@ def predict(
     seen_by = options.read_geometry(instrument, _GEOMETRY)
     recipe, shelf = read_mixture(mixture, options.read_shelf(pigments, catalogue))
 
-    from rich.console import Console
-
     from ..film.films import Instrument, card_readings
     from .command_joint import read_gauge
     from .joint.joint import UNIT
     from .predict.mixture import calibrate_mixture, predict_mixture
 
-    console = Console(highlight=False, markup=False, emoji=False)
+    console = progress.plain_console()
     # A reading calibrates the mixture, and says over which grounds and how thick its films are.
     seen_with = Instrument(seen_by, refractive_index)
     calibrated = None

@@ -12,6 +12,7 @@ from ..paint.describe import MAX_THICKNESS, name_paints, names_file, parse_coats
 from . import options
 from .command_line import ground_file
 from .help_groups import help_groups
+from .progress import follow, plain_console
 
 if TYPE_CHECKING:
     import numpy as np
@@ -159,8 +160,6 @@ def export(
     Example: glazejax export "UltramarineBlue:3um, ZincWhite:20um"
     """
     started = time.perf_counter()
-    from rich.console import Console
-
     from .main import start_jax
 
     of_maps = {
@@ -188,13 +187,12 @@ def export(
     start_jax()
     from ..colour import find_illuminant, find_observer
     from . import export_report as report
-    from .progress import follow
 
     illuminant = find_illuminant(illuminant)
     observer = find_observer(observer)
     exported = _stack(stack, ground, refractive_index, pigments)
     glaze = exported.glaze()
-    console = Console(highlight=False, markup=False, emoji=False, soft_wrap=True)
+    console = plain_console(soft_wrap=True)
     light: dict[str, Any] = {"illuminant": illuminant, "observer": observer}
     if to == "openpbr":
         from ..appearance.exports.fit import fit_openpbr

@@ -8,6 +8,7 @@ from textwrap import shorten
 from typing import TYPE_CHECKING, Annotated
 
 from . import options
+from .progress import plain_console
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -50,11 +51,10 @@ def paints(
 
     Example: glazejax paints --family azurite --out azurite.png
     """
-    from rich.console import Console
-
     from .. import catalogue
     from ..names import nearest_hint
 
+    console = plain_console()
     options.check_outputs({"--out": out, "--csv": csv}, overwrite, inputs=[references])
     if references is not None:
         if family or out is not None:
@@ -68,7 +68,7 @@ def paints(
         lister.load()(
             references,
             instrument=seen_by,
-            console=Console(highlight=False, markup=False, emoji=False),
+            console=console,
             csv=csv,
             overwrite=overwrite,
             stated=options.stated(quantity, unit, scale),
@@ -80,7 +80,6 @@ def paints(
         raise ValueError(f"no family of pigments is called {family!r}{hint}")
     if out is not None and not family:
         raise ValueError("--out draws one family: name it by --family, such as --family azurite")
-    console = Console(highlight=False, markup=False, emoji=False)
     origins = [
         origin
         for origin in catalogue.provenance().values()

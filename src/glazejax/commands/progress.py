@@ -175,6 +175,17 @@ def collect(
     return chunks_done, Collected(warm, time.perf_counter() - began, interrupted)
 
 
+def plain_console(*, soft_wrap: bool = False) -> "Console":
+    """Where commands print to: texts as they are, of which rich makes no marks of its own.
+
+    Args:
+        soft_wrap: whether long lines go on, whatever the width of the screen.
+    """
+    from rich.console import Console
+
+    return Console(highlight=False, markup=False, emoji=False, soft_wrap=soft_wrap)
+
+
 def print_notes(console: "Console", file: Path | str, notes: Sequence[str]) -> None:
     """Print what a reader noticed in a file."""
     for note in notes:

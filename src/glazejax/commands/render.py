@@ -15,6 +15,7 @@ from ..paint.describe import find_name, format_length, name_paints, parse_coats,
 from . import options
 from .command_line import ground_file
 from .help_groups import help_groups
+from .progress import follow, plain_console
 
 if TYPE_CHECKING:
     from ..paint.describe import Coat
@@ -91,11 +92,9 @@ def render(
     Example: glazejax render --coats "CobaltBlue:1um, ChromeYellow:10um"
     """
     started = time.perf_counter()
-    from rich.console import Console
-
     from .main import start_jax
 
-    console = Console(highlight=False, markup=False, emoji=False, soft_wrap=False)
+    console = plain_console()
     if list_pigments:
         from ..spectra import describe_grid
 
@@ -144,7 +143,6 @@ def render(
     from ..plots import load_matplotlib_ahead
     from . import render_report as report
     from .plots import glaze_figure
-    from .progress import follow
     from .rendering import render as compute
 
     glaze = Glaze(
