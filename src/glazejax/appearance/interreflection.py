@@ -129,7 +129,8 @@ def all_bounces(
     edges, values, vectors, root = _exchange(float(angle), int(strips))
     lit_a = _lit(cos_light_a, light)
     lit_b = _lit(cos_light_b, light)
-    s_a, s_b = (as_float_array(body) for body in (body_a, body_b))
+    s_a = as_float_array(body_a)
+    s_b = as_float_array(body_b)
     first_a = s_a * lit_a
     first_b = s_b * lit_b
     # With K the exchange, B_a = first_a + s_a K B_b and so for b: (1 - s_a s_b K^2) B_a = first_a +

@@ -124,7 +124,8 @@ def angular_colour(
         spectra = np.empty((cosines.size, cosines.size, grid.size))
         for done in range(0, first.size, _PAIRS):
             progress(done, first.size, "computing pairs of angles")
-            one, two = first[done : done + _PAIRS], second[done : done + _PAIRS]
+            one = first[done : done + _PAIRS]
+            two = second[done : done + _PAIRS]
             spectra[one, two] = spectra[two, one] = pair_spectra(
                 single, cosines[one], cosines[two], roughness, tolerance
             )

@@ -225,7 +225,8 @@ class GlazeBSDF:
         lit = at.lit & (wo.z > 0.0)
         value = mi.UnpolarizedSpectrum(0.0)
         if at.weights is not None:
-            cos_in, cos_out = (dr.maximum(cosine, _LEAST_COSINE) for cosine in (si.wi.z, wo.z))
+            cos_in = dr.maximum(si.wi.z, _LEAST_COSINE)
+            cos_out = dr.maximum(wo.z, _LEAST_COSINE)
             factors = table.reflectance_factor(
                 DrJit(mi, dr, lit), self._body, at.weights, cos_in, cos_out
             )
@@ -258,7 +259,8 @@ class GlazeBSDF:
         number = mi.UInt32(self._last)
         bs.eta = mi.Float(1.0)
         bs.wo = mi.warp.square_to_cosine_hemisphere(sample2)
-        bs.sampled_type, bs.sampled_component = mi.UInt32(self._diffuse), number
+        bs.sampled_type = mi.UInt32(self._diffuse)
+        bs.sampled_component = number
         if at.surface:
             # Within its share the first number runs from 0 to 1 again, for the lobe's own choice.
             along = self._surface.sample(si.wi, sample1 / dr.maximum(at.share, 1e-6), sample2)

@@ -47,7 +47,9 @@ class DrJit(Arithmetic):
     """
 
     def __init__(self, mi: Any, dr: Any, active: Any = True):
-        self._mi, self._dr, self._active = mi, dr, active
+        self._mi = mi
+        self._dr = dr
+        self._active = active
         self._jit = bool(dr.is_jit_v(mi.Float))
 
     def sqrt(self, x: Any) -> Any:

@@ -39,7 +39,9 @@ class Facets:
     delta = False
 
     def __init__(self, mi: Any, dr: Any, surface: Rough):
-        self._mi, self._dr, self._ops = mi, dr, DrJit(mi, dr)
+        self._mi = mi
+        self._dr = dr
+        self._ops = DrJit(mi, dr)
         self._surface = surface.on(self._ops.upload)
         self._facets = mi.MicrofacetDistribution(mi.MicrofacetType.GGX, surface.roughness, True)
         self.kind: Any = mi.BSDFFlags.GlossyReflection

@@ -205,7 +205,8 @@ def reflectance_factor(
     ops: Arithmetic, body: Body, point: PointWeights, cos_in: Any, cos_out: Any
 ) -> list[Any]:
     """Reflectance factor of the body at each wavelength of `at_point`; cosines in air, above 0."""
-    a, b = (angle_at(ops, body, cosine) for cosine in (cos_in, cos_out))
+    a = angle_at(ops, body, cos_in)
+    b = angle_at(ops, body, cos_out)
     shapes = lookup.pair_sum(ops, body.pairs, a, b, body.angles, body.packets[0])
     analytic = body.surface.analytic_factor(ops, cos_in, cos_out)
     values = [_dots(ops, shapes, weights) * analytic for weights in point.pairs]
@@ -253,7 +254,8 @@ def _compress(nodes: Nodes, ground: np.ndarray | None, mean_ground: float) -> Bo
     limit = 0.05 * nodes.tolerance
     shapes, onto = _basis([exact, dim], analytic.ravel(), left_out)
     axes = len(nodes.axes)
-    weights, means = (series_coefficients(values @ onto, axes) for values in (exact, dim))
+    weights = series_coefficients(exact @ onto, axes)
+    means = series_coefficients(dim @ onto, axes)
     squares = shapes.reshape(-1, n, n)
     # Symmetric to the last digit.
     squares = 0.5 * (squares + np.swapaxes(squares, 1, 2))

@@ -182,7 +182,9 @@ def as_data_array(
         unit: what the file's numbers are.
         notes: sentences on what was changed.
     """
-    raw, (y0, _, x0, _), (by, bx) = reading.raw, reading.window, reading.binning
+    raw = reading.raw
+    y0, _, x0, _ = reading.window
+    by, bx = reading.binning
     lines, samples, _ = reading.shape
     dims = ("y", "x", "wavelength")
     about = {"units": "pixel", **raw.about_place}

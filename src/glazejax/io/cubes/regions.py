@@ -167,7 +167,8 @@ def inside(rings: list[Float[np.ndarray, "_ 2"]], shape: tuple[int, int]) -> Mas
         # Half-open, so that a vertex on the line counts once.
         met = (start[:, 1] <= y) != (end[:, 1] <= y)
         if met.any():
-            (xa, ya), (xb, yb) = start[met].T, end[met].T
+            xa, ya = start[met].T
+            xb, yb = end[met].T
             crossings = np.sort(xa + (y - ya) / (yb - ya) * (xb - xa))
             used[line] = np.searchsorted(crossings, centres, side="right") % 2 == 1
     return used

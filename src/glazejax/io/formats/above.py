@@ -222,7 +222,8 @@ def _is_header(line: str, below: str) -> bool:
     """Return whether a line names bands or wavelengths, and the line below it has values for
     them.
     """
-    titles, values = _cells(line), _cells(below)
+    titles = _cells(line)
+    values = _cells(below)
     # Spreadsheets leave out empty cells at the end.
     if len(titles) < 2 or len(values) > len(titles):
         return False
@@ -251,7 +252,8 @@ def _are_titles(line: str, below: str) -> bool:
     """Return whether a line holds the titles of a line of units or numbers: it names wavelengths,
     or leaves them out where that names them, or names what each wavelength column begins.
     """
-    titles, units = _cells(line), _cells(below)
+    titles = _cells(line)
+    units = _cells(below)
     if not 1 < len(titles) <= len(units) or delimiter_of(line) != delimiter_of(below):
         return False
     grids = [i for i, unit in enumerate(units) if is_wavelength_title(unit)]

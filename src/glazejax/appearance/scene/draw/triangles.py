@@ -143,7 +143,8 @@ class TriangleCaster:
             candidate = candidate[candidate >= 0]
             distance, ahead = self._distance(candidate, origin[going], direction[going])
             near = ahead & (distance < limit[going])
-            best[going[near]], triangle[going[near]] = distance[near], candidate[near]
+            best[going[near]] = distance[near]
+            triangle[going[near]] = candidate[near]
             going = going[~ahead]
             start[going] += step
             step *= 2

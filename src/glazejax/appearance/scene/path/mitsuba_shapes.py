@@ -99,7 +99,8 @@ def write_ply(path: Path, mesh: Mesh) -> Description:
     # Mitsuba keeps meshes in single precision.
     vertices = np.concatenate(columns, axis=1).astype("<f4")
     faces = np.empty(len(mesh.faces), [("count", "u1"), ("corners", "<i4", 3)])
-    faces["count"], faces["corners"] = 3, np.asarray(mesh.faces)
+    faces["count"] = 3
+    faces["corners"] = np.asarray(mesh.faces)
     head = ["ply", "format binary_little_endian 1.0", f"element vertex {len(vertices)}"]
     head += [f"property float {name}" for name in names]
     head += [f"element face {len(faces)}", "property list uchar int vertex_indices", "end_header"]
@@ -165,5 +166,6 @@ def _transform(axes: Float[np.ndarray, "3 3"], point: Numbers) -> Any:
     import mitsuba as mi  # pyright: ignore[reportMissingImports]
 
     matrix = np.eye(4)
-    matrix[:3, :3], matrix[:3, 3] = axes, np.asarray(point, float)
+    matrix[:3, :3] = axes
+    matrix[:3, 3] = np.asarray(point, float)
     return mi.ScalarTransform4f(matrix.tolist())
