@@ -270,13 +270,11 @@ def explain_errors(path: Path, missing: str = "") -> Iterator[None]:
     name = show_path(path)
     try:
         yield
-    except FileNotFoundError as error:
-        if error.strerror is None:
-            raise
-        raise FileNotFoundError(missing or f"{name}: there is no such file") from None
     except OSError as error:
         if error.strerror is None:
             raise
+        if isinstance(error, FileNotFoundError):
+            raise FileNotFoundError(missing or f"{name}: there is no such file") from None
         raise type(error)(f"{name}: cannot be read: {error.strerror}") from None
     except MemoryError:
         raise ValueError(f"{name}: too large for this machine's memory; split it") from None
