@@ -96,14 +96,16 @@ def describe(
     y, x = (_coordinates(image, axis, entries) for axis in order[:2])
     if y is not None and x is not None:
         lines, samples = (np.asarray(place.array[...], float) for place in (y, x))
-        steps = (np.diff(centres) for centres in (lines, samples))
         unit = _text(x.attributes.get("units")) or _text(y.attributes.get("units"))
         spatial = {
             "y": lines,
             "x": samples,
             "about_place": {
                 "units": unit or "as in the file",
-                "pixel_size": tuple(float(abs(s.mean())) if s.size else 1.0 for s in steps),
+                "pixel_size": tuple(
+                    float(abs(steps.mean())) if steps.size else 1.0
+                    for steps in map(np.diff, (lines, samples))
+                ),
             },
         }
     return RawCube(

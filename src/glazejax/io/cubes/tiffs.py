@@ -61,10 +61,10 @@ def tiff_cube(path: Path, count: int | None) -> RawCube:
             }
         else:
             count = len(file.pages)
-            sizes = {(page.shape, page.dtype) for page in file.pages}
-            (shape, dtype), *others = sorted(sizes, key=str)
+            sizes = sorted({(page.shape, page.dtype) for page in file.pages}, key=str)
+            (shape, dtype), *others = sizes
             if others or len(shape) != 2 or count < 2:
-                kinds = list_names([f"{shape} {dtype}" for shape, dtype in sorted(sizes, key=str)])
+                kinds = list_names([f"{shape} {dtype}" for shape, dtype in sizes])
                 raise refusal(
                     path,
                     f"not an image of several bands of one size and type: {count} pages of {kinds}",
@@ -133,10 +133,11 @@ def picture_folder(path: Path, count: int | None) -> RawCube:
         path.iterdir(),
         key=lambda file: re.sub(r"\d+", lambda number: number[0].zfill(20), file.name),
     )
-    endings = {file: file.suffix.lower() for file in ordered}
-    files = [file for file, ending in endings.items() if ending in (".tif", ".tiff")]
-    files = files or [file for file, ending in endings.items() if ending == ".png"]
-    if not files:
+    for endings in ((".tif", ".tiff"), (".png",)):
+        files = [file for file in ordered if file.suffix.lower() in endings]
+        if files:
+            break
+    else:
         raise refusal(path, "a folder without an image: no zarr store, and no TIFF or PNG in it")
     wavelengths = (
         None if count is not None else _wavelengths_of_names([file.stem for file in files])
