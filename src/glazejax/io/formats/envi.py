@@ -100,7 +100,7 @@ class EnviFile:
             title: self._whole(title, 1) for title in ("lines", "samples", "bands")
         }
         self._offset = self._whole("header offset", 0)
-        self.interleave: str = str(self.header["interleave"]).strip().lower()
+        self.interleave: str = str(self.header["interleave"]).lower()
         if self.interleave not in _AXES:
             raise self.error(
                 f"the ENVI header is not legal: interleave is {self.interleave!r}, not bil, bip "
@@ -143,14 +143,12 @@ class EnviFile:
     def entries(self, title: str) -> list[str]:
         """Entries of a list in the header; none if there is no such list."""
         value = self.header.get(title, [])
-        return [
-            text.strip() for text in (value if isinstance(value, list) else [value]) if text.strip()
-        ]
+        return [text for text in (value if isinstance(value, list) else [value]) if text]
 
     @property
     def is_library(self) -> bool:
         """Return whether the header is that of a spectral library."""
-        return str(self.header.get("file type", "")).strip().lower() == _LIBRARY.lower()
+        return str(self.header.get("file type", "")).lower() == _LIBRARY.lower()
 
     def library(self) -> RawSpectra:
         """Spectra of a library: samples are its bands, lines its spectra.
@@ -390,7 +388,7 @@ class EnviFile:
 
     def _whole(self, title: str, least: int) -> int:
         """Whole number in a field of the header; 0 where it is left out."""
-        text = str(self.header.get(title, 0)).strip()
+        text = str(self.header.get(title, 0))
         try:
             read_number(text)
             value = int(text)
