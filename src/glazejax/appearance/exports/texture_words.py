@@ -33,13 +33,11 @@ def readme(material: OpenPBR, files: Mapping[str, Path], record: Mapping[str, An
     ]
     for what, socket in SOCKETS.items():
         if what in files:
-            space = (
-                "sRGB"
-                if what in COLOURS and record["textures"][what]["encoded"] == "sRGB"
-                else "Non-Color"
-            )
-            if what in COLOURS and space != "sRGB":
+            space = "Non-Color"
+            if what in COLOURS:
                 space = "Linear Rec.709" if record["space"] == "linear sRGB" else record["space"]
+            if record["textures"][what]["encoded"] == "sRGB":
+                space = "sRGB"
             lines.append(f"  {files[what].name:28} -> {socket} (image colour space: {space})")
     lines += [f"  IOR {material.specular_ior:g}, Metallic 0"]
     if coated:

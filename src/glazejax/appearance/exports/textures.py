@@ -202,11 +202,7 @@ def _files(
     folder: Path, name: str, kind: str, coat: bool, relief: bool, overwrite: bool
 ) -> dict[str, Path]:
     """Paths of all files, checked to be free."""
-    pictures = (
-        ["base_color", "roughness"]
-        + (["coat_color"] if coat else [])
-        + (["height", "normal"] if relief else [])
-    )
+    pictures = ["base_color", "roughness", *["coat_color"] * coat, *["height", "normal"] * relief]
     files = {what: folder / f"{name}_{what}.{kind}" for what in pictures}
     files |= {
         "materialx": folder / f"{name}.mtlx",
@@ -269,9 +265,9 @@ def _write_words(
     colour = "srgb_texture" if kind == "png" else space
     images = {what: ImageNode(files[what].name, colour) for what in COLOURS if what in files}
     rough = ImageNode(files["roughness"].name)
-    images |= {"specular_roughness": rough} | (
-        {"coat_roughness": rough} if "coat_color" in files else {}
-    )
+    images["specular_roughness"] = rough
+    if "coat_color" in files:
+        images["coat_roughness"] = rough
     write_materialx(
         result.material,
         files["materialx"],
