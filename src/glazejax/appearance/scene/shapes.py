@@ -241,13 +241,9 @@ Shape = Sphere | Plane | Box | Mesh
 
 def plane_frame(plane: Plane) -> np.ndarray:
     """Unit vectors along the width, along the height, and the normal, in rows."""
-    normal = np.asarray(plane.normal, float) / np.linalg.norm(np.asarray(plane.normal, float))
+    normal = vector("normal", plane.normal, direction=True)
     # The first guide that does not run along the normal.
-    for guide in (
-        np.asarray(plane.up, float),
-        np.array([0.0, 1.0, 0.0]),
-        np.array([1.0, 0.0, 0.0]),
-    ):
+    for guide in np.array([plane.up, [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]], float):
         # What of the guide lies in the plane.
         height = guide - (guide @ normal) * normal
         if np.linalg.norm(height) > 1e-6 * np.linalg.norm(guide):
