@@ -224,18 +224,19 @@ class _Work:
 
 def _signature(bounces: list[Bounce]) -> Int[np.ndarray, "rays"]:
     """A number of each ray that changes with the things it meets and the lights that reach them."""
-    total: np.ndarray | None = None
+    total = np.zeros(0, int)
+    child: Bounce | None = None
     # From the last bounce back: each point's number takes in that of the point seen in its mirror.
-    for bounce, child in zip(reversed(bounces), [None, *reversed(bounces[1:])], strict=True):
+    for bounce in reversed(bounces):
         # The lights that reach a point, as a sum of one random number each: bits would end at 63.
         reached = (bounce.strength > 0) @ np.random.default_rng(0).integers(
             1 << 62, size=bounce.strength.shape[1]
         )
         signature = (bounce.shape.astype(np.int64) + 1) * 1000003 + reached
-        if child is not None and total is not None:
+        if child is not None:
             signature[child.parent] += 7919 * (total % 1000000007)
         total = signature
-    assert total is not None
+        child = bounce
     return total
 
 
