@@ -36,7 +36,10 @@ def page_data(own_paints: Mapping[str, Pigment] | None = None) -> JsonObject:
     return {
         "paints": listed + [entry(name, paint) for name, paint in added.items()],
         "own": {name: pigment_to_dict(paint) for name, paint in added.items()},
-        "lamps": {name: _lamp(curve) for name, curve in cie.illuminants().items()},
+        "lamps": {
+            name: {"wavelengths": curve.wavelengths.tolist(), "power": curve.values.tolist()}
+            for name, curve in cie.illuminants().items()
+        },
         "eye": _eye(),
         "white": WHITE,
         "black": BLACK,
@@ -81,10 +84,6 @@ def _curves(paint: Pigment) -> JsonObject:
     step = float(np.abs(modes).max()) / 32767 or 1.0
     packed = base64.b64encode(np.round(modes / step).astype("<i2").tobytes()).decode()
     return columns | {"modes": packed, "step": step}
-
-
-def _lamp(curve: cie.Curve) -> JsonObject:
-    return {"wavelengths": curve.wavelengths.tolist(), "power": curve.values.tolist()}
 
 
 def _eye() -> JsonObject:

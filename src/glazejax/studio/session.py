@@ -94,16 +94,16 @@ class Session:
         """A dropped file: films, or spectra."""
         name = str(header.get("name", "the file"))[:200]
         table = _read_upload(name, body)
-        grid = np.asarray(table.wavelengths, float)
+        grid = table.wavelengths
         answer: JsonObject = {
             "type": "file",
             "name": name,
             "notes": list(table.notes),
-            "names": list(table.names),
+            "names": table.names,
             "words": describe_grid(grid),
             "films": _are_films(table.names),
         }
-        arrays = {"wavelengths": grid, "reflectance": np.asarray(table.reflectance, float)}
+        arrays = {"wavelengths": grid, "reflectance": table.reflectance}
         # Spectra of which no colour can be made are shown without one.
         try:
             shades = np.asarray(colour.srgb(grid, arrays["reflectance"]), float)
@@ -115,12 +115,13 @@ class Session:
 
     def _on_start(self, header: JsonObject, arrays: Any, body: bytes) -> None:
         """A search: recipes for a colour, what is in a film, paints from films."""
-        if not isinstance(header.get("options", {}), dict):
+        choices = header.get("options", {})
+        if not isinstance(choices, dict):
             raise ValueError("the options of a search must be an object")
         task = str(header.get("task"))
         name = str(header.get("name"))[:80]
         stack = stack_from_dict(header.get("stack"))
-        request = {"stack": stack_to_dict(stack), "options": header.get("options", {})}
+        request = {"stack": stack_to_dict(stack), "options": choices}
         request |= {key: array.tolist() for key, array in arrays.items()}
 
         self.jobs.start(f"{self._page} {name}", task, request, self._inform)
