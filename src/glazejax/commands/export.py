@@ -243,9 +243,7 @@ def _check_maps(to: str, of_maps: dict[str, Any]) -> None:
     options_set = [option for option, value in of_maps.items() if value is not None]
     if to != "textures" and options_set:
         raise ValueError(f"{options_set[0]} is for textures: add --to textures")
-    if to == "textures" and not any(
-        of_maps[f"--{name}-map"] for name in ("thickness", "fraction", "ground")
-    ):
+    if to == "textures" and not any(option.endswith("-map") for option in options_set):
         raise ValueError(
             "textures need a map that says what changes: add --thickness-map FILE, "
             "--fraction-map FILE or --ground-map FILE"

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float
 
+from ..appearance.exports.rgb import outside
 from ..plots import EDGE, FAINT, GRID, INK, hex_colour, label_spectra, style
 from .rendering import Rendering
 
@@ -84,7 +85,7 @@ def glaze_figure(
 def _clips(rendering: Rendering) -> bool:
     """Test whether a colour of the ladder is outside sRGB."""
     shades = [rendering.rgb(getattr(rendering.ladder, key), clip=False) for key in _WAYS]
-    return bool(np.any((np.asarray(shades) < -5e-4) | (np.asarray(shades) > 1 + 5e-4)))
+    return bool(outside(np.array(shades)).any())
 
 
 def _ink(rendering: Rendering, spectrum: Float[np.ndarray, "bands"]) -> str:

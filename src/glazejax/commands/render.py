@@ -150,6 +150,7 @@ def render(
         bed.on(media[0].wavelengths),
         refractive_index,
     )
+    coat = described[repeated]
     load_matplotlib_ahead()
     solving = time.perf_counter()
     with follow("compiling, then solving"):
@@ -157,14 +158,13 @@ def render(
             glaze,
             seen_by,
             layer=repeated,
-            coat=described[repeated].thickness,
+            coat=coat.thickness,
             illuminant=illuminant,
             observer=observer,
             tolerance=tolerance,
         )
     solved = time.perf_counter() - solving
     seen = seen_by.describe()
-    coat = described[repeated]
     present = [f"{coat.name} {coat.size}" for coat in described if coat.total > 0]
     with follow("drawing"):
         figure = glaze_figure(
@@ -363,7 +363,6 @@ def _write_table(path: Path, rendering, coats: "Sequence[Coat]", overwrite: bool
     from ..io import write_table
 
     titles = ["wavelength_nm", "glaze", "ground"]
-    for i, coat in enumerate(coats, 1):
-        titles.append(f"layer {i}: {coat.name} {coat.size} alone")
+    titles += [f"layer {i}: {coat.name} {coat.size} alone" for i, coat in enumerate(coats, 1)]
     columns = [rendering.wavelengths, rendering.glaze, rendering.ground, *rendering.alone]
     write_table(path, titles, zip(*columns, strict=True), overwrite=overwrite)

@@ -37,6 +37,9 @@ from ..spectra import Bands
 Counts: TypeAlias = Int[np.ndarray, "steps"]
 """Numbers of coats."""
 
+Reflectances: TypeAlias = Float[np.ndarray, "... bands"]
+"""Spectra of any number of things."""
+
 Steps: TypeAlias = Float[np.ndarray, "steps bands"]
 """Spectra of the steps of a ladder."""
 
@@ -91,13 +94,11 @@ class Rendering:
             f"{self.illuminant}, {self.observer.replace(' Degree Standard Observer', '° observer')}"
         )
 
-    def lab(self, spectra: Float[np.ndarray, "... bands"]) -> Float[np.ndarray, "... 3"]:
+    def lab(self, spectra: Reflectances) -> Float[np.ndarray, "... 3"]:
         """CIE L*a*b* of spectra."""
         return np.asarray(lab(self.wavelengths, spectra, **self.light))
 
-    def rgb(
-        self, spectra: Float[np.ndarray, "... bands"], *, clip: bool = True
-    ) -> Float[np.ndarray, "... 3"]:
+    def rgb(self, spectra: Reflectances, *, clip: bool = True) -> Float[np.ndarray, "... 3"]:
         """Encoded sRGB of spectra."""
         return np.asarray(srgb(self.wavelengths, spectra, clip=clip, **self.light))
 
@@ -235,17 +236,14 @@ def _mixing(
     depth = portion.sum(axis=0)
     below = np.interp(base, opaque[::-1], paleness[::-1]) ** 4
 
-    def mix_part(
-        n: Float[np.ndarray, "... 1"] | Int[np.ndarray, "... 1"],
-        amount: Float[np.ndarray, "... 1"] | float,
-    ) -> Float[np.ndarray, "... bands"]:
+    def mix_part(n: Int[np.ndarray, "... 1"], amount: Float[np.ndarray, "... 1"]) -> Reflectances:
         pale = ((n * absorbing + amount * below) / (n * depth + amount)) ** 0.25
         return np.interp(pale, paleness, opaque)
 
     scale = float(depth.max()) or 1.0
     amounts = scale * np.logspace(-4, 6, 2001)[:, None]
-    one_portion = mix_part(np.ones((1, 1)), amounts)
+    one_portion = mix_part(np.ones(1, int), amounts)
     distance = np.linalg.norm(np.asarray(colour(one_portion)) - np.asarray(colour(first)), axis=-1)
-    mixed = mix_part(counts[:, None], float(amounts[distance.argmin(), 0]))
+    mixed = mix_part(counts[:, None], amounts[distance.argmin()])
     mixed[0] = base  # What is below may be brighter than any paint; then only this step shows it.
     return mixed
