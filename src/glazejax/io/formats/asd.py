@@ -69,18 +69,20 @@ def read_asd(source: Source) -> RawSpectra:
     # Version 1 has no room for a reference: what it calls reflectance is reflectance.
     if stored and (kind == "raw" or (kind == "ref" and version >= 2 and not white.size)):
         raise source.error(counts_only)
-    dark = ~(white > 0)
     # Integration time and gains are the same for both, so they cancel.
     with np.errstate(all="ignore"):  # what is damaged may overflow, and is refused as not finite
-        values = counts if stored else np.where(dark, np.nan, counts / np.where(dark, 1.0, white))
-    said = "reflectance as stored in the file"
+        values = counts if stored else counts / np.where(white > 0, white, np.nan)
     name = content[3:160].strip(b"\0").decode("latin-1").split("\0")[0].strip()
     return RawSpectra(
         wavelengths=wavelengths,
         names=[name or source.path.stem],
         values=values[None],
         format="ASD binary",
-        notes=[said if stored else "counts were divided by those of the white reference"],
+        notes=[
+            "reflectance as stored in the file"
+            if stored
+            else "counts were divided by those of the white reference"
+        ],
         scale=None if stored else 1.0,
         missing="refuse" if stored else "drop",
     )
