@@ -164,12 +164,11 @@ class _TableBuilder:
         """Table with the numbers of nodes that `sizes` points to; its error is not known yet."""
         a, b = (self.nodes(axis, _ANGLE_NODES[sizes[0]]) for axis in (0, 1))
         depths = self.nodes(2, _THICKNESS_NODES[sizes[1]])
-        varied = depths if self.varies else None
         values = on_nodes(
             self.glaze,
             cos_in=a,
             cos_out=b,
-            depths=varied,
+            depths=depths if self.varies else None,
             layer=self.layer,
             tolerance=self.tolerance,
             solve=planned_factor,

@@ -295,10 +295,10 @@ def _compress(nodes: Nodes, ground: np.ndarray | None, mean_ground: float) -> Bo
         counts=counts,
         angles=count,
         pairs=_pack(0.5 * (pairs + np.swapaxes(pairs, 0, 1))),
-        pair_weights=_pack(_hermite_numbers(weights, counts)),
+        pair_weights=_hermite_packets(weights, counts),
         lines=lines,
-        line_weights=None if through is None else _pack(_hermite_numbers(through, counts)),
-        mean_weights=_pack(_hermite_numbers(means, counts)),
+        line_weights=None if through is None else _hermite_packets(through, counts),
+        mean_weights=_hermite_packets(means, counts),
         albedo_shapes=_pack(albedo),
         packets=(len(shapes) // 4, 0 if lines is None else lines.shape[-2]),
     )
@@ -372,8 +372,8 @@ def _values_and_slopes(
     return chebyshev.chebvander(x, terms - 1), slopes * (x[1] - x[0])
 
 
-def _hermite_numbers(series: np.ndarray, counts: tuple[int, ...]) -> np.ndarray:
-    """Values and slopes (in cells) on even grids, (nodes, bands, 2^axes, channels), from series
+def _hermite_packets(series: np.ndarray, counts: tuple[int, ...]) -> np.ndarray:
+    """Values and slopes (in cells) on even grids, (nodes, bands, 2^axes, packets, 4), from series
     (*terms, bands, ..).
     """
     numbers = [series]
@@ -382,7 +382,7 @@ def _hermite_numbers(series: np.ndarray, counts: tuple[int, ...]) -> np.ndarray:
         # Each axis doubles the numbers: values, and slopes along it.
         numbers = [along_axis(matrix, values, k) for values in numbers for matrix in matrices]
     stacked = np.stack(numbers, axis=-2)
-    return stacked.reshape(-1, *stacked.shape[-3:])
+    return _pack(stacked.reshape(-1, *stacked.shape[-3:]))
 
 
 def _pad(values: np.ndarray) -> np.ndarray:
