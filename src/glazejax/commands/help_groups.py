@@ -12,7 +12,7 @@ _TITLES = ("Common", "Input", "Method", "Output", "Advanced")
 
 
 def help_groups(
-    *, usual: str, given: str = "", tried: str = "", written: str = "", fine: str = ""
+    *, usual: str, given: str, written: str, fine: str, tried: str = ""
 ) -> Callable[[_Function], _Function]:
     """Order the options of a command's function in its ``--help``.
 

@@ -17,7 +17,7 @@ from jaxtyping import Float, Int
 from ...colour import colour_weights, delta_e_2000, white_point, xyz_to_lab
 from ...interpolated import at_points
 from ...paint.media import Glaze
-from ...progress import Progress, no_progress
+from ...progress import Progress
 from ...radiative.common.chunks import by_blocks
 from ...radiative.common.fresnel import cos_refracted
 from ...radiative.common.quadrature import gauss
@@ -92,7 +92,7 @@ def mapped_colours(
     light: Viewing,
     coat: bool,
     delta_e: float,
-    progress: Progress = no_progress,
+    progress: Progress,
 ) -> Colours:
     """Colours of OpenPBR's body, and of a coat, at points.
 

@@ -14,7 +14,7 @@ from .axes import axes_of
 from .numbers import load_npy
 
 
-def envi_cube(path: Path, count: int | None = None) -> RawCube:
+def envi_cube(path: Path, count: int | None) -> RawCube:
     """An ENVI image, header or data named; mapped into memory, in any interleave, type and byte
     order.
 

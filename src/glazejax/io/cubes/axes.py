@@ -12,7 +12,7 @@ _NAMES = (
 
 
 def axes_of(
-    shape: Sequence[int], count: int | None = None, names: Sequence[str | None] = ()
+    shape: Sequence[int], count: int | None, names: Sequence[str | None] = ()
 ) -> tuple[int, int, int]:
     """Axes of y, x and wavelength.
 
