@@ -56,10 +56,14 @@ class CubeReading(BackendArray):
         return (y1 - y0) // self.binning[0], (x1 - x0) // self.binning[1], len(self.bands)
 
     @property
+    def binned(self) -> bool:
+        """Return whether means are taken."""
+        return self.binning != (1, 1) or self.bands.shape[1] > 1
+
+    @property
     def marks(self) -> bool:
         """Return whether a saturated reading becomes +inf, as it has no one value."""
-        binned = self.binning != (1, 1) or self.bands.shape[1] > 1
-        return binned or self.calibration is not None or np.ndim(self.raw.gain) > 0
+        return self.binned or self.calibration is not None or np.ndim(self.raw.gain) > 0
 
     def __getitem__(self, key: ExplicitIndexer) -> np.ndarray:
         # xarray cannot turn a slice that runs backwards over nothing.
@@ -125,13 +129,12 @@ class CubeReading(BackendArray):
         y, ny = _span(lines, y0, by)
         x, nx = _span(samples, x0, bx)
         stored = groups.ravel()
-        binned = by > 1 or bx > 1 or groups.shape[1] > 1
         values = self.raw.values(y, x, stored, mark=self.marks)
         if self.calibration is not None:
             values = self.calibration.apply(values, y, x, stored)
         elif self.scale != 1.0:
             values /= values.dtype.type(self.scale)
-        if not binned:
+        if not self.binned:
             return values
         values = binned_mean(values.reshape(ny, by, nx, bx, *groups.shape))
         # Bins between those that were asked for were read with them.
