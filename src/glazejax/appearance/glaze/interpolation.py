@@ -57,6 +57,11 @@ class GlazeTable(NamedTuple):
     """Estimated largest absolute error of the reflectance factor within the ranges; where mu_I +
     mu_F is below 1, which an index near 1 allows, of the factor times that sum."""
 
+    @property
+    def varies(self) -> bool:
+        """Test whether it has thicknesses."""
+        return self.thickness.shape[0] > 1
+
     def reflectance_factor(
         self, cos_in: Numbers, cos_out: Numbers, thickness: Numbers | None = None
     ) -> Float[Array, "*batch bands"]:
@@ -73,12 +78,11 @@ class GlazeTable(NamedTuple):
         Raises:
             ValueError: a thickness is missing, or given for a table without.
         """
-        varies = self.thickness.shape[0] > 1
-        if varies and thickness is None:
+        if self.varies and thickness is None:
             raise ValueError(
                 "this glaze's thickness varies: give thickness, in metres, for every point"
             )
-        if not varies and thickness is not None:
+        if not self.varies and thickness is not None:
             raise ValueError(
                 "this glaze's thickness is fixed: leave thickness out, or give glaze_table the "
                 "thicknesses too"
@@ -112,14 +116,13 @@ class GlazeTable(NamedTuple):
             tolerance: of the solver.
         """
         glaze = on_grid(glaze, wavelengths_nm)
-        varies = self.thickness.shape[0] > 1
-        depths = self.thickness if varies else fixed_thickness(glaze, layer)
+        depths = self.thickness if self.varies else fixed_thickness(glaze, layer)
         return self._replace(
             table=on_nodes(
-                glaze, self.cos_in, self.cos_out, depths if varies else None, layer, tolerance
+                glaze, self.cos_in, self.cos_out, depths if self.varies else None, layer, tolerance
             ),
             thickness=depths,
-            ranges=self.ranges if varies else (*self.ranges[:2], Axis(depths[0], depths[0])),
+            ranges=self.ranges if self.varies else (*self.ranges[:2], Axis(depths[0], depths[0])),
             refractive_index=indices(glaze, self.refractive_index.shape[0]),
         )
 
@@ -159,7 +162,7 @@ def evaluate(table: GlazeTable, flat: Any, points: Any, xp: ModuleType) -> Any:
     a, b = (span.clamp(points[k], xp) for k, span in enumerate(table.ranges[:2]))
     weights = _angle_weights(table, 0, a, xp)
     further_weights = [_angle_weights(table, 1, b, xp)]
-    if table.thickness.shape[0] > 1:
+    if table.varies:
         span = table.ranges[2]
         further_weights.append(
             lagrange(span.coordinate(span.clamp(points[2], xp), xp), table.thickness.shape[0], xp)

@@ -329,9 +329,8 @@ class GlazedTable(_GlazedSurface, Material):
 
     def direct(self, angles: Angles) -> PairSpectra:
         """Reflectance factor times the cosine of the fall."""
-        varies = self.table.thickness.shape[0] > 1
         factor = self.table.reflectance_factor(
-            angles.light, angles.view, angles.thickness if varies else None
+            angles.light, angles.view, angles.thickness if self.table.varies else None
         )
         return shading.lambert(factor, angles.light)
 
