@@ -90,13 +90,12 @@ class _Work:
         self.progress = progress
         self.geometry = make_geometry(scene.shapes, scene.materials)
         self.places: Lamps = lamps(scene.lights)
-        self.all_materials = list(scene.materials.values())
-        self.in_view = MaterialsInView(self.all_materials)
+        self.in_view = MaterialsInView(list(scene.materials.values()))
         self.prepared: Sequence[Material | None] = []
         self.kept = 0
         self.report = RenderReport(
             bands=np.size(scene.wavelengths),
-            materials_full=len(self.all_materials),
+            materials_full=len(scene.materials),
             pixels=scene.width * scene.height,
         )
 
