@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ...cie import illuminants
-from ...colour import CIE_1931, colour_weights, find_illuminant
+from ...colour import colour_weights, find_illuminant
 from ...spectra import Bands, Grid, Numbers, describe_grid, validate_wavelengths
 from .shapes import Plane, Shape, Sphere, vector
 
@@ -186,5 +186,5 @@ def lamp_on_bands(
         [np.interp(fine, outer[k : k + 3], [0.0, 1.0, 0.0], 0.0, 0.0) for k in range(grid.size)]
     )
     bands = (hats @ power) / hats.sum(axis=1)
-    luminance = float(bands @ colour_weights(grid, "E", CIE_1931)[:, 1])
+    luminance = float(bands @ colour_weights(grid, "E")[:, 1])
     return strength * bands / luminance

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Int
 
-from ....colour import CIE_1931, colour_weights
+from ....colour import colour_weights
 from ....progress import Progress, no_progress
 from ..materials import Material
 from ..render_result import Rendered, RenderReport
@@ -82,7 +82,7 @@ class _Work:
     def __init__(
         self, scene: Scene, spectral: bool, adaptive: bool, tolerance: float, progress: Progress
     ):
-        self.weights = None if spectral else colour_weights(scene.wavelengths, "E", CIE_1931)
+        self.weights = None if spectral else colour_weights(scene.wavelengths, "E")
         self.scene = scene
         self.adaptive = adaptive
         self.refines: bool = adaptive and scene.antialias > 1

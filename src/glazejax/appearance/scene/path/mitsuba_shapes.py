@@ -151,7 +151,6 @@ def _quads(material: str, quads: list, scale: float = 1.0, start: float = 0.0) -
         material=material,
         vertices=np.concatenate(vertices),
         faces=np.concatenate(faces),
-        normals=None,
         uv=np.concatenate(uv),
     )
 
