@@ -155,8 +155,8 @@ def _draw(path: Path, about: "Family", pigments: "list[Pigment]") -> None:
     with picture(path, 7.0, 4.2) as figure:
         axes = figure.subplots()
         for pigment in pigments:
-            k = np.asarray(pigment.absorption, dtype=np.float64)
-            s = np.asarray(pigment.scattering, dtype=np.float64)
+            k = np.asarray(pigment.absorption, float)
+            s = np.asarray(pigment.scattering, float)
             # Optical thickness that hides the ground, of paint that hardly absorbs, too.
             reading = stack_reflectance_factor(
                 (s / (k + s))[:, None],

@@ -28,7 +28,7 @@ def vector(name: str, values: Numbers, *, direction: bool = False) -> Vector:
         ValueError: other than three numbers, numbers beyond 1e30, or a direction of no length.
     """
     try:
-        numbers = np.asarray(values, dtype=float)
+        numbers = np.asarray(values, float)
     except (TypeError, ValueError):
         raise ValueError(f"{name} must be three numbers, not {values!r}") from None
     if numbers.shape != (3,) or not np.all(np.isfinite(numbers)):

@@ -25,7 +25,7 @@ def read_numbers(given: Sequence[float] | np.ndarray | str | Path, unit: str) ->
     """
     listed = not isinstance(given, str | Path)
     name = Path("wavelengths") if listed else Path(given)
-    values = np.ravel(np.asarray(given, np.float64)) if listed else column(name)
+    values = np.ravel(np.asarray(given, float)) if listed else column(name)
     said = "wavelengths must be finite numbers: "
     if not values.size:
         raise refusal(name, f"{said}there are none")
@@ -63,11 +63,11 @@ def column(path: Path) -> Stored:
                 path,
                 f"an array of shape {values.shape} and type {values.dtype}, not a row of numbers",
             )
-        return values.astype(np.float64).ravel()
+        return values.astype(float).ravel()
     with open_source(path) as source:
         text = source.text()
     words = re.sub(r"#[^\r\n]*|,", " ", text).split()
     try:
-        return np.array([read_number(word) for word in words], np.float64)
+        return np.array([read_number(word) for word in words], float)
     except ValueError as error:
         raise refusal(path, f"not a list of numbers: {error}") from None

@@ -126,7 +126,7 @@ def _polygons(path: Path, text: str) -> list[list[Float[np.ndarray, "_ 2"]]]:
 def _ring(path: Path, ring: Any) -> Float[np.ndarray, "vertices 2"]:
     """Vertices of a ring, checked."""
     try:
-        points: np.ndarray = np.asarray(ring, np.float64)
+        points: np.ndarray = np.asarray(ring, float)
     except (ValueError, TypeError):
         points = np.empty(0)
     if points.ndim != 2 or points.shape[1] < 2 or not np.isfinite(points).all():
@@ -240,7 +240,7 @@ def read_spot(cube: "xarray.DataArray", spot: str | Path) -> Spot:
     step = max(1, _AT_ONCE // ((x1 - x0) * bands))
     for start in range(y0, y1, step):
         y = slice(start, min(start + step, y1))
-        values = cube.isel(y=y, x=x).values[used[y, x]].astype(np.float64)
+        values = cube.isel(y=y, x=x).values[used[y, x]].astype(float)
         there = np.isfinite(values) & (values < top)
         if not pixels and there.any():
             # About a mean of the first part, so that squares lose no digits.
@@ -256,4 +256,4 @@ def read_spot(cube: "xarray.DataArray", spot: str | Path) -> Spot:
         deviation = np.where(
             count > 1, np.sqrt(np.maximum(square - total * mean, 0) / (count - 1)), np.nan
         )
-    return Spot(np.asarray(cube["wavelength"].values, np.float64), mean + shift, deviation, pixels)
+    return Spot(np.asarray(cube["wavelength"].values, float), mean + shift, deviation, pixels)

@@ -213,7 +213,7 @@ def _wavelengths_of_metadata(file: Any) -> Stored | None:
         for title in ("wavelengths", "wavelength", "Wavelengths", "Wavelength"):
             value = metadata.get(title)
             if isinstance(value, list | tuple) and {*map(type, value)} <= {int, float}:
-                return np.asarray(value, np.float64)
+                return np.asarray(value, float)
     tags = [getattr(page, "tags", None) for page in file.pages]
     # Of a page its name and its description.
     texts = [f"{each.valueof(285)} {each.valueof(270)}" if each else "" for each in tags]

@@ -150,7 +150,7 @@ def nearest(
     number = np.zeros(origin.shape[0], np.int32)
     if geometry.caster is not None and geometry.triangles is not None:
         # Triangles only as far as the nearest solid.
-        rays = (np.array(a, np.float64) for a in (origin, direction, best))
+        rays = (np.array(a, float) for a in (origin, direction, best))
         best, triangle = geometry.caster.nearest(*rays)
         number = np.maximum(triangle, 0)
         shape = np.where(triangle >= 0, geometry.triangles.shape[number], shape)
