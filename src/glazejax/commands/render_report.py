@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 from rich.console import RenderableType
 from rich.table import Table
 from rich.text import Text
@@ -99,13 +99,13 @@ def _colour(rendering: Rendering) -> Iterator[Text]:
         yield Text(f"         {outside}", style="yellow")
 
 
-def _out_of_gamut(raw: Float[Array | np.ndarray, "3"]) -> str:
+def _out_of_gamut(raw: Float[np.ndarray, "3"]) -> str:
     """A sentence on unclipped sRGB that a screen cannot show, or nothing."""
     # Rounding in a spectrum moves an encoded value by less than this.
     slack = 5e-4
     wrong = [
         f"{name} {255 * float(value):.0f}"
-        for name, value in zip("RGB", np.asarray(raw), strict=True)
+        for name, value in zip("RGB", raw, strict=True)
         if not -slack <= value <= 1 + slack
     ]
     return (

@@ -308,10 +308,11 @@ class Display:
                 'gamut="error" needs known colours: JAX traces them; look at `outside` instead'
             )
         if wrong.any():
-            first = np.asarray(concrete(xyz))[wrong][0] if wrong.ndim else np.asarray(concrete(xyz))
+            values = np.asarray(concrete(xyz), float)
+            first = values[wrong][0] if wrong.ndim else values
             raise ValueError(
                 f"{int(wrong.sum())} of {wrong.size} colours lie outside {self.name}, the first "
-                f"with XYZ {np.array2string(np.asarray(first, float), precision=4)}; clip, dim or "
+                f"with XYZ {np.array2string(first, precision=4)}; clip, dim or "
                 "desaturate them"
             )
 

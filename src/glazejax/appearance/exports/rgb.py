@@ -42,8 +42,8 @@ SPACES = {
 def rgb_of_xyz(xyz: Triples, white: Float[np.ndarray, "3"], space: Space) -> Triples:
     """Linear RGB, (..., 3), not clipped, of XYZ seen under a white, which becomes (1, 1, 1)."""
     to_xyz = rgb_matrix(*SPACES[space][:2])
-    adapt = bradford(np.asarray(white, float), to_xyz.sum(axis=1))
-    return np.asarray(xyz, float) @ (np.linalg.inv(to_xyz) @ adapt).T
+    adapt = bradford(white, to_xyz.sum(axis=1))
+    return xyz @ (np.linalg.inv(to_xyz) @ adapt).T
 
 
 def lab_of_rgb(rgb: Triples, space: Space) -> Triples:
@@ -53,7 +53,7 @@ def lab_of_rgb(rgb: Triples, space: Space) -> Triples:
     to_xyz = rgb_matrix(*SPACES[space][:2])
     screen = rgb_matrix().sum(axis=1)
     matrix = bradford(to_xyz.sum(axis=1), screen) @ to_xyz
-    return np.asarray(xyz_to_lab(np.asarray(rgb, float) @ matrix.T, screen), float)
+    return np.asarray(xyz_to_lab(rgb @ matrix.T, screen), float)
 
 
 def delta_e(first: Triples, second: Triples, space: Space) -> Values:

@@ -89,7 +89,7 @@ class NodeSolver:
             )
         # Where the thickness alone varies the albedo has no axis of points; where nothing varies
         # there is one point.
-        layers = np.broadcast_arrays(np.asarray(glaze.albedo), np.asarray(glaze.optical_thickness))
+        layers = np.broadcast_arrays(glaze.albedo, glaze.optical_thickness)
         return [x.reshape(-1, *x.shape[-2:]) for x in layers]
 
 

@@ -176,8 +176,8 @@ class Scene:
         rightward, up, forward = self.camera.axes()
         # Points of a plane one unit ahead, which the picture's width covers from -half to half.
         half = np.tan(np.deg2rad(self.camera.field_of_view) / 2)
-        x = (2 * np.asarray(across) / self.width - 1) * half
-        y = (1 - 2 * np.asarray(down) / self.height) * half * self.height / self.width
+        x = (2 * across / self.width - 1) * half
+        y = (1 - 2 * down / self.height) * half * self.height / self.width
         # Through the point of that plane, then brought to length 1.
         direction = forward + x[:, None] * rightward + y[:, None] * up
         direction /= np.linalg.norm(direction, axis=1, keepdims=True)

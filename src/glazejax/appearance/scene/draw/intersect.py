@@ -185,12 +185,12 @@ def _nearest_solid(
 
 def _spheres(geometry: Geometry, origin: Array, direction: Array) -> Array:
     """Distances to spheres, (rays, spheres); infinite where missed."""
-    between = jnp.asarray(geometry.centres) - origin[:, None]
+    between = geometry.centres - origin[:, None]
     # Distance along the ray to the point next to the centre.
     along = jnp.sum(between * direction[:, None], axis=-1)
     # The distance of the ray from the centre, rather than a difference of large squares.
     aside = between - along[..., None] * direction[:, None]
-    half_square = jnp.asarray(geometry.radii) ** 2 - jnp.sum(aside**2, axis=-1)
+    half_square = geometry.radii**2 - jnp.sum(aside**2, axis=-1)
     half = jnp.sqrt(jnp.maximum(half_square, 0.0))
     first = along - half
     second = along + half
@@ -218,8 +218,8 @@ def _boxes(geometry: Geometry, origin: Array, direction: Array) -> Array:
     slope = jnp.einsum("rk,bak->rba", direction, geometry.turns)
     # A ray along a face gets a slope that is tiny but not zero, so that no 0/0 can arise.
     slope = jnp.where(jnp.abs(slope) < 1e-30, 1e-30, slope)
-    low = (-jnp.asarray(geometry.sides) - start) / slope
-    high = (jnp.asarray(geometry.sides) - start) / slope
+    low = (-geometry.sides - start) / slope
+    high = (geometry.sides - start) / slope
     # Inside all three pairs at once: from the last entry to the first exit.
     enter = jnp.max(jnp.minimum(low, high), axis=-1)
     leave = jnp.min(jnp.maximum(low, high), axis=-1)

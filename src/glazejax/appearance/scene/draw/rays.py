@@ -111,7 +111,7 @@ def _meet(geometry: Geometry, hit: Hit, sources: Lamps, origin: Array, direction
     )
     cos_view = jnp.clip(-jnp.sum(surfaces.normal * direction, axis=-1), 0.0, 1.0)
     # A point light lies at a place, a parallel one in a direction; (lights, rays, 3).
-    is_point = jnp.asarray(sources.point)[:, None]
+    is_point = sources.point[:, None]
     positions = jnp.asarray(sources.position, origin.dtype)[:, None]
     away = positions - jnp.where(is_point[..., None], arrival, 0.0)
     square = jnp.sum(away**2, axis=-1)

@@ -39,7 +39,7 @@ def mitsuba_shape(shape: Shape, path: Path, *, mapped: bool = False) -> Descript
             )
         return {"type": "rectangle", "to_world": _transform(axes, shape.point)}
     if isinstance(shape, Box):
-        axes = rotation(np.asarray(shape.rotation, float)) * (np.asarray(shape.size, float) / 2)
+        axes = rotation(shape.rotation) * (np.asarray(shape.size, float) / 2)
         if not mapped:
             return {"type": "cube", "to_world": _transform(axes, shape.centre)}
         return write_ply(
@@ -89,18 +89,18 @@ def relief_mesh(plane: Plane) -> Mesh:
 def write_ply(path: Path, mesh: Mesh) -> Description:
     """A mesh as a binary PLY file, and the shape that loads it."""
     names = list("xyz")
-    columns = [np.asarray(mesh.vertices)]
+    columns = [mesh.vertices]
     if mesh.normals is not None:
         names += ["nx", "ny", "nz"]
-        columns.append(np.asarray(mesh.normals))
+        columns.append(mesh.normals)
     if mesh.uv is not None:
         names += ["u", "v"]
-        columns.append(np.asarray(mesh.uv))
+        columns.append(mesh.uv)
     # Mitsuba keeps meshes in single precision.
     vertices = np.concatenate(columns, axis=1).astype("<f4")
     faces = np.empty(len(mesh.faces), [("count", "u1"), ("corners", "<i4", 3)])
     faces["count"] = 3
-    faces["corners"] = np.asarray(mesh.faces)
+    faces["corners"] = mesh.faces
     head = ["ply", "format binary_little_endian 1.0", f"element vertex {len(vertices)}"]
     head += [f"property float {name}" for name in names]
     head += [f"element face {len(faces)}", "property list uchar int vertex_indices", "end_header"]
@@ -142,7 +142,7 @@ def _quads(material: str, quads: list, scale: float = 1.0, start: float = 0.0) -
     faces = []
     uv = []
     for k, (centre, axes) in enumerate(quads):
-        vertices.append(np.asarray(centre, float) + corners @ axes[:, :2].T)
+        vertices.append(centre + corners @ axes[:, :2].T)
         uv.append(start + scale * 0.5 * (corners + 1.0))
         # Turned round where the axes are left-handed, so that all faces look outwards.
         order = [[0, 1, 2], [0, 2, 3]] if np.linalg.det(axes) > 0 else [[0, 2, 1], [0, 3, 2]]
