@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ..shapes import Box, Mesh, Plane, Shape, Sphere, plane_frame, rotation
-from .triangles import TriangleCaster, Triangles, Vectors, make_triangles, triangle_surface
+from .triangles import TriangleCaster, Triangles, Vectors, dot, make_triangles, triangle_surface
 
 
 class Geometry(NamedTuple):
@@ -187,10 +187,10 @@ def _spheres(geometry: Geometry, origin: Array, direction: Array) -> Array:
     """Distances to spheres, (rays, spheres); infinite where missed."""
     between = geometry.centres - origin[:, None]
     # Distance along the ray to the point next to the centre.
-    along = jnp.sum(between * direction[:, None], axis=-1)
+    along = dot(between, direction[:, None])
     # The distance of the ray from the centre, rather than a difference of large squares.
     aside = between - along[..., None] * direction[:, None]
-    half_square = geometry.radii**2 - jnp.sum(aside**2, axis=-1)
+    half_square = geometry.radii**2 - dot(aside, aside)
     half = jnp.sqrt(jnp.maximum(half_square, 0.0))
     first = along - half
     second = along + half
@@ -255,8 +255,8 @@ def surface(geometry: Geometry, hit: Hit, origin: Array, direction: Array) -> Su
         face = jnp.where(mine, its_face, face)
         uv = jnp.where(mine, its_uv, uv)
     # The face looks towards the eye, and the smooth normal with the face.
-    face = jnp.where(jnp.sum(face * direction, axis=-1, keepdims=True) > 0, -face, face)
-    normal = jnp.where(jnp.sum(face * normal, axis=-1, keepdims=True) < 0, -normal, normal)
+    face = jnp.where(dot(face, direction)[:, None] > 0, -face, face)
+    normal = jnp.where(dot(face, normal)[:, None] < 0, -normal, normal)
     return SurfacePoints(normal, face, uv)
 
 

@@ -18,7 +18,7 @@ from ....radiative.common.chunks import by_blocks
 from ..lights import Light, ParallelLight, PointLight
 from ..shapes import vector
 from .intersect import Geometry, Hit, nearest, surface
-from .triangles import HostVectors
+from .triangles import HostVectors, dot
 
 PerLight: TypeAlias = Float[np.ndarray, "points lights"]
 """A number a point and light."""
@@ -109,26 +109,26 @@ def _meet(geometry: Geometry, hit: Hit, sources: Lamps, origin: Array, direction
     arrival = (
         origin + jnp.where(hits, hit.distance, 0.0)[:, None] * direction + clearance * surfaces.face
     )
-    cos_view = jnp.clip(-jnp.sum(surfaces.normal * direction, axis=-1), 0.0, 1.0)
+    cos_view = jnp.clip(-dot(surfaces.normal, direction), 0.0, 1.0)
     # A point light lies at a place, a parallel one in a direction; (lights, rays, 3).
     is_point = sources.point[:, None]
     positions = jnp.asarray(sources.position, origin.dtype)[:, None]
     away = positions - jnp.where(is_point[..., None], arrival, 0.0)
-    square = jnp.sum(away**2, axis=-1)
+    square = dot(away, away)
     distance = jnp.sqrt(jnp.where(square > 0, square, 1.0))
     towards = away / distance[..., None]
-    cosine = jnp.clip(jnp.sum(surfaces.normal * towards, axis=-1), -1.0, 1.0)
+    cosine = jnp.clip(dot(surfaces.normal, towards), -1.0, 1.0)
     # A light behind the smooth normal or behind the face itself gives nothing.
-    lit = hits & (square > 0) & (cosine > 0) & (jnp.sum(surfaces.face * towards, axis=-1) > 0)
+    lit = hits & (square > 0) & (cosine > 0) & (dot(surfaces.face, towards) > 0)
     strength = jnp.where(lit, jnp.where(is_point, 1.0 / distance**2, 1.0), 0.0)
-    between = jnp.clip(-jnp.sum(direction * towards, axis=-1), -1.0, 1.0)
+    between = jnp.clip(-dot(direction, towards), -1.0, 1.0)
     reach = jnp.where(lit, jnp.where(is_point, distance, jnp.inf), -1.0)
     # The mirror's direction.
     onward = direction + 2.0 * cos_view[:, None] * surfaces.normal
     # A smooth normal may send a ray into the face.
-    into = jnp.sum(onward * surfaces.face, axis=-1)
+    into = dot(onward, surfaces.face)
     onward = onward + jnp.where(into < 0, -2.0 * into, 0.0)[:, None] * surfaces.face
-    onward = onward / jnp.sqrt(jnp.sum(onward**2, axis=-1, keepdims=True))
+    onward = onward / jnp.sqrt(dot(onward, onward))[:, None]
     shape = jnp.where(hits, jnp.asarray(geometry.order)[hit.shape], -1)
     material = jnp.where(hits, jnp.asarray(geometry.material)[hit.shape], -1)
     return (

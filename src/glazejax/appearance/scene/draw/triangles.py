@@ -8,7 +8,7 @@ little further on.
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import jax.numpy as jnp
 import numpy as np
@@ -26,6 +26,11 @@ Vectors: TypeAlias = Float[Array, "rays 3"]
 
 HostVectors: TypeAlias = Float[np.ndarray, "rays 3"]
 """A vector a ray, in NumPy."""
+
+
+def dot(first: Any, second: Any) -> Any:
+    """Scalar products of vectors, (..., 3), in NumPy or JAX."""
+    return (first * second).sum(axis=-1)
 
 
 class Triangles(NamedTuple):
@@ -123,12 +128,9 @@ class TriangleCaster:
         # From where rays enter the sphere around all meshes: single precision is fine there.
         offset = origin - self._middle
         # Distance to the middle of the ray's way through that sphere, and half of this way.
-        middle = -np.sum(offset * direction, axis=1)
-        half = np.sqrt(
-            np.maximum(
-                self._radius**2 - np.sum((offset + middle[:, None] * direction) ** 2, axis=1), 0.0
-            )
-        )
+        middle = -dot(offset, direction)
+        aside = offset + middle[:, None] * direction
+        half = np.sqrt(np.maximum(self._radius**2 - dot(aside, aside), 0.0))
         start = np.maximum(middle - half, 0.0)
         going = np.flatnonzero((half > 0) & (middle + half > 0) & (start < limit))
         # What is found but does not lie ahead is where the ray comes from: start farther on.
@@ -162,15 +164,15 @@ class TriangleCaster:
         across = np.cross(direction, edge2)
         normal_to_offset = np.cross(origin - corner, edge1)
         with np.errstate(divide="ignore", invalid="ignore"):
-            scale = 1.0 / np.sum(edge1 * across, axis=1)
-            u = scale * np.sum((origin - corner) * across, axis=1)
-            v = scale * np.sum(direction * normal_to_offset, axis=1)
-            ahead = ~(scale * np.sum(edge2 * normal_to_offset, axis=1) <= 0)
+            scale = 1.0 / dot(edge1, across)
+            u = scale * dot(origin - corner, across)
+            v = scale * dot(direction, normal_to_offset)
+            ahead = ~(scale * dot(edge2, normal_to_offset) <= 0)
         # Rounding may put the point a little outside, and far outside where the triangle is seen
         # edge-on.
         u, v = (np.clip(np.nan_to_num(weight), 0.0, 1.0)[:, None] for weight in (u, v))
         # In double precision, by the point on the triangle.
-        distance = np.sum((corner + u * edge1 + v * edge2 - origin) * direction, axis=1)
+        distance = dot(corner + u * edge1 + v * edge2 - origin, direction)
         return distance, ahead & (distance > 0)
 
 
@@ -182,15 +184,15 @@ def triangle_surface(
         jnp.asarray(a)[number] for a in (triangles.corner, triangles.edge1, triangles.edge2)
     )
     across = jnp.cross(edge1, edge2)
-    area = jnp.sum(across**2, axis=-1, keepdims=True)
+    area = dot(across, across)[:, None]
     area = jnp.where(area > 0, area, 1.0)
     offset = point - corner
     # Barycentric weights as shares of the triangle's area.
-    v = jnp.sum(jnp.cross(edge1, offset) * across, axis=-1, keepdims=True) / area
-    u = jnp.sum(jnp.cross(offset, edge2) * across, axis=-1, keepdims=True) / area
+    v = dot(jnp.cross(edge1, offset), across)[:, None] / area
+    u = dot(jnp.cross(offset, edge2), across)[:, None] / area
     weights = jnp.stack([1 - u - v, u, v], axis=1)
     normal = jnp.sum(weights * jnp.asarray(triangles.normals)[number], axis=1)
-    length = jnp.sqrt(jnp.sum(normal**2, axis=-1, keepdims=True))
+    length = jnp.sqrt(dot(normal, normal))[:, None]
     face = across / jnp.sqrt(area)
     normal = jnp.where(length > 0, normal / jnp.where(length > 0, length, 1.0), face)
     return normal, face, jnp.sum(weights * jnp.asarray(triangles.uv)[number], axis=1)
