@@ -22,7 +22,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..spectra import Numbers, as_float_array, concrete
+from ..spectra import Numbers, as_float_array, concrete, matmul
 
 
 class Joined(NamedTuple):
@@ -141,8 +141,7 @@ def all_bounces(
     width = jnp.asarray(root, s_a.dtype)[:, None]
     loss = 1.0 - s_a * s_b * kappa**2
     on_a, on_b = (
-        jnp.matmul(modes, even * (emitted + s * kappa * received) / loss, precision="highest")
-        / width
+        matmul(jnp, modes, even * (emitted + s * kappa * received) / loss) / width
         for emitted, s, received in ((first_a, s_a, first_b), (first_b, s_b, first_a))
     )
     gamma = np.deg2rad(float(angle))
@@ -151,8 +150,8 @@ def all_bounces(
     reached = _factor(at, jnp.asarray(edges, at.dtype), np.cos(gamma), np.sin(gamma))
     gather = jnp.diff(reached, axis=1)
     return Joined(
-        first_a + s_a * jnp.matmul(gather, on_b, precision="highest"),
-        first_b + s_b * jnp.matmul(gather, on_a, precision="highest"),
+        first_a + s_a * matmul(jnp, gather, on_b),
+        first_b + s_b * matmul(jnp, gather, on_a),
     )
 
 
