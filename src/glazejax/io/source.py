@@ -17,8 +17,12 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from itertools import chain
 from pathlib import Path
+from typing import TypeAlias
 
 from ..progress import Progress
+
+NumberedLine: TypeAlias = tuple[int, str]
+"""A line of a file, after its number from 1 on."""
 
 HEAD = 1 << 16
 _PIECE = 1 << 20
@@ -118,7 +122,7 @@ class Source:
                 raise self._not_text(error.start) from None
             return content.decode(fallback)
 
-    def lines(self, *, above: int = 0) -> Iterator[tuple[int, str]]:
+    def lines(self, *, above: int = 0) -> Iterator[NumberedLine]:
         """Lines and their numbers, from 1 on, without line breaks; read while they are asked for.
 
         A text whose head is not UTF-8 and that has no control characters is Windows-1252, as

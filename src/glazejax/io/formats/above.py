@@ -11,7 +11,7 @@ from itertools import pairwise, takewhile
 from typing import NamedTuple
 
 from ..quantity import MODES, has_meaning, is_no_name, length_unit
-from ..source import Source
+from ..source import NumberedLine, Source
 from ..words import is_number, read_number
 
 # In the languages whose spreadsheets write such tables, too.
@@ -153,7 +153,7 @@ def _check_above(source: Source, start: int) -> None:
             )
 
 
-def data_lines(lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
+def data_lines(lines: Iterable[NumberedLine]) -> Iterator[NumberedLine]:
     """Numbered lines that are neither blank nor comments, up to a mark that ends the numbers."""
     before = takewhile(lambda pair: not _is_mark(pair[1]), lines)
     return (pair for pair in before if _is_data(pair[1]))

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..finish import RawSpectra
 from ..quantity import meaning
-from ..source import Source
+from ..source import NumberedLine, Source
 from ..spectra_table import Bands
 from ..words import finite_number, is_number, read_number
 
@@ -41,7 +41,7 @@ class _Block:
 
     source: Source
     labels: dict[str, str] = field(default_factory=dict)
-    data: list[tuple[int, str]] = field(default_factory=list)
+    data: list[NumberedLine] = field(default_factory=list)
     form: str = ""
 
     @property

@@ -27,7 +27,7 @@ from ..quantity import (
     length_unit,
     meaning,
 )
-from ..source import Source, naming, shorten
+from ..source import NumberedLine, Source, naming, shorten
 from ..spectra_table import Bands, Rows
 from ..words import finite_number, is_number, unshield_name
 from .above import (
@@ -91,7 +91,7 @@ class _Cells:
     header_line: int
     titles: list[list[str]]
     header: list[str]
-    lines: Iterator[tuple[int, str]]
+    lines: Iterator[NumberedLine]
     said: str = ""
     declared: bool = False
     short: bool = False
@@ -217,7 +217,7 @@ def _check_percent(cells: _Cells, columns: Sequence[int], values: Rows) -> None:
             )
 
 
-def _open_table(source: Source) -> tuple[_Cells, tuple[int, str]]:
+def _open_table(source: Source) -> tuple[_Cells, NumberedLine]:
     """Table with its header, and the first line below it with its number."""
     layout = find_table(source)
     if layout.above:
@@ -704,7 +704,7 @@ def _read_long(cells: _Cells, grids: list[int], names: dict[int, str]) -> tuple[
     return common, np.array(spectra)
 
 
-def _to_text(cells: _Cells, grid: int) -> Iterator[tuple[int, str]]:
+def _to_text(cells: _Cells, grid: int) -> Iterator[NumberedLine]:
     """Lines of a table with a sample a column, up to a text where wavelengths are below an empty
     line: means and the like stand there.
     """

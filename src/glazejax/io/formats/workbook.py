@@ -10,7 +10,7 @@ from importlib.util import find_spec
 from ...extras import advice
 from ...names import nearest_names
 from ..finish import RawSpectra
-from ..source import HEAD, Source
+from ..source import HEAD, NumberedLine, Source
 from .above import find_table
 from .cells import MOST_CELLS, read_cells
 from .table import read_table
@@ -30,7 +30,7 @@ class _Sheet(Source):
         self.head = "\n".join(self._rows).encode()[:HEAD]
         self.is_cut = len(self.head) == HEAD
 
-    def lines(self, *, above: int = 0) -> Iterator[tuple[int, str]]:
+    def lines(self, *, above: int = 0) -> Iterator[NumberedLine]:
         yield from enumerate(self._rows, start=1)
 
 
