@@ -7,7 +7,7 @@ are seen from both sides.
 """
 
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import jax
 import numpy as np
@@ -22,6 +22,9 @@ from .rough import Rough
 from .smooth import Smooth
 from .table import Body, body_table
 
+Extent: TypeAlias = float | tuple[float, float] | None
+"""A number, the range of a texture, or None for what the coats have."""
+
 _LEAST_COSINE = 1e-6
 
 
@@ -29,8 +32,8 @@ _LEAST_COSINE = 1e-6
 def _table(
     coats: str,
     layer: int,
-    thickness: float | tuple[float, float] | None,
-    fraction: float | tuple[float, float] | None,
+    thickness: Extent,
+    fraction: Extent,
     ground: str | float | tuple[float, ...],
     mean_ground: float,
     refractive_index: float | None,
@@ -39,8 +42,7 @@ def _table(
 ) -> Body:
     """The table, made once for all equal glazes; always in double precision.
 
-    `thickness` and `fraction` are a number, a range, or None for the coats' own; `ground` is "own",
-    "any", a number or one number a band.
+    `ground` is "own", "any", a number or one number a band.
     """
     with jax.enable_x64(True):
         glaze = read_coats(coats, refractive_index)
@@ -347,7 +349,7 @@ class _Bands:
         return values
 
 
-def _span(value: Any, most: float) -> float | tuple[float, float] | None:
+def _span(value: Any, most: float) -> Extent:
     """A number, the range of a texture, or None."""
     return value if isinstance(value, float | None) else (0.0, most)
 

@@ -2,7 +2,6 @@
 all of them.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeAlias
 
@@ -21,7 +20,7 @@ from .ground_split import GroundTerms, factor_of
 from .lookup import NUMPY
 from .rough import Rough
 from .smooth import Smooth
-from .surfaces import Layers
+from .surfaces import ErrorOfNodes, Layers
 
 GlazeSurface: TypeAlias = Smooth | Rough
 """What lies above a body."""
@@ -165,7 +164,7 @@ def over(terms: GroundTerms, ground: Any) -> np.ndarray:
     )
 
 
-def _error_of_nodes(solver: NodeSolver, ranges: Ranges) -> Callable[[np.ndarray], float]:
+def _error_of_nodes(solver: NodeSolver, ranges: Ranges) -> ErrorOfNodes:
     """Error of nodes of the angle, at a few thicknesses and fractions and at angles between."""
     rng = np.random.default_rng(0)
     points = {}

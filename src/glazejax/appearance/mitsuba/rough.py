@@ -26,7 +26,7 @@ from ..glaze.interpolation import lagrange
 from . import lookup
 from .ground_split import GroundTerms, evenly, split
 from .lookup import NUMPY, Arithmetic
-from .surfaces import Layers, SolvedSurface
+from .surfaces import ErrorOfNodes, Layers, SolvedSurface
 
 _STEPS = 257
 _ANGLE_NODES = (12, 16, 20, 24, 32, 40, 48)
@@ -84,7 +84,7 @@ class Rough(SolvedSurface):
         """Nothing is known without the table."""
         return 1.0
 
-    def angles(self, error: Callable[[np.ndarray], float], tolerance: float) -> np.ndarray:
+    def angles(self, error: ErrorOfNodes, tolerance: float) -> np.ndarray:
         """Nodes between which the functions of the angle are polynomials, which costs no
         solution.
         """

@@ -10,7 +10,7 @@ from ...radiative.stack import stack_reflectance_factor
 from ..glaze.interpolation import LEAST_SUM
 from .ground_split import GroundTerms, evenly, split
 from .lookup import Arithmetic
-from .surfaces import Layers, SolvedSurface, inside
+from .surfaces import ErrorOfNodes, Layers, SolvedSurface, inside
 
 # Numbers of angles that are tried.
 _ANGLES = (4, 5, 6, 8, 10, 12, 16, 24, 32)
@@ -58,9 +58,7 @@ class Smooth(SolvedSurface):
         total = ops.maximum(inside(ops, cos_in, n) + inside(ops, cos_out, n), LEAST_SUM)
         return self.let_in(ops, cos_in) * self.let_in(ops, cos_out) / total
 
-    def angles(
-        self, error: Callable[[np.ndarray], float], tolerance: float
-    ) -> Float[np.ndarray, "angles"]:
+    def angles(self, error: ErrorOfNodes, tolerance: float) -> Float[np.ndarray, "angles"]:
         """Cosines in air of as few nodes (`evenly`) as will do; `error` tries some."""
         cosines = np.zeros(0)
         for count in _ANGLES:

@@ -16,6 +16,10 @@ Layers: TypeAlias = Sequence[Float[np.ndarray, "*stacks layers"]]
 """Albedo and optical thickness of the layers of some stacks."""
 
 
+ErrorOfNodes: TypeAlias = Callable[[np.ndarray], float]
+"""Error that nodes of the angle leave, given as cosines in air."""
+
+
 class SolvedSurface:
     """A surface of a glaze, and the solver that computes light through it."""
 
