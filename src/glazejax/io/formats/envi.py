@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from math import prod
 from pathlib import Path
-from typing import Any, Unpack
+from typing import Any, TypeAlias, Unpack
 
 import numpy as np
 from jaxtyping import Float
@@ -17,6 +17,9 @@ from ..raw_cube import OnDisk, RawCube
 from ..source import Source, explain_errors, is_there, open_source, refusal, show_path
 from ..spectra_table import Bands, Chosen, SpectraTable
 from ..words import is_number, read_number
+
+EnviFields: TypeAlias = dict[str, str | list[str]]
+"""Fields of a header by their titles: text, or a list of texts where it has braces."""
 
 _NEEDED = ("samples", "lines", "bands", "data type", "interleave")
 _ONCE = (*_NEEDED, "byte order", "wavelength", "header offset")
@@ -49,14 +52,14 @@ _MAX_VALUES = 1 << 27
 _MAX_PIXELS = 100_000
 
 
-def read_header(source: Source) -> dict[str, str | list[str]]:
+def read_header(source: Source) -> EnviFields:
     """Fields of a header, titles in lower case: text, or a list of texts where the header has
     braces.
 
     Raises:
         ValueError: no legal header, or one that lacks a field that is needed or has it twice.
     """
-    header: dict[str, str | list[str]] = {}
+    header: EnviFields = {}
     lines = source.text().splitlines()
     # Lines of comment stay as empty ones, so that lines can be counted.
     text = "\n".join("" if line.startswith(";") else line.strip() for line in lines[1:])
@@ -95,7 +98,7 @@ class EnviFile:
 
     def __init__(self, source: Source, data: Path | None = None):
         self.path: Path = source.path
-        self.header: dict[str, str | list[str]] = read_header(source)
+        self.header: EnviFields = read_header(source)
         self.sizes: dict[str, int] = {
             title: self._whole(title, 1) for title in ("lines", "samples", "bands")
         }
