@@ -14,7 +14,7 @@ from ...progress import Progress, no_progress
 from ...radiative.common.fresnel import dielectric_reflectance
 from ...spectra import Grid, validate_wavelengths
 from ...stacks import Stack
-from ..glaze.solve import indices, on_grid, planned_factor
+from ..glaze.solve import on_grid, planned_factor
 from ..glaze.table import glaze_table
 from .rgb import rgb_of_xyz
 from .spaces import Space, find_space
@@ -114,7 +114,7 @@ def angular_colour(
     # albedo.
     nodes, steps = np.polynomial.legendre.leggauss(8)
     cosines = np.concatenate([0.5 * (nodes + 1.0), np.cos(np.deg2rad(VIEWS))])
-    index = float(np.mean(np.asarray(indices(single, grid.size))))
+    index = float(np.mean(np.asarray(single.refractive_index)))
     # Without the surface's own reflection, light by eye.
     if roughness > 0:
         from ...radiative.rough.surface import surface_albedo

@@ -23,7 +23,7 @@ from ...radiative.common.fresnel import cos_refracted
 from ...radiative.common.quadrature import gauss
 from ...radiative.rough.lobes import lobe_albedo
 from ...spectra import validate_wavelengths
-from ..glaze.solve import check_layer, indices, on_grid, with_variables
+from ..glaze.solve import check_layer, on_grid, with_variables
 from .angles import Viewing, pair_spectra
 from .rgb import Triples, rgb_of_xyz
 from .spaces import Space
@@ -110,9 +110,9 @@ def mapped_colours(
     grid = validate_wavelengths(mapped.glaze.wavelengths)
     weights = colour_weights(grid, *light)
     white = white_point(grid, *light)
-    glaze = on_grid(mapped.glaze, grid)
-    inner = replace(mapped, glaze=glaze)
-    means = _Means(float(np.mean(np.asarray(indices(glaze, grid.size)))), roughness, coat)
+    inner = replace(mapped, glaze=on_grid(mapped.glaze, grid))
+    index = float(np.mean(np.asarray(inner.glaze.refractive_index)))
+    means = _Means(index, roughness, coat)
     # Of reflectance factors: far below what a Delta E is made of.
     tolerance = min(1e-3, 1e-5 * delta_e)
     computed = 0
@@ -133,8 +133,7 @@ def mapped_colours(
         return by_blocks(len(batch), size, run)
 
     def distance(first: MeanColours, second: MeanColours):
-        labs = (np.asarray(xyz_to_lab(xyz, white)) for xyz in (first, second))
-        return delta_e_2000(*labs).max(axis=-1)
+        return delta_e_2000(xyz_to_lab(first, white), xyz_to_lab(second, white)).max(axis=-1)
 
     # Points that are equal are computed once.
     distinct, where = np.unique(points, axis=0, return_inverse=True)
@@ -202,11 +201,7 @@ class _Means:
 
     def colours(
         self, means: Float[np.ndarray, "points means 3"]
-    ) -> tuple[
-        Triples,
-        Triples,
-        Triples | None,
-    ]:
+    ) -> tuple[Triples, Triples, Triples | None]:
         """Colours of the body alone, and of body and coat, from the means in linear RGB.
 
         With a coat the body is the same everywhere, as light as the lightest point: bodies and
