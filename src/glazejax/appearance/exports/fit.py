@@ -14,7 +14,7 @@ from ...progress import Progress, counted, no_progress
 from ...spectra import Grid
 from ...stacks import Stack
 from .angles import VIEWS, AngularColour, angular_colour
-from .openpbr import OpenPBR, directional_albedo, paint_surface, reflectance_factor
+from .openpbr import Colour, OpenPBR, directional_albedo, paint_surface, reflectance_factor
 from .rgb import delta_e, outside
 from .spaces import LAYERINGS, Layering
 
@@ -242,7 +242,7 @@ def _fit_lobes(
     solutions = []
     for coat, rough in itertools.product(coats, _ROUGHNESSES):
         start = np.array([*mean, rough, *coat])
-        solutions.append(least_squares(residuals, start, bounds=(low, np.ones(low.size))))
+        solutions.append(least_squares(residuals, start, bounds=(low, 1.0)))
         note()
     best = min(solutions, key=lambda solution: solution.cost)
     return float(best.cost), material(best.x)
@@ -259,7 +259,7 @@ def _round_numbers(material: OpenPBR) -> OpenPBR:
     return OpenPBR(**short)  # pyright: ignore[reportArgumentType]
 
 
-def colour_tuple(values: Float[np.ndarray, "3"]) -> tuple[float, float, float]:
+def colour_tuple(values: Float[np.ndarray, "3"]) -> Colour:
     """A colour as `OpenPBR` takes it."""
     red, green, blue = values.tolist()
     return red, green, blue
