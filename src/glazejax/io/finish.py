@@ -130,9 +130,11 @@ def _finish(raw: RawSpectra, stated: Stated) -> SpectraTable:
             notes.append(f"{values[marks].min():g} was taken for missing data")
             values = np.where(marks, np.nan, values)
             missing = "drop"
-    rows: Sequence[int] = range(len(names))
+    rows = np.arange(len(names))
     if missing == "drop":
-        wavelengths, values, rows = _without_missing(wavelengths, values, names, notes)
+        rows, bands = _complete(values, names, notes)
+        wavelengths = wavelengths[bands]
+        values = values[rows][:, bands]
         names = [names[i] for i in rows]
     grid = validate_wavelengths(wavelengths)
     kept = lit_bands(grid, values, notes, raw, declared)
@@ -214,14 +216,11 @@ def lit_bands(
     return kept
 
 
-def _without_missing(
-    wavelengths: Bands,
-    values: Rows,
-    names: Sequence[str],
-    notes: list[str],
-) -> tuple[Float[np.ndarray, "kept"], Float[np.ndarray, "full kept"], list[int]]:
-    """Without bands that have no data at all and spectra that still lack some, or, where most do,
-    without the bands that they lack; rows that are kept.
+def _complete(
+    values: Rows, names: Sequence[str], notes: list[str]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers of the rows, and mask of the bands, that stay: without bands that have no data at all
+    and spectra that still lack some, or, where most do, without the bands that they lack.
     """
     there = np.isfinite(values)
     bands = there.any(axis=0)
@@ -244,7 +243,7 @@ def _without_missing(
     if not rows.all():
         lost = [names[i] for i in np.flatnonzero(~rows)]
         notes.append(f"{len(lost)} spectra that lack data are left out: {list_names(lost)}")
-    return wavelengths[bands], values[rows][:, bands], np.flatnonzero(rows).tolist()
+    return np.flatnonzero(rows), bands
 
 
 def _to_fractions(
