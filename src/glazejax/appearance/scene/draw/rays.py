@@ -147,24 +147,6 @@ def _meet(geometry: Geometry, hit: Hit, sources: Lamps, origin: Array, direction
     )
 
 
-def _cast(
-    geometry: Geometry, sources: Lamps, origin: Array, direction: Array
-) -> tuple[np.ndarray | Array, ...]:
-    """Fields of a `Bounce` but the first, the last of them where the rays are; then the rays that
-    mirrors send on.
-    """
-    hit = nearest(geometry, origin, direction)
-    *fields, strength, cos_light, between, towards, reach, normal, points, onward = _meet(
-        geometry.arrays, hit, sources, origin, direction
-    )
-    # A light counts where nothing stands between it and the point.
-    free = [nearest(geometry, points, *ray).shape < 0 for ray in zip(towards, reach, strict=True)]
-    lights = [
-        np.asarray(a).T for a in (jnp.where(jnp.stack(free), strength, 0.0), cos_light, between)
-    ]
-    return *fields, *lights, normal, points, onward
-
-
 def trace(
     geometry: Geometry,
     sources: Lamps,
@@ -191,7 +173,7 @@ def trace(
     parent = np.arange(len(origin))
     share = np.ones(len(origin))
     while True:
-        *fields, onward = _in_pieces(geometry, sources, origin, direction)
+        *fields, onward = _cast(geometry, sources, origin, direction)
         bounces.append(Bounce(parent, *fields))
         material = bounces[-1].material
         cos_view = bounces[-1].cos_view
@@ -217,15 +199,27 @@ def filled_size(count: int) -> int:
     return next((size for size in _SIZES if size >= count), -(-count // TILE) * TILE)
 
 
-def _in_pieces(
+def _cast(
     geometry: Geometry, sources: Lamps, origin: np.ndarray, direction: np.ndarray
 ) -> tuple[np.ndarray, ...]:
-    """`_cast` for any number of rays, in pieces of few sizes so that few programs are compiled."""
+    """Fields of a `Bounce` but the first, the last of them where the rays are; then the rays that
+    mirrors send on. Any number of rays goes in pieces of few sizes, so that few programs are
+    compiled.
+    """
     float_type = jnp.result_type(float)
 
     def run(rows: Int[np.ndarray, "block"]) -> tuple[np.ndarray | Array, ...]:
-        rays = (jnp.asarray(a[rows], float_type) for a in (origin, direction))
-        return _cast(geometry, sources, *rays)
+        rays = [jnp.asarray(a[rows], float_type) for a in (origin, direction)]
+        hit = nearest(geometry, *rays)
+        *fields, strength, cos_light, between, towards, reach, normal, points, onward = _meet(
+            geometry.arrays, hit, sources, *rays
+        )
+        # A light counts where nothing stands between it and the point.
+        ways = zip(towards, reach, strict=True)
+        free = [nearest(geometry, points, *way).shape < 0 for way in ways]
+        lit = jnp.where(jnp.stack(free), strength, 0.0)
+        lights = [np.asarray(a).T for a in (lit, cos_light, between)]
+        return *fields, *lights, normal, points, onward
 
     count = len(origin)
     # Copies: bounces are kept, and not what filled them up.
