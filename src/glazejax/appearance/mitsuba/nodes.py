@@ -166,6 +166,7 @@ def over(terms: GroundTerms, ground: Any) -> np.ndarray:
 
 def _error_of_nodes(solver: NodeSolver, ranges: Ranges) -> ErrorOfNodes:
     """Error of nodes of the angle, at a few thicknesses and fractions and at angles between."""
+    surface = solver.surface
     rng = np.random.default_rng(0)
     points = {}
     # Both ends of each range, and points that crowd towards its lower one.
@@ -185,35 +186,19 @@ def _error_of_nodes(solver: NodeSolver, ranges: Ranges) -> ErrorOfNodes:
         # Solved when the first nodes are judged, and kept for the others.
         if not truth:
             truth.append(solver.factor(points, a[:, None], b[:, None], ground[:, None]))
-        terms = solver.surface.expand(solver.terms(points, cosines), cosines, solver.tolerance)
-        factor = _at_angles(solver.surface, cosines, terms, a, b, ground)
-        weight = error_weight(a, b, solver.surface.refractive_index)
-        return SAFETY * float(np.max(np.abs(factor - truth[0]) * weight[:, None]))
+        terms = surface.expand(solver.terms(points, cosines), cosines, solver.tolerance)
+        # What is known in closed form is taken off before the interpolation and put back after it.
+        bases = [lagrange(2.0 * surface.coordinate(NUMPY, x) - 1.0, cosines.size) for x in (a, b)]
+        rho = terms.black / surface.analytic_factor(NUMPY, cosines[:, None], cosines)
+        black = np.einsum("pi,...ij,pj->...p", bases[0], rho, bases[1])
+        black *= surface.analytic_factor(NUMPY, a, b)
+        tau = terms.through / surface.let_in(NUMPY, cosines)
+        through_in, through_out = (
+            tau @ basis.T * surface.let_in(NUMPY, x) for basis, x in zip(bases, (a, b), strict=True)
+        )
+        factor = factor_of(black, through_in, through_out, terms.back[..., None], ground)
+        weight = error_weight(a, b, surface.refractive_index)
+        missed = np.abs(np.moveaxis(factor, -1, -2) - truth[0])
+        return SAFETY * float(np.max(missed * weight[:, None]))
 
     return error
-
-
-def _at_angles(
-    surface: GlazeSurface,
-    cosines: np.ndarray,
-    terms: GroundTerms,
-    a: np.ndarray,
-    b: np.ndarray,
-    ground: np.ndarray,
-) -> np.ndarray:
-    """Reflectance factor (points, pairs, bands) at pairs of angles and grounds (pairs,), from the
-    nodes' terms.
-    """
-    bases = [lagrange(2.0 * surface.coordinate(NUMPY, x) - 1.0, cosines.size) for x in (a, b)]
-    # What is known in closed form is taken off before the interpolation and put back after it.
-    rho = terms.black / surface.analytic_factor(NUMPY, cosines[:, None], cosines)
-    black = np.einsum("pi,...ij,pj->...p", bases[0], rho, bases[1]) * surface.analytic_factor(
-        NUMPY, a, b
-    )
-    tau = terms.through / surface.let_in(NUMPY, cosines)
-    through_in, through_out = (
-        tau @ basis.T * surface.let_in(NUMPY, x) for basis, x in zip(bases, (a, b), strict=True)
-    )
-    return np.moveaxis(
-        factor_of(black, through_in, through_out, terms.back[..., None], ground), -1, -2
-    )
