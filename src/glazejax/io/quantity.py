@@ -25,51 +25,40 @@ MODES = {
 REFLECTANCE = "reflectance"
 _EXPORT = "export it (%R) from the instrument's software"
 _LIGHT = "measure what is lit against a white standard"
+# What is measured of light itself.
+_SHINING = {"radiance", "irradiance", "emission"}
 # The first that matches counts: log(1/R) names R as well, 'Rad. (Ref.)' what looks like it.
 # Pigments may be called raw, dark, lamp black or reflex blue: these words are no quantities.
 _QUANTITIES = {
-    "K/S": (r"\bk\s*(/|over)\s*s\b|\bkubelka|\bf\s*\(\s*r|\bkm unit|\(1\s*-\s*r\)", _EXPORT),
-    "decibels": (r"^dbm?\W*$|[\[(]\s*dbm?\b|\bdecibel", _EXPORT),
-    "intensity": (r"\bintensity\W+a\.?u\b|\barb(\.|itrary)? ?unit", _EXPORT),
-    "a Raman spectrum": (r"\braman\b", _EXPORT),
-    "a derivative": (r"\bderivative", _EXPORT),
-    "a deviation": (
-        r"\bst(d|andard)?\.?\W?(dev|err)|\bs\.?d\.?\W*$|(?-i:^std$)|\bvariance\b",
-        _EXPORT,
-    ),
+    "K/S": r"\bk\s*(/|over)\s*s\b|\bkubelka|\bf\s*\(\s*r|\bkm unit|\(1\s*-\s*r\)",
+    "decibels": r"^dbm?\W*$|[\[(]\s*dbm?\b|\bdecibel",
+    "intensity": r"\bintensity\W+a\.?u\b|\barb(\.|itrary)? ?unit",
+    "a Raman spectrum": r"\braman\b",
+    "a derivative": r"\bderivative",
+    "a deviation": r"\bst(d|andard)?\.?\W?(dev|err)|\bs\.?d\.?\W*$|(?-i:^std$)|\bvariance\b",
     "absorbance": (
         r"\ba[bs]sor(?!be[nrd])[bpvc]|\babs\b(?!\W*irr)|\boptical densit|\bextin[ck]tion|"
-        r"\b(log|lg|ln)\w*\W*[1rt]\b|(^|[\[(]\s*)(a\.?u|o\.?d)\.?\s*([\])]|$)",
-        _EXPORT,
+        r"\b(log|lg|ln)\w*\W*[1rt]\b|(^|[\[(]\s*)(a\.?u|o\.?d)\.?\s*([\])]|$)"
     ),
     "counts": (
         r"\bcounts?\b|(^|[\[(]|\b(norm|raw)\.?\s*)dn\b|\bdigital number|\b(adu|cts|cuentas)\b|"
-        r"\bz[äa]hl(imp|rat)",
-        _EXPORT,
+        r"\bz[äa]hl(imp|rat)"
     ),
-    "radiance": (r"\bradian(ce|c?ia|za|z)\b|\brad\.|^rad$|[/·*\s]sr\b|\bstrahldichte", _LIGHT),
-    "irradiance": (
-        r"\birradian|\bbestrahlungss|\bphoton flux|(^|[\W\d])[uµm]?w\W*c?m(\b|[\^\d²])",
-        _LIGHT,
-    ),
+    "radiance": r"\bradian(ce|c?ia|za|z)\b|\brad\.|^rad$|[/·*\s]sr\b|\bstrahldichte",
+    "irradiance": r"\birradian|\bbestrahlungss|\bphoton flux|(^|[\W\d])[uµm]?w\W*c?m(\b|[\^\d²])",
     "emission": (
         r"\bemi(s|ttan)|(\"|^(?=\w+\W*$))(ambient|display|flash|monitor)\b|^display (type|\")|"
         r"\bluminan|cd/m|\bspd\b|"
-        r"\b(fluorescence\b|photolum)|\b(spectral|relative|optical) power",
-        _LIGHT,
+        r"\b(fluorescence\b|photolum)|\b(spectral|relative|optical) power"
     ),
-    "sensitivity": (r"\bsensitivit|\bresponsivit|\bquantum eff", _EXPORT),
-    "transmittance": (
-        r"\btrans(mi|fl)|\btrasmi|\bdurchl[äa]s|%\s*t\b|\bt\s*[\[(]?\s*%",
-        _EXPORT,
-    ),
+    "sensitivity": r"\bsensitivit|\bresponsivit|\bquantum eff",
+    "transmittance": r"\btrans(mi|fl)|\btrasmi|\bdurchl[äa]s|%\s*t\b|\bt\s*[\[(]?\s*%",
     REFLECTANCE: (
         r"\br[eé]fl(?!ex\b)|\brifl|\bremission|%\s*r\b|\br\s*[\[(]?\s*(%|pct|perc)|\bbrf\b|"
-        r"\bspectral (pct|dec)",
-        "",
+        r"\bspectral (pct|dec)"
     ),
 }
-_PATTERNS = {name: re.compile(words, re.IGNORECASE) for name, (words, _) in _QUANTITIES.items()}
+_PATTERNS = {name: re.compile(words, re.IGNORECASE) for name, words in _QUANTITIES.items()}
 _MODE = re.compile(rf"(?<![a-z])({'|'.join(MODES)})(?![a-z])", re.IGNORECASE)
 _PERCENT = r"%|\bpercent|\bper cent|\bpct\b|\bprozent|\bprocent|\bpor ciento"
 _FRACTION = r"\bfractions?\b|\b0\s*[-–.]+\s*1\b|[\[(](?:-|1\.0)[\])]"
@@ -187,7 +176,7 @@ def check_reflectance(words: str, stated: Stated) -> None:
     if name != REFLECTANCE and (words or quantity is not None):
         raise ValueError(
             f"{words!r} is {name or 'not known'}, and only reflectance can be read: "
-            f"{_QUANTITIES[name][1] if name else _EXPORT}, or say --quantity reflectance if it is "
+            f"{_LIGHT if name in _SHINING else _EXPORT}, or say --quantity reflectance if it is "
             "that"
         )
 
