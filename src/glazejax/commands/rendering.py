@@ -152,9 +152,14 @@ def render(
     # surface reflects, if the instrument includes that.
     opaque = paleness.ravel(), values[len(rows) :].ravel()
     ground = spectra[1]
-    first = spectra[2 + count]
     steps = spectra[3 + count :]
-    multiply = _multiply(ground, first, steps[0], counts, float(opaque[1][-1]))
+    # Multiplied without the reflection from the surface, which no coat below it can change.
+    surface = opaque[1][-1]
+    bare, first, below = (
+        np.clip(r - surface, 0.0, None) for r in (ground, spectra[2 + count], steps[0])
+    )
+    ratio = np.minimum(first, bare) / np.where(bare > 0, bare, 1.0)
+    multiply = surface + below * np.where(bare > 0, ratio, 1.0) ** counts[:, None]
     medium = glaze.coats[layer].medium
     portion = np.stack([np.asarray(medium.absorption), np.asarray(medium.scattering)]) * coat
     colour = partial(lab, grid, illuminant=illuminant, observer=observer)
@@ -203,21 +208,6 @@ def _batch(
         coats.append(Layer(Pigment(coat.medium.name, glaze.wavelengths, k, s), depth))
     ground = np.broadcast_to(glaze.ground, (len(thickness), bands))
     return Glaze(coats, np.concatenate([ground, np.ones((opaque, bands))]), glaze.refractive_index)
-
-
-def _multiply(
-    ground: Bands,
-    first: Bands,
-    below: Bands,
-    counts: Counts,
-    surface: float,
-) -> Steps:
-    """R_0 (R_1/R_ground)^n, without the reflection from the surface, which no coat below it can
-    change.
-    """
-    ground, first, below = (np.clip(r - surface, 0.0, None) for r in (ground, first, below))
-    ratio = np.minimum(first, ground) / np.where(ground > 0, ground, 1.0)
-    return surface + below * np.where(ground > 0, ratio, 1.0) ** counts[:, None]
 
 
 def _mixing(
