@@ -92,8 +92,8 @@ class _Cells:
     titles: list[list[str]]
     header: list[str]
     lines: Iterator[NumberedLine]
-    said: str = ""
-    declared: bool = False
+    said: str
+    declared: bool
     short: bool = False
     blanks: bool = False
     percent: list[int] = field(default_factory=list)

@@ -14,7 +14,7 @@ import numpy as np
 from jax.scipy.ndimage import map_coordinates
 from jaxtyping import Array, Float
 
-from ..materials import Angles, Material, PairSpectra, PointSpectra
+from ..materials import Angles, Material, PairSpectra, PointSpectra, ThicknessMap
 from .rays import Bounce, filled_size
 
 # Pairs that go through the processor together; memory is this times the bands, a few times.
@@ -45,9 +45,7 @@ def _mirror_light(material: Material, view: Array, beyond: Array) -> PointSpectr
     return material.mirror(view) * beyond
 
 
-def sample_map(
-    values: Float[Array | np.ndarray, "h w"], uv: Float[Array, "points 2"]
-) -> Float[Array, "points"]:
+def sample_map(values: ThicknessMap, uv: Float[Array, "points 2"]) -> Float[Array, "points"]:
     """A map at texture coordinates, bilinear between the middles of its pixels.
 
     The map repeats beyond 0 to 1; v runs upwards and the first row is on top.
