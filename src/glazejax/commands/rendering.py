@@ -155,9 +155,7 @@ def render(
     steps = spectra[3 + count :]
     # Multiplied without the reflection from the surface, which no coat below it can change.
     surface = opaque[1][-1]
-    bare, first, below = (
-        np.clip(r - surface, 0.0, None) for r in (ground, spectra[2 + count], steps[0])
-    )
+    bare, first, below = np.clip(spectra[[1, 2 + count, 3 + count]] - surface, 0.0, None)
     ratio = np.minimum(first, bare) / np.where(bare > 0, bare, 1.0)
     multiply = surface + below * np.where(bare > 0, ratio, 1.0) ** counts[:, None]
     medium = glaze.coats[layer].medium
