@@ -3,7 +3,6 @@
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from jaxtyping import Float
 from rich.console import RenderableType
 from rich.table import Table
 from rich.text import Text
@@ -14,7 +13,7 @@ from ..plots import hex_colour
 from ..report import plain_table, swatch
 from .rendering import Rendering
 
-# Rounding in a spectrum moves an encoded value by less than this.
+# Columns of a screen that has room for all figures.
 _WIDE = 72
 _LADDER_ROWS = (1, 2, 5, 10, 20, 40)
 
@@ -95,12 +94,6 @@ def _colour(rendering: Rendering) -> Iterator[Text]:
         + f"  {shade} "
     )
     yield line + swatch(shade)
-    if outside := _out_of_gamut(raw):
-        yield Text(f"         {outside}", style="yellow")
-
-
-def _out_of_gamut(raw: Float[np.ndarray, "3"]) -> str:
-    """A sentence on unclipped sRGB that a screen cannot show, or nothing."""
     # Rounding in a spectrum moves an encoded value by less than this.
     slack = 5e-4
     wrong = [
@@ -108,9 +101,11 @@ def _out_of_gamut(raw: Float[np.ndarray, "3"]) -> str:
         for name, value in zip("RGB", raw, strict=True)
         if not -slack <= value <= 1 + slack
     ]
-    return (
-        f"outside the sRGB gamut, clipped (would need {', '.join(wrong)} of 0-255)" if wrong else ""
-    )
+    if wrong:
+        yield Text(
+            f"         outside the sRGB gamut, clipped (would need {', '.join(wrong)} of 0-255)",
+            style="yellow",
+        )
 
 
 def _comparison(rendering: Rendering, coats: Sequence[Coat], width: int) -> Table:
