@@ -49,8 +49,7 @@ def tiff_cube(path: Path, count: int | None) -> RawCube:
         wavelengths = _wavelengths_of_metadata(file)
         place = _place(file)
         if len(series.shape) == 3:
-            names = tuple({"Y": "y", "X": "x"}.get(letter, "band") for letter in series.axes)
-            order = axes_of(series.shape, count, names)
+            order = axes_of(series.shape, count, series.axes)
             count = int(series.shape[order[2]])
             dtype = series.dtype
             layout: CubeFields = {
