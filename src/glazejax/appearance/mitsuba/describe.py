@@ -83,13 +83,11 @@ def glaze_bsdf(
         "tolerance": float(tolerance),
     }
     if isinstance(glaze, Glaze):
-        # A spectrum of the ground goes with the coats; maps and textures stay Mitsuba's.
-        spectrum = (
-            ground
-            if ground is not None and not isinstance(ground, Mapping) and np.ndim(ground) == 1
-            else None
-        )
-        ground = ground if spectrum is None else None
+        spectrum = None
+        if not isinstance(ground, Mapping | None) and np.ndim(ground) == 1:
+            # A spectrum of the ground goes with the coats; maps and textures stay Mitsuba's.
+            spectrum = ground
+            ground = None
         description["coats"] = _text(glaze, wavelengths, layer, fraction is not None, spectrum)
         if fraction is not None or thickness is not None:
             check_layer(glaze, layer, mixed=fraction is not None)
