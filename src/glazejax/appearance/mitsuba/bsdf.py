@@ -139,7 +139,7 @@ class GlazeBSDF:
         kind = self._mi.ParamFlags.Differentiable
         for name in ("thickness", "fraction", "ground"):
             texture = getattr(self, f"_{name}")
-            if texture is None or isinstance(texture, _Bands):
+            if isinstance(texture, _Bands | None):
                 continue
             if hasattr(callback, "put"):
                 callback.put(name, texture, kind)
