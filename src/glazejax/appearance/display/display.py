@@ -309,7 +309,7 @@ class Display:
             )
         if wrong.any():
             values = np.asarray(concrete(xyz), float)
-            first = values[wrong][0] if wrong.ndim else values
+            first = values[wrong][0]
             raise ValueError(
                 f"{int(wrong.sum())} of {wrong.size} colours lie outside {self.name}, the first "
                 f"with XYZ {np.array2string(first, precision=4)}; clip, dim or "

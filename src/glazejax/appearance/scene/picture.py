@@ -92,9 +92,9 @@ def screen_picture(
     display = display or Display.preset("sRGB")
     missing = np.any(~np.isfinite(xyz), axis=-1)
     adapted = display.adapt(np.where(missing[..., None], 0.0, exposure * xyz), white)
-    rgb = np.array(display.to_rgb(adapted, gamut=gamut).rgb).astype(np.uint8)
+    rgb = np.array(display.to_rgb(adapted, gamut=gamut).rgb, np.uint8)
     rgb[missing] = 128
-    light = np.asarray(display.linear(adapted))[np.logical_not(missing)]
+    light = np.asarray(display.linear(adapted))[~missing]
     # Light beyond the display's range by less, in parts of it, the eye cannot distinguish from the
     # edge.
     bright, colourful = (np.any(wrong, axis=-1) for wrong in (light > 1.002, light < -0.002))
