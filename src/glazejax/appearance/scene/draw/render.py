@@ -102,7 +102,7 @@ class _Work:
     def run(self) -> Rendered:
         """All passes."""
         scene = self.scene
-        grid = np.asarray(scene.wavelengths)
+        grid = np.asarray(scene.wavelengths, float)
         pixels = np.arange(scene.width * scene.height)
         image = np.full((pixels.size, grid.size if self.weights is None else 3), np.nan)
         finished = 0.0
@@ -145,7 +145,7 @@ class _Work:
         return Rendered(
             values=self._as_picture(image),
             spectral=self.weights is None,
-            wavelengths=grid.astype(float),
+            wavelengths=grid,
             done=finished,
             report=self.report,
         )
