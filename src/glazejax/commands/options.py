@@ -513,8 +513,8 @@ def read_ground(text: str, *, bare: bool = False) -> Ground:
             brightest = int(spectrum.argmax())
             raise ValueError(
                 f"{path}: {sample!r} reflects {spectrum[brightest]:.3g} at "
-                f"{table.wavelengths[brightest]:g} nm; a ground "
-                "reflects 1 at most: scale the spectrum"
+                f"{table.wavelengths[brightest]:g} nm; a ground reflects 1 at most: scale the "
+                "spectrum"
             )
         notes.append(
             "the ground's spectrum is taken as its reflectance seen from inside the paint, not "

@@ -26,7 +26,7 @@ REFLECTANCE = "reflectance"
 _EXPORT = "export it (%R) from the instrument's software"
 _LIGHT = "measure what is lit against a white standard"
 # What is measured of light itself.
-_SHINING = {"radiance", "irradiance", "emission"}
+_SHINE = {"radiance", "irradiance", "emission"}
 # The first that matches counts: log(1/R) names R as well, 'Rad. (Ref.)' what looks like it.
 # Pigments may be called raw, dark, lamp black or reflex blue: these words are no quantities.
 _QUANTITIES = {
@@ -176,8 +176,7 @@ def check_reflectance(words: str, stated: Stated) -> None:
     if name != REFLECTANCE and (words or quantity is not None):
         raise ValueError(
             f"{words!r} is {name or 'not known'}, and only reflectance can be read: "
-            f"{_LIGHT if name in _SHINING else _EXPORT}, or say --quantity reflectance if it is "
-            "that"
+            f"{_LIGHT if name in _SHINE else _EXPORT}, or say --quantity reflectance if it is that"
         )
 
 

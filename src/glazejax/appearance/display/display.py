@@ -312,8 +312,7 @@ class Display:
             first = values[wrong][0]
             raise ValueError(
                 f"{int(wrong.sum())} of {wrong.size} colours lie outside {self.name}, the first "
-                f"with XYZ {np.array2string(first, precision=4)}; clip, dim or "
-                "desaturate them"
+                f"with XYZ {np.array2string(first, precision=4)}; clip, dim or desaturate them"
             )
 
     def __repr__(self) -> str:

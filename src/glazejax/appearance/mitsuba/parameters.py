@@ -107,8 +107,7 @@ def _texture(mi: Any, props: Any, entries: dict[str, Any], name: str, getter: st
     if _is_array(mi, value) or isinstance(value, str | bool):
         raise ValueError(
             f"{name} is {type(value).__name__}; give a number or a texture, or an array to "
-            "glazejax.appearance.mitsuba."
-            "glaze_bsdf"
+            "glazejax.appearance.mitsuba.glaze_bsdf"
         )
     return getattr(props, getter)(name) if hasattr(props, getter) else value
 

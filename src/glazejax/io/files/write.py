@@ -101,8 +101,7 @@ def _check(table: SpectraTable, path: Path) -> None:
     i, j = np.argwhere(wrong)[0].tolist()
     raise ValueError(
         f"{path}: reflectance of {table.names[i]!r} is {values[i, j]:g} at "
-        f"{table.wavelengths[j]:g} nm; it must be "
-        f"a fraction from 0 to {MAX_DECLARED:g}"
+        f"{table.wavelengths[j]:g} nm; it must be a fraction from 0 to {MAX_DECLARED:g}"
     )
 
 
