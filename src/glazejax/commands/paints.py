@@ -103,18 +103,20 @@ def _print_families(
     console: "Console", families: "dict[str, Family]", origins: "list[Provenance]"
 ) -> None:
     console.print(f"{'family':<23}{'exemplars':>9}  {'nm':<10}{'Colour Index':<23}in use")
+    without: list[str] = []
     for name, about in families.items():
         exemplars = [origin for origin in origins if origin.family == name]
-        if exemplars:
-            numbers = shorten(about.colour_index, 22, placeholder="...")
-            first = min(origin.first_nm for origin in exemplars)
-            last = max(origin.last_nm for origin in exemplars)
-            console.print(
-                f"{name:<23}{len(exemplars):>9}  {f'{first:.0f}-{last:.0f}':<10}{numbers:<23}"
-                f"{about.in_use}",
-                soft_wrap=True,
-            )
-    without = [name for name in families if not any(origin.family == name for origin in origins)]
+        if not exemplars:
+            without.append(name)
+            continue
+        numbers = shorten(about.colour_index, 22, placeholder="...")
+        first = min(origin.first_nm for origin in exemplars)
+        last = max(origin.last_nm for origin in exemplars)
+        console.print(
+            f"{name:<23}{len(exemplars):>9}  {f'{first:.0f}-{last:.0f}':<10}{numbers:<23}"
+            f"{about.in_use}",
+            soft_wrap=True,
+        )
     sources = sorted({origin.source for origin in origins})
     console.print(
         f"{len(origins)} exemplars of {len(families) - len(without)} families, by {len(sources)} "
