@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float
 
 from ..appearance.exports.rgb import outside
 from ..plots import EDGE, FAINT, GRID, INK, hex_colour, label_spectra, style
+from ..spectra import Bands
 from .rendering import Rendering
 
 if TYPE_CHECKING:
@@ -88,7 +88,7 @@ def _clips(rendering: Rendering) -> bool:
     return bool(outside(np.array(shades)).any())
 
 
-def _ink(rendering: Rendering, spectrum: Float[np.ndarray, "bands"]) -> str:
+def _ink(rendering: Rendering, spectrum: Bands) -> str:
     """The colour of a spectrum, darkened where it would vanish on white."""
     shade = rendering.rgb(spectrum)
     luminance = float(shade @ [0.2126, 0.7152, 0.0722])

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 if TYPE_CHECKING:
-    from ..spectra import Grid
+    from ..spectra import Bands, Grid
     from .spectra_table import SpectraTable
 
 
@@ -42,7 +42,7 @@ def resample(table: "SpectraTable", wavelengths: "Grid") -> "SpectraTable":
 
 
 def _interpolation(
-    old: Float[np.ndarray, "bands"], new: Float[np.ndarray, "new"]
+    old: "Bands", new: Float[np.ndarray, "new"]
 ) -> tuple[Float[np.ndarray, "bands new"], str]:
     """Matrix from values at the old bands to the new ones, and the method's name."""
     from ..spectra import interpolation_matrix
