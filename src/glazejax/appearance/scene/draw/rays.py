@@ -215,8 +215,8 @@ def _cast(
             geometry.arrays, hit, sources, *rays
         )
         # A light counts where nothing stands between it and the point.
-        ways = zip(towards, reach, strict=True)
-        free = [nearest(geometry, points, *way).shape < 0 for way in ways]
+        beams = zip(towards, reach, strict=True)
+        free = [nearest(geometry, points, *beam).shape < 0 for beam in beams]
         lit = jnp.where(jnp.stack(free), strength, 0.0)
         lights = [np.asarray(a).T for a in (lit, cos_light, between)]
         return *fields, *lights, normal, points, onward
