@@ -23,9 +23,9 @@ def lobe_by_paths(cosine: float, paths: int, seed: int = 0) -> np.ndarray:
     paint = Indexed(np.array([ALBEDO]), np.array([THICKNESS]), np.array([G]), np.array([1.0]), 1.0)
     exits: list = []
     simulate_fluxes(paint, cosine, paths, seed=seed, exits=exits)
-    weight, direction = (np.concatenate(column) for column in zip(*exits, strict=True))
-    band = np.minimum((-direction[:, 2] * BANDS).astype(int), BANDS - 1)
-    turned = np.rad2deg(np.arctan2(direction[:, 1], direction[:, 0])) % 360.0
+    weight, (x, y, z) = (np.concatenate(column, axis=-1) for column in zip(*exits, strict=True))
+    band = np.minimum((-z * BANDS).astype(int), BANDS - 1)
+    turned = np.rad2deg(np.arctan2(y, x)) % 360.0
     cell = (BANDS - 1 - band) * SECTORS + (turned * SECTORS / 360.0).astype(int) % SECTORS
     # pi L/E of a cell: its share of the flux over that of a white Lambertian ground.
     white = np.repeat(2.0 * COSINES / BANDS / SECTORS, SECTORS)

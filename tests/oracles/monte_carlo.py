@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .position_free import new_directions
-from .rough_surface import fresnel
+from .rough_surface import directions, fresnel
 
 
 class Indexed(NamedTuple):
@@ -38,7 +38,7 @@ def simulate_fluxes(
     n = np.concatenate([[1.0], paint.refractive_index, [paint.below]])
     last = len(paint.albedo)
     first, enter = fresnel(np.array([cos_incidence]), n[1] / n[0])
-    direction = np.tile([np.sqrt(1.0 - enter[0] ** 2), 0.0, enter[0]], (paths, 1))
+    direction = directions(np.full(paths, enter[0]), 0.0)
     medium, depth = (
         np.ones(paths, int),
         np.zeros(paths),
@@ -47,24 +47,20 @@ def simulate_fluxes(
     flux = np.zeros((2, paths))
     while index.size:
         thickness = paint.optical_thickness[medium - 1]
-        target = depth + direction[:, 2] * rng.exponential(size=index.size)
+        z = direction[2]
+        target = depth + z * rng.exponential(size=index.size)
         up, down = target <= 0, target >= thickness
         beyond = medium + np.where(down, 1, -1)
-        reflectance, cosine = fresnel(np.abs(direction[:, 2]), n[beyond] / n[medium])
+        ratio = n[beyond] / n[medium]
+        reflectance, cosine = fresnel(np.abs(z), ratio)
         at_face = up | down
         crosses = at_face & (rng.random(index.size) >= reflectance)
-        turns = at_face & ~crosses
-        direction[turns, 2] *= -1.0
-        ratio = np.sqrt((1 - cosine**2) / np.maximum(1 - direction[:, 2] ** 2, 1e-300))
-        sign = np.where(direction[:, 2] > 0, 1.0, -1.0)
-        refracted = np.stack(
-            [direction[:, 0] * ratio, direction[:, 1] * ratio, sign * cosine], axis=1
-        )
-        direction = np.where(crosses[:, None], refracted, direction)
+        z[at_face & ~crosses] *= -1.0
+        direction[:2, crosses] /= ratio[crosses]
+        z[crosses] = np.copysign(cosine, z)[crosses]
         hit = ~at_face
         weight[hit] *= paint.albedo[medium[hit] - 1]
-        old = direction[hit, 0], direction[hit, 1], direction[hit, 2]
-        direction[hit] = np.stack(new_directions(rng, old, paint.g[medium[hit] - 1]), axis=1)
+        direction[:, hit] = new_directions(rng, direction[:, hit], paint.g[medium[hit] - 1])
         depth = np.where(hit, target, np.where(down, thickness, 0.0))
         medium = np.where(crosses, beyond, medium)
         # In the next layer from its near face.
@@ -73,12 +69,11 @@ def simulate_fluxes(
         for side, left in enumerate((medium == 0, medium == last + 1)):
             flux[side, index[left]] += weight[left]
             if exits is not None and side == 0:
-                exits.append((weight[left], direction[left]))
+                exits.append((weight[left], direction[:, left]))
         weak = weight < 0.05
         survives = ~weak | (rng.random(index.size) < 0.2)
         weight = np.where(weak, weight * 5.0, weight)
         keep = (medium > 0) & (medium <= last) & survives & (weight > 0)
-        direction, depth, medium, weight, index = (
-            x[keep] for x in (direction, depth, medium, weight, index)
-        )
+        direction = direction[:, keep]
+        depth, medium, weight, index = (x[keep] for x in (depth, medium, weight, index))
     return np.stack([flux.mean(axis=1), flux.std(axis=1) / np.sqrt(paths)], axis=1)

@@ -26,7 +26,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.random import Generator
 
-from .rough_surface import Lobe, Vectors, facets, fresnel, lambert
+from .rough_surface import Lobe, Vectors, directions, facets, fresnel, lambert
 
 
 class Stack(NamedTuple):
@@ -98,15 +98,16 @@ def _walk(
     )
     score = np.zeros((paths, bands) if views is None else (paths, len(views.cosine), bands))
 
-    (x, y, z), weight = _enter(stack, cos_incidence, paths, rng, lobe)  # z positive downwards
+    direction, weight = _enter(stack, cos_incidence, paths, rng, lobe)
     index = np.flatnonzero(weight > 0)
-    x, y, z = x[index], y[index], z[index]
+    direction = direction[:, index]
     weight = np.repeat(weight[index, None], bands, axis=1)
     layer, depth = (
         np.zeros(len(index), int),
         np.zeros(len(index)),
     )  # depth: share of the layer above
     while index.size:
+        z = direction[2]  # positive downwards
         with np.errstate(divide="ignore"):
             free = rng.exponential(size=index.size) / s[layer]
         room = np.where(z > 0, 1.0 - depth, depth) / np.maximum(np.abs(z), 1e-300)
@@ -118,13 +119,13 @@ def _walk(
 
         hit = np.flatnonzero(scatters)
         if hit.size:
-            old = x[hit], y[hit], z[hit]
+            old = direction[:, hit]
             if eye is not None:
                 view = rng.integers(len(eye.cosine), size=hit.size)
                 score[index[hit], view] += eye.scattered(
                     view, layer[hit], depth[hit], old, weight[hit]
                 )
-            x[hit], y[hit], z[hit] = new_directions(rng, old, stack.g[layer[hit]])
+            direction[:, hit] = new_directions(rng, old, stack.g[layer[hit]])
 
         down = ~scatters & (z > 0)
         at_bottom, at_top = down & (layer == layers - 1), ~scatters & ~down & (layer == 0)
@@ -135,30 +136,26 @@ def _walk(
             if eye is not None:
                 view = rng.integers(len(eye.cosine), size=bottom.size)
                 score[index[bottom], view] += eye.thrown_back(view, weight[bottom])
-            x[bottom], y[bottom], upward = lambert(rng, bottom.size)
-            z[bottom] = -upward
+            direction[:, bottom] = lambert(rng, bottom.size)
+            z[bottom] *= -1.0
 
         if top.size:
-            left, turned = _under_surface(stack, (x[top], y[top], -z[top]), rng, lobe)
-            x[top], y[top], z[top] = turned
+            z[top] *= -1.0
+            left, direction[:, top] = _under_surface(stack, direction[:, top], rng, lobe)
             alive[top] = ~left
             if views is None:
                 score[index[top[left]]] += weight[top[left]]
 
         if inner.size:
-            before = layer[inner]
-            after = before + np.where(down[inner], 1, -1)
-            ratio = n[after] / n[before]
-            cosine = np.abs(z[inner])
-            share, beyond = fresnel(cosine, ratio)
-            share = np.where(ratio == 1.0, 0.0, share)
-            mirrored = rng.random(inner.size) < share
-            sign = np.where(down[inner], 1.0, -1.0)
-            x[inner] = np.where(mirrored, x[inner], x[inner] / ratio)
-            y[inner] = np.where(mirrored, y[inner], y[inner] / ratio)
-            z[inner] = np.where(mirrored, -z[inner], sign * beyond)
-            layer[inner] = np.where(mirrored, before, after)
-            depth[inner] = np.where(mirrored, depth[inner], np.where(down[inner], 0.0, 1.0))
+            step = np.where(down[inner], 1, -1)
+            ratio = n[layer[inner] + step] / n[layer[inner]]
+            share, beyond = fresnel(np.abs(z[inner]), ratio)
+            crosses = rng.random(inner.size) >= np.where(ratio == 1.0, 0.0, share)
+            z[inner] = np.where(crosses, step * beyond, -z[inner])
+            through = inner[crosses]
+            direction[:2, through] /= ratio[crosses]
+            layer[through] += step[crosses]
+            depth[through] = 1.0 - down[through]
 
         # Weak paths end by chance, the others carry on for them.
         largest = weight.max(axis=1)
@@ -166,9 +163,8 @@ def _walk(
         survives = rng.random(index.size) < 0.3
         weight[weak] /= 0.3
         alive &= (~weak | survives) & (largest > 0)
-        x, y, z, weight, layer, depth, index = (
-            a[alive] for a in (x, y, z, weight, layer, depth, index)
-        )
+        direction = direction[:, alive]
+        weight, layer, depth, index = (a[alive] for a in (weight, layer, depth, index))
     return Tally(paths, score.sum(axis=0), (score**2).sum(axis=0))
 
 
@@ -177,13 +173,12 @@ def _enter(
 ) -> tuple[Vectors, np.ndarray]:
     """Directions of travel below the surface, downwards, and weights."""
     n = float(stack.refractive_index[0])
-    ones, sine = np.ones(paths), np.sqrt(1.0 - cos_incidence**2)
-    if not stack.roughness:
-        share, cosine = fresnel(cos_incidence * ones, n)
-        return (sine / n * ones, 0.0 * ones, cosine), 1.0 - share
     # Light travels towards +x, so it comes from -x.
-    back = -sine * ones, 0.0 * ones, cos_incidence * ones
-    return _through_rough(stack, back, rng, lobe)
+    back = directions(np.full(paths, cos_incidence), np.pi)
+    if stack.roughness:
+        return _through_rough(stack, back, rng, lobe)
+    share, cosine = fresnel(back[2], n)
+    return np.array([*-back[:2] / n, cosine]), 1.0 - share
 
 
 def _through_rough(
@@ -195,22 +190,14 @@ def _through_rough(
     A facet's refraction and the lobe, drawn in proportion; lobe directions that stay in the air get
     no weight.
     """
-    count = len(seen[2])
-    found = facets(
-        rng.random(count),
-        rng.random(count),
-        seen,
-        stack.roughness,
-        float(stack.refractive_index[0]),
-    )
+    count = seen.shape[1]
+    found = facets(rng.random((2, count)), seen, stack.roughness, float(stack.refractive_index[0]))
     lost = 1.0 - found.reflects - found.refracts
     weight = lost + found.refracts
-    (x, y, z), weight = (a.copy() for a in found.refracted), weight.copy()
-    drawn = np.flatnonzero(rng.random(count) * weight < lost)
-    inside, direction = lobe.take(drawn.size)
-    x[drawn], y[drawn], z[drawn] = direction
-    weight[drawn[~inside]] = 0.0
-    return (x, y, z), weight
+    drawn = rng.random(count) * weight < lost
+    inside, found.refracted[:, drawn] = lobe.take(int(drawn.sum()))
+    weight[drawn] *= inside
+    return found.refracted, weight
 
 
 def _under_surface(
@@ -222,22 +209,19 @@ def _under_surface(
     Args:
         seen: directions of travel, third component upwards.
     """
-    n, count = float(stack.refractive_index[0]), len(seen[2])
+    n, count = float(stack.refractive_index[0]), seen.shape[1]
     chance = rng.random(count)
     if not stack.roughness:
         share, _ = fresnel(seen[2], 1.0 / n)
         return chance >= share, seen
     # From the surface one looks back along the path: both horizontal components and the height
     # change sign, and the side below is the one the direction is on.
-    back = -seen[0], -seen[1], seen[2]
-    found = facets(rng.random(count), rng.random(count), back, stack.roughness, 1.0 / n)
-    left = (chance >= found.reflects) & (chance < found.reflects + found.refracts)
-    drawn = np.flatnonzero(chance >= found.reflects + found.refracts)
-    inside, direction = lobe.take(drawn.size)
-    x, y, z = (a.copy() for a in found.reflected)
-    x[drawn], y[drawn], z[drawn] = direction
-    left[drawn[~inside]] = True
-    return left, (x, y, z)
+    back = seen * [[-1.0], [-1.0], [1.0]]
+    found = facets(rng.random((2, count)), back, stack.roughness, 1.0 / n)
+    left, drawn = chance >= found.reflects, chance >= found.reflects + found.refracts
+    inside, found.reflected[:, drawn] = lobe.take(int(drawn.sum()))
+    left[drawn] = ~inside
+    return left, found.reflected
 
 
 class _SmoothEye:
@@ -249,21 +233,19 @@ class _SmoothEye:
         n, extinction = stack.refractive_index, stack.scattering[:, None] + stack.absorption
         layers, bands = extinction.shape
         self.cosine = views.cosine
-        sine, turn = np.sqrt(1.0 - views.cosine**2), np.deg2rad(views.azimuth)
-        self._cosine = np.sqrt(1.0 - (sine[:, None] / n) ** 2)  # (views, layers)
-        self._across = sine * np.cos(turn), sine * np.sin(turn)  # n sin is kept through all layers
+        # (views, layers)
+        self._cosine = np.sqrt(1.0 - (1.0 - views.cosine[:, None] ** 2) / n**2)
+        # n sin is kept through all layers.
+        self._across = directions(views.cosine, np.deg2rad(views.azimuth))[:2]
         self._stack, self._extinction = stack, extinction
-        count = len(sine)
+        count = len(views.cosine)
         # Unknown: flux of each beam where it starts in its layer, down at the top, up at the
         #     bottom.
         down, up = np.zeros((count, layers, bands)), np.zeros((count, layers, bands))
         for v in range(count):
-            first = 1.0 - fresnel(views.cosine[v : v + 1], n[0])[0][0]
-            r = [
-                fresnel(self._cosine[v, i : i + 1], n[i + 1] / n[i])[0][0]
-                for i in range(layers - 1)
-            ]
-            r = [0.0 if n[i + 1] == n[i] else share for i, share in enumerate(r)]
+            first = 1.0 - fresnel(views.cosine[v], n[0])[0]
+            ratio = n[1:] / n[:-1]
+            r = np.where(ratio == 1.0, 0.0, fresnel(self._cosine[v, :-1], ratio)[0])
             for b in range(bands):
                 a = np.exp(-extinction[:, b] / self._cosine[v])
                 matrix, source = np.eye(2 * layers), np.zeros(2 * layers)
@@ -292,7 +274,7 @@ class _SmoothEye:
         """
         n, g = self._stack.refractive_index[layer], self._stack.g[layer]
         cosine, extinction = self._cosine[view, layer], self._extinction[layer]
-        flat = (direction[0] * self._across[0][view] + direction[1] * self._across[1][view]) / n
+        flat = np.sum(direction[:2] * self._across[:, view], axis=0) / n
         result = np.zeros_like(weight)
         for importance, away, sign in ((self._down, depth, -1.0), (self._up, 1.0 - depth, 1.0)):
             if importance.any():
@@ -310,9 +292,8 @@ class _RoughEye:
     """Directions drawn from the eye through the surface anew at each event."""
 
     def __init__(self, stack: Stack, views: Views, rng: Generator, lobe: Lobe):
-        self.cosine = np.asarray(views.cosine, float)
-        sine, turn = np.sqrt(1.0 - self.cosine**2), np.deg2rad(views.azimuth)
-        self._views = sine * np.cos(turn), sine * np.sin(turn), self.cosine
+        self.cosine = views.cosine
+        self._views = directions(views.cosine, np.deg2rad(views.azimuth))
         self._stack, self._rng, self._lobe = stack, rng, lobe
         self._extinction = stack.scattering[:, None] + stack.absorption
         self._above = np.concatenate(
@@ -320,15 +301,12 @@ class _RoughEye:
         )
 
     def _drawn(self, view: np.ndarray) -> tuple[Vectors, np.ndarray]:
-        """Directions of travel to the view, third component upwards, and weights, times
-        all views.
+        """Directions below the surface as if light came from the view, third component downwards,
+        and weights, times all views.
         """
-        x, y, z = (component[view] for component in self._views)
-        (x, y, z), weight = _through_rough(self._stack, (x, y, z), self._rng, self._lobe)
-        # What goes down from the eye comes up to it.
-        return (-x, -y, np.maximum(z, 1e-12)), weight * len(
-            self.cosine
-        ) / self._stack.refractive_index[0] ** 2
+        back, weight = _through_rough(self._stack, self._views[:, view], self._rng, self._lobe)
+        back[2] = np.maximum(back[2], 1e-12)
+        return back, weight * len(self.cosine) / self._stack.refractive_index[0] ** 2
 
     def scattered(
         self,
@@ -339,19 +317,17 @@ class _RoughEye:
         weight: np.ndarray,
     ) -> np.ndarray:
         """As `_SmoothEye.scattered`."""
-        (x, y, z), reach = self._drawn(view)
-        reach = (
-            reach
-            * _phase(direction[0] * x + direction[1] * y - direction[2] * z, self._stack.g[layer])
-            / (4.0 * z)
-        )
+        back, reach = self._drawn(view)
+        # What goes down from the eye comes up to it.
+        turned = _phase(-np.sum(direction * back, axis=0), self._stack.g[layer])
+        reach = reach * turned / (4.0 * back[2])
         above = self._above[layer] + self._extinction[layer] * depth[:, None]
-        return weight * reach[:, None] * np.exp(-above / z[:, None])
+        return weight * reach[:, None] * np.exp(-above / back[2][:, None])
 
     def thrown_back(self, view: np.ndarray, weight: np.ndarray) -> np.ndarray:
         """As `_SmoothEye.thrown_back`."""
-        (_, _, z), reach = self._drawn(view)
-        return weight * reach[:, None] * np.exp(-self._above[-1] / z[:, None])
+        back, reach = self._drawn(view)
+        return weight * reach[:, None] * np.exp(-self._above[-1] / back[2][:, None])
 
 
 def _phase(cosine: np.ndarray, g: np.ndarray) -> np.ndarray:
@@ -366,21 +342,18 @@ def new_directions(rng: Generator, old: Vectors, g: np.ndarray) -> Vectors:
     u, turn = rng.random(len(g)), 2.0 * np.pi * rng.random(len(g))
     even = np.abs(g) < 1e-6
     if even.all():
-        cosine = 2.0 * u - 1.0
-        sine = np.sqrt(1.0 - cosine**2)
-        return sine * np.cos(turn), sine * np.sin(turn), cosine
+        return directions(2.0 * u - 1.0, turn)
     safe = np.where(even, 1.0, g)
     ratio = (1.0 - safe**2) / (1.0 - safe + 2.0 * safe * u)
     cosine = np.clip(
         np.where(even, 2.0 * u - 1.0, (1.0 + safe**2 - ratio**2) / (2.0 * safe)), -1.0, 1.0
     )
-    sine = np.sqrt(1.0 - cosine**2)
+    c, d, _ = directions(cosine, turn)
     x, y, z = old
     # Two directions across the old one (Duff et al. 2017), built so that nothing divides by zero.
     sign = np.where(z >= 0, 1.0, -1.0)
     a = -1.0 / (sign + z)
     b = x * y * a
-    first, second = (1.0 + sign * x**2 * a, sign * b, -sign * x), (b, sign + y**2 * a, -y)
-    c, d = sine * np.cos(turn), sine * np.sin(turn)
-    new = [c * f + d * h + cosine * o for f, h, o in zip(first, second, old, strict=True)]
-    return new[0], new[1], new[2]
+    first = np.array([1.0 + sign * x**2 * a, sign * b, -sign * x])
+    second = np.array([b, sign + y**2 * a, -y])
+    return c * first + d * second + cosine * old

@@ -20,8 +20,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.random import Generator
 
-Vectors = tuple[np.ndarray, np.ndarray, np.ndarray]
-"""Components of directions, each (count,)."""
+Vectors = np.ndarray
+"""Directions by their components, (3, count)."""
 
 
 class Facets(NamedTuple):
@@ -50,41 +50,45 @@ def shadowing(cosine: np.ndarray, alpha: float) -> np.ndarray:
     return np.where(cosine > 0.0, 2.0 / (1.0 + np.sqrt(1.0 + alpha**2 * (1.0 - c**2) / c**2)), 0.0)
 
 
-def facets(u: np.ndarray, v: np.ndarray, seen: Vectors, alpha: float, ratio: float) -> Facets:
-    """What the facets that ``seen`` sees do to it, for numbers u, v in [0, 1).
+def directions(cosine: np.ndarray, azimuth: float | np.ndarray) -> Vectors:
+    """Directions by the cosine of their angle and their azimuth, radians."""
+    sine = np.sqrt(1.0 - cosine**2)
+    return np.array([sine * np.cos(azimuth), sine * np.sin(azimuth), cosine])
+
+
+def _unit(vectors: Vectors) -> Vectors:
+    return vectors / np.linalg.norm(vectors, axis=0)
+
+
+def facets(chances: np.ndarray, seen: Vectors, alpha: float, ratio: float) -> Facets:
+    """What the facets that ``seen`` sees do to it, for two numbers in [0, 1) of each, (2, count).
 
     Args:
         ratio: index beyond the surface over index on this side.
 
     Source: Heitz, JCGT 7(4), 2018; Walter et al., EGSR 2007, equations (16), (33), (38)-(40).
     """
-    x, y, z = seen
     # The hemisphere of a stretched world, seen from the stretched direction.
-    sx, sy, sz = alpha * x, alpha * y, z
-    norm = 1.0 / np.sqrt(sx**2 + sy**2 + sz**2)
-    sx, sy, sz = sx * norm, sy * norm, sz * norm
-    flat = np.sqrt(np.maximum(sx**2 + sy**2, 1e-300))
-    straight = flat < 1e-9
-    ax, ay = np.where(straight, 1.0, -sy / flat), np.where(straight, 0.0, sx / flat)
-    bx, by, bz = -sz * ay, sz * ax, sx * ay - sy * ax
-    radius, turn = np.sqrt(u), 2.0 * np.pi * v
+    stretch = np.array([[alpha], [alpha], [1.0]])
+    view = _unit(stretch * seen)
+    flat = np.maximum(np.hypot(view[0], view[1]), 1e-150)
+    level = np.array([-view[1], view[0], 0.0 * flat]) / flat
+    first = np.where(flat < 1e-9, [[1.0], [0.0], [0.0]], level)
+    second = np.cross(view, first, axis=0)
+    radius, turn = np.sqrt(chances[0]), 2.0 * np.pi * chances[1]
     p, q = radius * np.cos(turn), radius * np.sin(turn)
-    part = 0.5 * (1.0 + sz)
+    part = 0.5 * (1.0 + view[2])
     q = (1.0 - part) * np.sqrt(np.maximum(1.0 - p**2, 0.0)) + part * q
     r = np.sqrt(np.maximum(1.0 - p**2 - q**2, 0.0))
-    mx, my, mz = (
-        alpha * (p * ax + q * bx + r * sx),
-        alpha * (p * ay + q * by + r * sy),
-        np.maximum(q * bz + r * sz, 1e-12),
-    )
-    norm = 1.0 / np.sqrt(mx**2 + my**2 + mz**2)
-    mx, my, mz = mx * norm, my * norm, mz * norm
+    facet = stretch * (p * first + q * second + r * view)
+    facet[2] = np.maximum(facet[2], 1e-12)
+    facet = _unit(facet)
 
-    cosine = np.minimum(np.maximum(x * mx + y * my + z * mz, 1e-12), 1.0)
+    cosine = np.clip(np.sum(seen * facet, axis=0), 1e-12, 1.0)
     share, beyond = fresnel(cosine, ratio)
-    reflected = 2.0 * cosine * mx - x, 2.0 * cosine * my - y, 2.0 * cosine * mz - z
-    along = cosine / ratio - beyond
-    refracted = along * mx - x / ratio, along * my - y / ratio, z / ratio - along * mz
+    reflected = 2.0 * cosine * facet - seen
+    refracted = (cosine / ratio - beyond) * facet - seen / ratio
+    refracted[2] *= -1.0
     return Facets(
         reflected,
         refracted,
@@ -96,8 +100,7 @@ def facets(u: np.ndarray, v: np.ndarray, seen: Vectors, alpha: float, ratio: flo
 def lambert(rng: Generator, count: int) -> Vectors:
     """Directions as the cosine law has them."""
     squared, turn = rng.random(count), 2.0 * np.pi * rng.random(count)
-    sine = np.sqrt(1.0 - squared)
-    return sine * np.cos(turn), sine * np.sin(turn), np.sqrt(squared)
+    return directions(np.sqrt(squared), turn)
 
 
 class Lobe:
@@ -121,38 +124,34 @@ class Lobe:
             lost = np.empty(tries, bool)
             for side, ratio in ((inside, 1.0 / n), (~inside, n)):
                 some = lambert(rng, int(side.sum()))
-                found = facets(
-                    rng.random(len(some[2])), rng.random(len(some[2])), some, self._alpha, ratio
-                )
+                found = facets(rng.random((2, some.shape[1])), some, self._alpha, ratio)
                 cosines[side] = some[2]
-                lost[side] = rng.random(len(some[2])) >= found.reflects + found.refracts
+                lost[side] = rng.random(some.shape[1]) >= found.reflects + found.refracts
             self._inside = np.concatenate([self._inside, inside[lost]])
             self._cosines = np.concatenate([self._cosines, cosines[lost]])
         inside, z = self._inside[:count], self._cosines[:count]
         self._inside, self._cosines = self._inside[count:], self._cosines[count:]
-        turn, sine = 2.0 * np.pi * rng.random(count), np.sqrt(1.0 - z**2)
-        return inside, (sine * np.cos(turn), sine * np.sin(turn), z)
+        return inside, directions(z, 2.0 * np.pi * rng.random(count))
 
 
-def _grid(points: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Numbers u, v for `facets` and weights: sin^2 crowds u at both ends, v is even over half a
-    turn (by symmetry).
+def _grid(points: int) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers u, v for `facets`, (2, count), and weights: sin^2 crowds u at both ends, v is even
+    over half a turn (by symmetry).
     """
     u, v = (np.arange(points) + 0.5) / points, (np.arange(points // 3) + 0.5) / (points // 3)
-    first, second = np.meshgrid(np.sin(0.5 * np.pi * u) ** 2, 0.25 + 0.5 * v, indexing="ij")
+    chances = np.meshgrid(np.sin(0.5 * np.pi * u) ** 2, 0.25 + 0.5 * v, indexing="ij")
     weight = np.repeat(0.5 * np.pi * np.sin(np.pi * u) / points, len(v)) / len(v)
-    return first.ravel(), second.ravel(), weight
+    return np.reshape(chances, (2, -1)), weight
 
 
 def shares(
     cosine: np.ndarray, alpha: float, ratio: float, points: int = 150
 ) -> tuple[np.ndarray, np.ndarray]:
     """Shares of a direction's light that one facet reflects and refracts, by quadrature."""
-    u, v, weight = _grid(points)
-    ones = np.ones(u.size)
+    chances, weight = _grid(points)
     result = np.empty((2, *np.shape(cosine)))
     for i, c in np.ndenumerate(cosine):
-        found = facets(u, v, (np.sqrt(1 - c**2) * ones, 0 * ones, c * ones), alpha, ratio)
+        found = facets(chances, directions(np.array([c]), 0.0), alpha, ratio)
         result[(slice(None), *i)] = np.sum(weight * found.reflects), np.sum(weight * found.refracts)
     return result[0], result[1]
 
@@ -201,15 +200,11 @@ def surface_factor(
     cos_in, cos_out, azimuth = np.broadcast_arrays(
         *(np.asarray(a, float) for a in (cos_in, cos_out, azimuth))
     )
-    turn = np.deg2rad(azimuth)
     # The source is opposite to where its light travels.
-    ix, iz = -np.sqrt(1 - cos_in**2), cos_in
-    sine = np.sqrt(1 - cos_out**2)
-    hx, hy, hz = ix + sine * np.cos(turn), sine * np.sin(turn), iz + cos_out
-    norm = np.sqrt(hx**2 + hy**2 + hz**2)
-    hx, hz = hx / norm, hz / norm
-    distribution = alpha**2 / (np.pi * (hz**2 * (alpha**2 - 1.0) + 1.0) ** 2)
-    facet = fresnel(ix * hx + iz * hz, index)[0]
+    lit = directions(cos_in, np.pi)
+    half = _unit(lit + directions(cos_out, np.deg2rad(azimuth)))
+    distribution = alpha**2 / (np.pi * (half[2] ** 2 * (alpha**2 - 1.0) + 1.0) ** 2)
+    facet = fresnel(np.sum(lit * half, axis=0), index)[0]
     single = (
         facet
         * distribution
