@@ -1,5 +1,6 @@
 import itertools
 import warnings
+from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -9,6 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from glazejax import colour as gc
 
+from .checks import check_mapped, finite
 from .fresh import run_python
 from .refusals import refusal
 
@@ -137,20 +139,19 @@ def test_batches_transformations_and_slopes(call):
     whole = call(GRID, spectra)
     assert whole.shape == (2, 3, 3)
     assert_allclose(whole[1, 2], call(GRID, spectra[1, 2]), atol=1e-12)
-    assert_allclose(jax.jit(lambda r: call(GRID, r))(spectra), whole, atol=1e-12)
-    assert_allclose(jax.vmap(lambda r: call(GRID, r))(spectra), whole, atol=1e-12)
+    on_grid = partial(call, GRID)
+    check_mapped(on_grid, spectra, atol=1e-12)
     dull = 0.3 + 0.2 * spectra[0, 0]
-    jacobian = jax.jacobian(lambda r: call(GRID, r))(dull)
+    jacobian = jax.jacobian(on_grid)(dull)
     step = 1e-6 * np.cos(np.arange(31))
-    difference = (call(GRID, dull + step) - call(GRID, dull - step)) / 2
+    difference = (on_grid(dull + step) - on_grid(dull - step)) / 2
     assert_allclose(jacobian @ step, difference, rtol=1e-5, atol=1e-11)
 
 
 @pytest.mark.parametrize("level", [0.0, 1e-12, (6 / 29) ** 3, 1.0])
 @pytest.mark.parametrize("call", [gc.lab, gc.srgb])
 def test_slopes_are_finite_at_the_edges(call, level):
-    slope = jax.jacobian(lambda r: call(GRID, r))(jnp.full(31, level))
-    assert np.isfinite(slope).all()
+    assert finite(jax.jacobian(partial(call, GRID))(jnp.full(31, level)))
 
 
 def test_dark_slope_of_lightness_is_the_straight_line():

@@ -155,7 +155,6 @@ def rendered():
 def test_adaptive_rays_are_close_to_many_rays_everywhere(rendered):
     few, many = rendered, render(still_life(background=0.3), adaptive=False)
     difference = np.abs(few.radiance - many.radiance).mean(axis=-1)
-    assert np.isfinite(few.radiance).all()
     assert difference.mean() < 0.003 * many.radiance.mean()
     assert difference.max() < 0.05
     assert few.report.rays < 0.75 * many.report.rays

@@ -13,6 +13,7 @@ from jax.test_util import check_grads
 from glazejax.radiative.common.fresnel import dielectric_reflectance
 from tests.tolerances import BETWEEN_METHODS, ROUNDING
 
+from ..checks import finite
 from .cases import (
     EDGE_ALBEDO,
     EDGE_COSINE,
@@ -63,7 +64,7 @@ def test_edges_are_finite_and_right():
         return factor(q, d, g, ci, 0.5, **AUXILIARY, tolerance=1e-3)
 
     value, pull = jax.vjp(solve, q, d, g, ci)
-    assert all(bool(jnp.all(jnp.isfinite(leaf))) for leaf in (value, *pull(jnp.ones_like(value))))
+    assert finite((value, pull(jnp.ones_like(value))))
     other = factor(q, d, g, ci, 0.5, tolerance=1e-6)
     assert np.max(np.abs(value - other)) < 1e-3
 
@@ -71,15 +72,12 @@ def test_edges_are_finite_and_right():
 @pytest.mark.slow
 def test_gradient_against_differences_and_the_other_method():
     q, d, g, ci, cv = (a[:6] for a in random_cases(6, seed=2))
-    q, d = jnp.asarray(np.clip(q[:, :2], 0.1, 0.9)), jnp.asarray(d[:, :2])
-    g, ci = np.clip(g, 0.1, 0.9), np.clip(ci, 0.1, 0.9)
-    g, ci = jnp.asarray(g), jnp.asarray(ci)
+    q, g, ci = (jnp.asarray(np.clip(x, 0.1, 0.9)) for x in (q[:, :2], g, ci))
+    d = jnp.asarray(d[:, :2])
 
     def slopes(**options):
-        def total(q, d, g, ci):
-            return factor(q, d, g, ci, cv, **options).sum()
-
-        return jax.grad(total, argnums=(0, 1, 2, 3))(q, d, g, ci)
+        by_all = jax.grad(lambda *stack: factor(*stack, cv, **options).sum(), (0, 1, 2, 3))
+        return by_all(q, d, g, ci)
 
     found = slopes(**AUXILIARY, tolerance=1e-4)
     for one, two in zip(found, slopes(tolerance=1e-8), strict=True):
@@ -106,8 +104,7 @@ def test_no_depth_overflows():
 
     value, pull = jax.vjp(f, q, d)
     by_albedo, by_thickness = pull(jnp.ones(3))
-    assert np.all(np.isfinite(value))
-    assert np.all(np.isfinite(by_albedo))
+    assert finite((value, by_albedo))
     assert np.all(by_thickness == 0)
     assert np.allclose(value, f(q, jnp.minimum(d, 1e9)), atol=1e-6)
 

@@ -11,6 +11,7 @@ from glazejax.radiative.auxiliary.uniform import reflectance_factor, split_refle
 from glazejax.radiative.auxiliary.uniform_solver import solve
 from tests.tolerances import ROUNDING
 
+from ..checks import check_mapped
 from ..slow import slow
 from .cases import lapack_calls
 from .test_auxiliary import ALBEDO, ANGLES, GROUND, STACKS, THICKNESS
@@ -58,14 +59,11 @@ def test_jit_vmap_and_derivatives_of_own_steps():
             q, d, g, cos_incidence=0.8, variant="decomposed", step=0.16, segments=16, **FFT
         )
 
-    plain = f(q, d, g)
-    compiled = jax.jit(f)
-    assert np.allclose(compiled(q, d, g), plain, rtol=0, atol=ROUNDING)
-    assert np.allclose(jax.vmap(f)(q, d, g), plain, rtol=0, atol=ROUNDING)
+    check_mapped(f, q, d, g, rtol=0, atol=ROUNDING)
     with pytest.raises(
         (RuntimeError, ValueError), match=r"thicker than 2\.56, all that segments=16 reaches"
     ):
-        jax.block_until_ready(compiled(q, d.at[0].multiply(4.0), g))
+        jax.block_until_ready(jax.jit(f)(q, d.at[0].multiply(4.0), g))
     assert not lapack_calls(f, q, d, g)
 
     # Of the stacks that no step takes out of its range.

@@ -28,6 +28,7 @@ from glazejax.radiative.manyflux.reflectance import (
 )
 from tests.tolerances import CONSERVED, LAST_DIGITS, ROUNDING
 
+from ..checks import finite
 from ..refusals import refusal
 from ..slow import slow
 from .cases import between, closed_form
@@ -271,8 +272,7 @@ def test_slopes_between_media():
 
     x = jnp.array([0.9, 0.6, 0.4, 1.2, 0.5])
     check_grads(jax.jit(value), (x,), order=1, modes=("rev",), eps=1e-5, rtol=1e-7, atol=1e-7)
-    slope = jax.jit(jax.grad(value))(jnp.array([1.0, 0.0, 0.0, 5.0, 1.0]))
-    assert np.all(np.isfinite(slope))
+    assert finite(jax.jit(jax.grad(value))(jnp.array([1.0, 0.0, 0.0, 5.0, 1.0])))
 
 
 @pytest.mark.usefixtures("unchecked")

@@ -22,6 +22,7 @@ from glazejax.radiative.ordinates.resolution import resolve_known
 from glazejax.radiative.stack import Method
 from tests.tolerances import ROUNDING
 
+from ..checks import finite
 from ..fresh import run_python
 from ..refusals import refusal
 from ..slow import slow
@@ -56,10 +57,6 @@ DARKER = max(1e-9, ROUNDING)
 """Slope by an albedo, per thickness, or by a ground, that rounding may leave where there
 is none.
 """
-
-
-def finite(tree) -> bool:
-    return all(bool(jnp.all(jnp.isfinite(leaf))) for leaf in jax.tree.leaves(tree))
 
 
 @pytest.mark.slow

@@ -1,0 +1,20 @@
+"""Assertions that many tests make of functions that JAX transforms."""
+
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import numpy as np
+from numpy.testing import assert_allclose
+
+
+def finite(tree: Any) -> bool:
+    """Whether all numbers of a tree are finite."""
+    return all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(tree))
+
+
+def check_mapped(function: Callable, *arguments: Any, **within: Any) -> None:
+    """Under jit, and under vmap by the first axes, a function gives what it gives by itself."""
+    plain = function(*arguments)
+    for run in (jax.jit(function), jax.vmap(function)):
+        assert_allclose(run(*arguments), plain, **within)
