@@ -8,6 +8,7 @@ import jax
 import numpy as np
 
 from glazejax import stack_hemispherical_reflectance, stack_reflectance_factor
+from glazejax.radiative.common.fresnel import dielectric_reflectance
 from tests.reference import isotropic_stacks
 
 LAYERS = 5
@@ -15,6 +16,12 @@ EDGE_ALBEDO = (0.0, 1e-300, 0.3, 1 - 1e-15, 1.0)
 EDGE_THICKNESS = (0.0, 1e-12, 1e-6, 0.1, 3.0, 1e3, 1e6)
 EDGE_GROUND = (0.0, 0.5, 1.0)
 EDGE_COSINE = (1e-4, 1e-2, 0.5, 1.0)
+TWO_LAYERS: dict[str, Any] = {
+    "albedo": [0.5, 0.5],
+    "optical_thickness": [1.0, 1.0],
+    "substrate_reflectance": 0.5,
+}
+"""Arguments of a stack, of which tests make one wrong."""
 
 
 class Cases(NamedTuple):
@@ -107,6 +114,12 @@ def stacks_of_all_kinds(
 def closed_form(g, cosine):
     """Henyey and Greenstein's phase function."""
     return (1 - g**2) / (1 - 2 * g * cosine + g**2) ** 1.5
+
+
+def from_inside(mu, index) -> float:
+    """What the surface reflects of light below it, all beyond the critical angle."""
+    outside = 1.0 - index**2 * (1.0 - mu**2)
+    return float(dielectric_reflectance(np.sqrt(outside), index)) if outside > 0 else 1.0
 
 
 def between(light, view, turn: float):

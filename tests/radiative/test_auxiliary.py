@@ -2,6 +2,8 @@
 never a hang.
 """
 
+from functools import partial
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -20,7 +22,7 @@ from tests.tolerances import ROUNDING
 from ..checks import finite
 from ..refusals import refusal
 from ..slow import slow
-from .cases import CENTRAL, factor, lapack_calls, reference_cases
+from .cases import CENTRAL, TWO_LAYERS, factor, lapack_calls, reference_cases
 
 # Interfaces and thicknesses that no step used here fits; the last three are an absent glaze, no
 # scattering at all and no absorption at all.
@@ -44,6 +46,7 @@ VIEWING = np.array([0.6, 1.0, 0.9, 0.2, 0.6, 0.6, 0.7])
 ANGLES: dict = {"cos_incidence": INCIDENCE, "cos_viewing": VIEWING}
 STACKS = (ALBEDO, THICKNESS, GROUND)
 STEPS = (0.16, 0.04, 0.02)
+factors = partial(reflectance_factor, *STACKS, **ANGLES)
 
 
 @pytest.fixture(scope="module")
@@ -53,9 +56,7 @@ def truth() -> np.ndarray:
 
 def errors(truth, **settings) -> np.ndarray:
     """Of every stack at every step, (steps, stacks)."""
-    return np.array(
-        [np.abs(reflectance_factor(*STACKS, **ANGLES, step=dh, **settings) - truth) for dh in STEPS]
-    )
+    return np.array([np.abs(factors(step=step, **settings) - truth) for step in STEPS])
 
 
 def order(errors: np.ndarray) -> float:
@@ -82,24 +83,20 @@ def test_the_printed_method_is_of_first_order(truth):
 @pytest.mark.slow
 def test_references():
     step = 0.2
-    for index, c in reference_cases().items():
-        moderate = c.optical_thickness.sum(axis=1) < 12
-        kept = [
-            a[moderate]
-            for a in (c.albedo, c.optical_thickness, c.ground, c.cos_incidence, c.cos_viewing)
-        ]
-        found = reflectance_factor(
-            *kept[:3], refractive_index=index, cos_incidence=kept[3], cos_viewing=kept[4], step=step
-        )
-        inside = cos_refracted(np.minimum(kept[3], kept[4]), index)
-        assert np.all(np.abs(found - c.reflectance_factor[moderate]) < 0.04 * (step / inside) ** 2)
+    for index, cases in reference_cases().items():
+        moderate = cases.optical_thickness.sum(axis=1) < 12
+        q, d, ground, light, view, exact, *_ = (column[moderate] for column in cases)
+        angles: dict = {"cos_incidence": light, "cos_viewing": view}
+        found = reflectance_factor(q, d, ground, **angles, refractive_index=index, step=step)
+        inside = cos_refracted(np.minimum(light, view), index)
+        assert np.all(np.abs(found - exact) < 0.04 * (step / inside) ** 2)
 
 
 @pytest.mark.parametrize("corrected", [True, slow(False)])
 def test_direct_and_decomposed_agree(corrected, truth):
     step = STEPS[1]
     direct, decomposed = (
-        reflectance_factor(*STACKS, **ANGLES, step=step, variant=variant, corrected=corrected)
+        factors(step=step, variant=variant, corrected=corrected)
         for variant in ("direct", "decomposed")
     )
     # The quadrature leaves every entry of the matrix within 1e-6; with nothing absorbed they add
@@ -122,7 +119,7 @@ def test_a_step_that_fits_makes_fixed_and_own_step_alike():
 def test_parts_add_up_and_mean_what_they_say(truth):
     for corrected in (True, False):
         split = split_reflectance_factor(*STACKS, **ANGLES, step=0.04, corrected=corrected)
-        whole = reflectance_factor(*STACKS, **ANGLES, step=0.04, corrected=corrected)
+        whole = factors(step=0.04, corrected=corrected)
         assert np.allclose(
             split.ground + split.single + split.multiple, whole, atol=ROUNDING, rtol=0
         )
@@ -140,15 +137,12 @@ def test_parts_add_up_and_mean_what_they_say(truth):
 
 
 def test_no_scattering_is_a_closed_form(truth):
-    assert np.allclose(
-        reflectance_factor(*STACKS, **ANGLES, step=0.04)[4:6], truth[4:6], atol=1e-9, rtol=0
-    )
+    assert np.allclose(factors(step=0.04)[4:6], truth[4:6], atol=1e-9, rtol=0)
 
 
 def test_incidence_and_viewing_may_be_exchanged():
-    there = reflectance_factor(*STACKS, cos_incidence=INCIDENCE, cos_viewing=VIEWING, step=0.04)
-    back = reflectance_factor(*STACKS, cos_incidence=VIEWING, cos_viewing=INCIDENCE, step=0.04)
-    assert np.allclose(there, back, atol=1e-10, rtol=0)
+    back = factors(cos_incidence=VIEWING, cos_viewing=INCIDENCE, step=0.04)
+    assert np.allclose(factors(step=0.04), back, atol=1e-10, rtol=0)
 
 
 def test_batches_and_angles_broadcast():
@@ -173,12 +167,10 @@ def test_batches_and_angles_broadcast():
 
 @pytest.mark.slow
 def test_stacks_of_many_thicknesses_are_gathered_in_their_order(monkeypatch):
-    together = reflectance_factor(*STACKS, **ANGLES, step=0.16)
+    together = factors(step=0.16)
     monkeypatch.setattr(auxiliary, "_WORTH_A_BUCKET", {"fixed_step": 0})
     monkeypatch.setattr(auxiliary, "_CHUNK_ELEMENTS", 24)
-    assert np.allclose(
-        reflectance_factor(*STACKS, **ANGLES, step=0.16), together, atol=1e-10, rtol=0
-    )
+    assert np.allclose(factors(step=0.16), together, atol=1e-10, rtol=0)
 
 
 def test_coarse_steps_at_grazing_angles_are_finite():
@@ -346,13 +338,8 @@ def test_own_steps_compile_without_lapack():
     ],
 )
 def test_bad_input_says_what_and_how_to_mend(change, message):
-    given = {
-        "albedo": [0.5, 0.5],
-        "optical_thickness": [1.0, 1.0],
-        "substrate_reflectance": 0.5,
-    }
     with refusal(message):
-        reflectance_factor(**(given | change))
+        reflectance_factor(**(TWO_LAYERS | change))
 
 
 @pytest.mark.parametrize(

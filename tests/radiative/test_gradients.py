@@ -9,37 +9,21 @@ import pytest
 from jax.test_util import check_grads
 from scipy.integrate import quad
 
-from glazejax import stack_hemispherical_reflectance, stack_reflectance_factor
+from glazejax import stack_reflectance_factor
 from glazejax.radiative.common.fresnel import dielectric_reflectance
 from tests.reference import slopes
 from tests.tolerances import DTYPE, LAST_DIGITS, ROUNDING, within_reach
 
 from ..slow import slow
-from .cases import CENTRAL, FORWARD, LAYERS, factor, flux, random_cases
+from .cases import CENTRAL, FORWARD, LAYERS, factor, flux, from_inside, random_cases
 
 pytestmark = pytest.mark.optimised
 
 
-def directional(cosines, hemispherical, tolerance=1e-8):
-    """f(albedo, thickness, ground, index) at fixed directions."""
-    ci, cv = cosines
-    if hemispherical:
-        return lambda q, d, g, n: flux(q, d, g, ci, refractive_index=n, tolerance=tolerance)
-    return lambda q, d, g, n: factor(q, d, g, ci, cv, refractive_index=n, tolerance=tolerance)
-
-
-def gradient(f, q, d, g, n):
-    """Each stack's own derivatives, by one reverse pass: stacks do not mix."""
-    return jax.grad(lambda *a: f(*a).sum(), argnums=(0, 1, 2, 3))(
-        q, d, g, jnp.broadcast_to(n, g.shape)
-    )
-
-
-def difference(f, arguments, which, step, rule, column=None):
+def difference(f, arguments, which, step, column=None):
     """Finite difference of every stack at once by one argument (one layer of it)."""
     total = np.zeros(len(arguments[2]))
-    nodes, weights = rule
-    for node, weight in zip(nodes, weights, strict=True):
+    for node, weight in zip(*FORWARD, strict=True):
         moved = [np.array(a, dtype=float) for a in arguments]
         target = moved[which] if column is None else moved[which][:, column]
         target += node * np.broadcast_to(step, target.shape)
@@ -60,15 +44,13 @@ def test_hemispherical_slopes_by_each_thickness_over_a_bright_ground():
     """Against differences: a layer also dims what its ground gets of the light and gives back."""
     thickness = np.array([0.3, 0.1, 0.5])
 
-    def flux(d):
-        return stack_hemispherical_reflectance(
-            [0.9, 0.3, 0.7], d, 0.5, cos_incidence=0.6, tolerance=1e-3
-        )
+    def reflected(d):
+        return flux([0.9, 0.3, 0.7], d, 0.5, 0.6, tolerance=1e-3)
 
     # Values at all nodes and slopes come from one program.
     step = 0.03 * thickness
     moved = thickness + CENTRAL[0][:, None, None] * np.diag(step)
-    values, pull = jax.vjp(flux, jnp.asarray([thickness, *moved.reshape(-1, 3)]))
+    values, pull = jax.vjp(reflected, jnp.asarray([thickness, *moved.reshape(-1, 3)]))
     found = pull(jnp.ones_like(values))[0][0]
     expected = CENTRAL[1] @ np.asarray(values[1:]).reshape(-1, 3) / step
     assert close(found, expected, NOISE / step)
@@ -121,20 +103,23 @@ def test_ends_of_every_range(hemispherical):
     d = np.column_stack([d1, np.full(count, 0.5), pad])
     # Near zero thickness the reflectance bends within the smallest cosine, so few directions and
     # small steps.
-    f = directional((np.full(count, 0.8), np.full(count, 0.6)), hemispherical, tolerance=1e-3)
+    solve, cosines = (flux, [0.8]) if hemispherical else (factor, [0.8, 0.6])
+
+    def f(q, d, g, n):
+        return solve(q, d, g, *cosines, refractive_index=n, tolerance=1e-3)
+
     arguments = (q, d, g, np.full(count, 1.5))
-    found = gradient(f, *arguments)
+    # One reverse pass: stacks do not mix.
+    found = jax.grad(lambda *a: f(*a).sum(), argnums=(0, 1, 2, 3))(*arguments)
     step = np.where(q1 == 0, 5e-3, -5e-3 / (1 + d1**2))
-    assert close(
-        found[0][:, 0], difference(f, arguments, 0, step, FORWARD, 0), NOISE / np.abs(step)
-    )
+    assert close(found[0][:, 0], difference(f, arguments, 0, step, 0), NOISE / np.abs(step))
     step = np.where(d1 == 0, 2e-5, 1e-3)
-    assert close(found[1][:, 0], difference(f, arguments, 1, step, FORWARD, 0), NOISE / step)
+    assert close(found[1][:, 0], difference(f, arguments, 1, step, 0), NOISE / step)
     step = np.where(g == 0, 1e-2, -1e-2)
-    assert close(found[2], difference(f, arguments, 2, step, FORWARD), NOISE / 1e-2)
+    assert close(found[2], difference(f, arguments, 2, step), NOISE / 1e-2)
     # Absent layers below: their albedo does not matter, their thickness does.
     assert np.max(np.abs(found[0][:, 2:])) < LAST_DIGITS
-    assert close(found[1][:, 3], difference(f, arguments, 1, 2e-5, FORWARD, 3), NOISE / 2e-5)
+    assert close(found[1][:, 3], difference(f, arguments, 1, 2e-5, 3), NOISE / 2e-5)
 
 
 FIRST_TRACE = 1e-6 if np.float64 == DTYPE else 1e-4
@@ -149,13 +134,8 @@ def test_first_trace_of_an_absorbing_layer():
     critical = np.sqrt(1 - 1 / index**2)
 
     def reflected(power):
-        def cone(cos):
-            return (
-                dielectric_reflectance(np.sqrt(max(1 - index**2 * (1 - cos**2), 0.0)), index)
-                * cos**power
-            )
-
-        return quad(cone, critical, 1, epsabs=1e-13)[0] + critical ** (power + 1) / (power + 1)
+        within = quad(lambda mu: from_inside(mu, index) * mu**power, critical, 1, epsabs=1e-13)[0]
+        return within + critical ** (power + 1) / (power + 1)
 
     k, slope_k = 2 * reflected(1), -4 * reflected(0)
     enter = 1 - dielectric_reflectance(mu, index)

@@ -15,7 +15,7 @@ from tests.reference import isotropic_stacks
 from tests.tolerances import BETWEEN_METHODS, CONSERVED, DTYPE, LAST_DIGITS, ROUNDING, within_reach
 
 from ..slow import slow
-from .cases import LAYERS, factor, flux, random_cases, reference_cases
+from .cases import LAYERS, factor, flux, from_inside, random_cases, reference_cases
 
 pytestmark = pytest.mark.optimised
 
@@ -126,8 +126,7 @@ def test_without_scattering_the_closed_form(index):
             critical = np.sqrt(1 - 1 / index**2)
 
             def cone(mu, index=index, depth=depth):
-                outside = np.sqrt(max(1 - index**2 * (1 - mu**2), 0.0))
-                return mu * float(dielectric_reflectance(outside, index)) * np.exp(-2 * depth / mu)
+                return mu * from_inside(mu, index) * np.exp(-2 * depth / mu)
 
             beyond = critical**2 * expn(3, 2 * depth / critical) if critical > 0 else 0.0
             again = 2 * (quad(cone, critical, 1, epsabs=1e-12, limit=200)[0] + beyond)

@@ -32,6 +32,7 @@ from .cases import (
     EDGE_GROUND,
     EDGE_THICKNESS,
     LAYERS,
+    TWO_LAYERS,
     factor,
     flux,
     lapack_calls,
@@ -244,13 +245,8 @@ def test_memory_stays_bounded():
     ],
 )
 def test_bad_input_says_what_and_how_to_mend(change, message):
-    given = {
-        "albedo": [0.5, 0.5],
-        "optical_thickness": [1.0, 1.0],
-        "substrate_reflectance": 0.5,
-    } | change
     with refusal(message):
-        stack_reflectance_factor(**given)
+        stack_reflectance_factor(**(TWO_LAYERS | change))
 
 
 @pytest.mark.single
