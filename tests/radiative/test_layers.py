@@ -19,11 +19,9 @@ from ..slow import slow
 INDEX, TOLERANCE = 1.5, 1e-6
 NODES = gauss(60)
 # Both sides of the switch between slow and fast modes, and far from it.
-SQUARES = np.array(
-    [0.0, 1e-14, 1e-6, 0.01, 0.2, 0.2499999, 0.2500001, 0.3, 0.9, 1.0, 1.2, 2.25, 4.0, 30.0]
-)
+SQUARES = (0.0, 1e-14, 1e-6, 0.01, 0.2, 0.2499999, 0.2500001, 0.3, 0.9, 1.0, 1.2, 2.25, 4.0, 30.0)
 STEPS = (0.0, 1e-12, 1e-8, -1e-5, 1e-2)
-DEPTHS = np.array([0.0, 1e-6, 0.05, 0.7, 4.0])
+DEPTHS = (0.0, 1e-6, 0.05, 0.7, 4.0)
 
 
 def integrals(q, lam, zeta, depth, a, b, mirrored):
@@ -61,8 +59,7 @@ def integrals(q, lam, zeta, depth, a, b, mirrored):
 def test_what_a_beam_excites_is_the_integral(mirrored: bool):
     """Value and slopes of every entry, beams at 1/mu = kappa and next to it included."""
     lam, depth, step, which = (
-        x.ravel()
-        for x in np.meshgrid(SQUARES, DEPTHS, np.array(STEPS), np.array([0, 1]), indexing="ij")
+        x.ravel() for x in np.meshgrid(SQUARES, DEPTHS, STEPS, [0, 1], indexing="ij")
     )
     # One beam at the mode's decay (or the nearest that a beam can have), the other elsewhere.
     resonant = np.maximum(np.sqrt(lam) + step, 1.0)

@@ -70,7 +70,7 @@ def direct(
 def test_savings_stay_within_the_tolerance(hemispherical: bool, seed: int):
     scene = random_scene(seed)
     exact = direct(scene, hemispherical)
-    asked: dict = {**scene, **({"cos_viewing": None} if hemispherical else {})}
+    asked = scene | ({"cos_viewing": None} if hemispherical else {})
     for savings in (
         NONE,
         ALL,
@@ -115,9 +115,7 @@ def test_bound_on_what_is_hidden_holds_and_is_not_idle():
         "cos_incidence": cosines[0],
         "cos_viewing": cosines[1],
     }
-    change = np.subtract(
-        *(direct(scene | {"substrate_reflectance": g}, tolerance=TOLERANCE) for g in (1.0, 0.0))
-    )
+    change = np.subtract(*(direct(scene | {"substrate_reflectance": g}) for g in (1.0, 0.0)))
     ends = [closed_form.end(c, np.full(256, 1.5)) for c in cosines]
     prefixes = [
         bounds.hidden_change(albedo[:, :m], thickness[:, :m], np.full(256, 1.5), *ends)
@@ -145,12 +143,11 @@ def test_bound_on_what_is_hidden_is_nearly_reached():
         np.array([[3.0], [3.5], [4.0]]),
     )
     nothing = np.zeros((3, 1))
-    given: dict = {"refractive_index": n, "tolerance": TOLERANCE}
     white = (
         np.concatenate([clear, nothing + 1.0], axis=1),
         np.concatenate([depth, nothing + 1e5], axis=1),
     )
-    change = stack_reflectance_factor(*white, 0.0, **given)
+    change = stack_reflectance_factor(*white, 0.0, refractive_index=n, tolerance=TOLERANCE)
     ends = closed_form.end(np.ones(3), n)
     bound = bounds.hidden_change(clear, depth, n, ends, ends)
     assert np.all(change <= bound)
@@ -167,10 +164,8 @@ def test_bound_on_what_is_scattered_again_is_nearly_reached():
     n, albedo, depth, cosine = 2.4, 1e-3, 1e-3, np.ones(1)
     rows = np.array([[albedo]]), np.array([[depth]])
     first = closed_form.without_multiple_scattering(*rows, np.ones(1), n, cosine, cosine)
-    given: dict = {"refractive_index": n, "tolerance": 1e-9}
-    left_out = float(stack_reflectance_factor([albedo], [depth], 1.0, **given)) - float(
-        first.reflectance[0]
-    )
+    whole = stack_reflectance_factor([albedo], [depth], 1.0, refractive_index=n, tolerance=1e-9)
+    left_out = float(whole) - float(first.reflectance[0])
     end = closed_form.end(cosine, np.full(1, n))
     bound = float(
         bounds.scattered_beyond_first(*rows, first.ground_radiosity, np.full(1, n), end, end)[0]
@@ -204,8 +199,9 @@ def test_closed_form_without_scattering_is_exact(index: float, hemispherical: bo
         "albedo": 0 * thickness,
         "optical_thickness": thickness,
         "substrate_reflectance": np.array([1.0, 0.9, 0.5, 1.0]),
+        "refractive_index": index,
+        "cos_incidence": 0.6,
     }
-    scene |= {"refractive_index": index, "cos_incidence": 0.6}
     plan = plan_stacks(**scene, cos_viewing=None if hemispherical else 0.31, tolerance=1e-8)
     assert plan.report().closed == 4
     exact = direct(scene | {"cos_viewing": 0.31}, hemispherical, tolerance=1e-8)
@@ -254,8 +250,9 @@ def test_bands_left_out_do_not_move_the_sums(weights: np.ndarray, power: float):
         "albedo": np.stack([0.9 * x, 1 - x**2], -1),
         "optical_thickness": [2.0, 1.0],
         "substrate_reflectance": 0.9,
+        "cos_incidence": 0.7,
+        "cos_viewing": 1.0,
     }
-    scene |= {"cos_incidence": 0.7, "cos_viewing": 1.0}
     plan = plan_stacks(**scene, band_weights=weights, tolerance=1e-3)
     off = np.asarray(plan_stacks(**scene, tolerance=1e-3, savings=NONE).run())
     change = np.abs((np.asarray(plan.run()) - off) @ weights)
